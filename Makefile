@@ -1,0 +1,44 @@
+# Everything goes through these; see README.md.
+PYTHON ?= $(shell command -v python3.11 || command -v python3)
+VENV := .venv
+RUN := $(VENV)/bin/python
+ZIP := dist/icymoon.zip
+
+.PHONY: demo env test test-all test-lanes lint zip clean
+
+demo: $(VENV)/.demo
+	$(RUN) -m icymoon demo
+
+env: $(VENV)/.tests
+
+test: $(VENV)/.tests lint
+	$(RUN) -m pytest -m "not slow"
+
+test-all: $(VENV)/.tests lint
+	$(RUN) -m pytest
+
+# Every Blender that can be had: wheels 4.2, 4.5 and 5.2, real Blenders with their window.
+test-lanes: $(VENV)/.tests zip
+	$(RUN) tests/lanes.py
+
+lint: $(VENV)/.tests
+	$(VENV)/bin/ruff check .
+	$(VENV)/bin/mypy
+
+zip: $(VENV)/.demo
+	$(RUN) tests/extension_zip.py $(ZIP)
+
+$(VENV)/bin/python:
+	$(PYTHON) -c 'import sys; sys.exit(sys.version_info[:2] not in [(3, 11), (3, 13)] and "Icy Moon needs Python 3.11 (or 3.13), this is " + sys.version.split()[0] + "; give one with make PYTHON=...")'
+	$(PYTHON) -m venv $(VENV)
+
+$(VENV)/.demo: pyproject.toml $(VENV)/bin/python
+	$(RUN) -m pip install --disable-pip-version-check -q --progress-bar on -e ".[blender,evaluate]"
+	touch $@
+
+$(VENV)/.tests: pyproject.toml $(VENV)/.demo
+	$(RUN) -m pip install --disable-pip-version-check -q --progress-bar on -e ".[blender,evaluate,networks,develop]"
+	touch $@
+
+clean:
+	rm -rf $(VENV) dist build out *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis

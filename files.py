@@ -1,0 +1,81 @@
+"""Writing files so that a crash leaves the old one, the new one, or none, never half of one."""
+
+from __future__ import annotations
+
+import errno
+import hashlib
+import json
+import os
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from .errors import IcyMoonError
+
+PART = ".part"
+
+
+@contextmanager
+def disk_errors(what: str, where: Path) -> Iterator[None]:
+    """Turn an OSError inside the block into a sentence a person can act on."""
+    try:
+        yield
+    except OSError as error:
+        mend = {errno.ENOSPC: "the disk is full; free some space or choose another folder",
+                errno.EDQUOT: "your disk quota is used up; free some space or choose another folder",
+                errno.EROFS: "the disk is read-only; choose another folder",
+                errno.EACCES: "this folder may not be written to; choose another one",
+                errno.EPERM: "this folder may not be written to; choose another one",
+                errno.ENOTDIR: "a part of this path is a file, not a folder; choose another folder",
+                errno.EEXIST: "a file of this name is in the way; move it or choose another folder",
+                }.get(error.errno or 0, f"{error.strerror or error}")
+        raise IcyMoonError(f"Cannot {what} {where}: {mend}.") from error
+
+
+def sync(path: Path) -> None:
+    """Flush a file, or the entries of a folder, to the disk."""
+    if path.is_dir() and os.name == "nt":
+        return  # Windows has no handle on a folder to flush
+    handle = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)
+
+
+def write_atomically(path: Path, write: Callable[[Path], None]) -> None:
+    """Let ``write`` fill ``path`` + '.part', then flush and rename it to ``path``.
+
+    Makes the parent folders. Raises IcyMoonError when the disk refuses; the part is removed.
+    """
+    part = path.with_name(path.name + PART)
+    with disk_errors("write", path):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        try:
+            write(part)
+            sync(part)
+            os.replace(part, path)
+            sync(path.parent)
+        finally:
+            part.unlink(missing_ok=True)
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a UTF-8 text file atomically."""
+    write_atomically(path, lambda part: _write_text(part, text))
+
+
+def _write_text(part: Path, text: str) -> None:
+    part.write_text(text, encoding="utf-8", newline="\n")
+
+
+def write_json(path: Path, data: Any) -> None:
+    """Write a JSON file atomically; NaN is refused, since JSON has none."""
+    write_text(path, json.dumps(data, indent=1, allow_nan=False) + "\n")
+
+
+def sha256(path: Path) -> str:
+    """Checksum of a file's content."""
+    with path.open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()

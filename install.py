@@ -1,0 +1,31 @@
+"""Making the evaluator's environment; runs in a Python outside Blender, on an explicit click only."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+from .render.queue import emit
+
+#: What the evaluator imports; the same list as the ``evaluate`` extra of ``pyproject.toml``.
+PACKAGES = ("numpy>=1.26", "opencv-contrib-python-headless>=4.11", "OpenEXR>=3.3", "jinja2>=3.1", "rich>=13")
+
+
+def main(folder: str) -> int:
+    """Make a virtual environment in ``folder`` and install ``PACKAGES``, saying JSON messages."""
+    python = Path(folder) / ("Scripts/python.exe" if os.name == "nt" else "bin/python")
+    steps = (("Making the environment", [sys.executable, "-m", "venv", folder]),
+             ("Downloading and installing packages",
+              [str(python), "-m", "pip", "install", "--disable-pip-version-check", *PACKAGES]))
+    for k, (text, command) in enumerate(steps):
+        emit("progress", fraction=0.05 + 0.2 * k, message=text)
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        if done.returncode:
+            words = (done.stderr or done.stdout).strip().splitlines() or ["no message"]
+            emit("error", message=f"{text} failed: {words[-1]}; check network and disk and press Install again.")
+            return 1
+    emit("progress", fraction=1.0, message="Installed")
+    emit("done")
+    return 0

@@ -1,0 +1,68 @@
+"""Node trees written as the formula they are.
+
+A node is one call that states every input it depends on: Blender's defaults differ between
+versions (Displacement Scale went from 1.0 to 0.01), so an input that is neither given nor named in
+``leave`` is an error. Sockets are found by identifier, which no version has renamed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+import bpy
+
+COLUMN, ROW = 220.0, 260.0
+
+
+class Tree:
+    """A node tree under construction; the tree is emptied first."""
+
+    def __init__(self, node_tree: bpy.types.NodeTree) -> None:
+        self.tree = node_tree
+        self.tree.nodes.clear()
+
+    def node(self, kind: str, label: str, inputs: Mapping[str, Any] | None = None, *,
+             leave: Iterable[str] = (), if_present: Mapping[str, Any] | None = None, **properties: Any) -> Any:
+        """Add a node and return it.
+
+        ``properties`` are set first since they decide which sockets there are. ``inputs`` maps
+        socket identifiers to values or to output sockets to link from; ``if_present`` is the same
+        for sockets that only some Blenders have; ``leave`` names inputs whose unconnected meaning
+        is wanted (a Normal input that means "the surface's own").
+        """
+        node = self.tree.nodes.new(kind)
+        node.name = node.label = label
+        for name, value in properties.items():
+            setattr(node, name, value)
+        given = dict(inputs or {})
+        present = {s.identifier: s for s in node.inputs if s.enabled}
+        given |= {k: v for k, v in (if_present or {}).items() if k in present}
+        missing = present.keys() - given.keys() - set(leave)
+        unknown = given.keys() - present.keys()
+        if missing or unknown:
+            raise ValueError(f"{kind} {label!r}: inputs not set {sorted(missing)}, not there {sorted(unknown)}")
+        for identifier, value in given.items():
+            if isinstance(value, bpy.types.NodeSocket):
+                self.tree.links.new(value, present[identifier])
+            else:
+                present[identifier].default_value = value
+        return node
+
+    def math(self, operation: str, label: str, a: Any, b: Any) -> Any:
+        """Output socket of a two-operand Math node."""
+        return self.node("ShaderNodeMath", label, {"Value": a, "Value_001": b}, operation=operation,
+                         use_clamp=False).outputs[0]
+
+    def arrange(self) -> None:
+        """Lay the nodes out in columns by their distance from the outputs, the same way every time."""
+        depth = {node.name: 0 for node in self.tree.nodes}
+        for _ in self.tree.nodes:
+            for link in self.tree.links:
+                source, target = link.from_node.name, link.to_node.name
+                depth[source] = max(depth[source], depth[target] + 1)
+        rows: dict[int, int] = {}
+        for node in self.tree.nodes:
+            column = depth[node.name]
+            node.location = (-COLUMN * column, -ROW * rows.get(column, 0))
+            rows[column] = rows.get(column, 0) + 1

@@ -1,0 +1,54 @@
+"""The stereo camera: one Blender camera with two parallel eyes, of which the left is the camera itself."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import bpy
+import numpy as np
+from mathutils import Matrix
+
+from ..physics.directions import camera_axes
+
+#: Blender's camera looks along -z with y up; OpenCV's along +z with y down.
+OPENCV_FROM_BLENDER = np.diag([1.0, -1.0, -1.0])
+
+
+def build_rig(name: str, rig: Mapping[str, Any], ground_m: float) -> bpy.types.Object:
+    """A camera from ``rig`` settings, standing ``rig.height_m`` above ``ground_m``."""
+    camera = bpy.data.objects.new(name, bpy.data.cameras.new(name))
+    place_rig(camera, rig, ground_m)
+    return camera
+
+
+def place_rig(camera: bpy.types.Object, rig: Mapping[str, Any], ground_m: float) -> None:
+    """Give an existing camera the lens, baseline and pose that ``rig`` settings state."""
+    lens = camera.data
+    lens.type = "PERSP"
+    lens.lens_unit = "MILLIMETERS"
+    lens.lens = rig["focal_length_mm"]
+    lens.sensor_fit = "HORIZONTAL"
+    lens.sensor_width = rig["sensor_width_mm"]
+    lens.shift_x = lens.shift_y = 0.0
+    lens.dof.use_dof = False
+    lens.clip_start, lens.clip_end = 1.0e-4, 1.0e6
+    lens.stereo.convergence_mode = "PARALLEL"
+    lens.stereo.pivot = "LEFT"
+    lens.stereo.interocular_distance = rig["baseline_m"]
+    lens.stereo.use_spherical_stereo = False
+    axes = camera_axes(rig["heading_deg"], rig["pitch_deg"]) @ OPENCV_FROM_BLENDER
+    pose = np.eye(4)
+    pose[:3, :3] = axes
+    pose[:3, 3] = rig["x_m"], rig["y_m"], ground_m + rig["height_m"]
+    camera.matrix_world = Matrix(pose.tolist())
+
+
+def eye_poses(matrix_world: Matrix, baseline_m: float) -> dict[str, np.ndarray]:
+    """Camera-to-world matrices (4, 4) of both eyes in OpenCV axes, positions in metres."""
+    left = np.array(matrix_world, np.float64)
+    left[:3, :3] /= np.linalg.norm(left[:3, :3], axis=0)
+    left[:3, :3] = left[:3, :3] @ OPENCV_FROM_BLENDER
+    right = left.copy()
+    right[:3, 3] += left[:3, 0] * baseline_m
+    return {"left": left, "right": right}

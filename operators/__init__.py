@@ -1,0 +1,24 @@
+"""The person's verbs: thin operators on the builders, the worker and the evaluator."""
+
+from __future__ import annotations
+
+import bpy
+
+from . import build, evaluate, evaluator, jobs, render, results, settings
+
+CLASSES = (*settings.CLASSES, *build.CLASSES, *render.CLASSES, *evaluate.CLASSES, *results.CLASSES,
+           *evaluator.CLASSES, *jobs.CLASSES)
+
+_register, _unregister = bpy.utils.register_classes_factory(CLASSES)
+
+
+def register() -> None:
+    """Register the operators."""
+    _register()
+    jobs.register()
+
+
+def unregister() -> None:
+    """Unregister them; a running worker is stopped."""
+    jobs.unregister()
+    _unregister()

@@ -1,0 +1,90 @@
+"""Build Scene and Clear Scene."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import bpy
+
+from .. import settings as description
+from ..errors import IcyMoonError
+from ..nodes import scene as scenes
+
+
+def show_scene(context: bpy.types.Context, built: scenes.Built) -> None:
+    """Look through the stereo camera, lit, in the 3D View the button was pressed in.
+
+    Objects of the person's own that would stand in the picture are left out of this view only
+    (Blender's local view); they are neither changed nor rendered.
+    """
+    space: Any = context.space_data
+    if context.area is None or context.area.type != "VIEW_3D":
+        return
+    space.shading.type = "RENDERED"
+    space.shading.use_scene_lights_render = space.shading.use_scene_world_render = True
+    ours = set(built.collection.all_objects)
+    foreign = [o for o in context.scene.objects if o not in ours and o.visible_get()]
+    if foreign and space.local_view is None:
+        selected = context.selected_objects
+        bpy.ops.object.select_all(action="DESELECT")
+        for item in ours:
+            item.select_set(True)
+        bpy.ops.view3d.localview(frame_selected=False)
+        for item in ours:
+            item.select_set(False)
+        for item in selected:
+            item.select_set(True)
+    elif space.local_view is not None:
+        for item in ours:
+            item.local_view_set(space, True)
+    space.use_local_camera = context.scene.camera is not built.camera
+    if space.use_local_camera:
+        space.camera = built.camera
+    space.region_3d.view_perspective = "CAMERA"
+
+
+class ICYMOON_OT_build_scene(bpy.types.Operator):
+    """Make the ground, blocks, Sun and stereo camera that the settings describe; what was built before is replaced, nothing of yours is touched"""  # noqa: E501
+
+    bl_idname = "icymoon.build_scene"
+    bl_label = "Build Scene"
+    bl_options = {"REGISTER", "UNDO"}
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        if context.mode != "OBJECT":
+            bpy.ops.object.mode_set(mode="OBJECT")
+        try:
+            built = scenes.build(context.scene, description.from_group(context.scene.icymoon))
+        except IcyMoonError as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        for warning in built.warnings:
+            self.report({"WARNING"}, warning)
+        if not bpy.app.background:
+            show_scene(context, built)
+        triangles = sum(len(o.data.polygons) * 2 for o in [built.terrain])
+        blocks = len(built.collection.all_objects) - 3
+        self.report({"INFO"}, f"Built {triangles} ground triangles and {max(blocks, 0)} blocks")
+        return {"FINISHED"}
+
+
+class ICYMOON_OT_clear_scene(bpy.types.Operator):
+    """Remove what Build Scene made and give the scene its earlier camera and world back"""
+
+    bl_idname = "icymoon.clear_scene"
+    bl_label = "Clear Scene"
+    bl_options = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        found = scenes.find_collection(context.scene) is not None
+        if not found:
+            cls.poll_message_set("Nothing has been built in this scene")
+        return found
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        scenes.clear(context.scene)
+        return {"FINISHED"}
+
+
+CLASSES = (ICYMOON_OT_build_scene, ICYMOON_OT_clear_scene)

@@ -1,0 +1,64 @@
+"""Evaluate: the matchers run in the evaluator's own Python."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import bpy
+
+from .. import settings as description
+from ..errors import IcyMoonError
+from ..preferences import evaluator_python
+from ..render.launch import python_command
+from ..render.queue import Message, Process, clean_environment
+from ..render.shoot import is_complete
+from . import jobs, results
+from .render import dataset_folder, planned_pairs
+
+
+class ICYMOON_OT_evaluate(jobs.JobOperator, bpy.types.Operator):
+    """Match the rendered pairs with every chosen stereo matcher, measure the error against the truth and write a report"""  # noqa: E501
+
+    bl_idname = "icymoon.evaluate"
+    bl_label = "Evaluate"
+
+    scope: bpy.props.EnumProperty(name="Scope", default="SCENE", items=(  # type: ignore[valid-type]
+        ("SCENE", "This Scene", "The pairs that the present settings make"),
+        ("DATASET", "Whole Data Set", "Every pair in the data set folder")), description="Which pairs to evaluate")
+
+    def _command(self, context: bpy.types.Context) -> list[str]:
+        settings = description.from_group(context.scene.icymoon)
+        dataset = dataset_folder(settings)
+        paths = [dataset]
+        if self.scope == "SCENE":
+            paths = [p.folder(dataset) for p in planned_pairs(context.scene, settings)]
+            paths = [path for path in paths if is_complete(path)]
+            if not paths:
+                raise IcyMoonError(f"The present settings have no rendered pair in {dataset}; "
+                                   "press Render Stereo Pair first.")
+        overrides = [f"sensor.{key}={value}".replace("True", "true").replace("False", "false")
+                     for key, value in settings["sensor"].items()]
+        return python_command(evaluator_python(), "stereo", "evaluate", *map(str, paths),
+                              "--methods", str(settings["dataset"]["methods"]),
+                              *(word for text in overrides for word in ("--set", text)),
+                              "--out", str(self._out(dataset)), "--json-lines")
+
+    def _out(self, dataset: Path) -> Path:
+        return dataset / ("evaluation" if self.scope == "DATASET" else "evaluation_scene")
+
+    def start(self, context: bpy.types.Context) -> jobs.Job:
+        command = self._command(context)
+        return jobs.Job("Evaluate", Process(command, clean_environment()), self._hear, lambda: None)
+
+    def _hear(self, message: Message) -> None:
+        if message["type"] == "result":
+            results.load(Path(message["report"]).parent)
+
+    def succeeded(self, context: bpy.types.Context) -> None:
+        for row in results.summary():
+            self.report({"INFO"}, f"{row['method']}: L1 {results.number(row['l1_m'], 3)} m, "
+                                  f"coverage {results.percent(row['coverage'])}")
+        results.show_error_image(context, open_window=False)
+
+
+CLASSES = (ICYMOON_OT_evaluate,)

@@ -1,0 +1,76 @@
+"""Checking and installing the evaluator's Python."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import bpy
+
+from ..doctor import evaluator_findings
+from ..errors import IcyMoonError
+from ..preferences import evaluator_python, own_evaluator, remember
+from ..render.launch import python_command
+from ..render.queue import Process, clean_environment
+from . import jobs
+
+
+def base_python() -> str:
+    """A Python that can make a virtual environment: Blender's own. Raises IcyMoonError if it has none."""
+    candidates = [sys.executable, str(Path(sys.prefix) / "bin" / f"python{sys.version_info.major}."
+                                      f"{sys.version_info.minor}"), shutil.which("python3") or ""]
+    for candidate in candidates:
+        if candidate and Path(candidate).stem.lower().startswith("python") and Path(candidate).is_file():
+            probe = subprocess.run([candidate, "-c", "import venv, ensurepip"], capture_output=True, check=False,
+                                   env=clean_environment(), timeout=30)
+            if probe.returncode == 0:
+                return candidate
+    raise IcyMoonError("No Python that can make a virtual environment was found; install Python 3.11 or later with "
+                       "venv, or give a Python that has the evaluator's packages in the preferences.")
+
+
+class ICYMOON_OT_check_evaluator(bpy.types.Operator):
+    """Say whether the evaluator's Python is there and has its packages"""
+
+    bl_idname = "icymoon.check_evaluator"
+    bl_label = "Check"
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        try:
+            finding = evaluator_findings(evaluator_python())[0]
+        except IcyMoonError as error:
+            remember(str(error))
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        text = finding.mend or f"Ready: {finding.fact}"
+        remember(text)
+        self.report({"INFO"} if finding.state == "ok" else {"ERROR"}, text)
+        return {"FINISHED"}
+
+
+class ICYMOON_OT_install_evaluator(jobs.JobOperator, bpy.types.Operator):
+    """Make a Python environment for the evaluator in the extension's own folder and install its packages from the Internet (about 100 MB)"""  # noqa: E501
+
+    bl_idname = "icymoon.install_evaluator"
+    bl_label = "Install"
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        if not bpy.app.online_access:
+            cls.poll_message_set("Needs online access: Preferences > System > Network")
+            return False
+        return super().poll(context)
+
+    def start(self, context: bpy.types.Context) -> jobs.Job:
+        folder = own_evaluator().parents[1]
+        command = python_command(base_python(), "install", str(folder))
+        return jobs.Job("Install", Process(command, clean_environment()), lambda message: None, lambda: None)
+
+    def succeeded(self, context: bpy.types.Context) -> None:
+        remember("Installed")
+        self.report({"INFO"}, "The evaluator is installed")
+
+
+CLASSES = (ICYMOON_OT_check_evaluator, ICYMOON_OT_install_evaluator)

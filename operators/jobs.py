@@ -1,0 +1,232 @@
+"""Long work in another process, watched by a modal operator that never blocks the window."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import bpy
+
+from ..errors import IcyMoonError
+from ..render.queue import Message, Process
+
+_INTERVAL_S = 0.1
+
+
+@dataclass
+class Job:
+    """One running process and what it has said so far; the panel shows it."""
+
+    title: str
+    process: Process
+    handle: Callable[[Message], None]  # called with every message
+    clean_up: Callable[[], None]  # called once at the end, however it ends
+    started: float = field(default_factory=time.monotonic)
+    fraction: float = 0.0
+    text: str = ""
+    error: str = ""
+    warnings: list[str] = field(default_factory=list)
+    done: bool = False
+
+    @property
+    def remaining_s(self) -> float | None:
+        """Seconds that are left at the present rate, or None before there is one."""
+        if self.fraction <= 0.02:
+            return None
+        return (time.monotonic() - self.started) * (1.0 - self.fraction) / self.fraction
+
+    def advance(self) -> bool:
+        """Take in what the process has said; False when it has ended."""
+        running = self.process.running
+        for message in self.process.poll():
+            kind = message["type"]
+            if kind == "progress":
+                self.fraction = float(message.get("fraction", message.get("done", 0) / max(message.get("total", 1), 1)))
+                self.text = str(message["message"])
+            elif kind == "warning":
+                self.warnings.append(str(message["message"]))
+            elif kind == "error":
+                self.error = str(message["message"])
+            elif kind in ("done", "result"):
+                self.done = True
+            self.handle(message)
+        return running
+
+    @property
+    def failure(self) -> str:
+        """Why it did not do its work, or an empty text if it did."""
+        if self.process.cancelled:
+            return f"{self.title} was stopped; what was finished is kept."
+        if self.error or self.done:
+            return self.error
+        return f"{self.title} ended without a result (status {self.process.returncode}): {self.process.last_words}"
+
+    def run_to_end(self) -> None:
+        """Wait until it has ended. Raises IcyMoonError if it failed."""
+        try:
+            while self.advance():
+                time.sleep(_INTERVAL_S)
+        finally:
+            self.process.stop()
+            self.clean_up()
+        if self.failure:
+            raise IcyMoonError(self.failure)
+
+
+current: Job | None = None
+
+
+def remaining_text(seconds: float | None) -> str:
+    """'1:05 left', or '' while it is not known."""
+    return "" if seconds is None else f"{int(seconds) // 60}:{int(seconds) % 60:02d} left"
+
+
+def redraw() -> None:
+    """Draw the sidebars again, which show the job."""
+    for window in bpy.context.window_manager.windows:
+        for area in window.screen.areas:
+            if area.type == "VIEW_3D":
+                area.tag_redraw()
+
+
+def finish(job: Job) -> None:
+    """Release what a job holds."""
+    global current
+    job.clean_up()
+    if current is job:
+        current = None
+    redraw()
+
+
+def stop_current() -> None:
+    """Kill the running job, if any: Blender is about to end or to open another file."""
+    if current is not None:
+        current.process.stop()
+        finish(current)
+
+
+class JobOperator:
+    """Mix-in of an operator whose work runs in another process.
+
+    ``start`` returns the job; ``succeeded`` is called when it has done its work. From a script
+    (``EXEC_DEFAULT``) the operator returns when the work is done.
+    """
+
+    _timer: Any = None
+    _job: Job
+
+    def start(self, context: bpy.types.Context) -> Job:
+        raise NotImplementedError
+
+    def run_blocking(self, context: bpy.types.Context) -> None:
+        self.start(context).run_to_end()
+        self.succeeded(context)
+
+    def succeeded(self, context: bpy.types.Context) -> None:
+        raise NotImplementedError
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        if current is not None:
+            cls.poll_message_set(f"{current.title} is running")  # type: ignore[attr-defined]
+            return False
+        return True
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        try:
+            self.run_blocking(context)
+        except IcyMoonError as error:
+            return self.fail(error)
+        return {"FINISHED"}
+
+    def fail(self, error: Exception) -> set[str]:
+        """Report an error to the person and cancel."""
+        self.report({"ERROR"}, str(error))  # type: ignore[attr-defined]
+        return {"CANCELLED"}
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        global current
+        if bpy.app.background:
+            return self.execute(context)
+        try:
+            self._job = current = self.start(context)
+        except IcyMoonError as error:
+            return self.fail(error)
+        manager = context.window_manager
+        self._timer = manager.event_timer_add(_INTERVAL_S, window=context.window)
+        manager.modal_handler_add(self)
+        manager.progress_begin(0, 1000)
+        redraw()
+        return {"RUNNING_MODAL"}
+
+    def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        if event.type == "ESC" and event.value == "PRESS":
+            self._job.process.cancel()
+            return {"RUNNING_MODAL"}
+        if event.type != "TIMER":
+            return {"PASS_THROUGH"}
+        running = self._job.advance()
+        context.window_manager.progress_update(int(1000 * self._job.fraction))
+        redraw()
+        if running:
+            return {"PASS_THROUGH"}
+        return self._end(context)
+
+    def cancel(self, context: bpy.types.Context) -> None:
+        """Called by Blender when the window closes or another file is opened."""
+        self._job.process.stop()
+        self._end(context)
+
+    def _end(self, context: bpy.types.Context) -> set[str]:
+        context.window_manager.event_timer_remove(self._timer)
+        context.window_manager.progress_end()
+        job = self._job
+        finish(job)
+        for warning in job.warnings:
+            self.report({"WARNING"}, warning)  # type: ignore[attr-defined]
+        if job.process.cancelled:
+            self.report({"WARNING"}, job.failure)  # type: ignore[attr-defined]
+            return {"CANCELLED"}
+        if job.failure:
+            return self.fail(IcyMoonError(job.failure))
+        self.succeeded(context)
+        return {"FINISHED"}
+
+
+class ICYMOON_OT_cancel(bpy.types.Operator):
+    """Stop the running work; what is finished is kept"""
+
+    bl_idname = "icymoon.cancel"
+    bl_label = "Cancel"
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        if current is None:
+            cls.poll_message_set("Nothing is running")
+        return current is not None
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        assert current is not None
+        current.process.cancel()
+        return {"FINISHED"}
+
+
+CLASSES = (ICYMOON_OT_cancel,)
+
+
+@bpy.app.handlers.persistent
+def _before_load(*_: Any) -> None:
+    stop_current()
+
+
+def register() -> None:
+    """Stop a running job before another file is opened."""
+    bpy.app.handlers.load_pre.append(_before_load)
+
+
+def unregister() -> None:
+    """Stop a running job and listen no longer."""
+    bpy.app.handlers.load_pre.remove(_before_load)
+    stop_current()

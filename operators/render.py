@@ -1,0 +1,96 @@
+"""Render Stereo Pair."""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+from pathlib import Path
+
+import bpy
+
+from .. import settings as description
+from ..errors import IcyMoonError
+from ..nodes import scene as scenes
+from ..nodes.fingerprint import fingerprint
+from ..render.launch import Job as JobFiles
+from ..render.launch import absolute_folder, blender_command
+from ..render.plan import PlannedPair, expand
+from ..render.queue import Process
+from ..render.worker import render_pairs
+from . import jobs
+
+
+def dataset_folder(settings: description.Settings) -> Path:
+    """The data set folder of a description, absolute."""
+    saved = os.path.dirname(bpy.data.filepath) if bpy.data.filepath else None
+    return absolute_folder(str(settings["dataset"]["folder"]), saved)
+
+
+def up_to_date(scene: bpy.types.Scene, settings: description.Settings) -> scenes.Built:
+    """The built scene as the settings describe it, built (again) where it does not show them.
+
+    Raises IcyMoonError if that would overwrite what a person has changed by hand.
+    """
+    built = scenes.find(scene)
+    if built is None:
+        return scenes.build(scene, settings)
+    changed = scenes.changed_settings(built, settings)
+    if not changed:
+        return built
+    if built.edited:
+        raise IcyMoonError(f"{changed[0]} was changed after the scene was built and edited by hand; press Build Scene "
+                           "to build it anew, or set it back to keep your edits.")
+    return scenes.build(scene, settings)
+
+
+def planned_pairs(scene: bpy.types.Scene, settings: description.Settings) -> list[PlannedPair]:
+    """The pairs that Render Stereo Pair would make of a scene now."""
+    built = scenes.find(scene)
+    return expand(settings, fingerprint(built.collection) if built is not None and built.edited else "")
+
+
+class ICYMOON_OT_render_pair(jobs.JobOperator, bpy.types.Operator):
+    """Render what the stereo camera sees, with exact truth, into the data set folder; in a process of its own, so that you can go on working (Esc stops it)"""  # noqa: E501
+
+    bl_idname = "icymoon.render_pair"
+    bl_label = "Render Stereo Pair"
+
+    again: bpy.props.BoolProperty(  # type: ignore[valid-type]
+        name="Again", default=False, description="Render pairs that are already complete once more")
+
+    def start(self, context: bpy.types.Context) -> jobs.Job:
+        settings = description.from_group(context.scene.icymoon)
+        built = up_to_date(context.scene, settings)
+        self._warn(built)
+        edited = built.edited
+        files = JobFiles(settings, dataset_folder(settings), again=self.again,
+                         scene=context.scene.name if edited else None)
+        if edited:
+            bpy.ops.wm.save_as_mainfile(filepath=str(files.blend), copy=True, check_existing=False)
+        try:
+            process = Process(blender_command(bpy.app.binary_path or sys.executable, "worker", str(files.file)))
+        except IcyMoonError:
+            files.remove()
+            raise
+        return jobs.Job("Render Stereo Pair", process, lambda message: None, files.remove)
+
+    def run_blocking(self, context: bpy.types.Context) -> None:
+        settings = description.from_group(context.scene.icymoon)
+        start = time.perf_counter()
+        built = up_to_date(context.scene, settings)
+        self._warn(built)
+        folders = render_pairs(built, planned_pairs(context.scene, settings), dataset_folder(settings),
+                               context.scene.frame_current, time.perf_counter() - start, lambda *a, **k: None,
+                               self.again)
+        self.report({"INFO"}, f"{len(folders)} stereo pair(s) in {folders[0].parent}")
+
+    def succeeded(self, context: bpy.types.Context) -> None:
+        self.report({"INFO"}, "Stereo pair rendered; press Evaluate to measure it")
+
+    def _warn(self, built: scenes.Built) -> None:
+        for warning in built.warnings:
+            self.report({"WARNING"}, warning)
+
+
+CLASSES = (ICYMOON_OT_render_pair,)

@@ -1,0 +1,72 @@
+"""Render > Icy Moon: operators must sit in a menu for F3 to find them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import bpy
+
+from ..operators.settings import preset_items
+
+
+class ICYMOON_MT_presets(bpy.types.Menu):
+    """Presets of whole scenes and of parts of them"""
+
+    bl_idname = "ICYMOON_MT_presets"
+    bl_label = "Icy Moon Presets"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        kinds: dict[str, list[tuple[str, str]]] = {}
+        for name, title, _ in preset_items():
+            kinds.setdefault(name.split("/")[0], []).append((name, title))
+        for kind in sorted(kinds, key=lambda k: (k != "scenes", k)):
+            self.layout.label(text=kind.capitalize())
+            for name, title in kinds[kind]:
+                self.layout.operator("icymoon.load_preset", text=title).preset = name
+            self.layout.separator()
+
+
+class ICYMOON_MT_icymoon(bpy.types.Menu):
+    """Everything that Icy Moon does"""
+
+    bl_idname = "ICYMOON_MT_icymoon"
+    bl_label = "Icy Moon"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout = self.layout
+        layout.operator_context = "INVOKE_DEFAULT"
+        layout.operator("icymoon.load_preset", text="Load Preset…")
+        layout.operator("icymoon.load_settings", text="Load Settings…")
+        layout.operator("icymoon.save_settings", text="Save Settings…")
+        layout.separator()
+        layout.operator("icymoon.build_scene")
+        layout.operator("icymoon.clear_scene")
+        layout.separator()
+        layout.operator("icymoon.render_pair")
+        layout.operator("icymoon.evaluate").scope = "SCENE"
+        layout.operator("icymoon.evaluate", text="Evaluate Whole Data Set").scope = "DATASET"
+        layout.operator("icymoon.cancel")
+        layout.separator()
+        layout.operator("icymoon.open_report")
+        layout.operator("icymoon.show_error")
+        layout.separator()
+        layout.operator("icymoon.check_evaluator", text="Check Evaluator")
+        layout.operator("icymoon.install_evaluator", text="Install Evaluator")
+
+
+def _draw(self: Any, context: bpy.types.Context) -> None:
+    self.layout.separator()
+    self.layout.menu(ICYMOON_MT_icymoon.bl_idname, icon="WORLD")
+
+
+CLASSES = (ICYMOON_MT_presets, ICYMOON_MT_icymoon)
+
+
+def register() -> None:
+    """Add the menu to Render in the top bar."""
+    bpy.types.TOPBAR_MT_render.append(_draw)
+
+
+def unregister() -> None:
+    """Take it out again."""
+    bpy.types.TOPBAR_MT_render.remove(_draw)

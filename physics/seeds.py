@@ -1,0 +1,26 @@
+"""One seed, many independent random streams.
+
+Every random choice of a data set comes from its one seed. Each concern has its own child of the
+seed, so that adding a block does not move a hill and rendering again does not change the ground.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+#: The concerns, in an order that is never changed: the position is the child's spawn key.
+STREAMS = ("terrain", "rocks", "surface", "render", "sensor", "statistics")
+
+
+def stream(seed: int, concern: str, *index: int) -> np.random.SeedSequence:
+    """The seed sequence of one concern, optionally of one element of it (a pair, an eye, a rock).
+
+    Equal to what ``SeedSequence(seed).spawn(len(STREAMS))`` gives at the concern's position, with
+    ``index`` spawned from there.
+    """
+    return np.random.SeedSequence(seed, spawn_key=(STREAMS.index(concern), *index))
+
+
+def generator(seed: int, concern: str, *index: int) -> np.random.Generator:
+    """A numpy generator on ``stream(seed, concern, *index)``."""
+    return np.random.default_rng(stream(seed, concern, *index))

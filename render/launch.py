@@ -1,0 +1,65 @@
+"""How to start our own code in another Python or Blender. Imports no Blender."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from ..errors import IcyMoonError
+from ..files import PART, disk_errors
+from ..settings import Settings
+from ..version import ROOT
+
+
+def python_command(python: str, *arguments: str) -> list[str]:
+    """Command that runs ``icymoon`` verbs in a Python interpreter."""
+    return [python, str(ROOT / "__main__.py"), *arguments]
+
+
+def blender_command(executable: str, *arguments: str) -> list[str]:
+    """Command that runs ``icymoon`` verbs in a Blender, or in a Python that has ``bpy``."""
+    if Path(executable).stem.lower().startswith("python"):
+        return python_command(executable, *arguments)
+    return [executable, "-b", "--factory-startup", "--python-exit-code", "1",
+            "--python", str(ROOT / "__main__.py"), "--", *arguments]
+
+
+class Job:
+    """A render job on disk, for the worker to read; ``remove`` it when the worker has ended."""
+
+    def __init__(self, settings: Settings, dataset: Path, *, scene: str | None = None, again: bool = False) -> None:
+        """Write the job file. With ``scene`` the caller saves the .blend to ``blend``."""
+        self.dataset = dataset
+        with disk_errors("write a job to", Path(tempfile.gettempdir())):
+            self.folder = Path(tempfile.mkdtemp(prefix="icymoon-"))
+            self.blend = self.folder / "scene.blend"
+            self.file = self.folder / "job.json"
+            job: Mapping[str, Any] = {"settings": settings, "dataset": str(dataset), "again": again,
+                                      "blend": str(self.blend) if scene else None, "scene": scene}
+            self.file.write_text(json.dumps(job), encoding="utf-8")
+
+    def remove(self) -> None:
+        """Delete the job's own files, and what a stopped worker left unfinished."""
+        shutil.rmtree(self.folder, ignore_errors=True)
+        for part in (self.dataset / "pairs").glob(f"*{PART}"):
+            shutil.rmtree(part, ignore_errors=True)
+
+
+def absolute_folder(text: str, blend_folder: str | None = None) -> Path:
+    """The folder that ``dataset.folder`` names: ``~`` is the home folder, ``//`` the .blend's folder.
+
+    ``blend_folder`` is empty or None where there is no saved .blend.
+    """
+    if text.startswith("//"):
+        if not blend_folder:
+            raise IcyMoonError(f"dataset.folder is {text!r}, beside a .blend file that is not saved; "
+                               "save it or choose a folder that does not begin with //.")
+        return Path(os.path.normpath(os.path.join(blend_folder, text[2:])))
+    if not text.strip():
+        raise IcyMoonError("dataset.folder is empty; choose the folder to write the data set to.")
+    return Path(os.path.abspath(os.path.expanduser(text)))

@@ -1,0 +1,45 @@
+"""Which pairs a description asks for. Imports no Blender."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from ..physics.seeds import stream
+from ..settings import Settings, digest, merged
+
+
+@dataclass(frozen=True)
+class PlannedPair:
+    """One pair to render: its complete settings, its id and the turn from the base heading."""
+
+    id: str
+    settings: Settings
+    turn_deg: float
+
+    def folder(self, dataset: Path) -> Path:
+        """Where the finished pair lies."""
+        return dataset / "pairs" / self.id
+
+    @property
+    def render_seed(self) -> int:
+        """Seed of Cycles' sampling: another one for every pair, the same for the same pair."""
+        state = stream(int(self.settings["dataset"]["seed"]), "render", int(self.id, 16)).generate_state(1)
+        return int(state[0] >> 1)
+
+
+def expand(settings: Settings, extra: str = "") -> list[PlannedPair]:
+    """The pairs of a complete description: ``dataset.headings`` equal turns at the site.
+
+    ``extra`` identifies content that the settings do not describe (see ``settings.digest``).
+    """
+    headings = int(settings["dataset"]["headings"])
+    pairs = []
+    for k in range(headings):
+        turn = 360.0 * k / headings
+        heading = float(settings["rig"]["heading_deg"]) + turn
+        if heading > 180.0:
+            heading -= 360.0
+        turned = merged(settings, {"rig": {"heading_deg": float(f"{heading:.6g}")}} if k else {})
+        pairs.append(PlannedPair(digest(turned, extra), turned, turn))
+    return pairs

@@ -1,0 +1,54 @@
+"""How far a render is, from what Cycles says of itself."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import bpy
+
+_SAMPLE = re.compile(r"Sample (\d+)/(\d+)")
+
+
+class SampleCounter:
+    """Fraction of a stereo render that is done, from Cycles' status lines.
+
+    Cycles renders both eyes of the radiance layer, then both eyes of the truth layer; each run
+    counts its samples from 0 to its own total.
+    """
+
+    def __init__(self, samples: int) -> None:
+        self._expected = 2 * samples + 2  # the truth layer has one sample per eye
+        self._finished, self._now = 0, 0
+
+    def read(self, status: str) -> float | None:
+        """The fraction in [0, 1] after this status line, or None if it does not change it."""
+        found = _SAMPLE.search(status)
+        if not found:
+            return None
+        now = int(found[1])
+        if now < self._now:
+            self._finished += self._now
+        if now == self._now:
+            return None
+        self._now = now
+        return min(1.0, (self._finished + self._now) / self._expected)
+
+
+@contextmanager
+def on_sample(samples: int, report: Callable[[float], None]) -> Iterator[None]:
+    """Call ``report`` with the fraction done whenever Cycles has finished samples."""
+    counter = SampleCounter(samples)
+
+    def listen(*arguments: Any) -> None:
+        fraction = counter.read(str(arguments[0])) if arguments else None
+        if fraction is not None:
+            report(fraction)
+
+    bpy.app.handlers.render_stats.append(listen)
+    try:
+        yield
+    finally:
+        bpy.app.handlers.render_stats.remove(listen)

@@ -1,0 +1,134 @@
+"""The other process: starting it, hearing it, stopping it. Imports no Blender.
+
+A worker says what it does in JSON lines on its standard output; other lines (Cycles talks a lot)
+are kept as a tail for the case that it dies. It may be killed at any moment: nothing it has not
+finished is ever under a final name.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import queue
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections import deque
+from collections.abc import Iterator, Mapping, Sequence
+from typing import IO, Any
+
+from ..errors import IcyMoonError
+
+Message = dict[str, Any]
+_GRACE_S = 3.0
+
+
+def emit(kind: str, **facts: Any) -> None:
+    """Say one thing to whoever started this process: a JSON line with its ``type``."""
+    print(json.dumps({"type": kind, **facts}), flush=True)
+
+
+class Process:
+    """A running worker. ``poll`` never blocks, so a modal operator can call it on a timer."""
+
+    def __init__(self, command: Sequence[str], environment: Mapping[str, str] | None = None) -> None:
+        """Start ``command`` (a list, never a shell line). Raises IcyMoonError if it cannot start."""
+        options: dict[str, Any] = {}
+        if sys.platform == "win32":
+            options["creationflags"] = subprocess.CREATE_NEW_PROCESS_GROUP
+        else:
+            options["start_new_session"] = True  # a Ctrl-C meant for us reaches it through cancel alone
+        try:
+            self._process = subprocess.Popen(
+                list(command), stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+                env=dict(environment) if environment is not None else None, encoding="utf-8", errors="replace",
+                **options)
+        except OSError as error:
+            raise IcyMoonError(f"Cannot start {command[0]}: {error.strerror or error}; "
+                               "check the path in the preferences.") from None
+        self._lines: queue.SimpleQueue[str | None] = queue.SimpleQueue()
+        self._tail: deque[str] = deque(maxlen=30)
+        self._reader = threading.Thread(target=self._read, args=(self._process.stdout,), daemon=True)
+        self._reader.start()
+        self._ended = False
+        self.cancelled = False
+
+    def _read(self, stream: IO[str]) -> None:
+        for line in stream:
+            self._lines.put(line)
+        self._lines.put(None)
+
+    def poll(self) -> list[Message]:
+        """The messages since the last call."""
+        messages = []
+        while not self._lines.empty():
+            line = self._lines.get()
+            if line is None:
+                self._ended = True
+                self._process.wait()
+            elif (message := _parsed(line)) is not None:
+                messages.append(message)
+            else:
+                self._tail.append(line.rstrip())
+        return messages
+
+    @property
+    def running(self) -> bool:
+        """Whether there may be more to hear."""
+        return not self._ended
+
+    @property
+    def returncode(self) -> int:
+        """Exit status after the end; negative for a signal."""
+        return self._process.wait()
+
+    @property
+    def last_words(self) -> str:
+        """The last line that was not a message, for an error that the worker could not state."""
+        return next((line for line in reversed(self._tail) if line.strip()), "it said nothing")
+
+    def messages(self) -> Iterator[Message]:
+        """All messages until the end, waiting for them."""
+        while self.running:
+            yield from self.poll()
+            time.sleep(0.05)
+        yield from self.poll()
+
+    def cancel(self) -> None:
+        """Ask it to stop, and make it stop if it does not within a few seconds."""
+        self.cancelled = True
+        if sys.platform == "win32":
+            self._process.send_signal(signal.CTRL_BREAK_EVENT)
+        else:
+            self._process.send_signal(signal.SIGINT)
+        threading.Thread(target=self._insist, daemon=True).start()
+
+    def _insist(self) -> None:
+        try:
+            self._process.wait(_GRACE_S)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+
+    def stop(self) -> None:
+        """End it at once, if it has not ended, and wait until it is gone."""
+        if self._process.poll() is None:
+            self.cancelled = True
+            self._process.kill()
+        self._process.wait()
+
+
+def _parsed(line: str) -> Message | None:
+    if not line.startswith("{"):
+        return None
+    try:
+        message = json.loads(line)
+    except ValueError:
+        return None
+    return message if isinstance(message, dict) and "type" in message else None
+
+
+def clean_environment() -> dict[str, str]:
+    """Our environment without what would make another Python load Blender's modules."""
+    return {k: v for k, v in os.environ.items() if k not in ("PYTHONPATH", "PYTHONHOME", "PYTHONSTARTUP")}

@@ -1,0 +1,187 @@
+"""Rendering one pair of a built scene into its folder."""
+
+from __future__ import annotations
+
+import math
+import os
+import platform
+import shutil
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import bpy
+import numpy as np
+from mathutils import Matrix
+
+from .. import compat
+from ..errors import IcyMoonError
+from ..files import PART, disk_errors, sha256, sync, write_json
+from ..labels import SEMANTIC
+from ..nodes.light import build_sky
+from ..nodes.rig import eye_poses
+from ..nodes.scene import Built
+from ..version import version
+from . import passes, quality
+from .pair import EYES, FORMAT, VERSION, StereoCamera
+from .plan import PlannedPair
+from .progress import on_sample
+
+_SUFFIX = {"left": "_L", "right": "_R"}
+#: Largest size on disk of one eye: ten 32-bit channels and twice RGBA, uncompressed.
+_BYTES_PER_PIXEL = 4 * (4 + 4 + 1 + 3 + 3 + 1 + 1)
+
+
+@contextmanager
+def render_scene(built: Built, frame: int) -> Iterator[bpy.types.Scene]:
+    """A scene of its own that shows the built collection under a black sky.
+
+    The person's scene is never changed for a render, so there is nothing to put back; this one is
+    removed at the end whatever happens.
+    """
+    scene = bpy.data.scenes.new("Icy Moon Render")
+    sky = build_sky("Icy Moon Render Sky")
+    try:
+        scene.collection.children.link(built.collection)
+        scene.world = sky
+        scene.camera = built.camera
+        scene.frame_set(frame)
+        yield scene
+    finally:
+        bpy.data.scenes.remove(scene)
+        bpy.data.worlds.remove(sky)
+
+
+@contextmanager
+def _turned(camera: bpy.types.Object, turn_deg: float) -> Iterator[None]:
+    """Turn the camera clockwise about the vertical through its left eye, and back at the end."""
+    pose = camera.matrix_basis.copy()
+    if turn_deg:
+        turn = Matrix.Rotation(-math.radians(turn_deg), 4, "Z")
+        camera.matrix_world = Matrix.Translation(camera.matrix_world.translation) @ turn @ Matrix.Translation(
+            -camera.matrix_world.translation) @ camera.matrix_world
+    try:
+        yield
+    finally:
+        camera.matrix_basis = pose
+
+
+def check_space(dataset: Path, pairs: list[PlannedPair]) -> None:
+    """Raise IcyMoonError if the folder cannot be made or its disk has no room for the pairs."""
+    with disk_errors("write to", dataset):
+        dataset.mkdir(parents=True, exist_ok=True)
+        probe = dataset / f".icymoon{PART}"
+        probe.write_bytes(b"")
+        probe.unlink()
+        free = shutil.disk_usage(dataset).free
+    rig = pairs[0].settings["rig"]
+    needed = len(pairs) * 2 * int(rig["width_px"]) * int(rig["height_px"]) * _BYTES_PER_PIXEL
+    if needed > free:
+        raise IcyMoonError(f"{dataset} has {free / 1e6:.0f} MB free, {len(pairs)} pairs may need "
+                           f"{needed / 1e6:.0f} MB; "
+                           "free some space, choose another folder or render fewer pixels.")
+
+
+def is_complete(folder: Path) -> bool:
+    """Whether a pair is there, whole; ``pair.json`` is written last."""
+    return (folder / "pair.json").is_file()
+
+
+def shoot(built: Built, planned: PlannedPair, dataset: Path, frame: int, seconds_build: float,
+          report: Callable[[float], None]) -> Path:
+    """Render one pair and return its folder.
+
+    ``report`` receives the fraction done. Raises IcyMoonError when the render or the disk fails;
+    nothing half-written stays.
+    """
+    folder = planned.folder(dataset)
+    part = folder.with_name(folder.name + PART)
+    with disk_errors("write", folder):
+        shutil.rmtree(part, ignore_errors=True)
+        part.mkdir(parents=True)
+    try:
+        facts = _render_into(part, built, planned, frame, report)
+        facts["seconds"]["build"] = round(seconds_build, 3)
+        write_json(part / "pair.json", facts)
+        with disk_errors("write", folder):
+            shutil.rmtree(folder, ignore_errors=True)
+            os.replace(part, folder)
+            sync(folder.parent)
+    finally:
+        shutil.rmtree(part, ignore_errors=True)
+    return folder
+
+
+def _render_into(part: Path, built: Built, planned: PlannedPair, frame: int,
+                 report: Callable[[float], None]) -> dict[str, Any]:
+    settings = planned.settings
+    with _turned(built.camera, planned.turn_deg), render_scene(built, frame) as scene:
+        quality.apply(scene, settings["quality"], planned.render_seed)
+        passes.apply(scene, settings["rig"], part / "view")
+        start = time.perf_counter()
+        with on_sample(int(settings["quality"]["samples"]), report):
+            try:
+                bpy.ops.render.render(write_still=True, scene=scene.name)
+            except RuntimeError as error:
+                raise IcyMoonError(f"Cycles could not render pair {planned.id}: {_first_line(error)}") from None
+        rendered = time.perf_counter() - start
+        poses = eye_poses(built.camera.matrix_world, built.camera.data.stereo.interocular_distance)
+        toward_sun = np.array(built.sun.matrix_world.to_3x3().col[2])
+    start = time.perf_counter()
+    files = {f"{eye}.exr": _finish(part / f"view{_SUFFIX[eye]}.exr", part / f"{eye}.exr", planned) for eye in EYES}
+    return _facts(built, planned, poses, toward_sun, files,
+                  {"render": round(rendered, 3), "write": round(time.perf_counter() - start, 3)})
+
+
+def _first_line(error: Exception) -> str:
+    lines = [line.removeprefix("Error: ").strip() for line in str(error).splitlines() if line.strip()]
+    return lines[0] if lines else type(error).__name__
+
+
+def _finish(written: Path, final: Path, planned: PlannedPair) -> dict[str, Any]:
+    """Rename what Blender wrote, flush it and return its size and checksum."""
+    if not written.is_file() or written.stat().st_size == 0:
+        raise IcyMoonError(f"Blender wrote no image for pair {planned.id} in {final.parent.parent}; "
+                           "check that the disk is not full and try again.")
+    with disk_errors("write", final):
+        os.replace(written, final)
+        sync(final)
+        return {"bytes": final.stat().st_size, "sha256": sha256(final)}
+
+
+def _peak_memory_mib() -> float | None:
+    try:
+        import resource
+    except ImportError:
+        return None  # Windows
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return round(peak / (2**20 if sys.platform == "darwin" else 2**10), 1)
+
+
+def _facts(built: Built, planned: PlannedPair, poses: dict[str, np.ndarray], toward_sun: np.ndarray,
+           files: dict[str, Any], seconds: dict[str, float]) -> dict[str, Any]:
+    """The content of ``pair.json``."""
+    settings = planned.settings
+    camera = StereoCamera.from_settings(settings["rig"])
+    return {
+        "format": FORMAT, "version": VERSION, "id": planned.id, "settings": settings,
+        "edited_by_hand": built.edited,
+        "camera": camera.to_json(),
+        "poses_camera_to_world": {eye: poses[eye].tolist() for eye in EYES},
+        "light": {"sun": {"direction_to_world": toward_sun.tolist(),
+                          "irradiance_wm2": built.sun.data.energy,
+                          "angular_diameter_deg": math.degrees(built.sun.data.angle)},
+                  "planet": None},
+        "channels": {"radiance": "W/(m² sr) per band, linear", "depth": "planar Z in m at pixel centres, sky 1e10",
+                     "normal": "unit, world axes, of the facet", "semantic": {str(k): v for k, v in SEMANTIC.items()}},
+        "seeds": {"dataset": settings["dataset"]["seed"], "render": planned.render_seed},
+        "versions": {"blender": bpy.app.version_string, "python": platform.python_version(),
+                     "numpy": np.__version__, "icymoon": version()},
+        "device": settings["quality"]["device"], "osl": compat.has_osl(), "denoiser": settings["quality"]["denoiser"],
+        "platform": platform.platform(),
+        "seconds": seconds, "peak_memory_mib": _peak_memory_mib(),
+        "files": files,
+    }

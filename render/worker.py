@@ -1,0 +1,119 @@
+"""The headless worker: builds a scene, renders its pairs, says what it does in JSON lines.
+
+The window, the command line and a scheduler all run this. A job is a JSON file:
+``{"settings": {...}, "dataset": folder, "blend": file or null, "scene": name or null}``.
+With ``blend`` the scene in that file is rendered as a person left it; without, it is built from
+the settings alone.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import bpy
+
+from .. import properties
+from ..errors import IcyMoonError
+from ..nodes.fingerprint import fingerprint
+from ..nodes.scene import Built, build, find
+from ..settings import Settings, check, defaults, merged
+from . import quality
+from .plan import PlannedPair, expand
+from .queue import emit
+from .shoot import check_space, is_complete, shoot
+
+Emit = Callable[..., None]
+
+
+def render_pairs(built: Built, pairs: list[PlannedPair], dataset: Path, frame: int, seconds_build: float,
+                 say: Emit, again: bool = False) -> list[Path]:
+    """Render the planned pairs of a built scene and return their folders.
+
+    A pair that is already complete is not rendered again unless ``again``. ``say(type, **facts)``
+    receives ``progress`` (``fraction`` of all pairs, ``message``) and ``pair`` messages.
+    Raises IcyMoonError at the first failure; finished pairs stay.
+    """
+    check_space(dataset, pairs)
+    quality.check_possible(pairs[0].settings["quality"])
+    folders = []
+    for k, planned in enumerate(pairs):
+        label = f"Pair {k + 1} of {len(pairs)}"
+        folder = planned.folder(dataset)
+        if is_complete(folder) and not again:
+            say("pair", id=planned.id, folder=str(folder), rendered=False, done=k + 1, total=len(pairs))
+        else:
+            def report(fraction: float, k: int = k, label: str = label) -> None:
+                say("progress", fraction=(k + fraction) / len(pairs), message=label)
+
+            start = time.perf_counter()
+            report(0.0)
+            shoot(built, planned, dataset, frame, seconds_build, report)
+            say("pair", id=planned.id, folder=str(folder), rendered=True, done=k + 1, total=len(pairs),
+                seconds=round(time.perf_counter() - start, 2))
+        folders.append(folder)
+    return folders
+
+
+def _open(job: dict[str, Any], settings: Settings) -> tuple[bpy.types.Scene, Built, str]:
+    """The scene to render, built, and what identifies content that the settings do not."""
+    if job.get("blend"):
+        bpy.ops.wm.open_mainfile(filepath=job["blend"], load_ui=False, use_scripts=False)
+        scene = bpy.data.scenes.get(job["scene"])
+        built = find(scene) if scene else None
+        if scene is None or built is None:
+            raise IcyMoonError(f"{job['blend']} holds no built Icy Moon scene; press Build Scene and render again.")
+        return scene, built, fingerprint(built.collection)
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    scene = bpy.context.scene
+    return scene, build(scene, settings), ""
+
+
+def run(job: dict[str, Any], say: Emit = emit) -> None:
+    """Do a job. Raises IcyMoonError for what a person can mend."""
+    try:
+        settings = merged(defaults(), check(job["settings"], "job"))
+        dataset = Path(job["dataset"])
+    except KeyError as error:
+        raise IcyMoonError(f"The job lacks {error}; write it with Render Stereo Pair or icymoon render.") from None
+    say("progress", fraction=0.0, message="Building the scene")
+    quality.check_possible(settings["quality"])
+    start = time.perf_counter()
+    scene, built, extra = _open(job, settings)
+    for warning in built.warnings:
+        say("warning", message=warning)
+    pairs = expand(settings, extra)
+    folders = render_pairs(built, pairs, dataset, scene.frame_current, time.perf_counter() - start, say,
+                           bool(job.get("again")))
+    say("done", folders=[str(f) for f in folders])
+
+
+def main(job_file: str) -> None:
+    """Run the job in a file and end the process: 0 if all went well, 1 with an ``error`` message.
+
+    Leaves by ``os._exit``, since the Blender module may crash or hang when the interpreter ends.
+    """
+    signal.signal(signal.SIGINT, signal.SIG_DFL)  # stop at once; what is not finished has no final name
+    status = 1
+    try:
+        properties.register()
+        run(json.loads(Path(job_file).read_text(encoding="utf-8")))
+        status = 0
+    except IcyMoonError as error:
+        emit("error", message=str(error))
+    except MemoryError:
+        emit("error", message="There is not enough memory; lower terrain.resolution or the image size.")
+    except Exception as error:
+        import traceback
+        traceback.print_exc()
+        emit("error", message=f"The worker failed ({type(error).__name__}: {error}); please report this.")
+    finally:
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(status)

@@ -1,0 +1,200 @@
+"""Scene descriptions as plain data: ``{topic: {key: value}}``, TOML files, presets, overrides.
+
+Blender clamps what is out of range without a word; nothing here does. An unknown key, a wrong type
+or a value out of range is an :class:`~icymoon.errors.IcyMoonError` that names the key, the value,
+the range and the unit. A float setting is a single-precision number, as Blender stores it, so that
+a description has one spelling (and one pair id) whether it comes from the window or from a file.
+"""
+
+from __future__ import annotations
+
+import difflib
+import hashlib
+import json
+import math
+import tomllib
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .errors import IcyMoonError
+from .properties import TOPICS, Setting, Value, all_settings
+
+Settings = dict[str, dict[str, Any]]
+
+PRESETS = Path(__file__).parent / "presets"
+
+
+def defaults() -> Settings:
+    """The complete description that a new scene has."""
+    return {topic.key: {s.key: _canonical(s, s.default) for s in topic.settings} for topic in TOPICS.values()}
+
+
+def _nearest(word: str, known: Iterable[str]) -> str:
+    names = list(known)
+    close = difflib.get_close_matches(word, names, n=1, cutoff=0.4)
+    return f"did you mean {close[0]!r}?" if close else f"known are {', '.join(names)}."
+
+
+def _canonical(setting: Setting, value: Value) -> Value:
+    if setting.kind == "float":
+        return float(str(np.float32(value)))
+    return value
+
+
+def _checked(setting: Setting, value: Any, name: str, where: str) -> Value:
+    expected = {"float": "a number", "int": "a whole number", "bool": "true or false",
+                "text": "a text in quotes", "choice": "a text in quotes"}[setting.kind]
+    right_type = {"float": isinstance(value, (int, float)) and not isinstance(value, bool),
+                  "int": isinstance(value, int) and not isinstance(value, bool),
+                  "bool": isinstance(value, bool),
+                  "text": isinstance(value, str), "choice": isinstance(value, str)}[setting.kind]
+    if not right_type:
+        raise IcyMoonError(f"{where}: {name} must be {expected}, not {value!r}.")
+    if setting.kind == "choice":
+        names = [choice[0] for choice in setting.choices]
+        if value not in names:
+            raise IcyMoonError(f"{where}: {name} is {value!r}, {_nearest(value, names)}")
+    if setting.kind in ("int", "float"):
+        low, high = setting.minimum, setting.maximum
+        if not (math.isfinite(value) and low <= value <= high):
+            unit = f" {setting.unit}" if setting.unit not in ("", "1") else ""
+            raise IcyMoonError(f"{where}: {name} is {value:g}{unit}, outside {low:g} to {high:g}{unit}.")
+    return _canonical(setting, value)
+
+
+def check(data: Mapping[str, Any], where: str) -> Settings:
+    """Check a partial description and return it in canonical form.
+
+    ``where`` is what the error names as the place (a file, ``--set``, …).
+    Raises IcyMoonError for an unknown topic or key, a wrong type or a value out of range.
+    """
+    checked: Settings = {}
+    for topic_key, values in data.items():
+        topic = TOPICS.get(topic_key)
+        if topic is None:
+            raise IcyMoonError(f"{where}: unknown topic [{topic_key}], {_nearest(topic_key, TOPICS)}")
+        if not isinstance(values, Mapping):
+            raise IcyMoonError(f"{where}: [{topic_key}] must be a table of settings, not {values!r}.")
+        for key, value in values.items():
+            name = f"{topic_key}.{key}"
+            try:
+                setting = topic[key]
+            except KeyError:
+                raise IcyMoonError(f"{where}: unknown setting {name}, "
+                                   f"{_nearest(key, (s.key for s in topic.settings))}") from None
+            checked.setdefault(topic_key, {})[key] = _checked(setting, value, name, where)
+    return checked
+
+
+def merged(*parts: Mapping[str, Mapping[str, Value]]) -> Settings:
+    """One description from several partial ones, the later ones winning."""
+    result: Settings = {}
+    for part in parts:
+        for topic, values in part.items():
+            result.setdefault(topic, {}).update(values)
+    return result
+
+
+def read_toml(path: Path) -> dict[str, Any]:
+    """The raw content of a TOML file. Raises IcyMoonError if it cannot be read or parsed."""
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise IcyMoonError(f"{path}: cannot be read ({error.strerror}).") from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise IcyMoonError(f"{path}: is not valid TOML ({error}).") from None
+
+
+def load(path: Path) -> Settings:
+    """The partial description in a settings file, its ``[preset]`` includes first.
+
+    A file may open with ``[preset]`` (``title``, ``description``, ``include = ["bodies/europa", …]``)
+    and close with ``[sources]`` (where each number comes from); the rest are topics.
+    """
+    data = read_toml(path)
+    header = data.pop("preset", {})
+    data.pop("sources", None)
+    unknown = set(header) - {"title", "description", "include"}
+    if unknown:
+        raise IcyMoonError(f"{path}: unknown key preset.{sorted(unknown)[0]}, "
+                           f"{_nearest(sorted(unknown)[0], ('title', 'description', 'include'))}")
+    included = [load(preset_path(name)) for name in header.get("include", [])]
+    return merged(*included, check(data, str(path)))
+
+
+def preset_names(kind: str = "") -> list[str]:
+    """Names such as ``scenes/europa_rough_ice`` of the shipped presets, all or of one kind."""
+    return sorted(p.relative_to(PRESETS).with_suffix("").as_posix() for p in (PRESETS / kind).rglob("*.toml"))
+
+
+def preset_path(name: str) -> Path:
+    """The file of a shipped preset: ``kind/name``, or the bare name of a scene preset."""
+    for candidate in (PRESETS / f"{name}.toml", PRESETS / "scenes" / f"{name}.toml"):
+        if ".." not in name and candidate.is_file():
+            return candidate
+    raise IcyMoonError(f"Unknown preset {name!r}, {_nearest(name, preset_names())}")
+
+
+def preset_header(name: str) -> tuple[str, str]:
+    """(title, description) of a preset."""
+    header = read_toml(preset_path(name)).get("preset", {})
+    return header.get("title", name), header.get("description", "")
+
+
+def override(text: str) -> Settings:
+    """The partial description that ``topic.key=value`` states; the value is read as TOML,
+    or as a text where the setting is one."""
+    name, equals, value = (part.strip() for part in text.partition("="))
+    topic_key, dot, key = name.partition(".")
+    if not (equals and dot):
+        raise IcyMoonError(f"--set {text}: write it as topic.key=value, as in terrain.size_m=20.")
+    topic = TOPICS.get(topic_key)
+    known = {s.key: s for s in topic.settings} if topic else {}
+    parsed: Any
+    if key in known and known[key].kind in ("text", "choice"):
+        parsed = value.strip("\"'")
+    else:
+        try:
+            parsed = tomllib.loads(f"value = {value}")["value"]
+        except tomllib.TOMLDecodeError:
+            parsed = value
+    return check({topic_key: {key: parsed}}, f"--set {text}")
+
+
+def to_toml(settings: Mapping[str, Mapping[str, Value]]) -> str:
+    """A description as TOML text that ``load`` reads back to the same values."""
+    lines = []
+    for topic, values in settings.items():
+        lines.append(f"[{topic}]")
+        for key, value in values.items():
+            # JSON's spelling of texts, numbers and booleans is TOML's, escapes included.
+            lines.append(f"{key} = {json.dumps(value)}")
+        lines.append("")
+    return "\n".join(lines)
+
+
+def digest(settings: Mapping[str, Mapping[str, Value]], extra: str = "") -> str:
+    """Twelve hexadecimal digits that name the pair which these settings produce.
+
+    Settings that cannot change a rendered pixel (camera response, folders, threads) do not count.
+    ``extra`` stands for content that the settings do not describe (edited or added geometry).
+    """
+    counted = [[f"{topic}.{s.key}", settings[topic][s.key]] for topic, s in all_settings()
+               if s.effect not in ("response", "run")]
+    return hashlib.sha256(json.dumps([counted, extra]).encode()).hexdigest()[:12]
+
+
+def from_group(group: Any) -> Settings:
+    """The complete description that a ``Scene.icymoon`` property group holds."""
+    return {topic: {s.key: _canonical(s, getattr(getattr(group, topic), s.key)) for s in TOPICS[topic].settings}
+            for topic in TOPICS}
+
+
+def to_group(group: Any, settings: Mapping[str, Mapping[str, Value]]) -> None:
+    """Write a (partial) description, already checked, into a ``Scene.icymoon`` property group."""
+    for topic, values in settings.items():
+        for key, value in values.items():
+            setattr(getattr(group, topic), key, value)

@@ -1,0 +1,175 @@
+"""The command line of the evaluation. Standard output is for results, standard error for people."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import os
+import sys
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager, nullcontext
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ..errors import IcyMoonError
+from . import check
+
+if TYPE_CHECKING:
+    import numpy as np
+
+PROGRAM = "icymoon.stereo"
+INTERRUPTED = 130
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one command and return the exit code: 0, 1 for what a person must mend, 2 for wrong usage,
+    130 when interrupted."""
+    parsed = _parser().parse_args(arguments)
+    try:
+        code: int = parsed.run(parsed)
+        sys.stdout.flush()
+        return code
+    except IcyMoonError as error:
+        message = " ".join(str(error).split())
+        if getattr(parsed, "json_lines", False):
+            _json_line({"type": "error", "message": message})
+        print(f"{PROGRAM}: {message}", file=sys.stderr)
+        return 1
+    except KeyboardInterrupt:
+        print(f"{PROGRAM}: interrupted", file=sys.stderr)
+        return INTERRUPTED
+    except BrokenPipeError:
+        # Nobody listens any more; keep Python from complaining when it flushes at exit.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 1
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog=f"python -m {PROGRAM}", description="Evaluate stereo on rendered pairs.")
+    commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
+
+    command = commands.add_parser("check", help="tell whether this Python can evaluate, as one line of JSON")
+    command.set_defaults(run=_check)
+
+    command = commands.add_parser("match", help="match two images")
+    command.add_argument("--method", required=True, help="bm or sgbm")
+    command.add_argument("--left", required=True, type=Path, help="left image, 8- or 16-bit PNG")
+    command.add_argument("--right", required=True, type=Path, help="right image, 8- or 16-bit PNG")
+    command.add_argument("--option", action="append", default=[], nargs="+", metavar="KEY=VALUE",
+                         help="option of the method, such as window=21 or preset=guiss")
+    command.add_argument("--out", required=True, type=Path,
+                         help="npz to write: disparity, float32 px, NaN where invalid")
+    command.set_defaults(run=_match)
+
+    command = commands.add_parser("metrics", help="measure a depth map, as JSON; null for what is undefined")
+    command.add_argument("--prediction", required=True, type=Path, help="npy, planar depth in metres, NaN invalid")
+    command.add_argument("--truth", required=True, type=Path, help="npy of the same shape")
+    command.set_defaults(run=_metrics)
+
+    command = commands.add_parser("evaluate", help="match and measure pairs, and write a report")
+    command.add_argument("path", type=Path, metavar="PAIR_OR_DATASET", help="pair folder, or data set of pairs")
+    command.add_argument("--methods", default="bm,sgbm",
+                         help="matchers, separated by commas; with options of their own as bm:window=21")
+    command.add_argument("--option", action="append", default=[], metavar="METHOD.KEY=VALUE",
+                         help="option for every use of a method, such as bm.window=21")
+    command.add_argument("--set", action="append", default=[], metavar="sensor.KEY=VALUE",
+                         help="another camera response than the pairs were rendered for")
+    command.add_argument("--out", required=True, type=Path, help="folder for the report")
+    command.add_argument("--json-lines", action="store_true", help="progress and result as JSON lines on stdout")
+    command.set_defaults(run=_evaluate)
+    return parser
+
+
+def _check(parsed: argparse.Namespace) -> int:
+    report = check.report()
+    _json_line(report)
+    if report["ok"]:
+        return 0
+    print(f"{PROGRAM}: {report['message']}", file=sys.stderr)
+    return 1
+
+
+def _match(parsed: argparse.Namespace) -> int:
+    check.require("numpy", "cv2")
+    from .images import read_png, write_disparity
+    from .matchers import match
+    from .methods import key_value
+
+    options = dict(key_value(text, "--option") for part in parsed.option for text in part)
+    disparity, _, _ = match(parsed.method, read_png(parsed.left), read_png(parsed.right), options)
+    write_disparity(parsed.out, disparity)
+    return 0
+
+
+def _metrics(parsed: argparse.Namespace) -> int:
+    check.require("numpy")
+    from .metrics import depth_metrics
+
+    prediction, truth = _depths(parsed.prediction), _depths(parsed.truth)
+    if prediction.shape != truth.shape:
+        raise IcyMoonError(f"{parsed.prediction} has the shape {prediction.shape}, {parsed.truth} {truth.shape}; give "
+                           "two arrays of one shape.")
+    _json_line({key: value if math.isfinite(value) else None
+                for key, value in depth_metrics(prediction, truth).items()})
+    return 0
+
+
+def _depths(path: Path) -> np.ndarray:
+    import numpy as np
+
+    try:
+        depth = np.load(path, allow_pickle=False)
+    except OSError as error:
+        raise IcyMoonError(f"{path} cannot be read ({error.strerror or error}); give an existing npy file.") from None
+    except (ValueError, EOFError) as error:
+        raise IcyMoonError(f"{path} is not a npy file of numbers ({error}).") from None
+    except Exception as error:  # a damaged header makes numpy raise whatever its parser meets
+        raise IcyMoonError(f"{path} is damaged ({error}); make it again.") from None
+    if not isinstance(depth, np.ndarray):
+        raise IcyMoonError(f"{path} holds several arrays; give an npy file with one.")
+    if depth.dtype.kind not in "fiu":
+        raise IcyMoonError(f"{path} holds values of type {depth.dtype}; give depths in metres as numbers.")
+    return depth
+
+
+def _evaluate(parsed: argparse.Namespace) -> int:
+    check.require(*check.PACKAGES)
+    from ..settings import merged, override
+    from .evaluate import evaluate
+    from .methods import parse_methods
+
+    methods = parse_methods(parsed.methods, parsed.option)
+    settings = merged(*(override(text) for text in parsed.set))
+    if set(settings) - {"sensor"}:
+        raise IcyMoonError(f"--set {sorted(set(settings) - {'sensor'})[0]} needs a new render; only sensor settings "
+                           "can be changed when evaluating.")
+    progress = nullcontext(_json_line) if parsed.json_lines else _progress_bar()
+    with progress as on_event:
+        report = evaluate(parsed.path, methods, parsed.out, settings.get("sensor"), on_event)
+    path = parsed.out / "report.html"
+    if parsed.json_lines:
+        _json_line({"type": "result", "report": str(path), "rows": report["summary"]})
+    else:
+        _print_summary(report, path)
+    if report["failed"]:
+        raise IcyMoonError(f"{len(report['failed'])} of the evaluations failed, the first one: "
+                           f"{report['failed'][0]['message']}")
+    return 0
+
+
+def _json_line(data: dict[str, Any]) -> None:
+    print(json.dumps(data, allow_nan=False), flush=True)
+
+
+def _progress_bar() -> AbstractContextManager[Callable[[dict[str, Any]], None]]:
+    from .console import progress_bar
+
+    return progress_bar()
+
+
+def _print_summary(report: dict[str, Any], path: Path) -> None:
+    from .console import print_summary
+
+    print_summary(report)
+    print(path)

@@ -1,0 +1,159 @@
+"""Running matchers over pairs and measuring them: rows, pictures and the report's data.
+
+Every row is one method on one pair. The metrics of the main table are over all pixels with a finite
+true depth, a missing measurement costing coverage; those with the prefix ``visible_`` leave out
+pixels that the right eye cannot see (occluded or outside its image), where no matcher can measure.
+A pair that cannot be used is named, recorded as failed, and does not stop the others.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..errors import IcyMoonError
+from ..files import write_json, write_text
+from . import check, pictures
+from .images import write_disparity, write_png
+from .matchers import check_options, match
+from .methods import Method
+from .metrics import ERROR_STEPS_M, depth_metrics, disparity_metrics, error_curve
+from .prepare import Prepared, none_for_nan, pair_folders, prepare
+from .report import write_report
+from .rowlog import RowLog
+from .summary import METRICS, VISIBLE, csv_table, summary
+
+FORMAT = "icymoon-report"
+VERSION = 1
+
+Event = Callable[[dict[str, Any]], None]
+
+
+def evaluate(path: Path, methods: Sequence[Method], out: Path, sensor: Mapping[str, Any] | None = None,
+             on_event: Event = lambda event: None) -> dict[str, Any]:
+    """Evaluate a pair or all pairs of a data set; return what is in ``report.json``.
+
+    ``sensor`` overrides settings of the camera response. Written to ``out``, replacing what an
+    earlier run left: ``results.jsonl`` (a row as soon as it is known), then ``results.csv``,
+    ``report.json`` and ``report.html``; per pair, in ``pairs/<pair>/``, pictures and disparities.
+
+    ``on_event`` gets {"type": "progress", "done", "total", "message"} and, per failure,
+    {"type": "error", "message"}. Raises IcyMoonError if there is no pair or ``out`` cannot be written.
+
+    The report is {"format", "version", "summary", "rows", "pairs", "failed", "provenance"}; what is
+    undefined is null.
+
+    * ``summary``: one entry per method, see ``summary``.
+    * ``rows``: ``pair``, ``method``, ``status`` ("ok" or "failed"), every metric of ``metrics`` and the
+      same with ``visible_``, ``error_curve``, ``true_pixels``, ``seconds`` of CPU time, the complete
+      ``options``, ``error`` (why it failed) and ``images``: paths relative to ``out`` of the pictures
+      ``depth`` and ``error`` and of ``disparity`` (npz).
+    * ``pairs``: what was found about each usable pair, and its ``images`` ``left``, ``right`` and
+      ``true_depth``.
+    * ``failed``: ``pair``, ``message`` and, where only one method failed, ``method``.
+    """
+    folders = pair_folders(path)
+    log = RowLog(out / "results.jsonl")
+    rows: list[dict[str, Any]] = []
+    pairs: list[dict[str, Any]] = []
+    failed: list[dict[str, Any]] = []
+
+    def done(row: dict[str, Any]) -> None:
+        log.append(row)
+        rows.append(row)
+        on_event({"type": "progress", "done": len(rows), "total": len(folders) * len(methods),
+                  "message": f"{row['pair']} {row['method']}"})
+
+    def fail(message: str, **what: str) -> None:
+        failed.append({**what, "message": message})
+        on_event({"type": "error", "message": message})
+
+    for folder in folders:
+        try:
+            prepared = prepare(folder, sensor or {})
+        except IcyMoonError as error:
+            fail(str(error), pair=folder.name)
+            for method in methods:
+                done(_failed_row(folder.name, method, str(error)))
+            continue
+        pairs.append(prepared.facts | {"images": _write_pair_pictures(prepared, out)})
+        for method in methods:
+            try:
+                disparity, valid, info = match(method.name, prepared.left, prepared.right, method.options)
+            except IcyMoonError as error:
+                fail(str(error), pair=folder.name, method=method.label)
+                done(_failed_row(folder.name, method, str(error)))
+                continue
+            depth = np.full(valid.shape, np.nan)
+            depth[valid] = prepared.pair.camera.focal_baseline_px_m / disparity[valid].astype(np.float64)
+            done({"pair": folder.name, "method": method.label, "status": "ok", **_measured(prepared, disparity, depth),
+                  "seconds": info["seconds"], "options": info["options"], "error": "",
+                  "images": _write_method_pictures(prepared, method, disparity, depth, out)})
+
+    report = {"format": FORMAT, "version": VERSION, "summary": [summary(method.label, rows) for method in methods],
+              "rows": rows, "pairs": pairs, "failed": failed, "provenance": _provenance(path, methods, sensor or {})}
+    write_text(out / "results.csv", csv_table(rows))
+    write_json(out / "report.json", report)
+    write_report(report, out)
+    return report
+
+
+def _measured(prepared: Prepared, disparity: np.ndarray, depth: np.ndarray) -> dict[str, Any]:
+    result: dict[str, Any] = {}
+    for prefix, truth in (("", prepared.truth), (VISIBLE, np.where(prepared.visible, prepared.truth, np.nan))):
+        metrics = depth_metrics(depth, truth) | disparity_metrics(disparity, prepared.pair.camera.disparity(truth))
+        result |= {prefix + key: none_for_nan(value) for key, value in metrics.items()}
+    result["error_curve"] = [none_for_nan(share) for share in error_curve(depth, prepared.truth)]
+    result["true_pixels"] = int(np.isfinite(prepared.truth).sum())
+    return result
+
+
+def _failed_row(pair: str, method: Method, message: str) -> dict[str, Any]:
+    undefined = dict.fromkeys([prefix + metric for prefix in ("", VISIBLE) for metric in METRICS])
+    return {"pair": pair, "method": method.label, "status": "failed", **undefined, "error_curve": [],
+            "true_pixels": None, "seconds": None, "options": check_options(method.name, method.options),
+            "error": message, "images": {}}
+
+
+def _write_pair_pictures(prepared: Prepared, out: Path) -> dict[str, str]:
+    depth = pictures.true_depth_picture(prepared.truth, prepared.scale)
+    images = {"left": prepared.left, "right": prepared.right,
+              "true_depth": pictures.with_bar(depth, prepared.scale)}
+    return {key: _write_picture(prepared, out, f"{key}.png", image) for key, image in images.items()}
+
+
+def _write_method_pictures(prepared: Prepared, method: Method, disparity: np.ndarray, depth: np.ndarray,
+                           out: Path) -> dict[str, str]:
+    picture = pictures.depth_picture(depth, prepared.scale)
+    error = pictures.error_picture(depth, prepared.truth)
+    npz = _folder(prepared, out) / f"{method.file_name}.npz"
+    write_disparity(npz, disparity, focal_baseline_px_m=prepared.pair.camera.focal_baseline_px_m)
+    return {"depth": _write_picture(prepared, out, f"{method.file_name}_depth.png",
+                                    pictures.with_bar(picture, prepared.scale)),
+            "error": _write_picture(prepared, out, f"{method.file_name}_error.png",
+                                    pictures.with_bar(error, pictures.ERROR)),
+            "disparity": npz.relative_to(out).as_posix()}
+
+
+def _write_picture(prepared: Prepared, out: Path, name: str, image: np.ndarray) -> str:
+    path = _folder(prepared, out) / name
+    write_png(path, image)
+    return path.relative_to(out).as_posix()
+
+
+def _folder(prepared: Prepared, out: Path) -> Path:
+    return out / "pairs" / prepared.pair.folder.name
+
+
+def _provenance(path: Path, methods: Sequence[Method], sensor: Mapping[str, Any]) -> dict[str, Any]:
+    return {"created": datetime.now(UTC).isoformat(timespec="seconds"), "source": str(path.resolve()),
+            "methods": [{"label": method.label, "name": method.name,
+                         "options": check_options(method.name, method.options)} for method in methods],
+            "sensor_overrides": dict(sensor), "versions": check.versions(), "error_curve_steps_m": list(ERROR_STEPS_M),
+            "averages": "mean over pairs, each pair counting alike; pooled_* over the pixels of all pairs",
+            "pixels": "all with a finite true depth; visible_* only those that the right eye sees too",
+            "seconds": "CPU seconds of matching, one thread"}

@@ -1,0 +1,115 @@
+"""Reading the multilayer EXR files of a pair, whichever Blender wrote them.
+
+Blender 4.x puts every pass into one part, as ``Truth.Depth.Z`` or, with the view's name inside,
+``Truth.Depth.left.Z``; Blender 5.x writes one part per pass with the same channel names and keeps
+the view in the part's header. So a channel is found by its layer (first word), its pass (second
+word) and its component (last word), and the view by either of the two ways.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ..errors import IcyMoonError
+from ..labels import BEAUTY, NORMAL_AOV, TRUTH
+from ..render.pair import EYES
+
+SKY_DEPTH_M = 1.0e10  # what Cycles writes where a ray hits nothing
+
+_Channels = dict[tuple[str, str, str], np.ndarray]  # (layer, pass, component) -> (height, width)
+
+
+@dataclass(frozen=True)
+class View:
+    """What one eye's EXR holds. Height H, width W; the truth is sampled at pixel centres."""
+
+    radiance: np.ndarray  # (H, W, 3) float32, linear, W/(m² sr) in the bands R, G, B
+    depth: np.ndarray  # (H, W) float64, planar metres, NaN for sky
+    normal: np.ndarray | None  # (H, W, 3) float32, world axes: of the facet, else the shading normal
+    instance: np.ndarray | None  # (H, W) int32, see labels
+    semantic: np.ndarray | None  # (H, W) int32, see labels.SEMANTIC
+
+
+def read_view(path: Path, eye: str | None = None) -> View:
+    """Read ``left.exr`` or ``right.exr``. ``eye`` picks the view where a file holds both.
+
+    Raises IcyMoonError if the file is missing, damaged or lacks radiance or depth.
+    """
+    channels = _read_channels(path, eye)
+    depth = _find(channels, TRUTH, "Depth", "Z", path).astype(np.float64)
+    depth[~(depth < SKY_DEPTH_M) | (depth <= 0)] = np.nan
+    radiance = np.stack([_find(channels, BEAUTY, "Combined", band, path) for band in "RGB"], axis=-1)
+    return View(radiance.astype(np.float32, copy=False), depth, _normal(channels, path),
+                _labels(channels, ("Object Index", "IndexOB")), _labels(channels, ("Material Index", "IndexMA")))
+
+
+def _read_channels(path: Path, eye: str | None) -> _Channels:
+    import OpenEXR
+
+    if not path.is_file():
+        raise IcyMoonError(f"{path} is missing; render the pair again.")
+    try:
+        with _silenced():
+            parts_announced = len(OpenEXR.File(str(path), separate_channels=True, header_only=True).parts)
+            parts = OpenEXR.File(str(path), separate_channels=True).parts
+    except Exception as error:  # the binding raises RuntimeError, ValueError and its own types alike
+        raise IcyMoonError(f"{path} is not a readable EXR file ({error}); render the pair again.") from None
+    # OpenEXR leaves a part that it cannot decode out of the list and says so only on stdout.
+    if len(parts) < parts_announced:
+        raise IcyMoonError(f"{path} is damaged or incomplete; render the pair again.")
+    channels: _Channels = {}
+    for part in parts:
+        for name, channel in part.channels.items():
+            words = name.split(".")
+            view = part.header.get("view") or next((word for word in words if word in EYES), None)
+            if len(words) < 3 or (eye and view and view != eye):
+                continue
+            channels[words[0], words[1], words[-1]] = channel.pixels
+    return channels
+
+
+def _find(channels: _Channels, layer: str, pass_name: str, component: str, path: Path) -> np.ndarray:
+    try:
+        return channels[layer, pass_name, component]
+    except KeyError:
+        raise IcyMoonError(f"{path} has no channel {layer}.{pass_name}.{component}; "
+                           "render the pair again.") from None
+
+
+def _normal(channels: _Channels, path: Path) -> np.ndarray | None:
+    for name, components in ((NORMAL_AOV, "RGB"), (NORMAL_AOV, "XYZ"), ("Normal", "XYZ")):
+        if (TRUTH, name, components[0]) in channels:
+            return np.stack([_find(channels, TRUTH, name, axis, path) for axis in components], axis=-1)
+    return None
+
+
+def _labels(channels: _Channels, passes: tuple[str, ...]) -> np.ndarray | None:
+    for name in passes:
+        if (TRUTH, name, "X") in channels:
+            return np.rint(np.nan_to_num(channels[TRUTH, name, "X"])).astype(np.int32)
+    return None
+
+
+@contextmanager
+def _silenced() -> Iterator[None]:
+    """Send what the EXR library prints about a damaged file nowhere: stdout carries our own lines."""
+    sys.stdout.flush()
+    sys.stderr.flush()
+    kept = [os.dup(1), os.dup(2)]
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    try:
+        os.dup2(nowhere, 1)
+        os.dup2(nowhere, 2)
+        yield
+    finally:
+        for number, handle in enumerate(kept, start=1):
+            os.dup2(handle, number)
+            os.close(handle)
+        os.close(nowhere)

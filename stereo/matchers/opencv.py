@@ -1,0 +1,38 @@
+"""What OpenCV's two matchers have in common."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import cv2
+import numpy as np
+
+from ...errors import IcyMoonError
+
+SUBPIXELS = 16  # OpenCV's disparities are fixed-point numbers with four fractional bits
+
+
+def run(method: str, matcher: Any, left: np.ndarray, right: np.ndarray, min_disparity: int,
+        columns: tuple[int, int], rows: tuple[int, int]) -> np.ndarray:
+    """Disparity, float32 (H, W) px, NaN where ``matcher`` found none or may not be believed.
+
+    ``columns`` and ``rows`` are the half-open ranges of pixels whose search range and window lie
+    inside the images. OpenCV marks a failed match with one less than the least disparity, which with
+    a positive least disparity looks like a far surface. It also leaves garbage to the left of
+    ``columns``, and other garbage for another number of threads (one stripe each), hence one thread.
+    """
+    if columns[0] >= columns[1] or rows[0] >= rows[1]:
+        height, width = left.shape
+        raise IcyMoonError(f"The images, {width} x {height} px, are too small for {method}: its search range and "
+                           f"window do not fit; lower {method}.disparities or {method}.window, or render larger "
+                           "images.")
+    cv2.setNumThreads(1)
+    try:
+        fixed = matcher.compute(left, right)
+    except (cv2.error, MemoryError) as error:
+        raise IcyMoonError(f"OpenCV's {method} failed ({getattr(error, 'err', error)}); try other options.") from None
+    disparity = np.full(left.shape, np.nan, np.float32)
+    inside = (slice(*rows), slice(*columns))
+    measured = fixed[inside] >= min_disparity * SUBPIXELS
+    disparity[inside] = np.where(measured, fixed[inside] / np.float32(SUBPIXELS), np.nan)
+    return disparity

@@ -1,0 +1,70 @@
+"""The options of matchers: declared once, given as text or values, checked before anything runs."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from ...errors import IcyMoonError
+
+
+@dataclass(frozen=True)
+class Option:
+    """One option. ``opencv`` is what OpenCV's manual calls it, accepted as a second name."""
+
+    key: str
+    default: int | str
+    doc: str
+    minimum: int = 0
+    maximum: int = 0
+    step: int = 1  # values are minimum + a multiple of this
+    choices: tuple[str, ...] = ()
+    opencv: str = ""
+
+
+def nearest(word: str, known: Iterable[str]) -> str:
+    """The end of a sentence about an unknown word: the likeliest one that was meant, or all."""
+    names = list(known)
+    close = difflib.get_close_matches(word, names, n=1, cutoff=0.4)
+    return f"did you mean {close[0]!r}?" if close else f"known are {', '.join(names)}."
+
+
+def resolve(method: str, declared: Sequence[Option], presets: Mapping[str, Mapping[str, Any]],
+            given: Mapping[str, Any]) -> dict[str, Any]:
+    """All options of a method: the defaults, over them a ``preset``, over that what is ``given``.
+
+    Values may be text. Raises IcyMoonError for an unknown option or preset or a bad value.
+    """
+    names = {name: option for option in declared for name in (option.key, option.opencv) if name}
+    complete: dict[str, Any] = {option.key: option.default for option in declared}
+    for key in given:
+        if key != "preset" and key not in names:
+            known = [option.key for option in declared] + (["preset"] if presets else [])
+            raise IcyMoonError(f"Unknown option {method}.{key}, {nearest(key, known)}")
+    if "preset" in given:
+        if given["preset"] not in presets:
+            raise IcyMoonError(f"Unknown preset {method}.preset={given['preset']}, "
+                               f"{nearest(str(given['preset']), presets)}")
+        complete |= presets[given["preset"]]
+    for key, value in given.items():
+        if key != "preset":
+            complete[names[key].key] = _checked(method, names[key], value)
+    return complete
+
+
+def _checked(method: str, option: Option, value: Any) -> int | str:
+    name = f"{method}.{option.key}"
+    if option.choices:
+        if value not in option.choices:
+            raise IcyMoonError(f"{name} is {value!r}, {nearest(str(value), option.choices)}")
+        return str(value)
+    try:
+        number = int(str(value))
+    except ValueError:
+        raise IcyMoonError(f"{name} must be a whole number, not {value!r}.") from None
+    if not option.minimum <= number <= option.maximum or (number - option.minimum) % option.step:
+        steps = f" in steps of {option.step}" if option.step > 1 else ""
+        raise IcyMoonError(f"{name} is {number}, outside {option.minimum} to {option.maximum}{steps}.")
+    return number

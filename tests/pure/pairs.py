@@ -1,0 +1,111 @@
+"""Synthetic pair folders with analytic truth, in the two layouts that Blenders write.
+
+The scene is a textured, tilted plane, optionally with a block in front of it and sky above. Both
+eyes' depth and radiance are evaluated at the exact point that each pixel's ray meets, so the true
+sub-pixel disparity is known to rounding.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import OpenEXR
+from icymoon.render.pair import FORMAT, VERSION, StereoCamera
+from icymoon.settings import defaults
+
+SKY_M = 1.0e10
+
+
+@dataclass(frozen=True)
+class Scene:
+    """Plane Z + slope_x X + slope_y Y = distance_m in the left camera's axes (x right, y down)."""
+
+    distance_m: float = 2.0
+    slope_x: float = 0.1
+    slope_y: float = 0.6
+    block: bool = True  # a square of 0.5 m at 0.75 of the distance
+    sky_rows: int = 0
+    radiance: float = 3.0
+    contrast: float = 0.8
+
+
+def camera(width: int = 256, height: int = 144, baseline_m: float = 0.25) -> StereoCamera:
+    """The paper's lens (f = 32/60 of the width) on a small image."""
+    return StereoCamera(width, height, width * 32 / 60, width / 2, height / 2, baseline_m)
+
+
+def view(scene: Scene, rig: StereoCamera, eye: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """(depth with NaN sky, radiance, instance) of one eye, each (height, width) float64."""
+    offset = rig.baseline_m if eye == "right" else 0.0
+    x = ((np.arange(rig.width_px) + 0.5 - rig.cx_px) / rig.focal_px)[None, :]
+    y = ((np.arange(rig.height_px) + 0.5 - rig.cy_px) / rig.focal_px)[:, None]
+    depth = (scene.distance_m - scene.slope_x * offset) / (1 + scene.slope_x * x + scene.slope_y * y)
+    instance = np.ones_like(depth)
+    if scene.block:
+        near = 0.75 * scene.distance_m
+        on_block = (np.abs(x * near + offset) < 0.25) & (np.abs(y * near) < 0.25) & (near < depth)
+        depth = np.where(on_block, near, depth)
+        instance = np.where(on_block, 1000.0, instance)
+    pixel_m = scene.distance_m / rig.focal_px
+    light = scene.radiance * (1 + scene.contrast * _texture((x * depth + offset) / pixel_m, y * depth / pixel_m))
+    depth = np.where(np.arange(rig.height_px)[:, None] < scene.sky_rows, np.nan, depth)
+    return depth, np.where(np.isnan(depth), 0.0, light), np.where(np.isnan(depth), 0.0, instance)
+
+
+def write_pair(folder: Path, scene: Scene | None = None, rig: StereoCamera | None = None, layout: str = "5.x",
+               noise: float = 0.0, settings: dict[str, dict[str, Any]] | None = None) -> Path:
+    """Write a complete pair folder. ``layout`` '4.x' is one part per file, '4.x view' the same with the
+    view's name in the channels, '5.x' one part per pass. ``noise`` is relative and independent per eye."""
+    scene, rig = scene or Scene(), rig or camera()
+    folder.mkdir(parents=True)
+    random = np.random.default_rng(int(hashlib.sha256(folder.name.encode()).hexdigest()[:8], 16))
+    for eye in ("left", "right"):
+        depth, light, instance = view(scene, rig, eye)
+        light = light * (1 + noise * random.standard_normal(light.shape))
+        write_exr(folder / f"{eye}.exr", depth, light, instance, layout, eye)
+    data = {"format": FORMAT, "version": VERSION, "id": folder.name, "camera": rig.to_json(),
+            "settings": settings or defaults(),
+            "files": {f"{eye}.exr": {"sha256": hashlib.sha256((folder / f"{eye}.exr").read_bytes()).hexdigest()}
+                      for eye in ("left", "right")}}
+    (folder / "pair.json").write_text(json.dumps(data), encoding="utf-8")
+    return folder
+
+
+def write_exr(path: Path, depth: np.ndarray, light: np.ndarray, instance: np.ndarray, layout: str, eye: str) -> None:
+    """One eye's file; ``depth`` has NaN for sky."""
+    def single(values: np.ndarray) -> np.ndarray:
+        return np.ascontiguousarray(values, np.float32)
+
+    semantic = np.where(instance >= 1000, 2, np.minimum(instance, 1))
+    ids = ("IndexOB", "IndexMA") if layout.startswith("4") else ("Object Index", "Material Index")
+    passes = {("Beauty", "Combined"): {band: single(light) for band in "RGB"} | {"A": single(light * 0 + 1)},
+              ("Truth", "Depth"): {"Z": single(np.where(np.isnan(depth), SKY_M, depth))},
+              ("Truth", "Normal"): {"X": single(depth * 0), "Y": single(depth * 0), "Z": single(depth * 0 + 1)},
+              ("Truth", ids[0]): {"X": single(instance)},
+              ("Truth", ids[1]): {"X": single(semantic)}}
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+    word = f".{eye}" if layout == "4.x view" else ""
+    if layout.startswith("4"):
+        channels = {f"{layer}.{name}{word}.{component}": values
+                    for (layer, name), components in passes.items() for component, values in components.items()}
+        OpenEXR.File(header, channels).write(str(path))
+        return
+    OpenEXR.File([OpenEXR.Part(dict(header), {f"{layer}.{name}.{component}": values
+                                              for component, values in components.items()}, f"{layer}.{name}")
+                  for (layer, name), components in passes.items()]).write(str(path))
+
+
+def _texture(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """A fixed sum of waves of 5 to 40 units length in all directions, between -1 and 1."""
+    random = np.random.default_rng(20)
+    total = np.zeros(np.broadcast_shapes(x.shape, y.shape))
+    waves = 40
+    for wavelength, angle, phase in zip(np.geomspace(5, 40, waves), random.uniform(0, np.pi, waves),
+                                        random.uniform(0, 2 * np.pi, waves), strict=True):
+        total += np.sin(2 * np.pi / wavelength * (x * np.cos(angle) + y * np.sin(angle)) + phase)
+    return np.clip(total / np.sqrt(waves) / 2, -1, 1)

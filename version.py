@@ -1,0 +1,13 @@
+"""The one place that says which version this is: the manifest."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent
+
+
+def version() -> str:
+    """Version of Icy Moon, as in ``blender_manifest.toml``."""
+    return str(tomllib.loads((ROOT / "blender_manifest.toml").read_text(encoding="utf-8"))["version"])
