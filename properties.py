@@ -208,7 +208,7 @@ QUALITY = Topic("quality", "Quality", "What a render may cost", (
     Setting("diffuse_bounces", "Bounces", 4,
             "Diffuse interreflections followed; 4 are within 1 % of all even at albedo 1", "sampling", "bounces",
             0, 128, (0, 16)),
-    Setting("device", "Device", "CPU", "What renders", "run",
+    Setting("device", "Device", "CPU", "What the light paths are computed on", "run",
             choices=(("CPU", "CPU", "All processor cores"),
                      ("GPU", "GPU", "The graphics cards that Cycles can use; refused if there is none"))),
     Setting("threads", "Threads", 0, "Processor threads; 0 for all", "run", "threads", 0, 1024, (0, 64)),

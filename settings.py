@@ -170,8 +170,9 @@ def to_toml(settings: Mapping[str, Mapping[str, Value]]) -> str:
     for topic, values in settings.items():
         lines.append(f"[{topic}]")
         for key, value in values.items():
-            # JSON's spelling of texts, numbers and booleans is TOML's, escapes included.
-            lines.append(f"{key} = {json.dumps(value)}")
+            # JSON's spelling of numbers, booleans and texts is TOML's, but for one control character.
+            text = json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+            lines.append(f"{key} = {text}")
         lines.append("")
     return "\n".join(lines)
 

@@ -17,7 +17,7 @@ TAG = "icymoon"  # custom property that marks what the builders made, its value 
 
 
 def _socket_value(socket: Any) -> Any:
-    value = getattr(socket, "default_value", None)
+    value: Any = getattr(socket, "default_value", None)
     return tuple(value) if hasattr(value, "__len__") and not isinstance(value, str) else value
 
 
@@ -33,7 +33,7 @@ def _tree(node_tree: bpy.types.NodeTree | None) -> list[Any]:
 
 def _mesh(mesh: bpy.types.Mesh) -> list[Any]:
     positions = np.empty(len(mesh.vertices) * 3, np.float32)
-    mesh.attributes["position"].data.foreach_get("vector", positions)
+    mesh.vertices.foreach_get("co", positions)
     return [hashlib.sha256(positions.tobytes()).hexdigest(), len(mesh.polygons),
             [[*_tree(m.node_tree), m.pass_index] if m else [] for m in mesh.materials]]
 

@@ -172,7 +172,6 @@ def build(scene: bpy.types.Scene, settings: Settings) -> Built:
     takes_camera = first or scene.camera is None or scene.camera in old
     takes_world = first or scene.world is None or TAG in scene.world
     _adopt_children(collection, old, objects)
-    old_sky = scene.world
     _remove(old)
     for item in objects:
         (blocks_collection if item[TAG] == "rock" else collection).objects.link(item)
@@ -180,7 +179,7 @@ def build(scene: bpy.types.Scene, settings: Settings) -> Built:
         scene.camera = objects[2]
     if takes_world:
         scene.world = sky
-    _remove_unused([], [w for w in {old_sky, sky} if w is not None and TAG in w])
+    _remove_unused([], [w for w in bpy.data.worlds if TAG in w])
     named = [*objects, *(o.data for o in objects), *_materials(objects)] + ([sky] if takes_world else [])
     for block in named:
         block.name = block.name.split(".")[0]  # free again now that the old one is gone
@@ -199,11 +198,10 @@ def clear(scene: bpy.types.Scene) -> bool:
     if collection is None:
         return False
     previous_world, previous_camera = collection.get(_PREVIOUS_WORLD), collection.get(_PREVIOUS_CAMERA)
-    sky = scene.world if scene.world is not None and TAG in scene.world else None
     ours = [item for item in collection.all_objects if TAG in item]
     if scene.camera in ours or scene.camera is None:
         scene.camera = previous_camera
-    if sky is not None:
+    if scene.world is None or TAG in scene.world:
         scene.world = previous_world
     for item in [item for item in collection.all_objects if TAG not in item]:
         if item.name not in scene.collection.objects:
@@ -212,7 +210,7 @@ def clear(scene: bpy.types.Scene) -> bool:
     for child in [c for c in collection.children_recursive if TAG in c]:
         bpy.data.collections.remove(child)
     bpy.data.collections.remove(collection)
-    _remove_unused([], [sky])
+    _remove_unused([], [w for w in bpy.data.worlds if TAG in w])
     return True
 
 

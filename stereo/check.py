@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import importlib
 import importlib.metadata
+import io
 import platform
 import sys
+from contextlib import redirect_stderr, redirect_stdout
 from typing import Any
 
 from ..errors import IcyMoonError
@@ -48,7 +50,9 @@ def _package(module: str) -> tuple[str | None, str]:
     distribution, oldest = PACKAGES[module]
     wanted = f"{distribution} {'.'.join(map(str, oldest))} or newer"
     try:
-        loaded = importlib.import_module(module)
+        # Packages that miss each other print whole essays about it.
+        with redirect_stdout(io.StringIO()), redirect_stderr(io.StringIO()):
+            loaded = importlib.import_module(module)
     except Exception as error:  # a broken binary package raises whatever it likes
         reason = f" ({error})" if importlib.util.find_spec(module) else ""
         return None, f"{wanted}{reason}"

@@ -147,7 +147,7 @@ def _evaluate(parsed: argparse.Namespace) -> int:
     progress = nullcontext(_json_line) if parsed.json_lines else _progress_bar()
     with progress as on_event:
         report = evaluate(parsed.path, methods, parsed.out, settings.get("sensor"), on_event)
-    path = parsed.out / "report.html"
+    path = (parsed.out / "report.html").resolve()
     if parsed.json_lines:
         _json_line({"type": "result", "report": str(path), "rows": report["summary"]})
     else:

@@ -17,7 +17,8 @@ from .columns import SUMMARY, shown
 def progress_bar() -> Iterator[Callable[[dict[str, Any]], None]]:
     """A progress bar on standard error; gives the function that takes the events of ``evaluate``."""
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
+    console = Console(stderr=True)
+    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
         task = progress.add_task("Evaluating")
 
         def on_event(event: dict[str, Any]) -> None:

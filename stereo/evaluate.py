@@ -2,7 +2,8 @@
 
 Every row is one method on one pair. The metrics of the main table are over all pixels with a finite
 true depth, a missing measurement costing coverage; those with the prefix ``visible_`` leave out
-pixels that the right eye cannot see (occluded or outside its image), where no matcher can measure.
+pixels that the right eye cannot see (occluded or outside its image), where no matcher can measure;
+those with ``common_`` are over the pixels that every method measured.
 A pair that cannot be used is named, recorded as failed, and does not stop the others.
 """
 
@@ -25,7 +26,7 @@ from .metrics import ERROR_STEPS_M, depth_metrics, disparity_metrics, error_curv
 from .prepare import Prepared, none_for_nan, pair_folders, prepare
 from .report import write_report
 from .rowlog import RowLog
-from .summary import METRICS, VISIBLE, csv_table, summary
+from .summary import METRICS, REGIONS, csv_table, summary
 
 FORMAT = "icymoon-report"
 VERSION = 1
@@ -49,7 +50,7 @@ def evaluate(path: Path, methods: Sequence[Method], out: Path, sensor: Mapping[s
 
     * ``summary``: one entry per method, see ``summary``.
     * ``rows``: ``pair``, ``method``, ``status`` ("ok" or "failed"), every metric of ``metrics`` and the
-      same with ``visible_``, ``error_curve``, ``true_pixels``, ``seconds`` of CPU time, the complete
+      same with ``visible_`` and ``common_``, ``error_curve``, ``true_pixels``, ``seconds`` of CPU time, the complete
       ``options``, ``error`` (why it failed) and ``images``: paths relative to ``out`` of the pictures
       ``depth`` and ``error`` and of ``disparity`` (npz).
     * ``pairs``: what was found about each usable pair, and its ``images`` ``left``, ``right`` and
@@ -81,17 +82,25 @@ def evaluate(path: Path, methods: Sequence[Method], out: Path, sensor: Mapping[s
                 done(_failed_row(folder.name, method, str(error)))
             continue
         pairs.append(prepared.facts | {"images": _write_pair_pictures(prepared, out)})
+        matched: dict[str, tuple[np.ndarray, dict[str, Any]]] = {}
+        broken: dict[str, str] = {}
         for method in methods:
             try:
-                disparity, valid, info = match(method.name, prepared.left, prepared.right, method.options)
+                disparity, _, info = match(method.name, prepared.left, prepared.right, method.options)
+                matched[method.label] = disparity, info
             except IcyMoonError as error:
-                fail(str(error), pair=folder.name, method=method.label)
-                done(_failed_row(folder.name, method, str(error)))
+                broken[method.label] = str(error)
+        masks = _masks(prepared, [disparity for disparity, _ in matched.values()])
+        for method in methods:
+            if method.label in broken:
+                fail(broken[method.label], pair=folder.name, method=method.label)
+                done(_failed_row(folder.name, method, broken[method.label]))
                 continue
-            depth = np.full(valid.shape, np.nan)
-            depth[valid] = prepared.pair.camera.focal_baseline_px_m / disparity[valid].astype(np.float64)
-            done({"pair": folder.name, "method": method.label, "status": "ok", **_measured(prepared, disparity, depth),
-                  "seconds": info["seconds"], "options": info["options"], "error": "",
+            disparity, info = matched[method.label]
+            depth = prepared.pair.camera.focal_baseline_px_m / disparity.astype(np.float64)  # NaN stays NaN
+            done({"pair": folder.name, "method": method.label, "status": "ok",
+                  **_measured(prepared, masks, disparity, depth), "seconds": info["seconds"],
+                  "options": info["options"], "error": "",
                   "images": _write_method_pictures(prepared, method, disparity, depth, out)})
 
     report = {"format": FORMAT, "version": VERSION, "summary": [summary(method.label, rows) for method in methods],
@@ -102,9 +111,18 @@ def evaluate(path: Path, methods: Sequence[Method], out: Path, sensor: Mapping[s
     return report
 
 
-def _measured(prepared: Prepared, disparity: np.ndarray, depth: np.ndarray) -> dict[str, Any]:
+def _masks(prepared: Prepared, disparities: Sequence[np.ndarray]) -> dict[str, np.ndarray]:
+    """The pixels of each of ``summary.REGIONS``."""
+    everywhere = np.ones_like(prepared.visible)
+    return {"": everywhere, "visible_": prepared.visible,
+            "common_": np.logical_and.reduce([everywhere, *map(np.isfinite, disparities)])}
+
+
+def _measured(prepared: Prepared, masks: Mapping[str, np.ndarray], disparity: np.ndarray,
+              depth: np.ndarray) -> dict[str, Any]:
     result: dict[str, Any] = {}
-    for prefix, truth in (("", prepared.truth), (VISIBLE, np.where(prepared.visible, prepared.truth, np.nan))):
+    for prefix, mask in masks.items():
+        truth = np.where(mask, prepared.truth, np.nan)
         metrics = depth_metrics(depth, truth) | disparity_metrics(disparity, prepared.pair.camera.disparity(truth))
         result |= {prefix + key: none_for_nan(value) for key, value in metrics.items()}
     result["error_curve"] = [none_for_nan(share) for share in error_curve(depth, prepared.truth)]
@@ -113,7 +131,7 @@ def _measured(prepared: Prepared, disparity: np.ndarray, depth: np.ndarray) -> d
 
 
 def _failed_row(pair: str, method: Method, message: str) -> dict[str, Any]:
-    undefined = dict.fromkeys([prefix + metric for prefix in ("", VISIBLE) for metric in METRICS])
+    undefined = dict.fromkeys([prefix + metric for prefix in REGIONS for metric in METRICS])
     return {"pair": pair, "method": method.label, "status": "failed", **undefined, "error_curve": [],
             "true_pixels": None, "seconds": None, "options": check_options(method.name, method.options),
             "error": message, "images": {}}
@@ -155,5 +173,5 @@ def _provenance(path: Path, methods: Sequence[Method], sensor: Mapping[str, Any]
                          "options": check_options(method.name, method.options)} for method in methods],
             "sensor_overrides": dict(sensor), "versions": check.versions(), "error_curve_steps_m": list(ERROR_STEPS_M),
             "averages": "mean over pairs, each pair counting alike; pooled_* over the pixels of all pairs",
-            "pixels": "all with a finite true depth; visible_* only those that the right eye sees too",
+            "pixels": REGIONS,
             "seconds": "CPU seconds of matching, one thread"}

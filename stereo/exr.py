@@ -11,7 +11,7 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, redirect_stdout
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -99,17 +99,14 @@ def _labels(channels: _Channels, passes: tuple[str, ...]) -> np.ndarray | None:
 
 @contextmanager
 def _silenced() -> Iterator[None]:
-    """Send what the EXR library prints about a damaged file nowhere: stdout carries our own lines."""
-    sys.stdout.flush()
+    """Send what OpenEXR says about a damaged file nowhere: its Python part prints on standard output,
+    which carries our own lines, its C++ part on standard error."""
     sys.stderr.flush()
-    kept = [os.dup(1), os.dup(2)]
-    nowhere = os.open(os.devnull, os.O_WRONLY)
+    kept = os.dup(2)
     try:
-        os.dup2(nowhere, 1)
-        os.dup2(nowhere, 2)
-        yield
+        with open(os.devnull, "w") as nowhere, redirect_stdout(nowhere):
+            os.dup2(nowhere.fileno(), 2)
+            yield
     finally:
-        for number, handle in enumerate(kept, start=1):
-            os.dup2(handle, number)
-            os.close(handle)
-        os.close(nowhere)
+        os.dup2(kept, 2)
+        os.close(kept)

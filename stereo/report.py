@@ -17,11 +17,12 @@ from ..settings import to_toml
 from . import pictures
 from .columns import SUMMARY, shown
 from .images import encoded, read_png
+from .summary import REGIONS
 
 #: Pairs shown with pictures, at most; half of them are the worst ones. The CSV has all.
 MOST_PAIRS = 24
-#: Of Okabe and Ito, told apart by colour-blind eyes and on white as on black.
-_COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
+#: After Okabe and Ito, told apart by colour-blind eyes; in lightness between white and black paper.
+_COLOURS = ("#2a86c8", "#d55e00", "#009e73", "#c0699a", "#c98a00", "#6f7f8f")
 _WIDTH_PX = 480  # of embedded pictures
 _JPEG_QUALITY = 80
 
@@ -32,7 +33,7 @@ def write_report(report: Mapping[str, Any], out: Path) -> None:
                                      undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True)
     shown_pairs = choose_pairs(report)
     html = environment.get_template("report.html.j2").render(
-        report=report, chart=error_chart(report), columns=SUMMARY, shown=shown, error_bar=_bar(pictures.ERROR),
+        report=report, regions=REGIONS, chart=error_chart(report), columns=SUMMARY, shown=shown, error_bar=_bar(pictures.ERROR),
         invalid=pictures.INVALID_GREY, sky=pictures.SKY_GREY,
         pairs=[_pair(facts, report, out) for facts in report["pairs"] if facts["pair"] in shown_pairs])
     write_text(out / "report.html", html)

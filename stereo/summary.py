@@ -11,14 +11,17 @@ from typing import Any
 from .metrics import DEPTH_METRICS, DISPARITY_METRICS
 
 METRICS = (*DEPTH_METRICS, *DISPARITY_METRICS)
-VISIBLE = "visible_"
+#: Prefixes of the metrics -> the pixels that they are over, for people to read.
+REGIONS = {"": "all pixels with a true depth; a missing measurement lowers the coverage and is no error",
+           "visible_": "pixels that the right eye sees too: neither occluded nor outside its image",
+           "common_": "pixels that every method measured, the only ones on which their errors compare like with like"}
 
 #: Means over pixels, so that the pixels of all pairs can be thrown together. The scale-invariant
 #: and order metrics compare pixels of one image and have no such sum.
 POOLED = ("l1_m", "l1_rate_10", "bias_m", "abs_rel", "l1_rate_30", "l1_rate_100", *DISPARITY_METRICS)
 
-_COLUMNS = ("pair", "method", "status", *METRICS, *(VISIBLE + metric for metric in METRICS), "true_pixels", "seconds",
-            "error")
+_COLUMNS = ("pair", "method", "status", *(prefix + metric for prefix in REGIONS for metric in METRICS),
+            "true_pixels", "seconds", "error")
 
 Row = Mapping[str, Any]
 
@@ -33,8 +36,9 @@ def summary(label: str, rows: Sequence[Row]) -> dict[str, Any]:
     own = [row for row in rows if row["method"] == label]
     scored = [row for row in own if row["status"] == "ok"]
     result: dict[str, Any] = {"method": label, "pairs": len(scored), "failed": len(own) - len(scored)}
-    for key in (prefix + metric for prefix in ("", VISIBLE) for metric in METRICS):
-        result[key] = sum(row[key] for row in scored) if key in ("n", VISIBLE + "n") else _mean(scored, key)
+    for prefix in REGIONS:
+        result |= {prefix + metric: _mean(scored, prefix + metric) for metric in METRICS}
+        result[f"{prefix}n"] = sum(row[f"{prefix}n"] for row in scored)
     result["seconds"] = _mean(scored, "seconds")
     for metric in POOLED:
         result[f"pooled_{metric}"] = _ratio(math.fsum(row[metric] * row["n"] for row in scored if row["n"]),

@@ -11,7 +11,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from .opencv import run
+from .opencv import require_room, run
 from .options import Option
 
 OPTIONS = (
@@ -58,4 +58,6 @@ def compute(left: np.ndarray, right: np.ndarray, options: dict[str, Any]) -> np.
     margin = options["window"] // 2
     # The area of cv2.getValidDisparityROI for two whole images.
     columns = (options["min_disparity"] + options["disparities"] - 1 + margin, width - margin)
-    return run("bm", matcher, left, right, options["min_disparity"], columns, (margin, height - margin))
+    rows = (margin, height - margin)
+    require_room("bm", left, columns[0] < columns[1] and rows[0] < rows[1])
+    return run("bm", matcher, left, right, options["min_disparity"], columns, rows)

@@ -12,6 +12,14 @@ from ...errors import IcyMoonError
 SUBPIXELS = 16  # OpenCV's disparities are fixed-point numbers with four fractional bits
 
 
+def require_room(method: str, image: np.ndarray, enough: bool) -> None:
+    """Raise IcyMoonError unless there is ``enough`` of an image (H, W) for a search range and window."""
+    if not enough:
+        raise IcyMoonError(f"The images, {image.shape[1]} x {image.shape[0]} px, are too small for {method}: its "
+                           f"search range and window do not fit; lower {method}.disparities or {method}.window, or "
+                           "render larger images.")
+
+
 def run(method: str, matcher: Any, left: np.ndarray, right: np.ndarray, min_disparity: int,
         columns: tuple[int, int], rows: tuple[int, int]) -> np.ndarray:
     """Disparity, float32 (H, W) px, NaN where ``matcher`` found none or may not be believed.
@@ -21,11 +29,6 @@ def run(method: str, matcher: Any, left: np.ndarray, right: np.ndarray, min_disp
     a positive least disparity looks like a far surface. It also leaves garbage to the left of
     ``columns``, and other garbage for another number of threads (one stripe each), hence one thread.
     """
-    if columns[0] >= columns[1] or rows[0] >= rows[1]:
-        height, width = left.shape
-        raise IcyMoonError(f"The images, {width} x {height} px, are too small for {method}: its search range and "
-                           f"window do not fit; lower {method}.disparities or {method}.window, or render larger "
-                           "images.")
     cv2.setNumThreads(1)
     try:
         fixed = matcher.compute(left, right)

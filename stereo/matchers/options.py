@@ -27,7 +27,7 @@ class Option:
 def nearest(word: str, known: Iterable[str]) -> str:
     """The end of a sentence about an unknown word: the likeliest one that was meant, or all."""
     names = list(known)
-    close = difflib.get_close_matches(word, names, n=1, cutoff=0.4)
+    close = difflib.get_close_matches(word, names, n=1, cutoff=0.5)
     return f"did you mean {close[0]!r}?" if close else f"known are {', '.join(names)}."
 
 
@@ -39,10 +39,11 @@ def resolve(method: str, declared: Sequence[Option], presets: Mapping[str, Mappi
     """
     names = {name: option for option in declared for name in (option.key, option.opencv) if name}
     complete: dict[str, Any] = {option.key: option.default for option in declared}
+    known = {*names, "preset"} if presets else set(names)
     for key in given:
-        if key != "preset" and key not in names:
-            known = [option.key for option in declared] + (["preset"] if presets else [])
-            raise IcyMoonError(f"Unknown option {method}.{key}, {nearest(key, known)}")
+        if key not in known:
+            own = [option.key for option in declared]
+            raise IcyMoonError(f"Unknown option {method}.{key}, {nearest(key, own)}")
     if "preset" in given:
         if given["preset"] not in presets:
             raise IcyMoonError(f"Unknown preset {method}.preset={given['preset']}, "

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 
 from ...errors import IcyMoonError
-from .opencv import run
+from .opencv import require_room, run
 from .options import Option
 
 OPTIONS = (
@@ -53,6 +53,8 @@ def compute(left: np.ndarray, right: np.ndarray, options: dict[str, Any]) -> np.
     reach = least + options["disparities"]
     extension = reach if options["left_border"] == "match" else 0
     height, width = left.shape
+    # OpenCV 5 refuses less; older ones give results that depend on chance.
+    require_room("sgbm", left, width + extension - reach > options["window"] // 2)
     # OpenCV leaves out every column that cannot be searched to the end of the range, a seventh of
     # the paper's images. Extended images have none, and a match found in the extension is none.
     left, right = (cv2.copyMakeBorder(image, 0, 0, extension, 0, cv2.BORDER_REPLICATE) for image in (left, right))

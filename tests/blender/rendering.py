@@ -1,0 +1,37 @@
+"""Building and rendering small scenes in tests."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+import bpy
+from icymoon import settings as description
+from icymoon.nodes.scene import Built, build
+from icymoon.render.pair import Pair, read_pair
+from icymoon.render.plan import expand
+from icymoon.render.worker import render_pairs
+
+SMALL = {"terrain": {"resolution": 65}, "quality": {"samples": 2, "threads": 2},
+         "rig": {"width_px": 96, "height_px": 72}}
+
+
+def complete(*parts: dict) -> description.Settings:
+    """The defaults, made small, with changes."""
+    return description.merged(description.defaults(), SMALL, *(description.check(p, "test") for p in parts))
+
+
+def empty_scene() -> bpy.types.Scene:
+    """A scene with nothing in it, in a new file."""
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    return bpy.context.scene
+
+
+def render(folder: Path, *parts: dict) -> tuple[Pair, Built]:
+    """Build a described scene, render its first pair into a data set folder and read it back."""
+    settings = complete(*parts)
+    scene = empty_scene()
+    start = time.perf_counter()
+    built = build(scene, settings)
+    folders = render_pairs(built, expand(settings), folder, 1, time.perf_counter() - start, lambda *a, **k: None)
+    return read_pair(folders[0]), built

@@ -1,0 +1,63 @@
+"""The command line: exit codes, one sentence on stderr, nothing half-written."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from icymoon.version import ROOT
+
+
+def run(*arguments: str, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
+    """Run ``python -m icymoon``."""
+    return subprocess.run([sys.executable, "-m", "icymoon", *arguments], capture_output=True, text=True, cwd=cwd,
+                          timeout=120, check=False)
+
+
+@pytest.mark.parametrize(("arguments", "word"), [
+    (("render", "--preset", "nowhere"), "Unknown preset"),
+    (("render", "--set", "terrain.sizem=3"), "size_m"),
+    (("render", "--settings", "absent.toml"), "absent.toml"),
+    (("render", "--blender", "/nowhere/blender"), "check the path"),
+    (("evaluate", "/nowhere"), "/nowhere"),
+    (("settings", "--set", "rig.width_px=0"), "rig.width_px"),
+])
+def test_a_mistake_is_one_sentence_and_exit_code_1(arguments, word, tmp_path):
+    done = run(*arguments, *(("--out", str(tmp_path / "out")) if arguments[0] != "settings" else ()))
+    assert done.returncode == 1
+    assert word in done.stderr
+    assert "Traceback" not in done.stderr + done.stdout
+    assert len(done.stderr.strip().splitlines()) == 1
+    assert not (tmp_path / "out" / "pairs").exists()
+
+
+def test_a_worker_that_dies_is_named_by_its_last_words(tmp_path):
+    fake = tmp_path / "blender"
+    fake.write_text("#!/bin/sh\necho 'libGL is missing'\nexit 3\n")
+    fake.chmod(0o755)
+    done = run("render", "--blender", str(fake), "--out", str(tmp_path / "out"))
+    assert done.returncode == 1
+    assert "libGL is missing" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_the_package_runs_by_its_path_from_a_folder_of_any_name(tmp_path):
+    link = tmp_path / "some-extension"
+    link.symlink_to(ROOT, target_is_directory=True)
+    environment = {k: v for k, v in os.environ.items() if k != "PYTHONPATH"}
+    done = subprocess.run([sys.executable, "-I", str(link / "__main__.py"), "presets"], capture_output=True, text=True,
+                          cwd=tmp_path, env=environment, timeout=60, check=False)
+    assert done.returncode == 0, done.stderr
+    assert "scenes/europa_rough_ice" in done.stdout
+
+
+def test_settings_are_printed_complete_and_load_again(tmp_path):
+    done = run("settings", "--preset", "europa_rough_ice", "--set", "rig.baseline_m=0.3")
+    file = tmp_path / "scene.toml"
+    file.write_text(done.stdout)
+    again = run("settings", "--settings", str(file))
+    assert again.stdout == done.stdout
+    assert "baseline_m = 0.3" in done.stdout

@@ -1,0 +1,130 @@
+"""The pair folder, the plan, atomic files, the worker's queue and launch paths; no Blender."""
+
+from __future__ import annotations
+
+import json
+import math
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from icymoon import files, settings
+from icymoon.errors import IcyMoonError
+from icymoon.render.launch import Job, absolute_folder, blender_command
+from icymoon.render.pair import StereoCamera, find_pairs, read_pair
+from icymoon.render.plan import expand
+from icymoon.render.queue import Process
+
+
+def test_the_papers_camera():
+    camera = StereoCamera.from_settings(settings.defaults()["rig"])
+    assert camera.focal_px == pytest.approx(640 * 32 / 60)
+    assert camera.focal_baseline_px_m == pytest.approx(85.3333333)  # not 80, which is 6.25 % off
+    assert camera.field_of_view_deg == pytest.approx((86.3, 70.2), abs=0.1)
+    assert (camera.cx_px, camera.cy_px) == (320, 240)
+    assert StereoCamera.from_json(json.loads(json.dumps(camera.to_json()))) == camera
+    depth = np.array([1.0, 85.3333333, math.nan])
+    assert camera.disparity(depth)[:2] == pytest.approx([85.3333333, 1.0])
+    assert math.isnan(camera.disparity(depth)[2])
+
+
+def test_headings_are_equal_turns_with_their_own_ids():
+    base = settings.merged(settings.defaults(), {"dataset": {"headings": 4}, "rig": {"heading_deg": 100.0}})
+    pairs = expand(base)
+    assert [p.turn_deg for p in pairs] == [0, 90, 180, 270]
+    assert [p.settings["rig"]["heading_deg"] for p in pairs] == [100, -170, -80, 10]
+    assert len({p.id for p in pairs}) == 4
+    assert len({p.render_seed for p in pairs}) == 4
+    assert [p.id for p in expand(base)] == [p.id for p in pairs]
+    alone = expand(settings.merged(base, {"dataset": {"headings": 1}}))[0]
+    assert alone.id == pairs[0].id
+
+
+def test_incomplete_and_foreign_folders_are_named(tmp_path):
+    with pytest.raises(IcyMoonError, match="no complete stereo pair"):
+        find_pairs(tmp_path)
+    pair = tmp_path / "pairs" / "abc"
+    pair.mkdir(parents=True)
+    for content, word in (("{", "cannot be read"), ("[]", "not an Icy Moon pair"), ("{}", "not an Icy Moon pair"),
+                          ('{"format": "icymoon-pair", "version": 99}', "version 99"),
+                          ('{"format": "icymoon-pair", "version": 1}', "lacks")):
+        (pair / "pair.json").write_text(content)
+        with pytest.raises(IcyMoonError, match="abc") as caught:
+            read_pair(pair)
+        assert word in str(caught.value)
+    pair.rename(tmp_path / "pairs" / "abc.part")
+    with pytest.raises(IcyMoonError, match="no complete stereo pair"):
+        find_pairs(tmp_path)
+
+
+def test_a_failed_write_leaves_the_old_file(tmp_path):
+    target = tmp_path / "deep" / "a.json"
+    files.write_json(target, {"a": 1})
+
+    def fail(part: Path) -> None:
+        part.write_text("half")
+        raise OSError(28, "No space left on device")
+
+    with pytest.raises(IcyMoonError, match="disk is full"):
+        files.write_atomically(target, fail)
+    assert json.loads(target.read_text()) == {"a": 1}
+    assert [p.name for p in target.parent.iterdir()] == ["a.json"]
+    with pytest.raises(ValueError, match="nan|NaN|JSON"):
+        files.write_json(target, {"a": math.nan})
+    with pytest.raises(IcyMoonError, match="a file"):
+        files.write_json(target / "b.json", {})
+
+
+def _python(code: str) -> Process:
+    return Process([sys.executable, "-c", code])
+
+
+def test_a_process_is_heard_in_order_and_its_noise_is_kept():
+    process = _python("import json\nfor k in range(3): print(json.dumps({'type': 'progress', 'k': k}), flush=True)\n"
+                      "print('{not json'); print('Cycles says hello')")
+    assert [m["k"] for m in process.messages()] == [0, 1, 2]
+    assert process.returncode == 0
+    assert process.last_words == "Cycles says hello"
+
+
+def test_a_process_that_ignores_the_request_is_made_to_stop():
+    process = _python("import signal, time\nsignal.signal(signal.SIGINT, signal.SIG_IGN)\n"
+                      "print('{\"type\": \"ready\"}', flush=True)\ntime.sleep(60)")
+    next(process.messages())
+    start = time.monotonic()
+    process.cancel()
+    list(process.messages())
+    assert process.returncode != 0
+    assert process.cancelled
+    assert time.monotonic() - start < 20
+
+
+def test_a_command_that_is_not_there_is_an_error_with_a_mend():
+    with pytest.raises(IcyMoonError, match="check the path"):
+        Process(["/nowhere/blender", "-b"])
+
+
+def test_commands_are_lists_for_blender_and_python():
+    assert blender_command("/opt/blender/blender", "worker", "j")[:3] == ["/opt/blender/blender", "-b",
+                                                                         "--factory-startup"]
+    assert "--python-exit-code" in blender_command("/opt/blender/blender", "worker", "j")
+    assert blender_command("/usr/bin/python3.11", "worker", "j")[-2:] == ["worker", "j"]
+
+
+def test_dataset_folders(tmp_path):
+    assert absolute_folder("//sub/set", str(tmp_path)) == tmp_path / "sub" / "set"
+    assert absolute_folder("~/x") == Path.home() / "x"
+    for text in ("//x", "", "  "):
+        with pytest.raises(IcyMoonError, match="dataset.folder"):
+            absolute_folder(text, None)
+
+
+def test_removing_a_job_removes_what_a_killed_worker_left(tmp_path):
+    job = Job(settings.defaults(), tmp_path)
+    (tmp_path / "pairs" / "abc.part").mkdir(parents=True)
+    (tmp_path / "pairs" / "def").mkdir()
+    job.remove()
+    assert not job.folder.exists()
+    assert [p.name for p in (tmp_path / "pairs").iterdir()] == ["def"]

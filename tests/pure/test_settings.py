@@ -1,0 +1,132 @@
+"""Settings: one spelling, strict loading, errors a person can act on."""
+
+from __future__ import annotations
+
+import math
+import tomllib
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from icymoon import settings
+from icymoon.errors import IcyMoonError
+from icymoon.properties import EFFECTS, TOPICS, all_settings
+
+
+def _values(setting):
+    if setting.kind == "bool":
+        return st.booleans()
+    if setting.kind == "choice":
+        return st.sampled_from([c[0] for c in setting.choices])
+    if setting.kind == "text":
+        return st.text(max_size=30)
+    if setting.kind == "int":
+        return st.integers(int(setting.minimum), int(setting.maximum))
+    return st.floats(setting.minimum, setting.maximum)
+
+
+_descriptions = st.fixed_dictionaries({
+    topic.key: st.fixed_dictionaries({s.key: _values(s) for s in topic.settings}) for topic in TOPICS.values()})
+
+
+@given(_descriptions)
+def test_toml_gives_back_what_was_written(description):
+    canonical = settings.check(description, "test")
+    assert settings.check(tomllib.loads(settings.to_toml(canonical)), "test") == canonical
+
+
+@given(_descriptions)
+def test_canonical_form_is_single_precision_and_stable(description):
+    once = settings.check(description, "test")
+    assert settings.check(once, "test") == once
+    for topic, setting in all_settings():
+        if setting.kind == "float":
+            assert once[topic][setting.key] == pytest.approx(description[topic][setting.key], rel=1.2e-7, abs=1e-44)
+
+
+def test_every_setting_says_what_it_is():
+    for topic, setting in all_settings():
+        assert len(setting.description) > 15, f"{topic}.{setting.key}"
+        assert setting.effect in EFFECTS
+        if setting.kind in ("int", "float"):
+            low, high = setting.soft or (setting.minimum, setting.maximum)
+            assert math.isfinite(setting.minimum)
+            assert math.isfinite(setting.maximum)
+            assert setting.minimum <= low < high <= setting.maximum, f"{topic}.{setting.key}"
+    settings.check(settings.defaults(), "defaults")
+
+
+@pytest.mark.parametrize(("text", "words"), [
+    ("terrain.sizem=3", ("terrain.sizem", "size_m")),
+    ("terain.size_m=3", ("terain", "terrain")),
+    ("terrain.size_m=-1", ("terrain.size_m", "-1 m", "0.01 to 100000 m")),
+    ("terrain.size_m=nan", ("terrain.size_m", "outside")),
+    ("terrain.size_m=inf", ("terrain.size_m", "outside")),
+    ("terrain.size_m=twenty", ("terrain.size_m", "a number")),
+    ("terrain.size_m=true", ("terrain.size_m", "a number")),
+    ("rig.width_px=640.5", ("rig.width_px", "a whole number")),
+    ("sensor.shot_noise=1", ("sensor.shot_noise", "true or false")),
+    ("quality.denoiser=OID", ("quality.denoiser", "OIDN")),
+    ("size", ("topic.key=value",)),
+])
+def test_a_wrong_override_names_the_key_and_the_mend(text, words):
+    with pytest.raises(IcyMoonError) as caught:
+        settings.override(text)
+    for word in words:
+        assert word in str(caught.value)
+
+
+@pytest.mark.parametrize(("text", "expected"), [
+    ("terrain.size_m=30", 30.0), ("terrain.octaves=3", 3), ("sensor.shot_noise=false", False),
+    ("quality.denoiser=OIDN", "OIDN"), ("dataset.methods=bm,sgbm", "bm,sgbm"), ("dataset.folder=/a b/c", "/a b/c"),
+])
+def test_an_override_reads_its_value_by_the_settings_type(text, expected):
+    (value,) = next(iter(settings.override(text).values())).values()
+    assert value == expected
+    assert type(value) is type(expected)
+
+
+def test_a_file_with_a_mistake_is_named_with_the_mistake(tmp_path):
+    for content, word in (("[terrain]\nsize_m = ", "TOML"), ("[terrain]\nsizes = 1", "terrain.sizes"),
+                          ("terrain = 3", "[terrain]"), ("[preset]\ntitel = 'x'", "title")):
+        file = tmp_path / "scene.toml"
+        file.write_text(content)
+        with pytest.raises(IcyMoonError, match="scene.toml") as caught:
+            settings.load(file)
+        assert word in str(caught.value)
+    with pytest.raises(IcyMoonError, match="cannot be read"):
+        settings.load(tmp_path / "absent.toml")
+
+
+def test_presets_load_and_every_number_has_a_source():
+    assert {"scenes/enceladus_fresh_snow", "scenes/europa_rough_ice"} <= set(settings.preset_names())
+    for name in settings.preset_names():
+        settings.load(settings.preset_path(name))
+        raw = settings.read_toml(settings.preset_path(name))
+        stated = {f"{topic}.{key}" for topic, values in raw.items() if topic not in ("preset", "sources")
+                  for key in values}
+        assert stated == set(raw["sources"]), name
+        assert all(settings.preset_header(name)), name
+
+
+def test_an_unknown_preset_names_the_nearest():
+    with pytest.raises(IcyMoonError, match="europa_rough_ice"):
+        settings.preset_path("scenes/europa_ruff_ice")
+    with pytest.raises(IcyMoonError):
+        settings.preset_path("../pyproject")
+
+
+def test_the_digest_counts_what_changes_pixels_and_nothing_else():
+    base = settings.defaults()
+    for topic, setting in all_settings():
+        if setting.kind == "bool":
+            other = not setting.default
+        elif setting.kind == "choice":
+            other = setting.choices[-1][0] if setting.default == setting.choices[0][0] else setting.choices[0][0]
+        elif setting.kind == "text":
+            other = f"{setting.default}x"
+        else:
+            other = setting.maximum if setting.default != setting.maximum else setting.minimum
+        changed = settings.digest(settings.merged(base, {topic: {setting.key: other}})) != settings.digest(base)
+        assert changed == (setting.effect not in ("response", "run")), f"{topic}.{setting.key}"
+    assert settings.digest(base, "lander") != settings.digest(base)

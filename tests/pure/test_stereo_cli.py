@@ -1,0 +1,267 @@
+"""The evaluator as a process: interface, exit codes, one sentence per error, nothing left behind."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import cv2
+import icymoon
+import numpy as np
+import pairs
+import pytest
+
+ROOT = Path(icymoon.__file__).parent
+BY_PATH = [sys.executable, str(ROOT / "stereo" / "__main__.py")]
+
+
+def run(*arguments, command=BY_PATH, **options):
+    return subprocess.run([*command, *map(str, arguments)], capture_output=True, text=True, timeout=120, **options)
+
+
+def run_with(preparation, *arguments):
+    """Run the command line after some Python statements."""
+    program = (f"import sys; sys.path[:0] = [{str(ROOT.parent)!r}]; {preparation}\n"
+               "import importlib.util\n"
+               f"spec = importlib.util.spec_from_file_location('icymoon', {str(ROOT / '__init__.py')!r},"
+               f" submodule_search_locations=[{str(ROOT)!r}])\n"
+               "sys.modules['icymoon'] = importlib.util.module_from_spec(spec)\n"
+               "from icymoon.stereo.cli import main\n"
+               "code = main(sys.argv[1:])\n"
+               "assert not {'torch', 'bpy'} & {name for name, module in sys.modules.items() if module}\n"
+               "sys.exit(code)")
+    return run(*arguments, command=[sys.executable, "-c", program])
+
+
+def assert_refused(result, *words, code=1):
+    assert result.returncode == code, result.stderr
+    lines = result.stderr.splitlines()
+    assert len(lines) == 1, result.stderr
+    assert lines[0].startswith("icymoon.stereo: ")
+    assert all(word in lines[0] for word in words), lines[0]
+
+
+@pytest.fixture(scope="module")
+def inputs(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("inputs")
+    for eye in ("left", "right"):
+        light = pairs.view(pairs.Scene(block=False), pairs.camera(), eye)[1]
+        cv2.imwrite(str(folder / f"{eye}.png"), np.rint(light / 6 * 255).astype(np.uint8))
+        cv2.imwrite(str(folder / f"{eye}16.png"), np.rint(light / 6 * 65535).astype(np.uint16))
+    whole = (folder / "left.png").read_bytes()
+    (folder / "cut.png").write_bytes(whole[:len(whole) // 2])
+    (folder / "flipped.png").write_bytes(whole[:5000] + bytes([whole[5000] ^ 1]) + whole[5001:])
+    (folder / "empty.png").write_bytes(b"")
+    (folder / "text.png").write_text("no picture")
+    cv2.imwrite(str(folder / "small.png"), np.zeros((20, 30), np.uint8))
+    pairs.write_pair(folder / "set" / "pairs" / "good")
+    return folder
+
+
+def match(inputs, out, *more, left="left.png", right="right.png", method="sgbm"):
+    return run("match", "--method", method, "--left", inputs / left, "--right", inputs / right, "--out", out, *more)
+
+
+@pytest.mark.parametrize("bits", ["", "16"])
+def test_match_writes_disparity(inputs, tmp_path, bits):
+    out = tmp_path / "deep" / "D.npz"
+    result = match(inputs, out, "--option", "window=7", "disparities=64",
+                   left=f"left{bits}.png", right=f"right{bits}.png")
+    assert (result.returncode, result.stdout, result.stderr) == (0, "", "")
+    with np.load(out) as stored:
+        disparity = stored["disparity"]
+    assert disparity.dtype == np.float32
+    truth = pairs.camera().disparity(pairs.view(pairs.Scene(block=False), pairs.camera(), "left")[0])
+    valid = np.isfinite(disparity)
+    assert valid.mean() > 0.8
+    assert np.isnan(disparity[~valid]).all()
+    assert np.median(np.abs(disparity - truth)[valid]) < 0.1
+    assert [path.name for path in out.parent.iterdir()] == ["D.npz"]
+
+
+@pytest.mark.parametrize(("changes", "words"), [
+    ({"left": "none.png"}, ["none.png", "No such file"]),
+    ({"left": "cut.png"}, ["cut.png", "damaged or incomplete"]),
+    ({"left": "flipped.png"}, ["flipped.png", "damaged or incomplete"]),
+    ({"left": "empty.png"}, ["empty.png", "not a PNG"]),
+    ({"right": "text.png"}, ["text.png", "not a PNG"]),
+    ({"right": "small.png"}, ["256 x 144", "30 x 20"]),
+    ({"left": "small.png", "right": "small.png", "method": "bm"}, ["30 x 20", "too small for bm"]),
+    ({"method": "sbgm"}, ["did you mean 'sgbm'"]),
+])
+def test_match_refuses_in_one_sentence_and_writes_nothing(inputs, tmp_path, changes, words):
+    assert_refused(match(inputs, tmp_path / "D.npz", **changes), *words)
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(("option", "words"), [
+    ("windw=9", ["did you mean 'window'"]), ("window", ["key=value"]), ("window=-1", ["outside 1 to 25"]),
+])
+def test_match_refuses_wrong_options(inputs, tmp_path, option, words):
+    assert_refused(match(inputs, tmp_path / "D.npz", "--option", option), *words)
+
+
+def test_output_that_cannot_be_written(inputs, tmp_path):
+    (tmp_path / "file").write_text("in the way")
+    assert_refused(match(inputs, tmp_path / "file" / "D.npz"), "Cannot write", "file")
+    assert_refused(run("evaluate", inputs / "set", "--out", tmp_path / "file"), "Cannot write", "file")
+    assert (tmp_path / "file").read_text() == "in the way"
+
+
+def save(folder, name, array):
+    np.save(folder / name, array)
+    return folder / name
+
+
+def test_metrics_prints_json_with_the_promised_keys(tmp_path):
+    truth = save(tmp_path, "z.npy", np.array([[1.0, 2.0], [4.0, np.nan]]))
+    result = run("metrics", "--prediction", save(tmp_path, "p.npy", np.array([[1.05, 2.5], [np.nan, 1.0]])),
+                 "--truth", truth)
+    assert (result.returncode, result.stderr) == (0, "")
+    values = json.loads(result.stdout)
+    assert {"l1_m", "l1_rate_10", "si_mse", "si_rmse", "dod", "coverage", "n"} <= set(values)
+    assert values["l1_m"] == pytest.approx(0.275)
+    assert (values["l1_rate_10"], values["n"], values["coverage"]) == (0.5, 2, pytest.approx(2 / 3))
+    empty = run("metrics", "--prediction", save(tmp_path, "e.npy", np.full((2, 2), np.nan)), "--truth", truth)
+    values = json.loads(empty.stdout)
+    assert (values["n"], values["coverage"], values["l1_m"], values["dod"]) == (0, 0, None, None)
+
+
+def test_metrics_refuses_what_is_no_depth(tmp_path):
+    good = save(tmp_path, "z.npy", np.ones((3, 4)))
+    (tmp_path / "cut.npy").write_bytes(good.read_bytes()[:-10])
+    (tmp_path / "header.npy").write_bytes(b"\x93NUMPY\x01\x00\x46\x00{{{" + b" " * 67)
+    (tmp_path / "empty.npy").write_bytes(b"")
+    np.savez(tmp_path / "many.npz", a=np.ones(3))
+    for bad, words in [("none.npy", ["none.npy"]), ("cut.npy", ["cut.npy"]), ("empty.npy", ["empty.npy"]),
+                       ("header.npy", ["header.npy"]), ("many.npz", ["several arrays"]), (".", [str(tmp_path)]),
+                       (save(tmp_path, "o.npy", np.array([{}, None])).name, ["o.npy"]),
+                       (save(tmp_path, "c.npy", np.ones((3, 4), complex)).name, ["complex128"]),
+                       (save(tmp_path, "s.npy", np.ones((4, 3))).name, ["(4, 3)", "(3, 4)"])]:
+        assert_refused(run("metrics", "--prediction", tmp_path / bad, "--truth", good), *words)
+
+
+def test_evaluate_for_a_person(inputs, tmp_path):
+    result = run("evaluate", inputs / "set", "--methods", "bm,sgbm", "--out", tmp_path / "out")
+    assert result.returncode == 0, result.stderr
+    assert "sgbm" in result.stdout
+    assert result.stdout.splitlines()[-1] == str(tmp_path / "out" / "report.html")
+    assert "Traceback" not in result.stderr
+
+
+def test_evaluate_for_a_program_without_bpy_or_torch(inputs, tmp_path):
+    result = run_with("sys.modules['bpy'] = None", "evaluate", inputs / "set", "--out", tmp_path / "out",
+                      "--json-lines", "--option", "bm.window=21", "--set", "sensor.bits=12")
+    assert (result.returncode, result.stderr) == (0, "")
+    lines = [json.loads(line) for line in result.stdout.splitlines()]
+    assert [line["type"] for line in lines] == ["progress", "progress", "result"]
+    assert lines[0] == {"type": "progress", "done": 1, "total": 2, "message": "good bm"}
+    assert Path(lines[-1]["report"]).is_file()
+    assert [row["method"] for row in lines[-1]["rows"]] == ["bm", "sgbm"]
+    report = json.loads((tmp_path / "out" / "report.json").read_text())
+    assert (report["format"], report["version"]) == ("icymoon-report", 1)
+    assert report["pairs"][0]["settings"]["sensor"]["bits"] == 12
+    assert report["rows"][0]["options"]["window"] == 21
+
+
+def test_evaluate_with_a_broken_pair_does_the_rest_and_fails(tmp_path):
+    pairs.write_pair(tmp_path / "pairs" / "a")
+    pairs.write_pair(tmp_path / "pairs" / "b")
+    content = (tmp_path / "pairs" / "a" / "left.exr").read_bytes()
+    (tmp_path / "pairs" / "a" / "left.exr").write_bytes(content[:2000])
+    result = run("evaluate", tmp_path, "--methods", "bm", "--out", tmp_path / "out", "--json-lines")
+    assert_refused(result, "left.exr")
+    lines = [json.loads(line) for line in result.stdout.splitlines()]
+    assert [line["type"] for line in lines] == ["error", "progress", "progress", "result", "error"]
+    assert (tmp_path / "out" / "report.html").is_file()
+
+
+@pytest.mark.parametrize(("arguments", "words"), [
+    (["--set", "rig.baseline_m=1"], ["needs a new render"]), (["--set", "sensor.bits=99"], ["8 to 16"]),
+    (["--methods", "igevv"], ["Unknown stereo method"]), (["--option", "bm.windo=3"], ["did you mean 'window'"]),
+])
+def test_evaluate_refuses_wrong_settings_before_it_writes(inputs, tmp_path, arguments, words):
+    assert_refused(run("evaluate", inputs / "set", "--out", tmp_path / "out", *arguments), *words)
+    assert not list(tmp_path.iterdir())
+
+
+def test_evaluate_without_pairs(tmp_path):
+    result = run("evaluate", tmp_path, "--out", tmp_path / "out", "--json-lines")
+    assert_refused(result, "no complete stereo pair")
+    assert json.loads(result.stdout)["type"] == "error"
+
+
+@pytest.mark.skipif(os.name == "nt", reason="POSIX signals and limits")
+class TestHardLuck:
+    def test_an_interrupt_ends_it_cleanly(self, tmp_path):
+        for name in "abcdefgh":
+            pairs.write_pair(tmp_path / "pairs" / name)
+        command = [*BY_PATH, "evaluate", str(tmp_path), "--out", str(tmp_path / "out"), "--json-lines"]
+        process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        assert json.loads(process.stdout.readline())["done"] == 1
+        process.send_signal(signal.SIGINT)
+        _, errors = process.communicate(timeout=60)
+        assert process.returncode == 130
+        assert errors == "icymoon.stereo: interrupted\n"
+        assert not list((tmp_path / "out").rglob("*.part"))
+        rows = [json.loads(line) for line in (tmp_path / "out" / "results.jsonl").read_text().splitlines()]
+        assert 1 <= len(rows) < 16
+        assert not (tmp_path / "out" / "report.json").exists()
+
+    @pytest.mark.parametrize("limit", [3000, 30000])
+    def test_a_full_disk_is_one_sentence_and_no_half_file(self, inputs, tmp_path, limit):
+        # A limit on file size is as near to a full disk as a test can come.
+        result = run_with(f"import resource; resource.setrlimit(resource.RLIMIT_FSIZE, ({limit}, {limit}))",
+                          "evaluate", inputs / "set", "--out", tmp_path / "out", "--json-lines")
+        assert_refused(result, "Cannot write")
+        assert not list((tmp_path / "out").rglob("*.part"))
+        for path in (tmp_path / "out").rglob("*.png"):
+            assert cv2.imread(str(path)) is not None
+        for line in (tmp_path / "out" / "results.jsonl").read_text().splitlines():
+            json.loads(line)
+
+
+def test_check_says_what_is_there():
+    result = run("check")
+    assert (result.returncode, result.stderr) == (0, "")
+    report = json.loads(result.stdout)
+    assert report["ok"] is True
+    assert report["missing"] == []
+    assert report["numpy"] == np.__version__
+    assert {"python", "numpy", "cv2", "OpenEXR", "jinja2", "torch"} <= set(report)
+
+
+def test_check_does_not_import_torch():
+    assert run_with("pass", "check").returncode == 0
+
+
+@pytest.mark.parametrize("module", ["numpy", "cv2", "OpenEXR", "jinja2"])
+def test_without_a_package_the_mend_is_named(tmp_path, module):
+    result = run_with(f"sys.modules[{module!r}] = None", "check")
+    assert_refused(result, {"cv2": "opencv", "jinja2": "Jinja2"}.get(module, module), "pip install")
+    report = json.loads(result.stdout)
+    assert (report["ok"], report[module]) == (False, None)
+    assert len(report["missing"]) == (3 if module == "numpy" else 1)  # OpenCV and OpenEXR need NumPy to load
+    result = run_with(f"sys.modules[{module!r}] = None", "evaluate", tmp_path, "--out", tmp_path / "out")
+    assert_refused(result, "pip install")
+
+
+def test_a_package_that_does_not_load_says_why(tmp_path):
+    (tmp_path / "cv2.py").write_text("raise ImportError('libGL.so.1: cannot open shared object file')")
+    result = run_with(f"sys.path[:0] = [{str(tmp_path)!r}]", "check")
+    assert_refused(result, "libGL.so.1")
+
+
+def test_runs_by_path_from_a_folder_of_any_name(tmp_path):
+    (tmp_path / "some folder").symlink_to(ROOT, target_is_directory=True)
+    program = tmp_path / "some folder" / "stereo" / "__main__.py"
+    result = run("check", command=[sys.executable, str(program)], cwd=tmp_path)
+    assert json.loads(result.stdout)["ok"] is True
+
+
+def test_wrong_usage():
+    result = run("evaluate")
+    assert result.returncode == 2
+    assert "usage:" in result.stderr

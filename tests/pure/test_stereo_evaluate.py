@@ -1,0 +1,300 @@
+"""A data set from pair folders to the report."""
+
+import base64
+import csv
+import json
+import shutil
+from html.parser import HTMLParser
+
+import cv2
+import numpy as np
+import pairs
+import pytest
+from icymoon.errors import IcyMoonError
+from icymoon.stereo.evaluate import evaluate
+from icymoon.stereo.methods import parse_methods
+from icymoon.stereo.pictures import INVALID_GREY, SKY_GREY, depth_scale, error_picture, with_bar
+from icymoon.stereo.report import MOST_PAIRS, choose_pairs
+from icymoon.stereo.rowlog import RowLog
+
+pytestmark = pytest.mark.filterwarnings("error")
+
+SCENES = {"aaa": pairs.Scene(), "bbb": pairs.Scene(sky_rows=24, distance_m=3.0), "ccc": pairs.Scene(block=False)}
+METHODS = parse_methods("bm,sgbm,bm:window=21")
+
+
+def strict_json(path):
+    def refuse(constant):
+        raise AssertionError(f"{constant} is no JSON")
+
+    return json.loads(path.read_text(encoding="utf-8"), parse_constant=refuse)
+
+
+@pytest.fixture(scope="module")
+def dataset(tmp_path_factory):
+    root = tmp_path_factory.mktemp("data") / "set <i>"
+    for (name, scene), layout in zip(SCENES.items(), ("4.x", "4.x view", "5.x"), strict=True):
+        pairs.write_pair(root / "pairs" / name, scene, layout=layout)
+    return root
+
+
+@pytest.fixture(scope="module")
+def result(dataset, tmp_path_factory):
+    out = tmp_path_factory.mktemp("out")
+    events = []
+    report = evaluate(dataset, METHODS, out, on_event=events.append)
+    return report, out, events
+
+
+def test_everything_is_evaluated_and_written(result):
+    report, out, events = result
+    assert [(row["pair"], row["method"]) for row in report["rows"]] == [
+        (pair, method) for pair in SCENES for method in ("bm", "sgbm", "bm:window=21")]
+    assert strict_json(out / "report.json") == json.loads(json.dumps(report))
+    assert [json.loads(line) for line in (out / "results.jsonl").read_text().splitlines()] == report["rows"]
+    assert [(e["type"], e["done"], e["total"]) for e in events] == [("progress", k, 9) for k in range(1, 10)]
+    assert not report["failed"]
+    with (out / "results.csv").open(newline="") as stream:
+        table = list(csv.DictReader(stream))
+    assert [float(line["l1_m"]) for line in table] == [row["l1_m"] for row in report["rows"]]
+    for entry in (*report["rows"], *report["pairs"]):
+        assert all((out / path).stat().st_size > 0 for path in entry["images"].values())
+    assert not list(out.rglob("*.part"))
+
+
+def test_rows_hold_what_follows_from_disparity_and_analytic_truth(result):
+    report, out, _ = result
+    for row in report["rows"]:
+        truth = pairs.view(SCENES[row["pair"]], pairs.camera(), "left")[0]
+        with np.load(out / row["images"]["disparity"]) as stored:
+            disparity = stored["disparity"].astype(np.float64)
+            assert stored["disparity"].dtype == np.float32
+            assert stored["focal_baseline_px_m"] == pytest.approx(256 * 32 / 60 * 0.25)
+        depth = 256 * 32 / 60 * 0.25 / disparity
+        both = np.isfinite(truth) & np.isfinite(depth)
+        assert row["n"] == both.sum() > 1000
+        assert row["true_pixels"] == np.isfinite(truth).sum()
+        assert row["coverage"] == pytest.approx(both.sum() / np.isfinite(truth).sum())
+        assert row["l1_m"] == pytest.approx(np.abs(depth - truth)[both].mean(), rel=1e-5)
+        assert row["error_curve"][-1] == pytest.approx(row["coverage"], abs=0.01)
+
+
+def test_sgbm_is_accurate_and_hidden_pixels_are_the_worse_ones(result):
+    rows = [row for row in result[0]["rows"] if row["method"] == "sgbm"]
+    for row in rows:
+        assert row["coverage"] > 0.85
+        assert row["epe_px"] < 0.2
+        assert row["visible_coverage"] > row["coverage"]
+        assert row["visible_n"] < row["n"]
+        assert row["visible_bad_1"] <= row["bad_1"]
+
+
+def test_summary_averages_pairs_and_pools_pixels(result):
+    report, _, _ = result
+    for entry in report["summary"]:
+        rows = [row for row in report["rows"] if row["method"] == entry["method"]]
+        assert (entry["pairs"], entry["failed"]) == (3, 0)
+        assert entry["l1_m"] == pytest.approx(np.mean([row["l1_m"] for row in rows]))
+        assert entry["dod"] == pytest.approx(np.mean([row["dod"] for row in rows]))
+        assert entry["n"] == sum(row["n"] for row in rows)
+        assert entry["pooled_l1_m"] == pytest.approx(np.average([row["l1_m"] for row in rows],
+                                                                weights=[row["n"] for row in rows]))
+        assert entry["pooled_coverage"] == pytest.approx(entry["n"] / sum(row["true_pixels"] for row in rows))
+
+
+class _Page(HTMLParser):
+    def __init__(self, text):
+        super().__init__()
+        self.images, self.links, self.tags, self.text = [], [], [], ""
+        self.feed(text)
+
+    def handle_starttag(self, tag, attributes):
+        self.tags.append(tag)
+        self.links += [value for name, value in attributes if name in ("src", "href", "srcset", "action")]
+        self.images += [value for name, value in attributes if tag == "img" and name == "src"]
+
+    def handle_data(self, data):
+        self.text += data
+
+
+def test_the_report_is_one_file_with_every_picture(result):
+    report, out, _ = result
+    page = _Page((out / "report.html").read_text(encoding="utf-8"))
+    assert len(page.images) == 3 * (2 + 2 * 3)
+    assert all(link.startswith("data:image/") for link in page.links)
+    assert not {"script", "link", "iframe"} & set(page.tags)
+    for image in page.images:
+        content = base64.b64decode(image.partition(",")[2])
+        assert cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_COLOR).shape == (144, 256, 3)
+    assert "i" not in [tag for tag in page.tags if tag == "set"]
+    assert "set <i>" in page.text  # names are text, never markup
+    sgbm = next(entry for entry in report["summary"] if entry["method"] == "sgbm")
+    assert f"{sgbm['l1_m']:.3f}" in page.text
+    assert (out / "report.html").stat().st_size < 300_000 * 3
+
+
+def test_running_again_gives_the_same(result, dataset):
+    report, out, _ = result
+    before = sorted(path.relative_to(out) for path in out.rglob("*"))
+    again = evaluate(dataset, METHODS, out)
+    assert sorted(path.relative_to(out) for path in out.rglob("*")) == before
+
+    def timeless(rows):
+        return [{**row, "seconds": None} for row in rows]
+
+    assert timeless(again["rows"]) == timeless(report["rows"])
+    assert again["pairs"] == report["pairs"]
+
+
+def test_the_layout_of_the_files_does_not_matter(tmp_path):
+    rows = []
+    for layout in ("4.x", "4.x view", "5.x"):
+        folder = pairs.write_pair(tmp_path / layout / "pair", pairs.Scene(), layout=layout)
+        row = evaluate(folder, parse_methods("sgbm"), tmp_path / "out" / layout)["rows"][0]
+        rows.append({**row, "seconds": None})
+    assert rows[0] == rows[1] == rows[2]
+
+
+@pytest.mark.parametrize("path", ["", "pairs", "pairs/aaa"])
+def test_a_data_set_its_pairs_folder_or_one_pair(dataset, tmp_path, path):
+    report = evaluate(dataset / path, parse_methods("bm"), tmp_path)
+    assert len(report["rows"]) == (1 if path.endswith("aaa") else 3)
+
+
+def test_a_new_camera_response_needs_no_new_render(dataset, tmp_path):
+    flooded = evaluate(dataset / "pairs" / "aaa", parse_methods("bm,sgbm"), tmp_path,
+                       {"auto_exposure": False, "saturation_radiance": 0.01, "read_noise_e": 0.0})
+    assert flooded["pairs"][0]["saturated"] == 1
+    assert flooded["pairs"][0]["settings"]["sensor"]["saturation_radiance"] == 0.01
+    for row in flooded["rows"]:
+        assert (row["n"], row["coverage"], row["l1_m"], row["dod"]) == (0, 0, None, None)
+    assert flooded["summary"][0]["l1_m"] is None
+    assert "–" in (tmp_path / "report.html").read_text(encoding="utf-8")
+
+
+def _flip(path):
+    content = bytearray(path.read_bytes())
+    content[len(content) // 2] ^= 255
+    path.write_bytes(content)
+
+
+def _edit(path, **changes):
+    path.write_text(json.dumps(json.loads(path.read_text()) | changes))
+
+
+@pytest.mark.parametrize(("harm", "reason"), [
+    (lambda folder: _flip(folder / "left.exr"), r"left\.exr is not the file that was rendered"),
+    (lambda folder: (folder / "right.exr").unlink(), r"right\.exr is missing"),
+    (lambda folder: (folder / "pair.json").write_text("{"), "cannot be read"),
+    (lambda folder: (folder / "pair.json").write_text("[]"), "not an Icy Moon pair"),
+    (lambda folder: _edit(folder / "pair.json", version=99), "format version 99"),
+    (lambda folder: _edit(folder / "pair.json", files={}, camera=pairs.camera(128, 72).to_json()), "camera 128 x 72"),
+    (lambda folder: _edit(folder / "pair.json", settings=[]), "does not describe a pair"),
+    (lambda folder: _edit(folder / "pair.json", camera=7), "does not describe a pair"),
+    (lambda folder: _edit(folder / "pair.json", files=7), "does not describe a pair"),
+])
+def test_a_broken_pair_is_named_and_the_others_are_done(tmp_path, harm, reason):
+    root = tmp_path / "set" / "pairs"
+    pairs.write_pair(root / "bad")
+    pairs.write_pair(root / "good")
+    harm(root / "bad")
+    events = []
+    report = evaluate(tmp_path / "set", parse_methods("bm"), tmp_path / "out", on_event=events.append)
+    bad, good = report["rows"]
+    assert (bad["status"], good["status"]) == ("failed", "ok")
+    assert [failure["pair"] for failure in report["failed"]] == ["bad"]
+    for message in (bad["error"], report["failed"][0]["message"], events[0]["message"]):
+        with pytest.raises(IcyMoonError, match=reason):
+            raise IcyMoonError(message)
+    assert (report["summary"][0]["pairs"], report["summary"][0]["failed"]) == (1, 1)
+    assert "1 failed" in (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+
+
+def test_one_method_that_cannot_run_does_not_stop_the_other(tmp_path):
+    pairs.write_pair(tmp_path / "pair", rig=pairs.camera(96, 72))
+    report = evaluate(tmp_path / "pair", parse_methods("bm,sgbm"), tmp_path / "out")
+    assert [row["status"] for row in report["rows"]] == ["failed", "ok"]
+    assert "too small for bm" in report["rows"][0]["error"]
+    assert report["failed"][0]["method"] == "bm"
+
+
+def test_incomplete_pairs_are_passed_over(tmp_path):
+    pairs.write_pair(tmp_path / "pairs" / "whole")
+    shutil.copytree(tmp_path / "pairs" / "whole", tmp_path / "pairs" / "other.part")
+    (tmp_path / "pairs" / "begun").mkdir()
+    assert [row["pair"] for row in evaluate(tmp_path, parse_methods("bm"), tmp_path / "out")["rows"]] == ["whole"]
+
+
+def test_nothing_to_evaluate_is_an_error_that_writes_nothing(tmp_path):
+    with pytest.raises(IcyMoonError, match="no complete stereo pair"):
+        evaluate(tmp_path, METHODS, tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
+def test_pairs_without_truth_or_light(tmp_path):
+    """Night, and a camera that looks at the sky."""
+    pairs.write_pair(tmp_path / "pairs" / "night", pairs.Scene(radiance=0.0))
+    pairs.write_pair(tmp_path / "pairs" / "sky", pairs.Scene(sky_rows=144))
+    report = evaluate(tmp_path, parse_methods("bm,sgbm"), tmp_path / "out", {"read_noise_e": 0.0})
+    assert {row["status"] for row in report["rows"]} == {"ok"}
+    night, sky = report["rows"][0], report["rows"][2]
+    assert (night["coverage"], night["n"]) == (0, 0)
+    assert (sky["coverage"], sky["n"], sky["true_pixels"]) == (None, 0, 0)
+    strict_json(tmp_path / "out" / "report.json")
+
+
+def test_few_pairs_are_chosen_from_many_the_worst_among_them():
+    names = [f"pair{k:03d}" for k in range(100)]
+    rows = [{"pair": name, "l1_m": 0.1 + 0.001 * k} for k, name in enumerate(names)]
+    rows[7]["l1_m"] = None  # measured nothing
+    rows[50]["l1_m"] = 9.0
+    report = {"pairs": [{"pair": name} for name in names], "rows": rows}
+    chosen = choose_pairs(report)
+    assert len(chosen) == MOST_PAIRS
+    assert {"pair007", "pair050", "pair099", "pair000"} <= chosen
+    assert len([name for name in chosen if name < "pair050"]) > 4
+    report["pairs"] = report["pairs"][:MOST_PAIRS]
+    assert choose_pairs(report) == set(names[:MOST_PAIRS])
+
+
+def test_pictures_tell_missing_measurements_from_sky():
+    truth = np.array([[1.0, 1.0, np.nan, 2.0]])
+    picture = error_picture(np.array([[1.0, np.nan, 3.0, 4.0]]), truth)[0].tolist()
+    assert picture[1] == [INVALID_GREY] * 3
+    assert picture[2] == [SKY_GREY] * 3
+    assert max(picture[0]) < 10  # no error is black, one metre and more is the brightest
+    assert min(picture[3]) > 180
+    for width in (4, 20, 640):
+        truth = np.full((5, width), 3.0)
+        assert with_bar(np.zeros((5, width, 3), np.uint8), depth_scale(truth)).shape[1:] == (width, 3)
+
+
+@pytest.mark.parametrize(("text", "options", "reason"), [
+    ("", [], "is empty"), ("bm,sgmb", [], "did you mean 'sgbm'"), ("bm,bm", [], "names bm twice"),
+    ("bm:window", [], "write it as key=value"), ("bm:windo=9", [], "did you mean 'window'"),
+    ("bm", ["window=9"], "name the method too"), ("bm", ["sgbm.window=9"], "does not name"),
+    ("bm", ["bmm.window=9"], "did you mean 'bm'"), ("bm", ["bm.window"], "key=value"),
+])
+def test_wrong_methods_are_refused_before_anything_runs(text, options, reason):
+    with pytest.raises(IcyMoonError, match=reason):
+        parse_methods(text, options)
+
+
+def test_methods_with_options():
+    plain, own = parse_methods(" bm , bm:window=21:disparities=128", ["bm.window=9", "bm.uniqueness=5"])
+    assert plain.options == {"window": "9", "uniqueness": "5"}
+    assert own.options == {"window": "21", "uniqueness": "5", "disparities": "128"}
+    assert own.file_name == "bm_window_21_disparities_128"
+
+
+def test_a_row_that_the_disk_refuses_leaves_whole_rows(tmp_path, monkeypatch):
+    log = RowLog(tmp_path / "rows.jsonl")
+    log.append({"a": 1})
+
+    def full(descriptor):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("os.fsync", full)
+    with pytest.raises(IcyMoonError, match="disk is full"):
+        log.append({"a": 2})
+    assert (tmp_path / "rows.jsonl").read_text() == '{"a": 1}\n'

@@ -1,0 +1,68 @@
+"""Reading multilayer EXR files in the layouts of Blender 4 and 5, whole and damaged."""
+
+import numpy as np
+import OpenEXR
+import pairs
+import pytest
+from icymoon.errors import IcyMoonError
+from icymoon.stereo.exr import read_view
+
+SCENE = pairs.Scene(sky_rows=12)
+LAYOUTS = ["4.x", "4.x view", "5.x"]
+
+
+@pytest.fixture(params=LAYOUTS)
+def layout(request):
+    return request.param
+
+
+def test_every_layout_gives_the_same_view(tmp_path, layout):
+    folder = pairs.write_pair(tmp_path / "pair", SCENE, layout=layout)
+    for eye in ("left", "right"):
+        depth, light, instance = pairs.view(SCENE, pairs.camera(), eye)
+        view = read_view(folder / f"{eye}.exr", eye)
+        np.testing.assert_array_equal(view.depth, depth.astype(np.float32))  # NaN where there is sky
+        np.testing.assert_array_equal(view.radiance, np.repeat(light.astype(np.float32)[..., None], 3, axis=-1))
+        np.testing.assert_array_equal(view.instance, instance)
+        assert set(np.unique(view.semantic)) == {0, 1, 2}
+        assert view.normal.shape == (*depth.shape, 3)
+        assert np.isnan(view.depth).sum() == 12 * depth.shape[1]
+
+
+def test_ids_are_rounded(tmp_path):
+    depth = np.ones((4, 6))
+    pairs.write_exr(tmp_path / "left.exr", depth, depth, np.full((4, 6), 1000.4), "5.x", "left")
+    assert (read_view(tmp_path / "left.exr").instance == 1000).all()
+
+
+def test_the_facets_normal_is_preferred(tmp_path):
+    channels = {f"Beauty.Combined.{band}": np.ones((4, 6), np.float32) for band in "RGBA"}
+    channels |= {"Truth.Depth.Z": np.ones((4, 6), np.float32)}
+    channels |= {f"Truth.Normal.{axis}": np.zeros((4, 6), np.float32) for axis in "XYZ"}
+    channels |= {f"Truth.GeometricNormal.{band}": np.full((4, 6), k, np.float32) for k, band in enumerate("RGB", 1)}
+    OpenEXR.File({"type": OpenEXR.scanlineimage}, channels).write(str(tmp_path / "left.exr"))
+    view = read_view(tmp_path / "left.exr")
+    assert view.normal[0, 0].tolist() == [1, 2, 3]
+    assert view.instance is None
+
+
+@pytest.mark.parametrize("kept", [0.0, 0.02, 0.5, 0.999])
+def test_a_truncated_file_is_refused_without_noise(tmp_path, layout, kept, capfd):
+    path = pairs.write_pair(tmp_path / "pair", SCENE, layout=layout) / "left.exr"
+    content = path.read_bytes()
+    path.write_bytes(content[:int(kept * len(content))])
+    with pytest.raises(IcyMoonError, match=r"left\.exr"):
+        read_view(path)
+    assert capfd.readouterr() == ("", "")
+
+
+def test_files_that_are_something_else(tmp_path):
+    with pytest.raises(IcyMoonError, match="missing"):
+        read_view(tmp_path / "none.exr")
+    (tmp_path / "text.exr").write_text("no image at all")
+    with pytest.raises(IcyMoonError, match="not a readable EXR"):
+        read_view(tmp_path / "text.exr")
+    channels = {f"Beauty.Combined.{band}": np.ones((4, 6), np.float32) for band in "RGBA"}
+    OpenEXR.File({"type": OpenEXR.scanlineimage}, channels).write(str(tmp_path / "flat.exr"))
+    with pytest.raises(IcyMoonError, match=r"no channel Truth\.Depth\.Z"):
+        read_view(tmp_path / "flat.exr")

@@ -1,0 +1,165 @@
+"""The matchers: accuracy on exact images, invalid pixels, options, unusable images."""
+
+import cv2
+import numpy as np
+import pairs
+import pytest
+from icymoon.errors import IcyMoonError
+from icymoon.stereo.matchers import METHODS, check_options, match
+
+RIG = pairs.camera()
+GUISS = {"disparities": 96, "min_disparity": 4, "window": 49, "prefilter": "xsobel", "prefilter_size": 17,
+         "prefilter_cap": 20, "texture_threshold": 18, "uniqueness": 0, "speckle_window": 0, "speckle_range": 9,
+         "left_right": 25}
+
+
+def images(scene, rig=RIG):
+    """8-bit images and the true disparity."""
+    (depth, left, _), (_, right, _) = pairs.view(scene, rig, "left"), pairs.view(scene, rig, "right")
+    left, right = (np.rint(np.clip(light / (2 * scene.radiance), 0, 1) * 255).astype(np.uint8)
+                   for light in (left, right))
+    return left, right, rig.disparity(depth)
+
+
+@pytest.mark.parametrize(("method", "options", "bound"), [
+    ("sgbm", {}, 0.05), ("bm", {}, 0.15), ("bm", {"window": 21}, 0.06)])
+def test_subpixel_accuracy_on_an_exactly_sampled_plane(method, options, bound):
+    left, right, truth = images(pairs.Scene(block=False, contrast=0.2))
+    disparity, valid, info = match(method, left, right, options)
+    assert disparity.dtype == np.float32
+    assert valid.mean() > 0.25
+    np.testing.assert_array_equal(valid, np.isfinite(disparity))
+    assert np.median(np.abs(disparity - truth)[valid]) < bound
+    assert info["method"] == method
+    assert info["seconds"] >= 0
+
+
+def test_sgbm_measures_what_both_eyes_see_up_to_the_left_border():
+    left, right, truth = images(pairs.Scene())
+    disparity, valid, _ = match("sgbm", left, right)
+    both = np.arange(RIG.width_px) >= truth
+    assert (valid & both).sum() > 0.95 * both.sum()
+    assert (disparity[valid] <= np.nonzero(valid)[1] + 1e-6).all()  # never a match outside the right image
+    assert np.mean(np.abs(disparity - truth)[:, :96][valid[:, :96]] > 1) < 0.02
+    skipped = match("sgbm", left, right, {"left_border": "skip"})[1]
+    assert not skipped[:, :96].any()
+
+
+def test_invalid_is_never_a_depth():
+    left, right, _ = images(pairs.Scene(), pairs.camera(400, 144))
+    disparity, valid, _ = match("bm", left, right)
+    # The first columns cannot be searched; OpenCV writes 3.0 there, which is less than the search range.
+    assert not valid[:, :4 + 96 - 1 + 24].any()
+    assert disparity[valid].min() >= 4
+    assert np.isnan(disparity[~valid]).all()
+
+
+def test_bm_is_the_papers_by_default():
+    assert check_options("bm", {}) == check_options("bm", {"preset": "guiss"}) == GUISS
+    matcher = cv2.StereoBM.create(96, 49)
+    matcher.setPreFilterType(1)
+    matcher.setPreFilterSize(17)
+    matcher.setPreFilterCap(20)
+    matcher.setTextureThreshold(18)
+    matcher.setUniquenessRatio(0)
+    matcher.setSpeckleRange(9)
+    matcher.setSpeckleWindowSize(0)
+    matcher.setDisp12MaxDiff(25)
+    matcher.setMinDisparity(4)
+    left, right, _ = images(pairs.Scene())
+    disparity, valid, _ = match("bm", left, right)
+    assert valid.sum() > 5000
+    np.testing.assert_array_equal(disparity[valid], (matcher.compute(left, right) / 16.0)[valid])
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_the_number_of_threads_changes_nothing(method):
+    left, right, _ = images(pairs.Scene(), pairs.camera(400, 200))
+    threads = cv2.getNumThreads()
+    try:
+        results = []
+        for count in (1, 4):
+            cv2.setNumThreads(count)
+            results.append(match(method, left, right)[0])
+    finally:
+        cv2.setNumThreads(threads)
+    np.testing.assert_array_equal(*results)
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("level", [0, 128, 255])
+def test_an_image_without_texture_gives_no_depth(method, level):
+    flat = np.full((144, 256), level, np.uint8)
+    assert not match(method, flat, flat)[1].any()
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_zero_and_negative_disparities_are_invalid(method):
+    left, right, _ = images(pairs.Scene(block=False))
+    same = match(method, left, left, {"min_disparity": 0})[1]
+    assert same.mean() < 0.02
+    swapped, valid, _ = match(method, right, left, {"min_disparity": 0})
+    assert valid.any()
+    assert (swapped[valid] > 0).all()
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_colour_and_16_bit_images_are_the_same_as_grey_ones(method):
+    left, right, _ = images(pairs.Scene())
+    expected = match(method, left, right)[0]
+
+    def colour(image):
+        return np.repeat(image[..., None], 3, axis=-1)
+
+    np.testing.assert_array_equal(match(method, colour(left), colour(right))[0], expected)
+    np.testing.assert_array_equal(match(method, left.astype(np.uint16) * 257, right.astype(np.uint16) * 257)[0],
+                                  expected)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_unusable_images_are_refused(method):
+    good = np.zeros((144, 256), np.uint8)
+    for left, right, reason in [(good, good[:, :-1], "one size"), (good.astype(float), good, "float64"),
+                                (good[None], good, "shape"), (good[:0], good[:0], "shape")]:
+        with pytest.raises(IcyMoonError, match=reason):
+            match(method, left, right)
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (3, 400), (40, 60), (48, 400), (60, 140)])
+def test_images_too_small_for_the_window_are_refused(shape):
+    small = np.zeros(shape, np.uint8)
+    with pytest.raises(IcyMoonError, match=r"too small for bm.*lower bm.disparities or bm.window"):
+        match("bm", small, small)
+    with pytest.raises(IcyMoonError, match="too small for sgbm"):
+        match("sgbm", small[:, :98], small[:, :98], {"left_border": "skip"})
+    with pytest.raises(IcyMoonError, match="too small for sgbm"):
+        match("sgbm", small[:, :2], small[:, :2])
+
+
+@pytest.mark.parametrize("shape", [(1, 3), (4, 4), (3, 400)])
+def test_sgbm_takes_any_size_wider_than_half_its_window(shape):
+    small = np.random.default_rng(0).integers(0, 255, shape).astype(np.uint8)
+    assert match("sgbm", small, small)[0].shape == shape
+
+
+@pytest.mark.parametrize(("method", "options", "reason"), [
+    ("bn", {}, "Unknown stereo method 'bn', did you mean 'bm'"),
+    ("orb-slam", {}, "known are bm, sgbm"),
+    ("bm", {"windw": 9}, r"Unknown option bm.windw, did you mean 'window'"),
+    ("bm", {"window": 10}, "bm.window is 10, outside 5 to 255 in steps of 2"),
+    ("bm", {"window": "large"}, "bm.window must be a whole number, not 'large'"),
+    ("bm", {"disparities": 100}, "steps of 16"),
+    ("bm", {"prefilter": "sobel"}, "did you mean 'xsobel'"),
+    ("bm", {"preset": "guis"}, "did you mean 'guiss'"),
+    ("sgbm", {"preset": "guiss"}, "Unknown option sgbm.preset"),
+    ("sgbm", {"p1": 900, "p2": 800}, "sgbm.p2 is 800, not above sgbm.p1"),
+])
+def test_wrong_methods_and_options_are_named(method, options, reason):
+    blank = np.zeros((144, 256), np.uint8)
+    with pytest.raises(IcyMoonError, match=reason):
+        match(method, blank, blank, options)
+
+
+def test_options_override_a_preset_and_answer_to_opencvs_names():
+    assert check_options("bm", {"window": "21", "preset": "guiss"}) == GUISS | {"window": 21}
+    assert check_options("bm", {"blockSize": 21, "numDisparities": 128}) == GUISS | {"window": 21, "disparities": 128}

@@ -1,0 +1,110 @@
+"""Visibility, the check that both eyes agree, and development, against the analytic scene."""
+
+import dataclasses
+
+import numpy as np
+import pairs
+import pytest
+from icymoon.render.pair import read_pair
+from icymoon.stereo.develop import develop, grey, to_8_bit
+from icymoon.stereo.exr import read_view
+from icymoon.stereo.truth import photometric_disagreement, scene_depth, visible_in_right
+
+pytestmark = pytest.mark.filterwarnings("error")
+
+RIG = pairs.camera()
+
+
+def depths(scene, rig=RIG):
+    return pairs.view(scene, rig, "left")[0], pairs.view(scene, rig, "right")[0]
+
+
+def hidden_behind_block(scene, depth):
+    """Whether the right eye's ray to each left pixel's point passes the block: exact, no images."""
+    columns, rows = np.arange(RIG.width_px) + 0.5, np.arange(RIG.height_px) + 0.5
+    x, y = np.meshgrid((columns - RIG.cx_px) / RIG.focal_px, (rows - RIG.cy_px) / RIG.focal_px)
+    near = 0.75 * scene.distance_m
+    right_x = (x * depth - RIG.baseline_m) / depth
+    return (np.abs(right_x * near + RIG.baseline_m) < 0.25) & (np.abs(y * near) < 0.25) & (depth > near * 1.0001)
+
+
+def test_visibility_is_that_of_the_rays():
+    scene = pairs.Scene()
+    left, right = depths(scene)
+    column = np.arange(RIG.width_px) - RIG.disparity(left)
+    expected = (column >= -0.5) & ~hidden_behind_block(scene, left)
+    wrong = visible_in_right(left, right, RIG) != expected
+    assert (~expected).sum() > 1000
+    assert wrong.sum(axis=1).max() <= 2  # the block's two edges fall between pixels
+
+
+@pytest.mark.parametrize("slope", [0.0, 2.0, -2.0])
+def test_a_plane_hides_nothing_of_itself_however_steep(slope):
+    scene = pairs.Scene(slope_x=slope, slope_y=0.0, block=False, distance_m=4.0)
+    left, right = (np.where((d > 0.8) & (d < 50), d, np.nan) for d in depths(scene))
+    column = np.arange(RIG.width_px) - RIG.disparity(left)
+    inside = np.nan_to_num(column, nan=-9) >= -0.5
+    assert inside.sum() > 3000
+    np.testing.assert_array_equal(visible_in_right(left, right, RIG), inside)
+
+
+def test_sky_is_not_visible_and_hides_nothing():
+    left, right = depths(pairs.Scene(block=False, sky_rows=20))
+    visible = visible_in_right(left, right, RIG)
+    assert not visible[:20].any()
+    assert visible[20:, 60:].all()
+    assert visible_in_right(left, np.full_like(right, np.nan), RIG)[20:, 60:].all()
+    assert not visible_in_right(np.full_like(left, np.nan), right, RIG).any()
+
+
+def test_eyes_agree_with_the_right_camera_only():
+    scene = pairs.Scene()
+    (left, light, _), (right, other, _) = pairs.view(scene, RIG, "left"), pairs.view(scene, RIG, "right")
+    visible = visible_in_right(left, right, RIG)
+    assert photometric_disagreement(light, other, left, visible, RIG) < 0.01
+    wrong = dataclasses.replace(RIG, baseline_m=RIG.baseline_m * 80 / 85.333)  # GUISS's constant
+    assert photometric_disagreement(light, other, left, visible, wrong) > 0.05
+    assert photometric_disagreement(light * 0, other * 0, left, visible, RIG) == 0
+    assert np.isnan(photometric_disagreement(light, other, left, visible & False, RIG))
+
+
+def test_the_planet_is_sky(tmp_path):
+    view = read_view(pairs.write_pair(tmp_path / "pair") / "left.exr")
+    semantic = np.zeros_like(view.semantic)
+    semantic[:5] = 4
+    depth = scene_depth(dataclasses.replace(view, semantic=semantic))
+    assert np.isnan(depth[:5]).all()
+    assert np.isfinite(depth[5:]).all()
+
+
+def developed(folder, **changes):
+    pair = read_pair(folder)
+    left, right = (read_view(pair.image(eye)) for eye in ("left", "right"))
+    return develop(pair, left, right, pair.settings["sensor"] | changes)
+
+
+def test_development_is_repeatable_shares_one_exposure_and_keeps_the_scene(tmp_path):
+    folder = pairs.write_pair(tmp_path / "pair")
+    one, two = developed(folder), developed(folder)
+    np.testing.assert_array_equal(one.left, two.left)
+    np.testing.assert_array_equal(one.right, two.right)
+    light = grey(read_view(folder / "right.exr").radiance)
+    quiet = developed(folder, shot_noise=False, read_noise_e=0.0)
+    expected = np.clip(light / quiet.saturation_radiance, 0, 1) * 255
+    assert np.abs(quiet.right - expected).max() <= 0.5001
+    assert np.quantile(quiet.left, 0.99) == pytest.approx(0.8 * 255, abs=1)
+
+
+def test_overexposure_is_reported(tmp_path):
+    images = developed(pairs.write_pair(tmp_path / "pair"), auto_exposure=False, saturation_radiance=0.01)
+    assert images.saturated > 0.5  # read noise lifts and lowers what a full well gives
+    assert images.left.min() > 240
+
+
+@pytest.mark.parametrize("bits", [8, 12, 16])
+def test_matchers_get_8_bits_of_the_whole_range(tmp_path, bits):
+    left, right = developed(pairs.write_pair(tmp_path / "pair"), bits=bits).for_matchers()
+    assert left.dtype == right.dtype == np.uint8
+    assert 190 < np.quantile(left, 0.99) < 210
+    top = 2**bits - 1
+    assert to_8_bit(np.array([0, top], np.uint16), bits).tolist() == [0, 255]
