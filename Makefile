@@ -33,11 +33,12 @@ $(VENV)/bin/python:
 	$(PYTHON) -m venv $(VENV)
 
 $(VENV)/.demo: pyproject.toml $(VENV)/bin/python
-	$(RUN) -m pip install --disable-pip-version-check -q --progress-bar on -e ".[blender,evaluate]"
+	@echo "Installing Blender as a Python module and the evaluator (about 500 MB, once)"
+	PYTHONWARNINGS=ignore $(RUN) -m pip install --disable-pip-version-check -e ".[blender,evaluate]"
 	touch $@
 
 $(VENV)/.tests: pyproject.toml $(VENV)/.demo
-	$(RUN) -m pip install --disable-pip-version-check -q --progress-bar on -e ".[blender,evaluate,networks,develop]"
+	PYTHONWARNINGS=ignore $(RUN) -m pip install --disable-pip-version-check -e ".[blender,evaluate,networks,develop]"
 	touch $@
 
 clean:

@@ -6,9 +6,22 @@ package's folder has any name and is on no search path; it is then loaded as ``i
 
 from __future__ import annotations
 
+import importlib
 import importlib.util
 import sys
 from pathlib import Path
+
+#: Verbs that are programs of their own: what they import must not be needed by the others.
+_PROGRAMS = {"stereo": "stereo.cli", "worker": "render.worker", "probe": "render.probe", "install": "install"}
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run the verb that the arguments begin with and return its exit status."""
+    arguments = sys.argv[1:] if arguments is None else arguments
+    if arguments and arguments[0] in _PROGRAMS:
+        program = importlib.import_module(f"icymoon.{_PROGRAMS[arguments[0]]}")
+        return int(program.main(arguments[1:]))
+    return int(importlib.import_module("icymoon.cli").main(arguments))
 
 
 def _load_package() -> None:
@@ -33,6 +46,4 @@ if __name__ == "__main__":
     if not __package__:
         sys.path[:] = [p for p in sys.path if Path(p or ".").resolve() != Path(__file__).resolve().parent]
         _load_package()
-    from icymoon.cli import main
-
     sys.exit(main(_arguments()))

@@ -19,21 +19,8 @@ from .version import version
 _DEMO_PRESETS = ("enceladus_fresh_snow", "europa_rough_ice")
 
 
-def main(arguments: list[str] | None = None) -> int:
+def main(arguments: list[str]) -> int:
     """Run a verb and return the exit status: 0 done, 1 an error that stderr states, 130 stopped."""
-    arguments = sys.argv[1:] if arguments is None else arguments
-    if arguments[:1] == ["stereo"]:  # the evaluator has its own command line
-        from .stereo.cli import main as stereo
-        return stereo(arguments[1:])
-    if arguments[:1] == ["worker"]:
-        from .render.worker import main as worker
-        worker(arguments[1])
-    if arguments[:1] == ["install"]:
-        from .install import main as install
-        return install(arguments[1])
-    if arguments[:1] == ["probe"]:
-        from .render.probe import main as probe
-        return probe()
     options = _parser().parse_args(arguments)
     try:
         return int(options.run(options))

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import shutil
+import subprocess
 from dataclasses import dataclass
 from typing import Any
 
@@ -21,13 +23,26 @@ class Finding:
     mend: str = ""
 
 
-def ask(command: list[str], kind: str, clean: bool = False) -> dict[str, Any]:
-    """The first message of a kind that a command says. Raises IcyMoonError if it says none."""
-    process = Process(command, clean_environment() if clean else None)
+def _probe(executable: str) -> dict[str, Any]:
+    """What a Blender says of itself. Raises IcyMoonError if it says nothing."""
+    process = Process(blender_command(executable, "probe"))
     for message in process.messages():
-        if message["type"] == kind:
+        if message["type"] == "probe":
             return message
-    raise IcyMoonError(f"{command[0]}: {process.last_words}")
+    raise IcyMoonError(f"{executable}: {process.last_words}")
+
+
+def _check(python: str) -> dict[str, Any]:
+    """What the evaluator says of a Python. Raises IcyMoonError if it cannot even be asked."""
+    try:
+        done = subprocess.run(python_command(python, "stereo", "check"), capture_output=True, text=True,
+                              env=clean_environment(), timeout=120, check=False)
+        return dict(json.loads(done.stdout))
+    except (OSError, subprocess.TimeoutExpired) as error:
+        raise IcyMoonError(f"{python} cannot be run ({error})") from None
+    except ValueError:
+        words = (done.stderr.strip().splitlines() or ["it says nothing"])[-1]
+        raise IcyMoonError(f"{python}: {words}") from None
 
 
 def blender_findings(executable: str) -> list[Finding]:
@@ -36,7 +51,7 @@ def blender_findings(executable: str) -> list[Finding]:
     if not found:
         return [Finding("Blender", "missing", f"{executable} is not there", "Give its path with --blender.")]
     try:
-        facts = ask(blender_command(executable, "probe"), "probe")
+        facts = _probe(executable)
     except IcyMoonError as error:
         return [Finding("Blender", "missing", str(error), "Install the bpy package or give a Blender with --blender.")]
     version = tuple(int(part) for part in facts["blender"].split()[0].split(".")[:2])
@@ -58,13 +73,13 @@ def blender_findings(executable: str) -> list[Finding]:
 def evaluator_findings(python: str) -> list[Finding]:
     """What the Python of the evaluator can do."""
     try:
-        facts = ask(python_command(python, "stereo", "check"), "check", clean=True)
+        facts = _check(python)
     except IcyMoonError as error:
         return [Finding("Evaluator", "missing", str(error), "Install Python 3.11 or later and give its path.")]
-    found = [f"{name} {version}" for name, version in facts["versions"].items() if version]
-    missing = facts["missing"]
-    return [Finding("Evaluator", "ok" if facts["ok"] else "missing", ", ".join(found),
-                    f"Install {', '.join(missing)} into {python}." if missing else "")]
+    names = {"python": "Python", "cv2": "OpenCV", "numpy": "numpy", "OpenEXR": "OpenEXR", "jinja2": "jinja2",
+             "torch": "torch"}
+    found = [f"{text} {facts[name]}" for name, text in names.items() if facts.get(name)]
+    return [Finding("Evaluator", "ok" if facts["ok"] else "missing", ", ".join(found), facts["message"])]
 
 
 def examine(blender: str, evaluator: str) -> int:

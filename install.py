@@ -8,17 +8,20 @@ import sys
 from pathlib import Path
 
 from .render.queue import emit
-
-#: What the evaluator imports; the same list as the ``evaluate`` extra of ``pyproject.toml``.
-PACKAGES = ("numpy>=1.26", "opencv-contrib-python-headless>=4.11", "OpenEXR>=3.3", "jinja2>=3.1", "rich>=13")
+from .stereo.check import PACKAGES
 
 
-def main(folder: str) -> int:
-    """Make a virtual environment in ``folder`` and install ``PACKAGES``, saying JSON messages."""
+def main(arguments: list[str]) -> int:
+    """Make a virtual environment in a folder (the one argument) with what the evaluator needs.
+
+    Says what it does in JSON messages.
+    """
+    (folder,) = arguments
     python = Path(folder) / ("Scripts/python.exe" if os.name == "nt" else "bin/python")
+    packages = [f"{name}>={'.'.join(map(str, oldest))}" for name, oldest in PACKAGES.values()]
     steps = (("Making the environment", [sys.executable, "-m", "venv", folder]),
              ("Downloading and installing packages",
-              [str(python), "-m", "pip", "install", "--disable-pip-version-check", *PACKAGES]))
+              [str(python), "-m", "pip", "install", "--disable-pip-version-check", *packages]))
     for k, (text, command) in enumerate(steps):
         emit("progress", fraction=0.05 + 0.2 * k, message=text)
         done = subprocess.run(command, capture_output=True, text=True, check=False)

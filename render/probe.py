@@ -12,7 +12,7 @@ from .. import compat
 from .queue import emit
 
 
-def main() -> int:
+def main(arguments: list[str]) -> int:
     """Say version and abilities; ends the process, as the Blender module may hang when it ends."""
     emit("probe", blender=bpy.app.version_string, python=platform.python_version(), osl=compat.has_osl(),
          denoiser=compat.has_oidn(), devices=compat.gpu_devices(), module=not bpy.app.binary_path)

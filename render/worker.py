@@ -94,8 +94,8 @@ def run(job: dict[str, Any], say: Emit = emit) -> None:
     say("done", folders=[str(f) for f in folders])
 
 
-def main(job_file: str) -> None:
-    """Run the job in a file and end the process: 0 if all went well, 1 with an ``error`` message.
+def main(arguments: list[str]) -> int:
+    """Run the job in a file (the one argument) and end the process: 0 if all went well, 1 with an ``error`` message.
 
     Leaves by ``os._exit``, since the Blender module may crash or hang when the interpreter ends.
     """
@@ -103,7 +103,7 @@ def main(job_file: str) -> None:
     status = 1
     try:
         properties.register()
-        run(json.loads(Path(job_file).read_text(encoding="utf-8")))
+        run(json.loads(Path(arguments[0]).read_text(encoding="utf-8")))
         status = 0
     except IcyMoonError as error:
         emit("error", message=str(error))

@@ -3,12 +3,14 @@
 Every row is one method on one pair. The metrics of the main table are over all pixels with a finite
 true depth, a missing measurement costing coverage; those with the prefix ``visible_`` leave out
 pixels that the right eye cannot see (occluded or outside its image), where no matcher can measure;
-those with ``common_`` are over the pixels that every method measured.
+those with ``common_`` are over the pixels that every method measured, whose share of the true ones
+is their coverage.
 A pair that cannot be used is named, recorded as failed, and does not stop the others.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
@@ -125,8 +127,11 @@ def _measured(prepared: Prepared, masks: Mapping[str, np.ndarray], disparity: np
         truth = np.where(mask, prepared.truth, np.nan)
         metrics = depth_metrics(depth, truth) | disparity_metrics(disparity, prepared.pair.camera.disparity(truth))
         result |= {prefix + key: none_for_nan(value) for key, value in metrics.items()}
+    true_pixels = int(np.isfinite(prepared.truth).sum())
+    # Of the common pixels all are covered; what tells something is how many there are.
+    result["common_coverage"] = none_for_nan(result["common_n"] / true_pixels if true_pixels else math.nan)
     result["error_curve"] = [none_for_nan(share) for share in error_curve(depth, prepared.truth)]
-    result["true_pixels"] = int(np.isfinite(prepared.truth).sum())
+    result["true_pixels"] = true_pixels
     return result
 
 

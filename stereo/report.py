@@ -33,8 +33,8 @@ def write_report(report: Mapping[str, Any], out: Path) -> None:
                                      undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True)
     shown_pairs = choose_pairs(report)
     html = environment.get_template("report.html.j2").render(
-        report=report, regions=REGIONS, chart=error_chart(report), columns=SUMMARY, shown=shown, error_bar=_bar(pictures.ERROR),
-        invalid=pictures.INVALID_GREY, sky=pictures.SKY_GREY,
+        report=report, regions=REGIONS, chart=error_chart(report), columns=SUMMARY, shown=shown,
+        error_bar=_bar(pictures.ERROR), invalid=pictures.INVALID_GREY, sky=pictures.SKY_GREY,
         pairs=[_pair(facts, report, out) for facts in report["pairs"] if facts["pair"] in shown_pairs])
     write_text(out / "report.html", html)
 

@@ -71,7 +71,7 @@ def test_a_failed_write_leaves_the_old_file(tmp_path):
         files.write_atomically(target, fail)
     assert json.loads(target.read_text()) == {"a": 1}
     assert [p.name for p in target.parent.iterdir()] == ["a.json"]
-    with pytest.raises(ValueError, match="nan|NaN|JSON"):
+    with pytest.raises(ValueError, match=r"nan|NaN|JSON"):
         files.write_json(target, {"a": math.nan})
     with pytest.raises(IcyMoonError, match="a file"):
         files.write_json(target / "b.json", {})
@@ -117,7 +117,7 @@ def test_dataset_folders(tmp_path):
     assert absolute_folder("//sub/set", str(tmp_path)) == tmp_path / "sub" / "set"
     assert absolute_folder("~/x") == Path.home() / "x"
     for text in ("//x", "", "  "):
-        with pytest.raises(IcyMoonError, match="dataset.folder"):
+        with pytest.raises(IcyMoonError, match=r"dataset\.folder"):
             absolute_folder(text, None)
 
 

@@ -91,7 +91,7 @@ def test_a_file_with_a_mistake_is_named_with_the_mistake(tmp_path):
                           ("terrain = 3", "[terrain]"), ("[preset]\ntitel = 'x'", "title")):
         file = tmp_path / "scene.toml"
         file.write_text(content)
-        with pytest.raises(IcyMoonError, match="scene.toml") as caught:
+        with pytest.raises(IcyMoonError, match=r"scene\.toml") as caught:
             settings.load(file)
         assert word in str(caught.value)
     with pytest.raises(IcyMoonError, match="cannot be read"):

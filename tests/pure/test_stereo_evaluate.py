@@ -32,7 +32,7 @@ def strict_json(path):
 
 @pytest.fixture(scope="module")
 def dataset(tmp_path_factory):
-    root = tmp_path_factory.mktemp("data") / "set <i>"
+    root = tmp_path_factory.mktemp("data") / "set <em>"
     for (name, scene), layout in zip(SCENES.items(), ("4.x", "4.x view", "5.x"), strict=True):
         pairs.write_pair(root / "pairs" / name, scene, layout=layout)
     return root
@@ -89,6 +89,20 @@ def test_sgbm_is_accurate_and_hidden_pixels_are_the_worse_ones(result):
         assert row["visible_bad_1"] <= row["bad_1"]
 
 
+def test_common_pixels_are_those_of_every_method(result):
+    report, out, _ = result
+    for pair in SCENES:
+        rows = [row for row in report["rows"] if row["pair"] == pair]
+        truth = pairs.view(SCENES[pair], pairs.camera(), "left")[0]
+        disparities = [np.load(out / row["images"]["disparity"])["disparity"].astype(float) for row in rows]
+        common = np.isfinite(truth) & np.logical_and.reduce([np.isfinite(d) for d in disparities])
+        for row, disparity in zip(rows, disparities, strict=True):
+            assert row["common_n"] == common.sum() > 1000
+            assert row["common_coverage"] == pytest.approx(common.sum() / np.isfinite(truth).sum())
+            error = np.abs(pairs.camera().focal_baseline_px_m / disparity - truth)[common]
+            assert row["common_l1_m"] == pytest.approx(error.mean(), rel=1e-5)
+
+
 def test_summary_averages_pairs_and_pools_pixels(result):
     report, _, _ = result
     for entry in report["summary"]:
@@ -126,8 +140,8 @@ def test_the_report_is_one_file_with_every_picture(result):
     for image in page.images:
         content = base64.b64decode(image.partition(",")[2])
         assert cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_COLOR).shape == (144, 256, 3)
-    assert "i" not in [tag for tag in page.tags if tag == "set"]
-    assert "set <i>" in page.text  # names are text, never markup
+    assert "set <em>" in page.text  # names are text, never markup
+    assert "em" not in page.tags
     sgbm = next(entry for entry in report["summary"] if entry["method"] == "sgbm")
     assert f"{sgbm['l1_m']:.3f}" in page.text
     assert (out / "report.html").stat().st_size < 300_000 * 3

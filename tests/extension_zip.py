@@ -1,0 +1,70 @@
+"""Build the extension's zip with Blender's own tool, which needs no Blender, and check what is in it.
+
+    python tests/extension_zip.py dist/icymoon.zip
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import subprocess
+import sys
+import tomllib
+import zipfile
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+PACKAGES = ("nodes", "operators", "panels", "physics", "render", "stereo")
+NEEDED = ("blender_manifest.toml", "LICENSE", "stereo/report.html.j2", "presets/scenes/europa_rough_ice.toml")
+
+
+def blender_ext() -> Path:
+    """Blender's extension tool, a plain Python script inside the bpy package."""
+    found = importlib.util.find_spec("bpy")
+    tools = sorted(Path(found.origin).parent.glob("*/scripts/addons_core/bl_pkg/cli/blender_ext.py")) if found else []
+    if not tools:
+        sys.exit("extension_zip: this Python has no bpy, whose tool builds extensions; run it with .venv/bin/python.")
+    return tools[-1]
+
+
+def shipped() -> set[str]:
+    """What belongs into the zip: the package's code and data, and nothing else."""
+    files = [ROOT / name for name in ("blender_manifest.toml", "LICENSE")] + list(ROOT.glob("*.py"))
+    for package in PACKAGES:
+        files += (ROOT / package).rglob("*.py")
+    files += [*(ROOT / "presets").rglob("*.toml"), *(ROOT / "stereo").glob("*.j2"), *(ROOT / "nodes").glob("*.osl")]
+    return {path.relative_to(ROOT).as_posix() for path in files}
+
+
+def faults(archive: Path) -> list[str]:
+    """What is wrong with a built zip; empty if nothing is."""
+    with zipfile.ZipFile(archive) as opened:
+        names = {name for name in opened.namelist() if not name.endswith("/")} - {"README.md"}
+    found = [f"{name} is missing" for name in sorted(shipped() - names)]
+    found += [f"{name} does not belong into it" for name in sorted(names - shipped())]
+    found += [f"{name} is not there" for name in NEEDED if name not in names]
+    manifest = tomllib.loads((ROOT / "blender_manifest.toml").read_text(encoding="utf-8"))
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    if manifest["version"] != project["version"]:
+        found.append(f"blender_manifest.toml is version {manifest['version']}, pyproject.toml {project['version']}")
+    return found
+
+
+def build(archive: Path) -> None:
+    """Build and validate the zip. Ends the program with what is wrong, if something is."""
+    archive.parent.mkdir(parents=True, exist_ok=True)
+    archive.unlink(missing_ok=True)
+    steps = (["build", "--source-dir", str(ROOT), "--output-filepath", str(archive)], ["validate", str(archive)])
+    for step in steps:
+        done = subprocess.run([sys.executable, str(blender_ext()), *step], capture_output=True, text=True, check=False)
+        if done.returncode or not archive.is_file():
+            sys.exit(f"extension_zip: {step[0]} failed:\n{done.stdout}{done.stderr}")
+    if wrong := faults(archive):
+        sys.exit(f"extension_zip: {archive} is wrong:\n  " + "\n  ".join(wrong))
+
+
+if __name__ == "__main__":
+    if len(sys.argv) != 2:
+        sys.exit("usage: python tests/extension_zip.py OUT.zip")
+    target = Path(sys.argv[1]).absolute()
+    build(target)
+    print(f"{target} built and validated, {target.stat().st_size / 1024:.0f} KiB, {len(shipped())} files")

@@ -1,0 +1,365 @@
+"""Drive the installed extension in a real Blender as a person does; runs inside it.
+
+    blender --python tests/gui/drive.py -- FOLDER
+
+Mouse and keyboard are xdotool's, screenshots are ImageMagick's, so they show what a person sees.
+Every step is written to FOLDER/steps.json; an exception anywhere ends Blender with status 7.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+import time
+import traceback
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import bpy
+
+FOLDER = Path(sys.argv[sys.argv.index("--") + 1])
+DATASET = FOLDER / "dataset"
+TICK_S = 0.1
+Waiting = Iterator[float]
+
+steps: list[dict] = []
+ticks: list[float] = []  # when Blender let us run, to tell whether its window was blocked
+
+
+# ---- what a person does ---------------------------------------------------------------------------------------------
+
+def xdotool(*words: object) -> None:
+    subprocess.run(["xdotool", *map(str, words)], check=True, timeout=20)
+
+
+def move_to(x: float, y: float) -> None:
+    """Move the mouse to a place in Blender's window; y counts from below."""
+    xdotool("mousemove", int(x), int(window().height - y))
+
+
+def key(name: str) -> Waiting:
+    xdotool("key", name)
+    yield 0.5
+
+
+def screenshot(name: str) -> Waiting:
+    """Save what the screen shows, after a redraw."""
+    yield 0.6
+    path = FOLDER / f"{len(list(FOLDER.glob('*.png'))) + 1:02d}_{name}.png"
+    shot = subprocess.Popen(["import", "-window", "root", str(path)])
+    while shot.poll() is None:
+        yield TICK_S
+    check(shot.returncode == 0 and path.stat().st_size > 20_000, f"the screenshot {path.name} is empty")
+
+
+def check(holds: object, otherwise: str) -> None:
+    if not holds:
+        raise AssertionError(otherwise)
+
+
+# ---- where things are -----------------------------------------------------------------------------------------------
+
+def window() -> bpy.types.Window:
+    return bpy.context.window_manager.windows[0]
+
+
+def area() -> bpy.types.Area:
+    return next(a for a in window().screen.areas if a.type == "VIEW_3D")
+
+
+def region(kind: str) -> bpy.types.Region:
+    return next(r for r in area().regions if r.type == kind)
+
+
+def in_region(kind: str) -> object:
+    """A context as if the mouse were in that region of the 3D View."""
+    return bpy.context.temp_override(window=window(), area=area(), region=region(kind))
+
+
+def middle(kind: str) -> tuple[float, float]:
+    where = region(kind)
+    return where.x + where.width / 2, where.y + where.height / 2
+
+
+def over_button(operator: str) -> bool:
+    """Whether the mouse is over a button of that operator: Blender tells by copying its Python command."""
+    with in_region("UI"):
+        if not bpy.ops.ui.copy_python_command_button.poll():
+            return False
+        bpy.ops.ui.copy_python_command_button()
+    return window_manager().clipboard.startswith(f"bpy.ops.{operator}(")
+
+
+def window_manager() -> bpy.types.WindowManager:
+    return bpy.context.window_manager
+
+
+def press(operator: str) -> Waiting:
+    """Look for a button in the sidebar with the mouse, from above, and click it."""
+    sidebar = region("UI")
+    for down in range(20, sidebar.height, 9):
+        move_to(sidebar.x + sidebar.width * 0.4, sidebar.y + sidebar.height - down)
+        yield 0.15
+        if over_button(operator):
+            xdotool("click", 1)
+            return
+    raise AssertionError(f"no button of {operator} was found in the sidebar")
+
+
+def until(done: Callable[[], object], what: str, seconds: float) -> Waiting:
+    """Wait until something holds."""
+    end = time.monotonic() + seconds
+    while not done():
+        check(time.monotonic() < end, f"{what} took more than {seconds:.0f} s")
+        yield TICK_S
+
+
+def built() -> bool:
+    return any(c.get("icymoon") == "scene" for c in bpy.data.collections)
+
+
+def jobs() -> object:
+    return sys.modules["bl_ext.user_default.icymoon.operators.jobs"]
+
+
+def children() -> list[str]:
+    """Processes that Blender has started and that are there, dead ones that were not waited for too."""
+    found = []
+    for stat in Path("/proc").glob("[0-9]*/stat"):
+        try:
+            name, rest = stat.read_text().rsplit(")", 1)
+        except OSError:
+            continue
+        if int(rest.split()[1]) == os.getpid():
+            found.append(f"{name}) {rest.split()[0]}")
+    return found
+
+
+def pairs() -> list[Path]:
+    return sorted(p.parent for p in DATASET.glob("pairs/*/pair.json"))
+
+
+# ---- the steps ------------------------------------------------------------------------------------------------------
+
+def open_the_tab() -> Waiting:
+    """Show the sidebar and click down its tabs until ours is shown."""
+    move_to(*middle("WINDOW"))
+    yield from key("n")
+    area().spaces.active.show_region_ui = True
+    yield 1.0
+    sidebar = region("UI")
+    for down in range(15, 400, 12):
+        move_to(sidebar.x + sidebar.width - 10, sidebar.y + sidebar.height - down)
+        xdotool("click", 1)
+        yield 0.25
+        if sidebar.active_panel_category == "Icy Moon":
+            break
+    check(sidebar.active_panel_category == "Icy Moon", f"the tab shown is {sidebar.active_panel_category!r}")
+    move_to(*middle("WINDOW"))
+    yield from screenshot("sidebar")
+
+
+def widen_the_sidebar() -> Waiting:
+    """Drag the sidebar's edge, as its default width shortens the labels."""
+    sidebar = region("UI")
+    x, y = sidebar.x, sidebar.y + sidebar.height / 2
+    move_to(x, y)
+    yield 0.3
+    xdotool("mousedown", 1)
+    yield 0.3
+    for step in range(1, 7):
+        move_to(x - 20 * step, y)
+        yield 0.1
+    xdotool("mouseup", 1)
+    yield 0.5
+    move_to(*middle("WINDOW"))
+    yield from screenshot("wide_sidebar")
+
+
+def open_the_presets() -> Waiting:
+    """Open the menu of presets with the mouse and close it."""
+    with in_region("WINDOW"):
+        bpy.ops.wm.call_menu(name="ICYMOON_MT_presets")
+    yield from screenshot("presets_menu")
+    yield from key("Escape")
+
+
+def load_europa() -> Waiting:
+    with in_region("WINDOW"):
+        check(bpy.ops.icymoon.load_preset("INVOKE_DEFAULT", preset="scenes/europa_rough_ice") == {"FINISHED"}, "failed")
+    group = window().scene.icymoon
+    check(group.preset == "scenes/europa_rough_ice", "the preset is not remembered")
+    group.rig.width_px, group.rig.height_px = 320, 240
+    group.terrain.resolution = 257
+    group.quality.samples = 4
+    group.dataset.folder = str(DATASET)
+    yield 0.3
+
+
+def build_by_mouse() -> Waiting:
+    yield from press("icymoon.build_scene")
+    yield from until(built, "Build Scene", 60)
+    move_to(*middle("WINDOW"))
+    yield 3.0
+    yield from screenshot("built")
+    # Without a graphics card every redraw of the lit view takes seconds; what follows is about the sidebar.
+    area().spaces.active.shading.type = "SOLID"
+    yield 1.0
+
+
+def undo_and_redo() -> Waiting:
+    before = len(bpy.data.objects)
+    with in_region("WINDOW"):
+        bpy.ops.ed.undo()
+    check(not built(), "undo left the collection")
+    yield 0.5
+    with in_region("WINDOW"):
+        bpy.ops.ed.redo()
+    check(built() and len(bpy.data.objects) == before, "redo did not bring the scene back")
+    yield 0.5
+
+
+def render_by_mouse() -> Waiting:
+    """Render; the window must go on meanwhile and the sidebar must show how far it is."""
+    yield from press("icymoon.render_pair")
+    yield from until(lambda: jobs().current, "Starting the render", 10)
+    start, fractions = len(ticks), set()
+    yield from until(lambda: jobs().current is None or jobs().current.fraction > 0.02, "Progress", 60)
+    check(jobs().current, "the render ended without progress")
+    yield from screenshot("rendering")
+    while jobs().current:
+        fractions.add(jobs().current.fraction)
+        yield TICK_S
+    gap = max(b - a for a, b in zip(ticks[start:], ticks[start + 1:], strict=False))
+    check(gap < 2.0, f"the window was blocked for {gap:.1f} s")
+    check(len(pairs()) == 1, f"{len(pairs())} pairs are there")
+    check(len(fractions) > 2, f"progress was {sorted(fractions)}")
+    return f"longest gap {gap:.2f} s, {len(fractions)} stages of progress"
+
+
+def escape_a_render() -> Waiting:
+    window().scene.icymoon.quality.samples = 4000
+    yield from press("icymoon.render_pair")
+    yield from until(lambda: jobs().current and jobs().current.fraction > 0, "Progress", 60)
+    check(list(DATASET.glob("pairs/*.part")), "nothing is being written")
+    move_to(*middle("WINDOW"))
+    yield from key("Escape")
+    yield from until(lambda: jobs().current is None, "Cancelling", 10)
+    yield 0.5
+    check(not list(DATASET.glob("pairs/*.part")), "a half-written pair was left")
+    check(not children(), f"processes were left: {children()}")
+    check(len(pairs()) == 1, "the first pair is gone")
+    yield from screenshot("cancelled")
+    window().scene.icymoon.quality.samples = 4
+
+
+def evaluate_by_mouse() -> Waiting:
+    yield from press("icymoon.evaluate")
+    yield from until(lambda: jobs().current, "Starting the evaluation", 10)
+    yield from until(lambda: jobs().current is None, "Evaluating", 120)
+    move_to(*middle("WINDOW"))
+    check((DATASET / "evaluation_scene" / "report.html").is_file(), "there is no report")
+    check(not children(), f"processes were left: {children()}")
+    yield from screenshot("evaluated")
+
+
+def show_error() -> Waiting:
+    yield from press("icymoon.show_error")
+    yield from until(lambda: len(window_manager().windows) == 2, "Opening an Image Editor", 10)
+    space = window_manager().windows[1].screen.areas[0].spaces.active
+    check(space.type == "IMAGE_EDITOR" and space.image and space.image.size[0] > 0, "it shows no image")
+    yield 1.0
+    yield from screenshot("error_image")
+    with bpy.context.temp_override(window=window_manager().windows[1]):
+        bpy.ops.wm.window_close()
+    yield 1.0
+
+
+def every_panel() -> Waiting:
+    """Open all panels (Ctrl-click on a header opens it and closes the others) and look at them."""
+    sidebar = region("UI")
+    with in_region("UI"):
+        for category in ("terrain", "surface", "rocks", "light", "rig", "sensor", "quality", "dataset"):
+            check(hasattr(bpy.types, f"ICYMOON_PT_{category}"), f"no panel of {category}")
+    # Dragging over closed headers with the left button opens them all.
+    x, top = sidebar.x + sidebar.width * 0.4, sidebar.y + sidebar.height
+    move_to(x, top - 10)
+    yield 0.3
+    xdotool("keydown", "ctrl", "click", 1, "keyup", "ctrl")
+    yield from screenshot("panels")
+
+
+def preferences_page() -> Waiting:
+    """The extension's page in the preferences, its Check button pressed."""
+    with in_region("WINDOW"):
+        bpy.ops.screen.userpref_show("INVOKE_DEFAULT", section="ADDONS")
+    yield 1.0
+    window_manager().addon_search = "icy"
+    bpy.ops.preferences.addon_expand(module="bl_ext.user_default.icymoon")
+    check(bpy.ops.icymoon.check_evaluator() == {"FINISHED"}, "the evaluator is not ready")
+    yield 0.5
+    yield from screenshot("preferences")
+    with bpy.context.temp_override(window=window_manager().windows[-1]):
+        bpy.ops.wm.window_close()
+    yield 0.5
+
+
+def search_and_clear() -> Waiting:
+    """F3, type, Return: Clear Scene."""
+    move_to(*middle("WINDOW"))
+    yield from key("F3")
+    xdotool("type", "--delay", 60, "clear scene")
+    yield from screenshot("search")
+    yield from key("Return")
+    yield from until(lambda: not built(), "Clear Scene by F3", 10)
+    yield from screenshot("cleared")
+
+
+STEPS = (open_the_tab, open_the_presets, load_europa, build_by_mouse, undo_and_redo, widen_the_sidebar,
+         render_by_mouse, escape_a_render, evaluate_by_mouse, show_error, every_panel, preferences_page,
+         search_and_clear)
+
+
+def write(finished: bool) -> None:
+    (FOLDER / "steps.json").write_text(json.dumps(
+        {"blender": bpy.app.version_string, "finished": finished, "steps": steps}, indent=1))
+
+
+def walk() -> Iterator[float]:
+    yield 3.0  # the window appears
+    for step in STEPS:
+        start = time.monotonic()
+        record = {"step": step.__name__, "ok": False, "seconds": 0.0, "note": ""}
+        steps.append(record)
+        record["note"] = (yield from step()) or ""
+        record |= {"ok": True, "seconds": round(time.monotonic() - start, 1)}
+        print(f"STEP {step.__name__} {record['seconds']} s {record['note']}", flush=True)
+
+
+def tick(walking: Iterator[float]) -> float | None:
+    ticks.append(time.monotonic())
+    try:
+        return next(walking)
+    except StopIteration:
+        write(finished=True)
+        bpy.ops.wm.quit_blender()
+    except BaseException as error:
+        traceback.print_exc()
+        steps[-1]["note"] = f"{type(error).__name__}: {error}"
+        subprocess.run(["import", "-window", "root", str(FOLDER / "99_failed.png")], check=False)
+        write(finished=False)
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(7)
+    return None
+
+
+shutil.rmtree(FOLDER, ignore_errors=True)
+FOLDER.mkdir(parents=True)
+preferences = bpy.context.preferences
+preferences.view.show_splash = False
+walking = walk()
+bpy.app.timers.register(lambda: tick(walking), first_interval=TICK_S)

@@ -1,0 +1,70 @@
+"""Install the zip in a real Blender, drive its window with ``drive.py`` and say what came of it.
+
+    python tests/gui/run.py [4.3] [5.2] [named]      all that this machine has, by default
+
+'named' is the Blender whose path ICYMOON_BLENDER holds. Screenshots and steps.json are left in
+out/gui/<Blender>. The status is 0 if every step of every Blender succeeded, and at least one ran.
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+from extension_zip import build  # noqa: E402
+
+from blenders import ROOT, SUITES, Blender, CannotRunError, find, install  # noqa: E402, I001
+
+TIMEOUT_S = 420.0
+
+
+def drive(blender: Blender, archive: Path) -> str:
+    """Drive one Blender through all steps. Raises AssertionError with what went wrong; returns a summary."""
+    folder = ROOT / "out" / "gui" / blender.name
+    shutil.rmtree(folder, ignore_errors=True)
+    installed = install(blender, archive)
+    start = time.monotonic()
+    done = installed.run("--python-exit-code", "5", "--python", str(Path(__file__).with_name("drive.py")), "--",
+                         str(folder), window=True, timeout_s=TIMEOUT_S)
+    installed.remove()
+    report = folder / "steps.json"
+    facts = json.loads(report.read_text()) if report.is_file() else {"steps": [], "finished": False}
+    for step in facts["steps"]:
+        print(f"  {'ok  ' if step['ok'] else 'FAIL'} {step['seconds']:6.1f} s  {step['step']}  {step['note']}")
+    if done.returncode or not facts["finished"]:
+        raise AssertionError(f"Blender {blender.name} ended with status {done.returncode}:\n{done.stdout[-4000:]}")
+    errors = [line for line in done.stdout.splitlines() if "Traceback" in line or line.startswith("Error:")]
+    if errors:
+        raise AssertionError(f"Blender {blender.name} printed errors:\n{done.stdout[-4000:]}")
+    pictures = len(list(folder.glob("*.png")))
+    return f"{len(facts['steps'])} steps in {time.monotonic() - start:.0f} s, {pictures} screenshots in {folder}"
+
+
+def main(names: list[str]) -> int:
+    """Drive the named Blenders, or all there are."""
+    failed = ran = 0
+    with tempfile.TemporaryDirectory(prefix="icymoon-zip-") as folder:
+        archive = Path(folder) / "icymoon.zip"
+        build(archive)
+        for name in names or [*SUITES, "named"]:
+            try:
+                blender = find(name)
+                print(f"window of {blender.name}", flush=True)
+                print(f"window of {blender.name}: {drive(blender, archive)}", flush=True)
+                ran += 1
+            except CannotRunError as reason:
+                print(f"window of {name}: SKIPPED, {reason}", flush=True)
+            except AssertionError as error:
+                failed += 1
+                print(f"window of {name}: FAILED, {error}", flush=True)
+    print(f"gui: {ran} passed, {failed} failed")
+    return int(failed > 0 or ran == 0)
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
