@@ -14,7 +14,7 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
-Value = bool | int | float | str
+Value = bool | int | float | str | list[dict[str, Any]]
 
 #: What a change of a setting forces to be made again, dearest first. "response" only needs the
 #: images to be developed again, "run" says where and how fast and changes no result.
@@ -37,10 +37,13 @@ class Setting:
     choices: tuple[tuple[str, str, str], ...] = ()
     subtype: str = "NONE"
     precision: int = 3
+    entries: tuple[Setting, ...] = ()  # of a list of tables, the settings of each table
 
     @property
     def kind(self) -> str:
-        """'choice', 'bool', 'int', 'float' or 'text'."""
+        """'choice', 'bool', 'int', 'float', 'text' or 'list' (of tables with ``entries``)."""
+        if self.entries:
+            return "list"
         if self.choices:
             return "choice"
         return {bool: "bool", int: "int", float: "float", str: "text"}[type(self.default)]
@@ -235,9 +238,23 @@ def all_settings() -> list[tuple[str, Setting]]:
     return [(topic.key, setting) for topic in TOPICS.values() for setting in topic.settings]
 
 
-def _blender_property(setting: Setting) -> Any:
+def _group(name: str, doc: str, annotations: dict[str, Any]) -> type:
+    """Make and register a property group."""
     import bpy
 
+    group = type(name, (bpy.types.PropertyGroup,), {"__doc__": doc, "__annotations__": annotations})
+    bpy.utils.register_class(group)
+    _classes.append(group)
+    return group
+
+
+def _blender_property(topic: str, setting: Setting) -> Any:
+    import bpy
+
+    if setting.kind == "list":
+        entry = _group(f"ICYMOON_PG_{topic}_{setting.key}", setting.description,
+                       {s.key: _blender_property(topic, s) for s in setting.entries})
+        return bpy.props.CollectionProperty(type=entry, name=setting.label, description=setting.description)
     common: dict[str, Any] = {"name": setting.label, "description": setting.description,
                               "default": setting.default}
     if setting.kind == "bool":
@@ -267,18 +284,12 @@ def register() -> None:
 
     pointers: dict[str, Any] = {}
     for topic in TOPICS.values():
-        group = type(f"ICYMOON_PG_{topic.key}", (bpy.types.PropertyGroup,), {
-            "__doc__": topic.description,
-            "__annotations__": {s.key: _blender_property(s) for s in topic.settings}})
-        bpy.utils.register_class(group)
-        _classes.append(group)
+        group = _group(f"ICYMOON_PG_{topic.key}", topic.description,
+                       {s.key: _blender_property(topic.key, s) for s in topic.settings})
         pointers[topic.key] = bpy.props.PointerProperty(type=group, name=topic.label,
                                                         description=topic.description)
     pointers["preset"] = bpy.props.StringProperty(name="Preset", description="The scene preset last loaded")
-    root = type("ICYMOON_PG_description", (bpy.types.PropertyGroup,), {
-        "__doc__": "Everything that describes an Icy Moon scene", "__annotations__": pointers})
-    bpy.utils.register_class(root)
-    _classes.append(root)
+    root = _group("ICYMOON_PG_description", "Everything that describes an Icy Moon scene", pointers)
     bpy.types.Scene.icymoon = bpy.props.PointerProperty(
         type=root, name="Icy Moon", description="Everything that describes an Icy Moon scene")
 

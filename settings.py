@@ -38,13 +38,32 @@ def _nearest(word: str, known: Iterable[str]) -> str:
     return f"did you mean {close[0]!r}?" if close else f"known are {', '.join(names)}."
 
 
-def _canonical(setting: Setting, value: Value) -> Value:
+def _canonical(setting: Setting, value: Any) -> Value:
     if setting.kind == "float":
         return float(str(np.float32(value)))
+    if setting.kind == "list":
+        return [{s.key: _canonical(s, entry[s.key]) for s in setting.entries} for entry in value]
     return value
 
 
+def _checked_list(setting: Setting, value: Any, name: str, where: str) -> Value:
+    """A list of tables, each completed with the defaults of its entries."""
+    if not isinstance(value, (list, tuple)) or not all(isinstance(entry, Mapping) for entry in value):
+        raise IcyMoonError(f"{where}: {name} must be a list of tables, not {value!r}.")
+    known = {s.key: s for s in setting.entries}
+    tables = []
+    for k, entry in enumerate(value):
+        for key in entry:
+            if key not in known:
+                raise IcyMoonError(f"{where}: unknown setting {name}[{k}].{key}, {_nearest(key, known)}")
+        tables.append({key: _checked(s, entry.get(key, s.default), f"{name}[{k}].{key}", where)
+                       for key, s in known.items()})
+    return tables
+
+
 def _checked(setting: Setting, value: Any, name: str, where: str) -> Value:
+    if setting.kind == "list":
+        return _checked_list(setting, value, name, where)
     expected = {"float": "a number", "int": "a whole number", "bool": "true or false",
                 "text": "a text in quotes", "choice": "a text in quotes"}[setting.kind]
     right_type = {"float": isinstance(value, (int, float)) and not isinstance(value, bool),
@@ -169,12 +188,18 @@ def to_toml(settings: Mapping[str, Mapping[str, Value]]) -> str:
     lines = []
     for topic, values in settings.items():
         lines.append(f"[{topic}]")
+        # The lists of tables come last: what follows a [[table]] header belongs to that table.
+        lines += [f"{key} = {_toml_value(value)}" for key, value in values.items() if not isinstance(value, list)]
         for key, value in values.items():
-            # JSON's spelling of numbers, booleans and texts is TOML's, but for one control character.
-            text = json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
-            lines.append(f"{key} = {text}")
+            for entry in value if isinstance(value, list) else ():
+                lines += ["", f"[[{topic}.{key}]]", *(f"{k} = {_toml_value(v)}" for k, v in entry.items())]
         lines.append("")
     return "\n".join(lines)
+
+
+def _toml_value(value: Any) -> str:
+    # JSON's spelling of numbers, booleans and texts is TOML's, but for one control character.
+    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
 def digest(settings: Mapping[str, Mapping[str, Value]], extra: str = "") -> str:
@@ -190,12 +215,26 @@ def digest(settings: Mapping[str, Mapping[str, Value]], extra: str = "") -> str:
 
 def from_group(group: Any) -> Settings:
     """The complete description that a ``Scene.icymoon`` property group holds."""
-    return {topic: {s.key: _canonical(s, getattr(getattr(group, topic), s.key)) for s in TOPICS[topic].settings}
+    return {topic: {s.key: _from_property(s, getattr(getattr(group, topic), s.key)) for s in TOPICS[topic].settings}
             for topic in TOPICS}
+
+
+def _from_property(setting: Setting, value: Any) -> Value:
+    if setting.kind == "list":
+        return [{s.key: _from_property(s, getattr(item, s.key)) for s in setting.entries} for item in value]
+    return _canonical(setting, value)
 
 
 def to_group(group: Any, settings: Mapping[str, Mapping[str, Value]]) -> None:
     """Write a (partial) description, already checked, into a ``Scene.icymoon`` property group."""
     for topic, values in settings.items():
         for key, value in values.items():
-            setattr(getattr(group, topic), key, value)
+            if isinstance(value, list):
+                collection = getattr(getattr(group, topic), key)
+                collection.clear()
+                for entry in value:
+                    item = collection.add()
+                    for name, entry_value in entry.items():
+                        setattr(item, name, entry_value)
+            else:
+                setattr(getattr(group, topic), key, value)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import bpy
@@ -9,6 +10,20 @@ import bpy
 from .. import settings as description
 from ..errors import IcyMoonError
 from ..nodes import scene as scenes
+
+_BRIGHTNESS = 0.5  # of sunlit ground in the view, before the view transform
+
+
+def _expose(scene: bpy.types.Scene, built: scenes.Built) -> None:
+    """Choose the view's exposure so that sunlit ground is bright but not white.
+
+    Only what the window shows: images are written as radiance, and rendered in a scene of their own.
+    """
+    light = built.settings["light"]
+    radiance = (light["sun_irradiance_wm2"] * max(math.sin(math.radians(light["sun_elevation_deg"])), 0.02)
+                * max(built.settings["surface"]["albedo"], 0.02) / math.pi)
+    if radiance > 0:
+        scene.view_settings.exposure = max(-10.0, min(10.0, math.log2(_BRIGHTNESS / radiance)))
 
 
 def show_scene(context: bpy.types.Context, built: scenes.Built) -> None:
@@ -20,6 +35,7 @@ def show_scene(context: bpy.types.Context, built: scenes.Built) -> None:
     space: Any = context.space_data
     if context.area is None or context.area.type != "VIEW_3D":
         return
+    _expose(context.scene, built)
     space.shading.type = "RENDERED"
     space.shading.use_scene_lights_render = space.shading.use_scene_world_render = True
     ours = set(built.collection.all_objects)

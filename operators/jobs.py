@@ -31,6 +31,11 @@ class Job:
     done: bool = False
 
     @property
+    def shown(self) -> tuple[str, int, str]:
+        """What the panel shows of it: text, per cent, remaining time."""
+        return self.text or self.title, int(100 * self.fraction), remaining_text(self.remaining_s)
+
+    @property
     def remaining_s(self) -> float | None:
         """Seconds that are left at the present rate, or None before there is one."""
         if self.fraction <= 0.02:
@@ -84,11 +89,12 @@ def remaining_text(seconds: float | None) -> str:
 
 
 def redraw() -> None:
-    """Draw the sidebars again, which show the job."""
+    """Draw the sidebars again, which show the job; not the views, which may take seconds."""
     for window in bpy.context.window_manager.windows:
         for area in window.screen.areas:
-            if area.type == "VIEW_3D":
-                area.tag_redraw()
+            for region in area.regions if area.type == "VIEW_3D" else ():
+                if region.type == "UI":
+                    region.tag_redraw()
 
 
 def finish(job: Job) -> None:
@@ -167,9 +173,11 @@ class JobOperator:
             return {"RUNNING_MODAL"}
         if event.type != "TIMER":
             return {"PASS_THROUGH"}
+        before = self._job.shown
         running = self._job.advance()
-        context.window_manager.progress_update(int(1000 * self._job.fraction))
-        redraw()
+        if self._job.shown != before:
+            context.window_manager.progress_update(int(1000 * self._job.fraction))
+            redraw()
         if running:
             return {"PASS_THROUGH"}
         return self._end(context)

@@ -32,10 +32,6 @@ class ICYMOON_OT_load_preset(bpy.types.Operator):
     preset: bpy.props.EnumProperty(items=preset_items, name="Preset",  # type: ignore[valid-type]
                                    description="What to load")
 
-    @classmethod
-    def description(cls, context: bpy.types.Context, properties: Any) -> str:
-        return next((text for name, _, text in preset_items() if name == properties.preset), cls.__doc__ or "")
-
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         if self.properties.is_property_set("preset"):
             return self.execute(context)

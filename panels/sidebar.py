@@ -24,9 +24,9 @@ def _draw_job(layout: Any) -> None:
     job = jobs.current
     if job is None:
         return
-    left = jobs.remaining_text(job.remaining_s)
+    text, percent, left = job.shown
     column = layout.column(align=True)
-    column.progress(factor=job.fraction, text=f"{job.text or job.title}  {100 * job.fraction:.0f} %")
+    column.progress(factor=percent / 100, text=f"{text}  {percent} %")
     row = column.row(align=True)
     row.label(text=left or "Starting")
     row.operator("icymoon.cancel", icon="X")

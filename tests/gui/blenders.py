@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import tempfile
+import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -79,6 +80,12 @@ def find(which: str) -> Blender:
                    {"BLENDER_SUITE": SUITES[which], "XVFB_DISPLAY": display})
 
 
+def requirements(*extras: str) -> list[str]:
+    """What pyproject.toml says that the package and these extras of it need."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    return [*project["dependencies"], *(need for extra in extras for need in project["optional-dependencies"][extra])]
+
+
 def install_packages(target: Path, python: str, packages: list[str]) -> None:
     """Unpack packages for Python ``python`` ('3.13') into a folder, once; a changed list does it anew."""
     mark, wanted = target / ".packages", "\n".join(packages)
@@ -90,22 +97,20 @@ def install_packages(target: Path, python: str, packages: list[str]) -> None:
                 "--python-version", python, "--implementation", "cp", "--only-binary=:all:", *platforms, *packages],
                900.0)
     if done.returncode:
-        raise CannotRunError(f"pip could not install for Python {python}: {done.stdout.strip()[-500:]}")
+        raise AssertionError(f"pip could not install for Python {python}: {done.stdout.strip()[-500:]}")
     mark.write_text(wanted)
 
 
 def evaluator(blender: Blender) -> Path:
     """A Python for the evaluator that can be run where that Blender runs: Blender's own, with packages beside it."""
-    from icymoon.install import PACKAGES
-
     asked = blender.run("-b", "--factory-startup", "--python-expr",
                         "import sys; print('PYTHON', sys.version_info[0], sys.version_info[1], sys.executable)")
     words = next((line.split() for line in asked.stdout.splitlines() if line.startswith("PYTHON ")), None)
     if words is None:
-        raise CannotRunError(f"Blender {blender.name} does not start: {asked.stdout.strip()[-500:]}")
+        raise AssertionError(f"Blender {blender.name} does not start: {asked.stdout.strip()[-500:]}")
     version = ".".join(words[1:3])
     target = ROOT / ".venvs" / f"evaluator-{version}"
-    install_packages(target, version, list(PACKAGES))
+    install_packages(target, version, requirements("evaluate"))
     script = target / f"python-{blender.name}"
     script.write_text(f'#!/bin/sh\nPYTHONPATH="{target}" exec "{" ".join(words[3:])}" "$@"\n')
     script.chmod(0o755)
