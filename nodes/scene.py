@@ -27,9 +27,9 @@ from .surface import build_material
 from .terrain import build_mesh, shortest_wavelength_m
 
 NAME = "Icy Moon"
-_SETTINGS, _FINGERPRINT, _PREVIOUS_WORLD, _PREVIOUS_CAMERA, _PREVIOUS_EXPOSURE = (
+_SETTINGS, _FINGERPRINT, _PREVIOUS_WORLD, _PREVIOUS_CAMERA, _PREVIOUS_VIEW = (
     "icymoon_settings", "icymoon_fingerprint", "icymoon_previous_world", "icymoon_previous_camera",
-    "icymoon_previous_exposure")
+    "icymoon_previous_view")
 
 
 @dataclass
@@ -162,7 +162,8 @@ def build(scene: bpy.types.Scene, settings: Settings) -> Built:
         collection = _tagged(bpy.data.collections.new(NAME), "scene")
         scene.collection.children.link(collection)
         collection[_PREVIOUS_WORLD], collection[_PREVIOUS_CAMERA] = scene.world, scene.camera
-        collection[_PREVIOUS_EXPOSURE] = scene.view_settings.exposure
+        collection[_PREVIOUS_VIEW] = [scene.view_settings.exposure, scene.render.resolution_x,
+                                      scene.render.resolution_y]
         first = True
     else:
         first = False
@@ -191,7 +192,7 @@ def build(scene: bpy.types.Scene, settings: Settings) -> Built:
 
 
 def clear(scene: bpy.types.Scene) -> bool:
-    """Remove what Build made and give the scene its earlier world, camera and view exposure back.
+    """Remove what Build made and give the scene its earlier world, camera, frame and view exposure back.
 
     Objects that a person put into the collection stay, in the scene's own collection.
     Returns whether there was anything to remove.
@@ -201,7 +202,8 @@ def clear(scene: bpy.types.Scene) -> bool:
         return False
     previous_world, previous_camera = collection.get(_PREVIOUS_WORLD), collection.get(_PREVIOUS_CAMERA)
     ours = [item for item in collection.all_objects if TAG in item]
-    scene.view_settings.exposure = collection[_PREVIOUS_EXPOSURE]
+    scene.view_settings.exposure, *resolution = collection[_PREVIOUS_VIEW]
+    scene.render.resolution_x, scene.render.resolution_y = (int(n) for n in resolution)
     if scene.camera in ours or scene.camera is None:
         scene.camera = previous_camera
     if scene.world is None or TAG in scene.world:

@@ -14,12 +14,13 @@ from ..nodes import scene as scenes
 _BRIGHTNESS = 0.5  # of sunlit ground in the view, before the view transform
 
 
-def _expose(scene: bpy.types.Scene, built: scenes.Built) -> None:
-    """Choose the view's exposure so that sunlit ground is bright but not white.
+def _frame_and_expose(scene: bpy.types.Scene, built: scenes.Built) -> None:
+    """Give the view the stereo camera's frame, and an exposure at which sunlit ground is not white.
 
     Only what the window shows: images are written as radiance, and rendered in a scene of their own.
     """
-    light = built.settings["light"]
+    rig, light = built.settings["rig"], built.settings["light"]
+    scene.render.resolution_x, scene.render.resolution_y = rig["width_px"], rig["height_px"]
     radiance = (light["sun_irradiance_wm2"] * max(math.sin(math.radians(light["sun_elevation_deg"])), 0.02)
                 * max(built.settings["surface"]["albedo"], 0.02) / math.pi)
     if radiance > 0:
@@ -35,7 +36,7 @@ def show_scene(context: bpy.types.Context, built: scenes.Built) -> None:
     space: Any = context.space_data
     if context.area is None or context.area.type != "VIEW_3D":
         return
-    _expose(context.scene, built)
+    _frame_and_expose(context.scene, built)
     space.shading.type = "RENDERED"
     space.shading.use_scene_lights_render = space.shading.use_scene_world_render = True
     ours = set(built.collection.all_objects)
