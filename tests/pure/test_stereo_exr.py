@@ -35,6 +35,17 @@ def test_ids_are_rounded(tmp_path):
     assert (read_view(tmp_path / "left.exr").instance == 1000).all()
 
 
+def test_one_view_is_picked_from_a_file_with_both(tmp_path):
+    channels = {}
+    for value, eye in enumerate(("left", "right"), start=1):
+        channels |= {f"Beauty.Combined.{eye}.{band}": np.full((4, 6), value, np.float32) for band in "RGBA"}
+        channels[f"Truth.Depth.{eye}.Z"] = np.full((4, 6), 10 * value, np.float32)
+    OpenEXR.File({"type": OpenEXR.scanlineimage}, channels).write(str(tmp_path / "both.exr"))
+    for value, eye in enumerate(("left", "right"), start=1):
+        view = read_view(tmp_path / "both.exr", eye)
+        assert (view.radiance[0, 0, 0], view.depth[0, 0]) == (value, 10 * value)
+
+
 def test_the_facets_normal_is_preferred(tmp_path):
     channels = {f"Beauty.Combined.{band}": np.ones((4, 6), np.float32) for band in "RGBA"}
     channels |= {"Truth.Depth.Z": np.ones((4, 6), np.float32)}

@@ -81,6 +81,7 @@ def test_the_number_of_threads_changes_nothing(method):
         for count in (1, 4):
             cv2.setNumThreads(count)
             results.append(match(method, left, right)[0])
+            assert cv2.getNumThreads() == 1  # which the seconds are for
     finally:
         cv2.setNumThreads(threads)
     np.testing.assert_array_equal(*results)

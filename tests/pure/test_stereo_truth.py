@@ -38,10 +38,10 @@ def test_visibility_is_that_of_the_rays():
     assert wrong.sum(axis=1).max() <= 2  # the block's two edges fall between pixels
 
 
-@pytest.mark.parametrize("slope", [0.0, 2.0, -2.0])
+@pytest.mark.parametrize("slope", [0.0, 2.0, -2.0, 4.0])  # at 4 disparity grows by 2 px per column of the right image
 def test_a_plane_hides_nothing_of_itself_however_steep(slope):
-    scene = pairs.Scene(slope_x=slope, slope_y=0.0, block=False, distance_m=4.0)
-    left, right = (np.where((d > 0.8) & (d < 50), d, np.nan) for d in depths(scene))
+    scene = pairs.Scene(slope_x=slope, slope_y=0.0, block=False, distance_m=1.5)
+    left, right = (np.where((d > 0.05) & (d < 50), d, np.nan) for d in depths(scene))
     column = np.arange(RIG.width_px) - RIG.disparity(left)
     inside = np.nan_to_num(column, nan=-9) >= -0.5
     assert inside.sum() > 3000
@@ -93,6 +93,13 @@ def test_development_is_repeatable_shares_one_exposure_and_keeps_the_scene(tmp_p
     expected = np.clip(light / quiet.saturation_radiance, 0, 1) * 255
     assert np.abs(quiet.right - expected).max() <= 0.5001
     assert np.quantile(quiet.left, 0.99) == pytest.approx(0.8 * 255, abs=1)
+
+
+def test_the_eyes_have_noise_of_their_own(tmp_path):
+    flat = pairs.Scene(contrast=0.0, block=False)
+    images = developed(pairs.write_pair(tmp_path / "pair", flat), bits=12)
+    assert images.left.std() > 10
+    assert abs(np.corrcoef(images.left.ravel(), images.right.ravel())[0, 1]) < 5 / np.sqrt(images.left.size)
 
 
 def test_overexposure_is_reported(tmp_path):
