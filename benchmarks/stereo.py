@@ -47,7 +47,7 @@ def main() -> None:
                                  ("1/16 px disparities", 1 / (np.rint(16 * 85.333 / truth) / 16))):
             seconds = cost(lambda p=prediction: depth_order_disagreement(p, truth))
             print(f"{f'exact DOD, {truth.size} px, {name}':<40}{seconds:8.3f} s")
-        seconds = cost(lambda: evaluate(pair, parse_methods("bm,sgbm"), Path(folder) / "out"))
+        seconds = cost(lambda: evaluate([pair], parse_methods("bm,sgbm"), Path(folder) / "out"))
         print(f"{'evaluate, bm and sgbm, with report':<40}{seconds:8.3f} s")
 
 

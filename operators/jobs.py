@@ -48,7 +48,7 @@ class Job:
         for message in self.process.poll():
             kind = message["type"]
             if kind == "progress":
-                self.fraction = float(message.get("fraction", message.get("done", 0) / max(message.get("total", 1), 1)))
+                self.fraction = float(message["fraction"])
                 self.text = str(message["message"])
             elif kind == "warning":
                 self.warnings.append(str(message["message"]))

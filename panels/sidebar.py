@@ -91,8 +91,6 @@ class _TopicPanel(_Sidebar):
 
     def draw(self, context: bpy.types.Context) -> None:
         layout = self.layout
-        layout.use_property_split = True
-        layout.use_property_decorate = False
         if self.topic.key == "terrain":
             layout.prop(context.scene.icymoon.dataset, "seed")
         group = getattr(context.scene.icymoon, self.topic.key)

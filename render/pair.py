@@ -119,18 +119,23 @@ def read_pair(folder: Path) -> Pair:
     return pair
 
 
-def find_pairs(path: Path) -> list[Pair]:
-    """The complete pairs at ``path``: a pair folder, a ``pairs`` folder or a data set that has one.
+def pair_folders(path: Path) -> list[Path]:
+    """Folders of the complete pairs at ``path``: a pair folder, a ``pairs`` folder or a data set.
 
     Raises IcyMoonError if there is none.
     """
     if (path / "pair.json").is_file():
-        return [read_pair(path)]
+        return [path.resolve()]
     root = path / "pairs" if (path / "pairs").is_dir() else path
     folders = sorted(p.parent for p in root.glob("*/pair.json") if not p.parent.name.endswith(PART))
     if not folders:
         raise IcyMoonError(f"{path} holds no complete stereo pair; render one first or choose another folder.")
-    return [read_pair(folder) for folder in folders]
+    return folders
+
+
+def find_pairs(path: Path) -> list[Pair]:
+    """The complete pairs at ``path``, read; see ``pair_folders`` and ``read_pair``."""
+    return [read_pair(folder) for folder in pair_folders(path)]
 
 
 def changed_files(pair: Pair) -> list[str]:

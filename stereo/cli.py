@@ -68,7 +68,8 @@ def _parser() -> argparse.ArgumentParser:
     command.set_defaults(run=_metrics)
 
     command = commands.add_parser("evaluate", help="match and measure pairs, and write a report")
-    command.add_argument("path", type=Path, metavar="PAIR_OR_DATASET", help="pair folder, or data set of pairs")
+    command.add_argument("path", type=Path, nargs="+", metavar="PAIR_OR_DATASET",
+                         help="pair folder, or data set of pairs; may be several")
     command.add_argument("--methods", default="bm,sgbm",
                          help="matchers, separated by commas; with options of their own as bm:window=21")
     command.add_argument("--option", action="append", default=[], metavar="METHOD.KEY=VALUE",

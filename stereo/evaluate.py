@@ -20,12 +20,13 @@ import numpy as np
 
 from ..errors import IcyMoonError
 from ..files import write_json, write_text
+from ..render.pair import pair_folders
 from . import check, pictures
 from .images import write_disparity, write_png
 from .matchers import check_options, match
 from .methods import Method
 from .metrics import ERROR_STEPS_M, depth_metrics, disparity_metrics, error_curve
-from .prepare import Prepared, none_for_nan, pair_folders, prepare
+from .prepare import Prepared, none_for_nan, prepare
 from .report import write_report
 from .rowlog import RowLog
 from .summary import METRICS, REGIONS, csv_table, summary
@@ -36,15 +37,15 @@ VERSION = 1
 Event = Callable[[dict[str, Any]], None]
 
 
-def evaluate(path: Path, methods: Sequence[Method], out: Path, sensor: Mapping[str, Any] | None = None,
+def evaluate(paths: Sequence[Path], methods: Sequence[Method], out: Path, sensor: Mapping[str, Any] | None = None,
              on_event: Event = lambda event: None) -> dict[str, Any]:
-    """Evaluate a pair or all pairs of a data set; return what is in ``report.json``.
+    """Evaluate pairs and all pairs of data sets; return what is in ``report.json``.
 
     ``sensor`` overrides settings of the camera response. Written to ``out``, replacing what an
     earlier run left: ``results.jsonl`` (a row as soon as it is known), then ``results.csv``,
     ``report.json`` and ``report.html``; per pair, in ``pairs/<pair>/``, pictures and disparities.
 
-    ``on_event`` gets {"type": "progress", "done", "total", "message"} and, per failure,
+    ``on_event`` gets {"type": "progress", "fraction", "done", "total", "message"} and, per failure,
     {"type": "error", "message"}. Raises IcyMoonError if there is no pair or ``out`` cannot be written.
 
     The report is {"format", "version", "summary", "rows", "pairs", "failed", "provenance"}; what is
@@ -59,7 +60,7 @@ def evaluate(path: Path, methods: Sequence[Method], out: Path, sensor: Mapping[s
       ``true_depth``.
     * ``failed``: ``pair``, ``message`` and, where only one method failed, ``method``.
     """
-    folders = pair_folders(path)
+    folders = list(dict.fromkeys(folder for path in paths for folder in pair_folders(path)))
     log = RowLog(out / "results.jsonl")
     rows: list[dict[str, Any]] = []
     pairs: list[dict[str, Any]] = []
@@ -68,7 +69,8 @@ def evaluate(path: Path, methods: Sequence[Method], out: Path, sensor: Mapping[s
     def done(row: dict[str, Any]) -> None:
         log.append(row)
         rows.append(row)
-        on_event({"type": "progress", "done": len(rows), "total": len(folders) * len(methods),
+        total = len(folders) * len(methods)
+        on_event({"type": "progress", "fraction": len(rows) / total, "done": len(rows), "total": total,
                   "message": f"{row['pair']} {row['method']}"})
 
     def fail(message: str, **what: str) -> None:
@@ -106,7 +108,7 @@ def evaluate(path: Path, methods: Sequence[Method], out: Path, sensor: Mapping[s
                   "images": _write_method_pictures(prepared, method, disparity, depth, out)})
 
     report = {"format": FORMAT, "version": VERSION, "summary": [summary(method.label, rows) for method in methods],
-              "rows": rows, "pairs": pairs, "failed": failed, "provenance": _provenance(path, methods, sensor or {})}
+              "rows": rows, "pairs": pairs, "failed": failed, "provenance": _provenance(paths, methods, sensor or {})}
     write_text(out / "results.csv", csv_table(rows))
     write_json(out / "report.json", report)
     write_report(report, out)
@@ -172,8 +174,8 @@ def _folder(prepared: Prepared, out: Path) -> Path:
     return out / "pairs" / prepared.pair.folder.name
 
 
-def _provenance(path: Path, methods: Sequence[Method], sensor: Mapping[str, Any]) -> dict[str, Any]:
-    return {"created": datetime.now(UTC).isoformat(timespec="seconds"), "source": str(path.resolve()),
+def _provenance(paths: Sequence[Path], methods: Sequence[Method], sensor: Mapping[str, Any]) -> dict[str, Any]:
+    return {"created": datetime.now(UTC).isoformat(timespec="seconds"), "source": ", ".join(str(path.resolve()) for path in paths),
             "methods": [{"label": method.label, "name": method.name,
                          "options": check_options(method.name, method.options)} for method in methods],
             "sensor_overrides": dict(sensor), "versions": check.versions(), "error_curve_steps_m": list(ERROR_STEPS_M),

@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 
 from ..errors import IcyMoonError
-from ..files import PART
 from ..render.pair import EYES, Pair, changed_files, read_pair
 from ..settings import Settings, defaults, merged
 from . import pictures
@@ -34,20 +33,6 @@ class Prepared:
     visible: np.ndarray  # bool (H, W), seen by the right eye too
     scale: pictures.Scale  # for pictures of depth
     facts: dict[str, Any]  # what the report says of the pair
-
-
-def pair_folders(path: Path) -> list[Path]:
-    """The pair folders that ``render.pair.find_pairs`` reads, without giving up on a broken one.
-
-    Raises IcyMoonError if there is none.
-    """
-    if (path / "pair.json").is_file():
-        return [path.resolve()]
-    root = path / "pairs" if (path / "pairs").is_dir() else path
-    folders = sorted(p.parent for p in root.glob("*/pair.json") if not p.parent.name.endswith(PART))
-    if not folders:
-        raise IcyMoonError(f"{path} holds no complete stereo pair; render one first or choose another folder.")
-    return folders
 
 
 def prepare(folder: Path, sensor: Mapping[str, Any]) -> Prepared:

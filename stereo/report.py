@@ -25,6 +25,7 @@ MOST_PAIRS = 24
 _COLOURS = ("#2a86c8", "#d55e00", "#009e73", "#c0699a", "#c98a00", "#6f7f8f")
 _WIDTH_PX = 480  # of embedded pictures
 _JPEG_QUALITY = 80
+_SCREEN_GAMMA = 1 / 2.2
 
 
 def write_report(report: Mapping[str, Any], out: Path) -> None:
@@ -87,16 +88,21 @@ def _pair(facts: Mapping[str, Any], report: Mapping[str, Any], out: Path) -> dic
     height = facts["height_px"]
     scale = pictures.Scale(*facts["depth_scale_m"])
     rows = [row for row in report["rows"] if row["pair"] == facts["pair"]]
-    return {"facts": facts, "left": _embedded(out / facts["images"]["left"], height),
+    return {"facts": facts, "left": _embedded(out / facts["images"]["left"], height, linear=True),
             "true_depth": _embedded(out / facts["images"]["true_depth"], height), "depth_bar": _bar(scale),
             "settings": to_toml(facts["settings"]),
             "methods": [{"row": row, **{kind: _embedded(out / row["images"][kind], height)
                                         for kind in ("depth", "error") if kind in row["images"]}} for row in rows]}
 
 
-def _embedded(path: Path, height: int) -> str:
-    """A picture as a data URL, without the colour bar below its ``height`` rows, which HTML draws better."""
+def _embedded(path: Path, height: int, linear: bool = False) -> str:
+    """A picture as a data URL, without the colour bar below its ``height`` rows, which HTML draws better.
+
+    ``linear`` grey values, as a sensor gives them, are brightened to what screens expect.
+    """
     image = read_png(path)[:height]
+    if linear:
+        image = (255 * (image / 255.0) ** _SCREEN_GAMMA).astype(np.uint8)
     if image.shape[1] > _WIDTH_PX:
         size = (_WIDTH_PX, max(1, round(image.shape[0] * _WIDTH_PX / image.shape[1])))
         image = cv2.resize(image, size, interpolation=cv2.INTER_AREA)

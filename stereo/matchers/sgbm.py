@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 
 from ...errors import IcyMoonError
-from .opencv import require_room, run
+from .opencv import SUBPIXELS, require_room, run
 from .options import Option
 
 OPTIONS = (
@@ -60,4 +60,17 @@ def compute(left: np.ndarray, right: np.ndarray, options: dict[str, Any]) -> np.
     left, right = (cv2.copyMakeBorder(image, 0, 0, extension, 0, cv2.BORDER_REPLICATE) for image in (left, right))
     # Unlike StereoBM it compares windows that reach over the border.
     disparity = run("sgbm", matcher, left, right, least, (reach, width + extension), (0, height))[:, extension:]
+    disparity = _evenly_rounded(disparity)
     return np.where(disparity <= np.arange(width), disparity, np.nan)
+
+
+def _evenly_rounded(disparity: np.ndarray) -> np.ndarray:
+    """Take back what OpenCV's rounding adds to disparities below their nearest whole pixel.
+
+    The sub-pixel offset, in 1/16 px, is the integer quotient (16 a + b) / 2b, which C++ truncates
+    toward zero: offsets below zero come out one sixteenth too large, and half of those that come
+    out as zero should be one less. On a textured plane that is a bias of +0.025 px.
+    """
+    sixteenth = np.mod(np.round(disparity * SUBPIXELS), SUBPIXELS)
+    excess = np.where(sixteenth >= SUBPIXELS // 2, 1.0, np.where(sixteenth == 0, 0.5, 0.0)) / SUBPIXELS
+    return np.asarray(disparity - excess, np.float32)

@@ -14,7 +14,7 @@ import pairs
 import pytest
 
 ROOT = Path(icymoon.__file__).parent
-BY_PATH = [sys.executable, str(ROOT / "stereo" / "__main__.py")]
+BY_PATH = [sys.executable, str(ROOT / "__main__.py"), "stereo"]
 
 
 def run(*arguments, command=BY_PATH, **options):
@@ -157,7 +157,7 @@ def test_evaluate_for_a_program_without_bpy_or_torch(inputs, tmp_path):
     assert (result.returncode, result.stderr) == (0, "")
     lines = [json.loads(line) for line in result.stdout.splitlines()]
     assert [line["type"] for line in lines] == ["progress", "progress", "result"]
-    assert lines[0] == {"type": "progress", "done": 1, "total": 2, "message": "good bm"}
+    assert lines[0] == {"type": "progress", "fraction": 0.5, "done": 1, "total": 2, "message": "good bm"}
     assert Path(lines[-1]["report"]).is_file()
     assert [row["method"] for row in lines[-1]["rows"]] == ["bm", "sgbm"]
     report = json.loads((tmp_path / "out" / "report.json").read_text())
@@ -261,8 +261,8 @@ def test_a_package_that_is_too_old_is_named(tmp_path):
 
 def test_runs_by_path_from_a_folder_of_any_name(tmp_path):
     (tmp_path / "some folder").symlink_to(ROOT, target_is_directory=True)
-    program = tmp_path / "some folder" / "stereo" / "__main__.py"
-    result = run("check", command=[sys.executable, str(program)], cwd=tmp_path)
+    program = tmp_path / "some folder" / "__main__.py"
+    result = run("check", command=[sys.executable, str(program), "stereo"], cwd=tmp_path)
     assert json.loads(result.stdout)["ok"] is True
 
 

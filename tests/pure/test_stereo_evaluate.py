@@ -42,7 +42,7 @@ def dataset(tmp_path_factory):
 def result(dataset, tmp_path_factory):
     out = tmp_path_factory.mktemp("out")
     events = []
-    report = evaluate(dataset, METHODS, out, on_event=events.append)
+    report = evaluate([dataset], METHODS, out, on_event=events.append)
     return report, out, events
 
 
@@ -150,7 +150,7 @@ def test_the_report_is_one_file_with_every_picture(result):
 def test_running_again_gives_the_same(result, dataset):
     report, out, _ = result
     before = sorted(path.relative_to(out) for path in out.rglob("*"))
-    again = evaluate(dataset, METHODS, out)
+    again = evaluate([dataset], METHODS, out)
     assert sorted(path.relative_to(out) for path in out.rglob("*")) == before
 
     def timeless(rows):
@@ -164,19 +164,19 @@ def test_the_layout_of_the_files_does_not_matter(tmp_path):
     rows = []
     for layout in ("4.x", "4.x view", "5.x"):
         folder = pairs.write_pair(tmp_path / layout / "pair", pairs.Scene(), layout=layout)
-        row = evaluate(folder, parse_methods("sgbm"), tmp_path / "out" / layout)["rows"][0]
+        row = evaluate([folder], parse_methods("sgbm"), tmp_path / "out" / layout)["rows"][0]
         rows.append({**row, "seconds": None})
     assert rows[0] == rows[1] == rows[2]
 
 
 @pytest.mark.parametrize("path", ["", "pairs", "pairs/aaa"])
 def test_a_data_set_its_pairs_folder_or_one_pair(dataset, tmp_path, path):
-    report = evaluate(dataset / path, parse_methods("bm"), tmp_path)
+    report = evaluate([dataset / path], parse_methods("bm"), tmp_path)
     assert len(report["rows"]) == (1 if path.endswith("aaa") else 3)
 
 
 def test_a_new_camera_response_needs_no_new_render(dataset, tmp_path):
-    flooded = evaluate(dataset / "pairs" / "aaa", parse_methods("bm,sgbm"), tmp_path,
+    flooded = evaluate([dataset / "pairs" / "aaa"], parse_methods("bm,sgbm"), tmp_path,
                        {"auto_exposure": False, "saturation_radiance": 0.01, "read_noise_e": 0.0})
     assert flooded["pairs"][0]["saturated"] == 1
     assert flooded["pairs"][0]["settings"]["sensor"]["saturation_radiance"] == 0.01
@@ -213,7 +213,7 @@ def test_a_broken_pair_is_named_and_the_others_are_done(tmp_path, harm, reason):
     pairs.write_pair(root / "good")
     harm(root / "bad")
     events = []
-    report = evaluate(tmp_path / "set", parse_methods("bm"), tmp_path / "out", on_event=events.append)
+    report = evaluate([tmp_path / "set"], parse_methods("bm"), tmp_path / "out", on_event=events.append)
     bad, good = report["rows"]
     assert (bad["status"], good["status"]) == ("failed", "ok")
     assert [failure["pair"] for failure in report["failed"]] == ["bad"]
@@ -226,7 +226,7 @@ def test_a_broken_pair_is_named_and_the_others_are_done(tmp_path, harm, reason):
 
 def test_one_method_that_cannot_run_does_not_stop_the_other(tmp_path):
     pairs.write_pair(tmp_path / "pair", rig=pairs.camera(96, 72))
-    report = evaluate(tmp_path / "pair", parse_methods("bm,sgbm"), tmp_path / "out")
+    report = evaluate([tmp_path / "pair"], parse_methods("bm,sgbm"), tmp_path / "out")
     assert [row["status"] for row in report["rows"]] == ["failed", "ok"]
     assert "too small for bm" in report["rows"][0]["error"]
     assert report["failed"][0]["method"] == "bm"
@@ -236,12 +236,12 @@ def test_incomplete_pairs_are_passed_over(tmp_path):
     pairs.write_pair(tmp_path / "pairs" / "whole")
     shutil.copytree(tmp_path / "pairs" / "whole", tmp_path / "pairs" / "other.part")
     (tmp_path / "pairs" / "begun").mkdir()
-    assert [row["pair"] for row in evaluate(tmp_path, parse_methods("bm"), tmp_path / "out")["rows"]] == ["whole"]
+    assert [row["pair"] for row in evaluate([tmp_path], parse_methods("bm"), tmp_path / "out")["rows"]] == ["whole"]
 
 
 def test_nothing_to_evaluate_is_an_error_that_writes_nothing(tmp_path):
     with pytest.raises(IcyMoonError, match="no complete stereo pair"):
-        evaluate(tmp_path, METHODS, tmp_path / "out")
+        evaluate([tmp_path], METHODS, tmp_path / "out")
     assert not (tmp_path / "out").exists()
 
 
@@ -249,7 +249,7 @@ def test_pairs_without_truth_or_light(tmp_path):
     """Night, and a camera that looks at the sky."""
     pairs.write_pair(tmp_path / "pairs" / "night", pairs.Scene(radiance=0.0))
     pairs.write_pair(tmp_path / "pairs" / "sky", pairs.Scene(sky_rows=144))
-    report = evaluate(tmp_path, parse_methods("bm,sgbm"), tmp_path / "out", {"read_noise_e": 0.0})
+    report = evaluate([tmp_path], parse_methods("bm,sgbm"), tmp_path / "out", {"read_noise_e": 0.0})
     assert {row["status"] for row in report["rows"]} == {"ok"}
     night, sky = report["rows"][0], report["rows"][2]
     assert (night["coverage"], night["n"]) == (0, 0)
