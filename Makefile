@@ -42,4 +42,4 @@ $(VENV)/.tests: pyproject.toml $(VENV)/.demo
 	touch $@
 
 clean:
-	rm -rf $(VENV) dist build out *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -rf $(VENV) .venvs dist build out *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis

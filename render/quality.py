@@ -36,6 +36,7 @@ def apply(scene: bpy.types.Scene, quality: Mapping[str, Any], seed: int) -> None
     cycles.samples = quality["samples"]
     cycles.seed = seed
     cycles.use_animated_seed = False
+    cycles.sampling_pattern = "TABULATED_SOBOL"
     cycles.use_adaptive_sampling = False
     cycles.time_limit = 0.0
     cycles.use_denoising = quality["denoiser"] == "OIDN"

@@ -175,7 +175,8 @@ def _folder(prepared: Prepared, out: Path) -> Path:
 
 
 def _provenance(paths: Sequence[Path], methods: Sequence[Method], sensor: Mapping[str, Any]) -> dict[str, Any]:
-    return {"created": datetime.now(UTC).isoformat(timespec="seconds"), "source": ", ".join(str(path.resolve()) for path in paths),
+    return {"created": datetime.now(UTC).isoformat(timespec="seconds"),
+            "source": ", ".join(str(path.resolve()) for path in paths),
             "methods": [{"label": method.label, "name": method.name,
                          "options": check_options(method.name, method.options)} for method in methods],
             "sensor_overrides": dict(sensor), "versions": check.versions(), "error_curve_steps_m": list(ERROR_STEPS_M),

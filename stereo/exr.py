@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import IcyMoonError
-from ..labels import BEAUTY, NORMAL_AOV, TRUTH
+from ..labels import BEAUTY, INSTANCE_AOV, NORMAL_AOV, TRUTH
 from ..render.pair import EYES
 
 SKY_DEPTH_M = 1.0e10  # what Cycles writes where a ray hits nothing
@@ -47,7 +47,7 @@ def read_view(path: Path, eye: str | None = None) -> View:
     depth[~(depth < SKY_DEPTH_M) | (depth <= 0)] = np.nan
     radiance = np.stack([_find(channels, BEAUTY, "Combined", band, path) for band in "RGB"], axis=-1)
     return View(radiance.astype(np.float32, copy=False), depth, _normal(channels, path),
-                _labels(channels, ("Object Index", "IndexOB")), _labels(channels, ("Material Index", "IndexMA")))
+                _instances(channels), _labels(channels, ("Material Index", "IndexMA")))
 
 
 def _read_channels(path: Path, eye: str | None) -> _Channels:
@@ -84,10 +84,19 @@ def _find(channels: _Channels, layer: str, pass_name: str, component: str, path:
 
 
 def _normal(channels: _Channels, path: Path) -> np.ndarray | None:
-    for name, components in ((NORMAL_AOV, "RGB"), (NORMAL_AOV, "XYZ"), ("Normal", "XYZ")):
-        if (TRUTH, name, components[0]) in channels:
-            return np.stack([_find(channels, TRUTH, name, axis, path) for axis in components], axis=-1)
-    return None
+    """Normals of facets; of a person's own objects, whose material does not tell, those that they are shaded with."""
+    normals = [np.stack([_find(channels, TRUTH, name, axis, path) for axis in components], axis=-1)
+               for name, components in ((NORMAL_AOV, "RGB"), (NORMAL_AOV, "XYZ"), ("Normal", "XYZ"))
+               if (TRUTH, name, components[0]) in channels]
+    if len(normals) == 2:
+        return np.where((normals[0] == 0.0).all(axis=-1, keepdims=True), normals[1], normals[0])
+    return normals[0] if normals else None
+
+
+def _instances(channels: _Channels) -> np.ndarray | None:
+    """Labels of objects, and where a block is, its own: a block has no object index."""
+    objects, blocks = _labels(channels, ("Object Index", "IndexOB")), _labels(channels, (INSTANCE_AOV,))
+    return objects if blocks is None or objects is None else np.where(blocks > 0, blocks, objects)
 
 
 def _labels(channels: _Channels, passes: tuple[str, ...]) -> np.ndarray | None:

@@ -23,6 +23,7 @@ import bpy
 FOLDER = Path(sys.argv[sys.argv.index("--") + 1])
 DATASET = FOLDER / "dataset"
 TICK_S = 0.1
+F3 = "69"  # as a key code: given its name, xdotool may press Alt with it
 Waiting = Iterator[float]
 
 steps: list[dict] = []
@@ -89,6 +90,7 @@ def over_button(operator: str) -> bool:
     with in_region("UI"):
         if not bpy.ops.ui.copy_python_command_button.poll():
             return False
+        window_manager().clipboard = ""
         bpy.ops.ui.copy_python_command_button()
     return window_manager().clipboard.startswith(f"bpy.ops.{operator}(")
 
@@ -97,16 +99,27 @@ def window_manager() -> bpy.types.WindowManager:
     return bpy.context.window_manager
 
 
-def press(operator: str) -> Waiting:
-    """Look for a button in the sidebar with the mouse, from above, and click it."""
+def find(operator: str) -> Iterator:
+    """Look for a button in the sidebar with the mouse, from above; returns its place."""
     sidebar = region("UI")
-    for down in range(20, sidebar.height, 9):
-        move_to(sidebar.x + sidebar.width * 0.4, sidebar.y + sidebar.height - down)
-        yield 0.15
-        if over_button(operator):
-            xdotool("click", 1)
-            return
+    move_to(*middle("WINDOW"))
+    yield 0.5
+    for across in (0.35, 0.75):
+        for down in range(20, sidebar.height, 9):
+            place = sidebar.x + sidebar.width * across, sidebar.y + sidebar.height - down
+            move_to(*place)
+            yield 0.12
+            if over_button(operator):
+                yield 0.4  # it may have been the button before, if Blender was busy
+                if over_button(operator):
+                    return place
     raise AssertionError(f"no button of {operator} was found in the sidebar")
+
+
+def press(operator: str) -> Waiting:
+    """Find a button and click it."""
+    yield from find(operator)
+    xdotool("click", 1)
 
 
 def until(done: Callable[[], object], what: str, seconds: float) -> Waiting:
@@ -147,7 +160,6 @@ def pairs() -> list[Path]:
 def open_the_tab() -> Waiting:
     """Show the sidebar and click down its tabs until ours is shown."""
     move_to(*middle("WINDOW"))
-    yield from key("n")
     area().spaces.active.show_region_ui = True
     yield 1.0
     sidebar = region("UI")
@@ -160,23 +172,6 @@ def open_the_tab() -> Waiting:
     check(sidebar.active_panel_category == "Icy Moon", f"the tab shown is {sidebar.active_panel_category!r}")
     move_to(*middle("WINDOW"))
     yield from screenshot("sidebar")
-
-
-def widen_the_sidebar() -> Waiting:
-    """Drag the sidebar's edge, as its default width shortens the labels."""
-    sidebar = region("UI")
-    x, y = sidebar.x, sidebar.y + sidebar.height / 2
-    move_to(x, y)
-    yield 0.3
-    xdotool("mousedown", 1)
-    yield 0.3
-    for step in range(1, 7):
-        move_to(x - 20 * step, y)
-        yield 0.1
-    xdotool("mouseup", 1)
-    yield 0.5
-    move_to(*middle("WINDOW"))
-    yield from screenshot("wide_sidebar")
 
 
 def open_the_presets() -> Waiting:
@@ -263,6 +258,7 @@ def evaluate_by_mouse() -> Waiting:
     move_to(*middle("WINDOW"))
     check((DATASET / "evaluation_scene" / "report.html").is_file(), "there is no report")
     check(not children(), f"processes were left: {children()}")
+    yield 2.0  # the panels slide into place
     yield from screenshot("evaluated")
 
 
@@ -278,29 +274,51 @@ def show_error() -> Waiting:
     yield 1.0
 
 
-def every_panel() -> Waiting:
-    """Open all panels (Ctrl-click on a header opens it and closes the others) and look at them."""
-    sidebar = region("UI")
-    with in_region("UI"):
-        for category in ("terrain", "surface", "rocks", "light", "rig", "sensor", "quality", "dataset"):
-            check(hasattr(bpy.types, f"ICYMOON_PT_{category}"), f"no panel of {category}")
-    # Dragging over closed headers with the left button opens them all.
-    x, top = sidebar.x + sidebar.width * 0.4, sidebar.y + sidebar.height
-    move_to(x, top - 10)
+def open_all_panels() -> Waiting:
+    """Drag up over the closed headers, which opens them all, and look at them from top to bottom."""
+    x, y = yield from find("icymoon.build_scene")
+    panels = [getattr(bpy.types, name) for name in dir(bpy.types) if name.startswith("ICYMOON_PT_")]
+    topics = sum(not hasattr(panel, "bl_parent_id") for panel in panels) - 1  # without the main panel
+    first, last = y - 96, y - 96 - 28 * (topics - 1)  # of the topics' closed headers
+    move_to(x, last)
     yield 0.3
-    xdotool("keydown", "ctrl", "click", 1, "keyup", "ctrl")
-    yield from screenshot("panels")
+    xdotool("mousedown", 1)
+    for k in range(5 * topics):
+        yield 0.05
+        move_to(x, last + (first - last) * k / (5 * topics - 1))
+    xdotool("mouseup", 1)
+    yield 0.5
+    settings = 0
+    for k in range(2, 8):
+        move_to(x, first - 24 * k)
+        yield 0.3
+        with in_region("UI"):
+            settings += bpy.ops.ui.copy_data_path_button.poll()
+    check(settings, "dragging over the headers opened no panel")
+    for part in ("1", "2", "3", "4", "5"):
+        yield from screenshot(f"panels_{part}")
+        xdotool("click", "--repeat", 22, "--delay", 20, 5)
+        yield 0.5
+    xdotool("click", "--repeat", 150, "--delay", 10, 4)
+    yield 0.5
 
 
 def preferences_page() -> Waiting:
-    """The extension's page in the preferences, its Check button pressed."""
+    """The extension's page in the preferences, the evaluator given there instead of by the environment."""
+    add_on = bpy.context.preferences.addons["bl_ext.user_default.icymoon"]
+    add_on.preferences.evaluator = os.environ.pop("ICYMOON_EVALUATOR")
     with in_region("WINDOW"):
         bpy.ops.screen.userpref_show("INVOKE_DEFAULT", section="ADDONS")
+    move_to(window().width - 100, 100)
     yield 1.0
     window_manager().addon_search = "icy"
-    bpy.ops.preferences.addon_expand(module="bl_ext.user_default.icymoon")
+    page = window_manager().windows[-1]
+    with bpy.context.temp_override(window=page, area=page.screen.areas[0]):
+        bpy.ops.preferences.addon_expand(module="bl_ext.user_default.icymoon")
     check(bpy.ops.icymoon.check_evaluator() == {"FINISHED"}, "the evaluator is not ready")
-    yield 0.5
+    for part in page.screen.areas:
+        part.tag_redraw()
+    yield 1.0
     yield from screenshot("preferences")
     with bpy.context.temp_override(window=window_manager().windows[-1]):
         bpy.ops.wm.window_close()
@@ -310,17 +328,21 @@ def preferences_page() -> Waiting:
 def search_and_clear() -> Waiting:
     """F3, type, Return: Clear Scene."""
     move_to(*middle("WINDOW"))
-    yield from key("F3")
-    xdotool("type", "--delay", 60, "clear scene")
+    yield 0.5
+    yield from key(F3)
+    yield 2.0  # the first search goes through all menus
+    for letter in "clear scene":
+        xdotool("type", letter)
+        yield 0.2
+    yield 1.0
     yield from screenshot("search")
     yield from key("Return")
     yield from until(lambda: not built(), "Clear Scene by F3", 10)
     yield from screenshot("cleared")
 
 
-STEPS = (open_the_tab, open_the_presets, load_europa, build_by_mouse, undo_and_redo, widen_the_sidebar,
-         render_by_mouse, escape_a_render, evaluate_by_mouse, show_error, every_panel, preferences_page,
-         search_and_clear)
+STEPS = (open_the_tab, open_the_presets, load_europa, open_all_panels, build_by_mouse, undo_and_redo,
+         render_by_mouse, escape_a_render, evaluate_by_mouse, search_and_clear, show_error, preferences_page)
 
 
 def write(finished: bool) -> None:
@@ -359,7 +381,6 @@ def tick(walking: Iterator[float]) -> float | None:
 
 shutil.rmtree(FOLDER, ignore_errors=True)
 FOLDER.mkdir(parents=True)
-preferences = bpy.context.preferences
-preferences.view.show_splash = False
+bpy.context.preferences.view.show_splash = False
 walking = walk()
 bpy.app.timers.register(lambda: tick(walking), first_interval=TICK_S)

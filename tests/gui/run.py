@@ -16,15 +16,17 @@ import time
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
-from extension_zip import build  # noqa: E402
-
-from blenders import ROOT, SUITES, Blender, CannotRunError, find, install  # noqa: E402, I001
+from blenders import ROOT, SUITES, Blender, CannotRunError, find, install
+from extension_zip import build
 
 TIMEOUT_S = 420.0
 
 
 def drive(blender: Blender, archive: Path) -> str:
     """Drive one Blender through all steps. Raises AssertionError with what went wrong; returns a summary."""
+    tools = ("xdotool", "import", blender.windowed[0])  # ../shared/blender brings its own
+    if blender.name == "named" and (missing := [tool for tool in tools if shutil.which(tool) is None]):
+        raise CannotRunError(f"driving its window needs {', '.join(missing)} (xdotool, ImageMagick, xvfb)")
     folder = ROOT / "out" / "gui" / blender.name
     shutil.rmtree(folder, ignore_errors=True)
     installed = install(blender, archive)

@@ -1,0 +1,72 @@
+"""The extension as a person has it: the zip, installed in Blender, used, disabled, removed."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import textwrap
+
+from extension_zip import build
+
+PROGRAM = textwrap.dedent("""
+    import os, sys, traceback
+    from pathlib import Path
+    import bpy
+
+    archive, dataset = sys.argv[1:]
+
+    def traces():
+        handlers = {name: len(found) for name in dir(bpy.app.handlers)
+                    if isinstance(found := getattr(bpy.app.handlers, name), list)}
+        return (set(dir(bpy.types)), set(dir(bpy.ops.icymoon)), set(bpy.types.Scene.bl_rna.properties.keys()),
+                handlers, len(bpy.types.TOPBAR_MT_render.draw._draw_funcs))
+
+    def main():
+        bpy.types.TOPBAR_MT_render.append(lambda self, context: None)  # so that there is a list of functions
+        before = traces()
+        bpy.ops.extensions.package_install_files(filepath=archive, repo="user_default", enable_on_install=True)
+        add_on = bpy.context.preferences.addons["bl_ext.user_default.icymoon"]
+        assert add_on.preferences.bl_rna.properties["evaluator"]
+        assert "icymoon" not in sys.modules, "the installed extension used the checkout"
+        operators = bpy.ops.icymoon
+        assert operators.load_preset(preset="scenes/europa_rough_ice") == {"FINISHED"}
+        group = bpy.context.scene.icymoon
+        group.terrain.resolution, group.quality.samples = 65, 2
+        group.rig.width_px, group.rig.height_px = 160, 120
+        group.dataset.folder = dataset
+        for step in (operators.build_scene, operators.render_pair, operators.evaluate):
+            assert step() == {"FINISHED"}, step
+        assert list(Path(dataset).glob("pairs/*/pair.json"))
+        assert (Path(dataset) / "evaluation_scene" / "report.html").is_file()
+        bpy.ops.preferences.addon_disable(module="bl_ext.user_default.icymoon")
+        assert traces() == before, [a ^ b if isinstance(a, set) else (a, b) for a, b in zip(traces(), before)]
+        bpy.ops.preferences.addon_enable(module="bl_ext.user_default.icymoon")
+        assert hasattr(bpy.types.Scene, "icymoon")
+        repository = next(k for k, r in enumerate(bpy.context.preferences.extensions.repos)
+                          if r.module == "user_default")
+        bpy.ops.extensions.package_uninstall(repo_index=repository, pkg_id="icymoon")
+        assert traces() == before, "uninstalling leaves traces"
+        assert not list(Path(os.environ["BLENDER_USER_RESOURCES"]).glob("extensions/user_default/icymoon/*.py"))
+
+    status = 1
+    try:
+        main()
+        status = 0
+    except BaseException:
+        traceback.print_exc()
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os._exit(status)  # the Blender module may crash or hang when it is unloaded
+    """)
+
+
+def test_the_zip_installs_works_and_goes_without_a_trace(tmp_path):
+    archive = tmp_path / "icymoon.zip"
+    build(archive)
+    resources = tmp_path / "blender"
+    resources.mkdir()
+    ended = subprocess.run([sys.executable, "-c", PROGRAM, str(archive), str(tmp_path / "dataset")], timeout=240,
+                           capture_output=True, text=True, check=False, cwd=tmp_path,
+                           env={**os.environ, "BLENDER_USER_RESOURCES": str(resources)})
+    assert ended.returncode == 0, ended.stdout + ended.stderr

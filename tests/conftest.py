@@ -1,0 +1,31 @@
+"""For all tests: Blender leaves the person's settings alone, and the process ends cleanly."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import sys
+import tempfile
+
+import pytest
+
+_resources = tempfile.mkdtemp(prefix="icymoon-blender-")
+os.environ["BLENDER_USER_RESOURCES"] = _resources  # before the first import of bpy
+_status = pytest.StashKey[int]()
+
+
+def pytest_sessionfinish(session: pytest.Session, exitstatus: int) -> None:
+    session.config.stash[_status] = int(exitstatus)
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_unconfigure(config: pytest.Config) -> None:
+    """End the process at once where Blender is loaded: it may crash (4.2) or hang (4.5) when it is unloaded.
+
+    By now pytest has printed its summary and written its reports.
+    """
+    shutil.rmtree(_resources, ignore_errors=True)
+    if sys.modules.get("bpy") is not None and _status in config.stash:
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(config.stash[_status])

@@ -1,0 +1,27 @@
+"""Use the installed extension in a real Blender without its window; runs inside it.
+
+    blender -b --addons bl_ext.user_default.icymoon --python-exit-code 1 --python tests/gui/smoke.py -- DATASET
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import bpy
+
+dataset = Path(sys.argv[sys.argv.index("--") + 1])
+operators = bpy.ops.icymoon
+
+assert operators.load_preset(preset="scenes/europa_rough_ice") == {"FINISHED"}
+group = bpy.context.scene.icymoon
+group.terrain.resolution, group.quality.samples = 129, 2
+group.rig.width_px, group.rig.height_px = 160, 120
+group.dataset.folder = str(dataset)
+for step in (operators.build_scene, operators.render_pair, operators.evaluate):
+    assert step() == {"FINISHED"}, step
+assert len(list(dataset.glob("pairs/*/pair.json"))) == 1
+assert (dataset / "evaluation_scene" / "report.html").is_file()
+assert operators.clear_scene() == {"FINISHED"}
+assert not [c for c in bpy.data.collections if c.get("icymoon")]
+print("SMOKE passed", bpy.app.version_string)
