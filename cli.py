@@ -123,6 +123,9 @@ def render_described(settings: description.Settings, dataset: Path, blender: str
 
 def _render(options: argparse.Namespace) -> int:
     settings = _described(options)
+    if settings["source"]["file"] and settings["source"]["kind"] == "PROCEDURAL":
+        print("icymoon: source.file is not used: source.kind is PROCEDURAL; set it to MESH or HEIGHT_MAP.",
+              file=sys.stderr)
     dataset = options.out.absolute() if options.out else absolute_folder(str(settings["dataset"]["folder"]))
     render_described(settings, dataset, options.blender, again=options.again)
     print(dataset)

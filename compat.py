@@ -76,3 +76,38 @@ def gpu_devices() -> list[str]:
             return [card.name for card in cards]
     cycles.compute_device_type = "NONE"
     return []
+
+
+def mesh_importer(kind: str) -> tuple[Any, dict[str, Any]] | None:
+    """The operator that reads a kind of mesh file and its options, or None if this Blender has none.
+
+    OBJ, PLY and STL are read as their coordinates are, the others as their own header says. Nothing
+    is validated where that can be left out: validation would hide what is wrong with a mesh.
+    """
+    as_is = {"forward_axis": "Y", "up_axis": "Z"}
+    candidates: dict[str, tuple[tuple[str, str, dict[str, Any]], ...]] = {
+        "OBJ": (("wm", "obj_import", {**as_is, "validate_meshes": False}),),
+        "PLY": (("wm", "ply_import", as_is),),
+        "STL": (("wm", "stl_import", {**as_is, "use_mesh_validate": False}),),
+        "glTF": (("import_scene", "gltf", {}),),
+        "USD": (("wm", "usd_import", {"import_materials": False, "import_lights": False, "import_cameras": False}),),
+        "FBX": (("wm", "fbx_import", {}), ("import_scene", "fbx", {"use_image_search": False})),
+    }
+    for module, name, options in candidates[kind]:
+        operator = getattr(getattr(bpy.ops, module), name)
+        try:
+            known = operator.get_rna_type().properties
+        except KeyError:
+            continue  # from 5.0 on FBX is read by wm; a build may leave a format out
+        return operator, {key: value for key, value in options.items() if key in known}
+    return None
+
+
+def usd_unit_applied() -> bool:
+    """Whether the USD importer turns the unit that the file states into metres (from 4.5 on)."""
+    found = mesh_importer("USD")
+    return found is not None and "apply_unit_conversion_scale" in found[0].get_rna_type().properties
+
+
+#: The add-on that reads a format which Blender itself does not.
+IMPORT_ADD_ONS = {"glTF": "io_scene_gltf2", "FBX": "io_scene_fbx"}

@@ -79,3 +79,19 @@ def sha256(path: Path) -> str:
     """Checksum of a file's content."""
     with path.open("rb") as stream:
         return hashlib.file_digest(stream, "sha256").hexdigest()
+
+
+def absolute_path(text: str, name: str, blend_folder: str | None = None) -> Path:
+    """The file or folder that the setting ``name`` states: ``~`` is the home folder, ``//`` the .blend's folder.
+
+    ``blend_folder`` is empty or None where there is no saved .blend. Raises IcyMoonError if the
+    path is empty or begins with // without one.
+    """
+    if text.startswith("//"):
+        if not blend_folder:
+            raise IcyMoonError(f"{name} is {text!r}, beside a .blend file that is not saved; "
+                               "save it or choose a path that does not begin with //.")
+        return Path(os.path.normpath(os.path.join(blend_folder, text[2:])))
+    if not text.strip():
+        raise IcyMoonError(f"{name} is empty; choose a path.")
+    return Path(os.path.abspath(os.path.expanduser(text)))

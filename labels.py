@@ -3,9 +3,15 @@
 BEAUTY, TRUTH = "Beauty", "Truth"  # the view layers, and so the layers of each EXR
 NORMAL_AOV = "GeometricNormal"  # value pass: the facet's normal, without bump or smooth shading
 
-#: Values of the semantic channel (material index). 0 with a finite depth is an object without label.
+#: Values of the semantic channel (material index).
 SEMANTIC = {0: "sky", 1: "terrain", 2: "rock", 3: "lander", 4: "planet"}
-TERRAIN, ROCK = 1, 2
-#: Values of the instance channel (object index): the terrain, and the first of the blocks.
+TERRAIN, ROCK, LANDER = 1, 2, 3
+#: Labels of instances. Objects have theirs in the object-index pass, at most 32767 in Blender: the
+#: terrain, then a person's objects, each its own pass index or else the next free number. Blocks are
+#: instances, which have no object index; theirs are in a value pass that is 0 elsewhere, numbered from
+#: ``FIRST_ROCK_INSTANCE`` by size, the largest first. Single precision is exact up to 2^24.
 TERRAIN_INSTANCE = 1
-FIRST_ROCK_INSTANCE = 1000
+FIRST_OBJECT_INSTANCE, LAST_OBJECT_INSTANCE = 2, 32767
+FIRST_ROCK_INSTANCE = 100_000
+INSTANCE_AOV = "InstanceLabel"  # value pass
+INSTANCE_ATTRIBUTE = "instance_label"  # of the blocks' points, which their instances inherit

@@ -57,6 +57,7 @@ class Topic:
     label: str
     description: str
     settings: tuple[Setting, ...]
+    parent: str = ""  # label of the panel that its sub-panel is in, if it is not in the sidebar itself
 
     def __getitem__(self, key: str) -> Setting:
         for setting in self.settings:
@@ -80,6 +81,38 @@ def _fraction(key: str, label: str, default: float, description: str, effect: st
     return Setting(key, label, default, description, effect, "1", low, high, subtype="FACTOR")
 
 
+#: Parent panel of the topics that each hold one landform.
+LANDFORMS = "Landforms"
+
+#: One entry of ``terrain.layers``.
+LAYER = (
+    Setting("basis", "Basis", "GRADIENT", "Noise that the layer is made of", "geometry",
+            choices=(("GRADIENT", "Gradient Noise", "Rounded hills (Perlin)"),
+                     ("MIDPOINT", "Mid-Point Displacement", "Straight slopes between random points"),
+                     ("CELLS", "Cells", "Square steps of random height"),
+                     ("VORONOI_F1", "Voronoi F1", "Distance to the nearest of random points: cones"),
+                     ("VORONOI_F2", "Voronoi F2", "Distance to the second nearest point"),
+                     ("VORONOI_F2_F1", "Voronoi F2-F1", "Zero on the edges between points, highest at the points"),
+                     ("CRACKLE", "Crackle", "Flat plates with narrow cracks between"))),
+    Setting("fractal", "Fractal", "FBM", "How the octaves are combined", "geometry",
+            choices=(("FBM", "fBm", "Plain sum: equally rough everywhere"),
+                     ("MULTIFRACTAL", "Multifractal", "Product: smooth plains between rough heights"),
+                     ("HYBRID", "Hybrid", "Each octave scaled by the one before: smooth valleys"),
+                     ("RIDGED", "Ridged", "Sharp crests, rough near them"),
+                     ("HETERO", "Hetero Terrain", "Each octave scaled by the height so far: smooth low ground"),
+                     ("TURBULENCE", "Turbulence", "Sum of magnitudes: rounded lumps with creases"))),
+    _metres("amplitude_m", "Amplitude", 0.1, -1.0e4, 1.0e4, (-2.0, 2.0),
+            "RMS height of the layer; negative turns it upside down", "geometry"),
+    _metres("scale_m", "Scale", 2.0, 1.0e-3, 1.0e5, (0.1, 20.0), "Wavelength of the layer's first octave", "geometry"),
+    Setting("octaves", "Octaves", 6, "Number of octaves; those that the mesh cannot carry are left out", "geometry",
+            "octaves", 1, 16, (1, 10)),
+    Setting("lacunarity", "Lacunarity", 2.0, "Ratio of wavelengths of successive octaves", "geometry", "1",
+            1.2, 4.0, (1.5, 3.0)),
+    _fraction("roughness", "Roughness", 0.5, "Ratio of the amplitudes of successive octaves", "geometry"),
+    _metres("warp_m", "Warp", 0.0, 0.0, 1.0e4, (0.0, 2.0),
+            "RMS distance by which noise of the same scale moves the layer's points sideways", "geometry"),
+)
+
 TERRAIN = Topic("terrain", "Terrain", "Shape of the ground as a random surface with stated statistics", (
     _metres("size_m", "Size", 20.0, 0.01, 1.0e5, (1.0, 100.0),
             "Side of the square patch of ground, centred on the origin", "geometry"),
@@ -98,12 +131,144 @@ TERRAIN = Topic("terrain", "Terrain", "Shape of the ground as a random surface w
     _fraction("multifractality", "Multifractality", 0.5,
               "0: equally rough everywhere (fractional Brownian); 1: hollows smooth, heights rough", "geometry"),
     _metres("outer_scale_m", "Largest Feature", 8.0, 1.0e-3, 1.0e5, (0.5, 50.0),
-            "Wavelength of the first octave; longer swells are absent", "geometry"),
-    Setting("lacunarity", "Lacunarity", 2.0, "Ratio of wavelengths of successive octaves", "geometry", "1",
+            "Longest wavelength; the roughness law holds up to 0.3 of it, and longer swells are absent", "geometry"),
+    _metres("inner_scale_m", "Smallest Feature", 0.02, 1.0e-4, 1.0e4, (0.005, 1.0),
+            "Shortest wavelength; the roughness law holds down to half of it and the ground is smooth below. "
+            "What two vertex spacings do not carry is left out of the mesh", "geometry"),
+    Setting("lacunarity", "Lacunarity", 2.0,
+            "Ratio of wavelengths of successive octaves; above 2.5 the roughness law shows steps", "geometry", "1",
             1.2, 4.0, (1.5, 3.0)),
-    Setting("octaves", "Octaves", 9,
-            "Number of octaves; those shorter than two vertex spacings are left out of the mesh", "geometry",
-            "octaves", 1, 16, (1, 12)),
+    _degrees("regional_slope_deg", "Regional Slope", 0.0, 0.0, 60.0,
+             "Slope of the patch as a whole, as on the flank of a ridge; not part of the ruggedness", "geometry",
+             (0.0, 30.0)),
+    _degrees("regional_slope_azimuth_deg", "Slope Falls Toward", 180.0, -360.0, 360.0,
+             "Direction in which the patch as a whole falls, from north (+Y) over east (+X)", "geometry"),
+    Setting("layers", "Layers of Noise", [], "Fractal noise added to the ground, one table per layer", "geometry",
+            entries=LAYER),
+))
+
+RIDGES = Topic("ridges", "Ridges", "Double ridges with a trough between, young ones over old ones", (
+    _metres("height_m", "Height", 0.0, 0.0, 1000.0, (0.0, 5.0), "Height of the crests above the plain; 0 for no ridges",
+            "geometry"),
+    _metres("width_m", "Width", 4.0, 0.01, 1.0e4, (0.5, 50.0), "Width of a ridge from foot to foot", "geometry"),
+    _metres("spacing_m", "Spacing", 9.0, 0.01, 1.0e5, (1.0, 100.0),
+            "Mean distance between ridges of one set; at least 1.2 widths are kept", "geometry"),
+    _fraction("trough", "Trough", 0.5, "Depth of the trough between the crests as a share of the height; "
+              "0 for a single, flat-topped ridge", "geometry"),
+    Setting("sets", "Sets", 2, "Directions of ridges; each set crosses those before it", "geometry", "sets", 1, 6),
+    _degrees("azimuth_deg", "Direction", 60.0, -360.0, 360.0,
+             "Mean direction that the ridges run in, from north (+Y) over east (+X)", "geometry"),
+    _degrees("spread_deg", "Spread", 50.0, 0.0, 90.0, "Largest deviation of a set's direction from the mean",
+             "geometry"),
+), LANDFORMS)
+
+CRACKS = Topic("cracks", "Cracks", "Fractures along the edges of plates", (
+    _metres("depth_m", "Depth", 0.0, 0.0, 1000.0, (0.0, 2.0), "Depth of the cracks below the ground; 0 for no cracks",
+            "geometry"),
+    _metres("width_m", "Width", 0.4, 1.0e-3, 1.0e4, (0.05, 5.0), "Width of a crack from edge to edge", "geometry"),
+    _metres("rim_m", "Rim", 0.0, 0.0, 1000.0, (0.0, 1.0), "Height of the rims that were pushed up beside the cracks",
+            "geometry"),
+    _metres("plate_m", "Plate", 3.0, 0.01, 1.0e5, (0.5, 50.0), "Mean distance between cracks, across them", "geometry"),
+    Setting("elongation", "Elongation", 1.0, "Length of a plate over its width: 1 for polygons, above 5 for the "
+            "sub-parallel fractures beside a tiger stripe", "geometry", "1", 1.0, 100.0, (1.0, 15.0)),
+    _degrees("azimuth_deg", "Direction", 0.0, -360.0, 360.0,
+             "Direction that elongated cracks run in, from north (+Y) over east (+X)", "geometry"),
+), LANDFORMS)
+
+CHAOS = Topic("chaos", "Chaos", "Plates of broken crust, lifted and tilted, in a lumpy matrix", (
+    _metres("relief_m", "Relief", 0.0, 0.0, 1.0e4, (0.0, 10.0),
+            "Height of the highest plates above the matrix, the lowest half as high; 0 for no plates", "geometry"),
+    _metres("plate_m", "Plate", 4.0, 0.01, 1.0e5, (0.5, 50.0), "Mean width of a plate", "geometry"),
+    _fraction("plate_share", "Plate Share", 0.6, "Share of the plates that still stand; the others are matrix",
+              "geometry"),
+    _metres("gap_m", "Gap", 0.3, 0.0, 1.0e4, (0.0, 5.0), "Width of the gap between neighbouring plates", "geometry"),
+    _degrees("tilt_deg", "Tilt", 8.0, 0.0, 60.0, "Largest slope of a plate's top toward east or north", "geometry",
+             (0.0, 30.0)),
+    _metres("matrix_m", "Matrix Relief", 0.0, 0.0, 1000.0, (0.0, 2.0), "RMS height of the lumps between the plates",
+            "geometry"),
+), LANDFORMS)
+
+CRATERS = Topic("craters", "Craters", "Small bowl-shaped craters, their sizes a power law", (
+    _fraction("coverage", "Coverage", 0.0, "Craters' area over the ground's area; 0 for none", "geometry", high=2.0),
+    _metres("smallest_m", "Smallest", 0.4, 1.0e-3, 1.0e4, (0.1, 10.0), "Diameter at which the size law starts",
+            "geometry"),
+    _metres("largest_m", "Largest", 5.0, 1.0e-3, 1.0e4, (0.5, 50.0), "Diameter at which the size law ends", "geometry"),
+    Setting("power_index", "Size Index", 3.0,
+            "Exponent of the cumulative power law N(>D) ~ D^-index: about 2 for primary craters, 4 for secondaries",
+            "geometry", "1", 0.5, 6.0, (1.0, 5.0)),
+    _fraction("depth_ratio", "Depth", 0.2, "Depth of a fresh crater from rim to floor over its diameter", "geometry"),
+    _fraction("rim_ratio", "Rim", 0.04, "Height of a fresh crater's rim above the ground over its diameter",
+              "geometry"),
+    _fraction("freshness", "Freshness", 0.3,
+              "How deep the oldest crater still is as a share of a fresh one; 1 for all fresh", "geometry"),
+    Setting("most", "Most", 5000, "Number of craters above which the settings are refused", "geometry", "craters",
+            0, 50000, (0, 10000)),
+), LANDFORMS)
+
+HOLLOWS = Topic("hollows", "Hollows", "Cups with sharp rims left by sublimation without wind", (
+    _metres("depth_m", "Depth", 0.0, 0.0, 100.0, (0.0, 1.0), "Depth of the deepest hollow under its rims, the "
+            "shallowest being 0.6 of it; 0 for no hollows", "geometry"),
+    _metres("diameter_m", "Diameter", 0.6, 1.0e-3, 1.0e4, (0.1, 5.0), "Mean diameter of a hollow", "geometry"),
+    Setting("elongation", "Elongation", 1.0, "Length of a hollow over its width; sastrugi, which need wind, have "
+            "about 5", "geometry", "1", 1.0, 100.0, (1.0, 10.0)),
+    _degrees("azimuth_deg", "Direction", 0.0, -360.0, 360.0,
+             "Direction in which hollows are long, from north (+Y) over east (+X)", "geometry"),
+), LANDFORMS)
+
+PENITENTES = Topic("penitentes", "Penitentes", "Blades of ice in rows along the Sun's path, leaning toward noon", (
+    _metres("height_m", "Height", 0.0, 0.0, 100.0, (0.0, 6.0),
+            "Height of the tallest blades above the troughs; 0 for none", "geometry"),
+    _metres("spacing_m", "Spacing", 1.5, 0.01, 1000.0, (0.2, 10.0), "Mean distance between rows of blades", "geometry"),
+    _fraction("sharpness", "Sharpness", 0.8, "0: rounded ridges; 1: knife edges between concave walls", "geometry"),
+    Setting("elongation", "Elongation", 1.5, "Length of a blade over the spacing of rows", "geometry", "1",
+            0.5, 100.0, (0.5, 10.0)),
+    _fraction("variation", "Variation", 0.6, "How much lower blades are than the tallest, and how deep the saddles "
+              "between them; 0 for unbroken rows of one height", "geometry"),
+    _degrees("noon_azimuth_deg", "Noon Sun", 0.0, -360.0, 360.0,
+             "Azimuth of the noon Sun, toward which blades lean; the rows run at right angles to it", "geometry"),
+    _degrees("lean_deg", "Lean", 0.0, 0.0, 60.0, "Zenith distance of the noon Sun, which is how far blades lean; held "
+             "to what a height field can show", "geometry", (0.0, 30.0)),
+), LANDFORMS)
+
+MANTLE = Topic("mantle", "Mantle", "Snow that smooths the ground by filling its hollows", (
+    _metres("thickness_m", "Thickness", 0.0, 0.0, 1000.0, (0.0, 1.0),
+            "Thickness of the snow in deep hollows; 0 for none. Ground above its surroundings keeps its shape",
+            "geometry"),
+    _metres("length_m", "Smoothing Length", 1.5, 1.0e-3, 1.0e5, (0.1, 10.0),
+            "Wavelength below which the snow's surface is smooth", "geometry"),
+), LANDFORMS)
+
+SOURCE = Topic("source", "Ground", "Where the ground comes from: made up, or a mesh or height map of your own", (
+    Setting("kind", "Ground", "PROCEDURAL", "What the ground is made of", "geometry",
+            choices=(("PROCEDURAL", "Procedural", "A random surface with the statistics of the Terrain topic"),
+                     ("MESH", "Mesh File", "A reconstructed mesh: OBJ, PLY, STL, glTF, USD or FBX"),
+                     ("HEIGHT_MAP", "Height Map", "A digital elevation model: GeoTIFF, NPY, EXR or grey PNG"))),
+    Setting("file", "File", "", "Mesh or height map to stand on; ~ is your home folder, // the folder of the .blend "
+            "file. Pairs are named by its content, not by its place", "geometry", subtype="FILE_PATH"),
+    Setting("scale", "Metres per Unit", 1.0,
+            "Metres per unit of a mesh file: 1 for metres, 0.001 for millimetres. glTF, USD and FBX state their unit "
+            "themselves; this is applied on top", "geometry", "m/unit", 1.0e-6, 1.0e6, (0.001, 1000.0), precision=6),
+    Setting("up_axis", "Up Axis", "AUTO", "Axis of a mesh file's coordinates that points up; for USD and FBX, of the "
+            "scene that they become in Blender", "geometry",
+            choices=(("AUTO", "As Usual", "What the format says or usually is: Y in OBJ and glTF, Z in PLY and STL, "
+                      "as stated inside USD and FBX"),
+                     ("X", "X", "+X points up"), ("Y", "Y", "+Y points up"), ("Z", "Z", "+Z points up"),
+                     ("-X", "-X", "-X points up"), ("-Y", "-Y", "-Y points up"), ("-Z", "-Z", "-Z points up"))),
+    Setting("centre", "Centre", True, "Measure the site from the middle of the ground and from its median height; "
+            "otherwise the file's own coordinates are kept", "geometry"),
+    _metres("origin_x_m", "Origin East", 0.0, -1.0e7, 1.0e7, (-100.0, 100.0),
+            "How far east of the ground's middle (or of the file's origin) the site's origin is put", "geometry"),
+    _metres("origin_y_m", "Origin North", 0.0, -1.0e7, 1.0e7, (-100.0, 100.0),
+            "How far north of the ground's middle (or of the file's origin) the site's origin is put", "geometry"),
+    _metres("metres_per_pixel", "Metres per Pixel", 0.0, 0.0, 1.0e5, (0.0, 100.0),
+            "Size of a pixel of a height map; 0 for what a GeoTIFF states", "geometry"),
+    Setting("height_scale_m", "Metres per Value", 1.0,
+            "Metres per unit of the values in a height map: 1 where it holds metres; for PNG, metres per grey level",
+            "geometry", "m", 1.0e-9, 1.0e6, (1.0e-3, 10.0), precision=6),
+    Setting("detail", "Add Roughness", False,
+            "Add the Terrain topic's roughness below what the file resolves", "geometry"),
+    Setting("repair", "Repair", True,
+            "Drop broken faces, merge duplicate vertices and turn the upper side of a mesh up", "geometry"),
 ))
 
 SURFACE = Topic("surface", "Surface", "Snow or ice that the ground is made of", (
@@ -129,9 +294,17 @@ SURFACE = Topic("surface", "Surface", "Snow or ice that the ground is made of", 
             "material"),
 ))
 
+ROCK_SURFACE = Topic("rock_surface", "Rock Surface", "Snow or ice that blocks with a surface of their own are made of",
+                     SURFACE.settings)
+
 ROCKS = Topic("rocks", "Rocks", "Ice blocks lying on the ground", (
-    _fraction("coverage", "Coverage", 0.0, "Share of the ground covered by blocks; 0 for none", "geometry",
-              high=0.5),
+    Setting("law", "Size Law", "POWER", "How many blocks there are of each size", "geometry",
+            choices=(("POWER", "Power Law", "N(>D) ~ D^-index, as fitted to block counts on Enceladus"),
+                     ("GOLOMBEK", "Golombek", "Covered share k exp(-q D), q = 1.79 + 0.152/k per m, k the coverage: "
+                                              "fitted to rocks on Mars, an analogue"))),
+    _fraction("coverage", "Coverage", 0.0,
+              "Share of the ground under blocks, overlaps counted twice; 0 for none. In Golombek's law the share "
+              "under rocks of all sizes, of which those from smallest to largest are made", "geometry", high=0.5),
     _metres("smallest_m", "Smallest", 0.1, 1.0e-3, 100.0, (0.02, 1.0),
             "Diameter at which the size distribution starts", "geometry"),
     _metres("largest_m", "Largest", 0.8, 1.0e-3, 100.0, (0.05, 5.0),
@@ -139,12 +312,36 @@ ROCKS = Topic("rocks", "Rocks", "Ice blocks lying on the ground", (
     Setting("power_index", "Size Index", 3.0,
             "Exponent of the cumulative power law N(>D) ~ D^-index: higher means more small blocks", "geometry",
             "1", 0.5, 6.0, (1.0, 5.0)),
-    _fraction("angularity", "Angularity", 0.6, "0: rounded, 1: broken ice with sharp edges", "geometry"),
+    Setting("family", "Shapes", "MIXED", "What the blocks look like", "geometry",
+            choices=(("MIXED", "Mixed", "Fragments, boulders and slabs in equal numbers"),
+                     ("FRAGMENTS", "Fragments", "Broken polyhedra"),
+                     ("BOULDERS", "Boulders", "Worn and lumpy"),
+                     ("SLABS", "Slabs", "Flat plates with broken sides"))),
+    _fraction("angularity", "Angularity", 0.7,
+              "0: worn round; 1: freshly broken, with sharp edges. Boulders stay half worn", "geometry"),
+    Setting("elongation", "Elongation", 1.4, "Length over width of a block seen from above, median", "geometry", "1",
+            1.0, 5.0, (1.0, 3.0)),
+    Setting("height_ratio", "Height over Width", 0.6,
+            "Height of a block over its mean width, median; slabs have 0.45 of it", "geometry", "1",
+            0.05, 3.0, (0.2, 1.5)),
+    _degrees("tilt_deg", "Tilt", 15.0, 0.0, 180.0,
+             "RMS angle, about each of two axes, by which blocks lean from lying along the ground", "geometry",
+             (0.0, 60.0)),
     _fraction("burial", "Burial", 0.25, "Mean share of a block's height that is under the ground", "geometry",
               high=0.9),
-    Setting("most", "Most", 2000,
+    _fraction("clustering", "Clustering", 0.0, "Share of the blocks that lie in clusters; the others lie anywhere",
+              "geometry"),
+    Setting("cluster_blocks", "Blocks per Cluster", 20.0, "Mean number of blocks in a cluster", "geometry", "blocks",
+            1.0, 1.0e5, (2.0, 200.0)),
+    _metres("cluster_radius_m", "Cluster Radius", 1.0, 1.0e-3, 1.0e4, (0.1, 10.0),
+            "Standard deviation, east and north, of a cluster's blocks about its centre", "geometry"),
+    _metres("clear_radius_m", "Clear Radius", 0.0, 0.0, 1.0e4, (0.0, 5.0),
+            "Radius of the circle about the site of the camera that no block reaches into, for a lander", "geometry"),
+    Setting("most", "Most", 20000,
             "Upper bound on the number of blocks; the smallest ones are left out, with a warning, to keep it",
-            "geometry", "blocks", 0, 20000, (0, 5000)),
+            "geometry", "blocks", 0, 200000, (0, 50000)),
+    Setting("own_surface", "Own Surface", False,
+            "Make the blocks of what Rock Surface describes, instead of what the ground is made of", "material"),
 ))
 
 LIGHT = Topic("light", "Light", "The Sun as the body's sky shows it", (
@@ -230,7 +427,9 @@ DATASET = Topic("dataset", "Data Set", "Where pairs go and how they vary", (
     Setting("methods", "Matchers", "bm,sgbm", "Stereo matchers that Evaluate runs, separated by commas", "run"),
 ))
 
-TOPICS: dict[str, Topic] = {t.key: t for t in (TERRAIN, SURFACE, ROCKS, LIGHT, RIG, SENSOR, QUALITY, DATASET)}
+TOPICS: dict[str, Topic] = {t.key: t for t in (
+    SOURCE, TERRAIN, RIDGES, CRACKS, CHAOS, CRATERS, HOLLOWS, PENITENTES, MANTLE, SURFACE, ROCKS, ROCK_SURFACE, LIGHT,
+    RIG, SENSOR, QUALITY, DATASET)}
 
 
 def all_settings() -> list[tuple[str, Setting]]:
@@ -263,8 +462,8 @@ def _blender_property(topic: str, setting: Setting) -> Any:
         return bpy.props.EnumProperty(items=setting.choices, **common)
     if setting.kind == "text":
         from .compat import path_options
-        if setting.subtype == "DIR_PATH":
-            return bpy.props.StringProperty(subtype="DIR_PATH", options=path_options(), **common)
+        if setting.subtype in ("DIR_PATH", "FILE_PATH"):
+            return bpy.props.StringProperty(subtype=setting.subtype, options=path_options(), **common)
         return bpy.props.StringProperty(**common)
     low, high = setting.soft or (setting.minimum, setting.maximum)
     common |= {"min": setting.minimum, "max": setting.maximum, "soft_min": low, "soft_max": high,
@@ -284,8 +483,11 @@ def register() -> None:
 
     pointers: dict[str, Any] = {}
     for topic in TOPICS.values():
-        group = _group(f"ICYMOON_PG_{topic.key}", topic.description,
-                       {s.key: _blender_property(topic.key, s) for s in topic.settings})
+        members = {s.key: _blender_property(topic.key, s) for s in topic.settings}
+        members |= {f"{s.key}_active": bpy.props.IntProperty(name=f"Selected of {s.label}", min=0,
+                                                               description="Which one the sidebar shows")
+                    for s in topic.settings if s.kind == "list"}  # which one the sidebar's list shows
+        group = _group(f"ICYMOON_PG_{topic.key}", topic.description, members)
         pointers[topic.key] = bpy.props.PointerProperty(type=group, name=topic.label,
                                                         description=topic.description)
     pointers["preset"] = bpy.props.StringProperty(name="Preset", description="The scene preset last loaded")

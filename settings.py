@@ -141,7 +141,16 @@ def load(path: Path) -> Settings:
         raise IcyMoonError(f"{path}: unknown key preset.{sorted(unknown)[0]}, "
                            f"{_nearest(sorted(unknown)[0], ('title', 'description', 'include'))}")
     included = [load(preset_path(name)) for name in header.get("include", [])]
-    return merged(*included, check(data, str(path)))
+    return merged(*included, _beside(path, check(data, str(path))))
+
+
+def _beside(path: Path, settings: Settings) -> Settings:
+    """The same settings, files that a settings file names without a folder being those beside it."""
+    for topic, values in settings.items():
+        for key, value in values.items():
+            if TOPICS[topic][key].subtype == "FILE_PATH" and value and not value.startswith(("~", "//")):
+                values[key] = str(path.parent.absolute() / value)
+    return settings
 
 
 def preset_names(kind: str = "") -> list[str]:
@@ -189,7 +198,8 @@ def to_toml(settings: Mapping[str, Mapping[str, Value]]) -> str:
     for topic, values in settings.items():
         lines.append(f"[{topic}]")
         # The lists of tables come last: what follows a [[table]] header belongs to that table.
-        lines += [f"{key} = {_toml_value(value)}" for key, value in values.items() if not isinstance(value, list)]
+        lines += [f"{key} = {_toml_value(value)}" for key, value in values.items()
+                  if not isinstance(value, list) or not value]
         for key, value in values.items():
             for entry in value if isinstance(value, list) else ():
                 lines += ["", f"[[{topic}.{key}]]", *(f"{k} = {_toml_value(v)}" for k, v in entry.items())]
@@ -205,11 +215,12 @@ def _toml_value(value: Any) -> str:
 def digest(settings: Mapping[str, Mapping[str, Value]], extra: str = "") -> str:
     """Twelve hexadecimal digits that name the pair which these settings produce.
 
-    Settings that cannot change a rendered pixel (camera response, folders, threads) do not count.
-    ``extra`` stands for content that the settings do not describe (edited or added geometry).
+    Settings that cannot change a rendered pixel (camera response, folders, threads) do not count,
+    nor where a file lies. ``extra`` stands for content that the settings do not describe (that of
+    the ground's file, edited or added geometry).
     """
     counted = [[f"{topic}.{s.key}", settings[topic][s.key]] for topic, s in all_settings()
-               if s.effect not in ("response", "run")]
+               if s.effect not in ("response", "run") and s.subtype != "FILE_PATH"]
     return hashlib.sha256(json.dumps([counted, extra]).encode()).hexdigest()[:12]
 
 

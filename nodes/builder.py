@@ -16,11 +16,12 @@ COLUMN, ROW = 220.0, 260.0
 
 
 class Tree:
-    """A node tree under construction; the tree is emptied first."""
+    """A node tree under construction; the tree is emptied first, unless it is to ``keep`` its nodes."""
 
-    def __init__(self, node_tree: bpy.types.NodeTree) -> None:
+    def __init__(self, node_tree: bpy.types.NodeTree, keep: bool = False) -> None:
         self.tree = node_tree
-        self.tree.nodes.clear()
+        if not keep:
+            self.tree.nodes.clear()
 
     def node(self, kind: str, label: str, inputs: Mapping[str, Any] | None = None, *,
              leave: Iterable[str] = (), if_present: Mapping[str, Any] | None = None, **properties: Any) -> Any:

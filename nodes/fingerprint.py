@@ -15,9 +15,14 @@ import numpy as np
 
 TAG = "icymoon"  # custom property that marks what the builders made, its value the role
 
+#: Attributes of vertices that are hashed: how they are read, and how many numbers each has.
+_NUMBERS = {"FLOAT": (np.float32, "value", 1), "FLOAT_VECTOR": (np.float32, "vector", 3), "INT": (np.int32, "value", 1)}
+
 
 def _socket_value(socket: Any) -> Any:
     value: Any = getattr(socket, "default_value", None)
+    if isinstance(value, bpy.types.Collection):  # the shapes of instanced blocks
+        return [(item.name, _rows(item), _data(item.data)) for item in sorted(value.all_objects, key=lambda o: o.name)]
     return tuple(value) if hasattr(value, "__len__") and not isinstance(value, str) else value
 
 
@@ -31,10 +36,24 @@ def _tree(node_tree: bpy.types.NodeTree | None) -> list[Any]:
     return [sorted(nodes, key=repr), sorted(links)]
 
 
+def _rows(item: bpy.types.Object) -> list[tuple[float, ...]]:
+    return [tuple(row) for row in item.matrix_basis]
+
+
+def _points(mesh: bpy.types.Mesh) -> dict[str, str]:
+    """Hashes of the numbers that the vertices carry: positions, and what places instanced blocks."""
+    hashes = {}
+    for attribute in mesh.attributes:
+        kind, key, width = _NUMBERS.get(attribute.data_type, (None, "", 0))
+        if kind and attribute.domain == "POINT" and not attribute.name.startswith("."):
+            values = np.empty(len(mesh.vertices) * width, kind)
+            attribute.data.foreach_get(key, values)
+            hashes[attribute.name] = hashlib.sha256(values.tobytes()).hexdigest()
+    return hashes
+
+
 def _mesh(mesh: bpy.types.Mesh) -> list[Any]:
-    positions = np.empty(len(mesh.vertices) * 3, np.float32)
-    mesh.vertices.foreach_get("co", positions)
-    return [hashlib.sha256(positions.tobytes()).hexdigest(), len(mesh.polygons),
+    return [sorted(_points(mesh).items()), len(mesh.polygons),
             [[*_tree(m.node_tree), m.pass_index] if m else [] for m in mesh.materials]]
 
 
@@ -58,8 +77,8 @@ def fingerprint(collection: bpy.types.Collection) -> str:
             shared[item.data] = _data(item.data)
         digest.update(repr([
             item.name, item.get(TAG), item.type, item.hide_render, item.pass_index, len(item.constraints),
-            [m.type for m in item.modifiers], item.parent.name if item.parent else "",
-            [tuple(row) for row in item.matrix_basis], shared[item.data]]).encode())
+            [[m.type, *_tree(getattr(m, "node_group", None))] for m in item.modifiers],
+            item.parent.name if item.parent else "", _rows(item), shared[item.data]]).encode())
     return digest.hexdigest()
 
 

@@ -7,6 +7,7 @@ file, in the collection too, is the person's and stays.
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -15,21 +16,28 @@ import bpy
 
 from ..errors import IcyMoonError
 from ..labels import ROCK, TERRAIN, TERRAIN_INSTANCE
+from ..physics.ground import Surface
 from ..physics.rocks import scatter
-from ..physics.terrain import Terrain
+from ..physics.shapes import block_shapes
+from ..physics.sizes import size_law
+from ..physics.terrain import Terrain, advice
 from ..physics.terrain import terrain as make_terrain
+from ..properties import TOPICS
 from ..settings import Settings, merged
 from .fingerprint import TAG, added_objects, fingerprint
+from .ground import OwnGround, content, file_of, is_own, own_ground
 from .light import build_sky, build_sun
+from .probe import heights_of
 from .rig import build_rig
-from .rocks import SHAPES, build_objects, build_shapes
+from .rocks import build_blocks, label_instances, parts_of
 from .surface import build_material
-from .terrain import build_mesh, shortest_wavelength_m
+from .terrain import build_mesh, measured, shortest_wavelength_m
 
 NAME = "Icy Moon"
-_SETTINGS, _FINGERPRINT, _PREVIOUS_WORLD, _PREVIOUS_CAMERA, _PREVIOUS_VIEW = (
+_SETTINGS, _FINGERPRINT, _PREVIOUS_WORLD, _PREVIOUS_CAMERA, _PREVIOUS_VIEW, _GROUND = (
     "icymoon_settings", "icymoon_fingerprint", "icymoon_previous_world", "icymoon_previous_camera",
-    "icymoon_previous_view")
+    "icymoon_previous_view", "icymoon_ground")
+_ROUGHNESS = "icymoon_roughness"  # measured on the built ground
 
 
 @dataclass
@@ -42,6 +50,21 @@ class Built:
     camera: bpy.types.Object
     settings: Settings
     warnings: tuple[str, ...] = ()
+
+    @property
+    def ground(self) -> dict[str, Any]:
+        """Of a ground from a file, its ``content`` (a hash) and the ``report`` of its import; else empty."""
+        return dict(json.loads(self.collection.get(_GROUND, "{}")))
+
+    @property
+    def extra(self) -> str:
+        """What identifies the content that the settings do not: the ground's file, edits by hand."""
+        return self.ground.get("content", "") + (fingerprint(self.collection) if self.edited else "")
+
+    @property
+    def block_count(self) -> int:
+        """Number of ice blocks."""
+        return sum(len(item.data.vertices) for item in self.collection.all_objects if item.get(TAG) == "rock")
 
     @property
     def edited(self) -> bool:
@@ -68,13 +91,19 @@ def find(scene: bpy.types.Scene) -> Built | None:
     return Built(collection, roles["terrain"], roles["sun"], roles["camera"], json.loads(collection[_SETTINGS]))
 
 
+def measured_roughness(scene: bpy.types.Scene) -> str:
+    """What Build measured on the ground it made from the ``terrain`` settings, in a line; empty if it made none."""
+    collection = find_collection(scene)
+    return str(collection.get(_ROUGHNESS, "")) if collection else ""
+
+
 def ground_of(settings: Settings) -> Terrain:
     """The height function of the described ground."""
-    return make_terrain(settings["terrain"], int(settings["dataset"]["seed"]))
+    return make_terrain(settings, int(settings["dataset"]["seed"]))
 
 
-def site_ground_m(settings: Settings, ground: Terrain) -> float:
-    """Height in metres of the ground under the left camera, at the detail of the mesh."""
+def site_ground_m(settings: Settings, ground: Surface) -> float:
+    """Height in metres of the ground under the left camera, at the detail of the mesh; NaN beyond the ground."""
     rig = settings["rig"]
     return float(ground.heights(rig["x_m"], rig["y_m"], shortest_wavelength_m(settings["terrain"])))
 
@@ -84,34 +113,73 @@ def _tagged(block: Any, role: str) -> Any:
     return block
 
 
-def _make(settings: Settings) -> tuple[list[bpy.types.Object], bpy.types.World, list[str]]:
-    """All objects of the scene (terrain, sun, camera, then blocks), its sky, and warnings."""
-    seed, warnings = int(settings["dataset"]["seed"]), []
-    ground = ground_of(settings)
-    mesh = build_mesh(f"{NAME} Terrain", settings["terrain"], ground)
+def _site(settings: Settings, ground: Surface, own: OwnGround | None) -> tuple[float, list[str]]:
+    """Height in metres of the ground to stand on, and a warning if the camera stands beside it."""
+    rig, size = settings["rig"], settings["terrain"]["size_m"]
+    height = site_ground_m(settings, ground)
+    if own is not None and math.isnan(height):
+        return own.nearest_height_m(rig["x_m"], rig["y_m"]), [
+            "There is no ground under the camera; change rig.x_m or rig.y_m, or move the ground with source.origin_x_m "
+            "and source.origin_y_m."]
+    if own is None and max(abs(rig["x_m"]), abs(rig["y_m"])) > size / 2:
+        return height, [f"The camera stands outside the {size:g} m patch of ground; change rig.x_m, rig.y_m or "
+                        "terrain.size_m."]
+    return height, []
+
+
+def _blocks(settings: Settings, terrain: bpy.types.Object, size_m: float) -> tuple[bpy.types.Object, list[str]]:
+    """The object that carries the blocks on the ground, and warnings."""
+    seed, described, rig = int(settings["dataset"]["seed"]), settings["rocks"], settings["rig"]
+    shapes = block_shapes(described["family"], described["angularity"], seed)
+    with heights_of(terrain) as height_at:
+        rocks = scatter(described, size_m, seed, height_at, shapes,
+                        (rig["x_m"], rig["y_m"], described["clear_radius_m"]))
+    surface = settings["rock_surface" if described["own_surface"] else "surface"]
+    ice = _tagged(build_material(f"{NAME} Rock Surface", surface, seed, ROCK), "material")
+    label_instances(ice)
+    blocks = _tagged(build_blocks(f"{NAME} Rock", rocks, shapes, ice, TAG), "rock")
+    _remove_unused([], [ice])  # if there is room for no block
+    if rocks.smallest_m > described["smallest_m"]:
+        return blocks, [f"Blocks under {rocks.smallest_m:.3g} m are left out to keep to {described['most']} blocks; "
+                        "raise rocks.most or rocks.smallest_m."]
+    return blocks, []
+
+
+def _make(settings: Settings) -> tuple[list[bpy.types.Object], bpy.types.World, list[str], OwnGround | None]:
+    """All objects of the scene (terrain, sun, camera, then blocks), its sky, warnings, and the person's own ground."""
+    seed = int(settings["dataset"]["seed"])
+    # What can be refused comes first: nothing has been made yet.
+    if settings["rocks"]["coverage"] > 0:
+        size_law(settings["rocks"])
+    own = own_ground(settings, ground_of) if is_own(settings) else None
+    ground: Surface = own.surface if own else ground_of(settings)
+    site_m, warnings = _site(settings, ground, own)
+    if own is not None:
+        warnings += own.warnings
+        mesh = own.build_mesh(f"{NAME} Terrain")
+    else:
+        warnings += advice(settings, shortest_wavelength_m(settings["terrain"]))
+        mesh = build_mesh(f"{NAME} Terrain", settings["terrain"], ground)
     mesh.materials.append(_tagged(build_material(f"{NAME} Surface", settings["surface"], seed, TERRAIN), "material"))
     terrain = _tagged(bpy.data.objects.new(f"{NAME} Terrain", mesh), "terrain")
     terrain.pass_index = TERRAIN_INSTANCE
     sun = _tagged(build_sun(f"{NAME} Sun", settings["light"]), "sun")
-    camera = _tagged(build_rig(f"{NAME} Camera", settings["rig"], site_ground_m(settings, ground)), "camera")
+    camera = _tagged(build_rig(f"{NAME} Camera", settings["rig"], site_m), "camera")
     objects = [terrain, sun, camera]
-    rig, half = settings["rig"], settings["terrain"]["size_m"] / 2
-    if max(abs(rig["x_m"]), abs(rig["y_m"])) > half:
-        warnings.append(f"The camera stands outside the {2 * half:g} m patch of ground; change rig.x_m, rig.y_m "
-                        "or terrain.size_m.")
     if settings["light"]["sun_elevation_deg"] < 0 or settings["light"]["sun_irradiance_wm2"] == 0:
         warnings.append("The Sun gives no light; raise light.sun_elevation_deg or light.sun_irradiance_wm2.")
     if settings["rocks"]["coverage"] > 0:
-        rocks = scatter(settings["rocks"], ground, seed, shortest_wavelength_m(settings["terrain"]), SHAPES,
-                        (rig["x_m"], rig["y_m"]))
-        if rocks.smallest_m > settings["rocks"]["smallest_m"]:
-            warnings.append(f"Blocks under {rocks.smallest_m:.3g} m are left out to keep to "
-                            f"{settings['rocks']['most']} blocks; raise rocks.most or rocks.smallest_m.")
-        ice = _tagged(build_material(f"{NAME} Rock Surface", settings["surface"], seed, ROCK), "material")
-        shapes = build_shapes(f"{NAME} Rock", settings["rocks"]["angularity"], seed)
-        objects += [_tagged(block, "rock") for block in build_objects(f"{NAME} Rock", rocks, shapes, ice)]
-        _remove_unused(shapes, [ice])
-    return objects, _tagged(build_sky(f"{NAME} Sky"), "sky"), warnings
+        blocks, more = _blocks(settings, terrain, ground.size_m)
+        objects.append(blocks)
+        warnings += more
+    return objects, _tagged(build_sky(f"{NAME} Sky"), "sky"), warnings, own
+
+
+def _with_parts(objects: list[bpy.types.Object]) -> tuple[list[bpy.types.Object], list[Any]]:
+    """Objects with those that others among them are made with, and the other data-blocks of that kind."""
+    parts = [part for item in objects for part in parts_of(item, TAG)]
+    return ([*objects, *(part for part in parts if isinstance(part, bpy.types.Object))],
+            [part for part in parts if not isinstance(part, bpy.types.Object)])
 
 
 def _materials(objects: list[bpy.types.Object]) -> set[bpy.types.Material]:
@@ -128,10 +196,11 @@ def _remove_unused(meshes: Iterable[Any], others: Iterable[Any]) -> None:
 
 
 def _remove(objects: list[bpy.types.Object]) -> None:
-    """Remove objects with the meshes, lamps, cameras and materials that only they use."""
+    """Remove objects with the meshes, lamps, cameras, materials and node groups that only they use."""
+    objects, parts = _with_parts(objects)
     data = {item.data for item in objects if item.data is not None}
     materials = {m for m in _materials(objects) if TAG in m}
-    bpy.data.batch_remove(objects)
+    bpy.data.batch_remove([*objects, *parts])
     _remove_unused(data, materials)
 
 
@@ -150,12 +219,15 @@ def build(scene: bpy.types.Scene, settings: Settings) -> Built:
     """Build, or build again, the scene that complete ``settings`` describe.
 
     Sets the scene's camera and world to the built ones unless the person has set others since the
-    first build. Raises IcyMoonError if there is not enough memory; the scene is then unchanged.
+    first build. Raises IcyMoonError if there is not enough memory, or the ground's file cannot be
+    used; the scene is then unchanged.
     """
     collection = find_collection(scene)
     try:
-        objects, sky, warnings = _make(settings)
+        objects, sky, warnings, own = _make(settings)
     except MemoryError:
+        if settings["source"]["kind"] == "MESH":
+            raise IcyMoonError("There is not enough memory for the mesh; reduce it before importing it.") from None
         n = settings["terrain"]["resolution"]
         raise IcyMoonError(f"There is not enough memory for {n} x {n} vertices; lower terrain.resolution.") from None
     if collection is None:
@@ -183,10 +255,14 @@ def build(scene: bpy.types.Scene, settings: Settings) -> Built:
     if takes_world:
         scene.world = sky
     _remove_unused([], [w for w in bpy.data.worlds if TAG in w])
-    named = [*objects, *(o.data for o in objects), *_materials(objects)] + ([sky] if takes_world else [])
+    made, parts = _with_parts(objects)
+    named = [*made, *(o.data for o in made), *parts, *_materials(made)] + ([sky] if takes_world else [])
     for block in named:
         block.name = block.name.split(".")[0]  # free again now that the old one is gone
     collection[_SETTINGS] = json.dumps(merged(settings))
+    collection[_GROUND] = json.dumps({"content": own.content, "report": own.report} if own else {})
+    roughness = None if own else measured(objects[0].data, settings["terrain"])
+    collection[_ROUGHNESS] = roughness.summary() if roughness else ""
     collection[_FINGERPRINT] = fingerprint(collection)
     return Built(collection, objects[0], objects[1], objects[2], merged(settings), tuple(warnings))
 
@@ -220,7 +296,12 @@ def clear(scene: bpy.types.Scene) -> bool:
 
 
 def changed_settings(built: Built, settings: Mapping[str, Mapping[str, Any]]) -> list[str]:
-    """Names of the settings that the built scene does not show yet."""
-    return [f"{topic}.{key}" for topic in ("terrain", "surface", "rocks", "light", "rig")
-            for key, value in settings[topic].items() if built.settings.get(topic, {}).get(key) != value] + (
-        ["dataset.seed"] if built.settings["dataset"]["seed"] != settings["dataset"]["seed"] else [])
+    """Names of the settings that the built scene does not show yet, ``source.file`` also if its content is another."""
+    shown = [(topic.key, s.key) for topic in TOPICS.values() for s in topic.settings
+             if s.effect in ("geometry", "material", "light", "camera")]
+    changed = [f"{topic}.{key}" for topic, key in shown
+               if built.settings.get(topic, {}).get(key) != settings[topic][key]]
+    # A file that is gone changes nothing: what was built from it is still there.
+    if is_own(settings) and file_of(settings).is_file() and built.ground.get("content") != content(settings):
+        changed.append("source.file")
+    return changed

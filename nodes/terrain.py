@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
 import bpy
 import numpy as np
 
-from ..physics.terrain import Terrain
+from ..physics.ground import Surface
+from ..physics.statistics import Roughness, measure, power_spectrum
+from ..physics.terrain import law_range_m
 
 
 def vertex_spacing_m(terrain: Mapping[str, Any]) -> float:
@@ -21,7 +24,7 @@ def shortest_wavelength_m(terrain: Mapping[str, Any]) -> float:
     return 2 * vertex_spacing_m(terrain)
 
 
-def build_mesh(name: str, terrain: Mapping[str, Any], ground: Terrain) -> bpy.types.Mesh:
+def build_mesh(name: str, terrain: Mapping[str, Any], ground: Surface) -> bpy.types.Mesh:
     """A smooth-shaded grid mesh of ``ground`` from ``terrain`` settings, centred on the origin.
 
     Raises ValueError if a height is not finite.
@@ -36,6 +39,49 @@ def build_mesh(name: str, terrain: Mapping[str, Any], ground: Terrain) -> bpy.ty
     corner = (np.arange(n - 1)[:, None] * n + np.arange(n - 1)[None, :]).ravel()
     faces = np.stack([corner, corner + 1, corner + n + 1, corner + n], axis=1).astype(np.int32)
     return mesh_from_arrays(name, positions.reshape(-1, 3), faces)
+
+
+def grid_heights(mesh: bpy.types.Mesh, terrain: Mapping[str, Any]) -> np.ndarray | None:
+    """Heights (n, n) in metres of a mesh that ``build_mesh`` made, or None if it is another or was edited."""
+    n = int(terrain["resolution"])
+    if len(mesh.vertices) != n * n:
+        return None
+    positions = np.empty(3 * n * n, np.float32)
+    mesh.attributes["position"].data.foreach_get("vector", positions)
+    return positions[2::3].reshape(n, n).astype(np.float64)
+
+
+def measured(mesh: bpy.types.Mesh, terrain: Mapping[str, Any]) -> Roughness | None:
+    """The roughness of a built mesh, over the distances that it and ``terrain`` settings both cover."""
+    heights = grid_heights(mesh, terrain)
+    if heights is None or min(heights.shape) < 3:
+        return None
+    spacing = vertex_spacing_m(terrain)
+    shortest, longest = law_range_m(terrain)
+    # Waves of two vertex spacings are cut off, which shows up to three times that distance.
+    return measure(heights, spacing, terrain["slope_baseline_m"], (max(shortest, 6 * spacing), longest))
+
+
+def roughness_table(mesh: bpy.types.Mesh, terrain: Mapping[str, Any]) -> list[tuple[str, ...]]:
+    """Rows of text: distance, RMS deviation measured and asked for, their ratio, the power spectral density there.
+
+    The density at a distance is that of the wave number 1/distance. Empty if the mesh is not a built grid.
+    """
+    found, heights = measured(mesh, terrain), grid_heights(mesh, terrain)
+    if found is None or heights is None:
+        return []
+    shortest, longest = law_range_m(terrain)
+    waves, density = power_spectrum(heights, vertex_spacing_m(terrain))
+    rows: list[tuple[str, ...]] = [("Distance", "RMS deviation", "Asked for", "Ratio", "PSD")]
+    at_baseline = math.tan(math.radians(terrain["rms_slope_deg"])) * terrain["slope_baseline_m"]
+    for distance, deviation in list(zip(found.lag_m, found.deviation_m, strict=True))[::2]:
+        asked = at_baseline * (distance / terrain["slope_baseline_m"]) ** terrain["hurst"]
+        inside = shortest <= distance <= longest and asked > 0
+        there = waves.min() <= 1 / distance <= waves.max() and density.min() > 0
+        psd = np.exp(np.interp(-np.log(distance), np.log(waves), np.log(density))) if there else 0.0
+        rows.append((f"{distance:.3g} m", f"{deviation * 1e3:.3g} mm", f"{asked * 1e3:.3g} mm" if inside else "",
+                     f"{deviation / asked:.2f}" if inside else "", f"{psd:.2e} m4" if there else ""))
+    return rows
 
 
 def mesh_from_arrays(name: str, positions: np.ndarray, faces: np.ndarray) -> bpy.types.Mesh:

@@ -10,6 +10,7 @@ import bpy
 from .. import settings as description
 from ..errors import IcyMoonError
 from ..nodes import scene as scenes
+from ..nodes.ground import cost_warnings
 
 _BRIGHTNESS = 0.5  # of sunlit ground in the view, before the view transform
 
@@ -60,6 +61,25 @@ def show_scene(context: bpy.types.Context, built: scenes.Built) -> None:
     space.region_3d.view_perspective = "CAMERA"
 
 
+def build_and_report(operator: bpy.types.Operator, context: bpy.types.Context) -> set[str]:
+    """Build what the scene's settings describe, show it, and let the operator report it; its result."""
+    if context.mode != "OBJECT":
+        bpy.ops.object.mode_set(mode="OBJECT")
+    try:
+        built = scenes.build(context.scene, description.from_group(context.scene.icymoon))
+    except IcyMoonError as error:
+        operator.report({"ERROR"}, str(error))
+        return {"CANCELLED"}
+    for warning in built.warnings:
+        operator.report({"WARNING"}, warning)
+    if not bpy.app.background:
+        show_scene(context, built)
+    mesh = built.terrain.data
+    operator.report({"INFO"}, f"Built {len(mesh.loops) - 2 * len(mesh.polygons)} ground triangles "
+                             f"and {built.block_count} blocks")
+    return {"FINISHED"}
+
+
 class ICYMOON_OT_build_scene(bpy.types.Operator):
     """Make the ground, blocks, Sun and stereo camera that the settings describe; what was built before is replaced, nothing of yours is touched"""  # noqa: E501
 
@@ -67,22 +87,19 @@ class ICYMOON_OT_build_scene(bpy.types.Operator):
     bl_label = "Build Scene"
     bl_options = {"REGISTER", "UNDO"}
 
-    def execute(self, context: bpy.types.Context) -> set[str]:
-        if context.mode != "OBJECT":
-            bpy.ops.object.mode_set(mode="OBJECT")
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         try:
-            built = scenes.build(context.scene, description.from_group(context.scene.icymoon))
+            dear = cost_warnings(description.from_group(context.scene.icymoon))
         except IcyMoonError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
-        for warning in built.warnings:
-            self.report({"WARNING"}, warning)
-        if not bpy.app.background:
-            show_scene(context, built)
-        triangles = sum(len(o.data.polygons) * 2 for o in [built.terrain])
-        blocks = len(built.collection.all_objects) - 3
-        self.report({"INFO"}, f"Built {triangles} ground triangles and {max(blocks, 0)} blocks")
-        return {"FINISHED"}
+        if dear and not bpy.app.background:
+            return set(context.window_manager.invoke_confirm(self, event, title="Load a Large Mesh?",
+                                                             message=dear[0], confirm_text="Load"))
+        return self.execute(context)
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        return build_and_report(self, context)
 
 
 class ICYMOON_OT_clear_scene(bpy.types.Operator):

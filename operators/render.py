@@ -12,7 +12,7 @@ import bpy
 from .. import settings as description
 from ..errors import IcyMoonError
 from ..nodes import scene as scenes
-from ..nodes.fingerprint import fingerprint
+from ..nodes.ground import content, with_absolute_file
 from ..render.launch import Job as JobFiles
 from ..render.launch import absolute_folder, blender_command
 from ..render.plan import PlannedPair, expand
@@ -47,7 +47,9 @@ def up_to_date(scene: bpy.types.Scene, settings: description.Settings) -> scenes
 def planned_pairs(scene: bpy.types.Scene, settings: description.Settings) -> list[PlannedPair]:
     """The pairs that Render Stereo Pair would make of a scene now."""
     built = scenes.find(scene)
-    return expand(settings, fingerprint(built.collection) if built is not None and built.edited else "")
+    if built is not None and (built.edited or not scenes.changed_settings(built, settings)):
+        return expand(settings, built.extra)
+    return expand(settings, content(settings))
 
 
 class ICYMOON_OT_render_pair(jobs.JobOperator, bpy.types.Operator):
@@ -64,7 +66,7 @@ class ICYMOON_OT_render_pair(jobs.JobOperator, bpy.types.Operator):
         built = up_to_date(context.scene, settings)
         self._warn(built)
         edited = built.edited
-        files = JobFiles(settings, dataset_folder(settings), again=self.again,
+        files = JobFiles(with_absolute_file(settings), dataset_folder(settings), again=self.again,
                          scene=context.scene.name if edited else None)
         if edited:
             bpy.ops.wm.save_as_mainfile(filepath=str(files.blend), copy=True, check_existing=False)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from pathlib import Path
 from typing import Any
 
@@ -50,10 +51,13 @@ def percent(value: float | None) -> str:
 
 
 def error_images() -> list[Path]:
-    """The error images of the last evaluation that are on disk, in the order of its rows."""
+    """The error images of the last evaluation that are on disk, those of the best matcher first."""
     if _folder is None:
         return []
-    paths = [_folder / row["images"]["error"] for row in _report.get("rows", []) if row.get("images")]
+    l1 = {row["method"]: row["l1_m"] for row in summary()}
+    rows = [row for row in _report.get("rows", []) if row.get("images")]
+    rows.sort(key=lambda row: math.inf if l1[row["method"]] is None else l1[row["method"]])
+    paths = [_folder / row["images"]["error"] for row in rows]
     return [path for path in paths if path.is_file()]
 
 
@@ -76,7 +80,10 @@ def show_error_image(context: bpy.types.Context, open_window: bool) -> bool:
         areas[0].type = "IMAGE_EDITOR"
     for area in areas[:1]:
         area.spaces.active.image = images[0]
-        area.tag_redraw()
+        window = next(w for w in context.window_manager.windows if area in w.screen.areas[:])
+        region = next(r for r in area.regions if r.type == "WINDOW")
+        with context.temp_override(window=window, area=area, region=region):
+            bpy.ops.image.view_all(fit_view=True)
     return bool(areas)
 
 

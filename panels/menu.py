@@ -39,6 +39,7 @@ class ICYMOON_MT_icymoon(bpy.types.Menu):
         layout.operator("icymoon.load_settings", text="Load Settings…")
         layout.operator("icymoon.save_settings", text="Save Settings…")
         layout.separator()
+        layout.operator("icymoon.import_ground", text="Import Ground…")
         layout.operator("icymoon.build_scene")
         layout.operator("icymoon.clear_scene")
         layout.separator()

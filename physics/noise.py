@@ -1,25 +1,36 @@
-"""Gradient noise as a function of position.
+"""Lattice noises as functions of position.
 
 Any points in any order, the same numbers in every Blender, on every machine: integer hashing and
-float64 arithmetic only. Source of the method: Perlin, "Improving Noise", SIGGRAPH 2002 (quintic
-fade); lattice gradients come from a 32-bit integer hash instead of a permutation table, so the
-lattice has no period.
+float64 sums, products and roots only (sines and powers differ between machines in the last bit).
+Source of the method: Perlin, "Improving Noise", SIGGRAPH 2002 (quintic fade); lattice values come
+from a 32-bit integer hash instead of a permutation table, so the lattice has no period.
+
+Where the points crowd on few lattice cells, the cells are hashed once and looked up; where they are
+scattered over many, each point hashes its own. Both ways give the same bits.
 """
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
 import numpy as np
 
 _DIRECTIONS = 64
-_ANGLES = 2 * np.pi * np.arange(_DIRECTIONS) / _DIRECTIONS
-_GRADIENT_X, _GRADIENT_Y = np.cos(_ANGLES), np.sin(_ANGLES)
+_ANGLES = [2 * math.pi * k / _DIRECTIONS for k in range(_DIRECTIONS)]
+#: Gradients of length √2, which gives noise of about unit range.
+_GRADIENT_X, _GRADIENT_Y = (np.array([math.sqrt(2.0) * f(a) for a in _ANGLES]) for f in (math.cos, math.sin))
+#: The twelve edge directions of Perlin's 3-D noise, of length √2.
+_GRADIENT_3 = np.array([(a, b, 0) for a in (-1, 1) for b in (-1, 1)] + [(a, 0, b) for a in (-1, 1) for b in (-1, 1)]
+                       + [(0, a, b) for a in (-1, 1) for b in (-1, 1)], np.float64)
+#: Largest number of lattice corners per point for which a table is cheaper than hashing.
+_TABLE_PER_POINT = 2
 
 
-def hashed(ix: np.ndarray, iy: np.ndarray, key: int) -> np.ndarray:
-    """Well mixed uint32 of integer lattice coordinates (int64 arrays) and a 32-bit key."""
-    h = ix.astype(np.uint32) * np.uint32(0x9E3779B1)
-    h ^= iy.astype(np.uint32) * np.uint32(0x85EBCA77)
-    h += np.uint32(key & 0xFFFFFFFF)
+def _mixed(h: np.ndarray) -> np.ndarray:
+    """Spread every bit of uint32 ``h`` over all others, in place."""
     for shift, factor in ((16, 0x7FEB352D), (15, 0x846CA68B)):
         h ^= h >> np.uint32(shift)
         h *= np.uint32(factor)
@@ -27,24 +38,158 @@ def hashed(ix: np.ndarray, iy: np.ndarray, key: int) -> np.ndarray:
     return h
 
 
-def gradient_noise(x: np.ndarray, y: np.ndarray, key: int) -> np.ndarray:
+def hashed(ix: np.ndarray, iy: np.ndarray, key: int) -> np.ndarray:
+    """Well mixed uint32 of integer lattice coordinates (int64 arrays that broadcast) and a 32-bit key."""
+    h = (ix.astype(np.uint32) * np.uint32(0x9E3779B1)) ^ (iy.astype(np.uint32) * np.uint32(0x85EBCA77))
+    h += np.uint32(key & 0xFFFFFFFF)
+    return _mixed(h)
+
+
+def uniform(h: np.ndarray) -> np.ndarray:
+    """Numbers in [0, 1) from hashes."""
+    return h * (1.0 / 2**32)
+
+
+def fade(t: np.ndarray) -> np.ndarray:
+    """Perlin's quintic step 6 t⁵ - 15 t⁴ + 10 t³, from 0 at 0 to 1 at 1."""
+    result = 6.0 * t
+    result -= 15.0
+    result *= t
+    result += 10.0
+    cube = t * t
+    cube *= t
+    result *= cube
+    return result
+
+
+@dataclass(frozen=True)
+class Cells:
+    """Which lattice cell each point is in, and values at lattice corners near it.
+
+    ``dx``, ``dy`` are the places of the points in their cells, in [0, 1).
+    """
+
+    dx: np.ndarray
+    dy: np.ndarray
+    _x: np.ndarray  # integral floats
+    _y: np.ndarray
+    _key: int
+    _reach: int
+    _index: np.ndarray | None
+    _width: int
+    _hashes: np.ndarray | None
+
+    @classmethod
+    def of(cls, x: np.ndarray, y: np.ndarray, key: int, reach: int = 0) -> Cells:
+        """The cells of points in lattice units; corners from -reach to reach + 1 are wanted."""
+        left, below = np.floor(x), np.floor(y)
+        dx, dy = x - left, y - below
+        x_min, y_min = float(left.min()) - reach, float(below.min()) - reach
+        width, height = (float(a.max()) - low + 2 + reach for a, low in ((left, x_min), (below, y_min)))
+        if not width * height <= _TABLE_PER_POINT * left.size:
+            return cls(dx, dy, left, below, key, reach, None, 0, None)
+        hashes = hashed(np.arange(width)[None, :].astype(np.int64) + int(x_min),
+                        np.arange(height)[:, None].astype(np.int64) + int(y_min), key).ravel()
+        place = below - (y_min + reach)
+        place *= width
+        place += left
+        place -= x_min + reach
+        return cls(dx, dy, left, below, key, reach, place.astype(np.intp), int(width), hashes)
+
+    def squares(self, who: Any) -> tuple[np.ndarray, np.ndarray]:
+        """Column and row (int64) of the cells of the points ``who`` (a slice or an index array)."""
+        return self._x[who].astype(np.int64), self._y[who].astype(np.int64)
+
+    def lookup(self, *functions: Callable[[np.ndarray], np.ndarray]) -> Callable[[int, int], list[np.ndarray]]:
+        """``f(i, j)`` gives each function of the hash at the corner (i, j) from each point's cell."""
+        if self._index is None or self._hashes is None:
+            ix, iy = self.squares(slice(None))
+
+            def hash_each(i: int, j: int) -> list[np.ndarray]:
+                h = hashed(ix + i, iy + j, self._key)
+                return [f(h) for f in functions]
+
+            return hash_each
+        index, tables = self._index, [f(self._hashes) for f in functions]
+
+        def look_up(i: int, j: int) -> list[np.ndarray]:
+            start = (j + self._reach) * self._width + i + self._reach
+            # "clip" spares the check of the indices, which are in range.
+            return [table[start:].take(index, mode="clip") for table in tables]
+
+        return look_up
+
+
+def _direction(components: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
+    return lambda h: components.take((h & np.uint32(_DIRECTIONS - 1)).astype(np.intp))
+
+
+def gradient_noise(x: Any, y: Any, key: int) -> np.ndarray:
     """Noise of zero mean, unit wavelength and about unit range (|value| <= 1).
 
     ``x`` and ``y`` are float64 arrays of one shape in lattice units; the result has that shape.
     Continuous with continuous second derivatives, zero at lattice points.
     """
-    fx, fy = np.floor(x), np.floor(y)
-    ix, iy = fx.astype(np.int64), fy.astype(np.int64)
-    dx, dy = x - fx, y - fy
-    ux = dx * dx * dx * (dx * (dx * 6 - 15) + 10)
-    uy = dy * dy * dy * (dy * (dy * 6 - 15) + 10)
+    cells = Cells.of(np.asarray(x), np.asarray(y), key)
+    gradients = cells.lookup(_direction(_GRADIENT_X), _direction(_GRADIENT_Y))
+    u, v = fade(cells.dx), fade(cells.dy)
+    right, above = cells.dx - 1.0, cells.dy - 1.0
 
     def corner(i: int, j: int) -> np.ndarray:
-        direction = hashed(ix + i, iy + j, key) & np.uint32(_DIRECTIONS - 1)
-        return _GRADIENT_X[direction] * (dx - i) + _GRADIENT_Y[direction] * (dy - j)
+        along_x, along_y = gradients(i, j)
+        along_x *= right if i else cells.dx
+        along_y *= above if j else cells.dy
+        along_x += along_y
+        return along_x
 
-    low = corner(0, 0)
-    low += ux * (corner(1, 0) - low)
-    high = corner(0, 1)
-    high += ux * (corner(1, 1) - high)
-    return (low + uy * (high - low)) * np.sqrt(2.0)
+    def blend(low: np.ndarray, high: np.ndarray, share: np.ndarray) -> np.ndarray:
+        high -= low
+        high *= share
+        low += high
+        return low
+
+    return blend(blend(corner(0, 0), corner(1, 0), u), blend(corner(0, 1), corner(1, 1), u), v)
+
+
+def cell_noise(x: Any, y: Any, key: int) -> np.ndarray:
+    """A value in [-1, 1) for each unit square, constant in it."""
+    cells = Cells.of(np.asarray(x), np.asarray(y), key)
+    (value,) = cells.lookup(uniform)(0, 0)
+    value *= 2.0
+    value -= 1.0
+    return value
+
+
+def value_noise(x: Any, y: Any, key: int) -> np.ndarray:
+    """Values in [-1, 1) at lattice points, linear between them.
+
+    Summed over octaves of ratio 2 this is mid-point displacement: each octave puts a random
+    displacement at points that the coarser ones had only interpolated.
+    """
+    cells = Cells.of(np.asarray(x), np.asarray(y), key)
+    values = cells.lookup(uniform)
+    (a,), (b,), (c,), (d,) = values(0, 0), values(1, 0), values(0, 1), values(1, 1)
+    low, high = a + cells.dx * (b - a), c + cells.dx * (d - c)
+    return 2.0 * (low + cells.dy * (high - low)) - 1.0
+
+
+def gradient_noise_3d(points: np.ndarray, key: int) -> np.ndarray:
+    """Gradient noise at points (n, 3) in lattice units, for surfaces that are no height field."""
+    base = np.floor(points)
+    cell = base.astype(np.int64)
+    near = points - base
+    u, v, w = (fade(near[:, k]) for k in range(3))
+
+    def corner(i: int, j: int, k: int) -> np.ndarray:
+        layer = hashed(cell[:, 2] + k, np.int64(0) * cell[:, 2], key)
+        h = hashed(cell[:, 0] + i, cell[:, 1] + j, key) ^ layer
+        direction = (_mixed(h).astype(np.uint64) * np.uint64(len(_GRADIENT_3))) >> np.uint64(32)
+        g = _GRADIENT_3.take(direction.astype(np.intp), axis=0)
+        return g[:, 0] * (near[:, 0] - i) + g[:, 1] * (near[:, 1] - j) + g[:, 2] * (near[:, 2] - k)
+
+    def plane(k: int) -> np.ndarray:
+        low, high = (a + u * (b - a) for a, b in ((corner(0, j, k), corner(1, j, k)) for j in (0, 1)))
+        return low + v * (high - low)
+
+    floor = plane(0)
+    return floor + w * (plane(1) - floor)

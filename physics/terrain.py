@@ -1,26 +1,31 @@
-"""Heights of icy ground with stated statistics, as a function of position.
+"""The ground: heights of position, composed of what the settings name.
 
-Roughness is stated as planetary science states it (Shepard et al. 2001, JGR 106 E12): the RMS
-deviation nu(dx) = <(z(p + dx) - z(p))²>^½ of points dx apart grows as dx^H, and the RMS slope at a
-baseline is nu(dx)/dx. The surface is a multifractal sum of noise octaves (after Musgrave, in Ebert
-et al., "Texturing and Modeling", ch. 16), scaled so that the patch has the stated slope.
+A random surface of stated roughness (``roughness``), extra layers of noise (``layers``), landforms
+(``landforms``), snow in the hollows (``mantle``), on a regional slope. Any points, any order: the
+height of a place does not depend on the mesh, but for the wavelengths that the mesh cannot carry.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
-from .noise import gradient_noise
-from .seeds import generator, stream
+from .landforms import MAKERS, Landform
+from .layers import Layer, layer
+from .mantle import fill
+from .roughness import LAW_FROM, LAW_TO, Rough, rough
+from .seeds import generator
 
-_CALIBRATION_PAIRS = 16384
-#: Rotation between octaves, so that their lattices do not line up and show as a grid.
-_OCTAVE_TURN = math.radians(37.0)
+#: Points worked on at a time, so that what is in hand stays in the processor's cache.
+_TILE = 128
+#: Points per side of the grid on which mean heights of the patch are taken.
+_SAMPLES = 65
+#: RMS slope above which extrapolated roughness is called absurd, degrees.
+_ABSURD_DEG = 50.0
 
 
 @dataclass(frozen=True)
@@ -28,83 +33,137 @@ class Terrain:
     """A patch of ground. All lengths in metres; build it with :func:`terrain`."""
 
     size_m: float
-    hurst: float
-    multifractality: float
-    outer_scale_m: float
-    lacunarity: float
-    octaves: int
-    keys: tuple[int, ...] = field(repr=False)
-    offsets: tuple[tuple[float, float], ...] = field(repr=False)
-    scale: float = 1.0
-    mean: float = 0.0
+    base: Rough
+    layers: tuple[Layer, ...] = ()
+    landforms: tuple[Landform, ...] = ()
+    slope_east: float = 0.0
+    slope_north: float = 0.0
+    mantle_thickness_m: float = 0.0
+    mantle_length_m: float = 0.0
+    mantle_level_m: float = field(default=0.0, repr=False)
 
-    def wavelength_m(self, octave: int) -> float:
-        """Wavelength of an octave; 0 is the longest."""
-        return self.outer_scale_m / self.lacunarity**octave
+    @property
+    def outer_scale_m(self) -> float:
+        """Longest wavelength in metres."""
+        scales = [float(self.base.wavelength_m[0]), *(each.scale_m for each in self.layers)]
+        return max(scales + [self.size_m] * bool(self.landforms))
 
-    def heights(self, x_m: Any, y_m: Any, shortest_m: float = 0.0) -> np.ndarray:
+    def heights(self, x_m: Any, y_m: Any, shortest_m: Any = 0.0) -> np.ndarray:
         """Heights in metres at east and north coordinates (arrays that broadcast).
 
-        Octaves of wavelength below ``shortest_m`` are left out: a mesh with vertices d apart
-        cannot carry wavelengths below 2 d, and would show them as noise of another statistics.
+        Waves shorter than ``shortest_m`` (a number, or one per point) are left out: a mesh with
+        vertices d apart cannot carry wavelengths below 2 d, and would show them as noise of other
+        statistics.
         """
-        shape = np.broadcast_shapes(np.shape(x_m), np.shape(y_m))
-        x, y = (np.broadcast_to(np.asarray(a, np.float64), shape).reshape(-1) for a in (x_m, y_m))
-        total = np.zeros(x.shape)
-        if self.scale == 0.0:
-            return total.reshape(shape)
-        weight = np.ones(x.shape)
-        variance = 0.0
-        for octave in range(self.octaves):
-            wavelength = self.wavelength_m(octave)
-            if wavelength < shortest_m and octave > 0:
-                break
-            turn = octave * _OCTAVE_TURN
-            cos, sin = math.cos(turn) / wavelength, math.sin(turn) / wavelength
-            ox, oy = self.offsets[octave]
-            amplitude = (wavelength / self.outer_scale_m) ** self.hurst
-            signal = gradient_noise(cos * x - sin * y + ox, sin * x + cos * y + oy, self.keys[octave])
-            total += amplitude * weight * signal
-            if self.multifractality:
-                # Finer octaves grow where the ground so far is high: hollows stay smooth.
-                variance += amplitude**2
-                height = np.clip(0.5 + total / (1.2 * math.sqrt(variance)), 0.0, 1.0)
-                weight = 1.0 - self.multifractality * (1.0 - height)
-        return ((total - self.mean) * self.scale).reshape(shape)
+        x, y = np.asarray(x_m, np.float64), np.asarray(y_m, np.float64)
+        shape = np.broadcast_shapes(x.shape, y.shape, np.shape(shortest_m))
+        if len(shape) == 2 and x.shape == (1, shape[1]) and y.shape == (shape[0], 1) and np.ndim(shortest_m) == 0:
+            result = np.empty(shape)
+            for rows, columns in _tiles(*shape):
+                result[rows, columns] = self._tile(x[:, columns], y[rows], shortest_m)
+            return result
+        x, y = (np.broadcast_to(a, shape).reshape(-1) for a in (x, y))
+        shortest = np.broadcast_to(shortest_m, shape).reshape(-1) if np.ndim(shortest_m) else None
+        order = _neighbours_together(x, y)
+        result = np.empty(x.size)
+        for start in range(0, x.size, _TILE**2):
+            some = order[start:start + _TILE**2]
+            result[some] = self._tile(x[some], y[some], shortest_m if shortest is None else shortest[some])
+        return result.reshape(shape)
+
+    def _tile(self, x: np.ndarray, y: np.ndarray, shortest_m: Any) -> np.ndarray:
+        total = self._ground(x, y, shortest_m)
+        for landform in self.landforms:
+            carried = landform.finest_m >= np.asarray(shortest_m) / 2
+            if landform.finest_m == 0.0 or np.all(carried):
+                total += landform.heights(x, y, shortest_m)
+            elif np.any(carried):
+                total += np.where(carried, landform.heights(x, y, shortest_m), 0.0)
+        if self.mantle_thickness_m:
+            smooth = self._ground(x, y, np.maximum(shortest_m, self.mantle_length_m))
+            total += fill(smooth + (self.mantle_level_m - total), self.mantle_thickness_m)
+        if self.slope_east or self.slope_north:
+            total += self.slope_east * x + self.slope_north * y
+        return total
+
+    def _ground(self, x: np.ndarray, y: np.ndarray, shortest_m: Any) -> np.ndarray:
+        """The random surface and the layers on it."""
+        total = self.base.heights(x, y, shortest_m)
+        for each in self.layers:
+            total += each.heights(x, y, shortest_m)
+        return total
 
 
-def terrain(settings: Mapping[str, Any], seed: int) -> Terrain:
-    """The ground that ``terrain`` settings and the data set's seed describe.
+def _tiles(rows: int, columns: int) -> Iterator[tuple[slice, slice]]:
+    for j in range(0, rows, _TILE):
+        for i in range(0, columns, _TILE):
+            yield slice(j, j + _TILE), slice(i, i + _TILE)
 
-    It is scaled so that pairs of points one slope baseline apart, drawn all over the patch, have
-    the stated RMS slope. The standard error of that scale is about 1 %.
+
+def _neighbours_together(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """An order of scattered points in which neighbours are near each other, so that they share lattice cells."""
+    if x.size <= _TILE**2:
+        return np.arange(x.size)
+    squares = max(1, round(math.sqrt(x.size) / _TILE))
+    column, row = (np.minimum(((a - a.min()) * (squares / max(float(np.ptp(a)), 1e-300))).astype(np.int64), squares - 1)
+                   for a in (x, y))
+    return np.argsort(row * squares + column, kind="stable")
+
+
+def terrain(settings: Any, seed: int) -> Terrain:
+    """The ground that a complete scene description and its data set's seed describe.
+
+    Raises IcyMoonError where lengths contradict each other.
     """
-    octaves = int(settings["octaves"])
-    size, baseline = float(settings["size_m"]), float(settings["slope_baseline_m"])
-    random = np.random.default_rng(stream(seed, "terrain", 0))
-    keys = tuple(int(k) for k in random.integers(0, 2**32, 16, dtype=np.uint64)[:octaves])
-    offsets = tuple((float(a), float(b)) for a, b in random.uniform(0, 1024, (16, 2))[:octaves])
-    rough = Terrain(size, settings["hurst"], settings["multifractality"], settings["outer_scale_m"],
-                    settings["lacunarity"], octaves, keys, offsets)
-    slope = math.tan(math.radians(settings["rms_slope_deg"]))
-    draw = generator(seed, "terrain", 1)
-    x, y = draw.uniform(-size / 2, size / 2, (2, _CALIBRATION_PAIRS))
-    angle = draw.uniform(0, 2 * np.pi, _CALIBRATION_PAIRS)
-    here = rough.heights(x, y)
-    there = rough.heights(x + baseline * np.cos(angle), y + baseline * np.sin(angle))
-    deviation = float(np.sqrt(np.mean((there - here) ** 2)))
-    scale = slope * baseline / deviation if deviation > 0.0 else 0.0
-    return Terrain(size, rough.hurst, rough.multifractality, rough.outer_scale_m, rough.lacunarity, octaves,
-                   keys, offsets, scale, float(np.mean(here)))
+    ground = settings["terrain"]
+    size = float(ground["size_m"])
+    layers = [layer(entry, generator(seed, "terrain", 2, k)) for k, entry in enumerate(ground["layers"])]
+    landforms = [make(settings[topic], generator(seed, "terrain", 3, k), size)
+                 for k, (topic, make) in enumerate(MAKERS.items())]
+    fall, azimuth = (math.radians(ground[k]) for k in ("regional_slope_deg", "regional_slope_azimuth_deg"))
+    mantle = settings["mantle"]
+    made = Terrain(size, rough(ground, size, generator(seed, "terrain", 0)), tuple(a for a in layers if a),
+                   tuple(a for a in landforms if a), -math.tan(fall) * math.sin(azimuth),
+                   -math.tan(fall) * math.cos(azimuth), mantle["thickness_m"], mantle["length_m"])
+    if mantle["thickness_m"] and made.landforms:
+        return _level(made)
+    return made
 
 
-def rms_deviation(heights_m: np.ndarray, lag: int) -> float:
-    """RMS deviation nu in metres of a square height grid at a lag of whole vertex spacings.
+def _level(made: Terrain) -> Terrain:
+    """The terrain with its mantle lying at the mean height of the landforms on the patch."""
+    axis = np.linspace(-made.size_m / 2, made.size_m / 2, _SAMPLES)
+    x, y = axis[None, :], axis[:, None]
+    mean = sum(float(np.mean(landform.heights(x, y, 0.0))) for landform in made.landforms)
+    return Terrain(made.size_m, made.base, made.layers, made.landforms, made.slope_east, made.slope_north,
+                   made.mantle_thickness_m, made.mantle_length_m, float(f"{mean:.9e}"))
 
-    Both axes count; NaN where the grid is smaller than the lag.
+
+def law_range_m(ground: Any) -> tuple[float, float]:
+    """Shortest and longest distance over which ``terrain`` settings ask for the power law."""
+    return LAW_FROM * ground["inner_scale_m"], LAW_TO * ground["outer_scale_m"]
+
+
+def advice(settings: Any, shortest_m: float) -> list[str]:
+    """What a person should know about described ground on a mesh whose shortest wavelength is ``shortest_m``.
+
+    Sentences; none if all is well.
     """
-    if not 0 < lag < min(heights_m.shape):
-        return math.nan
-    along_x = heights_m[:, lag:] - heights_m[:, :-lag]
-    along_y = heights_m[lag:, :] - heights_m[:-lag, :]
-    return math.sqrt((np.mean(along_x**2) + np.mean(along_y**2)) / 2)
+    ground, notes = settings["terrain"], []
+    finest = max(ground["inner_scale_m"], shortest_m)
+    slope = math.tan(math.radians(ground["rms_slope_deg"]))
+    steep = math.degrees(math.atan(slope * (finest / ground["slope_baseline_m"]) ** (ground["hurst"] - 1.0)))
+    if ground["hurst"] < 0.5 and steep > _ABSURD_DEG:
+        notes.append(f"With a Hurst exponent of {ground['hurst']:g}, {ground['rms_slope_deg']:g} degrees at "
+                     f"{ground['slope_baseline_m']:g} m become {steep:.0f} degrees at {finest:.2g} m, which no ice "
+                     "holds; raise terrain.hurst or terrain.inner_scale_m.")
+    if slope and ground["outer_scale_m"] <= shortest_m:
+        notes.append(f"The mesh carries no wave under {shortest_m:.3g} m, and the longest is terrain.outer_scale_m, "
+                     f"{ground['outer_scale_m']:g} m: the ground is flat. Raise terrain.resolution or "
+                     "lower terrain.size_m.")
+    for topic, make in MAKERS.items():
+        landform = make(settings[topic], np.random.default_rng(0), ground["size_m"])
+        if landform and landform.finest_m < shortest_m / 2:
+            notes.append(f"The mesh is too coarse for the {topic} (they need vertices "
+                         f"{landform.finest_m:.2g} m apart), so they are left out; raise terrain.resolution.")
+    return notes

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import json
-import os
 import shutil
 import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from ..errors import IcyMoonError
-from ..files import PART, disk_errors
+from ..files import PART, absolute_path, disk_errors
 from ..settings import Settings
 from ..version import ROOT
 
@@ -51,15 +49,5 @@ class Job:
 
 
 def absolute_folder(text: str, blend_folder: str | None = None) -> Path:
-    """The folder that ``dataset.folder`` names: ``~`` is the home folder, ``//`` the .blend's folder.
-
-    ``blend_folder`` is empty or None where there is no saved .blend.
-    """
-    if text.startswith("//"):
-        if not blend_folder:
-            raise IcyMoonError(f"dataset.folder is {text!r}, beside a .blend file that is not saved; "
-                               "save it or choose a folder that does not begin with //.")
-        return Path(os.path.normpath(os.path.join(blend_folder, text[2:])))
-    if not text.strip():
-        raise IcyMoonError("dataset.folder is empty; choose the folder to write the data set to.")
-    return Path(os.path.abspath(os.path.expanduser(text)))
+    """The folder that ``dataset.folder`` names, as ``absolute_path`` reads it."""
+    return absolute_path(text, "dataset.folder", blend_folder)

@@ -13,7 +13,7 @@ from typing import Any
 import bpy
 
 from .. import compat
-from ..labels import BEAUTY, NORMAL_AOV, TRUTH
+from ..labels import BEAUTY, INSTANCE_AOV, NORMAL_AOV, TRUTH
 
 
 def _only(layer: bpy.types.ViewLayer, *passes: str) -> None:
@@ -39,8 +39,9 @@ def apply(scene: bpy.types.Scene, rig: Mapping[str, Any], stem: Path) -> None:
     _only(truth, "use_pass_combined", "use_pass_z", "use_pass_normal", "use_pass_object_index",
           "use_pass_material_index")
     truth.cycles.use_denoising = False
-    aov = truth.aovs.add()
-    aov.name, aov.type = NORMAL_AOV, "COLOR"
+    for name, kind in ((NORMAL_AOV, "COLOR"), (INSTANCE_AOV, "VALUE")):
+        aov = truth.aovs.add()
+        aov.name, aov.type = name, kind
 
     render = scene.render
     render.resolution_x, render.resolution_y = rig["width_px"], rig["height_px"]

@@ -20,13 +20,14 @@ from mathutils import Matrix
 from .. import compat
 from ..errors import IcyMoonError
 from ..files import PART, disk_errors, sha256, sync, write_json
-from ..labels import SEMANTIC
+from ..labels import FIRST_ROCK_INSTANCE, INSTANCE_AOV, SEMANTIC, TERRAIN_INSTANCE
 from ..nodes.light import build_sky
 from ..nodes.rig import eye_poses
 from ..nodes.scene import Built
 from ..version import version
 from . import passes, quality
 from .exr_check import is_whole
+from .labelling import labelled
 from .pair import EYES, FORMAT, VERSION, StereoCamera
 from .plan import PlannedPair
 from .progress import on_sample
@@ -35,8 +36,8 @@ from .progress import on_sample
 #: that ``quality`` sets: half a bin of the filter's table. Measured the same in 4.3, 5.0 and 5.2.
 _SAMPLE_OFFSET_PX = 5.4e-4
 _SUFFIX = {"left": "_L", "right": "_R"}
-#: Largest size on disk of one eye: ten 32-bit channels and twice RGBA, uncompressed.
-_BYTES_PER_PIXEL = 4 * (4 + 4 + 1 + 3 + 3 + 1 + 1)
+#: Largest size on disk of one eye: eleven 32-bit channels and twice RGBA, uncompressed.
+_BYTES_PER_PIXEL = 4 * (4 + 4 + 1 + 3 + 3 + 1 + 1 + 1)
 
 
 @contextmanager
@@ -133,7 +134,7 @@ def _render_into(part: Path, built: Built, planned: PlannedPair, frame: int,
         quality.apply(scene, settings["quality"], planned.render_seed)
         passes.apply(scene, settings["rig"], part / "view")
         start = time.perf_counter()
-        with on_sample(int(settings["quality"]["samples"]), report):
+        with labelled(scene), on_sample(int(settings["quality"]["samples"]), report):
             try:
                 bpy.ops.render.render(write_still=True, scene=scene.name)
             except RuntimeError as error:
@@ -179,7 +180,7 @@ def _facts(built: Built, planned: PlannedPair, poses: dict[str, np.ndarray], tow
     camera = StereoCamera.from_settings(settings["rig"])
     return {
         "format": FORMAT, "version": VERSION, "id": planned.id, "settings": settings,
-        "edited_by_hand": built.edited,
+        "edited_by_hand": built.edited, "ground": built.ground,
         "camera": camera.to_json(),
         "poses_camera_to_world": {eye: poses[eye].tolist() for eye in EYES},
         "light": {"sun": {"direction_to_world": toward_sun.tolist(),
@@ -187,7 +188,9 @@ def _facts(built: Built, planned: PlannedPair, poses: dict[str, np.ndarray], tow
                           "angular_diameter_deg": math.degrees(built.sun.data.angle)},
                   "planet": None},
         "channels": {"radiance": "W/(m² sr) per band, linear", "depth": "planar Z in m at pixel centres, sky 1e10",
-                     "normal": "unit, world axes, of the facet", "semantic": {str(k): v for k, v in SEMANTIC.items()}},
+                     "normal": "unit, world axes, of the facet", "semantic": {str(k): v for k, v in SEMANTIC.items()},
+                     "instance": f"{INSTANCE_AOV} where it is above 0 (blocks, from {FIRST_ROCK_INSTANCE}), else the "
+                                 f"object index ({TERRAIN_INSTANCE} terrain, others objects); 0 sky"},
         "seeds": {"dataset": settings["dataset"]["seed"], "render": planned.render_seed},
         "versions": {"blender": bpy.app.version_string, "python": platform.python_version(),
                      "numpy": np.__version__, "icymoon": version()},

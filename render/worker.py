@@ -21,7 +21,7 @@ import bpy
 
 from .. import properties
 from ..errors import IcyMoonError
-from ..nodes.fingerprint import fingerprint
+from ..nodes.ground import cost_warnings
 from ..nodes.scene import Built, build, find
 from ..settings import Settings, check, defaults, merged
 from . import quality
@@ -69,10 +69,11 @@ def _open(job: dict[str, Any], settings: Settings) -> tuple[bpy.types.Scene, Bui
         built = find(scene) if scene else None
         if scene is None or built is None:
             raise IcyMoonError(f"{job['blend']} holds no built Icy Moon scene; press Build Scene and render again.")
-        return scene, built, fingerprint(built.collection)
+        return scene, built, built.extra
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     scene = bpy.context.scene
-    return scene, build(scene, settings), ""
+    built = build(scene, settings)
+    return scene, built, built.extra
 
 
 def run(job: dict[str, Any], say: Emit = emit) -> None:
@@ -83,6 +84,8 @@ def run(job: dict[str, Any], say: Emit = emit) -> None:
     except KeyError as error:
         raise IcyMoonError(f"The job lacks {error}; write it with Render Stereo Pair or icymoon render.") from None
     say("progress", fraction=0.0, message="Building the scene")
+    for warning in [] if job.get("blend") else cost_warnings(settings):
+        say("warning", message=warning)
     quality.check_possible(settings["quality"])
     start = time.perf_counter()
     scene, built, extra = _open(job, settings)

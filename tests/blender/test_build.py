@@ -22,7 +22,7 @@ from rendering import complete, empty_scene
 def positions(item: bpy.types.Object) -> np.ndarray:
     """Vertex positions (n, 3) of an object's mesh."""
     out = np.empty(len(item.data.vertices) * 3, np.float32)
-    item.data.attributes["position"].data.foreach_get("vector", out)
+    item.data.vertices.foreach_get("co", out)
     return out.reshape(-1, 3)
 
 
@@ -178,12 +178,31 @@ def _extremes():
                                    marks=pytest.mark.slow if slow else ())
 
 
+#: The setting without which a topic builds nothing, and a value of it.
+_SWITCHED_ON_BY = {"rocks": ("coverage", 0.02), "craters": ("coverage", 0.02), "ridges": ("height_m", 1.0),
+                   "cracks": ("depth_m", 0.3), "chaos": ("relief_m", 1.0), "hollows": ("depth_m", 0.2),
+                   "penitentes": ("height_m", 1.0), "mantle": ("thickness_m", 0.2)}
+_SHORT_AND_LONG = (("smallest_m", "largest_m"), ("inner_scale_m", "outer_scale_m"))
+#: What asks for more craters than ``craters.most`` is refused by name.
+_TOO_MANY_CRATERS = {("craters", "coverage", "maximum"), ("craters", "smallest_m", "minimum"),
+                     ("craters", "largest_m", "minimum"), ("craters", "largest_m", "maximum"),
+                     ("craters", "most", "minimum")}
+
+
 @pytest.mark.parametrize(("topic", "setting", "bound"), list(_extremes()))
 def test_no_extreme_breaks_a_build(topic, setting, bound):
     value = getattr(setting, bound)
     value = int(value) if setting.kind == "int" else value
-    rocks = {"rocks": {"coverage": 0.02}} if topic == "rocks" and setting.key != "coverage" else {}
-    built = scenes.build(empty_scene(), complete(rocks, {topic: {setting.key: value}}))
+    on = {topic: {_SWITCHED_ON_BY[topic][0]: _SWITCHED_ON_BY[topic][1]}} if topic in _SWITCHED_ON_BY else {}
+    # The shorter of two lengths may not pass the longer one.
+    both = {topic: {key: value for pair in _SHORT_AND_LONG for key in pair
+                    if (setting.key, bound) in ((pair[0], "maximum"), (pair[1], "minimum"))}}
+    settings = complete(on, both, {topic: {setting.key: value}})
+    if (topic, setting.key, bound) in _TOO_MANY_CRATERS:
+        with pytest.raises(IcyMoonError, match=r"craters\.coverage"):
+            scenes.build(empty_scene(), settings)
+        return
+    built = scenes.build(empty_scene(), settings)
     assert np.isfinite(positions(built.terrain)).all()
     for item in built.collection.all_objects:
         assert np.isfinite(np.array(item.matrix_basis)).all(), item.name

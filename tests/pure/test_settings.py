@@ -20,6 +20,8 @@ def _values(setting):
         return st.sampled_from([c[0] for c in setting.choices])
     if setting.kind == "text":
         return st.text(max_size=30)
+    if setting.kind == "list":
+        return st.lists(st.fixed_dictionaries({s.key: _values(s) for s in setting.entries}), max_size=2)
     if setting.kind == "int":
         return st.integers(int(setting.minimum), int(setting.maximum))
     return st.floats(setting.minimum, setting.maximum)
@@ -77,7 +79,7 @@ def test_a_wrong_override_names_the_key_and_the_mend(text, words):
 
 
 @pytest.mark.parametrize(("text", "expected"), [
-    ("terrain.size_m=30", 30.0), ("terrain.octaves=3", 3), ("sensor.shot_noise=false", False),
+    ("terrain.size_m=30", 30.0), ("rocks.most=3", 3), ("sensor.shot_noise=false", False),
     ("quality.denoiser=OIDN", "OIDN"), ("dataset.methods=bm,sgbm", "bm,sgbm"), ("dataset.folder=/a b/c", "/a b/c"),
 ])
 def test_an_override_reads_its_value_by_the_settings_type(text, expected):
@@ -125,8 +127,11 @@ def test_the_digest_counts_what_changes_pixels_and_nothing_else():
             other = setting.choices[-1][0] if setting.default == setting.choices[0][0] else setting.choices[0][0]
         elif setting.kind == "text":
             other = f"{setting.default}x"
+        elif setting.kind == "list":
+            other = [{s.key: s.default for s in setting.entries}]
         else:
             other = setting.maximum if setting.default != setting.maximum else setting.minimum
         changed = settings.digest(settings.merged(base, {topic: {setting.key: other}})) != settings.digest(base)
-        assert changed == (setting.effect not in ("response", "run")), f"{topic}.{setting.key}"
+        counts = setting.effect not in ("response", "run") and setting.subtype != "FILE_PATH"
+        assert changed == counts, f"{topic}.{setting.key}"
     assert settings.digest(base, "lander") != settings.digest(base)

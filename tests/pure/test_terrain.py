@@ -1,4 +1,4 @@
-"""Terrain, noise, blocks and directions against laws and independent arithmetic."""
+"""Terrain, noise and directions against laws and independent arithmetic."""
 
 from __future__ import annotations
 
@@ -7,18 +7,17 @@ import math
 import numpy as np
 import pytest
 from hypothesis import given
-from hypothesis import settings as budget
 from hypothesis import strategies as st
 from icymoon.physics.directions import camera_axes, toward
 from icymoon.physics.noise import gradient_noise, hashed
-from icymoon.physics.rocks import block_radii, diameters, mean_footprint_m2, scatter
 from icymoon.physics.seeds import STREAMS, generator, stream
-from icymoon.physics.terrain import rms_deviation, terrain
+from icymoon.physics.statistics import rms_deviation
+from icymoon.physics.terrain import terrain
 from icymoon.settings import defaults, merged
 
 
 def _terrain(seed: int = 1, **changes):
-    return terrain(merged(defaults(), {"terrain": changes})["terrain"], seed)
+    return terrain(merged(defaults(), {"terrain": changes}), seed)
 
 
 def _grid(ground, n: int = 401):
@@ -110,54 +109,6 @@ def test_streams_are_the_spawned_children_of_the_seed():
     for name, child in zip(STREAMS, children, strict=True):
         assert np.array_equal(stream(42, name).generate_state(4), child.generate_state(4))
     assert generator(42, "rocks").random() != generator(42, "terrain").random()
-
-
-@given(st.floats(0.01, 5.0), st.floats(1.0, 50.0), st.floats(0.5, 6.0))
-def test_block_sizes_follow_the_truncated_power_law(smallest, ratio, index):
-    largest = smallest * ratio
-    uniform = (np.arange(4000) + 0.5) / 4000
-    sizes = diameters(uniform, smallest, largest, index)
-    assert sizes.min() >= smallest * (1 - 1e-12)
-    assert sizes.max() <= largest * (1 + 1e-12)
-    # Independent form of the law: the share above D, by its definition.
-    low, high = smallest**-index, largest**-index
-    if ratio > 1.0 + 1e-9:
-        assert np.allclose((sizes**-index - high) / (low - high), 1 - uniform, atol=1e-6)
-    # Mean footprint against the mid-point rule over the inverse distribution function.
-    assert mean_footprint_m2(smallest, largest, index) == pytest.approx(math.pi / 4 * np.mean(sizes**2), rel=0.05)
-
-
-def test_blocks_cover_what_is_asked_and_none_floats_or_holds_the_camera():
-    d = merged(defaults(), {"rocks": {"coverage": 0.1, "smallest_m": 0.1, "largest_m": 1.0, "most": 20000}})
-    ground = terrain(d["terrain"], 5)
-    rocks = scatter(d["rocks"], ground, 5, 0.08, 12, (0.0, 0.0))
-    covered = np.sum(math.pi / 4 * rocks.diameter_m**2) / ground.size_m**2
-    # About 2000 blocks of a heavy-tailed law: the sum's standard deviation is about 3 %.
-    assert covered == pytest.approx(0.1, rel=0.15)
-    assert rocks.smallest_m == d["rocks"]["smallest_m"]
-    x, y, z = rocks.position_m.T
-    assert np.hypot(x, y).min() > 0.75 * rocks.diameter_m.min()
-    assert np.all(np.hypot(x, y) > 0.75 * rocks.diameter_m)
-    assert np.all(z - 0.35 * rocks.diameter_m <= ground.heights(x, y, 0.08))
-
-
-def test_too_many_blocks_lose_the_smallest():
-    d = merged(defaults(), {"rocks": {"coverage": 0.1, "smallest_m": 0.01, "largest_m": 1.0, "most": 500}})
-    rocks = scatter(d["rocks"], terrain(d["terrain"], 5), 5, 0.08, 12, (0.0, 0.0))
-    assert len(rocks.diameter_m) <= 500
-    assert rocks.smallest_m > 0.01
-    assert rocks.diameter_m.min() >= rocks.smallest_m
-
-
-@given(st.floats(0, 1), st.integers(0, 1000))
-@budget(max_examples=30)
-def test_block_shapes_are_closed_and_of_at_most_unit_diameter(angularity, seed):
-    random = np.random.default_rng(seed)
-    directions = random.normal(size=(500, 3))
-    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-    radii = block_radii(directions, angularity, np.random.default_rng(seed))
-    assert radii.min() > 0.2
-    assert radii.max() <= 0.5
 
 
 @given(st.floats(-360, 360), st.floats(-90, 90))

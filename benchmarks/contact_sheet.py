@@ -1,0 +1,75 @@
+"""Renders every terrain preset small and puts the images on one sheet, to look at.
+
+    python benchmarks/contact_sheet.py [SHEET.png] [PRESET ...]
+
+Each preset is built and rendered as the worker does it, under a Sun at 25 degrees, and shown at the
+exposure that the evaluator would choose. Without arguments it writes docs/images/terrains.png.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+import tempfile
+from pathlib import Path
+
+import bpy
+import cv2
+import icymoon
+import numpy as np
+from icymoon import settings as description
+from icymoon.nodes.scene import build
+from icymoon.physics.sensor import digital_numbers, electrons, saturation_radiance
+from icymoon.render.plan import expand
+from icymoon.render.worker import render_pairs
+from icymoon.stereo.develop import grey
+from icymoon.stereo.exr import read_view
+
+SHEET = Path(__file__).resolve().parents[1] / "docs" / "images" / "terrains.png"
+VIEW = {"rig": {"width_px": 320, "height_px": 240}, "quality": {"samples": 8},
+        "light": {"sun_elevation_deg": 25.0, "sun_azimuth_deg": 300.0}}
+COLUMNS, LABEL_PX = 4, 18
+
+
+def picture(preset: str, folder: Path) -> np.ndarray:
+    """The left image (rows, columns) of a preset as 8-bit grey values, with its name below."""
+    snow = description.load(description.preset_path("surfaces/fresh_snow"))
+    settings = description.merged(description.defaults(), snow, description.load(description.preset_path(preset)), VIEW)
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    built = build(bpy.context.scene, settings)
+    pair = render_pairs(built, expand(settings), folder, 1, 0.0, lambda *a, **k: None)[0]
+    light = grey(read_view(pair / "left.exr").radiance)
+    sensor = {**settings["sensor"], "shot_noise": False, "read_noise_e": 0.0, "bits": 8}
+    full = saturation_radiance(light, sensor)
+    numbers = digital_numbers(electrons(light, full, sensor, np.random.default_rng(0)), sensor)
+    # The sensor is linear; a screen is not.
+    image = np.rint(255 * (numbers / 255) ** (1 / 2.2)).astype(np.uint8)
+    label = np.zeros((LABEL_PX, image.shape[1]), np.uint8)
+    roughness = built.collection["icymoon_roughness"].replace("°", " deg")
+    cv2.putText(label, f"{preset.split('/')[1]}: {roughness}", (4, 13), cv2.FONT_HERSHEY_SIMPLEX, 0.4, 255, 1,
+                cv2.LINE_AA)
+    return np.vstack([image, label])
+
+
+def main(arguments: list[str]) -> None:
+    """Render and write the sheet."""
+    icymoon.register()
+    sheet = Path(arguments[0]) if arguments else SHEET
+    presets = arguments[1:] or description.preset_names("terrains")
+    with tempfile.TemporaryDirectory() as folder:
+        images = []
+        for preset in presets:
+            images.append(picture(preset, Path(folder)))
+            print(preset, flush=True)
+    images += [np.zeros_like(images[0])] * (-len(images) % min(COLUMNS, len(images)))
+    columns = min(COLUMNS, len(images))
+    rows = [np.hstack(images[k:k + columns]) for k in range(0, len(images), columns)]
+    sheet.parent.mkdir(parents=True, exist_ok=True)
+    cv2.imwrite(str(sheet), np.vstack(rows), [cv2.IMWRITE_PNG_COMPRESSION, 9])
+    print(sheet)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
+    sys.stdout.flush()
+    os._exit(0)  # Blender as a module may hang when the interpreter ends

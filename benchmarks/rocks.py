@@ -1,0 +1,91 @@
+"""What ice blocks cost: processor seconds and memory to build and to render, from none to 100 000.
+
+    python benchmarks/rocks.py             instances, as Icy Moon makes them
+    python benchmarks/rocks.py objects     the same blocks as single objects, for comparison
+
+A 20 m patch of 1 M triangles, one 640 x 480 stereo pair with truth at one sample. Each number of
+blocks is measured in a process of its own; ``+`` is against none. Needs Blender as a module.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+NUMBERS = (0, 100, 1000, 10_000, 100_000)
+
+
+def _as_objects(carrier: object) -> None:
+    """Replace the instances of a carrier by objects that share the shapes."""
+    import bpy
+    import numpy as np
+
+    shapes = sorted(carrier.modifiers[0].node_group.nodes["Shapes"].inputs["Collection"].default_value.objects,
+                    key=lambda item: item.name)
+    columns = {}
+    for name, width, kind, key in (("position", 3, np.float32, "vector"), ("rotation", 3, np.float32, "vector"),
+                                   ("scale", 3, np.float32, "vector"), ("shape", 1, np.int32, "value")):
+        values = np.empty(len(carrier.data.vertices) * width, kind)
+        carrier.data.attributes[name].data.foreach_get(key, values)
+        columns[name] = values.reshape(-1, width).tolist()
+    collection = carrier.users_collection[0]
+    for k, (place, turn, scale, shape) in enumerate(zip(*columns.values(), strict=True)):
+        item = bpy.data.objects.new(f"Block {k}", shapes[shape[0]].data)
+        item.location, item.rotation_euler, item.scale, item.pass_index = place, turn, scale, min(k + 1, 32767)
+        collection.objects.link(item)
+    bpy.data.objects.remove(carrier)
+
+
+def measure(number: int, way: str) -> dict[str, float]:
+    """Build and render with so many blocks, in this process."""
+    import resource
+
+    import bpy
+    import icymoon
+    from icymoon import settings as description
+    from icymoon.nodes import scene as scenes
+    from icymoon.render.plan import expand
+    from icymoon.render.worker import render_pairs
+
+    icymoon.register()
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    settings = description.merged(description.defaults(), {
+        "terrain": {"resolution": 725}, "quality": {"samples": 1},
+        "rocks": {"coverage": 0.3 if number else 0.0, "smallest_m": 0.01, "largest_m": 0.8, "most": number}})
+    start = time.process_time(), time.perf_counter()
+    built = scenes.build(bpy.context.scene, settings)
+    if way == "objects" and number:
+        _as_objects(bpy.data.objects["Icy Moon Rock"])
+    middle = time.process_time(), time.perf_counter()
+    with tempfile.TemporaryDirectory() as folder:
+        render_pairs(built, expand(settings), Path(folder), 1, 0.0, lambda *a, **k: None)
+    end = time.process_time(), time.perf_counter()
+    return {"blocks": number, "build": middle[0] - start[0], "render": end[0] - middle[0],
+            "build_wall": middle[1] - start[1], "render_wall": end[1] - middle[1],
+            "peak": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024}
+
+
+def main(arguments: list[str]) -> None:
+    """Measure each number in a process of its own and print a table."""
+    way = arguments[0] if arguments else "instances"
+    if len(arguments) == 2:
+        print(json.dumps(measure(int(arguments[1]), way)), flush=True)
+        os._exit(0)  # Blender as a module may crash or hang when the interpreter ends
+    print(f"{way:>10}{'build s':>10}{'render s':>10}{'+ render':>10}{'peak MiB':>10}{'+ MiB':>8}   (wall)")
+    none = None
+    for number in NUMBERS:
+        done = subprocess.run([sys.executable, __file__, way, str(number)], capture_output=True, text=True, check=True)
+        row = json.loads(done.stdout.strip().splitlines()[-1])
+        none = none or row
+        print(f"{number:>10}{row['build']:>10.2f}{row['render']:>10.2f}{row['render'] - none['render']:>10.2f}"
+              f"{row['peak']:>10.0f}{row['peak'] - none['peak']:>8.0f}   ({row['build_wall']:.1f}, "
+              f"{row['render_wall']:.1f})", flush=True)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

@@ -1,0 +1,277 @@
+"""The person's own ground: a mesh or height map from a file, placed where the settings say."""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import bpy
+import numpy as np
+
+from .. import compat
+from ..errors import IcyMoonError
+from ..files import absolute_path, sha256
+from ..physics import heightmap, meshcheck, meshdetail, meshfile
+from ..physics.detail import displaced
+from ..physics.ground import Surface
+from ..physics.heightmap import HeightMap
+from ..physics.meshground import MeshGround
+from ..settings import Settings, merged
+from . import import_heights
+from .import_mesh import read_mesh
+from .terrain import mesh_from_arrays, shortest_wavelength_m
+
+#: Extents in metres beyond which a ground is not a landing site in any unit.
+_SMALLEST_M, _LARGEST_M = 1e-3, 1e5
+#: Extents that are possible but look like a forgotten unit.
+_UNLIKELY_M = (0.2, 2e4)
+#: Most triangles that a mesh is cut into to carry roughness.
+_MOST_TRIANGLES = 8_000_000
+#: Rows of the matrix that turns file coordinates z up, each the file axis (and sign) that it takes.
+_TURNS = {"X": ((1, 1), (2, 1), (0, 1)), "Y": ((0, 1), (2, -1), (1, 1)), "Z": ((0, 1), (1, 1), (2, 1)),
+          "-X": ((2, 1), (1, 1), (0, -1)), "-Y": ((0, 1), (2, 1), (1, -1)), "-Z": ((0, 1), (1, -1), (2, -1))}
+
+
+#: Suffixes of the files that can be a ground.
+SUFFIXES = (*meshfile.FORMATS, *import_heights.SUFFIXES)
+
+
+@dataclass(frozen=True)
+class OwnGround:
+    """A ground from a file: vertices (n, 3) and faces (m, 3 or 4), the surface to stand on, what was
+    found (``report``) and what a person should know (``warnings``). ``content`` names the file's content."""
+
+    positions: np.ndarray
+    faces: np.ndarray
+    surface: HeightMap | MeshGround
+    report: tuple[str, ...]
+    warnings: tuple[str, ...]
+    content: str
+
+    def build_mesh(self, name: str) -> bpy.types.Mesh:
+        """A smooth-shaded mesh of it."""
+        return mesh_from_arrays(name, self.positions, self.faces)
+
+    def nearest_height_m(self, x_m: float, y_m: float) -> float:
+        """Height of the vertex that is nearest on the map."""
+        nearest = np.argmin(np.hypot(self.positions[:, 0] - x_m, self.positions[:, 1] - y_m))
+        return float(self.positions[nearest, 2])
+
+
+def is_own(settings: Mapping[str, Mapping[str, Any]]) -> bool:
+    """Whether the ground comes from a file."""
+    return bool(settings["source"]["kind"] != "PROCEDURAL")
+
+
+def kind_of(path: Path) -> str:
+    """``source.kind`` of a file by its suffix. Raises IcyMoonError if it can be none."""
+    suffix = path.suffix.lower()
+    if suffix not in SUFFIXES:
+        raise IcyMoonError(f"{path}: is no ground that Icy Moon reads; give one of {', '.join(SUFFIXES)}.")
+    return "MESH" if suffix in meshfile.FORMATS else "HEIGHT_MAP"
+
+
+def file_of(settings: Mapping[str, Mapping[str, Any]]) -> Path:
+    """The ground's file, absolute. Raises IcyMoonError if none is stated."""
+    saved = str(Path(bpy.data.filepath).parent) if bpy.data.filepath else None
+    return absolute_path(str(settings["source"]["file"]), "source.file", saved)
+
+
+def with_absolute_file(settings: Settings) -> Settings:
+    """The settings for another process, to which // means nothing."""
+    return merged(settings, {"source": {"file": str(file_of(settings))}}) if is_own(settings) else settings
+
+
+def content(settings: Mapping[str, Mapping[str, Any]]) -> str:
+    """What identifies the content of the ground's file; empty for procedural ground.
+
+    Raises IcyMoonError if the file cannot be read.
+    """
+    if not is_own(settings):
+        return ""
+    path = file_of(settings)
+    try:
+        states = [(part, part.stat().st_size, part.stat().st_mtime_ns) for part in meshfile.parts(path)]
+        return hashlib.sha256("".join(_sha256(*state) for state in states).encode()).hexdigest()
+    except OSError as error:
+        raise IcyMoonError(f"{error.filename or path}: cannot be read ({error.strerror}); check source.file.") from None
+
+
+@functools.lru_cache(maxsize=16)
+def _sha256(path: Path, size: int, modified_ns: int) -> str:
+    """Checksum of a file in a state; read once for each."""
+    return sha256(path)
+
+
+def cost_warnings(settings: Mapping[str, Mapping[str, Any]]) -> list[str]:
+    """What a person should hear before the ground is loaded, because it takes long or much memory."""
+    if settings["source"]["kind"] != "MESH":
+        return []
+    path = file_of(settings)
+    cost = meshfile.cost(path)
+    return [f"{cost.sentence(path)}."] if cost.dear else []
+
+
+def own_ground(settings: Settings, made_up: Callable[[Settings], Surface]) -> OwnGround:
+    """Load the ground that ``source`` settings name.
+
+    ``made_up`` makes the procedural ground that ``source.detail`` adds below the file's resolution.
+    Raises IcyMoonError if the file is not a usable ground; nothing of it stays in Blender.
+    """
+    mark = content(settings)
+    path = file_of(settings)
+    if settings["source"]["kind"] == "MESH":
+        return _mesh_ground(path, settings, mark)
+    return _height_ground(path, settings, made_up, mark)
+
+
+def _metres(values: Any) -> str:
+    return ", ".join(f"{float(v):.6g}" for v in values)
+
+
+def _check_size(path: Path, extents_m: np.ndarray, mend: str) -> list[str]:
+    """Refuse absurd extents; warn of unlikely ones."""
+    widest = float(max(extents_m[:2]))
+    if not _SMALLEST_M <= widest <= _LARGEST_M:
+        raise IcyMoonError(f"{path}: is {widest:.3g} m wide, which is no landing site ({_SMALLEST_M:g} to "
+                           f"{_LARGEST_M:g} m); {mend}")
+    if not _UNLIKELY_M[0] <= widest <= _UNLIKELY_M[1]:
+        return [f"{path.name} is {widest:.3g} m wide; if its unit is not what you meant, {mend}"]
+    return []
+
+
+def turned_up(positions: np.ndarray, kind: str, up_axis: str) -> tuple[np.ndarray, str]:
+    """Vertices as ``read_mesh`` gives them, turned so that ``up_axis`` of the file is z, and that axis."""
+    usual = "Y" if kind in ("OBJ", "glTF") else "Z"
+    axis = usual if up_axis == "AUTO" else up_axis
+    if kind == "glTF":
+        if axis == "Y":
+            return positions, axis
+        positions = positions[:, [0, 2, 1]] * np.array([1.0, 1.0, -1.0])  # back to the file's y up
+    return np.stack([sign * positions[:, k] for k, sign in _TURNS[axis]], axis=1), axis
+
+
+def _mesh_ground(path: Path, settings: Settings, mark: str) -> OwnGround:
+    source = settings["source"]
+    kind = meshfile.kind_of(path)
+    positions, faces = read_mesh(path)
+    if not np.isfinite(positions).all(axis=1).any():
+        raise IcyMoonError(f"{path}: none of its {len(positions)} vertices is a number; export the mesh again.")
+    warnings = _coarse_coordinates(path, positions)
+    if kind == "USD" and not compat.usd_unit_applied():
+        warnings.append(f"This Blender takes the units of {path.name} for metres, whatever the file says; set "
+                        "source.scale if they are not.")
+    positions, axis = turned_up(positions * source["scale"], kind, source["up_axis"])
+    before = meshcheck.check(positions, faces)
+    warnings += _check_size(path, np.array(before.extents_m), "set source.scale (0.001 for millimetres).")
+    if before.area_m2 <= 0.0 or before.degenerate_faces == before.triangles:
+        raise IcyMoonError(f"{path}: all its {before.triangles} faces are without area; export the mesh again.")
+    if before.non_finite_vertices and not source["repair"]:
+        raise IcyMoonError(f"{path}: {before.non_finite_vertices} vertices are not numbers; set source.repair or mend "
+                           "the mesh.")
+    report = [f"{kind}, {axis} up, {source['scale']:g} m per unit", *before.lines()]
+    if source["repair"]:
+        positions, faces = meshcheck.repaired(positions, faces)
+        after = meshcheck.check(positions, faces)
+        report.append("Repaired: " + "; ".join(after.lines()))
+    else:
+        after = before
+    if after.up != "Z":
+        warnings.append(f"Most of {path.name} faces along {after.up}, it may stand on edge; set source.up_axis.")
+    shift = _shift(positions, source)
+    positions = positions + shift
+    report.append(f"Moved by {_metres(shift)} m")
+    if source["detail"]:
+        positions, faces, sentence = _with_roughness(positions, faces, settings)
+        report.append(sentence)
+    positions = positions.astype(np.float32)
+    return OwnGround(positions, faces, MeshGround(positions, faces), tuple(report), tuple(warnings), mark)
+
+
+def _with_roughness(positions: np.ndarray, faces: np.ndarray,
+                    settings: Settings) -> tuple[np.ndarray, np.ndarray, str]:
+    """The mesh cut as finely as the terrain's vertices and roughened along its normals, and what was done."""
+    edge = meshdetail.edge_length_m(positions, faces)
+    wanted = shortest_wavelength_m(settings["terrain"]) / 2
+    cuts = meshdetail.levels(edge, wanted, len(faces), _MOST_TRIANGLES)
+    for _ in range(cuts):
+        positions, faces = meshdetail.halved(positions, faces)
+    finest = edge / 2**cuts
+    roughened = displaced(positions, meshdetail.vertex_normals(positions, faces), settings,
+                          int(settings["dataset"]["seed"]), 2 * edge, 2 * finest)
+    limit = f", not {wanted:.3g} m, to keep to {_MOST_TRIANGLES} triangles" if finest > 1.01 * wanted else ""
+    return roughened, faces, (f"Roughness of {2 * finest:.3g} to {2 * edge:.3g} m added on {len(faces)} triangles, "
+                              f"edges of {finest:.3g} m{limit}")
+
+
+def _coarse_coordinates(path: Path, positions: np.ndarray) -> list[str]:
+    """A warning if the coordinates are so large that single precision rounds them by a per mille of the spacing."""
+    positions = positions[np.isfinite(positions).all(axis=1)]
+    if not np.array_equal(positions, positions.astype(np.float32)):
+        return []  # double precision
+    step = float(np.spacing(np.float32(np.abs(positions).max())))
+    spacing = float(np.ptp(positions, axis=0).max()) / math.sqrt(len(positions))
+    if step < 1e-3 * spacing:
+        return []
+    return [f"The coordinates of {path.name} are so large that they are rounded to {step:.2g} units where vertices are "
+            f"{spacing:.2g} apart; subtract an offset before exporting it, or write a PLY in double precision."]
+
+
+def _shift(positions: np.ndarray, source: Mapping[str, Any]) -> np.ndarray:
+    """What to add to the vertices so that the site's origin is where the settings say."""
+    shift = np.array([-source["origin_x_m"], -source["origin_y_m"], 0.0])
+    if source["centre"]:
+        low, high = positions.min(axis=0), positions.max(axis=0)
+        shift += [-(low[0] + high[0]) / 2, -(low[1] + high[1]) / 2, -float(np.median(positions[:, 2]))]
+    return shift
+
+
+def _height_ground(path: Path, settings: Settings, made_up: Callable[[Settings], Surface], mark: str) -> OwnGround:
+    source, terrain = settings["source"], settings["terrain"]
+    read = import_heights.read_heights(path)
+    known = np.isfinite(read.values)
+    if not known.any():
+        raise IcyMoonError(f"{path}: none of its {known.size} pixels is a height; check its missing-value mark.")
+    pixel = _pixel_size(path, read.pixel, read.degrees, source)
+    warnings = []
+    if not known.all():
+        warnings.append(f"{1 - known.mean():.2%} of {path.name} has no height and was filled in smoothly from around.")
+    heights = heightmap.fill_holes(read.values) * source["height_scale_m"]
+    rows, columns = heights.shape
+    extents = np.array([(columns - 1) * pixel[0], (rows - 1) * pixel[1], float(np.ptp(heights))])
+    warnings += _check_size(path, extents, "set source.metres_per_pixel.")
+    stated = read.corner if read.corner is not None and not read.degrees else (0.0, 0.0)
+    surface, shift = heightmap.placed(heights, pixel, stated, centre=bool(source["centre"]),
+                                      origin_m=(source["origin_x_m"], source["origin_y_m"]),
+                                      size_m=float(terrain["size_m"]))
+    west, east, south, north = surface.bounds_m
+    if east <= west or north <= south:
+        raise IcyMoonError(f"{path}: has no height within terrain.size_m = {terrain['size_m']:g} m of the origin; set "
+                           "source.centre, source.origin_x_m or source.origin_y_m.")
+    if source["detail"]:
+        surface = heightmap.with_roughness(surface, made_up(settings))
+    spacing = shortest_wavelength_m(terrain) / 2
+    x, y = (np.linspace(a, b, max(2, round((b - a) / spacing) + 1)) for a, b in ((west, east), (south, north)))
+    positions, faces = heightmap.grid(surface.heights(x[None, :], y[:, None], 2 * spacing), x, y)
+    report = (f"{columns} x {rows} pixels of {pixel[0]:.4g} x {pixel[1]:.4g} m, {_metres(extents)} m",
+              f"Ground of {east - west:.4g} x {north - south:.4g} m, moved by {_metres(shift)} m",
+              "Procedural roughness below the pixel" if source["detail"] else "Nothing finer than the pixel")
+    return OwnGround(positions, faces, surface, report, tuple(warnings), mark)
+
+
+def _pixel_size(path: Path, stated: tuple[float, float] | None, degrees: bool,
+                source: Mapping[str, Any]) -> tuple[float, float]:
+    """Metres per pixel (east, north): what the settings say, or else the file."""
+    if source["metres_per_pixel"] > 0:
+        return (source["metres_per_pixel"],) * 2
+    if stated is None:
+        raise IcyMoonError(f"{path}: does not state the size of its pixels; set source.metres_per_pixel.")
+    if degrees:
+        raise IcyMoonError(f"{path}: its pixels are {stated[0]:g} x {stated[1]:g} degrees; set source.metres_per_pixel "
+                           "or project it with: gdalwarp -t_srs")
+    return stated

@@ -1,0 +1,62 @@
+"""Import Ground: standing on a mesh or height map of one's own."""
+
+from __future__ import annotations
+
+import textwrap
+from pathlib import Path
+
+import bpy
+
+from .. import settings as description
+from ..errors import IcyMoonError
+from ..nodes import ground as grounds
+from ..nodes import scene as scenes
+from .build import build_and_report
+
+_LINE = 48  # characters that fit the sidebar
+
+
+def report(scene: bpy.types.Scene) -> list[str]:
+    """What the import of the built ground found, in lines that fit the sidebar; empty if it is made up."""
+    built = scenes.find(scene)
+    found = built.ground.get("report", []) if built is not None else []
+    return [line for text in found for line in textwrap.wrap(text, _LINE, subsequent_indent="   ")]
+
+
+class ICYMOON_OT_import_ground(bpy.types.Operator):
+    """Stand on your own ground: a reconstructed mesh (OBJ, PLY, STL, glTF, USD, FBX) or a height map (GeoTIFF, NPY, EXR, grey PNG); the scene is built on it"""  # noqa: E501
+
+    bl_idname = "icymoon.import_ground"
+    bl_label = "Import Ground"
+    bl_options = {"REGISTER", "UNDO"}
+
+    filepath: bpy.props.StringProperty(subtype="FILE_PATH", name="File",  # type: ignore[valid-type]
+                                       description="Mesh or height map to read")
+    filter_glob: bpy.props.StringProperty(  # type: ignore[valid-type]
+        default=";".join(f"*{suffix}" for suffix in grounds.SUFFIXES), options={"HIDDEN"})
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        context.window_manager.fileselect_add(self)
+        return {"RUNNING_MODAL"}
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        group = context.scene.icymoon
+        before = description.from_group(group)["source"]
+        path = Path(bpy.path.abspath(self.filepath))
+        try:
+            description.to_group(group, {"source": {"kind": grounds.kind_of(path), "file": str(path)}})
+            dear = grounds.cost_warnings(description.from_group(group))
+        except IcyMoonError as error:
+            description.to_group(group, {"source": before})
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        if dear and not bpy.app.background:
+            bpy.ops.icymoon.build_scene("INVOKE_DEFAULT")  # which asks first
+            return {"FINISHED"}
+        done = build_and_report(self, context)
+        if done == {"CANCELLED"}:
+            description.to_group(group, {"source": before})
+        return done
+
+
+CLASSES = (ICYMOON_OT_import_ground,)

@@ -1,0 +1,114 @@
+"""The list of noise layers: add, remove, move; and the table of measured roughness."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import bpy
+
+from .. import settings as description
+from ..nodes import scene as scenes
+from ..nodes.terrain import roughness_table
+
+
+class _LayerOperator:
+    """What changes the list of layers of the context's scene."""
+
+    bl_options = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        if not context.scene.icymoon.terrain.layers:
+            cls.poll_message_set("There is no layer yet")  # type: ignore[attr-defined]
+            return False
+        return True
+
+
+class ICYMOON_OT_layer_add(bpy.types.Operator):
+    """Add a layer of fractal noise to the ground; Build Scene shows it"""
+
+    bl_idname = "icymoon.layer_add"
+    bl_label = "Add Layer"
+    bl_options = {"REGISTER", "UNDO"}
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        terrain = context.scene.icymoon.terrain
+        terrain.layers.add()
+        terrain.layers_active = len(terrain.layers) - 1
+        return {"FINISHED"}
+
+
+class ICYMOON_OT_layer_remove(_LayerOperator, bpy.types.Operator):
+    """Remove the selected layer of noise"""
+
+    bl_idname = "icymoon.layer_remove"
+    bl_label = "Remove Layer"
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        terrain = context.scene.icymoon.terrain
+        terrain.layers.remove(min(terrain.layers_active, len(terrain.layers) - 1))
+        terrain.layers_active = max(0, min(terrain.layers_active, len(terrain.layers) - 1))
+        return {"FINISHED"}
+
+
+class ICYMOON_OT_layer_move(_LayerOperator, bpy.types.Operator):
+    """Move the selected layer of noise; a layer's place is part of its seed, so its hills change"""
+
+    bl_idname = "icymoon.layer_move"
+    bl_label = "Move Layer"
+
+    direction: bpy.props.EnumProperty(  # type: ignore[valid-type]
+        name="Direction", description="Which way the layer moves in the list",
+        items=(("UP", "Up", "Toward the first"), ("DOWN", "Down", "Toward the last")))
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        terrain = context.scene.icymoon.terrain
+        here = min(terrain.layers_active, len(terrain.layers) - 1)
+        there = here + (-1 if self.direction == "UP" else 1)
+        if not 0 <= there < len(terrain.layers):
+            return {"CANCELLED"}
+        terrain.layers.move(here, there)
+        terrain.layers_active = there
+        return {"FINISHED"}
+
+
+class ICYMOON_OT_show_roughness(bpy.types.Operator):
+    """Show the RMS deviation and the power spectrum measured on the built ground, beside what was asked for"""
+
+    bl_idname = "icymoon.show_roughness"
+    bl_label = "Measured Roughness"
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        if not scenes.measured_roughness(context.scene):
+            cls.poll_message_set("Nothing has been built from the Terrain settings in this scene")
+            return False
+        return True
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        self.table = self._measure(context)
+        return context.window_manager.invoke_popup(self, width=460)
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        for row in self._measure(context):
+            self.report({"INFO"}, "  ".join(row))
+        return {"FINISHED"}
+
+    def _measure(self, context: bpy.types.Context) -> list[tuple[str, ...]]:
+        built = scenes.find(context.scene)
+        return roughness_table(built.terrain.data, built.settings["terrain"]) if built else []
+
+    def draw(self, context: bpy.types.Context) -> None:
+        grid: Any = self.layout.grid_flow(row_major=True, columns=5, even_columns=True, align=True)
+        for row in self.table:
+            for cell in row:
+                grid.label(text=cell)
+
+
+def layer_title(entry: Any) -> str:
+    """One line that says what a layer is."""
+    names = {s.key: {c[0]: c[1] for c in s.choices} for s in description.TOPICS["terrain"]["layers"].entries}
+    return f"{names['basis'][entry.basis]}, {names['fractal'][entry.fractal]}, {entry.amplitude_m:.3g} m"
+
+
+CLASSES = (ICYMOON_OT_layer_add, ICYMOON_OT_layer_remove, ICYMOON_OT_layer_move, ICYMOON_OT_show_roughness)

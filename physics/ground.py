@@ -1,0 +1,30 @@
+"""What a ground is to those who stand on it, and what one can lend another."""
+
+from __future__ import annotations
+
+from typing import Any, Protocol
+
+import numpy as np
+
+
+class Surface(Protocol):
+    """Ground, made up or from a file."""
+
+    @property
+    def size_m(self) -> float:
+        """Side in metres of the square about the origin that contains the ground."""
+        ...
+
+    def heights(self, x_m: Any, y_m: Any, shortest_m: float = 0.0) -> np.ndarray:
+        """Heights in metres at east and north coordinates (arrays that broadcast); NaN where there is no ground.
+
+        Wavelengths below ``shortest_m`` that are made up are left out.
+        """
+        ...
+
+
+def fine_part(roughness: Surface, x_m: np.ndarray, y_m: np.ndarray, longest_m: float, shortest_m: float) -> np.ndarray:
+    """What wavelengths of ``shortest_m`` to ``longest_m`` alone add to the heights of a made-up ground."""
+    if shortest_m >= longest_m:
+        return np.zeros(np.broadcast_shapes(np.shape(x_m), np.shape(y_m)))
+    return roughness.heights(x_m, y_m, shortest_m) - roughness.heights(x_m, y_m, longest_m)

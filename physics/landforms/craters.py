@@ -1,0 +1,80 @@
+"""Small craters: parabolic bowls with raised rims, their sizes a truncated power law.
+
+Most small craters on Europa are secondaries with a steep size law (Bierhaus et al. 2005, Nature 437,
+1125). Fresh simple craters are about 0.2 times as deep as wide, from rim to floor, with rims of about 0.04 of
+the width (Pike 1977, for the Moon; a hypothesis for metres on ice). Age makes them shallower.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from ...errors import IcyMoonError
+from ..sizes import PowerLaw
+from .common import Landform
+
+#: Radii at which the ejecta end.
+_REACH = 3.0
+#: Share of the diameter below which a mesh's shortest wavelength shows a crater.
+_CARRIED = 0.5
+
+
+def law(settings: Mapping[str, Any], random: np.random.Generator, size_m: float) -> np.ndarray:
+    """Centres x, y, diameters and freshness (4, n) of the craters, largest first.
+
+    The patch and a border as wide as the largest crater's ejecta are covered to the stated share.
+    Raises IcyMoonError where there would be more than ``most``, or the smallest were the larger.
+    """
+    smallest, largest, index = (float(settings[k]) for k in ("smallest_m", "largest_m", "power_index"))
+    if smallest > largest:
+        raise IcyMoonError(f"craters.smallest_m ({smallest:g} m) is larger than craters.largest_m ({largest:g} m); "
+                           "lower the one or raise the other.")
+    side = size_m + _REACH * largest
+    sizes = PowerLaw(float(settings["coverage"]), smallest, largest, index)
+    count = sizes.total_per_m2 * side**2
+    if count > settings["most"]:
+        raise IcyMoonError(f"The craters settings ask for {count:.0f} craters, more than craters.most "
+                           f"({settings['most']}); raise craters.smallest_m or lower craters.coverage or "
+                           "craters.largest_m.")
+    n = round(count)
+    size = np.sort(sizes.diameter_m(random.random(n) * sizes.total_per_m2))[::-1]
+    x, y = random.uniform(-side / 2, side / 2, (2, n))
+    return np.stack([x, y, size, random.uniform(settings["freshness"], 1.0, n)])
+
+
+def profile(r: np.ndarray, depth: Any, rim: Any) -> np.ndarray:
+    """Height against the distance from the centre in radii; ``depth`` is from rim to floor."""
+    beyond = 1.0 / np.maximum(r, 1.0) ** 3
+    end = 1.0 / _REACH**3
+    outside = rim * np.maximum(beyond - end, 0.0) / (1.0 - end)
+    return np.where(r < 1.0, rim - depth * (1.0 - r * r), outside)
+
+
+def make(settings: Mapping[str, Any], random: np.random.Generator, size_m: float) -> Landform | None:
+    """Craters on the patch, the later ones on the earlier ones."""
+    if settings["coverage"] == 0.0:
+        return None
+    x, y, size, fresh = law(settings, random, size_m)
+    depths, rims = (settings[k] * size * fresh for k in ("depth_ratio", "rim_ratio"))
+    reach = _REACH * size / 2
+
+    def heights(x_m: np.ndarray, y_m: np.ndarray, shortest_m: Any) -> np.ndarray:
+        shape = np.broadcast_shapes(np.shape(x_m), np.shape(y_m))
+        total = np.zeros(shape)
+        near = ((x + reach > x_m.min()) & (x - reach < x_m.max()) & (y + reach > y_m.min())
+                & (y - reach < y_m.max()) & (_CARRIED * size > np.min(shortest_m)))
+        is_grid = total.ndim == 2 and np.shape(x_m) == (1, shape[1]) and np.shape(y_m) == (shape[0], 1)
+        for k in np.flatnonzero(near):
+            if is_grid:
+                window: Any = np.ix_(np.abs(y_m[:, 0] - y[k]) < reach[k], np.abs(x_m[0] - x[k]) < reach[k])
+                dx, dy = x_m[:, window[1][0]] - x[k], y_m[window[0][:, 0]] - y[k]
+            else:
+                window = (np.abs(x_m - x[k]) < reach[k]) & (np.abs(y_m - y[k]) < reach[k])
+                dx, dy = (np.broadcast_to(a, shape)[window] for a in (x_m - x[k], y_m - y[k]))
+            total[window] += profile(np.sqrt(dx * dx + dy * dy) * (2.0 / size[k]), depths[k], rims[k])
+        return total
+
+    return Landform(0.0, heights)

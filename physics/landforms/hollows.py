@@ -1,0 +1,36 @@
+"""Hollows: cups with sharp rims that sublimation leaves where no wind blows.
+
+Suncups and scallops on snow fields; light reflected within a hollow deepens it (Betterton 2001, Phys.
+Rev. E 63, 056129). Elongated, they stand in for sastrugi, which need wind and so cannot be expected
+on an airless moon.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from ..voronoi import voronoi
+from .common import Landform, key_of, turned
+
+#: The shallowest hollow, as a share of the deepest.
+_SHALLOWEST = 0.6
+
+
+def make(settings: Mapping[str, Any], random: np.random.Generator, size_m: float) -> Landform | None:
+    """Hollows between rims at the level of the ground, the deepest ``depth_m`` deep."""
+    keys = [key_of(random) for _ in range(2)]
+    depth, diameter = settings["depth_m"], settings["diameter_m"]
+    if depth == 0.0:
+        return None
+
+    def heights(x_m: np.ndarray, y_m: np.ndarray, shortest_m: Any) -> np.ndarray:
+        along, across = turned(x_m, y_m, settings["azimuth_deg"])
+        cells = voronoi(along / (diameter * settings["elongation"]), across / diameter, keys[0])
+        deep = depth * (_SHALLOWEST + (1.0 - _SHALLOWEST) * cells.random(keys[1]))
+        # The square of F1 / F2 is 0 at a cell's point and 1 on all its edges.
+        return -deep * (1.0 - cells.f1**2 / np.maximum(cells.f2, 1e-12) ** 2)
+
+    return Landform(diameter / 2, heights)

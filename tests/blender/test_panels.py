@@ -1,0 +1,192 @@
+"""Every panel and menu, drawn on a layout that writes down what is put on it."""
+
+from __future__ import annotations
+
+import json
+import time
+from types import SimpleNamespace
+
+import bpy
+import pytest
+from icymoon.operators import jobs, results
+from icymoon.panels import menu, sidebar
+from icymoon.properties import all_settings
+
+
+class Layout:
+    """Stands in for ``UILayout``: takes everything that one does, and refuses what Blender has not."""
+
+    real = bpy.types.UILayout.bl_rna
+
+    def __init__(self, record: list | None = None) -> None:
+        self.__dict__["record"] = [] if record is None else record
+
+    def __setattr__(self, name: str, value: object) -> None:
+        assert name in self.real.properties, f"a layout has no {name}"
+
+    def __getattr__(self, name: str) -> object:
+        assert name in self.real.functions, f"a layout has no {name}"
+
+        def call(*arguments: object, **options: object) -> object:
+            known = self.real.functions[name].parameters
+            assert set(options) <= set(known.keys()), f"{name} does not take {set(options) - set(known.keys())}"
+            self.check_icon(options.get("icon", "NONE"))
+            self.record.append((name, arguments, options))
+            return Layout(self.record)
+        return call
+
+    def check_icon(self, icon: object) -> None:
+        assert icon in self.real.functions["label"].parameters["icon"].enum_items, f"there is no icon {icon}"
+
+    def prop(self, data: object, key: str, **options: object) -> None:
+        assert key in data.bl_rna.properties, f"{data} has no {key}"
+        self.record.append(("prop", data.path_from_id(key) if data.id_data else key, options))
+
+    def operator(self, name: str, *, text: str = "", icon: str = "NONE", **options: object) -> object:
+        category, _, verb = name.partition(".")
+        assert verb in dir(getattr(bpy.ops, category)), f"there is no operator {name}"
+        self.check_icon(icon)
+        rna = getattr(getattr(bpy.ops, category), verb).get_rna_type()
+        self.record.append(("operator", name, text))
+        return _Settable(rna)
+
+    def template_list(self, kind: str, _: str, data: object, key: str, active: object, active_key: str,
+                      **options: object) -> None:
+        assert active_key in active.bl_rna.properties, f"{active} has no {active_key}"
+        self.prop(data, key)
+        for item in getattr(data, key):
+            getattr(bpy.types, kind).draw_item(None, bpy.context, self, data, item, 0, active, active_key)
+
+    def menu(self, name: str, **options: object) -> None:
+        assert hasattr(bpy.types, name), f"there is no menu {name}"
+        self.check_icon(options.get("icon", "NONE"))
+        self.record.append(("menu", name, options))
+
+
+class _Settable:
+    """Stands in for the properties of an operator on a button."""
+
+    def __init__(self, rna: object) -> None:
+        self.__dict__["rna"] = rna
+
+    def __setattr__(self, name: str, value: object) -> None:
+        prop = self.rna.properties[name]
+        if prop.type == "ENUM" and prop.enum_items:
+            assert value in prop.enum_items, f"{self.rna.identifier}.{name} cannot be {value!r}"
+
+
+def drawn(cls: type) -> list:
+    """What a panel or menu draws now; nothing where its poll says so."""
+    if not getattr(cls, "poll", lambda context: True)(bpy.context):
+        return []
+    layout = Layout()
+    instance = SimpleNamespace(layout=layout, **{name: getattr(cls, name) for name in ("topic",) if hasattr(cls, name)})
+    cls.draw(instance, bpy.context)
+    return layout.record
+
+
+def everything() -> list:
+    """What all panels and menus draw now."""
+    record = [entry for cls in (*sidebar.CLASSES, *menu.CLASSES)
+              if issubclass(cls, bpy.types.Panel | bpy.types.Menu) for entry in drawn(cls)]
+    top = SimpleNamespace(layout=Layout(record))
+    menu._draw(top, bpy.context)
+    return record
+
+
+def operators(record: list) -> set[str]:
+    return {entry[1] for entry in record if entry[0] == "operator"}
+
+
+def texts(record: list) -> str:
+    return " ".join(str(entry) for entry in record)
+
+
+@pytest.fixture
+def evaluated(tmp_path):
+    """The results of an evaluation, one metric of which is over no pixels."""
+    row = {"method": "bm", "l1_m": 0.123, "l1_rate_10": 0.5, "si_rmse": None, "dod": 0.25, "coverage": 0.75}
+    (tmp_path / "report.json").write_text(json.dumps({"summary": [row, {**row, "method": "sgbm"}], "rows": []}))
+    results.load(tmp_path)
+    yield
+    results.clear()
+
+
+@pytest.fixture
+def running():
+    """A job that is a third done."""
+    process = SimpleNamespace(running=True, cancelled=False, stop=lambda: None, cancel=lambda: None)
+    job = jobs.Job("Render Stereo Pair", process, lambda message: None, lambda: None)
+    job.fraction, job.text, job.started = 1 / 3, "Pair 1 of 3", time.monotonic() - 30
+    jobs.current = job
+    yield job
+    jobs.current = None
+
+
+def test_an_empty_file_offers_presets_and_the_three_steps(scene):
+    record = drawn(sidebar.ICYMOON_PT_main)
+    assert ("menu", "ICYMOON_MT_presets") in [entry[:2] for entry in record]
+    assert "Choose a Preset" in texts(record)
+    assert {"icymoon.build_scene", "icymoon.render_pair", "icymoon.evaluate"} <= operators(record)
+    assert "icymoon.cancel" not in operators(record)
+    assert drawn(sidebar.ICYMOON_PT_results) == []
+
+
+def test_every_operator_is_on_a_button_or_in_a_menu(small, evaluated, running):
+    bpy.ops.icymoon.build_scene()
+    there = {f"icymoon.{name}" for name in dir(bpy.ops.icymoon)}
+    assert there - operators(everything()) == set()
+
+
+def test_every_setting_is_drawn_once_at_least(scene):
+    paths = [entry[1] for entry in everything() if entry[0] == "prop"]
+    assert {f"icymoon.{topic}.{s.key}" for topic, s in all_settings()} - set(paths) == set()
+
+
+def test_every_setting_of_an_entry_in_a_list_is_drawn(scene):
+    for topic, setting in all_settings():
+        if setting.kind == "list":
+            getattr(getattr(scene.icymoon, topic), setting.key).add()
+            paths = [entry[1] for entry in everything() if entry[0] == "prop"]
+            assert {f"icymoon.{topic}.{setting.key}[0].{s.key}" for s in setting.entries} - set(paths) == set()
+
+
+def test_a_built_scene_draws_its_preset(small):
+    bpy.ops.icymoon.load_preset(preset="scenes/europa_rough_ice")
+    small.icymoon.terrain.resolution = 65
+    assert bpy.ops.icymoon.build_scene() == {"FINISHED"}
+    assert "Europa rough ice" in texts(everything())
+
+
+def test_every_preset_is_in_the_menu(scene):
+    from icymoon.settings import preset_header, preset_names
+
+    shown = texts(drawn(menu.ICYMOON_MT_presets))
+    assert all(preset_header(name)[0] in shown for name in preset_names())
+
+
+def test_a_running_job_shows_how_far_it_is_and_can_be_cancelled(scene, running):
+    record = everything()
+    assert "icymoon.cancel" in operators(drawn(sidebar.ICYMOON_PT_main))
+    assert "Pair 1 of 3  33 %" in texts(record)
+    assert "1:00 left" in texts(record) or "0:59 left" in texts(record)
+    running.fraction = 0.0
+    assert "left" not in texts(drawn(sidebar.ICYMOON_PT_main))
+
+
+def test_results_are_shown_with_their_units_and_a_dash_for_none(scene, evaluated):
+    record = drawn(sidebar.ICYMOON_PT_results)
+    labels = [entry[2]["text"] for entry in record if entry[0] == "label"]
+    assert {"bm", "sgbm", "0.123 m", "50.0 %", "25.0 %", "75.0 %", "-"} <= set(labels)
+    assert {"icymoon.open_report", "icymoon.show_error"} <= operators(record)
+
+
+def test_the_preferences_are_drawn(scene):
+    from icymoon.preferences import ICYMOON_AP_preferences
+
+    layout, written = Layout(), []
+    layout.__dict__["prop"] = lambda data, key, **options: written.append(key)
+    ICYMOON_AP_preferences.draw(SimpleNamespace(layout=layout, finding="Ready", evaluator=""), bpy.context)
+    assert written == ["evaluator"]
+    assert {"icymoon.check_evaluator", "icymoon.install_evaluator"} <= operators(layout.record)
+    assert "Ready" in texts(layout.record)

@@ -1,0 +1,185 @@
+"""Ice blocks in Blender: the same every time, on the mesh, noticed when edited, gone when cleared."""
+
+from __future__ import annotations
+
+import time
+
+import bpy
+import numpy as np
+import pytest
+from icymoon.errors import IcyMoonError
+from icymoon.labels import FIRST_ROCK_INSTANCE, INSTANCE_ATTRIBUTE
+from icymoon.nodes import scene as scenes
+from icymoon.nodes.fingerprint import TAG, fingerprint
+from icymoon.nodes.probe import heights_of
+from rendering import complete, empty_scene
+
+STREWN = {"rocks": {"coverage": 0.1, "smallest_m": 0.15}}
+
+
+def carrier(built: scenes.Built) -> bpy.types.Object:
+    """The object whose points carry the blocks."""
+    return next(item for item in built.collection.all_objects if item.get(TAG) == "rock")
+
+
+def instances(built: scenes.Built) -> list[tuple[np.ndarray, bpy.types.Mesh]]:
+    """Matrix and mesh of every block as the dependency graph makes them, in the order of the points."""
+    bpy.context.view_layer.update()
+    graph = bpy.context.evaluated_depsgraph_get()
+    return [(np.array(i.matrix_world), i.object.original.data) for i in graph.object_instances
+            if i.is_instance and i.parent.original == carrier(built)]
+
+
+def corners(mesh: bpy.types.Mesh) -> np.ndarray:
+    """Vertex positions (n, 3) of a mesh."""
+    out = np.empty(len(mesh.vertices) * 3, np.float32)
+    mesh.vertices.foreach_get("co", out)
+    return out.reshape(-1, 3).astype(float)
+
+
+def data_blocks() -> dict[str, int]:
+    """Number of data-blocks of every kind that blocks are made of."""
+    return {kind: len(getattr(bpy.data, kind)) for kind in
+            ("objects", "meshes", "materials", "collections", "scenes", "node_groups")}
+
+
+def test_two_builds_are_equal_and_clear_removes_everything():
+    scene = empty_scene()
+    before = data_blocks()
+    first = scenes.build(scene, complete(STREWN))
+    mark, counts, blocks = fingerprint(first.collection), data_blocks(), first.block_count
+    assert blocks > 100
+    names = sorted(o.name for o in bpy.data.objects)
+    for _ in range(2):
+        again = scenes.build(scene, complete(STREWN))
+        assert (fingerprint(again.collection), data_blocks(), again.block_count) == (mark, counts, blocks)
+        assert sorted(o.name for o in bpy.data.objects) == names
+    assert fingerprint(scenes.build(scene, complete(STREWN, {"dataset": {"seed": 2}})).collection) != mark
+    scenes.build(scene, complete())
+    assert scenes.find(scene).block_count == 0
+    scenes.build(scene, complete(STREWN))
+    scenes.clear(scene)
+    assert data_blocks() == before
+
+
+def test_every_point_is_an_instance_with_the_pose_that_was_computed():
+    built = scenes.build(empty_scene(), complete(STREWN))
+    found = instances(built)
+    mesh = carrier(built).data
+    assert len(found) == built.block_count == len(mesh.vertices)
+    scales = np.empty(len(found) * 3, np.float32)
+    mesh.attributes["scale"].data.foreach_get("vector", scales)
+    positions = corners(mesh)
+    picked = np.empty(len(found), np.int32)
+    mesh.attributes["shape"].data.foreach_get("value", picked)
+    names = sorted({m.name for _, m in found})
+    for k, (matrix, shape) in enumerate(found):
+        assert np.allclose(matrix[:3, 3], positions[k], atol=1e-6)
+        assert np.allclose(np.linalg.norm(matrix[:3, :3], axis=0), scales.reshape(-1, 3)[k], rtol=1e-4)
+        assert shape.name == names[picked[k]]
+    labels = np.empty(len(found), np.float32)
+    mesh.attributes[INSTANCE_ATTRIBUTE].data.foreach_get("value", labels)
+    assert np.array_equal(labels, FIRST_ROCK_INSTANCE + np.arange(len(found)))
+
+
+@pytest.mark.parametrize("terrain", [
+    {"rms_slope_deg": 5.0}, {"rms_slope_deg": 30.0, "resolution": 129}, {"rms_slope_deg": 55.0, "resolution": 33},
+    {"rms_slope_deg": 15.0, "regional_slope_deg": 35.0}], ids=["smooth", "rough", "steep and coarse", "slope"])
+def test_no_block_floats_over_the_mesh_that_is_rendered(terrain):
+    built = scenes.build(empty_scene(), complete(
+        {"terrain": terrain}, {"rocks": {"coverage": 0.05, "smallest_m": 0.1, "burial": 0.0, "tilt_deg": 25.0}}))
+    found = instances(built)
+    assert len(found) > 300
+    shapes = {mesh: corners(mesh) for mesh in {m for _, m in found}}
+    vertices = [shapes[mesh] @ matrix[:3, :3].T + matrix[:3, 3] for matrix, mesh in found]
+    starts = np.append(0, np.cumsum([len(v) for v in vertices])[:-1])
+    x, y, z = np.concatenate(vertices).T
+    with heights_of(built.terrain) as height_at:
+        gap = z - height_at(x, y)  # NaN beyond the patch
+    # The deepest vertex is in the ground; float32 leaves a few micrometres at 10 m from the origin.
+    assert np.fmin.reduceat(gap, starts).max() < 1e-5
+    # Rough ground may swallow a small block that lies in a hollow, but not the blocks.
+    assert np.mean(np.fmax.reduceat(gap, starts) < 0) < 0.1
+
+
+def test_heights_are_those_of_the_triangles():
+    built = scenes.build(empty_scene(), complete({"terrain": {"resolution": 17, "size_m": 8.0, "rms_slope_deg": 30.0}}))
+    bpy.context.view_layer.update()
+    ground = built.terrain.evaluated_get(bpy.context.evaluated_depsgraph_get())
+    x, y = np.random.default_rng(0).uniform(-4.5, 4.5, (2, 3, 200))
+    before = data_blocks()
+    with heights_of(built.terrain) as height_at:
+        heights = height_at(x, y)
+        assert height_at(np.zeros(0), np.zeros(0)).shape == (0,)
+    assert data_blocks() == before
+    outside = np.maximum(np.abs(x), np.abs(y)) > 4.0
+    assert np.array_equal(np.isnan(heights), outside)
+    for a, b, z in zip(x[~outside], y[~outside], heights[~outside], strict=True):
+        assert ground.ray_cast((a, b, 4.0), (0.0, 0.0, -1.0))[1].z == pytest.approx(z, abs=1e-5)
+
+
+def test_edits_of_blocks_are_noticed():
+    def move(item):
+        item.data.vertices[3].co.x += 0.01
+
+    def turn(item):
+        item.data.attributes["rotation"].data[0].vector[2] += 0.1
+
+    def reshape(item):
+        item.modifiers[0].node_group.nodes["Shapes"].inputs["Collection"].default_value.objects[0].data.vertices[
+            0].co.z += 0.1
+
+    def unplug(item):
+        group = item.modifiers[0].node_group
+        group.links.remove(next(link for link in group.links if link.to_socket.name == "Scale"))
+
+    for edit in (move, turn, reshape, unplug):
+        built = scenes.build(empty_scene(), complete(STREWN))
+        assert not built.edited
+        edit(carrier(built))
+        assert built.edited, edit.__name__
+
+
+def test_blocks_survive_saving_and_loading(tmp_path):
+    built = scenes.build(empty_scene(), complete(STREWN))
+    mark, n = fingerprint(built.collection), built.block_count
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "a.blend"))
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "a.blend"))
+    found = scenes.find(bpy.context.scene)
+    assert (fingerprint(found.collection), found.block_count, len(instances(found))) == (mark, n, n)
+
+
+def test_blocks_are_made_of_the_ground_or_of_their_own():
+    def reflectance(**rocks) -> float:
+        built = scenes.build(empty_scene(), complete({"rocks": {**STREWN["rocks"], **rocks}}, {
+            "surface": {"albedo": 0.9}, "rock_surface": {"albedo": 0.3}}))
+        material = instances(built)[0][1].materials[0]
+        return material.node_tree.nodes["Snow"].inputs["Base Color"].default_value[0]
+
+    assert reflectance(own_surface=False) == pytest.approx(0.9)
+    assert reflectance(own_surface=True) == pytest.approx(0.3)
+
+
+def test_a_contradiction_is_a_sentence_and_changes_nothing():
+    scene = empty_scene()
+    built = scenes.build(scene, complete(STREWN))
+    mark, counts = fingerprint(built.collection), data_blocks()
+    with pytest.raises(IcyMoonError, match=r"rocks\.largest_m"):
+        scenes.build(scene, complete({"rocks": {"coverage": 0.1, "smallest_m": 0.5, "largest_m": 0.2}}))
+    assert (fingerprint(built.collection), data_blocks()) == (mark, counts)
+
+
+def test_left_out_blocks_are_a_warning():
+    built = scenes.build(empty_scene(), complete({"rocks": {"coverage": 0.1, "smallest_m": 0.02, "most": 50}}))
+    assert built.block_count <= 50
+    assert any("rocks.most" in warning for warning in built.warnings)
+
+
+def test_a_hundred_thousand_blocks_are_built_in_seconds():
+    start = time.process_time()
+    built = scenes.build(empty_scene(), complete(
+        {"rocks": {"coverage": 0.3, "smallest_m": 0.01, "largest_m": 1.0, "most": 100_000}}))
+    assert built.block_count == 100_000
+    assert len({o.data for o in bpy.data.objects}) < 70
+    # About 5 s of processor time; as single objects ten times as much.
+    assert time.process_time() - start < 30
