@@ -7,21 +7,27 @@ from any Python.
 
 from __future__ import annotations
 
+import atexit
+
 
 def register() -> None:
     """Called by Blender when the extension is enabled."""
-    from . import operators, panels, preferences, properties
+    from . import compat, operators, panels, preferences, properties
 
     properties.register()
     preferences.register()
     operators.register()
     panels.register()
+    if compat.is_module():
+        # A handler that is alive when Python ends crashes the 4.2 wheel and hangs the 4.5 one.
+        atexit.register(unregister)
 
 
 def unregister() -> None:
     """Called by Blender when the extension is disabled; undoes ``register`` in reverse."""
     from . import operators, panels, preferences, properties
 
+    atexit.unregister(unregister)
     panels.unregister()
     operators.unregister()
     preferences.unregister()

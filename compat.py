@@ -15,6 +15,11 @@ def path_options() -> set[str]:
     return {"PATH_SUPPORTS_BLEND_RELATIVE"} if bpy.app.version >= (4, 5, 0) else set()
 
 
+def is_module() -> bool:
+    """Whether Blender runs as a Python module; before 4.3 only its lack of a program tells."""
+    return bool(getattr(bpy.app, "module", not bpy.app.binary_path))
+
+
 def ensure_nodes(data_block: Any) -> Any:
     """The node tree of a new material or world, made if this Blender does not make it itself."""
     if data_block.node_tree is None:

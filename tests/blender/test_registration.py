@@ -20,6 +20,15 @@ def run(program: str) -> str:
     return ended.stdout
 
 
+def test_python_ends_well_with_the_extension_still_registered():
+    run("""
+        import icymoon
+        icymoon.register()
+        import bpy
+        bpy.context.scene.icymoon.terrain.hurst = 0.7
+        """)
+
+
 def test_registering_twice_leaves_no_trace():
     run("""
         import os, sys
