@@ -11,6 +11,8 @@ what the sidebar shows is what the TOML file says.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
@@ -437,6 +439,38 @@ def all_settings() -> list[tuple[str, Setting]]:
     return [(topic.key, setting) for topic in TOPICS.values() for setting in topic.settings]
 
 
+#: Called with a scene and the effects of the settings that a person or a script has changed in it.
+listeners: list[Callable[[Any, frozenset[str]], None]] = []
+_held: dict[Any, set[str]] | None = None  # what changed in each scene while ``together`` holds it back
+
+
+def announce(scene: Any, effect: str) -> None:
+    """Tell the listeners that a setting with this effect has changed."""
+    if _held is not None:
+        _held.setdefault(scene, set()).add(effect)
+        return
+    for listener in listeners:
+        listener(scene, frozenset({effect}))
+
+
+@contextmanager
+def together() -> Iterator[None]:
+    """Tell the listeners of all changes made inside at once, at the end."""
+    global _held
+    if _held is not None:
+        yield
+        return
+    held: dict[Any, set[str]] = {}
+    _held = held
+    try:
+        yield
+    finally:
+        _held = None
+        for scene, effects in held.items():
+            for listener in listeners:
+                listener(scene, frozenset(effects))
+
+
 def _group(name: str, doc: str, annotations: dict[str, Any]) -> type:
     """Make and register a property group."""
     import bpy
@@ -448,14 +482,18 @@ def _group(name: str, doc: str, annotations: dict[str, Any]) -> type:
 
 
 def _blender_property(topic: str, setting: Setting) -> Any:
+    """The property of a setting, which announces its changes."""
     import bpy
+
+    def update(group: Any, context: Any) -> None:
+        announce(group.id_data, setting.effect)
 
     if setting.kind == "list":
         entry = _group(f"ICYMOON_PG_{topic}_{setting.key}", setting.description,
                        {s.key: _blender_property(topic, s) for s in setting.entries})
         return bpy.props.CollectionProperty(type=entry, name=setting.label, description=setting.description)
     common: dict[str, Any] = {"name": setting.label, "description": setting.description,
-                              "default": setting.default}
+                              "default": setting.default, "update": update}
     if setting.kind == "bool":
         return bpy.props.BoolProperty(**common)
     if setting.kind == "choice":
@@ -491,6 +529,9 @@ def register() -> None:
         pointers[topic.key] = bpy.props.PointerProperty(type=group, name=topic.label,
                                                         description=topic.description)
     pointers["preset"] = bpy.props.StringProperty(name="Preset", description="The scene preset last loaded")
+    pointers["live"] = bpy.props.BoolProperty(
+        name="Live Preview", default=True, update=lambda group, context: announce(group.id_data, EFFECTS[0]),
+        description="Show changed settings at once in the scene that is built, the ground coarsely until Build Scene")
     root = _group("ICYMOON_PG_description", "Everything that describes an Icy Moon scene", pointers)
     bpy.types.Scene.icymoon = bpy.props.PointerProperty(
         type=root, name="Icy Moon", description="Everything that describes an Icy Moon scene")

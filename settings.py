@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from .errors import IcyMoonError
-from .properties import TOPICS, Setting, Value, all_settings
+from .properties import TOPICS, Setting, Value, all_settings, announce, together
 
 Settings = dict[str, dict[str, Any]]
 
@@ -238,14 +238,20 @@ def _from_property(setting: Setting, value: Any) -> Value:
 
 def to_group(group: Any, settings: Mapping[str, Mapping[str, Value]]) -> None:
     """Write a (partial) description, already checked, into a ``Scene.icymoon`` property group."""
-    for topic, values in settings.items():
-        for key, value in values.items():
-            if isinstance(value, list):
-                collection = getattr(getattr(group, topic), key)
-                collection.clear()
-                for entry in value:
-                    item = collection.add()
-                    for name, entry_value in entry.items():
-                        setattr(item, name, entry_value)
-            else:
-                setattr(getattr(group, topic), key, value)
+    with together():
+        for topic, values in settings.items():
+            for key, value in values.items():
+                if isinstance(value, list):
+                    _fill(getattr(getattr(group, topic), key), value)
+                    announce(group.id_data, TOPICS[topic][key].effect)
+                else:
+                    setattr(getattr(group, topic), key, value)
+
+
+def _fill(collection: Any, entries: list[dict[str, Any]]) -> None:
+    """Make a list of property groups hold these tables."""
+    collection.clear()
+    for entry in entries:
+        item = collection.add()
+        for name, value in entry.items():
+            setattr(item, name, value)

@@ -67,3 +67,34 @@ class Tree:
             column = depth[node.name]
             node.location = (-COLUMN * column, -ROW * rows.get(column, 0))
             rows[column] = rows.get(column, 0) + 1
+
+
+def _plain(struct: Any) -> dict[str, Any]:
+    """What a node is set to, but for its place in the editor: everything that is not another data-block."""
+    return {p.identifier: getattr(struct, p.identifier) for p in struct.bl_rna.properties
+            if p.type in ("BOOLEAN", "INT", "FLOAT", "STRING", "ENUM") and not p.is_readonly
+            and not getattr(p, "is_array", False) and p.identifier not in _EDITOR}
+
+
+#: Properties of a node that are about the node editor.
+_EDITOR = {"select", "hide", "width", "height", "show_options", "show_preview", "show_texture",
+           "use_custom_color", "is_active_output", "warning_propagation"}
+
+
+def take_values(target: bpy.types.NodeTree, source: bpy.types.NodeTree) -> bool:
+    """Give a tree the values of another that has the same nodes and links; False, and nothing done, if it has not.
+
+    A tree that keeps its nodes keeps its compiled shader too, so that the view follows a slider.
+    """
+    def structure(tree: bpy.types.NodeTree) -> list[Any]:
+        return [[(n.bl_idname, n.name, _plain(n)) for n in tree.nodes],
+                [(k.from_node.name, k.from_socket.identifier, k.to_node.name, k.to_socket.identifier)
+                 for k in tree.links]]
+
+    if structure(target) != structure(source) or any(getattr(n, "node_tree", None) for n in source.nodes):
+        return False
+    for node in source.nodes:
+        for old, new in zip(target.nodes[node.name].inputs, node.inputs, strict=True):
+            if hasattr(new, "default_value"):
+                old.default_value = new.default_value
+    return True

@@ -2,12 +2,14 @@
 
 A pair is named by the settings that made it. When a person has sculpted the ground, moved the
 camera, edited the material or put a lander in, the settings no longer say it all, and the name
-must change. The fingerprint covers what the builders make; anything else counts as added.
+must change. The fingerprint covers what the builders make, in parts, so that an edit of one part
+leaves the others to the settings; anything else counts as added.
 """
 
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import bpy
@@ -22,7 +24,8 @@ _NUMBERS = {"FLOAT": (np.float32, "value", 1), "FLOAT_VECTOR": (np.float32, "vec
 def _socket_value(socket: Any) -> Any:
     value: Any = getattr(socket, "default_value", None)
     if isinstance(value, bpy.types.Collection):  # the shapes of instanced blocks
-        return [(item.name, _rows(item), _data(item.data)) for item in sorted(value.all_objects, key=lambda o: o.name)]
+        return [(item.name, _rows(item), _geometry(item.data))
+                for item in sorted(value.all_objects, key=lambda o: o.name)]
     return tuple(value) if hasattr(value, "__len__") and not isinstance(value, str) else value
 
 
@@ -52,14 +55,9 @@ def _points(mesh: bpy.types.Mesh) -> dict[str, str]:
     return hashes
 
 
-def _mesh(mesh: bpy.types.Mesh) -> list[Any]:
-    return [sorted(_points(mesh).items()), len(mesh.polygons),
-            [[*_tree(m.node_tree), m.pass_index] if m else [] for m in mesh.materials]]
-
-
-def _data(data: Any) -> list[Any]:
+def _geometry(data: Any) -> list[Any]:
     if isinstance(data, bpy.types.Mesh):
-        return _mesh(data)
+        return [sorted(_points(data).items()), len(data.polygons)]
     if isinstance(data, bpy.types.Camera):
         return [data.type, data.lens, data.sensor_width, data.sensor_fit, data.shift_x, data.shift_y,
                 data.dof.use_dof, data.stereo.interocular_distance, data.stereo.convergence_mode, data.stereo.pivot]
@@ -68,18 +66,55 @@ def _data(data: Any) -> list[Any]:
     return [type(data).__name__]
 
 
-def fingerprint(collection: bpy.types.Collection) -> str:
-    """Hash of everything in a built collection, equal in every process that loads it."""
-    shared: dict[Any, list[Any]] = {}
-    digest = hashlib.sha256()
-    for item in sorted(collection.all_objects, key=lambda o: o.name):
-        if item.data not in shared:
-            shared[item.data] = _data(item.data)
-        digest.update(repr([
-            item.name, item.get(TAG), item.type, item.hide_render, item.pass_index, len(item.constraints),
+def instanced(item: bpy.types.Object) -> Iterator[bpy.types.Object]:
+    """The objects that the node groups of an object's modifiers put into instances."""
+    for tree in (getattr(modifier, "node_group", None) for modifier in item.modifiers):
+        for socket in (s for node in tree.nodes for s in node.inputs if s.type == "COLLECTION") if tree else ():
+            yield from sorted(socket.default_value.all_objects if socket.default_value else (), key=lambda o: o.name)
+
+
+def _materials(item: bpy.types.Object) -> list[Any]:
+    used = [m for each in (item, *instanced(item)) if isinstance(each.data, bpy.types.Mesh)
+            for m in each.data.materials]
+    return [[*_tree(m.node_tree), m.pass_index] if m else [] for m in dict.fromkeys(used)]
+
+
+def _object(item: bpy.types.Object) -> list[Any]:
+    return [item.name, item.type, item.hide_render, item.pass_index, len(item.constraints),
             [[m.type, *_tree(getattr(m, "node_group", None))] for m in item.modifiers],
-            item.parent.name if item.parent else "", _rows(item), shared[item.data]]).encode())
-    return digest.hexdigest()
+            item.parent.name if item.parent else "", _rows(item)]
+
+
+def parts(collection: bpy.types.Collection, *roles: str) -> dict[str, str]:
+    """Hashes of everything in a built collection, or of the given roles in it, equal in every process that loads it.
+
+    The parts are called "ROLE object", "ROLE data" and "ROLE materials"; the role of what a person
+    has put in is "added".
+    """
+    shared: dict[Any, list[Any]] = {}
+    found: dict[str, list[Any]] = {}
+    for item in sorted(collection.all_objects, key=lambda o: o.name):
+        role = item.get(TAG, "added")
+        if roles and role not in roles:
+            continue
+        if item.data not in shared:
+            shared[item.data] = _geometry(item.data)
+        aspects = {"object": _object(item), "data": shared[item.data], "materials": _materials(item)}
+        for aspect, content in aspects.items():
+            found.setdefault(f"{role} {aspect}", []).append(content)
+    return {part: hashlib.sha256(repr(content).encode()).hexdigest() for part, content in found.items()}
+
+
+def fingerprint(collection: bpy.types.Collection) -> str:
+    """Hash of everything in a built collection."""
+    return hashlib.sha256(repr(sorted(parts(collection).items())).encode()).hexdigest()
+
+
+def edited(collection: bpy.types.Collection, known: Mapping[str, str], *roles: str) -> set[str]:
+    """Names of the parts that are not as ``known``, of the given roles if there are any; added objects do not count."""
+    now = parts(collection, *roles)
+    return {part for part in {*now, *(p for p in known if not roles or p.split()[0] in roles)}
+            if part.split()[0] != "added" and now.get(part) != known.get(part)}
 
 
 def added_objects(collection: bpy.types.Collection) -> list[str]:

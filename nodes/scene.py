@@ -24,7 +24,7 @@ from ..physics.terrain import Terrain, advice
 from ..physics.terrain import terrain as make_terrain
 from ..properties import TOPICS
 from ..settings import Settings, merged
-from .fingerprint import TAG, added_objects, fingerprint
+from .fingerprint import TAG, added_objects, edited, fingerprint, parts
 from .ground import OwnGround, content, file_of, is_own, own_ground
 from .light import build_sky, build_sun
 from .probe import heights_of
@@ -38,6 +38,8 @@ _SETTINGS, _FINGERPRINT, _PREVIOUS_WORLD, _PREVIOUS_CAMERA, _PREVIOUS_VIEW, _GRO
     "icymoon_settings", "icymoon_fingerprint", "icymoon_previous_world", "icymoon_previous_camera",
     "icymoon_previous_view", "icymoon_ground")
 _ROUGHNESS = "icymoon_roughness"  # measured on the built ground
+PREVIEW = "icymoon_preview"  # settings that are shown otherwise than Build Scene would show them
+NOTES = "icymoon_notes"  # why not all settings are shown
 
 
 @dataclass
@@ -66,10 +68,29 @@ class Built:
         """Number of ice blocks."""
         return sum(len(item.data.vertices) for item in self.collection.all_objects if item.get(TAG) == "rock")
 
+    def edited_parts(self, *roles: str) -> set[str]:
+        """Which parts, of these roles or of all, a person has changed since they were built (see ``fingerprint``)."""
+        return edited(self.collection, json.loads(self.collection[_FINGERPRINT]), *roles)
+
     @property
     def edited(self) -> bool:
         """Whether a person has changed or added something since it was built."""
-        return bool(added_objects(self.collection)) or self.collection[_FINGERPRINT] != fingerprint(self.collection)
+        return bool(added_objects(self.collection)) or bool(self.edited_parts())
+
+    @property
+    def preview(self) -> Settings:
+        """Settings of which a preview is shown, where ``settings`` say what was built; empty if none is."""
+        return dict(json.loads(self.collection.get(PREVIEW, "{}")))
+
+    def show(self, settings: Settings, preview: Settings, *changed: str) -> None:
+        """Remember what the scene shows now, of which the ``changed`` parts or roles are as they should be."""
+        known = json.loads(self.collection[_FINGERPRINT])
+        now = parts(self.collection, *{part.split()[0] for part in changed})
+        self.settings = merged(settings)
+        self.collection[_SETTINGS], self.collection[PREVIEW] = json.dumps(self.settings), json.dumps(preview)
+        self.collection[_FINGERPRINT] = json.dumps(
+            {part: mark for part, mark in known.items() if part not in changed and part.split()[0] not in changed}
+            | {part: mark for part, mark in now.items() if part in changed or part.split()[0] in changed})
 
 
 def find_collection(scene: bpy.types.Scene) -> bpy.types.Collection | None:
@@ -93,8 +114,8 @@ def find(scene: bpy.types.Scene) -> Built | None:
 
 def measured_roughness(scene: bpy.types.Scene) -> str:
     """What Build measured on the ground it made from the ``terrain`` settings, in a line; empty if it made none."""
-    collection = find_collection(scene)
-    return str(collection.get(_ROUGHNESS, "")) if collection else ""
+    built = find(scene)
+    return str(built.collection.get(_ROUGHNESS, "")) if built and not built.preview else ""
 
 
 def ground_of(settings: Settings) -> Terrain:
@@ -127,6 +148,20 @@ def _site(settings: Settings, ground: Surface, own: OwnGround | None) -> tuple[f
     return height, []
 
 
+def ground_material(settings: Settings) -> bpy.types.Material:
+    """What the ground is made of."""
+    return _tagged(build_material(f"{NAME} Surface", settings["surface"], int(settings["dataset"]["seed"]), TERRAIN),
+                   "material")
+
+
+def rock_material(settings: Settings) -> bpy.types.Material:
+    """What the blocks are made of."""
+    surface = settings["rock_surface" if settings["rocks"]["own_surface"] else "surface"]
+    ice = build_material(f"{NAME} Rock Surface", surface, int(settings["dataset"]["seed"]), ROCK)
+    label_instances(ice)
+    return _tagged(ice, "material")
+
+
 def _blocks(settings: Settings, terrain: bpy.types.Object, size_m: float) -> tuple[bpy.types.Object, list[str]]:
     """The object that carries the blocks on the ground, and warnings."""
     seed, described, rig = int(settings["dataset"]["seed"]), settings["rocks"], settings["rig"]
@@ -134,9 +169,7 @@ def _blocks(settings: Settings, terrain: bpy.types.Object, size_m: float) -> tup
     with heights_of(terrain) as height_at:
         rocks = scatter(described, size_m, seed, height_at, shapes,
                         (rig["x_m"], rig["y_m"], described["clear_radius_m"]))
-    surface = settings["rock_surface" if described["own_surface"] else "surface"]
-    ice = _tagged(build_material(f"{NAME} Rock Surface", surface, seed, ROCK), "material")
-    label_instances(ice)
+    ice = rock_material(settings)
     blocks = _tagged(build_blocks(f"{NAME} Rock", rocks, shapes, ice, TAG), "rock")
     _remove_unused([], [ice])  # if there is room for no block
     if rocks.smallest_m > described["smallest_m"]:
@@ -147,7 +180,6 @@ def _blocks(settings: Settings, terrain: bpy.types.Object, size_m: float) -> tup
 
 def _make(settings: Settings) -> tuple[list[bpy.types.Object], bpy.types.World, list[str], OwnGround | None]:
     """All objects of the scene (terrain, sun, camera, then blocks), its sky, warnings, and the person's own ground."""
-    seed = int(settings["dataset"]["seed"])
     # What can be refused comes first: nothing has been made yet.
     if settings["rocks"]["coverage"] > 0:
         size_law(settings["rocks"])
@@ -160,7 +192,7 @@ def _make(settings: Settings) -> tuple[list[bpy.types.Object], bpy.types.World, 
     else:
         warnings += advice(settings, shortest_wavelength_m(settings["terrain"]))
         mesh = build_mesh(f"{NAME} Terrain", settings["terrain"], ground)
-    mesh.materials.append(_tagged(build_material(f"{NAME} Surface", settings["surface"], seed, TERRAIN), "material"))
+    mesh.materials.append(ground_material(settings))
     terrain = _tagged(bpy.data.objects.new(f"{NAME} Terrain", mesh), "terrain")
     terrain.pass_index = TERRAIN_INSTANCE
     sun = _tagged(build_sun(f"{NAME} Sun", settings["light"]), "sun")
@@ -177,9 +209,9 @@ def _make(settings: Settings) -> tuple[list[bpy.types.Object], bpy.types.World, 
 
 def _with_parts(objects: list[bpy.types.Object]) -> tuple[list[bpy.types.Object], list[Any]]:
     """Objects with those that others among them are made with, and the other data-blocks of that kind."""
-    parts = [part for item in objects for part in parts_of(item, TAG)]
-    return ([*objects, *(part for part in parts if isinstance(part, bpy.types.Object))],
-            [part for part in parts if not isinstance(part, bpy.types.Object)])
+    others = [part for item in objects for part in parts_of(item, TAG)]
+    return ([*objects, *(part for part in others if isinstance(part, bpy.types.Object))],
+            [part for part in others if not isinstance(part, bpy.types.Object)])
 
 
 def _materials(objects: list[bpy.types.Object]) -> set[bpy.types.Material]:
@@ -195,13 +227,19 @@ def _remove_unused(meshes: Iterable[Any], others: Iterable[Any]) -> None:
             bpy.data.batch_remove(unused)
 
 
-def _remove(objects: list[bpy.types.Object]) -> None:
+def remove(objects: list[bpy.types.Object]) -> None:
     """Remove objects with the meshes, lamps, cameras, materials and node groups that only they use."""
-    objects, parts = _with_parts(objects)
+    objects, others = _with_parts(objects)
     data = {item.data for item in objects if item.data is not None}
     materials = {m for m in _materials(objects) if TAG in m}
-    bpy.data.batch_remove([*objects, *parts])
+    bpy.data.batch_remove([*objects, *others])
     _remove_unused(data, materials)
+
+
+def free_names(blocks: Iterable[Any]) -> None:
+    """Give data-blocks the names that were taken by those which they replace."""
+    for block in blocks:
+        block.name = block.name.split(".")[0]
 
 
 def _adopt_children(collection: bpy.types.Collection, old: list[bpy.types.Object],
@@ -247,7 +285,7 @@ def build(scene: bpy.types.Scene, settings: Settings) -> Built:
     takes_camera = first or scene.camera is None or scene.camera in old
     takes_world = first or scene.world is None or TAG in scene.world
     _adopt_children(collection, old, objects)
-    _remove(old)
+    remove(old)
     for item in objects:
         (blocks_collection if item[TAG] == "rock" else collection).objects.link(item)
     if takes_camera:
@@ -255,15 +293,16 @@ def build(scene: bpy.types.Scene, settings: Settings) -> Built:
     if takes_world:
         scene.world = sky
     _remove_unused([], [w for w in bpy.data.worlds if TAG in w])
-    made, parts = _with_parts(objects)
-    named = [*made, *(o.data for o in made), *parts, *_materials(made)] + ([sky] if takes_world else [])
-    for block in named:
-        block.name = block.name.split(".")[0]  # free again now that the old one is gone
+    made, others = _with_parts(objects)
+    named = [*made, *(o.data for o in made), *others, *_materials(made)] + ([sky] if takes_world else [])
+    free_names(named)
     collection[_SETTINGS] = json.dumps(merged(settings))
-    collection[_GROUND] = json.dumps({"content": own.content, "report": own.report} if own else {})
+    collection[_GROUND] = json.dumps({"content": own.content, "report": own.report,
+                                      "site_m": _site(settings, own.surface, own)[0]} if own else {})
     roughness = None if own else measured(objects[0].data, settings["terrain"])
     collection[_ROUGHNESS] = roughness.summary() if roughness else ""
-    collection[_FINGERPRINT] = fingerprint(collection)
+    collection[_FINGERPRINT], collection[PREVIEW] = json.dumps(parts(collection)), "{}"
+    collection[NOTES] = "[]"
     return Built(collection, objects[0], objects[1], objects[2], merged(settings), tuple(warnings))
 
 
@@ -287,7 +326,7 @@ def clear(scene: bpy.types.Scene) -> bool:
     for item in [item for item in collection.all_objects if TAG not in item]:
         if item.name not in scene.collection.objects:
             scene.collection.objects.link(item)
-    _remove(ours)
+    remove(ours)
     for child in [c for c in collection.children_recursive if TAG in c]:
         bpy.data.collections.remove(child)
     bpy.data.collections.remove(collection)

@@ -29,6 +29,14 @@ def build_mesh(name: str, terrain: Mapping[str, Any], ground: Surface) -> bpy.ty
 
     Raises ValueError if a height is not finite.
     """
+    return mesh_from_arrays(name, *grid(terrain, ground))
+
+
+def grid(terrain: Mapping[str, Any], ground: Surface) -> tuple[np.ndarray, np.ndarray]:
+    """Positions (n², 3) and faces ((n - 1)², 4) of the grid of ``terrain`` settings, rows from south to north.
+
+    Raises ValueError if a height is not finite.
+    """
     n = int(terrain["resolution"])
     axis = np.linspace(-terrain["size_m"] / 2, terrain["size_m"] / 2, n)
     heights = ground.heights(axis[None, :], axis[:, None], shortest_wavelength_m(terrain))
@@ -38,7 +46,7 @@ def build_mesh(name: str, terrain: Mapping[str, Any], ground: Surface) -> bpy.ty
     positions[..., 0], positions[..., 1], positions[..., 2] = axis[None, :], axis[:, None], heights
     corner = (np.arange(n - 1)[:, None] * n + np.arange(n - 1)[None, :]).ravel()
     faces = np.stack([corner, corner + 1, corner + n + 1, corner + n], axis=1).astype(np.int32)
-    return mesh_from_arrays(name, positions.reshape(-1, 3), faces)
+    return positions.reshape(-1, 3), faces
 
 
 def grid_heights(mesh: bpy.types.Mesh, terrain: Mapping[str, Any]) -> np.ndarray | None:
@@ -87,6 +95,17 @@ def roughness_table(mesh: bpy.types.Mesh, terrain: Mapping[str, Any]) -> list[tu
 def mesh_from_arrays(name: str, positions: np.ndarray, faces: np.ndarray) -> bpy.types.Mesh:
     """A smooth-shaded mesh from float32 positions (n, 3) and int32 faces (m, corners per face)."""
     mesh = bpy.data.meshes.new(name)
+    fill_mesh(mesh, positions, faces)
+    return mesh
+
+
+def fill_mesh(mesh: bpy.types.Mesh, positions: np.ndarray, faces: np.ndarray) -> None:
+    """Give a mesh other geometry, as ``mesh_from_arrays``; where only positions differ, its faces are kept."""
+    if (len(mesh.vertices), len(mesh.polygons)) == (len(positions), len(faces)):
+        mesh.attributes["position"].data.foreach_set("vector", np.ascontiguousarray(positions, np.float32).ravel())
+        mesh.update()
+        return
+    mesh.clear_geometry()
     mesh.vertices.add(len(positions))
     mesh.loops.add(faces.size)
     mesh.polygons.add(len(faces))
@@ -95,4 +114,3 @@ def mesh_from_arrays(name: str, positions: np.ndarray, faces: np.ndarray) -> bpy
     mesh.polygons.foreach_set("loop_start", np.arange(0, faces.size, faces.shape[1], dtype=np.int32))
     mesh.update(calc_edges=True)
     mesh.shade_smooth()
-    return mesh

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import bpy
 
-from . import build, evaluate, evaluator, ground, jobs, layers, render, results, settings
+from . import build, evaluate, evaluator, ground, jobs, layers, live, render, results, settings
 
 CLASSES = (*settings.CLASSES, *build.CLASSES, *ground.CLASSES, *layers.CLASSES, *render.CLASSES,
            *evaluate.CLASSES, *results.CLASSES, *evaluator.CLASSES, *jobs.CLASSES)
@@ -16,9 +16,11 @@ def register() -> None:
     """Register the operators."""
     _register()
     jobs.register()
+    live.register()
 
 
 def unregister() -> None:
     """Unregister them; a running worker is stopped."""
+    live.unregister()
     jobs.unregister()
     _unregister()

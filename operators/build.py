@@ -15,17 +15,27 @@ from ..nodes.ground import cost_warnings
 _BRIGHTNESS = 0.5  # of sunlit ground in the view, before the view transform
 
 
-def _frame_and_expose(scene: bpy.types.Scene, built: scenes.Built) -> None:
-    """Give the view the stereo camera's frame, and an exposure at which sunlit ground is not white.
+def _view(settings: description.Settings) -> tuple[int, int, float | None]:
+    """The stereo camera's frame, and an exposure at which sunlit ground is not white; None if nothing is lit."""
+    rig, light = settings["rig"], settings["light"]
+    radiance = (light["sun_irradiance_wm2"] * max(math.sin(math.radians(light["sun_elevation_deg"])), 0.02)
+                * max(settings["surface"]["albedo"], 0.02) / math.pi)
+    exposure = max(-10.0, min(10.0, math.log2(_BRIGHTNESS / radiance))) if radiance > 0 else None
+    return rig["width_px"], rig["height_px"], exposure
+
+
+def frame_and_expose(scene: bpy.types.Scene, settings: description.Settings,
+                     before: description.Settings | None = None) -> None:
+    """Give the view the frame and exposure of ``settings``; where ``before`` are given, what is not theirs stays.
 
     Only what the window shows: images are written as radiance, and rendered in a scene of their own.
     """
-    rig, light = built.settings["rig"], built.settings["light"]
-    scene.render.resolution_x, scene.render.resolution_y = rig["width_px"], rig["height_px"]
-    radiance = (light["sun_irradiance_wm2"] * max(math.sin(math.radians(light["sun_elevation_deg"])), 0.02)
-                * max(built.settings["surface"]["albedo"], 0.02) / math.pi)
-    if radiance > 0:
-        scene.view_settings.exposure = max(-10.0, min(10.0, math.log2(_BRIGHTNESS / radiance)))
+    had, wanted = _view(before) if before else None, _view(settings)
+    if had is None or had[:2] == (scene.render.resolution_x, scene.render.resolution_y):
+        scene.render.resolution_x, scene.render.resolution_y = wanted[:2]
+    exposure = scene.view_settings.exposure
+    if wanted[2] is not None and (had is None or (had[2] is not None and abs(had[2] - exposure) < 1e-4)):
+        scene.view_settings.exposure = wanted[2]
 
 
 def show_scene(context: bpy.types.Context, built: scenes.Built) -> None:
@@ -37,7 +47,7 @@ def show_scene(context: bpy.types.Context, built: scenes.Built) -> None:
     space: Any = context.space_data
     if context.area is None or context.area.type != "VIEW_3D":
         return
-    _frame_and_expose(context.scene, built)
+    frame_and_expose(context.scene, built.settings)
     space.shading.type = "RENDERED"
     space.shading.use_scene_lights_render = space.shading.use_scene_world_render = True
     ours = set(built.collection.all_objects)

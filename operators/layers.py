@@ -9,6 +9,12 @@ import bpy
 from .. import settings as description
 from ..nodes import scene as scenes
 from ..nodes.terrain import roughness_table
+from ..properties import TOPICS, announce
+
+
+def _announce(context: bpy.types.Context) -> None:
+    """Say that the list has changed: Blender tells only of changed entries."""
+    announce(context.scene, TOPICS["terrain"]["layers"].effect)
 
 
 class _LayerOperator:
@@ -25,7 +31,7 @@ class _LayerOperator:
 
 
 class ICYMOON_OT_layer_add(bpy.types.Operator):
-    """Add a layer of fractal noise to the ground; Build Scene shows it"""
+    """Add a layer of fractal noise to the ground"""
 
     bl_idname = "icymoon.layer_add"
     bl_label = "Add Layer"
@@ -35,6 +41,7 @@ class ICYMOON_OT_layer_add(bpy.types.Operator):
         terrain = context.scene.icymoon.terrain
         terrain.layers.add()
         terrain.layers_active = len(terrain.layers) - 1
+        _announce(context)
         return {"FINISHED"}
 
 
@@ -48,6 +55,7 @@ class ICYMOON_OT_layer_remove(_LayerOperator, bpy.types.Operator):
         terrain = context.scene.icymoon.terrain
         terrain.layers.remove(min(terrain.layers_active, len(terrain.layers) - 1))
         terrain.layers_active = max(0, min(terrain.layers_active, len(terrain.layers) - 1))
+        _announce(context)
         return {"FINISHED"}
 
 
@@ -69,6 +77,7 @@ class ICYMOON_OT_layer_move(_LayerOperator, bpy.types.Operator):
             return {"CANCELLED"}
         terrain.layers.move(here, there)
         terrain.layers_active = there
+        _announce(context)
         return {"FINISHED"}
 
 

@@ -30,15 +30,19 @@ def dataset_folder(settings: description.Settings) -> Path:
 def up_to_date(scene: bpy.types.Scene, settings: description.Settings) -> scenes.Built:
     """The built scene as the settings describe it, built (again) where it does not show them.
 
-    Raises IcyMoonError if that would overwrite what a person has changed by hand.
+    Raises IcyMoonError if that would overwrite what a person has changed by hand. What was put in stays.
     """
     built = scenes.find(scene)
     if built is None:
         return scenes.build(scene, settings)
     changed = scenes.changed_settings(built, settings)
-    if not changed:
+    if not changed and not built.preview:
         return built
-    if built.edited:
+    by_hand = built.edited_parts()
+    if by_hand and built.preview:
+        raise IcyMoonError("The scene was edited by hand and shows a preview; press Build Scene to build it anew, or "
+                           "undo the edits.")
+    if by_hand:
         raise IcyMoonError(f"{changed[0]} was changed after the scene was built and edited by hand; press Build Scene "
                            "to build it anew, or set it back to keep your edits.")
     return scenes.build(scene, settings)

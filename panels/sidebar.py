@@ -8,7 +8,7 @@ import bpy
 
 from .. import settings as description
 from ..nodes import scene as scenes
-from ..operators import ground, jobs, layers, results
+from ..operators import ground, jobs, layers, live, results
 from ..properties import LANDFORMS, TOPICS, Setting, Topic
 
 
@@ -49,6 +49,10 @@ class ICYMOON_PT_main(_Sidebar, bpy.types.Panel):
         column.operator("icymoon.build_scene", icon="RNDCURVE")
         column.operator("icymoon.render_pair", icon="RENDER_STILL")
         column.operator("icymoon.evaluate", icon="VIEWZOOM").scope = "SCENE"
+        layout.prop(group, "live")
+        notes = layout.column(align=True)
+        for k, line in enumerate(live.lines(context.scene)):
+            notes.label(text=line, icon="BLANK1" if k else "INFO")
         _draw_job(layout)
 
 

@@ -38,8 +38,10 @@ def render_pairs(built: Built, pairs: list[PlannedPair], dataset: Path, frame: i
 
     A pair that is already complete is not rendered again unless ``again``. ``say(type, **facts)``
     receives ``progress`` (``fraction`` of all pairs, ``message``) and ``pair`` messages.
-    Raises IcyMoonError at the first failure; finished pairs stay.
+    Raises IcyMoonError at the first failure, and if the scene shows a preview; finished pairs stay.
     """
+    if built.preview:
+        raise IcyMoonError("The scene shows a preview; press Build Scene and render again.")
     check_space(dataset, pairs)
     quality.check_possible(pairs[0].settings["quality"])
     folders = []

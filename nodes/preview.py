@@ -1,0 +1,207 @@
+"""What changed settings look like, at once, in the scene that is built.
+
+Light, camera and surfaces become what Build Scene would make of them. The ground becomes a coarse
+grid of the same height function with the largest blocks on it, which Build Scene replaces and
+nothing renders. What a person has edited by hand is left as it is, and so is a ground from a file.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterable
+from dataclasses import replace
+
+import bpy
+import numpy as np
+
+from ..errors import IcyMoonError
+from ..physics.heightmap import HeightMap
+from ..physics.rocks import LEVEL_RANKS, Rocks, scatter
+from ..physics.shapes import Shape, block_shapes
+from ..properties import TOPICS
+from ..settings import Settings, merged
+from . import scene as scenes
+from .builder import take_values
+from .fingerprint import TAG, instanced
+from .ground import is_own
+from .light import place_sun
+from .probe import heights_of
+from .rig import place_rig
+from .rocks import build_blocks, parts_of
+from .terrain import fill_mesh, grid
+
+#: Most blocks that a preview shows; the smallest are left out.
+MOST_BLOCKS = 1000
+_EDITED = "The {} was edited by hand, so sliders leave it as it is; Build Scene makes it anew."
+_SHAPE = {(topic.key, s.key) for topic in TOPICS.values() for s in topic.settings if s.effect == "geometry"}
+_LOOK = {(topic.key, s.key) for topic in TOPICS.values() for s in topic.settings if s.effect == "material"}
+
+
+def _part(settings: Settings, keys: Iterable[tuple[str, str]]) -> Settings:
+    found: Settings = {}
+    for topic, key in keys:
+        found.setdefault(topic, {})[key] = settings[topic][key]
+    return found
+
+
+def geometry(settings: Settings) -> Settings:
+    """The settings that the ground and the blocks are made from."""
+    around = settings["rocks"]["coverage"] > 0 and settings["rocks"]["clear_radius_m"] > 0
+    return _part(settings, _SHAPE | ({("rig", "x_m"), ("rig", "y_m")} if around else set()))
+
+
+def notes(scene: bpy.types.Scene) -> list[str]:
+    """What a person should know about how the scene shows the settings: sentences, none if it shows them all."""
+    collection = scenes.find_collection(scene)
+    if collection is None:
+        return []
+    said: list[str] = json.loads(collection.get(scenes.NOTES, "[]"))
+    shows = json.loads(collection.get(scenes.PREVIEW, "{}"))
+    return said + (["Preview: press Build Scene for full resolution."] if shows and not said else [])
+
+
+def note(built: scenes.Built, sentences: list[str]) -> None:
+    """Set what ``notes`` says; nothing is written where nothing changes."""
+    if json.dumps(sentences) != built.collection.get(scenes.NOTES, "[]"):
+        built.collection[scenes.NOTES] = json.dumps(sentences)
+
+
+def show(built: scenes.Built, settings: Settings, side: int) -> bool:
+    """Show complete ``settings`` in a built scene, the ground with at most ``side`` vertices per side.
+
+    Returns whether the ground was made anew. What cannot be shown is in ``notes``; nothing is raised for it.
+    """
+    said: list[str] = []
+    before = merged(built.settings, built.preview)
+    shaped = False
+    if geometry(settings) != geometry(before):
+        try:
+            _show_ground(built, settings, side)
+            shaped = True
+        except IcyMoonError as error:
+            said.append(str(error))
+            settings = merged(settings, geometry(before))
+    said += _show_surfaces(built, settings, before)
+    if settings["light"] != before["light"]:
+        if built.edited_parts("sun"):
+            said.append(_EDITED.format("Sun"))
+        else:
+            place_sun(built.sun, settings["light"])
+            built.show(merged(built.settings, {"light": settings["light"]}), built.preview, "sun")
+    if settings["rig"] != before["rig"] or shaped:
+        if built.edited_parts("camera"):
+            said.append(_EDITED.format("camera"))
+        else:
+            _show_rig(built, settings)
+    note(built, said)
+    return shaped
+
+
+def _show_ground(built: scenes.Built, settings: Settings, side: int) -> None:
+    """Make the ground and its blocks as ``settings`` say, coarsely.
+
+    Raises IcyMoonError if that cannot or must not be done; the scene is then unchanged.
+    """
+    if is_own(settings):
+        raise IcyMoonError("Your own ground and the blocks on it are made by Build Scene, not while settings change.")
+    if built.terrain.mode != "OBJECT":
+        raise IcyMoonError("The ground is being edited; leave Edit or Sculpt Mode to see changes of its settings.")
+    by_hand = {part.split()[0] for part in built.edited_parts("terrain", "rock") if not part.endswith("materials")}
+    if by_hand:
+        raise IcyMoonError(_EDITED.format("ground" if "terrain" in by_hand else "field of blocks"))
+    coarse = merged(settings, {"terrain": {"resolution": min(side, int(settings["terrain"]["resolution"]))}})
+    positions, faces = grid(coarse["terrain"], scenes.ground_of(settings))
+    rocks = _scattered(coarse, positions) if coarse["rocks"]["coverage"] > 0 else None
+    # Nothing is refused from here on.
+    fill_mesh(built.terrain.data, positions, faces)
+    changed = _show_blocks(built, coarse, rocks)
+    built.show(built.settings, merged(built.preview, geometry(settings)), "terrain data", *changed)
+
+
+def _coarse_shapes(settings: Settings) -> tuple[tuple[Shape, ...], ...]:
+    rocks = settings["rocks"]
+    return block_shapes(rocks["family"], rocks["angularity"], int(settings["dataset"]["seed"]))[-1:]
+
+
+def _scattered(settings: Settings, positions: np.ndarray) -> Rocks:
+    """The largest of the described blocks, of the coarsest shapes, on a grid of positions (n², 3)."""
+    rocks, rig, size = settings["rocks"], settings["rig"], float(settings["terrain"]["size_m"])
+    n = round(len(positions) ** 0.5)
+    pixel = size / (n - 1)
+    heights = positions[:, 2].reshape(n, n)[::-1].astype(np.float64)
+    ground = HeightMap(heights, (pixel, pixel), -size / 2, -size / 2, size)
+    found = scatter({**rocks, "most": min(rocks["most"], MOST_BLOCKS)}, size, int(settings["dataset"]["seed"]),
+                    ground.heights, _coarse_shapes(settings) * (1 + len(LEVEL_RANKS)),
+                    (rig["x_m"], rig["y_m"], rocks["clear_radius_m"]))
+    return replace(found, level=np.zeros_like(found.level))
+
+
+def _show_blocks(built: scenes.Built, settings: Settings, rocks: Rocks | None) -> tuple[str, ...]:
+    """Put ``rocks`` in the place of the blocks there are; which parts that has changed."""
+    there = next((item for item in built.collection.all_objects if item.get(TAG) == "rock"), None)
+    if rocks is None:
+        scenes.remove([there] if there else [])
+        return ("rock",)
+    ice = next((shape.data.materials[0] for shape in instanced(there)), None) if there else None
+    new = build_blocks(f"{scenes.NAME} Rock", rocks, _coarse_shapes(settings), ice or scenes.rock_material(settings),
+                       TAG)
+    if there is None:
+        there = new
+        there[TAG] = "rock"
+        next(c for c in built.collection.children if c.get(TAG) == "rocks").objects.link(there)
+    else:
+        there.data, new.data = new.data, there.data
+        ours, theirs = there.modifiers[0], new.modifiers[0]
+        ours.node_group, theirs.node_group = theirs.node_group, ours.node_group
+        scenes.remove([new])
+    scenes.free_names([there.data, *parts_of(there, TAG), *(shape.data for shape in instanced(there))])
+    return ("rock object", "rock data") if ice else ("rock",)
+
+
+def _show_surfaces(built: scenes.Built, settings: Settings, before: Settings) -> list[str]:
+    """Make ground and blocks of what ``settings`` say; what keeps that from being done, in sentences."""
+    looks = _LOOK | {("dataset", "seed")}
+    if _part(settings, looks) == _part(before, looks):
+        return []
+    made = {"terrain": ("ground", scenes.ground_material, [built.terrain]),
+            "rock": ("blocks", scenes.rock_material,
+                     [shape for item in built.collection.all_objects if item.get(TAG) == "rock"
+                      for shape in instanced(item)])}
+    by_hand = built.edited_parts(*made)
+    said, changed = [], []
+    for role, (name, make, items) in made.items():
+        if f"{role} materials" in by_hand:
+            said.append(_EDITED.format(f"surface of the {name}"))
+        elif items:
+            _replace_material(items[0].data.materials[0], make(settings))
+            changed.append(f"{role} materials")
+    built.show(built.settings if said else merged(built.settings, _part(settings, _LOOK)), built.preview, *changed)
+    return said
+
+
+def _replace_material(old: bpy.types.Material, new: bpy.types.Material) -> None:
+    """Make one material what another is, which is gone afterwards; its own nodes stay if only numbers differ."""
+    if old.displacement_method == new.displacement_method and take_values(old.node_tree, new.node_tree):
+        bpy.data.materials.remove(new)
+        return
+    old.user_remap(new)
+    bpy.data.materials.remove(old)
+    scenes.free_names([new])
+
+
+def _show_rig(built: scenes.Built, settings: Settings) -> None:
+    """Put the camera where ``settings`` say; on a ground from a file, elsewhere than it was built, nearly there."""
+    rig, preview = settings["rig"], {topic: values for topic, values in built.preview.items() if topic != "rig"}
+    if not is_own(settings):
+        site_m = scenes.site_ground_m(settings, scenes.ground_of(settings))
+    else:
+        site_m, stood = built.ground["site_m"], built.settings["rig"]
+        if (rig["x_m"], rig["y_m"]) != (stood["x_m"], stood["y_m"]):
+            with heights_of(built.terrain) as height_at:
+                under = float(height_at(np.array([rig["x_m"]]), np.array([rig["y_m"]]))[0])
+            site_m = site_m if math.isnan(under) else under
+            preview["rig"] = {"x_m": rig["x_m"], "y_m": rig["y_m"]}
+            settings = merged(settings, {"rig": {"x_m": stood["x_m"], "y_m": stood["y_m"]}})
+    place_rig(built.camera, rig, site_m)
+    built.show(merged(built.settings, {"rig": settings["rig"]}), preview, "camera")
