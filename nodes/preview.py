@@ -16,6 +16,7 @@ import bpy
 import numpy as np
 
 from ..errors import IcyMoonError
+from ..physics.ground import Surface
 from ..physics.heightmap import HeightMap
 from ..physics.rocks import LEVEL_RANKS, Rocks, scatter
 from ..physics.shapes import Shape, block_shapes
@@ -58,7 +59,7 @@ def notes(scene: bpy.types.Scene) -> list[str]:
         return []
     said: list[str] = json.loads(collection.get(scenes.NOTES, "[]"))
     shows = json.loads(collection.get(scenes.PREVIEW, "{}"))
-    return said + (["Preview: press Build Scene for full resolution."] if shows and not said else [])
+    return said + (["Preview: press Build Scene"] if shows and not said else [])
 
 
 def note(built: scenes.Built, sentences: list[str]) -> None:
@@ -74,11 +75,10 @@ def show(built: scenes.Built, settings: Settings, side: int) -> bool:
     """
     said: list[str] = []
     before = merged(built.settings, built.preview)
-    shaped = False
+    ground = None
     if geometry(settings) != geometry(before):
         try:
-            _show_ground(built, settings, side)
-            shaped = True
+            ground = _show_ground(built, settings, side)
         except IcyMoonError as error:
             said.append(str(error))
             settings = merged(settings, geometry(before))
@@ -89,17 +89,17 @@ def show(built: scenes.Built, settings: Settings, side: int) -> bool:
         else:
             place_sun(built.sun, settings["light"])
             built.show(merged(built.settings, {"light": settings["light"]}), built.preview, "sun")
-    if settings["rig"] != before["rig"] or shaped:
+    if settings["rig"] != before["rig"] or ground is not None:
         if built.edited_parts("camera"):
             said.append(_EDITED.format("camera"))
         else:
-            _show_rig(built, settings)
+            _show_rig(built, settings, ground)
     note(built, said)
-    return shaped
+    return ground is not None
 
 
-def _show_ground(built: scenes.Built, settings: Settings, side: int) -> None:
-    """Make the ground and its blocks as ``settings`` say, coarsely.
+def _show_ground(built: scenes.Built, settings: Settings, side: int) -> Surface:
+    """Make the ground and its blocks as ``settings`` say, coarsely, and return the ground's height function.
 
     Raises IcyMoonError if that cannot or must not be done; the scene is then unchanged.
     """
@@ -111,12 +111,14 @@ def _show_ground(built: scenes.Built, settings: Settings, side: int) -> None:
     if by_hand:
         raise IcyMoonError(_EDITED.format("ground" if "terrain" in by_hand else "field of blocks"))
     coarse = merged(settings, {"terrain": {"resolution": min(side, int(settings["terrain"]["resolution"]))}})
-    positions, faces = grid(coarse["terrain"], scenes.ground_of(settings))
+    ground = scenes.ground_of(settings)
+    positions, faces = grid(coarse["terrain"], ground)
     rocks = _scattered(coarse, positions) if coarse["rocks"]["coverage"] > 0 else None
     # Nothing is refused from here on.
     fill_mesh(built.terrain.data, positions, faces)
     changed = _show_blocks(built, coarse, rocks)
     built.show(built.settings, merged(built.preview, geometry(settings)), "terrain data", *changed)
+    return ground
 
 
 def _coarse_shapes(settings: Settings) -> tuple[tuple[Shape, ...], ...]:
@@ -190,11 +192,14 @@ def _replace_material(old: bpy.types.Material, new: bpy.types.Material) -> None:
     scenes.free_names([new])
 
 
-def _show_rig(built: scenes.Built, settings: Settings) -> None:
-    """Put the camera where ``settings`` say; on a ground from a file, elsewhere than it was built, nearly there."""
+def _show_rig(built: scenes.Built, settings: Settings, ground: Surface | None) -> None:
+    """Put the camera where ``settings`` say, on the ``ground`` if it has been made already.
+
+    On a ground from a file, away from where it was built, the camera is only nearly there.
+    """
     rig, preview = settings["rig"], {topic: values for topic, values in built.preview.items() if topic != "rig"}
     if not is_own(settings):
-        site_m = scenes.site_ground_m(settings, scenes.ground_of(settings))
+        site_m = scenes.site_ground_m(settings, ground or scenes.ground_of(settings))
     else:
         site_m, stood = built.ground["site_m"], built.settings["rig"]
         if (rig["x_m"], rig["y_m"]) != (stood["x_m"], stood["y_m"]):

@@ -17,13 +17,13 @@ from .. import settings as description
 from ..errors import IcyMoonError
 from ..nodes import preview
 from ..nodes import scene as scenes
-from . import ground
 from .build import frame_and_expose
 
 #: What an update of the ground may take, so that there are ten a second and time to draw them.
 BUDGET_S = 0.08
 #: Vertices per side of the previewed ground.
 SIDES = (129, 193, 257)
+_LINE = 36  # characters that fit the sidebar beside an icon
 _SHOWN = {"geometry", "material", "light", "camera"}
 _side = SIDES[1]
 _waiting: set[str] = set()  # names of scenes with changes that the timer is to show
@@ -93,7 +93,7 @@ def flush() -> None:
 
 def lines(scene: bpy.types.Scene) -> list[str]:
     """What the sidebar says about how the scene shows its settings, in lines that fit it."""
-    return [line for sentence in preview.notes(scene) for line in textwrap.wrap(sentence, ground.LINE)]
+    return [line for sentence in preview.notes(scene) for line in textwrap.wrap(sentence, _LINE)]
 
 
 def register() -> None:

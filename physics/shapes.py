@@ -92,6 +92,12 @@ def _planes(family: str, random: np.random.Generator) -> tuple[np.ndarray, np.nd
 
 def _hull_area(points: np.ndarray) -> float:
     """Area of the convex hull of points (n, 2), by Andrew's monotone chain."""
+    # Points inside the polygon of those farthest out in 32 directions are not on the hull (Akl and Toussaint 1978).
+    angles = np.linspace(0, 2 * np.pi, 32, endpoint=False)
+    far = points[np.argmax(points @ np.stack([np.cos(angles), np.sin(angles)]), axis=0)]
+    far = far[np.any(far != np.roll(far, -1, axis=0), axis=1)]
+    inward = (np.roll(far, -1, axis=0) - far) @ np.array([[0.0, 1.0], [-1.0, 0.0]])
+    points = points[~(points @ inward.T - (far * inward).sum(axis=1) > 1e-9).all(axis=1)]
     ordered = points[np.lexsort(points.T)][:, ::-1].tolist()
 
     def chain(sequence: list[list[float]]) -> list[list[float]]:

@@ -221,7 +221,7 @@ def test_settings_out_of_sense_are_a_sentence_and_keep_the_picture(watched):
     assert built.settings["light"]["sun_elevation_deg"] == 60.0
     assert any("inner_scale_m" in sentence for sentence in preview.notes(watched))
     built = change(watched, "terrain.inner_scale_m", 0.02)
-    assert preview.notes(watched) == ["Preview: press Build Scene for full resolution."]
+    assert preview.notes(watched) == ["Preview: press Build Scene"]
     with pytest.raises(IcyMoonError):
         up_to_date(watched, description.merged(current(watched), {"rocks": {"smallest_m": 5.0}}))
 
@@ -349,7 +349,7 @@ def test_a_preview_survives_saving_and_loading(watched, tmp_path):
     built = scenes.find(scene)
     assert state(built) == before
     assert not built.edited
-    assert preview.notes(scene) == ["Preview: press Build Scene for full resolution."]
+    assert preview.notes(scene) == ["Preview: press Build Scene"]
     assert not bpy.app.timers.is_registered(live.flush)  # loading a file changes no setting
 
 

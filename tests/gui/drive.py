@@ -217,10 +217,111 @@ def undo_and_redo() -> Waiting:
     yield 0.5
 
 
+def find_setting(path: str) -> Iterator:
+    """Look for a setting's field with the mouse, page after page of the sidebar; returns its place."""
+    sidebar = region("UI")
+    for _ in range(8):
+        for down in range(40, sidebar.height, 11):
+            place = sidebar.x + sidebar.width * 0.7, sidebar.y + sidebar.height - down
+            move_to(*place)
+            yield 0.1
+            with in_region("UI"):
+                if bpy.ops.ui.copy_data_path_button.poll():
+                    window_manager().clipboard = ""
+                    bpy.ops.ui.copy_data_path_button()
+            if window_manager().clipboard.endswith(path):
+                return place
+        xdotool("click", "--repeat", 12, "--delay", 20, 5)
+        yield 0.5
+    raise AssertionError(f"no field of {path} was found in the sidebar")
+
+
+def heights() -> list[float]:
+    """Heights of some of the ground's vertices."""
+    mesh = bpy.data.objects["Icy Moon Terrain"].data
+    return [mesh.vertices[k * len(mesh.vertices) // 50].co.z for k in range(50)]
+
+
+def shown() -> bool:
+    """Whether what is built shows the settings, be it coarsely."""
+    scenes, preview = (sys.modules[f"bl_ext.user_default.icymoon.nodes.{name}"] for name in ("scene", "preview"))
+    description = sys.modules["bl_ext.user_default.icymoon.settings"]
+    there, settings = scenes.find(window().scene), description.from_group(window().scene.icymoon)
+    before = description.merged(there.settings, there.preview)
+    return (not there.edited and preview.geometry(before) == preview.geometry(settings)
+            and before["light"] == settings["light"])
+
+
+def previewing() -> bool:
+    return bool(sys.modules["bl_ext.user_default.icymoon.nodes.scene"].find(window().scene).preview)
+
+
+def slide_by_mouse() -> Waiting:
+    """Drag the ruggedness, type another, undo both: the ground follows every time. Leaves a preview."""
+    live = sys.modules["bl_ext.user_default.icymoon.operators.live"]
+    scene, update, spans = window().scene, live.update, []
+    live.update = lambda scene: (spans.append([time.monotonic()]), update(scene), spans[-1].append(time.monotonic()))[1]
+    bpy.context.preferences.inputs.use_mouse_continuous = False  # or Blender and xdotool both move the mouse
+    x, y = yield from find_setting("terrain.rms_slope_deg")
+    before, value = heights(), scene.icymoon.terrain.rms_slope_deg
+    xdotool("mousedown", 1)
+    yield 0.2
+    for k in range(30):
+        move_to(x + 3 * k, y)
+        yield 0.02
+    check(previewing() and heights() != before, "the ground waits for the end of the drag")
+    xdotool("mouseup", 1)
+    yield 0.5
+    check(scene.icymoon.terrain.rms_slope_deg > value, f"dragging made {value} {scene.icymoon.terrain.rms_slope_deg}")
+    check(shown(), "the ground is not what the slider says")
+    took = [end - start for start, end in spans]
+    rate = (len(spans) - 1) / (spans[-1][1] - spans[0][1])
+    check(len(spans) > 10, f"there were {len(spans)} updates")
+    dragged = heights()
+    yield from screenshot("live_dragged")
+    move_to(region("UI").x + region("UI").width / 2, y)
+    yield 0.5
+    xdotool("click", "--repeat", 2, "--delay", 60, 1)
+    yield 0.6
+    xdotool("key", "ctrl+a")
+    for letter in "35":
+        xdotool("type", letter)
+        yield 0.2
+    yield from key("Return")
+    yield 0.3
+    check(scene.icymoon.terrain.rms_slope_deg == 35.0, f"typed 35, got {scene.icymoon.terrain.rms_slope_deg}")
+    check(shown() and heights() != dragged, "the ground is not what was typed")
+    move_to(*middle("WINDOW"))
+    yield 0.3
+    for expected, state in ((dragged, True), (before, False)):
+        yield from key("ctrl+z")
+        yield 0.5
+        check(heights() == expected and previewing() == state and shown(), "undo left another ground")
+    check(window().scene.icymoon.terrain.rms_slope_deg == value, "undo left another value")
+    yield from key("ctrl+shift+z")
+    yield 0.5
+    check(heights() == dragged and previewing() and shown(), "redo did not bring the preview back")
+    live.update = update
+    # Something that an operator sets, so that there are many changes at once.
+    with in_region("WINDOW"):
+        bpy.ops.icymoon.load_preset("INVOKE_DEFAULT", preset="terrains/penitentes")
+    yield 0.5
+    check(shown(), "the ground is not that of the preset")
+    area().spaces.active.shading.type = "RENDERED"
+    yield 4.0
+    yield from screenshot("live_preset")
+    area().spaces.active.shading.type = "SOLID"
+    xdotool("click", "--repeat", 150, "--delay", 10, 4)
+    yield 0.5
+    return f"{len(spans)} updates, {rate:.1f} a second with redraws, {sum(took) / len(took) * 1e3:.0f} ms each"
+
+
 def render_by_mouse() -> Waiting:
     """Render; the window must go on meanwhile and the sidebar must show how far it is."""
+    check(previewing(), "there is no preview that could be rendered by mistake")
     yield from press("icymoon.render_pair")
     yield from until(lambda: jobs().current, "Starting the render", 10)
+    check(not previewing(), "the scene was not built before the render")
     start, fractions = len(ticks), set()
     yield from until(lambda: jobs().current is None or jobs().current.fraction > 0.02, "Progress", 60)
     check(jobs().current, "the render ended without progress")
@@ -342,7 +443,8 @@ def search_and_clear() -> Waiting:
 
 
 STEPS = (open_the_tab, open_the_presets, load_europa, open_all_panels, build_by_mouse, undo_and_redo,
-         render_by_mouse, escape_a_render, evaluate_by_mouse, search_and_clear, show_error, preferences_page)
+         slide_by_mouse, render_by_mouse, escape_a_render, evaluate_by_mouse, search_and_clear, show_error,
+         preferences_page)
 
 
 def write(finished: bool) -> None:

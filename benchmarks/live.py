@@ -1,0 +1,67 @@
+"""How fast the preview follows a slider: updates a second for every terrain and scene preset.
+
+    python benchmarks/live.py             all
+    python benchmarks/live.py chaos …     those whose name contains a word
+
+Each preset is built, then its ruggedness is changed as by dragging the slider: height function, mesh, blocks,
+bookkeeping and Blender's own evaluation, everything but drawing. Milliseconds and rates are of processor time, which
+on an idle machine is the time that passes; ``full`` is a full build over an update of the same run. In the window
+the side is the largest at which an update takes less than ``live.BUDGET_S``. Needs Blender as a module.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+
+import bpy
+import icymoon
+from icymoon import settings as description
+from icymoon.nodes import scene as scenes
+from icymoon.operators import live
+
+SIDES = live.SIDES[0], live.SIDES[-1]
+WARM_UP, UPDATES = 2, 12
+
+
+def drag(name: str) -> str:
+    """A row: for each number of vertices per side milliseconds, updates a second and a full build over an update."""
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    scene = bpy.context.scene
+    scene.icymoon.live = False
+    description.to_group(scene.icymoon, description.load(description.preset_path(name)))
+    start = time.process_time()
+    scenes.build(scene, description.from_group(scene.icymoon))
+    build = time.process_time() - start
+    scene.icymoon.live = True
+    middle = scene.icymoon.terrain.rms_slope_deg
+    row = f"{name:40}"
+    for side in SIDES:
+        live.SIDES, live._side = (side,), side
+        for k in range(WARM_UP + UPDATES):
+            if k == WARM_UP:
+                start = time.process_time()
+            scene.icymoon.terrain.rms_slope_deg = middle + 0.01 * (k + 1)
+            live.update(scene)
+            bpy.context.view_layer.update()
+            mesh = scenes.find(scene).terrain.evaluated_get(bpy.context.evaluated_depsgraph_get()).data
+            mesh.corner_normals[0].vector  # noqa: B018  (drawing asks for them)
+        update = (time.process_time() - start) / UPDATES
+        row += f"   {update * 1e3:6.1f} ms {1 / update:5.1f} /s {build / update:5.0f}"
+    return row
+
+
+def main(words: list[str]) -> None:
+    """Print a row for each preset."""
+    icymoon.register()
+    print(f"{'preset':40}" + "".join(f"   {side:>6} sq.         full" for side in SIDES))
+    for name in description.preset_names():
+        if name.startswith(("terrains/", "scenes/")) and (not words or any(word in name for word in words)):
+            print(drag(name), flush=True)
+    sys.stdout.flush()
+    os._exit(0)  # Blender as a module may crash or hang when the interpreter ends
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
