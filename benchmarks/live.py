@@ -25,8 +25,23 @@ SIDES = live.SIDES[0], live.SIDES[-1]
 WARM_UP, UPDATES = 2, 12
 
 
-def drag(name: str) -> str:
-    """A row: for each number of vertices per side milliseconds, updates a second and a full build over an update."""
+def seconds(scene: bpy.types.Scene, topic: str, key: str) -> float:
+    """Processor seconds of an update while a slider moves."""
+    group = getattr(scene.icymoon, topic)
+    middle = getattr(group, key)
+    for k in range(WARM_UP + UPDATES):
+        if k == WARM_UP:
+            start = time.process_time()
+        setattr(group, key, middle + 0.01 * (k + 1))
+        live.update(scene)
+        bpy.context.view_layer.update()
+        mesh = scenes.find(scene).terrain.evaluated_get(bpy.context.evaluated_depsgraph_get()).data
+        mesh.corner_normals[0].vector  # noqa: B018  (drawing asks for them)
+    return (time.process_time() - start) / UPDATES
+
+
+def built(name: str) -> tuple[bpy.types.Scene, float]:
+    """A scene of a preset, and the processor seconds of its full build."""
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     scene = bpy.context.scene
     scene.icymoon.live = False
@@ -35,27 +50,32 @@ def drag(name: str) -> str:
     scenes.build(scene, description.from_group(scene.icymoon))
     build = time.process_time() - start
     scene.icymoon.live = True
-    middle = scene.icymoon.terrain.rms_slope_deg
+    return scene, build
+
+
+def cell(update: float, build: float) -> str:
+    """Milliseconds, updates a second and a full build over an update."""
+    return f"   {update * 1e3:6.1f} ms {1 / update:6.1f} /s {build / update:5.0f}"
+
+
+def drag(name: str) -> str:
+    """A row: an update of the ground with so many vertices per side."""
+    scene, build = built(name)
     row = f"{name:40}"
     for side in SIDES:
         live.SIDES, live._side = (side,), side
-        for k in range(WARM_UP + UPDATES):
-            if k == WARM_UP:
-                start = time.process_time()
-            scene.icymoon.terrain.rms_slope_deg = middle + 0.01 * (k + 1)
-            live.update(scene)
-            bpy.context.view_layer.update()
-            mesh = scenes.find(scene).terrain.evaluated_get(bpy.context.evaluated_depsgraph_get()).data
-            mesh.corner_normals[0].vector  # noqa: B018  (drawing asks for them)
-        update = (time.process_time() - start) / UPDATES
-        row += f"   {update * 1e3:6.1f} ms {1 / update:5.1f} /s {build / update:5.0f}"
+        row += cell(seconds(scene, "terrain", "rms_slope_deg"), build)
     return row
 
 
 def main(words: list[str]) -> None:
     """Print a row for each preset."""
     icymoon.register()
-    print(f"{'preset':40}" + "".join(f"   {side:>6} sq.         full" for side in SIDES))
+    scene, build = built("scenes/enceladus_block_field")
+    for topic, key in (("light", "sun_elevation_deg"), ("rig", "heading_deg"), ("surface", "roughness")):
+        name = f"{topic}.{key} at full resolution"
+        print(f"{name:40}{cell(seconds(scene, topic, key), build)}", flush=True)
+    print(f"{'preset':40}" + "".join(f"   {side:>6} a side         full" for side in SIDES))
     for name in description.preset_names():
         if name.startswith(("terrains/", "scenes/")) and (not words or any(word in name for word in words)):
             print(drag(name), flush=True)

@@ -85,23 +85,29 @@ def _object(item: bpy.types.Object) -> list[Any]:
             item.parent.name if item.parent else "", _rows(item)]
 
 
-def parts(collection: bpy.types.Collection, *roles: str) -> dict[str, str]:
-    """Hashes of everything in a built collection, or of the given roles in it, equal in every process that loads it.
+def _among(part: str, wanted: tuple[str, ...]) -> bool:
+    return not wanted or part in wanted or part.split()[0] in wanted
+
+
+def parts(collection: bpy.types.Collection, *wanted: str) -> dict[str, str]:
+    """Hashes of everything in a built collection, or of wanted parts and roles, equal in every process that loads it.
 
     The parts are called "ROLE object", "ROLE data" and "ROLE materials"; the role of what a person
     has put in is "added".
     """
-    shared: dict[Any, list[Any]] = {}
+    data: dict[Any, list[Any]] = {}
+
+    def geometry(item: bpy.types.Object) -> list[Any]:
+        if item.data not in data:  # which objects may share
+            data[item.data] = _geometry(item.data)
+        return data[item.data]
+
     found: dict[str, list[Any]] = {}
     for item in sorted(collection.all_objects, key=lambda o: o.name):
-        role = item.get(TAG, "added")
-        if roles and role not in roles:
-            continue
-        if item.data not in shared:
-            shared[item.data] = _geometry(item.data)
-        aspects = {"object": _object(item), "data": shared[item.data], "materials": _materials(item)}
-        for aspect, content in aspects.items():
-            found.setdefault(f"{role} {aspect}", []).append(content)
+        for aspect, read in (("object", _object), ("data", geometry), ("materials", _materials)):
+            part = f"{item.get(TAG, 'added')} {aspect}"
+            if _among(part, wanted):
+                found.setdefault(part, []).append(read(item))
     return {part: hashlib.sha256(repr(content).encode()).hexdigest() for part, content in found.items()}
 
 
@@ -110,11 +116,17 @@ def fingerprint(collection: bpy.types.Collection) -> str:
     return hashlib.sha256(repr(sorted(parts(collection).items())).encode()).hexdigest()
 
 
-def edited(collection: bpy.types.Collection, known: Mapping[str, str], *roles: str) -> set[str]:
-    """Names of the parts that are not as ``known``, of the given roles if there are any; added objects do not count."""
-    now = parts(collection, *roles)
-    return {part for part in {*now, *(p for p in known if not roles or p.split()[0] in roles)}
+def edited(collection: bpy.types.Collection, known: Mapping[str, str], *wanted: str) -> set[str]:
+    """Names of the parts, all or the wanted parts and roles, that are not as ``known``; added objects do not count."""
+    now, known = parts(collection, *wanted), {part: mark for part, mark in known.items() if _among(part, wanted)}
+    return {part for part in now.keys() | known.keys()
             if part.split()[0] != "added" and now.get(part) != known.get(part)}
+
+
+def updated(collection: bpy.types.Collection, known: Mapping[str, str], *changed: str) -> dict[str, str]:
+    """``known`` with the changed parts and roles as they are now."""
+    kept = {part: mark for part, mark in known.items() if not (changed and _among(part, changed))}
+    return kept | (parts(collection, *changed) if changed else {})
 
 
 def added_objects(collection: bpy.types.Collection) -> list[str]:

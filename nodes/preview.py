@@ -88,7 +88,7 @@ def show(built: scenes.Built, settings: Settings, side: int) -> bool:
             said.append(_EDITED.format("Sun"))
         else:
             place_sun(built.sun, settings["light"])
-            built.show(merged(built.settings, {"light": settings["light"]}), built.preview, "sun")
+            built.remember(merged(built.settings, {"light": settings["light"]}), built.preview, "sun")
     if settings["rig"] != before["rig"] or ground is not None:
         if built.edited_parts("camera"):
             said.append(_EDITED.format("camera"))
@@ -107,7 +107,8 @@ def _show_ground(built: scenes.Built, settings: Settings, side: int) -> Surface:
         raise IcyMoonError("Your own ground and the blocks on it are made by Build Scene, not while settings change.")
     if built.terrain.mode != "OBJECT":
         raise IcyMoonError("The ground is being edited; leave Edit or Sculpt Mode to see changes of its settings.")
-    by_hand = {part.split()[0] for part in built.edited_parts("terrain", "rock") if not part.endswith("materials")}
+    by_hand = {part.split()[0] for part in built.edited_parts("terrain object", "terrain data", "rock object",
+                                                              "rock data")}
     if by_hand:
         raise IcyMoonError(_EDITED.format("ground" if "terrain" in by_hand else "field of blocks"))
     coarse = merged(settings, {"terrain": {"resolution": min(side, int(settings["terrain"]["resolution"]))}})
@@ -117,7 +118,7 @@ def _show_ground(built: scenes.Built, settings: Settings, side: int) -> Surface:
     # Nothing is refused from here on.
     fill_mesh(built.terrain.data, positions, faces)
     changed = _show_blocks(built, coarse, rocks)
-    built.show(built.settings, merged(built.preview, geometry(settings)), "terrain data", *changed)
+    built.remember(built.settings, merged(built.preview, geometry(settings)), "terrain data", *changed)
     return ground
 
 
@@ -170,7 +171,7 @@ def _show_surfaces(built: scenes.Built, settings: Settings, before: Settings) ->
             "rock": ("blocks", scenes.rock_material,
                      [shape for item in built.collection.all_objects if item.get(TAG) == "rock"
                       for shape in instanced(item)])}
-    by_hand = built.edited_parts(*made)
+    by_hand = built.edited_parts(*(f"{role} materials" for role in made))
     said, changed = [], []
     for role, (name, make, items) in made.items():
         if f"{role} materials" in by_hand:
@@ -178,7 +179,7 @@ def _show_surfaces(built: scenes.Built, settings: Settings, before: Settings) ->
         elif items:
             _replace_material(items[0].data.materials[0], make(settings))
             changed.append(f"{role} materials")
-    built.show(built.settings if said else merged(built.settings, _part(settings, _LOOK)), built.preview, *changed)
+    built.remember(built.settings if said else merged(built.settings, _part(settings, _LOOK)), built.preview, *changed)
     return said
 
 
@@ -209,4 +210,4 @@ def _show_rig(built: scenes.Built, settings: Settings, ground: Surface | None) -
             preview["rig"] = {"x_m": rig["x_m"], "y_m": rig["y_m"]}
             settings = merged(settings, {"rig": {"x_m": stood["x_m"], "y_m": stood["y_m"]}})
     place_rig(built.camera, rig, site_m)
-    built.show(merged(built.settings, {"rig": settings["rig"]}), preview, "camera")
+    built.remember(merged(built.settings, {"rig": settings["rig"]}), preview, "camera")

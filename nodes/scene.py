@@ -24,7 +24,7 @@ from ..physics.terrain import Terrain, advice
 from ..physics.terrain import terrain as make_terrain
 from ..properties import TOPICS
 from ..settings import Settings, merged
-from .fingerprint import TAG, added_objects, edited, fingerprint, parts
+from .fingerprint import TAG, added_objects, edited, fingerprint, parts, updated
 from .ground import OwnGround, content, file_of, is_own, own_ground
 from .light import build_sky, build_sun
 from .probe import heights_of
@@ -68,9 +68,9 @@ class Built:
         """Number of ice blocks."""
         return sum(len(item.data.vertices) for item in self.collection.all_objects if item.get(TAG) == "rock")
 
-    def edited_parts(self, *roles: str) -> set[str]:
-        """Which parts, of these roles or of all, a person has changed since they were built (see ``fingerprint``)."""
-        return edited(self.collection, json.loads(self.collection[_FINGERPRINT]), *roles)
+    def edited_parts(self, *wanted: str) -> set[str]:
+        """Which parts, of these parts and roles or of all, a person has changed since they were built."""
+        return edited(self.collection, json.loads(self.collection[_FINGERPRINT]), *wanted)
 
     @property
     def edited(self) -> bool:
@@ -82,15 +82,12 @@ class Built:
         """Settings of which a preview is shown, where ``settings`` say what was built; empty if none is."""
         return dict(json.loads(self.collection.get(PREVIEW, "{}")))
 
-    def show(self, settings: Settings, preview: Settings, *changed: str) -> None:
+    def remember(self, settings: Settings, preview: Settings, *changed: str) -> None:
         """Remember what the scene shows now, of which the ``changed`` parts or roles are as they should be."""
-        known = json.loads(self.collection[_FINGERPRINT])
-        now = parts(self.collection, *{part.split()[0] for part in changed})
         self.settings = merged(settings)
         self.collection[_SETTINGS], self.collection[PREVIEW] = json.dumps(self.settings), json.dumps(preview)
-        self.collection[_FINGERPRINT] = json.dumps(
-            {part: mark for part, mark in known.items() if part not in changed and part.split()[0] not in changed}
-            | {part: mark for part, mark in now.items() if part in changed or part.split()[0] in changed})
+        known = json.loads(self.collection[_FINGERPRINT])
+        self.collection[_FINGERPRINT] = json.dumps(updated(self.collection, known, *changed))
 
 
 def find_collection(scene: bpy.types.Scene) -> bpy.types.Collection | None:

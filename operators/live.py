@@ -92,8 +92,14 @@ def flush() -> None:
 
 
 def lines(scene: bpy.types.Scene) -> list[str]:
-    """What the sidebar says about how the scene shows its settings, in lines that fit it."""
-    return [line for sentence in preview.notes(scene) for line in textwrap.wrap(sentence, _LINE)]
+    """What the sidebar says about how the scene shows its settings, in lines that fit it; none before it is built.
+
+    Always a line, or the fields below would move away from under the mouse that drags one of them.
+    """
+    if scenes.find_collection(scene) is None:
+        return []
+    said = preview.notes(scene) or ["Shown at full resolution"]
+    return [line for sentence in said for line in textwrap.wrap(sentence, _LINE)]
 
 
 def register() -> None:

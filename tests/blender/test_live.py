@@ -211,6 +211,7 @@ def test_switched_off_the_panel_says_that_settings_have_changed(watched):
 
 
 def test_settings_out_of_sense_are_a_sentence_and_keep_the_picture(watched):
+    assert len(live.lines(watched)) == 1
     change(watched, "terrain.rms_slope_deg", 20.0)
     before = state(scenes.find(watched))
     built = change(watched, "terrain.inner_scale_m", 9.0)  # longer than the outer scale, 8 m
@@ -221,6 +222,7 @@ def test_settings_out_of_sense_are_a_sentence_and_keep_the_picture(watched):
     assert built.settings["light"]["sun_elevation_deg"] == 60.0
     assert any("inner_scale_m" in sentence for sentence in preview.notes(watched))
     built = change(watched, "terrain.inner_scale_m", 0.02)
+    assert len(live.lines(watched)) == 1
     assert preview.notes(watched) == ["Preview: press Build Scene"]
     with pytest.raises(IcyMoonError):
         up_to_date(watched, description.merged(current(watched), {"rocks": {"smallest_m": 5.0}}))
