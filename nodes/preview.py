@@ -41,7 +41,7 @@ _LOOK = {(topic.key, s.key) for topic in TOPICS.values() for s in topic.settings
 
 def _part(settings: Settings, keys: Iterable[tuple[str, str]]) -> Settings:
     found: Settings = {}
-    for topic, key in keys:
+    for topic, key in sorted(keys):
         found.setdefault(topic, {})[key] = settings[topic][key]
     return found
 

@@ -307,6 +307,7 @@ def slide_by_mouse() -> Waiting:
         bpy.ops.icymoon.load_preset("INVOKE_DEFAULT", preset="terrains/penitentes")
     yield 0.5
     check(shown(), "the ground is not that of the preset")
+    bpy.data.objects["Cube"].hide_set(True)  # which undoing the first build has put in the picture again
     area().spaces.active.shading.type = "RENDERED"
     yield 4.0
     yield from screenshot("live_preset")
