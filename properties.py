@@ -81,6 +81,10 @@ def _fraction(key: str, label: str, default: float, description: str, effect: st
     return Setting(key, label, default, description, effect, "1", low, high, subtype="FACTOR")
 
 
+def _signed(key: str, label: str, description: str, effect: str) -> Setting:
+    return Setting(key, label, 0.0, description, effect, "1", -1.0, 1.0, subtype="FACTOR")
+
+
 #: Parent panel of the topics that each hold one landform.
 LANDFORMS = "Landforms"
 
@@ -272,16 +276,32 @@ SOURCE = Topic("source", "Ground", "Where the ground comes from: made up, or a m
 ))
 
 SURFACE = Topic("surface", "Surface", "Snow or ice that the ground is made of", (
-    _fraction("albedo", "Albedo", 0.9, "Base reflectance of the grains, equal in all bands", "material"),
+    _fraction("albedo", "Albedo", 0.9,
+              "Share of the light that clean, flat ice reflects, from all sides to all sides (in a white furnace)",
+              "material"),
     _fraction("albedo_variation", "Albedo Variation", 0.0,
-              "Depth of the random albedo patches as a fraction of the albedo; they only darken", "material"),
+              "Depth of the random dark patches as a fraction of the albedo", "material"),
     _metres("albedo_patch_m", "Albedo Patch", 0.5, 1.0e-4, 1.0e4, (0.01, 10.0),
-            "Wavelength of the albedo patches", "material"),
+            "Wavelength of the dark patches", "material"),
+    _signed("trough_dirt", "Dirt in Troughs",
+            "How much darker the ground is one standard deviation of height under its mean plane than as much above "
+            "it; negative for dark heights", "material"),
+    _signed("slope_dirt", "Dirt on Slopes",
+            "How much darker slopes of 45 degrees and more are than level ground; negative for dark level ground",
+            "material"),
+    _fraction("salt_share", "Salt Share", 0.0, "Share of the ground that salts have stained", "material"),
+    _metres("salt_patch_m", "Salt Patch", 1.0, 1.0e-4, 1.0e4, (0.05, 20.0), "Wavelength of the stains", "material"),
+    _fraction("salt_red", "Salt Red", 1.0, "Reflectance of stained over clean ice in red", "material"),
+    _fraction("salt_green", "Salt Green", 0.85, "Reflectance of stained over clean ice in green", "material"),
+    _fraction("salt_blue", "Salt Blue", 0.6, "Reflectance of stained over clean ice in blue: irradiated salt absorbs "
+              "near 0.45 µm", "material"),
     _fraction("subsurface_weight", "Subsurface Weight", 0.0,
               "Share of the light that enters the snow and leaves it elsewhere (random walk); "
               "1 makes a render about five times as dear as 0", "material"),
     _metres("subsurface_radius_m", "Subsurface Radius", 0.005, 0.0, 10.0, (0.0, 0.1),
             "Mean free path of light in the snow", "material"),
+    _fraction("transmission", "Transmission", 0.0,
+              "Share of the light that passes into clear ice and does not come back", "material"),
     _fraction("roughness", "Roughness", 0.6, "Microfacet roughness of the specular reflection", "material"),
     _fraction("specular", "Specular Level", 0.5,
               "Strength of the specular reflection; 0.5 is what the refractive index gives", "material"),
@@ -290,8 +310,12 @@ SURFACE = Topic("surface", "Surface", "Snow or ice that the ground is made of", 
     _metres("grain_size_m", "Grain Size", 0.03, 1.0e-4, 1.0e3, (0.001, 1.0),
             "Wavelength of the fine relief that is finer than the mesh", "material"),
     _metres("grain_amplitude_m", "Grain Relief", 0.004, 0.0, 1.0, (0.0, 0.05),
-            "Height of the fine relief; it shades the surface as bump and leaves the true depth as it is",
-            "material"),
+            "Height of the fine relief from lowest to highest", "material"),
+    Setting("relief", "Fine Relief", "BUMP", "How the fine relief is made", "material",
+            choices=(("BUMP", "Bump", "Shades the surface; true depth stays that of the mesh. Free"),
+                     ("DISPLACEMENT", "Displacement",
+                      "Moves the mesh's vertices, depth and shadows with them; what two vertex spacings do not carry "
+                      "is left out"))),
 ))
 
 ROCK_SURFACE = Topic("rock_surface", "Rock Surface", "Snow or ice that blocks with a surface of their own are made of",

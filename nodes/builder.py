@@ -15,6 +15,11 @@ import bpy
 COLUMN, ROW = 220.0, 260.0
 
 
+def output(node: Any, identifier: str) -> Any:
+    """The output socket of an identifier, which no version has renamed (names were)."""
+    return next(socket for socket in node.outputs if socket.identifier == identifier)
+
+
 class Tree:
     """A node tree under construction; the tree is emptied first, unless it is to ``keep`` its nodes."""
 
@@ -54,6 +59,17 @@ class Tree:
         """Output socket of a two-operand Math node."""
         return self.node("ShaderNodeMath", label, {"Value": a, "Value_001": b}, operation=operation,
                          use_clamp=False).outputs[0]
+
+    def curve(self, label: str, colour: Any, x: Any, y: Any) -> Any:
+        """Output socket of a colour whose every band went through the straight lines between points (x, y)."""
+        node = self.node("ShaderNodeRGBCurve", label, {"Fac": 1.0, "Color": colour})
+        points = node.mapping.curves[3].points  # the curve of all bands; it comes with its two ends
+        while len(points) < len(x):
+            points.new(0.5, 0.5)
+        for point, a, b in zip(points, x, y, strict=True):
+            point.location, point.handle_type = (float(a), float(b)), "VECTOR"
+        node.mapping.update()
+        return node.outputs[0]
 
     def arrange(self) -> None:
         """Lay the nodes out in columns by their distance from the outputs, the same way every time."""

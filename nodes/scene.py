@@ -16,6 +16,7 @@ import bpy
 
 from ..errors import IcyMoonError
 from ..labels import ROCK, TERRAIN, TERRAIN_INSTANCE
+from ..physics import principled
 from ..physics.ground import Surface
 from ..physics.rocks import scatter
 from ..physics.shapes import block_shapes
@@ -24,6 +25,7 @@ from ..physics.terrain import Terrain, advice
 from ..physics.terrain import terrain as make_terrain
 from ..properties import TOPICS
 from ..settings import Settings, merged
+from .composition import mark_elevation
 from .fingerprint import TAG, added_objects, fingerprint
 from .ground import OwnGround, content, file_of, is_own, own_ground
 from .light import build_sky, build_sun
@@ -127,6 +129,12 @@ def _site(settings: Settings, ground: Surface, own: OwnGround | None) -> tuple[f
     return height, []
 
 
+def _surfaces(settings: Settings) -> tuple[str, ...]:
+    """Topics of the surfaces that the scene shows."""
+    own = settings["rocks"]["coverage"] > 0 and settings["rocks"]["own_surface"]
+    return ("surface", "rock_surface") if own else ("surface",)
+
+
 def _blocks(settings: Settings, terrain: bpy.types.Object, size_m: float) -> tuple[bpy.types.Object, list[str]]:
     """The object that carries the blocks on the ground, and warnings."""
     seed, described, rig = int(settings["dataset"]["seed"]), settings["rocks"], settings["rig"]
@@ -160,6 +168,9 @@ def _make(settings: Settings) -> tuple[list[bpy.types.Object], bpy.types.World, 
     else:
         warnings += advice(settings, shortest_wavelength_m(settings["terrain"]))
         mesh = build_mesh(f"{NAME} Terrain", settings["terrain"], ground)
+    if settings["surface"]["trough_dirt"] != 0.0:
+        mark_elevation(mesh)
+    warnings += [told for told in (principled.advice(settings[s]) for s in _surfaces(settings)) if told]
     mesh.materials.append(_tagged(build_material(f"{NAME} Surface", settings["surface"], seed, TERRAIN), "material"))
     terrain = _tagged(bpy.data.objects.new(f"{NAME} Terrain", mesh), "terrain")
     terrain.pass_index = TERRAIN_INSTANCE
