@@ -85,6 +85,10 @@ def _signed(key: str, label: str, description: str, effect: str) -> Setting:
     return Setting(key, label, 0.0, description, effect, "1", -1.0, 1.0, subtype="FACTOR")
 
 
+def _file(key: str, label: str, description: str) -> Setting:
+    return Setting(key, label, "", f"{description}; // is the .blend's folder", "material", subtype="FILE_PATH")
+
+
 #: Parent panel of the topics that each hold one landform.
 LANDFORMS = "Landforms"
 
@@ -318,6 +322,29 @@ SURFACE = Topic("surface", "Surface", "Snow or ice that the ground is made of", 
                       "is left out"))),
 ))
 
+TEXTURES = Topic("textures", "Textures", "Images on the ground and blocks, without visible repeats", (
+    Setting("set", "Texture", "NONE", "Which images", "material",
+            choices=(("NONE", "None", "Procedural ice only"),
+                     ("FROST", "Frost", "Made up: crystals of hoar with bright tips"),
+                     ("GRAINS", "Grains", "Made up: rounded grains with dark gaps"),
+                     ("CRACKS", "Cracks", "Made up: plates of crust with dark cracks between"),
+                     ("OWN", "Own Images", "The files below; those left empty are not used"))),
+    _metres("width_m", "Image Width", 0.5, 1.0e-3, 1.0e4, (0.05, 10.0), "Width of the image on the ground",
+            "material"),
+    Setting("repeat", "Repeats", "TURNED", "How the image goes on beyond its edges", "material",
+            choices=(("TURNED", "Shifted and Turned", "Hexagons from random places at random angles: no repeat shows"),
+                     ("SHIFTED", "Shifted", "Hexagons from random places: for images with a direction"),
+                     ("PLAIN", "Plain", "One image beside the other"))),
+    _metres("height_m", "Relief Height", 0.005, -10.0, 10.0, (-0.05, 0.05),
+            "Height of white over black in the height map; bump or displacement, as Fine Relief of the surface",
+            "material"),
+    _file("albedo_file", "Albedo", "Image whose brightness over its mean multiplies the albedo"),
+    _file("roughness_file", "Roughness", "Image of the roughness, 0 to 1"),
+    _file("normal_file", "Normal", "Image of normals (OpenGL: green is up)"),
+    _file("transmission_file", "Transmission", "Image of the share of light that passes into clear ice, 0 to 1"),
+    _file("height_file", "Height", "Image of heights, see Relief Height"),
+))
+
 ROCK_SURFACE = Topic("rock_surface", "Rock Surface", "Snow or ice that blocks with a surface of their own are made of",
                      SURFACE.settings)
 
@@ -452,8 +479,8 @@ DATASET = Topic("dataset", "Data Set", "Where pairs go and how they vary", (
 ))
 
 TOPICS: dict[str, Topic] = {t.key: t for t in (
-    SOURCE, TERRAIN, RIDGES, CRACKS, CHAOS, CRATERS, HOLLOWS, PENITENTES, MANTLE, SURFACE, ROCKS, ROCK_SURFACE, LIGHT,
-    RIG, SENSOR, QUALITY, DATASET)}
+    SOURCE, TERRAIN, RIDGES, CRACKS, CHAOS, CRATERS, HOLLOWS, PENITENTES, MANTLE, SURFACE, TEXTURES, ROCKS,
+    ROCK_SURFACE, LIGHT, RIG, SENSOR, QUALITY, DATASET)}
 
 
 def all_settings() -> list[tuple[str, Setting]]:

@@ -33,6 +33,7 @@ STEEPNESS = (0.0, 0.05, 0.1, 0.2, 0.3, 0.5, 0.7, 1.0, 1.5, 2.5, 5.0, 20.0)  # he
 #: Emission angles and weights of the mean over the hemisphere, weighted by projected area; eight, since Fresnel
 #: reflection rises steeply near grazing (four are 5 % low).
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(8)
+_PIXELS = 16
 _EMISSION, _SHARE = np.arccos(np.sqrt((_NODES + 1) / 2)), _WEIGHTS / 2
 
 
@@ -45,22 +46,12 @@ def albedo(make: Callable[[], bpy.types.Material], *, samples: int = 64, view_m:
     """
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     scene = bpy.context.scene
-    scene.render.engine = "CYCLES"
-    cycles = scene.cycles
-    cycles.samples, cycles.use_adaptive_sampling, cycles.use_denoising = samples, False, False
-    cycles.sample_clamp_indirect = cycles.sample_clamp_direct = cycles.light_sampling_threshold = 0.0
-    for kind in ("max_bounces", "diffuse_bounces", "glossy_bounces", "transmission_bounces"):
-        setattr(cycles, kind, 64)
-    scene.render.resolution_x = scene.render.resolution_y = 16
-    scene.render.resolution_percentage = 100
+    scene.render.engine, scene.cycles.samples = "CYCLES", samples
     scene.world = _shining()
-    _plane(scene, "Surface", 0.0, size_m, make())
-    _plane(scene, "Floor", -1.0, 2 * size_m, _black())
-    camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
-    camera.data.type, camera.data.ortho_scale = "ORTHO", view_m
-    scene.collection.objects.link(camera)
-    scene.camera = camera
-    return sum(share * _mean(scene, camera, emission) for emission, share in zip(_EMISSION, _SHARE, strict=True))
+    plane(scene, "Surface", 0.0, size_m, make())
+    plane(scene, "Floor", -1.0, 2 * size_m, _black())
+    return np.sum([share * radiance(scene, emission, view_m, _PIXELS).mean(axis=(0, 1))
+                   for emission, share in zip(_EMISSION, _SHARE, strict=True)], axis=0)
 
 
 def _shining() -> bpy.types.World:
@@ -82,7 +73,8 @@ def _black() -> bpy.types.Material:
     return material
 
 
-def _plane(scene: bpy.types.Scene, name: str, height_m: float, size_m: float, material: bpy.types.Material) -> None:
+def plane(scene: bpy.types.Scene, name: str, height_m: float, size_m: float, material: bpy.types.Material) -> None:
+    """Add a horizontal square of a material."""
     mesh, half = bpy.data.meshes.new(name), size_m / 2
     mesh.from_pydata([(-half, -half, height_m), (half, -half, height_m), (half, half, height_m),
                       (-half, half, height_m)], [], [(0, 1, 2, 3)])
@@ -90,8 +82,19 @@ def _plane(scene: bpy.types.Scene, name: str, height_m: float, size_m: float, ma
     scene.collection.objects.link(bpy.data.objects.new(name, mesh))
 
 
-def _mean(scene: bpy.types.Scene, camera: bpy.types.Object, emission: float) -> np.ndarray:
-    """Mean radiance (3,) of the image from one emission angle."""
+def radiance(scene: bpy.types.Scene, emission: float, view_m: float, pixels: int) -> np.ndarray:
+    """Radiance (pixels, pixels, 3), row 0 southernmost, of the scene's middle from an emission angle in the east."""
+    cycles = scene.cycles
+    cycles.use_adaptive_sampling = cycles.use_denoising = False
+    cycles.sample_clamp_indirect = cycles.sample_clamp_direct = cycles.light_sampling_threshold = 0.0
+    for kind in ("max_bounces", "diffuse_bounces", "glossy_bounces", "transmission_bounces"):
+        setattr(cycles, kind, 64)
+    scene.render.resolution_x = scene.render.resolution_y = pixels
+    scene.render.resolution_percentage = 100
+    camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
+    camera.data.type, camera.data.ortho_scale = "ORTHO", view_m
+    scene.collection.objects.link(camera)
+    scene.camera = camera
     toward = Vector((math.sin(emission), 0.0, math.cos(emission)))
     camera.location, camera.rotation_euler = 50.0 * toward, toward.to_track_quat("Z", "Y").to_euler()
     with tempfile.TemporaryDirectory() as folder:
@@ -101,9 +104,11 @@ def _mean(scene: bpy.types.Scene, camera: bpy.types.Object, emission: float) -> 
         scene.render.filepath, scene.render.use_file_extension = str(path), False
         bpy.ops.render.render(write_still=True)
         image = bpy.data.images.load(str(path))
-        pixels = np.empty(len(image.pixels), np.float32)
-        image.pixels.foreach_get(pixels)
-    return pixels.reshape(-1, 4)[:, :3].mean(axis=0, dtype=np.float64)
+        values = np.empty(len(image.pixels), np.float32)
+        image.pixels.foreach_get(values)
+        bpy.data.images.remove(image)
+    bpy.data.objects.remove(camera)
+    return values.reshape(pixels, pixels, 4)[..., :3].astype(np.float64)
 
 
 def principled(**inputs: Any) -> bpy.types.Material:

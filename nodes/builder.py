@@ -55,10 +55,10 @@ class Tree:
                 present[identifier].default_value = value
         return node
 
-    def math(self, operation: str, label: str, a: Any, b: Any) -> Any:
-        """Output socket of a two-operand Math node."""
-        return self.node("ShaderNodeMath", label, {"Value": a, "Value_001": b}, operation=operation,
-                         use_clamp=False).outputs[0]
+    def math(self, operation: str, label: str, a: Any, b: Any = None) -> Any:
+        """Output socket of a Math node of one operand or two."""
+        inputs = {"Value": a} if b is None else {"Value": a, "Value_001": b}
+        return self.node("ShaderNodeMath", label, inputs, operation=operation, use_clamp=False).outputs[0]
 
     def curve(self, label: str, colour: Any, x: Any, y: Any) -> Any:
         """Output socket of a colour whose every band went through the straight lines between points (x, y)."""

@@ -27,18 +27,21 @@ from ..properties import TOPICS
 from ..settings import Settings, merged
 from .composition import mark_elevation
 from .fingerprint import TAG, added_objects, fingerprint
-from .ground import OwnGround, content, file_of, is_own, own_ground
+from .ground import OwnGround, is_own, own_ground
 from .light import build_sky, build_sun
+from .own_files import content, used_files
 from .probe import heights_of
 from .rig import build_rig
 from .rocks import build_blocks, label_instances, parts_of
-from .surface import build_material
+from .surface import Textured, build_material
 from .terrain import build_mesh, measured, shortest_wavelength_m
+from .textures import load_maps
 
 NAME = "Icy Moon"
 _SETTINGS, _FINGERPRINT, _PREVIOUS_WORLD, _PREVIOUS_CAMERA, _PREVIOUS_VIEW, _GROUND = (
     "icymoon_settings", "icymoon_fingerprint", "icymoon_previous_world", "icymoon_previous_camera",
     "icymoon_previous_view", "icymoon_ground")
+_CONTENT = "icymoon_content"  # hash of the person's own files
 _ROUGHNESS = "icymoon_roughness"  # measured on the built ground
 
 
@@ -55,13 +58,18 @@ class Built:
 
     @property
     def ground(self) -> dict[str, Any]:
-        """Of a ground from a file, its ``content`` (a hash) and the ``report`` of its import; else empty."""
+        """Of a ground from a file, the ``report`` of its import; else empty."""
         return dict(json.loads(self.collection.get(_GROUND, "{}")))
 
     @property
+    def content(self) -> str:
+        """Hash of the content of the person's own files that it was built from; empty without any."""
+        return str(self.collection.get(_CONTENT, ""))
+
+    @property
     def extra(self) -> str:
-        """What identifies the content that the settings do not: the ground's file, edits by hand."""
-        return self.ground.get("content", "") + (fingerprint(self.collection) if self.edited else "")
+        """What identifies the content that the settings do not: the person's own files, edits by hand."""
+        return self.content + (fingerprint(self.collection) if self.edited else "")
 
     @property
     def block_count(self) -> int:
@@ -135,7 +143,17 @@ def _surfaces(settings: Settings) -> tuple[str, ...]:
     return ("surface", "rock_surface") if own else ("surface",)
 
 
-def _blocks(settings: Settings, terrain: bpy.types.Object, size_m: float) -> tuple[bpy.types.Object, list[str]]:
+def _textured(settings: Settings) -> Textured | None:
+    """The textures of ground and blocks, or None if there are none."""
+    if settings["textures"]["set"] == "NONE":
+        return None
+    files = {name.removeprefix("textures.").removesuffix("_file"): path
+             for name, path in used_files(settings).items() if name.startswith("textures.")}
+    return Textured(settings["textures"], load_maps(settings["textures"], files, TAG))
+
+
+def _blocks(settings: Settings, terrain: bpy.types.Object, size_m: float,
+            textured: Textured | None) -> tuple[bpy.types.Object, list[str]]:
     """The object that carries the blocks on the ground, and warnings."""
     seed, described, rig = int(settings["dataset"]["seed"]), settings["rocks"], settings["rig"]
     shapes = block_shapes(described["family"], described["angularity"], seed)
@@ -143,7 +161,7 @@ def _blocks(settings: Settings, terrain: bpy.types.Object, size_m: float) -> tup
         rocks = scatter(described, size_m, seed, height_at, shapes,
                         (rig["x_m"], rig["y_m"], described["clear_radius_m"]))
     surface = settings["rock_surface" if described["own_surface"] else "surface"]
-    ice = _tagged(build_material(f"{NAME} Rock Surface", surface, seed, ROCK), "material")
+    ice = _tagged(build_material(f"{NAME} Rock Surface", surface, seed, ROCK, textured), "material")
     label_instances(ice)
     blocks = _tagged(build_blocks(f"{NAME} Rock", rocks, shapes, ice, TAG), "rock")
     _remove_unused([], [ice])  # if there is room for no block
@@ -171,7 +189,9 @@ def _make(settings: Settings) -> tuple[list[bpy.types.Object], bpy.types.World, 
     if settings["surface"]["trough_dirt"] != 0.0:
         mark_elevation(mesh)
     warnings += [told for told in (principled.advice(settings[s]) for s in _surfaces(settings)) if told]
-    mesh.materials.append(_tagged(build_material(f"{NAME} Surface", settings["surface"], seed, TERRAIN), "material"))
+    textured = _textured(settings)
+    mesh.materials.append(_tagged(build_material(f"{NAME} Surface", settings["surface"], seed, TERRAIN, textured),
+                                  "material"))
     terrain = _tagged(bpy.data.objects.new(f"{NAME} Terrain", mesh), "terrain")
     terrain.pass_index = TERRAIN_INSTANCE
     sun = _tagged(build_sun(f"{NAME} Sun", settings["light"]), "sun")
@@ -180,7 +200,7 @@ def _make(settings: Settings) -> tuple[list[bpy.types.Object], bpy.types.World, 
     if settings["light"]["sun_elevation_deg"] < 0 or settings["light"]["sun_irradiance_wm2"] == 0:
         warnings.append("The Sun gives no light; raise light.sun_elevation_deg or light.sun_irradiance_wm2.")
     if settings["rocks"]["coverage"] > 0:
-        blocks, more = _blocks(settings, terrain, ground.size_m)
+        blocks, more = _blocks(settings, terrain, ground.size_m, textured)
         objects.append(blocks)
         warnings += more
     return objects, _tagged(build_sky(f"{NAME} Sky"), "sky"), warnings, own
@@ -213,6 +233,7 @@ def _remove(objects: list[bpy.types.Object]) -> None:
     materials = {m for m in _materials(objects) if TAG in m}
     bpy.data.batch_remove([*objects, *parts])
     _remove_unused(data, materials)
+    _remove_unused([], [image for image in bpy.data.images if TAG in image])
 
 
 def _adopt_children(collection: bpy.types.Collection, old: list[bpy.types.Object],
@@ -271,7 +292,8 @@ def build(scene: bpy.types.Scene, settings: Settings) -> Built:
     for block in named:
         block.name = block.name.split(".")[0]  # free again now that the old one is gone
     collection[_SETTINGS] = json.dumps(merged(settings))
-    collection[_GROUND] = json.dumps({"content": own.content, "report": own.report} if own else {})
+    collection[_GROUND] = json.dumps({"report": own.report} if own else {})
+    collection[_CONTENT] = content(settings)
     roughness = None if own else measured(objects[0].data, settings["terrain"])
     collection[_ROUGHNESS] = roughness.summary() if roughness else ""
     collection[_FINGERPRINT] = fingerprint(collection)
@@ -307,12 +329,13 @@ def clear(scene: bpy.types.Scene) -> bool:
 
 
 def changed_settings(built: Built, settings: Mapping[str, Mapping[str, Any]]) -> list[str]:
-    """Names of the settings that the built scene does not show yet, ``source.file`` also if its content is another."""
+    """Names of the settings that the built scene does not show yet, those of files also if the content is another."""
     shown = [(topic.key, s.key) for topic in TOPICS.values() for s in topic.settings
              if s.effect in ("geometry", "material", "light", "camera")]
     changed = [f"{topic}.{key}" for topic, key in shown
                if built.settings.get(topic, {}).get(key) != settings[topic][key]]
+    files = used_files(settings)
     # A file that is gone changes nothing: what was built from it is still there.
-    if is_own(settings) and file_of(settings).is_file() and built.ground.get("content") != content(settings):
-        changed.append("source.file")
+    if all(path.is_file() for path in files.values()) and built.content != content(settings):
+        changed += files
     return changed

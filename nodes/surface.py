@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import bpy
@@ -13,9 +14,25 @@ from ..physics import principled
 from ..physics.seeds import generator
 from .builder import Tree
 from .composition import brightness, noise, stain
+from .textures import Map, Pieces
 
 WHITE = (1.0, 1.0, 1.0, 1.0)
 GRAIN_OCTAVES = 3.0
+
+
+@dataclass(frozen=True)
+class Textured:
+    """``textures`` settings with the maps that they name."""
+
+    settings: Mapping[str, Any]
+    maps: Mapping[str, Map]
+
+
+def _product(tree: Tree, label: str, a: Any, b: Any) -> Any:
+    """Output socket of the product of two colours; either may be None, which is white."""
+    if a is None or b is None:
+        return b if a is None else a
+    return tree.node("ShaderNodeVectorMath", label, {"Vector": a, "Vector_001": b}, operation="MULTIPLY").outputs[0]
 
 
 def _base_colour(tree: Tree, surface: Mapping[str, Any], grey: Any, colour: Any) -> Any:
@@ -24,24 +41,44 @@ def _base_colour(tree: Tree, surface: Mapping[str, Any], grey: Any, colour: Any)
     if isinstance(grey, float) and colour is None:
         base = principled.base_colour(surface, albedo * grey)
         return (base, base, base, 1.0)
+    grey = albedo * grey if isinstance(grey, float) else tree.math("MULTIPLY", "Reflectance", grey, albedo)
     if colour is None:
-        reflectance = tree.math("MULTIPLY", "Reflectance", grey, albedo)
-        wanted = tree.node("ShaderNodeCombineColor", "Grey", {"Red": reflectance, "Green": reflectance,
-                                                               "Blue": reflectance}, mode="RGB").outputs[0]
+        wanted = tree.node("ShaderNodeCombineColor", "Grey", {"Red": grey, "Green": grey, "Blue": grey},
+                           mode="RGB").outputs[0]
     else:
-        grey = albedo * grey if isinstance(grey, float) else tree.math("MULTIPLY", "Reflectance", grey, albedo)
         wanted = tree.node("ShaderNodeVectorMath", "Coloured", {"Vector": colour, "Scale": grey},
                            operation="SCALE").outputs[0]
     return tree.curve("Base of Reflectance", wanted, *principled.inverse(surface))
 
 
-def bump_of(tree: Tree, height: Any, amplitude_m: float) -> Any:
-    """Output socket of the normal of bumps that are ``amplitude_m`` high where ``height`` is 1."""
-    return tree.node("ShaderNodeBump", "Relief", {"Strength": 1.0, "Distance": amplitude_m, "Height": height},
+def bump_of(tree: Tree, height: Any, distance_m: float, normal: Any = None) -> Any:
+    """Output socket of the normal of bumps that are ``distance_m`` high where ``height`` is 1, on the surface's
+    own normal or another."""
+    return tree.node("ShaderNodeBump", "Relief", {"Strength": 1.0, "Distance": distance_m, "Height": height,
+                                                  **({} if normal is None else {"Normal": normal})},
                      if_present={"Filter Width": 0.1}, leave=("Normal",), invert=False).outputs[0]
 
 
-def build_material(name: str, surface: Mapping[str, Any], seed: int, semantic: int) -> bpy.types.Material:
+def _fine_height(tree: Tree, surface: Mapping[str, Any], where: Any, fourth: float, pieces: Pieces | None,
+                 textured: Textured | None) -> Any:
+    """Output socket of the height in metres of grain and height map about their middle, or None without either."""
+    parts = []
+    if surface["grain_amplitude_m"] > 0.0:
+        grain = noise(tree, "Grain", where, surface["grain_size_m"], fourth, GRAIN_OCTAVES)
+        centred = tree.math("SUBTRACT", "Grain About 0", grain, 0.5)
+        parts.append(tree.math("MULTIPLY", "Grain Height", centred, surface["grain_amplitude_m"]))
+    if pieces is not None and textured is not None and "height" in textured.maps:
+        of = textured.maps["height"]
+        sampled = pieces.separated("Map Height", pieces.sample("height", of))[0]
+        centred = tree.math("SUBTRACT", "Map About 0", sampled, of.mean[0])
+        parts.append(tree.math("MULTIPLY", "Map Height in Metres", centred, textured.settings["height_m"]))
+    if len(parts) == 2:
+        return tree.math("ADD", "Fine Height", *parts)
+    return parts[0] if parts else None
+
+
+def build_material(name: str, surface: Mapping[str, Any], seed: int, semantic: int,
+                   textured: Textured | None = None) -> bpy.types.Material:
     """A material from ``surface`` settings whose reflectance in a white furnace is its albedo.
 
     Fine relief shades as bump, so that the true depth stays that of the mesh, or moves the mesh's vertices. The
@@ -51,37 +88,49 @@ def build_material(name: str, surface: Mapping[str, Any], seed: int, semantic: i
     material = bpy.data.materials.new(name)
     material.pass_index = semantic
     tree = Tree(compat.ensure_nodes(material))
-    patches_at, grain_at, salt_at = (float(w) for w in generator(seed, "surface").uniform(0.0, 1000.0, 3))
+    patches_at, grain_at, salt_at, east, north = (float(w) for w in generator(seed, "surface").uniform(0.0, 1000.0, 5))
     geometry = tree.node("ShaderNodeNewGeometry", "Geometry")
+    found = textured.maps if textured is not None else {}
+    pieces = Pieces(tree, textured.settings, geometry, (east, north)) if textured is not None and found else None
+    varied: dict[str, Any] = {}
+    for kind in ("roughness", "transmission"):
+        if pieces is not None and kind in found:
+            surface = {**surface, kind: found[kind].mean[0]}
+            varied[kind] = pieces.separated(kind.title(), pieces.sample(kind, found[kind]))[0]
     grey = brightness(tree, surface, geometry, patches_at, elevated=semantic == TERRAIN)
-    colour = _base_colour(tree, surface, grey, stain(tree, surface, geometry, salt_at))
+    colour = stain(tree, surface, geometry, salt_at)
+    if pieces is not None and "albedo" in found:
+        mean = max(sum(found["albedo"].mean) / 3, 1e-6)
+        of_mean = pieces.vector("SCALE", "Albedo over Mean", pieces.sample("albedo", found["albedo"]), scale=1 / mean)
+        colour = _product(tree, "Stained Map", of_mean, colour)
+    base = _base_colour(tree, surface, grey, colour)
     leave, output_leave = ["Coat Normal", "Tangent"], ["Volume", "Thickness"]
     relief: dict[str, Any] = {}
     displacement: dict[str, Any] = {}
     material.displacement_method = "BUMP"
-    grain = noise(tree, "Grain", geometry.outputs["Position"], surface["grain_size_m"], grain_at,
-                  GRAIN_OCTAVES) if surface["grain_amplitude_m"] > 0.0 else None
-    if grain is not None and surface["relief"] == "BUMP":
-        relief["Normal"] = bump_of(tree, grain, surface["grain_amplitude_m"])
-    else:
+    height = _fine_height(tree, surface, geometry.outputs["Position"], grain_at, pieces, textured)
+    if pieces is not None and "normal" in found:
+        relief["Normal"] = pieces.sample_normal(found["normal"])
+    if height is not None and surface["relief"] == "BUMP":
+        relief["Normal"] = bump_of(tree, height, 1.0, relief.get("Normal"))
+    if not relief:
         leave.append("Normal")
-    if grain is not None and surface["relief"] == "DISPLACEMENT":
+    if height is not None and surface["relief"] == "DISPLACEMENT":
         material.displacement_method = "DISPLACEMENT"
-        displacement["Displacement"] = tree.node("ShaderNodeDisplacement", "Relief", {
-            "Height": grain, "Midlevel": 0.5, "Scale": surface["grain_amplitude_m"]}, leave=("Normal",),
-            space="OBJECT").outputs[0]
+        displacement["Displacement"] = tree.node("ShaderNodeDisplacement", "Moved", {
+            "Height": height, "Midlevel": 0.0, "Scale": 1.0}, leave=("Normal",), space="OBJECT").outputs[0]
     else:
         output_leave.append("Displacement")
     radius = surface["subsurface_radius_m"]
     snow = tree.node("ShaderNodeBsdfPrincipled", "Snow", {
-        "Base Color": colour, "Metallic": 0.0, "Roughness": surface["roughness"], "IOR": surface["refractive_index"],
-        "Alpha": 1.0, **relief,
+        "Base Color": base, "Metallic": 0.0, "Roughness": varied.get("roughness", surface["roughness"]),
+        "IOR": surface["refractive_index"], "Alpha": 1.0, **relief,
         "Subsurface Weight": surface["subsurface_weight"] if radius > 0.0 else 0.0,
         "Subsurface Radius": (1.0, 1.0, 1.0), "Subsurface Scale": radius,
         "Subsurface Anisotropy": 0.0,
         "Specular IOR Level": surface["specular"], "Specular Tint": WHITE,
         "Anisotropic": 0.0, "Anisotropic Rotation": 0.0,
-        "Transmission Weight": surface["transmission"],
+        "Transmission Weight": varied.get("transmission", surface["transmission"]),
         "Coat Weight": 0.0, "Coat Roughness": 0.0, "Coat IOR": 1.5, "Coat Tint": WHITE,
         "Sheen Weight": 0.0, "Sheen Roughness": 0.5, "Sheen Tint": WHITE,
         "Emission Color": WHITE, "Emission Strength": 0.0,

@@ -70,8 +70,8 @@ def _maps(height: np.ndarray, albedo: np.ndarray, roughness: np.ndarray) -> Maps
 
 @functools.cache
 def maps(name: str) -> Maps:
-    """The maps of one of ``SETS``. Raises KeyError for another name."""
-    random = generator(_SEED, "surface", SETS.index(name) if name in SETS else {}[name])
+    """The maps of one of ``SETS``. Raises ValueError for another name."""
+    random = generator(_SEED, "surface", SETS.index(name))
     if name == "FROST":
         # Crystals of hoar: fine relief, brightest on the tips.
         height = _waves(random, 1.2, 1 / 128, 1 / 3)
