@@ -323,7 +323,7 @@ SURFACE = Topic("surface", "Surface", "Snow or ice that the ground is made of", 
 ))
 
 TEXTURES = Topic("textures", "Textures", "Images on the ground and blocks, without visible repeats", (
-    Setting("set", "Texture", "NONE", "Which images", "material",
+    Setting("set", "Texture", "NONE", "Which images lie on the ground and on blocks", "material",
             choices=(("NONE", "None", "Procedural ice only"),
                      ("FROST", "Frost", "Made up: crystals of hoar with bright tips"),
                      ("GRAINS", "Grains", "Made up: rounded grains with dark gaps"),
