@@ -83,6 +83,14 @@ def _fraction(key: str, label: str, default: float, description: str, effect: st
     return Setting(key, label, default, description, effect, "1", low, high, subtype="FACTOR")
 
 
+def _signed(key: str, label: str, description: str, effect: str) -> Setting:
+    return Setting(key, label, 0.0, description, effect, "1", -1.0, 1.0, subtype="FACTOR")
+
+
+def _file(key: str, label: str, description: str) -> Setting:
+    return Setting(key, label, "", f"{description}; // is the .blend's folder", "material", subtype="FILE_PATH")
+
+
 #: Parent panel of the topics that each hold one landform.
 LANDFORMS = "Landforms"
 
@@ -274,16 +282,32 @@ SOURCE = Topic("source", "Ground", "Where the ground comes from: made up, or a m
 ))
 
 SURFACE = Topic("surface", "Surface", "Snow or ice that the ground is made of", (
-    _fraction("albedo", "Albedo", 0.9, "Base reflectance of the grains, equal in all bands", "material"),
+    _fraction("albedo", "Albedo", 0.9,
+              "Share of the light that clean, flat ice reflects, from all sides to all sides (in a white furnace)",
+              "material"),
     _fraction("albedo_variation", "Albedo Variation", 0.0,
-              "Depth of the random albedo patches as a fraction of the albedo; they only darken", "material"),
+              "Depth of the random dark patches as a fraction of the albedo", "material"),
     _metres("albedo_patch_m", "Albedo Patch", 0.5, 1.0e-4, 1.0e4, (0.01, 10.0),
-            "Wavelength of the albedo patches", "material"),
+            "Wavelength of the dark patches", "material"),
+    _signed("trough_dirt", "Dirt in Troughs",
+            "How much darker the ground is one standard deviation of height under its mean plane than as much above "
+            "it; negative for dark heights", "material"),
+    _signed("slope_dirt", "Dirt on Slopes",
+            "How much darker slopes of 45 degrees and more are than level ground; negative for dark level ground",
+            "material"),
+    _fraction("salt_share", "Salt Share", 0.0, "Share of the ground that salts have stained", "material"),
+    _metres("salt_patch_m", "Salt Patch", 1.0, 1.0e-4, 1.0e4, (0.05, 20.0), "Wavelength of the stains", "material"),
+    _fraction("salt_red", "Salt Red", 1.0, "Reflectance of stained over clean ice in red", "material"),
+    _fraction("salt_green", "Salt Green", 0.85, "Reflectance of stained over clean ice in green", "material"),
+    _fraction("salt_blue", "Salt Blue", 0.6, "Reflectance of stained over clean ice in blue: irradiated salt absorbs "
+              "near 0.45 µm", "material"),
     _fraction("subsurface_weight", "Subsurface Weight", 0.0,
               "Share of the light that enters the snow and leaves it elsewhere (random walk); "
               "1 makes a render about five times as dear as 0", "material"),
     _metres("subsurface_radius_m", "Subsurface Radius", 0.005, 0.0, 10.0, (0.0, 0.1),
             "Mean free path of light in the snow", "material"),
+    _fraction("transmission", "Transmission", 0.0,
+              "Share of the light that passes into clear ice and does not come back", "material"),
     _fraction("roughness", "Roughness", 0.6, "Microfacet roughness of the specular reflection", "material"),
     _fraction("specular", "Specular Level", 0.5,
               "Strength of the specular reflection; 0.5 is what the refractive index gives", "material"),
@@ -292,8 +316,35 @@ SURFACE = Topic("surface", "Surface", "Snow or ice that the ground is made of", 
     _metres("grain_size_m", "Grain Size", 0.03, 1.0e-4, 1.0e3, (0.001, 1.0),
             "Wavelength of the fine relief that is finer than the mesh", "material"),
     _metres("grain_amplitude_m", "Grain Relief", 0.004, 0.0, 1.0, (0.0, 0.05),
-            "Height of the fine relief; it shades the surface as bump and leaves the true depth as it is",
+            "Height of the fine relief from lowest to highest", "material"),
+    Setting("relief", "Fine Relief", "BUMP", "How the fine relief is made", "material",
+            choices=(("BUMP", "Bump", "Shades the surface; true depth stays that of the mesh. Free"),
+                     ("DISPLACEMENT", "Displacement",
+                      "Moves the mesh's vertices, depth and shadows with them; what two vertex spacings do not carry "
+                      "is left out"))),
+))
+
+TEXTURES = Topic("textures", "Textures", "Images on the ground and blocks, without visible repeats", (
+    Setting("set", "Texture", "NONE", "Which images lie on the ground and on blocks", "material",
+            choices=(("NONE", "None", "Procedural ice only"),
+                     ("FROST", "Frost", "Made up: crystals of hoar with bright tips"),
+                     ("GRAINS", "Grains", "Made up: rounded grains with dark gaps"),
+                     ("CRACKS", "Cracks", "Made up: plates of crust with dark cracks between"),
+                     ("OWN", "Own Images", "The files below; those left empty are not used"))),
+    _metres("width_m", "Image Width", 0.5, 1.0e-3, 1.0e4, (0.05, 10.0), "Width of the image on the ground",
             "material"),
+    Setting("repeat", "Repeats", "TURNED", "How the image goes on beyond its edges", "material",
+            choices=(("TURNED", "Shifted and Turned", "Hexagons from random places at random angles: no repeat shows"),
+                     ("SHIFTED", "Shifted", "Hexagons from random places: for images with a direction"),
+                     ("PLAIN", "Plain", "One image beside the other"))),
+    _metres("height_m", "Relief Height", 0.005, -10.0, 10.0, (-0.05, 0.05),
+            "Height of white over black in the height map; bump or displacement, as Fine Relief of the surface",
+            "material"),
+    _file("albedo_file", "Albedo", "Image whose brightness over its mean multiplies the albedo"),
+    _file("roughness_file", "Roughness", "Image of the roughness, 0 to 1"),
+    _file("normal_file", "Normal", "Image of normals (OpenGL: green is up)"),
+    _file("transmission_file", "Transmission", "Image of the share of light that passes into clear ice, 0 to 1"),
+    _file("height_file", "Height", "Image of heights, see Relief Height"),
 ))
 
 ROCK_SURFACE = Topic("rock_surface", "Rock Surface", "Snow or ice that blocks with a surface of their own are made of",
@@ -430,8 +481,8 @@ DATASET = Topic("dataset", "Data Set", "Where pairs go and how they vary", (
 ))
 
 TOPICS: dict[str, Topic] = {t.key: t for t in (
-    SOURCE, TERRAIN, RIDGES, CRACKS, CHAOS, CRATERS, HOLLOWS, PENITENTES, MANTLE, SURFACE, ROCKS, ROCK_SURFACE, LIGHT,
-    RIG, SENSOR, QUALITY, DATASET)}
+    SOURCE, TERRAIN, RIDGES, CRACKS, CHAOS, CRATERS, HOLLOWS, PENITENTES, MANTLE, SURFACE, TEXTURES, ROCKS,
+    ROCK_SURFACE, LIGHT, RIG, SENSOR, QUALITY, DATASET)}
 
 
 def all_settings() -> list[tuple[str, Setting]]:

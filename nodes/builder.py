@@ -15,6 +15,18 @@ import bpy
 COLUMN, ROW = 220.0, 260.0
 
 
+def held(node: Any) -> list[Any]:
+    """What a node holds beside sockets and plain properties: its image's name, the points of its curves."""
+    image, mapping = getattr(node, "image", None), getattr(node, "mapping", None)
+    curves = getattr(mapping, "curves", ())
+    return [image.name if image else "", [[tuple(point.location) for point in curve.points] for curve in curves]]
+
+
+def output(node: Any, identifier: str) -> Any:
+    """The output socket of an identifier, which no version has renamed (names were)."""
+    return next(socket for socket in node.outputs if socket.identifier == identifier)
+
+
 class Tree:
     """A node tree under construction; the tree is emptied first, unless it is to ``keep`` its nodes."""
 
@@ -50,10 +62,21 @@ class Tree:
                 present[identifier].default_value = value
         return node
 
-    def math(self, operation: str, label: str, a: Any, b: Any) -> Any:
-        """Output socket of a two-operand Math node."""
-        return self.node("ShaderNodeMath", label, {"Value": a, "Value_001": b}, operation=operation,
-                         use_clamp=False).outputs[0]
+    def math(self, operation: str, label: str, a: Any, b: Any = None) -> Any:
+        """Output socket of a Math node of one operand or two."""
+        inputs = {"Value": a} if b is None else {"Value": a, "Value_001": b}
+        return self.node("ShaderNodeMath", label, inputs, operation=operation, use_clamp=False).outputs[0]
+
+    def curve(self, label: str, colour: Any, x: Any, y: Any) -> Any:
+        """Output socket of a colour whose every band went through the straight lines between points (x, y)."""
+        node = self.node("ShaderNodeRGBCurve", label, {"Fac": 1.0, "Color": colour})
+        points = node.mapping.curves[3].points  # the curve of all bands; it comes with its two ends
+        while len(points) < len(x):
+            points.new(0.5, 0.5)
+        for point, a, b in zip(points, x, y, strict=True):
+            point.location, point.handle_type = (float(a), float(b)), "VECTOR"
+        node.mapping.update()
+        return node.outputs[0]
 
     def arrange(self) -> None:
         """Lay the nodes out in columns by their distance from the outputs, the same way every time."""
@@ -87,7 +110,7 @@ def take_values(target: bpy.types.NodeTree, source: bpy.types.NodeTree) -> bool:
     A tree that keeps its nodes keeps its compiled shader too, so that the view follows a slider.
     """
     def structure(tree: bpy.types.NodeTree) -> list[Any]:
-        return [[(n.bl_idname, n.name, _plain(n)) for n in tree.nodes],
+        return [[(n.bl_idname, n.name, _plain(n), held(n)) for n in tree.nodes],
                 [(k.from_node.name, k.from_socket.identifier, k.to_node.name, k.to_socket.identifier)
                  for k in tree.links]]
 

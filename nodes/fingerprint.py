@@ -15,6 +15,9 @@ from typing import Any
 import bpy
 import numpy as np
 
+from .builder import held
+
+NAME = "Icy Moon"  # what the names of all that the builders make begin with
 TAG = "icymoon"  # custom property that marks what the builders made, its value the role
 
 #: Attributes of vertices that are hashed: how they are read, and how many numbers each has.
@@ -32,8 +35,8 @@ def _socket_value(socket: Any) -> Any:
 def _tree(node_tree: bpy.types.NodeTree | None) -> list[Any]:
     if node_tree is None:
         return []
-    nodes = [(n.bl_idname, n.name, n.mute, [(s.identifier, _socket_value(s)) for s in n.inputs if not s.is_linked])
-             for n in node_tree.nodes]
+    nodes = [(n.bl_idname, n.name, n.mute, held(n), [(s.identifier, _socket_value(s)) for s in n.inputs
+                                                     if not s.is_linked]) for n in node_tree.nodes]
     links = [(k.from_node.name, k.from_socket.identifier, k.to_node.name, k.to_socket.identifier)
              for k in node_tree.links]
     return [sorted(nodes, key=repr), sorted(links)]

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import functools
-import hashlib
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -15,15 +13,15 @@ import numpy as np
 
 from .. import compat
 from ..errors import IcyMoonError
-from ..files import absolute_path, sha256
 from ..physics import heightmap, meshcheck, meshdetail, meshfile
 from ..physics.detail import displaced
 from ..physics.ground import Surface
 from ..physics.heightmap import HeightMap
 from ..physics.meshground import MeshGround
-from ..settings import Settings, merged
+from ..settings import Settings
 from . import import_heights
 from .import_mesh import read_mesh
+from .own_files import used_files
 from .terrain import mesh_from_arrays, shortest_wavelength_m
 
 #: Extents in metres beyond which a ground is not a landing site in any unit.
@@ -44,14 +42,13 @@ SUFFIXES = (*meshfile.FORMATS, *import_heights.SUFFIXES)
 @dataclass(frozen=True)
 class OwnGround:
     """A ground from a file: vertices (n, 3) and faces (m, 3 or 4), the surface to stand on, what was
-    found (``report``) and what a person should know (``warnings``). ``content`` names the file's content."""
+    found (``report``) and what a person should know (``warnings``)."""
 
     positions: np.ndarray
     faces: np.ndarray
     surface: HeightMap | MeshGround
     report: tuple[str, ...]
     warnings: tuple[str, ...]
-    content: str
 
     def build_mesh(self, name: str) -> bpy.types.Mesh:
         """A smooth-shaded mesh of it."""
@@ -78,34 +75,7 @@ def kind_of(path: Path) -> str:
 
 def file_of(settings: Mapping[str, Mapping[str, Any]]) -> Path:
     """The ground's file, absolute. Raises IcyMoonError if none is stated."""
-    saved = str(Path(bpy.data.filepath).parent) if bpy.data.filepath else None
-    return absolute_path(str(settings["source"]["file"]), "source.file", saved)
-
-
-def with_absolute_file(settings: Settings) -> Settings:
-    """The settings for another process, to which // means nothing."""
-    return merged(settings, {"source": {"file": str(file_of(settings))}}) if is_own(settings) else settings
-
-
-def content(settings: Mapping[str, Mapping[str, Any]]) -> str:
-    """What identifies the content of the ground's file; empty for procedural ground.
-
-    Raises IcyMoonError if the file cannot be read.
-    """
-    if not is_own(settings):
-        return ""
-    path = file_of(settings)
-    try:
-        states = [(part, part.stat().st_size, part.stat().st_mtime_ns) for part in meshfile.parts(path)]
-        return hashlib.sha256("".join(_sha256(*state) for state in states).encode()).hexdigest()
-    except OSError as error:
-        raise IcyMoonError(f"{error.filename or path}: cannot be read ({error.strerror}); check source.file.") from None
-
-
-@functools.lru_cache(maxsize=16)
-def _sha256(path: Path, size: int, modified_ns: int) -> str:
-    """Checksum of a file in a state; read once for each."""
-    return sha256(path)
+    return used_files(settings)["source.file"]
 
 
 def cost_warnings(settings: Mapping[str, Mapping[str, Any]]) -> list[str]:
@@ -123,11 +93,10 @@ def own_ground(settings: Settings, made_up: Callable[[Settings], Surface]) -> Ow
     ``made_up`` makes the procedural ground that ``source.detail`` adds below the file's resolution.
     Raises IcyMoonError if the file is not a usable ground; nothing of it stays in Blender.
     """
-    mark = content(settings)
     path = file_of(settings)
     if settings["source"]["kind"] == "MESH":
-        return _mesh_ground(path, settings, mark)
-    return _height_ground(path, settings, made_up, mark)
+        return _mesh_ground(path, settings)
+    return _height_ground(path, settings, made_up)
 
 
 def _metres(values: Any) -> str:
@@ -156,7 +125,7 @@ def turned_up(positions: np.ndarray, kind: str, up_axis: str) -> tuple[np.ndarra
     return np.stack([sign * positions[:, k] for k, sign in _TURNS[axis]], axis=1), axis
 
 
-def _mesh_ground(path: Path, settings: Settings, mark: str) -> OwnGround:
+def _mesh_ground(path: Path, settings: Settings) -> OwnGround:
     source = settings["source"]
     kind = meshfile.kind_of(path)
     positions, faces = read_mesh(path)
@@ -190,7 +159,7 @@ def _mesh_ground(path: Path, settings: Settings, mark: str) -> OwnGround:
         positions, faces, sentence = _with_roughness(positions, faces, settings)
         report.append(sentence)
     positions = positions.astype(np.float32)
-    return OwnGround(positions, faces, MeshGround(positions, faces), tuple(report), tuple(warnings), mark)
+    return OwnGround(positions, faces, MeshGround(positions, faces), tuple(report), tuple(warnings))
 
 
 def _with_roughness(positions: np.ndarray, faces: np.ndarray,
@@ -231,7 +200,7 @@ def _shift(positions: np.ndarray, source: Mapping[str, Any]) -> np.ndarray:
     return shift
 
 
-def _height_ground(path: Path, settings: Settings, made_up: Callable[[Settings], Surface], mark: str) -> OwnGround:
+def _height_ground(path: Path, settings: Settings, made_up: Callable[[Settings], Surface]) -> OwnGround:
     source, terrain = settings["source"], settings["terrain"]
     read = import_heights.read_heights(path)
     known = np.isfinite(read.values)
@@ -261,7 +230,7 @@ def _height_ground(path: Path, settings: Settings, made_up: Callable[[Settings],
     report = (f"{columns} x {rows} pixels of {pixel[0]:.4g} x {pixel[1]:.4g} m, {_metres(extents)} m",
               f"Ground of {east - west:.4g} x {north - south:.4g} m, moved by {_metres(shift)} m",
               "Procedural roughness below the pixel" if source["detail"] else "Nothing finer than the pixel")
-    return OwnGround(positions, faces, surface, report, tuple(warnings), mark)
+    return OwnGround(positions, faces, surface, report, tuple(warnings))
 
 
 def _pixel_size(path: Path, stated: tuple[float, float] | None, degrees: bool,

@@ -24,13 +24,16 @@ from ..properties import TOPICS
 from ..settings import Settings, merged
 from . import scene as scenes
 from .builder import take_values
+from .composition import mark_elevation
 from .fingerprint import TAG, instanced
 from .ground import is_own
 from .light import place_sun
+from .materials import ground_material, rock_material
 from .probe import heights_of
 from .rig import place_rig
 from .rocks import build_blocks, parts_of
 from .terrain import fill_mesh, grid
+from .textures import remove_unused_images
 
 #: Most blocks that a preview shows; the smallest are left out.
 MOST_BLOCKS = 1000
@@ -117,6 +120,7 @@ def _show_ground(built: scenes.Built, settings: Settings, side: int) -> Surface:
     rocks = _scattered(coarse, positions) if coarse["rocks"]["coverage"] > 0 else None
     # Nothing is refused from here on.
     fill_mesh(built.terrain.data, positions, faces)
+    mark_elevation(built.terrain.data, settings["surface"])
     changed = _show_blocks(built, coarse, rocks)
     built.remember(built.settings, merged(built.preview, geometry(settings)), "terrain data", *changed)
     return ground
@@ -147,7 +151,7 @@ def _show_blocks(built: scenes.Built, settings: Settings, rocks: Rocks | None) -
         scenes.remove([there] if there else [])
         return ("rock",)
     ice = next((shape.data.materials[0] for shape in instanced(there)), None) if there else None
-    new = build_blocks(f"{scenes.NAME} Rock", rocks, _coarse_shapes(settings), ice or scenes.rock_material(settings),
+    new = build_blocks(f"{scenes.NAME} Rock", rocks, _coarse_shapes(settings), ice or rock_material(settings),
                        TAG)
     if there is None:
         there = new
@@ -167,18 +171,27 @@ def _show_surfaces(built: scenes.Built, settings: Settings, before: Settings) ->
     looks = _LOOK | {("dataset", "seed")}
     if _part(settings, looks) == _part(before, looks):
         return []
-    made = {"terrain": ("ground", scenes.ground_material, [built.terrain]),
-            "rock": ("blocks", scenes.rock_material,
+    made = {"terrain": ("ground", ground_material, [built.terrain]),
+            "rock": ("blocks", rock_material,
                      [shape for item in built.collection.all_objects if item.get(TAG) == "rock"
                       for shape in instanced(item)])}
     by_hand = built.edited_parts(*(f"{role} materials" for role in made))
-    said, changed = [], []
+    said: list[str] = []
+    changed: list[str] = []
+    if bool(settings["surface"]["trough_dirt"]) != bool(before["surface"]["trough_dirt"]):
+        changed += [] if built.edited_parts("terrain data") else ["terrain data"]
+        mark_elevation(built.terrain.data, settings["surface"])
     for role, (name, make, items) in made.items():
         if f"{role} materials" in by_hand:
             said.append(_EDITED.format(f"surface of the {name}"))
         elif items:
-            _replace_material(items[0].data.materials[0], make(settings))
-            changed.append(f"{role} materials")
+            try:
+                _replace_material(items[0].data.materials[0], make(settings))
+                changed.append(f"{role} materials")
+            except IcyMoonError as error:  # an image that cannot be read
+                said.append(str(error))
+                break
+    remove_unused_images()
     built.remember(built.settings if said else merged(built.settings, _part(settings, _LOOK)), built.preview, *changed)
     return said
 

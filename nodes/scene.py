@@ -15,7 +15,7 @@ from typing import Any
 import bpy
 
 from ..errors import IcyMoonError
-from ..labels import ROCK, TERRAIN, TERRAIN_INSTANCE
+from ..labels import TERRAIN_INSTANCE
 from ..physics.ground import Surface
 from ..physics.rocks import scatter
 from ..physics.shapes import block_shapes
@@ -24,19 +24,23 @@ from ..physics.terrain import Terrain, advice
 from ..physics.terrain import terrain as make_terrain
 from ..properties import TOPICS
 from ..settings import Settings, merged
-from .fingerprint import TAG, added_objects, edited, fingerprint, parts, updated
-from .ground import OwnGround, content, file_of, is_own, own_ground
+from . import materials
+from .composition import mark_elevation
+from .fingerprint import NAME, TAG, added_objects, edited, fingerprint, parts, updated
+from .ground import OwnGround, is_own, own_ground
 from .light import build_sky, build_sun
+from .materials import ground_material, rock_material
+from .own_files import content, used_files
 from .probe import heights_of
 from .rig import build_rig
-from .rocks import build_blocks, label_instances, parts_of
-from .surface import build_material
+from .rocks import build_blocks, parts_of
 from .terrain import build_mesh, measured, shortest_wavelength_m
+from .textures import remove_unused_images
 
-NAME = "Icy Moon"
 _SETTINGS, _FINGERPRINT, _PREVIOUS_WORLD, _PREVIOUS_CAMERA, _PREVIOUS_VIEW, _GROUND = (
     "icymoon_settings", "icymoon_fingerprint", "icymoon_previous_world", "icymoon_previous_camera",
     "icymoon_previous_view", "icymoon_ground")
+_CONTENT = "icymoon_content"  # hash of the person's own files
 _ROUGHNESS = "icymoon_roughness"  # measured on the built ground
 PREVIEW = "icymoon_preview"  # settings that are shown otherwise than Build Scene would show them
 NOTES = "icymoon_notes"  # why not all settings are shown
@@ -55,13 +59,18 @@ class Built:
 
     @property
     def ground(self) -> dict[str, Any]:
-        """Of a ground from a file, its ``content`` (a hash) and the ``report`` of its import; else empty."""
+        """Of a ground from a file, the ``report`` of its import; else empty."""
         return dict(json.loads(self.collection.get(_GROUND, "{}")))
 
     @property
+    def content(self) -> str:
+        """Hash of the content of the person's own files that it was built from; empty without any."""
+        return str(self.collection.get(_CONTENT, ""))
+
+    @property
     def extra(self) -> str:
-        """What identifies the content that the settings do not: the ground's file, edits by hand."""
-        return self.ground.get("content", "") + (fingerprint(self.collection) if self.edited else "")
+        """What identifies the content that the settings do not: the person's own files, edits by hand."""
+        return self.content + (fingerprint(self.collection) if self.edited else "")
 
     @property
     def block_count(self) -> int:
@@ -145,20 +154,6 @@ def _site(settings: Settings, ground: Surface, own: OwnGround | None) -> tuple[f
     return height, []
 
 
-def ground_material(settings: Settings) -> bpy.types.Material:
-    """What the ground is made of."""
-    return _tagged(build_material(f"{NAME} Surface", settings["surface"], int(settings["dataset"]["seed"]), TERRAIN),
-                   "material")
-
-
-def rock_material(settings: Settings) -> bpy.types.Material:
-    """What the blocks are made of."""
-    surface = settings["rock_surface" if settings["rocks"]["own_surface"] else "surface"]
-    ice = build_material(f"{NAME} Rock Surface", surface, int(settings["dataset"]["seed"]), ROCK)
-    label_instances(ice)
-    return _tagged(ice, "material")
-
-
 def _blocks(settings: Settings, terrain: bpy.types.Object, size_m: float) -> tuple[bpy.types.Object, list[str]]:
     """The object that carries the blocks on the ground, and warnings."""
     seed, described, rig = int(settings["dataset"]["seed"]), settings["rocks"], settings["rig"]
@@ -189,6 +184,8 @@ def _make(settings: Settings) -> tuple[list[bpy.types.Object], bpy.types.World, 
     else:
         warnings += advice(settings, shortest_wavelength_m(settings["terrain"]))
         mesh = build_mesh(f"{NAME} Terrain", settings["terrain"], ground)
+    mark_elevation(mesh, settings["surface"])
+    warnings += materials.advice(settings)
     mesh.materials.append(ground_material(settings))
     terrain = _tagged(bpy.data.objects.new(f"{NAME} Terrain", mesh), "terrain")
     terrain.pass_index = TERRAIN_INSTANCE
@@ -231,6 +228,7 @@ def remove(objects: list[bpy.types.Object]) -> None:
     materials = {m for m in _materials(objects) if TAG in m}
     bpy.data.batch_remove([*objects, *others])
     _remove_unused(data, materials)
+    remove_unused_images()
 
 
 def free_names(blocks: Iterable[Any]) -> None:
@@ -294,8 +292,9 @@ def build(scene: bpy.types.Scene, settings: Settings) -> Built:
     named = [*made, *(o.data for o in made), *others, *_materials(made)] + ([sky] if takes_world else [])
     free_names(named)
     collection[_SETTINGS] = json.dumps(merged(settings))
-    collection[_GROUND] = json.dumps({"content": own.content, "report": own.report,
-                                      "site_m": _site(settings, own.surface, own)[0]} if own else {})
+    collection[_GROUND] = json.dumps({"report": own.report, "site_m": _site(settings, own.surface, own)[0]}
+                                     if own else {})
+    collection[_CONTENT] = content(settings)
     roughness = None if own else measured(objects[0].data, settings["terrain"])
     collection[_ROUGHNESS] = roughness.summary() if roughness else ""
     collection[_FINGERPRINT], collection[PREVIEW] = json.dumps(parts(collection)), "{}"
@@ -332,12 +331,13 @@ def clear(scene: bpy.types.Scene) -> bool:
 
 
 def changed_settings(built: Built, settings: Mapping[str, Mapping[str, Any]]) -> list[str]:
-    """Names of the settings that the built scene does not show yet, ``source.file`` also if its content is another."""
+    """Names of the settings that the built scene does not show yet, those of files also if the content is another."""
     shown = [(topic.key, s.key) for topic in TOPICS.values() for s in topic.settings
              if s.effect in ("geometry", "material", "light", "camera")]
     changed = [f"{topic}.{key}" for topic, key in shown
                if built.settings.get(topic, {}).get(key) != settings[topic][key]]
+    files = used_files(settings)
     # A file that is gone changes nothing: what was built from it is still there.
-    if is_own(settings) and file_of(settings).is_file() and built.ground.get("content") != content(settings):
-        changed.append("source.file")
+    if all(path.is_file() for path in files.values()) and built.content != content(settings):
+        changed += files
     return changed

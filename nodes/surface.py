@@ -3,77 +3,142 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import bpy
 
 from .. import compat
-from ..labels import NORMAL_AOV
+from ..labels import NORMAL_AOV, TERRAIN
+from ..physics import principled
 from ..physics.seeds import generator
 from .builder import Tree
+from .composition import brightness, noise, stain
+from .textures import Map, Pieces
 
 WHITE = (1.0, 1.0, 1.0, 1.0)
+GRAIN_OCTAVES = 3.0
 
 
-def build_material(name: str, surface: Mapping[str, Any], seed: int, semantic: int) -> bpy.types.Material:
-    """A material from ``surface`` settings.
+@dataclass(frozen=True)
+class Textured:
+    """``textures`` settings with the maps that they name."""
 
-    reflectance = albedo x (1 - variation x patches); the fine relief shades as bump, in metres, so
-    that the true depth stays that of the mesh. The geometric normal goes to the value pass
-    ``NORMAL_AOV``, because Cycles' own Normal pass contains the bump. ``semantic`` is the label
-    that the material-index pass carries.
+    settings: Mapping[str, Any]
+    maps: Mapping[str, Map]
+
+
+def _product(tree: Tree, label: str, a: Any, b: Any) -> Any:
+    """Output socket of the product of two colours; either may be None, which is white."""
+    if a is None or b is None:
+        return b if a is None else a
+    return tree.node("ShaderNodeVectorMath", label, {"Vector": a, "Vector_001": b}, operation="MULTIPLY").outputs[0]
+
+
+def _base_colour(tree: Tree, surface: Mapping[str, Any], grey: Any, colour: Any) -> Any:
+    """The Principled base colour that reflects albedo x grey x colour: a colour, or a socket that gives one."""
+    albedo = surface["albedo"]
+    if isinstance(grey, float) and colour is None:
+        base = principled.base_colour(surface, albedo * grey)
+        return (base, base, base, 1.0)
+    grey = albedo * grey if isinstance(grey, float) else tree.math("MULTIPLY", "Reflectance", grey, albedo)
+    if colour is None:
+        wanted = tree.node("ShaderNodeCombineColor", "Grey", {"Red": grey, "Green": grey, "Blue": grey},
+                           mode="RGB").outputs[0]
+    else:
+        wanted = tree.node("ShaderNodeVectorMath", "Coloured", {"Vector": colour, "Scale": grey},
+                           operation="SCALE").outputs[0]
+    return tree.curve("Base of Reflectance", wanted, *principled.inverse(surface))
+
+
+def bump_of(tree: Tree, height: Any, distance_m: float, normal: Any = None) -> Any:
+    """Output socket of the normal of bumps that are ``distance_m`` high where ``height`` is 1, on the surface's
+    own normal or another."""
+    return tree.node("ShaderNodeBump", "Relief", {"Strength": 1.0, "Distance": distance_m, "Height": height,
+                                                  **({} if normal is None else {"Normal": normal})},
+                     if_present={"Filter Width": 0.1}, leave=("Normal",), invert=False).outputs[0]
+
+
+def _fine_height(tree: Tree, surface: Mapping[str, Any], where: Any, fourth: float, pieces: Pieces | None,
+                 textured: Textured | None) -> Any:
+    """Output socket of the height in metres of grain and height map about their middle, or None without either."""
+    parts = []
+    if surface["grain_amplitude_m"] > 0.0:
+        grain = noise(tree, "Grain", where, surface["grain_size_m"], fourth, GRAIN_OCTAVES)
+        centred = tree.math("SUBTRACT", "Grain About 0", grain, 0.5)
+        parts.append(tree.math("MULTIPLY", "Grain Height", centred, surface["grain_amplitude_m"]))
+    if pieces is not None and textured is not None and "height" in textured.maps:
+        of = textured.maps["height"]
+        sampled = pieces.separated("Map Height", pieces.sample("height", of))[0]
+        centred = tree.math("SUBTRACT", "Map About 0", sampled, of.mean[0])
+        parts.append(tree.math("MULTIPLY", "Map Height in Metres", centred, textured.settings["height_m"]))
+    if len(parts) == 2:
+        return tree.math("ADD", "Fine Height", *parts)
+    return parts[0] if parts else None
+
+
+def build_material(name: str, surface: Mapping[str, Any], seed: int, semantic: int,
+                   textured: Textured | None = None) -> bpy.types.Material:
+    """A material from ``surface`` settings whose reflectance in a white furnace is its albedo.
+
+    Fine relief shades as bump, so that the true depth stays that of the mesh, or moves the mesh's vertices. The
+    geometric normal goes to the value pass ``NORMAL_AOV``, because Cycles' own Normal pass contains the bump.
+    ``semantic`` is the label that the material-index pass carries.
     """
     material = bpy.data.materials.new(name)
     material.pass_index = semantic
-    material.displacement_method = "BUMP"
     tree = Tree(compat.ensure_nodes(material))
-    patches_at, grain_at = (float(w) for w in generator(seed, "surface").uniform(0.0, 1000.0, 2))
+    patches_at, grain_at, salt_at, east, north = (float(w) for w in generator(seed, "surface").uniform(0.0, 1000.0, 5))
     geometry = tree.node("ShaderNodeNewGeometry", "Geometry")
-    where = geometry.outputs["Position"]
-
-    def noise(label: str, wavelength_m: float, fourth: float, detail: float) -> Any:
-        return tree.node("ShaderNodeTexNoise", label, {
-            "Vector": where, "W": fourth, "Scale": 1.0 / wavelength_m, "Detail": detail, "Roughness": 0.5,
-            "Lacunarity": 2.0, "Distortion": 0.0}, noise_dimensions="4D", noise_type="FBM", normalize=True,
-        ).outputs[0]
-
-    albedo: Any = surface["albedo"]
-    colour: Any = (albedo, albedo, albedo, 1.0)
-    if surface["albedo_variation"] > 0.0:
-        patches = noise("Patches", surface["albedo_patch_m"], patches_at, 4.0)
-        darkening = tree.math("MULTIPLY", "Darkening", patches, surface["albedo_variation"])
-        kept = tree.math("SUBTRACT", "Kept", 1.0, darkening)
-        reflectance = tree.math("MULTIPLY", "Reflectance", kept, albedo)
-        colour = tree.node("ShaderNodeCombineColor", "Grey", {"Red": reflectance, "Green": reflectance,
-                                                              "Blue": reflectance}, mode="RGB").outputs[0]
-    leave = ["Coat Normal", "Tangent"]
-    normal: dict[str, Any] = {}
-    if surface["grain_amplitude_m"] > 0.0:
-        grain = noise("Grain", surface["grain_size_m"], grain_at, 3.0)
-        normal["Normal"] = tree.node(
-            "ShaderNodeBump", "Relief",
-            {"Strength": 1.0, "Distance": surface["grain_amplitude_m"], "Height": grain},
-            if_present={"Filter Width": 0.1}, leave=("Normal",), invert=False).outputs[0]
-    else:
+    found = textured.maps if textured is not None else {}
+    pieces = Pieces(tree, textured.settings, geometry, (east, north)) if textured is not None and found else None
+    varied: dict[str, Any] = {}
+    for kind in ("roughness", "transmission"):
+        if pieces is not None and kind in found:
+            surface = {**surface, kind: found[kind].mean[0]}
+            varied[kind] = pieces.separated(kind.title(), pieces.sample(kind, found[kind]))[0]
+    grey = brightness(tree, surface, geometry, patches_at, elevated=semantic == TERRAIN)
+    colour = stain(tree, surface, geometry, salt_at)
+    if pieces is not None and "albedo" in found:
+        mean = max(sum(found["albedo"].mean) / 3, 1e-6)
+        of_mean = pieces.vector("SCALE", "Albedo over Mean", pieces.sample("albedo", found["albedo"]), scale=1 / mean)
+        colour = _product(tree, "Stained Map", of_mean, colour)
+    base = _base_colour(tree, surface, grey, colour)
+    leave, output_leave = ["Coat Normal", "Tangent"], ["Volume", "Thickness"]
+    relief: dict[str, Any] = {}
+    displacement: dict[str, Any] = {}
+    material.displacement_method = "BUMP"
+    height = _fine_height(tree, surface, geometry.outputs["Position"], grain_at, pieces, textured)
+    if pieces is not None and "normal" in found:
+        relief["Normal"] = pieces.sample_normal(found["normal"])
+    if height is not None and surface["relief"] == "BUMP":
+        relief["Normal"] = bump_of(tree, height, 1.0, relief.get("Normal"))
+    if not relief:
         leave.append("Normal")
+    if height is not None and surface["relief"] == "DISPLACEMENT":
+        material.displacement_method = "DISPLACEMENT"
+        displacement["Displacement"] = tree.node("ShaderNodeDisplacement", "Moved", {
+            "Height": height, "Midlevel": 0.0, "Scale": 1.0}, leave=("Normal",), space="OBJECT").outputs[0]
+    else:
+        output_leave.append("Displacement")
     radius = surface["subsurface_radius_m"]
     snow = tree.node("ShaderNodeBsdfPrincipled", "Snow", {
-        "Base Color": colour, "Metallic": 0.0, "Roughness": surface["roughness"], "IOR": surface["refractive_index"],
-        "Alpha": 1.0, **normal,
+        "Base Color": base, "Metallic": 0.0, "Roughness": varied.get("roughness", surface["roughness"]),
+        "IOR": surface["refractive_index"], "Alpha": 1.0, **relief,
         "Subsurface Weight": surface["subsurface_weight"] if radius > 0.0 else 0.0,
         "Subsurface Radius": (1.0, 1.0, 1.0), "Subsurface Scale": radius,
         "Subsurface Anisotropy": 0.0,
         "Specular IOR Level": surface["specular"], "Specular Tint": WHITE,
         "Anisotropic": 0.0, "Anisotropic Rotation": 0.0,
-        "Transmission Weight": 0.0,
+        "Transmission Weight": varied.get("transmission", surface["transmission"]),
         "Coat Weight": 0.0, "Coat Roughness": 0.0, "Coat IOR": 1.5, "Coat Tint": WHITE,
         "Sheen Weight": 0.0, "Sheen Roughness": 0.5, "Sheen Tint": WHITE,
         "Emission Color": WHITE, "Emission Strength": 0.0,
     }, if_present={"Weight": 0.0, "Diffuse Roughness": 0.0, "Thin Film Thickness": 0.0, "Thin Film IOR": 1.33,
                    "Subsurface IOR": 1.4, "Thin Wall": False},
         leave=leave, distribution="MULTI_GGX", subsurface_method="RANDOM_WALK")
-    tree.node("ShaderNodeOutputMaterial", "Surface", {"Surface": snow.outputs[0]},
-              leave=("Volume", "Displacement", "Thickness"), target="ALL")
+    tree.node("ShaderNodeOutputMaterial", "Surface", {"Surface": snow.outputs[0], **displacement},
+              leave=output_leave, target="ALL")
     tree.node("ShaderNodeOutputAOV", "Geometric Normal", {"Color": geometry.outputs["True Normal"], "Value": 0.0},
               aov_name=NORMAL_AOV)
     tree.arrange()

@@ -12,7 +12,7 @@ import bpy
 from .. import settings as description
 from ..errors import IcyMoonError
 from ..nodes import scene as scenes
-from ..nodes.ground import content, with_absolute_file
+from ..nodes.own_files import content, with_absolute_files
 from ..render.launch import Job as JobFiles
 from ..render.launch import absolute_folder, blender_command
 from ..render.plan import PlannedPair, expand
@@ -70,7 +70,7 @@ class ICYMOON_OT_render_pair(jobs.JobOperator, bpy.types.Operator):
         built = up_to_date(context.scene, settings)
         self._warn(built)
         edited = built.edited
-        files = JobFiles(with_absolute_file(settings), dataset_folder(settings), again=self.again,
+        files = JobFiles(with_absolute_files(settings), dataset_folder(settings), again=self.again,
                          scene=context.scene.name if edited else None)
         if edited:
             bpy.ops.wm.save_as_mainfile(filepath=str(files.blend), copy=True, check_existing=False)

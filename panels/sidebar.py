@@ -9,6 +9,7 @@ import bpy
 from .. import settings as description
 from ..nodes import scene as scenes
 from ..operators import ground, jobs, layers, live, results
+from ..physics import principled
 from ..properties import LANDFORMS, TOPICS, Setting, Topic
 
 
@@ -112,6 +113,10 @@ class _TopicPanel(_Sidebar):
                 _draw_list(row.column(), group, setting)
             else:
                 row.prop(group, setting.key)
+        if self.topic.key in ("surface", "rock_surface"):
+            told = principled.advice({s.key: getattr(group, s.key) for s in self.topic.settings})
+            if told:
+                layout.label(text=told, icon="INFO")
         if self.topic.key == "terrain" and scenes.measured_roughness(context.scene):
             layout.operator("icymoon.show_roughness", text=f"Measured: {scenes.measured_roughness(context.scene)}",
                             icon="DRIVER_DISTANCE")
@@ -154,6 +159,12 @@ def _source_asks(source: Any, topic: str, key: str) -> bool:
     return True
 
 
+#: Surface settings that have an effect only beside another that is above 0.
+_SURFACE_NEEDS = {"albedo_patch_m": "albedo_variation", "subsurface_radius_m": "subsurface_weight",
+                  "grain_size_m": "grain_amplitude_m", "relief": "grain_amplitude_m",
+                  **{f"salt_{key}": "salt_share" for key in ("patch_m", "red", "green", "blue")}}
+
+
 def _matters(topic: str, key: str, group: Any) -> bool:
     """Whether a setting has an effect beside the others; what has none is drawn greyed."""
     if TOPICS[topic].parent == LANDFORMS:
@@ -162,12 +173,8 @@ def _matters(topic: str, key: str, group: Any) -> bool:
     if topic == "rocks" and key != "coverage":
         return bool(group.coverage > 0 and (key != "power_index" or group.law == "POWER")
                     and (key not in ("cluster_blocks", "cluster_radius_m") or group.clustering > 0))
-    if topic in ("surface", "rock_surface") and key == "albedo_patch_m":
-        return bool(group.albedo_variation > 0)
-    if topic in ("surface", "rock_surface") and key == "subsurface_radius_m":
-        return bool(group.subsurface_weight > 0)
-    if topic in ("surface", "rock_surface") and key == "grain_size_m":
-        return bool(group.grain_amplitude_m > 0)
+    if topic in ("surface", "rock_surface") and key in _SURFACE_NEEDS:
+        return bool(getattr(group, _SURFACE_NEEDS[key]) > 0)
     if topic == "sensor" and key in ("auto_percentile", "auto_target"):
         return bool(group.auto_exposure)
     if topic == "sensor" and key == "saturation_radiance":

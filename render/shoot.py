@@ -180,7 +180,7 @@ def _facts(built: Built, planned: PlannedPair, poses: dict[str, np.ndarray], tow
     camera = StereoCamera.from_settings(settings["rig"])
     return {
         "format": FORMAT, "version": VERSION, "id": planned.id, "settings": settings,
-        "edited_by_hand": built.edited, "ground": built.ground,
+        "edited_by_hand": built.edited, "ground": built.ground, "own_files_sha256": built.content,
         "camera": camera.to_json(),
         "poses_camera_to_world": {eye: poses[eye].tolist() for eye in EYES},
         "light": {"sun": {"direction_to_world": toward_sun.tolist(),

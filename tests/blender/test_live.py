@@ -113,7 +113,7 @@ def test_the_previewed_blocks_lie_on_the_previewed_ground(watched):
     ("light.sun_elevation_deg", 3.0), ("light.sun_irradiance_wm2", 50.26), ("light.sun_angular_diameter_deg", 5.0),
     ("rig.heading_deg", 40.0), ("rig.focal_length_mm", 20.0), ("rig.baseline_m", 0.5), ("rig.x_m", 2.5),
     ("surface.albedo", 0.4), ("surface.albedo_variation", 0.5), ("surface.grain_amplitude_m", 0.0),
-    ("rocks.own_surface", True)])
+    ("rocks.own_surface", True), ("surface.trough_dirt", 0.5), ("surface.salt_share", 0.2), ("textures.set", "CRACKS")])
 def test_light_camera_and_surface_become_what_build_scene_makes(watched, name, value):
     before = positions(scenes.find(watched).terrain)
     built = change(watched, name, value)

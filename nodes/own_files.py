@@ -1,0 +1,63 @@
+"""The person's own files that a description names: where they are, and what is in them.
+
+A pair is named by what made it; of a file that is its content, not its place.
+"""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import bpy
+
+from ..errors import IcyMoonError
+from ..files import absolute_path, sha256
+from ..physics import meshfile
+from ..properties import TOPICS
+from ..settings import Settings, merged
+
+
+def used_files(settings: Mapping[str, Mapping[str, Any]]) -> dict[str, Path]:
+    """The absolute path of each file in use, by the setting that names it (``topic.key``).
+
+    Raises IcyMoonError if a path is empty that must not be, or begins with // without a saved .blend.
+    """
+    saved = str(Path(bpy.data.filepath).parent) if bpy.data.filepath else None
+    named = {}
+    if settings["source"]["kind"] != "PROCEDURAL":
+        named["source.file"] = str(settings["source"]["file"])
+    if settings["textures"]["set"] == "OWN":
+        named |= {f"textures.{s.key}": str(settings["textures"][s.key]) for s in TOPICS["textures"].settings
+                  if s.subtype == "FILE_PATH" and settings["textures"][s.key]}
+    return {name: absolute_path(text, name, saved) for name, text in named.items()}
+
+
+def with_absolute_files(settings: Settings) -> Settings:
+    """The settings for another process, to which // means nothing."""
+    found = [(*name.split("."), str(path)) for name, path in used_files(settings).items()]
+    return merged(settings, *({topic: {key: path}} for topic, key, path in found))
+
+
+def content(settings: Mapping[str, Mapping[str, Any]]) -> str:
+    """What identifies the content of the files in use; empty if there are none.
+
+    Raises IcyMoonError if one cannot be read.
+    """
+    marks = []
+    for name, path in used_files(settings).items():
+        try:
+            states = [(part, part.stat().st_size, part.stat().st_mtime_ns)
+                      for part in (meshfile.parts(path) if name == "source.file" else [path])]
+            marks.append(name + "".join(_sha256(*state) for state in states))
+        except OSError as error:
+            raise IcyMoonError(f"{error.filename or path}: cannot be read ({error.strerror}); check {name}.") from None
+    return hashlib.sha256("".join(marks).encode()).hexdigest() if marks else ""
+
+
+@functools.lru_cache(maxsize=32)
+def _sha256(path: Path, size: int, modified_ns: int) -> str:
+    """Checksum of a file in a state; read once for each."""
+    return sha256(path)

@@ -1,0 +1,112 @@
+"""What Blender's Principled surface really reflects, and the base colour that reflects what is asked for.
+
+The base colour of the Principled surface is not its albedo: specular reflection adds to it, the random
+walk under the surface has an albedo of its own that ends at 0.92, and what is transmitted is lost. The
+bihemispherical reflectance of a flat surface (light from all sides, to all sides) was measured in a white
+furnace (``benchmarks/furnace.py``); it is the same from Blender 4.2 to 5.2 within 0.3 %. Here the table is
+interpolated and inverted.
+"""
+
+from __future__ import annotations
+
+import functools
+import json
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+_TABLE = Path(__file__).with_suffix(".json")
+#: Relative difference from which on the real albedo is told.
+TOLD_FROM = 0.01
+
+
+@functools.cache
+def _table() -> dict[str, np.ndarray]:
+    read = json.loads(_TABLE.read_text(encoding="utf-8"))
+    return {k: np.array(v) for k, v in read.items() if isinstance(v, list)}
+
+
+def root_f0(refractive_index: float, specular: float) -> float:
+    """Square root of the reflectance at normal incidence that a refractive index and Blender's specular
+    level give: the level scales the reflectance, 0.5 leaving it as it is."""
+    plain = ((refractive_index - 1.0) / (refractive_index + 1.0)) ** 2
+    return math.sqrt(plain * 2.0 * specular)
+
+
+def _at(values: np.ndarray, root: float, roughness: float) -> Any:
+    """Bilinear interpolation in the first two axes of a table."""
+    table = _table()
+
+    def weights(axis: np.ndarray, value: float) -> tuple[int, float]:
+        k = int(np.clip(np.searchsorted(axis, value) - 1, 0, len(axis) - 2))
+        return k, float(np.clip((value - axis[k]) / (axis[k + 1] - axis[k]), 0.0, 1.0))
+
+    i, u = weights(table["root_f0"], root)
+    j, v = weights(table["roughness"], roughness)
+    low, high = (values[k, j] + v * (values[k, j + 1] - values[k, j]) for k in (i, i + 1))
+    return low + u * (high - low)
+
+
+def curve(surface: Mapping[str, Any]) -> tuple[np.ndarray, np.ndarray]:
+    """Base colours (n,) from 0 to 1 and the reflectances (n,) that they give with the other ``surface`` settings.
+
+    Between them the reflectance is linear in the base colour.
+    """
+    table = _table()
+    root = root_f0(surface["refractive_index"], surface["specular"])
+    roughness, weight = surface["roughness"], surface["subsurface_weight"] * (surface["subsurface_radius_m"] > 0.0)
+    base = table["base"]
+    specular = _at(table["specular"], root, roughness)
+    diffuse = specular + (1.0 - specular) * base
+    walk = np.maximum.accumulate(_at(table["subsurface"], root, roughness))
+    entered = (1.0 - weight) * diffuse + weight * walk
+    share = surface["transmission"]
+    reflectance = (1.0 - share) * entered + share * _at(table["transmission"], root, roughness)
+    # Bumps lose the light that they send downward. Moved vertices lose none, they light each other.
+    steepness = surface["grain_amplitude_m"] / surface["grain_size_m"] * (surface["relief"] == "BUMP")
+    return base, reflectance * np.interp(steepness, table["steepness"], table["bump"])
+
+
+def inverse(surface: Mapping[str, Any]) -> tuple[np.ndarray, np.ndarray]:
+    """Reflectances from 0 to 1 and the base colours that give them, or the nearest that there are, each (n,);
+    straight lines are meant between them."""
+    base, reflectance = curve(surface)
+    # Where the curve is flat its first point is meant.
+    rising = np.concatenate([[True], np.diff(reflectance) > 1e-9])
+    base, reflectance = base[rising], reflectance[rising]
+    below, above = int(reflectance[0] > 0.0), int(reflectance[-1] < 1.0)
+    return (np.concatenate([[0.0] * below, reflectance, [1.0] * above]),
+            np.concatenate([base[:1]] * below + [base] + [base[-1:]] * above))
+
+
+def base_colour(surface: Mapping[str, Any], albedo: float) -> float:
+    """Base colour that reflects ``albedo``, or the nearest there is, from 0 to 1."""
+    return float(np.interp(albedo, *inverse(surface)))
+
+
+def real_albedo(surface: Mapping[str, Any]) -> float:
+    """Bihemispherical reflectance of clean, flat ice with ``surface`` settings: its albedo where that can be had."""
+    _, reflectance = curve(surface)
+    return float(np.clip(surface["albedo"], reflectance[0], reflectance[-1]))
+
+
+def advice(surface: Mapping[str, Any]) -> str:
+    """A sentence if the surface cannot have the albedo that is asked for; empty if it has."""
+    asked, real = float(surface["albedo"]), real_albedo(surface)
+    if abs(real - asked) <= TOLD_FROM * asked:
+        return ""
+    if real > asked:
+        return f"The albedo is really {real:.2f}: the specular reflection alone is that bright; lower it."
+    lost, mend = _lost_most(surface)
+    return f"The albedo is really {real:.2f}, not {asked:.2f}: {lost}; lower {mend}."
+
+
+def _lost_most(surface: Mapping[str, Any]) -> tuple[str, str]:
+    """What keeps a surface from being white most: in words, and the setting to lower."""
+    causes = {"transmission": "what is transmitted is lost", "grain_amplitude_m": "steep bumps lose light",
+              "subsurface_weight": "snow under the surface absorbs"}
+    most = max(causes, key=lambda k: float(curve({**surface, k: 0.0})[1][-1]))
+    return causes[most], most

@@ -1,0 +1,156 @@
+"""Textures: right means and colours on the ground, no repeats, every map where it belongs, clear refusals."""
+
+from __future__ import annotations
+
+import bpy
+import numpy as np
+import pytest
+from icymoon.benchmarks.furnace import albedo as furnace
+from icymoon.benchmarks.furnace import plane, radiance
+from icymoon.errors import IcyMoonError
+from icymoon.labels import TERRAIN
+from icymoon.nodes import scene as scenes
+from icymoon.nodes.surface import Textured, build_material
+from icymoon.nodes.textures import load_maps
+from icymoon.physics.textures import SETS, SIZE, maps
+from icymoon.render.plan import expand
+from icymoon.settings import check, defaults
+from rendering import complete, empty_scene
+
+
+def png(path, pixels: np.ndarray, float_buffer: bool = False):
+    """Write an image (rows, columns, 3) of values as they stand in the file."""
+    image = bpy.data.images.new("Test", pixels.shape[1], pixels.shape[0], float_buffer=float_buffer)
+    rgba = np.ones((*pixels.shape[:2], 4), np.float32)
+    rgba[..., :3] = pixels
+    image.pixels.foreach_set(rgba.ravel())
+    image.filepath_raw, image.file_format = str(path), "PNG"
+    image.save()
+    bpy.data.images.remove(image)
+    return path
+
+
+def measured(surface: dict, textures: dict, files=None, **view) -> np.ndarray:
+    """What a white furnace measures on a textured surface."""
+    settings = {**defaults()["surface"], "grain_amplitude_m": 0.0, "specular": 0.0,
+                **check({"surface": surface}, "test").get("surface", {})}
+    described = {**defaults()["textures"], **check({"textures": textures}, "test")["textures"]}
+    return furnace(lambda: build_material("Test", settings, 1, TERRAIN,
+                                          Textured(described, load_maps(described, files or {}))), **view)
+
+
+@pytest.mark.parametrize("name", SETS)
+def test_the_sets_go_on_beyond_their_edges(name):
+    found = maps(name)
+    for values in (found.albedo, found.roughness, found.height):
+        assert values.shape == (SIZE, SIZE)
+        assert np.isfinite(values).all()
+        across = np.abs(np.diff(values, axis=1)).mean()
+        edge = np.abs(values[:, 0] - values[:, -1]).mean()
+        assert edge < 2.0 * across  # the step from the last column to the first is one like the others
+    assert found.albedo.mean() == pytest.approx(1.0, abs=1e-6)
+    assert 0.0 <= found.roughness.min() <= found.roughness.max() <= 1.0
+    assert (found.height.min(), found.height.max()) == (0.0, 1.0)
+
+
+@pytest.mark.parametrize("repeat", ["TURNED", "SHIFTED", "PLAIN"])
+def test_a_texture_leaves_the_mean_albedo_as_it_is(repeat):
+    # Blending keeps the mean (it is taken out and put back); 4 m are eight images across, cut off at no edge.
+    found = measured({"albedo": 0.6}, {"set": "GRAINS", "repeat": repeat, "width_m": 0.25, "height_m": 0.0}, view_m=4.0)
+    assert found == pytest.approx(0.6, rel=0.02)
+
+
+def test_colour_is_read_as_what_it_is(tmp_path):
+    # An even image of sRGB (0.8, 0.5, 0.2), whose linear values are known.
+    linear = ((np.array([0.8, 0.5, 0.2]) + 0.055) / 1.055) ** 2.4
+    path = png(tmp_path / "a.png", np.broadcast_to([0.8, 0.5, 0.2], (8, 8, 3)))
+    found = measured({"albedo": 0.3}, {"set": "OWN"}, {"albedo": path})
+    assert found == pytest.approx(0.3 * linear / linear.mean(), rel=0.015)
+
+
+def test_an_even_map_of_numbers_is_that_number(tmp_path):
+    path = png(tmp_path / "t.png", np.full((8, 8, 3), 0.4))
+    by_map = measured({"albedo": 1.0}, {"set": "OWN"}, {"transmission": path})
+    by_setting = measured({"albedo": 1.0, "transmission": 0.4}, {"set": "NONE"})
+    assert by_map == pytest.approx(by_setting, rel=0.01)  # 0.4 in 8 bits is 0.4
+
+
+def test_repeats_do_not_show():
+    def periodicity(repeat: str) -> float:
+        """Correlation of the albedo, seen from above, with itself one image width on."""
+        image = seen({"set": "CRACKS", "repeat": repeat, "width_m": 0.5, "height_m": 0.0})
+        a, b = image[:, :-32] - image.mean(), image[:, 32:] - image.mean()
+        return float((a * b).mean() / np.sqrt((a**2).mean() * (b**2).mean()))
+
+    assert periodicity("PLAIN") > 0.7  # cracks are thinner than a pixel: the four samples that see them are random
+    # 128 x 96 pixels hold about 8 x 6 images: chance correlations of a few per cent.
+    assert abs(periodicity("TURNED")) < 0.1
+    assert abs(periodicity("SHIFTED")) < 0.1
+
+
+def seen(textures: dict) -> np.ndarray:
+    """The emission (128, 128) of a flat textured surface 2 m wide, seen from above, as its albedo."""
+    empty_scene()
+    described = {**defaults()["textures"], **check({"textures": textures}, "test")["textures"]}
+    settings = {**defaults()["surface"], "grain_amplitude_m": 0.0, "specular": 0.0, "albedo": 0.5}
+    material = build_material("Test", settings, 1, TERRAIN, Textured(described, load_maps(described, {})))
+    tree = material.node_tree
+    colour = tree.nodes["Snow"].inputs["Base Color"].links[0].from_socket
+    emission = tree.nodes.new("ShaderNodeEmission")
+    tree.links.new(colour, emission.inputs["Color"])
+    tree.links.new(emission.outputs[0], tree.nodes["Surface"].inputs["Surface"])
+    scene = bpy.context.scene
+    scene.render.engine, scene.cycles.samples = "CYCLES", 4
+    plane(scene, "Ground", 0.0, 10.0, material)
+    return radiance(scene, 0.0, 2.0, 128)[..., 0]
+
+
+def test_a_normal_map_tilts_as_it_says(tmp_path):
+    # Normals that lean east by atan(0.5) everywhere: under a Sun in the east the ground is brighter by the cosine.
+    normal = np.array([0.5, 0.0, 1.0]) / np.hypot(0.5, 1.0)
+    path = png(tmp_path / "n.png", np.broadcast_to(0.5 + 0.5 * normal, (8, 8, 3)))
+    empty_scene()
+    described = {**defaults()["textures"], "set": "OWN", "repeat": "PLAIN"}
+    settings = {**defaults()["surface"], "grain_amplitude_m": 0.0, "specular": 0.0, "albedo": 0.5}
+    material = build_material("Test", settings, 1, TERRAIN,
+                              Textured(described, load_maps(described, {"normal": path})))
+    scene = bpy.context.scene
+    scene.render.engine, scene.cycles.samples = "CYCLES", 16
+    plane(scene, "Ground", 0.0, 10.0, material)
+    sun = bpy.data.objects.new("Sun", bpy.data.lights.new("Sun", "SUN"))
+    sun.data.energy, sun.data.angle, sun.rotation_euler = 1.0, 0.0, (0.0, np.radians(45.0), 0.0)  # from the east
+    scene.collection.objects.link(sun)
+    toward = np.array([1.0, 0.0, 1.0]) / np.sqrt(2.0)
+    assert radiance(scene, 0.0, 1.0, 8).mean() == pytest.approx(0.5 / np.pi * float(normal @ toward), rel=0.01)
+
+
+def test_maps_are_the_pair_s_and_missing_ones_are_refused(tmp_path):
+    path = png(tmp_path / "a.png", np.full((8, 8, 3), 0.5))
+    settings = complete({"textures": {"set": "OWN", "albedo_file": str(path)}})
+    scene = empty_scene()
+    built = scenes.build(scene, settings)
+    first = expand(settings, built.extra)[0].id
+    assert not built.edited
+    assert scenes.changed_settings(built, settings) == []
+    png(path, np.full((8, 8, 3), 0.7))
+    assert scenes.changed_settings(built, settings) == ["textures.albedo_file"]
+    built = scenes.build(scene, settings)
+    assert expand(settings, built.extra)[0].id != first
+    count = len(bpy.data.images)
+    scenes.build(scene, settings)
+    assert len(bpy.data.images) == count
+    for bad, word in (("missing.png", r"albedo_file"), (str(tmp_path), r"albedo_file")):
+        with pytest.raises(IcyMoonError, match=word):
+            scenes.build(scene, complete({"textures": {"set": "OWN", "albedo_file": bad}}))
+    (tmp_path / "no.png").write_bytes(b"no image")
+    with pytest.raises(IcyMoonError, match="not an image"):
+        scenes.build(scene, complete({"textures": {"set": "OWN", "albedo_file": str(tmp_path / "no.png")}}))
+    assert len(bpy.data.images) == count
+    scenes.clear(scene)
+    assert not any(image.name.startswith("a.png") for image in bpy.data.images)
+
+
+def test_a_set_of_no_images_is_said():
+    scene = empty_scene()
+    with pytest.raises(IcyMoonError, match=r"textures\.set"):
+        scenes.build(scene, complete({"textures": {"set": "OWN"}}))
