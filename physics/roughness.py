@@ -22,6 +22,7 @@ import numpy as np
 
 from ..errors import IcyMoonError
 from .noise import fade, gradient_noise
+from .statistics import detrended
 
 #: The power law holds from this share of the shortest wavelength to this share of the longest.
 LAW_FROM, LAW_TO = 0.5, 0.3
@@ -30,10 +31,14 @@ MOST_OCTAVES = 48
 _TURN = math.radians(37.0)
 _LAGS_PER_OCTAVE = 6
 _FIT_STEPS = 400
+#: Logarithm of the range of wavelengths, to either side, that counts as all of them.
+_ALL = 40.0
 #: The patch is measured on a grid of this many points per side.
 _SAMPLES = 129
 #: How far an octave's amplitude may be moved to make up for chance in a patch.
-_MOST_CORRECTION = 2.0
+_MOST_CORRECTION = 3.0
+#: So many wavelengths fit into a patch on which an octave's amplitude may be moved by a factor of 2.
+_WAVES = 3.0
 #: Standard deviation of the unit noise; its structure function saturates at twice the square.
 NOISE_DEVIATION = 0.30506
 #: Relief, in standard deviations of the ground so far, over which multifractal weights go from 0 to 1.
@@ -117,14 +122,30 @@ def _fitted(squares: np.ndarray, target: np.ndarray, model: np.ndarray, low: np.
     return squares
 
 
+def _level(hurst: float, lacunarity: float, dimensions: int) -> float:
+    """Square of the factor c with which octaves of amplitude c wavelength^H sum to nu(dx) = dx^H, if none is missing."""
+    octaves = lacunarity ** np.arange(-1, 2 * math.ceil(_ALL / math.log(lacunarity)), dtype=np.float64)
+    octaves /= math.exp(_ALL)
+    lag = lacunarity ** ((np.arange(8) + 0.5) / 8)
+    made = structure(lag[:, None] / octaves, dimensions) @ octaves ** (2 * hurst)
+    return float(np.mean(lag ** (2 * hurst) / made))
+
+
 def amplitudes(wavelength_m: np.ndarray, hurst: float, dimensions: int = 2) -> np.ndarray:
-    """Amplitudes of octaves whose sum has nu(dx) = dx^H, for independent octaves of unit noise."""
+    """Amplitudes of octaves whose sum has nu(dx) = dx^H, for independent octaves of unit noise.
+
+    They are a power of the wavelength, which is what gives the power spectrum its slope of -(2H + 2); but the first two
+    and the last also stand for the waves that are missing beyond them, and are fitted to the law.
+    """
     wavelength_m = np.asarray(wavelength_m, np.float64)
     first, last = LAW_FROM * wavelength_m[-1], max(LAW_TO * wavelength_m[0], LAW_FROM * wavelength_m[-1] * 1.01)
     lag = np.geomspace(first, last, max(2, math.ceil(_LAGS_PER_OCTAVE * math.log2(last / first))))
-    start = wavelength_m ** (2 * hurst)
+    lacunarity = float(wavelength_m[0] / wavelength_m[1]) if len(wavelength_m) > 1 else 2.0
+    squares = _level(hurst, lacunarity, dimensions) * wavelength_m ** (2 * hurst)
+    most = squares.copy()
+    most[[0, min(1, len(most) - 1), -1]] = np.inf
     target, model = lag ** (2 * hurst), structure(lag[:, None] / wavelength_m, dimensions)
-    return np.sqrt(_fitted(start, target, model, 0.0 * start, np.full_like(start, np.inf)))
+    return np.sqrt(_fitted(squares, target, model, squares, most))
 
 
 @dataclass(frozen=True)
@@ -258,6 +279,9 @@ def _adjusted(surface: Rough, size_m: float, baseline: float, at_baseline: float
     """The surface with the amplitudes of its octaves fitted to what the long ones are on the patch."""
     fields, level = _long_octaves(surface, size_m)
     wavelength, long = surface.wavelength_m, len(fields)
+    means = fields.mean(axis=(1, 2))
+    # Roughness is about the mean plane, as it is measured.
+    fields = np.array([detrended(field) for field in fields]).reshape(fields.shape)
     spacing = size_m / (_SAMPLES - 1)
     first, last = LAW_FROM * wavelength[-1], min(LAW_TO * wavelength[0], size_m / 4)
     squares: np.ndarray = surface.amplitude_m**2
@@ -275,14 +299,17 @@ def _adjusted(surface: Rough, size_m: float, baseline: float, at_baseline: float
         model[:, :long] = own
         np.einsum("kii->ki", cross)[...] = 0.0
         target = (at_baseline * (lag / baseline) ** hurst) ** 2
-        low, high = squares / _MOST_CORRECTION**2, squares * _MOST_CORRECTION**2
+        # The shorter the waves, the more of them are on the patch and the less is left to chance.
+        free = np.minimum(1.0 + _WAVES * wavelength / size_m, _MOST_CORRECTION) ** 2
+        free[long:] = 1.0
+        low, high = squares / free, squares * free
         squares = _fitted(squares, target, model, low, high, cross)
         if lag[0] <= baseline <= lag[-1]:
             amplitude = np.sqrt(squares[:long])
             made = model @ squares + np.einsum("kij,i,j->k", cross, amplitude, amplitude)
             squares = squares * math.exp(np.interp(math.log(baseline), np.log(lag), np.log(target / made)))
     amplitude = _rounded(np.sqrt(squares))
-    mean = float(np.einsum("k,kij->", amplitude[:long], fields)) / _SAMPLES**2 if long else 0.0
+    mean = float(amplitude[:long] @ means)
     return Rough(wavelength, amplitude, surface.keys, surface.offsets, surface.multifractality, _rounded(level),
                  float(f"{mean:.9e}"))
 
