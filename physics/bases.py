@@ -1,13 +1,16 @@
 """Noise bases and the fractal sums over their octaves.
 
 The sums are Musgrave's (Ebert et al., "Texturing and Modeling", 3rd ed. 2003, ch. 16), with his offset
-and gain of 1: ``noise(k)`` is octave k at the points, in about [-1, 1], and ``roughness`` the ratio of
-the amplitudes of successive octaves.
+and gain of 1. Each makes a signal of the noise, in about [-1, 1], and sums the signals of the octaves;
+``signal(k)`` is that of octave k at the points and ``roughness`` the ratio of the amplitudes of successive
+octaves. A signal that is held at its mean leaves an octave out, without moving the mean height.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -15,8 +18,7 @@ from .noise import cell_noise, gradient_noise, value_noise
 from .voronoi import distances
 
 Noise = Callable[[np.ndarray, np.ndarray, int], np.ndarray]
-Octaves = Callable[[int], np.ndarray]
-Fractal = Callable[[Octaves, int, float], np.ndarray]
+Octaves = Callable[[int], Any]
 
 
 def _of_distances(function: Callable[[np.ndarray, np.ndarray], np.ndarray]) -> Noise:
@@ -35,59 +37,70 @@ BASES: dict[str, Noise] = {
 }
 
 
-def fbm(noise: Octaves, octaves: int, roughness: float) -> np.ndarray:
-    """Fractional Brownian motion: the plain sum, equally rough everywhere."""
-    total = noise(0)
+@dataclass(frozen=True)
+class Fractal:
+    """A fractal sum: the signal made of an octave's noise, and the sum ``of(signal, octaves, roughness)``."""
+
+    signal: Callable[[np.ndarray], np.ndarray]
+    of: Callable[[Octaves, int, float], Any]
+
+
+def _plain(noise: np.ndarray) -> np.ndarray:
+    return noise
+
+
+def _raised(noise: np.ndarray) -> np.ndarray:
+    return 1.0 + noise
+
+
+def _crested(noise: np.ndarray) -> np.ndarray:
+    return (1.0 - np.abs(noise)) ** 2
+
+
+def added(signal: Octaves, octaves: int, roughness: float) -> Any:
+    """The plain sum: fractional Brownian motion of noise, turbulence of its magnitude."""
+    total = signal(0)
     for k in range(1, octaves):
-        total = total + roughness**k * noise(k)
+        total = total + roughness**k * signal(k)
     return total
 
 
-def multifractal(noise: Octaves, octaves: int, roughness: float) -> np.ndarray:
+def multifractal(signal: Octaves, octaves: int, roughness: float) -> Any:
     """The product of (1 + octave): smooth plains between rough heights."""
-    total = 1.0 + noise(0)
+    total = 1.0 + signal(0)
     for k in range(1, octaves):
-        total = total * (1.0 + roughness**k * noise(k))
+        total = total * (1.0 + roughness**k * signal(k))
     return total
 
 
-def hetero(noise: Octaves, octaves: int, roughness: float) -> np.ndarray:
+def hetero(signal: Octaves, octaves: int, roughness: float) -> Any:
     """Hetero terrain: each octave scaled by the height so far, so that low ground is smooth."""
-    total = 1.0 + noise(0)
+    total = signal(0)
     for k in range(1, octaves):
-        total = total + roughness**k * (1.0 + noise(k)) * total
+        total = total + roughness**k * signal(k) * total
     return total
 
 
-def hybrid(noise: Octaves, octaves: int, roughness: float) -> np.ndarray:
+def hybrid(signal: Octaves, octaves: int, roughness: float) -> Any:
     """Hybrid multifractal: each octave scaled by the one before, so that valleys are smooth at all heights."""
-    total = 1.0 + noise(0)
-    weight = total
+    total = weight = signal(0)
     for k in range(1, octaves):
         weight = np.minimum(weight, 1.0)
-        signal = roughness**k * (1.0 + noise(k))
-        total = total + weight * signal
-        weight = weight * signal
+        part = roughness**k * signal(k)
+        total = total + weight * part
+        weight = weight * part
     return total
 
 
-def ridged(noise: Octaves, octaves: int, roughness: float) -> np.ndarray:
+def ridged(signal: Octaves, octaves: int, roughness: float) -> Any:
     """Ridged multifractal: sharp crests where the noise passes zero, rough near crests only."""
-    signal = (1.0 - np.abs(noise(0))) ** 2
-    total = signal
+    total = part = signal(0)
     for k in range(1, octaves):
-        signal = (1.0 - np.abs(noise(k))) ** 2 * np.clip(signal, 0.0, 1.0)
-        total = total + roughness**k * signal
+        part = signal(k) * np.clip(part, 0.0, 1.0)
+        total = total + roughness**k * part
     return total
 
 
-def turbulence(noise: Octaves, octaves: int, roughness: float) -> np.ndarray:
-    """The sum of magnitudes: rounded lumps with creases between them."""
-    total = np.abs(noise(0))
-    for k in range(1, octaves):
-        total = total + roughness**k * np.abs(noise(k))
-    return total
-
-
-FRACTALS: dict[str, Fractal] = {"FBM": fbm, "MULTIFRACTAL": multifractal, "HYBRID": hybrid, "RIDGED": ridged,
-                                "HETERO": hetero, "TURBULENCE": turbulence}
+FRACTALS: dict[str, Fractal] = {
+    "FBM": Fractal(_plain, added), "MULTIFRACTAL": Fractal(_plain, multifractal), "HYBRID": Fractal(_raised, hybrid),
+    "RIDGED": Fractal(_crested, ridged), "HETERO": Fractal(_raised, hetero), "TURBULENCE": Fractal(np.abs, added)}

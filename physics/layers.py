@@ -26,7 +26,8 @@ _TURN = math.radians(37.0)
 
 @dataclass(frozen=True)
 class Layer:
-    """One layer; build it with :func:`layer`. ``centre`` and ``factor`` bring the sum to metres."""
+    """One layer; build it with :func:`layer`. ``signal_mean`` is what an octave is held at that is left out;
+    ``centre`` and ``factor`` bring the sum to metres."""
 
     basis: str
     fractal: str
@@ -37,30 +38,35 @@ class Layer:
     warp_m: float
     keys: tuple[int, ...]
     offsets: np.ndarray
+    signal_mean: float = 0.0
     centre: float = 0.0
     factor: float = 1.0
 
     def heights(self, x_m: np.ndarray, y_m: np.ndarray, shortest_m: Any = 0.0) -> np.ndarray:
         """Heights in metres; ``x_m`` and ``y_m`` broadcast, ``shortest_m`` is a number or one per point.
 
-        Octaves of the sum that the mesh cannot carry are left out; the layer, if not even its first.
+        Octaves fade out between 1.5 and 1 times ``shortest_m``.
         """
-        shape = np.broadcast_shapes(np.shape(x_m), np.shape(y_m))
-        finest = float(np.min(shortest_m))
-        carried = [self.scale_m / self.lacunarity**k for k in range(self.octaves)]
-        octaves = sum(wavelength > finest for wavelength in carried)
-        if octaves == 0:
-            return np.zeros(shape)
+        shape = np.broadcast_shapes(np.shape(x_m), np.shape(y_m), np.shape(shortest_m))
         if self.warp_m:
             x_m, y_m = self._warped(x_m, y_m)
 
-        def noise(k: int) -> np.ndarray:
-            cos, sin = (f(k * _TURN) / carried[k] for f in (math.cos, math.sin))
-            signal = BASES[self.basis]((cos * x_m + self.offsets[k, 0]) - sin * y_m,
-                                       (sin * x_m + self.offsets[k, 1]) + cos * y_m, self.keys[k])
-            return signal * carried_share(carried[k], shortest_m)
+        def signal(k: int) -> Any:
+            share = carried_share(self.scale_m / self.lacunarity**k, shortest_m)
+            if not np.any(share):
+                return self.signal_mean
+            return self.signal_mean + share * (self.signal(k, x_m, y_m) - self.signal_mean)
 
-        return (FRACTALS[self.fractal](noise, octaves, self.roughness) - self.centre) * self.factor
+        total = FRACTALS[self.fractal].of(signal, self.octaves, self.roughness)
+        return np.broadcast_to((total - self.centre) * self.factor, shape)
+
+    def signal(self, k: int, x_m: np.ndarray, y_m: np.ndarray) -> np.ndarray:
+        """What the fractal makes of octave k of the noise."""
+        wavelength = self.scale_m / self.lacunarity**k
+        cos, sin = math.cos(k * _TURN) / wavelength, math.sin(k * _TURN) / wavelength
+        noise = BASES[self.basis]((cos * x_m + self.offsets[k, 0]) - sin * y_m,
+                                  (sin * x_m + self.offsets[k, 1]) + cos * y_m, self.keys[k])
+        return FRACTALS[self.fractal].signal(noise)
 
     def _warped(self, x_m: np.ndarray, y_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The points moved sideways by noise of the layer's scale and RMS ``warp_m``."""
@@ -79,9 +85,10 @@ def layer(settings: Mapping[str, Any], random: np.random.Generator) -> Layer | N
     parts = {k: settings[k] for k in ("basis", "fractal", "scale_m", "octaves", "lacunarity", "roughness", "warp_m")}
     raw = Layer(**parts, keys=keys, offsets=offsets)
     x, y = random.uniform(-0.5, 0.5, (2, _POINTS)) * (_SPAN * raw.scale_m)
+    mean = float(f"{raw.signal(0, x, y).mean():.9e}")
     sample = raw.heights(x, y)
     deviation = float(sample.std())
     factor = settings["amplitude_m"] / deviation if deviation > 1e-12 else 0.0
     # Ten digits, as sums differ between machines in the last ones.
-    return Layer(**parts, keys=keys, offsets=offsets, centre=float(f"{sample.mean():.9e}"),
+    return Layer(**parts, keys=keys, offsets=offsets, signal_mean=mean, centre=float(f"{sample.mean():.9e}"),
                  factor=float(f"{factor:.9e}"))

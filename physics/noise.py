@@ -3,7 +3,7 @@
 Any points in any order, the same numbers in every Blender, on every machine: integer hashing and
 float64 sums, products and roots only (sines and powers differ between machines in the last bit).
 Source of the method: Perlin, "Improving Noise", SIGGRAPH 2002 (quintic fade); lattice values come
-from a 32-bit integer hash instead of a permutation table, so the lattice has no period.
+from a 32-bit integer hash instead of a permutation table, so the lattice repeats after 2³² cells only.
 
 Where the points crowd on few lattice cells, the cells are hashed once and looked up; where they are
 scattered over many, each point hashes its own. Both ways give the same bits.

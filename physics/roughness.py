@@ -123,7 +123,7 @@ def _fitted(squares: np.ndarray, target: np.ndarray, model: np.ndarray, low: np.
 
 
 def _level(hurst: float, lacunarity: float, dimensions: int) -> float:
-    """Square of the factor c with which octaves of amplitude c wavelength^H sum to nu(dx) = dx^H, if none is missing."""
+    """Square of the factor c for which octaves of amplitude c wavelength^H, none missing, sum to nu(dx) = dx^H."""
     octaves = lacunarity ** np.arange(-1, 2 * math.ceil(_ALL / math.log(lacunarity)), dtype=np.float64)
     octaves /= math.exp(_ALL)
     lag = lacunarity ** ((np.arange(8) + 0.5) / 8)

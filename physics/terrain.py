@@ -42,12 +42,6 @@ class Terrain:
     mantle_length_m: float = 0.0
     mantle_level_m: float = field(default=0.0, repr=False)
 
-    @property
-    def outer_scale_m(self) -> float:
-        """Longest wavelength in metres."""
-        scales = [float(self.base.wavelength_m[0]), *(each.scale_m for each in self.layers)]
-        return max(scales + [self.size_m] * bool(self.landforms))
-
     def heights(self, x_m: Any, y_m: Any, shortest_m: Any = 0.0) -> np.ndarray:
         """Heights in metres at east and north coordinates (arrays that broadcast).
 
@@ -74,11 +68,9 @@ class Terrain:
     def _tile(self, x: np.ndarray, y: np.ndarray, shortest_m: Any) -> np.ndarray:
         total = self._ground(x, y, shortest_m)
         for landform in self.landforms:
-            carried = landform.finest_m >= np.asarray(shortest_m) / 2
-            if landform.finest_m == 0.0 or np.all(carried):
-                total += landform.heights(x, y, shortest_m)
-            elif np.any(carried):
-                total += np.where(carried, landform.heights(x, y, shortest_m), 0.0)
+            share = landform.carried(shortest_m)
+            if np.any(share):
+                total += share * landform.heights(x, y, shortest_m)
         if self.mantle_thickness_m:
             smooth = self._ground(x, y, np.maximum(shortest_m, self.mantle_length_m))
             total += fill(smooth + (self.mantle_level_m - total), self.mantle_thickness_m)
@@ -163,7 +155,9 @@ def advice(settings: Any, shortest_m: float) -> list[str]:
                      "lower terrain.size_m.")
     for topic, make in MAKERS.items():
         landform = make(settings[topic], np.random.default_rng(0), ground["size_m"])
-        if landform and landform.finest_m < shortest_m / 2:
-            notes.append(f"The mesh is too coarse for the {topic} (they need vertices "
-                         f"{landform.finest_m:.2g} m apart), so they are left out; raise terrain.resolution.")
+        share = landform.carried(shortest_m) if landform else 1.0
+        if landform and share < 1.0:
+            notes.append(f"The mesh is too coarse for the {topic} (they need vertices {landform.finest_m / 1.5:.2g} m "
+                         f"apart), so they are {f'{share:.0%} of their height' if share else 'left out'}; raise "
+                         "terrain.resolution.")
     return notes

@@ -10,18 +10,24 @@ from typing import Any
 import numpy as np
 
 from ..noise import gradient_noise
+from ..roughness import carried_share
 
 
 @dataclass(frozen=True)
 class Landform:
     """A height field. ``heights(x_m, y_m, shortest_m)`` takes arrays that broadcast and gives metres.
 
-    ``finest_m`` is the smallest length that a mesh must carry to show it; a mesh that is coarser
-    leaves it out. 0 where the field itself leaves out what is too fine.
+    ``finest_m`` is its smallest length; infinite where the field itself leaves out what is too fine.
     """
 
     finest_m: float
     heights: Callable[[np.ndarray, np.ndarray, Any], np.ndarray]
+
+    def carried(self, shortest_m: Any) -> Any:
+        """Which share of the heights a mesh shows whose shortest wavelength is ``shortest_m``: all where the
+        smallest length spans 1.5 vertex spacings, none where it spans one, so that no step shows in a mesh
+        that gets coarser."""
+        return carried_share(2.0 * self.finest_m, shortest_m)
 
 
 def key_of(random: np.random.Generator) -> int:

@@ -20,7 +20,7 @@ _BEND, _BEND_LENGTH = 0.06, 0.6
 
 
 def make(settings: Mapping[str, Any], random: np.random.Generator, size_m: float) -> Landform | None:
-    """Cracks ``depth_m`` deep and ``width_m`` wide at the level of the ground."""
+    """Cracks ``depth_m`` deep and ``width_m`` wide from edge to edge, with rims over another width to either side."""
     keys = [key_of(random) for _ in range(3)]
     depth, width, rim = settings["depth_m"], settings["width_m"], settings["rim_m"]
     if depth == 0.0 and rim == 0.0:
@@ -38,4 +38,4 @@ def make(settings: Mapping[str, Any], random: np.random.Generator, size_m: float
         outer = np.clip((3.0 - distance) / 2.0, 0.0, 1.0)
         return np.where(distance < 1.0, wall, rim * outer * outer)
 
-    return Landform(width, heights)
+    return Landform(width / 2, heights)

@@ -7,19 +7,23 @@ the width (Pike 1977, for the Moon; a hypothesis for metres on ice). Age makes t
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
 from ...errors import IcyMoonError
+from ..roughness import carried_share
 from ..sizes import PowerLaw
-from .common import Landform
+from .common import Landform, smooth
 
 #: Radii at which the ejecta end.
 _REACH = 3.0
-#: Share of the diameter below which a mesh's shortest wavelength shows a crater.
+#: A crater is a wave of this share of its diameter to a mesh.
 _CARRIED = 0.5
+#: Radii out to which older relief is gone; it is whole again at 1.5.
+_WIPED = 0.8
 
 
 def law(settings: Mapping[str, Any], random: np.random.Generator, size_m: float) -> np.ndarray:
@@ -54,7 +58,7 @@ def profile(r: np.ndarray, depth: Any, rim: Any) -> np.ndarray:
 
 
 def make(settings: Mapping[str, Any], random: np.random.Generator, size_m: float) -> Landform | None:
-    """Craters on the patch, the later ones on the earlier ones."""
+    """Craters on the patch, the smaller ones on the larger ones, whose relief they wipe out."""
     if settings["coverage"] == 0.0:
         return None
     x, y, size, fresh = law(settings, random, size_m)
@@ -62,19 +66,29 @@ def make(settings: Mapping[str, Any], random: np.random.Generator, size_m: float
     reach = _REACH * size / 2
 
     def heights(x_m: np.ndarray, y_m: np.ndarray, shortest_m: Any) -> np.ndarray:
-        shape = np.broadcast_shapes(np.shape(x_m), np.shape(y_m))
-        total = np.zeros(shape)
+        x_m, y_m, shortest_m = np.broadcast_arrays(x_m, y_m, shortest_m)
+        total = np.zeros(x_m.shape)
         near = ((x + reach > x_m.min()) & (x - reach < x_m.max()) & (y + reach > y_m.min())
-                & (y - reach < y_m.max()) & (_CARRIED * size > np.min(shortest_m)))
-        is_grid = total.ndim == 2 and np.shape(x_m) == (1, shape[1]) and np.shape(y_m) == (shape[0], 1)
+                & (y - reach < y_m.max()) & (_CARRIED * size > shortest_m.min()))
         for k in np.flatnonzero(near):
-            if is_grid:
-                window: Any = np.ix_(np.abs(y_m[:, 0] - y[k]) < reach[k], np.abs(x_m[0] - x[k]) < reach[k])
-                dx, dy = x_m[:, window[1][0]] - x[k], y_m[window[0][:, 0]] - y[k]
-            else:
-                window = (np.abs(x_m - x[k]) < reach[k]) & (np.abs(y_m - y[k]) < reach[k])
-                dx, dy = (np.broadcast_to(a, shape)[window] for a in (x_m - x[k], y_m - y[k]))
-            total[window] += profile(np.sqrt(dx * dx + dy * dy) * (2.0 / size[k]), depths[k], rims[k])
+            window = _window(x_m, y_m, x[k], y[k], reach[k])
+            dx, dy = x_m[window] - x[k], y_m[window] - y[k]
+            r = np.sqrt(dx * dx + dy * dy) * (2.0 / size[k])
+            change = profile(r, depths[k], rims[k]) - total[window] * (1.0 - smooth((r - _WIPED) / (1.5 - _WIPED)))
+            total[window] += change * carried_share(_CARRIED * size[k], shortest_m[window])
         return total
 
-    return Landform(0.0, heights)
+    return Landform(math.inf, heights)
+
+
+def _window(x_m: np.ndarray, y_m: np.ndarray, x: float, y: float, reach: float) -> Any:
+    """Index of the points within a square about a centre: of slices, where a grid is seen from its strides."""
+    if x_m.ndim == 2 and x_m.strides[0] == 0 and y_m.strides[1] == 0:
+        return _span(y_m[:, 0], y - reach, y + reach), _span(x_m[0], x - reach, x + reach)
+    return (np.abs(x_m - x) < reach) & (np.abs(y_m - y) < reach)
+
+
+def _span(axis: np.ndarray, low: float, high: float) -> slice:
+    """The slice that holds all values of ``axis``, in any order, between two bounds."""
+    inside = np.flatnonzero((axis > low) & (axis < high))
+    return slice(inside[0], inside[-1] + 1) if inside.size else slice(0)

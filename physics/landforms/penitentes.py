@@ -18,41 +18,56 @@ import numpy as np
 from ..noise import hashed, uniform
 from .common import Landform, key_of, smooth, turned, wandering
 
-#: Sideways wandering of the rows, in spacings.
-_WANDER = 0.3
-#: Furthest the crest leans from the middle of its blade, in spacings.
-_MOST_LEAN = 0.35
+#: Sideways wandering of the rows, in spacings, over wavelengths of so many blade lengths.
+_WANDER, _WANDER_LENGTH = 0.5, 1.2
+#: Furthest a row's crest is beside the middle between its troughs by chance, and with its lean, in spacings.
+_ASTRAY, _MOST_LEAN = 0.12, 0.35
+#: How much lower the lowest blade is than the tallest, as a share of the variation.
+_LOWER = 0.5
+#: Teeth of a crest: how deep, as a share of the variation, and how long, in blade lengths.
+_TEETH, _TOOTH = 0.4, 0.25
 
 
 def make(settings: Mapping[str, Any], random: np.random.Generator, size_m: float) -> Landform | None:
     """Penitentes of the stated height, crest to trough, above the ground."""
-    keys = [key_of(random) for _ in range(3)]
+    keys = [key_of(random) for _ in range(7)]
     height, spacing = settings["height_m"], settings["spacing_m"]
     if height == 0.0:
         return None
     length = spacing * settings["elongation"]
     sharpness, variation = settings["sharpness"], settings["variation"]
     lean = math.tan(math.radians(settings["lean_deg"])) * height / spacing
-    lean = min(lean, _MOST_LEAN)
+    lean = min(lean, _MOST_LEAN - _ASTRAY)
+
+    def chance(place: np.ndarray, row: np.ndarray, key: int) -> np.ndarray:
+        """Random numbers in [0, 1] along each row, smooth between whole places."""
+        first = np.floor(place)
+        index = first.astype(np.int64)
+        low, high = (uniform(hashed(index + k, row, key)) for k in (0, 1))
+        return low + (place - first) * (high - low)
 
     def crest(along: np.ndarray, row: np.ndarray) -> np.ndarray:
-        """Height of the crest line, 0 to 1: spikes of random height with saddles between them."""
-        shifted = along / length + 17.0 * uniform(hashed(row, np.int64(0) * row, keys[0]))
-        spike = np.floor(shifted)
-        here = shifted - spike
-        index = spike.astype(np.int64)
-        low, high = (uniform(hashed(index + k, row, keys[1])) for k in (0, 1))
-        tall = 1.0 - variation * (low + smooth(here) * (high - low))
-        return tall * (1.0 - variation * 4.0 * here * (1.0 - here))
+        """Height of the crest line, 0 to 1: blades of random height, toothed, with a notch where one ends."""
+        place = along / length + 17.0 * uniform(hashed(row, np.int64(0) * row, keys[0]))
+        tall = 1.0 - _LOWER * variation * chance(place, row, keys[1])
+        toothed = 1.0 - _TEETH * variation * chance(place / _TOOTH, row, keys[2])
+        # Half way between whole places, where the heights are drawn, is an end: a notch of random depth.
+        depth = uniform(hashed(np.floor(place + 0.5).astype(np.int64), row, keys[3]))
+        end = 1.0 - 2.0 * np.abs(place - np.floor(place + 0.5))
+        return tall * toothed * (1.0 - variation * (1.0 - 0.6 * depth) * end)
 
     def heights(x_m: np.ndarray, y_m: np.ndarray, shortest_m: Any) -> np.ndarray:
         across, along = turned(x_m, y_m, settings["noon_azimuth_deg"])
-        place = across / spacing + _WANDER * wandering(along / length, across / (3.0 * spacing), keys[2])
+        u, v = along / (_WANDER_LENGTH * length), across / (_WANDER_LENGTH * length)
+        place = across / spacing + _WANDER * wandering(u, v, keys[4]) + 0.5 * _WANDER * wandering(
+            2.3 * u, 2.3 * v, keys[5])
         row = np.floor(place + 0.5)
-        offset = place - row - lean
-        distance = np.where(offset > 0.0, offset / (0.5 - lean), -offset / (0.5 + lean))  # 0 crest, 1 trough
+        index = row.astype(np.int64)
+        middle = lean + _ASTRAY * (2.0 * uniform(hashed(index, np.int64(0) * index, keys[6])) - 1.0)
+        offset = place - row - middle
+        distance = np.where(offset > 0.0, offset / (0.5 - middle), -offset / (0.5 + middle))  # 0 crest, 1 trough
         rounded = 1.0 - smooth(distance)
         blade = rounded + sharpness * ((1.0 - distance) ** 2 - rounded)
-        return height * blade * crest(along, row.astype(np.int64))
+        return height * blade * crest(along, index)
 
     return Landform(spacing / 2, heights)

@@ -7,7 +7,6 @@ Images resolve no narrower ones, so ridges of metres are a hypothesis of scale.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -64,7 +63,3 @@ def make(settings: Mapping[str, Any], random: np.random.Generator, size_m: float
 
     return Landform(width * min(_CREST, 1 - _CREST) / 2, heights)
 
-
-def steepest_deg(height_m: float, width_m: float) -> float:
-    """Steepest slope of a ridge's outer flank in degrees."""
-    return math.degrees(math.atan(1.25 * height_m / ((1 - _CREST) * width_m / 2)))
