@@ -17,7 +17,7 @@ import numpy as np
 from .landforms import MAKERS, Landform
 from .layers import Layer, layer
 from .mantle import fill
-from .roughness import LAW_FROM, LAW_TO, Rough, rough
+from .roughness import LAW_FROM, LAW_TO, Rough, amplitudes, carried_share, rough, structure, wavelengths_m
 from .seeds import generator
 
 #: Points worked on at a time, so that what is in hand stays in the processor's cache.
@@ -26,6 +26,8 @@ _TILE = 128
 _SAMPLES = 65
 #: RMS slope above which extrapolated roughness is called absurd, degrees.
 _ABSURD_DEG = 50.0
+#: Share of the RMS deviation that a mesh may lose without a word.
+_MOST_LOST = 0.1
 
 
 @dataclass(frozen=True)
@@ -136,6 +138,16 @@ def law_range_m(ground: Any) -> tuple[float, float]:
     return LAW_FROM * ground["inner_scale_m"], LAW_TO * ground["outer_scale_m"]
 
 
+def _lost(ground: Any, shortest_m: float) -> float:
+    """Share of the stated RMS deviation at three times the shortest wavelength that a mesh carries which it loses."""
+    wavelength = wavelengths_m(ground)
+    lag = 3 * shortest_m
+    if not LAW_FROM * wavelength[-1] <= lag <= LAW_TO * wavelength[0]:
+        return 0.0
+    squares = amplitudes(wavelength, ground["hurst"]) ** 2 * structure(lag / wavelength)
+    return 1.0 - math.sqrt(carried_share(wavelength, shortest_m) ** 2 @ squares / squares.sum())
+
+
 def advice(settings: Any, shortest_m: float) -> list[str]:
     """What a person should know about described ground on a mesh whose shortest wavelength is ``shortest_m``.
 
@@ -149,6 +161,10 @@ def advice(settings: Any, shortest_m: float) -> list[str]:
         notes.append(f"With a Hurst exponent of {ground['hurst']:g}, {ground['rms_slope_deg']:g} degrees at "
                      f"{ground['slope_baseline_m']:g} m become {steep:.0f} degrees at {finest:.2g} m, which no ice "
                      "holds; raise terrain.hurst or terrain.inner_scale_m.")
+    lost = _lost(ground, shortest_m)
+    if slope and lost > _MOST_LOST:
+        notes.append(f"The mesh carries no wave under {shortest_m:.2g} m, so that the ground is {lost:.0%} smoother than "
+                     f"stated at {3 * shortest_m:.2g} m; raise terrain.resolution or terrain.inner_scale_m.")
     if slope and ground["outer_scale_m"] <= shortest_m:
         notes.append(f"The mesh carries no wave under {shortest_m:.3g} m, and the longest is terrain.outer_scale_m, "
                      f"{ground['outer_scale_m']:g} m: the ground is flat. Raise terrain.resolution or "

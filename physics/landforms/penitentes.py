@@ -66,6 +66,9 @@ def make(settings: Mapping[str, Any], random: np.random.Generator, size_m: float
         middle = lean + _ASTRAY * (2.0 * uniform(hashed(index, np.int64(0) * index, keys[6])) - 1.0)
         offset = place - row - middle
         distance = np.where(offset > 0.0, offset / (0.5 - middle), -offset / (0.5 + middle))  # 0 crest, 1 trough
+        # A mesh cannot carry an edge: it is as round as the mesh is coarse, or it would show as a saw.
+        edge = np.asarray(shortest_m) / spacing
+        distance = (np.hypot(distance, edge) - edge) / (np.hypot(1.0, edge) - edge)
         rounded = 1.0 - smooth(distance)
         blade = rounded + sharpness * ((1.0 - distance) ** 2 - rounded)
         return height * blade * crest(along, index)

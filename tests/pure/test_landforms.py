@@ -1,0 +1,316 @@
+"""Every landform against the law that its settings state."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from icymoon.errors import IcyMoonError
+from icymoon.physics.landforms import MAKERS, Landform, craters, ridges
+from icymoon.physics.mantle import fill
+from icymoon.physics.terrain import terrain
+from icymoon.settings import defaults, merged
+
+
+def _made(topic: str, seed: int = 1, size_m: float = 20.0, **changes: object) -> Landform:
+    made = MAKERS[topic](merged(defaults(), {topic: changes})[topic], np.random.default_rng(seed), size_m)
+    assert made is not None
+    return made
+
+
+def _grid(landform: Landform, size_m: float, n: int, shortest_m: float = 0.0) -> tuple[np.ndarray, float]:
+    """Heights on a grid (row: north, column: east), and its spacing."""
+    axis = np.linspace(-size_m / 2, size_m / 2, n)
+    return np.array(landform.heights(axis[None, :], axis[:, None], shortest_m)), axis[1] - axis[0]
+
+
+def _turned(landform: Landform, azimuth_deg: float, size_m: float, n: int) -> tuple[np.ndarray, float]:
+    """The same along (row) and to the right of (column) an azimuth."""
+    axis = np.linspace(-size_m / 2, size_m / 2, n)
+    right, along = np.meshgrid(axis, axis)
+    sin, cos = math.sin(math.radians(azimuth_deg)), math.cos(math.radians(azimuth_deg))
+    return landform.heights(sin * along + cos * right, cos * along - sin * right, 0.0), axis[1] - axis[0]
+
+
+def test_every_landform_is_off_until_it_is_asked_for():
+    assert [make(defaults()[topic], np.random.default_rng(0), 20.0) for topic, make in MAKERS.items()] == [None] * 6
+
+
+# --- penitentes -------------------------------------------------------------------------------------------------------
+
+@pytest.mark.parametrize("azimuth", [0.0, 40.0, 180.0])
+@pytest.mark.parametrize("spacing", [0.7, 1.5])
+def test_rows_of_penitentes_have_the_stated_spacing_across_the_noon_sun(azimuth, spacing):
+    made = _made("penitentes", height_m=1.0, spacing_m=spacing, noon_azimuth_deg=azimuth, variation=0.3)
+    heights, step = _turned(made, azimuth, 40.0, 641)
+
+    def spectrum(axis: int) -> np.ndarray:
+        lines = heights - heights.mean()
+        window = np.hanning(len(lines))
+        lines = lines * (window[:, None] if axis == 0 else window[None, :])
+        return (np.abs(np.fft.rfft(lines, axis=axis)) ** 2).mean(axis=1 - axis)
+
+    waves = np.fft.rfftfreq(641, step)
+    toward, along = spectrum(0), spectrum(1)
+    band = (waves > 0.5 / spacing) & (waves < 1.5 / spacing)
+    centre = np.average(waves[band], weights=toward[band])
+    # Rows wander by half a spacing, which smears the line but does not move its centre.
+    assert centre == pytest.approx(1 / spacing, rel=0.05)
+    assert toward[band].sum() > 3 * along[band].sum()
+
+
+def test_penitentes_stand_at_the_stated_height_on_concave_walls():
+    for sharpness in (0.0, 0.5, 1.0):
+        heights, _ = _grid(_made("penitentes", height_m=2.0, spacing_m=1.0, sharpness=sharpness, variation=0.0),
+                           10.0, 501)
+        assert heights.max() == pytest.approx(2.0, rel=0.02)  # a vertex is up to 1 cm from a crest
+        assert heights.min() == pytest.approx(0.0, abs=1e-3)
+        # The mean of a smooth step is 1/2, of a parabola between edges 1/3.
+        assert heights.mean() == pytest.approx(2.0 * (1 / 2 - sharpness / 6), rel=0.03)
+    broken, _ = _grid(_made("penitentes", height_m=2.0, variation=0.9), 10.0, 401)
+    assert 1.0 < broken.max() <= 2.0
+    assert broken.mean() < 0.6 * heights.mean()
+
+
+@pytest.mark.parametrize("azimuth", [0.0, 250.0])
+@pytest.mark.parametrize("lean", [0.0, 5.0, 20.0])
+def test_blades_lean_toward_the_noon_sun(azimuth, lean):
+    made = _made("penitentes", height_m=2.0, spacing_m=1.5, variation=0.0, noon_azimuth_deg=azimuth, lean_deg=lean)
+    heights, _ = _turned(made, azimuth, 24.0, 801)
+    rising = np.mean(np.diff(heights, axis=0) > 0)  # on the way toward noon
+    # The crest is shifted by tan(lean) height over spacing, of which a height field shows at most 0.23.
+    expected = 0.5 + min(math.tan(math.radians(lean)) * 2.0 / 1.5, 0.23)
+    assert rising == pytest.approx(expected, abs=0.025)
+
+
+def test_a_coarse_mesh_gets_rounder_blades_not_saws():
+    made = _made("penitentes", height_m=2.0, spacing_m=1.0, variation=0.0)
+    fine, coarse = (_grid(made, 10.0, 501, shortest)[0] for shortest in (0.0, 0.3))
+    assert np.abs(np.diff(coarse, 2, axis=0)).max() < 0.5 * np.abs(np.diff(fine, 2, axis=0)).max()
+    assert coarse.max() == pytest.approx(2.0, rel=0.02)
+
+
+# --- double ridges ----------------------------------------------------------------------------------------------------
+
+def test_the_profile_of_a_double_ridge():
+    place = np.linspace(-1.2, 1.2, 2401)
+    heights = ridges.profile(place, 0.4)
+    assert heights[1200] == pytest.approx(0.6)  # the trough is 0.4 deep
+    assert heights.max() == pytest.approx(1.0)
+    assert np.allclose(np.abs(place[heights > 0.9999]), 0.4, atol=1e-3)  # two crests
+    assert np.all(heights[np.abs(place) >= 1.0] == 0.0)
+    assert np.abs(np.diff(heights)).max() < 0.01  # no steps
+    assert np.allclose(heights, heights[::-1])
+
+
+@pytest.mark.parametrize("azimuth", [0.0, 60.0])
+def test_ridges_have_the_stated_height_trough_width_and_direction(azimuth):
+    made = _made("ridges", height_m=0.5, width_m=2.0, spacing_m=6.0, trough=0.4, sets=1, azimuth_deg=azimuth,
+                 spread_deg=0.0)
+    heights, step = _turned(made, azimuth, 80.0, 1201)
+    assert heights.max() == pytest.approx(0.5, rel=0.01)
+    middle = heights[len(heights) // 2]
+    starts, ends = np.flatnonzero(np.diff((middle > 0).astype(int)) == 1), np.flatnonzero(
+        np.diff((middle > 0).astype(int)) == -1)
+    ends = ends[ends > starts[0]]
+    widths = (ends[:len(starts)] - starts[:len(ends)]) * step
+    # Ridges wander by 0.12 spacings over 2.5: a cut square to the mean direction is up to a tenth longer or shorter.
+    assert np.allclose(widths, 2.0, rtol=0.12)
+    assert len(starts) == pytest.approx(80 / 6, abs=1.5)
+    for start, end in zip(starts, ends, strict=False):
+        across = middle[start:end]
+        trough = across[len(across) // 4:-len(across) // 4].min()
+        assert trough == pytest.approx(0.5 * (1 - 0.4), rel=0.06)
+    along, right = (np.square(np.diff(heights, axis=k)).mean() for k in (0, 1))
+    assert right > 10 * along
+
+
+def test_young_ridges_bury_old_ones_instead_of_standing_on_them():
+    one, many = (_grid(_made("ridges", height_m=1.0, width_m=3.0, spacing_m=4.0, sets=sets), 60.0, 601)[0]
+                 for sets in (1, 6))
+    assert many.max() < 1.1 * one.max()
+    assert many.min() >= 0.0
+    assert np.mean(many > 0) > np.mean(one > 0)
+
+
+# --- cracks -----------------------------------------------------------------------------------------------------------
+
+def test_cracks_have_the_stated_depth_width_and_rims():
+    made = _made("cracks", depth_m=0.5, width_m=0.2, rim_m=0.1, plate_m=3.0)
+    heights, step = _grid(made, 30.0, 1001)
+    assert heights.min() == pytest.approx(-0.5, rel=0.02)
+    assert heights.max() == pytest.approx(0.1, rel=0.01)
+    # Random cells have 2 m of edge per square metre and root density (Meijering 1953: Poisson points), somewhat less
+    # where each square has one point. A crack is as wide as stated and its rims reach one width further; less at corners.
+    inside = np.mean(_grid(_made("cracks", depth_m=0.5, width_m=0.2, plate_m=3.0), 30.0, 1001)[0] < 0)
+    assert inside == pytest.approx(0.2 * 2.0 / 3.0, rel=0.12)
+    touched = np.mean(heights != 0)
+    assert touched / inside == pytest.approx(2.85, rel=0.06)
+    # No steps, also where three cracks meet: a smooth step of 0.6 m over half a width is at most 1.5 times as steep
+    # as a straight one, and bending brings neighbouring places up to half as close again.
+    steepest = 1.5 * 0.6 / 0.1 * 1.5
+    assert max(np.abs(np.diff(heights, axis=k)).max() for k in (0, 1)) < steepest * step
+
+
+def test_long_plates_make_sub_parallel_cracks():
+    made = _made("cracks", depth_m=0.5, width_m=0.2, plate_m=1.5, elongation=8.0, azimuth_deg=30.0)
+    heights, _ = _turned(made, 30.0, 40.0, 1001)
+    along, right = (np.square(np.diff(heights, axis=k)).mean() for k in (0, 1))
+    assert right > 5 * along
+    assert np.mean(heights < -0.25) > 0.05
+
+
+# --- chaos ------------------------------------------------------------------------------------------------------------
+
+def test_plates_stand_at_the_stated_share_and_relief():
+    for share in (0.0, 0.3, 1.0):
+        heights, _ = _grid(_made("chaos", relief_m=0.5, plate_m=4.0, plate_share=share, gap_m=0.0, tilt_deg=0.0),
+                           160.0, 601)
+        # 1600 plates: a standard error of 0.012.
+        assert np.mean(heights > 0) == pytest.approx(share, abs=0.04)
+        assert heights.min() == pytest.approx(0.0, abs=1e-6)
+    tops = heights[heights > 0.25]
+    assert heights.max() == pytest.approx(0.5, rel=0.01)
+    # Tops are even between half the relief and all of it; scarps below that.
+    assert np.mean(tops > 0.375) == pytest.approx(0.5, abs=0.06)
+
+
+def test_plates_are_tilted_as_stated_between_gaps_and_a_lumpy_matrix():
+    heights, step = _grid(_made("chaos", relief_m=0.1, plate_m=4.0, plate_share=1.0, gap_m=0.0, tilt_deg=10.0),
+                          80.0, 1001)
+    slopes = np.stack(np.gradient(heights, step))
+    flat = np.abs(np.gradient(slopes[0], step)[0]) < 0.05  # tops, not scarps
+    # Uniform between -10 and 10 degrees' slope; the bending of the plates stretches it by up to a sixth.
+    expected = math.tan(math.radians(10.0)) / math.sqrt(3)
+    assert slopes[0][flat].std() == pytest.approx(expected, rel=0.2)
+    wide, narrow = (np.mean(_grid(_made("chaos", relief_m=0.1, plate_share=1.0, gap_m=gap, tilt_deg=0.0), 80.0, 1001)[0]
+                            == 0) for gap in (0.4, 0.2))
+    assert narrow == pytest.approx(0.2 * 2.0 / 4.0, rel=0.15)  # gap times edges per area
+    assert wide == pytest.approx(2 * narrow, rel=0.1)
+    matrix, _ = _grid(_made("chaos", relief_m=0.0, plate_share=0.0, matrix_m=0.3), 120.0, 601)
+    assert matrix.std() == pytest.approx(0.3, rel=0.05)
+
+
+# --- hollows ----------------------------------------------------------------------------------------------------------
+
+def test_hollows_have_the_stated_depth_and_number():
+    heights, _ = _grid(_made("hollows", depth_m=0.2, diameter_m=1.0), 30.0, 1001)
+    assert heights.max() == pytest.approx(0.0, abs=2e-3)
+    assert heights.min() == pytest.approx(-0.2, rel=0.02)
+    inner = heights[1:-1, 1:-1]
+    lowest = np.ones(inner.shape, bool)
+    for i in (-1, 0, 1):
+        for j in (-1, 0, 1):
+            if i or j:
+                lowest &= inner < heights[1 + i:1 + i + inner.shape[0], 1 + j:1 + j + inner.shape[1]]
+    # One hollow per square diameter; those whose point is in the wrong place lie at the edge of the grid.
+    assert lowest.sum() == pytest.approx(30.0**2, rel=0.05)
+    assert np.mean(inner[lowest] < -0.6 * 0.2 + 5e-3) > 0.97  # the shallowest is 0.6 as deep
+
+
+def test_hollows_can_be_long():
+    heights, _ = _turned(_made("hollows", depth_m=0.2, diameter_m=0.5, elongation=6.0, azimuth_deg=75.0), 75.0, 20.0, 801)
+    along, right = (np.square(np.diff(heights, axis=k)).mean() for k in (0, 1))
+    assert right > 5 * along
+
+
+# --- craters ----------------------------------------------------------------------------------------------------------
+
+def test_the_profile_of_a_crater():
+    r = np.linspace(0, 3.5, 3501)
+    heights = craters.profile(r, 0.2, 0.04)
+    assert heights[0] == pytest.approx(0.04 - 0.2)
+    assert heights.max() == pytest.approx(0.04)
+    assert r[np.argmax(heights)] == pytest.approx(1.0, abs=1e-3)
+    assert np.all(heights[r >= 3] == 0)
+    assert heights[2000] == pytest.approx(0.04 * (1 / 8 - 1 / 27) / (1 - 1 / 27))  # ejecta thin as the cube
+    assert np.abs(np.diff(heights)).max() < 0.001
+
+
+def _law(**changes: object) -> tuple[np.ndarray, dict]:
+    settings = merged(defaults(), {"craters": changes})["craters"]
+    return craters.law(settings, np.random.default_rng(3), 100.0), settings
+
+
+@pytest.mark.parametrize("index", [1.5, 2.0, 3.5])
+def test_crater_sizes_follow_the_truncated_power_law(index):
+    (_, _, size, fresh), settings = _law(coverage=0.2, smallest_m=0.4, largest_m=5.0, power_index=index, freshness=0.3,
+                                         most=50_000)
+    assert size.min() >= 0.4
+    assert size.max() <= 5.0
+    assert np.all(np.diff(size) <= 0)
+    low, high = 0.4**-index, 5.0**-index
+    smaller = (low - np.sort(size)**-index) / (low - high)  # the law's distribution function, should be even
+    even = (np.arange(len(size)) + 0.5) / len(size)
+    # Kolmogorov-Smirnov at the 0.1 % level.
+    assert np.abs(smaller - even).max() < 1.95 / math.sqrt(len(size))
+    area = (100.0 + 3.0 * 5.0) ** 2
+    scatter = math.sqrt(np.square(size**2).sum()) / np.sum(size**2)  # of a sum of so many areas
+    assert math.pi / 4 * np.sum(size**2) / area == pytest.approx(0.2, rel=4 * scatter)
+    assert fresh.min() >= 0.3
+    assert fresh.max() <= 1.0
+
+
+def test_a_crater_is_as_deep_as_stated_and_the_small_wipe_out_the_large():
+    changes = {"coverage": 0.15, "smallest_m": 1.0, "largest_m": 4.0, "freshness": 0.5, "depth_ratio": 0.2,
+               "rim_ratio": 0.05}
+    made = _made("craters", seed=3, size_m=100.0, **changes)
+    (x, y, size, fresh), _ = _law(**changes)
+    checked = 0
+    for k in range(len(x)):
+        later = slice(k + 1, None)
+        # Those that no later crater reaches.
+        if np.all(np.hypot(x[later] - x[k], y[later] - y[k]) > 1.5 * size[later] + size[k]):
+            angle = np.linspace(0, 2 * math.pi, 8)
+            centre = made.heights(x[k:k + 1], y[k:k + 1], 0.0)[0]
+            assert centre == pytest.approx((0.05 - 0.2) * size[k] * fresh[k], abs=1e-12)
+            if np.all(np.hypot(x[:k] - x[k], y[:k] - y[k]) > 1.5 * size[:k] + size[k] / 2):
+                rim = made.heights(x[k] + size[k] / 2 * np.cos(angle), y[k] + size[k] / 2 * np.sin(angle), 0.0)
+                assert np.allclose(rim, 0.05 * size[k] * fresh[k])
+                checked += 1
+    assert checked > 20
+
+
+def test_craters_that_cannot_be():
+    with pytest.raises(IcyMoonError, match=r"craters\.smallest_m"):
+        _law(coverage=0.1, smallest_m=5.0, largest_m=1.0)
+    with pytest.raises(IcyMoonError, match=r"craters\.most"):
+        _law(coverage=0.5, smallest_m=0.01)
+
+
+# --- mantle -----------------------------------------------------------------------------------------------------------
+
+def test_the_law_of_the_snow():
+    below = np.linspace(-1.0, 3.0, 4001)
+    snow = fill(below, 0.5)
+    assert np.all(snow[below <= 0] == 0.0)  # nothing on heights
+    assert np.all(snow[below >= 1.0] == 0.5)  # the stated thickness in deep hollows
+    assert np.all(snow <= np.maximum(below, 0.0))  # never above the surroundings
+    assert np.all(np.diff(snow) >= 0)
+    assert np.all(np.diff(below - snow) >= 0)  # what was lower stays lower
+    assert np.allclose(fill(below, 1e9), np.maximum(below, 0.0))  # all the snow there is fills to the brim
+    assert np.all(fill(below, 0.0) == 0.0)
+    # Snow starts with a crease, but where it gets as thick as it can there is none: its curvature is at most 1/2T.
+    assert np.abs(np.diff(snow, 2))[below[1:-1] > 0.01].max() < 1.01e-6 / (2 * 0.5)
+
+
+@pytest.mark.parametrize("thickness", [0.05, 0.5, 1000.0])
+def test_snow_fills_hollows_and_never_raises_a_ridge(thickness):
+    parts = {"terrain": {"rms_slope_deg": 20.0}, "ridges": {"height_m": 0.6, "sets": 1}}
+    bare, mantled = (terrain(merged(defaults(), parts, {"mantle": {"thickness_m": t, "length_m": 2.0}}), 1)
+                     for t in (0.0, thickness))
+    axis = np.linspace(-10, 10, 401)
+    before, after = (ground.heights(axis[None, :], axis[:, None]) for ground in (bare, mantled))
+    snow = after - before
+    assert snow.min() >= -1e-12
+    assert snow.max() <= thickness + 1e-12
+    assert snow.max() > min(0.9 * thickness, 0.2)
+    # What stands out of the 2 m around it.
+    sums = np.pad(before, ((1, 0), (1, 0))).cumsum(axis=0).cumsum(axis=1)
+    around = (sums[40:, 40:] - sums[:-40, 40:] - sums[40:, :-40] + sums[:-40, :-40]) / 40**2
+    above = before[20:-19, 20:-19] - around
+    crests = above > np.quantile(above, 0.97)
+    assert np.mean(snow[20:-19, 20:-19][crests] == 0.0) > 0.95
+    rough_before, rough_after = (np.abs(np.diff(z, 2, axis=0)).mean() for z in (before, after))
+    assert rough_after < rough_before
