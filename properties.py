@@ -146,8 +146,8 @@ TERRAIN = Topic("terrain", "Terrain", "Shape of the ground as a random surface w
             "Shortest wavelength; the roughness law holds down to half of it and the ground is smooth below. "
             "What two vertex spacings do not carry is left out of the mesh", "geometry"),
     Setting("lacunarity", "Lacunarity", 2.0,
-            "Ratio of wavelengths of successive octaves; above 2.5 the roughness law shows steps", "geometry", "1",
-            1.2, 4.0, (1.5, 3.0)),
+            "Largest ratio of wavelengths of successive octaves, which are spaced evenly from the largest feature to "
+            "the smallest; above 2.5 the roughness law shows steps", "geometry", "1", 1.2, 4.0, (1.5, 3.0)),
     _degrees("regional_slope_deg", "Regional Slope", 0.0, 0.0, 60.0,
              "Slope of the patch as a whole, as on the flank of a ridge; not part of the ruggedness", "geometry",
              (0.0, 30.0)),

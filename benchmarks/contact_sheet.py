@@ -28,7 +28,8 @@ from icymoon.stereo.exr import read_view
 SHEET = Path(__file__).resolve().parents[1] / "docs" / "images" / "terrains.png"
 #: From the edge of the patch over all of it.
 VIEW = {"rig": {"width_px": 320, "height_px": 200, "y_m": -9.0, "height_m": 2.6, "pitch_deg": 20.0},
-        "quality": {"samples": 12, "denoiser": "OIDN"}, "light": {"sun_elevation_deg": 25.0, "sun_azimuth_deg": 300.0}}
+        "terrain": {"resolution": 641}, "quality": {"samples": 8, "denoiser": "OIDN"},
+        "light": {"sun_elevation_deg": 25.0, "sun_azimuth_deg": 300.0}}
 COLUMNS, LABEL_PX = 4, 18
 
 

@@ -13,8 +13,9 @@ from typing import Any
 import numpy as np
 
 from .noise import gradient_noise_3d
-from .roughness import RELIEF_SPAN, amplitudes, carried_share, structure, wavelengths_m
+from .roughness import RELIEF_SPAN, amplitudes, carried_share, wavelengths_m
 from .seeds import generator
+from .structure import structure
 
 _DIMENSIONS = 3
 

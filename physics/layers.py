@@ -16,7 +16,8 @@ import numpy as np
 
 from .bases import BASES, FRACTALS
 from .noise import gradient_noise
-from .roughness import NOISE_DEVIATION, carried_share
+from .roughness import carried_share
+from .structure import NOISE_DEVIATION
 
 #: Points on which a layer's mean and RMS are taken, over a square of this many wavelengths.
 _POINTS, _SPAN = 8192, 64.0

@@ -1,18 +1,18 @@
 """The random surface with a stated RMS deviation: nu(dx) = C dx^H between two cut-offs.
 
-The surface is a sum of noise octaves. Each octave's structure function (mean square difference of
-points r apart) is known in closed form, so the amplitudes whose sum follows the power law are found
-by non-negative fitting: with wavelengths a factor of 2 apart the sum is within 4 % of the law from
-half the shortest wavelength to 0.3 of the longest for H from 0.2 to 1. (Spectral synthesis of a periodic
-patch is not: with a target of 0.9 it gives 0.74, because periodicity flattens the long lags.)
+The surface is a sum of noise octaves, whose amplitudes are a power of their wavelengths, so that the power
+spectrum falls as k^-(2H + 2). The waves missing beyond the cut-offs would bend the law near them, so
+the octaves at the ends are larger, by non-negative fitting of the octaves' structure functions,
+which are known in closed form: the sum is then within 6 % of the law from half the shortest wavelength to 0.3
+of the longest for H from 0.5 to 0.9, within 11 % for H from 0.2 to 1. (Spectral synthesis of a
+periodic patch is not: with a target of 0.9 it gives 0.74, because periodicity flattens the long lags.)
 
-One patch holds only a few of the longest waves, whose height may be anything by chance; the
-long octaves are therefore measured on the patch and the fit is made to what they really are.
+One patch holds only a few of the longest waves, whose height may be anything by chance; the long
+octaves are therefore measured on the patch, about its mean plane, and the fit is made to what they are.
 """
 
 from __future__ import annotations
 
-import functools
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -21,8 +21,9 @@ from typing import Any
 import numpy as np
 
 from ..errors import IcyMoonError
-from .noise import fade, gradient_noise
+from .noise import gradient_noise
 from .statistics import detrended
+from .structure import NOISE_DEVIATION, structure
 
 #: The power law holds from this share of the shortest wavelength to this share of the longest.
 LAW_FROM, LAW_TO = 0.5, 0.3
@@ -39,71 +40,24 @@ _SAMPLES = 129
 _MOST_CORRECTION = 3.0
 #: So many wavelengths fit into a patch on which an octave's amplitude may be moved by a factor of 2.
 _WAVES = 3.0
-#: Standard deviation of the unit noise; its structure function saturates at twice the square.
-NOISE_DEVIATION = 0.30506
 #: Relief, in standard deviations of the ground so far, over which multifractal weights go from 0 to 1.
 RELIEF_SPAN = 4.0
 #: Octaves that add less than this share to the variance no longer change the weights.
 _RELIEF_SHARE = 0.01
 
 
-@functools.cache
-def _kernels() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Lags (n,) and the autocorrelations there of the noise's two one-dimensional kernels.
-
-    Noise is a sum over lattice points of g_x psi(x) phi(y) + g_y phi(x) psi(y), with phi = 1 - fade(|t|) and
-    psi = t phi, so the covariance of the noise is made of the kernels' autocorrelations.
-    """
-    n = 512  # samples per lattice unit
-    t = (np.arange(2 * n) + 0.5) / n - 1.0
-    phi = 1.0 - fade(np.abs(t))
-    of_phi, of_psi = (np.correlate(f, f, "full")[2 * n - 1:] / n for f in (phi, t * phi))
-    return np.arange(2 * n) / n, of_phi, of_psi
-
-
-@functools.cache
-def _structure_table(dimensions: int) -> tuple[np.ndarray, np.ndarray]:
-    """Distances in wavelengths and the structure function of unit noise, averaged over directions."""
-    lag, phi, psi = _kernels()
-    r = np.concatenate([np.linspace(0.02, 1.0, 99), np.linspace(1.02, 3.5, 125)])
-    if dimensions == 2:
-        angle = (np.arange(24) + 0.5) / 24 * math.pi / 2
-        ways = np.stack([np.cos(angle), np.sin(angle)])
-    else:  # Fibonacci points on one octant
-        k = np.arange(400) + 0.5
-        up = 1 - 2 * k / 400
-        turn, out = 2.399963 * k, np.sqrt(1 - up**2)
-        ways = np.abs(np.stack([out * np.cos(turn), out * np.sin(turn), up]))
-    along = r[:, None, None] * ways.T[None]
-    near_phi, near_psi = (np.interp(along, lag, table, right=0.0) for table in (phi, psi))
-
-    def covariance(of_phi: np.ndarray, of_psi: np.ndarray) -> np.ndarray:
-        parts = [np.prod(of_phi, axis=-1) / np.where(of_phi[..., k] == 0, 1, of_phi[..., k]) * of_psi[..., k]
-                 for k in range(dimensions)]
-        return (2.0 / dimensions) * np.sum(parts, axis=0)
-
-    at_zero = covariance(np.full((1, dimensions), phi[0]), np.full((1, dimensions), psi[0]))[0]
-    return r, 2.0 * (at_zero - covariance(near_phi, near_psi).mean(axis=1))
-
-
-def structure(distance: np.ndarray, dimensions: int = 2) -> np.ndarray:
-    """Mean square difference of unit noise at points ``distance`` wavelengths apart."""
-    r, table = _structure_table(dimensions)
-    near = table[0] * (distance / r[0]) ** 2  # the noise is smooth: a parabola at the origin
-    return np.where(distance < r[0], near, np.interp(distance, r, table))
-
-
 def wavelengths_m(terrain: Mapping[str, Any]) -> np.ndarray:
-    """Wavelengths of the octaves, longest first. Raises IcyMoonError where the cut-offs make no sense."""
+    """Wavelengths of the octaves, longest first, from one cut-off to the other: evenly spaced in the logarithm
+    and no further apart than the lacunarity. Raises IcyMoonError where the cut-offs make no sense."""
     outer, inner, lacunarity = (float(terrain[k]) for k in ("outer_scale_m", "inner_scale_m", "lacunarity"))
     if inner > outer:
         raise IcyMoonError(f"terrain.inner_scale_m ({inner:g} m) is longer than terrain.outer_scale_m ({outer:g} m); "
                            "lower the one or raise the other.")
-    count = 1 + round(math.log(outer / inner) / math.log(lacunarity))
-    if count > MOST_OCTAVES:
+    steps = math.ceil(math.log(outer / inner) / math.log(lacunarity) - 1e-6)
+    if steps >= MOST_OCTAVES:
         raise IcyMoonError(f"From terrain.inner_scale_m ({inner:g} m) to terrain.outer_scale_m ({outer:g} m) it takes "
-                           f"{count} octaves, more than {MOST_OCTAVES}; raise terrain.lacunarity or inner_scale_m.")
-    return outer / lacunarity ** np.arange(count)
+                           f"{steps + 1} octaves, more than {MOST_OCTAVES}; raise terrain.lacunarity or inner_scale_m.")
+    return _rounded(outer * (inner / outer) ** (np.arange(steps + 1) / max(steps, 1)))
 
 
 def _fitted(squares: np.ndarray, target: np.ndarray, model: np.ndarray, low: np.ndarray, high: np.ndarray,
@@ -213,7 +167,7 @@ class Rough:
         return total
 
 
-def carried_share(wavelength_m: float, shortest_m: Any) -> Any:
+def carried_share(wavelength_m: Any, shortest_m: Any) -> Any:
     """How much of a wave a mesh carries: 1 down to 1.5 times its shortest wavelength, 0 below that wavelength."""
     shortest_m = np.maximum(shortest_m, 1e-300)
     share = np.clip(2.0 * (wavelength_m / shortest_m) - 2.0, 0.0, 1.0)

@@ -17,8 +17,9 @@ import numpy as np
 from .landforms import MAKERS, Landform
 from .layers import Layer, layer
 from .mantle import fill
-from .roughness import LAW_FROM, LAW_TO, Rough, amplitudes, carried_share, rough, structure, wavelengths_m
+from .roughness import LAW_FROM, LAW_TO, Rough, amplitudes, carried_share, rough, wavelengths_m
 from .seeds import generator
+from .structure import structure
 
 #: Points worked on at a time, so that what is in hand stays in the processor's cache.
 _TILE = 128
@@ -163,8 +164,8 @@ def advice(settings: Any, shortest_m: float) -> list[str]:
                      "holds; raise terrain.hurst or terrain.inner_scale_m.")
     lost = _lost(ground, shortest_m)
     if slope and lost > _MOST_LOST:
-        notes.append(f"The mesh carries no wave under {shortest_m:.2g} m, so that the ground is {lost:.0%} smoother than "
-                     f"stated at {3 * shortest_m:.2g} m; raise terrain.resolution or terrain.inner_scale_m.")
+        notes.append(f"The mesh carries no wave under {shortest_m:.2g} m, so that the ground is {lost:.0%} smoother "
+                     f"than stated at {3 * shortest_m:.2g} m; raise terrain.resolution or terrain.inner_scale_m.")
     if slope and ground["outer_scale_m"] <= shortest_m:
         notes.append(f"The mesh carries no wave under {shortest_m:.3g} m, and the longest is terrain.outer_scale_m, "
                      f"{ground['outer_scale_m']:g} m: the ground is flat. Raise terrain.resolution or "

@@ -142,7 +142,7 @@ def test_cracks_have_the_stated_depth_width_and_rims():
     assert heights.min() == pytest.approx(-0.5, rel=0.02)
     assert heights.max() == pytest.approx(0.1, rel=0.01)
     # Random cells have 2 m of edge per square metre and root density (Meijering 1953: Poisson points), somewhat less
-    # where each square has one point. A crack is as wide as stated and its rims reach one width further; less at corners.
+    # where each square has one point. A crack is as wide as stated, its rims reach one width further, less at corners.
     inside = np.mean(_grid(_made("cracks", depth_m=0.5, width_m=0.2, plate_m=3.0), 30.0, 1001)[0] < 0)
     assert inside == pytest.approx(0.2 * 2.0 / 3.0, rel=0.12)
     touched = np.mean(heights != 0)
@@ -210,7 +210,8 @@ def test_hollows_have_the_stated_depth_and_number():
 
 
 def test_hollows_can_be_long():
-    heights, _ = _turned(_made("hollows", depth_m=0.2, diameter_m=0.5, elongation=6.0, azimuth_deg=75.0), 75.0, 20.0, 801)
+    made = _made("hollows", depth_m=0.2, diameter_m=0.5, elongation=6.0, azimuth_deg=75.0)
+    heights, _ = _turned(made, 75.0, 20.0, 801)
     along, right = (np.square(np.diff(heights, axis=k)).mean() for k in (0, 1))
     assert right > 5 * along
 
@@ -228,14 +229,13 @@ def test_the_profile_of_a_crater():
     assert np.abs(np.diff(heights)).max() < 0.001
 
 
-def _law(**changes: object) -> tuple[np.ndarray, dict]:
-    settings = merged(defaults(), {"craters": changes})["craters"]
-    return craters.law(settings, np.random.default_rng(3), 100.0), settings
+def _law(**changes: object) -> np.ndarray:
+    return craters.law(merged(defaults(), {"craters": changes})["craters"], np.random.default_rng(3), 100.0)
 
 
 @pytest.mark.parametrize("index", [1.5, 2.0, 3.5])
 def test_crater_sizes_follow_the_truncated_power_law(index):
-    (_, _, size, fresh), settings = _law(coverage=0.2, smallest_m=0.4, largest_m=5.0, power_index=index, freshness=0.3,
+    _, _, size, fresh = _law(coverage=0.2, smallest_m=0.4, largest_m=5.0, power_index=index, freshness=0.3,
                                          most=50_000)
     assert size.min() >= 0.4
     assert size.max() <= 5.0
@@ -256,7 +256,7 @@ def test_a_crater_is_as_deep_as_stated_and_the_small_wipe_out_the_large():
     changes = {"coverage": 0.15, "smallest_m": 1.0, "largest_m": 4.0, "freshness": 0.5, "depth_ratio": 0.2,
                "rim_ratio": 0.05}
     made = _made("craters", seed=3, size_m=100.0, **changes)
-    (x, y, size, fresh), _ = _law(**changes)
+    x, y, size, fresh = _law(**changes)
     checked = 0
     for k in range(len(x)):
         later = slice(k + 1, None)

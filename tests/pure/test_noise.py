@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from icymoon.physics import noise, voronoi
 from icymoon.physics.bases import BASES
-from icymoon.physics.roughness import NOISE_DEVIATION, structure
+from icymoon.physics.structure import NOISE_DEVIATION, structure
 
 COORDINATE = st.floats(-1e6, 1e6) | st.integers(-1000, 1000).map(float)
 KEY = st.integers(0, 2**32 - 1)

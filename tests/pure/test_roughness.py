@@ -7,8 +7,9 @@ import math
 import numpy as np
 import pytest
 from icymoon.errors import IcyMoonError
-from icymoon.physics.roughness import amplitudes, structure, wavelengths_m
+from icymoon.physics.roughness import amplitudes, wavelengths_m
 from icymoon.physics.statistics import detrended, lags, measure, power_spectrum, rms_deviation
+from icymoon.physics.structure import structure
 from icymoon.physics.terrain import advice, law_range_m, terrain
 from icymoon.settings import defaults, merged
 
@@ -141,6 +142,16 @@ def test_a_mesh_that_loses_the_law_says_so():
     assert 1 - share / 100 == pytest.approx(rms_deviation(detrended(heights), 6) / asked, abs=0.05)
     assert lost(0.8) == []
     assert lost(0.3, inner_scale_m=0.0625) == []
+
+
+@pytest.mark.parametrize("lacunarity", [1.3, 2.0, 3.7])
+@pytest.mark.parametrize("inner", [0.02, 0.3, 7.9, 8.0])
+def test_octaves_go_from_one_cut_off_to_the_other(inner, lacunarity):
+    wavelength = wavelengths_m({"outer_scale_m": 8.0, "inner_scale_m": inner, "lacunarity": lacunarity})
+    assert (wavelength[0], wavelength[-1]) == pytest.approx((8.0, inner))
+    ratios = wavelength[:-1] / wavelength[1:]
+    assert np.ptp(ratios) < 1e-6 if len(ratios) else inner == 8.0
+    assert (ratios <= lacunarity * (1 + 1e-6)).all()
 
 
 def test_cut_offs_that_make_no_sense():

@@ -1,127 +1,202 @@
-"""Terrain, noise and directions against laws and independent arithmetic."""
+"""The ground as a whole: a function of position and seed, finite wherever it is asked for."""
 
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 
 import numpy as np
 import pytest
 from hypothesis import given
+from hypothesis import settings as hypothesis
 from hypothesis import strategies as st
-from icymoon.physics.directions import camera_axes, toward
-from icymoon.physics.noise import gradient_noise, hashed
-from icymoon.physics.seeds import STREAMS, generator, stream
-from icymoon.physics.statistics import rms_deviation
-from icymoon.physics.terrain import terrain
-from icymoon.settings import defaults, merged
+from icymoon.physics.landforms import MAKERS
+from icymoon.physics.terrain import Terrain, advice, terrain
+from icymoon.properties import TOPICS
+from icymoon.settings import Settings, check, defaults, load, merged, preset_names, preset_path
+
+#: Every landform at once, two layers, snow and a slope.
+EVERYTHING = check({
+    "terrain": {"regional_slope_deg": 5.0, "layers": [{"basis": "VORONOI_F2", "fractal": "HETERO", "amplitude_m": 0.1},
+                                                      {"fractal": "RIDGED", "amplitude_m": 0.1, "warp_m": 0.3}]},
+    "ridges": {"height_m": 0.5}, "cracks": {"depth_m": 0.3, "rim_m": 0.05}, "chaos": {"relief_m": 0.8, "matrix_m": 0.1},
+    "craters": {"coverage": 0.2}, "hollows": {"depth_m": 0.05}, "penitentes": {"height_m": 0.6},
+    "mantle": {"thickness_m": 0.1}}, "test")
+LANDSCAPES = {"default": {}, "everything": EVERYTHING}
 
 
-def _terrain(seed: int = 1, **changes):
-    return terrain(merged(defaults(), {"terrain": changes}), seed)
+def _settings(*parts: dict) -> Settings:
+    return merged(defaults(), *parts)
 
 
-def _grid(ground, n: int = 401):
+def _ground(*parts: dict, seed: int = 1) -> Terrain:
+    return terrain(_settings(*parts), seed)
+
+
+def _grid(ground: Terrain, n: int = 65, shortest_m: float = 0.0) -> np.ndarray:
     axis = np.linspace(-ground.size_m / 2, ground.size_m / 2, n)
-    return ground.heights(axis[None, :], axis[:, None]), axis[1] - axis[0]
+    return ground.heights(axis[None, :], axis[:, None], shortest_m)
 
 
-def test_noise_vanishes_on_the_lattice_and_is_bounded():
-    lattice = np.arange(-50, 50, dtype=float)
-    x, y = np.meshgrid(lattice, lattice)
-    assert np.abs(gradient_noise(x, y, 7)).max() == 0.0
-    x, y = np.random.default_rng(0).uniform(-1000, 1000, (2, 200_000))
-    values = gradient_noise(x, y, 7)
-    # Zero mean: the standard error of 2e5 values of deviation about 0.3, correlated or not, is below 1e-2.
-    assert abs(values.mean()) < 1e-2
-    assert np.abs(values).max() <= 1.0
+@pytest.mark.parametrize("landscape", LANDSCAPES)
+@pytest.mark.parametrize("shortest", [0.0, 0.04])
+def test_heights_are_a_function_of_position(landscape, shortest):
+    """Of no other point, of no order, and of no grid: the same bits."""
+    ground = _ground(LANDSCAPES[landscape])
+    axis = np.linspace(-10, 10, 161)
+    grid = ground.heights(axis[None, :], axis[:, None], shortest)
+    x, y = np.meshgrid(axis, axis)
+    order = np.random.default_rng(2).permutation(x.size)
+    scattered = ground.heights(x.ravel()[order], y.ravel()[order], shortest)
+    assert np.array_equal(scattered, grid.ravel()[order])
+    few = order[:5]
+    for k in few:
+        assert float(ground.heights(x.ravel()[k], y.ravel()[k], shortest)) == grid.ravel()[k]
+    each = ground.heights(x.ravel()[few], y.ravel()[few], np.full(5, shortest))
+    assert np.allclose(each, grid.ravel()[few], rtol=0, atol=1e-12)
 
 
-def test_noise_is_smooth_across_lattice_lines():
-    y = np.linspace(-3, 3, 301)
-    for line in (-2.0, 0.0, 5.0):
-        step = 1e-6
-        left, right = (gradient_noise(np.full_like(y, line + side * step), y, 3) for side in (-1, 1))
-        # The slope is at most about 4 per unit, so a jump would stand out against 2 steps of 1e-6.
-        assert np.abs(left - right).max() < 2e-5
+@pytest.mark.parametrize("landscape", LANDSCAPES)
+def test_detail_fades_without_a_step_where_a_mesh_gets_coarser(landscape):
+    ground = _ground(LANDSCAPES[landscape])
+    x, y = np.random.default_rng(3).uniform(-10, 10, (2, 4000))
+    shortest = np.geomspace(0.01, 30.0, 4000)
+    here, there = (ground.heights(x, y, s) for s in (shortest, shortest * (1 + 1e-7)))
+    # A wave or a landform of a metre fades while the shortest wave grows by half: 1e-7 of that are micrometres.
+    assert np.abs(here - there).max() < 2e-5
+    flat = ground.heights(x, y, 100.0)
+    plane = ground.slope_east * x + ground.slope_north * y
+    assert np.ptp(flat - plane) < 1e-9  # nothing but the slope is left
 
 
-def test_hash_bits_are_even():
-    ix, iy = np.meshgrid(np.arange(-256, 256), np.arange(-256, 256))
-    bits = (hashed(ix, iy, 99)[..., None] >> np.arange(32, dtype=np.uint32)) & 1
-    # 2^18 fair coins: standard deviation of the mean 0.001; five of them.
-    assert np.abs(bits.reshape(-1, 32).mean(axis=0) - 0.5).max() < 0.005
+@pytest.mark.parametrize("topic", ["terrain", *MAKERS])
+def test_one_seed_moves_everything(topic):
+    def only(seed: int) -> np.ndarray:
+        parts = {key: value for key, value in EVERYTHING.items() if key == topic}
+        if topic != "terrain":
+            parts["terrain"] = {"rms_slope_deg": 0.0}
+        return _grid(_ground(parts, seed=seed))
+
+    assert np.ptp(only(1)) > 0
+    assert np.array_equal(only(1), only(1))
+    assert not np.array_equal(only(1), only(2))
 
 
-def test_heights_are_a_function_of_position():
-    ground = _terrain()
-    x, y = np.random.default_rng(1).uniform(-10, 10, (2, 5000))
-    together = ground.heights(x, y)
-    order = np.random.default_rng(2).permutation(5000)
-    assert np.array_equal(ground.heights(x[order], y[order]), together[order])
-    assert float(ground.heights(x[17], y[17])) == together[17]
+def test_a_landform_more_does_not_move_the_others():
+    base, cracked = (_ground({"ridges": {"height_m": 0.5}, "cracks": {"depth_m": depth}}) for depth in (0.0, 0.3))
+    x, y = np.random.default_rng(0).uniform(-10, 10, (2, 500))
+    assert np.array_equal(base.base.heights(x, y), cracked.base.heights(x, y))
+    difference = cracked.heights(x, y) - base.heights(x, y)
+    assert np.mean(difference == 0.0) > 0.6  # beside the cracks
 
 
-@pytest.mark.parametrize("slope", [2.0, 12.0, 35.0])
-@pytest.mark.parametrize("multifractality", [0.0, 1.0])
-def test_the_patch_has_the_stated_slope(slope, multifractality):
-    for seed in range(3):
-        ground = _terrain(seed, rms_slope_deg=slope, multifractality=multifractality)
-        heights, spacing = _grid(ground)
-        lag = round(1.0 / spacing)
-        measured = math.degrees(math.atan(rms_deviation(heights, lag) / (lag * spacing)))
-        # Scaled on 16384 random pairs in all directions, measured along two axes: a few per cent.
-        assert measured == pytest.approx(slope, rel=0.08)
+def test_flat_and_sloping_ground():
+    assert np.all(_grid(_ground({"terrain": {"rms_slope_deg": 0.0}})) == 0.0)
+    tilted = _ground({"terrain": {"rms_slope_deg": 0.0, "regional_slope_deg": 10.0,
+                                  "regional_slope_azimuth_deg": 90.0}})
+    # Falls toward the east by tan 10 degrees.
+    assert float(tilted.heights(5.0, 3.0)) == pytest.approx(-5.0 * math.tan(math.radians(10.0)))
+    assert abs(_grid(_ground(), 129).mean()) < 0.02  # the patch lies at height 0
 
 
-def test_the_hurst_exponent_steepens_small_scales():
-    ratio = {}
-    for hurst in (0.5, 0.9):
-        deviations = []
-        for seed in range(4):
-            heights, _ = _grid(_terrain(seed, hurst=hurst, multifractality=0.0, outer_scale_m=16.0))
-            deviations.append([rms_deviation(heights, 4), rms_deviation(heights, 32)])
-        small, large = np.sqrt(np.mean(np.square(deviations), axis=0))
-        ratio[hurst] = math.log(large / small) / math.log(8)
-        # Noise octaves give the exponent within 0.15 (they are not a pure power law).
-        assert ratio[hurst] == pytest.approx(hurst, abs=0.15)
-    assert ratio[0.9] > ratio[0.5] + 0.2
+@pytest.mark.parametrize("landscape", LANDSCAPES)
+def test_far_away_ground_is_finite_and_has_no_steps(landscape):
+    ground = _ground(LANDSCAPES[landscape])
+    for x in (1.0e5, -1.0e5):
+        axis = x + np.linspace(0.0, 1.0e-3, 101)
+        line = ground.heights(axis, np.full(101, 1.0e5))
+        assert np.isfinite(line).all()
+        # At 1e5 m a float64 has steps of 1.5e-11 m; the steepest slope of the landforms is about 20.
+        assert np.abs(np.diff(line)).max() < 30 * 1.0e-5
 
 
-def test_multifractal_ground_is_smooth_in_hollows():
-    def roughness_ratio(multifractality: float) -> float:
-        heights, _ = _grid(_terrain(3, multifractality=multifractality))
-        curvature = np.abs(np.diff(heights, 2, axis=1))
-        middle = heights[:, 1:-1]
-        low, high = middle < np.quantile(middle, 0.2), middle > np.quantile(middle, 0.8)
-        return float(curvature[high].mean() / curvature[low].mean())
-
-    assert roughness_ratio(1.0) > 1.5 * roughness_ratio(0.0)
-
-
-def test_seeds_and_flat_ground():
-    assert not np.array_equal(_grid(_terrain(1), 65)[0], _grid(_terrain(2), 65)[0])
-    assert np.array_equal(_grid(_terrain(1), 65)[0], _grid(_terrain(1), 65)[0])
-    assert np.all(_grid(_terrain(1, rms_slope_deg=0.0), 65)[0] == 0.0)
+def test_a_patch_may_be_tiny_or_huge():
+    for size in (0.01, 1.0e5):
+        ground = _ground({"terrain": {"size_m": size, "outer_scale_m": size / 2, "inner_scale_m": size / 500,
+                                      "slope_baseline_m": size / 20}})
+        heights = _grid(ground, 129)
+        lag = size / 128 * 6
+        slope = np.sqrt(np.mean((heights[:, 6:] - heights[:, :-6]) ** 2)) / lag
+        # 12 degrees at 6.4 of these lags, by the power law; the shapes do not know their size.
+        assert slope == pytest.approx(math.tan(math.radians(12.0)) * (6 / 6.4) ** -0.2, rel=0.2)
 
 
-def test_streams_are_the_spawned_children_of_the_seed():
-    children = np.random.SeedSequence(42).spawn(len(STREAMS))
-    for name, child in zip(STREAMS, children, strict=True):
-        assert np.array_equal(stream(42, name).generate_state(4), child.generate_state(4))
-    assert generator(42, "rocks").random() != generator(42, "terrain").random()
+def _extremes() -> list[tuple[str, str, object]]:
+    """Both ends of the range of every setting of the ground."""
+    settings = [(topic, setting) for topic in ("terrain", *MAKERS, "mantle") for setting in TOPICS[topic].settings]
+    return [(topic, setting.key, value) for topic, setting in settings if setting.kind in ("float", "int")
+            for value in (setting.minimum, setting.maximum)]
 
 
-@given(st.floats(-360, 360), st.floats(-90, 90))
-def test_camera_axes_are_a_rotation_that_looks_where_it_is_told(heading, pitch):
-    axes = camera_axes(heading, pitch)
-    assert np.allclose(axes.T @ axes, np.eye(3), atol=1e-12)
-    assert np.linalg.det(axes) == pytest.approx(1.0)
-    assert np.allclose(axes[:, 2], toward(heading, -pitch))
-    assert axes[2, 0] == 0.0  # x right is level
-    assert axes[2, 1] <= 1e-12  # y down is down
+@pytest.mark.parametrize(("topic", "key", "value"), _extremes())
+def test_every_setting_may_be_at_the_end_of_its_range(topic, key, value):
+    rough = {"lacunarity": 2.0} if key != "lacunarity" else {}
+    settings = _settings(EVERYTHING, {"terrain": {"size_m": 20.0, **rough}}, {topic: {key: value}})
+    ground_settings = settings["terrain"]
+    ground_settings["inner_scale_m"] = min(ground_settings["inner_scale_m"], ground_settings["outer_scale_m"])
+    if key == "outer_scale_m":
+        ground_settings["inner_scale_m"] = value / 100
+    if key == "inner_scale_m":
+        ground_settings["outer_scale_m"] = max(value, 1.0)
+    if topic == "craters":
+        settings["craters"]["smallest_m"] = min(settings["craters"]["smallest_m"], settings["craters"]["largest_m"])
+        # Not more craters than one may ask for.
+        few = {"smallest_m": 1e-5, "largest_m": 1e-10}.get(key, 2.0)
+        settings["craters"].update(coverage=min(settings["craters"]["coverage"], few), most=50_000)
+    if key == "size_m":
+        settings["craters"]["coverage"] = 0.0
+    with np.errstate(all="raise", under="ignore"):
+        ground = terrain(settings, 1)
+        heights = _grid(ground, 33, 2 * ground.size_m / 32)
+        fine = _grid(ground, 33)
+    assert np.isfinite(heights).all()
+    assert np.isfinite(fine).all()
 
 
-def test_directions_by_the_compass():
-    assert np.allclose(toward(0, 0), [0, 1, 0])
-    assert np.allclose(toward(90, 0), [1, 0, 0])
-    assert np.allclose(toward(123, 90), [0, 0, 1])
+ALL = _ground(EVERYTHING)
+
+
+@hypothesis(deadline=None, max_examples=15)
+@given(st.lists(st.tuples(st.floats(-1e5, 1e5), st.floats(-1e5, 1e5)), min_size=1, max_size=20))
+def test_any_points_in_any_order(points):
+    x, y = np.array(points).T
+    ground = ALL
+    heights = ground.heights(x, y)
+    assert np.isfinite(heights).all()
+    assert np.array_equal(ground.heights(x[::-1], y[::-1]), heights[::-1])
+
+
+def test_no_points_have_no_heights():
+    assert _ground(EVERYTHING).heights(np.empty(0), np.empty(0)).shape == (0,)
+
+
+def test_what_a_mesh_cannot_show_is_said():
+    settings = _settings({"penitentes": {"height_m": 1.0, "spacing_m": 1.0}})
+    assert advice(settings, 0.04) == []
+    (gone,) = advice(settings, 1.2)[-1:]
+    assert "penitentes" in gone
+    assert "left out" in gone
+    (lower,) = advice(settings, 0.8)[-1:]
+    assert "50% of their height" in lower
+    assert any("the ground is flat" in note for note in advice(settings, 9.0))
+
+
+@pytest.mark.parametrize("name", preset_names("terrains"))
+def test_a_preset_is_what_its_mesh_can_show(name):
+    settings = _settings(load(preset_path(name)))
+    ground = settings["terrain"]
+    spacing = ground["size_m"] / (ground["resolution"] - 1)
+    assert advice(settings, 2 * spacing) == []
+    assert np.isfinite(_grid(terrain(settings, 1), 65, 2 * spacing)).all()
+
+
+def test_the_papers_terrains_get_rougher_from_low_to_very_high():
+    def slope(name: str) -> float:
+        heights = _grid(_ground(load(preset_path(f"terrains/{name}"))), 257, 2 * 20 / 256)
+        lag = round(1.0 / (20 / 256))
+        return float(np.sqrt(np.mean((heights[:, lag:] - heights[:, :-lag]) ** 2)))
+
+    classes = [[slope(f"{kind}_{k}") for k in range(1, n + 1)] for kind, n in (("low", 3), ("medium", 4), ("high", 3))]
+    classes.append([slope("very_high")])
+    for gentler, rougher in pairwise(classes):
+        assert max(gentler) < min(rougher)
