@@ -24,6 +24,8 @@ _WANDER, _WANDER_LENGTH = 0.5, 1.2
 _ASTRAY, _MOST_LEAN = 0.12, 0.35
 #: How much lower the lowest blade is than the tallest, as a share of the variation.
 _LOWER = 0.5
+#: How much shallower the shallowest notch between two blades is than the deepest.
+_SHALLOWER = 0.6
 #: Teeth of a crest: how deep, as a share of the variation, and how long, in blade lengths.
 _TEETH, _TOOTH = 0.4, 0.25
 
@@ -40,7 +42,7 @@ def make(settings: Mapping[str, Any], random: np.random.Generator, size_m: float
     lean = min(lean, _MOST_LEAN - _ASTRAY)
 
     def chance(place: np.ndarray, row: np.ndarray, key: int) -> np.ndarray:
-        """Random numbers in [0, 1] along each row, smooth between whole places."""
+        """Random numbers in [0, 1] along each row, linear between whole places: ice breaks to points."""
         first = np.floor(place)
         index = first.astype(np.int64)
         low, high = (uniform(hashed(index + k, row, key)) for k in (0, 1))
@@ -51,10 +53,10 @@ def make(settings: Mapping[str, Any], random: np.random.Generator, size_m: float
         place = along / length + 17.0 * uniform(hashed(row, np.int64(0) * row, keys[0]))
         tall = 1.0 - _LOWER * variation * chance(place, row, keys[1])
         toothed = 1.0 - _TEETH * variation * chance(place / _TOOTH, row, keys[2])
-        # Half way between whole places, where the heights are drawn, is an end: a notch of random depth.
-        depth = uniform(hashed(np.floor(place + 0.5).astype(np.int64), row, keys[3]))
-        end = 1.0 - 2.0 * np.abs(place - np.floor(place + 0.5))
-        return tall * toothed * (1.0 - variation * (1.0 - 0.6 * depth) * end)
+        # Blades end at whole places, in notches of random depth, and are highest half way between.
+        end = np.floor(place + 0.5)
+        notch = 1.0 - _SHALLOWER * uniform(hashed(end.astype(np.int64), row, keys[3]))
+        return tall * toothed * (1.0 - variation * notch * (1.0 - 2.0 * np.abs(place - end)))
 
     def heights(x_m: np.ndarray, y_m: np.ndarray, shortest_m: Any) -> np.ndarray:
         across, along = turned(x_m, y_m, settings["noon_azimuth_deg"])
