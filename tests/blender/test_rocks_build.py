@@ -12,6 +12,7 @@ from icymoon.labels import FIRST_ROCK_INSTANCE, INSTANCE_ATTRIBUTE
 from icymoon.nodes import scene as scenes
 from icymoon.nodes.fingerprint import TAG, fingerprint
 from icymoon.nodes.probe import heights_of
+from icymoon.physics.principled import base_colour
 from rendering import complete, empty_scene
 
 STREWN = {"rocks": {"coverage": 0.1, "smallest_m": 0.15}}
@@ -156,8 +157,9 @@ def test_blocks_are_made_of_the_ground_or_of_their_own():
         material = instances(built)[0][1].materials[0]
         return material.node_tree.nodes["Snow"].inputs["Base Color"].default_value[0]
 
-    assert reflectance(own_surface=False) == pytest.approx(0.9)
-    assert reflectance(own_surface=True) == pytest.approx(0.3)
+    defaults = complete()
+    assert reflectance(own_surface=False) == pytest.approx(base_colour(defaults["surface"], 0.9))
+    assert reflectance(own_surface=True) == pytest.approx(base_colour(defaults["rock_surface"], 0.3))
 
 
 def test_a_contradiction_is_a_sentence_and_changes_nothing():
