@@ -53,13 +53,13 @@ def _parser() -> argparse.ArgumentParser:
     command.set_defaults(run=_check)
 
     command = commands.add_parser("match", help="match two images")
-    command.add_argument("--method", required=True, help="bm or sgbm")
+    command.add_argument("--method", required=True, help="a matcher, such as bm, sgbm or jplv")
     command.add_argument("--left", required=True, type=Path, help="left image, 8- or 16-bit PNG")
     command.add_argument("--right", required=True, type=Path, help="right image, 8- or 16-bit PNG")
     command.add_argument("--option", action="append", default=[], nargs="+", metavar="KEY=VALUE",
                          help="option of the method, such as window=21 or preset=guiss")
     command.add_argument("--out", required=True, type=Path,
-                         help="npz to write: disparity, float32 px, NaN where invalid")
+                         help="npz to write: disparity, float32 px, NaN where invalid, and what else the method knows")
     command.set_defaults(run=_match)
 
     command = commands.add_parser("metrics", help="measure a depth map, as JSON; null for what is undefined")
@@ -98,8 +98,8 @@ def _match(parsed: argparse.Namespace) -> int:
     from .methods import key_value
 
     options = dict(key_value(text, "--option") for part in parsed.option for text in part)
-    disparity, _, _ = match(parsed.method, read_png(parsed.left), read_png(parsed.right), options)
-    write_disparity(parsed.out, disparity)
+    disparity, _, info = match(parsed.method, read_png(parsed.left), read_png(parsed.right), options)
+    write_disparity(parsed.out, disparity, info["arrays"])
     return 0
 
 

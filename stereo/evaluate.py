@@ -54,8 +54,9 @@ def evaluate(paths: Sequence[Path], methods: Sequence[Method], out: Path, sensor
     * ``summary``: one entry per method, see ``summary``.
     * ``rows``: ``pair``, ``method``, ``status`` ("ok" or "failed"), every metric of ``metrics`` and the
       same with ``visible_`` and ``common_``, ``error_curve``, ``true_pixels``, ``seconds`` of CPU time, the complete
-      ``options``, ``error`` (why it failed) and ``images``: paths relative to ``out`` of the pictures
-      ``depth`` and ``error`` and of ``disparity`` (npz).
+      ``options``, ``counts`` of pixels per outcome where a method knows them, ``error`` (why it failed) and ``images``:
+      paths relative to ``out`` of the pictures ``depth`` and ``error`` and of ``disparity`` (npz, with what else the
+      method knows).
     * ``pairs``: what was found about each usable pair, and its ``images`` ``left``, ``right`` and
       ``true_depth``.
     * ``failed``: ``pair``, ``message`` and, where only one method failed, ``method``.
@@ -90,7 +91,8 @@ def evaluate(paths: Sequence[Path], methods: Sequence[Method], out: Path, sensor
         broken: dict[str, str] = {}
         for method in methods:
             try:
-                disparity, _, info = match(method.name, prepared.left, prepared.right, method.options)
+                disparity, _, info = match(method.name, prepared.left, prepared.right, method.options,
+                                           prepared.pair.camera)
                 matched[method.label] = disparity, info
             except IcyMoonError as error:
                 broken[method.label] = str(error)
@@ -104,8 +106,8 @@ def evaluate(paths: Sequence[Path], methods: Sequence[Method], out: Path, sensor
             depth = prepared.pair.camera.focal_baseline_px_m / disparity.astype(np.float64)  # NaN stays NaN
             done({"pair": folder.name, "method": method.label, "status": "ok",
                   **_measured(prepared, masks, disparity, depth), "seconds": info["seconds"],
-                  "options": info["options"], "error": "",
-                  "images": _write_method_pictures(prepared, method, disparity, depth, out)})
+                  "options": info["options"], "counts": info["counts"], "error": "",
+                  "images": _write_method_pictures(prepared, method, disparity, depth, info["arrays"], out)})
 
     report = {"format": FORMAT, "version": VERSION, "summary": [summary(method.label, rows) for method in methods],
               "rows": rows, "pairs": pairs, "failed": failed, "provenance": _provenance(paths, methods, sensor or {})}
@@ -141,7 +143,7 @@ def _failed_row(pair: str, method: Method, message: str) -> dict[str, Any]:
     undefined = dict.fromkeys([prefix + metric for prefix in REGIONS for metric in METRICS])
     return {"pair": pair, "method": method.label, "status": "failed", **undefined, "error_curve": [],
             "true_pixels": None, "seconds": None, "options": check_options(method.name, method.options),
-            "error": message, "images": {}}
+            "counts": {}, "error": message, "images": {}}
 
 
 def _write_pair_pictures(prepared: Prepared, out: Path) -> dict[str, str]:
@@ -152,11 +154,11 @@ def _write_pair_pictures(prepared: Prepared, out: Path) -> dict[str, str]:
 
 
 def _write_method_pictures(prepared: Prepared, method: Method, disparity: np.ndarray, depth: np.ndarray,
-                           out: Path) -> dict[str, str]:
+                           arrays: Mapping[str, np.ndarray], out: Path) -> dict[str, str]:
     picture = pictures.depth_picture(depth, prepared.scale)
     error = pictures.error_picture(depth, prepared.truth)
     npz = _folder(prepared, out) / f"{method.file_name}.npz"
-    write_disparity(npz, disparity, focal_baseline_px_m=prepared.pair.camera.focal_baseline_px_m)
+    write_disparity(npz, disparity, arrays, focal_baseline_px_m=prepared.pair.camera.focal_baseline_px_m)
     return {"depth": _write_picture(prepared, out, f"{method.file_name}_depth.png",
                                     pictures.with_bar(picture, prepared.scale)),
             "error": _write_picture(prepared, out, f"{method.file_name}_error.png",

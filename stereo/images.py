@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import zlib
+from collections.abc import Mapping
 from pathlib import Path
 
 import cv2
@@ -73,10 +74,11 @@ def _is_whole(content: bytes) -> bool:
     return False
 
 
-def write_disparity(path: Path, disparity: np.ndarray, **facts: float) -> None:
-    """Write an npz with ``disparity`` (float32 px, NaN where invalid) and named numbers, atomically."""
+def write_disparity(path: Path, disparity: np.ndarray, arrays: Mapping[str, np.ndarray] | None = None,
+                    **facts: float) -> None:
+    """Write an npz with ``disparity`` (float32 px, NaN where invalid), named arrays and numbers, atomically."""
     # In memory first: a zip file that meets a full disk complains a second time when it is closed.
     stream = io.BytesIO()
-    np.savez_compressed(stream, disparity=disparity.astype(np.float32),
+    np.savez_compressed(stream, disparity=disparity.astype(np.float32), **(arrays or {}),
                         **{name: np.float64(value) for name, value in facts.items()})
     write_bytes(path, stream.getvalue())

@@ -11,8 +11,10 @@ from typing import Any
 import cv2
 import numpy as np
 
+from ...render.pair import StereoCamera
 from .opencv import require_room, run
 from .options import Option
+from .result import Result
 
 OPTIONS = (
     Option("disparities", 96, "Number of disparities searched, px", 16, 1024, 16, opencv="numDisparities"),
@@ -42,7 +44,7 @@ PRESETS: dict[str, dict[str, Any]] = {
 _PREFILTERS = {"normalized": cv2.STEREO_BM_PREFILTER_NORMALIZED_RESPONSE, "xsobel": cv2.STEREO_BM_PREFILTER_XSOBEL}
 
 
-def compute(left: np.ndarray, right: np.ndarray, options: dict[str, Any]) -> np.ndarray:
+def compute(left: np.ndarray, right: np.ndarray, options: dict[str, Any], camera: StereoCamera | None) -> Result:
     """Disparity of uint8 (H, W) images, float32 px, NaN where invalid."""
     matcher = cv2.StereoBM.create(options["disparities"], options["window"])
     matcher.setMinDisparity(options["min_disparity"])
@@ -60,4 +62,4 @@ def compute(left: np.ndarray, right: np.ndarray, options: dict[str, Any]) -> np.
     columns = (options["min_disparity"] + options["disparities"] - 1 + margin, width - margin)
     rows = (margin, height - margin)
     require_room("bm", left, columns[0] < columns[1] and rows[0] < rows[1])
-    return run("bm", matcher, left, right, options["min_disparity"], columns, rows)
+    return Result(run("bm", matcher, left, right, options["min_disparity"], columns, rows))

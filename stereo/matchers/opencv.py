@@ -1,4 +1,4 @@
-"""What OpenCV's two matchers have in common."""
+"""What the matchers that are OpenCV's have in common."""
 
 from __future__ import annotations
 
@@ -12,11 +12,15 @@ from ...errors import IcyMoonError
 SUBPIXELS = 16  # OpenCV's disparities are fixed-point numbers with four fractional bits
 
 
-def require_room(method: str, image: np.ndarray, enough: bool) -> None:
-    """Raise IcyMoonError unless there is ``enough`` of an image (H, W) for a search range and window."""
+def require_room(method: str, image: np.ndarray, enough: bool, option: str = "") -> None:
+    """Raise IcyMoonError unless there is ``enough`` of an image (H, W) for a search range and window.
+
+    ``option`` names those to lower; by default disparities and window.
+    """
     if not enough:
+        option = option or f"disparities or {method}.window"
         raise IcyMoonError(f"The images, {image.shape[1]} x {image.shape[0]} px, are too small for {method}: its "
-                           f"search range and window do not fit; lower {method}.disparities or {method}.window, or "
+                           f"search range and window do not fit; lower {method}.{option}, or "
                            "render larger images.")
 
 

@@ -8,8 +8,10 @@ import cv2
 import numpy as np
 
 from ...errors import IcyMoonError
+from ...render.pair import StereoCamera
 from .opencv import SUBPIXELS, require_room, run
 from .options import Option
+from .result import Result
 
 OPTIONS = (
     Option("disparities", 96, "Number of disparities searched, px", 16, 1024, 16, opencv="numDisparities"),
@@ -38,7 +40,7 @@ _MODES = {"sgbm": cv2.STEREO_SGBM_MODE_SGBM, "hh": cv2.STEREO_SGBM_MODE_HH,
           "3way": cv2.STEREO_SGBM_MODE_SGBM_3WAY, "hh4": cv2.STEREO_SGBM_MODE_HH4}
 
 
-def compute(left: np.ndarray, right: np.ndarray, options: dict[str, Any]) -> np.ndarray:
+def compute(left: np.ndarray, right: np.ndarray, options: dict[str, Any], camera: StereoCamera | None) -> Result:
     """Disparity of uint8 (H, W) images, float32 px, NaN where invalid."""
     least, area = options["min_disparity"], options["window"] ** 2
     small_step, large_step = options["p1"] or 8 * area, options["p2"] or 32 * area
@@ -61,7 +63,7 @@ def compute(left: np.ndarray, right: np.ndarray, options: dict[str, Any]) -> np.
     # Unlike StereoBM it compares windows that reach over the border.
     disparity = run("sgbm", matcher, left, right, least, (reach, width + extension), (0, height))[:, extension:]
     disparity = _evenly_rounded(disparity)
-    return np.where(disparity <= np.arange(width), disparity, np.nan)
+    return Result(np.where(disparity <= np.arange(width), disparity, np.nan))
 
 
 def _evenly_rounded(disparity: np.ndarray) -> np.ndarray:

@@ -5,9 +5,12 @@ import numpy as np
 import pairs
 import pytest
 from icymoon.errors import IcyMoonError
-from icymoon.stereo.matchers import METHODS, check_options, match
+from icymoon.stereo.matchers import check_options, match
 
 RIG = pairs.camera()
+ANYWHERE = ("bm", "sgbm", "jplv")  # what runs without a checkpoint or another program
+#: For images as small as these, where four per cent of the image is a large patch.
+SMALL = {"jplv": {"blob_size": 50}}
 GUISS = {"disparities": 96, "min_disparity": 4, "window": 49, "prefilter": "xsobel", "prefilter_size": 17,
          "prefilter_cap": 20, "texture_threshold": 18, "uniqueness": 0, "speckle_window": 0, "speckle_range": 9,
          "left_right": 25}
@@ -80,7 +83,7 @@ def test_bm_is_the_papers_by_default():
     np.testing.assert_array_equal(disparity[valid], (matcher.compute(left, right) / 16.0)[valid])
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", ANYWHERE)
 def test_the_number_of_threads_changes_nothing(method):
     left, right, _ = images(pairs.Scene(), pairs.camera(400, 200))
     threads = cv2.getNumThreads()
@@ -95,24 +98,24 @@ def test_the_number_of_threads_changes_nothing(method):
     np.testing.assert_array_equal(*results)
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", ANYWHERE)
 @pytest.mark.parametrize("level", [0, 128, 255])
 def test_an_image_without_texture_gives_no_depth(method, level):
     flat = np.full((144, 256), level, np.uint8)
     assert not match(method, flat, flat)[1].any()
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", ANYWHERE)
 def test_zero_and_negative_disparities_are_invalid(method):
     left, right, _ = images(pairs.Scene(block=False))
     same = match(method, left, left, {"min_disparity": 0})[1]
     assert same.mean() < 0.02
-    swapped, valid, _ = match(method, right, left, {"min_disparity": 0})
+    swapped, valid, _ = match(method, right, left, {"min_disparity": 0} | SMALL.get(method, {}))
     assert valid.any()
     assert (swapped[valid] > 0).all()
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", ANYWHERE)
 def test_colour_and_16_bit_images_are_the_same_as_grey_ones(method):
     left, right, _ = images(pairs.Scene())
     expected = match(method, left, right)[0]
@@ -125,7 +128,7 @@ def test_colour_and_16_bit_images_are_the_same_as_grey_ones(method):
                                   expected)
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", ANYWHERE)
 def test_unusable_images_are_refused(method):
     good = np.zeros((144, 256), np.uint8)
     for left, right, reason in [(good, good[:, :-1], "one size"), (good.astype(float), good, "float64"),
@@ -153,7 +156,7 @@ def test_sgbm_takes_any_size_wider_than_half_its_window(shape):
 
 @pytest.mark.parametrize(("method", "options", "reason"), [
     ("bn", {}, "Unknown stereo method 'bn', did you mean 'bm'"),
-    ("orb-slam", {}, "known are bm, sgbm"),
+    ("orb-slam", {}, "known are bm, sgbm, "),
     ("bm", {"windw": 9}, r"Unknown option bm.windw, did you mean 'window'"),
     ("bm", {"window": 10}, "bm.window is 10, outside 5 to 255 in steps of 2"),
     ("bm", {"window": "large"}, "bm.window must be a whole number, not 'large'"),
