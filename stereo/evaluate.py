@@ -23,7 +23,7 @@ from ..files import write_json, write_text
 from ..render.pair import pair_folders
 from . import check, pictures
 from .images import write_disparity, write_png
-from .matchers import check_options, match
+from .matchers import complete_options, match
 from .methods import Method
 from .metrics import ERROR_STEPS_M, depth_metrics, disparity_metrics, error_curve
 from .prepare import Prepared, none_for_nan, prepare
@@ -54,9 +54,9 @@ def evaluate(paths: Sequence[Path], methods: Sequence[Method], out: Path, sensor
     * ``summary``: one entry per method, see ``summary``.
     * ``rows``: ``pair``, ``method``, ``status`` ("ok" or "failed"), every metric of ``metrics`` and the
       same with ``visible_`` and ``common_``, ``error_curve``, ``true_pixels``, ``seconds`` of CPU time, the complete
-      ``options``, ``counts`` of pixels per outcome where a method knows them, ``error`` (why it failed) and ``images``:
-      paths relative to ``out`` of the pictures ``depth`` and ``error`` and of ``disparity`` (npz, with what else the
-      method knows).
+      ``options``, ``counts`` of pixels per outcome and ``facts`` on what it ran where a method knows them, ``error``
+      (why it failed) and ``images``: paths relative to ``out`` of the pictures ``depth`` and ``error`` and of
+      ``disparity`` (npz, with the method's other arrays).
     * ``pairs``: what was found about each usable pair, and its ``images`` ``left``, ``right`` and
       ``true_depth``.
     * ``failed``: ``pair``, ``message`` and, where only one method failed, ``method``.
@@ -106,7 +106,8 @@ def evaluate(paths: Sequence[Path], methods: Sequence[Method], out: Path, sensor
             depth = prepared.pair.camera.focal_baseline_px_m / disparity.astype(np.float64)  # NaN stays NaN
             done({"pair": folder.name, "method": method.label, "status": "ok",
                   **_measured(prepared, masks, disparity, depth), "seconds": info["seconds"],
-                  "options": info["options"], "counts": info["counts"], "error": "",
+                  "options": info["options"], "counts": info["counts"], "facts": info["facts"],
+                  "error": "",
                   "images": _write_method_pictures(prepared, method, disparity, depth, info["arrays"], out)})
 
     report = {"format": FORMAT, "version": VERSION, "summary": [summary(method.label, rows) for method in methods],
@@ -142,8 +143,8 @@ def _measured(prepared: Prepared, masks: Mapping[str, np.ndarray], disparity: np
 def _failed_row(pair: str, method: Method, message: str) -> dict[str, Any]:
     undefined = dict.fromkeys([prefix + metric for prefix in REGIONS for metric in METRICS])
     return {"pair": pair, "method": method.label, "status": "failed", **undefined, "error_curve": [],
-            "true_pixels": None, "seconds": None, "options": check_options(method.name, method.options),
-            "counts": {}, "error": message, "images": {}}
+            "true_pixels": None, "seconds": None, "options": complete_options(method.name, method.options),
+            "counts": {}, "facts": {}, "error": message, "images": {}}
 
 
 def _write_pair_pictures(prepared: Prepared, out: Path) -> dict[str, str]:
@@ -180,7 +181,7 @@ def _provenance(paths: Sequence[Path], methods: Sequence[Method], sensor: Mappin
     return {"created": datetime.now(UTC).isoformat(timespec="seconds"),
             "source": ", ".join(str(path.resolve()) for path in paths),
             "methods": [{"label": method.label, "name": method.name,
-                         "options": check_options(method.name, method.options)} for method in methods],
+                         "options": complete_options(method.name, method.options)} for method in methods],
             "sensor_overrides": dict(sensor), "versions": check.versions(), "error_curve_steps_m": list(ERROR_STEPS_M),
             "averages": "mean over pairs, each pair counting alike; pooled_* over the pixels of all pairs",
             "pixels": REGIONS,

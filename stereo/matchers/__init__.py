@@ -3,7 +3,9 @@
 A matcher is a module of this package with ``OPTIONS`` (what can be set), ``PRESETS`` (named sets of
 options) and ``compute(left, right, options, camera)``, which takes two uint8 images of one size, a
 complete dict of options and the camera, if it is known, and returns a ``Result``. Images are grey (H, W), or
-RGB (H, W, 3) for a module with ``COLOUR``.
+RGB (H, W, 3) for a module with ``COLOUR``. Two functions it may have besides: ``check(options)`` raises
+IcyMoonError where something that the options name is not there, and ``load(options)`` does what is not
+part of matching one pair.
 """
 
 from __future__ import annotations
@@ -23,7 +25,7 @@ from .options import nearest, resolve
 from .result import Result
 
 #: Each is the module of this package of the same name.
-METHODS = ("bm", "sgbm", "jplv")
+METHODS = ("bm", "sgbm", "jplv", "igev", "dsmnet")
 
 
 def match(method: str, left: np.ndarray, right: np.ndarray, options: Mapping[str, Any] | None = None,
@@ -37,7 +39,7 @@ def match(method: str, left: np.ndarray, right: np.ndarray, options: Mapping[str
     * disparity, float32 (H, W), px, left column minus right column, NaN where invalid;
     * valid, bool (H, W);
     * info: ``method``, the complete ``options``, ``seconds`` of CPU time of the matching alone (of a
-      program that it started too), ``arrays`` by name and ``counts`` of pixels, see ``Result``.
+      program that it started too), ``arrays``, ``counts`` and ``facts``, see ``Result``.
 
     A disparity of zero or less is no depth, and invalid. Raises IcyMoonError for an unknown method
     or option, unusable images and images too small for the options.
@@ -49,17 +51,30 @@ def match(method: str, left: np.ndarray, right: np.ndarray, options: Mapping[str
     if left.shape[:2] != right.shape[:2]:
         raise IcyMoonError(f"The left image is {_size(left)}, the right one {_size(right)}; "
                            "give two images of one size.")
+    if load := getattr(module, "load", None):
+        load(complete)
     start = _cpu_seconds()
     result: Result = module.compute(left, right, complete, camera)
     seconds = _cpu_seconds() - start
     valid = (result.disparity > 0) & np.isfinite(result.disparity)
     return (np.where(valid, result.disparity, np.nan).astype(np.float32), valid,
             {"method": method, "options": complete, "seconds": seconds, "arrays": result.arrays,
-             "counts": result.counts})
+             "counts": result.counts, "facts": result.facts})
 
 
 def check_options(method: str, options: Mapping[str, Any]) -> dict[str, Any]:
-    """The complete options that ``match`` would run with. Raises IcyMoonError as it would."""
+    """The complete options that ``match`` would run with.
+
+    Raises IcyMoonError as it would, also for a checkpoint or program that is not there.
+    """
+    complete = complete_options(method, options)
+    if check := getattr(_module(method), "check", None):
+        check(complete)
+    return complete
+
+
+def complete_options(method: str, options: Mapping[str, Any]) -> dict[str, Any]:
+    """The same, with no look at what is there."""
     module = _module(method)
     return resolve(method, module.OPTIONS, module.PRESETS, options)
 

@@ -12,7 +12,10 @@ from ...errors import IcyMoonError
 
 @dataclass(frozen=True)
 class Option:
-    """One option. ``opencv`` is what OpenCV's manual calls it, accepted as a second name."""
+    """One option: a whole number, one of ``choices``, or free text where the default is text without choices.
+
+    ``opencv`` is what OpenCV's manual calls it, accepted as a second name.
+    """
 
     key: str
     default: int | str
@@ -60,6 +63,8 @@ def _checked(method: str, option: Option, value: Any) -> int | str:
     if option.choices:
         if value not in option.choices:
             raise IcyMoonError(f"{name} is {value!r}, {nearest(str(value), option.choices)}")
+        return str(value)
+    if isinstance(option.default, str):
         return str(value)
     try:
         number = int(str(value))
