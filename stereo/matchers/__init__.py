@@ -25,7 +25,7 @@ from .options import nearest, resolve
 from .result import Result
 
 #: Each is the module of this package of the same name.
-METHODS = ("bm", "sgbm", "jplv", "igev", "dsmnet")
+METHODS = ("bm", "sgbm", "sgbm_wls", "jplv", "igev", "dsmnet", "external")
 
 
 def match(method: str, left: np.ndarray, right: np.ndarray, options: Mapping[str, Any] | None = None,
@@ -34,7 +34,7 @@ def match(method: str, left: np.ndarray, right: np.ndarray, options: Mapping[str
 
     ``left`` and ``right`` are rectified images of one size, uint8 or uint16 (scaled to 8 bits), grey
     (H, W) or colour (H, W, 3 or 4; BGR as OpenCV reads it; averaged by the methods that see no colour).
-    ``options`` may be given as text. Returns
+    ``options`` may be given as text; a program of your own may ask for the ``camera``. Returns
 
     * disparity, float32 (H, W), px, left column minus right column, NaN where invalid;
     * valid, bool (H, W);
@@ -77,6 +77,16 @@ def complete_options(method: str, options: Mapping[str, Any]) -> dict[str, Any]:
     """The same, with no look at what is there."""
     module = _module(method)
     return resolve(method, module.OPTIONS, module.PRESETS, options)
+
+
+def described(method: str) -> str:
+    """What a method is and its options, as lines of text. Raises IcyMoonError for an unknown one."""
+    module = _module(method)
+    lines = [f"{method}: {(module.__doc__ or '').strip().splitlines()[0]}"]
+    lines += [f"  {option.key}={option.default} ({option.range}) {option.doc}" for option in module.OPTIONS]
+    lines += [f"  preset={name} " + " ".join(f"{key}={value}" for key, value in chosen.items())
+              for name, chosen in module.PRESETS.items()]
+    return "\n".join(lines)
 
 
 def _module(method: str) -> ModuleType:

@@ -43,3 +43,17 @@ def run(method: str, matcher: Any, left: np.ndarray, right: np.ndarray, min_disp
     measured = fixed[inside] >= min_disparity * SUBPIXELS
     disparity[inside] = np.where(measured, fixed[inside] / np.float32(SUBPIXELS), np.nan)
     return disparity
+
+
+def extended(image: np.ndarray, columns: int) -> np.ndarray:
+    """The image with its left border repeated.
+
+    OpenCV leaves out every column that cannot be searched to the end of the range, a seventh of the
+    paper's images. Extended images have none; a match found in the extension is none (inside_right).
+    """
+    return cv2.copyMakeBorder(image, 0, 0, columns, 0, cv2.BORDER_REPLICATE)
+
+
+def inside_right(disparity: np.ndarray) -> np.ndarray:
+    """NaN where the match would be left of the right image."""
+    return np.where(disparity <= np.arange(disparity.shape[1]), disparity, np.nan)
