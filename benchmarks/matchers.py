@@ -7,13 +7,12 @@ One synthetic 640 x 480 pair with noise. Each runs in a process of its own on on
 of three matches (of one for a network), and the most memory that it took beyond the images and the libraries. What
 counts are the ratios. Errors are over the measured pixels; locking is the spread, px, of the mean error over sixteen
 classes of the true disparity's fraction, which a matcher that prefers whole pixels has and others have not.
-With a CUDA device the networks run there as well, and are compared with the processor.
+Needs Linux for the memory. With a CUDA device the networks run there as well, and are compared with the processor.
 """
 
 from __future__ import annotations
 
 import json
-import resource
 import subprocess
 import sys
 import tempfile
@@ -45,33 +44,42 @@ def pair() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return eyes[0], eyes[1], rig.disparity(depth)
 
 
-def measured(label: str, options: dict[str, str], runs: int) -> dict[str, Any]:
+def measured(images: str, label: str, options: dict[str, str], runs: int) -> dict[str, Any]:
     """One matcher in this process."""
-    left, right, truth = pair()
+    with np.load(images) as stored:
+        left, right, truth = (stored[name] for name in ("left", "right", "truth"))
     small = left[:64, :128], right[:64, :128]
     method = label.partition(":")[0]
     match(method, *small, options | ({"window": "5"} if method == "bm" else {}))  # loads libraries and parameters
-    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    Path("/proc/self/clear_refs").write_text("5")  # forget the largest memory so far
+    before = memory_mb("VmRSS")
     results = [match(method, left, right, options) for _ in range(runs)]
-    memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before
+    memory = memory_mb("VmHWM") - before
     disparity, valid, info = min(results, key=lambda result: result[2]["seconds"])
     error = (disparity - truth)[valid]
     good = np.abs(error) < 1
     classes = np.floor(truth[valid][good] % 1 * 16).astype(int)
     means = np.bincount(classes, error[good], 16) / np.maximum(np.bincount(classes, minlength=16), 1)
-    return {"seconds": info["seconds"], "memory_mb": memory / 1024, "coverage": float(valid.mean()),
+    return {"seconds": info["seconds"], "memory_mb": memory, "coverage": float(valid.mean()),
             "epe": float(np.abs(error).mean()), "bad_1": float(1 - good.mean()), "locking": float(np.std(means))}
 
 
-def in_a_process(label: str, options: dict[str, str], runs: int) -> dict[str, Any]:
-    """The same in a process of its own."""
-    ended = subprocess.run([sys.executable, __file__, "--one", json.dumps([label, options, runs])], check=True,
-                           stdout=subprocess.PIPE)
+def memory_mb(what: str) -> float:
+    """Of this process, as Linux counts it: VmRSS now, VmHWM at most. (Other counts go on from the parent's.)"""
+    lines = Path("/proc/self/status").read_text().splitlines()
+    return next(int(line.split()[1]) for line in lines if line.startswith(what + ":")) / 1024
+
+
+def in_a_process(*what: Any) -> dict[str, Any]:
+    """The same in a process of its own, which has not made the images."""
+    ended = subprocess.run([sys.executable, __file__, "--one", json.dumps(what)], check=True, stdout=subprocess.PIPE)
     return dict(json.loads(ended.stdout))
 
 
 def table(labels: tuple[str, ...], folder: Path) -> None:
     """Measure and print one line each."""
+    left, right, truth = pair()
+    np.savez(folder / "images.npz", left=left, right=right, truth=truth)
     print(ROW.format("", "CPU s", "ratio", "MB", "ratio", "coverage", "EPE px", "bad-1", "locking"))
     reference: dict[str, Any] = {}
     for label in labels:
@@ -79,13 +87,13 @@ def table(labels: tuple[str, ...], folder: Path) -> None:
         options = dict(option.split("=") for option in given)
         if network := label in NETWORKS:
             options |= {"checkpoint": str(folder / f"{method}.pth"), "device": "cpu"}
-        found = in_a_process(label, options, 1 if network else 3)
+        found = in_a_process(str(folder / "images.npz"), label, options, 1 if network else 3)
         reference = reference or found
         # The errors of a network with random parameters say nothing.
         errors = ["–"] * 4 if network else [f"{100 * found['coverage']:.1f} %", f"{found['epe']:.3f}",
                                            f"{100 * found['bad_1']:.2f} %", f"{found['locking']:.4f}"]
         print(ROW.format(label, f"{found['seconds']:.3f}", f"{found['seconds'] / reference['seconds']:.1f}",
-                         f"{found['memory_mb']:.0f}", f"{found['memory_mb'] / max(reference['memory_mb'], 1):.0f}",
+                         f"{found['memory_mb']:.0f}", f"{found['memory_mb'] / reference['memory_mb']:.1f}",
                          *errors), flush=True)
 
 

@@ -51,7 +51,7 @@ def test_opencvs_rounding_leaves_no_offset(method):
 def test_the_left_border_is_measured_where_both_eyes_see_it(method):
     left, right, truth = images(pairs.Scene())
     disparity, valid, _ = match(method, left, right)
-    margin = 7 if method == "bm" else 0  # half a window
+    margin = 8 if method == "bm" else 0  # half a window
     both = (np.arange(RIG.width_px) >= truth + margin) & (np.arange(RIG.width_px) < RIG.width_px - margin)
     both[:margin] = both[RIG.height_px - margin:] = False
     assert (valid & both).sum() > 0.95 * both.sum()
