@@ -83,12 +83,13 @@ def load(network: Network, options: dict[str, Any]) -> tuple[nn.Module, dict[str
 
 @contextmanager
 def running(method: str) -> Iterator[None]:
-    """No gradients, full single precision, and failures in one sentence."""
+    """No gradients, full single precision, the same result every time, and failures in one sentence."""
     import torch
 
     try:
         # By default convolutions on newer CUDA devices round their inputs to 10 bits (TF32).
-        with torch.inference_mode(), torch.backends.cudnn.flags(allow_tf32=False):
+        exact = torch.backends.cudnn.flags(enabled=True, deterministic=True, allow_tf32=False)
+        with torch.inference_mode(), exact:
             yield
     except torch.OutOfMemoryError:
         raise IcyMoonError(f"{method} needs more memory than the CUDA device has; lower {method}.max_disparity, use "

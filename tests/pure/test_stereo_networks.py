@@ -206,6 +206,16 @@ def test_old_checkpoints_without_counts_load(states, tmp_path):
     learned._fill(DSMNet(64), learned._parameters(tmp_path / "old.pth"), tmp_path, "dsmnet")
 
 
+def test_networks_run_in_full_single_precision_and_failures_are_one_sentence():
+    with learned.running("igev"):
+        assert torch.backends.cudnn.enabled
+        assert not torch.backends.cudnn.allow_tf32
+        assert torch.is_inference_mode_enabled()
+    with pytest.raises(IcyMoonError, match=r"igev failed in PyTorch \(.*size") as caught, learned.running("igev"):
+        torch.zeros(2) + torch.zeros(3)
+    assert "\n" not in str(caught.value)
+
+
 @pytest.mark.skipif(torch.cuda.is_available(), reason="there is a CUDA device")
 def test_a_device_that_is_not_there_is_named(checkpoints):
     image = np.zeros((64, 64), np.uint8)
