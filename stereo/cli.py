@@ -52,14 +52,20 @@ def _parser() -> argparse.ArgumentParser:
     command = commands.add_parser("check", help="tell whether this Python can evaluate, as one line of JSON")
     command.set_defaults(run=_check)
 
+    command = commands.add_parser("methods", help="list the matchers with their options")
+    command.add_argument("method", nargs="?", help="only this one")
+    command.set_defaults(run=_methods)
+
     command = commands.add_parser("match", help="match two images")
-    command.add_argument("--method", required=True, help="bm or sgbm")
+    command.add_argument("--method", required=True, help="one of those that the command methods lists")
     command.add_argument("--left", required=True, type=Path, help="left image, 8- or 16-bit PNG")
     command.add_argument("--right", required=True, type=Path, help="right image, 8- or 16-bit PNG")
     command.add_argument("--option", action="append", default=[], nargs="+", metavar="KEY=VALUE",
                          help="option of the method, such as window=21 or preset=guiss")
+    command.add_argument("--camera", type=Path, metavar="PAIR",
+                         help="pair folder whose camera took the images, for an external program that asks for it")
     command.add_argument("--out", required=True, type=Path,
-                         help="npz to write: disparity, float32 px, NaN where invalid")
+                         help="npz to write: disparity, float32 px, NaN where invalid, and what else the method knows")
     command.set_defaults(run=_match)
 
     command = commands.add_parser("metrics", help="measure a depth map, as JSON; null for what is undefined")
@@ -91,15 +97,25 @@ def _check(parsed: argparse.Namespace) -> int:
     return 1
 
 
+def _methods(parsed: argparse.Namespace) -> int:
+    check.require("numpy", "cv2")
+    from .matchers import METHODS, described
+
+    print("\n\n".join(described(method) for method in ([parsed.method] if parsed.method else METHODS)))
+    return 0
+
+
 def _match(parsed: argparse.Namespace) -> int:
     check.require("numpy", "cv2")
+    from ..render.pair import read_pair
     from .images import read_png, write_disparity
     from .matchers import match
     from .methods import key_value
 
     options = dict(key_value(text, "--option") for part in parsed.option for text in part)
-    disparity, _, _ = match(parsed.method, read_png(parsed.left), read_png(parsed.right), options)
-    write_disparity(parsed.out, disparity)
+    camera = read_pair(parsed.camera).camera if parsed.camera else None
+    disparity, _, info = match(parsed.method, read_png(parsed.left), read_png(parsed.right), options, camera)
+    write_disparity(parsed.out, disparity, info["arrays"])
     return 0
 
 

@@ -23,7 +23,7 @@ from ..files import write_json, write_text
 from ..render.pair import pair_folders
 from . import check, pictures
 from .images import write_disparity, write_png
-from .matchers import check_options, match
+from .matchers import complete_options, match
 from .methods import Method
 from .metrics import ERROR_STEPS_M, depth_metrics, disparity_metrics, error_curve
 from .prepare import Prepared, none_for_nan, prepare
@@ -54,8 +54,9 @@ def evaluate(paths: Sequence[Path], methods: Sequence[Method], out: Path, sensor
     * ``summary``: one entry per method, see ``summary``.
     * ``rows``: ``pair``, ``method``, ``status`` ("ok" or "failed"), every metric of ``metrics`` and the
       same with ``visible_`` and ``common_``, ``error_curve``, ``true_pixels``, ``seconds`` of CPU time, the complete
-      ``options``, ``error`` (why it failed) and ``images``: paths relative to ``out`` of the pictures
-      ``depth`` and ``error`` and of ``disparity`` (npz).
+      ``options``, ``counts`` of pixels per outcome and ``facts`` on what it ran where a method knows them, ``error``
+      (why it failed) and ``images``: paths relative to ``out`` of the pictures ``depth`` and ``error`` and of
+      ``disparity`` (npz, with the method's other arrays).
     * ``pairs``: what was found about each usable pair, and its ``images`` ``left``, ``right`` and
       ``true_depth``.
     * ``failed``: ``pair``, ``message`` and, where only one method failed, ``method``.
@@ -90,7 +91,8 @@ def evaluate(paths: Sequence[Path], methods: Sequence[Method], out: Path, sensor
         broken: dict[str, str] = {}
         for method in methods:
             try:
-                disparity, _, info = match(method.name, prepared.left, prepared.right, method.options)
+                disparity, _, info = match(method.name, prepared.left, prepared.right, method.options,
+                                           prepared.pair.camera)
                 matched[method.label] = disparity, info
             except IcyMoonError as error:
                 broken[method.label] = str(error)
@@ -104,8 +106,9 @@ def evaluate(paths: Sequence[Path], methods: Sequence[Method], out: Path, sensor
             depth = prepared.pair.camera.focal_baseline_px_m / disparity.astype(np.float64)  # NaN stays NaN
             done({"pair": folder.name, "method": method.label, "status": "ok",
                   **_measured(prepared, masks, disparity, depth), "seconds": info["seconds"],
-                  "options": info["options"], "error": "",
-                  "images": _write_method_pictures(prepared, method, disparity, depth, out)})
+                  "options": info["options"], "counts": info["counts"], "facts": info["facts"],
+                  "error": "",
+                  "images": _write_method_pictures(prepared, method, disparity, depth, info["arrays"], out)})
 
     report = {"format": FORMAT, "version": VERSION, "summary": [summary(method.label, rows) for method in methods],
               "rows": rows, "pairs": pairs, "failed": failed, "provenance": _provenance(paths, methods, sensor or {})}
@@ -140,8 +143,8 @@ def _measured(prepared: Prepared, masks: Mapping[str, np.ndarray], disparity: np
 def _failed_row(pair: str, method: Method, message: str) -> dict[str, Any]:
     undefined = dict.fromkeys([prefix + metric for prefix in REGIONS for metric in METRICS])
     return {"pair": pair, "method": method.label, "status": "failed", **undefined, "error_curve": [],
-            "true_pixels": None, "seconds": None, "options": check_options(method.name, method.options),
-            "error": message, "images": {}}
+            "true_pixels": None, "seconds": None, "options": complete_options(method.name, method.options),
+            "counts": {}, "facts": {}, "error": message, "images": {}}
 
 
 def _write_pair_pictures(prepared: Prepared, out: Path) -> dict[str, str]:
@@ -152,11 +155,11 @@ def _write_pair_pictures(prepared: Prepared, out: Path) -> dict[str, str]:
 
 
 def _write_method_pictures(prepared: Prepared, method: Method, disparity: np.ndarray, depth: np.ndarray,
-                           out: Path) -> dict[str, str]:
+                           arrays: Mapping[str, np.ndarray], out: Path) -> dict[str, str]:
     picture = pictures.depth_picture(depth, prepared.scale)
     error = pictures.error_picture(depth, prepared.truth)
     npz = _folder(prepared, out) / f"{method.file_name}.npz"
-    write_disparity(npz, disparity, focal_baseline_px_m=prepared.pair.camera.focal_baseline_px_m)
+    write_disparity(npz, disparity, arrays, focal_baseline_px_m=prepared.pair.camera.focal_baseline_px_m)
     return {"depth": _write_picture(prepared, out, f"{method.file_name}_depth.png",
                                     pictures.with_bar(picture, prepared.scale)),
             "error": _write_picture(prepared, out, f"{method.file_name}_error.png",
@@ -178,7 +181,7 @@ def _provenance(paths: Sequence[Path], methods: Sequence[Method], sensor: Mappin
     return {"created": datetime.now(UTC).isoformat(timespec="seconds"),
             "source": ", ".join(str(path.resolve()) for path in paths),
             "methods": [{"label": method.label, "name": method.name,
-                         "options": check_options(method.name, method.options)} for method in methods],
+                         "options": complete_options(method.name, method.options)} for method in methods],
             "sensor_overrides": dict(sensor), "versions": check.versions(), "error_curve_steps_m": list(ERROR_STEPS_M),
             "averages": "mean over pairs, each pair counting alike; pooled_* over the pixels of all pairs",
             "pixels": REGIONS,

@@ -1,9 +1,11 @@
-"""PNG and JPEG files, and the atomic writing of everything that is made in memory first."""
+"""PNG, JPEG and PFM files, and the atomic writing of everything that is made in memory first."""
 
 from __future__ import annotations
 
 import io
+import re
 import zlib
+from collections.abc import Mapping
 from pathlib import Path
 
 import cv2
@@ -13,6 +15,7 @@ from ..errors import IcyMoonError
 from ..files import write_atomically
 
 _PNG = b"\x89PNG\r\n\x1a\n"
+_PFM = re.compile(rb"Pf\s+(\d{1,6})\s+(\d{1,6})\s+([-+]?[\d.]+(?:[eE][-+]?\d+)?)\s")  # width, height, scale
 
 
 def write_bytes(path: Path, content: bytes) -> None:
@@ -58,6 +61,25 @@ def read_png(path: Path) -> np.ndarray:
     return image
 
 
+def read_pfm(path: Path) -> np.ndarray:
+    """A grey PFM file as float32 (H, W), top row first; its scale says the order of bytes and changes no value.
+
+    Raises IcyMoonError if it is missing, of another kind or damaged.
+    """
+    try:
+        content = path.read_bytes()
+    except OSError as error:
+        raise IcyMoonError(f"{path} cannot be read ({error.strerror}); give an existing PFM image.") from None
+    head = _PFM.match(content)
+    if head is None:
+        raise IcyMoonError(f"{path} is not a grey PFM image; its first line must be Pf.")
+    width, height, body = int(head[1]), int(head[2]), content[head.end():]
+    if len(body) != 4 * width * height:
+        raise IcyMoonError(f"{path} is damaged or incomplete; make it again.")
+    order = "<" if head[3].startswith(b"-") else ">"
+    return np.frombuffer(body, f"{order}f4").reshape(height, width)[::-1].astype(np.float32)
+
+
 def _is_whole(content: bytes) -> bool:
     """Whether every chunk of a PNG up to its end chunk is there with the right checksum."""
     place = len(_PNG)
@@ -73,10 +95,11 @@ def _is_whole(content: bytes) -> bool:
     return False
 
 
-def write_disparity(path: Path, disparity: np.ndarray, **facts: float) -> None:
-    """Write an npz with ``disparity`` (float32 px, NaN where invalid) and named numbers, atomically."""
+def write_disparity(path: Path, disparity: np.ndarray, arrays: Mapping[str, np.ndarray] | None = None,
+                    **facts: float) -> None:
+    """Write an npz with ``disparity`` (float32 px, NaN where invalid), named arrays and numbers, atomically."""
     # In memory first: a zip file that meets a full disk complains a second time when it is closed.
     stream = io.BytesIO()
-    np.savez_compressed(stream, disparity=disparity.astype(np.float32),
+    np.savez_compressed(stream, disparity=disparity.astype(np.float32), **(arrays or {}),
                         **{name: np.float64(value) for name, value in facts.items()})
     write_bytes(path, stream.getvalue())

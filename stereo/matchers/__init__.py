@@ -1,13 +1,17 @@
 """Stereo matchers: one signature, loaded when asked for.
 
 A matcher is a module of this package with ``OPTIONS`` (what can be set), ``PRESETS`` (named sets of
-options) and ``compute(left, right, options)``, which takes two uint8 (H, W) images and a complete
-dict of options and returns disparity, float (H, W) px, NaN where there is no measurement.
+options) and ``compute(left, right, options, camera)``, which takes two uint8 images of one size, a
+complete dict of options and the camera, if it is known, and returns a ``Result``. Images are grey (H, W), or
+RGB (H, W, 3) for a module with ``COLOUR``. Two functions it may have besides: ``check(options)`` raises
+IcyMoonError where something that the options name is not there, and ``load(options)`` does what is not
+part of matching one pair.
 """
 
 from __future__ import annotations
 
 import importlib
+import os
 import time
 from collections.abc import Mapping
 from types import ModuleType
@@ -16,64 +20,113 @@ from typing import Any
 import numpy as np
 
 from ...errors import IcyMoonError
+from ...render.pair import StereoCamera
 from .options import nearest, resolve
+from .result import Result
 
-#: Name -> module of this package.
-METHODS = {"bm": "bm", "sgbm": "sgbm"}
+#: Each is the module of this package of the same name.
+METHODS = ("bm", "sgbm", "sgbm_wls", "jplv", "igev", "dsmnet", "external")
 
 
-def match(method: str, left: np.ndarray, right: np.ndarray,
-          options: Mapping[str, Any] | None = None) -> tuple[np.ndarray, np.ndarray, dict[str, Any]]:
+def match(method: str, left: np.ndarray, right: np.ndarray, options: Mapping[str, Any] | None = None,
+          camera: StereoCamera | None = None) -> tuple[np.ndarray, np.ndarray, dict[str, Any]]:
     """Disparity of the left image by ``method``.
 
     ``left`` and ``right`` are rectified images of one size, uint8 or uint16 (scaled to 8 bits), grey
-    (H, W) or colour (H, W, 3 or 4; averaged). ``options`` may be given as text. Returns
+    (H, W) or colour (H, W, 3 or 4; BGR as OpenCV reads it; averaged by the methods that see no colour).
+    ``options`` may be given as text; a program of your own may ask for the ``camera``. Returns
 
     * disparity, float32 (H, W), px, left column minus right column, NaN where invalid;
     * valid, bool (H, W);
-    * info: ``method``, the complete ``options``, ``seconds`` of CPU time of the matching alone.
+    * info: ``method``, the complete ``options``, ``seconds`` of CPU time of the matching alone (of a
+      program that it started too), ``arrays``, ``counts`` and ``facts``, see ``Result``.
 
     A disparity of zero or less is no depth, and invalid. Raises IcyMoonError for an unknown method
     or option, unusable images and images too small for the options.
     """
     module = _module(method)
     complete = check_options(method, options or {})
-    left, right = _grey_8_bit(left, "left"), _grey_8_bit(right, "right")
-    if left.shape != right.shape:
+    prepare = _rgb if getattr(module, "COLOUR", False) else _grey
+    left, right = prepare(_checked(left, "left")), prepare(_checked(right, "right"))
+    if left.shape[:2] != right.shape[:2]:
         raise IcyMoonError(f"The left image is {_size(left)}, the right one {_size(right)}; "
                            "give two images of one size.")
-    start = time.process_time()
-    disparity = module.compute(left, right, complete)
-    seconds = time.process_time() - start
-    valid = disparity > 0  # False for NaN
-    return (np.where(valid, disparity, np.nan).astype(np.float32), valid,
-            {"method": method, "options": complete, "seconds": seconds})
+    if load := getattr(module, "load", None):
+        load(complete)
+    start = _cpu_seconds()
+    result: Result = module.compute(left, right, complete, camera)
+    seconds = _cpu_seconds() - start
+    valid = (result.disparity > 0) & np.isfinite(result.disparity)
+    return (np.where(valid, result.disparity, np.nan).astype(np.float32), valid,
+            {"method": method, "options": complete, "seconds": seconds, "arrays": result.arrays,
+             "counts": result.counts, "facts": result.facts})
 
 
 def check_options(method: str, options: Mapping[str, Any]) -> dict[str, Any]:
-    """The complete options that ``match`` would run with. Raises IcyMoonError as it would."""
+    """The complete options that ``match`` would run with.
+
+    Raises IcyMoonError as it would, also for a checkpoint or program that is not there.
+    """
+    complete = complete_options(method, options)
+    if check := getattr(_module(method), "check", None):
+        check(complete)
+    return complete
+
+
+def complete_options(method: str, options: Mapping[str, Any]) -> dict[str, Any]:
+    """The same, with no look at what is there."""
     module = _module(method)
     return resolve(method, module.OPTIONS, module.PRESETS, options)
+
+
+def described(method: str) -> str:
+    """What a method is and its options, as lines of text. Raises IcyMoonError for an unknown one."""
+    module = _module(method)
+    lines = [f"{method}: {(module.__doc__ or '').strip().splitlines()[0]}"]
+    lines += [f"  {option.key}={option.default} ({option.range}) {option.doc}" for option in module.OPTIONS]
+    lines += [f"  preset={name} " + " ".join(f"{key}={value}" for key, value in chosen.items())
+              for name, chosen in module.PRESETS.items()]
+    return "\n".join(lines)
 
 
 def _module(method: str) -> ModuleType:
     if method not in METHODS:
         raise IcyMoonError(f"Unknown stereo method {method!r}, {nearest(method, METHODS)}")
-    return importlib.import_module(f".{METHODS[method]}", __name__)
+    return importlib.import_module(f".{method}", __name__)
 
 
 def _size(image: np.ndarray) -> str:
     return f"{image.shape[1]} x {image.shape[0]} px"
 
 
-def _grey_8_bit(image: np.ndarray, name: str) -> np.ndarray:
+def _cpu_seconds() -> float:
+    """Of this process and of the programs that it has waited for (which Windows does not count)."""
+    children = os.times()
+    return time.process_time() + children.children_user + children.children_system
+
+
+def _checked(image: np.ndarray, name: str) -> np.ndarray:
     image = np.asarray(image)
     if image.dtype not in (np.uint8, np.uint16):
         raise IcyMoonError(f"The {name} image has values of type {image.dtype}; give 8-bit or 16-bit grey values.")
     if image.size == 0 or not (image.ndim == 2 or (image.ndim == 3 and image.shape[2] in (3, 4))):
         raise IcyMoonError(f"The {name} image has the shape {image.shape}; give a grey or colour image.")
+    return image
+
+
+def _grey(image: np.ndarray) -> np.ndarray:
+    """uint8 (H, W)."""
     if image.ndim == 3:
         image = np.rint(image[..., :3].mean(axis=-1)).astype(image.dtype)
+    return _8_bit(image)
+
+
+def _rgb(image: np.ndarray) -> np.ndarray:
+    """uint8 (H, W, 3), red first."""
+    return _8_bit(np.repeat(image[..., None], 3, axis=-1) if image.ndim == 2 else image[..., 2::-1])
+
+
+def _8_bit(image: np.ndarray) -> np.ndarray:
     if image.dtype == np.uint16:
         image = np.rint(image / 257.0).astype(np.uint8)
     return np.ascontiguousarray(image)

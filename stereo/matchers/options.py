@@ -12,16 +12,28 @@ from ...errors import IcyMoonError
 
 @dataclass(frozen=True)
 class Option:
-    """One option. ``opencv`` is what OpenCV's manual calls it, accepted as a second name."""
+    """One option: a whole number (any number if the default is a float), one of ``choices``, or else text.
+
+    ``opencv`` is what OpenCV's manual calls it, accepted as a second name.
+    """
 
     key: str
-    default: int | str
+    default: int | float | str
     doc: str
-    minimum: int = 0
-    maximum: int = 0
+    minimum: float = 0
+    maximum: float = 0
     step: int = 1  # values are minimum + a multiple of this
     choices: tuple[str, ...] = ()
     opencv: str = ""
+
+    @property
+    def range(self) -> str:
+        """The values it takes, for people to read."""
+        if self.choices:
+            return ", ".join(self.choices)
+        if isinstance(self.default, str):
+            return "text"
+        return f"{self.minimum} to {self.maximum}" + (f" in steps of {self.step}" if self.step > 1 else "")
 
 
 def nearest(word: str, known: Iterable[str]) -> str:
@@ -55,17 +67,19 @@ def resolve(method: str, declared: Sequence[Option], presets: Mapping[str, Mappi
     return complete
 
 
-def _checked(method: str, option: Option, value: Any) -> int | str:
+def _checked(method: str, option: Option, value: Any) -> int | float | str:
     name = f"{method}.{option.key}"
     if option.choices:
         if value not in option.choices:
             raise IcyMoonError(f"{name} is {value!r}, {nearest(str(value), option.choices)}")
         return str(value)
+    if isinstance(option.default, str):
+        return str(value)
+    whole = isinstance(option.default, int)
     try:
-        number = int(str(value))
-    except ValueError:
-        raise IcyMoonError(f"{name} must be a whole number, not {value!r}.") from None
-    if not option.minimum <= number <= option.maximum or (number - option.minimum) % option.step:
-        steps = f" in steps of {option.step}" if option.step > 1 else ""
-        raise IcyMoonError(f"{name} is {number}, outside {option.minimum} to {option.maximum}{steps}.")
+        number = int(str(value)) if whole else float(value)
+    except (TypeError, ValueError):
+        raise IcyMoonError(f"{name} must be a {'whole ' if whole else ''}number, not {value!r}.") from None
+    if not option.minimum <= number <= option.maximum or (whole and (number - option.minimum) % option.step):
+        raise IcyMoonError(f"{name} is {number}, outside {option.range}.")
     return number

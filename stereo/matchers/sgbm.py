@@ -8,10 +8,13 @@ import cv2
 import numpy as np
 
 from ...errors import IcyMoonError
-from .opencv import SUBPIXELS, require_room, run
+from ...render.pair import StereoCamera
+from .opencv import SUBPIXELS, extended, inside_right, require_room, run
 from .options import Option
+from .result import Result
 
-OPTIONS = (
+#: What every use of the matcher has.
+SEARCH = (
     Option("disparities", 96, "Number of disparities searched, px", 16, 1024, 16, opencv="numDisparities"),
     Option("min_disparity", 0, "Least disparity searched, px", 0, 1024, opencv="minDisparity"),
     Option("window", 5, "Side of the square that is compared, px, odd", 1, 25, 2, opencv="blockSize"),
@@ -19,6 +22,12 @@ OPTIONS = (
            opencv="P1"),
     Option("p2", 0, "Penalty of a larger step, more than p1; 0 for 32 window²", 0, 100000, opencv="P2"),
     Option("prefilter_cap", 63, "Filtered values are cut at plus and minus this", 1, 63, opencv="preFilterCap"),
+    Option("mode", "hh", "Paths: hh 8 (the whole algorithm), sgbm 5 (a third of the time), 3way 3, hh4 4",
+           choices=("sgbm", "hh", "3way", "hh4")),
+)
+
+OPTIONS = (
+    *SEARCH,
     Option("uniqueness", 10, "Per cent by which the best match must beat the second", 0, 100,
            opencv="uniquenessRatio"),
     Option("speckle_window", 100, "Connected patches up to this many px are removed; 0 for off", 0, 100000,
@@ -26,8 +35,6 @@ OPTIONS = (
     Option("speckle_range", 2, "Disparity step, px, that separates patches", 0, 1024, opencv="speckleRange"),
     Option("left_right", 1, "Disparity difference, px, allowed when matching backwards; -1 for off", -1, 1024,
            opencv="disp12MaxDiff"),
-    Option("mode", "hh", "Paths: hh 8 (the whole algorithm), sgbm 5 (a third of the time), 3way 3, hh4 4",
-           choices=("sgbm", "hh", "3way", "hh4")),
     Option("left_border", "match", "Columns left of the search range: match them over the disparities that stay in the "
            "image, or skip them as OpenCV does by itself", choices=("match", "skip")),
 )
@@ -38,33 +45,38 @@ _MODES = {"sgbm": cv2.STEREO_SGBM_MODE_SGBM, "hh": cv2.STEREO_SGBM_MODE_HH,
           "3way": cv2.STEREO_SGBM_MODE_SGBM_3WAY, "hh4": cv2.STEREO_SGBM_MODE_HH4}
 
 
-def compute(left: np.ndarray, right: np.ndarray, options: dict[str, Any]) -> np.ndarray:
+def compute(left: np.ndarray, right: np.ndarray, options: dict[str, Any], camera: StereoCamera | None) -> Result:
     """Disparity of uint8 (H, W) images, float32 px, NaN where invalid."""
-    least, area = options["min_disparity"], options["window"] ** 2
-    small_step, large_step = options["p1"] or 8 * area, options["p2"] or 32 * area
-    if small_step >= large_step:
-        raise IcyMoonError(f"sgbm.p2 is {large_step}, not above sgbm.p1, {small_step}; raise p2 or lower p1.")
-    matcher = cv2.StereoSGBM.create(
-        minDisparity=least, numDisparities=options["disparities"], blockSize=options["window"],
-        P1=small_step, P2=large_step, disp12MaxDiff=options["left_right"],
-        preFilterCap=options["prefilter_cap"], uniquenessRatio=options["uniqueness"],
-        speckleWindowSize=options["speckle_window"], speckleRange=options["speckle_range"],
-        mode=_MODES[options["mode"]])
+    least = options["min_disparity"]
+    matcher = semi_global("sgbm", options)
+    matcher.setUniquenessRatio(options["uniqueness"])
+    matcher.setSpeckleWindowSize(options["speckle_window"])
+    matcher.setSpeckleRange(options["speckle_range"])
+    matcher.setDisp12MaxDiff(options["left_right"])
     reach = least + options["disparities"]
     extension = reach if options["left_border"] == "match" else 0
     height, width = left.shape
     # OpenCV 5 refuses less; older ones give results that depend on chance.
     require_room("sgbm", left, width + extension - reach > options["window"] // 2)
-    # OpenCV leaves out every column that cannot be searched to the end of the range, a seventh of
-    # the paper's images. Extended images have none, and a match found in the extension is none.
-    left, right = (cv2.copyMakeBorder(image, 0, 0, extension, 0, cv2.BORDER_REPLICATE) for image in (left, right))
+    left, right = extended(left, extension), extended(right, extension)
     # Unlike StereoBM it compares windows that reach over the border.
     disparity = run("sgbm", matcher, left, right, least, (reach, width + extension), (0, height))[:, extension:]
-    disparity = _evenly_rounded(disparity)
-    return np.where(disparity <= np.arange(width), disparity, np.nan)
+    return Result(inside_right(evenly_rounded(disparity)))
 
 
-def _evenly_rounded(disparity: np.ndarray) -> np.ndarray:
+def semi_global(method: str, options: dict[str, Any]) -> Any:
+    """OpenCV's matcher with the options of ``SEARCH``, with nothing rejected."""
+    area = options["window"] ** 2
+    small_step, large_step = options["p1"] or 8 * area, options["p2"] or 32 * area
+    if small_step >= large_step:
+        raise IcyMoonError(f"{method}.p2 is {large_step}, not above {method}.p1, {small_step}; raise p2 or lower p1.")
+    return cv2.StereoSGBM.create(
+        minDisparity=options["min_disparity"], numDisparities=options["disparities"], blockSize=options["window"],
+        P1=small_step, P2=large_step, disp12MaxDiff=-1, preFilterCap=options["prefilter_cap"],
+        mode=_MODES[options["mode"]])
+
+
+def evenly_rounded(disparity: np.ndarray) -> np.ndarray:
     """Take back what OpenCV's rounding adds to disparities below their nearest whole pixel.
 
     The sub-pixel offset, in 1/16 px, is the integer quotient (16 a + b) / 2b, which C++ truncates

@@ -55,7 +55,7 @@ def inputs(tmp_path_factory):
     (folder / "flipped.png").write_bytes(whole[:5000] + bytes([whole[5000] ^ 1]) + whole[5001:])
     (folder / "empty.png").write_bytes(b"")
     (folder / "text.png").write_text("no picture")
-    cv2.imwrite(str(folder / "small.png"), np.zeros((20, 30), np.uint8))
+    cv2.imwrite(str(folder / "small.png"), np.zeros((10, 12), np.uint8))
     pairs.write_pair(folder / "set" / "pairs" / "good")
     return folder
 
@@ -87,8 +87,8 @@ def test_match_writes_disparity(inputs, tmp_path, bits):
     ({"left": "flipped.png"}, ["flipped.png", "damaged or incomplete"]),
     ({"left": "empty.png"}, ["empty.png", "not a PNG"]),
     ({"right": "text.png"}, ["text.png", "not a PNG"]),
-    ({"right": "small.png"}, ["256 x 144", "30 x 20"]),
-    ({"left": "small.png", "right": "small.png", "method": "bm"}, ["30 x 20", "too small for bm"]),
+    ({"right": "small.png"}, ["256 x 144", "12 x 10"]),
+    ({"left": "small.png", "right": "small.png", "method": "bm"}, ["12 x 10", "too small for bm"]),
     ({"method": "sbgm"}, ["did you mean 'sgbm'"]),
 ])
 def test_match_refuses_in_one_sentence_and_writes_nothing(inputs, tmp_path, changes, words):

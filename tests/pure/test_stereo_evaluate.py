@@ -4,6 +4,7 @@ import base64
 import csv
 import json
 import shutil
+import sys
 from html.parser import HTMLParser
 
 import cv2
@@ -226,7 +227,7 @@ def test_a_broken_pair_is_named_and_the_others_are_done(tmp_path, harm, reason):
 
 def test_one_method_that_cannot_run_does_not_stop_the_other(tmp_path):
     pairs.write_pair(tmp_path / "pair", rig=pairs.camera(96, 72))
-    report = evaluate([tmp_path / "pair"], parse_methods("bm,sgbm"), tmp_path / "out")
+    report = evaluate([tmp_path / "pair"], parse_methods("bm,sgbm", ["bm.window=75"]), tmp_path / "out")
     assert [row["status"] for row in report["rows"]] == ["failed", "ok"]
     assert "too small for bm" in report["rows"][0]["error"]
     assert report["failed"][0]["method"] == "bm"
@@ -312,3 +313,24 @@ def test_a_row_that_the_disk_refuses_leaves_whole_rows(tmp_path, monkeypatch):
     with pytest.raises(IcyMoonError, match="disk is full"):
         log.append({"a": 2})
     assert (tmp_path / "rows.jsonl").read_text() == '{"a": 1}\n'
+
+
+def test_what_a_method_knows_besides_is_kept(tmp_path):
+    """Arrays in the npz, counts in the row, and the camera for a program that asks for it."""
+    rig = pairs.camera(160, 90)
+    pairs.write_pair(tmp_path / "pair", rig=rig)
+    (tmp_path / "program.py").write_text("import sys, numpy as np\nout, focal = sys.argv[3], float(sys.argv[4])\n"
+                                         "np.save(out, np.full((90, 160), focal / 2))")
+    command = f"{sys.executable} {tmp_path / 'program.py'} {{left}} {{right}} {{out}} {{focal_px}}"
+    report = evaluate([tmp_path / "pair"], parse_methods("jplv,external", ["jplv.blob_size=20",
+                                                                           f"external.command={command}"]),
+                      tmp_path / "out")
+    jplv, external = report["rows"]
+    with np.load(tmp_path / "out" / jplv["images"]["disparity"]) as stored:
+        assert {"disparity", "jpl_disparity", "flags", "focal_baseline_px_m"} == set(stored.files)
+        assert (stored["flags"] == 0).sum() == jplv["counts"]["ACCEPT"] == jplv["n"]
+    assert sum(jplv["counts"].values()) == 160 * 90
+    assert external["counts"] == {}
+    # The program said f / 2 px, so the depth is 2 B everywhere.
+    expected = np.abs(2 * rig.baseline_m - pairs.view(pairs.Scene(), rig, "left")[0]).mean()
+    assert external["l1_m"] == pytest.approx(expected, rel=1e-3)

@@ -1,0 +1,147 @@
+"""What every matcher costs and how well it measures, beside OpenCV's StereoBM as the paper ran it.
+
+    python benchmarks/matchers.py               # those that need no torch
+    python benchmarks/matchers.py --networks    # the networks too, with random parameters; minutes
+
+One synthetic 640 x 480 pair with noise. Each runs in a process of its own on one thread: CPU seconds of the fastest
+of three matches (of one for a network), and the most memory that it took beyond the images and the libraries. What
+counts are the ratios. Errors are over the measured pixels; locking is the spread, px, of the mean error over sixteen
+classes of the true disparity's fraction, which a matcher that prefers whole pixels has and others have not.
+Needs Linux for the memory. With a CUDA device the networks run there as well, and are compared with the processor.
+"""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "pure"))
+import pairs
+from icymoon.stereo.matchers import match
+
+REFERENCE = "bm:preset=guiss"
+CLASSICAL = (REFERENCE, "bm", "sgbm:mode=3way", "sgbm:mode=sgbm", "sgbm:mode=hh", "sgbm_wls", "sgbm_wls:mode=3way",
+             "jplv", "jplv:pyramid_level=1", "jplv:subpixel=affine")
+NETWORKS = ("igev:iterations=8", "igev:iterations=16", "igev:iterations=32",
+            "igev:iterations=8:precision=bfloat16", "dsmnet")
+ROW = "{:<40}{:>9}{:>8}{:>9}{:>8}{:>10}{:>9}{:>8}{:>9}"
+
+
+def pair() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Left, right and true disparity of a tilted plane with a block before it, noise of 2 levels per eye."""
+    scene, rig = pairs.Scene(contrast=0.4), pairs.camera(640, 480)
+    random = np.random.default_rng(0)
+    (depth, left, _), (_, right, _) = pairs.view(scene, rig, "left"), pairs.view(scene, rig, "right")
+    eyes = [np.rint(light / (2 * scene.radiance) * 255 + random.normal(0, 2, light.shape)).clip(0, 255).astype(np.uint8)
+            for light in (left, right)]
+    return eyes[0], eyes[1], rig.disparity(depth)
+
+
+def measured(images: str, label: str, options: dict[str, str], runs: int) -> dict[str, Any]:
+    """One matcher in this process."""
+    with np.load(images) as stored:
+        left, right, truth = (stored[name] for name in ("left", "right", "truth"))
+    small = left[:64, :128], right[:64, :128]
+    method = label.partition(":")[0]
+    match(method, *small, options | ({"window": "5"} if method == "bm" else {}))  # loads libraries and parameters
+    Path("/proc/self/clear_refs").write_text("5")  # forget the largest memory so far
+    before = memory_mb("VmRSS")
+    results = [match(method, left, right, options) for _ in range(runs)]
+    memory = memory_mb("VmHWM") - before
+    disparity, valid, info = min(results, key=lambda result: result[2]["seconds"])
+    error = (disparity - truth)[valid]
+    good = np.abs(error) < 1
+    classes = np.floor(truth[valid][good] % 1 * 16).astype(int)
+    means = np.bincount(classes, error[good], 16) / np.maximum(np.bincount(classes, minlength=16), 1)
+    return {"seconds": info["seconds"], "memory_mb": memory, "coverage": float(valid.mean()),
+            "epe": float(np.abs(error).mean()), "bad_1": float(1 - good.mean()), "locking": float(np.std(means))}
+
+
+def memory_mb(what: str) -> float:
+    """Of this process, as Linux counts it: VmRSS now, VmHWM at most. (Other counts go on from the parent's.)"""
+    lines = Path("/proc/self/status").read_text().splitlines()
+    return next(int(line.split()[1]) for line in lines if line.startswith(what + ":")) / 1024
+
+
+def in_a_process(*what: Any) -> dict[str, Any]:
+    """The same in a process of its own, which has not made the images."""
+    ended = subprocess.run([sys.executable, __file__, "--one", json.dumps(what)], check=True, stdout=subprocess.PIPE)
+    return dict(json.loads(ended.stdout))
+
+
+def table(labels: tuple[str, ...], folder: Path) -> None:
+    """Measure and print one line each."""
+    left, right, truth = pair()
+    np.savez(folder / "images.npz", left=left, right=right, truth=truth)
+    print(ROW.format("", "CPU s", "ratio", "MB", "ratio", "coverage", "EPE px", "bad-1", "locking"))
+    reference: dict[str, Any] = {}
+    for label in labels:
+        method, *given = label.split(":")
+        options = dict(option.split("=") for option in given)
+        if network := label in NETWORKS:
+            options |= {"checkpoint": str(folder / f"{method}.pth"), "device": "cpu"}
+        found = in_a_process(str(folder / "images.npz"), label, options, 1 if network else 3)
+        reference = reference or found
+        # The errors of a network with random parameters say nothing.
+        errors = ["–"] * 4 if network else [f"{100 * found['coverage']:.1f} %", f"{found['epe']:.3f}",
+                                           f"{100 * found['bad_1']:.2f} %", f"{found['locking']:.4f}"]
+        print(ROW.format(label, f"{found['seconds']:.3f}", f"{found['seconds'] / reference['seconds']:.1f}",
+                         f"{found['memory_mb']:.0f}", f"{found['memory_mb'] / reference['memory_mb']:.1f}",
+                         *errors), flush=True)
+
+
+def random_checkpoints(folder: Path) -> None:
+    """Files with the parameters that a new network has."""
+    import torch
+    from icymoon.stereo.networks.dsmnet import DSMNet
+    from icymoon.stereo.networks.igev import IGEVStereo
+
+    torch.manual_seed(0)
+    for name, network in (("igev", IGEVStereo()), ("dsmnet", DSMNet())):
+        torch.save(network.state_dict(), folder / f"{name}.pth")
+
+
+def on_cuda(folder: Path) -> None:
+    """Seconds per pair on the device, and the difference to the processor."""
+    left, right, _ = pair()
+    for method, more in (("igev", {"iterations": 8}), ("igev", {"iterations": 8, "precision": "bfloat16"}),
+                         ("dsmnet", {})):
+        options = more | {"checkpoint": str(folder / f"{method}.pth")}
+        match(method, left, right, options | {"device": "cuda"})
+        start = time.perf_counter()
+        there, valid, info = match(method, left, right, options | {"device": "cuda"})
+        seconds = time.perf_counter() - start
+        here, valid_here, _ = match(method, left, right, options | {"device": "cpu", "precision": "float32"}
+                                    if method == "igev" else options | {"device": "cpu"})
+        difference = np.abs(there - here)[valid & valid_here]
+        print(f"{method} {more} on {info['facts']['device']}: {seconds:.3f} s a pair, differs from the processor by "
+              f"{np.median(difference):.2g} px in the median, {difference.max():.2g} px at most")
+
+
+def main(arguments: list[str]) -> None:
+    """Measure and print."""
+    if arguments[:1] == ["--one"]:
+        print(json.dumps(measured(*json.loads(arguments[1]))))
+        return
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        if "--networks" not in arguments:
+            table(CLASSICAL, folder)
+            return
+        import torch
+
+        random_checkpoints(folder)
+        table((REFERENCE, *NETWORKS), folder)
+        if torch.cuda.is_available():
+            on_cuda(folder)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

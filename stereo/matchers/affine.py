@@ -1,0 +1,113 @@
+"""Sub-pixel disparity with windows that lean with the surface, by Gauss-Newton steps.
+
+A parabola through three scores of a fixed window prefers whole pixels ("pixel locking") and takes a
+slanted surface for a fronto-parallel one. Here the window of the right image is resampled with the
+disparity d + a u + b v at the offset (u, v) and d, a and b are fitted by least squares, as in Stein,
+Huertas, Matthies, "Attenuating stereo pixel-locking via affine window adaptation", ICRA 2006, with
+the gradients of the left image throughout (Baker, Matthews, "Lucas-Kanade 20 years on", IJCV 56(3),
+2004), so that what is fitted does not depend on how the right image is resampled.
+"""
+
+from __future__ import annotations
+
+from itertools import product
+
+import cv2
+import numpy as np
+
+_FINE = 8  # samples per pixel of the right image; between them a straight line will do
+_TAPS = 3  # lobes of the Lanczos kernel
+_ROWS = 32  # worked on at a time, so that everything stays in the processor's cache
+_LARGEST_MOVE_PX = 1.0  # a fit that leaves the correlator's pixel has found something else
+_LARGEST_SLANT = 0.75  # disparity change per pixel; beyond it the right image is stretched fourfold
+_SETTLED_PX = 0.05  # a fit whose last step was longer has not converged
+
+
+def refine(left: np.ndarray, right: np.ndarray, disparity: np.ndarray, window: int,
+           steps: int) -> np.ndarray:
+    """Disparity, float64 (H, W) px, from disparity to about half a pixel, NaN where invalid.
+
+    ``left`` and ``right`` are (H, W) images, ``window`` the odd side of the square that is fitted.
+    Where no fit is found, near the border for one, the given disparity stays.
+    """
+    half = window // 2
+    height, width = disparity.shape
+    gradient = cv2.Sobel(left.astype(np.float32), cv2.CV_32F, 1, 0, ksize=1, scale=0.5)
+    inverse = _inverse_normal_matrices(gradient, half)
+    fine = _resampled(right.astype(np.float32))
+    result = disparity.astype(np.float64)
+    columns = slice(half + 1, width - half - 1)
+    for top in range(half, height - half, _ROWS):
+        rows = slice(top, min(top + _ROWS, height - half))
+        if np.isfinite(disparity[rows, columns]).any():
+            result[rows, columns] = _fit(
+                left.astype(np.float32), gradient, fine, inverse[:, :, rows, columns], disparity[rows, columns],
+                (rows.start, columns.start), half, steps)
+    return result
+
+
+def _inverse_normal_matrices(gradient: np.ndarray, half: int) -> np.ndarray:
+    """(3, 3, H, W): inverse of Σ g² [1 u v]ᵀ[1 u v] over every window; not finite where it has none."""
+    offsets = np.arange(-half, half + 1.0)
+    ones = np.ones_like(offsets)
+    power = gradient.astype(np.float64) ** 2
+
+    def moment(along: np.ndarray, down: np.ndarray) -> np.ndarray:
+        return cv2.sepFilter2D(power, cv2.CV_64F, along, down, borderType=cv2.BORDER_CONSTANT)
+
+    one, u, v = moment(ones, ones), moment(offsets, ones), moment(ones, offsets)
+    uu, uv, vv = moment(offsets ** 2, ones), moment(offsets, offsets), moment(ones, offsets ** 2)
+    cofactors = np.array([[uu * vv - uv * uv, uv * v - u * vv, u * uv - uu * v],
+                          [uv * v - u * vv, one * vv - v * v, u * v - one * uv],
+                          [u * uv - uu * v, u * v - one * uv, one * uu - u * u]])
+    determinant = one * cofactors[0, 0] + u * cofactors[0, 1] + v * cofactors[0, 2]
+    # Windows without texture, or with all of it on one line, determine no plane.
+    usable = determinant > 1e-6 * np.maximum(one, 1e-9) * np.maximum(uu, 1e-9) * np.maximum(vv, 1e-9)
+    return np.where(usable, cofactors / np.where(usable, determinant, 1), np.nan).astype(np.float32)
+
+
+def _resampled(image: np.ndarray) -> np.ndarray:
+    """(H, W * _FINE): the rows of an image at _FINE points per pixel, by the Lanczos kernel."""
+    height, width = image.shape
+    padded = np.pad(image, ((0, 0), (_TAPS - 1, _TAPS)), mode="edge")
+    fine = np.zeros((height, width, _FINE), np.float32)
+    for phase in range(_FINE):
+        distance = np.arange(2 * _TAPS) - (_TAPS - 1) - phase / _FINE
+        weight = np.sinc(distance) * np.sinc(distance / _TAPS)
+        for tap, share in enumerate((weight / weight.sum()).astype(np.float32)):
+            fine[:, :, phase] += share * padded[:, tap:tap + width]
+    return fine.reshape(height, width * _FINE)
+
+
+def _fit(left: np.ndarray, gradient: np.ndarray, fine: np.ndarray, inverse: np.ndarray, start: np.ndarray,
+         corner: tuple[int, int], half: int, steps: int) -> np.ndarray:
+    height, width = start.shape
+    valid = np.isfinite(start)
+    shift = np.where(valid, start, 0).astype(np.float32)
+    slant = np.zeros((2, height, width), np.float32)
+    column = np.arange(corner[1], corner[1] + width, dtype=np.float32)
+    last = np.float32(fine.shape[1] - 2)
+    step = np.zeros((3, height, width), np.float32)
+    for _ in range(steps):
+        moments = np.zeros((3, height, width), np.float32)
+        for v, u in product(range(-half, half + 1), repeat=2):
+            here = np.s_[corner[0] + v:corner[0] + v + height, corner[1] + u:corner[1] + u + width]
+            place = (column + u - shift - u * slant[0] - v * slant[1]) * _FINE
+            np.clip(place, 0, last, out=place)
+            before = place.astype(np.int32)
+            place -= before
+            before += (np.arange(corner[0] + v, corner[0] + v + height, dtype=np.int32) * fine.shape[1])[:, None]
+            low = fine.ravel().take(before)
+            before += 1
+            seen = low + place * (fine.ravel().take(before) - low)
+            weighted = gradient[here] * (seen - left[here])
+            moments[0] += weighted
+            moments[1] += u * weighted
+            moments[2] += v * weighted
+        step = np.einsum("ijhw,jhw->ihw", inverse, moments)
+        step = np.where(np.isfinite(step), step, 0)
+        shift += step[0]
+        slant = np.clip(slant + step[1:], -_LARGEST_SLANT, _LARGEST_SLANT)
+    fitted = (valid & np.isfinite(inverse[0, 0]) & (np.abs(shift - np.where(valid, start, 0)) <= _LARGEST_MOVE_PX)
+              & (np.abs(step[0]) <= _SETTLED_PX))
+    return np.where(fitted, shift, start)

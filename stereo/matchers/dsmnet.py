@@ -1,0 +1,87 @@
+"""DSMNet (Zhang et al., ECCV 2020), one of the paper's two networks; see ``networks.dsmnet``.
+
+It normalises with the statistics of the image it is given, so its result depends on the crop: the
+paper gave it the middle 384 x 640 px (preset ``guiss``); here it gets all of the image.
+There is no half precision: its sums over all disparities turn that into errors of several pixels.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ...render.pair import StereoCamera
+from . import learned
+from .options import Option
+from .result import Result
+
+if TYPE_CHECKING:
+    from torch import nn
+
+COLOUR = True
+
+OPTIONS = (
+    *learned.OPTIONS,
+    Option("max_disparity", 192, "Largest disparity, px", 16, 1024, 16),
+    Option("crop_height", 0, "Rows used, from the middle; 0 for all", 0, 65536, 64),
+    Option("crop_width", 0, "Columns used, from the middle; 0 for all", 0, 65536, 64),
+)
+
+PRESETS: dict[str, dict[str, Any]] = {"guiss": {"crop_height": 384, "crop_width": 640}}
+
+
+def _build(max_disparity: int) -> nn.Module:
+    from ..networks.dsmnet import DSMNet
+
+    return DSMNet(max_disparity)
+
+
+NETWORK = learned.Network("dsmnet", "the model trained on mixed data (mixed_epoch_6.pth)",
+                          "https://github.com/feihuzhang/DSMNet", _build)
+
+
+def check(options: dict[str, Any]) -> None:
+    """Raise IcyMoonError unless it can run."""
+    learned.check(NETWORK, options)
+
+
+def load(options: dict[str, Any]) -> None:
+    """Read the checkpoint, which a run with the same options then does not."""
+    learned.load(NETWORK, options)
+
+
+def compute(left: np.ndarray, right: np.ndarray, options: dict[str, Any], camera: StereoCamera | None) -> Result:
+    """Disparity of uint8 RGB (H, W, 3) images, NaN outside the crop."""
+    model, facts = learned.load(NETWORK, options)
+    device = next(model.parameters()).device
+    (top, height), (near, width) = (_span(size, options[f"crop_{side}"])
+                                    for size, side in zip(left.shape, ("height", "width"), strict=False))
+    with learned.running("dsmnet"):
+        eyes = (learned.batch(_framed(_normalised(image), top, height, near, width), device) for image in (left, right))
+        seen = model(*eyes)[0].cpu().numpy()
+    disparity = np.full(left.shape[:2], np.nan, np.float32)
+    disparity[max(top, 0):top + height, max(near, 0):near + width] = seen[max(-top, 0):, max(-near, 0):]
+    return Result(disparity, facts=facts)
+
+
+def _span(size: int, crop: int) -> tuple[int, int]:
+    """(first, count) of the rows or columns used: from the middle, or begun outside where there are too few."""
+    from ..networks.dsmnet import SIZE_STEP
+
+    # Two steps at least: of one, the coarsest features would be a single pixel, which has no variance.
+    count = crop or max(-(-size // SIZE_STEP), 2) * SIZE_STEP
+    return ((size - count) // 2 if size > count else size - count), count
+
+
+def _normalised(image: np.ndarray) -> np.ndarray:
+    """Every channel at mean 0 and variance 1 over the whole image; at 0 where it is constant."""
+    spread = image.std(axis=(0, 1))
+    return (image - image.mean(axis=(0, 1))) / np.where(spread > 0, spread, 1)
+
+
+def _framed(image: np.ndarray, top: int, height: int, near: int, width: int) -> np.ndarray:
+    frame = np.zeros((height, width, 3), np.float32)
+    part = image[max(top, 0):top + height, max(near, 0):near + width]
+    frame[max(-top, 0):, max(-near, 0):] = part
+    return frame

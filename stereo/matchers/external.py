@@ -1,0 +1,155 @@
+"""Any other program: it is given two images and leaves a disparity map.
+
+``command`` is what one would type, with fields in braces, such as
+
+    external.command='python run.py --left {left} --right {right} --K {calibration} --out {out}'
+
+It is split into arguments as a shell would and run without one, in the current folder. ``left`` and
+``right`` are 8-bit RGB PNG; ``out`` is the file to write: disparity of the left image in px, pfm, npy or
+PNG of 16 bits, of which 0, as in the others anything that is not a positive number, is no measurement.
+``calibration`` is a text file: the nine numbers of K (principal point in pixel-corner coordinates) in
+one line, the baseline in metres in the next.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import re
+import shlex
+import shutil
+import signal
+import subprocess
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...errors import IcyMoonError
+from ...render.pair import StereoCamera
+from ..images import read_pfm, read_png, write_png
+from .options import Option, nearest
+from .result import Result
+
+COLOUR = True
+
+OPTIONS = (
+    Option("command", "", "The program and its arguments, with {left}, {right} and {out}, and if it wants them "
+           "{calibration}, {focal_px}, {cx_px}, {cy_px} and {baseline_m}"),
+    Option("format", "npy", "Kind of file that it writes", choices=("npy", "pfm", "png")),
+    Option("png_scale", 256, "What a PNG holds per px of disparity", 1, 65535),
+    Option("timeout_s", 600, "Seconds after which it is stopped", 1, 86400),
+)
+
+PRESETS: dict[str, dict[str, Any]] = {}
+
+_IMAGES = ("left", "right", "out")
+_CAMERA = ("focal_px", "cx_px", "cy_px", "baseline_m")
+_FIELD = re.compile(r"\{(\w+)\}")
+
+
+def check(options: dict[str, Any]) -> None:
+    """Raise IcyMoonError unless the command can be run."""
+    arguments = _arguments(options["command"])
+    fields = {field for argument in arguments for field in _FIELD.findall(argument)}
+    for field in sorted(fields - {*_IMAGES, "calibration", *_CAMERA}):
+        raise IcyMoonError(f"external.command has the field {{{field}}}, "
+                           f"{nearest(field, (*_IMAGES, 'calibration', *_CAMERA))}")
+    missing = [f"{{{field}}}" for field in _IMAGES if field not in fields]
+    if missing:
+        raise IcyMoonError(f"external.command lacks {' and '.join(missing)}; write it as "
+                           "external.command='PROGRAM {left} {right} {out}'.")
+    if shutil.which(arguments[0]) is None:
+        raise IcyMoonError(f"external.command starts with {arguments[0]}, which is no program here; give its "
+                           "whole path.")
+
+
+def compute(left: np.ndarray, right: np.ndarray, options: dict[str, Any], camera: StereoCamera | None) -> Result:
+    """Disparity of uint8 RGB (H, W, 3) images as the program leaves it."""
+    with tempfile.TemporaryDirectory(prefix="icymoon-") as name:
+        folder = Path(name)
+        values = {eye: str(folder / f"{eye}.png") for eye in ("left", "right")}
+        values["out"] = str(folder / f"disparity.{options['format']}")
+        for eye, image in (("left", left), ("right", right)):
+            write_png(Path(values[eye]), image[..., ::-1])
+        if camera is not None:
+            values |= {key: repr(float(getattr(camera, key))) for key in _CAMERA}
+            values["calibration"] = str(folder / "calibration.txt")
+            numbers = " ".join(repr(float(number)) for row in camera.matrix for number in row)
+            Path(values["calibration"]).write_text(f"{numbers}\n{values['baseline_m']}\n", encoding="ascii")
+        arguments = _arguments(options["command"])
+        if camera is None and any(field not in values for argument in arguments for field in _FIELD.findall(argument)):
+            raise IcyMoonError("external.command asks for the camera, which is not known; give --camera PAIR.")
+        _run([_FIELD.sub(lambda field: values[field[1]], argument) for argument in arguments], options["timeout_s"],
+             folder / "errors.txt")
+        return Result(_disparity(Path(values["out"]), left.shape[:2], options))
+
+
+def _arguments(command: str) -> list[str]:
+    try:
+        arguments = shlex.split(command, posix=os.name != "nt")
+    except ValueError as error:
+        raise IcyMoonError(f"external.command cannot be split into arguments ({error}); close its quotes.") from None
+    if not arguments:
+        raise IcyMoonError("external.command is empty; write it as external.command='PROGRAM {left} {right} {out}'.")
+    # Without posix, which takes a backslash of a Windows path for an escape, quotes stay.
+    return arguments if os.name != "nt" else [argument.strip('"') for argument in arguments]
+
+
+def _run(arguments: list[str], timeout_s: int, errors: Path) -> None:
+    """Run a program to its end, it and all that it started, within the time."""
+    try:
+        with errors.open("wb") as stream:
+            process = subprocess.Popen(arguments, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=stream,
+                                       start_new_session=True)
+    except OSError as error:
+        raise IcyMoonError(f"external.command cannot be run ({error.strerror}); check {arguments[0]}.") from None
+    try:
+        status = process.wait(timeout_s)
+    except subprocess.TimeoutExpired:
+        raise IcyMoonError(f"external.command took more than {timeout_s} s and was stopped; raise external.timeout_s "
+                           "or make it faster.") from None
+    finally:
+        _stop(process)  # also when interrupted: in a session of its own it does not hear Ctrl-C
+    if status:
+        lines = errors.read_text(encoding="utf-8", errors="replace").split("\n")
+        words = next((line.strip() for line in reversed(lines) if line.strip()), "it said nothing")
+        raise IcyMoonError(f"external.command ended with status {status} ({words[:300]}); run it by hand on two "
+                           "images.")
+
+
+def _stop(process: subprocess.Popen[bytes]) -> None:
+    if os.name == "nt":
+        process.kill()
+    else:
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGKILL)  # its group has its number, and may outlive it
+    process.wait()
+
+
+def _disparity(path: Path, shape: tuple[int, ...], options: dict[str, Any]) -> np.ndarray:
+    if not path.is_file():
+        raise IcyMoonError(f"external.command ended well but wrote no {path.name} where {{out}} is; make it write "
+                           f"there, or change external.format, {options['format']}.")
+    if options["format"] == "png":
+        image = read_png(path)
+        disparity = np.where(image > 0, image / np.float64(options["png_scale"]), np.nan)
+    else:
+        disparity = read_pfm(path) if options["format"] == "pfm" else _npy(path)
+    while disparity.ndim > 2 and 1 in (disparity.shape[0], disparity.shape[-1]):  # batch or channel
+        disparity = disparity[0] if disparity.shape[0] == 1 else disparity[..., 0]
+    if disparity.shape != shape:
+        raise IcyMoonError(f"external.command left a disparity map of the shape {disparity.shape}, the images have "
+                           f"{shape}; make it write one of the left image's size.")
+    return disparity
+
+
+def _npy(path: Path) -> np.ndarray:
+    try:
+        array = np.load(path, allow_pickle=False)
+    except Exception as error:  # a damaged header makes numpy raise whatever its parser meets
+        raise IcyMoonError(f"external.command left a {path.name} that cannot be read ({error}).") from None
+    if not isinstance(array, np.ndarray) or array.dtype.kind not in "fiu":
+        raise IcyMoonError(f"external.command left a {path.name} that holds no numbers; write an array of disparities.")
+    return array.astype(np.float64)

@@ -1,0 +1,74 @@
+"""IGEV-Stereo (Xu, Wang, Ding, Yang, CVPR 2023), one of the paper's two networks; see ``networks.igev``.
+
+The paper ran it with 256 disparities and 256 iterations (preset ``guiss``); the authors train with 22
+and test with 32. An iteration takes a sixth of the time of all the rest.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ...errors import IcyMoonError
+from ...render.pair import StereoCamera
+from . import learned
+from .options import Option
+from .result import Result
+
+if TYPE_CHECKING:
+    from torch import nn
+
+COLOUR = True
+
+OPTIONS = (
+    *learned.OPTIONS,
+    Option("iterations", 32, "Refinements; 8 and 16 are faster and less accurate", 1, 1024),
+    Option("max_disparity", 192, "Reach of the cost volume, px; the refinement can go beyond", 32, 1024, 32),
+    Option("precision", "float32", "Of features and costs; bfloat16 is faster where the processor has it, and moves "
+           "disparities by a tenth of a pixel or more; float16 overflows in this network",
+           choices=("float32", "bfloat16")),
+)
+
+PRESETS: dict[str, dict[str, Any]] = {"guiss": {"iterations": 256, "max_disparity": 256}}
+
+
+def _build(max_disparity: int) -> nn.Module:
+    from ..networks.igev import IGEVStereo
+
+    return IGEVStereo(max_disparity)
+
+
+NETWORK = learned.Network("igev", "sceneflow.pth", "https://github.com/gangweiX/IGEV", _build)
+
+
+def check(options: dict[str, Any]) -> None:
+    """Raise IcyMoonError unless it can run."""
+    learned.check(NETWORK, options)
+
+
+def load(options: dict[str, Any]) -> None:
+    """Read the checkpoint, which a run with the same options then does not."""
+    learned.load(NETWORK, options)
+
+
+def compute(left: np.ndarray, right: np.ndarray, options: dict[str, Any], camera: StereoCamera | None) -> Result:
+    """Disparity of uint8 RGB (H, W, 3) images, everywhere."""
+    import torch
+    from torch.nn import functional as F  # noqa: N812, its usual name
+
+    from ..networks.igev import SIZE_STEP
+
+    model, facts = learned.load(NETWORK, options)
+    device = next(model.parameters()).device
+    half_precision = options["precision"] == "bfloat16"
+    if half_precision and device.type == "cuda" and not torch.cuda.is_bf16_supported():
+        raise IcyMoonError("This CUDA device has no bfloat16; use igev.precision=float32.")
+    height, width = left.shape[:2]
+    down, across = -height % SIZE_STEP, -width % SIZE_STEP
+    top, near = down // 2, across // 2
+    with learned.running("igev"), torch.autocast(device.type, torch.bfloat16, enabled=half_precision):
+        eyes = (F.pad(learned.batch(image, device), (near, across - near, top, down - top), mode="replicate")
+                for image in (left, right))
+        disparity = model(*eyes, options["iterations"])[0, 0, top:top + height, near:near + width]
+        return Result(disparity.float().cpu().numpy(), facts=facts)

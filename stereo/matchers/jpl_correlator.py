@@ -1,0 +1,151 @@
+"""The arithmetic of JPL's Mars stereo correlator: integers only, the same to the last bit.
+
+Written from the behaviour of the correlator that M. Maimone gave to JPL's image laboratory in 2003
+(NASA-AMMOS/VICAR, ``marsjplstereo``, Apache-2.0), the one of the Mars Exploration Rovers: Goldberg,
+Maimone, Matthies, "Stereo vision and rover navigation software for planetary exploration", IEEE
+Aerospace 2002; Matthies, "Stereo vision for planetary rovers", IJCV 8(1), 1992.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import cv2
+import numpy as np
+
+ONE = 256  # disparities are counted in 1/256 px
+NO_DATA = 0x7FFF
+MAX_LEVELS = 255  # disparities that one search may compare
+
+#: Why a pixel has no disparity, in the order of the tests; ``flags`` holds the index of the first that failed.
+FLAGS = ("ACCEPT", "BOUND", "BORDER", "LRLOS", "FLAT", "THRESH", "BLOB")
+ACCEPT, BOUND, BORDER, LRLOS, FLAT, THRESH, BLOB = range(len(FLAGS))
+
+_BITS = 12  # fixed point of the filters
+_HALF_LEVEL = 126 << _BITS  # added to a band-pass, which has both signs
+_MEAN_OF_9, _MEAN_OF_81, _MEAN_OF_121 = ((1 << _BITS) // area for area in (9, 81, 121))
+_BLOB_STEP = ONE // 4  # neighbours that differ by this or more belong to different blobs
+
+
+@dataclass(frozen=True)
+class Search:
+    """The best match of every pixel inside the rim, all (rows, columns) of the searched part."""
+
+    best: np.ndarray  # int16, left disparity less the least one
+    best_right: np.ndarray  # the same for the pixels of the right image
+    score: np.ndarray  # sum of absolute differences at ``best``
+    before: np.ndarray  # the score at one disparity less, undefined where there is none
+    after: np.ndarray  # the score at one more, undefined where there is none
+
+
+def band_pass(image: np.ndarray, level: int) -> tuple[np.ndarray, int]:
+    """(uint8 (h, w), width of its invalid rim in px) of a uint8 (H, W) image, halved ``level`` times.
+
+    What is left of the image is its detail: a difference of box means, about a grey of 126, which
+    takes away what differs between two cameras. The smaller mean is the pixel itself at level 0 and
+    3 x 3 above; the larger one 9 x 9 and 11 x 11. Its fixed-point factors are rounded down, so the
+    larger mean is taken away to 98.9 % only.
+    """
+    rim = 0
+    for _ in range(level - 1):
+        image = _halved(_without_rim((_sums(image, 3) * _MEAN_OF_9) >> _BITS, 1)).astype(np.uint8)
+        rim = (rim + 2) >> 1
+    if level == 0:
+        detail, margin = (image.astype(np.int32) << _BITS) - _sums(image, 9) * _MEAN_OF_81, 4
+    else:
+        detail, margin = _sums(image, 3) * _MEAN_OF_9 - _sums(image, 11) * _MEAN_OF_121, 5
+    filtered = _without_rim(np.clip(detail + _HALF_LEVEL, 0, 255 << _BITS) >> _BITS, margin).astype(np.uint8)
+    if level == 0:
+        return filtered, margin
+    return _halved(filtered), (rim + margin + 1) >> 1
+
+
+def search(left: np.ndarray, right: np.ndarray, least: int, most: int, window: int, rim: int) -> Search:
+    """Compare windows of uint8 (h, w) images over the disparities ``least`` to ``most``.
+
+    The part that is searched leaves out ``rim`` and half a window on every side. The least score
+    wins, the least disparity among equals. A pixel near the left border is compared only over the
+    disparities that stay inside.
+    """
+    margin = rim + window // 2
+    inside = slice(margin, left.shape[0] - margin)
+    shape = left.shape[0] - 2 * margin, left.shape[1] - 2 * margin
+    # 16 bits hold the sums of up to 16 x 16 differences.
+    depth, worst = (cv2.CV_16U, _filled(shape, np.uint16)) if window < 16 else (cv2.CV_32S, _filled(shape, np.int32))
+    score, score_right, before, after = worst, worst.copy(), worst.copy(), worst.copy()
+    previous = worst.copy()
+    won: np.ndarray = np.zeros(shape, np.uint8)
+    best, best_right = np.zeros(shape, np.int16), np.zeros(shape, np.int16)
+    for step, disparity in enumerate(range(least, min(most, shape[1] - 1) + 1)):
+        width = shape[1] - disparity
+        difference = cv2.absdiff(left[:, disparity:], right[:, :left.shape[1] - disparity])
+        sums = cv2.boxFilter(difference, depth, (window, window), normalize=False)[inside, margin:margin + width]
+        here, there, number = np.s_[:, disparity:], np.s_[:, :width], np.full((shape[0], width), step, np.int16)
+        cv2.copyTo(sums, won[here], after[here])
+        won = cv2.compare(sums, score[here], cv2.CMP_LT)
+        cv2.copyTo(previous[here], won, before[here])
+        cv2.copyTo(sums, won, score[here])
+        cv2.copyTo(number, won, best[here])
+        won_right = cv2.compare(sums, score_right[there], cv2.CMP_LT)
+        cv2.copyTo(sums, won_right, score_right[there])
+        cv2.copyTo(number, won_right, best_right[there])
+        previous[here] = sums
+        won = np.pad(won, ((0, 0), (disparity, 0)))
+    return Search(best, best_right, score, before, after)
+
+
+def judge(found: Search, least: int, most: int, window: int, uncertainty: int) -> tuple[np.ndarray, np.ndarray]:
+    """(disparity, int32 in 1/256 px or NO_DATA; flags, uint8) of a search.
+
+    The disparity is refined by a parabola through three scores. ``uncertainty`` above 0 is the
+    largest expected error, in 1/256 px, that is let through.
+    """
+    best = found.best.astype(np.int32)
+    column = np.arange(best.shape[1], dtype=np.int32)
+    last = np.minimum(most, column) - least  # of the disparities searched; below 0 where there is none
+    border = (best == 0) | (best >= last)
+    matched = np.take_along_axis(found.best_right, np.maximum(column - best - least, 0), axis=1)
+    before, after, score = (scores.astype(np.int32) for scores in (found.before, found.after, found.score))
+    curvature = before + after - 2 * score
+    flat = (curvature == 0) | (before == score) | (after == score)
+    rise = (before - after) << 7
+    offset = np.sign(rise) * (np.abs(rise) // np.where(flat, 1, curvature))  # rounded toward zero
+    flags = np.where(border, BORDER, np.where(np.abs(best - matched) > 1, LRLOS, np.where(flat, FLAT, ACCEPT)))
+    if uncertainty:
+        error = window ** 2 * (((467 * offset ** 2) >> 16) + 362)
+        flags[(flags == ACCEPT) & (error >= uncertainty * curvature.astype(np.int64))] = THRESH
+    return np.where(flags == ACCEPT, ONE * (best + least) + offset, NO_DATA), flags.astype(np.uint8)
+
+
+def remove_blobs(disparity: np.ndarray, smallest: int) -> np.ndarray:
+    """Boolean (h, w): measured, but in a patch of fewer than ``smallest`` pixels.
+
+    A patch ends where neighbours, above, below and beside, differ by a quarter of a pixel or more.
+    """
+    measured = disparity != NO_DATA
+    if smallest < 2 or not measured.any():
+        return np.zeros_like(measured)
+    # OpenCV's filter takes 16 bits, which hold MAX_LEVELS disparities about zero.
+    centre = (int(disparity[measured].min()) + int(disparity[measured].max())) // 2
+    centred = np.where(measured, disparity - centre, NO_DATA).astype(np.int16)
+    cv2.filterSpeckles(centred, NO_DATA, smallest - 1, _BLOB_STEP - 1)
+    return measured & (centred == NO_DATA)
+
+
+def _filled(shape: tuple[int, int], kind: type[np.integer]) -> Any:
+    return np.full(shape, np.iinfo(kind).max, kind)
+
+
+def _sums(image: np.ndarray, side: int) -> np.ndarray:
+    return cv2.boxFilter(image, cv2.CV_32S, (side, side), normalize=False)
+
+
+def _without_rim(image: np.ndarray, width: int) -> np.ndarray:
+    kept = np.zeros_like(image)
+    kept[width:-width, width:-width] = image[width:-width, width:-width]
+    return kept
+
+
+def _halved(image: np.ndarray) -> np.ndarray:
+    return np.ascontiguousarray(image[::2, ::2])

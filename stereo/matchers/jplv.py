@@ -1,0 +1,93 @@
+"""The correlator of the Mars rovers (JPLV), bit for bit, with the reason why a pixel was rejected.
+
+Images are halved ``pyramid_level`` times, freed of their mean brightness by a band-pass, and compared
+by sums of absolute differences; see ``jpl_correlator`` for the source. The Mars Exploration Rovers ran it
+at level 2 on 1024 x 1024 images (preset ``mer``).
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import cv2
+import numpy as np
+
+from ...errors import IcyMoonError
+from ...render.pair import StereoCamera
+from . import jpl_correlator as jpl
+from .affine import refine
+from .opencv import require_room
+from .options import Option
+from .result import Result
+
+OPTIONS = (
+    Option("pyramid_level", 0, "How often the images are halved before they are compared", 0, 6),
+    Option("window", 7, "Side of the square that is compared, px of the halved images, odd", 3, 63, 2),
+    Option("min_disparity", 0, "Least disparity searched, px of the full images", 0, 16384),
+    Option("max_disparity", 127, "Largest disparity searched, px of the full images", 1, 16384),
+    Option("blob_size", -4, "Connected patches of fewer pixels are removed; below zero, per cent of the halved image",
+           -100, 10**9),
+    Option("uncertainty", 0, "Largest expected error that is let through, in 1/256 px; 128 is usual, 0 for off",
+           0, 65536),
+    Option("subpixel", "parabola", "The original's parabola, or a fit of affine windows, which has no preference for "
+           "whole pixels and takes fifteen times as long", choices=("parabola", "affine")),
+    Option("affine_window", 11, "Side of the square that the affine fit takes, px of the halved images, odd", 5, 31, 2),
+)
+
+PRESETS: dict[str, dict[str, Any]] = {"mer": {"pyramid_level": 2}}
+
+_AFFINE_STEPS = 4  # more change the result by less than 0.002 px
+_JOINED_PX = 1.0  # halved disparities that differ by more are not of one surface
+
+
+def compute(left: np.ndarray, right: np.ndarray, options: dict[str, Any], camera: StereoCamera | None) -> Result:
+    """Disparity of uint8 (H, W) images.
+
+    The arrays are those of the halved images: ``jpl_disparity``, int32 in 1/256 px of them with 0x7FFF
+    where rejected, always with the original's parabola, and ``flags``, uint8, the index in ``FLAGS``.
+    """
+    cv2.setNumThreads(1)
+    level, window = options["pyramid_level"], options["window"]
+    least, most = options["min_disparity"] >> level, options["max_disparity"] >> level
+    if not 0 <= most - least < jpl.MAX_LEVELS:
+        raise IcyMoonError(f"jplv searches disparities {least} to {most} at its pyramid level; it takes 1 to "
+                           f"{jpl.MAX_LEVELS} of them: change jplv.min_disparity, jplv.max_disparity or raise "
+                           "jplv.pyramid_level.")
+    (seen_left, rim), (seen_right, _) = (jpl.band_pass(image, level) for image in (left, right))
+    margin = rim + window // 2
+    require_room("jplv", left, 2 * margin < min(seen_left.shape), "window or jplv.pyramid_level")
+    found = jpl.search(seen_left, seen_right, least, most, window, rim)
+    fixed, flags = (np.pad(part, margin, constant_values=outside) for part, outside
+                    in zip(jpl.judge(found, least, most, window, options["uncertainty"]), (jpl.NO_DATA, jpl.BOUND),
+                           strict=True))
+    size = options["blob_size"]
+    blobs = jpl.remove_blobs(fixed, size if size >= 0 else fixed.size * -size // 100)
+    fixed[blobs], flags[blobs] = jpl.NO_DATA, jpl.BLOB
+    disparity = np.where(flags == jpl.ACCEPT, fixed / jpl.ONE, np.nan)
+    if options["subpixel"] == "affine":
+        disparity = refine(seen_left, seen_right, disparity, options["affine_window"], _AFFINE_STEPS)
+    return Result(_enlarged(disparity, level, left.shape), {"jpl_disparity": fixed.astype(np.int32), "flags": flags},
+                  {name: int((flags == flag).sum()) for flag, name in enumerate(jpl.FLAGS)})
+
+
+def _enlarged(disparity: np.ndarray, level: int, shape: tuple[int, ...]) -> np.ndarray:
+    """(H, W) px from what was measured on images halved ``level`` times.
+
+    Pixel i of a halved image stands where pixel i 2^level stood. Between four that are measured and of
+    one surface it is interpolated, elsewhere the nearest counts.
+    """
+    if level == 0:
+        return disparity
+    (top, bottom, down), (near, far, along) = (_around(np.arange(size) / 2 ** level, last - 1)
+                                               for size, last in zip(shape, disparity.shape, strict=True))
+    corners = np.stack([disparity[np.ix_(rows, columns)] for rows in (top, bottom) for columns in (near, far)])
+    weights = np.stack([np.outer(a, b) for a in (1 - down, down) for b in (1 - along, along)])
+    smooth = np.ptp(corners, axis=0) <= _JOINED_PX  # False where one is NaN
+    nearest = np.take_along_axis(corners, weights.argmax(axis=0)[None], axis=0)[0]
+    return np.where(smooth, np.sum(weights * corners, axis=0), nearest) * 2 ** level
+
+
+def _around(place: np.ndarray, last: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The whole places around fractional ones (the same one twice for a whole one), and the second's weight."""
+    before, after = np.floor(place).astype(int), np.ceil(place).astype(int)
+    return before, np.minimum(after, last), place - before

@@ -1,0 +1,151 @@
+"""What the learned matchers have in common: checkpoint, device, the network kept between pairs.
+
+Imports torch only when a network is loaded.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import pickle
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ...errors import IcyMoonError
+from ...files import sha256
+from .options import Option
+
+if TYPE_CHECKING:
+    from torch import nn
+
+FOLDER = "ICYMOON_CHECKPOINTS"  # environment variable
+
+OPTIONS = (
+    Option("checkpoint", "", f"File with the trained parameters; by default in the folder {FOLDER} or "
+           "~/.local/share/icymoon/checkpoints"),
+    Option("device", "auto", "Where it runs; auto takes a CUDA device if there is one",
+           choices=("auto", "cpu", "cuda")),
+    Option("threads", 1, "Processor cores used", 1, 1024),
+)
+
+
+@dataclass(frozen=True)
+class Network:
+    """Where the parameters of a network come from."""
+
+    method: str
+    file: str  # what the authors call it
+    source: str
+    build: Callable[[int], nn.Module]  # from the largest disparity
+
+
+def check(network: Network, options: dict[str, Any]) -> None:
+    """Raise IcyMoonError unless torch and the checkpoint are there."""
+    path = checkpoint(network, options)
+    if not path.is_file():
+        raise IcyMoonError(f"{network.method} has no checkpoint at {path}: download {network.file} as the README of "
+                           f"{network.source} says and put it there, or give {network.method}.checkpoint=FILE.")
+    if importlib.util.find_spec("torch") is None:
+        raise IcyMoonError(f"{network.method} needs PyTorch, which this Python lacks; run: pip install torch")
+
+
+def checkpoint(network: Network, options: dict[str, Any]) -> Path:
+    """The file that the options mean."""
+    if options["checkpoint"]:
+        return Path(options["checkpoint"]).expanduser()
+    folder = os.environ.get(FOLDER) or Path.home() / ".local" / "share" / "icymoon" / "checkpoints"
+    return Path(folder) / f"{network.method}.pth"
+
+
+def load(network: Network, options: dict[str, Any]) -> tuple[nn.Module, dict[str, Any]]:
+    """(the network, ready to run, on its device; facts for the provenance)."""
+    import torch
+
+    torch.set_num_threads(options["threads"])
+    device = options["device"]
+    if device == "cuda" and not torch.cuda.is_available():
+        raise IcyMoonError(f"{network.method}.device is cuda, but PyTorch finds no CUDA device here; use cpu.")
+    if device == "auto":
+        device = "cuda" if torch.cuda.is_available() else "cpu"
+    path = checkpoint(network, options)
+    check(network, options)
+    changed = path.stat()
+    model, digest = _loaded(network, path, (changed.st_mtime_ns, changed.st_size), options["max_disparity"], device)
+    name = torch.cuda.get_device_name() if device == "cuda" else device
+    return model, {"checkpoint_sha256": digest, "device": name, "torch": torch.__version__}
+
+
+@contextmanager
+def running(method: str) -> Iterator[None]:
+    """No gradients, full single precision, the same result every time, and failures in one sentence."""
+    import torch
+
+    try:
+        # By default convolutions on newer CUDA devices round their inputs to 10 bits (TF32).
+        exact = torch.backends.cudnn.flags(enabled=True, deterministic=True, allow_tf32=False)
+        with torch.inference_mode(), exact:
+            yield
+    except torch.OutOfMemoryError:
+        raise IcyMoonError(f"{method} needs more memory than the CUDA device has; lower {method}.max_disparity, use "
+                           f"{method}.device=cpu or render smaller images.") from None
+    except RuntimeError as error:  # such as no memory on the CPU
+        raise IcyMoonError(f"{method} failed in PyTorch ({_first_line(error)}).") from None
+
+
+def batch(image: np.ndarray, device: Any) -> Any:
+    """A float tensor (1, 3, H, W) on ``device`` from (H, W, 3)."""
+    import torch
+
+    return torch.from_numpy(np.ascontiguousarray(image, np.float32)).permute(2, 0, 1)[None].to(device)
+
+
+@lru_cache(maxsize=2)
+def _loaded(network: Network, path: Path, changed: tuple[int, int], max_disparity: int,
+            device: str) -> tuple[nn.Module, str]:
+    """The network with the parameters of a file that was last ``changed`` then, and the file's SHA-256."""
+    model = network.build(max_disparity)
+    _fill(model, _parameters(path), path, network.method)
+    return model.eval().to(device), sha256(path)
+
+
+def _parameters(path: Path) -> dict[str, Any]:
+    """Name -> tensor of a checkpoint, without what its training wrapped around it. Runs no code from the file."""
+    import torch
+
+    try:
+        stored = torch.load(path, map_location="cpu", weights_only=True)
+    except pickle.UnpicklingError:  # whose message is a page
+        raise IcyMoonError(f"{path} holds other things than parameters, or is damaged; download it again.") from None
+    except Exception as error:  # a damaged file makes the parser raise whatever it meets
+        raise IcyMoonError(f"{path} cannot be read as a checkpoint ({_first_line(error)}); download it "
+                           "again.") from None
+    if isinstance(stored, dict) and isinstance(stored.get("state_dict"), dict):
+        stored = stored["state_dict"]
+    if not isinstance(stored, dict) or not all(isinstance(value, torch.Tensor) for value in stored.values()):
+        raise IcyMoonError(f"{path} does not hold the parameters of a network; give the checkpoint itself.")
+    return {str(name).removeprefix("module."): value for name, value in stored.items()}
+
+
+def _fill(model: nn.Module, given: dict[str, Any], path: Path, method: str) -> None:
+    """Load parameters; all must be there and of the right shape, and none more."""
+    expected = model.state_dict()
+    # Counts of training steps; checkpoints from before PyTorch 0.4.1 have none, and nothing here uses them.
+    given = {name: value for name, value in expected.items() if name.endswith("num_batches_tracked")} | given
+    wrong = [f"{name} is missing" for name in expected.keys() - given.keys()]
+    wrong += [f"{name} is not of this network" for name in given.keys() - expected.keys()]
+    wrong += [f"{name} has the shape {tuple(given[name].shape)}, not {tuple(value.shape)}"
+              for name, value in expected.items() if name in given and given[name].shape != value.shape]
+    if wrong:
+        raise IcyMoonError(f"{path} is no checkpoint of {method}: {len(wrong)} of its parameters do not fit, "
+                           f"{min(wrong)}.")
+    model.load_state_dict(given, strict=True)
+
+
+def _first_line(error: Exception) -> str:
+    return (str(error).splitlines() or [type(error).__name__])[0]

@@ -1,0 +1,60 @@
+"""Semi-global matching of both eyes, smoothed along the left image (weighted least squares).
+
+OpenCV's StereoSGBM and its DisparityWLSFilter, which smooths where the two eyes agree, fills where they do
+not and stops at edges of the image: Min et al., "Fast global image smoothing based on weighted least
+squares", IEEE TIP 23(12), 2014.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import cv2
+import numpy as np
+
+from ...errors import IcyMoonError
+from ...render.pair import StereoCamera
+from .opencv import SUBPIXELS, extended, inside_right, require_room
+from .options import Option
+from .result import Result
+from .sgbm import SEARCH, evenly_rounded, semi_global
+
+OPTIONS = (
+    *SEARCH,
+    Option("smoothness", 30.0, "Weight of smoothness against the matches (OpenCV's lambda; its manual's 8000 makes "
+           "slopes into steps)", 0.0, 1e6),
+    Option("edge", 1.5, "Difference of grey that counts as an edge (OpenCV's sigma color)", 0.1, 100.0),
+    Option("min_confidence", 0, "Least confidence that is measured, 0 to 255; 0 keeps what was filled in, 1 drops it",
+           0, 255),
+)
+
+PRESETS: dict[str, dict[str, Any]] = {}
+
+
+def compute(left: np.ndarray, right: np.ndarray, options: dict[str, Any], camera: StereoCamera | None) -> Result:
+    """Disparity of uint8 (H, W) images; the array ``confidence``, uint8, is 0 where it was filled in."""
+    cv2.setNumThreads(1)
+    matcher = semi_global("sgbm_wls", options)
+    filtering = cv2.ximgproc.createDisparityWLSFilter(matcher)
+    backwards = cv2.ximgproc.createRightMatcher(matcher)
+    filtering.setLambda(options["smoothness"])
+    filtering.setSigmaColor(options["edge"])
+    extension = options["min_disparity"] + options["disparities"]
+    require_room("sgbm_wls", left, left.shape[1] > options["window"] // 2)
+    left, right = extended(left, extension), extended(right, extension)
+    try:
+        # The filter takes floats too, so that nothing is rounded in between.
+        smooth = filtering.filter(_matched(matcher, left, right), left,
+                                  disparity_map_right=_matched(backwards, right, left))
+    except cv2.error as error:
+        raise IcyMoonError(f"OpenCV's sgbm_wls failed ({error.err}); try other options.") from None
+    confidence = np.rint(filtering.getConfidenceMap()[:, extension:]).clip(0, 255).astype(np.uint8)
+    disparity = inside_right(smooth[:, extension:] / SUBPIXELS)
+    return Result(np.where(confidence >= options["min_confidence"], disparity, np.nan), {"confidence": confidence})
+
+
+def _matched(matcher: Any, image: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """Disparities in OpenCV's 1/16 px, float32; where there is none what OpenCV writes, which the filter knows."""
+    fixed = matcher.compute(image, other)
+    measured = fixed >= matcher.getMinDisparity() * SUBPIXELS
+    return np.where(measured, evenly_rounded(fixed / SUBPIXELS) * SUBPIXELS, fixed).astype(np.float32)

@@ -1,0 +1,119 @@
+"""The two recursive filters of DSMNet, exact, in plain torch: they need no compiled extension.
+
+NLF is the structure-preserving graph filter of Zhang et al., "Domain-invariant stereo matching
+networks", ECCV 2020; SGA the semi-global aggregation of Zhang et al., "GA-Net", CVPR 2019.
+"""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+from torch.nn import functional as F  # noqa: N812, its usual name
+
+#: What has been filtered when a pixel is, as (rows, columns): above, above left, above right, left.
+_NEIGHBOURS = ((-1, 0), (-1, -1), (-1, 1), (0, -1))
+
+
+def nlf(x: Tensor, guide: Tensor) -> Tensor:
+    """(N, C, H, W): four scans, each of what the last one left: down, up, to the right, to the left.
+
+    A pixel becomes the mean of itself and of its already filtered neighbours, weighted by the softmax of
+    the inner products of ``guide`` (N, G, H, W); a neighbour outside the image is the pixel itself.
+    """
+    for turned in _turns:
+        x = turned(_scan(turned(x), _scan_weights(turned(guide))))
+    return x
+
+
+def sga(x: Tensor, weights: Tensor) -> Tensor:
+    """(N, C, D, H, W): the largest of four scans of a volume, down, up, to the right and to the left.
+
+    ``weights`` (N, 20, H, W) are five per scan, shared by channels and disparities: of the value
+    itself, of the last one at its disparity, at one less, at one more, and of the last one's maximum.
+    """
+    scans = [turned(_aggregate(turned(x), F.normalize(turned(part), p=1.0, dim=1)))
+             for turned, part in zip(_turns, weights.chunk(4, 1), strict=True)]
+    return torch.stack(scans).amax(0)
+
+
+def _down(x: Tensor) -> Tensor:
+    return x
+
+
+def _up(x: Tensor) -> Tensor:
+    return x.flip(-2, -1)
+
+
+def _right(x: Tensor) -> Tensor:
+    return x.transpose(-2, -1)
+
+
+def _left(x: Tensor) -> Tensor:
+    return x.transpose(-2, -1).flip(-2, -1)
+
+
+_turns = (_down, _up, _right, _left)  # each turns its scan into one down the rows, and back
+
+
+def _shifted(x: Tensor, rows: int, columns: int) -> Tensor:
+    """x[r + rows, c + columns], 0 outside."""
+    height, width = x.shape[-2:]
+    return F.pad(x, (1, 1, 1, 1))[..., 1 + rows:1 + rows + height, 1 + columns:1 + columns + width]
+
+
+def _scan_weights(guide: Tensor) -> Tensor:
+    """(N, 5, H, W), of the pixel and its neighbours; those of missing neighbours are the pixel's own."""
+    products = [(guide * guide).sum(1), *((guide * _shifted(guide, *place)).sum(1) for place in _NEIGHBOURS)]
+    weights = F.softmax(torch.stack(products, 1), 1)
+    there = torch.stack([_shifted(torch.ones_like(products[0]), *place) for place in _NEIGHBOURS], 1)
+    kept = weights[:, 1:] * there
+    return torch.cat((weights[:, :1] + (weights[:, 1:] - kept).sum(1, keepdim=True), kept), 1)
+
+
+def _scan(x: Tensor, weights: Tensor) -> Tensor:
+    """o[r, c] = w · (x[r, c], o[r-1, c], o[r-1, c-1], o[r-1, c+1], o[r, c-1]), all rows side by side.
+
+    In order of t = c + 2 r all that a pixel needs comes earlier: 1 the left and the upper right one,
+    2 the upper one, 3 the upper left one. So the pixels of one t, one of every second column in every row,
+    are worked out at once.
+    """
+    count, channels, height, width = x.shape
+    steps = width + 2 * (height - 1)
+    row = torch.arange(height, device=x.device)
+    column = torch.arange(steps, device=x.device)[:, None] - 2 * row
+    inside = (column >= 0) & (column < width)
+    place = (row * width + column.clamp(0, width - 1)).flatten()
+
+    def skewed(values: Tensor) -> Tensor:  # (steps, N, C, H), 0 where there is no pixel
+        picked = values.flatten(2)[:, :, place].view(count, -1, steps, height)
+        return (picked * inside).permute(2, 0, 1, 3).contiguous()
+
+    weight = skewed(weights).unsqueeze(3)
+    own = skewed(x) * weight[:, :, 0]
+    # Three steps of nothing before the first, and a row of nothing above the first.
+    out = x.new_zeros(steps + 3, count, channels, height + 1)
+    for step in range(steps):
+        last, second, third = out[step + 2], out[step + 1], out[step]
+        w = weight[step]
+        out[step + 3, :, :, 1:] = (own[step] + w[:, 1] * second[..., :-1] + w[:, 2] * third[..., :-1]
+                                   + w[:, 3] * last[..., :-1] + w[:, 4] * last[..., 1:])
+    straight = out[3:, :, :, 1:].permute(1, 2, 3, 0)  # (N, C, H, steps)
+    start = 2 * row[:, None] + torch.arange(width, device=x.device)
+    return straight.gather(3, start.expand(count, channels, -1, -1))
+
+
+def _aggregate(x: Tensor, weights: Tensor) -> Tensor:
+    """One scan of sga down the rows; a missing disparity is the value itself, as is all above the first row."""
+    rows = x.movedim(-2, 0).contiguous()  # (H, N, C, D, W)
+    weight = weights.movedim(-2, 0)[:, :, :, None, None]  # (H, N, 5, 1, 1, W)
+    out = torch.empty_like(rows)
+    out[0] = rows[0] * weight[0].sum(1)
+    for row in range(1, len(rows)):
+        value, last, target, w = rows[row], out[row - 1], out[row], weight[row]
+        torch.mul(value, w[:, 0], out=target)
+        target.addcmul_(last, w[:, 1]).addcmul_(last.amax(2, keepdim=True), w[:, 4])
+        target[:, :, 1:].addcmul_(last[:, :, :-1], w[:, 2])
+        target[:, :, :1].addcmul_(value[:, :, :1], w[:, 2])
+        target[:, :, :-1].addcmul_(last[:, :, 1:], w[:, 3])
+        target[:, :, -1:].addcmul_(value[:, :, -1:], w[:, 3])
+    return out.movedim(0, -2)
