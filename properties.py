@@ -153,8 +153,29 @@ TERRAIN = Topic("terrain", "Terrain", "Shape of the ground as a random surface w
              (0.0, 30.0)),
     _degrees("regional_slope_azimuth_deg", "Slope Falls Toward", 180.0, -360.0, 360.0,
              "Direction in which the patch as a whole falls, from north (+Y) over east (+X)", "geometry"),
+    _metres("body_radius_m", "Body Radius", 2.521e5, 1.0e4, 1.0e8, (1.0e5, 3.0e6),
+            "Mean radius of the moon, which sets where its horizon is: 252.1 km for Enceladus, 1560.8 km for Europa. "
+            "Ground on a uniform grid is not curved", "geometry"),
     Setting("layers", "Layers of Noise", [], "Fractal noise added to the ground, one table per layer", "geometry",
             entries=LAYER),
+))
+
+MESH = Topic("mesh", "Mesh", "How finely procedural ground is cut into triangles, and how far it goes", (
+    Setting("kind", "Mesh", "GRADED", "Where the vertices of procedural ground are", "geometry",
+            choices=(("GRADED", "As Fine as the Camera Needs",
+                      "Rings about the site, as fine at every distance as the images show, out to the horizon"),
+                     ("GRID", "Uniform Grid", "A square of Terrain Size with equal spacing, and nothing beyond"))),
+    Setting("error_px", "Largest Error", 1.0,
+            "Distance between the mesh and the described ground, in pixels as seen from the nearer eye, that 95 % of "
+            "the pixels keep to, whatever the heading", "geometry", "px", 1.0e-3, 100.0, (0.05, 5.0)),
+    Setting("edge_px", "Longest Edge", 8.0,
+            "Longest edge of a triangle on level ground as seen from the nearer eye, however smooth the ground; "
+            "what is finer does not shade the image", "geometry", "px", 0.1, 1000.0, (1.0, 20.0)),
+    _metres("farthest_m", "Farthest", 1.0e5, 1.0, 1.0e6, (10.0, 1.0e5),
+            "Distance at which the ground ends, if no horizon hides it before", "geometry"),
+    Setting("most", "Most", 2000000, "Upper bound on the number of vertices; where the largest error asks for more, "
+            "the mesh keeps to this and says what error it has", "geometry", "vertices", 1000, 100000000,
+            (10000, 10000000)),
 ))
 
 RIDGES = Topic("ridges", "Ridges", "Double ridges with a trough between, young ones over old ones", (
@@ -481,8 +502,8 @@ DATASET = Topic("dataset", "Data Set", "Where pairs go and how they vary", (
 ))
 
 TOPICS: dict[str, Topic] = {t.key: t for t in (
-    SOURCE, TERRAIN, RIDGES, CRACKS, CHAOS, CRATERS, HOLLOWS, PENITENTES, MANTLE, SURFACE, TEXTURES, ROCKS,
-    ROCK_SURFACE, LIGHT, RIG, SENSOR, QUALITY, DATASET)}
+    SOURCE, TERRAIN, MESH, RIDGES, CRACKS, CHAOS, CRATERS, HOLLOWS, PENITENTES, MANTLE, SURFACE, TEXTURES,
+    ROCKS, ROCK_SURFACE, LIGHT, RIG, SENSOR, QUALITY, DATASET)}
 
 
 def all_settings() -> list[tuple[str, Setting]]:

@@ -16,6 +16,7 @@ import bpy
 import numpy as np
 
 from ..errors import IcyMoonError
+from ..physics.grading import OF_THE_RIG
 from ..physics.ground import Surface
 from ..physics.heightmap import HeightMap
 from ..physics.rocks import LEVEL_RANKS, Rocks, scatter
@@ -214,6 +215,10 @@ def _show_rig(built: scenes.Built, settings: Settings, ground: Surface | None) -
     rig, preview = settings["rig"], {topic: values for topic, values in built.preview.items() if topic != "rig"}
     if not is_own(settings):
         site_m = scenes.site_ground_m(settings, ground or scenes.ground_of(settings))
+        if settings["mesh"]["kind"] == "GRADED":  # the mesh was made for the rig that it was built with
+            stood = {key: built.settings["rig"][key] for key in OF_THE_RIG if built.settings["rig"][key] != rig[key]}
+            preview |= {"rig": {key: rig[key] for key in stood}} if stood else {}
+            settings = merged(settings, {"rig": stood})
     else:
         site_m, stood = built.ground["site_m"], built.settings["rig"]
         if (rig["x_m"], rig["y_m"]) != (stood["x_m"], stood["y_m"]):

@@ -13,9 +13,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import bpy
+import numpy as np
 
 from ..errors import IcyMoonError
 from ..labels import TERRAIN_INSTANCE
+from ..physics.graded import Graded
 from ..physics.ground import Surface
 from ..physics.rocks import scatter
 from ..physics.shapes import block_shapes
@@ -34,7 +36,7 @@ from .own_files import content, used_files
 from .probe import heights_of
 from .rig import build_rig
 from .rocks import build_blocks, parts_of
-from .terrain import build_mesh, measured, shortest_wavelength_m
+from .terrain import as_meshed, build_mesh, measured, patch_heights, site_wavelength_m
 from .textures import remove_unused_images
 
 _SETTINGS, _FINGERPRINT, _PREVIOUS_WORLD, _PREVIOUS_CAMERA, _PREVIOUS_VIEW, _GROUND = (
@@ -132,7 +134,15 @@ def ground_of(settings: Settings) -> Terrain:
 def site_ground_m(settings: Settings, ground: Surface) -> float:
     """Height in metres of the ground under the left camera, at the detail of the mesh; NaN beyond the ground."""
     rig = settings["rig"]
-    return float(ground.heights(rig["x_m"], rig["y_m"], shortest_wavelength_m(settings["terrain"])))
+    return float(ground.heights(rig["x_m"], rig["y_m"], site_wavelength_m(settings["terrain"], ground)))
+
+
+def measured_patch(built: Built) -> np.ndarray | None:
+    """Heights (n, n) in metres on a grid over the patch of procedural ground; None of other ground."""
+    if is_own(built.settings):
+        return None
+    ground = ground_of(built.settings) if built.settings["mesh"]["kind"] == "GRADED" else None
+    return patch_heights(built.terrain.data, built.settings["terrain"], ground)
 
 
 def _tagged(block: Any, role: str) -> Any:
@@ -148,7 +158,7 @@ def _site(settings: Settings, ground: Surface, own: OwnGround | None) -> tuple[f
         return own.nearest_height_m(rig["x_m"], rig["y_m"]), [
             "There is no ground under the camera; change rig.x_m or rig.y_m, or move the ground with source.origin_x_m "
             "and source.origin_y_m."]
-    if own is None and max(abs(rig["x_m"]), abs(rig["y_m"])) > size / 2:
+    if own is None and not isinstance(ground, Graded) and max(abs(rig["x_m"]), abs(rig["y_m"])) > size / 2:
         return height, [f"The camera stands outside the {size:g} m patch of ground; change rig.x_m, rig.y_m or "
                         "terrain.size_m."]
     return height, []
@@ -176,15 +186,16 @@ def _make(settings: Settings) -> tuple[list[bpy.types.Object], bpy.types.World, 
     if settings["rocks"]["coverage"] > 0:
         size_law(settings["rocks"])
     own = own_ground(settings, ground_of) if is_own(settings) else None
-    ground: Surface = own.surface if own else ground_of(settings)
+    ground: Surface = own.surface if own else as_meshed(ground_of(settings), settings)
     site_m, warnings = _site(settings, ground, own)
     if own is not None:
         warnings += own.warnings
         mesh = own.build_mesh(f"{NAME} Terrain")
     else:
-        warnings += advice(settings, shortest_wavelength_m(settings["terrain"]))
+        warnings += advice(settings, site_wavelength_m(settings["terrain"], ground))
+        warnings += ground.advice(settings) if isinstance(ground, Graded) else []
         mesh = build_mesh(f"{NAME} Terrain", settings["terrain"], ground)
-    mark_elevation(mesh, settings["surface"])
+    mark_elevation(mesh, settings["surface"], ground.drop_m if isinstance(ground, Graded) else None)
     warnings += materials.advice(settings)
     mesh.materials.append(ground_material(settings))
     terrain = _tagged(bpy.data.objects.new(f"{NAME} Terrain", mesh), "terrain")
@@ -261,6 +272,8 @@ def build(scene: bpy.types.Scene, settings: Settings) -> Built:
     except MemoryError:
         if settings["source"]["kind"] == "MESH":
             raise IcyMoonError("There is not enough memory for the mesh; reduce it before importing it.") from None
+        if settings["mesh"]["kind"] == "GRADED" and not is_own(settings):
+            raise IcyMoonError("There is not enough memory for the mesh; lower mesh.most.") from None
         n = settings["terrain"]["resolution"]
         raise IcyMoonError(f"There is not enough memory for {n} x {n} vertices; lower terrain.resolution.") from None
     if collection is None:
@@ -295,11 +308,12 @@ def build(scene: bpy.types.Scene, settings: Settings) -> Built:
     collection[_GROUND] = json.dumps({"report": own.report, "site_m": _site(settings, own.surface, own)[0]}
                                      if own else {})
     collection[_CONTENT] = content(settings)
-    roughness = None if own else measured(objects[0].data, settings["terrain"])
+    built = Built(collection, objects[0], objects[1], objects[2], merged(settings), tuple(warnings))
+    roughness = measured(measured_patch(built), settings["terrain"])
     collection[_ROUGHNESS] = roughness.summary() if roughness else ""
     collection[_FINGERPRINT], collection[PREVIEW] = json.dumps(parts(collection)), "{}"
     collection[NOTES] = "[]"
-    return Built(collection, objects[0], objects[1], objects[2], merged(settings), tuple(warnings))
+    return built
 
 
 def clear(scene: bpy.types.Scene) -> bool:

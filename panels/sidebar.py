@@ -104,11 +104,10 @@ class _TopicPanel(_Sidebar):
         if self.topic.key == "rock_surface":
             layout.enabled = context.scene.icymoon.rocks.own_surface
         group = getattr(context.scene.icymoon, self.topic.key)
-        source = context.scene.icymoon.source
         for setting in self.topic.settings:
             row = layout.row()
             row.enabled = _matters(self.topic.key, setting.key, group) and _source_asks(
-                source, self.topic.key, setting.key)
+                context.scene.icymoon, self.topic.key, setting.key)
             if setting.kind == "list":
                 _draw_list(row.column(), group, setting)
             else:
@@ -147,11 +146,16 @@ def _draw_list(layout: Any, group: Any, setting: Setting) -> None:
         layout.prop(entries[active], each.key)
 
 
-def _source_asks(source: Any, topic: str, key: str) -> bool:
+def _source_asks(group: Any, topic: str, key: str) -> bool:
     """Whether the kind of ground leaves a setting an effect."""
+    source = group.source
     if topic == "terrain":
-        return bool(source.kind == "PROCEDURAL" or source.detail
+        graded = source.kind == "PROCEDURAL" and group.mesh.kind == "GRADED"
+        return bool((source.kind == "PROCEDURAL" and key != ("resolution" if graded else "body_radius_m"))
+                    or (source.detail and key != "body_radius_m")
                     or (source.kind == "HEIGHT_MAP" and key in ("size_m", "resolution")))
+    if topic == "mesh":
+        return bool(source.kind == "PROCEDURAL" and (key == "kind" or group.mesh.kind == "GRADED"))
     if topic == "source" and key != "kind":
         only = {"scale": "MESH", "up_axis": "MESH", "repair": "MESH", "metres_per_pixel": "HEIGHT_MAP",
                 "height_scale_m": "HEIGHT_MAP"}

@@ -113,7 +113,7 @@ def main(arguments: list[str]) -> int:
     except IcyMoonError as error:
         emit("error", message=str(error))
     except MemoryError:
-        emit("error", message="There is not enough memory; lower terrain.resolution or the image size.")
+        emit("error", message="There is not enough memory; lower mesh.most, terrain.resolution or the image size.")
     except Exception as error:
         import traceback
         traceback.print_exc()
