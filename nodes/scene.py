@@ -36,7 +36,7 @@ from .own_files import content, used_files
 from .probe import heights_of
 from .rig import build_rig
 from .rocks import build_blocks, parts_of
-from .terrain import as_meshed, build_mesh, measured, patch_heights, site_wavelength_m
+from .terrain import as_meshed, build_mesh, grid_heights, measured, patch_heights, site_wavelength_m
 from .textures import remove_unused_images
 
 _SETTINGS, _FINGERPRINT, _PREVIOUS_WORLD, _PREVIOUS_CAMERA, _PREVIOUS_VIEW, _GROUND = (
@@ -141,8 +141,9 @@ def measured_patch(built: Built) -> np.ndarray | None:
     """Heights (n, n) in metres on a grid over the patch of procedural ground; None of other ground."""
     if is_own(built.settings):
         return None
-    ground = ground_of(built.settings) if built.settings["mesh"]["kind"] == "GRADED" else None
-    return patch_heights(built.terrain.data, built.settings["terrain"], ground)
+    if built.settings["mesh"]["kind"] == "GRADED":
+        return patch_heights(ground_of(built.settings))
+    return grid_heights(built.terrain.data, built.settings["terrain"])
 
 
 def _tagged(block: Any, role: str) -> Any:

@@ -71,21 +71,20 @@ def _check_finite(heights: np.ndarray) -> None:
         raise ValueError("terrain heights are not finite")
 
 
-def patch_heights(mesh: bpy.types.Mesh, terrain: Mapping[str, Any], ground: Surface | None) -> np.ndarray | None:
-    """Heights (n, n) in metres of the patch on a square grid over ``terrain.size_m``.
-
-    Those of the mesh that ``build_mesh`` made as a grid (``ground`` is None), or None if it is another or was
-    edited; else those of ``ground``, at the wavelengths that the grid carries.
-    """
-    if ground is not None:
-        axis = np.linspace(-terrain["size_m"] / 2, terrain["size_m"] / 2, _MEASURED)
-        return ground.heights(axis[None, :], axis[:, None], 2 * (axis[1] - axis[0]))
+def grid_heights(mesh: bpy.types.Mesh, terrain: Mapping[str, Any]) -> np.ndarray | None:
+    """Heights (n, n) in metres of a mesh that ``build_mesh`` made as a grid, or None if it is another or was edited."""
     n = int(terrain["resolution"])
     if len(mesh.vertices) != n * n:
         return None
     positions = np.empty(3 * n * n, np.float32)
     mesh.attributes["position"].data.foreach_get("vector", positions)
     return positions[2::3].reshape(n, n).astype(np.float64)
+
+
+def patch_heights(ground: Surface) -> np.ndarray:
+    """Heights (n, n) in metres of a ground over its patch, with the wavelengths that this grid carries."""
+    axis = np.linspace(-ground.size_m / 2, ground.size_m / 2, _MEASURED)
+    return ground.heights(axis[None, :], axis[:, None], 2 * (axis[1] - axis[0]))
 
 
 def measured(heights: np.ndarray | None, terrain: Mapping[str, Any]) -> Roughness | None:
