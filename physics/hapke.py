@@ -18,6 +18,7 @@ Nothing here takes the arc cosine of a dot product: near opposition that loses h
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -96,6 +97,13 @@ class HapkeParameters:
                     f"{'above' if open_ends else 'from'} {low:g} {'and below' if open_ends or open_high else 'to'} "
                     f"{high:.5g}")
             raise IcyMoonError(f"Hapke: {name} is {self._shown(name)}, it must be {side}: {why}.")
+
+
+def from_settings(hapke: Mapping[str, Any]) -> HapkeParameters:
+    """Parameters that ``hapke`` settings describe. Raises IcyMoonError if they are outside of physics."""
+    same = ("w", "b", "c", "b_s0", "h_s", "b_c0", "h_c", "filling_factor")
+    return HapkeParameters(**{key: hapke[key] for key in same}, theta_bar=np.radians(hapke["theta_bar_deg"]),
+                           h_function=hapke["h_function"])
 
 
 def single_lobe(asymmetry: float) -> dict[str, float]:

@@ -11,8 +11,9 @@ import pytest
 from hapke_table import angles, parameters, rows
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from icymoon import settings as description
 from icymoon.errors import IcyMoonError
-from icymoon.physics import hapke, photometry
+from icymoon.physics import hapke, photometry, surfaces
 from icymoon.physics.hapke import HapkeParameters, bidirectional_reflectance
 
 EUROPA = {"w": 0.964, "b": 0.429, "c": 0.113, "b_s0": 0.5, "h_s": 0.0016, "theta_bar": math.radians(10.0)}
@@ -239,3 +240,41 @@ def test_europa_is_as_bright_as_observed():
     europa = law(**EUROPA, h_function="1981")
     assert photometry.bond_albedo(europa) == pytest.approx(0.62, abs=0.005)
     assert photometry.disc_brightness(europa, math.radians(6.0)) == pytest.approx(0.587, abs=0.002)
+
+
+def _preset(name: str) -> dict:
+    loaded = description.load(description.preset_path(f"surfaces/hapke_{name}"))
+    return description.merged(description.defaults(), loaded)
+
+
+@pytest.mark.parametrize(("name", "quantity", "value"), [
+    ("europa_global", "bond", 0.62), ("europa_bright_plains", "bond", 0.68), ("enceladus_global", "bond", 0.81),
+    ("enceladus_global", "geometric", 1.375), ("enceladus_south_polar", "bond", 0.85),
+    ("lunar_like", "geometric", 0.12)])
+def test_presets_have_the_albedos_that_their_sources_state(name, quantity, value):
+    settings = _preset(name)
+    found = surfaces.albedos(settings["surface"], settings["hapke"])
+    assert getattr(found, quantity) == pytest.approx(value, abs=0.003)  # sources state two or three digits
+
+
+def test_europas_terrains_are_as_bright_beside_each_other_as_stated():
+    five = math.radians(5.0)
+
+    def radiance_factor(name):
+        settings = _preset(f"europa_{name}")
+        return math.pi * float(surfaces.law_of(settings["surface"], settings["hapke"])(0.0, five, 0.0))
+
+    plains, ridges, bands, dark = (radiance_factor(n) for n in ("bright_plains", "ridges", "bands", "dark_lineae"))
+    assert dark == pytest.approx(0.17, abs=0.001)
+    assert ridges == pytest.approx(0.75 * plains + 0.25 * dark, abs=0.002)
+    assert bands == pytest.approx(0.5 * plains + 0.5 * dark, abs=0.002)
+
+
+def test_the_laws_of_settings():
+    settings = description.defaults()
+    for model, share in (("LAMBERT", 0.0), ("LOMMEL_SEELIGER", 1.0), ("LUNAR_LAMBERT", 0.7)):
+        surface = {**settings["surface"], "model": model, "albedo": 0.4}
+        assert surfaces.albedos(surface, settings["hapke"]).bond == pytest.approx(0.4)
+        law_here, plain = surfaces.law_of(surface, settings["hapke"]), photometry.lunar_lambert(0.4, share)
+        assert float(law_here(0.3, 1.2, 0.5)) == pytest.approx(float(plain(0.3, 1.2, 0.5)))
+    assert surfaces.albedos({**settings["surface"], "model": "PRINCIPLED"}, settings["hapke"]) is None
