@@ -312,6 +312,9 @@ def test_building_again_and_clearing_leave_nothing_behind():
     after_one = blocks()
     scenes.build(scene, settings)
     assert blocks() == after_one
+    assert scene.cycles.shading_system  # or the window would show it black
+    scenes.build(scene, complete({"terrain": FLAT}))
+    assert not scene.cycles.shading_system
     scenes.clear(scene)
     assert not len(bpy.data.materials)
     assert not len(bpy.data.collections)
