@@ -39,7 +39,7 @@ def _seconds(surface: dict, hapke: dict) -> float:
     """Processor seconds of 63 samples a pixel of an open ground under a low Sun."""
     import bpy
     from icymoon.nodes.scene import build
-    from icymoon.nodes.sunlit import attune
+    from icymoon.nodes.sunlight import attune
     from icymoon.render import quality
     from rendering import complete, empty_scene
 

@@ -24,7 +24,7 @@ from ..physics.terrain import Terrain, advice
 from ..physics.terrain import terrain as make_terrain
 from ..properties import TOPICS
 from ..settings import Settings, merged
-from . import materials, sunlit
+from . import materials, sunlight, sunlit
 from .composition import mark_elevation
 from .fingerprint import NAME, TAG, added_objects, edited, fingerprint, parts, updated
 from .ground import OwnGround, is_own, own_ground
@@ -232,7 +232,7 @@ def _remove_unused(meshes: Iterable[Any], others: Iterable[Any]) -> None:
 def remove_leftovers() -> None:
     """Remove built worlds and lamps' collections that are no longer used."""
     _remove_unused([], [w for w in bpy.data.worlds if TAG in w])
-    _remove_unused([], [c for c in bpy.data.collections if c.get(TAG) == sunlit.SHARED])
+    _remove_unused([], [c for c in bpy.data.collections if c.get(TAG) == sunlight.SHARED])
 
 
 def remove(objects: list[bpy.types.Object]) -> None:
@@ -270,12 +270,12 @@ def sun_shines(collection: bpy.types.Collection) -> None:
     used = {item: _materials(_with_parts([item])[0]) for item in objects}
     every = set().union(*used.values())
     # As the lamp has it, in single precision, so that aiming again at render time changes nothing.
-    sunlit.aim(every, sunlit.Sun.from_lamp(lamp, lamp.matrix_basis))
-    sunlit.share_lamp(f"{NAME} Traced Sun", lamp, [item for item in objects if any(map(sunlit.traces, used[item]))])
+    sunlight.aim(every, sunlight.Sun.from_lamp(lamp, lamp.matrix_basis))
+    sunlight.share_lamp(f"{NAME} Traced Sun", lamp, [item for item in objects if any(map(sunlight.traces, used[item]))])
     remove_leftovers()
     for scene in bpy.data.scenes:
         if find_collection(scene) == collection:
-            scene.cycles.shading_system = bool(collection[_PREVIOUS_OSL]) or any(map(sunlit.is_osl, every))
+            scene.cycles.shading_system = bool(collection.get(_PREVIOUS_OSL, False)) or any(map(sunlight.is_osl, every))
 
 
 def build(scene: bpy.types.Scene, settings: Settings) -> Built:

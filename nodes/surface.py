@@ -17,6 +17,7 @@ from ..settings import Settings
 from . import sunlit
 from .builder import Tree
 from .composition import brightness, darkest, noise, stain
+from .sunlight import Sun
 from .textures import Map, Pieces
 
 WHITE = (1.0, 1.0, 1.0, 1.0)
@@ -109,7 +110,7 @@ def _by_law(material: bpy.types.Material, surface: Mapping[str, Any], settings: 
         return {"ALL": sunlit.lambert(ground, surface["albedo"])}
     if settings is None:
         raise ValueError(f"{surface['model']} needs the scene's settings: it asks where the Sun is.")
-    sun = sunlit.Sun.from_settings(settings["light"])
+    sun = Sun.from_settings(settings["light"])
     if surface["model"] != "HAPKE":
         share = 1.0 if surface["model"] == "LOMMEL_SEELIGER" else surface["lommel_seeliger_share"]
         return {"ALL": sunlit.lunar_lambert(ground, surface["albedo"], share, sun)}

@@ -24,7 +24,7 @@ from ..labels import FIRST_ROCK_INSTANCE, INSTANCE_AOV, SEMANTIC, TERRAIN_INSTAN
 from ..nodes.light import build_sky
 from ..nodes.rig import eye_poses
 from ..nodes.scene import Built
-from ..nodes.sunlit import attune, made_of
+from ..nodes.sunlight import attune, made_of
 from ..version import version
 from . import passes, quality
 from .exr_check import is_whole

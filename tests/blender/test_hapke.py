@@ -10,7 +10,7 @@ import pytest
 from icymoon import compat
 from icymoon.errors import IcyMoonError
 from icymoon.nodes import scene as scenes
-from icymoon.nodes import sunlit
+from icymoon.nodes import sunlight, sunlit
 from icymoon.physics import photometry
 from icymoon.physics.hapke import bidirectional_reflectance, from_settings
 from icymoon.render.pair import Pair, read_pair
@@ -286,7 +286,7 @@ def test_without_osl_and_on_a_gpu_nodes_are_taken_and_it_is_said(monkeypatch):
     settings = complete({"surface": BARE, "hapke": {"accuracy": "REFERENCE"}, "terrain": FLAT})
     built = scenes.build(empty_scene(), settings)
     assert any("without Open Shading Language" in warning for warning in built.warnings)
-    assert not any(sunlit.is_osl(material) for material in built.materials)
+    assert not any(sunlight.is_osl(material) for material in built.materials)
     refused = complete({"surface": BARE, "hapke": {"backend": "OSL"}, "terrain": FLAT})
     with pytest.raises(IcyMoonError, match=r"hapke\.backend"):
         scenes.build(empty_scene(), refused)
@@ -330,7 +330,7 @@ def test_a_second_source_has_the_law_too(tmp_path):
         inputs["PlanetDirection"].default_value = planet
         inputs["PlanetIrradiance"].default_value = (2.0, 2.0, 2.0, 1.0)
 
-    for level in sunlit.LEVELS:
+    for level in sunlight.LEVELS:
         pair, _ = picture(tmp_path / level, {"hapke": {"backend": "OSL", "accuracy": level}}, change=light_up)
         shown = Pair(pair.folder, pair.id, pair.settings, pair.camera, {**pair.data, "light": {"sun": {
             "direction_to_world": planet.tolist(), "irradiance_wm2": 2.0}}})
