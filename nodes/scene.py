@@ -70,8 +70,9 @@ class Built:
 
     @property
     def extra(self) -> str:
-        """What identifies the content that the settings do not: the person's own files, edits by hand."""
-        return self.content + (fingerprint(self.collection) if self.edited else "")
+        """What identifies the scene beside the settings: the person's own files, what stands in, edits by hand."""
+        edits = fingerprint(self.collection) if self.edited else ""
+        return self.content + sunlit.stand_in(self.settings) + edits
 
     @property
     def materials(self) -> list[bpy.types.Material]:
@@ -361,6 +362,11 @@ def clear(scene: bpy.types.Scene) -> bool:
     bpy.data.collections.remove(collection)
     remove_leftovers()
     return True
+
+
+def extra(settings: Settings) -> str:
+    """``Built.extra`` of the scene that settings would build."""
+    return content(settings) + sunlit.stand_in(settings)
 
 
 def changed_settings(built: Built, settings: Mapping[str, Mapping[str, Any]]) -> list[str]:

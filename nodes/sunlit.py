@@ -69,13 +69,20 @@ def choose(hapke: Mapping[str, Any], device: str) -> tuple[bool, str, str]:
     if level != "FAST":
         reason = why or "nodes cannot trace"
         return False, "FAST", f"Hapke's surface is built at accuracy FAST, of nodes, since {reason}."
-    return False, level, f"Hapke's surface is built of nodes, since {why}." if why else ""
+    return False, level, f"Hapke's surface is built of nodes, since {why}." if asked == "AUTO" else ""
 
 
 def uses_hapke(settings: Settings) -> bool:
     """Whether the ground or the blocks reflect by Hapke's law."""
     topics = ["surface"] + (["rock_surface"] if settings["rocks"]["own_surface"] else [])
     return any(settings[topic]["model"] == "HAPKE" for topic in topics)
+
+
+def stand_in(settings: Settings) -> str:
+    """What identifies that nodes stand in for OSL here, which the settings do not say; empty if they do not."""
+    automatic = uses_hapke(settings) and settings["hapke"]["backend"] == "AUTO"
+    of_osl = not automatic or choose(settings["hapke"], settings["quality"]["device"])[0]
+    return "" if of_osl else "Hapke of nodes"
 
 
 def advice(settings: Settings) -> list[str]:

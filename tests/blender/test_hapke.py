@@ -287,6 +287,7 @@ def test_without_osl_and_on_a_gpu_nodes_are_taken_and_it_is_said(monkeypatch):
     built = scenes.build(empty_scene(), settings)
     assert any("without Open Shading Language" in warning for warning in built.warnings)
     assert not any(sunlight.is_osl(material) for material in built.materials)
+    assert built.extra == scenes.extra(settings) != ""  # a pair of nodes is another than one of OSL
     refused = complete({"surface": BARE, "hapke": {"backend": "OSL"}, "terrain": FLAT})
     with pytest.raises(IcyMoonError, match=r"hapke\.backend"):
         scenes.build(empty_scene(), refused)
