@@ -68,7 +68,7 @@ def cost() -> None:
 
 def error() -> None:
     """Print errors."""
-    from test_hapke import ball, errors, picture
+    from test_hapke_render import ball, errors, picture
 
     scenes = {"plane": ({}, None), "sphere, phase 60": ({"light": {"sun_azimuth_deg": 120.0}}, ball),
               "grazing": ({"light": {"sun_azimuth_deg": 0.0, "sun_elevation_deg": 0.6},
