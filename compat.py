@@ -5,6 +5,7 @@ Differences are found by feature, not by version number.
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import bpy
@@ -49,6 +50,13 @@ def has_osl() -> bool:
     except ImportError:
         return False
     return bool(_cycles.with_osl)
+
+
+def compile_osl(source: Path, target: Path) -> bool:
+    """Compile a shader with Cycles' own compiler; the wheels from 4.5 on lack what Blender's Python uses for it."""
+    import _cycles
+
+    return bool(_cycles.osl_compile(str(source), str(target)))
 
 
 def has_oidn() -> bool:

@@ -303,9 +303,22 @@ SOURCE = Topic("source", "Ground", "Where the ground comes from: made up, or a m
 ))
 
 SURFACE = Topic("surface", "Surface", "Snow or ice that the ground is made of", (
+    Setting("model", "Model", "PRINCIPLED", "Law by which the surface reflects light", "material",
+            choices=(("PRINCIPLED", "Snow (Principled)", "Subsurface scattering and gloss, as of terrestrial snow and "
+                      "ice. Costs 1.4 times Lambert, 7 with all light subsurface; has no opposition surge"),
+                     ("LAMBERT", "Lambert", "Equally bright from everywhere: the cheapest. Misses limb, opposition "
+                      "surge and all dependence on phase; up to 18 % off in the mean of a sunlit scene of ice"),
+                     ("LOMMEL_SEELIGER", "Lommel-Seeliger", "Single scattering of dark dust. Costs little more than "
+                      "Lambert; misses the light scattered many times, which is most of what ice returns"),
+                     ("LUNAR_LAMBERT", "Lunar-Lambert", "Lommel-Seeliger and Lambert mixed, as in mosaics of moons. "
+                      "Costs little more than Lambert; has no dependence on phase, so no opposition surge"),
+                     ("HAPKE", "Hapke", "Particulate ice with phase function, opposition surge and roughness, from "
+                      "the Hapke topic. Costs 1.2 times Lambert with OSL, 1.8 without; has no gloss"))),
     _fraction("albedo", "Albedo", 0.9,
               "Share of the light that clean, flat ice reflects, from all sides to all sides (in a white furnace)",
               "material"),
+    _fraction("lommel_seeliger_share", "Lommel-Seeliger Share", 0.7, "Of the lunar-Lambert law: 0 is Lambert's, "
+              "1 Lommel and Seeliger's; both have the same albedo", "material"),
     _fraction("albedo_variation", "Albedo Variation", 0.0,
               "Depth of the random dark patches as a fraction of the albedo", "material"),
     _metres("albedo_patch_m", "Albedo Patch", 0.5, 1.0e-4, 1.0e4, (0.01, 10.0),
@@ -370,6 +383,46 @@ TEXTURES = Topic("textures", "Textures", "Images on the ground and blocks, witho
 
 ROCK_SURFACE = Topic("rock_surface", "Rock Surface", "Snow or ice that blocks with a surface of their own are made of",
                      SURFACE.settings)
+
+HAPKE = Topic("hapke", "Hapke", "Parameters of Hapke's law, for every surface whose model it is", (
+    _fraction("w", "Single-Scattering Albedo", 0.964,
+              "Share of the light met by a grain that it scatters (w); clean ice is above 0.95", "material"),
+    Setting("b", "Lobe Width b", 0.429, "Asymmetry of both lobes of the phase function: 0 for even scattering, near 1 "
+            "for narrow lobes. Negative turns them round", "material", "1", -0.99, 0.99, (0.0, 0.9)),
+    Setting("c", "Lobe Share c", 0.113, "Balance of the lobes, Hapke's convention of 2012: 1 for all light back to the "
+            "source, -1 for all light onward. McGuire's and ISIS' c is (1 + c)/2", "material", "1", -1.0, 1.0),
+    Setting("b_s0", "Shadow-Hiding Amplitude", 0.5, "Height of the opposition surge from shadows that grains hide "
+            "(BS0); above 1 it stands for coherent backscatter too", "material", "1", 0.0, 3.0, (0.0, 1.0)),
+    Setting("h_s", "Shadow-Hiding Width", 0.0016, "Half-width parameter of that surge: it is halved where the "
+            "tangent of half the phase angle is this; 0 for no surge", "material", "1", 0.0, 10.0, (0.0, 0.1),
+            precision=5),
+    _fraction("b_c0", "Coherent Backscatter Amplitude", 0.0, "Height of the surge from interference of light that "
+              "takes one path both ways (BC0), as a share of all light", "material"),
+    Setting("h_c", "Coherent Backscatter Width", 0.0, "Half-width parameter of that surge, in the tangent of half the "
+            "phase angle; 0 for no surge", "material", "1", 0.0, 10.0, (0.0, 0.1), precision=5),
+    _degrees("theta_bar_deg", "Roughness", 10.0, 0.0, 60.0, "Mean slope angle of the relief that neither mesh nor "
+             "grain relief resolves; 0 makes the surface of nodes twice as cheap", "material", (0.0, 40.0)),
+    _fraction("filling_factor", "Filling Factor", 0.0, "Share of the volume that grains fill; 0 for the model of 1993 "
+              "without porosity. Grains cannot be packed closer than 0.7522", "material", high=0.75),
+    Setting("h_function", "H Function", "1981", "Approximation of multiple scattering; parameters belong to the one "
+            "that they were fitted with", "material",
+            choices=(("1981", "1981", "Up to 4 % off; all fits of the Voyager era"),
+                     ("1993", "1993", "Up to 0.8 % off"),
+                     ("2002", "2002", "Up to 1 % off; the one of eradiate and of the later book"))),
+    Setting("accuracy", "Accuracy", "FAST", "What is exact beside the light that comes straight from the Sun",
+            "material",
+            choices=(("FAST", "Fast", "Light from the ground is weighted as if it came from the Sun: 2 to 3 % dark in "
+                      "the mean, 10 % in shadows"),
+                     ("ACCURATE", "Accurate", "Light from the ground has the right albedo: 1 % dark in the mean, 8 % "
+                      "in shadows; surges are blurred by the Sun's disc exactly. Needs OSL and the CPU"),
+                     ("REFERENCE", "Reference", "The first interreflection has the law at both ends: within 0.1 % in "
+                      "the mean, 1 % in shadows. Between ice only: objects of your own get no sunlight back from it. "
+                      "Needs OSL and the CPU"))),
+    Setting("backend", "Made of", "AUTO", "How the law is put into Cycles", "material",
+            choices=(("AUTO", "Automatic", "OSL where it can be had, else nodes; says so if that lowers the accuracy"),
+                     ("OSL", "OSL", "Open Shading Language; refused where there is none and on the GPU"),
+                     ("NODES", "Nodes", "Works in every Blender on every device; fast accuracy only"))),
+))
 
 ROCKS = Topic("rocks", "Rocks", "Ice blocks lying on the ground", (
     Setting("law", "Size Law", "POWER", "How many blocks there are of each size", "geometry",
@@ -502,7 +555,7 @@ DATASET = Topic("dataset", "Data Set", "Where pairs go and how they vary", (
 ))
 
 TOPICS: dict[str, Topic] = {t.key: t for t in (
-    SOURCE, TERRAIN, MESH, RIDGES, CRACKS, CHAOS, CRATERS, HOLLOWS, PENITENTES, MANTLE, SURFACE, TEXTURES,
+    SOURCE, TERRAIN, MESH, RIDGES, CRACKS, CHAOS, CRATERS, HOLLOWS, PENITENTES, MANTLE, SURFACE, HAPKE, TEXTURES,
     ROCKS, ROCK_SURFACE, LIGHT, RIG, SENSOR, QUALITY, DATASET)}
 
 

@@ -90,6 +90,11 @@ def brightness(tree: Tree, surface: Mapping[str, Any], geometry: Any, fourth: fl
     return product
 
 
+def darkest(surface: Mapping[str, Any]) -> float:
+    """The least that ``brightness`` can be."""
+    return float(math.prod(1.0 - abs(surface[key]) for key in ("albedo_variation", "trough_dirt", "slope_dirt")))
+
+
 def stain(tree: Tree, surface: Mapping[str, Any], geometry: Any, fourth: float) -> Any:
     """Colour factor on the albedo that salt makes, an output socket, or None if there is none."""
     share = surface["salt_share"]

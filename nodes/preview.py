@@ -93,6 +93,8 @@ def show(built: scenes.Built, settings: Settings, side: int) -> bool:
         else:
             place_sun(built.sun, settings["light"])
             built.remember(merged(built.settings, {"light": settings["light"]}), built.preview, "sun")
+    if merged(built.settings, built.preview) != before:
+        _show_sunlight(built)
     if settings["rig"] != before["rig"] or ground is not None:
         if built.edited_parts("camera"):
             said.append(_EDITED.format("camera"))
@@ -100,6 +102,14 @@ def show(built: scenes.Built, settings: Settings, side: int) -> bool:
             _show_rig(built, settings, ground)
     note(built, said)
     return ground is not None
+
+
+def _show_sunlight(built: scenes.Built) -> None:
+    """Make surfaces and lamp agree; what a person has edited of either stays an edit."""
+    parts = ("sun object", "terrain materials", "rock materials")
+    by_hand = built.edited_parts(*parts)
+    scenes.sun_shines(built.collection)
+    built.remember(built.settings, built.preview, *(part for part in parts if part not in by_hand))
 
 
 def _show_ground(built: scenes.Built, settings: Settings, side: int) -> Surface:

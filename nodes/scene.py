@@ -26,7 +26,7 @@ from ..physics.terrain import Terrain, advice
 from ..physics.terrain import terrain as make_terrain
 from ..properties import TOPICS
 from ..settings import Settings, merged
-from . import materials
+from . import materials, sunlight, sunlit
 from .composition import mark_elevation
 from .fingerprint import NAME, TAG, added_objects, edited, fingerprint, parts, updated
 from .ground import OwnGround, is_own, own_ground
@@ -42,6 +42,7 @@ from .textures import remove_unused_images
 _SETTINGS, _FINGERPRINT, _PREVIOUS_WORLD, _PREVIOUS_CAMERA, _PREVIOUS_VIEW, _GROUND = (
     "icymoon_settings", "icymoon_fingerprint", "icymoon_previous_world", "icymoon_previous_camera",
     "icymoon_previous_view", "icymoon_ground")
+_PREVIOUS_OSL = "icymoon_previous_osl"
 _CONTENT = "icymoon_content"  # hash of the person's own files
 _ROUGHNESS = "icymoon_roughness"  # measured on the built ground
 PREVIEW = "icymoon_preview"  # settings that are shown otherwise than Build Scene would show them
@@ -71,8 +72,14 @@ class Built:
 
     @property
     def extra(self) -> str:
-        """What identifies the content that the settings do not: the person's own files, edits by hand."""
-        return self.content + (fingerprint(self.collection) if self.edited else "")
+        """What identifies the scene beside the settings: the person's own files, what stands in, edits by hand."""
+        edits = fingerprint(self.collection) if self.edited else ""
+        return self.content + sunlit.stand_in(self.settings) + edits
+
+    @property
+    def materials(self) -> list[bpy.types.Material]:
+        """The materials of the ground and the blocks."""
+        return sorted(_materials(_with_parts(list(self.collection.all_objects))[0]), key=lambda m: m.name)
 
     @property
     def block_count(self) -> int:
@@ -186,9 +193,11 @@ def _make(settings: Settings) -> tuple[list[bpy.types.Object], bpy.types.World, 
     # What can be refused comes first: nothing has been made yet.
     if settings["rocks"]["coverage"] > 0:
         size_law(settings["rocks"])
+    hapke_warnings = sunlit.advice(settings)
     own = own_ground(settings, ground_of) if is_own(settings) else None
     ground: Surface = own.surface if own else as_meshed(ground_of(settings), settings)
     site_m, warnings = _site(settings, ground, own)
+    warnings += hapke_warnings
     if own is not None:
         warnings += own.warnings
         mesh = own.build_mesh(f"{NAME} Terrain")
@@ -233,6 +242,12 @@ def _remove_unused(meshes: Iterable[Any], others: Iterable[Any]) -> None:
             bpy.data.batch_remove(unused)
 
 
+def remove_leftovers() -> None:
+    """Remove built worlds and lamps' collections that are no longer used."""
+    _remove_unused([], [w for w in bpy.data.worlds if TAG in w])
+    _remove_unused([], [c for c in bpy.data.collections if c.get(TAG) == sunlight.SHARED])
+
+
 def remove(objects: list[bpy.types.Object]) -> None:
     """Remove objects with the meshes, lamps, cameras, materials and node groups that only they use."""
     objects, others = _with_parts(objects)
@@ -260,6 +275,22 @@ def _adopt_children(collection: bpy.types.Collection, old: list[bpy.types.Object
             item.matrix_parent_inverse = inverse
 
 
+def sun_shines(collection: bpy.types.Collection) -> None:
+    """Make surfaces, lamp and window agree, after any of them has changed: the surfaces know where the lamp is, it
+    lights only what does not trace it, and the scenes use Open Shading Language if a surface needs it."""
+    objects = [item for item in collection.all_objects if TAG in item]
+    lamp = next(item for item in objects if item[TAG] == "sun")
+    used = {item: _materials(_with_parts([item])[0]) for item in objects}
+    every = set().union(*used.values())
+    # As the lamp has it, in single precision, so that aiming again at render time changes nothing.
+    sunlight.aim(every, sunlight.Sun.from_lamp(lamp, lamp.matrix_basis))
+    sunlight.share_lamp(f"{NAME} Traced Sun", lamp, [item for item in objects if any(map(sunlight.traces, used[item]))])
+    remove_leftovers()
+    for scene in bpy.data.scenes:
+        if find_collection(scene) == collection:
+            scene.cycles.shading_system = bool(collection.get(_PREVIOUS_OSL, False)) or any(map(sunlight.is_osl, every))
+
+
 def build(scene: bpy.types.Scene, settings: Settings) -> Built:
     """Build, or build again, the scene that complete ``settings`` describe.
 
@@ -283,6 +314,7 @@ def build(scene: bpy.types.Scene, settings: Settings) -> Built:
         collection[_PREVIOUS_WORLD], collection[_PREVIOUS_CAMERA] = scene.world, scene.camera
         collection[_PREVIOUS_VIEW] = [scene.view_settings.exposure, scene.render.resolution_x,
                                       scene.render.resolution_y]
+        collection[_PREVIOUS_OSL] = scene.cycles.shading_system
         first = True
     else:
         first = False
@@ -301,10 +333,11 @@ def build(scene: bpy.types.Scene, settings: Settings) -> Built:
         scene.camera = objects[2]
     if takes_world:
         scene.world = sky
-    _remove_unused([], [w for w in bpy.data.worlds if TAG in w])
+    remove_leftovers()
     made, others = _with_parts(objects)
     named = [*made, *(o.data for o in made), *others, *_materials(made)] + ([sky] if takes_world else [])
     free_names(named)
+    sun_shines(collection)
     collection[_SETTINGS] = json.dumps(merged(settings))
     collection[_GROUND] = json.dumps({"report": own.report, "site_m": _site(settings, own.surface, own)[0]}
                                      if own else {})
@@ -329,6 +362,7 @@ def clear(scene: bpy.types.Scene) -> bool:
     previous_world, previous_camera = collection.get(_PREVIOUS_WORLD), collection.get(_PREVIOUS_CAMERA)
     ours = [item for item in collection.all_objects if TAG in item]
     scene.view_settings.exposure, *resolution = collection[_PREVIOUS_VIEW]
+    scene.cycles.shading_system = bool(collection.get(_PREVIOUS_OSL, False))
     scene.render.resolution_x, scene.render.resolution_y = (int(n) for n in resolution)
     if scene.camera in ours or scene.camera is None:
         scene.camera = previous_camera
@@ -341,8 +375,13 @@ def clear(scene: bpy.types.Scene) -> bool:
     for child in [c for c in collection.children_recursive if TAG in c]:
         bpy.data.collections.remove(child)
     bpy.data.collections.remove(collection)
-    _remove_unused([], [w for w in bpy.data.worlds if TAG in w])
+    remove_leftovers()
     return True
+
+
+def extra(settings: Settings) -> str:
+    """``Built.extra`` of the scene that settings would build."""
+    return content(settings) + sunlit.stand_in(settings)
 
 
 def changed_settings(built: Built, settings: Mapping[str, Mapping[str, Any]]) -> list[str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from typing import Any
 
 import bpy
@@ -9,7 +10,7 @@ import bpy
 from .. import settings as description
 from ..nodes import scene as scenes
 from ..operators import ground, jobs, layers, live, results
-from ..physics import principled
+from ..physics import principled, surfaces
 from ..properties import LANDFORMS, TOPICS, Setting, Topic
 
 
@@ -103,6 +104,8 @@ class _TopicPanel(_Sidebar):
             layout.prop(context.scene.icymoon.dataset, "seed")
         if self.topic.key == "rock_surface":
             layout.enabled = context.scene.icymoon.rocks.own_surface
+        if self.topic.key == "hapke":
+            layout.active = "HAPKE" in (context.scene.icymoon.surface.model, context.scene.icymoon.rock_surface.model)
         group = getattr(context.scene.icymoon, self.topic.key)
         for setting in self.topic.settings:
             row = layout.row()
@@ -112,13 +115,39 @@ class _TopicPanel(_Sidebar):
                 _draw_list(row.column(), group, setting)
             else:
                 row.prop(group, setting.key)
+            if (self.topic.key, setting.key) in _EXPLAINED:
+                _draw_choice(layout, group, setting)
         if self.topic.key in ("surface", "rock_surface"):
             told = principled.advice({s.key: getattr(group, s.key) for s in self.topic.settings})
-            if told:
+            if told and group.model == "PRINCIPLED":
                 layout.label(text=told, icon="INFO")
+        if self.topic.key in ("surface", "rock_surface", "hapke"):
+            _draw_albedos(layout, self.topic.key, context.scene.icymoon)
         if self.topic.key == "terrain" and scenes.measured_roughness(context.scene):
             layout.operator("icymoon.show_roughness", text=f"Measured: {scenes.measured_roughness(context.scene)}",
                             icon="DRIVER_DISTANCE")
+
+
+#: Choices whose cost and shortcomings stand in the panel, not only in the tooltip.
+_EXPLAINED = {("surface", "model"), ("rock_surface", "model"), ("hapke", "accuracy")}
+
+
+def _draw_choice(layout: Any, group: Any, setting: Setting) -> None:
+    """What the chosen one of a setting's choices does, costs and misses."""
+    column = layout.column(align=True)
+    for line in textwrap.wrap(next(c[2] for c in setting.choices if c[0] == getattr(group, setting.key)), 48):
+        column.label(text=line)
+
+
+def _draw_albedos(layout: Any, topic: str, group: Any) -> None:
+    """The albedos that follow from the settings of a surface."""
+    values = description.from_group(group)
+    surface = {**values["surface"], "model": "HAPKE"} if topic == "hapke" else values[topic]
+    found = surfaces.albedos(surface, values["hapke"])
+    if found is not None:
+        column = layout.column(align=True)
+        for label, value in (("Normal", found.normal), ("Geometric", found.geometric), ("Bond", found.bond)):
+            column.label(text=f"{label} albedo {value:.3f}")
 
 
 class ICYMOON_UL_layers(bpy.types.UIList):
@@ -167,6 +196,8 @@ def _source_asks(group: Any, topic: str, key: str) -> bool:
 _SURFACE_NEEDS = {"albedo_patch_m": "albedo_variation", "subsurface_radius_m": "subsurface_weight",
                   "grain_size_m": "grain_amplitude_m", "relief": "grain_amplitude_m",
                   **{f"salt_{key}": "salt_share" for key in ("patch_m", "red", "green", "blue")}}
+_PRINCIPLED_ONLY = {"subsurface_weight", "subsurface_radius_m", "transmission", "roughness", "specular",
+                    "refractive_index"}
 
 
 def _matters(topic: str, key: str, group: Any) -> bool:
@@ -177,13 +208,28 @@ def _matters(topic: str, key: str, group: Any) -> bool:
     if topic == "rocks" and key != "coverage":
         return bool(group.coverage > 0 and (key != "power_index" or group.law == "POWER")
                     and (key not in ("cluster_blocks", "cluster_radius_m") or group.clustering > 0))
-    if topic in ("surface", "rock_surface") and key in _SURFACE_NEEDS:
-        return bool(getattr(group, _SURFACE_NEEDS[key]) > 0)
+    if topic in ("surface", "rock_surface"):
+        return _matters_to_surface(key, group)
+    if topic == "hapke":
+        off = {"c": group.b == 0.0, "h_s": group.b_s0 == 0.0, "h_c": group.b_c0 == 0.0,
+               "accuracy": group.backend == "NODES"}
+        return not off.get(key, False)
     if topic == "sensor" and key in ("auto_percentile", "auto_target"):
         return bool(group.auto_exposure)
     if topic == "sensor" and key == "saturation_radiance":
         return not group.auto_exposure
     return True
+
+
+def _matters_to_surface(key: str, group: Any) -> bool:
+    """The same for the settings of a surface."""
+    if key in _PRINCIPLED_ONLY and group.model != "PRINCIPLED":
+        return False
+    if key == "albedo":
+        return bool(group.model != "HAPKE")
+    if key == "lommel_seeliger_share":
+        return bool(group.model == "LUNAR_LAMBERT")
+    return bool(key not in _SURFACE_NEEDS or getattr(group, _SURFACE_NEEDS[key]) > 0)
 
 
 class ICYMOON_PT_landforms(_Sidebar, bpy.types.Panel):

@@ -24,6 +24,7 @@ from ..labels import FIRST_ROCK_INSTANCE, INSTANCE_AOV, SEMANTIC, TERRAIN_INSTAN
 from ..nodes.light import build_sky
 from ..nodes.rig import eye_poses
 from ..nodes.scene import Built
+from ..nodes.sunlight import attune, made_of
 from ..version import version
 from . import passes, quality
 from .exr_check import is_whole
@@ -132,6 +133,7 @@ def _render_into(part: Path, built: Built, planned: PlannedPair, frame: int,
     width = int(settings["rig"]["width_px"])
     with _turned(built.camera, planned.turn_deg, width), render_scene(built, frame) as scene:
         quality.apply(scene, settings["quality"], planned.render_seed)
+        attune(scene, built.materials, built.sun)
         passes.apply(scene, settings["rig"], part / "view")
         start = time.perf_counter()
         with labelled(scene), on_sample(int(settings["quality"]["samples"]), report):
@@ -194,7 +196,8 @@ def _facts(built: Built, planned: PlannedPair, poses: dict[str, np.ndarray], tow
         "seeds": {"dataset": settings["dataset"]["seed"], "render": planned.render_seed},
         "versions": {"blender": bpy.app.version_string, "python": platform.python_version(),
                      "numpy": np.__version__, "icymoon": version()},
-        "device": settings["quality"]["device"], "osl": compat.has_osl(), "denoiser": settings["quality"]["denoiser"],
+        "device": settings["quality"]["device"], "osl": compat.has_osl(),
+        "hapke": made_of(built.materials), "denoiser": settings["quality"]["denoiser"],
         "platform": platform.platform(),
         "seconds": seconds, "peak_memory_mib": _peak_memory_mib(),
         "files": files,
