@@ -27,23 +27,24 @@ DIRECTION, BLUR, SCRIPT = "Sun Direction", "Surge Blur", "Hapke"
 
 @dataclass(frozen=True)
 class Sun:
-    """What a surface has to know: unit vector toward the Sun, its irradiance and apparent diameter."""
+    """What a surface has to know: unit vector toward the Sun, its irradiance in R, G, B and apparent diameter."""
 
     direction: tuple[float, float, float]
-    irradiance_wm2: float
+    irradiance_wm2: tuple[float, float, float]
     angular_diameter: float  # radians
 
     @classmethod
     def from_settings(cls, light: Mapping[str, Any]) -> Sun:
         """The Sun that ``light`` settings describe."""
         x, y, z = toward(light["sun_azimuth_deg"], light["sun_elevation_deg"])
-        return cls((x, y, z), light["sun_irradiance_wm2"], math.radians(light["sun_angular_diameter_deg"]))
+        return cls((x, y, z), (light["sun_irradiance_wm2"],) * 3, math.radians(light["sun_angular_diameter_deg"]))
 
     @classmethod
     def from_lamp(cls, lamp: bpy.types.Object, world: Matrix) -> Sun:
         """The Sun that a lamp is; ``world`` is its matrix, wherever a person has turned it."""
         x, y, z = world.to_3x3().col[2].normalized()
-        return cls((x, y, z), lamp.data.energy, lamp.data.angle)
+        red, green, blue = (lamp.data.energy * band for band in lamp.data.color)
+        return cls((x, y, z), (red, green, blue), lamp.data.angle)
 
     @property
     def radius(self) -> float:
@@ -62,7 +63,7 @@ class Sun:
 
 def sun_inputs(sun: Sun) -> dict[str, Any]:
     """Inputs of ``hapke.osl`` that the Sun decides."""
-    return {"SunDirection": sun.direction, "SunIrradiance": sun.irradiance_wm2, "SunRadius": sun.radius,
+    return {"SunDirection": sun.direction, "SunIrradiance": (*sun.irradiance_wm2, 1.0), "SunRadius": sun.radius,
             "SunBlur": sun.blur}
 
 
