@@ -105,9 +105,7 @@ def test_the_bound_holds_in_every_heading_and_both_eyes(tmp_path, case):
         for eye in ("left", "right"):
             shares.append(float(np.mean(off_px(pair, ground, eye) <= settings["mesh"]["error_px"])))
     assert len(shares) == 8
-    # One image holds few hills, which all err together; the stated share is met by each to one per cent.
-    assert min(shares) >= 0.94, shares
-    assert np.mean(shares) >= 0.95, shares
+    assert min(shares) >= 0.95, shares
 
 
 def test_the_camera_stands_over_the_mesh_and_two_builds_are_equal():
