@@ -9,6 +9,7 @@ import bpy
 from .. import settings as description
 from ..errors import IcyMoonError
 from ..preferences import evaluator_python
+from ..properties import all_settings
 from ..render.launch import python_command
 from ..render.queue import Message, Process, clean_environment
 from ..render.shoot import is_complete
@@ -36,8 +37,8 @@ class ICYMOON_OT_evaluate(jobs.JobOperator, bpy.types.Operator):
             if not paths:
                 raise IcyMoonError(f"The present settings have no rendered pair in {dataset}; "
                                    "press Render Stereo Pair first.")
-        overrides = [f"sensor.{key}={value}".replace("True", "true").replace("False", "false")
-                     for key, value in settings["sensor"].items()]
+        overrides = [f"{topic}.{s.key}={settings[topic][s.key]}".replace("True", "true").replace("False", "false")
+                     for topic, s in all_settings() if s.effect == "response"]
         return python_command(evaluator_python(), "stereo", "evaluate", *map(str, paths),
                               "--methods", str(settings["dataset"]["methods"]),
                               *(word for text in overrides for word in ("--set", text)),

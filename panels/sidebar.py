@@ -216,8 +216,12 @@ def _matters(topic: str, key: str, group: Any) -> bool:
         return not off.get(key, False)
     if topic == "sensor" and key in ("auto_percentile", "auto_target"):
         return bool(group.auto_exposure)
-    if topic == "sensor" and key == "saturation_radiance":
+    if topic == "sensor" and key == "exposure_s":
         return not group.auto_exposure
+    if topic == "sensor" and key == "bracket_stops":
+        return bool(group.brackets > 1)
+    if topic == "sensor" and key in ("radiation_depth_um", "radiation_e_per_um"):
+        return bool(group.radiation_flux_cm2_s > 0)
     return True
 
 

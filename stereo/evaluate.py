@@ -37,11 +37,12 @@ VERSION = 1
 Event = Callable[[dict[str, Any]], None]
 
 
-def evaluate(paths: Sequence[Path], methods: Sequence[Method], out: Path, sensor: Mapping[str, Any] | None = None,
+def evaluate(paths: Sequence[Path], methods: Sequence[Method], out: Path,
+             response: Mapping[str, Mapping[str, Any]] | None = None,
              on_event: Event = lambda event: None) -> dict[str, Any]:
     """Evaluate pairs and all pairs of data sets; return what is in ``report.json``.
 
-    ``sensor`` overrides settings of the camera response. Written to ``out``, replacing what an
+    ``response`` overrides settings that need no new render. Written to ``out``, replacing what an
     earlier run left: ``results.jsonl`` (a row as soon as it is known), then ``results.csv``,
     ``report.json`` and ``report.html``; per pair, in ``pairs/<pair>/``, pictures and disparities.
 
@@ -80,7 +81,7 @@ def evaluate(paths: Sequence[Path], methods: Sequence[Method], out: Path, sensor
 
     for folder in folders:
         try:
-            prepared = prepare(folder, sensor or {})
+            prepared = prepare(folder, response or {})
         except IcyMoonError as error:
             fail(str(error), pair=folder.name)
             for method in methods:
@@ -111,7 +112,7 @@ def evaluate(paths: Sequence[Path], methods: Sequence[Method], out: Path, sensor
                   "images": _write_method_pictures(prepared, method, disparity, depth, info["arrays"], out)})
 
     report = {"format": FORMAT, "version": VERSION, "summary": [summary(method.label, rows) for method in methods],
-              "rows": rows, "pairs": pairs, "failed": failed, "provenance": _provenance(paths, methods, sensor or {})}
+              "rows": rows, "pairs": pairs, "failed": failed, "provenance": _provenance(paths, methods, response or {})}
     write_text(out / "results.csv", csv_table(rows))
     write_json(out / "report.json", report)
     write_report(report, out)
@@ -177,12 +178,15 @@ def _folder(prepared: Prepared, out: Path) -> Path:
     return out / "pairs" / prepared.pair.folder.name
 
 
-def _provenance(paths: Sequence[Path], methods: Sequence[Method], sensor: Mapping[str, Any]) -> dict[str, Any]:
+def _provenance(paths: Sequence[Path], methods: Sequence[Method],
+                response: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
     return {"created": datetime.now(UTC).isoformat(timespec="seconds"),
             "source": ", ".join(str(path.resolve()) for path in paths),
             "methods": [{"label": method.label, "name": method.name,
                          "options": complete_options(method.name, method.options)} for method in methods],
-            "sensor_overrides": dict(sensor), "versions": check.versions(), "error_curve_steps_m": list(ERROR_STEPS_M),
+            "response_overrides": {f"{topic}.{key}": value for topic, values in response.items()
+                                   for key, value in values.items()},
+            "versions": check.versions(), "error_curve_steps_m": list(ERROR_STEPS_M),
             "averages": "mean over pairs, each pair counting alike; pooled_* over the pixels of all pairs",
             "pixels": REGIONS,
             "seconds": "CPU seconds of matching, one thread"}
