@@ -28,6 +28,12 @@ def ensure_nodes(data_block: Any) -> Any:
     return data_block.node_tree
 
 
+def ensure_light_nodes(light: Any) -> Any:
+    """The node tree of a lamp, which does nothing until it is switched on."""
+    light.use_nodes = True
+    return light.node_tree
+
+
 def use_multilayer_exr(image_settings: Any) -> None:
     """Choose multilayer OpenEXR; from 5.0 the media type comes first."""
     if hasattr(image_settings, "media_type"):

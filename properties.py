@@ -471,7 +471,24 @@ ROCKS = Topic("rocks", "Rocks", "Ice blocks lying on the ground", (
             "Make the blocks of what Rock Surface describes, instead of what the ground is made of", "material"),
 ))
 
-LIGHT = Topic("light", "Light", "The Sun as the body's sky shows it", (
+LIGHT = Topic("light", "Light", "The Sun and the planet as the body's sky shows them; nothing else shines", (
+    Setting("directions_from", "Sky From", "ANGLES", "What says where Sun and planet stand, and so how bright they are",
+            "light", choices=(
+                ("ANGLES", "Angles", "The settings below"),
+                ("DATE", "Date", "Body, date and site; elements good to 0.25° from 2000 to 2060"),
+                ("KERNELS", "SPICE Kernels", "Body, date and site, exactly; needs kernels and SpiceyPy"))),
+    Setting("body", "Body", "ENCELADUS", "Moon that the site is on: ENCELADUS or EUROPA, with kernels any",
+            "light"),
+    Setting("parent", "Parent", "SATURN", "Planet that the moon goes around, as the kernels name it", "light"),
+    Setting("date_utc", "Date (UTC)", "2038-06-01T12:00:00", "Date and time of the scene, as 2038-06-01T12:00:00",
+            "light"),
+    _degrees("latitude_deg", "Latitude", -80.0, -90.0, 90.0,
+             "Planetocentric latitude of the site; also how high the poles of body and planet stand in the north",
+             "light"),
+    _degrees("longitude_deg", "Longitude", 0.0, -360.0, 360.0,
+             "East longitude of the site; the planet stands over 0", "light"),
+    Setting("kernels", "Kernels", "", "A meta-kernel, or a folder whose kernels are all loaded", "light",
+            subtype="FILE_PATH"),
     Setting("sun_irradiance_wm2", "Sun Irradiance (W/m²)", 14.82,
             "Solar irradiance on a surface facing the Sun, all wavelengths: 14.82 at Saturn, 50.26 at Jupiter "
             "(1361 W/m² / distance² in au)", "light", "W/m²", 0.0, 1.0e5, (0.0, 100.0)),
@@ -493,6 +510,25 @@ LIGHT = Topic("light", "Light", "The Sun as the body's sky shows it", (
              "Height of the Sun's centre above the local horizon; below 0 it is night", "light"),
     _degrees("sun_azimuth_deg", "Sun Azimuth", 60.0, -360.0, 360.0,
              "Direction of the Sun from north (+Y) over east (+X)", "light"),
+    Setting("planet", "Planet", False,
+            "The planet that the moon goes around stands in the sky, lit by the Sun, and shines on the ground",
+            "light"),
+    _degrees("planet_elevation_deg", "Planet Elevation", 10.0, -90.0, 90.0,
+             "Height of the planet's centre above the horizon; below minus half its diameter it gives nothing",
+             "light"),
+    _degrees("planet_azimuth_deg", "Planet Azimuth", 0.0, -360.0, 360.0,
+             "Direction of the planet from north (+Y) over east (+X)", "light"),
+    _degrees("planet_angular_diameter_deg", "Planet Diameter", 29.33, 0.0, 120.0,
+             "Apparent diameter of its equator: 29.33 for Saturn from Enceladus, 12.23 for Jupiter from Europa",
+             "light", (0.0, 40.0)),
+    _fraction("planet_flattening", "Planet Flattening", 0.0,
+              "1 - polar / equatorial radius: 0.098 for Saturn, 0.065 for Jupiter", "light", high=0.5),
+    _fraction("planet_albedo", "Planet Albedo", 0.499,
+              "Geometric albedo: brightness at full phase relative to a white disc of its size", "light", high=2.0),
+    Setting("planet_phase_law", "Planet Phase Law", "LAMBERT", "How its brightness falls with the phase", "light",
+            choices=(("LAMBERT", "Lambert", "A matt sphere"),
+                     ("SATURN", "Saturn", "Published curve of Saturn's globe (Mallama and Hilton 2018)"),
+                     ("JUPITER", "Jupiter", "Published curve of Jupiter (Mallama and Hilton 2018)"))),
 ))
 
 RIG = Topic("rig", "Stereo Camera", "Two identical parallel cameras; the left one is the reference", (

@@ -28,7 +28,7 @@ from .builder import take_values
 from .composition import mark_elevation
 from .fingerprint import TAG, instanced
 from .ground import is_own
-from .light import place_sun
+from .lights import change_lights, described_sky
 from .materials import ground_material, rock_material
 from .probe import heights_of
 from .rig import place_rig
@@ -91,8 +91,7 @@ def show(built: scenes.Built, settings: Settings, side: int) -> bool:
         if built.edited_parts("sun"):
             said.append(_EDITED.format("Sun"))
         else:
-            place_sun(built.sun, settings["light"])
-            built.remember(merged(built.settings, {"light": settings["light"]}), built.preview, "sun")
+            said += _show_lights(built, settings)
     if merged(built.settings, built.preview) != before:
         _show_sunlight(built)
     if settings["rig"] != before["rig"] or ground is not None:
@@ -215,6 +214,20 @@ def _replace_material(old: bpy.types.Material, new: bpy.types.Material) -> None:
     old.user_remap(new)
     bpy.data.materials.remove(old)
     scenes.free_names([new])
+
+
+def _show_lights(built: scenes.Built, settings: Settings) -> list[str]:
+    """Make the lights what ``settings`` say; what keeps that from being done, in sentences."""
+    try:
+        sky = described_sky(settings)
+    except IcyMoonError as error:  # no such date, or no kernels
+        return [str(error)]
+    old = change_lights(built.sun, built.collection, settings, sky)
+    scenes.remove(old)
+    for item in [item for item in built.collection.all_objects if item.get(TAG) in ("planet", "planetshine")]:
+        scenes.free_names([item, item.data, *(slot.material for slot in item.material_slots)])
+    built.remember(merged(built.settings, {"light": settings["light"]}), built.preview, "sun", "planet", "planetshine")
+    return []
 
 
 def _show_rig(built: scenes.Built, settings: Settings, ground: Surface | None) -> None:

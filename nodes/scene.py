@@ -30,7 +30,9 @@ from . import materials, sunlight, sunlit
 from .composition import mark_elevation
 from .fingerprint import NAME, TAG, added_objects, edited, fingerprint, parts, updated
 from .ground import OwnGround, is_own, own_ground
-from .light import build_sky, build_sun
+from .light import build_sky
+from .lights import SKY, build_lights, described_sky
+from .lights import advice as light_advice
 from .materials import ground_material, rock_material
 from .own_files import content, used_files
 from .probe import heights_of
@@ -89,6 +91,17 @@ class Built:
     def edited_parts(self, *wanted: str) -> set[str]:
         """Which parts, of these parts and roles or of all, a person has changed since they were built."""
         return edited(self.collection, json.loads(self.collection[_FINGERPRINT]), *wanted)
+
+    @property
+    def sky(self) -> dict[str, Any]:
+        """Where the lights stand and how bright they are, see ``physics.sky.facts``."""
+        return dict(json.loads(self.sun.get(SKY, "{}")))
+
+    @property
+    def several_lights(self) -> bool:
+        """Whether there may be other light than the Sun's: the planet's, or that of what a person added."""
+        return (any(item.get(TAG) == "planet" for item in self.collection.all_objects)
+                or bool(added_objects(self.collection)))
 
     @property
     def edited(self) -> bool:
@@ -189,11 +202,12 @@ def _blocks(settings: Settings, terrain: bpy.types.Object, size_m: float) -> tup
 
 
 def _make(settings: Settings) -> tuple[list[bpy.types.Object], bpy.types.World, list[str], OwnGround | None]:
-    """All objects of the scene (terrain, sun, camera, then blocks), its sky, warnings, and the person's own ground."""
+    """All objects of the scene (terrain, sun, camera, then the planet and blocks), its sky, warnings, and the person's own ground."""
     # What can be refused comes first: nothing has been made yet.
     if settings["rocks"]["coverage"] > 0:
         size_law(settings["rocks"])
     hapke_warnings = sunlit.advice(settings)
+    sky = described_sky(settings)
     own = own_ground(settings, ground_of) if is_own(settings) else None
     ground: Surface = own.surface if own else as_meshed(ground_of(settings), settings)
     site_m, warnings = _site(settings, ground, own)
@@ -210,11 +224,10 @@ def _make(settings: Settings) -> tuple[list[bpy.types.Object], bpy.types.World, 
     mesh.materials.append(ground_material(settings))
     terrain = _tagged(bpy.data.objects.new(f"{NAME} Terrain", mesh), "terrain")
     terrain.pass_index = TERRAIN_INSTANCE
-    sun = _tagged(build_sun(f"{NAME} Sun", settings["light"]), "sun")
+    lights = build_lights(settings, sky)
+    warnings += light_advice(sky)
     camera = _tagged(build_rig(f"{NAME} Camera", settings["rig"], site_m), "camera")
-    objects = [terrain, sun, camera]
-    if settings["light"]["sun_elevation_deg"] < 0 or settings["light"]["sun_irradiance_wm2"] == 0:
-        warnings.append("The Sun gives no light; raise light.sun_elevation_deg or light.sun_irradiance_wm2.")
+    objects = [terrain, lights[0], camera, *lights[1:]]
     if settings["rocks"]["coverage"] > 0:
         blocks, more = _blocks(settings, terrain, ground.size_m)
         objects.append(blocks)

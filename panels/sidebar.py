@@ -9,7 +9,7 @@ import bpy
 
 from .. import settings as description
 from ..nodes import scene as scenes
-from ..operators import ground, jobs, layers, live, results
+from ..operators import ground, jobs, layers, live, readouts, results
 from ..physics import principled, surfaces
 from ..properties import LANDFORMS, TOPICS, Setting, Topic
 
@@ -150,6 +150,34 @@ def _draw_albedos(layout: Any, topic: str, group: Any) -> None:
             column.label(text=f"{label} albedo {value:.3f}")
 
 
+def _draw_lines(layout: Any, lines: tuple[str, ...]) -> None:
+    column = layout.column(align=True)
+    for line in lines:
+        column.label(text=line)
+
+
+class ICYMOON_PT_sky(_Sidebar, bpy.types.Panel):
+    """Where Sun and planet stand, how large they look and what they shed on level ground"""
+
+    bl_idname = "ICYMOON_PT_sky"
+    bl_label = "In the Sky"
+    bl_parent_id = "ICYMOON_PT_light"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        _draw_lines(self.layout, readouts.sky_lines(description.from_group(context.scene.icymoon)["light"]))
+
+
+class ICYMOON_PT_resolution(_Sidebar, bpy.types.Panel):
+    """What the stereo camera sees of level ground, and how well depth can be measured there"""
+
+    bl_idname = "ICYMOON_PT_resolution"
+    bl_label = "Depth Resolution"
+    bl_parent_id = "ICYMOON_PT_rig"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        _draw_lines(self.layout, readouts.rig_lines(description.from_group(context.scene.icymoon)["rig"]))
+
+
 class ICYMOON_UL_layers(bpy.types.UIList):
     """Layers of noise, a line each"""
 
@@ -214,6 +242,8 @@ def _matters(topic: str, key: str, group: Any) -> bool:
         off = {"c": group.b == 0.0, "h_s": group.b_s0 == 0.0, "h_c": group.b_c0 == 0.0,
                "accuracy": group.backend == "NODES"}
         return not off.get(key, False)
+    if topic == "light":
+        return _light_matters(key, group)
     if topic == "sensor" and key in ("auto_percentile", "auto_target"):
         return bool(group.auto_exposure)
     if topic == "sensor" and key == "exposure_s":
@@ -234,6 +264,20 @@ def _matters_to_surface(key: str, group: Any) -> bool:
     if key == "lommel_seeliger_share":
         return bool(group.model == "LUNAR_LAMBERT")
     return bool(key not in _SURFACE_NEEDS or getattr(group, _SURFACE_NEEDS[key]) > 0)
+
+
+def _light_matters(key: str, group: Any) -> bool:
+    """``_matters`` for the lights: what a date gives is not asked for."""
+    dated, kernels = group.directions_from != "ANGLES", group.directions_from == "KERNELS"
+    if key in ("body", "date_utc", "longitude_deg"):
+        return dated
+    if key in ("parent", "kernels"):
+        return kernels
+    if key in ("planet_albedo", "planet_phase_law", "planet_scale"):
+        return bool(group.planet)
+    if key.startswith("planet_"):
+        return bool(group.planet) and not dated
+    return not dated if key.endswith(("_elevation_deg", "_azimuth_deg", "_diameter_deg", "_wm2")) else True
 
 
 class ICYMOON_PT_landforms(_Sidebar, bpy.types.Panel):
@@ -273,10 +317,8 @@ class ICYMOON_PT_ground_report(_Sidebar, bpy.types.Panel):
         return bool(ground.report(context.scene))
 
     def draw(self, context: bpy.types.Context) -> None:
-        column = self.layout.column(align=True)
-        for line in ground.report(context.scene):
-            column.label(text=line)
+        _draw_lines(self.layout, tuple(ground.report(context.scene)))
 
 
 CLASSES = (ICYMOON_UL_layers, ICYMOON_PT_main, ICYMOON_PT_results, ICYMOON_PT_landforms, *TOPIC_PANELS,
-           ICYMOON_PT_ground_report)
+           ICYMOON_PT_ground_report, ICYMOON_PT_sky, ICYMOON_PT_resolution)
