@@ -202,7 +202,7 @@ def _blocks(settings: Settings, terrain: bpy.types.Object, size_m: float) -> tup
 
 
 def _make(settings: Settings) -> tuple[list[bpy.types.Object], bpy.types.World, list[str], OwnGround | None]:
-    """All objects of the scene (terrain, sun, camera, then the planet and blocks), its sky, warnings, and the person's own ground."""
+    """All objects of the scene (terrain, Sun, camera, then others), its sky, warnings, and the person's own ground."""
     # What can be refused comes first: nothing has been made yet.
     if settings["rocks"]["coverage"] > 0:
         size_law(settings["rocks"])

@@ -37,7 +37,7 @@ class GroundRow:
 def ground_row(rig: Mapping[str, Any], row: float) -> GroundRow:
     """The ground at the level of the site as an image row (pixel-corner coordinates, 0 top) shows it."""
     focal, pitch, height = focal_px(rig), math.radians(rig["pitch_deg"]), float(rig["height_m"])
-    v = (row - int(rig["height_px"]) / 2) / focal
+    v = (row - int(rig["height_px"]) / 2 - float(rig["principal_y_px"])) / focal
     fall = math.sin(pitch) + v * math.cos(pitch)  # of a ray per unit of planar depth
     if fall <= 1e-9:
         return GroundRow(*[math.inf] * 5)

@@ -127,6 +127,15 @@ def shoot(built: Built, planned: PlannedPair, dataset: Path, frame: int, seconds
     return folder
 
 
+def check_camera(built: Built) -> None:
+    """Raise IcyMoonError if the camera was made, by hand, into one whose pairs are not rectified."""
+    stereo = built.camera.data.stereo
+    if (stereo.convergence_mode, stereo.pivot) != ("PARALLEL", "LEFT"):
+        raise IcyMoonError(f"The stereo camera's eyes are set to {stereo.convergence_mode.lower()} about "
+                           f"{stereo.pivot.lower()}; set its convergence to Parallel and its pivot to Left: pairs are "
+                           "rectified, without toe-in.")
+
+
 def _render_into(part: Path, built: Built, planned: PlannedPair, frame: int,
                  report: Callable[[float], None]) -> dict[str, Any]:
     settings = planned.settings

@@ -207,7 +207,7 @@ def _response(presets: Sequence[str], overrides: Sequence[str]) -> dict[str, dic
         for key in values:
             if TOPICS[topic][key].effect != "response":
                 raise IcyMoonError(f"{topic}.{key} needs a new render; only settings of the sensor, light.sun_scale, "
-                                   "light.planet_scale and light.irradiance_band can be changed here.")
+                                   "light.planet_scale, light.irradiance_band and rig.distortion_* can change here.")
     return settings
 
 

@@ -28,6 +28,7 @@ from ..physics.sensor import (
 from ..render.pair import EYES, Pair
 from ..settings import Settings
 from .exr import Light
+from .lens import Lens, lens_of
 
 
 @dataclass(frozen=True)
@@ -43,8 +44,10 @@ class Frame:
 class Images:
     """A developed pair, uint16 (H, W) digital numbers of ``bits`` bits: the one exposure, or all merged."""
 
-    left: np.ndarray
+    left: np.ndarray  # rectified, on the truth
     right: np.ndarray
+    detected_left: np.ndarray  # as the sensor has them, the same unless the lens distorts
+    detected_right: np.ndarray
     bits: int
     frames: tuple[Frame, ...]  # the exposures, longest first
     exposure_s: float  # of the metered exposure
@@ -97,7 +100,8 @@ def develop(pair: Pair, left: Light, right: Light, settings: Settings) -> Images
     sensor, rig = settings["sensor"], settings["rig"]
     pitch_m = rig["sensor_width_mm"] * 1e-3 / rig["width_px"]
     rate = electron_rate(settings["light"], sensor, pitch_m)
-    light = {eye: through_lens(grey(weighted(view, pair, settings["light"])), sensor)
+    lens = lens_of(pair.camera, rig)
+    light = {eye: through_lens(_distorted(grey(weighted(view, pair, settings["light"])), lens), sensor)
              for eye, view in (("left", left), ("right", right))}
     metered = exposure_s(light["left"], rate, sensor)
     times = brackets.exposure_times(metered, sensor)
@@ -111,9 +115,16 @@ def develop(pair: Pair, left: Light, right: Light, settings: Settings) -> Images
         merged = {eye: brackets.merged(image[eye], times, sensor) for eye in EYES}
         full_s = brackets.full_rate(merged["left"], times[-1], sensor)
         bits, final = brackets.MERGED_BITS, {eye: brackets.as_numbers(merged[eye], full_s) for eye in EYES}
-    return Images(final["left"], final["right"], bits, frames, metered, gain_dn_per_e(sensor), rate,
-                  full_s / rate if rate else float("inf"),
+    detected = final
+    if lens is not None:
+        final = {eye: lens.rectify(numbers) for eye, numbers in detected.items()}
+    return Images(final["left"], final["right"], detected["left"], detected["right"], bits, frames, metered,
+                  gain_dn_per_e(sensor), rate, full_s / rate if rate else float("inf"),
                   float(np.mean(image["left"][-1] == top_dn(sensor))), str(sensor["encoding"]))
+
+
+def _distorted(light: np.ndarray, lens: Lens | None) -> np.ndarray:
+    return light if lens is None else lens.distort(light)
 
 
 def _exposures(light: np.ndarray, times: list[float], rate: float, settings: Settings,

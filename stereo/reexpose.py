@@ -10,13 +10,16 @@ import numpy as np
 
 from ..errors import IcyMoonError
 from ..files import write_json
+from ..physics.distortion import COEFFICIENTS, coefficients
 from ..render.pair import EYES, pair_folders
 from ..settings import merged
 from .develop import Images, develop, exposure_facts
 from .evaluate import Event
-from .exr import read_light
-from .images import write_png
+from .exr import read_light, read_view
+from .images import write_npy, write_png
+from .lens import lens_of
 from .prepare import checked
+from .truth import scene_depth
 
 FORMAT, VERSION = "icymoon-images", 1
 
@@ -26,8 +29,11 @@ def reexpose(paths: Sequence[Path], out: Path, response: Mapping[str, Mapping[st
     """Develop pairs and all pairs of data sets with other settings of the ``response``; their new folders.
 
     Per pair, ``out/<pair>/``: ``left.png`` and ``right.png`` (8-bit, or 16-bit holding ``image_bits``), of
-    brackets also every exposure as ``left_0.png`` …, longest first, and ``images.json``, written last:
-    exposure, gain, calibration, settings. ``on_event`` gets what ``evaluate`` gives it. A pair that
+    brackets also every exposure as ``left_0.png`` …, longest first, of a lens with distortion the image
+    that the sensor has as ``left_distorted.png`` with the depth of its pixels beside it (npy, planar
+    metres, NaN for none), and ``images.json``, written last: exposure, gain, calibration, settings.
+    Everything but what is called distorted is rectified, on the pair's truth, but for the single
+    exposures, which are as the sensor has them. ``on_event`` gets what ``evaluate`` gives it. A pair that
     cannot be used does not stop the others. Raises IcyMoonError if there is none, or at the end.
     """
     folders = list(dict.fromkeys(folder for path in paths for folder in pair_folders(path)))
@@ -51,12 +57,19 @@ def _reexposed(folder: Path, out: Path, response: Mapping[str, Mapping[str, Any]
     settings = merged(settings, response)
     left, right = (read_light(pair.image(eye), eye) for eye in EYES)
     images = develop(pair, left, right, settings)
-    for stale in [p for eye in EYES for p in out.glob(f"{eye}_[0-9].png")]:
-        stale.unlink()
+    for stale in [p for eye in EYES for p in (*out.glob(f"{eye}_[0-9d]*.png"), out / f"{eye}_distorted_depth.npy")]:
+        stale.unlink(missing_ok=True)
     for name, numbers in _named(images, int(settings["sensor"]["bits"])).items():
         write_png(out / f"{name}.png", numbers)
+    lens = lens_of(pair.camera, settings["rig"])
+    for eye in EYES:
+        if lens is None:
+            break
+        truth = scene_depth(read_view(pair.image(eye), eye))
+        write_npy(out / f"{eye}_distorted_depth.npy", lens.distort_truth(truth).astype(np.float32))
     write_json(out / "images.json", {
         "format": FORMAT, "version": VERSION, "pair": pair.id, "camera": pair.camera.to_json(),
+        "distortion": dict(zip(COEFFICIENTS, coefficients(settings["rig"]), strict=True)),
         **exposure_facts(images), "settings": {topic: settings[topic] for topic in ("sensor", "light")}})
     return out
 
@@ -64,6 +77,8 @@ def _reexposed(folder: Path, out: Path, response: Mapping[str, Mapping[str, Any]
 def _named(images: Images, sensor_bits: int) -> dict[str, np.ndarray]:
     """The images to write by name, uint8 where they have 8 bits."""
     named = {eye: (getattr(images, eye), images.bits) for eye in EYES}
+    if images.detected_left is not images.left:
+        named |= {f"{eye}_distorted": (getattr(images, f"detected_{eye}"), images.bits) for eye in EYES}
     if len(images.frames) > 1:
         named |= {f"{eye}_{k}": (getattr(frame, eye), sensor_bits)
                   for k, frame in enumerate(images.frames) for eye in EYES}

@@ -4,10 +4,12 @@ import math
 
 import numpy as np
 import pytest
+from icymoon.errors import IcyMoonError
 from icymoon.labels import PLANET, TERRAIN
+from icymoon.nodes import preview
 from icymoon.nodes import scene as scenes
 from icymoon.physics.planetshine import irradiance_wm2
-from icymoon.physics.sky import sky
+from icymoon.physics.sky import facts, sky
 from icymoon.render.pair import read_pair
 from icymoon.render.plan import expand
 from icymoon.render.worker import render_pairs
@@ -179,3 +181,30 @@ def test_the_panel_says_what_is_in_the_sky_and_what_the_camera_resolves():
     # 1.6 m above the ground, 45.84° down: 2.23 m deep in the middle, 2.23² x 0.25 / 85.333 = 1.5 cm.
     assert "Middle: 2.23 m deep, ± 1.5 cm" in lines[4]
     assert "Far edge: above the horizon" in readouts.rig_lines(rig | {"pitch_deg": 10.0})
+
+
+def test_a_camera_that_was_toed_in_by_hand_is_refused(tmp_path):
+    settings = complete(LAMBERT)
+    built = scenes.build(empty_scene(), settings)
+    built.camera.data.stereo.convergence_mode = "TOE"
+    with pytest.raises(IcyMoonError, match="Parallel"):
+        render_pairs(built, expand(settings), tmp_path, 1, 0.0, lambda *a, **k: None)
+    assert not list(tmp_path.iterdir())
+
+
+def test_the_preview_moves_the_planet_and_takes_it_away():
+    import bpy
+
+    scene = empty_scene()
+    built = scenes.build(scene, complete({"light": SATURN}))
+    for change in ({"planet_azimuth_deg": 200.0}, {"sun_elevation_deg": -20.0}, {"planet": False}):
+        settings = complete({"light": SATURN | change})
+        preview.show(built, settings, 65)
+        fresh = scenes.Built(built.collection, built.terrain, built.sun, built.camera, settings)
+        assert preview.notes(scene) == []
+        assert not built.edited
+        assert fresh.sky == facts(sky(settings["light"]))
+        assert [o.name for o in bpy.data.objects if "Planet" in o.name] == (
+            [] if "planet" in change else ["Icy Moon Planet", "Icy Moon Planetshine"])
+    preview.show(built, complete({"light": {"directions_from": "DATE", "date_utc": "soon"}}), 65)
+    assert "light.date_utc" in preview.notes(scene)[0]

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 from icymoon.physics.geometry import depth_error_m, focal_px, ground_row, shared_width_px
-from icymoon.settings import defaults
+from icymoon.settings import defaults, load, merged, preset_path
 
 RIG = defaults()["rig"]
 
@@ -44,3 +44,11 @@ def test_above_the_horizon_and_out_of_the_other_eye():
     assert np.isinf(ground_row(RIG | {"pitch_deg": 0.0}, 100.0).depth_m)
     assert shared_width_px(RIG, 1.0) == pytest.approx(640 - 85.333, abs=1e-3)
     assert shared_width_px(RIG, 0.05) == 0
+
+
+@pytest.mark.parametrize(("name", "horizontal_deg"), [
+    ("guiss", 86.3), ("mer_navcam", 45.4), ("mer_pancam", 16.3), ("mars2020_navcam", 96.0), ("europa_lander", 21.0)])
+def test_rigs_have_their_published_fields_of_view(name, horizontal_deg):
+    rig = merged(defaults(), load(preset_path(f"rigs/{name}")))["rig"]
+    assert 2 * math.degrees(math.atan(rig["width_px"] / 2 / focal_px(rig))) == pytest.approx(horizontal_deg, abs=0.1)
+    assert math.isfinite(ground_row(rig, rig["height_px"]).depth_m)
