@@ -62,11 +62,16 @@ def error_images() -> list[Path]:
 
 
 def show_error_image(context: bpy.types.Context, open_window: bool) -> bool:
-    """Load the error images and show the first in an Image Editor; False if there is no place.
+    """``show_images`` of the error images."""
+    return show_images(context, error_images(), open_window)
+
+
+def show_images(context: bpy.types.Context, paths: list[Path], open_window: bool) -> bool:
+    """Load images and show the first in an Image Editor; False if there is no place.
 
     Without an Image Editor on the screen, ``open_window`` opens a window with one.
     """
-    images = [bpy.data.images.load(str(path), check_existing=True) for path in error_images()]
+    images = [bpy.data.images.load(str(path), check_existing=True) for path in paths]
     if not images or bpy.app.background:
         return False
     for image in images:

@@ -100,6 +100,8 @@ class _TopicPanel(_Sidebar):
         layout = self.layout
         if self.topic.key == "source":
             layout.operator("icymoon.import_ground", text="Import Ground…", icon="IMPORT")
+        if self.topic.key == "sensor":
+            layout.operator("icymoon.expose", icon="IMAGE_DATA")
         if self.topic.key == "terrain":
             layout.prop(context.scene.icymoon.dataset, "seed")
         if self.topic.key == "rock_surface":
