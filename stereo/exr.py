@@ -11,7 +11,7 @@ from __future__ import annotations
 import os
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager, redirect_stdout
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,7 +21,7 @@ import numpy as np
 from ..errors import IcyMoonError
 from ..labels import BEAUTY, INSTANCE_AOV, LIGHT_GROUPS, NORMAL_AOV, TRUTH
 from ..render.pair import EYES
-from .exr_parts import only_layer
+from .exr_parts import only_passes
 
 SKY_DEPTH_M = 1.0e10  # what Cycles writes where a ray hits nothing
 
@@ -58,9 +58,12 @@ def read_view(path: Path, eye: str | None = None) -> View:
                 _instances(channels), _labels(channels, ("Material Index", "IndexMA")))
 
 
-def read_light(path: Path, eye: str | None = None) -> Light:
-    """The light alone, for a fraction of the cost of ``read_view`` where the file has a part for each pass."""
-    return Light(*_light(_read_channels(path, eye, BEAUTY), path))
+def read_light(path: Path, eye: str | None = None, groups: bool = True) -> Light:
+    """The light alone, with its ``groups`` or without, for a fraction of the cost of ``read_view`` where the file
+    has a part for each pass."""
+    passes = [f"{BEAUTY}.Combined", *(f"{BEAUTY}.Combined_{group}" for group in LIGHT_GROUPS if groups)]
+    radiance, found = _light(_read_channels(path, eye, passes), path)
+    return Light(radiance, found if groups else {})
 
 
 def _light(channels: _Channels, path: Path) -> tuple[np.ndarray, dict[str, np.ndarray]]:
@@ -74,14 +77,14 @@ def _radiance(channels: _Channels, pass_name: str, path: Path) -> np.ndarray:
     return np.stack(bands, axis=-1).astype(np.float32, copy=False)
 
 
-def _read_channels(path: Path, eye: str | None, layer: str = "") -> _Channels:
-    """Channels of an eye, all or (where that saves something) those of one ``layer``."""
+def _read_channels(path: Path, eye: str | None, passes: Collection[str] = ()) -> _Channels:
+    """Channels of an eye, all or (where that saves something) those of ``passes`` (``LAYER.PASS``)."""
     import OpenEXR
 
     if not path.is_file():
         raise IcyMoonError(f"{path} is missing; render the pair again.")
     try:
-        with _silenced(), _less(path, layer) as file:
+        with _silenced(), _less(path, passes) as file:
             parts_announced = len(OpenEXR.File(file, separate_channels=True, header_only=True).parts)
             parts = OpenEXR.File(file, separate_channels=True).parts
     except Exception as error:  # the binding raises RuntimeError, ValueError and its own types alike
@@ -101,15 +104,15 @@ def _read_channels(path: Path, eye: str | None, layer: str = "") -> _Channels:
 
 
 @contextmanager
-def _less(path: Path, layer: str) -> Iterator[str]:
-    """Name of a file with what ``path`` holds of a layer, or of ``path`` itself."""
-    if not layer:
+def _less(path: Path, passes: Collection[str]) -> Iterator[str]:
+    """Name of a file with what ``path`` holds of ``passes``, or of ``path`` itself."""
+    if not passes:
         yield str(path)
         return
     # A file and not a stream, which older versions of the OpenEXR package do not read.
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / path.name
-        file.write_bytes(only_layer(path.read_bytes(), layer))
+        file.write_bytes(only_passes(path.read_bytes(), passes))
         yield str(file)
 
 

@@ -7,6 +7,7 @@ there the passes share their chunks.
 from __future__ import annotations
 
 import struct
+from collections.abc import Collection
 
 import numpy as np
 
@@ -15,13 +16,15 @@ from ..render.exr_check import read_parts
 _START = struct.Struct("<2i")
 
 
-def only_layer(data: bytes, layer: str) -> bytes:
-    """The EXR file ``data`` with those parts only whose name begins with ``layer``, all if there is none.
+def only_passes(data: bytes, passes: Collection[str]) -> bytes:
+    """The EXR file ``data`` with those parts only that hold ``passes`` (``LAYER.PASS``), all if none does.
 
     Raises ValueError, IndexError, KeyError or struct.error for what is no EXR file.
     """
     parts, several, table = read_parts(data)
-    wanted = [k for k, part in enumerate(parts) if part.attributes.get(b"name", b"").startswith(layer.encode() + b".")]
+    # A part is called after its pass, in some versions with "-VIEW" at the end.
+    names = [part.attributes.get(b"name", b"").rstrip(b"\0").decode().split("-")[0] for part in parts]
+    wanted = [k for k, name in enumerate(names) if name in passes]
     if not several or len(wanted) in (0, len(parts)):
         return data
     first = np.cumsum([0, *(part.chunks for part in parts)])

@@ -10,6 +10,7 @@ import numpy as np
 
 from ..errors import IcyMoonError
 from ..files import write_json
+from ..labels import LIGHT_GROUPS
 from ..physics.distortion import COEFFICIENTS, coefficients
 from ..render.pair import EYES, pair_folders
 from ..settings import merged
@@ -55,7 +56,8 @@ def reexpose(paths: Sequence[Path], out: Path, response: Mapping[str, Mapping[st
 def _reexposed(folder: Path, out: Path, response: Mapping[str, Mapping[str, Any]]) -> Path:
     pair, settings = checked(folder)
     settings = merged(settings, response)
-    left, right = (read_light(pair.image(eye), eye) for eye in EYES)
+    scaled = any(settings["light"][key] != 1 for key in LIGHT_GROUPS.values())
+    left, right = (read_light(pair.image(eye), eye, groups=scaled) for eye in EYES)
     images = develop(pair, left, right, settings)
     for stale in [p for eye in EYES for p in (*out.glob(f"{eye}_[0-9d]*.png"), out / f"{eye}_distorted_depth.npy")]:
         stale.unlink(missing_ok=True)

@@ -167,3 +167,10 @@ def test_an_eclipse_is_the_share_of_two_circles():
     assert sky(light).ground_irradiance_wm2 == (0.0, 0.0)
     assert 0 < sky(light | {"planet_angular_diameter_deg": 0.05}).eclipse < 1
     assert sky(light | {"planet_elevation_deg": 60.0}).eclipse == 0.0
+
+
+def test_every_scene_preset_has_light():
+    for name in settings.preset_names("scenes"):
+        shown = sky(settings.merged(settings.defaults(), settings.load(settings.preset_path(name)))["light"])
+        assert shown.eclipse == 0.0, name
+        assert sum(shown.ground_irradiance_wm2) > (0.05 if name.endswith("shine") else 1.0), name

@@ -12,7 +12,7 @@ from icymoon.settings import defaults, merged
 from icymoon.stereo.cli import main
 from icymoon.stereo.develop import develop, grey, to_8_bit, weighted
 from icymoon.stereo.exr import read_light, read_view
-from icymoon.stereo.exr_parts import only_layer
+from icymoon.stereo.exr_parts import only_passes
 
 pytestmark = pytest.mark.filterwarnings("error")
 
@@ -121,12 +121,15 @@ def test_the_light_alone_is_the_light_of_the_whole(tmp_path, layout):
     np.testing.assert_array_equal(light.radiance, view.radiance)
     assert set(light.groups) == set(view.groups) == {"Sun", "Planet"}
     np.testing.assert_array_equal(light.groups["Planet"], view.groups["Planet"])
+    plain = read_light(path, "right", groups=False)
+    np.testing.assert_array_equal(plain.radiance, view.radiance)
+    assert plain.groups == {}
 
 
 def test_a_file_of_parts_is_cut_down_to_the_layer(tmp_path):
     content = (pairs.write_pair(tmp_path / "pair") / "left.exr").read_bytes()
-    assert len(only_layer(content, "Beauty")) < 0.9 * len(content)
-    assert only_layer(content, "Nothing") == content
+    assert len(only_passes(content, ["Beauty.Combined"])) < 0.9 * len(content)
+    assert only_passes(content, ["Nothing"]) == content
 
 
 def test_a_data_set_is_exposed_again_from_the_command_line(tmp_path, capsys):
