@@ -95,7 +95,8 @@ def build_planet(name: str, planet: Planet, colour: np.ndarray) -> bpy.types.Obj
                      [tuple(dict.fromkeys(face)) for face in shown.faces.tolist()])
     mesh.attributes.new(RADIANCE, "FLOAT", "POINT").data.foreach_set("value", shown.radiance.astype(np.float32))
     mesh.materials.append(_material(name, colour))
-    _cut_below_horizon(mesh)
+    if shown.vertices[:, 2].min() < 0:
+        _cut_below_horizon(mesh)
     item = bpy.data.objects.new(name, mesh)
     item.visible_diffuse = item.visible_glossy = item.visible_transmission = False
     item.visible_volume_scatter = item.visible_shadow = False

@@ -63,7 +63,7 @@ def photons_per_joule(light: Mapping[str, Any], sensor: Mapping[str, Any]) -> fl
 def electron_rate(light: Mapping[str, Any], sensor: Mapping[str, Any], pitch_m: float) -> float:
     """Photo-electrons per second in a pixel of side ``pitch_m`` per W/(m² sr) of radiance.
 
-    EMVA 1288 (release 4.0, eq. for the irradiance at the sensor): E = π τ L / (1 + 4 N²) for
+    EMVA 1288, release 4.0: E = π τ L / (1 + 4 N²) for
     f-number N, transmission τ and radiance L; then photons on the pixel's area times quantum
     efficiency.
     """

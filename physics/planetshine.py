@@ -131,11 +131,11 @@ class _Seen:
         return np.asarray(self.shape.full_radiance * np.maximum(normal @ self.planet.sun, 0.0))
 
 
-def irradiance_wm2(planet: Planet, normal: np.ndarray | None = None, nodes: int = 160) -> float:
+def irradiance_wm2(planet: Planet, normal: np.ndarray | None = None, nodes: int = 96) -> float:
     """Irradiance from the planet on a surface; ``normal`` (3,) is its unit normal, else it faces the planet.
 
     What of the planet is below the horizon (z < 0) gives nothing. The error of the quadrature is
-    about 1e-4 where horizon or terminator cross the disc, else far less.
+    about 2e-4 where horizon or terminator cross the disc, else far less.
     """
     if planet.angular_diameter_deg <= 0:
         return 0.0
@@ -165,8 +165,8 @@ class Disc:
     radiance: np.ndarray  # (n,) W/(m² sr)
 
 
-def disc(planet: Planet, rings: int = 96, sectors: int = 192) -> Disc:
-    """The planet as a mesh fine enough that radiance and outline are within 2e-4 of the ellipsoid's."""
+def disc(planet: Planet, rings: int = 48, sectors: int = 96) -> Disc:
+    """The planet as a mesh fine enough that radiance and outline are within 6e-4 of the ellipsoid's."""
     seen = _Seen(planet)
     angle = np.repeat(np.arange(1, rings + 1) * seen.half_angle / rings, sectors)
     around = np.tile(np.arange(sectors) * 2 * np.pi / sectors, rings)

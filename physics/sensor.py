@@ -71,7 +71,7 @@ def exposure_s(left_light: np.ndarray, rate: float, sensor: Mapping[str, Any]) -
 
 
 def dark_current_e_s(sensor: Mapping[str, Any]) -> float:
-    """Dark current of a pixel at ``temperature_k``: it doubles every ``dark_doubling_k`` (EMVA 1288, eq. 20)."""
+    """Dark current of a pixel at ``temperature_k``: it doubles every ``dark_doubling_k`` (EMVA 1288)."""
     steps = (float(sensor["temperature_k"]) - float(sensor["dark_reference_k"])) / float(sensor["dark_doubling_k"])
     return float(sensor["dark_current_e_s"]) * 2.0 ** min(steps, 100.0)
 

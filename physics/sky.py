@@ -122,14 +122,14 @@ def _sky_at_date(light: Mapping[str, Any], blend_folder: str | None) -> Sky:
 
 def facts(shown: Sky) -> dict[str, Any]:
     """The ``light`` table of ``pair.json``."""
-    planet = shown.planet
+    planet, on_ground = shown.planet, shown.ground_irradiance_wm2
     return {"sun": {"direction_to_world": shown.sun.tolist(), "elevation_deg": shown.sun_elevation_deg,
                     "azimuth_deg": azimuth_deg(shown.sun), "irradiance_wm2": shown.sun_irradiance_wm2,
                     "angular_diameter_deg": shown.sun_diameter_deg,
-                    "ground_irradiance_wm2": shown.ground_irradiance_wm2[0], "eclipse": shown.eclipse},
+                    "ground_irradiance_wm2": on_ground[0], "eclipse": shown.eclipse},
             "planet": None if planet is None else {
                 "direction_to_world": planet.direction.tolist(), "elevation_deg": elevation_deg(planet.direction),
                 "azimuth_deg": azimuth_deg(planet.direction), "phase_deg": planet.phase_deg,
                 "angular_diameter_deg": planet.angular_diameter_deg,
                 "irradiance_wm2": irradiance_wm2(planet),
-                "ground_irradiance_wm2": shown.ground_irradiance_wm2[1]}}
+                "ground_irradiance_wm2": on_ground[1]}}

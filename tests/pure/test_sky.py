@@ -131,7 +131,7 @@ def test_the_mesh_is_the_ellipsoid_in_size_light_and_side():
     solid_angle = -(area * middle).sum(axis=1) / distance**3
     assert (solid_angle > -1e-9).all()  # all faces are turned to the observer
     light = (mesh.radiance[mesh.faces].mean(axis=1) * solid_angle * middle[:, 2] / distance).sum()
-    assert light == pytest.approx(irradiance_wm2(shown, UP), rel=1e-3)
+    assert light == pytest.approx(irradiance_wm2(shown, UP), rel=2e-3)
     assert mesh.radiance.min() == 0
 
 
