@@ -183,11 +183,15 @@ def test_the_panel_says_what_is_in_the_sky_and_what_the_camera_resolves():
     assert "Far edge: above the horizon" in readouts.rig_lines(rig | {"pitch_deg": 10.0})
 
 
-def test_a_camera_that_was_toed_in_by_hand_is_refused(tmp_path):
+def test_a_camera_that_was_toed_in_or_focused_by_hand_is_refused(tmp_path):
     settings = complete(LAMBERT)
     built = scenes.build(empty_scene(), settings)
     built.camera.data.stereo.convergence_mode = "TOE"
     with pytest.raises(IcyMoonError, match="Parallel"):
+        render_pairs(built, expand(settings), tmp_path, 1, 0.0, lambda *a, **k: None)
+    built.camera.data.stereo.convergence_mode = "PARALLEL"
+    built.camera.data.dof.use_dof = True
+    with pytest.raises(IcyMoonError, match="depth of field"):
         render_pairs(built, expand(settings), tmp_path, 1, 0.0, lambda *a, **k: None)
     assert not list(tmp_path.iterdir())
 
@@ -208,3 +212,17 @@ def test_the_preview_moves_the_planet_and_takes_it_away():
             [] if "planet" in change else ["Icy Moon Planet", "Icy Moon Planetshine"])
     preview.show(built, complete({"light": {"directions_from": "DATE", "date_utc": "soon"}}), 65)
     assert "light.date_utc" in preview.notes(scene)[0]
+
+
+def test_a_pair_is_named_by_what_its_kernels_hold(tmp_path):
+    from icymoon.nodes.own_files import content, with_absolute_files
+
+    described = complete({"light": {"directions_from": "KERNELS", "kernels": str(tmp_path)}})
+    (tmp_path / "a.tls").write_text("one")
+    first = content(described)
+    (tmp_path / "a.tls").write_text("two, longer")
+    assert content(described) != first
+    assert content(complete({"light": {"kernels": str(tmp_path)}})) == ""  # which the angles do not need
+    assert with_absolute_files(described)["light"]["kernels"] == str(tmp_path)
+    with pytest.raises(IcyMoonError, match=r"light\.kernels"):
+        content(complete({"light": {"directions_from": "KERNELS", "kernels": str(tmp_path / "none")}}))
