@@ -97,6 +97,16 @@ def test_sun_and_planet_add_up_to_the_image(tmp_path):
     assert set(np.unique(view.semantic)) <= {0, TERRAIN, 2, PLANET}
 
 
+@pytest.mark.parametrize("accuracy", ["FAST", "ACCURATE"])
+def test_sun_and_planet_add_up_on_ice_that_traces_the_sun_itself(tmp_path, accuracy):
+    pair, _ = render(tmp_path, {"light": SATURN | {"sun_elevation_deg": 10.0}, "surface": {"model": "HAPKE"},
+                                "hapke": {"accuracy": accuracy}, "rocks": {"coverage": 0.05}})
+    view = read_view(pair.image("left"))
+    assert np.abs(sum(view.groups.values()) - view.radiance).max() <= 1e-5 * view.radiance.max()
+    ground = view.semantic == TERRAIN
+    assert view.groups["Sun"][ground].mean() > 5 * view.groups["Planet"][ground].mean() > 0
+
+
 def test_a_scene_with_one_light_has_no_groups_and_a_lander_brings_them(tmp_path):
     pair, built = render(tmp_path, LAMBERT)
     assert read_view(pair.image("left")).groups == {}
