@@ -28,7 +28,7 @@ from ..properties import TOPICS
 from ..settings import Settings, merged
 from . import materials, sunlight, sunlit
 from .composition import mark_elevation
-from .fingerprint import NAME, TAG, added_objects, edited, fingerprint, parts, updated
+from .fingerprint import NAME, TAG, added_objects, edited, fingerprint, instanced, parts, updated
 from .ground import OwnGround, is_own, own_ground
 from .light import build_sky
 from .lights import SKY, build_lights, described_sky
@@ -299,7 +299,13 @@ def sun_shines(collection: bpy.types.Collection) -> None:
     every = set().union(*used.values())
     # As the lamp has it, in single precision, so that aiming again at render time changes nothing.
     sunlight.aim(every, sunlight.Sun.from_lamp(lamp, lamp.matrix_basis))
-    sunlight.share_lamp(f"{NAME} Traced Sun", lamp, [item for item in objects if any(map(sunlight.traces, used[item]))])
+    tracing = [item for item in objects if any(map(sunlight.traces, used[item]))]
+    sunlight.share_lamp(f"{NAME} Traced Sun", lamp, tracing)
+    for item in objects:
+        if item[TAG] in ("terrain", "rock"):
+            # Hapke's law in OSL gives all or part of the Sun's light as if it shone by itself.
+            for each in (item, *instanced(item)):
+                each.lightgroup = "Sun" if any(map(sunlight.is_osl, used[item])) else ""
     remove_leftovers()
     for scene in bpy.data.scenes:
         if find_collection(scene) == collection:
