@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import textwrap
 from collections.abc import Mapping
 from functools import lru_cache
 from pathlib import Path
@@ -16,6 +17,7 @@ from ..physics.sky import facts, sky
 
 #: Disparity error, px, that the depth error is stated for: what good matchers leave on textured ground.
 DISPARITY_ERROR_PX = 0.25
+_LINE = 36  # characters that fit the sidebar
 
 
 def sky_lines(light: Mapping[str, Any]) -> tuple[str, ...]:
@@ -48,17 +50,16 @@ def _sky_lines(light: tuple[tuple[str, Any], ...], blend: str) -> tuple[str, ...
     try:
         found = _facts(light, blend)
     except IcyMoonError as error:
-        return (str(error),)
+        return tuple(textwrap.wrap(str(error), _LINE))
     lines = []
     for name, body in (("Sun", found["sun"]), ("Planet", found["planet"])):
         if body is not None:
-            lines += [f"{name}: {body['elevation_deg']:.2f}° high, azimuth {body['azimuth_deg']:.2f}°, "
-                      f"{body['angular_diameter_deg']:.3g}° wide",
-                      f"    {body['irradiance_wm2']:.3g} W/m², {body['ground_irradiance_wm2']:.3g} on level ground"]
-    if found["planet"] is not None:
-        lines.append(f"    phase {found['planet']['phase_deg']:.1f}°")
+            phase = f", phase {body['phase_deg']:.1f}°" if "phase_deg" in body else ""
+            lines += [f"{name} {body['elevation_deg']:.2f}° high, azimuth {body['azimuth_deg']:.2f}°",
+                      f"    {body['angular_diameter_deg']:.3g}° wide{phase}",
+                      f"    {body['irradiance_wm2']:.3g} W/m², {body['ground_irradiance_wm2']:.3g} on flat ground"]
     if found["sun"]["eclipse"] > 0:
-        lines.append(f"The planet hides {100 * found['sun']['eclipse']:.0f} % of the Sun")
+        lines.append(f"Planet hides {100 * found['sun']['eclipse']:.0f} % of the Sun")
     return tuple(lines)
 
 
@@ -68,8 +69,8 @@ def _rig_lines(rig: tuple[tuple[str, Any], ...]) -> tuple[str, ...]:
     width, height = int(described["width_px"]), int(described["height_px"])
     focal = focal_px(described)
     fields = [2 * math.degrees(math.atan(n / 2 / focal)) for n in (width, height)]
-    lines = [f"{fields[0]:.1f} x {fields[1]:.1f}°, f {focal:.1f} px, f·B {focal * described['baseline_m']:.2f} px·m",
-             f"Depth error for {DISPARITY_ERROR_PX:g} px of disparity, level ground:"]
+    lines = [f"{fields[0]:.1f} x {fields[1]:.1f}°, f {focal:.1f} px",
+             f"f·B {focal * described['baseline_m']:.2f} px·m", f"Level ground, disparity ± {DISPARITY_ERROR_PX:g} px:"]
     for name, row in (("Near edge", float(height)), ("Middle", height / 2), ("Far edge", 0.0)):
         lines += _row_lines(name, ground_row(described, row), described)
     return tuple(lines)
@@ -77,8 +78,8 @@ def _rig_lines(rig: tuple[tuple[str, Any], ...]) -> tuple[str, ...]:
 
 def _row_lines(name: str, row: GroundRow, rig: Mapping[str, Any]) -> list[str]:
     if math.isinf(row.depth_m):
-        return [f"{name}: above the horizon"]
+        return [f"{name} above the horizon"]
     shared = 100 * shared_width_px(rig, row.depth_m) / int(rig["width_px"])
-    return [f"{name}: {row.depth_m:.2f} m deep, ± {100 * depth_error_m(row.depth_m, rig, DISPARITY_ERROR_PX):.2g} cm",
-            f"    {row.width_m:.3g} m wide, {shared:.0f} % in both eyes, "
-            f"{1000 * row.across_m:.2g} x {1000 * row.along_m:.2g} mm per pixel"]
+    return [f"{name} {row.depth_m:.2f} m ± {100 * depth_error_m(row.depth_m, rig, DISPARITY_ERROR_PX):.2g} cm",
+            f"    {row.width_m:.3g} m wide, {shared:.0f} % in both eyes",
+            f"    {1000 * row.across_m:.2g} x {1000 * row.along_m:.2g} mm per pixel"]

@@ -128,12 +128,15 @@ def shoot(built: Built, planned: PlannedPair, dataset: Path, frame: int, seconds
 
 
 def check_camera(built: Built) -> None:
-    """Raise IcyMoonError if the camera was made, by hand, into one whose pairs are not rectified."""
+    """Raise IcyMoonError if the camera was made, by hand, into one whose pairs are not rectified or not sharp."""
     stereo = built.camera.data.stereo
     if (stereo.convergence_mode, stereo.pivot) != ("PARALLEL", "LEFT"):
         raise IcyMoonError(f"The stereo camera's eyes are set to {stereo.convergence_mode.lower()} about "
                            f"{stereo.pivot.lower()}; set its convergence to Parallel and its pivot to Left: pairs are "
                            "rectified, without toe-in.")
+    if built.camera.data.dof.use_dof:
+        raise IcyMoonError("The stereo camera has depth of field, which blurs the true depth too; switch it off. A "
+                           "blurred image is what sensor.psf_sigma_px makes.")
 
 
 def _render_into(part: Path, built: Built, planned: PlannedPair, frame: int,

@@ -97,6 +97,16 @@ def test_sun_and_planet_add_up_to_the_image(tmp_path):
     assert set(np.unique(view.semantic)) <= {0, TERRAIN, 2, PLANET}
 
 
+@pytest.mark.parametrize("accuracy", ["FAST", "ACCURATE"])
+def test_sun_and_planet_add_up_on_ice_that_traces_the_sun_itself(tmp_path, accuracy):
+    pair, _ = render(tmp_path, {"light": SATURN | {"sun_elevation_deg": 10.0}, "surface": {"model": "HAPKE"},
+                                "hapke": {"accuracy": accuracy}, "rocks": {"coverage": 0.05}})
+    view = read_view(pair.image("left"))
+    assert np.abs(sum(view.groups.values()) - view.radiance).max() <= 1e-5 * view.radiance.max()
+    ground = view.semantic == TERRAIN
+    assert view.groups["Sun"][ground].mean() > 5 * view.groups["Planet"][ground].mean() > 0
+
+
 def test_a_scene_with_one_light_has_no_groups_and_a_lander_brings_them(tmp_path):
     pair, built = render(tmp_path, LAMBERT)
     assert read_view(pair.image("left")).groups == {}
@@ -171,23 +181,27 @@ def test_the_panel_says_what_is_in_the_sky_and_what_the_camera_resolves():
 
     light = complete({"light": SATURN | {"sun_elevation_deg": 20.0}})["light"]
     text = "\n".join(readouts.sky_lines(light))
-    assert "Sun: 20.00° high" in text
-    assert "14.8 W/m²" in text
-    assert "Planet: 50.00° high, azimuth 20.00°, 29.3° wide" in text
+    assert "Sun 20.00° high, azimuth 60.00°\n    0.0556° wide\n    14.8 W/m², 5.07 on flat ground" in text
+    assert "Planet 50.00° high, azimuth 20.00°\n    29.3° wide, phase" in text
     assert "light.date_utc" in readouts.sky_lines({**light, "directions_from": "DATE", "date_utc": "soon"})[0]
+    assert max(map(len, readouts.sky_lines(light))) <= 40
     rig = complete()["rig"] | {"width_px": 640, "height_px": 480}
     lines = readouts.rig_lines(rig)
-    assert lines[0] == "86.3 x 70.2°, f 341.3 px, f·B 85.33 px·m"
+    assert lines[:2] == ("86.3 x 70.2°, f 341.3 px", "f·B 85.33 px·m")
     # 1.6 m above the ground, 45.84° down: 2.23 m deep in the middle, 2.23² x 0.25 / 85.333 = 1.5 cm.
-    assert "Middle: 2.23 m deep, ± 1.5 cm" in lines[4]
-    assert "Far edge: above the horizon" in readouts.rig_lines(rig | {"pitch_deg": 10.0})
+    assert "Middle 2.23 m ± 1.5 cm" in lines
+    assert "Far edge above the horizon" in readouts.rig_lines(rig | {"pitch_deg": 10.0})
 
 
-def test_a_camera_that_was_toed_in_by_hand_is_refused(tmp_path):
+def test_a_camera_that_was_toed_in_or_focused_by_hand_is_refused(tmp_path):
     settings = complete(LAMBERT)
     built = scenes.build(empty_scene(), settings)
     built.camera.data.stereo.convergence_mode = "TOE"
     with pytest.raises(IcyMoonError, match="Parallel"):
+        render_pairs(built, expand(settings), tmp_path, 1, 0.0, lambda *a, **k: None)
+    built.camera.data.stereo.convergence_mode = "PARALLEL"
+    built.camera.data.dof.use_dof = True
+    with pytest.raises(IcyMoonError, match="depth of field"):
         render_pairs(built, expand(settings), tmp_path, 1, 0.0, lambda *a, **k: None)
     assert not list(tmp_path.iterdir())
 
@@ -208,3 +222,17 @@ def test_the_preview_moves_the_planet_and_takes_it_away():
             [] if "planet" in change else ["Icy Moon Planet", "Icy Moon Planetshine"])
     preview.show(built, complete({"light": {"directions_from": "DATE", "date_utc": "soon"}}), 65)
     assert "light.date_utc" in preview.notes(scene)[0]
+
+
+def test_a_pair_is_named_by_what_its_kernels_hold(tmp_path):
+    from icymoon.nodes.own_files import content, with_absolute_files
+
+    described = complete({"light": {"directions_from": "KERNELS", "kernels": str(tmp_path)}})
+    (tmp_path / "a.tls").write_text("one")
+    first = content(described)
+    (tmp_path / "a.tls").write_text("two, longer")
+    assert content(described) != first
+    assert content(complete({"light": {"kernels": str(tmp_path)}})) == ""  # which the angles do not need
+    assert with_absolute_files(described)["light"]["kernels"] == str(tmp_path)
+    with pytest.raises(IcyMoonError, match=r"light\.kernels"):
+        content(complete({"light": {"directions_from": "KERNELS", "kernels": str(tmp_path / "none")}}))
