@@ -51,6 +51,14 @@ def of_mitsuba(folder: Path) -> None:
 
 
 def _flatten(built: Any) -> None:
+    """Flat triangles, so that both programs have the same facets."""
+    import bmesh
+
+    shape = bmesh.new()
+    shape.from_mesh(built.terrain.data)
+    bmesh.ops.triangulate(shape, faces=shape.faces[:])
+    shape.to_mesh(built.terrain.data)
+    shape.free()
     built.terrain.data.polygons.foreach_set("use_smooth", np.zeros(len(built.terrain.data.polygons), bool))
 
 
@@ -94,6 +102,13 @@ def _blocks(image: np.ndarray) -> np.ndarray:
     return image.reshape(image.shape[0] // 8, 8, image.shape[1] // 8, 8).mean(axis=(1, 3))
 
 
+def _inside(part: np.ndarray) -> np.ndarray:
+    """Pixels whose neighbours, which the pixel filter of Cycles reaches, are of the same part."""
+    wide = np.pad(part, 2)
+    rows, columns = part.shape
+    return np.all([wide[r:r + rows, c:c + columns] for r in range(5) for c in range(5)], axis=0)
+
+
 def compare(python: str) -> None:
     """Print the ratios."""
     from icymoon.physics.surfaces import albedos
@@ -108,14 +123,14 @@ def compare(python: str) -> None:
             images["Lambert, same albedo"] = of_cycles(folder, hapke, {"model": "LAMBERT", "albedo": bond})
             subprocess.run([python, __file__, "--mitsuba", str(folder)], check=True)
             truth, sunlight = (np.load(folder / f"{part}.npy") for part in ("all", "sunlight"))
-        ground = truth > 0
-        dark = ground & (sunlight == 0)
+        ground, lit, dark = (_inside(part) for part in (truth > 0, sunlight > 0, (truth > 0) & (sunlight == 0)))
+        whole = _blocks(_inside(truth > 0).astype(float)) == 1.0
         print(f"{name}: light from the ground {1 - sunlight[ground].sum() / truth[ground].sum():.1%}, "
               f"in shadow {dark.mean():.1%} of the pixels")
         for way, image in images.items():
-            mean, lit, shade = (image[part].sum() / truth[part].sum() for part in (ground, ground & ~dark, dark))
-            rms = np.sqrt(np.mean((_blocks(image) / np.maximum(_blocks(truth), 1e-9) - 1)[_blocks(truth) > 0] ** 2))
-            print(f"  {way:22s} mean {mean:.4f}   lit {lit:.4f}   shadow {shade:.3f}   blocks {rms:.2%}", flush=True)
+            mean, sunny, shade = (image[part].sum() / truth[part].sum() for part in (ground, lit, dark))
+            rms = np.sqrt(np.mean((_blocks(image)[whole] / _blocks(truth)[whole] - 1) ** 2))
+            print(f"  {way:22s} mean {mean:.4f}   lit {sunny:.4f}   shadow {shade:.3f}   blocks {rms:.2%}", flush=True)
 
 
 if __name__ == "__main__":
