@@ -411,11 +411,11 @@ HAPKE = Topic("hapke", "Hapke", "Parameters of Hapke's law, for every surface wh
                      ("2002", "2002", "Up to 1 % off; the one of eradiate and of the later book"))),
     Setting("accuracy", "Accuracy", "FAST", "What is exact beside the light that comes straight from the Sun",
             "material",
-            choices=(("FAST", "Fast", "Light from the ground is weighted as if it came from the Sun: 2 to 3 % dark in "
-                      "the mean, 10 % in shadows"),
-                     ("ACCURATE", "Accurate", "Light from the ground has the right albedo: 1 % dark in the mean, 8 % "
+            choices=(("FAST", "Fast", "Light from the ground is weighted as if it came from the Sun: 2 to 4 % dark in "
+                      "the mean, up to 10 % in shadows"),
+                     ("ACCURATE", "Accurate", "Light from the ground has the right albedo: within 1 % in the mean, 8 % "
                       "in shadows; surges are blurred by the Sun's disc exactly. Needs OSL and the CPU"),
-                     ("REFERENCE", "Reference", "The first interreflection has the law at both ends: within 0.1 % in "
+                     ("REFERENCE", "Reference", "The first interreflection has the law at both ends: within 0.4 % in "
                       "the mean, 1 % in shadows. Between ice only: objects of your own get no sunlight back from it. "
                       "Needs OSL and the CPU"))),
     Setting("backend", "Made of", "AUTO", "How the law is put into Cycles", "material",
