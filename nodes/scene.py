@@ -294,8 +294,6 @@ def sun_shines(collection: bpy.types.Collection) -> None:
     objects = [item for item in collection.all_objects if TAG in item]
     lamp = next(item for item in objects if item[TAG] == "sun")
     used = {item: _materials(_with_parts([item])[0]) for item in objects}
-    for item in _with_parts([item for item in objects if item[TAG] in ("terrain", "rock")])[0]:
-        item.lightgroup = lamp.lightgroup  # what it gives off itself is sunlight that it has traced
     every = set().union(*used.values())
     # As the lamp has it, in single precision, so that aiming again at render time changes nothing.
     sunlight.aim(every, sunlight.Sun.from_lamp(lamp, lamp.matrix_basis))
