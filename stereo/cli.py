@@ -10,13 +10,10 @@ import sys
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ..errors import IcyMoonError
 from . import check
-
-if TYPE_CHECKING:
-    import numpy as np
 
 PROGRAM = "icymoon.stereo"
 INTERRUPTED = 130
@@ -68,9 +65,16 @@ def _parser() -> argparse.ArgumentParser:
                          help="npz to write: disparity, float32 px, NaN where invalid, and what else the method knows")
     command.set_defaults(run=_match)
 
-    command = commands.add_parser("metrics", help="measure a depth map, as JSON; null for what is undefined")
-    command.add_argument("--prediction", required=True, type=Path, help="npy, planar depth in metres, NaN invalid")
-    command.add_argument("--truth", required=True, type=Path, help="npy of the same shape")
+    command = commands.add_parser("metrics", help="measure a depth or disparity map, as JSON; null for what is "
+                                                  "undefined")
+    what = command.add_mutually_exclusive_group(required=True)
+    what.add_argument("--prediction", type=Path, help="npy, planar depth in metres, NaN invalid")
+    what.add_argument("--disparity", type=Path, help="npy, or npz of match, disparity in px, NaN invalid")
+    command.add_argument("--truth", required=True, type=Path, help="npy of the same shape, planar depth in metres")
+    command.add_argument("--focal-baseline", type=float, metavar="PX_M",
+                         help="disparity times depth of the camera, px·m; adds the disparity metrics")
+    command.add_argument("--guiss", action="store_true",
+                         help="add what the GUISS reference code would report, as guiss_...")
     command.set_defaults(run=_metrics)
 
     command = commands.add_parser("evaluate", help="match and measure pairs, and write a report")
@@ -83,6 +87,9 @@ def _parser() -> argparse.ArgumentParser:
     command.add_argument("--set", action="append", default=[], metavar="sensor.KEY=VALUE",
                          help="another camera response than the pairs were rendered for")
     command.add_argument("--out", required=True, type=Path, help="folder for the report")
+    command.add_argument("--seed", type=int, default=0, help="of the confidence intervals (%(default)s)")
+    command.add_argument("--guiss", action="store_true",
+                         help="show what the GUISS reference code would report too, to compare with published tables")
     command.add_argument("--json-lines", action="store_true", help="progress and result as JSON lines on stdout")
     command.set_defaults(run=_evaluate)
     return parser
@@ -121,33 +128,11 @@ def _match(parsed: argparse.Namespace) -> int:
 
 def _metrics(parsed: argparse.Namespace) -> int:
     check.require("numpy")
-    from .metrics import depth_metrics
+    from .single import measure_files
 
-    prediction, truth = _depths(parsed.prediction), _depths(parsed.truth)
-    if prediction.shape != truth.shape:
-        raise IcyMoonError(f"{parsed.prediction} has the shape {prediction.shape}, {parsed.truth} {truth.shape}; give "
-                           "two arrays of one shape.")
-    _json_line({key: value if math.isfinite(value) else None
-                for key, value in depth_metrics(prediction, truth).items()})
+    numbers = measure_files(parsed.prediction, parsed.disparity, parsed.truth, parsed.focal_baseline, parsed.guiss)
+    _json_line({key: value if math.isfinite(value) else None for key, value in numbers.items()})
     return 0
-
-
-def _depths(path: Path) -> np.ndarray:
-    import numpy as np
-
-    try:
-        depth = np.load(path, allow_pickle=False)
-    except OSError as error:
-        raise IcyMoonError(f"{path} cannot be read ({error.strerror or error}); give an existing npy file.") from None
-    except (ValueError, EOFError) as error:
-        raise IcyMoonError(f"{path} is not a npy file of numbers ({error}).") from None
-    except Exception as error:  # a damaged header makes numpy raise whatever its parser meets
-        raise IcyMoonError(f"{path} is damaged ({error}); make it again.") from None
-    if not isinstance(depth, np.ndarray):
-        raise IcyMoonError(f"{path} holds several arrays; give an npy file with one.")
-    if depth.dtype.kind not in "fiu":
-        raise IcyMoonError(f"{path} holds values of type {depth.dtype}; give depths in metres as numbers.")
-    return depth
 
 
 def _evaluate(parsed: argparse.Namespace) -> int:
@@ -161,9 +146,11 @@ def _evaluate(parsed: argparse.Namespace) -> int:
     if set(settings) - {"sensor"}:
         raise IcyMoonError(f"--set {sorted(set(settings) - {'sensor'})[0]} needs a new render; only sensor settings "
                            "can be changed when evaluating.")
+    if parsed.seed < 0:
+        raise IcyMoonError(f"--seed is {parsed.seed}; give a whole number of 0 or more.")
     progress = nullcontext(_json_line) if parsed.json_lines else _progress_bar()
     with progress as on_event:
-        report = evaluate(parsed.path, methods, parsed.out, settings.get("sensor"), on_event)
+        report = evaluate(parsed.path, methods, parsed.out, settings.get("sensor"), on_event, parsed.seed, parsed.guiss)
     path = (parsed.out / "report.html").resolve()
     if parsed.json_lines:
         _json_line({"type": "result", "report": str(path), "rows": report["summary"]})

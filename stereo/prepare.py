@@ -16,7 +16,9 @@ from ..settings import Settings, defaults, merged
 from . import pictures
 from .develop import Images, develop, grey
 from .exr import View, read_view
-from .truth import photometric_disagreement, scene_depth, visible_in_right
+from .selfcheck import SelfCheck, self_check
+from .strata import classify, texture
+from .truth import scene_depth, visible_in_other
 
 #: Entries of pair.json, on how the pair was rendered, that the report repeats.
 _REPEATED = ("versions", "device", "denoiser", "osl", "platform", "edited_by_hand", "seeds")
@@ -31,6 +33,9 @@ class Prepared:
     right: np.ndarray
     truth: np.ndarray  # float64 (H, W), planar metres, NaN for sky
     visible: np.ndarray  # bool (H, W), seen by the right eye too
+    gradient: np.ndarray  # float64 (H, W), see strata.texture
+    classes: dict[str, np.ndarray]  # of every pixel by every factor, see strata.classify
+    check: SelfCheck
     scale: pictures.Scale  # for pictures of depth
     facts: dict[str, Any]  # what the report says of the pair
 
@@ -45,12 +50,17 @@ def prepare(folder: Path, sensor: Mapping[str, Any]) -> Prepared:
     settings = merged(settings, {"sensor": sensor})
     images = develop(pair, left, right, settings["sensor"])
     truth = scene_depth(left)
-    visible = visible_in_right(truth, scene_depth(right), pair.camera)
-    disagreement = photometric_disagreement(grey(left.radiance), grey(right.radiance), truth, visible, pair.camera)
+    right_truth = scene_depth(right)
+    visible = visible_in_other(truth, right_truth, pair.camera)
+    light = {"left": grey(left.radiance), "right": grey(right.radiance)}
+    check = self_check(light["left"], light["right"], truth, right_truth, visible, pair.camera)
+    left_image, right_image = images.for_matchers()
+    gradient = texture(left_image)
+    classes = classify(truth, visible, gradient, light["left"], left.normal, left.semantic, _toward_sun(pair))
     scale = pictures.depth_scale(truth)
     facts = _facts(pair, settings, images, truth, visible)
-    facts |= {"depth_scale_m": [scale.low, scale.high], "photometric_disagreement": none_for_nan(disagreement)}
-    return Prepared(pair, *images.for_matchers(), truth, visible, scale, facts)
+    facts |= {"depth_scale_m": [scale.low, scale.high], "self_check": check.to_json()}
+    return Prepared(pair, left_image, right_image, truth, visible, gradient, classes, check, scale, facts)
 
 
 def none_for_nan(value: float) -> float | None:
@@ -79,6 +89,15 @@ def _view(pair: Pair, eye: str) -> View:
         raise IcyMoonError(f"{pair.image(eye)} is {width} x {height} px, its camera {pair.camera.width_px} x "
                            f"{pair.camera.height_px} px; render the pair again.")
     return view
+
+
+def _toward_sun(pair: Pair) -> list[float] | None:
+    """Unit vector to the Sun in world axes, where the pair says it."""
+    try:
+        x, y, z = (float(value) for value in pair.data["light"]["sun"]["direction_to_world"])
+    except (KeyError, TypeError, ValueError):
+        return None
+    return [x, y, z]
 
 
 def _facts(pair: Pair, settings: Settings, images: Images, truth: np.ndarray, visible: np.ndarray) -> dict[str, Any]:

@@ -16,8 +16,10 @@ from ..files import write_text
 from ..settings import to_toml
 from . import pictures
 from .columns import SUMMARY, shown
+from .factors import Sweep
 from .images import encoded, read_png
-from .summary import REGIONS
+from .measure import REGIONS
+from .summary import Table
 
 #: Pairs shown with pictures, at most; half of them are the worst ones. The CSV has all.
 MOST_PAIRS = 24
@@ -28,7 +30,8 @@ _JPEG_QUALITY = 80
 _SCREEN_GAMMA = 1 / 2.2
 
 
-def write_report(report: Mapping[str, Any], out: Path) -> None:
+def write_report(report: Mapping[str, Any], table: Table, sweeps: Sequence[Sweep], out: Path, seed: int,
+                 guiss: bool) -> None:
     """Write ``out/report.html`` from what ``evaluate`` returns and the pictures it wrote to ``out``."""
     environment = jinja2.Environment(loader=jinja2.FileSystemLoader(Path(__file__).parent), autoescape=True,
                                      undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True)

@@ -1,0 +1,108 @@
+"""What an evaluation found, written for people and programs: CSV, JSON and the HTML report."""
+
+from __future__ import annotations
+
+import csv
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any, TextIO
+
+from ..files import write_atomically
+from . import check
+from .factors import scene_of, swept_settings
+from .matchers import check_options
+from .measure import NUMBERS, REGIONS
+from .methods import Method
+from .metrics import ERROR_STEPS_M, SHARES
+from .report import write_report
+from .rowlog import Lazy, Row, RowLog
+from .summary import Table, differences, summary
+
+FORMAT = "icymoon-report"
+VERSION = 1
+#: What rows have in ``results.jsonl`` only: what the summary has the sums of, and what serves going on.
+_LONG = ("strata", "sparsification", "common")
+
+
+def write_results(log: RowLog, names: Sequence[str], methods: Sequence[Method], out: Path,
+                  failed: list[dict[str, Any]], suspect: list[dict[str, Any]], source: Mapping[str, Any],
+                  seed: int, guiss: bool) -> dict[str, Any]:
+    """Write ``results.csv``, ``report.json`` and ``report.html`` of the pairs ``names``; return the report."""
+    labels = [method.label for method in methods]
+    rows = Lazy(len(names) * len(labels), lambda k: _short(log.read(names[k // len(labels)], labels[k % len(labels)])))
+    usable = [name for name in names if (out / "pairs" / name / "facts.json").is_file()
+              and not _all_failed(log, name, labels)]
+    facts = Lazy(len(usable), lambda k: read_facts(out, usable[k]))
+    table = Table(labels, names)
+    places = {name: k for k, name in enumerate(names)}
+    scenes: dict[str, int] = {}
+    for pair in facts:
+        table.scenes[places[pair["pair"]]] = scenes.setdefault(scene_of(pair["settings"]), len(scenes))
+    for k, name in enumerate(names):
+        for label in labels:
+            table.add(k, log.read(name, label))
+    report = {"format": FORMAT, "version": VERSION,
+              "summary": [summary(table, k, seed) for k in range(len(labels))],
+              "differences": differences(table, seed), "rows": rows, "pairs": facts, "failed": failed,
+              "suspect": suspect, "provenance": _provenance(methods, source, seed, len(scenes))}
+    write_atomically(out / "results.csv", lambda part: _write_csv(part, rows))
+    write_atomically(out / "report.json", lambda part: _write_report_json(part, report))
+    write_report(report, table, swept_settings(facts, places), out, seed, guiss)
+    return report
+
+
+def read_facts(out: Path, pair: str) -> dict[str, Any]:
+    """What was found about a pair."""
+    facts: dict[str, Any] = json.loads((out / "pairs" / pair / "facts.json").read_text(encoding="utf-8"))
+    return facts
+
+
+def _all_failed(log: RowLog, pair: str, labels: Sequence[str]) -> bool:
+    return all(log.read(pair, label)["status"] == "failed" and not log.read(pair, label)["images"] for label in labels)
+
+
+def _short(row: Row) -> Row:
+    return {key: value for key, value in row.items() if key not in _LONG}
+
+
+def _write_csv(part: Path, rows: Iterable[Row]) -> None:
+    """All rows as CSV with a header line; undefined numbers are empty."""
+    with part.open("w", encoding="utf-8", newline="") as stream:
+        writer = csv.DictWriter(stream, ("pair", "method", "status", *NUMBERS, "error"), extrasaction="ignore",
+                                lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(rows)
+
+
+def _write_report_json(part: Path, report: Mapping[str, Any]) -> None:
+    """The report as JSON, row by row; NaN is refused, since JSON has none."""
+    with part.open("w", encoding="utf-8", newline="\n") as stream:
+        for k, (key, value) in enumerate(report.items()):
+            stream.write(f"{',' if k else '{'}\n {json.dumps(key)}: ")
+            if isinstance(value, Lazy):
+                _write_list(stream, value)
+            else:
+                stream.write(json.dumps(value, allow_nan=False))
+        stream.write("\n}\n")
+
+
+def _write_list(stream: TextIO, entries: Iterable[Row]) -> None:
+    stream.write("[")
+    for k, entry in enumerate(entries):
+        stream.write(("," if k else "") + "\n  " + json.dumps(entry, allow_nan=False))
+    stream.write("\n ]")
+
+
+def _provenance(methods: Sequence[Method], source: Mapping[str, Any], seed: int, scenes: int) -> dict[str, Any]:
+    return {"created": datetime.now(UTC).isoformat(timespec="seconds"), **source,
+            "methods": [{"label": method.label, "name": method.name,
+                         "options": check_options(method.name, method.options)} for method in methods],
+            "versions": check.versions(), "error_curve_steps_m": list(ERROR_STEPS_M),
+            "sparsification_shares": list(SHARES),
+            "averages": "mean over pairs, each pair counting alike; pooled_* over the pixels of all pairs",
+            "intervals": f"95 %, percentile bootstrap of {scenes} scenes, seed {seed}" if scenes > 1 else
+                         f"95 %, percentile bootstrap of the pairs of one scene, seed {seed}; other scenes may differ",
+            "pixels": REGIONS,
+            "seconds": "CPU seconds of matching, one thread"}
