@@ -92,6 +92,20 @@ def _parser() -> argparse.ArgumentParser:
                          help="show what the GUISS reference code would report too, to compare with published tables")
     command.add_argument("--json-lines", action="store_true", help="progress and result as JSON lines on stdout")
     command.set_defaults(run=_evaluate)
+
+    command = commands.add_parser("truth", help="write disparity, depth and visibility of both eyes, and check that "
+                                                "they fit the images; a line of JSON per pair")
+    command.add_argument("path", type=Path, nargs="+", metavar="PAIR_OR_DATASET", help="pair folder or data set")
+    command.add_argument("--out", required=True, type=Path, help="folder for <pair>/truth.npz")
+    command.set_defaults(run=_truth)
+
+    command = commands.add_parser("export", help="write pairs and their truth in another layout")
+    command.add_argument("path", type=Path, nargs="+", metavar="PAIR_OR_DATASET", help="pair folder or data set")
+    command.add_argument("--format", required=True, choices=("png8", "png16", "pfm", "kitti", "middlebury", "coco"))
+    command.add_argument("--set", action="append", default=[], metavar="sensor.KEY=VALUE",
+                         help="another camera response than the pairs were rendered for")
+    command.add_argument("--out", required=True, type=Path, help="folder for the files")
+    command.set_defaults(run=_export)
     return parser
 
 
@@ -137,20 +151,16 @@ def _metrics(parsed: argparse.Namespace) -> int:
 
 def _evaluate(parsed: argparse.Namespace) -> int:
     check.require(*check.PACKAGES)
-    from ..settings import merged, override
     from .evaluate import evaluate
     from .methods import parse_methods
 
     methods = parse_methods(parsed.methods, parsed.option)
-    settings = merged(*(override(text) for text in parsed.set))
-    if set(settings) - {"sensor"}:
-        raise IcyMoonError(f"--set {sorted(set(settings) - {'sensor'})[0]} needs a new render; only sensor settings "
-                           "can be changed when evaluating.")
+    sensor = _sensor(parsed.set)
     if parsed.seed < 0:
         raise IcyMoonError(f"--seed is {parsed.seed}; give a whole number of 0 or more.")
-    progress = nullcontext(_json_line) if parsed.json_lines else _progress_bar()
+    progress = nullcontext(_json_line) if parsed.json_lines else _progress_bar("Evaluating")
     with progress as on_event:
-        report = evaluate(parsed.path, methods, parsed.out, settings.get("sensor"), on_event, parsed.seed, parsed.guiss)
+        report = evaluate(parsed.path, methods, parsed.out, sensor, on_event, parsed.seed, parsed.guiss)
     path = (parsed.out / "report.html").resolve()
     if parsed.json_lines:
         _json_line({"type": "result", "report": str(path), "rows": report["summary"]})
@@ -162,14 +172,51 @@ def _evaluate(parsed: argparse.Namespace) -> int:
     return 0
 
 
+def _sensor(overrides: Sequence[str]) -> dict[str, Any]:
+    from ..settings import merged, override
+
+    settings = merged(*(override(text) for text in overrides))
+    if set(settings) - {"sensor"}:
+        raise IcyMoonError(f"--set {sorted(set(settings) - {'sensor'})[0]} needs a new render; only sensor settings "
+                           "can be changed after it.")
+    return settings.get("sensor", {})
+
+
+def _truth(parsed: argparse.Namespace) -> int:
+    check.require("numpy", "cv2", "OpenEXR")
+    from .export import write_truth
+
+    bad = []
+    for found in write_truth(parsed.path, parsed.out):
+        _json_line(found)
+        bad += [] if found["ok"] else [found]
+    if bad:
+        raise IcyMoonError(f"{len(bad)} of the pairs cannot be trusted, the first one, {bad[0]['pair']}: "
+                           f"{'; '.join(bad[0]['problems'])}")
+    return 0
+
+
+def _export(parsed: argparse.Namespace) -> int:
+    check.require("numpy", "cv2", "OpenEXR", "rich")
+    from .export import export
+
+    sensor = _sensor(parsed.set)
+    with _progress_bar("Exporting") as on_event:
+        failed = export(parsed.path, parsed.format, parsed.out, sensor, on_event)
+    if failed:
+        raise IcyMoonError(f"{len(failed)} of the pairs could not be exported, the first one: {failed[0]}")
+    print(parsed.out.resolve())
+    return 0
+
+
 def _json_line(data: dict[str, Any]) -> None:
     print(json.dumps(data, allow_nan=False), flush=True)
 
 
-def _progress_bar() -> AbstractContextManager[Callable[[dict[str, Any]], None]]:
+def _progress_bar(title: str) -> AbstractContextManager[Callable[[dict[str, Any]], None]]:
     from .console import progress_bar
 
-    return progress_bar()
+    return progress_bar(title)
 
 
 def _print_summary(report: dict[str, Any], path: Path) -> None:

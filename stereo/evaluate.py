@@ -19,14 +19,13 @@ import numpy as np
 
 from ..errors import IcyMoonError
 from ..files import write_json
-from ..render.pair import pair_folders, read_pair
 from ..version import version
 from . import check
 from .artefacts import present, read_disparity, write_method_pictures, write_pair_pictures
 from .matchers import check_options, match
 from .measure import COMMON_NUMBERS, NUMBERS, common_numbers, own_numbers
 from .methods import Method
-from .prepare import Prepared, prepare
+from .prepare import Prepared, distinct_pairs, prepare
 from .results import write_results
 from .rowlog import Row, RowLog
 
@@ -62,23 +61,13 @@ def evaluate(paths: Sequence[Path], methods: Sequence[Method], out: Path, sensor
     * ``failed``: ``pair``, ``message`` and, where only one method failed, ``method``; ``suspect``: ``pair``,
       ``message``.
     """
-    folders = _folders(paths)
+    folders = distinct_pairs(paths)
     run = _Run(methods, out, dict(sensor or {}), on_event, len(folders) * len(methods))
     for folder in folders:
         run.pair(folder)
     run.log.compact((folder.name, method.label) for folder in folders for method in methods)
     return write_results(run.log, [folder.name for folder in folders], methods, out, run.failed, run.suspect,
                          _source(paths, sensor or {}), seed, guiss)
-
-
-def _folders(paths: Sequence[Path]) -> list[Path]:
-    """The pair folders, each pair once. Raises IcyMoonError where two different pairs have one name."""
-    found: dict[str, Path] = {}
-    for folder in (folder for path in paths for folder in pair_folders(path)):
-        same = found.setdefault(folder.name, folder)
-        if same != folder and read_pair(same).id != read_pair(folder).id:
-            raise IcyMoonError(f"{same} and {folder} are different pairs of one name; evaluate them apart.")
-    return list(found.values())
 
 
 class _Run:

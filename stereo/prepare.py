@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import IcyMoonError
-from ..render.pair import EYES, Pair, changed_files, read_pair
+from ..render.pair import EYES, Pair, changed_files, pair_folders, read_pair
 from ..settings import Settings, defaults, merged
 from . import pictures
 from .develop import Images, develop, grey
@@ -22,6 +22,19 @@ from .truth import scene_depth, visible_in_other
 
 #: Entries of pair.json, on how the pair was rendered, that the report repeats.
 _REPEATED = ("versions", "device", "denoiser", "osl", "platform", "edited_by_hand", "seeds")
+
+
+@dataclass(frozen=True)
+class Loaded:
+    """A pair checked, read and developed, with its truth; the dicts have an entry per eye."""
+
+    pair: Pair
+    settings: Settings
+    views: dict[str, View]
+    images: Images
+    depth: dict[str, np.ndarray]  # float64 (H, W), planar metres, NaN for sky
+    visible: dict[str, np.ndarray]  # bool (H, W), seen by the other eye too
+    check: SelfCheck
 
 
 @dataclass(frozen=True)
@@ -40,27 +53,48 @@ class Prepared:
     facts: dict[str, Any]  # what the report says of the pair
 
 
-def prepare(folder: Path, sensor: Mapping[str, Any]) -> Prepared:
+def distinct_pairs(paths: Sequence[Path]) -> list[Path]:
+    """The folders of all pairs at ``paths``, each pair once.
+
+    Raises IcyMoonError where there is none, or where two different pairs have one name.
+    """
+    found: dict[str, Path] = {}
+    for folder in (folder for path in paths for folder in pair_folders(path)):
+        same = found.setdefault(folder.name, folder)
+        if same != folder and read_pair(same).id != read_pair(folder).id:
+            raise IcyMoonError(f"{same} and {folder} are different pairs of one name; give one of them at a time.")
+    return list(found.values())
+
+
+def load(folder: Path, sensor: Mapping[str, Any]) -> Loaded:
     """Check, read and develop one pair; ``sensor`` overrides settings of the camera response.
 
     Raises IcyMoonError, naming the file, if anything in the folder is not as it was rendered.
     """
     pair, settings = _checked(folder)
-    left, right = (_view(pair, eye) for eye in EYES)
+    views = {eye: _view(pair, eye) for eye in EYES}
     settings = merged(settings, {"sensor": sensor})
-    images = develop(pair, left, right, settings["sensor"])
-    truth = scene_depth(left)
-    right_truth = scene_depth(right)
-    visible = visible_in_other(truth, right_truth, pair.camera)
-    light = {"left": grey(left.radiance), "right": grey(right.radiance)}
-    check = self_check(light["left"], light["right"], truth, right_truth, visible, pair.camera)
-    left_image, right_image = images.for_matchers()
-    gradient = texture(left_image)
-    classes = classify(truth, visible, gradient, light["left"], left.normal, left.semantic, _toward_sun(pair))
+    images = develop(pair, views["left"], views["right"], settings["sensor"])
+    depth = {eye: scene_depth(views[eye]) for eye in EYES}
+    visible = {eye: visible_in_other(depth[eye], depth[other], pair.camera, eye)
+               for eye, other in zip(EYES, reversed(EYES), strict=True)}
+    check = self_check(grey(views["left"].radiance), grey(views["right"].radiance), depth["left"], depth["right"],
+                       visible["left"], pair.camera)
+    return Loaded(pair, settings, views, images, depth, visible, check)
+
+
+def prepare(folder: Path, sensor: Mapping[str, Any]) -> Prepared:
+    """One pair for matchers and metrics; see ``load``."""
+    loaded = load(folder, sensor)
+    view, truth, visible = loaded.views["left"], loaded.depth["left"], loaded.visible["left"]
+    left, right = loaded.images.for_matchers()
+    gradient = texture(left)
+    classes = classify(truth, visible, gradient, grey(view.radiance), view.normal, view.semantic,
+                       _toward_sun(loaded.pair))
     scale = pictures.depth_scale(truth)
-    facts = _facts(pair, settings, images, truth, visible)
-    facts |= {"depth_scale_m": [scale.low, scale.high], "self_check": check.to_json()}
-    return Prepared(pair, left_image, right_image, truth, visible, gradient, classes, check, scale, facts)
+    facts = _facts(loaded.pair, loaded.settings, loaded.images, truth, visible)
+    facts |= {"depth_scale_m": [scale.low, scale.high], "self_check": loaded.check.to_json()}
+    return Prepared(loaded.pair, left, right, truth, visible, gradient, classes, loaded.check, scale, facts)
 
 
 def none_for_nan(value: float) -> float | None:
