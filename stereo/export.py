@@ -60,7 +60,8 @@ def _loaded(folders: Sequence[Path], sensor: Mapping[str, Any], on_event: Event,
             on_event({"type": "error", "message": str(error)})
             continue
         if not pair.check.ok:
-            on_event({"type": "warning", "message": f"{folder} fails its self-check: {'; '.join(pair.check.problems)}."})
+            problems = "; ".join(pair.check.problems)
+            on_event({"type": "warning", "message": f"{folder} fails its self-check: {problems}."})
         yield pair
         on_event({"type": "progress", "fraction": done / len(folders), "done": done, "total": len(folders),
                   "message": folder.name})
@@ -202,7 +203,7 @@ def _coco(pairs: Iterator[Loaded], out: Path) -> None:
                     camera = pair.pair.camera
                     images.append({"id": len(images) + 1, "file_name": name, "width": camera.width_px,
                                    "height": camera.height_px, "pair": pair.pair.folder.name, "eye": eye})
-                    for annotation in annotations(pair.views[eye].instance, pair.views[eye].semantic):
+                    for annotation in things(pair.views[eye].instance, pair.views[eye].semantic):
                         count += 1
                         stream.write(("," if count > 1 else "") + "\n" + json.dumps(
                             {"id": count, "image_id": len(images), **annotation}))
@@ -211,7 +212,7 @@ def _coco(pairs: Iterator[Loaded], out: Path) -> None:
     write_atomically(out / "annotations.json", fill)
 
 
-def annotations(instance: np.ndarray | None, semantic: np.ndarray | None) -> Iterator[dict[str, Any]]:
+def things(instance: np.ndarray | None, semantic: np.ndarray | None) -> Iterator[dict[str, Any]]:
     """COCO annotations of the THINGS in an image: exact masks as run lengths, box (x, y, width, height), area.
 
     ``instance`` and ``semantic`` are labels (H, W). The category is that of most pixels of the instance. ``label`` is

@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from icymoon.errors import IcyMoonError
-from icymoon.stereo.export import FORMATS, annotations, export, write_truth
+from icymoon.stereo.export import FORMATS, export, things, write_truth
 from icymoon.stereo.exr import read_view
 from icymoon.stereo.formats import read_pfm, run_lengths, scaled, write_pfm, write_scaled
 
@@ -170,8 +170,8 @@ def test_run_lengths_of_any_mask(mask):
 def test_things_only_and_nothing_without_labels():
     instance = np.array([[0, 1, 5], [7, 7, 5]])
     semantic = np.array([[0, 1, 3], [2, 2, 3]])
-    assert [(a["label"], a["category_id"]) for a in annotations(instance, semantic)] == [(5, 3), (7, 2)]
-    assert list(annotations(None, semantic)) == []
+    assert [(a["label"], a["category_id"]) for a in things(instance, semantic)] == [(5, 3), (7, 2)]
+    assert list(things(None, semantic)) == []
 
 
 @settings(deadline=None)
