@@ -42,12 +42,17 @@ def write_pair_pictures(prepared: Prepared, out: Path) -> dict[str, str]:
 
 def write_method_pictures(prepared: Prepared, method: Method, disparity: np.ndarray, info: Mapping[str, Any],
                           out: Path) -> dict[str, str]:
-    """Depth and error pictures and the disparity of one method; their paths relative to ``out``."""
+    """Depth and error pictures and the disparity of one method; their paths relative to ``out``.
+
+    Where ``info`` has the array ``flags``, why each pixel was rejected, there is a picture of it too.
+    """
     depth = depth_of(prepared, disparity)
     npz = _folder(prepared, out) / f"{method.file_name}.npz"
     write_disparity(npz, disparity, focal_baseline_px_m=prepared.pair.camera.focal_baseline_px_m)
     written = {"depth": pictures.with_bar(pictures.depth_picture(depth, prepared.scale), prepared.scale),
                "error": pictures.with_bar(pictures.error_picture(depth, prepared.truth), pictures.ERROR)}
+    if "flags" in info.get("arrays", {}):
+        written["flags"] = pictures.outcome_picture(info["arrays"]["flags"], disparity.shape)
     return {**{key: _write_picture(prepared, out, f"{method.file_name}_{key}.png", image)
                for key, image in written.items()},
             "disparity": npz.relative_to(out).as_posix()}

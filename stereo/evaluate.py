@@ -41,9 +41,10 @@ def evaluate(paths: Sequence[Path], methods: Sequence[Method], out: Path, sensor
 
     ``sensor`` overrides settings of the camera response; ``seed`` is that of the confidence intervals; ``guiss`` shows
     the reference code's numbers in the HTML report, which are always in the rows.
-    Written to ``out``: ``results.jsonl`` (a row as soon as it is known), then ``results.csv``, ``report.json`` and
-    ``report.html``; per pair, in ``pairs/<pair>/``, ``facts.json``, pictures, disparities and points. Rows of an
-    earlier run with the same pair, method, options, sensor and versions are kept and not made again.
+    Written to ``out``: ``results.jsonl`` (a row as soon as it is known), then ``results.csv``, ``report.json``,
+    ``summary.json`` (the same without rows and pairs) and ``report.html``; per pair, in ``pairs/<pair>/``,
+    ``facts.json``, pictures, disparities and points. Rows of an earlier run with the same pair, method, options,
+    sensor and versions are kept and not made again.
 
     ``on_event`` gets {"type": "progress", "fraction", "done", "total", "message"}, {"type": "error", "message"} per
     failure and {"type": "warning", "message"} per suspect pair. Raises IcyMoonError if there is no pair or ``out``
@@ -54,7 +55,8 @@ def evaluate(paths: Sequence[Path], methods: Sequence[Method], out: Path, sensor
 
     * ``summary``: one entry per method, see ``summary.summary``; ``differences``: see ``summary.differences``.
     * ``rows``: ``pair``, ``method``, ``status`` ("ok", "suspect" or "failed"), the numbers of ``measure.NUMBERS``,
-      ``error_curve``, ``sparsification``, ``strata``, the complete ``options``, ``error`` (why it failed), ``key`` (a
+      ``error_curve``, ``sparsification``, ``strata``, the complete ``options``,
+      ``counts`` of pixels per outcome where a method knows them, ``error`` (why it failed), ``key`` (a
       hash of all that the row depends on) and ``images``: paths relative to ``out`` of the pictures ``depth`` and
       ``error``, of ``disparity`` (npz) and of ``points`` (ply).
     * ``pairs``: what was found about each usable pair, and its ``images`` ``left``, ``right``, ``true_depth``.
@@ -144,7 +146,7 @@ class _Run:
                 "status": "ok" if prepared.check.ok else "suspect",
                 **own_numbers(prepared, disparity, method.name == "bm", info["options"]),
                 **dict.fromkeys(COMMON_NUMBERS), "common": "", "seconds": info["seconds"],
-                "options": info["options"], "error": "",
+                "options": info["options"], "counts": info.get("counts", {}), "error": "",
                 "images": write_method_pictures(prepared, method, disparity, info, self.out)}
 
     def _add(self, row: Row) -> None:
@@ -164,7 +166,7 @@ class _Run:
 def _failed_row(pair: str, method: Method, key: str, message: str) -> Row:
     return {"pair": pair, "method": method.label, "key": key, "status": "failed", **dict.fromkeys(NUMBERS),
             "error_curve": [], "sparsification": {}, "strata": {}, "common": "",
-            "options": check_options(method.name, method.options), "error": message, "images": {}}
+            "options": check_options(method.name, method.options), "counts": {}, "error": message, "images": {}}
 
 
 def _facts(out: Path, pair: str, content: str) -> dict[str, Any] | None:

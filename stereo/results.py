@@ -9,14 +9,14 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, TextIO
 
-from ..files import write_atomically
+from ..files import write_atomically, write_json
 from . import check
 from .factors import scene_of, swept_settings
 from .matchers import check_options
 from .measure import NUMBERS, REGIONS
 from .methods import Method
 from .metrics import ERROR_STEPS_M, SHARES
-from .report import write_report
+from .report import choose_pairs, write_report
 from .rowlog import Lazy, Row, RowLog
 from .summary import Table, differences, summary
 
@@ -26,10 +26,16 @@ VERSION = 1
 _LONG = ("strata", "sparsification", "common")
 
 
+#: What ``summary.json`` leaves out of the report: what grows with the number of pairs.
+_MANY = ("rows", "pairs")
+
+
 def write_results(log: RowLog, names: Sequence[str], methods: Sequence[Method], out: Path,
                   failed: list[dict[str, Any]], suspect: list[dict[str, Any]], source: Mapping[str, Any],
                   seed: int, guiss: bool) -> dict[str, Any]:
-    """Write ``results.csv``, ``report.json`` and ``report.html`` of the pairs ``names``; return the report."""
+    """Write ``results.csv``, ``report.json``, ``summary.json`` and ``report.html`` of the pairs ``names``; return the
+    report. ``summary.json`` is the report without its rows and pairs, but with ``shown``: the rows of the pairs whose
+    pictures are in the HTML report, for who has no use for thousands."""
     labels = [method.label for method in methods]
     rows = Lazy(len(names) * len(labels), lambda k: _short(log.read(names[k // len(labels)], labels[k % len(labels)])))
     usable = [name for name in names if (out / "pairs" / name / "facts.json").is_file()
@@ -49,7 +55,11 @@ def write_results(log: RowLog, names: Sequence[str], methods: Sequence[Method], 
               "suspect": suspect, "provenance": _provenance(methods, source, seed, len(scenes))}
     write_atomically(out / "results.csv", lambda part: _write_csv(part, rows))
     write_atomically(out / "report.json", lambda part: _write_report_json(part, report))
-    write_report(report, table, swept_settings(facts, places), out, seed, guiss)
+    chosen = choose_pairs(table, usable)
+    shown = [rows[places[name] * len(labels) + k] for name in chosen for k in range(len(labels))]
+    write_json(out / "summary.json", {key: value for key, value in report.items() if key not in _MANY}
+               | {"shown": shown})
+    write_report(report, chosen, table, swept_settings(facts, places), methods, out, seed, guiss)
     return report
 
 

@@ -52,8 +52,8 @@ class Factor:
 
 RANGE = Factor("range", "True depth (m)",
                (0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 16.0, 24.0, 32.0, 48.0, 64.0, 96.0))
-SLOPE = Factor("slope", "Slope of the ground (°)", (5.0, 10.0, 15.0, 20.0, 30.0, 45.0, 60.0))
-TEXTURE = Factor("texture", "Texture: gradient along the row (grey levels of 255 per px)",
+SLOPE = Factor("slope", "Slope (°)", (5.0, 10.0, 15.0, 20.0, 30.0, 45.0, 60.0))
+TEXTURE = Factor("texture", "Texture (grey levels per px)",
                  (0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0))
 SHADOW = Factor("shadow", "Light", names=("sunlit", "shadow"))
 OCCLUSION = Factor("occlusion", "Visibility", names=("both eyes", "left only"))

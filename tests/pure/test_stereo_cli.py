@@ -230,20 +230,20 @@ def test_check_says_what_is_there():
     assert report["ok"] is True
     assert report["missing"] == []
     assert report["numpy"] == np.__version__
-    assert {"python", "numpy", "cv2", "OpenEXR", "jinja2", "torch"} <= set(report)
+    assert {"python", "numpy", "cv2", "OpenEXR", "jinja2", "matplotlib", "torch"} <= set(report)
 
 
 def test_check_does_not_import_torch():
     assert run_with("pass", "check").returncode == 0
 
 
-@pytest.mark.parametrize("module", ["numpy", "cv2", "OpenEXR", "jinja2"])
+@pytest.mark.parametrize("module", ["numpy", "cv2", "OpenEXR", "jinja2", "matplotlib"])
 def test_without_a_package_the_mend_is_named(tmp_path, module):
     result = run_with(f"sys.modules[{module!r}] = None", "check")
     assert_refused(result, {"cv2": "opencv", "jinja2": "Jinja2"}.get(module, module), "pip install")
     report = json.loads(result.stdout)
     assert (report["ok"], report[module]) == (False, None)
-    assert len(report["missing"]) == (3 if module == "numpy" else 1)  # OpenCV and OpenEXR need NumPy to load
+    assert len(report["missing"]) == (4 if module == "numpy" else 1)  # three others need NumPy to load
     result = run_with(f"sys.modules[{module!r}] = None", "evaluate", tmp_path, "--out", tmp_path / "out")
     assert_refused(result, "pip install")
 
