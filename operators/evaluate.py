@@ -41,6 +41,7 @@ class ICYMOON_OT_evaluate(jobs.JobOperator, bpy.types.Operator):
         return python_command(evaluator_python(), "stereo", "evaluate", *map(str, paths),
                               "--methods", str(settings["dataset"]["methods"]),
                               *(word for text in overrides for word in ("--set", text)),
+                              *(["--points"] if self.scope == "SCENE" else []),
                               "--out", str(self._out(dataset)), "--json-lines")
 
     def _out(self, dataset: Path) -> Path:

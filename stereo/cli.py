@@ -90,6 +90,8 @@ def _parser() -> argparse.ArgumentParser:
     command.add_argument("--seed", type=int, default=0, help="of the confidence intervals (%(default)s)")
     command.add_argument("--guiss", action="store_true",
                          help="show what the GUISS reference code would report too, to compare with published tables")
+    command.add_argument("--points", action="store_true",
+                         help="write the measured surfaces too, as point clouds (ply) coloured by signed error")
     command.add_argument("--json-lines", action="store_true", help="progress and result as JSON lines on stdout")
     command.set_defaults(run=_evaluate)
 
@@ -160,7 +162,8 @@ def _evaluate(parsed: argparse.Namespace) -> int:
         raise IcyMoonError(f"--seed is {parsed.seed}; give a whole number of 0 or more.")
     progress = nullcontext(_json_line) if parsed.json_lines else _progress_bar("Evaluating")
     with progress as on_event:
-        report = evaluate(parsed.path, methods, parsed.out, sensor, on_event, parsed.seed, parsed.guiss)
+        report = evaluate(parsed.path, methods, parsed.out, sensor, on_event, parsed.seed, parsed.guiss,
+                          parsed.points)
     path = (parsed.out / "report.html").resolve()
     if parsed.json_lines:
         _json_line({"type": "result", "report": str(path), "rows": report["summary"]})

@@ -25,6 +25,7 @@ from .artefacts import present, read_disparity, write_method_pictures, write_pai
 from .matchers import check_options, match
 from .measure import COMMON_NUMBERS, NUMBERS, common_numbers, own_numbers
 from .methods import Method
+from .points import images_with_points, pose_of
 from .prepare import Prepared, distinct_pairs, prepare
 from .results import write_results
 from .rowlog import Row, RowLog
@@ -36,11 +37,13 @@ MEASURE = 1
 
 
 def evaluate(paths: Sequence[Path], methods: Sequence[Method], out: Path, sensor: Mapping[str, Any] | None = None,
-             on_event: Event = lambda event: None, seed: int = 0, guiss: bool = False) -> dict[str, Any]:
+             on_event: Event = lambda event: None, seed: int = 0, guiss: bool = False,
+             points: bool = False) -> dict[str, Any]:
     """Evaluate pairs and all pairs of data sets; return what is in ``report.json``.
 
     ``sensor`` overrides settings of the camera response; ``seed`` is that of the confidence intervals; ``guiss`` shows
-    the reference code's numbers in the HTML report, which are always in the rows.
+    the reference code's numbers in the HTML report, which are always in the rows; ``points`` writes the measured
+    surfaces too.
     Written to ``out``: ``results.jsonl`` (a row as soon as it is known), then ``results.csv``, ``report.json``,
     ``summary.json`` (the same without rows and pairs) and ``report.html``; per pair, in ``pairs/<pair>/``,
     ``facts.json``, pictures, disparities and points. Rows of an earlier run with the same pair, method, options,
@@ -58,13 +61,13 @@ def evaluate(paths: Sequence[Path], methods: Sequence[Method], out: Path, sensor
       ``error_curve``, ``sparsification``, ``strata``, the complete ``options``,
       ``counts`` of pixels per outcome where a method knows them, ``error`` (why it failed), ``key`` (a
       hash of all that the row depends on) and ``images``: paths relative to ``out`` of the pictures ``depth`` and
-      ``error``, of ``disparity`` (npz) and of ``points`` (ply).
+      ``error``, of ``disparity`` (npz) and, where asked for, of ``points`` (ply).
     * ``pairs``: what was found about each usable pair, and its ``images`` ``left``, ``right``, ``true_depth``.
     * ``failed``: ``pair``, ``message`` and, where only one method failed, ``method``; ``suspect``: ``pair``,
       ``message``.
     """
     folders = distinct_pairs(paths)
-    run = _Run(methods, out, dict(sensor or {}), on_event, len(folders) * len(methods))
+    run = _Run(methods, out, dict(sensor or {}), on_event, len(folders) * len(methods), points)
     for folder in folders:
         run.pair(folder)
     run.log.compact((folder.name, method.label) for folder in folders for method in methods)
@@ -76,8 +79,8 @@ class _Run:
     """One run of ``evaluate``: where things go, and what has happened so far."""
 
     def __init__(self, methods: Sequence[Method], out: Path, sensor: dict[str, Any], on_event: Event,
-                 total: int) -> None:
-        self.methods, self.out, self.sensor = methods, out, sensor
+                 total: int, points: bool) -> None:
+        self.methods, self.out, self.sensor, self.points = methods, out, sensor, points
         self.log = RowLog(out / "results.jsonl")
         self.failed: list[dict[str, Any]] = []
         self.suspect: list[dict[str, Any]] = []
@@ -91,7 +94,7 @@ class _Run:
         keys = {method.label: _digest([content, self._setups[method.label]]) for method in self.methods}
         rows = {label: row for label, key in keys.items() if (row := self._known(name, label, key))}
         facts = _facts(self.out, name, content)
-        if facts is None or len(rows) < len(keys) or any(row["common"] != _digest(keys) for row in rows.values()):
+        if facts is None or len(rows) < len(keys) or not all(self._finished(row, keys) for row in rows.values()):
             try:
                 prepared = prepare(folder, self.sensor)
             except IcyMoonError as error:
@@ -109,6 +112,9 @@ class _Run:
             message = f"{folder} is left out of the averages: {'; '.join(facts['self_check']['problems'])}."
             self.suspect.append({"pair": name, "message": message})
             self._tell({"type": "warning", "message": message})
+
+    def _finished(self, row: Row, keys: Mapping[str, str]) -> bool:
+        return row["common"] == _digest(keys) and (not self.points or "points" in row["images"])
 
     def _known(self, pair: str, label: str, key: str) -> Row | None:
         row = self.log.find(pair, label, key)
@@ -133,8 +139,14 @@ class _Run:
             rows[label] = self._row(prepared, method, keys[label], disparities[label], info)
             self._add(rows[label])
         common = np.logical_and.reduce([np.ones_like(prepared.visible), *map(np.isfinite, disparities.values())])
+        points = self.points and pose_of(prepared) is not None
+        if self.points and not points:
+            self._tell({"type": "warning", "message": f"{prepared.pair.folder / 'pair.json'} does not say where the "
+                        "camera was, so there are no points; render the pair again."})
         for label, disparity in disparities.items():
             row = rows[label] | common_numbers(prepared, disparity, common) | {"common": _digest(keys)}
+            if points:
+                row["images"] = images_with_points(row["images"], self.out, prepared, disparity)
             if row != rows[label]:
                 self.log.append(row)
 

@@ -18,7 +18,7 @@ from .develop import Images, develop, grey
 from .exr import View, read_view
 from .selfcheck import SelfCheck, self_check
 from .strata import classify, texture
-from .truth import scene_depth, visible_in_other
+from .truth import scene_depth, visible_in_left, visible_in_right
 
 #: Entries of pair.json, on how the pair was rendered, that the report repeats.
 _REPEATED = ("versions", "device", "denoiser", "osl", "platform", "edited_by_hand", "seeds")
@@ -76,8 +76,8 @@ def load(folder: Path, sensor: Mapping[str, Any]) -> Loaded:
     settings = merged(settings, {"sensor": sensor})
     images = develop(pair, views["left"], views["right"], settings["sensor"])
     depth = {eye: scene_depth(views[eye]) for eye in EYES}
-    visible = {eye: visible_in_other(depth[eye], depth[other], pair.camera, eye)
-               for eye, other in zip(EYES, reversed(EYES), strict=True)}
+    visible = {"left": visible_in_right(depth["left"], depth["right"], pair.camera),
+               "right": visible_in_left(depth["left"], depth["right"], pair.camera)}
     check = self_check(grey(views["left"].radiance), grey(views["right"].radiance), depth["left"], depth["right"],
                        visible["left"], pair.camera)
     return Loaded(pair, settings, views, images, depth, visible, check)

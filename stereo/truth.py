@@ -14,7 +14,7 @@ from .exr import View
 
 _PLANET = next(value for value, name in SEMANTIC.items() if name == "planet")
 
-#: Disparity, px, by which a surface must be nearer to count as an occluder; see visible_in_other.
+#: Disparity, px, by which a surface must be nearer to count as an occluder; see visible_in_right.
 OCCLUSION_STEP_PX = 0.5
 
 
@@ -28,17 +28,25 @@ def scene_depth(view: View) -> np.ndarray:
     return np.where(view.semantic == _PLANET, np.nan, view.depth)
 
 
-def visible_in_other(depth: np.ndarray, other_depth: np.ndarray, camera: StereoCamera,
-                     eye: str = "left") -> np.ndarray:
-    """Boolean (H, W): the point seen by this pixel of ``eye`` is inside the other eye's image and not hidden there.
+def visible_in_right(left_depth: np.ndarray, right_depth: np.ndarray, camera: StereoCamera) -> np.ndarray:
+    """Boolean (H, W): the point seen by this left pixel is inside the right image and not hidden there.
 
     Both depths are planar metres, NaN for sky; sky is not visible. The point lands between two
-    columns of the other image. On a plane disparity is an affine function of the column, so there
+    columns of the right image. On a plane disparity is an affine function of the column, so there
     its own disparity lies between those of the two columns however steep the plane is; it is hidden
     only if both columns show something nearer. Nearer means by OCCLUSION_STEP_PX: an occluder that
     is nearer by s px of disparity hides a strip s px wide, and one narrower than half a pixel can
     hide no whole pixel, while curvature between two columns and single precision stay below it.
     """
+    return _visible(left_depth, right_depth, camera, "left")
+
+
+def visible_in_left(left_depth: np.ndarray, right_depth: np.ndarray, camera: StereoCamera) -> np.ndarray:
+    """The same of the pixels of the right image."""
+    return _visible(right_depth, left_depth, camera, "right")
+
+
+def _visible(depth: np.ndarray, other_depth: np.ndarray, camera: StereoCamera, eye: str) -> np.ndarray:
     width = depth.shape[1]
     disparity = camera.disparity(depth)
     other_disparity = np.nan_to_num(camera.disparity(other_depth), nan=0.0)  # sky hides nothing

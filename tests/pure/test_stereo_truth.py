@@ -9,7 +9,7 @@ from icymoon.render.pair import read_pair
 from icymoon.stereo.develop import develop, grey, to_8_bit
 from icymoon.stereo.exr import read_view
 from icymoon.stereo.selfcheck import photometric_disagreement, self_check
-from icymoon.stereo.truth import scene_depth, visible_in_other
+from icymoon.stereo.truth import scene_depth, visible_in_left, visible_in_right
 
 pytestmark = pytest.mark.filterwarnings("error")
 
@@ -34,7 +34,7 @@ def test_visibility_is_that_of_the_rays():
     left, right = depths(scene)
     column = np.arange(RIG.width_px) - RIG.disparity(left)
     expected = (column >= -0.5) & ~hidden_behind_block(scene, left)
-    wrong = visible_in_other(left, right, RIG) != expected
+    wrong = visible_in_right(left, right, RIG) != expected
     assert (~expected).sum() > 1000
     assert wrong.sum(axis=1).max() <= 2  # the block's two edges fall between pixels
 
@@ -46,23 +46,23 @@ def test_a_plane_hides_nothing_of_itself_however_steep(slope):
     column = np.arange(RIG.width_px) - RIG.disparity(left)
     inside = np.nan_to_num(column, nan=-9) >= -0.5
     assert inside.sum() > 3000
-    np.testing.assert_array_equal(visible_in_other(left, right, RIG), inside)
+    np.testing.assert_array_equal(visible_in_right(left, right, RIG), inside)
 
 
 def test_sky_is_not_visible_and_hides_nothing():
     left, right = depths(pairs.Scene(block=False, sky_rows=20))
-    visible = visible_in_other(left, right, RIG)
+    visible = visible_in_right(left, right, RIG)
     assert not visible[:20].any()
     assert visible[20:, 60:].all()
-    assert visible_in_other(left, np.full_like(right, np.nan), RIG)[20:, 60:].all()
-    assert not visible_in_other(np.full_like(left, np.nan), right, RIG).any()
+    assert visible_in_right(left, np.full_like(right, np.nan), RIG)[20:, 60:].all()
+    assert not visible_in_right(np.full_like(left, np.nan), right, RIG).any()
 
 
 def test_occlusion_of_the_right_eye_is_that_of_the_mirrored_scene():
     """Seen in a mirror, the right eye is a left eye."""
     left, right = depths(pairs.Scene(slope_x=0.2))
-    visible = visible_in_other(right, left, RIG, "right")
-    np.testing.assert_array_equal(visible, visible_in_other(right[:, ::-1], left[:, ::-1], RIG)[:, ::-1])
+    visible = visible_in_left(left, right, RIG)
+    np.testing.assert_array_equal(visible, visible_in_right(right[:, ::-1], left[:, ::-1], RIG)[:, ::-1])
     assert (~visible).sum() > 1000
     assert not visible[:, -15:].any()  # the right eye's right edge is beyond the left image
 
@@ -71,7 +71,7 @@ def test_what_both_eyes_see_is_as_many_pixels_in_either():
     """On a fronto-parallel scene a pixel of one eye is a pixel of the other."""
     scene = pairs.Scene(slope_x=0.0, slope_y=0.0, block=False)
     left, right = depths(scene)
-    assert visible_in_other(left, right, RIG).sum() == visible_in_other(right, left, RIG, "right").sum()
+    assert visible_in_right(left, right, RIG).sum() == visible_in_left(left, right, RIG).sum()
 
 
 def eyes(scene):
@@ -80,7 +80,7 @@ def eyes(scene):
 
 
 def checked(light, other, left, right, rig=RIG):
-    return self_check(light, other, left, right, visible_in_other(left, right, rig), rig)
+    return self_check(light, other, left, right, visible_in_right(left, right, rig), rig)
 
 
 SCENES = {"block": pairs.Scene(), "sky": pairs.Scene(sky_rows=100), "far": pairs.Scene(distance_m=6.0),
@@ -147,7 +147,7 @@ def test_where_nothing_can_be_told_nothing_is_wrong(level):
 
 def test_photometric_disagreement_is_that_of_the_fetched_image():
     light, other, left, right = eyes(pairs.Scene())
-    visible = visible_in_other(left, right, RIG)
+    visible = visible_in_right(left, right, RIG)
     assert photometric_disagreement(light, other, left, visible, RIG) < 0.01
     assert photometric_disagreement(light, other * 1.1, left, visible, RIG) == pytest.approx(0.1 / 1.05, abs=0.01)
     assert np.isnan(photometric_disagreement(light, other, left, visible & False, RIG))
