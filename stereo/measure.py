@@ -48,6 +48,7 @@ def depth_of(prepared: Prepared, disparity: np.ndarray) -> np.ndarray:
 def own_numbers(prepared: Prepared, disparity: np.ndarray, block_matching: bool,
                 options: Mapping[str, Any]) -> dict[str, Any]:
     """OWN_NUMBERS but ``seconds``, ``error_curve``, ``sparsification`` and ``strata`` of a disparity map."""
+    disparity = np.where(usable(disparity), disparity, np.nan)
     depth, truth = depth_of(prepared, disparity), prepared.truth
     true_disparity = prepared.pair.camera.disparity(truth)
     everywhere = _numbers(prepared, disparity, depth, np.ones_like(prepared.visible))
