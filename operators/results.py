@@ -69,6 +69,11 @@ def error_images() -> list[Path]:
     return [path for _, path in _files("error")]
 
 
+def depth_images() -> list[Path]:
+    """The measured depth images of the last evaluation that are on disk, those of the best matcher first."""
+    return [path for _, path in _files("depth")]
+
+
 def point_files(method: str) -> list[Path]:
     """The measured surfaces of a matcher, of each pair that was evaluated."""
     return [path for name, path in _files("points") if name == method]
@@ -80,13 +85,14 @@ def methods_with_points() -> list[str]:
 
 
 def show_error_image(context: bpy.types.Context, open_window: bool) -> bool:
-    """Load the error images and show the first in an Image Editor; False if there is no place.
+    """Load the error and depth images and show the first error in an Image Editor; False if there is no place.
 
     Without an Image Editor on the screen, ``open_window`` opens a window with one.
     """
-    images = [bpy.data.images.load(str(path), check_existing=True) for path in error_images()]
-    if not images or bpy.app.background:
+    paths = error_images()
+    if not paths or bpy.app.background:
         return False
+    images = [bpy.data.images.load(str(path), check_existing=True) for path in (*paths, *depth_images())]
     for image in images:
         image.reload()
     areas = [a for w in context.window_manager.windows for a in w.screen.areas if a.type == "IMAGE_EDITOR"]

@@ -30,7 +30,7 @@ _STYLE = {"font.size": 9, "axes.edgecolor": _LINE, "axes.labelcolor": _INK, "tex
           "axes.spines.right": False, "legend.frameon": False, "svg.fonttype": "none", "lines.linewidth": 1.8,
           "lines.markersize": 4, "axes.titlesize": 9.5, "figure.constrained_layout.use": True}
 #: Swept settings that are drawn, at most.
-MOST_SWEEPS = 8
+MOST_SWEEPS = 16
 #: Classes with fewer true pixels than this say nothing.
 _FEWEST = 200
 

@@ -86,11 +86,12 @@ def effect(sweep: Sweep, table: Table, method: int, metric: str, seed: int) -> t
     """Mean of a metric (levels,) of the pairs at each level of a setting, and its 95 % bounds (levels, 2)."""
     names, _, level = sweep.levels()
     numbers = table.column(method, metric)
+    known = ~np.isnan(numbers)
     means, bounds = np.full(len(names), np.nan), np.full((len(names), 2), np.nan)
     for k in range(len(names)):
-        at = level == k
-        if (~np.isnan(numbers[at])).any():
-            means[k] = np.nanmean(numbers[at])
+        at = (level == k) & known
+        if at.any():
+            means[k] = numbers[at].mean()
             bounds[k] = intervals(numbers[at, None], clusters_of(table.scenes[at]), seed, _RESAMPLES)[0]
     return means, bounds
 

@@ -9,6 +9,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, TextIO
 
+import numpy as np
+
 from ..files import write_atomically, write_json
 from . import check
 from .factors import scene_of, swept_settings
@@ -52,7 +54,8 @@ def write_results(log: RowLog, names: Sequence[str], methods: Sequence[Method], 
     report = {"format": FORMAT, "version": VERSION,
               "summary": [summary(table, k, seed) for k in range(len(labels))],
               "differences": differences(table, seed), "rows": rows, "pairs": facts, "failed": failed,
-              "suspect": suspect, "provenance": _provenance(methods, source, seed, len(scenes))}
+              "suspect": suspect, "provenance": _provenance(
+                  methods, source, seed, len(np.unique(table.scenes[table.counts.any(axis=0)])))}
     write_atomically(out / "results.csv", lambda part: _write_csv(part, rows))
     write_atomically(out / "report.json", lambda part: _write_report_json(part, report))
     chosen = choose_pairs(table, usable)

@@ -86,7 +86,7 @@ def summary(table: Table, method: int, seed: int) -> dict[str, Any]:
     columns = values[:, [_PLACE[key] for key in _AVERAGED]]
     result |= {key: _number(mean) for key, mean in zip(_AVERAGED, _means(columns), strict=True)}
     result |= {key: int(np.nansum(table.column(method, key))) for key in _COUNTS}
-    bounds = intervals(columns, clusters_of(table.scenes), seed)
+    bounds = intervals(columns[counted], clusters_of(table.scenes[counted]), seed)
     result["intervals"] = {key: [float(low), float(high)] for key, (low, high) in zip(_AVERAGED, bounds, strict=True)
                            if np.isfinite(low)}
     weights = table.column(method, "n")
@@ -113,7 +113,8 @@ def differences(table: Table, seed: int) -> list[dict[str, Any]]:
     found = []
     for a, b in itertools.combinations(range(len(table.methods)), 2):
         columns = np.stack([table.column(a, key) - table.column(b, key) for key in COMPARED], axis=1)
-        bounds = intervals(columns, clusters_of(table.scenes), seed)
+        both = table.counts[a] & table.counts[b]
+        bounds = intervals(columns[both], clusters_of(table.scenes[both]), seed)
         for k, metric in enumerate(COMPARED):
             known = columns[~np.isnan(columns[:, k]), k]
             sign = 1 if metric in _GAINS else -1

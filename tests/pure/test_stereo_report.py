@@ -182,6 +182,21 @@ def test_a_scene_is_its_ground():
     assert scene_of(one) != scene_of(facts("b", dataset__seed=2)["settings"])
 
 
+def test_pairs_that_count_nowhere_widen_no_interval():
+    values = np.random.default_rng(0).normal(1, 0.1, 12)
+    entries = []
+    for failed in (0, 30):
+        table = Table(["bm"], [str(k) for k in range(12 + failed)])
+        table.values[0, :12, NUMBERS.index("l1_m")] = values
+        table.counts[0, :12] = True
+        table.failed[0, 12:] = True
+        table.scenes[:12] = np.arange(12) // 2
+        entries.append(summary(table, 0, 0))
+    assert entries[0]["intervals"] == entries[1]["intervals"] != {}
+    assert entries[0]["scenes"] == entries[1]["scenes"] == 6
+    assert entries[1]["failed"] == 30
+
+
 def test_summary_of_no_pair_at_all():
     entry = summary(Table(["bm"], []), 0, 0)
     assert (entry["pairs"], entry["l1_m"], entry["n"], entry["intervals"]) == (0, None, 0, {})
