@@ -52,7 +52,7 @@ def main() -> None:
         prepared = prepare(pair, {})
         loaded = load(pair, {})
         prepared.pair.data["poses_camera_to_world"] = {"left": np.eye(4).tolist()}
-        disparity, _, info = match("sgbm", prepared.left, prepared.right)
+        disparity, _, _ = match("sgbm", prepared.left, prepared.right)
         depth, truth, camera = depth_of(prepared, disparity), prepared.truth, prepared.pair.camera
         true = camera.disparity(truth)
         both = np.isfinite(depth) & np.isfinite(truth)
@@ -69,14 +69,14 @@ def main() -> None:
             "depth metrics with exact DOD": lambda: depth_metrics(depth, truth),
             "disparity metrics": lambda: disparity_metrics(disparity, true),
             "missing counted as wrong": lambda: total_metrics(depth, truth, disparity, true, 0.0),
-            "reference code's metrics": lambda: reference_metrics(disparity, truth, True),
+            "reference code's metrics": lambda: reference_metrics(disparity, truth, 4),
             "cumulative error": lambda: error_curve(depth, truth),
             "sparsification": lambda: sparsification(error, prepared.gradient),
             "errors by stratum": lambda: stratified(prepared.classes, depth, truth, disparity, true),
             "texture": lambda: texture(prepared.left),
             "occlusion of one eye": lambda: visible_in_right(loaded.depth["left"], loaded.depth["right"], camera),
             "points": lambda: measured_points(prepared, disparity),
-            "a row, its own numbers": lambda: own_numbers(prepared, disparity, False, info["options"]),
+            "a row, its own numbers": lambda: own_numbers(prepared, disparity),
             "a row, numbers in common": lambda: common_numbers(prepared, disparity, both),
             "a pair: check, read, develop, classify": lambda: prepare(pair, {}),
             "intervals of 60 means of 5000 pairs, 500 scenes": lambda: intervals(pixels, np.arange(5000) // 10, 0)}

@@ -48,10 +48,10 @@ def write_method_pictures(prepared: Prepared, method: Method, disparity: np.ndar
     """
     depth = depth_of(prepared, disparity)
     npz = _folder(prepared, out) / f"{method.file_name}.npz"
-    write_disparity(npz, disparity, focal_baseline_px_m=prepared.pair.camera.focal_baseline_px_m)
+    write_disparity(npz, disparity, info["arrays"], focal_baseline_px_m=prepared.pair.camera.focal_baseline_px_m)
     written = {"depth": pictures.with_bar(pictures.depth_picture(depth, prepared.scale), prepared.scale),
                "error": pictures.with_bar(pictures.error_picture(depth, prepared.truth), pictures.ERROR)}
-    if "flags" in info.get("arrays", {}):
+    if "flags" in info["arrays"]:
         written["flags"] = pictures.outcome_picture(info["arrays"]["flags"], disparity.shape)
     return {**{key: _write_picture(prepared, out, f"{method.file_name}_{key}.png", image)
                for key, image in written.items()},

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -22,7 +23,7 @@ from ..files import write_json
 from ..version import version
 from . import check
 from .artefacts import present, read_disparity, write_method_pictures, write_pair_pictures
-from .matchers import check_options, match
+from .matchers import complete_options, match
 from .measure import COMMON_NUMBERS, NUMBERS, common_numbers, own_numbers
 from .methods import Method
 from .points import images_with_points, pose_of
@@ -58,10 +59,10 @@ def evaluate(paths: Sequence[Path], methods: Sequence[Method], out: Path, sensor
 
     * ``summary``: one entry per method, see ``summary.summary``; ``differences``: see ``summary.differences``.
     * ``rows``: ``pair``, ``method``, ``status`` ("ok", "suspect" or "failed"), the numbers of ``measure.NUMBERS``,
-      ``error_curve``, ``sparsification``, ``strata``, the complete ``options``,
-      ``counts`` of pixels per outcome where a method knows them, ``error`` (why it failed), ``key`` (a
+      ``error_curve``, ``sparsification``, ``strata``, the complete ``options``, ``counts`` of
+      pixels per outcome and ``facts`` on what it ran where a method knows them, ``error`` (why it failed), ``key`` (a
       hash of all that the row depends on) and ``images``: paths relative to ``out`` of the pictures ``depth`` and
-      ``error``, of ``disparity`` (npz) and, where asked for, of ``points`` (ply).
+      ``error``, of ``disparity`` (npz, with the method's other arrays) and, where asked for, of ``points`` (ply).
     * ``pairs``: what was found about each usable pair, and its ``images`` ``left``, ``right``, ``true_depth``.
     * ``failed``: ``pair``, ``message`` and, where only one method failed, ``method``; ``suspect``: ``pair``,
       ``message``.
@@ -131,7 +132,8 @@ class _Run:
                 self._progress(rows[label])
                 continue
             try:
-                disparities[label], _, info = match(method.name, prepared.left, prepared.right, method.options)
+                disparities[label], _, info = match(method.name, prepared.left, prepared.right, method.options,
+                                                     prepared.pair.camera)
             except IcyMoonError as error:
                 self._fail(str(error), pair=prepared.pair.folder.name, method=label)
                 self._add(_failed_row(prepared.pair.folder.name, method, keys[label], str(error)))
@@ -156,9 +158,9 @@ class _Run:
     def _row(self, prepared: Prepared, method: Method, key: str, disparity: np.ndarray, info: dict[str, Any]) -> Row:
         return {"pair": prepared.pair.folder.name, "method": method.label, "key": key,
                 "status": "ok" if prepared.check.ok else "suspect",
-                **own_numbers(prepared, disparity, method.name == "bm", info["options"]),
+                **own_numbers(prepared, disparity, info["options"]["min_disparity"] if method.name == "bm" else None),
                 **dict.fromkeys(COMMON_NUMBERS), "common": "", "seconds": info["seconds"],
-                "options": info["options"], "counts": info.get("counts", {}), "error": "",
+                "options": info["options"], "counts": info["counts"], "facts": info["facts"], "error": "",
                 "images": write_method_pictures(prepared, method, disparity, info, self.out)}
 
     def _add(self, row: Row) -> None:
@@ -178,7 +180,8 @@ class _Run:
 def _failed_row(pair: str, method: Method, key: str, message: str) -> Row:
     return {"pair": pair, "method": method.label, "key": key, "status": "failed", **dict.fromkeys(NUMBERS),
             "error_curve": [], "sparsification": {}, "strata": {}, "common": "",
-            "options": check_options(method.name, method.options), "counts": {}, "error": message, "images": {}}
+            "options": complete_options(method.name, method.options), "counts": {}, "facts": {}, "error": message,
+            "images": {}}
 
 
 def _facts(out: Path, pair: str, content: str) -> dict[str, Any] | None:
@@ -193,9 +196,9 @@ def _facts(out: Path, pair: str, content: str) -> dict[str, Any] | None:
 
 def _setup(method: Method) -> list[Any]:
     """All that a method's disparity depends on besides the images: its options, the files they name, versions."""
-    options = check_options(method.name, method.options)
+    options = complete_options(method.name, method.options)
     files = {key: _content(Path(value)) for key, value in options.items()
-             if isinstance(value, str) and value and Path(value).is_file()}
+             if isinstance(value, str) and os.path.isfile(value)}
     versions = check.versions()
     return [method.name, options, files, {name: versions[name] for name in ("numpy", "cv2", "torch")}]
 

@@ -15,9 +15,6 @@ It differs from the metrics here in ways that matter (nasa-jpl/guiss: ``stereoBM
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
-
 import numpy as np
 
 from .dod import pair_disagreement
@@ -28,21 +25,18 @@ METRICS = ("guiss_l1_m", "guiss_l1_rate_10", "guiss_l1_rate_30", "guiss_l1_rate_
 _EDGE, _STEP, _COARSE_STEP = 5000, 100, 1000  # of the lattice
 
 
-def filled(disparity: np.ndarray, options: Mapping[str, Any]) -> np.ndarray:
-    """The disparity with failed matches as OpenCV marks them, where ``options`` have a ``min_disparity``."""
-    if "min_disparity" not in options:
-        return disparity
-    return np.where(np.isnan(disparity), options["min_disparity"] - 1, disparity)
-
-
-def reference_metrics(disparity: np.ndarray, truth: np.ndarray, block_matching: bool) -> dict[str, float | int]:
+def reference_metrics(disparity: np.ndarray, truth: np.ndarray, bm_min_disparity: int | None = None
+                      ) -> dict[str, float | int]:
     """The reference code's numbers, keys METRICS, of a disparity map (px) and true depth (m), both (H, W).
 
-    ``block_matching`` cuts the columns as it does for StereoBM. The cuts are those of 640 x 480 px in proportion.
+    For StereoBM give its least disparity, ``bm_min_disparity``: failed matches (NaN) get its mark for them, and the
+    columns are cut as it does for that matcher. The cuts are those of 640 x 480 px in proportion.
     """
     height, width = truth.shape
-    rows = slice(height * 48 // 480, height * 432 // 480)
-    columns = slice(width * 125 // 640, width * 600 // 640) if block_matching else slice(None)
+    rows, columns = slice(height * 48 // 480, height * 432 // 480), slice(None)
+    if bm_min_disparity is not None:
+        disparity = np.where(np.isnan(disparity), bm_min_disparity - 1, disparity)
+        columns = slice(width * 125 // 640, width * 600 // 640)
     shift = disparity[rows, columns].astype(np.float32) + np.float32(1e-4)
     with np.errstate(divide="ignore", invalid="ignore"):
         return depth_map_metrics(np.float32(CONSTANT_PX_M) / shift, truth[rows, columns])

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from .guiss import METRICS as GUISS_METRICS
-from .guiss import filled, reference_metrics
+from .guiss import reference_metrics
 from .metrics import (
     DEPTH_METRICS,
     DISPARITY_METRICS,
@@ -45,9 +45,11 @@ def depth_of(prepared: Prepared, disparity: np.ndarray) -> np.ndarray:
                         / np.where(usable(disparity), disparity, 1).astype(np.float64), np.nan)
 
 
-def own_numbers(prepared: Prepared, disparity: np.ndarray, block_matching: bool,
-                options: Mapping[str, Any]) -> dict[str, Any]:
-    """OWN_NUMBERS but ``seconds``, ``error_curve``, ``sparsification`` and ``strata`` of a disparity map."""
+def own_numbers(prepared: Prepared, disparity: np.ndarray, bm_min_disparity: int | None = None) -> dict[str, Any]:
+    """OWN_NUMBERS but ``seconds``, ``error_curve``, ``sparsification`` and ``strata`` of a disparity map.
+
+    ``bm_min_disparity``: see ``guiss.reference_metrics``.
+    """
     disparity = np.where(usable(disparity), disparity, np.nan)
     depth, truth = depth_of(prepared, disparity), prepared.truth
     true_disparity = prepared.pair.camera.disparity(truth)
@@ -56,7 +58,7 @@ def own_numbers(prepared: Prepared, disparity: np.ndarray, block_matching: bool,
         depth, truth, disparity, true_disparity, everywhere["dod"]).items()}
     result |= {f"visible_{key}": value
                for key, value in _numbers(prepared, disparity, depth, prepared.visible).items()}
-    result |= reference_metrics(filled(disparity, options), truth, block_matching)
+    result |= reference_metrics(disparity, truth, bm_min_disparity)
     error = np.abs(np.where(prepared.visible, disparity - true_disparity, np.nan))
     return _json(result) | {
         "true_pixels": int(usable(truth).sum()), "error_curve": _list(error_curve(depth, truth)),

@@ -14,7 +14,7 @@ import numpy as np
 from ..files import write_atomically, write_json
 from . import check
 from .factors import scene_of, swept_settings
-from .matchers import check_options
+from .matchers import complete_options
 from .measure import NUMBERS, REGIONS
 from .methods import Method
 from .metrics import ERROR_STEPS_M, SHARES
@@ -48,14 +48,18 @@ def write_results(log: RowLog, names: Sequence[str], methods: Sequence[Method], 
     scenes: dict[str, int] = {}
     for pair in facts:
         table.scenes[places[pair["pair"]]] = scenes.setdefault(scene_of(pair["settings"]), len(scenes))
+    ran_on: dict[str, list[Any]] = {label: [] for label in labels}
     for k, name in enumerate(names):
         for label in labels:
-            table.add(k, log.read(name, label))
+            row = log.read(name, label)
+            table.add(k, row)
+            if row["facts"] and row["facts"] not in ran_on[label]:
+                ran_on[label].append(row["facts"])
     report = {"format": FORMAT, "version": VERSION,
               "summary": [summary(table, k, seed) for k in range(len(labels))],
               "differences": differences(table, seed), "rows": rows, "pairs": facts, "failed": failed,
               "suspect": suspect, "provenance": _provenance(
-                  methods, source, seed, len(np.unique(table.scenes[table.counts.any(axis=0)])))}
+                  methods, ran_on, source, seed, len(np.unique(table.scenes[table.counts.any(axis=0)])))}
     write_atomically(out / "results.csv", lambda part: _write_csv(part, rows))
     write_atomically(out / "report.json", lambda part: _write_report_json(part, report))
     chosen = choose_pairs(table, usable)
@@ -108,10 +112,12 @@ def _write_list(stream: TextIO, entries: Iterable[Row]) -> None:
     stream.write("\n ]")
 
 
-def _provenance(methods: Sequence[Method], source: Mapping[str, Any], seed: int, scenes: int) -> dict[str, Any]:
+def _provenance(methods: Sequence[Method], facts: Mapping[str, list[Any]], source: Mapping[str, Any], seed: int,
+                scenes: int) -> dict[str, Any]:
     return {"created": datetime.now(UTC).isoformat(timespec="seconds"), **source,
             "methods": [{"label": method.label, "name": method.name,
-                         "options": check_options(method.name, method.options)} for method in methods],
+                         "options": complete_options(method.name, method.options), "facts": facts[method.label]}
+                        for method in methods],
             "versions": check.versions(), "error_curve_steps_m": list(ERROR_STEPS_M),
             "sparsification_shares": list(SHARES),
             "averages": "mean over pairs, each pair counting alike; pooled_* over the pixels of all pairs",

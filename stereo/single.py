@@ -49,7 +49,7 @@ def measure_files(prediction: Path | None, disparity: Path | None, truth: Path, 
         totals = total_metrics(depth, true, pixels, true_pixels, result["dod"])
         result |= {f"total_{key}": value for key, value in totals.items()}
     if guiss:
-        result |= reference_metrics(given, true, False) if disparity is not None else depth_map_metrics(given, true)
+        result |= reference_metrics(given, true) if disparity is not None else depth_map_metrics(given, true)
     return result
 
 

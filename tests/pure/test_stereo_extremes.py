@@ -22,7 +22,7 @@ def prepared(tmp_path_factory):
 
 def numbers(prepared, disparity):
     common = np.isfinite(disparity) & (disparity > 0)
-    row = own_numbers(prepared, disparity, False, {}) | common_numbers(prepared, disparity, common)
+    row = own_numbers(prepared, disparity) | common_numbers(prepared, disparity, common)
     json.dumps(row, allow_nan=False)
     assert set(NUMBERS) - {"seconds"} <= set(row)
     return row
