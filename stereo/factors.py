@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -38,6 +38,7 @@ class Sweep:
     name: str  # topic.key
     title: str
     values: np.ndarray  # per pair, numbers or text; NaN or "" for pairs without facts
+    together: tuple[str, ...] = ()  # titles of other settings that split the pairs in the very same way
 
     @property
     def numeric(self) -> bool:
@@ -79,7 +80,17 @@ def swept_settings(facts: Iterable[Mapping[str, Any]], places: Mapping[str, int]
         for name in differing:
             columns[name][places[pair["pair"]]] = flat.get(name)
     sweeps = [Sweep(name, _title(name), _array(values)) for name, values in columns.items()]
-    return sorted(sweeps, key=lambda sweep: (len(np.unique(sweep.values.astype(str))), sweep.name))
+    return _joined(sorted(sweeps, key=lambda sweep: (len(np.unique(sweep.values.astype(str))), sweep.name)))
+
+
+def _joined(sweeps: list[Sweep]) -> list[Sweep]:
+    """One sweep for all that cannot be told apart, as the settings of two presets cannot."""
+    groups: dict[tuple[int, ...], list[Sweep]] = {}
+    for sweep in sweeps:
+        seen: dict[str, int] = {}
+        split = tuple(seen.setdefault(value, len(seen)) for value in sweep.values.astype(str).tolist())
+        groups.setdefault(split, []).append(sweep)
+    return [replace(first, together=tuple(sweep.title for sweep in others)) for first, *others in groups.values()]
 
 
 def effect(sweep: Sweep, table: Table, method: int, metric: str, seed: int) -> tuple[np.ndarray, np.ndarray]:
@@ -115,4 +126,4 @@ def _title(name: str) -> str:
     except KeyError:
         return name  # of another version of the settings
     unit = "" if setting.unit in ("", "1") or "(" in setting.label else f" ({setting.unit})"
-    return f"{setting.label}{unit}"
+    return f"{TOPICS[topic].label}: {setting.label}{unit}"

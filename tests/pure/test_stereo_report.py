@@ -158,6 +158,14 @@ def test_what_was_varied():
     assert swept_settings(many[:1], {"0": 0}) == []
 
 
+def test_settings_that_vary_together_are_one():
+    many = [facts(str(k), surface__albedo=(0.2, 0.8)[k % 2], terrain__roughness=(3.0, 1.0)[k % 2],
+                  rig__heading_deg=float(k // 2)) for k in range(8)]
+    sweeps = swept_settings(many, {str(k): k for k in range(8)})
+    assert [(sweep.name, len(sweep.together)) for sweep in sweeps] == [("surface.albedo", 1), ("rig.heading_deg", 0)]
+    assert sweeps[0].together == ("terrain.roughness",)
+
+
 def test_words_and_missing_facts_as_levels():
     sweep = Sweep("surface.kind", "Kind", np.array(["ice", "", "snow", "ice"]))
     assert sweep.levels()[0] == ["ice", "snow"]
