@@ -38,7 +38,7 @@ $(VENV)/.demo: pyproject.toml $(VENV)/bin/python
 	touch $@
 
 $(VENV)/.tests: pyproject.toml $(VENV)/.demo
-	PYTHONWARNINGS=ignore $(RUN) -m pip install --disable-pip-version-check -e ".[blender,evaluate,networks,develop]"
+	PYTHONWARNINGS=ignore $(RUN) -m pip install --disable-pip-version-check -e ".[blender,evaluate,networks,ephemeris,develop]"
 	touch $@
 
 clean:

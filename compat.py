@@ -5,6 +5,7 @@ Differences are found by feature, not by version number.
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import bpy
@@ -25,6 +26,12 @@ def ensure_nodes(data_block: Any) -> Any:
     if data_block.node_tree is None:
         data_block.use_nodes = True
     return data_block.node_tree
+
+
+def ensure_light_nodes(light: Any) -> Any:
+    """The node tree of a lamp, which does nothing until it is switched on."""
+    light.use_nodes = True
+    return light.node_tree
 
 
 def use_multilayer_exr(image_settings: Any) -> None:
@@ -49,6 +56,13 @@ def has_osl() -> bool:
     except ImportError:
         return False
     return bool(_cycles.with_osl)
+
+
+def compile_osl(source: Path, target: Path) -> bool:
+    """Compile a shader with Cycles' own compiler; the wheels from 4.5 on lack what Blender's Python uses for it."""
+    import _cycles
+
+    return bool(_cycles.osl_compile(str(source), str(target)))
 
 
 def has_oidn() -> bool:

@@ -3,9 +3,12 @@
 BEAUTY, TRUTH = "Beauty", "Truth"  # the view layers, and so the layers of each EXR
 NORMAL_AOV = "GeometricNormal"  # value pass: the facet's normal, without bump or smooth shading
 
+#: Light groups of the Beauty layer, each a pass ``Combined_<group>``, and the setting that weighs it.
+LIGHT_GROUPS = {"Sun": "sun_scale", "Planet": "planet_scale"}
+
 #: Values of the semantic channel (material index).
 SEMANTIC = {0: "sky", 1: "terrain", 2: "rock", 3: "lander", 4: "planet"}
-TERRAIN, ROCK, LANDER = 1, 2, 3
+TERRAIN, ROCK, LANDER, PLANET = 1, 2, 3, 4
 #: Labels of instances. Objects have theirs in the object-index pass, at most 32767 in Blender: the
 #: terrain, then a person's objects, each its own pass index or else the next free number. Blocks are
 #: instances, which have no object index; theirs are in a value pass that is 0 elsewhere, numbered from

@@ -153,8 +153,29 @@ TERRAIN = Topic("terrain", "Terrain", "Shape of the ground as a random surface w
              (0.0, 30.0)),
     _degrees("regional_slope_azimuth_deg", "Slope Falls Toward", 180.0, -360.0, 360.0,
              "Direction in which the patch as a whole falls, from north (+Y) over east (+X)", "geometry"),
+    _metres("body_radius_m", "Body Radius", 2.521e5, 1.0e4, 1.0e8, (1.0e5, 3.0e6),
+            "Mean radius of the moon, which sets where its horizon is: 252.1 km for Enceladus, 1560.8 km for Europa. "
+            "Ground on a uniform grid is not curved", "geometry"),
     Setting("layers", "Layers of Noise", [], "Fractal noise added to the ground, one table per layer", "geometry",
             entries=LAYER),
+))
+
+MESH = Topic("mesh", "Mesh", "How finely procedural ground is cut into triangles, and how far it goes", (
+    Setting("kind", "Mesh", "GRADED", "Where the vertices of procedural ground are", "geometry",
+            choices=(("GRADED", "As Fine as the Camera Needs",
+                      "Rings about the site, as fine at every distance as the images show, out to the horizon"),
+                     ("GRID", "Uniform Grid", "A square of Terrain Size with equal spacing, and nothing beyond"))),
+    Setting("error_px", "Largest Error", 1.0,
+            "Distance between the mesh and the described ground, in pixels as seen from the nearer eye, that 95 % of "
+            "the pixels keep to, whatever the heading", "geometry", "px", 1.0e-3, 100.0, (0.05, 5.0)),
+    Setting("edge_px", "Longest Edge", 8.0,
+            "Longest edge of a triangle on level ground as seen from the nearer eye, however smooth the ground; "
+            "what is finer does not shade the image", "geometry", "px", 0.1, 1000.0, (1.0, 20.0)),
+    _metres("farthest_m", "Farthest", 1.0e5, 1.0, 1.0e6, (10.0, 1.0e5),
+            "Distance at which the ground ends, if no horizon hides it before", "geometry"),
+    Setting("most", "Most", 2000000, "Upper bound on the number of vertices; where the largest error asks for more, "
+            "the mesh keeps to this and says what error it has", "geometry", "vertices", 1000, 100000000,
+            (10000, 10000000)),
 ))
 
 RIDGES = Topic("ridges", "Ridges", "Double ridges with a trough between, young ones over old ones", (
@@ -282,9 +303,22 @@ SOURCE = Topic("source", "Ground", "Where the ground comes from: made up, or a m
 ))
 
 SURFACE = Topic("surface", "Surface", "Snow or ice that the ground is made of", (
+    Setting("model", "Model", "PRINCIPLED", "Law by which the surface reflects light", "material",
+            choices=(("PRINCIPLED", "Snow (Principled)", "Subsurface scattering and gloss, as of terrestrial snow and "
+                      "ice. Costs 1.4 times Lambert, 7 with all light subsurface; has no opposition surge"),
+                     ("LAMBERT", "Lambert", "Equally bright from everywhere: the cheapest. Misses limb, opposition "
+                      "surge and all dependence on phase; up to 18 % off in the mean of a sunlit scene of ice"),
+                     ("LOMMEL_SEELIGER", "Lommel-Seeliger", "Single scattering of dark dust. Costs little more than "
+                      "Lambert; misses the light scattered many times, which is most of what ice returns"),
+                     ("LUNAR_LAMBERT", "Lunar-Lambert", "Lommel-Seeliger and Lambert mixed, as in mosaics of moons. "
+                      "Costs little more than Lambert; has no dependence on phase, so no opposition surge"),
+                     ("HAPKE", "Hapke", "Particulate ice with phase function, opposition surge and roughness, from "
+                      "the Hapke topic. Costs 1.2 times Lambert with OSL, 1.8 without; has no gloss"))),
     _fraction("albedo", "Albedo", 0.9,
               "Share of the light that clean, flat ice reflects, from all sides to all sides (in a white furnace)",
               "material"),
+    _fraction("lommel_seeliger_share", "Lommel-Seeliger Share", 0.7, "Of the lunar-Lambert law: 0 is Lambert's, "
+              "1 Lommel and Seeliger's; both have the same albedo", "material"),
     _fraction("albedo_variation", "Albedo Variation", 0.0,
               "Depth of the random dark patches as a fraction of the albedo", "material"),
     _metres("albedo_patch_m", "Albedo Patch", 0.5, 1.0e-4, 1.0e4, (0.01, 10.0),
@@ -350,6 +384,46 @@ TEXTURES = Topic("textures", "Textures", "Images on the ground and blocks, witho
 ROCK_SURFACE = Topic("rock_surface", "Rock Surface", "Snow or ice that blocks with a surface of their own are made of",
                      SURFACE.settings)
 
+HAPKE = Topic("hapke", "Hapke", "Parameters of Hapke's law, for every surface whose model it is", (
+    _fraction("w", "Single-Scattering Albedo", 0.964,
+              "Share of the light met by a grain that it scatters (w); clean ice is above 0.95", "material"),
+    Setting("b", "Lobe Width b", 0.429, "Asymmetry of both lobes of the phase function: 0 for even scattering, near 1 "
+            "for narrow lobes. Negative turns them round", "material", "1", -0.99, 0.99, (0.0, 0.9)),
+    Setting("c", "Lobe Share c", 0.113, "Balance of the lobes, Hapke's convention of 2012: 1 for all light back to the "
+            "source, -1 for all light onward. McGuire's and ISIS' c is (1 + c)/2", "material", "1", -1.0, 1.0),
+    Setting("b_s0", "Shadow-Hiding Amplitude", 0.5, "Height of the opposition surge from shadows that grains hide "
+            "(BS0); above 1 it stands for coherent backscatter too", "material", "1", 0.0, 3.0, (0.0, 1.0)),
+    Setting("h_s", "Shadow-Hiding Width", 0.0016, "Half-width parameter of that surge: it is halved where the "
+            "tangent of half the phase angle is this; 0 for no surge", "material", "1", 0.0, 10.0, (0.0, 0.1),
+            precision=5),
+    _fraction("b_c0", "Coherent Backscatter Amplitude", 0.0, "Height of the surge from interference of light that "
+              "takes one path both ways (BC0), as a share of all light", "material"),
+    Setting("h_c", "Coherent Backscatter Width", 0.0, "Half-width parameter of that surge, in the tangent of half the "
+            "phase angle; 0 for no surge", "material", "1", 0.0, 10.0, (0.0, 0.1), precision=5),
+    _degrees("theta_bar_deg", "Roughness", 10.0, 0.0, 60.0, "Mean slope angle of the relief that neither mesh nor "
+             "grain relief resolves; 0 makes the surface of nodes twice as cheap", "material", (0.0, 40.0)),
+    _fraction("filling_factor", "Filling Factor", 0.0, "Share of the volume that grains fill; 0 for the model of 1993 "
+              "without porosity. Grains cannot be packed closer than 0.7522", "material", high=0.75),
+    Setting("h_function", "H Function", "1981", "Approximation of multiple scattering; parameters belong to the one "
+            "that they were fitted with", "material",
+            choices=(("1981", "1981", "Up to 4 % off; all fits of the Voyager era"),
+                     ("1993", "1993", "Up to 0.8 % off"),
+                     ("2002", "2002", "Up to 1 % off; the one of eradiate and of the later book"))),
+    Setting("accuracy", "Accuracy", "FAST", "What is exact beside the light that comes straight from the Sun",
+            "material",
+            choices=(("FAST", "Fast", "Light from the ground is weighted as if it came from the Sun: 2 to 3 % dark in "
+                      "the mean, 10 % in shadows"),
+                     ("ACCURATE", "Accurate", "Light from the ground has the right albedo: 1 % dark in the mean, 8 % "
+                      "in shadows; surges are blurred by the Sun's disc exactly. Needs OSL and the CPU"),
+                     ("REFERENCE", "Reference", "The first interreflection has the law at both ends: within 0.1 % in "
+                      "the mean, 1 % in shadows. Between ice only: objects of your own get no sunlight back from it. "
+                      "Needs OSL and the CPU"))),
+    Setting("backend", "Made of", "AUTO", "How the law is put into Cycles", "material",
+            choices=(("AUTO", "Automatic", "OSL where it can be had, else nodes; says so if that lowers the accuracy"),
+                     ("OSL", "OSL", "Open Shading Language; refused where there is none and on the GPU"),
+                     ("NODES", "Nodes", "Works in every Blender on every device; fast accuracy only"))),
+))
+
 ROCKS = Topic("rocks", "Rocks", "Ice blocks lying on the ground", (
     Setting("law", "Size Law", "POWER", "How many blocks there are of each size", "geometry",
             choices=(("POWER", "Power Law", "N(>D) ~ D^-index, as fitted to block counts on Enceladus"),
@@ -397,17 +471,64 @@ ROCKS = Topic("rocks", "Rocks", "Ice blocks lying on the ground", (
             "Make the blocks of what Rock Surface describes, instead of what the ground is made of", "material"),
 ))
 
-LIGHT = Topic("light", "Light", "The Sun as the body's sky shows it", (
+LIGHT = Topic("light", "Light", "The Sun and the planet as the body's sky shows them; nothing else shines", (
+    Setting("directions_from", "Sky From", "ANGLES", "What says where Sun and planet stand, and so how bright they are",
+            "light", choices=(
+                ("ANGLES", "Angles", "The settings below"),
+                ("DATE", "Date", "Body, date and site; elements good to 0.25° from 2000 to 2060"),
+                ("KERNELS", "SPICE Kernels", "Body, date and site, exactly; needs kernels and SpiceyPy"))),
+    Setting("body", "Body", "ENCELADUS", "Moon that the site is on: ENCELADUS or EUROPA, with kernels any",
+            "light"),
+    Setting("parent", "Parent", "SATURN", "Planet that the moon goes around, as the kernels name it", "light"),
+    Setting("date_utc", "Date (UTC)", "2038-06-01T12:00:00", "Date and time of the scene, as 2038-06-01T12:00:00",
+            "light"),
+    _degrees("latitude_deg", "Latitude", -80.0, -90.0, 90.0,
+             "Planetocentric latitude of the site; also how high the poles of body and planet stand in the north",
+             "light"),
+    _degrees("longitude_deg", "Longitude", 0.0, -360.0, 360.0,
+             "East longitude of the site; the planet stands over 0", "light"),
+    Setting("kernels", "Kernels", "", "A meta-kernel, or a folder whose kernels are all loaded", "light",
+            subtype="FILE_PATH"),
     Setting("sun_irradiance_wm2", "Sun Irradiance (W/m²)", 14.82,
             "Solar irradiance on a surface facing the Sun, all wavelengths: 14.82 at Saturn, 50.26 at Jupiter "
             "(1361 W/m² / distance² in au)", "light", "W/m²", 0.0, 1.0e5, (0.0, 100.0)),
     _degrees("sun_angular_diameter_deg", "Sun Diameter", 0.0556, 0.0, 90.0,
              "Apparent diameter of the Sun's disc: 0.0556 at Saturn, 0.1024 at Jupiter; it sets the softness of "
              "shadows", "light", (0.0, 1.0), precision=4),
+    Setting("irradiance_band", "Irradiance Counts", "BOLOMETRIC",
+            "Which wavelengths the irradiance counts; the camera response takes its band out of it", "response",
+            choices=(("BOLOMETRIC", "All Wavelengths", "The solar constant scaled to the distance"),
+                     ("CAMERA", "Camera Band", "Only what the camera's band holds"))),
+    Setting("sun_scale", "Sun ×", 1.0, "Factor on the Sun's light when images are evaluated", "response", "1",
+            0.0, 1.0e6, (0.0, 10.0)),
+    Setting("planet_scale", "Planet ×", 1.0, "Factor on the planet's light when images are evaluated", "response", "1",
+            0.0, 1.0e6, (0.0, 10.0)),
+    Setting("sun_temperature_k", "Sun Temperature (K)", 5772.0,
+            "Colour temperature: sets the camera band's share and the balance of the bands R, G, B, which is even at "
+            "5772", "light", "K", 500.0, 50000.0, (3000.0, 10000.0), precision=0),
     _degrees("sun_elevation_deg", "Sun Elevation", 20.0, -90.0, 90.0,
              "Height of the Sun's centre above the local horizon; below 0 it is night", "light"),
     _degrees("sun_azimuth_deg", "Sun Azimuth", 60.0, -360.0, 360.0,
              "Direction of the Sun from north (+Y) over east (+X)", "light"),
+    Setting("planet", "Planet", False,
+            "The planet that the moon goes around stands in the sky, lit by the Sun, and shines on the ground",
+            "light"),
+    _degrees("planet_elevation_deg", "Planet Elevation", 10.0, -90.0, 90.0,
+             "Height of the planet's centre above the horizon; below minus half its diameter it gives nothing",
+             "light"),
+    _degrees("planet_azimuth_deg", "Planet Azimuth", 0.0, -360.0, 360.0,
+             "Direction of the planet from north (+Y) over east (+X)", "light"),
+    _degrees("planet_angular_diameter_deg", "Planet Diameter", 29.33, 0.0, 120.0,
+             "Apparent diameter of its equator: 29.33 for Saturn from Enceladus, 12.23 for Jupiter from Europa",
+             "light", (0.0, 40.0)),
+    _fraction("planet_flattening", "Planet Flattening", 0.0,
+              "1 - polar / equatorial radius: 0.098 for Saturn, 0.065 for Jupiter", "light", high=0.5),
+    _fraction("planet_albedo", "Planet Albedo", 0.499,
+              "Geometric albedo: brightness at full phase relative to a white disc of its size", "light", high=2.0),
+    Setting("planet_phase_law", "Planet Phase Law", "LAMBERT", "How its brightness falls with the phase", "light",
+            choices=(("LAMBERT", "Lambert", "A matt sphere"),
+                     ("SATURN", "Saturn", "Published curve of Saturn's globe (Mallama and Hilton 2018)"),
+                     ("JUPITER", "Jupiter", "Published curve of Jupiter (Mallama and Hilton 2018)"))),
 ))
 
 RIG = Topic("rig", "Stereo Camera", "Two identical parallel cameras; the left one is the reference", (
@@ -427,28 +548,86 @@ RIG = Topic("rig", "Stereo Camera", "Two identical parallel cameras; the left on
              "Angle of the optical axis below the horizontal", "camera"),
     _degrees("heading_deg", "Heading", 0.0, -360.0, 360.0,
              "Direction of the optical axis from north (+Y) over east (+X)", "camera"),
+    Setting("principal_x_px", "Principal Point Right", 0.0,
+            "Columns by which the optical axis is right of the middle of the image", "camera", "px", -8192.0, 8192.0,
+            (-50.0, 50.0)),
+    Setting("principal_y_px", "Principal Point Down", 0.0,
+            "Rows by which the optical axis is below the middle of the image", "camera", "px", -8192.0, 8192.0,
+            (-50.0, 50.0)),
+    *(Setting(f"distortion_{name}", f"Distortion {name}", 0.0, text, "response", "1", -10.0, 10.0, (-0.5, 0.5),
+              precision=5) for name, text in (
+        ("k1", "Radial distortion, r² term, of the model of Brown and Conrady as OpenCV has it; below 0 is a barrel"),
+        ("k2", "Radial distortion, r⁴ term"), ("p1", "Tangential distortion, vertical decentring"),
+        ("p2", "Tangential distortion, horizontal decentring"), ("k3", "Radial distortion, r⁶ term"))),
     _metres("x_m", "Site East", 0.0, -5.0e4, 5.0e4, (-10.0, 10.0), "East coordinate of the left camera", "camera"),
     _metres("y_m", "Site North", 0.0, -5.0e4, 5.0e4, (-10.0, 10.0), "North coordinate of the left camera",
             "camera"),
 ))
 
 SENSOR = Topic("sensor", "Camera Response",
-               "From radiance to grey values; applied when images are evaluated, never needs a new render", (
+               "From radiance to digital numbers (EMVA 1288); applied when images are evaluated, never needs a new "
+               "render", (
     Setting("auto_exposure", "Auto Exposure", True,
             "Choose one exposure for both eyes from the brightest part of the left image", "response"),
     _fraction("auto_percentile", "Auto Percentile", 0.99,
               "Share of the pixels that the exposure target is met or undercut by", "response"),
     _fraction("auto_target", "Auto Target", 0.8,
-              "Share of the full well that the percentile is exposed to", "response", low=0.01),
-    Setting("saturation_radiance", "Saturation Radiance", 5.0,
-            "Radiance in W/(m² sr) that fills the well when auto exposure is off", "response", "W/(m² sr)",
-            1.0e-6, 1.0e6, (0.01, 100.0)),
+              "Share of the capacity (full well over gain, if that is above 1) that the percentile is exposed to",
+              "response", low=0.01),
+    Setting("exposure_s", "Exposure (s)", 0.001, "Exposure time when auto exposure is off", "response", "s",
+            1.0e-7, 1.0e5, (1.0e-5, 1.0), precision=6),
+    Setting("brackets", "Exposures", 1, "Images of different exposure that are merged into one (HDR); 1 for none",
+            "response", "exposures", 1, 9),
+    Setting("bracket_stops", "Bracket Step", 2.0,
+            "Ratio of successive exposures as a power of two; the brackets lie evenly about the exposure", "response",
+            "stops", 0.1, 8.0, (0.5, 4.0)),
+    Setting("encoding", "8-bit Encoding", "LINEAR", "How matchers, which take 8 bits, are given more bits", "response",
+            choices=(("LINEAR", "Linear", "The top bits"),
+                     ("SQUARE_ROOT", "Square Root", "Equal steps of shot noise, as rovers send their images"))),
+    Setting("f_number", "f-Number", 8.0, "Focal length over the diameter of the aperture", "response", "1",
+            0.5, 256.0, (1.0, 32.0)),
+    _fraction("transmission", "Transmission", 0.9, "Share of the light that lens and filter pass on", "response"),
+    Setting("band_centre_nm", "Band Centre (nm)", 600.0, "Middle of the band of wavelengths that is detected",
+            "response", "nm", 100.0, 20000.0, (300.0, 1100.0), precision=0),
+    Setting("band_width_nm", "Band Width (nm)", 200.0, "Width of the band of wavelengths that is detected",
+            "response", "nm", 0.1, 20000.0, (5.0, 700.0), precision=0),
+    _fraction("quantum_efficiency", "Quantum Efficiency", 0.5, "Electrons per photon, mean over the band", "response"),
     Setting("full_well_e", "Full Well (e-)", 20000.0, "Electrons that a pixel holds before it saturates",
             "response", "e-", 1.0, 1.0e7, (1000.0, 1.0e5), precision=0),
+    Setting("gain", "Gain", 1.0, "Relative to the gain at which a full well is the converter's largest number",
+            "response", "1", 0.01, 1000.0, (0.5, 16.0)),
     Setting("read_noise_e", "Read Noise (e-)", 15.0, "Standard deviation of the noise of reading a pixel",
             "response", "e-", 0.0, 1.0e5, (0.0, 100.0), precision=1),
-    Setting("shot_noise", "Shot Noise", True, "Poisson noise of the photo-electrons", "response"),
+    Setting("shot_noise", "Shot Noise", True, "Poisson noise of photo-electrons and dark current", "response"),
+    Setting("dark_current_e_s", "Dark Current (e-/s)", 10.0, "Electrons per second without light at the reference "
+            "temperature", "response", "e-/s", 0.0, 1.0e7, (0.0, 1000.0)),
+    Setting("temperature_k", "Temperature (K)", 253.0, "Temperature of the sensor, which its dark current depends on",
+            "response", "K", 0.0, 500.0, (150.0, 330.0), precision=0),
+    Setting("dark_reference_k", "Dark Reference (K)", 293.0, "Temperature that the dark current is stated at",
+            "response", "K", 1.0, 500.0, (200.0, 330.0), precision=0),
+    Setting("dark_doubling_k", "Dark Doubling (K)", 8.0, "Rise of temperature that doubles the dark current",
+            "response", "K", 1.0, 50.0, (4.0, 12.0), precision=1),
+    _fraction("prnu", "PRNU", 0.0, "Photo-response non-uniformity: standard deviation of the pixels' sensitivity",
+              "response"),
+    Setting("dsnu_e", "DSNU (e-)", 0.0, "Dark-signal non-uniformity: standard deviation of the pixels' offsets",
+            "response", "e-", 0.0, 1.0e5, (0.0, 100.0), precision=1),
+    _fraction("blooming", "Blooming", 0.0, "Share of a full well's overflow that runs along the column; the rest is "
+              "drained", "response"),
+    _fraction("black_level", "Black Level", 0.0, "Number read without light, as a share of the converter's range",
+              "response", high=0.5),
     Setting("bits", "Bits", 8, "Bits of the analogue-digital converter", "response", "bits", 8, 16),
+    Setting("psf_sigma_px", "Point Spread (px)", 0.0, "Standard deviation of the lens's Gaussian point spread",
+            "response", "px", 0.0, 50.0, (0.0, 3.0), precision=2),
+    _fraction("veiling_glare", "Veiling Glare", 0.0, "Share of the image's light that is spread evenly over it "
+              "(ISO 9358)", "response"),
+    Setting("radiation_flux_cm2_s", "Particles (1/cm² s)", 0.0, "Charged particles per cm² of the sensor and second "
+            "that get through the shield", "response", "1/(cm² s)", 0.0, 1.0e12, (0.0, 1.0e6), precision=0),
+    Setting("radiation_depth_um", "Sensitive Depth (µm)", 10.0, "Depth of silicon that particles free electrons in",
+            "response", "µm", 0.1, 1000.0, (2.0, 50.0), precision=1),
+    Setting("radiation_e_per_um", "Ionisation (e-/µm)", 80.0, "Electrons that a particle frees per micrometre",
+            "response", "e-/µm", 0.0, 1.0e6, (50.0, 500.0), precision=0),
+    Setting("noise_seed", "Noise Seed", 0, "Another number draws other noise, with the same sensor", "response", "",
+            0, 2147483647, (0, 100)),
 ))
 
 QUALITY = Topic("quality", "Quality", "What a render may cost", (
@@ -481,8 +660,8 @@ DATASET = Topic("dataset", "Data Set", "Where pairs go and how they vary", (
 ))
 
 TOPICS: dict[str, Topic] = {t.key: t for t in (
-    SOURCE, TERRAIN, RIDGES, CRACKS, CHAOS, CRATERS, HOLLOWS, PENITENTES, MANTLE, SURFACE, TEXTURES, ROCKS,
-    ROCK_SURFACE, LIGHT, RIG, SENSOR, QUALITY, DATASET)}
+    SOURCE, TERRAIN, MESH, RIDGES, CRACKS, CHAOS, CRATERS, HOLLOWS, PENITENTES, MANTLE, SURFACE, HAPKE, TEXTURES,
+    ROCKS, ROCK_SURFACE, LIGHT, RIG, SENSOR, QUALITY, DATASET)}
 
 
 def all_settings() -> list[tuple[str, Setting]]:

@@ -19,7 +19,6 @@ import icymoon
 import numpy as np
 from icymoon import settings as description
 from icymoon.nodes.scene import build
-from icymoon.physics.sensor import digital_numbers, electrons, saturation_radiance
 from icymoon.render.plan import expand
 from icymoon.render.worker import render_pairs
 from icymoon.stereo.develop import grey
@@ -41,11 +40,9 @@ def picture(preset: str, folder: Path) -> np.ndarray:
     built = build(bpy.context.scene, settings)
     pair = render_pairs(built, expand(settings), folder, 1, 0.0, lambda *a, **k: None)[0]
     light = grey(read_view(pair / "left.exr").radiance)
-    sensor = {**settings["sensor"], "shot_noise": False, "read_noise_e": 0.0, "bits": 8}
-    full = saturation_radiance(light, sensor)
-    numbers = digital_numbers(electrons(light, full, sensor, np.random.default_rng(0)), sensor)
-    # The sensor is linear; a screen is not.
-    image = np.rint(255 * (numbers / 255) ** (1 / 2.2)).astype(np.uint8)
+    full = np.quantile(light, settings["sensor"]["auto_percentile"]) / settings["sensor"]["auto_target"]
+    # A sensor is linear; a screen is not.
+    image = np.rint(255 * np.clip(light / full, 0, 1) ** (1 / 2.2)).astype(np.uint8)
     label = np.zeros((LABEL_PX, image.shape[1]), np.uint8)
     roughness = built.collection["icymoon_roughness"].replace("°", " deg")
     cv2.putText(label, f"{preset.split('/')[1]}: {roughness}", (4, 13), cv2.FONT_HERSHEY_SIMPLEX, 0.4, 255, 1,

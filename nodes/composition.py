@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import statistics
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import bpy
@@ -31,9 +31,10 @@ def noise(tree: Tree, label: str, where: Any, wavelength_m: float, fourth: float
         "Lacunarity": 2.0, "Distortion": 0.0}, noise_dimensions="4D", noise_type="FBM", normalize=True).outputs[0]
 
 
-def mark_elevation(mesh: bpy.types.Mesh, surface: Mapping[str, Any]) -> None:
+def mark_elevation(mesh: bpy.types.Mesh, surface: Mapping[str, Any],
+                   drop_m: Callable[[np.ndarray, np.ndarray], np.ndarray] | None = None) -> None:
     """Give the vertices of a mesh their height above its mean plane in standard deviations, if ``surface``
-    settings ask for it; else take it from them."""
+    settings ask for it; else take it from them. ``drop_m`` says by how much round ground falls at coordinates."""
     there = mesh.attributes.get(ELEVATION)
     if surface["trough_dirt"] == 0.0:
         if there is not None:
@@ -42,6 +43,8 @@ def mark_elevation(mesh: bpy.types.Mesh, surface: Mapping[str, Any]) -> None:
     position = np.empty(3 * len(mesh.vertices), np.float32)
     mesh.attributes["position"].data.foreach_get("vector", position)
     x, y, z = position.reshape(-1, 3).T.astype(np.float64)
+    if drop_m is not None:
+        z = z + drop_m(x, y)
     plane = np.stack([x, y, np.ones_like(x)], axis=1)
     above = z - plane @ np.linalg.lstsq(plane, z, rcond=None)[0]
     deviation = float(above.std())
@@ -85,6 +88,11 @@ def brightness(tree: Tree, surface: Mapping[str, Any], geometry: Any, fourth: fl
     for k, factor in enumerate(factors):
         product = factor if k == 0 else tree.math("MULTIPLY", "Brightness", product, factor)
     return product
+
+
+def darkest(surface: Mapping[str, Any]) -> float:
+    """The least that ``brightness`` can be."""
+    return float(math.prod(1.0 - abs(surface[key]) for key in ("albedo_variation", "trough_dirt", "slope_dirt")))
 
 
 def stain(tree: Tree, surface: Mapping[str, Any], geometry: Any, fourth: float) -> Any:

@@ -65,7 +65,7 @@ def _geometry(data: Any) -> list[Any]:
         return [data.type, data.lens, data.sensor_width, data.sensor_fit, data.shift_x, data.shift_y,
                 data.dof.use_dof, data.stereo.interocular_distance, data.stereo.convergence_mode, data.stereo.pivot]
     if isinstance(data, bpy.types.SunLight):
-        return [data.energy, data.angle, tuple(data.color)]
+        return [data.energy, data.angle, tuple(data.color), *_tree(data.node_tree if data.use_nodes else None)]
     return [type(data).__name__]
 
 

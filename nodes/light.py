@@ -3,34 +3,35 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from typing import Any
 
 import bpy
+import numpy as np
 from mathutils import Vector
 
 from .. import compat
-from ..physics.directions import toward
+from ..physics.sky import Sky
 from .builder import Tree
 
 
-def build_sun(name: str, light: Mapping[str, Any]) -> bpy.types.Object:
-    """A Sun lamp from ``light`` settings: energy is the irradiance in W/m² on a facing surface."""
+def build_sun(name: str) -> bpy.types.Object:
+    """A Sun lamp, which ``place_sun`` is to make what it is."""
     lamp = bpy.data.lights.new(name, "SUN")
-    lamp.color = (1.0, 1.0, 1.0)
     compat.plain_light(lamp)
-    sun = bpy.data.objects.new(name, lamp)
-    place_sun(sun, light)
-    return sun
+    return bpy.data.objects.new(name, lamp)
 
 
-def place_sun(sun: bpy.types.Object, light: Mapping[str, Any]) -> None:
-    """Give an existing Sun the irradiance, disc and direction that ``light`` settings state."""
-    sun.data.energy = light["sun_irradiance_wm2"]
-    sun.data.angle = math.radians(light["sun_angular_diameter_deg"])
-    direction = toward(light["sun_azimuth_deg"], light["sun_elevation_deg"])
-    sun.rotation_euler = Vector(direction).to_track_quat("Z", "Y").to_euler()
-    sun.location = direction * 10.0  # where the symbol is drawn; a Sun lamp has no place
+def place_sun(sun: bpy.types.Object, sky: Sky, colour: np.ndarray) -> None:
+    """Give a Sun its direction, disc and irradiance in W/m² on a facing surface, of which ``colour`` is the share
+    in R, G, B.
+
+    A Sun that is down gives no light: the body hides it, of which the ground is only a patch. What the
+    planet covers of it gives none either.
+    """
+    sun.data.color = tuple(map(float, colour))
+    sun.data.energy = sky.sun_irradiance_wm2 * (1.0 - sky.eclipse) if sky.sun_is_up else 0.0
+    sun.data.angle = math.radians(sky.sun_diameter_deg)
+    sun.rotation_euler = Vector(sky.sun).to_track_quat("Z", "Y").to_euler()
+    sun.location = sky.sun * 10.0  # where the symbol is drawn; a Sun lamp has no place
 
 
 def build_sky(name: str) -> bpy.types.World:

@@ -17,7 +17,8 @@ from .textures import load_maps
 def advice(settings: Settings) -> list[str]:
     """What a person should know about the surfaces that the scene shows: sentences, none if all is well."""
     own = settings["rocks"]["coverage"] > 0 and settings["rocks"]["own_surface"]
-    told = [principled.advice(settings[topic]) for topic in (("surface", "rock_surface") if own else ("surface",))]
+    told = [principled.advice(settings[topic]) for topic in (("surface", "rock_surface") if own else ("surface",))
+            if settings[topic]["model"] == "PRINCIPLED"]
     return [sentence for sentence in told if sentence]
 
 
@@ -32,7 +33,7 @@ def _textured(settings: Settings) -> Textured | None:
 
 def _material(name: str, settings: Settings, topic: str, semantic: int) -> bpy.types.Material:
     made = build_material(f"{NAME} {name}", settings[topic], int(settings["dataset"]["seed"]), semantic,
-                          _textured(settings))
+                          _textured(settings), settings)
     made[TAG] = "material"
     return made
 

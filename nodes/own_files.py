@@ -32,6 +32,8 @@ def used_files(settings: Mapping[str, Mapping[str, Any]]) -> dict[str, Path]:
     if settings["textures"]["set"] == "OWN":
         named |= {f"textures.{s.key}": str(settings["textures"][s.key]) for s in TOPICS["textures"].settings
                   if s.subtype == "FILE_PATH" and settings["textures"][s.key]}
+    if settings["light"]["directions_from"] == "KERNELS":
+        named["light.kernels"] = str(settings["light"]["kernels"])
     return {name: absolute_path(text, name, saved) for name, text in named.items()}
 
 
@@ -50,11 +52,18 @@ def content(settings: Mapping[str, Mapping[str, Any]]) -> str:
     for name, path in used_files(settings).items():
         try:
             states = [(part, part.stat().st_size, part.stat().st_mtime_ns)
-                      for part in (meshfile.parts(path) if name == "source.file" else [path])]
+                      for part in _parts(name, path)]
             marks.append(name + "".join(_sha256(*state) for state in states))
         except OSError as error:
             raise IcyMoonError(f"{error.filename or path}: cannot be read ({error.strerror}); check {name}.") from None
     return hashlib.sha256("".join(marks).encode()).hexdigest() if marks else ""
+
+
+def _parts(name: str, path: Path) -> list[Path]:
+    """The files whose content counts: of a folder of kernels all."""
+    if name == "source.file":
+        return meshfile.parts(path)
+    return sorted(part for part in path.iterdir() if part.is_file()) if path.is_dir() else [path]
 
 
 @functools.lru_cache(maxsize=32)

@@ -16,6 +16,7 @@ import bpy
 import numpy as np
 
 from ..errors import IcyMoonError
+from ..physics.grading import OF_THE_RIG
 from ..physics.ground import Surface
 from ..physics.heightmap import HeightMap
 from ..physics.rocks import LEVEL_RANKS, Rocks, scatter
@@ -27,7 +28,7 @@ from .builder import take_values
 from .composition import mark_elevation
 from .fingerprint import TAG, instanced
 from .ground import is_own
-from .light import place_sun
+from .lights import change_lights, described_sky
 from .materials import ground_material, rock_material
 from .probe import heights_of
 from .rig import place_rig
@@ -90,8 +91,9 @@ def show(built: scenes.Built, settings: Settings, side: int) -> bool:
         if built.edited_parts("sun"):
             said.append(_EDITED.format("Sun"))
         else:
-            place_sun(built.sun, settings["light"])
-            built.remember(merged(built.settings, {"light": settings["light"]}), built.preview, "sun")
+            said += _show_lights(built, settings)
+    if merged(built.settings, built.preview) != before:
+        _show_sunlight(built)
     if settings["rig"] != before["rig"] or ground is not None:
         if built.edited_parts("camera"):
             said.append(_EDITED.format("camera"))
@@ -99,6 +101,14 @@ def show(built: scenes.Built, settings: Settings, side: int) -> bool:
             _show_rig(built, settings, ground)
     note(built, said)
     return ground is not None
+
+
+def _show_sunlight(built: scenes.Built) -> None:
+    """Make surfaces and lamp agree; what a person has edited of either stays an edit."""
+    parts = ("sun object", "terrain materials", "rock materials")
+    by_hand = built.edited_parts(*parts)
+    scenes.sun_shines(built.collection)
+    built.remember(built.settings, built.preview, *(part for part in parts if part not in by_hand))
 
 
 def _show_ground(built: scenes.Built, settings: Settings, side: int) -> Surface:
@@ -206,6 +216,20 @@ def _replace_material(old: bpy.types.Material, new: bpy.types.Material) -> None:
     scenes.free_names([new])
 
 
+def _show_lights(built: scenes.Built, settings: Settings) -> list[str]:
+    """Make the lights what ``settings`` say; what keeps that from being done, in sentences."""
+    try:
+        sky = described_sky(settings)
+    except IcyMoonError as error:  # no such date, or no kernels
+        return [str(error)]
+    old = change_lights(built.sun, built.collection, settings, sky)
+    scenes.remove(old)
+    for item in [item for item in built.collection.all_objects if item.get(TAG) in ("planet", "planetshine")]:
+        scenes.free_names([item, item.data, *(slot.material for slot in item.material_slots)])
+    built.remember(merged(built.settings, {"light": settings["light"]}), built.preview, "sun", "planet", "planetshine")
+    return []
+
+
 def _show_rig(built: scenes.Built, settings: Settings, ground: Surface | None) -> None:
     """Put the camera where ``settings`` say, on the ``ground`` if it has been made already.
 
@@ -214,6 +238,10 @@ def _show_rig(built: scenes.Built, settings: Settings, ground: Surface | None) -
     rig, preview = settings["rig"], {topic: values for topic, values in built.preview.items() if topic != "rig"}
     if not is_own(settings):
         site_m = scenes.site_ground_m(settings, ground or scenes.ground_of(settings))
+        if settings["mesh"]["kind"] == "GRADED":  # the mesh was made for the rig that it was built with
+            stood = {key: built.settings["rig"][key] for key in OF_THE_RIG if built.settings["rig"][key] != rig[key]}
+            preview |= {"rig": {key: rig[key] for key in stood}} if stood else {}
+            settings = merged(settings, {"rig": stood})
     else:
         site_m, stood = built.ground["site_m"], built.settings["rig"]
         if (rig["x_m"], rig["y_m"]) != (stood["x_m"], stood["y_m"]):

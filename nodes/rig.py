@@ -30,7 +30,9 @@ def place_rig(camera: bpy.types.Object, rig: Mapping[str, Any], ground_m: float)
     lens.lens = rig["focal_length_mm"]
     lens.sensor_fit = "HORIZONTAL"
     lens.sensor_width = rig["sensor_width_mm"]
-    lens.shift_x = lens.shift_y = 0.0
+    # Both in widths of the image, the shift of the frame and not of the axis, y up.
+    lens.shift_x = -rig["principal_x_px"] / rig["width_px"]
+    lens.shift_y = rig["principal_y_px"] / rig["width_px"]
     lens.dof.use_dof = False
     lens.clip_start, lens.clip_end = 1.0e-4, 1.0e6
     lens.stereo.convergence_mode = "PARALLEL"

@@ -13,9 +13,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import bpy
+import numpy as np
 
 from ..errors import IcyMoonError
 from ..labels import TERRAIN_INSTANCE
+from ..physics.graded import Graded
 from ..physics.ground import Surface
 from ..physics.rocks import scatter
 from ..physics.shapes import block_shapes
@@ -24,22 +26,25 @@ from ..physics.terrain import Terrain, advice
 from ..physics.terrain import terrain as make_terrain
 from ..properties import TOPICS
 from ..settings import Settings, merged
-from . import materials
+from . import materials, sunlight, sunlit
 from .composition import mark_elevation
 from .fingerprint import NAME, TAG, added_objects, edited, fingerprint, parts, updated
 from .ground import OwnGround, is_own, own_ground
-from .light import build_sky, build_sun
+from .light import build_sky
+from .lights import SKY, build_lights, described_sky
+from .lights import advice as light_advice
 from .materials import ground_material, rock_material
 from .own_files import content, used_files
 from .probe import heights_of
 from .rig import build_rig
 from .rocks import build_blocks, parts_of
-from .terrain import build_mesh, measured, shortest_wavelength_m
+from .terrain import as_meshed, build_mesh, grid_heights, measured, patch_heights, site_wavelength_m
 from .textures import remove_unused_images
 
 _SETTINGS, _FINGERPRINT, _PREVIOUS_WORLD, _PREVIOUS_CAMERA, _PREVIOUS_VIEW, _GROUND = (
     "icymoon_settings", "icymoon_fingerprint", "icymoon_previous_world", "icymoon_previous_camera",
     "icymoon_previous_view", "icymoon_ground")
+_PREVIOUS_OSL = "icymoon_previous_osl"
 _CONTENT = "icymoon_content"  # hash of the person's own files
 _ROUGHNESS = "icymoon_roughness"  # measured on the built ground
 PREVIEW = "icymoon_preview"  # settings that are shown otherwise than Build Scene would show them
@@ -69,8 +74,14 @@ class Built:
 
     @property
     def extra(self) -> str:
-        """What identifies the content that the settings do not: the person's own files, edits by hand."""
-        return self.content + (fingerprint(self.collection) if self.edited else "")
+        """What identifies the scene beside the settings: the person's own files, what stands in, edits by hand."""
+        edits = fingerprint(self.collection) if self.edited else ""
+        return self.content + sunlit.stand_in(self.settings) + edits
+
+    @property
+    def materials(self) -> list[bpy.types.Material]:
+        """The materials of the ground and the blocks."""
+        return sorted(_materials(_with_parts(list(self.collection.all_objects))[0]), key=lambda m: m.name)
 
     @property
     def block_count(self) -> int:
@@ -80,6 +91,17 @@ class Built:
     def edited_parts(self, *wanted: str) -> set[str]:
         """Which parts, of these parts and roles or of all, a person has changed since they were built."""
         return edited(self.collection, json.loads(self.collection[_FINGERPRINT]), *wanted)
+
+    @property
+    def sky(self) -> dict[str, Any]:
+        """Where the lights stand and how bright they are, see ``physics.sky.facts``."""
+        return dict(json.loads(self.sun.get(SKY, "{}")))
+
+    @property
+    def several_lights(self) -> bool:
+        """Whether there may be other light than the Sun's: the planet's, or that of what a person added."""
+        return (any(item.get(TAG) == "planet" for item in self.collection.all_objects)
+                or bool(added_objects(self.collection)))
 
     @property
     def edited(self) -> bool:
@@ -132,7 +154,16 @@ def ground_of(settings: Settings) -> Terrain:
 def site_ground_m(settings: Settings, ground: Surface) -> float:
     """Height in metres of the ground under the left camera, at the detail of the mesh; NaN beyond the ground."""
     rig = settings["rig"]
-    return float(ground.heights(rig["x_m"], rig["y_m"], shortest_wavelength_m(settings["terrain"])))
+    return float(ground.heights(rig["x_m"], rig["y_m"], site_wavelength_m(settings["terrain"], ground)))
+
+
+def measured_patch(built: Built) -> np.ndarray | None:
+    """Heights (n, n) in metres on a grid over the patch of procedural ground; None of other ground."""
+    if is_own(built.settings):
+        return None
+    if built.settings["mesh"]["kind"] == "GRADED":
+        return patch_heights(ground_of(built.settings))
+    return grid_heights(built.terrain.data, built.settings["terrain"])
 
 
 def _tagged(block: Any, role: str) -> Any:
@@ -148,7 +179,7 @@ def _site(settings: Settings, ground: Surface, own: OwnGround | None) -> tuple[f
         return own.nearest_height_m(rig["x_m"], rig["y_m"]), [
             "There is no ground under the camera; change rig.x_m or rig.y_m, or move the ground with source.origin_x_m "
             "and source.origin_y_m."]
-    if own is None and max(abs(rig["x_m"]), abs(rig["y_m"])) > size / 2:
+    if own is None and not isinstance(ground, Graded) and max(abs(rig["x_m"]), abs(rig["y_m"])) > size / 2:
         return height, [f"The camera stands outside the {size:g} m patch of ground; change rig.x_m, rig.y_m or "
                         "terrain.size_m."]
     return height, []
@@ -171,29 +202,32 @@ def _blocks(settings: Settings, terrain: bpy.types.Object, size_m: float) -> tup
 
 
 def _make(settings: Settings) -> tuple[list[bpy.types.Object], bpy.types.World, list[str], OwnGround | None]:
-    """All objects of the scene (terrain, sun, camera, then blocks), its sky, warnings, and the person's own ground."""
+    """All objects of the scene (terrain, Sun, camera, then others), its sky, warnings, and the person's own ground."""
     # What can be refused comes first: nothing has been made yet.
     if settings["rocks"]["coverage"] > 0:
         size_law(settings["rocks"])
+    hapke_warnings = sunlit.advice(settings)
+    sky = described_sky(settings)
     own = own_ground(settings, ground_of) if is_own(settings) else None
-    ground: Surface = own.surface if own else ground_of(settings)
+    ground: Surface = own.surface if own else as_meshed(ground_of(settings), settings)
     site_m, warnings = _site(settings, ground, own)
+    warnings += hapke_warnings
     if own is not None:
         warnings += own.warnings
         mesh = own.build_mesh(f"{NAME} Terrain")
     else:
-        warnings += advice(settings, shortest_wavelength_m(settings["terrain"]))
+        warnings += advice(settings, site_wavelength_m(settings["terrain"], ground))
+        warnings += ground.advice(settings) if isinstance(ground, Graded) else []
         mesh = build_mesh(f"{NAME} Terrain", settings["terrain"], ground)
-    mark_elevation(mesh, settings["surface"])
+    mark_elevation(mesh, settings["surface"], ground.drop_m if isinstance(ground, Graded) else None)
     warnings += materials.advice(settings)
     mesh.materials.append(ground_material(settings))
     terrain = _tagged(bpy.data.objects.new(f"{NAME} Terrain", mesh), "terrain")
     terrain.pass_index = TERRAIN_INSTANCE
-    sun = _tagged(build_sun(f"{NAME} Sun", settings["light"]), "sun")
+    lights = build_lights(settings, sky)
+    warnings += light_advice(sky)
     camera = _tagged(build_rig(f"{NAME} Camera", settings["rig"], site_m), "camera")
-    objects = [terrain, sun, camera]
-    if settings["light"]["sun_elevation_deg"] < 0 or settings["light"]["sun_irradiance_wm2"] == 0:
-        warnings.append("The Sun gives no light; raise light.sun_elevation_deg or light.sun_irradiance_wm2.")
+    objects = [terrain, lights[0], camera, *lights[1:]]
     if settings["rocks"]["coverage"] > 0:
         blocks, more = _blocks(settings, terrain, ground.size_m)
         objects.append(blocks)
@@ -219,6 +253,12 @@ def _remove_unused(meshes: Iterable[Any], others: Iterable[Any]) -> None:
         unused = [block for block in blocks if block is not None and block.users == 0]
         if unused:
             bpy.data.batch_remove(unused)
+
+
+def remove_leftovers() -> None:
+    """Remove built worlds and lamps' collections that are no longer used."""
+    _remove_unused([], [w for w in bpy.data.worlds if TAG in w])
+    _remove_unused([], [c for c in bpy.data.collections if c.get(TAG) == sunlight.SHARED])
 
 
 def remove(objects: list[bpy.types.Object]) -> None:
@@ -248,6 +288,24 @@ def _adopt_children(collection: bpy.types.Collection, old: list[bpy.types.Object
             item.matrix_parent_inverse = inverse
 
 
+def sun_shines(collection: bpy.types.Collection) -> None:
+    """Make surfaces, lamp and window agree, after any of them has changed: the surfaces know where the lamp is, it
+    lights only what does not trace it, and the scenes use Open Shading Language if a surface needs it."""
+    objects = [item for item in collection.all_objects if TAG in item]
+    lamp = next(item for item in objects if item[TAG] == "sun")
+    used = {item: _materials(_with_parts([item])[0]) for item in objects}
+    for item in _with_parts([item for item in objects if item[TAG] in ("terrain", "rock")])[0]:
+        item.lightgroup = lamp.lightgroup  # what it gives off itself is sunlight that it has traced
+    every = set().union(*used.values())
+    # As the lamp has it, in single precision, so that aiming again at render time changes nothing.
+    sunlight.aim(every, sunlight.Sun.from_lamp(lamp, lamp.matrix_basis))
+    sunlight.share_lamp(f"{NAME} Traced Sun", lamp, [item for item in objects if any(map(sunlight.traces, used[item]))])
+    remove_leftovers()
+    for scene in bpy.data.scenes:
+        if find_collection(scene) == collection:
+            scene.cycles.shading_system = bool(collection.get(_PREVIOUS_OSL, False)) or any(map(sunlight.is_osl, every))
+
+
 def build(scene: bpy.types.Scene, settings: Settings) -> Built:
     """Build, or build again, the scene that complete ``settings`` describe.
 
@@ -261,6 +319,8 @@ def build(scene: bpy.types.Scene, settings: Settings) -> Built:
     except MemoryError:
         if settings["source"]["kind"] == "MESH":
             raise IcyMoonError("There is not enough memory for the mesh; reduce it before importing it.") from None
+        if settings["mesh"]["kind"] == "GRADED" and not is_own(settings):
+            raise IcyMoonError("There is not enough memory for the mesh; lower mesh.most.") from None
         n = settings["terrain"]["resolution"]
         raise IcyMoonError(f"There is not enough memory for {n} x {n} vertices; lower terrain.resolution.") from None
     if collection is None:
@@ -269,6 +329,7 @@ def build(scene: bpy.types.Scene, settings: Settings) -> Built:
         collection[_PREVIOUS_WORLD], collection[_PREVIOUS_CAMERA] = scene.world, scene.camera
         collection[_PREVIOUS_VIEW] = [scene.view_settings.exposure, scene.render.resolution_x,
                                       scene.render.resolution_y]
+        collection[_PREVIOUS_OSL] = scene.cycles.shading_system
         first = True
     else:
         first = False
@@ -287,19 +348,21 @@ def build(scene: bpy.types.Scene, settings: Settings) -> Built:
         scene.camera = objects[2]
     if takes_world:
         scene.world = sky
-    _remove_unused([], [w for w in bpy.data.worlds if TAG in w])
+    remove_leftovers()
     made, others = _with_parts(objects)
     named = [*made, *(o.data for o in made), *others, *_materials(made)] + ([sky] if takes_world else [])
     free_names(named)
+    sun_shines(collection)
     collection[_SETTINGS] = json.dumps(merged(settings))
     collection[_GROUND] = json.dumps({"report": own.report, "site_m": _site(settings, own.surface, own)[0]}
                                      if own else {})
     collection[_CONTENT] = content(settings)
-    roughness = None if own else measured(objects[0].data, settings["terrain"])
+    built = Built(collection, objects[0], objects[1], objects[2], merged(settings), tuple(warnings))
+    roughness = measured(measured_patch(built), settings["terrain"])
     collection[_ROUGHNESS] = roughness.summary() if roughness else ""
     collection[_FINGERPRINT], collection[PREVIEW] = json.dumps(parts(collection)), "{}"
     collection[NOTES] = "[]"
-    return Built(collection, objects[0], objects[1], objects[2], merged(settings), tuple(warnings))
+    return built
 
 
 def clear(scene: bpy.types.Scene) -> bool:
@@ -314,6 +377,7 @@ def clear(scene: bpy.types.Scene) -> bool:
     previous_world, previous_camera = collection.get(_PREVIOUS_WORLD), collection.get(_PREVIOUS_CAMERA)
     ours = [item for item in collection.all_objects if TAG in item]
     scene.view_settings.exposure, *resolution = collection[_PREVIOUS_VIEW]
+    scene.cycles.shading_system = bool(collection.get(_PREVIOUS_OSL, False))
     scene.render.resolution_x, scene.render.resolution_y = (int(n) for n in resolution)
     if scene.camera in ours or scene.camera is None:
         scene.camera = previous_camera
@@ -326,8 +390,13 @@ def clear(scene: bpy.types.Scene) -> bool:
     for child in [c for c in collection.children_recursive if TAG in c]:
         bpy.data.collections.remove(child)
     bpy.data.collections.remove(collection)
-    _remove_unused([], [w for w in bpy.data.worlds if TAG in w])
+    remove_leftovers()
     return True
+
+
+def extra(settings: Settings) -> str:
+    """``Built.extra`` of the scene that settings would build."""
+    return content(settings) + sunlit.stand_in(settings)
 
 
 def changed_settings(built: Built, settings: Mapping[str, Mapping[str, Any]]) -> list[str]:

@@ -1,4 +1,4 @@
-"""Snow and ice as a Principled surface with procedural grain."""
+"""What ground and blocks are made of: snow and ice by the law of reflection that is chosen, with procedural grain."""
 
 from __future__ import annotations
 
@@ -11,9 +11,13 @@ import bpy
 from .. import compat
 from ..labels import NORMAL_AOV, TERRAIN
 from ..physics import principled
+from ..physics.hapke import from_settings
 from ..physics.seeds import generator
+from ..settings import Settings
+from . import sunlit
 from .builder import Tree
-from .composition import brightness, noise, stain
+from .composition import brightness, darkest, noise, stain
+from .sunlight import Sun
 from .textures import Map, Pieces
 
 WHITE = (1.0, 1.0, 1.0, 1.0)
@@ -77,10 +81,55 @@ def _fine_height(tree: Tree, surface: Mapping[str, Any], where: Any, fourth: flo
     return parts[0] if parts else None
 
 
+def _snow(tree: Tree, surface: Mapping[str, Any], base: Any, varied: Mapping[str, Any],
+          relief: Mapping[str, Any]) -> Any:
+    """Shader socket of the Principled surface; ``varied`` and ``relief`` hold sockets for some of its inputs."""
+    radius = surface["subsurface_radius_m"]
+    return tree.node("ShaderNodeBsdfPrincipled", "Snow", {
+        "Base Color": base, "Metallic": 0.0, "Roughness": varied.get("roughness", surface["roughness"]),
+        "IOR": surface["refractive_index"], "Alpha": 1.0, **relief,
+        "Subsurface Weight": surface["subsurface_weight"] if radius > 0.0 else 0.0,
+        "Subsurface Radius": (1.0, 1.0, 1.0), "Subsurface Scale": radius,
+        "Subsurface Anisotropy": 0.0,
+        "Specular IOR Level": surface["specular"], "Specular Tint": WHITE,
+        "Anisotropic": 0.0, "Anisotropic Rotation": 0.0,
+        "Transmission Weight": varied.get("transmission", surface["transmission"]),
+        "Coat Weight": 0.0, "Coat Roughness": 0.0, "Coat IOR": 1.5, "Coat Tint": WHITE,
+        "Sheen Weight": 0.0, "Sheen Roughness": 0.5, "Sheen Tint": WHITE,
+        "Emission Color": WHITE, "Emission Strength": 0.0,
+    }, if_present={"Weight": 0.0, "Diffuse Roughness": 0.0, "Thin Film Thickness": 0.0, "Thin Film IOR": 1.33,
+                   "Subsurface IOR": 1.4, "Thin Wall": False},
+        leave=["Coat Normal", "Tangent"] + ([] if relief else ["Normal"]), distribution="MULTI_GGX",
+        subsurface_method="RANDOM_WALK").outputs[0]
+
+
+def _by_law(material: bpy.types.Material, surface: Mapping[str, Any], settings: Settings | None,
+            ground: sunlit.Ground) -> dict[str, Any]:
+    """Shader sockets of the laws that are not Principled, by the renderer that they are for."""
+    if surface["model"] == "LAMBERT":
+        return {"ALL": sunlit.lambert(ground, surface["albedo"])}
+    if settings is None:
+        raise ValueError(f"{surface['model']} needs the scene's settings: it asks where the Sun is.")
+    sun = Sun.from_settings(settings["light"])
+    if surface["model"] != "HAPKE":
+        share = 1.0 if surface["model"] == "LOMMEL_SEELIGER" else surface["lommel_seeliger_share"]
+        return {"ALL": sunlit.lunar_lambert(ground, surface["albedo"], share, sun)}
+    use_osl, level, _ = sunlit.choose(settings["hapke"], settings["quality"]["device"])
+    grains = sunlit.Grains(from_settings(settings["hapke"]), darkest(surface))
+    # What shines because the Sun is traced to it is no lamp, and bump is not to be softened twice.
+    material.cycles.emission_sampling = "NONE"
+    material.cycles.use_bump_map_correction = False
+    if not use_osl:
+        return {"ALL": sunlit.hapke_of_nodes(ground, grains, sun)}
+    return {"CYCLES": sunlit.hapke_of_osl(ground, grains, sun, level),
+            "EEVEE": sunlit.hapke_of_nodes(ground, grains, sun)}
+
+
 def build_material(name: str, surface: Mapping[str, Any], seed: int, semantic: int,
-                   textured: Textured | None = None) -> bpy.types.Material:
+                   textured: Textured | None = None, settings: Settings | None = None) -> bpy.types.Material:
     """A material from ``surface`` settings whose reflectance in a white furnace is its albedo.
 
+    ``settings`` are all of the scene's; the laws that ask where the Sun is need them.
     Fine relief shades as bump, so that the true depth stays that of the mesh, or moves the mesh's vertices. The
     geometric normal goes to the value pass ``NORMAL_AOV``, because Cycles' own Normal pass contains the bump.
     ``semantic`` is the label that the material-index pass carries.
@@ -103,8 +152,7 @@ def build_material(name: str, surface: Mapping[str, Any], seed: int, semantic: i
         mean = max(sum(found["albedo"].mean) / 3, 1e-6)
         of_mean = pieces.vector("SCALE", "Albedo over Mean", pieces.sample("albedo", found["albedo"]), scale=1 / mean)
         colour = _product(tree, "Stained Map", of_mean, colour)
-    base = _base_colour(tree, surface, grey, colour)
-    leave, output_leave = ["Coat Normal", "Tangent"], ["Volume", "Thickness"]
+    output_leave = ["Volume", "Thickness"]
     relief: dict[str, Any] = {}
     displacement: dict[str, Any] = {}
     material.displacement_method = "BUMP"
@@ -113,32 +161,19 @@ def build_material(name: str, surface: Mapping[str, Any], seed: int, semantic: i
         relief["Normal"] = pieces.sample_normal(found["normal"])
     if height is not None and surface["relief"] == "BUMP":
         relief["Normal"] = bump_of(tree, height, 1.0, relief.get("Normal"))
-    if not relief:
-        leave.append("Normal")
     if height is not None and surface["relief"] == "DISPLACEMENT":
         material.displacement_method = "DISPLACEMENT"
         displacement["Displacement"] = tree.node("ShaderNodeDisplacement", "Moved", {
             "Height": height, "Midlevel": 0.0, "Scale": 1.0}, leave=("Normal",), space="OBJECT").outputs[0]
     else:
         output_leave.append("Displacement")
-    radius = surface["subsurface_radius_m"]
-    snow = tree.node("ShaderNodeBsdfPrincipled", "Snow", {
-        "Base Color": base, "Metallic": 0.0, "Roughness": varied.get("roughness", surface["roughness"]),
-        "IOR": surface["refractive_index"], "Alpha": 1.0, **relief,
-        "Subsurface Weight": surface["subsurface_weight"] if radius > 0.0 else 0.0,
-        "Subsurface Radius": (1.0, 1.0, 1.0), "Subsurface Scale": radius,
-        "Subsurface Anisotropy": 0.0,
-        "Specular IOR Level": surface["specular"], "Specular Tint": WHITE,
-        "Anisotropic": 0.0, "Anisotropic Rotation": 0.0,
-        "Transmission Weight": varied.get("transmission", surface["transmission"]),
-        "Coat Weight": 0.0, "Coat Roughness": 0.0, "Coat IOR": 1.5, "Coat Tint": WHITE,
-        "Sheen Weight": 0.0, "Sheen Roughness": 0.5, "Sheen Tint": WHITE,
-        "Emission Color": WHITE, "Emission Strength": 0.0,
-    }, if_present={"Weight": 0.0, "Diffuse Roughness": 0.0, "Thin Film Thickness": 0.0, "Thin Film IOR": 1.33,
-                   "Subsurface IOR": 1.4, "Thin Wall": False},
-        leave=leave, distribution="MULTI_GGX", subsurface_method="RANDOM_WALK")
-    tree.node("ShaderNodeOutputMaterial", "Surface", {"Surface": snow.outputs[0], **displacement},
-              leave=output_leave, target="ALL")
+    if surface["model"] == "PRINCIPLED":
+        shaders = {"ALL": _snow(tree, surface, _base_colour(tree, surface, grey, colour), varied, relief)}
+    else:
+        shaders = _by_law(material, surface, settings, sunlit.Ground(tree, relief.get("Normal"), grey, colour))
+    for target, shader in shaders.items():
+        tree.node("ShaderNodeOutputMaterial", "Surface in EEVEE" if target == "EEVEE" else "Surface",
+                  {"Surface": shader, **displacement}, leave=output_leave, target=target)
     tree.node("ShaderNodeOutputAOV", "Geometric Normal", {"Color": geometry.outputs["True Normal"], "Value": 0.0},
               aov_name=NORMAL_AOV)
     tree.arrange()

@@ -12,15 +12,18 @@ from ..errors import IcyMoonError
 from ..nodes import scene as scenes
 from ..nodes.ground import cost_warnings
 from ..nodes.points import clear_points
+from ..physics import surfaces
+from . import readouts
 
 _BRIGHTNESS = 0.5  # of sunlit ground in the view, before the view transform
 
 
 def _view(settings: description.Settings) -> tuple[int, int, float | None]:
     """The stereo camera's frame, and an exposure at which sunlit ground is not white; None if nothing is lit."""
-    rig, light = settings["rig"], settings["light"]
-    radiance = (light["sun_irradiance_wm2"] * max(math.sin(math.radians(light["sun_elevation_deg"])), 0.02)
-                * max(settings["surface"]["albedo"], 0.02) / math.pi)
+    rig = settings["rig"]
+    albedos = surfaces.albedos(settings["surface"], settings["hapke"])
+    radiance = (readouts.brightness_wm2(settings["light"])
+                * max(albedos.bond if albedos else settings["surface"]["albedo"], 0.02) / math.pi)
     exposure = max(-10.0, min(10.0, math.log2(_BRIGHTNESS / radiance))) if radiance > 0 else None
     return rig["width_px"], rig["height_px"], exposure
 

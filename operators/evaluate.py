@@ -9,11 +9,28 @@ import bpy
 from .. import settings as description
 from ..errors import IcyMoonError
 from ..preferences import evaluator_python
+from ..properties import all_settings
 from ..render.launch import python_command
 from ..render.queue import Message, Process, clean_environment
 from ..render.shoot import is_complete
 from . import jobs, results
 from .render import dataset_folder, planned_pairs
+
+
+def rendered_pairs(context: bpy.types.Context, settings: description.Settings) -> list[Path]:
+    """The pairs of the present settings that are there. Raises IcyMoonError if none is."""
+    dataset = dataset_folder(settings)
+    paths = [path for path in (p.folder(dataset) for p in planned_pairs(context.scene, settings)) if is_complete(path)]
+    if not paths:
+        raise IcyMoonError(f"The present settings have no rendered pair in {dataset}; press Render Stereo Pair first.")
+    return paths
+
+
+def response_arguments(settings: description.Settings) -> list[str]:
+    """The settings that need no new render as arguments of the evaluator."""
+    texts = [f"{topic}.{s.key}={settings[topic][s.key]}".replace("True", "true").replace("False", "false")
+             for topic, s in all_settings() if s.effect == "response"]
+    return [word for text in texts for word in ("--set", text)]
 
 
 class ICYMOON_OT_evaluate(jobs.JobOperator, bpy.types.Operator):
@@ -29,18 +46,9 @@ class ICYMOON_OT_evaluate(jobs.JobOperator, bpy.types.Operator):
     def _command(self, context: bpy.types.Context) -> list[str]:
         settings = description.from_group(context.scene.icymoon)
         dataset = dataset_folder(settings)
-        paths = [dataset]
-        if self.scope == "SCENE":
-            paths = [p.folder(dataset) for p in planned_pairs(context.scene, settings)]
-            paths = [path for path in paths if is_complete(path)]
-            if not paths:
-                raise IcyMoonError(f"The present settings have no rendered pair in {dataset}; "
-                                   "press Render Stereo Pair first.")
-        overrides = [f"sensor.{key}={value}".replace("True", "true").replace("False", "false")
-                     for key, value in settings["sensor"].items()]
+        paths = [dataset] if self.scope == "DATASET" else rendered_pairs(context, settings)
         return python_command(evaluator_python(), "stereo", "evaluate", *map(str, paths),
-                              "--methods", str(settings["dataset"]["methods"]),
-                              *(word for text in overrides for word in ("--set", text)),
+                              "--methods", str(settings["dataset"]["methods"]), *response_arguments(settings),
                               *(["--points"] if self.scope == "SCENE" else []),
                               "--out", str(self._out(dataset)), "--json-lines")
 

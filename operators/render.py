@@ -12,7 +12,7 @@ import bpy
 from .. import settings as description
 from ..errors import IcyMoonError
 from ..nodes import scene as scenes
-from ..nodes.own_files import content, with_absolute_files
+from ..nodes.own_files import with_absolute_files
 from ..render.launch import Job as JobFiles
 from ..render.launch import absolute_folder, blender_command
 from ..render.plan import PlannedPair, expand
@@ -53,7 +53,7 @@ def planned_pairs(scene: bpy.types.Scene, settings: description.Settings) -> lis
     built = scenes.find(scene)
     if built is not None and (built.edited or not scenes.changed_settings(built, settings)):
         return expand(settings, built.extra)
-    return expand(settings, content(settings))
+    return expand(settings, scenes.extra(settings))
 
 
 class ICYMOON_OT_render_pair(jobs.JobOperator, bpy.types.Operator):

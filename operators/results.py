@@ -85,14 +85,19 @@ def methods_with_points() -> list[str]:
 
 
 def show_error_image(context: bpy.types.Context, open_window: bool) -> bool:
-    """Load the error and depth images and show the first error in an Image Editor; False if there is no place.
+    """``show_images`` of the error images, with the depth images to choose from too."""
+    errors = error_images()
+    return show_images(context, [*errors, *depth_images()] if errors else [], open_window)
+
+
+def show_images(context: bpy.types.Context, paths: list[Path], open_window: bool) -> bool:
+    """Load images and show the first in an Image Editor; False if there is no place.
 
     Without an Image Editor on the screen, ``open_window`` opens a window with one.
     """
-    paths = error_images()
-    if not paths or bpy.app.background:
+    images = [bpy.data.images.load(str(path), check_existing=True) for path in paths]
+    if not images or bpy.app.background:
         return False
-    images = [bpy.data.images.load(str(path), check_existing=True) for path in (*paths, *depth_images())]
     for image in images:
         image.reload()
     areas = [a for w in context.window_manager.windows for a in w.screen.areas if a.type == "IMAGE_EDITOR"]

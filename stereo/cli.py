@@ -85,7 +85,7 @@ def _parser() -> argparse.ArgumentParser:
     command.add_argument("--option", action="append", default=[], metavar="METHOD.KEY=VALUE",
                          help="option for every use of a method, such as bm.window=21")
     command.add_argument("--set", action="append", default=[], metavar="sensor.KEY=VALUE",
-                         help="another camera response than the pairs were rendered for")
+                         help="another camera response than the pairs were rendered for, also light.sun_scale")
     command.add_argument("--out", required=True, type=Path, help="folder for the report")
     command.add_argument("--seed", type=int, default=0, help="of the confidence intervals (%(default)s)")
     command.add_argument("--guiss", action="store_true",
@@ -108,6 +108,17 @@ def _parser() -> argparse.ArgumentParser:
                          help="another camera response than the pairs were rendered for")
     command.add_argument("--out", required=True, type=Path, help="folder for the files")
     command.set_defaults(run=_export)
+
+    command = commands.add_parser("develop", help="expose rendered pairs again, without a new render, as PNG")
+    command.add_argument("path", type=Path, nargs="+", metavar="PAIR_OR_DATASET",
+                         help="pair folder, or data set of pairs; may be several")
+    command.add_argument("--preset", action="append", default=[], metavar="sensors/NAME",
+                         help="shipped camera response")
+    command.add_argument("--set", action="append", default=[], metavar="sensor.KEY=VALUE",
+                         help="one setting of the camera response, light.sun_scale or light.planet_scale; may repeat")
+    command.add_argument("--out", required=True, type=Path, help="folder for the images, a folder per pair in it")
+    command.add_argument("--json-lines", action="store_true", help="progress and result as JSON lines on stdout")
+    command.set_defaults(run=_develop)
     return parser
 
 
@@ -157,12 +168,12 @@ def _evaluate(parsed: argparse.Namespace) -> int:
     from .methods import parse_methods
 
     methods = parse_methods(parsed.methods, parsed.option)
-    sensor = _sensor(parsed.set)
+    response = _response([], parsed.set)
     if parsed.seed < 0:
         raise IcyMoonError(f"--seed is {parsed.seed}; give a whole number of 0 or more.")
     progress = nullcontext(_json_line) if parsed.json_lines else _progress_bar("Evaluating")
     with progress as on_event:
-        report = evaluate(parsed.path, methods, parsed.out, sensor, on_event, parsed.seed, parsed.guiss,
+        report = evaluate(parsed.path, methods, parsed.out, response, on_event, parsed.seed, parsed.guiss,
                           parsed.points)
     path = (parsed.out / "report.html").resolve()
     if parsed.json_lines:
@@ -173,16 +184,6 @@ def _evaluate(parsed: argparse.Namespace) -> int:
         raise IcyMoonError(f"{len(report['failed'])} of the evaluations failed, the first one: "
                            f"{report['failed'][0]['message']}")
     return 0
-
-
-def _sensor(overrides: Sequence[str]) -> dict[str, Any]:
-    from ..settings import merged, override
-
-    settings = merged(*(override(text) for text in overrides))
-    if set(settings) - {"sensor"}:
-        raise IcyMoonError(f"--set {sorted(set(settings) - {'sensor'})[0]} needs a new render; only sensor settings "
-                           "can be changed after it.")
-    return settings.get("sensor", {})
 
 
 def _truth(parsed: argparse.Namespace) -> int:
@@ -203,13 +204,42 @@ def _export(parsed: argparse.Namespace) -> int:
     check.require("numpy", "cv2", "OpenEXR", "rich")
     from .export import export
 
-    sensor = _sensor(parsed.set)
+    response = _response([], parsed.set)
     with _progress_bar("Exporting") as on_event:
-        failed = export(parsed.path, parsed.format, parsed.out, sensor, on_event)
+        failed = export(parsed.path, parsed.format, parsed.out, response, on_event)
     if failed:
         raise IcyMoonError(f"{len(failed)} of the pairs could not be exported, the first one: {failed[0]}")
     print(parsed.out.resolve())
     return 0
+
+
+def _develop(parsed: argparse.Namespace) -> int:
+    check.require("numpy", "cv2", "OpenEXR")
+    from .reexpose import reexpose
+
+    response = _response(parsed.preset, parsed.set)
+    progress = nullcontext(_json_line) if parsed.json_lines else _progress_bar("Developing")
+    with progress as on_event:
+        folders = reexpose(parsed.path, parsed.out, response, on_event)
+    if parsed.json_lines:
+        _json_line({"type": "result", "folders": [str(folder.resolve()) for folder in folders]})
+    else:
+        print(parsed.out.resolve())
+    return 0
+
+
+def _response(presets: Sequence[str], overrides: Sequence[str]) -> dict[str, dict[str, Any]]:
+    """Settings that need no new render, from presets and ``--set``. Raises IcyMoonError for others."""
+    from ..properties import TOPICS
+    from ..settings import load, merged, override, preset_path
+
+    settings = merged(*(load(preset_path(name)) for name in presets), *(override(text) for text in overrides))
+    for topic, values in settings.items():
+        for key in values:
+            if TOPICS[topic][key].effect != "response":
+                raise IcyMoonError(f"{topic}.{key} needs a new render; only settings of the sensor, light.sun_scale, "
+                                   "light.planet_scale, light.irradiance_band and rig.distortion_* can change here.")
+    return settings
 
 
 def _json_line(data: dict[str, Any]) -> None:

@@ -37,18 +37,18 @@ Event = Callable[[dict[str, Any]], None]
 MEASURE = 1
 
 
-def evaluate(paths: Sequence[Path], methods: Sequence[Method], out: Path, sensor: Mapping[str, Any] | None = None,
-             on_event: Event = lambda event: None, seed: int = 0, guiss: bool = False,
-             points: bool = False) -> dict[str, Any]:
+def evaluate(paths: Sequence[Path], methods: Sequence[Method], out: Path,
+             response: Mapping[str, Mapping[str, Any]] | None = None, on_event: Event = lambda event: None,
+             seed: int = 0, guiss: bool = False, points: bool = False) -> dict[str, Any]:
     """Evaluate pairs and all pairs of data sets; return what is in ``report.json``.
 
-    ``sensor`` overrides settings of the camera response; ``seed`` is that of the confidence intervals; ``guiss`` shows
-    the reference code's numbers in the HTML report, which are always in the rows; ``points`` writes the measured
-    surfaces too.
+    ``response`` overrides settings that need no new render; ``seed`` is that of the confidence intervals; ``guiss``
+    shows the reference code's numbers in the HTML report, which are always in the rows; ``points`` writes the
+    measured surfaces too.
     Written to ``out``: ``results.jsonl`` (a row as soon as it is known), then ``results.csv``, ``report.json``,
     ``summary.json`` (the same without rows and pairs) and ``report.html``; per pair, in ``pairs/<pair>/``,
     ``facts.json``, pictures, disparities and points. Rows of an earlier run with the same pair, method, options,
-    sensor and versions are kept and not made again.
+    response and versions are kept and not made again.
 
     ``on_event`` gets {"type": "progress", "fraction", "done", "total", "message"}, {"type": "error", "message"} per
     failure and {"type": "warning", "message"} per suspect pair. Raises IcyMoonError if there is no pair or ``out``
@@ -68,20 +68,20 @@ def evaluate(paths: Sequence[Path], methods: Sequence[Method], out: Path, sensor
       ``message``.
     """
     folders = distinct_pairs(paths)
-    run = _Run(methods, out, dict(sensor or {}), on_event, len(folders) * len(methods), points)
+    run = _Run(methods, out, dict(response or {}), on_event, len(folders) * len(methods), points)
     for folder in folders:
         run.pair(folder)
     run.log.compact((folder.name, method.label) for folder in folders for method in methods)
     return write_results(run.log, [folder.name for folder in folders], methods, out, run.failed, run.suspect,
-                         _source(paths, sensor or {}), seed, guiss)
+                         _source(paths, response or {}), seed, guiss)
 
 
 class _Run:
     """One run of ``evaluate``: where things go, and what has happened so far."""
 
-    def __init__(self, methods: Sequence[Method], out: Path, sensor: dict[str, Any], on_event: Event,
+    def __init__(self, methods: Sequence[Method], out: Path, response: dict[str, Any], on_event: Event,
                  total: int, points: bool) -> None:
-        self.methods, self.out, self.sensor, self.points = methods, out, sensor, points
+        self.methods, self.out, self.response, self.points = methods, out, response, points
         self.log = RowLog(out / "results.jsonl")
         self.failed: list[dict[str, Any]] = []
         self.suspect: list[dict[str, Any]] = []
@@ -91,13 +91,13 @@ class _Run:
     def pair(self, folder: Path) -> None:
         """All methods on one pair."""
         name = folder.name
-        content = _digest([_content(folder / "pair.json"), self.sensor, MEASURE, version()])
+        content = _digest([_content(folder / "pair.json"), self.response, MEASURE, version()])
         keys = {method.label: _digest([content, self._setups[method.label]]) for method in self.methods}
         rows = {label: row for label, key in keys.items() if (row := self._known(name, label, key))}
         facts = _facts(self.out, name, content)
         if facts is None or len(rows) < len(keys) or not all(self._finished(row, keys) for row in rows.values()):
             try:
-                prepared = prepare(folder, self.sensor)
+                prepared = prepare(folder, self.response)
             except IcyMoonError as error:
                 self._fail(str(error), pair=name)
                 for method in self.methods:
@@ -216,5 +216,7 @@ def _digest(data: Any) -> str:
     return hashlib.sha256(json.dumps(data, sort_keys=True).encode()).hexdigest()[:16]
 
 
-def _source(paths: Sequence[Path], sensor: Mapping[str, Any]) -> dict[str, Any]:
-    return {"source": ", ".join(str(path.resolve()) for path in paths), "sensor_overrides": dict(sensor)}
+def _source(paths: Sequence[Path], response: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
+    return {"source": ", ".join(str(path.resolve()) for path in paths),
+            "response_overrides": {f"{topic}.{key}": value for topic, values in response.items()
+                                   for key, value in values.items()}}

@@ -27,7 +27,7 @@ from ..errors import IcyMoonError
 from ..files import write_atomically, write_json, write_text
 from ..labels import LANDER, ROCK, SEMANTIC
 from ..render.pair import EYES
-from .develop import to_8_bit
+from .develop import exposure_facts, to_8_bit
 from .formats import KITTI_SCALE, MILLIMETRES, run_lengths, write_pfm, write_scaled
 from .images import write_bytes, write_png
 from .prepare import Loaded, distinct_pairs, load
@@ -38,23 +38,24 @@ THINGS = (ROCK, LANDER)
 _VISIBLE, _HIDDEN = 255, 128
 
 
-def export(paths: Sequence[Path], kind: str, out: Path, sensor: Mapping[str, Any] | None = None,
-           on_event: Event = lambda event: None) -> list[str]:
+def export(paths: Sequence[Path], kind: str, out: Path,
+           response: Mapping[str, Mapping[str, Any]] | None = None, on_event: Event = lambda event: None) -> list[str]:
     """Write all pairs at ``paths`` in the layout ``kind``, a key of FORMATS, to ``out``; return what failed.
 
-    ``sensor`` overrides settings of the camera response. A pair that cannot be used is told as an event {"type":
+    ``response`` overrides settings that need no new render. A pair that cannot be used is told as an event {"type":
     "error", "message"} and left out; one that fails its self-check as {"type": "warning", "message"}. Raises
     IcyMoonError if there is no pair or ``out`` cannot be written.
     """
     failed: list[str] = []
-    FORMATS[kind](_loaded(distinct_pairs(paths), sensor or {}, on_event, failed), out)
+    FORMATS[kind](_loaded(distinct_pairs(paths), response or {}, on_event, failed), out)
     return failed
 
 
-def _loaded(folders: Sequence[Path], sensor: Mapping[str, Any], on_event: Event, failed: list[str]) -> Iterator[Loaded]:
+def _loaded(folders: Sequence[Path], response: Mapping[str, Mapping[str, Any]], on_event: Event,
+            failed: list[str]) -> Iterator[Loaded]:
     for done, folder in enumerate(folders, 1):
         try:
-            pair = load(folder, sensor)
+            pair = load(folder, response)
         except IcyMoonError as error:
             failed.append(str(error))
             on_event({"type": "error", "message": str(error)})
@@ -76,13 +77,13 @@ def _image(pair: Loaded, eye: str) -> np.ndarray:
 
 
 def _write_8_bit(path: Path, pair: Loaded, eye: str) -> None:
-    write_png(path, to_8_bit(_image(pair, eye), pair.images.bits))
+    write_png(path, to_8_bit(_image(pair, eye), pair.images.bits, pair.images.encoding))
 
 
 def _calibration(pair: Loaded) -> dict[str, Any]:
     return {"pair": pair.pair.id, "camera": pair.pair.camera.to_json(),
             "poses_camera_to_world": pair.pair.data.get("poses_camera_to_world"), "sensor": pair.settings["sensor"],
-            "saturation_radiance": pair.images.saturation_radiance, "self_check": pair.check.to_json()}
+            **exposure_facts(pair.images), "self_check": pair.check.to_json()}
 
 
 def _png8(pairs: Iterator[Loaded], out: Path) -> None:
@@ -102,8 +103,7 @@ def _png16(pairs: Iterator[Loaded], out: Path) -> None:
         folder = out / pair.pair.folder.name
         labels = _instance_labels(pair)
         for eye in EYES:
-            numbers = _image(pair, eye) * (65535.0 / (2 ** pair.images.bits - 1))
-            write_png(folder / f"{eye}.png", np.rint(numbers).astype(np.uint16))
+            write_png(folder / f"{eye}.png", _16_bit(pair, eye))
             write_scaled(folder / f"disparity_{eye}.png", _disparity(pair, eye), KITTI_SCALE)
             write_scaled(folder / f"depth_{eye}.png", pair.depth[eye], MILLIMETRES)
             instance = pair.views[eye].instance
@@ -112,6 +112,13 @@ def _png16(pairs: Iterator[Loaded], out: Path) -> None:
         write_json(folder / "calibration.json", _calibration(pair) | {
             "disparity_steps_per_px": KITTI_SCALE, "depth_steps_per_m": MILLIMETRES,
             "instance_labels": {str(k): int(label) for k, label in enumerate(labels)}})
+
+
+def _16_bit(pair: Loaded, eye: str) -> np.ndarray:
+    """The same image as the 8-bit one, in finer steps."""
+    level = _image(pair, eye) / (2.0 ** pair.images.bits - 1)
+    level = np.sqrt(level) if pair.images.encoding == "SQUARE_ROOT" else level
+    return np.asarray(np.rint(65535 * level).astype(np.uint16))
 
 
 def _instance_labels(pair: Loaded) -> np.ndarray:

@@ -10,7 +10,8 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Iterator
+import tempfile
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager, redirect_stdout
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,8 +19,9 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import IcyMoonError
-from ..labels import BEAUTY, INSTANCE_AOV, NORMAL_AOV, TRUTH
+from ..labels import BEAUTY, INSTANCE_AOV, LIGHT_GROUPS, NORMAL_AOV, TRUTH
 from ..render.pair import EYES
+from .exr_parts import only_passes
 
 SKY_DEPTH_M = 1.0e10  # what Cycles writes where a ray hits nothing
 
@@ -27,10 +29,17 @@ _Channels = dict[tuple[str, str, str], np.ndarray]  # (layer, pass, component) -
 
 
 @dataclass(frozen=True)
-class View:
+class Light:
+    """What one eye's EXR holds of light: (H, W, 3) float32, linear, W/(m² sr) in the bands R, G, B."""
+
+    radiance: np.ndarray
+    groups: dict[str, np.ndarray]  # parts of it by the light they come from, see labels.LIGHT_GROUPS; may be empty
+
+
+@dataclass(frozen=True)
+class View(Light):
     """What one eye's EXR holds. Height H, width W; the truth is sampled at pixel centres."""
 
-    radiance: np.ndarray  # (H, W, 3) float32, linear, W/(m² sr) in the bands R, G, B
     depth: np.ndarray  # (H, W) float64, planar metres, NaN for sky
     normal: np.ndarray | None  # (H, W, 3) float32, world axes: of the facet, else the shading normal
     instance: np.ndarray | None  # (H, W) int32, see labels
@@ -45,20 +54,39 @@ def read_view(path: Path, eye: str | None = None) -> View:
     channels = _read_channels(path, eye)
     depth = _find(channels, TRUTH, "Depth", "Z", path).astype(np.float64)
     depth[~(depth < SKY_DEPTH_M) | (depth <= 0)] = np.nan
-    radiance = np.stack([_find(channels, BEAUTY, "Combined", band, path) for band in "RGB"], axis=-1)
-    return View(radiance.astype(np.float32, copy=False), depth, _normal(channels, path),
+    return View(*_light(channels, path), depth, _normal(channels, path),
                 _instances(channels), _labels(channels, ("Material Index", "IndexMA")))
 
 
-def _read_channels(path: Path, eye: str | None) -> _Channels:
+def read_light(path: Path, eye: str | None = None, groups: bool = True) -> Light:
+    """The light alone, with its ``groups`` or without, for a fraction of the cost of ``read_view`` where the file
+    has a part for each pass."""
+    passes = [f"{BEAUTY}.Combined", *(f"{BEAUTY}.Combined_{group}" for group in LIGHT_GROUPS if groups)]
+    radiance, found = _light(_read_channels(path, eye, passes), path)
+    return Light(radiance, found if groups else {})
+
+
+def _light(channels: _Channels, path: Path) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+    return _radiance(channels, "Combined", path), {
+        group: _radiance(channels, f"Combined_{group}", path) for group in LIGHT_GROUPS
+        if (BEAUTY, f"Combined_{group}", "R") in channels}
+
+
+def _radiance(channels: _Channels, pass_name: str, path: Path) -> np.ndarray:
+    bands = [_find(channels, BEAUTY, pass_name, band, path) for band in "RGB"]
+    return np.stack(bands, axis=-1).astype(np.float32, copy=False)
+
+
+def _read_channels(path: Path, eye: str | None, passes: Collection[str] = ()) -> _Channels:
+    """Channels of an eye, all or (where that saves something) those of ``passes`` (``LAYER.PASS``)."""
     import OpenEXR
 
     if not path.is_file():
         raise IcyMoonError(f"{path} is missing; render the pair again.")
     try:
-        with _silenced():
-            parts_announced = len(OpenEXR.File(str(path), separate_channels=True, header_only=True).parts)
-            parts = OpenEXR.File(str(path), separate_channels=True).parts
+        with _silenced(), _less(path, passes) as file:
+            parts_announced = len(OpenEXR.File(file, separate_channels=True, header_only=True).parts)
+            parts = OpenEXR.File(file, separate_channels=True).parts
     except Exception as error:  # the binding raises RuntimeError, ValueError and its own types alike
         raise IcyMoonError(f"{path} is not a readable EXR file ({error}); render the pair again.") from None
     # OpenEXR leaves a part that it cannot decode out of the list and says so only on stdout.
@@ -73,6 +101,19 @@ def _read_channels(path: Path, eye: str | None) -> _Channels:
                 continue
             channels[words[0], words[1], words[-1]] = channel.pixels
     return channels
+
+
+@contextmanager
+def _less(path: Path, passes: Collection[str]) -> Iterator[str]:
+    """Name of a file with what ``path`` holds of ``passes``, or of ``path`` itself."""
+    if not passes:
+        yield str(path)
+        return
+    # A file and not a stream, which older versions of the OpenEXR package do not read.
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / path.name
+        file.write_bytes(only_passes(path.read_bytes(), passes))
+        yield str(file)
 
 
 def _find(channels: _Channels, layer: str, pass_name: str, component: str, path: Path) -> np.ndarray:

@@ -95,6 +95,13 @@ def _is_whole(content: bytes) -> bool:
     return False
 
 
+def write_npy(path: Path, values: np.ndarray) -> None:
+    """Write an array as npy, atomically."""
+    stream = io.BytesIO()
+    np.save(stream, values, allow_pickle=False)
+    write_bytes(path, stream.getvalue())
+
+
 def write_disparity(path: Path, disparity: np.ndarray, arrays: Mapping[str, np.ndarray] | None = None,
                     **facts: float) -> None:
     """Write an npz with ``disparity`` (float32 px, NaN where invalid), named arrays and numbers, atomically."""

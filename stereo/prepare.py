@@ -14,7 +14,7 @@ from ..errors import IcyMoonError
 from ..render.pair import EYES, Pair, changed_files, pair_folders, read_pair
 from ..settings import Settings, defaults, merged
 from . import pictures
-from .develop import Images, develop, grey
+from .develop import Images, develop, exposure_facts, grey
 from .exr import View, read_view
 from .selfcheck import SelfCheck, self_check
 from .strata import classify, texture
@@ -66,15 +66,15 @@ def distinct_pairs(paths: Sequence[Path]) -> list[Path]:
     return list(found.values())
 
 
-def load(folder: Path, sensor: Mapping[str, Any]) -> Loaded:
-    """Check, read and develop one pair; ``sensor`` overrides settings of the camera response.
+def load(folder: Path, response: Mapping[str, Mapping[str, Any]]) -> Loaded:
+    """Check, read and develop one pair; ``response`` overrides settings that need no new render.
 
     Raises IcyMoonError, naming the file, if anything in the folder is not as it was rendered.
     """
-    pair, settings = _checked(folder)
+    pair, settings = checked(folder)
     views = {eye: _view(pair, eye) for eye in EYES}
-    settings = merged(settings, {"sensor": sensor})
-    images = develop(pair, views["left"], views["right"], settings["sensor"])
+    settings = merged(settings, response)
+    images = develop(pair, views["left"], views["right"], settings)
     depth = {eye: scene_depth(views[eye]) for eye in EYES}
     visible = {"left": visible_in_right(depth["left"], depth["right"], pair.camera),
                "right": visible_in_left(depth["left"], depth["right"], pair.camera)}
@@ -83,9 +83,9 @@ def load(folder: Path, sensor: Mapping[str, Any]) -> Loaded:
     return Loaded(pair, settings, views, images, depth, visible, check)
 
 
-def prepare(folder: Path, sensor: Mapping[str, Any]) -> Prepared:
+def prepare(folder: Path, response: Mapping[str, Mapping[str, Any]]) -> Prepared:
     """One pair for matchers and metrics; see ``load``."""
-    loaded = load(folder, sensor)
+    loaded = load(folder, response)
     view, truth, visible = loaded.views["left"], loaded.depth["left"], loaded.visible["left"]
     left, right = loaded.images.for_matchers()
     gradient = texture(left)
@@ -102,7 +102,8 @@ def none_for_nan(value: float) -> float | None:
     return value if math.isfinite(value) else None
 
 
-def _checked(folder: Path) -> tuple[Pair, Settings]:
+def checked(folder: Path) -> tuple[Pair, Settings]:
+    """A pair whose files are as they were rendered, and its complete settings. Raises IcyMoonError otherwise."""
     try:
         pair = read_pair(folder)
         changed = changed_files(pair)
@@ -139,7 +140,7 @@ def _facts(pair: Pair, settings: Settings, images: Images, truth: np.ndarray, vi
     some = bool(known.any())
     return {"pair": pair.folder.name, "width_px": pair.camera.width_px, "height_px": pair.camera.height_px,
             "focal_baseline_px_m": pair.camera.focal_baseline_px_m, "baseline_m": pair.camera.baseline_m,
-            "saturation_radiance": images.saturation_radiance, "saturated": images.saturated,
+            **exposure_facts(images),
             "true": float(known.mean()), "visible": float(visible.sum() / known.sum()) if some else None,
             "depth_m": [float(q) for q in np.quantile(truth[known], (0, 0.5, 1))] if some else None,
             "settings": settings, "rendered": {key: pair.data[key] for key in _REPEATED if key in pair.data}}

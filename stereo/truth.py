@@ -8,11 +8,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..labels import SEMANTIC
+from ..labels import PLANET
 from ..render.pair import StereoCamera
 from .exr import View
-
-_PLANET = next(value for value, name in SEMANTIC.items() if name == "planet")
 
 #: Disparity, px, by which a surface must be nearer to count as an occluder; see visible_in_right.
 OCCLUSION_STEP_PX = 0.5
@@ -25,7 +23,7 @@ def scene_depth(view: View) -> np.ndarray:
     """
     if view.semantic is None:
         return view.depth
-    return np.where(view.semantic == _PLANET, np.nan, view.depth)
+    return np.where(view.semantic == PLANET, np.nan, view.depth)
 
 
 def visible_in_right(left_depth: np.ndarray, right_depth: np.ndarray, camera: StereoCamera) -> np.ndarray:

@@ -64,19 +64,43 @@ def make(settings: Mapping[str, Any], random: np.random.Generator, size_m: float
     x, y, size, fresh = law(settings, random, size_m)
     depths, rims = (settings[k] * size * fresh for k in ("depth_ratio", "rim_ratio"))
     reach = _REACH * size / 2
+    # Beyond the patch its craters come again; the border is so wide that none reaches round onto the patch.
+    period = size_m + _REACH * float(settings["largest_m"])
 
     def heights(x_m: np.ndarray, y_m: np.ndarray, shortest_m: Any) -> np.ndarray:
         x_m, y_m, shortest_m = np.broadcast_arrays(x_m, y_m, shortest_m)
+        if max(np.abs(x_m).max(), np.abs(y_m).max()) > size_m / 2:
+            return beyond(x_m.ravel(), y_m.ravel(), shortest_m.ravel()).reshape(x_m.shape)
         total = np.zeros(x_m.shape)
         near = ((x + reach > x_m.min()) & (x - reach < x_m.max()) & (y + reach > y_m.min())
                 & (y - reach < y_m.max()) & (_CARRIED * size > shortest_m.min()))
         for k in np.flatnonzero(near):
             window = _window(x_m, y_m, x[k], y[k], reach[k])
             dx, dy = x_m[window] - x[k], y_m[window] - y[k]
-            r = np.sqrt(dx * dx + dy * dy) * (2.0 / size[k])
-            change = profile(r, depths[k], rims[k]) - total[window] * (1.0 - smooth((r - _WIPED) / (1.5 - _WIPED)))
-            total[window] += change * carried_share(_CARRIED * size[k], shortest_m[window])
+            total[window] += change(k, dx, dy, total[window], shortest_m[window])
         return total
+
+    def change(k: int, dx: np.ndarray, dy: np.ndarray, before: np.ndarray, shortest_m: np.ndarray) -> np.ndarray:
+        r = np.sqrt(dx * dx + dy * dy) * (2.0 / size[k])
+        made = profile(r, depths[k], rims[k]) - before * (1.0 - smooth((r - _WIPED) / (1.5 - _WIPED)))
+        return made * carried_share(_CARRIED * size[k], shortest_m)
+
+    def beyond(x_m: np.ndarray, y_m: np.ndarray, shortest_m: np.ndarray) -> np.ndarray:
+        u, v = (np.where(np.abs(a) > size_m / 2, (a + period / 2) % period - period / 2, a) for a in (x_m, y_m))
+        order = np.argsort(u, kind="stable")
+        u, v, shortest = u[order], v[order], shortest_m[order]
+        total = np.zeros(len(u))
+        for k in np.flatnonzero(_CARRIED * size > shortest.min()):
+            for shift in (-period, 0.0, period):
+                first, last = np.searchsorted(u, x[k] + shift + np.array([-reach[k], reach[k]]))
+                if first < last:
+                    dy = v[first:last] - y[k]
+                    dy = np.where(np.abs(dy) > period / 2, dy - np.copysign(period, dy), dy)
+                    near = np.flatnonzero(np.abs(dy) < reach[k]) + first
+                    total[near] += change(k, u[near] - (x[k] + shift), dy[near - first], total[near], shortest[near])
+        result = np.empty(len(u))
+        result[order] = total
+        return result
 
     return Landform(math.inf, heights)
 

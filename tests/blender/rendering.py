@@ -12,7 +12,7 @@ from icymoon.render.pair import Pair, read_pair
 from icymoon.render.plan import expand
 from icymoon.render.worker import render_pairs
 
-SMALL = {"terrain": {"resolution": 65}, "quality": {"samples": 2, "threads": 2},
+SMALL = {"terrain": {"resolution": 65}, "mesh": {"kind": "GRID"}, "quality": {"samples": 2, "threads": 2},
          "rig": {"width_px": 96, "height_px": 72}}
 
 

@@ -420,3 +420,17 @@ def test_a_failing_listener_does_not_hold_back_the_next_changes(scene, monkeypat
         fail()
     properties.announce(SimpleNamespace(), "camera")
     assert heard == [frozenset({"light"}), frozenset({"camera"})]
+
+
+def test_a_surface_that_knows_the_sun_follows_light_and_accuracy(watched):
+    for name, value, traced in (
+            ("surface.model", "HAPKE", False), ("light.sun_azimuth_deg", 10.0, False),
+            ("hapke.accuracy", "ACCURATE", True), ("hapke.w", 0.5, True), ("light.sun_elevation_deg", 50.0, True),
+            ("hapke.backend", "NODES", False), ("light.sun_angular_diameter_deg", 1.0, False),
+            ("surface.model", "LUNAR_LAMBERT", False), ("light.sun_azimuth_deg", 70.0, False)):
+        built = change(watched, name, value)
+        assert not built.edited
+        assert (built.sun.light_linking.receiver_collection is not None) == traced
+        shown = state(built)
+        assert shown == fresh(watched, current(watched)), name
+    assert not watched.cycles.shading_system

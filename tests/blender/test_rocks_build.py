@@ -83,12 +83,14 @@ def test_every_point_is_an_instance_with_the_pose_that_was_computed():
     assert np.array_equal(labels, FIRST_ROCK_INSTANCE + np.arange(len(found)))
 
 
-@pytest.mark.parametrize("terrain", [
-    {"rms_slope_deg": 5.0}, {"rms_slope_deg": 30.0, "resolution": 129}, {"rms_slope_deg": 55.0, "resolution": 33},
-    {"rms_slope_deg": 15.0, "regional_slope_deg": 35.0}], ids=["smooth", "rough", "steep and coarse", "slope"])
-def test_no_block_floats_over_the_mesh_that_is_rendered(terrain):
+@pytest.mark.parametrize(("terrain", "kind"), [
+    ({"rms_slope_deg": 5.0}, "GRID"), ({"rms_slope_deg": 30.0, "resolution": 129}, "GRID"),
+    ({"rms_slope_deg": 55.0, "resolution": 33}, "GRID"), ({"rms_slope_deg": 15.0, "regional_slope_deg": 35.0}, "GRID"),
+    ({"rms_slope_deg": 30.0}, "GRADED")], ids=["smooth", "rough", "steep and coarse", "slope", "graded"])
+def test_no_block_floats_over_the_mesh_that_is_rendered(terrain, kind):
     built = scenes.build(empty_scene(), complete(
-        {"terrain": terrain}, {"rocks": {"coverage": 0.05, "smallest_m": 0.1, "burial": 0.0, "tilt_deg": 25.0}}))
+        {"terrain": terrain, "mesh": {"kind": kind}},
+        {"rocks": {"coverage": 0.05, "smallest_m": 0.1, "burial": 0.0, "tilt_deg": 25.0}}))
     found = instances(built)
     assert len(found) > 300
     shapes = {mesh: corners(mesh) for mesh in {m for _, m in found}}

@@ -44,7 +44,7 @@ def test_the_mesh_has_the_heights_of_the_ground():
 def test_the_built_mesh_has_the_stated_roughness(hurst, multifractality):
     built = _built(LAW, {"terrain": {"hurst": hurst, "multifractality": multifractality}})
     terrain = built.settings["terrain"]
-    found = measured(built.terrain.data, terrain)
+    found = measured(scenes.measured_patch(built), terrain)
     assert found is not None
     spacing = vertex_spacing_m(terrain)
     inside = (found.lag_m >= 3 * spacing) & (found.lag_m <= 0.25 * 12.0)
@@ -58,7 +58,7 @@ def test_the_built_mesh_has_the_stated_roughness(hurst, multifractality):
 def test_what_the_panel_says_is_what_is_measured():
     empty = empty_scene()
     description.to_group(empty.icymoon, description.check(
-        {**LAW, "terrain": {**LAW["terrain"], "rms_slope_deg": 9.0}}, "test"))
+        {"mesh": {"kind": "GRID"}, "terrain": {**LAW["terrain"], "rms_slope_deg": 9.0}}, "test"))
     assert not bpy.ops.icymoon.show_roughness.poll()
     assert bpy.ops.icymoon.build_scene() == {"FINISHED"}
     built = scenes.find(bpy.context.scene)
@@ -81,7 +81,7 @@ def test_what_the_panel_says_is_what_is_measured():
 def test_the_table_of_roughness():
     built = _built(LAW)
     terrain = built.settings["terrain"]
-    head, *rows = roughness_table(built.terrain.data, terrain)
+    head, *rows = roughness_table(scenes.measured_patch(built), terrain)
     assert head == ("Distance", "RMS deviation", "Asked for", "Ratio", "PSD")
     heights = grid_heights(built.terrain.data, terrain)
     assert heights is not None
@@ -110,11 +110,11 @@ def test_the_table_of_roughness():
 def test_no_roughness_is_shown_of_a_mesh_that_is_not_the_grid():
     built = _built(LAW)
     built.terrain.data = bpy.data.meshes.new("other")
-    assert measured(built.terrain.data, built.settings["terrain"]) is None
-    assert roughness_table(built.terrain.data, built.settings["terrain"]) == []
+    assert measured(scenes.measured_patch(built), built.settings["terrain"]) is None
+    assert roughness_table(scenes.measured_patch(built), built.settings["terrain"]) == []
     flat = _built({"terrain": {"rms_slope_deg": 0.0}})
     assert scenes.measured_roughness(bpy.context.scene).startswith("0.0°")
-    assert roughness_table(flat.terrain.data, flat.settings["terrain"])[1][2:4] == ("", "")
+    assert roughness_table(scenes.measured_patch(flat), flat.settings["terrain"])[1][2:4] == ("", "")
 
 
 def test_layers_are_added_moved_and_removed(scene):

@@ -30,10 +30,11 @@ def plane_depth(pair) -> np.ndarray:
     return np.repeat(depth[:, None], camera.width_px, axis=1)
 
 
-@pytest.mark.parametrize("pitch", [45.84, 90.0, 36.0])
-def test_depth_of_a_plane_is_exact_in_both_eyes(tmp_path, pitch):
+@pytest.mark.parametrize(("pitch", "right_px", "down_px"), [(45.84, 0.0, 0.0), (90.0, 12.5, -7.25), (36.0, 0.0, -20.0)])
+def test_depth_of_a_plane_is_exact_in_both_eyes(tmp_path, pitch, right_px, down_px):
     pair, _ = render(tmp_path, {"terrain": {**FLAT, "size_m": 200.0, "resolution": 201}, "surface": PLAIN,
-                                "rig": {"pitch_deg": pitch, "width_px": 160, "height_px": 120}})
+                                "rig": {"pitch_deg": pitch, "width_px": 160, "height_px": 120,
+                                        "principal_x_px": right_px, "principal_y_px": down_px}})
     expected = plane_depth(pair)
     seen = expected < 60
     assert seen.mean() > 0.9
@@ -121,7 +122,8 @@ def test_the_geometric_normal_ignores_bump(tmp_path):
 
 
 def test_poses_and_checksums_describe_the_images(tmp_path):
-    pair, built = render(tmp_path, {"rig": {"heading_deg": 30.0, "x_m": 1.0, "y_m": -2.0}})
+    pair, built = render(tmp_path, {"rig": {"heading_deg": 30.0, "x_m": 1.0, "y_m": -2.0, "principal_x_px": 9.5,
+                                            "principal_y_px": -4.0}})
     assert changed_files(pair) == []
     left, right = (np.array(pair.data["poses_camera_to_world"][eye]) for eye in ("left", "right"))
     assert np.allclose(left[:3, :3] @ left[:3, :3].T, np.eye(3), atol=1e-6)

@@ -39,4 +39,4 @@ def multiply(pair: Path, methods: Sequence[Method], count: int, out: Path, repor
                 stream.write(json.dumps(row | varied | {"pair": name, "status": status, "key": f"{k}.{m}"}) + "\n")
     if report:
         write_results(RowLog(out / "results.jsonl"), names, methods, out, [], [],
-                      {"source": "made up", "sensor_overrides": {}}, 0, False)
+                      {"source": "made up", "response_overrides": {}}, 0, False)

@@ -58,16 +58,18 @@ def view(scene: Scene, rig: StereoCamera, eye: str) -> tuple[np.ndarray, np.ndar
 
 
 def write_pair(folder: Path, scene: Scene | None = None, rig: StereoCamera | None = None, layout: str = "5.x",
-               noise: float = 0.0, settings: dict[str, dict[str, Any]] | None = None) -> Path:
+               noise: float = 0.0, settings: dict[str, dict[str, Any]] | None = None,
+               planet_share: float | None = None) -> Path:
     """Write a complete pair folder. ``layout`` '4.x' is one part per file, '4.x view' the same with the
-    view's name in the channels, '5.x' one part per pass. ``noise`` is relative and independent per eye."""
+    view's name in the channels, '5.x' one part per pass. ``noise`` is relative and independent per eye.
+    With ``planet_share`` the light is in two groups, that share of it the planet's."""
     scene, rig = scene or Scene(), rig or camera()
     folder.mkdir(parents=True)
     random = np.random.default_rng(int(hashlib.sha256(folder.name.encode()).hexdigest()[:8], 16))
     for eye in ("left", "right"):
         depth, light, instance = view(scene, rig, eye)
         light = light * (1 + noise * random.standard_normal(light.shape))
-        write_exr(folder / f"{eye}.exr", depth, light, instance, layout, eye)
+        write_exr(folder / f"{eye}.exr", depth, light, instance, layout, eye, planet_share)
     data = {"format": FORMAT, "version": VERSION, "id": folder.name, "camera": rig.to_json(),
             "settings": settings or defaults(),
             "files": {f"{eye}.exr": {"sha256": hashlib.sha256((folder / f"{eye}.exr").read_bytes()).hexdigest()}
@@ -76,7 +78,8 @@ def write_pair(folder: Path, scene: Scene | None = None, rig: StereoCamera | Non
     return folder
 
 
-def write_exr(path: Path, depth: np.ndarray, light: np.ndarray, instance: np.ndarray, layout: str, eye: str) -> None:
+def write_exr(path: Path, depth: np.ndarray, light: np.ndarray, instance: np.ndarray, layout: str, eye: str,
+              planet_share: float | None = None) -> None:
     """One eye's file; ``depth`` has NaN for sky."""
     def single(values: np.ndarray) -> np.ndarray:
         return np.ascontiguousarray(values, np.float32)
@@ -88,6 +91,9 @@ def write_exr(path: Path, depth: np.ndarray, light: np.ndarray, instance: np.nda
               ("Truth", "Normal"): {"X": single(depth * 0), "Y": single(depth * 0), "Z": single(depth * 0 + 1)},
               ("Truth", ids[0]): {"X": single(instance)},
               ("Truth", ids[1]): {"X": single(semantic)}}
+    if planet_share is not None:
+        for group, share in (("Sun", 1 - planet_share), ("Planet", planet_share)):
+            passes["Beauty", f"Combined_{group}"] = {band: single(share * light) for band in "RGB"}
     header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
     word = f".{eye}" if layout == "4.x view" else ""
     if layout.startswith("4"):

@@ -1,91 +1,208 @@
-"""The camera's sensor against theory: exposure, Poisson and read noise, saturation, reproducibility."""
+"""The camera's sensor against theory: EMVA 1288's chain, exposure, saturation, reproducibility."""
 
 import numpy as np
 import pytest
-from icymoon.physics.sensor import digital_numbers, electrons, noise_generator, saturation_radiance
+from icymoon.physics.photons import electron_rate
+from icymoon.physics.sensor import (
+    LONGEST_S,
+    SHORTEST_S,
+    bloomed,
+    capacity_e,
+    dark_current_e_s,
+    digital_numbers,
+    electrons,
+    exposure_s,
+    fixed_pattern,
+    gain_dn_per_e,
+    noise_generator,
+)
+from icymoon.properties import SENSOR
 from icymoon.settings import defaults
 
 pytestmark = pytest.mark.filterwarnings("error")
 
 N = 200_000
+QUIET = {"shot_noise": False, "read_noise_e": 0.0, "dark_current_e_s": 0.0}
 
 
 def sensor(**changes):
-    return defaults()["sensor"] | changes
+    return defaults()["sensor"] | {"dark_current_e_s": 0.0} | changes
 
 
 def random():
     return noise_generator(1, "pair", "left")
 
 
-@pytest.mark.parametrize("level", [0.002, 0.05, 0.4])
-def test_noise_has_the_mean_and_variance_of_poisson_plus_read_noise(level):
-    settings = sensor(full_well_e=20000.0, read_noise_e=15.0)
-    charge = electrons(np.full(N, level), 1.0, settings, random())
-    mean, variance = level * 20000, level * 20000 + 15.0**2
+def exposed(charge, settings, seconds=1.0, **more):
+    """Electrons where light at 1 e-/s per unit frees a mean of ``charge``."""
+    return electrons(np.asarray(charge, float) / seconds, seconds, 1.0, settings, random(), **more)
+
+
+@pytest.mark.parametrize("mean", [40.0, 1000.0, 8000.0])
+def test_noise_has_the_mean_and_variance_of_poisson_plus_read_noise(mean):
+    charge = exposed(np.full(N, mean), sensor(full_well_e=20000.0, read_noise_e=15.0))
+    variance = mean + 15.0**2
     assert abs(charge.mean() - mean) < 5 * np.sqrt(variance / N)
     # The variance of the sample variance of near-Gaussian numbers is 2 σ⁴ / N.
     assert abs(charge.var() - variance) < 5 * variance * np.sqrt(2 / N)
 
 
+def test_photon_transfer_curve_gives_gain_read_noise_and_full_well_back():
+    settings = sensor(bits=16, black_level=0.01, full_well_e=15000.0, read_noise_e=6.0, gain=1.0)
+    levels, mean, variance = np.linspace(0, 20000, 60), [], []
+    generator = random()
+    for level in levels:
+        # EMVA 1288 measures temporal noise as half the variance of the difference of two images.
+        one, two = (digital_numbers(electrons(np.full(N, level), 1.0, 1.0, settings, generator), settings).astype(float)
+                    for _ in "12")
+        mean.append((one.mean() + two.mean()) / 2)
+        variance.append((one - two).var() / 2)
+    mean, variance = np.array(mean), np.array(variance)
+    signal = mean - mean[0]
+    linear = signal < 0.7 * signal.max()
+    # Weighted by what a sample variance is uncertain by, 40 levels of 2e5 pixels give the slope to 0.1 %.
+    gain, _ = np.polyfit(signal[linear], variance[linear], 1, w=1 / variance[linear])
+    read_noise = np.sqrt(variance[0] - 1 / 12) / gain  # without the converter's rounding
+    saturation = levels[variance.argmax()]
+    full_well = (mean.max() - mean[0]) / gain
+    assert gain == pytest.approx(gain_dn_per_e(settings), rel=0.01)
+    assert read_noise == pytest.approx(6.0, rel=0.01)
+    assert full_well == pytest.approx(15000.0, rel=0.01)
+    # The variance falls once shot noise is cut off, within three of its deviations below the full well.
+    assert 15000 - 3 * np.sqrt(15000) - 340 < saturation <= 15000
+
+
 def test_without_noise_the_response_is_linear_and_exact():
-    quiet = sensor(shot_noise=False, read_noise_e=0.0)
     light = np.array([0.0, 0.1, 0.5, 1.0])
-    np.testing.assert_allclose(electrons(light, 2.0, quiet, random()), light / 2 * quiet["full_well_e"])
+    np.testing.assert_allclose(electrons(light, 0.5, 4e4, sensor(**QUIET), random()), light * 20000)
 
 
 def test_a_full_well_stays_full_however_much_light_there_is():
-    charge = electrons(np.array([1.0, 7.0, 1e30, np.inf]), 1.0, sensor(shot_noise=False, read_noise_e=0.0), random())
+    charge = exposed([20000.0, 1e6, 1e30, np.inf], sensor(**QUIET))
     assert (charge == 20000.0).all()
-    flooded = electrons(np.full(N, 50.0), 1.0, sensor(), random())
+    flooded = exposed(np.full(N, 1e6), sensor())
     assert abs(flooded.mean() - 20000) < 1
     assert abs(flooded.std() - 15) < 0.2  # read noise only
 
 
 def test_defective_radiance_is_dark():
-    assert (electrons(np.array([np.nan, -1.0]), 1.0, sensor(read_noise_e=0.0), random()) == 0).all()
+    assert (exposed([np.nan, -1.0], sensor(read_noise_e=0.0)) == 0).all()
+
+
+def test_dark_current_doubles_with_temperature_and_has_shot_noise():
+    settings = sensor(dark_current_e_s=100.0, temperature_k=301.0, dark_reference_k=293.0, dark_doubling_k=8.0,
+                      read_noise_e=0.0)
+    assert dark_current_e_s(settings) == pytest.approx(200.0)
+    charge = exposed(np.zeros(N), settings, seconds=10.0)
+    assert abs(charge.mean() - 2000) < 5 * np.sqrt(2000 / N)
+    assert abs(charge.var() - 2000) < 5 * 2000 * np.sqrt(2 / N)
+    assert dark_current_e_s({**settings, "temperature_k": 0.0}) < 1e-8
+
+
+def test_fixed_patterns_have_their_width_and_stay():
+    settings = sensor(prnu=0.02, dsnu_e=7.0, **{"shot_noise": False, "read_noise_e": 0.0})
+    shape = (500, 400)
+    pattern = fixed_pattern(3, "left", shape, settings)
+    again, other = fixed_pattern(3, "left", shape, settings), fixed_pattern(3, "right", shape, settings)
+    np.testing.assert_array_equal(pattern.response, again.response)
+    assert abs(np.corrcoef(pattern.response.ravel(), other.response.ravel())[0, 1]) < 5 / np.sqrt(N)
+    dark, lit = (exposed(np.full(shape, level), settings, pattern=pattern) for level in (0.0, 10000.0))
+    assert dark.std() == pytest.approx(7.0, rel=0.02)
+    assert (lit - dark).std() == pytest.approx(200.0, rel=0.02)
+
+
+def test_overflow_fills_the_column_and_is_kept_or_drained():
+    charge = np.zeros((101, 3))
+    charge[50, 1] = 9.0
+    spilt = bloomed(charge, 2.0, 1.0)
+    assert spilt[:, 1].sum() == pytest.approx(9.0)  # nothing left the image
+    assert spilt[:, [0, 2]].sum() == 0
+    np.testing.assert_allclose(spilt[47:54, 1], [0, 1.5, 2, 2, 2, 1.5, 0])
+    assert bloomed(charge, 2.0, 0.5)[:, 1].sum() == pytest.approx(2 + 3.5)
+    flooded = bloomed(np.full((4, 2), 1e9), 2.0, 1.0)
+    assert (flooded == 2.0).all()
 
 
 @pytest.mark.parametrize("bits", [8, 10, 12, 16])
 def test_the_converter_is_linear_and_ends_at_both_ends(bits):
     top = 2**bits - 1
-    numbers = digital_numbers(np.array([-40.0, 0.0, 10000.0, 20000.0, 20040.0]), sensor(bits=bits))
+    numbers = digital_numbers(np.array([-40.0, 0.0, 10100.0, 20000.0, 20040.0]), sensor(bits=bits))
     assert numbers.dtype == np.uint16
-    assert numbers.tolist() == [0, 0, round(top / 2), top, top]
+    assert numbers.tolist() == [0, 0, round(top * 0.505), top, top]
+    raised = digital_numbers(np.array([-1e9, 0.0, 20000.0]), sensor(bits=bits, black_level=0.1))
+    assert raised.tolist() == [0, round(top / 10), top]
+
+
+def test_gain_above_one_fills_the_converter_before_the_well():
+    settings = sensor(gain=4.0, **{"shot_noise": False, "read_noise_e": 0.0})
+    assert capacity_e(settings) == 5000
+    assert digital_numbers(np.array([5000.0, 2520.0]), settings).tolist() == [255, 129]
+    assert exposure_s(np.full(9, 2.0), 10.0, sensor(gain=4.0, auto_target=0.5)) == pytest.approx(5000 / 2 / 20)
+    assert digital_numbers(np.array([19900.0]), sensor(gain=0.5)).tolist() == [127]
 
 
 def test_auto_exposure_puts_the_percentile_at_the_target():
     light = np.linspace(0.0, 4.0, 1001)
-    full = saturation_radiance(light, sensor(auto_percentile=0.5, auto_target=0.25))
-    assert full == pytest.approx(2.0 / 0.25)
-    quiet = sensor(auto_percentile=0.5, auto_target=0.25, shot_noise=False, read_noise_e=0.0)
-    assert np.median(electrons(light, full, quiet, random())) == pytest.approx(0.25 * 20000)
+    settings = sensor(auto_percentile=0.5, auto_target=0.25, **{"shot_noise": False, "read_noise_e": 0.0})
+    seconds = exposure_s(light, 1e6, settings)
+    assert np.median(electrons(light, seconds, 1e6, settings, random())) == pytest.approx(0.25 * 20000)
 
 
-def test_a_fixed_exposure_ignores_the_image():
-    assert saturation_radiance(np.full(9, 123.0), sensor(auto_exposure=False, saturation_radiance=7.0)) == 7.0
+def test_a_fixed_exposure_ignores_the_image_and_auto_exposure_has_ends():
+    assert exposure_s(np.full(9, 123.0), 1e6, sensor(auto_exposure=False, exposure_s=0.5)) == 0.5
+    assert exposure_s(np.full(9, 1e-30), 1.0, sensor()) == LONGEST_S
+    assert exposure_s(np.full(9, 1e30), 1.0, sensor()) == SHORTEST_S
 
 
 @pytest.mark.parametrize("image", [np.zeros(100), np.zeros(0), np.full(100, np.nan), np.full(100, -1.0)])
 def test_an_image_without_light_can_be_exposed(image):
     settings = sensor()
-    full = saturation_radiance(image, settings)
-    assert full == settings["saturation_radiance"]
-    numbers = digital_numbers(electrons(image, full, settings, random()), settings)
-    assert (numbers <= 1).all()
+    seconds = exposure_s(image, 1e6, settings)
+    assert seconds == settings["exposure_s"]
+    assert (digital_numbers(electrons(image, seconds, 1e6, settings, random()), settings) <= 1).all()
 
 
 def test_a_mostly_black_image_is_exposed_for_its_brightest_pixel():
     image = np.zeros(1000)
     image[0] = 3.0
-    assert saturation_radiance(image, sensor(auto_target=0.5)) == pytest.approx(6.0)
+    assert exposure_s(image, 1e4, sensor(auto_target=0.5)) == pytest.approx(10000 / 3e4)
 
 
 def test_noise_repeats_for_the_same_eye_and_is_independent_between_eyes_pairs_and_seeds():
     def draw(*key):
-        return electrons(np.full(N, 0.3), 1.0, sensor(), noise_generator(*key))
+        return electrons(np.full(N, 6000.0), 1.0, 1.0, sensor(), noise_generator(*key))
 
     first = draw(1, "abc", "left")
     np.testing.assert_array_equal(first, draw(1, "abc", "left"))
-    for other in (draw(1, "abc", "right"), draw(1, "abd", "left"), draw(2, "abc", "left")):
+    for other in (draw(1, "abc", "right"), draw(1, "abd", "left"), draw(2, "abc", "left"), draw(1, "abc", "left", 1)):
         assert abs(np.corrcoef(first, other)[0, 1]) < 5 / np.sqrt(N)
+
+
+_EXTREMES = [pytest.param(s.key, value, id=f"{s.key}-{value:g}") for s in SENSOR.settings
+             if s.kind in ("int", "float") for value in (s.minimum, s.maximum)]
+
+
+@pytest.mark.parametrize(("key", "value"), [*_EXTREMES, ("exposure_s", 1e-6), ("exposure_s", 1e3)])
+@pytest.mark.parametrize("light", [0.0, 1e-12, 2.0, np.inf])
+def test_no_extreme_of_the_sensor_makes_anything_but_numbers(key, value, light):
+    kind = int if SENSOR[key].kind == "int" else float
+    settings = defaults()
+    settings["sensor"] |= {"auto_exposure": key.startswith("auto"), "blooming": 0.5, key: kind(value)}
+    rate = electron_rate(settings["light"], settings["sensor"], 94e-6)
+    assert np.isfinite(rate)
+    image = np.full((12, 9), light)
+    image[3, 3] = np.nan
+    seconds = exposure_s(image, rate, settings["sensor"])
+    charge = electrons(image, seconds, rate, settings["sensor"], random(),
+                       fixed_pattern(1, "left", image.shape, settings["sensor"]))
+    assert np.isfinite(charge).all()
+    numbers = digital_numbers(charge, settings["sensor"])
+    assert numbers.max() <= 2 ** settings["sensor"]["bits"] - 1
+
+
+def test_a_well_of_one_electron_counts_photons():
+    numbers = digital_numbers(exposed(np.full(N, 0.1), sensor(full_well_e=1.0, read_noise_e=0.0)),
+                              sensor(full_well_e=1.0))
+    assert set(np.unique(numbers)) == {0, 255}
+    expected = 1 - np.exp(-0.1)  # at least one photon
+    assert np.mean(numbers == 255) == pytest.approx(expected, abs=5 * np.sqrt(expected / N))

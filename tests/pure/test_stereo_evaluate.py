@@ -178,9 +178,9 @@ def test_a_data_set_its_pairs_folder_or_one_pair(dataset, tmp_path, path):
 
 def test_a_new_camera_response_needs_no_new_render(dataset, tmp_path):
     flooded = evaluate([dataset / "pairs" / "aaa"], parse_methods("bm,sgbm"), tmp_path,
-                       {"auto_exposure": False, "saturation_radiance": 0.01, "read_noise_e": 0.0})
+                       {"sensor": {"auto_exposure": False, "exposure_s": 0.1, "read_noise_e": 0.0}})
     assert flooded["pairs"][0]["saturated"] == 1
-    assert flooded["pairs"][0]["settings"]["sensor"]["saturation_radiance"] == 0.01
+    assert flooded["pairs"][0]["settings"]["sensor"]["exposure_s"] == 0.1
     for row in flooded["rows"]:
         assert (row["n"], row["coverage"], row["l1_m"], row["dod"]) == (0, 0, None, None)
     assert flooded["summary"][0]["l1_m"] is None
@@ -250,7 +250,7 @@ def test_pairs_without_truth_or_light(tmp_path):
     """Night, and a camera that looks at the sky."""
     pairs.write_pair(tmp_path / "pairs" / "night", pairs.Scene(radiance=0.0))
     pairs.write_pair(tmp_path / "pairs" / "sky", pairs.Scene(sky_rows=144))
-    report = evaluate([tmp_path], parse_methods("bm,sgbm"), tmp_path / "out", {"read_noise_e": 0.0})
+    report = evaluate([tmp_path], parse_methods("bm,sgbm"), tmp_path / "out", {"sensor": {"read_noise_e": 0.0}})
     assert {row["status"] for row in report["rows"]} == {"ok"}
     night, sky = report["rows"][0], report["rows"][2]
     assert (night["coverage"], night["n"]) == (0, 0)

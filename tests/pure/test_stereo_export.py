@@ -207,7 +207,7 @@ def test_what_does_not_fit_16_bits_is_unknown_never_wrapped(tmp_path):
 
 
 def test_another_camera_response(dataset, tmp_path):
-    export([dataset / "pairs" / "one"], "png8", tmp_path, {"auto_exposure": False, "saturation_radiance": 0.01})
+    export([dataset / "pairs" / "one"], "png8", tmp_path, {"sensor": {"auto_exposure": False, "exposure_s": 10.0}})
     assert read(tmp_path / "one" / "left.png").min() > 240
 
 

@@ -65,11 +65,11 @@ def test_hardly_any_pixel_measured(prepared, pixels):
     (pairs.Scene(contrast=0.0), {"shot_noise": False, "read_noise_e": 0.0}),
     (pairs.Scene(radiance=0.0), {"read_noise_e": 0.0}),
     (pairs.Scene(radiance=1e30), {}), (pairs.Scene(radiance=1e-30), {}),
-    (pairs.Scene(), {"auto_exposure": False, "saturation_radiance": 1e-6}),
+    (pairs.Scene(), {"auto_exposure": False, "exposure_s": 100.0}),
 ], ids=["1 mm away", "1e9 m away", "constant", "black", "blinding", "faint", "saturated"])
 def test_absurd_scenes(tmp_path, scene, sensor):
     pairs.write_pair(tmp_path / "pair", scene, RIG)
-    report = evaluate([tmp_path / "pair"], parse_methods("bm,sgbm"), tmp_path / "out", sensor, guiss=True)
+    report = evaluate([tmp_path / "pair"], parse_methods("bm,sgbm"), tmp_path / "out", {"sensor": sensor}, guiss=True)
     assert [row["status"] for row in report["rows"]] == ["ok", "ok"]
     assert (tmp_path / "out" / "report.html").stat().st_size > 10_000
 

@@ -73,10 +73,10 @@ def test_other_options_sensors_and_images_are_other_rows(dataset, tmp_path, matc
     assert run(options=["bm.window=21"]) == 0
     assert run("bm:window=21,bm") == 6  # under another label
     assert run("bm:window=21,bm") == 0
-    assert run("bm", sensor={"bits": 12}) == 3
+    assert run("bm", sensor={"sensor": {"bits": 12}}) == 3
     pair = dataset / "pairs" / "b" / "pair.json"
     pair.write_text(json.dumps(json.loads(pair.read_text()) | {"denoiser": "none"}))
-    assert run("bm", sensor={"bits": 12}) == 1
+    assert run("bm", sensor={"sensor": {"bits": 12}}) == 1
 
 
 def _log_turned_into(turn):

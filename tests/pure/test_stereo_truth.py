@@ -5,8 +5,6 @@ import dataclasses
 import numpy as np
 import pairs
 import pytest
-from icymoon.render.pair import read_pair
-from icymoon.stereo.develop import develop, grey, to_8_bit
 from icymoon.stereo.exr import read_view
 from icymoon.stereo.selfcheck import photometric_disagreement, self_check
 from icymoon.stereo.truth import scene_depth, visible_in_left, visible_in_right
@@ -160,43 +158,3 @@ def test_the_planet_is_sky(tmp_path):
     depth = scene_depth(dataclasses.replace(view, semantic=semantic))
     assert np.isnan(depth[:5]).all()
     assert np.isfinite(depth[5:]).all()
-
-
-def developed(folder, **changes):
-    pair = read_pair(folder)
-    left, right = (read_view(pair.image(eye)) for eye in ("left", "right"))
-    return develop(pair, left, right, pair.settings["sensor"] | changes)
-
-
-def test_development_is_repeatable_shares_one_exposure_and_keeps_the_scene(tmp_path):
-    folder = pairs.write_pair(tmp_path / "pair")
-    one, two = developed(folder), developed(folder)
-    np.testing.assert_array_equal(one.left, two.left)
-    np.testing.assert_array_equal(one.right, two.right)
-    light = grey(read_view(folder / "right.exr").radiance)
-    quiet = developed(folder, shot_noise=False, read_noise_e=0.0)
-    expected = np.clip(light / quiet.saturation_radiance, 0, 1) * 255
-    assert np.abs(quiet.right - expected).max() <= 0.5001
-    assert np.quantile(quiet.left, 0.99) == pytest.approx(0.8 * 255, abs=1)
-
-
-def test_the_eyes_have_noise_of_their_own(tmp_path):
-    flat = pairs.Scene(contrast=0.0, block=False)
-    images = developed(pairs.write_pair(tmp_path / "pair", flat), bits=12)
-    assert images.left.std() > 10
-    assert abs(np.corrcoef(images.left.ravel(), images.right.ravel())[0, 1]) < 5 / np.sqrt(images.left.size)
-
-
-def test_overexposure_is_reported(tmp_path):
-    images = developed(pairs.write_pair(tmp_path / "pair"), auto_exposure=False, saturation_radiance=0.01)
-    assert images.saturated > 0.5  # read noise lifts and lowers what a full well gives
-    assert images.left.min() > 240
-
-
-@pytest.mark.parametrize("bits", [8, 12, 16])
-def test_matchers_get_8_bits_of_the_whole_range(tmp_path, bits):
-    left, right = developed(pairs.write_pair(tmp_path / "pair"), bits=bits).for_matchers()
-    assert left.dtype == right.dtype == np.uint8
-    assert 190 < np.quantile(left, 0.99) < 210
-    top = 2**bits - 1
-    assert to_8_bit(np.array([0, top], np.uint16), bits).tolist() == [0, 255]

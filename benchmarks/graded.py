@@ -1,0 +1,175 @@
+"""What a mesh costs and how far it is from the ground it stands for: graded, a uniform grid, Cycles' own dicing.
+
+    python benchmarks/graded.py [PRESET]
+
+One pair of the paper's camera at one sample, of ground from the preset (terrains/rough). Each way is measured in
+a process of its own: triangles, processor seconds to build and to render (both eyes, beauty and truth), peak
+memory, and the error of the left eye's depth on a sixteenth of the pixels, on the 20 m patch only: off the surface
+(distance from hit point to described ground in pixels) and in disparity (against the first crossing of ray and
+ground, marched in steps of a third of a pixel through a tenth of the depth on both sides). Dicing displaces
+a 65 x 65 grid by an image of the heights, 4.9 mm per pixel, whose making is not counted. Needs Blender 5.0 or
+later as a module.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+WAYS = {"graded 4 px": ("mesh", {"error_px": 4.0, "edge_px": 24.0}),
+        "graded 2 px": ("mesh", {"error_px": 2.0, "edge_px": 12.0}),
+        "graded 1 px": ("mesh", {"error_px": 1.0}),
+        "graded 0.5 px": ("mesh", {"error_px": 0.5}),
+        "grid 513": ("terrain", {"resolution": 513}), "grid 1025": ("terrain", {"resolution": 1025}),
+        "grid 2049": ("terrain", {"resolution": 2049}),
+        "dicing 4 px": ("dice", {"px": 4.0}), "dicing 2 px": ("dice", {"px": 2.0}),
+        "dicing 1 px": ("dice", {"px": 1.0})}
+PIXELS, IMAGE = 4, 4096
+
+
+def _dice(terrain: Any, heights: np.ndarray, size_m: float, px: float) -> None:
+    """Make Cycles dice a coarse grid and displace it by an image of heights."""
+    import bpy
+
+    n = len(heights)
+    image = bpy.data.images.new("Heights", n, n, float_buffer=True, is_data=True)
+    values = np.ones((n, n, 4), np.float32)
+    values[..., :3] = heights[..., None]
+    image.pixels.foreach_set(values.ravel())
+    material = terrain.data.materials[0]
+    nodes, links = material.node_tree.nodes, material.node_tree.links
+    place, scale, lookup, push = (nodes.new(f"ShaderNode{k}") for k in
+                                  ("NewGeometry", "VectorMath", "TexImage", "Displacement"))
+    scale.operation = "MULTIPLY_ADD"
+    scale.inputs[1].default_value, scale.inputs[2].default_value = [1 / size_m] * 3, [0.5] * 3
+    lookup.image, lookup.interpolation = image, "Cubic"
+    push.inputs["Midlevel"].default_value, push.inputs["Scale"].default_value = 0.0, 1.0
+    links.new(place.outputs["Position"], scale.inputs[0])
+    links.new(scale.outputs[0], lookup.inputs["Vector"])
+    links.new(lookup.outputs["Color"], push.inputs["Height"])
+    output = next(node for node in nodes if node.type == "OUTPUT_MATERIAL")
+    links.new(push.outputs[0], output.inputs["Displacement"])
+    material.displacement_method = "DISPLACEMENT"
+    modifier = terrain.modifiers.new("Dicing", "SUBSURF")
+    modifier.subdivision_type, modifier.use_adaptive_subdivision = "SIMPLE", True
+    modifier.adaptive_space, modifier.adaptive_pixel_size = "PIXEL", px
+
+
+def _flattened(terrain: Any) -> None:
+    positions = np.empty(3 * len(terrain.data.vertices), np.float32)
+    terrain.data.vertices.foreach_get("co", positions)
+    positions[2::3] = 0.0
+    terrain.data.vertices.foreach_set("co", positions)
+    terrain.data.update()
+
+
+def _errors(pair: Any, ground: Any) -> dict[str, float]:
+    """Error percentiles in pixels of a pair's left depth, against the height function."""
+    from icymoon.stereo.exr import read_view
+
+    depth = read_view(pair.image("left")).depth[PIXELS // 2::PIXELS, PIXELS // 2::PIXELS]
+    camera, pose = pair.camera, np.array(pair.data["poses_camera_to_world"]["left"])
+    v, u = (np.arange(n)[PIXELS // 2::PIXELS] for n in (camera.height_px, camera.width_px))
+    tangent = np.stack(np.broadcast_arrays(((u + 0.5 - camera.cx_px) / camera.focal_px)[None, :],
+                                           ((v + 0.5 - camera.cy_px) / camera.focal_px)[:, None], 1.0), -1)
+    ray = tangent @ pose[:3, :3].T
+    place = pose[:3, 3] + ray * depth[..., None]
+    half = ground.size_m / 2
+    seen = np.isfinite(depth) & (np.abs(place[..., :2]).max(axis=-1) < half)
+    depth, ray, place, stretch = depth[seen], ray[seen], place[seen], (tangent[seen] ** 2).sum(axis=1)
+    step = 1e-4
+    height = ground.heights(place[:, 0], place[:, 1])
+    slope = [(ground.heights(place[:, 0] + dx, place[:, 1] + dy) - height) / step for dx, dy in ((step, 0), (0, step))]
+    away = np.abs(place[:, 2] - height) / np.sqrt(1 + slope[0] ** 2 + slope[1] ** 2)
+    off = away * camera.focal_px * np.sqrt(stretch) / depth
+    # First crossing of the ray with the ground between 0.9 and 1.1 of the depth.
+    count = int(0.2 * 3 * camera.focal_px)
+    share = np.linspace(0.9, 1.1, count)
+    truth = np.full(len(depth), np.nan)
+    for start in range(0, len(depth), 512):
+        some = slice(start, start + 512)
+        z = depth[some, None] * share
+        at = pose[:3, 3] + ray[some, None, :] * z[..., None]
+        over = at[..., 2] - ground.heights(at[..., 0], at[..., 1])
+        first = np.argmax(over < 0, axis=1)
+        row = np.arange(len(z))
+        ok = first > 0
+        before, after = over[row, first - 1], over[row, first]
+        part = np.where(ok, before / np.where(ok, before - after, 1), np.nan)
+        truth[some] = z[row, first - 1] + part * (z[row, first] - z[row, first - 1])
+    disparity = np.abs(camera.focal_px * camera.baseline_m * (1 / depth - 1 / truth))
+    return {"off_p50": float(np.median(off)), "off_p95": float(np.quantile(off, 0.95)),
+            "disp_p50": float(np.nanmedian(disparity)), "disp_p95": float(np.nanquantile(disparity, 0.95)),
+            "missed": float(np.isnan(disparity).mean())}
+
+
+def measure(way: str, preset: str) -> dict[str, Any]:
+    """Build and render in one way, in this process."""
+    import resource
+
+    import bpy
+    import icymoon
+    from icymoon import settings as description
+    from icymoon.nodes import scene as scenes
+    from icymoon.render.pair import read_pair
+    from icymoon.render.plan import expand
+    from icymoon.render.worker import render_pairs
+
+    icymoon.register()
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    kind, changes = WAYS[way]
+    settings = description.merged(
+        description.defaults(), description.load(description.preset_path(preset)), {"quality": {"samples": 1}},
+        {"mesh": {"kind": "GRADED" if kind == "mesh" else "GRID"}},
+        {kind: changes} if kind != "dice" else {"terrain": {"resolution": 65}})
+    ground = scenes.ground_of(settings)
+    pixels = (np.arange(IMAGE) + 0.5) / IMAGE * ground.size_m - ground.size_m / 2
+    baked = ground.heights(pixels[None, :], pixels[:, None], 2 * ground.size_m / IMAGE) if kind == "dice" else None
+    start = time.process_time()
+    built = scenes.build(bpy.context.scene, settings)
+    if baked is not None:
+        _flattened(built.terrain)
+        _dice(built.terrain, baked, ground.size_m, changes["px"])
+        rig = settings["rig"]
+        built.camera.matrix_world.translation.z = float(ground.heights(rig["x_m"], rig["y_m"])) + rig["height_m"]
+    middle = time.process_time()
+    with tempfile.TemporaryDirectory() as folder:
+        made = render_pairs(built, expand(settings), Path(folder), 1, 0.0, lambda *a, **k: None)
+        end, peak = time.process_time(), resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+        mesh = built.terrain.data
+        triangles = len(mesh.loops) - 2 * len(mesh.polygons)
+        errors = _errors(read_pair(made[0]), ground)
+    return {"triangles": 0 if baked is not None else triangles, "build": middle - start, "render": end - middle,
+            "peak": peak, **errors}
+
+
+def main(arguments: list[str]) -> None:
+    """Measure each way in a process of its own and print a table."""
+    preset = arguments[0] if arguments else "terrains/rough"
+    if len(arguments) == 2:
+        print(json.dumps(measure(arguments[1], preset)), flush=True)
+        os._exit(0)  # Blender as a module may crash or hang when the interpreter ends
+    print(f"{'':>15}{'triangles':>11}{'build s':>9}{'render s':>10}{'peak MiB':>10}   surface px: 50, 95 %"
+          "   disparity px: 50, 95 %, share without")
+    for way in WAYS:
+        done = subprocess.run([sys.executable, __file__, preset, way], capture_output=True, text=True, check=False)
+        if done.returncode:
+            print(f"{way:>15}  failed: {done.stderr.strip().splitlines()[-1]}")
+            continue
+        row = json.loads(done.stdout.strip().splitlines()[-1])
+        triangles = f"{row['triangles']:>11}" if row["triangles"] else f"{'':>11}"
+        print(f"{way:>15}{triangles}{row['build']:>9.2f}{row['render']:>10.2f}{row['peak']:>10.0f}"
+              f"{row['off_p50']:>10.3f}{row['off_p95']:>8.3f}{row['disp_p50']:>10.4f}{row['disp_p95']:>8.4f}"
+              f"{row['missed']:>8.3f}", flush=True)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

@@ -1,0 +1,134 @@
+"""What the surface models cost and how near Hapke's law in Cycles is to the double-precision reference.
+
+    python benchmarks/hapke.py cost         processor seconds over those of Lambert's law
+    python benchmarks/hapke.py error        percentiles of the relative error of direct sunlight
+    python benchmarks/hapke.py curve FILE   phase curves of the presets with their opposition surge, as SVG
+
+Costs are of the samples alone (64 minus 1), each the least of three turns that alternate between the
+models, so that a busy machine troubles all alike. ``cost`` and ``error`` need Blender as a module.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "blender"))
+
+HAPKE = {"model": "HAPKE"}
+MODELS = {
+    "Lambert": ({"model": "LAMBERT"}, {}),
+    "Lunar-Lambert": ({"model": "LUNAR_LAMBERT"}, {}),
+    "Principled": ({"model": "PRINCIPLED"}, {}),
+    "Principled, subsurface": ({"model": "PRINCIPLED", "subsurface_weight": 1.0}, {}),
+    "Hapke OSL, fast": (HAPKE, {"backend": "OSL"}),
+    "Hapke OSL, accurate": (HAPKE, {"backend": "OSL", "accuracy": "ACCURATE"}),
+    "Hapke OSL, reference": (HAPKE, {"backend": "OSL", "accuracy": "REFERENCE"}),
+    "Hapke nodes, rough": (HAPKE, {"backend": "NODES"}),
+    "Hapke nodes, smooth": (HAPKE, {"backend": "NODES", "theta_bar_deg": 0.0}),
+    "Hapke nodes, smooth, no surge": (HAPKE, {"backend": "NODES", "theta_bar_deg": 0.0, "b_s0": 0.0}),
+}
+
+
+def _seconds(surface: dict, hapke: dict) -> float:
+    """Processor seconds of 63 samples a pixel of an open ground under a low Sun."""
+    import bpy
+    from icymoon.nodes.scene import build
+    from icymoon.nodes.sunlight import attune
+    from icymoon.render import quality
+    from rendering import complete, empty_scene
+
+    settings = complete({"terrain": {"resolution": 257}, "light": {"sun_elevation_deg": 30.0}, "hapke": hapke,
+                         "surface": {"grain_amplitude_m": 0.0, "albedo_variation": 0.0, "albedo": 0.7, **surface}})
+    scene = empty_scene()
+    built = build(scene, settings)
+    spent = []
+    for samples in (1, 64):
+        quality.apply(scene, {**settings["quality"], "samples": samples}, 1)
+        attune(scene, built.materials, built.sun)
+        scene.render.resolution_x, scene.render.resolution_y, scene.render.threads = 160, 120, 1
+        start = time.process_time()
+        bpy.ops.render.render()
+        spent.append(time.process_time() - start)
+    return spent[1] - spent[0]
+
+
+def cost() -> None:
+    """Print costs."""
+    least = {name: min(times) for name, times in zip(
+        MODELS, zip(*([_seconds(*model) for model in MODELS.values()] for _ in range(3)), strict=True), strict=True)}
+    for name, seconds in least.items():
+        print(f"{name:32s} {seconds:7.2f} s   {seconds / least['Lambert']:5.2f}")
+
+
+def error() -> None:
+    """Print errors."""
+    from test_hapke_render import ball, errors, picture
+
+    scenes = {"plane": ({}, None), "sphere, phase 60": ({"light": {"sun_azimuth_deg": 120.0}}, ball),
+              "grazing": ({"light": {"sun_azimuth_deg": 0.0, "sun_elevation_deg": 0.6},
+                           "rig": {"pitch_deg": 3.0, "focal_length_mm": 600.0, "height_m": 1.0}}, None),
+              "opposition": ({"light": {"sun_azimuth_deg": 180.0, "sun_elevation_deg": 45.0},
+                              "rig": {"pitch_deg": 45.0, "focal_length_mm": 5000.0, "sensor_width_mm": 5.0}}, None)}
+    for name, (changes, change) in scenes.items():
+        for theta in (0.0, 10.0, 40.0):
+            for backend in ("OSL", "NODES"):
+                with tempfile.TemporaryDirectory() as folder:
+                    pair, _ = picture(Path(folder), changes, {"hapke": {"backend": backend, "theta_bar_deg": theta}},
+                                      change=change)
+                    found = errors(pair)
+                print(f"{name:18s} roughness {theta:3.0f} {backend:6s} median {np.median(found):.1e}   "
+                      f"99.9 % {np.quantile(found, 0.999):.1e}   largest {found.max():.1e}", flush=True)
+
+
+def curve(path: Path) -> None:
+    """Draw brightness over phase angle, the last degrees before opposition apart."""
+    from icymoon import settings as description
+    from icymoon.physics import photometry, surfaces
+
+    presets = [name for name in description.preset_names("surfaces") if "hapke" in name]
+    colours = ("#1b6ca8", "#3fa7d6", "#7a6fc2", "#c25b8f", "#8c2f39", "#2a9d5c", "#8ac926", "#777777")
+    top, panels = 1.6, ((70.0, 380.0, 8.0, "Opposition"), (480.0, 380.0, 160.0, "All phases"))
+    lines = ['<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 1120 520" font-family="sans-serif" font-size="13">',
+             '<rect width="1120" height="520" fill="white"/>']
+    for left, width, last, title in panels:
+        lines += [f'<text x="{left}" y="24" font-size="16">{title}</text>',
+                  f'<rect x="{left}" y="40" width="{width}" height="420" fill="none" stroke="#444"/>']
+        for k in range(5):
+            x, y = left + width * k / 4, 460 - 420 * k / 4
+            lines += [f'<text x="{x}" y="480" text-anchor="middle">{last * k / 4:g}°</text>',
+                      f'<text x="{left - 8}" y="{y + 4}" text-anchor="end">{top * k / 4:g}</text>',
+                      f'<path d="M{left} {y}h{width}" stroke="#ddd"/>']
+        phase = np.radians(last) * np.linspace(0, 1, 121) ** 2
+        for name, colour in zip(presets, colours, strict=True):
+            shown = description.merged(description.defaults(), description.load(description.preset_path(name)))
+            law = surfaces.law_of(shown["surface"], shown["hapke"])
+            bright = photometry.disc_brightness(law, phase)
+            points = " ".join(f"{left + width * a / np.radians(last):.2f},{460 - 420 * value / top:.2f}"
+                              for a, value in zip(phase, bright, strict=True))
+            lines.append(f'<polyline points="{points}" fill="none" stroke="{colour}" stroke-width="1.6"/>')
+    for k, (name, colour) in enumerate(zip(presets, colours, strict=True)):
+        title = description.preset_header(name)[0].removesuffix(" (Hapke)")
+        lines += [f'<path d="M870 {70 + 24 * k}h24" stroke="{colour}" stroke-width="3"/>',
+                  f'<text x="900" y="{74 + 24 * k}">{title}</text>']
+    lines += ['<text x="535" y="508" text-anchor="middle">Phase angle; brightness of the whole disc over that of a '
+              'white Lambert disc that faces the Sun</text>', "</svg>"]
+    path.write_text("\n".join(lines), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    if sys.argv[1:2] == ["curve"] and len(sys.argv) == 3:
+        curve(Path(sys.argv[2]))
+    elif sys.argv[1:] in (["cost"], ["error"]):
+        import icymoon
+        icymoon.register()
+        {"cost": cost, "error": error}[sys.argv[1]]()
+        sys.stdout.flush()
+        os._exit(0)
+    else:
+        sys.exit(__doc__)

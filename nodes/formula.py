@@ -1,0 +1,157 @@
+"""Formulas of numbers and vectors as nodes: an expression in Python that leaves the nodes it needs.
+
+A number is a float or the output of a node. What is known when the tree is built is computed then,
+and multiplying by one or adding nothing makes no node, so that what is off costs nothing.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import bpy
+
+from .builder import Tree
+
+
+class Number:
+    """A number in a formula: a float, or what a node gives."""
+
+    def __init__(self, tree: Tree, value: float | bpy.types.NodeSocket) -> None:
+        self.tree, self.value = tree, value
+
+    @property
+    def known(self) -> float | None:
+        """Its value, if that does not depend on a node."""
+        return self.value if isinstance(self.value, (int, float)) else None
+
+    def named(self, name: str) -> Number:
+        """The same, its node carrying the name that it has in the formula."""
+        if not isinstance(self.value, (int, float)):
+            self.value.node.label = name
+        return self
+
+    def _of(self, other: Number | float) -> Number:
+        return other if isinstance(other, Number) else Number(self.tree, other)
+
+    def _node(self, operation: str, *others: Number | float, known: Any = None) -> Number:
+        terms = (self, *(self._of(other) for other in others))
+        values = [term.known for term in terms]
+        if known is not None and None not in values:
+            return Number(self.tree, known(*values))
+        inputs = dict(zip(("Value", "Value_001", "Value_002"), (term.value for term in terms), strict=False))
+        return Number(self.tree, self.tree.node("ShaderNodeMath", operation.capitalize(), inputs, operation=operation,
+                                                use_clamp=False).outputs[0])
+
+    def __add__(self, other: Number | float) -> Number:
+        other = self._of(other)
+        if self.known == 0.0 or other.known == 0.0:
+            return other if self.known == 0.0 else self
+        return self._node("ADD", other, known=lambda a, b: a + b)
+
+    def __sub__(self, other: Number | float) -> Number:
+        other = self._of(other)
+        return self if other.known == 0.0 else self._node("SUBTRACT", other, known=lambda a, b: a - b)
+
+    def __mul__(self, other: Number | float) -> Number:
+        other = self._of(other)
+        if self.known in (0.0, 1.0):
+            return other if self.known == 1.0 else self
+        if other.known in (0.0, 1.0):
+            return self if other.known == 1.0 else other
+        return self._node("MULTIPLY", other, known=lambda a, b: a * b)
+
+    def __truediv__(self, other: Number | float) -> Number:
+        other = self._of(other)
+        if other.known is not None:
+            return self * (1.0 / other.known)
+        return self if self.known == 0.0 else self._node("DIVIDE", other)
+
+    def __neg__(self) -> Number:
+        return self * -1.0
+
+    def __radd__(self, other: float) -> Number:
+        return self._of(other) + self
+
+    def __rsub__(self, other: float) -> Number:
+        return self._of(other) - self
+
+    def __rmul__(self, other: float) -> Number:
+        return self._of(other) * self
+
+    def __rtruediv__(self, other: float) -> Number:
+        return self._of(other) / self
+
+    def times_plus(self, factor: Number | float, term: Number | float) -> Number:
+        """self * factor + term in one node."""
+        factor, term = self._of(factor), self._of(term)
+        if term.known == 0.0 or any(part.known in (0.0, 1.0) for part in (self, factor)) or (
+                self.known is not None and factor.known is not None):
+            return self * factor + term
+        return self._node("MULTIPLY_ADD", factor, term)
+
+    def sqrt(self) -> Number:
+        """Its square root."""
+        return self._node("SQRT", known=math.sqrt)
+
+    def exp(self) -> Number:
+        """e to its power."""
+        return self._node("EXPONENT", known=math.exp)
+
+    def log(self) -> Number:
+        """Its natural logarithm."""
+        return self._node("LOGARITHM", math.e, known=lambda a, _: math.log(a))
+
+    def power(self, exponent: float) -> Number:
+        """Its power; it must not be negative."""
+        return self._node("POWER", exponent, known=math.pow)
+
+    def arctan2(self, other: Number) -> Number:
+        """The angle in radians of the point (other, self)."""
+        return self._node("ARCTAN2", other)
+
+    def at_least(self, other: Number | float) -> Number:
+        """The larger of two."""
+        return self._node("MAXIMUM", other, known=max)
+
+    def at_most(self, other: Number | float) -> Number:
+        """The smaller of two."""
+        return self._node("MINIMUM", other, known=min)
+
+    def exceeds(self, other: Number | float) -> Number:
+        """1 where it is the larger, else 0."""
+        return self._node("GREATER_THAN", other, known=lambda a, b: float(a > b))
+
+
+class Vector:
+    """A vector in a formula: what a node gives."""
+
+    def __init__(self, tree: Tree, socket: bpy.types.NodeSocket) -> None:
+        self.tree, self.socket = tree, socket
+
+    def _node(self, operation: str, other: Vector | None = None) -> Any:
+        inputs = {"Vector": self.socket} | ({"Vector_001": other.socket} if other else {})
+        return self.tree.node("ShaderNodeVectorMath", operation.capitalize(), inputs, operation=operation)
+
+    def __add__(self, other: Vector) -> Vector:
+        return Vector(self.tree, self._node("ADD", other).outputs["Vector"])
+
+    def cross(self, other: Vector) -> Vector:
+        """Its cross product with another."""
+        return Vector(self.tree, self._node("CROSS_PRODUCT", other).outputs["Vector"])
+
+    def unit(self) -> Vector:
+        """Of length one, or zero if it is zero."""
+        return Vector(self.tree, self._node("NORMALIZE").outputs["Vector"])
+
+    def dot(self, other: Vector) -> Number:
+        """Its scalar product with another."""
+        return Number(self.tree, self._node("DOT_PRODUCT", other).outputs["Value"])
+
+    def distance(self, other: Vector) -> Number:
+        """Length of its difference from another."""
+        return Number(self.tree, self._node("DISTANCE", other).outputs["Value"])
+
+    def length(self) -> Number:
+        """Its length."""
+        return Number(self.tree, self._node("LENGTH").outputs["Value"])

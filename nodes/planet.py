@@ -1,0 +1,127 @@
+"""The planet in the sky: what lights the ground, and what the camera sees.
+
+Cycles loses up to a fifth of the light of a far mesh (how it samples a triangle depends on the
+triangle's size in metres), so the ground is lit by a Sun lamp of the planet's size, which is at
+infinity, and whose radiance follows from the direction by the formula itself. The camera sees a mesh,
+which has a depth and a label; it gives no light and no shadow.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import bmesh
+import bpy
+import numpy as np
+from mathutils import Vector
+
+from .. import compat
+from ..labels import PLANET
+from ..physics.planetshine import Planet, disc, ellipsoid
+from .builder import Tree
+
+#: Where the mesh stands, in metres: so far that its direction is the same from all of the ground. Its
+#: size and its distances are in proportion, so it looks as the planet does.
+DISTANCE_M = 1.0e5
+RADIANCE = "radiance"  # attribute of its vertices
+
+
+def build_planet_light(name: str, planet: Planet, colour: np.ndarray) -> bpy.types.Object:
+    """The lamp that the planet is: a disc of its equator's size that shines where the planet does.
+
+    A Sun lamp of energy E and half its angle r has the radiance E / (π sin² r) times what its shader emits.
+    """
+    lamp = bpy.data.lights.new(name, "SUN")
+    lamp.color = tuple(map(float, colour))
+    compat.plain_light(lamp)
+    lamp.angle = math.radians(planet.angular_diameter_deg)
+    lamp.energy = ellipsoid(planet).full_radiance * math.pi * math.sin(lamp.angle / 2) ** 2
+    tree = Tree(compat.ensure_light_nodes(lamp))
+    light = tree.node("ShaderNodeEmission", "Planet", {
+        "Color": (1.0, 1.0, 1.0, 1.0), "Strength": _sunlit(tree, planet)}, if_present={"Weight": 0.0})
+    tree.node("ShaderNodeOutputLight", "Light", {"Surface": light.outputs[0]}, target="ALL")
+    tree.arrange()
+    item = bpy.data.objects.new(name, lamp)
+    item.rotation_euler = Vector(planet.direction).to_track_quat("Z", "Y").to_euler()
+    item.location = planet.direction * 10.0  # where the symbol is drawn
+    return item
+
+
+def _sunlit(tree: Tree, planet: Planet) -> Any:
+    """Output socket: cosine of the Sun's zenith distance on the planet in the direction that is asked for.
+
+    The ray o + t w meets the ellipsoid that is the unit sphere once space is stretched along the pole.
+    """
+    shape = ellipsoid(planet)
+
+    def vector(operation: str, label: str, a: Any, b: Any = (0.0, 0.0, 0.0), output: str = "Vector") -> Any:
+        inputs = {"Vector": a} if operation == "NORMALIZE" else {"Vector": a, "Vector_001": b}
+        if operation == "SCALE":
+            inputs = {"Vector": a, "Scale": b}
+        return tree.node("ShaderNodeVectorMath", label, inputs, operation=operation).outputs[output]
+
+    def dot(label: str, a: Any, b: Any) -> Any:
+        return vector("DOT_PRODUCT", label, a, b, "Value")
+
+    def stretched(label: str, a: Any) -> Any:
+        along = dot(f"{label} along Pole", a, tuple(planet.pole))
+        more = vector("SCALE", f"{label} Stretch", tuple(planet.pole * (1 / (1 - planet.flattening) - 1)), along)
+        return vector("ADD", f"{label} Stretched", a, more)
+
+    observer = tuple(shape.observer)
+    back = tree.node("ShaderNodeNewGeometry", "From the Planet").outputs["Incoming"]
+    view = vector("SCALE", "Direction", back, -1.0)
+    ray = vector("SCALE", "Ray", stretched("Direction", view), 1 / shape.radius)
+    a, b = dot("a", ray, ray), dot("b", ray, observer)
+    c = float(shape.observer @ shape.observer) - 1
+    inside = tree.math("SUBTRACT", "b² - a c", tree.math("MULTIPLY", "b²", b, b), tree.math("MULTIPLY", "a c", a, c))
+    root = tree.math("POWER", "Root", tree.math("MAXIMUM", "Real", inside, 0.0), 0.5)
+    time = tree.math("DIVIDE", "t", tree.math("SUBTRACT", "-b - Root", tree.math("MULTIPLY", "-b", b, -1.0), root), a)
+    point = vector("ADD", "Point", vector("SCALE", "Way", ray, time), observer)
+    normal = vector("NORMALIZE", "Normal", stretched("Point", point))
+    sunlit = tree.math("MAXIMUM", "Sunlit", dot("cos i", normal, tuple(planet.sun)), 0.0)
+    hit = tree.math("MULTIPLY", "Hit", tree.math("GREATER_THAN", "Meets", inside, 0.0),
+                    tree.math("LESS_THAN", "Ahead", b, 0.0))
+    up = tree.math("GREATER_THAN", "Above Horizon", dot("Height", view, (0.0, 0.0, 1.0)), 0.0)
+    return tree.math("MULTIPLY", "Seen and Sunlit", tree.math("MULTIPLY", "Seen", hit, up), sunlit)
+
+
+def build_planet(name: str, planet: Planet, colour: np.ndarray) -> bpy.types.Object:
+    """What the camera sees of the planet: its part above the horizon (z > 0), in true proportion."""
+    shown = disc(planet)
+    mesh = bpy.data.meshes.new(name)
+    mesh.from_pydata((DISTANCE_M * shown.vertices).tolist(), [],
+                     [tuple(dict.fromkeys(face)) for face in shown.faces.tolist()])
+    mesh.attributes.new(RADIANCE, "FLOAT", "POINT").data.foreach_set("value", shown.radiance.astype(np.float32))
+    mesh.materials.append(_material(name, colour))
+    if shown.vertices[:, 2].min() < 0:
+        _cut_below_horizon(mesh)
+    item = bpy.data.objects.new(name, mesh)
+    item.visible_diffuse = item.visible_glossy = item.visible_transmission = False
+    item.visible_volume_scatter = item.visible_shadow = False
+    return item
+
+
+def _cut_below_horizon(mesh: bpy.types.Mesh) -> None:
+    """Remove what is below z = 0, which the body hides; the ground is only a patch of it."""
+    edited = bmesh.new()
+    edited.from_mesh(mesh)
+    bmesh.ops.bisect_plane(edited, geom=[*edited.verts, *edited.edges, *edited.faces], plane_co=(0.0, 0.0, 0.0),
+                           plane_no=(0.0, 0.0, 1.0), clear_inner=True)
+    edited.to_mesh(mesh)
+    edited.free()
+
+
+def _material(name: str, colour: np.ndarray) -> bpy.types.Material:
+    material = bpy.data.materials.new(name)
+    tree = Tree(compat.ensure_nodes(material))
+    radiance = tree.node("ShaderNodeAttribute", "Radiance", attribute_type="GEOMETRY", attribute_name=RADIANCE)
+    light = tree.node("ShaderNodeEmission", "Sunlit Planet", {
+        "Color": (*map(float, colour), 1.0), "Strength": radiance.outputs["Fac"]}, if_present={"Weight": 0.0})
+    tree.node("ShaderNodeOutputMaterial", "Surface", {"Surface": light.outputs[0]},
+              leave=("Volume", "Displacement", "Thickness"), target="ALL")
+    tree.arrange()
+    material.cycles.emission_sampling = "NONE"
+    material.pass_index = PLANET
+    return material

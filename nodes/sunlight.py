@@ -1,0 +1,143 @@
+"""The Sun as surfaces know it, and what lamp and scene need for such surfaces.
+
+See ``sunlit`` for the surfaces themselves.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import bpy
+from mathutils import Matrix
+
+from .. import compat
+from ..errors import IcyMoonError
+from ..physics.directions import toward
+from . import hapke_nodes
+from .fingerprint import TAG
+
+LEVELS = ("FAST", "ACCURATE", "REFERENCE")
+SHARED = "traced sun"  # role of the collection of what a lamp does not light
+#: Names of the nodes that know the Sun.
+DIRECTION, BLUR, SCRIPT = "Sun Direction", "Surge Blur", "Hapke"
+
+
+@dataclass(frozen=True)
+class Sun:
+    """What a surface has to know: unit vector toward the Sun, its irradiance in R, G, B and apparent diameter."""
+
+    direction: tuple[float, float, float]
+    irradiance_wm2: tuple[float, float, float]
+    angular_diameter: float  # radians
+
+    @classmethod
+    def from_settings(cls, light: Mapping[str, Any]) -> Sun:
+        """The Sun that ``light`` settings describe."""
+        x, y, z = toward(light["sun_azimuth_deg"], light["sun_elevation_deg"])
+        return cls((x, y, z), (light["sun_irradiance_wm2"],) * 3, math.radians(light["sun_angular_diameter_deg"]))
+
+    @classmethod
+    def from_lamp(cls, lamp: bpy.types.Object, world: Matrix) -> Sun:
+        """The Sun that a lamp is; ``world`` is its matrix, wherever a person has turned it."""
+        x, y, z = world.to_3x3().col[2].normalized()
+        red, green, blue = (lamp.data.energy * band for band in lamp.data.color)
+        return cls((x, y, z), (red, green, blue), lamp.data.angle)
+
+    @property
+    def radius(self) -> float:
+        """Tangent of its angular radius."""
+        return math.tan(min(self.angular_diameter, 3.0) / 2)
+
+    @property
+    def blur(self) -> float:
+        """Mean distance from the middle of its disc, as the tangent of half an angle.
+
+        A surge h wide in tan(g/2), seen through the disc, is the surge at √(tan² + blur²) to within an
+        eighth of what the disc takes from it at its peak (2 % of the surge, for Europa's).
+        """
+        return 2 / 3 * math.tan(self.angular_diameter / 4)
+
+
+def sun_inputs(sun: Sun) -> dict[str, Any]:
+    """Inputs of ``hapke.osl`` that the Sun decides."""
+    return {"SunDirection": sun.direction, "SunIrradiance": (*sun.irradiance_wm2, 1.0), "SunRadius": sun.radius,
+            "SunBlur": sun.blur}
+
+
+def _own(material: bpy.types.Material, name: str, kind: str) -> Any:
+    """A node that was made here, or None; a person may have put another material in the place of ours."""
+    node = material.node_tree.nodes.get(name) if material.node_tree else None
+    return node if node and node.bl_idname == kind else None
+
+
+def aim(materials: Iterable[bpy.types.Material], sun: Sun) -> None:
+    """Tell surfaces where the Sun is now."""
+    for material in materials:
+        if node := _own(material, DIRECTION, "ShaderNodeCombineXYZ"):
+            for axis, value in zip("XYZ", sun.direction, strict=True):
+                node.inputs[axis].default_value = value
+        if node := _own(material, BLUR, "ShaderNodeMath"):
+            node.inputs[0].default_value = sun.blur
+        if node := _own(material, SCRIPT, "ShaderNodeScript"):
+            for name, value in sun_inputs(sun).items():
+                node.inputs[name].default_value = value
+
+
+def is_osl(material: bpy.types.Material) -> bool:
+    """Whether a material needs Open Shading Language."""
+    return _own(material, SCRIPT, "ShaderNodeScript") is not None
+
+
+def _level(material: bpy.types.Material) -> str:
+    node = _own(material, SCRIPT, "ShaderNodeScript")
+    return LEVELS[node.inputs["Level"].default_value] if node else LEVELS[0]
+
+
+def traces(material: bpy.types.Material) -> bool:
+    """Whether a material traces the Sun itself, so that the lamp must not light it."""
+    return _level(material) != LEVELS[0]
+
+
+def made_of(materials: Iterable[bpy.types.Material]) -> dict[str, str] | None:
+    """What Hapke's law is made of in these materials and at which accuracy; None if none has it."""
+    for material in materials:
+        nodes = material.node_tree.nodes if material.node_tree else ()
+        if any(node.label in (SCRIPT, hapke_nodes.NAME) for node in nodes):
+            return {"made_of": "OSL" if is_osl(material) else "NODES", "accuracy": _level(material)}
+    return None
+
+
+def share_lamp(name: str, lamp: bpy.types.Object, tracing: Iterable[bpy.types.Object]) -> None:
+    """Let a lamp light everything but the objects that trace it themselves."""
+    linking, tracing = lamp.light_linking, list(tracing)
+    if linking.receiver_collection is not None and linking.receiver_collection.get(TAG) == SHARED:
+        bpy.data.collections.remove(linking.receiver_collection)
+    if tracing:
+        collection = linking.receiver_collection = bpy.data.collections.new(name)
+        collection[TAG] = SHARED
+        for item in tracing:
+            collection.objects.link(item)
+        for entry in collection.collection_objects:
+            entry.light_linking.link_state = "EXCLUDE"
+
+
+def attune(scene: bpy.types.Scene, materials: Iterable[bpy.types.Material], lamp: bpy.types.Object) -> None:
+    """Make a scene that is set up for Cycles render these materials right, wherever the lamp has been turned to.
+
+    Raises IcyMoonError if they need Open Shading Language and the scene cannot have it.
+    """
+    materials = list(materials)
+    depsgraph = scene.view_layers[0].depsgraph
+    depsgraph.update()  # a lamp that was only just made or turned has no world matrix yet
+    aim(materials, Sun.from_lamp(lamp, lamp.evaluated_get(depsgraph).matrix_world))
+    if any(map(is_osl, materials)):
+        if not compat.has_osl() or scene.cycles.device == "GPU":
+            raise IcyMoonError("The surface was built for Open Shading Language on the CPU; build the scene again "
+                               "here, or set quality.device to CPU.")
+        scene.cycles.shading_system = True
+    if any(map(traces, materials)):
+        # What a ray finds at its end shines by itself, a bounce earlier than a lamp would light it.
+        scene.cycles.diffuse_bounces = max(scene.cycles.diffuse_bounces - 1, 0)

@@ -1,0 +1,41 @@
+"""Show Camera Image: what the present camera response makes of the rendered pair."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import bpy
+
+from .. import settings as description
+from ..preferences import evaluator_python
+from ..render.launch import python_command
+from ..render.queue import Message, Process, clean_environment
+from . import jobs, results
+from .evaluate import rendered_pairs, response_arguments
+from .render import dataset_folder
+
+
+class ICYMOON_OT_expose(jobs.JobOperator, bpy.types.Operator):
+    """Expose the rendered pair with the present camera response, without a new render, and show what the cameras give"""  # noqa: E501
+
+    bl_idname = "icymoon.expose"
+    bl_label = "Show Camera Image"
+
+    def start(self, context: bpy.types.Context) -> jobs.Job:
+        settings = description.from_group(context.scene.icymoon)
+        self._images: list[Path] = []
+        command = python_command(evaluator_python(), "stereo", "develop",
+                                 *map(str, rendered_pairs(context, settings)), *response_arguments(settings),
+                                 "--out", str(dataset_folder(settings) / "exposed"), "--json-lines")
+        return jobs.Job("Expose", Process(command, clean_environment()), self._hear, lambda: None)
+
+    def _hear(self, message: Message) -> None:
+        if message["type"] == "result":
+            self._images = [Path(folder) / f"{eye}.png" for folder in message["folders"] for eye in ("left", "right")]
+
+    def succeeded(self, context: bpy.types.Context) -> None:
+        self.report({"INFO"}, f"{len(self._images)} images in {self._images[0].parent.parent}")
+        results.show_images(context, self._images, open_window=True)
+
+
+CLASSES = (ICYMOON_OT_expose,)

@@ -1,0 +1,84 @@
+"""Lines that the sidebar shows of what follows from the settings; worked out once for each change."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import bpy
+
+from ..errors import IcyMoonError
+from ..physics.geometry import GroundRow, depth_error_m, focal_px, ground_row, shared_width_px
+from ..physics.sky import facts, sky
+
+#: Disparity error, px, that the depth error is stated for: what good matchers leave on textured ground.
+DISPARITY_ERROR_PX = 0.25
+
+
+def sky_lines(light: Mapping[str, Any]) -> tuple[str, ...]:
+    """Elevation, azimuth, apparent size and irradiance of Sun and planet, or why there are none."""
+    return _sky_lines(tuple(light.items()), bpy.data.filepath)
+
+
+def rig_lines(rig: Mapping[str, Any]) -> tuple[str, ...]:
+    """Field of view, and for the near edge, middle and far edge of the image: distance, sampling, depth error."""
+    return _rig_lines(tuple(rig.items()))
+
+
+def brightness_wm2(light: Mapping[str, Any]) -> float:
+    """Irradiance of sunlit ground, or else of ground under the planet; 0 in the dark or for a sky that cannot be."""
+    try:
+        found = _facts(tuple(light.items()), bpy.data.filepath)
+    except IcyMoonError:
+        return 0.0
+    sun, planet = found["sun"], found["planet"] or {}
+    slope = 0.02 * sun["irradiance_wm2"] * (1 - sun["eclipse"]) * (sun["elevation_deg"] > -1)  # which sees a low Sun
+    return float(max(slope, sun["ground_irradiance_wm2"] + planet.get("ground_irradiance_wm2", 0.0)))
+
+
+@lru_cache(maxsize=8)
+def _facts(light: tuple[tuple[str, Any], ...], blend: str) -> dict[str, Any]:
+    return facts(sky(dict(light), str(Path(blend).parent) if blend else None))
+
+
+def _sky_lines(light: tuple[tuple[str, Any], ...], blend: str) -> tuple[str, ...]:
+    try:
+        found = _facts(light, blend)
+    except IcyMoonError as error:
+        return (str(error),)
+    lines = []
+    for name, body in (("Sun", found["sun"]), ("Planet", found["planet"])):
+        if body is not None:
+            lines += [f"{name}: {body['elevation_deg']:.2f}° high, azimuth {body['azimuth_deg']:.2f}°, "
+                      f"{body['angular_diameter_deg']:.3g}° wide",
+                      f"    {body['irradiance_wm2']:.3g} W/m², {body['ground_irradiance_wm2']:.3g} on level ground"]
+    if found["planet"] is not None:
+        lines.append(f"    phase {found['planet']['phase_deg']:.1f}°")
+    if found["sun"]["eclipse"] > 0:
+        lines.append(f"The planet hides {100 * found['sun']['eclipse']:.0f} % of the Sun")
+    return tuple(lines)
+
+
+@lru_cache(maxsize=8)
+def _rig_lines(rig: tuple[tuple[str, Any], ...]) -> tuple[str, ...]:
+    described = dict(rig)
+    width, height = int(described["width_px"]), int(described["height_px"])
+    focal = focal_px(described)
+    fields = [2 * math.degrees(math.atan(n / 2 / focal)) for n in (width, height)]
+    lines = [f"{fields[0]:.1f} x {fields[1]:.1f}°, f {focal:.1f} px, f·B {focal * described['baseline_m']:.2f} px·m",
+             f"Depth error for {DISPARITY_ERROR_PX:g} px of disparity, level ground:"]
+    for name, row in (("Near edge", float(height)), ("Middle", height / 2), ("Far edge", 0.0)):
+        lines += _row_lines(name, ground_row(described, row), described)
+    return tuple(lines)
+
+
+def _row_lines(name: str, row: GroundRow, rig: Mapping[str, Any]) -> list[str]:
+    if math.isinf(row.depth_m):
+        return [f"{name}: above the horizon"]
+    shared = 100 * shared_width_px(rig, row.depth_m) / int(rig["width_px"])
+    return [f"{name}: {row.depth_m:.2f} m deep, ± {100 * depth_error_m(row.depth_m, rig, DISPARITY_ERROR_PX):.2g} cm",
+            f"    {row.width_m:.3g} m wide, {shared:.0f} % in both eyes, "
+            f"{1000 * row.across_m:.2g} x {1000 * row.along_m:.2g} mm per pixel"]

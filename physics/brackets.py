@@ -1,0 +1,57 @@
+"""Exposure brackets: several exposures of one scene merged into one image of a wider range."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from .sensor import black_dn, capacity_e, gain_dn_per_e, top_dn
+
+MERGED_BITS = 16
+
+
+def exposure_times(seconds: float, sensor: Mapping[str, Any]) -> list[float]:
+    """Exposure times in seconds, longest first, ``bracket_stops`` apart and even about ``seconds``."""
+    count = int(sensor["brackets"])
+    return [seconds * 2.0 ** (float(sensor["bracket_stops"]) * ((count - 1) / 2 - k)) for k in range(count)]
+
+
+def merged(numbers: Sequence[np.ndarray], seconds: Sequence[float], sensor: Mapping[str, Any]) -> np.ndarray:
+    """Electrons per second (H, W) that fit digital numbers of several exposures, longest first.
+
+    Each exposure's electrons over its time, weighted by the inverse of the variance that shot noise,
+    read noise and the converter's step give it. An exposure in which a pixel may be full (nearer to
+    it than five deviations of what reading adds, and half a number) does not count for it, unless it
+    is the shortest.
+    """
+    gain = gain_dn_per_e(sensor)
+    steady = float(sensor["read_noise_e"]) ** 2 + 1 / (12 * gain**2)
+    reading = math.hypot(float(sensor["read_noise_e"]), float(sensor["dsnu_e"]))
+    full_dn = min(capacity_e(sensor) * gain + black_dn(sensor), float(top_dn(sensor))) - 0.5 - 5 * reading * gain
+    charge = [(image - black_dn(sensor)) / gain for image in numbers]
+    usable = [(image < full_dn) | (k == len(numbers) - 1) for k, image in enumerate(numbers)]
+
+    def mean(weights: Sequence[np.ndarray | float]) -> np.ndarray:
+        total = sum(w * use for w, use in zip(weights, usable, strict=True))
+        parts = (w * use * e / t for w, use, e, t in zip(weights, usable, charge, seconds, strict=True))
+        return np.asarray(sum(parts) / total)
+
+    # Weights of each exposure's own noisy electrons would prefer what came out low.
+    rough = np.maximum(mean(list(seconds)), 0.0)
+    return mean([t**2 / (rough * t + steady) for t in seconds])
+
+
+def full_rate(left_rate: np.ndarray, shortest_s: float, sensor: Mapping[str, Any]) -> float:
+    """Electrons per second to put at the top of the merged image of both eyes: a little above all but the
+    brightest thousandth of the left one, and no more than fill the shortest exposure."""
+    full = capacity_e(sensor) / shortest_s
+    return min(float(np.quantile(left_rate, 0.999)) / 0.9, full) if left_rate.max() > 0 else full
+
+
+def as_numbers(rate: np.ndarray, full: float) -> np.ndarray:
+    """Merged electrons per second as linear uint16, ``full`` at the top."""
+    top = 2 ** MERGED_BITS - 1
+    return np.clip(np.rint(rate / max(full, 1e-300) * top), 0, top).astype(np.uint16)

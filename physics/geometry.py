@@ -1,0 +1,54 @@
+"""What a stereo camera can measure on level ground: footprint, ground sampling, theoretical depth error.
+
+``rig`` is the ``rig`` topic of a scene description (see ``properties.RIG``).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+
+def focal_px(rig: Mapping[str, Any]) -> float:
+    """Focal length in pixels; the sensor width spans the image width, pixels are square."""
+    return float(rig["focal_length_mm"]) / float(rig["sensor_width_mm"]) * int(rig["width_px"])
+
+
+def depth_error_m(depth_m: float, rig: Mapping[str, Any], disparity_error_px: float) -> float:
+    """Standard deviation of depth Z² σ / (f B) where disparity has that of σ pixels."""
+    return depth_m**2 * disparity_error_px / (focal_px(rig) * float(rig["baseline_m"]))
+
+
+@dataclass(frozen=True)
+class GroundRow:
+    """A row of the image on level ground; lengths in metres, infinite where the row looks above the horizon."""
+
+    depth_m: float  # planar, along the optical axis
+    distance_m: float  # on the ground, from below the camera
+    width_m: float  # of the ground that the row shows
+    across_m: float  # ground sampling distance along the row
+    along_m: float  # and from this row to the next
+
+
+def ground_row(rig: Mapping[str, Any], row: float) -> GroundRow:
+    """The ground at the level of the site as an image row (pixel-corner coordinates, 0 top) shows it."""
+    focal, pitch, height = focal_px(rig), math.radians(rig["pitch_deg"]), float(rig["height_m"])
+    v = (row - int(rig["height_px"]) / 2 - float(rig["principal_y_px"])) / focal
+    fall = math.sin(pitch) + v * math.cos(pitch)  # of a ray per unit of planar depth
+    if fall <= 1e-9:
+        return GroundRow(*[math.inf] * 5)
+    depth = height / fall
+    across = depth / focal
+    # Distance is (cos p - v sin p) Z with Z = h / (sin p + v cos p); its derivative by v is -h / fall².
+    return GroundRow(depth, depth * (math.cos(pitch) - v * math.sin(pitch)), across * int(rig["width_px"]), across,
+                     height / fall**2 / focal)
+
+
+def shared_width_px(rig: Mapping[str, Any], depth_m: float) -> float:
+    """Columns of the left image that the right eye sees too at a depth."""
+    return float(np.clip(int(rig["width_px"]) - focal_px(rig) * float(rig["baseline_m"]) / depth_m, 0,
+                         int(rig["width_px"])))

@@ -1,0 +1,26 @@
+"""The body's roundness at a site: how far one sees, how far the ground falls away."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+
+def horizon_m(eye_height_m: float, body_radius_m: float) -> float:
+    """Distance in metres from the foot of the eye, along the tangent plane there, at which a sphere's ground ends.
+
+    Exact: the horizon is arccos(R / (R + h)) away as an angle, and R times its sine along the plane.
+    """
+    h = max(eye_height_m, 0.0)
+    return body_radius_m * math.sqrt(h * (2.0 * body_radius_m + h)) / (body_radius_m + h)
+
+
+def drop_m(distance_m: Any, body_radius_m: float) -> Any:
+    """How far a sphere's ground lies under its tangent plane at distances along the plane, in metres.
+
+    R - sqrt(R² - r²), written without the difference of nearly equal numbers. Beyond R it stays at R.
+    """
+    r = np.minimum(np.asarray(distance_m, np.float64), body_radius_m)
+    return r**2 / (body_radius_m + np.sqrt(body_radius_m**2 - r**2))

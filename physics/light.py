@@ -1,0 +1,41 @@
+"""Sunlight in the solar system: irradiance, apparent size and colour."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from .photons import planck
+
+SOLAR_CONSTANT_WM2 = 1361.0  # at 1 au; IAU 2015 nominal
+SUN_RADIUS_KM = 695700.0  # IAU 2015 nominal
+AU_KM = 149597870.7  # IAU 2012
+SUN_TEMPERATURE_K = 5772.0  # effective; IAU 2015 nominal
+
+#: Wavelengths in metres that stand for the bands R, G, B when the Sun is given another temperature.
+BANDS_M = (620e-9, 550e-9, 460e-9)
+
+
+def sun_irradiance_wm2(distance_au: float) -> float:
+    """Solar irradiance over all wavelengths on a facing surface at a heliocentric distance."""
+    return SOLAR_CONSTANT_WM2 / distance_au**2
+
+
+def apparent_diameter_deg(radius_km: float, distance_km: float) -> float:
+    """Angle that a sphere takes up at a distance of its centre: 2 asin(R/d), not the small-angle 2R/d."""
+    if distance_km <= radius_km:
+        return 180.0
+    return math.degrees(2 * math.asin(radius_km / distance_km))
+
+
+def sun_diameter_deg(distance_au: float) -> float:
+    """Apparent diameter of the Sun at a heliocentric distance."""
+    return apparent_diameter_deg(SUN_RADIUS_KM, distance_au * AU_KM)
+
+
+def sun_colour(temperature_k: float) -> np.ndarray:
+    """Light in the bands R, G, B relative to their mean (3,): that of a black body over that of the Sun's own."""
+    wavelength = np.array(BANDS_M)
+    ratio = planck(wavelength, temperature_k) / planck(wavelength, SUN_TEMPERATURE_K)
+    return np.asarray(ratio / ratio.mean())

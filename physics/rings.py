@@ -1,0 +1,77 @@
+"""Rings of vertices about a centre and the triangles between them: closed, whatever number each ring has."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+#: Distance between rings over the spacing along them, which makes the triangles equilateral.
+RINGS_APART = math.sqrt(3.0) / 2.0
+_FEWEST = 6
+
+
+@dataclass(frozen=True)
+class Rings:
+    """Radii in metres (n,), rising, and numbers of vertices (n,). Every other ring is turned by half a step.
+
+    Vertex 0 is the centre; the rings follow from the inside out, each counter-clockwise from east.
+    """
+
+    radius_m: np.ndarray
+    count: np.ndarray
+
+    @classmethod
+    def of(cls, radius_m: np.ndarray, spacing_m: np.ndarray) -> Rings:
+        """Rings whose vertices are about ``spacing_m`` (n,) apart."""
+        count = np.maximum(np.rint(2 * np.pi * radius_m / spacing_m), _FEWEST).astype(np.int64)
+        return cls(np.asarray(radius_m, np.float64), count)
+
+    @property
+    def vertices(self) -> int:
+        """Number of vertices, the centre's included."""
+        return 1 + int(self.count.sum())
+
+    def map_positions(self) -> tuple[np.ndarray, np.ndarray]:
+        """East and north (vertices,) of the vertices from the centre, in metres."""
+        ring, place = self._places()
+        angle = (place + 0.5 * (ring % 2)) * (2 * np.pi / self.count[ring])
+        x, y = (np.concatenate([[0.0], self.radius_m[ring] * f(angle)]) for f in (np.cos, np.sin))
+        return x, y
+
+    def of_vertices(self, values: np.ndarray, centre: float) -> np.ndarray:
+        """Values (n,) of the rings, as values (vertices,) of their vertices."""
+        return np.concatenate([[centre], np.repeat(values, self.count)])
+
+    def faces(self) -> np.ndarray:
+        """Triangles (m, 3) int32, counter-clockwise from above.
+
+        Between two rings the edges of both follow one another by the azimuth of their middles; each
+        makes a triangle with the vertex that the other ring has come to. Whole numbers only: no
+        rounding can leave a crack.
+        """
+        first = 1 + np.concatenate([[0], np.cumsum(self.count)[:-1]])
+        around = np.arange(self.count[0])
+        fan = np.stack([0 * around, 1 + around, 1 + (around + 1) % self.count[0]], axis=1)
+        ring, place = self._places()
+        turned = ring % 2
+        inner = ring < len(self.count) - 1  # rings whose edges have a triangle outward
+        outward = self._strip(ring[inner], place[inner], turned[inner], 1, first)
+        inward = self._strip(ring[ring > 0], place[ring > 0], turned[ring > 0], -1, first)
+        return np.concatenate([fan, outward, inward]).astype(np.int32)
+
+    def _places(self) -> tuple[np.ndarray, np.ndarray]:
+        """Ring and place on it of each vertex but the centre's."""
+        ring = np.repeat(np.arange(len(self.count)), self.count)
+        return ring, np.arange(len(ring)) - np.repeat(np.cumsum(self.count) - self.count, self.count)
+
+    def _strip(self, ring: np.ndarray, place: np.ndarray, turned: np.ndarray, to: int, first: np.ndarray) -> np.ndarray:
+        """Triangles of the edges that start at places on rings, with a vertex of the next ring out (1) or in (-1)."""
+        own, other = self.count[ring], self.count[ring + to]
+        # Edges of the other ring whose middle comes before this one's; of two at one azimuth the inner is first.
+        ahead = (2 * place + 1 + turned) * other - (2 - turned) * own
+        passed = -(-ahead // (2 * own)) if to == 1 else ahead // (2 * own) + 1
+        apex = first[ring + to] + np.clip(passed, 0, other) % other
+        start, end = first[ring] + place, first[ring] + (place + 1) % own
+        return np.stack([start, apex, end] if to == 1 else [apex, start, end], axis=1)

@@ -1,0 +1,135 @@
+"""What stands in the sky of the site: the Sun and, if the scene has one, the planet.
+
+``light`` is the ``light`` topic of a scene description (see ``properties.LIGHT``). The local frame is
+x east, y north, z up, along the normal of the body's ellipsoid.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..files import absolute_path
+from . import ephemeris, spice
+from .directions import toward
+from .ephemeris import Positions
+from .light import apparent_diameter_deg, sun_diameter_deg, sun_irradiance_wm2
+from .planetshine import Planet, irradiance_wm2
+
+
+@dataclass(frozen=True)
+class Sky:
+    """The lights of a scene."""
+
+    sun: np.ndarray  # unit vector (3,) toward it
+    sun_irradiance_wm2: float  # on a facing surface
+    sun_diameter_deg: float
+    planet: Planet | None
+
+    @property
+    def sun_elevation_deg(self) -> float:
+        """Height of the Sun's centre above the horizon."""
+        return elevation_deg(self.sun)
+
+    @property
+    def sun_is_up(self) -> bool:
+        """Whether any of the Sun's disc is above the horizon; the body itself hides what is below."""
+        return self.sun_elevation_deg + self.sun_diameter_deg / 2 > 0
+
+    @property
+    def planet_is_up(self) -> bool:
+        """Whether any of the planet is above the horizon."""
+        return (self.planet is not None and self.planet.angular_diameter_deg > 0
+                and elevation_deg(self.planet.direction) + self.planet.angular_diameter_deg / 2 > 0)
+
+    @property
+    def ground_irradiance_wm2(self) -> tuple[float, float]:
+        """Irradiance of level ground from the Sun and from the planet, without shadows."""
+        sun = self.sun_irradiance_wm2 * max(float(self.sun[2]), 0.0) * (1.0 - self.eclipse)
+        planet = irradiance_wm2(self.planet, np.array([0.0, 0.0, 1.0])) if self.planet and self.planet_is_up else 0.0
+        return sun, planet
+
+    @property
+    def eclipse(self) -> float:
+        """Share of the Sun's disc that the planet's covers, both taken as circles on a plane."""
+        planet = self.planet
+        if planet is None or planet.angular_diameter_deg <= 0:
+            return 0.0
+        return covered_share(self.sun_diameter_deg / 2, planet.angular_diameter_deg / 2, 180.0 - planet.phase_deg)
+
+
+def covered_share(radius: float, other: float, apart: float) -> float:
+    """Share of a circle's area that another one covers whose centre is ``apart``; all in one unit."""
+    if apart >= radius + other:
+        return 0.0
+    if apart <= abs(radius - other):
+        return min(1.0, (other / radius) ** 2) if radius > 0 else 1.0
+    near = (apart**2 + radius**2 - other**2) / (2 * apart)  # from the centre to the common chord
+    far = apart - near
+    segments = (radius**2 * math.acos(near / radius) - near * math.sqrt(max(radius**2 - near**2, 0.0))
+                + other**2 * math.acos(far / other) - far * math.sqrt(max(other**2 - far**2, 0.0)))
+    return segments / (math.pi * radius**2)
+
+
+def elevation_deg(direction: np.ndarray) -> float:
+    """Angle of a direction above the horizon."""
+    return math.degrees(math.asin(float(np.clip(direction[2], -1, 1))))
+
+
+def azimuth_deg(direction: np.ndarray) -> float:
+    """Angle of a direction from north over east, 0 to 360."""
+    return math.degrees(math.atan2(direction[0], direction[1])) % 360.0
+
+
+def sky(light: Mapping[str, Any], blend_folder: str | None = None) -> Sky:
+    """The sky that ``light`` settings describe; ``blend_folder`` is what // means in ``kernels``.
+
+    Raises IcyMoonError if it is to come from a date or from kernels and cannot.
+    """
+    if light["directions_from"] != "ANGLES":
+        return _sky_at_date(light, blend_folder)
+    sun = toward(light["sun_azimuth_deg"], light["sun_elevation_deg"])
+    irradiance = float(light["sun_irradiance_wm2"])
+    planet = Planet(
+        toward(light["planet_azimuth_deg"], light["planet_elevation_deg"]),
+        float(light["planet_angular_diameter_deg"]), float(light["planet_flattening"]),
+        # Moon and planet turn about axes within a degree of each other.
+        toward(0.0, light["latitude_deg"]), sun, irradiance, float(light["planet_albedo"]),
+        light["planet_phase_law"]) if light["planet"] else None
+    return Sky(sun, irradiance, float(light["sun_angular_diameter_deg"]), planet)
+
+
+def _positions(light: Mapping[str, Any], blend_folder: str | None) -> Positions:
+    site = light["date_utc"], float(light["latitude_deg"]), float(light["longitude_deg"])
+    if light["directions_from"] == "DATE":
+        return ephemeris.positions(light["body"], *site)
+    return spice.positions(absolute_path(light["kernels"], "light.kernels", blend_folder), light["body"],
+                           light["parent"], *site)
+
+
+def _sky_at_date(light: Mapping[str, Any], blend_folder: str | None) -> Sky:
+    at = _positions(light, blend_folder)
+    irradiance = sun_irradiance_wm2(at.sun_distance_au)
+    planet = Planet(at.planet, apparent_diameter_deg(at.planet_equator_km, at.planet_distance_km),
+                    1 - at.planet_pole_km / at.planet_equator_km, at.planet_axis, at.sun, irradiance,
+                    float(light["planet_albedo"]), light["planet_phase_law"]) if light["planet"] else None
+    return Sky(at.sun, irradiance, sun_diameter_deg(at.sun_distance_au), planet)
+
+
+def facts(shown: Sky) -> dict[str, Any]:
+    """The ``light`` table of ``pair.json``."""
+    planet, on_ground = shown.planet, shown.ground_irradiance_wm2
+    return {"sun": {"direction_to_world": shown.sun.tolist(), "elevation_deg": shown.sun_elevation_deg,
+                    "azimuth_deg": azimuth_deg(shown.sun), "irradiance_wm2": shown.sun_irradiance_wm2,
+                    "angular_diameter_deg": shown.sun_diameter_deg,
+                    "ground_irradiance_wm2": on_ground[0], "eclipse": shown.eclipse},
+            "planet": None if planet is None else {
+                "direction_to_world": planet.direction.tolist(), "elevation_deg": elevation_deg(planet.direction),
+                "azimuth_deg": azimuth_deg(planet.direction), "phase_deg": planet.phase_deg,
+                "angular_diameter_deg": planet.angular_diameter_deg,
+                "irradiance_wm2": irradiance_wm2(planet),
+                "ground_irradiance_wm2": on_ground[1]}}

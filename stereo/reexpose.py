@@ -1,0 +1,87 @@
+"""Exposing rendered pairs again: images as another camera response gives them, without a new render."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..errors import IcyMoonError
+from ..files import write_json
+from ..labels import LIGHT_GROUPS
+from ..physics.distortion import COEFFICIENTS, coefficients
+from ..render.pair import EYES, pair_folders
+from ..settings import merged
+from .develop import Images, develop, exposure_facts
+from .evaluate import Event
+from .exr import read_light, read_view
+from .images import write_npy, write_png
+from .lens import lens_of
+from .prepare import checked
+from .truth import scene_depth
+
+FORMAT, VERSION = "icymoon-images", 1
+
+
+def reexpose(paths: Sequence[Path], out: Path, response: Mapping[str, Mapping[str, Any]],
+             on_event: Event = lambda event: None) -> list[Path]:
+    """Develop pairs and all pairs of data sets with other settings of the ``response``; their new folders.
+
+    Per pair, ``out/<pair>/``: ``left.png`` and ``right.png`` (8-bit, or 16-bit holding ``image_bits``), of
+    brackets also every exposure as ``left_0.png`` …, longest first, of a lens with distortion the image
+    that the sensor has as ``left_distorted.png`` with the depth of its pixels beside it (npy, planar
+    metres, NaN for none), and ``images.json``, written last: exposure, gain, calibration, settings.
+    Everything but what is called distorted is rectified, on the pair's truth, but for the single
+    exposures, which are as the sensor has them. ``on_event`` gets what ``evaluate`` gives it. A pair that
+    cannot be used does not stop the others. Raises IcyMoonError if there is none, or at the end.
+    """
+    folders = list(dict.fromkeys(folder for path in paths for folder in pair_folders(path)))
+    done: list[Path] = []
+    failed: list[str] = []
+    for k, folder in enumerate(folders):
+        try:
+            done.append(_reexposed(folder, out / folder.name, response))
+        except IcyMoonError as error:
+            failed.append(str(error))
+            on_event({"type": "error", "message": str(error)})
+        on_event({"type": "progress", "fraction": (k + 1) / len(folders), "done": k + 1, "total": len(folders),
+                  "message": folder.name})
+    if failed:
+        raise IcyMoonError(f"{len(failed)} of {len(folders)} pairs failed, the first one: {failed[0]}")
+    return done
+
+
+def _reexposed(folder: Path, out: Path, response: Mapping[str, Mapping[str, Any]]) -> Path:
+    pair, settings = checked(folder)
+    settings = merged(settings, response)
+    scaled = any(settings["light"][key] != 1 for key in LIGHT_GROUPS.values())
+    left, right = (read_light(pair.image(eye), eye, groups=scaled) for eye in EYES)
+    images = develop(pair, left, right, settings)
+    for stale in [p for eye in EYES for p in (*out.glob(f"{eye}_[0-9d]*.png"), out / f"{eye}_distorted_depth.npy")]:
+        stale.unlink(missing_ok=True)
+    for name, numbers in _named(images, int(settings["sensor"]["bits"])).items():
+        write_png(out / f"{name}.png", numbers)
+    lens = lens_of(pair.camera, settings["rig"])
+    for eye in EYES:
+        if lens is None:
+            break
+        truth = scene_depth(read_view(pair.image(eye), eye))
+        write_npy(out / f"{eye}_distorted_depth.npy", lens.distort_truth(truth).astype(np.float32))
+    write_json(out / "images.json", {
+        "format": FORMAT, "version": VERSION, "pair": pair.id, "camera": pair.camera.to_json(),
+        "distortion": dict(zip(COEFFICIENTS, coefficients(settings["rig"]), strict=True)),
+        **exposure_facts(images), "settings": {topic: settings[topic] for topic in ("sensor", "light")}})
+    return out
+
+
+def _named(images: Images, sensor_bits: int) -> dict[str, np.ndarray]:
+    """The images to write by name, uint8 where they have 8 bits."""
+    named = {eye: (getattr(images, eye), images.bits) for eye in EYES}
+    if images.detected_left is not images.left:
+        named |= {f"{eye}_distorted": (getattr(images, f"detected_{eye}"), images.bits) for eye in EYES}
+    if len(images.frames) > 1:
+        named |= {f"{eye}_{k}": (getattr(frame, eye), sensor_bits)
+                  for k, frame in enumerate(images.frames) for eye in EYES}
+    return {name: numbers.astype(np.uint8) if bits == 8 else numbers for name, (numbers, bits) in named.items()}

@@ -1,0 +1,187 @@
+"""Where Sun and planet stand: against full theories, SPICE with kernels made here, and geometry."""
+
+import math
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from icymoon import settings
+from icymoon.errors import IcyMoonError
+from icymoon.physics import ephemeris, spice
+from icymoon.physics.bodies import BODIES
+from icymoon.physics.light import AU_KM
+from icymoon.physics.sky import azimuth_deg, elevation_deg, sky
+
+pytestmark = pytest.mark.filterwarnings("error")
+
+#: Heliocentric positions in au, J2000 equator, by days since J2000: Simon et al. 1994 (ERFA's plan94).
+PLAN94 = {
+    "EUROPA": {0.0: (4.00156, 2.7361, 1.07544), 5478.75: (-3.73145, 3.45229, 1.57059),
+               10957.5: (-4.01803, -3.38021, -1.35113), 16436.25: (3.60244, -3.24691, -1.47929),
+               21915.0: (2.58981, 3.96914, 1.63825)},
+    "ENCELADUS": {0.0: (6.4046, 6.17527, 2.27445), 5478.75: (-5.40649, -7.80468, -2.99047),
+                  10957.5: (5.50225, 6.80734, 2.57451), 16436.25: (-4.47945, -8.31086, -3.23976),
+                  21915.0: (4.46981, 7.39535, 2.86213)}}
+DATE = "2035-03-01T12:00:00"
+
+
+def angle_deg(a, b):
+    return math.degrees(math.atan2(np.linalg.norm(np.cross(a, b)), a @ b))
+
+
+@pytest.mark.parametrize("body", list(BODIES))
+def test_the_sun_is_where_a_full_theory_puts_it(body):
+    for days, expected in PLAN94[body].items():
+        found = ephemeris.heliocentric_au(BODIES[body].orbit, days)
+        assert angle_deg(found, np.array(expected)) < 0.25
+        assert np.linalg.norm(found) == pytest.approx(np.linalg.norm(expected), rel=2e-3)
+
+
+def test_sub_solar_latitude_and_irradiance_stay_in_their_ranges():
+    for body, tilt, low, high in (("ENCELADUS", 26.75, 13.3, 16.8), ("EUROPA", 3.7, 45.5, 55.8)):
+        elevations, irradiances = [], []
+        for year in range(2000, 2060):
+            at = ephemeris.positions(body, f"{year}-06-01", 90.0, 0.0)  # over the pole: the sub-solar latitude
+            elevations.append(elevation_deg(at.sun))
+            irradiances.append(1361 / at.sun_distance_au**2)
+        assert max(np.abs(elevations)) == pytest.approx(tilt, abs=0.5)
+        assert low < min(irradiances) < 0.95 * max(irradiances) < max(irradiances) < high
+
+
+def test_the_planet_stands_over_the_meridian_and_the_sun_goes_round_once_a_day():
+    zenith = ephemeris.positions("ENCELADUS", DATE, 0.0, 0.0)
+    assert elevation_deg(zenith.planet) == pytest.approx(90.0)
+    pole = ephemeris.positions("ENCELADUS", DATE, -80.0, 30.0)
+    # 98.6° from the sub-planet point but for the parallax of a site that is a thousandth of the way nearer.
+    assert azimuth_deg(pole.planet) == pytest.approx(328.63, abs=0.05)
+    assert elevation_deg(pole.planet_axis) == pytest.approx(-80.0, abs=0.6)
+    day = 360 / 262.7318996 * 86400
+    hour = np.datetime64(DATE) + np.timedelta64(round(day * 1000 / 4), "ms")
+    later = ephemeris.positions("ENCELADUS", str(hour), 90.0, 0.0)
+    now = ephemeris.positions("ENCELADUS", DATE, 90.0, 0.0)
+    assert (azimuth_deg(later.sun) - azimuth_deg(now.sun)) % 360 == pytest.approx(90.0, abs=0.1)
+
+
+def test_up_is_the_normal_of_the_ellipsoid():
+    radii = BODIES["ENCELADUS"].radii_km
+    tilts = []
+    for latitude in range(-90, 91, 15):
+        for longitude in range(0, 360, 30):
+            place, axes = ephemeris.site_frame(radii, latitude, longitude)
+            np.testing.assert_allclose(axes @ axes.T, np.eye(3), atol=1e-12)
+            assert np.linalg.det(axes) == pytest.approx(1.0)
+            assert (place**2 / np.array(radii) ** 2).sum() == pytest.approx(1.0)
+            tilts.append(angle_deg(axes[2], place))
+    assert max(tilts) == pytest.approx(1.88, abs=0.05)  # (a² - c²) / 2ac, at 45° on the meridian
+
+
+@pytest.mark.parametrize("text", ["", "yesterday", "2035-13-01", "2035-03-01T25:00", "2035-03-01T12:00+01:00", "NaT"])
+def test_what_is_no_date_is_said_in_a_sentence(text):
+    with pytest.raises(IcyMoonError, match=r"light\.date_utc"):
+        ephemeris.days_since_j2000(text)
+
+
+def test_dates_and_bodies():
+    assert ephemeris.days_since_j2000("2000-01-01T12:00:00Z") == pytest.approx(69.184 / 86400)
+    assert ephemeris.days_since_j2000("2000-01-11") == pytest.approx(9.5 + 69.184 / 86400)
+    with pytest.raises(IcyMoonError, match=r"light\.body is 'Titan'.*ENCELADUS and EUROPA"):
+        ephemeris.positions("Titan", DATE, 0.0, 0.0)
+
+
+LSK = """KPL/LSK
+\\begindata
+DELTET/DELTA_T_A = 32.184
+DELTET/K = 1.657D-3
+DELTET/EB = 1.671D-2
+DELTET/M = ( 6.239996D0 1.99096871D-7 )
+DELTET/DELTA_AT = ( 37, @2017-JAN-1 )
+"""
+PCK = """KPL/PCK
+\\begindata
+BODY602_POLE_RA = ( 40.66 -0.036 0. )
+BODY602_POLE_DEC = ( 83.52 -0.004 0. )
+BODY602_PM = ( 6.32 262.7318996 0. )
+BODY602_RADII = ( 256.6 251.4 248.3 )
+BODY699_POLE_RA = ( 40.589 -0.036 0. )
+BODY699_POLE_DEC = ( 83.537 -0.004 0. )
+BODY699_PM = ( 38.90 810.7939024 0. )
+BODY699_RADII = ( 60268 60268 54364 )
+"""
+
+
+@pytest.fixture(scope="module")
+def kernels(tmp_path_factory):
+    """Ten days of Sun, Saturn and Enceladus about DATE, the moon on a circle with one face to the planet."""
+    spiceypy = pytest.importorskip("spiceypy")
+    folder = tmp_path_factory.mktemp("kernels")
+    (folder / "a.tls").write_text(LSK)
+    (folder / "b.tpc").write_text(PCK)
+    moon = BODIES["ENCELADUS"]
+    middle = ephemeris.days_since_j2000(DATE) * 86400
+    times = middle + np.arange(-120, 121) * 3600.0
+
+    def states(position):
+        here, before, after = (np.array([position(t + dt) for t in times]) for dt in (0.0, -30.0, 30.0))
+        return np.hstack([here, (after - before) / 60.0])
+
+    def around(t):
+        return -moon.distance_km * ephemeris.body_frame(moon.orientation(t / 86400))[0]
+
+    handle = spiceypy.spkopn(str(folder / "c.bsp"), "test", 0)
+    for body, centre, position in ((10, 0, lambda t: np.zeros(3)), (602, 699, around),
+                                   (699, 0, lambda t: AU_KM * ephemeris.heliocentric_au(moon.orbit, t / 86400))):
+        spiceypy.spkw08(handle, body, centre, "J2000", times[0], times[-1], str(body), 7, len(times), states(position),
+                        times[0], 3600.0)
+    spiceypy.spkcls(handle)
+    return folder
+
+
+def test_spice_and_the_elements_agree(kernels):
+    """Rotation, ellipsoid, site and local frame worked out by SPICE; light time and aberration are the difference."""
+    for latitude, longitude in ((-80.0, 30.0), (0.0, 120.0), (45.0, 300.0)):
+        exact = spice.positions(kernels, "enceladus", "saturn", DATE, latitude, longitude)
+        found = ephemeris.positions("ENCELADUS", DATE, latitude, longitude)
+        assert angle_deg(exact.sun, found.sun) < 0.02
+        assert angle_deg(exact.planet, found.planet) < 0.05
+        assert exact.sun_distance_au == pytest.approx(found.sun_distance_au, rel=5e-4)  # the moon is off the planet
+        assert exact.planet_distance_km == pytest.approx(found.planet_distance_km, rel=1e-4)
+        assert angle_deg(exact.planet_axis, found.planet_axis) < 0.1
+        assert exact.planet_equator_km == found.planet_equator_km
+
+
+def test_the_sky_of_a_date_and_of_kernels(kernels):
+    light = settings.merged(settings.defaults(), settings.load(settings.preset_path("bodies/enceladus")))["light"]
+    dated = sky(light | {"directions_from": "DATE", "date_utc": DATE})
+    exact = sky(light | {"directions_from": "KERNELS", "date_utc": DATE, "kernels": str(kernels)})
+    for shown in (dated, exact):
+        assert shown.sun_irradiance_wm2 == pytest.approx(1361 / 9.0878**2, rel=1e-3)
+        assert shown.planet.angular_diameter_deg == pytest.approx(29.33, abs=0.05)
+        assert shown.planet.flattening == pytest.approx(0.098, abs=1e-3)
+        assert elevation_deg(shown.planet.direction) == pytest.approx(10.0 - 0.65, abs=0.1)  # the normal leans
+    assert angle_deg(dated.sun, exact.sun) < 0.02
+
+
+@pytest.mark.parametrize(("body", "date", "words"), [
+    ("ENCELADUS", "1990-01-01", "1990-01-01"), ("DIONE", DATE, "DIONE"), ("ENCELADUS", "soon", "light.date_utc")])
+def test_what_kernels_lack_is_a_sentence(kernels, body, date, words):
+    with pytest.raises(IcyMoonError, match=words) as caught:
+        spice.positions(kernels, body, "SATURN", date, 0.0, 0.0)
+    assert "\n" not in str(caught.value)
+    spice.positions(kernels, "ENCELADUS", "SATURN", DATE, 0.0, 0.0)  # nothing is left behind
+
+
+def test_missing_kernels_and_a_missing_package_are_sentences(tmp_path, monkeypatch):
+    monkeypatch.setattr(spice, "available", lambda: False)
+    with pytest.raises(IcyMoonError, match=r"SpiceyPy.*ephemeris"):
+        spice.positions(tmp_path, "ENCELADUS", "SATURN", DATE, 0.0, 0.0)
+    monkeypatch.setattr(spice, "available", lambda: True)
+    with pytest.raises(IcyMoonError, match="not there"):
+        spice.positions(tmp_path / "no.tm", "ENCELADUS", "SATURN", DATE, 0.0, 0.0)
+
+
+def test_spice_is_loaded_for_kernels_only():
+    program = ("import sys\nfrom icymoon import settings\nfrom icymoon.physics.sky import sky\n"
+               "light = settings.defaults()['light']\nsky(light)\nsky(light | {'directions_from': 'DATE'})\n"
+               "assert 'spiceypy' not in sys.modules")
+    subprocess.run([sys.executable, "-c", program], check=True, timeout=60)

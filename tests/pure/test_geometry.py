@@ -1,0 +1,54 @@
+"""What the camera resolves on level ground, against rays."""
+
+import math
+
+import numpy as np
+import pytest
+from icymoon.physics.geometry import depth_error_m, focal_px, ground_row, shared_width_px
+from icymoon.settings import defaults, load, merged, preset_path
+
+RIG = defaults()["rig"]
+
+
+def hit(rig, row, column=320.0):
+    """(along, across, planar depth) of the point of level ground that a pixel's ray meets."""
+    f, pitch = focal_px(rig), math.radians(rig["pitch_deg"])
+    v, u = (row - rig["height_px"] / 2) / f, (column - rig["width_px"] / 2) / f
+    depth = rig["height_m"] / (math.sin(pitch) + v * math.cos(pitch))
+    return depth * (math.cos(pitch) - v * math.sin(pitch)), depth * u, depth
+
+
+@pytest.mark.parametrize("row", [0.0, 100.0, 240.0, 480.0])
+def test_a_row_of_the_image_on_the_ground(row):
+    found = ground_row(RIG, row)
+    along, _, depth = hit(RIG, row)
+    assert found.depth_m == pytest.approx(depth)
+    assert found.distance_m == pytest.approx(along)
+    assert found.width_m == pytest.approx(hit(RIG, row, 640.0)[1] - hit(RIG, row, 0.0)[1])
+    assert found.across_m == pytest.approx(hit(RIG, row, 321.0)[1])
+    step = 1e-3
+    assert found.along_m == pytest.approx((hit(RIG, row - step)[0] - hit(RIG, row + step)[0]) / (2 * step), rel=1e-4)
+
+
+def test_depth_error_is_what_a_disparity_error_makes():
+    fb = focal_px(RIG) * RIG["baseline_m"]
+    assert fb == pytest.approx(85.333, abs=1e-3)
+    for depth in (1.0, 5.0, 20.0):
+        disparity = fb / depth
+        made = abs(fb / (disparity + 1e-4) - fb / (disparity - 1e-4)) / 2e-4
+        assert depth_error_m(depth, RIG, 1.0) == pytest.approx(made, rel=1e-4)
+    assert depth_error_m(10.0, RIG, 1.0) == pytest.approx(1.17, abs=0.01)
+
+
+def test_above_the_horizon_and_out_of_the_other_eye():
+    assert np.isinf(ground_row(RIG | {"pitch_deg": 0.0}, 100.0).depth_m)
+    assert shared_width_px(RIG, 1.0) == pytest.approx(640 - 85.333, abs=1e-3)
+    assert shared_width_px(RIG, 0.05) == 0
+
+
+@pytest.mark.parametrize(("name", "horizontal_deg"), [
+    ("guiss", 86.3), ("mer_navcam", 45.4), ("mer_pancam", 16.3), ("mars2020_navcam", 96.0), ("europa_lander", 21.0)])
+def test_rigs_have_their_published_fields_of_view(name, horizontal_deg):
+    rig = merged(defaults(), load(preset_path(f"rigs/{name}")))["rig"]
+    assert 2 * math.degrees(math.atan(rig["width_px"] / 2 / focal_px(rig))) == pytest.approx(horizontal_deg, abs=0.1)
+    assert math.isfinite(ground_row(rig, rig["height_px"]).depth_m)

@@ -1,0 +1,176 @@
+"""Sunlight and planetshine against tables, limits and integrals worked out another way."""
+
+import math
+
+import numpy as np
+import pytest
+from icymoon import settings
+from icymoon.physics.light import apparent_diameter_deg, sun_colour, sun_diameter_deg, sun_irradiance_wm2
+from icymoon.physics.planetshine import (
+    Planet,
+    disc,
+    far_field_irradiance_wm2,
+    irradiance_wm2,
+    lambert_phase,
+    phase_function,
+)
+from icymoon.physics.sky import azimuth_deg, covered_share, elevation_deg, facts, sky
+
+pytestmark = pytest.mark.filterwarnings("error")
+
+UP = np.array([0.0, 0.0, 1.0])
+SATURN = (14.82, apparent_diameter_deg(60268, 238040), 0.499)
+JUPITER = (50.27, apparent_diameter_deg(71492, 671100), 0.538)
+
+
+def planet(phase=0.0, values=SATURN, law="LAMBERT", direction=UP, flattening=0.0, pole=(0.0, 1.0, 0.0)):
+    """A planet in ``direction`` with the Sun at a phase angle from behind the site, towards east."""
+    irradiance, diameter, albedo = values
+    side = np.cross([0.0, 1.0, 0.0], direction)
+    side /= np.linalg.norm(side)
+    sun = -math.cos(math.radians(phase)) * direction + math.sin(math.radians(phase)) * side
+    return Planet(direction, diameter, flattening, np.array(pole), sun, irradiance, albedo, law)
+
+
+def test_the_sun_at_both_moons():
+    assert sun_irradiance_wm2(9.5826) == pytest.approx(14.82, abs=0.005)
+    assert sun_irradiance_wm2(5.2038) == pytest.approx(50.26, abs=0.005)
+    assert sun_diameter_deg(9.5826) == pytest.approx(0.0556, abs=5e-5)
+    assert sun_diameter_deg(5.2038) == pytest.approx(0.1024, abs=5e-5)
+    assert sun_diameter_deg(1.0) == pytest.approx(0.533, abs=5e-4)
+
+
+def test_apparent_sizes_are_those_of_a_sphere():
+    assert SATURN[1] == pytest.approx(29.33, abs=0.005)  # the small-angle form gives 29.01
+    assert JUPITER[1] == pytest.approx(12.23, abs=0.005)
+    assert apparent_diameter_deg(1.0, 1.0) == apparent_diameter_deg(1.0, 0.5) == 180.0
+
+
+def test_colour_is_white_for_the_sun_and_warm_below():
+    np.testing.assert_allclose(sun_colour(5772.0), 1.0, rtol=1e-12)
+    red, green, blue = sun_colour(4000.0)
+    assert red > green > blue
+    assert sun_colour(4000.0).mean() == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize(("values", "expected"), [
+    (SATURN, (0.558, 0.484, 0.305, 0.1255, 0.026)), (JUPITER, (0.331, 0.289, 0.1915, 0.091, 0.026))])
+def test_irradiance_by_phase_is_the_tabulated_one(values, expected):
+    found = [irradiance_wm2(planet(phase, values)) for phase in (0, 30, 60, 90, 120)]
+    np.testing.assert_allclose(found, expected, atol=1e-3)
+
+
+def test_far_away_the_integral_is_the_formula():
+    for law in ("LAMBERT", "SATURN", "JUPITER"):
+        for phase in (0.0, 5.0, 40.0, 90.0, 120.0, 160.0):
+            small = planet(phase, (1.0, 0.1, 0.5), law)
+            assert irradiance_wm2(small) == pytest.approx(far_field_irradiance_wm2(small), rel=2e-2)
+    # Near by it is not: the error that the formula would make.
+    ratio = [irradiance_wm2(planet(p)) / far_field_irradiance_wm2(planet(p)) for p in (0, 90, 120)]
+    np.testing.assert_allclose(ratio, (1.18, 0.83, 0.50), atol=0.006)
+
+
+def test_irradiance_is_that_of_random_rays():
+    """The same integral by rays from the site against an ellipsoid in space, not by points on the ellipsoid."""
+    direction = np.array([0.3, 0.2, 0.6])
+    direction /= np.linalg.norm(direction)
+    shown = planet(70.0, direction=direction, flattening=0.2, pole=(0.0, 0.6, 0.8))
+    random = np.random.default_rng(5)
+    limit = math.radians(15.0)
+    n = 400_000
+    z = 1 - (1 - math.cos(limit)) * random.random(n)
+    around = 2 * np.pi * random.random(n)
+    x_axis = np.cross(direction, UP) / np.linalg.norm(np.cross(direction, UP))
+    y_axis = np.cross(direction, x_axis)
+    ray = (z[:, None] * direction + np.sqrt(1 - z**2)[:, None]
+           * (np.cos(around)[:, None] * x_axis + np.sin(around)[:, None] * y_axis))
+    radius = math.sin(math.radians(shown.angular_diameter_deg / 2))
+    shape = (np.eye(3) + ((1 / 0.8) ** 2 - 1) * np.outer(shown.pole, shown.pole)) / radius**2  # xᵀ A x = 1
+    a, b, c = (np.einsum("ni,ij,nj->n", ray, shape, ray), -ray @ shape @ direction, direction @ shape @ direction - 1)
+    hit = b**2 > a * c
+    t = (-b - np.sqrt(np.maximum(b**2 - a * c, 0))) / a
+    normal = (t[:, None] * ray - direction) @ shape
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    albedo = 1.5 * shown.geometric_albedo
+    radiance = albedo * shown.sun_irradiance_wm2 / np.pi * np.maximum(normal @ shown.sun, 0) * hit
+    value = radiance * np.maximum(ray @ UP, 0) * 2 * np.pi * (1 - math.cos(limit))
+    assert irradiance_wm2(shown, UP) == pytest.approx(value.mean(), abs=5 * value.std() / math.sqrt(n))
+
+
+def test_phase_curves_are_continuous_and_fall():
+    for law in ("LAMBERT", "SATURN", "JUPITER"):
+        assert phase_function(law, 0.0) == pytest.approx(1.0, abs=1e-6)
+        values = np.array([phase_function(law, a) for a in np.arange(0, 180.1, 0.25)])
+        assert np.isfinite(values).all()
+        assert (np.diff(values) < 2e-3).all()
+        assert np.abs(np.diff(values)).max() < 0.02  # no step where two curves meet
+        assert values[-1] == pytest.approx(0.0, abs=1e-3)
+    assert lambert_phase(90.0) == pytest.approx(1 / math.pi)
+
+
+def test_below_the_horizon_there_is_nothing_and_half_of_it_at_the_horizon():
+    down = np.array([math.cos(math.radians(16)), 0.0, -math.sin(math.radians(16))])
+    assert irradiance_wm2(planet(0.0, direction=down), UP) == 0.0
+    east = np.array([1.0, 0.0, 0.0])
+    level = irradiance_wm2(planet(0.0, direction=east), east)
+    assert level == pytest.approx(0.558 / 2, rel=5e-3)
+    for phase in (0.0, 180.0):
+        assert np.isfinite(irradiance_wm2(planet(phase)))
+    assert irradiance_wm2(planet(180.0)) == 0.0
+    assert irradiance_wm2(planet(0.0, (14.82, 0.0, 0.5))) == 0.0
+
+
+def test_the_mesh_is_the_ellipsoid_in_size_light_and_side():
+    shown = planet(60.0, flattening=0.1)
+    mesh = disc(shown)
+    corners = mesh.vertices[mesh.faces]
+    area = (np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+            + np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 0])) / 2
+    middle = corners.mean(axis=1)
+    distance = np.linalg.norm(middle, axis=1)
+    solid_angle = -(area * middle).sum(axis=1) / distance**3
+    assert (solid_angle > -1e-9).all()  # all faces are turned to the observer
+    light = (mesh.radiance[mesh.faces].mean(axis=1) * solid_angle * middle[:, 2] / distance).sum()
+    assert light == pytest.approx(irradiance_wm2(shown, UP), rel=2e-3)
+    assert mesh.radiance.min() == 0
+
+
+def test_the_sky_of_the_settings():
+    light = settings.merged(settings.defaults(), settings.load(settings.preset_path("bodies/enceladus")))["light"]
+    shown = sky(light | {"sun_elevation_deg": 20.0, "sun_azimuth_deg": 300.0})
+    assert (elevation_deg(shown.sun), azimuth_deg(shown.sun)) == pytest.approx((20.0, 300.0))
+    assert shown.ground_irradiance_wm2[0] == pytest.approx(14.82 * math.sin(math.radians(20)))
+    assert elevation_deg(shown.planet.pole) == pytest.approx(-80.0)
+    said = facts(shown)
+    assert said["planet"]["phase_deg"] == pytest.approx(180 - math.degrees(math.acos(shown.sun @ [0, math.cos(
+        math.radians(10)), math.sin(math.radians(10))])))
+    assert 0 < said["planet"]["ground_irradiance_wm2"] < 0.1
+    assert sky(light | {"planet": False}).planet is None
+
+
+@pytest.mark.parametrize(("elevation", "up"), [(-5.0, False), (-0.02, True), (0.0, True), (0.01, True), (90.0, True)])
+def test_the_sun_is_up_while_any_of_it_is(elevation, up):
+    shown = sky(settings.defaults()["light"] | {"sun_elevation_deg": elevation})
+    assert shown.sun_is_up is up
+    assert shown.ground_irradiance_wm2[0] == pytest.approx(14.82 * max(0.0, math.sin(math.radians(elevation))))
+
+
+def test_an_eclipse_is_the_share_of_two_circles():
+    assert covered_share(1.0, 1.0, 2.0) == 0.0
+    assert covered_share(1.0, 5.0, 3.0) == 1.0
+    assert covered_share(2.0, 1.0, 0.5) == 0.25
+    # Two equal circles through each other's centre share 2π/3 - √3/2.
+    assert covered_share(1.0, 1.0, 1.0) == pytest.approx((2 * math.pi / 3 - math.sqrt(3) / 2) / math.pi)
+    assert covered_share(1.0, 1000.0, 1000.0) == pytest.approx(0.5, abs=1e-3)
+    light = settings.defaults()["light"] | {"planet": True, "planet_elevation_deg": 20.0, "planet_azimuth_deg": 60.0}
+    assert sky(light).eclipse == 1.0
+    assert sky(light).ground_irradiance_wm2 == (0.0, 0.0)
+    assert 0 < sky(light | {"planet_angular_diameter_deg": 0.05}).eclipse < 1
+    assert sky(light | {"planet_elevation_deg": 60.0}).eclipse == 0.0
+
+
+def test_every_scene_preset_has_light():
+    for name in settings.preset_names("scenes"):
+        shown = sky(settings.merged(settings.defaults(), settings.load(settings.preset_path(name)))["light"])
+        assert shown.eclipse == 0.0, name
+        assert sum(shown.ground_irradiance_wm2) > (0.05 if name.endswith("shine") else 1.0), name
