@@ -51,6 +51,8 @@ def _parser() -> argparse.ArgumentParser:
     evaluate.add_argument("path", type=Path, nargs="+", help="pair or data set folder")
     evaluate.add_argument("--methods", default="bm,sgbm", help="matchers, separated by commas (%(default)s)")
     evaluate.add_argument("--out", type=Path, help="report folder (evaluation in the data set)")
+    evaluate.add_argument("--guiss", action="store_true", help="show what the GUISS reference code would report too")
+    evaluate.add_argument("--points", action="store_true", help="write the measured surfaces too, as point clouds")
     evaluate.set_defaults(run=_evaluate)
 
     settings = verbs.add_parser("settings", help="print the described scene as TOML, every setting stated")
@@ -136,7 +138,8 @@ def _evaluate(options: argparse.Namespace) -> int:
     from .stereo.cli import main as stereo
 
     out = options.out or options.path[0] / "evaluation"
-    return stereo(["evaluate", *map(str, options.path), "--methods", options.methods, "--out", str(out)])
+    flags = [f"--{name}" for name in ("guiss", "points") if getattr(options, name)]
+    return stereo(["evaluate", *map(str, options.path), "--methods", options.methods, "--out", str(out), *flags])
 
 
 def _demo(options: argparse.Namespace) -> int:

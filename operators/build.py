@@ -11,6 +11,7 @@ from .. import settings as description
 from ..errors import IcyMoonError
 from ..nodes import scene as scenes
 from ..nodes.ground import cost_warnings
+from ..nodes.points import clear_points
 from ..physics import surfaces
 from . import readouts
 
@@ -83,6 +84,7 @@ def build_and_report(operator: bpy.types.Operator, context: bpy.types.Context) -
     except IcyMoonError as error:
         operator.report({"ERROR"}, str(error))
         return {"CANCELLED"}
+    clear_points(context.scene)  # it was measured on what was there before
     for warning in built.warnings:
         operator.report({"WARNING"}, warning)
     if not bpy.app.background:
@@ -130,6 +132,7 @@ class ICYMOON_OT_clear_scene(bpy.types.Operator):
         return found
 
     def execute(self, context: bpy.types.Context) -> set[str]:
+        clear_points(context.scene)
         scenes.clear(context.scene)
         return {"FINISHED"}
 

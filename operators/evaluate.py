@@ -49,6 +49,7 @@ class ICYMOON_OT_evaluate(jobs.JobOperator, bpy.types.Operator):
         paths = [dataset] if self.scope == "DATASET" else rendered_pairs(context, settings)
         return python_command(evaluator_python(), "stereo", "evaluate", *map(str, paths),
                               "--methods", str(settings["dataset"]["methods"]), *response_arguments(settings),
+                              *(["--points"] if self.scope == "SCENE" else []),
                               "--out", str(self._out(dataset)), "--json-lines")
 
     def _out(self, dataset: Path) -> Path:

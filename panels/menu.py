@@ -51,6 +51,8 @@ class ICYMOON_MT_icymoon(bpy.types.Menu):
         layout.separator()
         layout.operator("icymoon.open_report")
         layout.operator("icymoon.show_error")
+        layout.operator("icymoon.show_surface").method = ""
+        layout.operator("icymoon.hide_surface")
         layout.separator()
         layout.operator("icymoon.check_evaluator", text="Check Evaluator")
         layout.operator("icymoon.install_evaluator", text="Install Evaluator")

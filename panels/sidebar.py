@@ -88,6 +88,11 @@ class ICYMOON_PT_results(_Sidebar, bpy.types.Panel):
         buttons = layout.row(align=True)
         buttons.operator("icymoon.open_report", icon="URL")
         buttons.operator("icymoon.show_error", text="Error Image", icon="IMAGE_DATA")
+        surfaces = layout.row(align=True)
+        for method in results.methods_with_points():
+            surfaces.operator("icymoon.show_surface", text=f"Surface {method}", icon="MESH_GRID").method = method
+        surfaces.operator("icymoon.hide_surface", text="" if results.methods_with_points() else "Remove Surface",
+                          icon="X")
 
 
 class _TopicPanel(_Sidebar):

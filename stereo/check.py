@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import importlib.metadata
 import io
+import logging
 import platform
 import sys
 from contextlib import redirect_stderr, redirect_stdout
@@ -14,9 +15,13 @@ from ..errors import IcyMoonError
 
 PYTHON = (3, 11)
 
+# The first time it runs it says on stderr, which is for our one sentence, that it looks for fonts.
+logging.getLogger("matplotlib").setLevel(logging.ERROR)
+
 #: Module -> (what pip installs it from, oldest version that will do).
 PACKAGES = {"numpy": ("numpy", (1, 26)), "cv2": ("opencv-contrib-python-headless", (4, 11)),
-            "OpenEXR": ("OpenEXR", (3, 3)), "jinja2": ("Jinja2", (3, 1)), "rich": ("rich", (13, 0))}
+            "OpenEXR": ("OpenEXR", (3, 3)), "jinja2": ("Jinja2", (3, 1)),
+            "matplotlib": ("matplotlib", (3, 8)), "rich": ("rich", (13, 0))}
 
 
 def report() -> dict[str, Any]:

@@ -10,13 +10,10 @@ import sys
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ..errors import IcyMoonError
 from . import check
-
-if TYPE_CHECKING:
-    import numpy as np
 
 PROGRAM = "icymoon.stereo"
 INTERRUPTED = 130
@@ -68,9 +65,16 @@ def _parser() -> argparse.ArgumentParser:
                          help="npz to write: disparity, float32 px, NaN where invalid, and what else the method knows")
     command.set_defaults(run=_match)
 
-    command = commands.add_parser("metrics", help="measure a depth map, as JSON; null for what is undefined")
-    command.add_argument("--prediction", required=True, type=Path, help="npy, planar depth in metres, NaN invalid")
-    command.add_argument("--truth", required=True, type=Path, help="npy of the same shape")
+    command = commands.add_parser("metrics", help="measure a depth or disparity map, as JSON; null for what is "
+                                                  "undefined")
+    what = command.add_mutually_exclusive_group(required=True)
+    what.add_argument("--prediction", type=Path, help="npy, planar depth in metres, NaN invalid")
+    what.add_argument("--disparity", type=Path, help="npy, or npz of match, disparity in px, NaN invalid")
+    command.add_argument("--truth", required=True, type=Path, help="npy of the same shape, planar depth in metres")
+    command.add_argument("--focal-baseline", type=float, metavar="PX_M",
+                         help="disparity times depth of the camera, px·m; adds the disparity metrics")
+    command.add_argument("--guiss", action="store_true",
+                         help="add what the GUISS reference code would report, as guiss_...")
     command.set_defaults(run=_metrics)
 
     command = commands.add_parser("evaluate", help="match and measure pairs, and write a report")
@@ -83,8 +87,27 @@ def _parser() -> argparse.ArgumentParser:
     command.add_argument("--set", action="append", default=[], metavar="sensor.KEY=VALUE",
                          help="another camera response than the pairs were rendered for, also light.sun_scale")
     command.add_argument("--out", required=True, type=Path, help="folder for the report")
+    command.add_argument("--seed", type=int, default=0, help="of the confidence intervals (%(default)s)")
+    command.add_argument("--guiss", action="store_true",
+                         help="show what the GUISS reference code would report too, to compare with published tables")
+    command.add_argument("--points", action="store_true",
+                         help="write the measured surfaces too, as point clouds (ply) coloured by signed error")
     command.add_argument("--json-lines", action="store_true", help="progress and result as JSON lines on stdout")
     command.set_defaults(run=_evaluate)
+
+    command = commands.add_parser("truth", help="write disparity, depth and visibility of both eyes, and check that "
+                                                "they fit the images; a line of JSON per pair")
+    command.add_argument("path", type=Path, nargs="+", metavar="PAIR_OR_DATASET", help="pair folder or data set")
+    command.add_argument("--out", required=True, type=Path, help="folder for <pair>/truth.npz")
+    command.set_defaults(run=_truth)
+
+    command = commands.add_parser("export", help="write pairs and their truth in another layout")
+    command.add_argument("path", type=Path, nargs="+", metavar="PAIR_OR_DATASET", help="pair folder or data set")
+    command.add_argument("--format", required=True, choices=("png8", "png16", "pfm", "kitti", "middlebury", "coco"))
+    command.add_argument("--set", action="append", default=[], metavar="sensor.KEY=VALUE",
+                         help="another camera response than the pairs were rendered for")
+    command.add_argument("--out", required=True, type=Path, help="folder for the files")
+    command.set_defaults(run=_export)
 
     command = commands.add_parser("develop", help="expose rendered pairs again, without a new render, as PNG")
     command.add_argument("path", type=Path, nargs="+", metavar="PAIR_OR_DATASET",
@@ -132,33 +155,11 @@ def _match(parsed: argparse.Namespace) -> int:
 
 def _metrics(parsed: argparse.Namespace) -> int:
     check.require("numpy")
-    from .metrics import depth_metrics
+    from .single import measure_files
 
-    prediction, truth = _depths(parsed.prediction), _depths(parsed.truth)
-    if prediction.shape != truth.shape:
-        raise IcyMoonError(f"{parsed.prediction} has the shape {prediction.shape}, {parsed.truth} {truth.shape}; give "
-                           "two arrays of one shape.")
-    _json_line({key: value if math.isfinite(value) else None
-                for key, value in depth_metrics(prediction, truth).items()})
+    numbers = measure_files(parsed.prediction, parsed.disparity, parsed.truth, parsed.focal_baseline, parsed.guiss)
+    _json_line({key: value if math.isfinite(value) else None for key, value in numbers.items()})
     return 0
-
-
-def _depths(path: Path) -> np.ndarray:
-    import numpy as np
-
-    try:
-        depth = np.load(path, allow_pickle=False)
-    except OSError as error:
-        raise IcyMoonError(f"{path} cannot be read ({error.strerror or error}); give an existing npy file.") from None
-    except (ValueError, EOFError) as error:
-        raise IcyMoonError(f"{path} is not a npy file of numbers ({error}).") from None
-    except Exception as error:  # a damaged header makes numpy raise whatever its parser meets
-        raise IcyMoonError(f"{path} is damaged ({error}); make it again.") from None
-    if not isinstance(depth, np.ndarray):
-        raise IcyMoonError(f"{path} holds several arrays; give an npy file with one.")
-    if depth.dtype.kind not in "fiu":
-        raise IcyMoonError(f"{path} holds values of type {depth.dtype}; give depths in metres as numbers.")
-    return depth
 
 
 def _evaluate(parsed: argparse.Namespace) -> int:
@@ -168,9 +169,12 @@ def _evaluate(parsed: argparse.Namespace) -> int:
 
     methods = parse_methods(parsed.methods, parsed.option)
     response = _response([], parsed.set)
-    progress = nullcontext(_json_line) if parsed.json_lines else _progress_bar()
+    if parsed.seed < 0:
+        raise IcyMoonError(f"--seed is {parsed.seed}; give a whole number of 0 or more.")
+    progress = nullcontext(_json_line) if parsed.json_lines else _progress_bar("Evaluating")
     with progress as on_event:
-        report = evaluate(parsed.path, methods, parsed.out, response, on_event)
+        report = evaluate(parsed.path, methods, parsed.out, response, on_event, parsed.seed, parsed.guiss,
+                          parsed.points)
     path = (parsed.out / "report.html").resolve()
     if parsed.json_lines:
         _json_line({"type": "result", "report": str(path), "rows": report["summary"]})
@@ -182,12 +186,39 @@ def _evaluate(parsed: argparse.Namespace) -> int:
     return 0
 
 
+def _truth(parsed: argparse.Namespace) -> int:
+    check.require("numpy", "cv2", "OpenEXR")
+    from .export import write_truth
+
+    bad = []
+    for found in write_truth(parsed.path, parsed.out):
+        _json_line(found)
+        bad += [] if found["ok"] else [found]
+    if bad:
+        raise IcyMoonError(f"{len(bad)} of the pairs cannot be trusted, the first one, {bad[0]['pair']}: "
+                           f"{'; '.join(bad[0]['problems'])}")
+    return 0
+
+
+def _export(parsed: argparse.Namespace) -> int:
+    check.require("numpy", "cv2", "OpenEXR", "rich")
+    from .export import export
+
+    response = _response([], parsed.set)
+    with _progress_bar("Exporting") as on_event:
+        failed = export(parsed.path, parsed.format, parsed.out, response, on_event)
+    if failed:
+        raise IcyMoonError(f"{len(failed)} of the pairs could not be exported, the first one: {failed[0]}")
+    print(parsed.out.resolve())
+    return 0
+
+
 def _develop(parsed: argparse.Namespace) -> int:
     check.require("numpy", "cv2", "OpenEXR")
     from .reexpose import reexpose
 
     response = _response(parsed.preset, parsed.set)
-    progress = nullcontext(_json_line) if parsed.json_lines else _progress_bar()
+    progress = nullcontext(_json_line) if parsed.json_lines else _progress_bar("Developing")
     with progress as on_event:
         folders = reexpose(parsed.path, parsed.out, response, on_event)
     if parsed.json_lines:
@@ -215,10 +246,10 @@ def _json_line(data: dict[str, Any]) -> None:
     print(json.dumps(data, allow_nan=False), flush=True)
 
 
-def _progress_bar() -> AbstractContextManager[Callable[[dict[str, Any]], None]]:
+def _progress_bar(title: str) -> AbstractContextManager[Callable[[dict[str, Any]], None]]:
     from .console import progress_bar
 
-    return progress_bar()
+    return progress_bar(title)
 
 
 def _print_summary(report: dict[str, Any], path: Path) -> None:

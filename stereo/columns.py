@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -33,11 +33,44 @@ SUMMARY = (
     Column("bad_1", "bad-1", "%", 1, "share of the measured pixels with a disparity off by more than 1 px"),
     Column("seconds", "CPU", "s", 3, "processor seconds of matching one pair, one thread"),
 )
+#: What the GUISS reference code would report, and ours that it stands beside.
+GUISS = (
+    (Column("guiss_l1_m", "L1", "m", 3), Column("l1_m", "L1", "m", 3)),
+    (Column("guiss_l1_rate_10", "L1-rate-10", "%", 1), Column("l1_rate_10", "L1-rate-10", "%", 1)),
+    (Column("guiss_si_rmse", "si-RMSE", "", 4), Column("si_rmse", "si-RMSE", "", 4)),
+    (Column("guiss_dod", "DOD", "%", 2), Column("dod", "DOD", "%", 2)))
+
+#: All metrics by key, for the full tables.
+METRIC_NAMES = {column.key: column for column in (
+    *SUMMARY[:-1], Column("median_m", "median", "m"), Column("rmse_m", "RMSE", "m"), Column("bias_m", "bias", "m"),
+    Column("abs_rel", "abs-rel", "", 4), Column("si_mse", "si-MSE", "", 5),
+    Column("l1_rate_30", "L1-rate-30", "%", 1), Column("l1_rate_100", "L1-rate-100", "%", 1),
+    Column("bad_0_5", "bad-0.5", "%", 1), Column("bad_2", "bad-2", "%", 1), Column("bad_3", "bad-3", "%", 1),
+    Column("d1", "D1", "%", 1), Column("a50_px", "A50", "px"), Column("a90_px", "A90", "px"),
+    Column("a95_px", "A95", "px"), Column("a99_px", "A99", "px"))}
+
+#: Columns of the table of differences between methods; see ``summary.COMPARED``.
+COMPARED_COLUMNS = (
+    Column("common_l1_m", "L1", "m"), Column("common_epe_px", "EPE", "px"), Column("common_si_rmse", "si-RMSE", "", 4),
+    Column("common_dod", "DOD", "%", 2), Column("total_l1_rate_10", "> 10 cm or missing", "%", 1),
+    Column("total_bad_1", "> 1 px or missing", "%", 1), Column("coverage", "Coverage", "%", 1),
+    Column("seconds", "CPU", "s"))
 
 
 def shown(entry: Mapping[str, Any], column: Column, prefix: str = "") -> str:
     """The number of ``entry[prefix + key]`` without its unit; a dash where it is undefined."""
-    value = entry.get(prefix + column.key)
+    return _written(entry.get(prefix + column.key), column)
+
+
+def shown_interval(bounds: Sequence[float | None] | None, column: Column) -> str:
+    """Bounds of a mean of that column, "low … high"; nothing where there are none."""
+    if bounds is None or None in bounds:
+        return ""
+    return " … ".join(_written(bound, column) for bound in bounds)
+
+
+def _written(value: float | None, column: Column) -> str:
     if value is None:
         return "–"
-    return f"{100 * value if column.unit == '%' else value:.{column.decimals}f}"
+    text = f"{100 * value if column.unit == '%' else value:.{column.decimals}f}"
+    return text.lstrip("-") if float(text) == 0 else text

@@ -14,12 +14,12 @@ from .columns import SUMMARY, shown
 
 
 @contextmanager
-def progress_bar() -> Iterator[Callable[[dict[str, Any]], None]]:
-    """A progress bar on standard error; gives the function that takes the events of ``evaluate``."""
+def progress_bar(title: str) -> Iterator[Callable[[dict[str, Any]], None]]:
+    """A progress bar on standard error; gives the function that takes events."""
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     console = Console(stderr=True)
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
-        task = progress.add_task("Evaluating")
+        task = progress.add_task(title)
 
         def on_event(event: dict[str, Any]) -> None:
             if event["type"] == "progress":

@@ -26,10 +26,13 @@ import numpy as np
 TOLERANCE = 0.01
 
 
-def depth_order_disagreement(prediction: np.ndarray, truth: np.ndarray, tolerance: float = TOLERANCE) -> float:
+def depth_order_disagreement(prediction: np.ndarray, truth: np.ndarray, tolerance: float = TOLERANCE,
+                             antisymmetric: bool = False) -> float:
     """Share, 0 to 1, of ordered pixel pairs whose depth order the prediction gets wrong.
 
-    Both arrays have one shape and hold positive finite depths; NaN for fewer than two pixels.
+    Both arrays have one shape and hold positive finite depths; NaN for fewer than two pixels. With
+    ``antisymmetric``, ord(a, b) is -1 where b / a > 1 + τ, so that it is always -ord(b, a); by the definition
+    above a ratio between 1 + τ and 1 / (1 - τ) is an order one way round only.
     """
     count = truth.size
     if count < 2:
@@ -41,8 +44,8 @@ def depth_order_disagreement(prediction: np.ndarray, truth: np.ndarray, toleranc
     # Per pixel and order: how many ranks are nearer beyond tolerance, how many are not farther.
     order = np.argsort(true_rank, kind="stable")
     true_rank, rank = true_rank[order], rank[order]
-    true_nearer, true_not_farther = _thresholds(true_depth, tolerance)
-    nearer, not_farther = _thresholds(depth, tolerance)
+    true_nearer, true_not_farther = _thresholds(true_depth, tolerance, antisymmetric)
+    nearer, not_farther = _thresholds(depth, tolerance, antisymmetric)
     true_plus, true_upto = true_start[true_nearer][true_rank], true_start[true_not_farther][true_rank]
     plus_rank, upto_rank = nearer[rank], not_farther[rank]
     plus, upto = start[plus_rank], start[upto_rank]
@@ -62,25 +65,58 @@ def _starts(sizes: np.ndarray) -> np.ndarray:
     return np.concatenate([[0], np.cumsum(sizes)])
 
 
-def _thresholds(depths: np.ndarray, tolerance: float) -> tuple[np.ndarray, np.ndarray]:
-    """For each of the ascending distinct depths v, how many depths x have v / x > 1 + tolerance, and
-    how many have not v / x < 1 - tolerance."""
+def _thresholds(depths: np.ndarray, tolerance: float, antisymmetric: bool) -> tuple[np.ndarray, np.ndarray]:
+    """For each of the ascending distinct depths v, how many depths x have ord(v, x) = 1, and how many have not
+    ord(v, x) = -1."""
     with np.errstate(over="ignore", under="ignore"):
         nearer = np.searchsorted(depths, depths / (1 + tolerance))
-        not_farther = np.searchsorted(depths, depths / (1 - tolerance))
-        return (_corrected(nearer, depths, lambda ratio: ratio > 1 + tolerance),
-                _corrected(not_farther, depths, lambda ratio: ~(ratio < 1 - tolerance)))
+        nearer = _corrected(nearer, depths, lambda v, x: v / x > 1 + tolerance)
+        if antisymmetric:
+            guess = np.searchsorted(depths, depths * (1 + tolerance))
+            return nearer, _corrected(guess, depths, lambda v, x: ~(x / v > 1 + tolerance))
+        guess = np.searchsorted(depths, depths / (1 - tolerance))
+        return nearer, _corrected(guess, depths, lambda v, x: ~(v / x < 1 - tolerance))
 
 
-def _corrected(guess: np.ndarray, depths: np.ndarray, holds: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
-    """Move each prefix length, near right but for rounding, to where ``holds(v / x)`` ends."""
+def _corrected(guess: np.ndarray, depths: np.ndarray,
+               holds: Callable[[np.ndarray, np.ndarray], np.ndarray]) -> np.ndarray:
+    """Move each prefix length, near right but for rounding, to where ``holds(v, x)`` ends."""
     last = depths.size - 1
     while True:
-        too_long = (guess > 0) & ~holds(depths / depths[np.maximum(guess - 1, 0)])
-        too_short = (guess <= last) & holds(depths / depths[np.minimum(guess, last)])
+        too_long = (guess > 0) & ~holds(depths, depths[np.maximum(guess - 1, 0)])
+        too_short = (guess <= last) & holds(depths, depths[np.minimum(guess, last)])
         if not (too_long.any() or too_short.any()):
             return guess
         guess = guess - too_long + too_short
+
+
+def sampled_disagreement(prediction: np.ndarray, truth: np.ndarray, pairs: int, random: np.random.Generator,
+                         tolerance: float = TOLERANCE) -> float:
+    """The disagreement among ``pairs`` random ordered pairs of unlike pixels: unbiased, in a fraction of the time.
+
+    Its standard error is √(p (1 - p) / pairs). NaN for fewer than two pixels.
+    """
+    count = truth.size
+    if count < 2:
+        return float("nan")
+    first = random.integers(0, count, pairs)
+    second = (first + random.integers(1, count, pairs)) % count
+    return pair_disagreement(prediction.ravel(), truth.ravel(), first, second, tolerance)
+
+
+def pair_disagreement(prediction: np.ndarray, truth: np.ndarray, first: np.ndarray, second: np.ndarray,
+                      tolerance: float = TOLERANCE) -> float:
+    """Share of the pairs (first, second) of indices into flat arrays that disagree; NaN for no pair."""
+    if not first.size:
+        return float("nan")
+    return float(np.mean(_order(prediction[first], prediction[second], tolerance)
+                         != _order(truth[first], truth[second], tolerance)))
+
+
+def _order(a: np.ndarray, b: np.ndarray, tolerance: float) -> np.ndarray:
+    with np.errstate(over="ignore", under="ignore"):
+        ratio = a / b
+    return (ratio > 1 + tolerance).astype(np.int8) - (ratio < 1 - tolerance)
 
 
 def _prefix_counts(values: np.ndarray, bound: int, prefixes: np.ndarray, limits: np.ndarray) -> np.ndarray:

@@ -1,192 +1,222 @@
-"""Running matchers over pairs and measuring them: rows, pictures and the report's data.
+"""Running matchers over pairs and measuring them: rows and pictures, and going on where an earlier run stopped.
 
-Every row is one method on one pair. The metrics of the main table are over all pixels with a finite
-true depth, a missing measurement costing coverage; those with the prefix ``visible_`` leave out
-pixels that the right eye cannot see (occluded or outside its image), where no matcher can measure;
-those with ``common_`` are over the pixels that every method measured, whose share of the true ones
-is their coverage.
-A pair that cannot be used is named, recorded as failed, and does not stop the others.
+Every row is one method, with its options, on one pair. A row is on the disk as soon as it is known, and what is
+there already is not made again, so that a run that was stopped loses the row it was at. A pair that cannot be used
+is named, recorded as failed, and does not stop the others; one whose eyes contradict each other or the truth is
+measured and marked as suspect, and counts in no average. One pair at a time is in memory; of the others there are
+the numbers that averages need, about a kilobyte per row.
 """
 
 from __future__ import annotations
 
-import math
+import hashlib
+import json
+import os
 from collections.abc import Callable, Mapping, Sequence
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ..errors import IcyMoonError
-from ..files import write_json, write_text
-from ..render.pair import pair_folders
-from . import check, pictures
-from .images import write_disparity, write_png
+from ..files import write_json
+from ..version import version
+from . import check
+from .artefacts import present, read_disparity, write_method_pictures, write_pair_pictures
 from .matchers import complete_options, match
+from .measure import COMMON_NUMBERS, NUMBERS, common_numbers, own_numbers
 from .methods import Method
-from .metrics import ERROR_STEPS_M, depth_metrics, disparity_metrics, error_curve
-from .prepare import Prepared, none_for_nan, prepare
-from .report import write_report
-from .rowlog import RowLog
-from .summary import METRICS, REGIONS, csv_table, summary
-
-FORMAT = "icymoon-report"
-VERSION = 1
+from .points import images_with_points, pose_of
+from .prepare import Prepared, distinct_pairs, prepare
+from .results import write_results
+from .rowlog import Row, RowLog
 
 Event = Callable[[dict[str, Any]], None]
 
+#: Raised when the same input would give other numbers, so that older rows are not taken for newer ones.
+MEASURE = 1
+
 
 def evaluate(paths: Sequence[Path], methods: Sequence[Method], out: Path,
-             response: Mapping[str, Mapping[str, Any]] | None = None,
-             on_event: Event = lambda event: None) -> dict[str, Any]:
+             response: Mapping[str, Mapping[str, Any]] | None = None, on_event: Event = lambda event: None,
+             seed: int = 0, guiss: bool = False, points: bool = False) -> dict[str, Any]:
     """Evaluate pairs and all pairs of data sets; return what is in ``report.json``.
 
-    ``response`` overrides settings that need no new render. Written to ``out``, replacing what an
-    earlier run left: ``results.jsonl`` (a row as soon as it is known), then ``results.csv``,
-    ``report.json`` and ``report.html``; per pair, in ``pairs/<pair>/``, pictures and disparities.
+    ``response`` overrides settings that need no new render; ``seed`` is that of the confidence intervals; ``guiss``
+    shows the reference code's numbers in the HTML report, which are always in the rows; ``points`` writes the
+    measured surfaces too.
+    Written to ``out``: ``results.jsonl`` (a row as soon as it is known), then ``results.csv``, ``report.json``,
+    ``summary.json`` (the same without rows and pairs) and ``report.html``; per pair, in ``pairs/<pair>/``,
+    ``facts.json``, pictures, disparities and points. Rows of an earlier run with the same pair, method, options,
+    response and versions are kept and not made again.
 
-    ``on_event`` gets {"type": "progress", "fraction", "done", "total", "message"} and, per failure,
-    {"type": "error", "message"}. Raises IcyMoonError if there is no pair or ``out`` cannot be written.
+    ``on_event`` gets {"type": "progress", "fraction", "done", "total", "message"}, {"type": "error", "message"} per
+    failure and {"type": "warning", "message"} per suspect pair. Raises IcyMoonError if there is no pair or ``out``
+    cannot be written.
 
-    The report is {"format", "version", "summary", "rows", "pairs", "failed", "provenance"}; what is
-    undefined is null.
+    The report is {"format", "version", "summary", "differences", "rows", "pairs", "failed", "suspect",
+    "provenance"}; what is undefined is null. ``rows`` and ``pairs`` are read from the disk as they are asked for.
 
-    * ``summary``: one entry per method, see ``summary``.
-    * ``rows``: ``pair``, ``method``, ``status`` ("ok" or "failed"), every metric of ``metrics`` and the
-      same with ``visible_`` and ``common_``, ``error_curve``, ``true_pixels``, ``seconds`` of CPU time, the complete
-      ``options``, ``counts`` of pixels per outcome and ``facts`` on what it ran where a method knows them, ``error``
-      (why it failed) and ``images``: paths relative to ``out`` of the pictures ``depth`` and ``error`` and of
-      ``disparity`` (npz, with the method's other arrays).
-    * ``pairs``: what was found about each usable pair, and its ``images`` ``left``, ``right`` and
-      ``true_depth``.
-    * ``failed``: ``pair``, ``message`` and, where only one method failed, ``method``.
+    * ``summary``: one entry per method, see ``summary.summary``; ``differences``: see ``summary.differences``.
+    * ``rows``: ``pair``, ``method``, ``status`` ("ok", "suspect" or "failed"), the numbers of ``measure.NUMBERS``,
+      ``error_curve``, ``sparsification``, ``strata``, the complete ``options``, ``counts`` of
+      pixels per outcome and ``facts`` on what it ran where a method knows them, ``error`` (why it failed), ``key`` (a
+      hash of all that the row depends on) and ``images``: paths relative to ``out`` of the pictures ``depth`` and
+      ``error``, of ``disparity`` (npz, with the method's other arrays) and, where asked for, of ``points`` (ply).
+    * ``pairs``: what was found about each usable pair, and its ``images`` ``left``, ``right``, ``true_depth``.
+    * ``failed``: ``pair``, ``message`` and, where only one method failed, ``method``; ``suspect``: ``pair``,
+      ``message``.
     """
-    folders = list(dict.fromkeys(folder for path in paths for folder in pair_folders(path)))
-    log = RowLog(out / "results.jsonl")
-    rows: list[dict[str, Any]] = []
-    pairs: list[dict[str, Any]] = []
-    failed: list[dict[str, Any]] = []
-
-    def done(row: dict[str, Any]) -> None:
-        log.append(row)
-        rows.append(row)
-        total = len(folders) * len(methods)
-        on_event({"type": "progress", "fraction": len(rows) / total, "done": len(rows), "total": total,
-                  "message": f"{row['pair']} {row['method']}"})
-
-    def fail(message: str, **what: str) -> None:
-        failed.append({**what, "message": message})
-        on_event({"type": "error", "message": message})
-
+    folders = distinct_pairs(paths)
+    run = _Run(methods, out, dict(response or {}), on_event, len(folders) * len(methods), points)
     for folder in folders:
-        try:
-            prepared = prepare(folder, response or {})
-        except IcyMoonError as error:
-            fail(str(error), pair=folder.name)
-            for method in methods:
-                done(_failed_row(folder.name, method, str(error)))
-            continue
-        pairs.append(prepared.facts | {"images": _write_pair_pictures(prepared, out)})
-        matched: dict[str, tuple[np.ndarray, dict[str, Any]]] = {}
-        broken: dict[str, str] = {}
-        for method in methods:
+        run.pair(folder)
+    run.log.compact((folder.name, method.label) for folder in folders for method in methods)
+    return write_results(run.log, [folder.name for folder in folders], methods, out, run.failed, run.suspect,
+                         _source(paths, response or {}), seed, guiss)
+
+
+class _Run:
+    """One run of ``evaluate``: where things go, and what has happened so far."""
+
+    def __init__(self, methods: Sequence[Method], out: Path, response: dict[str, Any], on_event: Event,
+                 total: int, points: bool) -> None:
+        self.methods, self.out, self.response, self.points = methods, out, response, points
+        self.log = RowLog(out / "results.jsonl")
+        self.failed: list[dict[str, Any]] = []
+        self.suspect: list[dict[str, Any]] = []
+        self._tell, self._total, self._done = on_event, total, 0
+        self._setups = {method.label: _setup(method) for method in methods}
+
+    def pair(self, folder: Path) -> None:
+        """All methods on one pair."""
+        name = folder.name
+        content = _digest([_content(folder / "pair.json"), self.response, MEASURE, version()])
+        keys = {method.label: _digest([content, self._setups[method.label]]) for method in self.methods}
+        rows = {label: row for label, key in keys.items() if (row := self._known(name, label, key))}
+        facts = _facts(self.out, name, content)
+        if facts is None or len(rows) < len(keys) or not all(self._finished(row, keys) for row in rows.values()):
             try:
-                disparity, _, info = match(method.name, prepared.left, prepared.right, method.options,
-                                           prepared.pair.camera)
-                matched[method.label] = disparity, info
+                prepared = prepare(folder, self.response)
             except IcyMoonError as error:
-                broken[method.label] = str(error)
-        masks = _masks(prepared, [disparity for disparity, _ in matched.values()])
-        for method in methods:
-            if method.label in broken:
-                fail(broken[method.label], pair=folder.name, method=method.label)
-                done(_failed_row(folder.name, method, broken[method.label]))
+                self._fail(str(error), pair=name)
+                for method in self.methods:
+                    self._add(rows.get(method.label) or _failed_row(name, method, keys[method.label], str(error)))
+                return
+            facts = prepared.facts | {"key": content, "images": write_pair_pictures(prepared, self.out)}
+            write_json(self.out / "pairs" / name / "facts.json", facts)
+            self._measure(prepared, keys, rows)
+        else:
+            for method in self.methods:
+                self._progress(rows[method.label])
+        if not facts["self_check"]["ok"]:
+            message = f"{folder} is left out of the averages: {'; '.join(facts['self_check']['problems'])}."
+            self.suspect.append({"pair": name, "message": message})
+            self._tell({"type": "warning", "message": message})
+
+    def _finished(self, row: Row, keys: Mapping[str, str]) -> bool:
+        return row["common"] == _digest(keys) and (not self.points or "points" in row["images"])
+
+    def _known(self, pair: str, label: str, key: str) -> Row | None:
+        row = self.log.find(pair, label, key)
+        return row if row and row["status"] != "failed" and present(row, self.out) else None
+
+    def _measure(self, prepared: Prepared, keys: Mapping[str, str], rows: dict[str, Row]) -> None:
+        """Make the missing ones of the ``rows`` of a pair, and bring what they have in common up to date."""
+        disparities: dict[str, np.ndarray] = {}
+        for method in self.methods:
+            label = method.label
+            stored = self._stored(rows.get(label), prepared)
+            if stored is not None:
+                disparities[label] = stored
+                self._progress(rows[label])
                 continue
-            disparity, info = matched[method.label]
-            depth = prepared.pair.camera.focal_baseline_px_m / disparity.astype(np.float64)  # NaN stays NaN
-            done({"pair": folder.name, "method": method.label, "status": "ok",
-                  **_measured(prepared, masks, disparity, depth), "seconds": info["seconds"],
-                  "options": info["options"], "counts": info["counts"], "facts": info["facts"],
-                  "error": "",
-                  "images": _write_method_pictures(prepared, method, disparity, depth, info["arrays"], out)})
+            try:
+                disparities[label], _, info = match(method.name, prepared.left, prepared.right, method.options,
+                                                     prepared.pair.camera)
+            except IcyMoonError as error:
+                self._fail(str(error), pair=prepared.pair.folder.name, method=label)
+                self._add(_failed_row(prepared.pair.folder.name, method, keys[label], str(error)))
+                continue
+            rows[label] = self._row(prepared, method, keys[label], disparities[label], info)
+            self._add(rows[label])
+        common = np.logical_and.reduce([np.ones_like(prepared.visible), *map(np.isfinite, disparities.values())])
+        points = self.points and pose_of(prepared) is not None
+        if self.points and not points:
+            self._tell({"type": "warning", "message": f"{prepared.pair.folder / 'pair.json'} does not say where the "
+                        "camera was, so there are no points; render the pair again."})
+        for label, disparity in disparities.items():
+            row = rows[label] | common_numbers(prepared, disparity, common) | {"common": _digest(keys)}
+            if points:
+                row["images"] = images_with_points(row["images"], self.out, prepared, disparity)
+            if row != rows[label]:
+                self.log.append(row)
 
-    report = {"format": FORMAT, "version": VERSION, "summary": [summary(method.label, rows) for method in methods],
-              "rows": rows, "pairs": pairs, "failed": failed, "provenance": _provenance(paths, methods, response or {})}
-    write_text(out / "results.csv", csv_table(rows))
-    write_json(out / "report.json", report)
-    write_report(report, out)
-    return report
+    def _stored(self, row: Row | None, prepared: Prepared) -> np.ndarray | None:
+        return read_disparity(self.out / row["images"]["disparity"], prepared.truth.shape) if row else None
 
+    def _row(self, prepared: Prepared, method: Method, key: str, disparity: np.ndarray, info: dict[str, Any]) -> Row:
+        return {"pair": prepared.pair.folder.name, "method": method.label, "key": key,
+                "status": "ok" if prepared.check.ok else "suspect",
+                **own_numbers(prepared, disparity, info["options"]["min_disparity"] if method.name == "bm" else None),
+                **dict.fromkeys(COMMON_NUMBERS), "common": "", "seconds": info["seconds"],
+                "options": info["options"], "counts": info["counts"], "facts": info["facts"], "error": "",
+                "images": write_method_pictures(prepared, method, disparity, info, self.out)}
 
-def _masks(prepared: Prepared, disparities: Sequence[np.ndarray]) -> dict[str, np.ndarray]:
-    """The pixels of each of ``summary.REGIONS``."""
-    everywhere = np.ones_like(prepared.visible)
-    return {"": everywhere, "visible_": prepared.visible,
-            "common_": np.logical_and.reduce([everywhere, *map(np.isfinite, disparities)])}
+    def _add(self, row: Row) -> None:
+        self.log.append(row)
+        self._progress(row)
 
+    def _progress(self, row: Row) -> None:
+        self._done += 1
+        self._tell({"type": "progress", "fraction": self._done / self._total, "done": self._done,
+                    "total": self._total, "message": f"{row['pair']} {row['method']}"})
 
-def _measured(prepared: Prepared, masks: Mapping[str, np.ndarray], disparity: np.ndarray,
-              depth: np.ndarray) -> dict[str, Any]:
-    result: dict[str, Any] = {}
-    for prefix, mask in masks.items():
-        truth = np.where(mask, prepared.truth, np.nan)
-        metrics = depth_metrics(depth, truth) | disparity_metrics(disparity, prepared.pair.camera.disparity(truth))
-        result |= {prefix + key: none_for_nan(value) for key, value in metrics.items()}
-    true_pixels = int(np.isfinite(prepared.truth).sum())
-    # Of the common pixels all are covered; what tells something is how many there are.
-    result["common_coverage"] = none_for_nan(result["common_n"] / true_pixels if true_pixels else math.nan)
-    result["error_curve"] = [none_for_nan(share) for share in error_curve(depth, prepared.truth)]
-    result["true_pixels"] = true_pixels
-    return result
-
-
-def _failed_row(pair: str, method: Method, message: str) -> dict[str, Any]:
-    undefined = dict.fromkeys([prefix + metric for prefix in REGIONS for metric in METRICS])
-    return {"pair": pair, "method": method.label, "status": "failed", **undefined, "error_curve": [],
-            "true_pixels": None, "seconds": None, "options": complete_options(method.name, method.options),
-            "counts": {}, "facts": {}, "error": message, "images": {}}
-
-
-def _write_pair_pictures(prepared: Prepared, out: Path) -> dict[str, str]:
-    depth = pictures.true_depth_picture(prepared.truth, prepared.scale)
-    images = {"left": prepared.left, "right": prepared.right,
-              "true_depth": pictures.with_bar(depth, prepared.scale)}
-    return {key: _write_picture(prepared, out, f"{key}.png", image) for key, image in images.items()}
+    def _fail(self, message: str, **what: str) -> None:
+        self.failed.append({**what, "message": message})
+        self._tell({"type": "error", "message": message})
 
 
-def _write_method_pictures(prepared: Prepared, method: Method, disparity: np.ndarray, depth: np.ndarray,
-                           arrays: Mapping[str, np.ndarray], out: Path) -> dict[str, str]:
-    picture = pictures.depth_picture(depth, prepared.scale)
-    error = pictures.error_picture(depth, prepared.truth)
-    npz = _folder(prepared, out) / f"{method.file_name}.npz"
-    write_disparity(npz, disparity, arrays, focal_baseline_px_m=prepared.pair.camera.focal_baseline_px_m)
-    return {"depth": _write_picture(prepared, out, f"{method.file_name}_depth.png",
-                                    pictures.with_bar(picture, prepared.scale)),
-            "error": _write_picture(prepared, out, f"{method.file_name}_error.png",
-                                    pictures.with_bar(error, pictures.ERROR)),
-            "disparity": npz.relative_to(out).as_posix()}
+def _failed_row(pair: str, method: Method, key: str, message: str) -> Row:
+    return {"pair": pair, "method": method.label, "key": key, "status": "failed", **dict.fromkeys(NUMBERS),
+            "error_curve": [], "sparsification": {}, "strata": {}, "common": "",
+            "options": complete_options(method.name, method.options), "counts": {}, "facts": {}, "error": message,
+            "images": {}}
 
 
-def _write_picture(prepared: Prepared, out: Path, name: str, image: np.ndarray) -> str:
-    path = _folder(prepared, out) / name
-    write_png(path, image)
-    return path.relative_to(out).as_posix()
+def _facts(out: Path, pair: str, content: str) -> dict[str, Any] | None:
+    """What an earlier run wrote of a pair, if it is of this content and its pictures are there."""
+    try:
+        facts = json.loads((out / "pairs" / pair / "facts.json").read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return None
+    same = isinstance(facts, dict) and facts.get("key") == content and present(facts, out)
+    return facts if same else None
 
 
-def _folder(prepared: Prepared, out: Path) -> Path:
-    return out / "pairs" / prepared.pair.folder.name
+def _setup(method: Method) -> list[Any]:
+    """All that a method's disparity depends on besides the images: its options, the files they name, versions."""
+    options = complete_options(method.name, method.options)
+    files = {key: _content(Path(value)) for key, value in options.items()
+             if isinstance(value, str) and os.path.isfile(value)}
+    versions = check.versions()
+    return [method.name, options, files, {name: versions[name] for name in ("numpy", "cv2", "torch")}]
 
 
-def _provenance(paths: Sequence[Path], methods: Sequence[Method],
-                response: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
-    return {"created": datetime.now(UTC).isoformat(timespec="seconds"),
-            "source": ", ".join(str(path.resolve()) for path in paths),
-            "methods": [{"label": method.label, "name": method.name,
-                         "options": complete_options(method.name, method.options)} for method in methods],
+def _content(path: Path) -> str:
+    """Checksum of a file; empty if it cannot be read, which who needs it will say."""
+    try:
+        with path.open("rb") as stream:
+            return hashlib.file_digest(stream, "sha256").hexdigest()
+    except OSError:
+        return ""
+
+
+def _digest(data: Any) -> str:
+    return hashlib.sha256(json.dumps(data, sort_keys=True).encode()).hexdigest()[:16]
+
+
+def _source(paths: Sequence[Path], response: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
+    return {"source": ", ".join(str(path.resolve()) for path in paths),
             "response_overrides": {f"{topic}.{key}": value for topic, values in response.items()
-                                   for key, value in values.items()},
-            "versions": check.versions(), "error_curve_steps_m": list(ERROR_STEPS_M),
-            "averages": "mean over pairs, each pair counting alike; pooled_* over the pixels of all pairs",
-            "pixels": REGIONS,
-            "seconds": "CPU seconds of matching, one thread"}
+                                   for key, value in values.items()}}

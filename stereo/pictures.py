@@ -8,6 +8,7 @@ paper's threshold of 10 cm in its middle. Viridis and magma are perceptually uni
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import cv2
@@ -77,6 +78,24 @@ def error_picture(prediction: np.ndarray, truth: np.ndarray) -> np.ndarray:
     picture[~np.isfinite(prediction)] = INVALID_GREY
     picture[~np.isfinite(truth)] = SKY_GREY
     return picture
+
+
+#: Colours, BGR, of what became of a pixel: accepted first, then reasons for a rejection.
+_OUTCOMES = ((235, 206, 166), (128, 128, 128), (0, 94, 213), (160, 105, 192), (0, 159, 230), (115, 158, 0),
+             (66, 66, 66), (66, 228, 240))
+
+
+def outcome_picture(flags: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
+    """BGR picture of ``shape`` (H, W) of what became of each pixel, from whole numbers (h, w) of any size."""
+    colours = np.array(_OUTCOMES, np.uint8)[flags.astype(np.intp) % len(_OUTCOMES)]
+    return np.asarray(cv2.resize(colours, (shape[1], shape[0]), interpolation=cv2.INTER_NEAREST))
+
+
+def outcome_legend(counts: Mapping[str, int]) -> list[tuple[str, str, float]]:
+    """(name, CSS colour, share) of each outcome that occurs; ``counts`` has pixels by name, in the flags' order."""
+    total = sum(counts.values())
+    return [(name, "rgb({2},{1},{0})".format(*_OUTCOMES[k % len(_OUTCOMES)]), count / total)
+            for k, (name, count) in enumerate(counts.items()) if count]
 
 
 def with_bar(picture: np.ndarray, scale: Scale) -> np.ndarray:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,15 +11,30 @@ from typing import Any
 import numpy as np
 
 from ..errors import IcyMoonError
-from ..render.pair import EYES, Pair, changed_files, read_pair
+from ..render.pair import EYES, Pair, changed_files, pair_folders, read_pair
 from ..settings import Settings, defaults, merged
 from . import pictures
 from .develop import Images, develop, exposure_facts, grey
 from .exr import View, read_view
-from .truth import photometric_disagreement, scene_depth, visible_in_right
+from .selfcheck import SelfCheck, self_check
+from .strata import classify, texture
+from .truth import scene_depth, visible_in_left, visible_in_right
 
 #: Entries of pair.json, on how the pair was rendered, that the report repeats.
 _REPEATED = ("versions", "device", "denoiser", "osl", "platform", "edited_by_hand", "seeds")
+
+
+@dataclass(frozen=True)
+class Loaded:
+    """A pair checked, read and developed, with its truth; the dicts have an entry per eye."""
+
+    pair: Pair
+    settings: Settings
+    views: dict[str, View]
+    images: Images
+    depth: dict[str, np.ndarray]  # float64 (H, W), planar metres, NaN for sky
+    visible: dict[str, np.ndarray]  # bool (H, W), seen by the other eye too
+    check: SelfCheck
 
 
 @dataclass(frozen=True)
@@ -31,26 +46,55 @@ class Prepared:
     right: np.ndarray
     truth: np.ndarray  # float64 (H, W), planar metres, NaN for sky
     visible: np.ndarray  # bool (H, W), seen by the right eye too
+    gradient: np.ndarray  # float64 (H, W), see strata.texture
+    classes: dict[str, np.ndarray]  # of every pixel by every factor, see strata.classify
+    check: SelfCheck
     scale: pictures.Scale  # for pictures of depth
     facts: dict[str, Any]  # what the report says of the pair
 
 
-def prepare(folder: Path, response: Mapping[str, Mapping[str, Any]]) -> Prepared:
+def distinct_pairs(paths: Sequence[Path]) -> list[Path]:
+    """The folders of all pairs at ``paths``, each pair once.
+
+    Raises IcyMoonError where there is none, or where two different pairs have one name.
+    """
+    found: dict[str, Path] = {}
+    for folder in (folder for path in paths for folder in pair_folders(path)):
+        same = found.setdefault(folder.name, folder)
+        if same != folder and read_pair(same).id != read_pair(folder).id:
+            raise IcyMoonError(f"{same} and {folder} are different pairs of one name; give one of them at a time.")
+    return list(found.values())
+
+
+def load(folder: Path, response: Mapping[str, Mapping[str, Any]]) -> Loaded:
     """Check, read and develop one pair; ``response`` overrides settings that need no new render.
 
     Raises IcyMoonError, naming the file, if anything in the folder is not as it was rendered.
     """
     pair, settings = checked(folder)
-    left, right = (_view(pair, eye) for eye in EYES)
+    views = {eye: _view(pair, eye) for eye in EYES}
     settings = merged(settings, response)
-    images = develop(pair, left, right, settings)
-    truth = scene_depth(left)
-    visible = visible_in_right(truth, scene_depth(right), pair.camera)
-    disagreement = photometric_disagreement(grey(left.radiance), grey(right.radiance), truth, visible, pair.camera)
+    images = develop(pair, views["left"], views["right"], settings)
+    depth = {eye: scene_depth(views[eye]) for eye in EYES}
+    visible = {"left": visible_in_right(depth["left"], depth["right"], pair.camera),
+               "right": visible_in_left(depth["left"], depth["right"], pair.camera)}
+    check = self_check(grey(views["left"].radiance), grey(views["right"].radiance), depth["left"], depth["right"],
+                       visible["left"], pair.camera)
+    return Loaded(pair, settings, views, images, depth, visible, check)
+
+
+def prepare(folder: Path, response: Mapping[str, Mapping[str, Any]]) -> Prepared:
+    """One pair for matchers and metrics; see ``load``."""
+    loaded = load(folder, response)
+    view, truth, visible = loaded.views["left"], loaded.depth["left"], loaded.visible["left"]
+    left, right = loaded.images.for_matchers()
+    gradient = texture(left)
+    classes = classify(truth, visible, gradient, grey(view.radiance), view.normal, view.semantic,
+                       _toward_sun(loaded.pair))
     scale = pictures.depth_scale(truth)
-    facts = _facts(pair, settings, images, truth, visible)
-    facts |= {"depth_scale_m": [scale.low, scale.high], "photometric_disagreement": none_for_nan(disagreement)}
-    return Prepared(pair, *images.for_matchers(), truth, visible, scale, facts)
+    facts = _facts(loaded.pair, loaded.settings, loaded.images, truth, visible)
+    facts |= {"depth_scale_m": [scale.low, scale.high], "self_check": loaded.check.to_json()}
+    return Prepared(loaded.pair, left, right, truth, visible, gradient, classes, loaded.check, scale, facts)
 
 
 def none_for_nan(value: float) -> float | None:
@@ -80,6 +124,15 @@ def _view(pair: Pair, eye: str) -> View:
         raise IcyMoonError(f"{pair.image(eye)} is {width} x {height} px, its camera {pair.camera.width_px} x "
                            f"{pair.camera.height_px} px; render the pair again.")
     return view
+
+
+def _toward_sun(pair: Pair) -> list[float] | None:
+    """Unit vector to the Sun in world axes, where the pair says it."""
+    try:
+        x, y, z = (float(value) for value in pair.data["light"]["sun"]["direction_to_world"])
+    except (KeyError, TypeError, ValueError):
+        return None
+    return [x, y, z]
 
 
 def _facts(pair: Pair, settings: Settings, images: Images, truth: np.ndarray, visible: np.ndarray) -> dict[str, Any]:

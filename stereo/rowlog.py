@@ -1,27 +1,59 @@
-"""A log of rows that is whole at every moment."""
+"""A log of rows that is whole at every moment, and from which an evaluation goes on."""
 
 from __future__ import annotations
 
 import json
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
-from ..files import disk_errors
+from ..files import disk_errors, write_atomically
+
+Row = dict[str, Any]
 
 
 class RowLog:
-    """A JSON-lines file, started anew, that holds whole rows only, each on the disk once appended.
+    """A JSON-lines file with a row per (pair, method); of several the last one counts.
 
-    Raises IcyMoonError when the disk refuses.
+    Rows are on the disk once appended. In memory are only the place and the ``key`` of each. What an interrupted
+    run left of a row is removed; lines that are no rows are passed over. Raises IcyMoonError when the disk refuses.
     """
 
     def __init__(self, path: Path) -> None:
         self._path = path
+        self._rows: dict[tuple[str, str], tuple[int, str]] = {}
         with disk_errors("write", path):
             path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_bytes(b"")
+            with path.open("a+b") as stream:
+                stream.seek(0)
+                self._index(stream)
+
+    def _index(self, stream: BinaryIO) -> None:
+        start = 0
+        for line in stream:
+            if not line.endswith(b"\n"):
+                stream.truncate(start)
+                break
+            row = _parsed(line)
+            if row is not None:
+                self._rows[row["pair"], row["method"]] = start, row["key"]
+            start += len(line)
+
+    def find(self, pair: str, method: str, key: str) -> Row | None:
+        """The row of a pair and method if it was made under this ``key``."""
+        start, known = self._rows.get((pair, method), (0, ""))
+        return self._read(start) if known == key else None
+
+    def read(self, pair: str, method: str) -> Row:
+        """The row of a pair and method, which there must be."""
+        return self._read(self._rows[pair, method][0])
+
+    def _read(self, start: int) -> Row:
+        with disk_errors("read", self._path), self._path.open("rb") as stream:
+            stream.seek(start)
+            row: Row = json.loads(stream.readline())
+            return row
 
     def append(self, row: Mapping[str, Any]) -> None:
         """Add one row. A disk that takes only a part of it is made to give that part back."""
@@ -35,3 +67,47 @@ class RowLog:
             except OSError:
                 stream.truncate(end)
                 raise
+        self._rows[row["pair"], row["method"]] = end, row["key"]
+
+    def compact(self, first: Iterable[tuple[str, str]]) -> None:
+        """Keep one line per (pair, method), those of ``first`` first and in its order."""
+        order = dict.fromkeys(first)
+        order |= dict.fromkeys(self._rows)
+        places = {}
+
+        def fill(part: Path) -> None:
+            with self._path.open("rb") as old, part.open("wb") as new:
+                for name in order:
+                    start, key = self._rows[name]
+                    old.seek(start)
+                    places[name] = new.tell(), key
+                    new.write(old.readline())
+
+        write_atomically(self._path, fill)
+        self._rows = places
+
+
+def _parsed(line: bytes) -> Row | None:
+    try:
+        row = json.loads(line)
+    except ValueError:
+        return None
+    known = isinstance(row, dict) and all(isinstance(row.get(name), str) for name in ("pair", "method", "key"))
+    return row if known else None
+
+
+class Lazy(Sequence[Row]):
+    """Rows that are read from the disk one by one, so that no number of them fills the memory."""
+
+    def __init__(self, count: int, read: Callable[[int], Row]) -> None:
+        self._count, self._get = count, read
+
+    def __len__(self) -> int:
+        return self._count
+
+    def __iter__(self) -> Iterator[Row]:
+        return map(self._get, range(self._count))
+
+    def __getitem__(self, index: Any) -> Any:
+        places = range(self._count)[index]
+        return self._get(places) if isinstance(places, int) else [self._get(place) for place in places]

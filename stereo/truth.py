@@ -1,4 +1,4 @@
-"""What the true depth says about a pair: disparity, visibility, and whether both eyes agree.
+"""What the true depth says about a pair: disparity, and what each eye sees of the other's view.
 
 Columns and rows are pixel indices, whose difference between the eyes is free of the half-pixel
 that the coordinates of pixel centres carry. Disparity is left column minus right column.
@@ -36,38 +36,34 @@ def visible_in_right(left_depth: np.ndarray, right_depth: np.ndarray, camera: St
     is nearer by s px of disparity hides a strip s px wide, and one narrower than half a pixel can
     hide no whole pixel, while curvature between two columns and single precision stay below it.
     """
-    height, width = left_depth.shape
-    disparity = camera.disparity(left_depth)
-    right_disparity = np.nan_to_num(camera.disparity(right_depth), nan=0.0)  # sky hides nothing
-    column = np.arange(width) - disparity
+    return _visible(left_depth, right_depth, camera, "left")
+
+
+def visible_in_left(left_depth: np.ndarray, right_depth: np.ndarray, camera: StereoCamera) -> np.ndarray:
+    """The same of the pixels of the right image."""
+    return _visible(right_depth, left_depth, camera, "right")
+
+
+def _visible(depth: np.ndarray, other_depth: np.ndarray, camera: StereoCamera, eye: str) -> np.ndarray:
+    width = depth.shape[1]
+    disparity = camera.disparity(depth)
+    other_disparity = np.nan_to_num(camera.disparity(other_depth), nan=0.0)  # sky hides nothing
+    column = matching_column(disparity, eye)
     inside = (column >= -0.5) & (column <= width - 0.5)  # also False for NaN
     before, after, _ = _neighbours(column, width)
-    rows = np.arange(height)[:, None]
-    nearest_open = np.minimum(right_disparity[rows, before], right_disparity[rows, after])
+    nearest_open = np.minimum(_at(other_disparity, before), _at(other_disparity, after))
     return inside & (nearest_open <= np.where(inside, disparity, 0.0) + OCCLUSION_STEP_PX)
 
 
-def photometric_disagreement(left_grey: np.ndarray, right_grey: np.ndarray, left_depth: np.ndarray,
-                             visible: np.ndarray, camera: StereoCamera) -> float:
-    """Median relative difference of left radiance and right radiance fetched by the true disparity.
+def matching_column(disparity: np.ndarray, eye: str = "left") -> np.ndarray:
+    """Column, in the other eye's image, of the point that each pixel of ``eye`` sees, float64 (H, W)."""
+    return np.arange(disparity.shape[1]) - disparity * (1 if eye == "left" else -1)
 
-    Taken where ``visible``; NaN if nothing is. It checks camera, baseline, eye order and depth at
-    once: a good pair differs by its render noise and by how far the surface is from Lambertian,
-    a wrong f·B or swapped eyes by its whole texture contrast.
-    """
-    if not visible.any():
-        return float("nan")
-    height, width = left_depth.shape
-    column = np.arange(width) - camera.disparity(left_depth)
-    before, after, weight = _neighbours(column, width)
-    rows = np.arange(height)[:, None]
-    fetched = (1 - weight) * right_grey[rows, before] + weight * right_grey[rows, after]
-    left, right = left_grey[visible].astype(np.float64), fetched[visible].astype(np.float64)
-    brightness = (left + right) / 2
-    lit = brightness > 0
-    if not lit.any():
-        return 0.0
-    return float(np.median(np.abs(left - right)[lit] / brightness[lit]))
+
+def warped(image: np.ndarray, column: np.ndarray) -> np.ndarray:
+    """``image`` (H, W) fetched at the fractional ``column`` (H, W) of each pixel, linear, held at the edges."""
+    before, after, weight = _neighbours(column, image.shape[1])
+    return (1 - weight) * _at(image, before) + weight * _at(image, after)
 
 
 def _neighbours(column: np.ndarray, width: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -75,3 +71,7 @@ def _neighbours(column: np.ndarray, width: int) -> tuple[np.ndarray, np.ndarray,
     column = np.clip(np.nan_to_num(column, nan=0.0), 0.0, width - 1.0)
     before = np.floor(column).astype(np.intp)
     return before, np.minimum(before + 1, width - 1), column - before
+
+
+def _at(image: np.ndarray, column: np.ndarray) -> np.ndarray:
+    return np.asarray(np.take_along_axis(image, column, axis=1))

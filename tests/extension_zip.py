@@ -31,8 +31,8 @@ def shipped() -> set[str]:
     files = [ROOT / name for name in ("blender_manifest.toml", "LICENSE")] + list(ROOT.glob("*.py"))
     for package in PACKAGES:
         files += (ROOT / package).rglob("*.py")
-    files += [*(ROOT / "presets").rglob("*.toml"), *(ROOT / "stereo").glob("*.j2"), *(ROOT / "nodes").glob("*.osl"),
-              *(ROOT / "physics").glob("*.json")]
+    files += [*(ROOT / "presets").rglob("*.toml"), *(ROOT / "stereo").glob("*.j2"), *(ROOT / "stereo").glob("*.js"),
+              *(ROOT / "nodes").glob("*.osl"), *(ROOT / "physics").glob("*.json")]
     return {path.relative_to(ROOT).as_posix() for path in files}
 
 

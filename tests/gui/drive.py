@@ -376,6 +376,21 @@ def show_error() -> Waiting:
     yield 1.0
 
 
+def measured_surface() -> Waiting:
+    """What a matcher measured appears beside the true ground, also within the view of our objects only, and goes."""
+    def there() -> list[bpy.types.Object]:
+        return [item for item in bpy.data.objects if item.get("icymoon") == "measured surface"]
+
+    yield from press("icymoon.show_surface")
+    yield from until(there, "Showing the measured surface", 20)
+    check(there()[0].visible_in_viewport_get(area().spaces.active), "the measured surface is not in this view")
+    move_to(*middle("WINDOW"))
+    yield 3.0
+    yield from screenshot("measured_surface")
+    yield from press("icymoon.hide_surface")
+    yield from until(lambda: not there(), "Removing the measured surface", 10)
+
+
 def open_all_panels() -> Waiting:
     """Drag up over the closed headers, which opens them all, and look at them from top to bottom."""
     x, y = yield from find("icymoon.build_scene")
@@ -444,8 +459,8 @@ def search_and_clear() -> Waiting:
 
 
 STEPS = (open_the_tab, open_the_presets, load_europa, open_all_panels, build_by_mouse, undo_and_redo,
-         slide_by_mouse, render_by_mouse, escape_a_render, evaluate_by_mouse, search_and_clear, show_error,
-         preferences_page)
+         slide_by_mouse, render_by_mouse, escape_a_render, evaluate_by_mouse, measured_surface,
+         search_and_clear, show_error, preferences_page)
 
 
 def write(finished: bool) -> None:

@@ -230,20 +230,20 @@ def test_check_says_what_is_there():
     assert report["ok"] is True
     assert report["missing"] == []
     assert report["numpy"] == np.__version__
-    assert {"python", "numpy", "cv2", "OpenEXR", "jinja2", "torch"} <= set(report)
+    assert {"python", "numpy", "cv2", "OpenEXR", "jinja2", "matplotlib", "torch"} <= set(report)
 
 
 def test_check_does_not_import_torch():
     assert run_with("pass", "check").returncode == 0
 
 
-@pytest.mark.parametrize("module", ["numpy", "cv2", "OpenEXR", "jinja2"])
+@pytest.mark.parametrize("module", ["numpy", "cv2", "OpenEXR", "jinja2", "matplotlib"])
 def test_without_a_package_the_mend_is_named(tmp_path, module):
     result = run_with(f"sys.modules[{module!r}] = None", "check")
     assert_refused(result, {"cv2": "opencv", "jinja2": "Jinja2"}.get(module, module), "pip install")
     report = json.loads(result.stdout)
     assert (report["ok"], report[module]) == (False, None)
-    assert len(report["missing"]) == (3 if module == "numpy" else 1)  # OpenCV and OpenEXR need NumPy to load
+    assert len(report["missing"]) == (4 if module == "numpy" else 1)  # three others need NumPy to load
     result = run_with(f"sys.modules[{module!r}] = None", "evaluate", tmp_path, "--out", tmp_path / "out")
     assert_refused(result, "pip install")
 
@@ -270,3 +270,38 @@ def test_wrong_usage():
     result = run("evaluate")
     assert result.returncode == 2
     assert "usage:" in result.stderr
+
+
+def test_metrics_of_a_disparity_and_the_reference_codes_beside_them(tmp_path):
+    random = np.random.default_rng(0)
+    truth = random.uniform(2, 6, (480, 640))
+    np.savez(tmp_path / "d.npz", disparity=np.where(random.random(truth.shape) < 0.2, np.nan, 85.333 / truth))
+    result = run("metrics", "--disparity", tmp_path / "d.npz", "--truth", save(tmp_path, "z.npy", truth),
+                 "--focal-baseline", "85.333", "--guiss")
+    assert (result.returncode, result.stderr) == (0, "")
+    found = json.loads(result.stdout)
+    assert found["l1_m"] < 1e-6  # npz in double precision, as it was saved
+    assert found["guiss_l1_m"] == pytest.approx(0.0625 * truth.mean(), rel=0.01)
+    assert (found["epe_px"], found["bad_1"]) == (pytest.approx(0, abs=1e-6), 0)
+    assert found["total_bad_1"] == pytest.approx(0.2, abs=0.005)
+    assert found["dod"] == found["dod_antisymmetric"] == found["dod_sampled"] == 0
+
+
+@pytest.mark.parametrize(("words", "reason"), [
+    (["--focal-baseline", "0"], "positive number"), (["--focal-baseline", "nan"], "positive number"),
+    ([], "needs --focal-baseline"),
+])
+def test_metrics_of_a_disparity_needs_a_camera(tmp_path, words, reason):
+    good = save(tmp_path, "z.npy", np.ones((3, 4)))
+    assert_refused(run("metrics", "--disparity", good, "--truth", good, *words), reason)
+
+
+@pytest.mark.parametrize("size", [0, 1, 2])
+def test_metrics_of_hardly_any_pixel(tmp_path, size):
+    depth = save(tmp_path, "z.npy", np.ones((1, size)))
+    result = run("metrics", "--prediction", depth, "--truth", depth, "--focal-baseline", "85", "--guiss")
+    assert (result.returncode, result.stderr) == (0, "")
+    found = json.loads(result.stdout)
+    assert found["n"] == size
+    assert found["l1_m"] == (0 if size else None)
+    assert found["dod"] == (0 if size == 2 else None)

@@ -11,9 +11,13 @@ from icymoon.stereo.metrics import (
     DEPTH_METRICS,
     DISPARITY_METRICS,
     ERROR_STEPS_M,
+    SHARES,
+    TOTAL_METRICS,
     depth_metrics,
     disparity_metrics,
     error_curve,
+    sparsification,
+    total_metrics,
 )
 
 pytestmark = pytest.mark.filterwarnings("error")
@@ -45,8 +49,22 @@ def test_disparity_by_hand():
     result = disparity_metrics(np.array([10.0, 11.5, NAN, 20.0, 5.0]), np.array([10.5, 10.0, 7.0, 16.0, NAN]))
     assert set(result) == set(DISPARITY_METRICS)
     assert result["epe_px"] == pytest.approx((0.5 + 1.5 + 4) / 3)
-    assert result["bad_1"] == pytest.approx(2 / 3)
+    assert result["bad_0_5"] == result["bad_1"] == pytest.approx(2 / 3)  # an error of exactly 0.5 px is none
     assert result["bad_2"] == result["bad_3"] == pytest.approx(1 / 3)
+    assert result["d1"] == pytest.approx(1 / 3)
+    assert (result["a50_px"], result["a90_px"], result["a99_px"]) == (1.5, 4, 4)
+
+
+def test_d1_forgives_what_is_small_for_its_disparity():
+    result = disparity_metrics(np.array([104.0, 106.0, 13.5]), np.array([100.0, 100.0, 10.0]))
+    assert result["bad_3"] == 1
+    assert result["d1"] == pytest.approx(2 / 3)  # 4 px of 100 are within 5 %
+
+
+def test_quantiles_are_the_errors_that_so_many_pixels_do_not_exceed():
+    errors = np.random.default_rng(0).permutation(np.arange(1.0, 101.0))
+    result = disparity_metrics(errors + 500, np.full(100, 500.0))
+    assert [result[key] for key in ("a50_px", "a90_px", "a95_px", "a99_px")] == [50, 90, 95, 99]
 
 
 def test_a_perfect_prediction():
@@ -116,3 +134,88 @@ def test_error_curve_counts_missing_measurements_as_not_within():
     assert shares[0.01] == pytest.approx(1 / 3)
     assert shares[0.1] == shares[10.0] == pytest.approx(2 / 3)
     assert curve == sorted(curve)
+
+
+def total(prediction, truth, focal_baseline=10.0):
+    with np.errstate(divide="ignore"):
+        disparity, true = focal_baseline / prediction, focal_baseline / truth
+    return total_metrics(prediction, truth, disparity, true, depth_metrics(prediction, truth)["dod"])
+
+
+def test_missing_counted_as_wrong_by_hand():
+    truth, prediction = np.array([1.0, 2.0, 4.0, 5.0, NAN]), np.array([1.0, 2.5, NAN, -1.0, 3.0])
+    result = total(prediction, truth)
+    assert set(result) == set(TOTAL_METRICS)
+    assert result["l1_rate_10"] == pytest.approx(3 / 4)  # one off by 0.5 m, two missing
+    assert result["l1_rate_100"] == pytest.approx(2 / 4)
+    assert result["bad_0_5"] == pytest.approx(3 / 4)  # disparities 10, 4 of 10, 5
+    assert result["bad_1"] == pytest.approx(2 / 4)
+    assert result["median_m"] == 0.5
+    assert result["a90_px"] == math.inf
+    assert result["dod"] == pytest.approx(1 - 2 / 12)  # of the ordered pairs of four pixels those of two agree
+
+
+@settings(deadline=None)
+@given(positive, st.data())
+def test_leaving_measurements_out_never_helps_when_missing_is_wrong(truth, data):
+    """By the own mask a matcher may flatter itself by giving up; by this count it cannot."""
+    random = np.random.default_rng(data.draw(st.integers(0, 2**32 - 1)))
+    prediction = truth * random.uniform(0.7, 1.4, truth.size)
+    fewer = np.where(random.random(truth.size) < 0.4, NAN, prediction)
+    with_all, with_fewer = total(prediction, truth), total(fewer, truth)
+    for key in TOTAL_METRICS:
+        assert with_fewer[key] >= with_all[key] - 1e-12
+    complete = depth_metrics(prediction, truth)
+    for key in ("l1_rate_10", "l1_rate_30", "l1_rate_100", "dod"):
+        assert with_all[key] == pytest.approx(complete[key], abs=1e-12)
+
+
+@settings(deadline=None)
+@given(positive, st.floats(1.01, 3.0), st.integers(0, 2**32 - 1))
+def test_a_larger_error_is_never_a_better_number(truth, factor, seed):
+    error = truth * np.random.default_rng(seed).uniform(-0.3, 0.3, truth.size)
+    one, more = depth_metrics(truth + error, truth), depth_metrics(truth + error * factor, truth)
+    for key in ("l1_m", "median_m", "rmse_m", "abs_rel", "l1_rate_10", "l1_rate_30", "l1_rate_100"):
+        assert more[key] >= one[key] or np.isnan(more[key]) or more["n"] < one["n"]
+    near, far = disparity_metrics(truth + error, truth), disparity_metrics(truth + error * factor, truth)
+    if more["n"] == one["n"]:
+        assert all(far[key] >= near[key] for key in DISPARITY_METRICS)
+
+
+@settings(deadline=None)
+@given(positive, st.integers(0, 2**32 - 1))
+def test_the_order_of_pixels_does_not_matter(truth, seed):
+    random = np.random.default_rng(seed)
+    prediction, order = truth * random.uniform(0.5, 2, truth.size), random.permutation(truth.size)
+    one, other = depth_metrics(prediction, truth), depth_metrics(prediction[order], truth[order])
+    assert one == pytest.approx(other, rel=1e-9, abs=1e-15, nan_ok=True)  # sums in another order round otherwise
+
+
+@pytest.mark.parametrize("depth_m", [1e-3, 1e10])
+def test_depths_from_a_millimetre_to_the_far_end(depth_m):
+    truth = depth_m * np.random.default_rng(0).uniform(1, 2, 1000)
+    result = depth_metrics(truth * 1.25, truth)
+    assert result["abs_rel"] == pytest.approx(0.25)
+    assert result["si_rmse"] < 1e-13
+    assert result["l1_m"] == pytest.approx(0.25 * truth.mean())
+    assert disparity_metrics(85.3 / (truth * 1.25), 85.3 / truth)["epe_px"] == pytest.approx(
+        np.mean(85.3 / truth) * 0.2)
+
+
+def test_without_a_true_pixel_nothing_is_wrong_either():
+    assert all(math.isnan(value) for value in total(np.ones(3), np.full(3, NAN)).values())
+    alone = total(np.array([1.0]), np.array([1.0]))
+    assert (alone["bad_1"], alone["median_m"]) == (0, 0)
+    assert math.isnan(alone["dod"])
+    nothing = total(np.full(3, NAN), np.ones(3))
+    assert (nothing["bad_1"], nothing["dod"], nothing["median_m"]) == (1, 1, math.inf)
+
+
+def test_sparsification_drops_the_least_confident_first():
+    errors = np.arange(1.0, 21.0)
+    falling = sparsification(errors, -errors)
+    assert falling == [pytest.approx(np.mean(errors[:round(20 * share)])) for share in SHARES]
+    assert sparsification(errors, errors)[0] == 20
+    assert sparsification(errors, errors)[-1] == falling[-1] == pytest.approx(errors.mean())
+    assert all(math.isnan(value) for value in sparsification(np.full(3, NAN), np.ones(3)))
+    assert sparsification(np.array([NAN, 2.0]), np.array([9.0, 1.0])) == [2.0] * len(SHARES)

@@ -1,0 +1,93 @@
+"""What measuring costs beside matching: every metric at 640 x 480, as a ratio to StereoBM in the same run.
+
+    python benchmarks/metrics.py
+
+CPU seconds are the least of three runs in one thread, memory is the peak of what NumPy and Python allocate. One
+synthetic pair; needs ``tests/pure/pairs.py``.
+"""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+import time
+import tracemalloc
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "pure"))
+import pairs
+from icymoon.stereo.bootstrap import intervals
+from icymoon.stereo.dod import depth_order_disagreement, sampled_disagreement
+from icymoon.stereo.guiss import reference_metrics
+from icymoon.stereo.matchers import match
+from icymoon.stereo.measure import common_numbers, depth_of, own_numbers
+from icymoon.stereo.metrics import depth_metrics, disparity_metrics, error_curve, sparsification, total_metrics
+from icymoon.stereo.points import measured_points
+from icymoon.stereo.prepare import load, prepare
+from icymoon.stereo.strata import stratified, texture
+from icymoon.stereo.truth import visible_in_right
+
+
+def cost(work: Callable[[], object]) -> tuple[float, float]:
+    """(CPU seconds of the fastest of three runs, MiB at the peak of a fourth)."""
+    seconds = []
+    for _ in range(3):
+        start = time.process_time()
+        work()
+        seconds.append(time.process_time() - start)
+    tracemalloc.start()
+    work()
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    return min(seconds), peak / 2**20
+
+
+def main() -> None:
+    """Measure and print a table."""
+    with tempfile.TemporaryDirectory() as folder:
+        pair = pairs.write_pair(Path(folder) / "pair", pairs.Scene(distance_m=3.0), pairs.camera(640, 480), noise=0.02)
+        prepared = prepare(pair, {})
+        loaded = load(pair, {})
+        prepared.pair.data["poses_camera_to_world"] = {"left": np.eye(4).tolist()}
+        disparity, _, _ = match("sgbm", prepared.left, prepared.right)
+        depth, truth, camera = depth_of(prepared, disparity), prepared.truth, prepared.pair.camera
+        true = camera.disparity(truth)
+        both = np.isfinite(depth) & np.isfinite(truth)
+        flat, flat_truth = depth[both], truth[both]
+        noisy = flat_truth * np.random.default_rng(0).normal(1, 0.02, flat_truth.size)
+        error = np.abs(disparity - true)
+        pixels = np.random.default_rng(0).normal(0, 1, (5000, 60))
+        works: dict[str, Callable[[], object]] = {
+            "StereoBM": lambda: match("bm", prepared.left, prepared.right),
+            "SGBM, 8 directions": lambda: match("sgbm", prepared.left, prepared.right),
+            "exact DOD, measured disparities": lambda: depth_order_disagreement(flat, flat_truth),
+            "exact DOD, continuous depths": lambda: depth_order_disagreement(noisy, flat_truth),
+            "DOD, 300 000 pairs": lambda: sampled_disagreement(flat, flat_truth, 300_000, np.random.default_rng(0)),
+            "depth metrics with exact DOD": lambda: depth_metrics(depth, truth),
+            "disparity metrics": lambda: disparity_metrics(disparity, true),
+            "missing counted as wrong": lambda: total_metrics(depth, truth, disparity, true, 0.0),
+            "reference code's metrics": lambda: reference_metrics(disparity, truth, 4),
+            "cumulative error": lambda: error_curve(depth, truth),
+            "sparsification": lambda: sparsification(error, prepared.gradient),
+            "errors by stratum": lambda: stratified(prepared.classes, depth, truth, disparity, true),
+            "texture": lambda: texture(prepared.left),
+            "occlusion of one eye": lambda: visible_in_right(loaded.depth["left"], loaded.depth["right"], camera),
+            "points": lambda: measured_points(prepared, disparity),
+            "a row, its own numbers": lambda: own_numbers(prepared, disparity),
+            "a row, numbers in common": lambda: common_numbers(prepared, disparity, both),
+            "a pair: check, read, develop, classify": lambda: prepare(pair, {}),
+            "intervals of 60 means of 5000 pairs, 500 scenes": lambda: intervals(pixels, np.arange(5000) // 10, 0)}
+        print(f"{'':<50}{'CPU s':>9}{'x BM':>8}{'MiB':>8}{'x BM':>8}")
+        base: tuple[float, float] | None = None
+        for name, work in works.items():
+            seconds, memory = cost(work)
+            base = base or (seconds, memory)
+            print(f"{name:<50}{seconds:>9.4f}{seconds / base[0]:>8.1f}{memory:>8.1f}{memory / base[1]:>8.1f}",
+                  flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,68 @@
+"""The files that an evaluation leaves of each pair, in ``pairs/<pair>/`` of its folder."""
+
+from __future__ import annotations
+
+import zipfile
+import zlib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from . import pictures
+from .images import write_disparity, write_png
+from .measure import depth_of
+from .methods import Method
+from .prepare import Prepared
+
+
+def present(entry: Mapping[str, Any], out: Path) -> bool:
+    """Whether all files that a row or the facts of a pair name are there."""
+    return all((out / path).is_file() for path in entry["images"].values())
+
+
+def read_disparity(path: Path, shape: tuple[int, ...]) -> np.ndarray | None:
+    """The float32 disparity that ``write_method_pictures`` stored; None if it is damaged or not of this shape."""
+    try:
+        with path.open("rb") as stream, np.load(stream, allow_pickle=False) as stored:
+            disparity = np.asarray(stored["disparity"])
+    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, zlib.error):
+        return None
+    return disparity if disparity.shape == shape else None
+
+
+def write_pair_pictures(prepared: Prepared, out: Path) -> dict[str, str]:
+    """Left and right image and true depth; their paths relative to ``out``."""
+    depth = pictures.true_depth_picture(prepared.truth, prepared.scale)
+    images = {"left": prepared.left, "right": prepared.right,
+              "true_depth": pictures.with_bar(depth, prepared.scale)}
+    return {key: _write_picture(prepared, out, f"{key}.png", image) for key, image in images.items()}
+
+
+def write_method_pictures(prepared: Prepared, method: Method, disparity: np.ndarray, info: Mapping[str, Any],
+                          out: Path) -> dict[str, str]:
+    """Depth and error pictures and the disparity of one method; their paths relative to ``out``.
+
+    Where ``info`` has the array ``flags``, why each pixel was rejected, there is a picture of it too.
+    """
+    depth = depth_of(prepared, disparity)
+    npz = _folder(prepared, out) / f"{method.file_name}.npz"
+    write_disparity(npz, disparity, info["arrays"], focal_baseline_px_m=prepared.pair.camera.focal_baseline_px_m)
+    written = {"depth": pictures.with_bar(pictures.depth_picture(depth, prepared.scale), prepared.scale),
+               "error": pictures.with_bar(pictures.error_picture(depth, prepared.truth), pictures.ERROR)}
+    if "flags" in info["arrays"]:
+        written["flags"] = pictures.outcome_picture(info["arrays"]["flags"], disparity.shape)
+    return {**{key: _write_picture(prepared, out, f"{method.file_name}_{key}.png", image)
+               for key, image in written.items()},
+            "disparity": npz.relative_to(out).as_posix()}
+
+
+def _write_picture(prepared: Prepared, out: Path, name: str, image: np.ndarray) -> str:
+    path = _folder(prepared, out) / name
+    write_png(path, image)
+    return path.relative_to(out).as_posix()
+
+
+def _folder(prepared: Prepared, out: Path) -> Path:
+    return out / "pairs" / prepared.pair.folder.name

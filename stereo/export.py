@@ -1,0 +1,266 @@
+"""Pairs in the layouts of other people's data sets, with their truth.
+
+* ``png8``, ``png16``, ``pfm``: a folder per pair with ``left`` and ``right``, and of each eye ``disparity``, ``depth``,
+  labels and ``visible`` (255 where the other eye sees it too) as far as the format can hold them, and
+  ``calibration.json``.
+* ``kitti``: KITTI 2015, ``training/image_2/000000_10.png`` and so on; which pair has which number is in
+  ``pairs.csv``.
+* ``middlebury``: Middlebury 2014, ``<pair>/im0.png``, ``disp0.pfm``, ``mask0nocc.png``, ``calib.txt``.
+* ``coco``: left and right images and ``annotations.json`` with a mask for each block and each object of one's own.
+
+Images are developed as for the matchers; ``pfm`` holds the radiance itself. An unknown value (sky) is infinity in PFM
+and 0 in 16-bit PNG.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..errors import IcyMoonError
+from ..files import write_atomically, write_json, write_text
+from ..labels import LANDER, ROCK, SEMANTIC
+from ..render.pair import EYES
+from .develop import exposure_facts, to_8_bit
+from .formats import KITTI_SCALE, MILLIMETRES, run_lengths, write_pfm, write_scaled
+from .images import write_bytes, write_png
+from .prepare import Loaded, distinct_pairs, load
+
+Event = Callable[[dict[str, Any]], None]
+#: Semantic values that have instances worth counting; ground and sky are no things.
+THINGS = (ROCK, LANDER)
+_VISIBLE, _HIDDEN = 255, 128
+
+
+def export(paths: Sequence[Path], kind: str, out: Path,
+           response: Mapping[str, Mapping[str, Any]] | None = None, on_event: Event = lambda event: None) -> list[str]:
+    """Write all pairs at ``paths`` in the layout ``kind``, a key of FORMATS, to ``out``; return what failed.
+
+    ``response`` overrides settings that need no new render. A pair that cannot be used is told as an event {"type":
+    "error", "message"} and left out; one that fails its self-check as {"type": "warning", "message"}. Raises
+    IcyMoonError if there is no pair or ``out`` cannot be written.
+    """
+    failed: list[str] = []
+    FORMATS[kind](_loaded(distinct_pairs(paths), response or {}, on_event, failed), out)
+    return failed
+
+
+def _loaded(folders: Sequence[Path], response: Mapping[str, Mapping[str, Any]], on_event: Event,
+            failed: list[str]) -> Iterator[Loaded]:
+    for done, folder in enumerate(folders, 1):
+        try:
+            pair = load(folder, response)
+        except IcyMoonError as error:
+            failed.append(str(error))
+            on_event({"type": "error", "message": str(error)})
+            continue
+        if not pair.check.ok:
+            problems = "; ".join(pair.check.problems)
+            on_event({"type": "warning", "message": f"{folder} fails its self-check: {problems}."})
+        yield pair
+        on_event({"type": "progress", "fraction": done / len(folders), "done": done, "total": len(folders),
+                  "message": folder.name})
+
+
+def _disparity(pair: Loaded, eye: str) -> np.ndarray:
+    return pair.pair.camera.disparity(pair.depth[eye])
+
+
+def _image(pair: Loaded, eye: str) -> np.ndarray:
+    return pair.images.left if eye == "left" else pair.images.right
+
+
+def _write_8_bit(path: Path, pair: Loaded, eye: str) -> None:
+    write_png(path, to_8_bit(_image(pair, eye), pair.images.bits, pair.images.encoding))
+
+
+def _calibration(pair: Loaded) -> dict[str, Any]:
+    return {"pair": pair.pair.id, "camera": pair.pair.camera.to_json(),
+            "poses_camera_to_world": pair.pair.data.get("poses_camera_to_world"), "sensor": pair.settings["sensor"],
+            **exposure_facts(pair.images), "self_check": pair.check.to_json()}
+
+
+def _png8(pairs: Iterator[Loaded], out: Path) -> None:
+    for pair in pairs:
+        folder = out / pair.pair.folder.name
+        for eye in EYES:
+            _write_8_bit(folder / f"{eye}.png", pair, eye)
+            write_png(folder / f"visible_{eye}.png", pair.visible[eye].astype(np.uint8) * _VISIBLE)
+            semantic = pair.views[eye].semantic
+            if semantic is not None:
+                write_png(folder / f"semantic_{eye}.png", semantic.astype(np.uint8))
+        write_json(folder / "calibration.json", _calibration(pair) | {"semantic": SEMANTIC})
+
+
+def _png16(pairs: Iterator[Loaded], out: Path) -> None:
+    for pair in pairs:
+        folder = out / pair.pair.folder.name
+        labels = _instance_labels(pair)
+        for eye in EYES:
+            write_png(folder / f"{eye}.png", _16_bit(pair, eye))
+            write_scaled(folder / f"disparity_{eye}.png", _disparity(pair, eye), KITTI_SCALE)
+            write_scaled(folder / f"depth_{eye}.png", pair.depth[eye], MILLIMETRES)
+            instance = pair.views[eye].instance
+            if instance is not None:
+                write_png(folder / f"instance_{eye}.png", np.searchsorted(labels, instance).astype(np.uint16))
+        write_json(folder / "calibration.json", _calibration(pair) | {
+            "disparity_steps_per_px": KITTI_SCALE, "depth_steps_per_m": MILLIMETRES,
+            "instance_labels": {str(k): int(label) for k, label in enumerate(labels)}})
+
+
+def _16_bit(pair: Loaded, eye: str) -> np.ndarray:
+    """The same image as the 8-bit one, in finer steps."""
+    level = _image(pair, eye) / (2.0 ** pair.images.bits - 1)
+    level = np.sqrt(level) if pair.images.encoding == "SQUARE_ROOT" else level
+    return np.asarray(np.rint(65535 * level).astype(np.uint16))
+
+
+def _instance_labels(pair: Loaded) -> np.ndarray:
+    """The instance labels of both eyes in ascending order; their places in it fit 16 bits, 0 stays 0."""
+    found = [np.unique(view.instance) for view in pair.views.values() if view.instance is not None]
+    labels = np.unique(np.concatenate([[0], *found]))
+    if len(labels) > 65536:
+        raise IcyMoonError(f"{pair.pair.folder} shows {len(labels)} instances, 16-bit images hold 65536; use coco.")
+    return labels
+
+
+def _pfm(pairs: Iterator[Loaded], out: Path) -> None:
+    for pair in pairs:
+        folder = out / pair.pair.folder.name
+        for eye in EYES:
+            write_pfm(folder / f"{eye}.pfm", pair.views[eye].radiance)
+            write_pfm(folder / f"disparity_{eye}.pfm", _disparity(pair, eye))
+            write_pfm(folder / f"depth_{eye}.pfm", pair.depth[eye])
+        write_json(folder / "calibration.json", _calibration(pair))
+
+
+def _kitti(pairs: Iterator[Loaded], out: Path) -> None:
+    """``disp_occ_0`` has all true disparities of the left eye, ``disp_noc_0`` those that the right eye sees too."""
+    root = out / "training"
+    numbers = io.StringIO()
+    table = csv.writer(numbers, lineterminator="\n")
+    table.writerow(("number", "pair"))
+    for k, pair in enumerate(pairs):
+        frame = f"{k:06d}_10.png"
+        _write_8_bit(root / "image_2" / frame, pair, "left")
+        _write_8_bit(root / "image_3" / frame, pair, "right")
+        disparity = _disparity(pair, "left")
+        write_scaled(root / "disp_occ_0" / frame, disparity, KITTI_SCALE)
+        write_scaled(root / "disp_noc_0" / frame, np.where(pair.visible["left"], disparity, np.nan), KITTI_SCALE)
+        write_text(root / "calib_cam_to_cam" / f"{k:06d}.txt", _kitti_calibration(pair))
+        table.writerow((f"{k:06d}", pair.pair.folder.name))
+    write_text(out / "pairs.csv", numbers.getvalue())
+
+
+def _kitti_calibration(pair: Loaded) -> str:
+    camera = pair.pair.camera
+    lines = []
+    # KITTI counts pixels from the centre of the first one, half a pixel beside our corner.
+    for name, shift in (("02", 0.0), ("03", -camera.focal_baseline_px_m)):
+        matrix = (camera.focal_px, 0, camera.cx_px - 0.5, shift, 0, camera.focal_px, camera.cy_px - 0.5, 0, 0, 0, 1, 0)
+        lines.append(f"S_rect_{name}: {camera.width_px:.6e} {camera.height_px:.6e}\n")
+        lines.append(f"P_rect_{name}: {' '.join(f'{value:.12e}' for value in matrix)}\n")
+    return "".join(lines)
+
+
+def _middlebury(pairs: Iterator[Loaded], out: Path) -> None:
+    for pair in pairs:
+        folder = out / pair.pair.folder.name
+        for k, eye in enumerate(EYES):
+            _write_8_bit(folder / f"im{k}.png", pair, eye)
+            write_pfm(folder / f"disp{k}.pfm", _disparity(pair, eye))
+            known = np.where(np.isfinite(pair.depth[eye]), _HIDDEN, 0)
+            write_png(folder / f"mask{k}nocc.png", np.where(pair.visible[eye], _VISIBLE, known).astype(np.uint8))
+        write_text(folder / "calib.txt", _middlebury_calibration(pair))
+
+
+def _middlebury_calibration(pair: Loaded) -> str:
+    """Middlebury 2014: baseline in mm, ``ndisp`` a safe number of disparities, ``vmin`` and ``vmax`` their range."""
+    camera = pair.pair.camera
+    matrix = (f"[{camera.focal_px:.9g} 0 {camera.cx_px - 0.5:.9g}; 0 {camera.focal_px:.9g} {camera.cy_px - 0.5:.9g}; "
+              "0 0 1]")
+    disparity = _disparity(pair, "left")
+    known = disparity[np.isfinite(disparity)]
+    low, high = (int(np.floor(known.min())), int(np.ceil(known.max()))) if known.size else (0, 0)
+    return (f"cam0={matrix}\ncam1={matrix}\ndoffs=0\nbaseline={1000 * camera.baseline_m:.9g}\n"
+            f"width={camera.width_px}\nheight={camera.height_px}\nndisp={high + 1}\nisint=0\n"
+            f"vmin={low}\nvmax={high}\ndyavg=0\ndymax=0\n")
+
+
+def _coco(pairs: Iterator[Loaded], out: Path) -> None:
+    categories = [{"id": k, "name": SEMANTIC[k], "supercategory": "thing"} for k in THINGS]
+    images: list[dict[str, Any]] = []
+
+    def fill(part: Path) -> None:
+        # Masks go to the disk pair by pair, so that no number of them fills the memory.
+        with part.open("w", encoding="utf-8", newline="\n") as stream:
+            stream.write(f'{{"info": {json.dumps({"description": "Icy Moon"})},\n"categories": '
+                         f'{json.dumps(categories)},\n"annotations": [')
+            count = 0
+            for pair in pairs:
+                for eye in EYES:
+                    name = f"{pair.pair.folder.name}_{eye}.png"
+                    _write_8_bit(out / "images" / name, pair, eye)
+                    camera = pair.pair.camera
+                    images.append({"id": len(images) + 1, "file_name": name, "width": camera.width_px,
+                                   "height": camera.height_px, "pair": pair.pair.folder.name, "eye": eye})
+                    for annotation in things(pair.views[eye].instance, pair.views[eye].semantic):
+                        count += 1
+                        stream.write(("," if count > 1 else "") + "\n" + json.dumps(
+                            {"id": count, "image_id": len(images), **annotation}))
+            stream.write(f'\n],\n"images": {json.dumps(images)}}}\n')
+
+    write_atomically(out / "annotations.json", fill)
+
+
+def things(instance: np.ndarray | None, semantic: np.ndarray | None) -> Iterator[dict[str, Any]]:
+    """COCO annotations of the THINGS in an image: exact masks as run lengths, box (x, y, width, height), area.
+
+    ``instance`` and ``semantic`` are labels (H, W). The category is that of most pixels of the instance. ``label`` is
+    the instance's own number, the same in both eyes and in every pair of the scene.
+    """
+    if instance is None or semantic is None:
+        return
+    height, width = instance.shape
+    flat, kinds = instance.ravel(order="F"), semantic.ravel(order="F")
+    order = np.argsort(flat, kind="stable")
+    labels, starts = np.unique(flat[order], return_index=True)
+    for label, pixels in zip(labels.tolist(), np.split(order, starts[1:]), strict=True):
+        category = int(np.bincount(np.maximum(kinds[pixels], 0)).argmax())
+        if label == 0 or category not in THINGS:
+            continue
+        columns, rows = pixels // height, pixels % height
+        left, top = int(columns.min()), int(rows.min())
+        yield {"category_id": category, "label": label, "iscrowd": 0, "area": len(pixels),
+               "bbox": [left, top, int(columns.max()) - left + 1, int(rows.max()) - top + 1],
+               "segmentation": {"size": [height, width], "counts": run_lengths(pixels, height * width)}}
+
+
+FORMATS: dict[str, Callable[[Iterator[Loaded], Path], None]] = {
+    "png8": _png8, "png16": _png16, "pfm": _pfm, "kitti": _kitti, "middlebury": _middlebury, "coco": _coco}
+
+
+def write_truth(paths: Sequence[Path], out: Path) -> Iterator[dict[str, Any]]:
+    """Write ``<out>/<pair>/truth.npz`` of all pairs, and give the self-check of each as it is done, with ``pair``.
+
+    Each npz has, of both eyes, ``disparity_left`` (px) and ``depth_left`` (m), float32, NaN for sky, and
+    ``visible_left``, bool: seen by the other eye too. A pair that cannot be used gives its ``problems`` only.
+    """
+    for folder in distinct_pairs(paths):
+        try:
+            pair = load(folder, {})
+        except IcyMoonError as error:
+            yield {"pair": folder.name, "ok": False, "problems": [str(error)]}
+            continue
+        stream = io.BytesIO()
+        np.savez_compressed(stream, **{f"{name}_{eye}": values for eye in EYES for name, values in (
+            ("disparity", _disparity(pair, eye).astype(np.float32)),
+            ("depth", pair.depth[eye].astype(np.float32)), ("visible", pair.visible[eye]))})
+        write_bytes(out / folder.name / "truth.npz", stream.getvalue())
+        yield {"pair": folder.name, **pair.check.to_json()}

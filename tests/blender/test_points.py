@@ -1,0 +1,131 @@
+"""The measured surface back in Blender, beside the true one."""
+
+import json
+from pathlib import Path
+
+import bpy
+import numpy as np
+import pytest
+from icymoon.errors import IcyMoonError
+from icymoon.nodes import points
+from icymoon.operators import results
+from icymoon.stereo.points import write_points
+from icymoon.stereo.prepare import prepare
+from mathutils import Vector
+from mathutils.bvhtree import BVHTree
+from rendering import render
+
+
+@pytest.fixture(scope="module")
+def shown(tmp_path_factory):
+    """A rendered pair, its scene, and the file of a surface that a perfect and a wrong matcher measured."""
+    folder = tmp_path_factory.mktemp("points")
+    pair, built = render(folder)
+    prepared = prepare(pair.folder, {})
+    true = pair.camera.disparity(prepared.truth)
+    for name, disparity in (("right", true), ("wrong", true * 0.9), ("blind", true * np.nan)):
+        write_points(folder / f"{name}.ply", prepared, disparity)
+    return folder, built
+
+
+def corners(item: bpy.types.Object) -> np.ndarray:
+    values = np.empty(len(item.data.vertices) * 3, np.float32)
+    item.data.vertices.foreach_get("co", values)
+    return values.reshape(-1, 4, 3)
+
+
+def test_a_perfect_measurement_lies_on_the_ground_that_was_built(shown):
+    folder, built = shown
+    item = points.build_points(bpy.context.scene, [folder / "right.ply"], "right")
+    ground = BVHTree.FromObject(built.terrain, bpy.context.evaluated_depsgraph_get())
+    centres = corners(item).mean(axis=1)
+    away = np.array([ground.find_nearest(Vector(c))[3] for c in centres.tolist()])
+    # Depth is true to 1e-4 of it, some metres here; blocks are off the ground, and there are none.
+    assert built.block_count == 0
+    assert np.median(away) < 1e-3
+    assert np.quantile(away, 0.99) < 1e-2
+    wrong = points.build_points(bpy.context.scene, [folder / "wrong.ply"], "wrong")
+    away = [ground.find_nearest(Vector(c))[3] for c in corners(wrong).mean(axis=1)[::50].tolist()]
+    assert np.median(away) > 0.02
+
+
+def test_squares_face_the_camera_and_keep_their_colour(shown):
+    folder, built = shown
+    item = points.build_points(bpy.context.scene, [folder / "wrong.ply"], "wrong")
+    position, _, colour, width = points.read_points(folder / "wrong.ply")
+    quads = corners(item)
+    np.testing.assert_allclose(quads.mean(axis=1), position, atol=1e-4)
+    normals = np.empty(len(item.data.polygons) * 3, np.float32)
+    item.data.polygons.foreach_get("normal", normals)
+    eye = np.array(built.camera.matrix_world.translation) - position
+    cosine = np.sum(normals.reshape(-1, 3) * eye / np.linalg.norm(eye, axis=1, keepdims=True), axis=1)
+    assert cosine.min() > 0.99
+    np.testing.assert_allclose(np.linalg.norm(quads[:, 1] - quads[:, 0], axis=1), width, rtol=2e-2)
+    stored = np.empty(len(item.data.vertices) * 4, np.float32)
+    item.data.color_attributes["error"].data.foreach_get("color_srgb", stored)
+    np.testing.assert_allclose(stored.reshape(-1, 4, 4)[:, 0, :3], colour, atol=0.51 / 255)
+    assert item.data.color_attributes.active_color.name == "error"
+
+
+def test_squares_of_any_line_of_sight():
+    random = np.random.default_rng(0)
+    toward = random.standard_normal((200, 3))
+    toward = np.concatenate([toward / np.linalg.norm(toward, axis=1, keepdims=True), [[0, 0, 1], [0, 0, -1]]])
+    quads = points.squares(np.zeros((202, 3)), toward, np.full(202, 2.0))
+    sides = np.linalg.norm(np.roll(quads, -1, axis=1) - quads, axis=2)
+    np.testing.assert_allclose(sides, 2.0)
+    normal = np.cross(quads[:, 1] - quads[:, 0], quads[:, 2] - quads[:, 1]) / 4
+    np.testing.assert_allclose(normal, toward, atol=1e-12)
+
+
+def test_it_is_not_rendered_not_part_of_the_scene_and_goes_without_a_trace(shown):
+    folder, built = shown
+    scene = bpy.context.scene
+    points.clear_points(scene)
+    before = {len(data) for data in (bpy.data.objects, bpy.data.meshes)}, len(bpy.data.materials)
+    item = points.build_points(scene, [folder / "right.ply"], "right")
+    assert item.hide_render
+    assert not built.edited
+    assert item.name not in built.collection.all_objects
+    points.build_points(scene, [folder / "right.ply", folder / "wrong.ply"], "again")
+    assert len([o for o in bpy.data.objects if o.name.startswith(points.NAME)]) == 1
+    assert points.clear_points(scene)
+    assert not points.clear_points(scene)
+    assert ({len(data) for data in (bpy.data.objects, bpy.data.meshes)}, len(bpy.data.materials)) == before
+
+
+def test_files_that_cannot_be_used_change_nothing(shown, tmp_path):
+    folder, _ = shown
+    scene = bpy.context.scene
+    item = points.build_points(scene, [folder / "right.ply"], "right")
+    content = (folder / "right.ply").read_bytes()
+    (tmp_path / "cut.ply").write_bytes(content[:-100])
+    for paths, reason in (([tmp_path / "none.ply"], "gone or damaged"), ([tmp_path / "cut.ply"], "gone or damaged"),
+                          ([folder / "blind.ply"], "measured nothing")):
+        with pytest.raises(IcyMoonError, match=reason):
+            points.build_points(scene, paths, "bad")
+    assert points.find_points(scene) == item
+    points.clear_points(scene)
+
+
+def test_by_operator(shown, tmp_path):
+    folder, _ = shown
+    for name in ("right", "wrong"):
+        (tmp_path / f"{name}.ply").write_bytes((folder / f"{name}.ply").read_bytes())
+    summary = [{"method": name, "l1_m": l1, "l1_rate_10": 0, "si_rmse": 0, "dod": 0, "coverage": 1}
+               for name, l1 in (("wrong", 0.3), ("right", 0.0))]
+    rows = [{"method": name, "pair": "p", "images": {"points": f"{name}.ply"}} for name in ("wrong", "right")]
+    (tmp_path / "summary.json").write_text(json.dumps({"summary": summary, "shown": rows}))
+    results.load(Path(tmp_path))
+    try:
+        assert results.methods_with_points() == ["right", "wrong"]
+        assert bpy.ops.icymoon.show_surface() == {"FINISHED"}
+        assert points.find_points(bpy.context.scene).name.endswith("right")
+        assert bpy.ops.icymoon.show_surface(method="wrong") == {"FINISHED"}
+        assert points.find_points(bpy.context.scene).name.endswith("wrong")
+        with pytest.raises(RuntimeError, match="no measured surfaces"):
+            bpy.ops.icymoon.show_surface(method="sgbm")
+        assert bpy.ops.icymoon.hide_surface() == {"FINISHED"}
+        assert not bpy.ops.icymoon.hide_surface.poll()
+    finally:
+        results.clear()

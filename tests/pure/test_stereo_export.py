@@ -1,0 +1,261 @@
+"""Exports read back, by other readers where there are any, and compared with the analytic scene."""
+
+import csv
+import json
+import subprocess
+import sys
+
+import cv2
+import numpy as np
+import pairs
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from icymoon.errors import IcyMoonError
+from icymoon.stereo.export import FORMATS, export, things, write_truth
+from icymoon.stereo.exr import read_view
+from icymoon.stereo.formats import read_pfm, run_lengths, scaled, write_pfm, write_scaled
+
+pytestmark = pytest.mark.filterwarnings("error")
+
+RIG = pairs.camera(192, 96)
+SCENES = {"one": pairs.Scene(), "two": pairs.Scene(sky_rows=30, distance_m=3.0)}
+
+
+@pytest.fixture(scope="module")
+def dataset(tmp_path_factory):
+    root = tmp_path_factory.mktemp("set")
+    for name, scene in SCENES.items():
+        pairs.write_pair(root / "pairs" / name, scene, RIG)
+    return root
+
+
+@pytest.fixture(scope="module")
+def out(dataset, tmp_path_factory):
+    root = tmp_path_factory.mktemp("out")
+    for kind in FORMATS:
+        assert export([dataset], kind, root / kind) == []
+    assert not list(root.rglob("*.part"))
+    return root
+
+
+def truth(name, eye="left"):
+    return RIG.disparity(pairs.view(SCENES[name], RIG, eye)[0])
+
+
+def read(path):
+    image = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+    assert image is not None, path
+    return image
+
+
+@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize("eye", ["left", "right"])
+def test_16_bit_images_are_the_8_bit_ones_and_finer(out, name, eye):
+    coarse, fine = read(out / "png8" / name / f"{eye}.png"), read(out / "png16" / name / f"{eye}.png")
+    assert (coarse.dtype, fine.dtype) == (np.uint8, np.uint16)
+    np.testing.assert_array_equal(np.rint(fine / 257), coarse)
+    assert coarse.std() > 10
+
+
+@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize("eye", ["left", "right"])
+def test_disparity_and_depth_come_back_to_half_a_step(out, name, eye):
+    disparity = truth(name, eye)
+    folder = out / "png16" / name
+    np.testing.assert_allclose(scaled(read(folder / f"disparity_{eye}.png"), 256), disparity, atol=0.5 / 256 + 1e-4)
+    np.testing.assert_allclose(scaled(read(folder / f"depth_{eye}.png"), 1000),
+                               RIG.focal_baseline_px_m / disparity, atol=0.5e-3 + 1e-6)
+    for file in (out / "pfm" / name / f"disparity_{eye}.pfm",
+                 out / "middlebury" / name / f"disp{['left', 'right'].index(eye)}.pfm"):
+        np.testing.assert_allclose(read_pfm(file), disparity, rtol=1e-6)
+        other = read(file).astype(np.float64)  # OpenCV's own reader
+        np.testing.assert_allclose(np.where(np.isinf(other), np.nan, other), disparity, rtol=1e-6)
+
+
+def test_radiance_is_kept_to_the_bit(out, dataset):
+    for eye in ("left", "right"):
+        radiance = read_view(dataset / "pairs" / "one" / f"{eye}.exr").radiance
+        np.testing.assert_array_equal(read_pfm(out / "pfm" / "one" / f"{eye}.pfm"), radiance)
+
+
+def test_labels_are_exact(out, dataset):
+    folder = out / "png16" / "one"
+    names = json.loads((folder / "calibration.json").read_text())["instance_labels"]
+    for eye in ("left", "right"):
+        view = read_view(dataset / "pairs" / "one" / f"{eye}.exr")
+        np.testing.assert_array_equal(read(out / "png8" / "one" / f"semantic_{eye}.png"), view.semantic)
+        stored = read(folder / f"instance_{eye}.png")
+        np.testing.assert_array_equal(np.vectorize(lambda k: names[str(k)])(stored), view.instance)
+
+
+def test_calibration_says_what_a_reader_needs(out):
+    calibration = json.loads((out / "pfm" / "one" / "calibration.json").read_text())
+    assert calibration["camera"]["focal_baseline_px_m"] == pytest.approx(RIG.focal_baseline_px_m)
+    assert calibration["self_check"]["ok"] is True
+
+
+def test_kitti(out):
+    root = out / "kitti" / "training"
+    with (out / "kitti" / "pairs.csv").open(newline="") as stream:
+        assert {row["number"]: row["pair"] for row in csv.DictReader(stream)} == {"000000": "one", "000001": "two"}
+    for number, name in (("000000", "one"), ("000001", "two")):
+        occluded, both = (scaled(read(root / kind / f"{number}_10.png"), 256) for kind in ("disp_occ_0", "disp_noc_0"))
+        np.testing.assert_allclose(occluded, truth(name), atol=0.5 / 256 + 1e-4)
+        seen = np.isfinite(both)
+        assert 0 < seen.sum() < np.isfinite(occluded).sum()
+        np.testing.assert_array_equal(both[seen], occluded[seen])
+        matrices = {line.split(":")[0]: np.array(line.split()[1:], float)
+                    for line in (root / "calib_cam_to_cam" / f"{number}.txt").read_text().splitlines()}
+        left, right = (matrices[f"P_rect_{eye}"].reshape(3, 4) for eye in ("02", "03"))
+        # Projecting a point with the two matrices gives its disparity.
+        point = np.array([0.3, -0.2, 2.5, 1.0])
+        pixels = [(matrix @ point)[:2] / (matrix @ point)[2] for matrix in (left, right)]
+        np.testing.assert_allclose(pixels[0] - pixels[1], [RIG.focal_baseline_px_m / 2.5, 0], atol=1e-9)
+        # And the middle of the image is half a pixel before the first pixel right of it.
+        assert left[0, 2] == RIG.width_px / 2 - 0.5
+
+
+def test_middlebury(out):
+    for name in SCENES:
+        folder = out / "middlebury" / name
+        lines = dict(line.split("=") for line in (folder / "calib.txt").read_text().splitlines())
+        focal = float(lines["cam0"].strip("[]").split()[0])
+        disparity = read_pfm(folder / "disp0.pfm")
+        # Z = baseline · f / (d + doffs), in mm, is the benchmark's own formula.
+        depth = float(lines["baseline"]) * focal / (disparity + float(lines["doffs"])) / 1000
+        np.testing.assert_allclose(depth, pairs.view(SCENES[name], RIG, "left")[0], rtol=1e-5)
+        assert float(lines["vmin"]) <= np.nanmin(disparity) <= np.nanmax(disparity) < float(lines["ndisp"])
+        mask = read(folder / "mask0nocc.png")
+        assert set(np.unique(mask)) <= {0, 128, 255}
+        np.testing.assert_array_equal(mask > 0, np.isfinite(disparity))
+
+
+def decoded(segmentation):
+    """A mask from COCO's run lengths, as pycocotools does it: zeros first, columns."""
+    height, width = segmentation["size"]
+    ends = np.cumsum(segmentation["counts"])
+    assert ends[-1] == height * width
+    flat = np.concatenate([np.full(count, k % 2) for k, count in enumerate(segmentation["counts"])])
+    return flat.reshape(width, height).T.astype(bool)
+
+
+def test_coco(out, dataset):
+    data = json.loads((out / "coco" / "annotations.json").read_text())
+    assert [category["name"] for category in data["categories"]] == ["rock", "lander"]
+    assert len(data["images"]) == 4
+    for image in data["images"]:
+        assert read(out / "coco" / "images" / image["file_name"]).shape == (image["height"], image["width"])
+        view = read_view(dataset / "pairs" / image["pair"] / f"{image['eye']}.exr")
+        (found,) = [a for a in data["annotations"] if a["image_id"] == image["id"]]  # the block; the ground is no thing
+        mask = decoded(found["segmentation"])
+        np.testing.assert_array_equal(mask, view.instance == 1000)
+        assert (found["category_id"], found["label"], found["area"]) == (2, 1000, mask.sum())
+        x, y, width, height = found["bbox"]
+        assert mask[y:y + height, x:x + width].sum() == mask.sum()
+        assert mask[y].any()
+        assert mask[:, x + width - 1].any()
+
+
+@settings(deadline=None)
+@given(arrays(bool, st.tuples(st.integers(1, 9), st.integers(1, 9))).filter(np.any))
+def test_run_lengths_of_any_mask(mask):
+    pixels = np.flatnonzero(mask.ravel(order="F"))
+    counts = run_lengths(pixels, mask.size)
+    np.testing.assert_array_equal(decoded({"size": mask.shape, "counts": counts}), mask)
+    assert all(count > 0 for count in counts[1:])
+
+
+def test_things_only_and_nothing_without_labels():
+    instance = np.array([[0, 1, 5], [7, 7, 5]])
+    semantic = np.array([[0, 1, 3], [2, 2, 3]])
+    assert [(a["label"], a["category_id"]) for a in things(instance, semantic)] == [(5, 3), (7, 2)]
+    assert list(things(None, semantic)) == []
+
+
+@settings(deadline=None)
+@given(values=arrays(np.float32, st.tuples(st.integers(1, 6), st.integers(1, 6)),
+                     elements=st.floats(width=32, allow_nan=True, allow_infinity=True)))
+def test_pfm_keeps_every_finite_number(tmp_path_factory, values):
+    path = tmp_path_factory.getbasetemp() / "values.pfm"
+    write_pfm(path, values)
+    np.testing.assert_array_equal(read_pfm(path), np.where(np.isfinite(values), values, np.nan))
+
+
+def test_pfm_of_the_other_byte_order(tmp_path):
+    values = np.arange(6, dtype=">f4").reshape(2, 3)
+    (tmp_path / "big.pfm").write_bytes(b"Pf\n3 2\n1.0\n" + values[::-1].tobytes())
+    np.testing.assert_array_equal(read_pfm(tmp_path / "big.pfm"), values)
+
+
+@pytest.mark.parametrize("content", [b"", b"Pf", b"P5\n2 2\n255\nabcd", b"Pf\n2 2\n-1\n" + b"\0" * 15, b"Pf\n2\n-1\n",
+                                     b"Pf\n-1 -1\n-1\n\0\0\0\0", b"Pf\n2 2\nx\n" + b"\0" * 16, b"\xff\xfe\n\n\n\n"])
+def test_what_is_no_pfm_is_refused(tmp_path, content):
+    (tmp_path / "bad.pfm").write_bytes(content)
+    with pytest.raises(IcyMoonError, match=r"bad\.pfm"):
+        read_pfm(tmp_path / "bad.pfm")
+    with pytest.raises(IcyMoonError, match="cannot be read"):
+        read_pfm(tmp_path / "none.pfm")
+
+
+def test_what_does_not_fit_16_bits_is_unknown_never_wrapped(tmp_path):
+    values = np.array([[np.nan, np.inf, -np.inf, -1.0, 0.0, 1e-3, 1 / 256, 255.99, 256.0, 1e10, 1e308]])
+    write_scaled(tmp_path / "d.png", values, 256)
+    np.testing.assert_allclose(scaled(read(tmp_path / "d.png"), 256)[0],
+                               [np.nan] * 6 + [1 / 256, 255.99] + [np.nan] * 3, atol=0.5 / 256)
+
+
+def test_another_camera_response(dataset, tmp_path):
+    export([dataset / "pairs" / "one"], "png8", tmp_path, {"sensor": {"auto_exposure": False, "exposure_s": 10.0}})
+    assert read(tmp_path / "one" / "left.png").min() > 240
+
+
+def test_a_broken_pair_is_told_and_the_others_are_written(tmp_path):
+    for name in ("bad", "good"):
+        pairs.write_pair(tmp_path / "set" / "pairs" / name, rig=RIG)
+    (tmp_path / "set" / "pairs" / "bad" / "left.exr").write_bytes(b"no")
+    events = []
+    failed = export([tmp_path / "set"], "coco", tmp_path / "out", on_event=events.append)
+    assert len(failed) == 1
+    assert "left.exr" in failed[0]
+    assert [event["type"] for event in events] == ["error", "progress"]
+    assert len(json.loads((tmp_path / "out" / "annotations.json").read_text())["images"]) == 2
+    checks = list(write_truth([tmp_path / "set"], tmp_path / "truth"))
+    assert [found["ok"] for found in checks] == [False, True]
+
+
+def test_truth_of_both_eyes(dataset, tmp_path):
+    checks = list(write_truth([dataset], tmp_path))
+    assert [(found["pair"], found["ok"]) for found in checks] == [("one", True), ("two", True)]
+    with np.load(tmp_path / "two" / "truth.npz") as stored:
+        for eye in ("left", "right"):
+            np.testing.assert_allclose(stored[f"disparity_{eye}"], truth("two", eye), rtol=1e-6)
+            assert not stored[f"visible_{eye}"][:30].any()
+            assert stored[f"visible_{eye}"][30:].mean() > 0.5
+
+
+def run(*words):
+    return subprocess.run([sys.executable, "-m", "icymoon.stereo", *map(str, words)], capture_output=True, text=True,
+                          timeout=120, check=False)
+
+
+def test_by_command(dataset, tmp_path):
+    result = run("export", dataset, "--format", "kitti", "--out", tmp_path / "k")
+    assert (result.returncode, result.stderr, result.stdout.strip()) == (0, "", str(tmp_path / "k"))
+    result = run("truth", dataset, "--out", tmp_path / "t")
+    assert result.returncode == 0
+    assert [json.loads(line)["ok"] for line in result.stdout.splitlines()] == [True, True]
+
+
+@pytest.mark.parametrize(("words", "reason"), [
+    (("--format", "pfm", "--set", "rig.baseline_m=1"), "needs a new render"),
+    (("--format", "pfm"), "no complete stereo pair"),
+])
+def test_errors_are_one_sentence(tmp_path, words, reason):
+    (tmp_path / "empty").mkdir()
+    result = run("export", tmp_path / "empty", *words, "--out", tmp_path / "out")
+    assert result.returncode == 1
+    assert reason in result.stderr
+    assert len(result.stderr.splitlines()) == 1
+    assert not (tmp_path / "out").exists()

@@ -1,0 +1,114 @@
+"""The measured surface in world axes, and the PLY file that brings it into Blender."""
+
+import json
+
+import numpy as np
+import pairs
+import pytest
+from icymoon.physics import ply
+from icymoon.stereo.evaluate import evaluate
+from icymoon.stereo.methods import parse_methods
+from icymoon.stereo.points import MOST_POINTS, measured_points, signed_colours, write_points
+from icymoon.stereo.prepare import prepare
+
+pytestmark = pytest.mark.filterwarnings("error")
+
+#: Looking along world +y from (1, 2, 3), x to the right, down is -z.
+POSE = [[1.0, 0.0, 0.0, 1.0], [0.0, 0.0, 1.0, 2.0], [0.0, -1.0, 0.0, 3.0], [0.0, 0.0, 0.0, 1.0]]
+
+
+def with_pose(folder, pose=POSE):
+    path = folder / "pair.json"
+    path.write_text(json.dumps(json.loads(path.read_text()) | {"poses_camera_to_world": {"left": pose}}))
+    return folder
+
+
+@pytest.fixture(scope="module")
+def prepared(tmp_path_factory):
+    return prepare(with_pose(pairs.write_pair(tmp_path_factory.mktemp("p") / "pair", pairs.Scene(block=False))), {})
+
+
+def test_true_disparities_lie_on_the_true_plane(prepared):
+    points = measured_points(prepared, prepared.pair.camera.disparity(prepared.truth))
+    scene = pairs.Scene()
+    x, y, z = (points[axis].astype(float) for axis in "xyz")
+    right, down, ahead = x - 1, 3 - z, y - 2  # the camera's axes
+    np.testing.assert_allclose(ahead + scene.slope_x * right + scene.slope_y * down, scene.distance_m, atol=1e-5)
+    assert abs(points["error_m"]).max() < 1e-9
+    assert (points["red"] == 0xF4).all()
+    toward = np.stack([points["nx"], points["ny"], points["nz"]], axis=1)
+    np.testing.assert_allclose(np.linalg.norm(toward, axis=1), 1, atol=1e-6)
+    ray = np.stack([x - 1, y - 2, z - 3], axis=1)
+    np.testing.assert_allclose(np.sum(toward * ray, axis=1), -np.linalg.norm(ray, axis=1), rtol=1e-5)
+    np.testing.assert_allclose(points["size_m"], ahead / prepared.pair.camera.focal_px, rtol=1e-6)
+
+
+def test_a_surface_too_far_is_red_and_its_error_positive(prepared):
+    true = prepared.pair.camera.disparity(prepared.truth)
+    far, near = measured_points(prepared, true * 0.8), measured_points(prepared, true * 1.2)
+    assert (far["error_m"] > 0).all()
+    assert (far["red"] > far["blue"]).all()
+    assert (near["error_m"] < 0).all()
+    assert (near["blue"] > near["red"]).all()
+
+
+def test_colours_of_errors():
+    colours = signed_colours(np.array([0.0, 0.005, -0.005, 0.1, -0.1, 1.0, -50.0, np.nan])).tolist()
+    assert colours[0] == colours[1] == colours[2] == [0xF4] * 3
+    assert colours[5] == [0xC4, 0x2B, 0x2B]
+    assert colours[6] == [0x2B, 0x5F, 0xC4]
+    assert colours[7] == [0x96] * 3
+    assert colours[3][1] > colours[5][1]  # 10 cm is paler than 1 m
+
+
+def test_what_was_not_measured_is_no_point_and_what_has_no_truth_is_grey(prepared):
+    disparity = np.full(prepared.truth.shape, np.nan)
+    assert len(measured_points(prepared, disparity)) == 0
+    disparity[3, 5] = 20.0
+    prepared.truth[3, 5], kept = np.nan, prepared.truth[3, 5]
+    (point,) = measured_points(prepared, disparity)
+    prepared.truth[3, 5] = kept
+    assert np.isnan(point["error_m"])
+    assert point["red"] == point["green"] == 0x96
+
+
+def test_the_file_holds_the_points(prepared, tmp_path):
+    disparity = prepared.pair.camera.disparity(prepared.truth) * 1.1
+    write_points(tmp_path / "p.ply", prepared, disparity)
+    points = measured_points(prepared, disparity)
+    for names in (("x", "y", "z"), ("error_m", "size_m"), ("red", "green", "blue")):
+        np.testing.assert_array_equal(ply.properties(tmp_path / "p.ply", *names),
+                                      np.stack([points[name] for name in names], axis=1).astype(float))
+    assert ply.properties(tmp_path / "p.ply", "opacity") is None
+    content = (tmp_path / "p.ply").read_bytes()
+    for cut in (0, 10, 100, len(content) - 1):
+        (tmp_path / "cut.ply").write_bytes(content[:cut])
+        assert ply.properties(tmp_path / "cut.ply", "x") is None
+
+
+def test_large_images_are_thinned_out(tmp_path):
+    large = prepare(with_pose(pairs.write_pair(tmp_path / "pair", rig=pairs.camera(640, 480))), {})
+    points = measured_points(large, large.pair.camera.disparity(large.truth))
+    assert MOST_POINTS / 4 < len(points) <= MOST_POINTS
+
+
+def test_asked_for_later_they_need_no_matching(tmp_path, monkeypatch):
+    folder = with_pose(pairs.write_pair(tmp_path / "pair", rig=pairs.camera(192, 96)))
+    methods = parse_methods("bm,sgbm")
+    before = list(evaluate([folder], methods, tmp_path / "out")["rows"])
+    assert all("points" not in row["images"] for row in before)
+    monkeypatch.setattr("icymoon.stereo.evaluate.match", None)
+    after = evaluate([folder], methods, tmp_path / "out", points=True)
+    assert all((tmp_path / "out" / row["images"]["points"]).is_file() for row in after["rows"])
+    assert [row["l1_m"] for row in after["rows"]] == [row["l1_m"] for row in before]
+    shown = json.loads((tmp_path / "out" / "summary.json").read_text())["shown"]
+    assert [row["images"] for row in shown] == [row["images"] for row in after["rows"]]
+
+
+@pytest.mark.parametrize("pose", [None, [], [[1.0]], "north", [[float("nan")] * 4] * 4])
+def test_a_pair_that_does_not_say_where_it_was_is_still_measured(tmp_path, pose):
+    folder = with_pose(pairs.write_pair(tmp_path / "pair", rig=pairs.camera(192, 96)), pose)
+    events = []
+    report = evaluate([folder], parse_methods("sgbm"), tmp_path / "out", on_event=events.append, points=True)
+    assert report["rows"][0]["status"] == "ok"
+    assert any("where the camera was" in event["message"] for event in events if event["type"] == "warning")

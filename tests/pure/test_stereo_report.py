@@ -1,0 +1,210 @@
+"""The report of many pairs and of hardly any, and in a real browser where there is one."""
+
+import base64
+import hashlib
+import json
+import re
+import shutil
+import subprocess
+
+import manyrows
+import numpy as np
+import pairs
+import pytest
+from icymoon.stereo.evaluate import evaluate
+from icymoon.stereo.factors import MOST_LEVELS, Sweep, effect, scene_of, swept_settings
+from icymoon.stereo.measure import NUMBERS
+from icymoon.stereo.methods import parse_methods
+from icymoon.stereo.report import MOST_PAIRS, choose_pairs
+from icymoon.stereo.summary import Table, summary
+
+pytestmark = pytest.mark.filterwarnings("error")
+
+METHODS = parse_methods("bm,sgbm")
+COUNT = 300
+
+
+@pytest.fixture(scope="module")
+def many(tmp_path_factory):
+    root = tmp_path_factory.mktemp("many")
+    manyrows.multiply(pairs.write_pair(root / "real", rig=pairs.camera(192, 96)), METHODS, COUNT, root / "out")
+    return root / "out"
+
+
+def page_data(html):
+    return json.loads(re.search(r'id="data">(.*?)</script>', html, re.DOTALL)[1])
+
+
+def test_every_pair_is_in_the_table_and_a_few_have_pictures(many):
+    html = (many / "report.html").read_text(encoding="utf-8")
+    data = page_data(html)
+    assert [row[0] for row in data["pairs"]] == [f"pair{k:05d}" for k in range(COUNT)]
+    assert [row[1] for row in data["pairs"]].count("suspect") == len(range(5, COUNT, 97))
+    assert html.count("<img") == MOST_PAIRS * (2 + 2 * 2)
+    assert len(html) < 2_500_000
+    rows = json.loads((many / "report.json").read_text())["rows"]
+    assert data["pairs"][7][2] == pytest.approx(rows[14]["l1_m"], abs=5e-4)
+
+
+def test_only_the_reports_own_script_may_run(many):
+    html = (many / "report.html").read_text(encoding="utf-8")
+    (script,) = re.findall(r"<script>(.*?)</script>", html, re.DOTALL)
+    digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
+    assert f"script-src 'sha256-{digest}'" in html
+    assert "default-src 'none'" in html
+    assert not re.findall(r"""(?:src|href)=["'](?!data:|#)""", html)
+
+
+def test_each_varied_setting_has_a_plot(many):
+    html = (many / "report.html").read_text(encoding="utf-8")
+    charts = re.findall(r"<svg.*?</svg>", html, re.DOTALL)
+    assert "Albedo" in charts[-1]
+    assert "Sun Elevation" in charts[-1]
+    assert "Seed" not in charts[-1]
+    assert "(m)" in charts[-1]
+    assert all("currentColor" in chart or "var(--soft)" in chart for chart in charts)
+    identifiers = re.findall(r'<(?:path|clipPath) id="([^"]+)"', html)
+    assert len(identifiers) == len(set(identifiers))  # or one chart would be clipped by another's frame
+
+
+def test_summary_tells_scenes_from_pairs(many):
+    report = json.loads((many / "report.json").read_text())
+    entry = report["summary"][0]
+    low, high = entry["intervals"]["l1_m"]
+    assert low < entry["l1_m"] < high
+    assert (entry["scenes"], entry["pairs"] + entry["suspect"]) == (COUNT // 10, COUNT)
+    assert {d["metric"] for d in report["differences"]} >= {"common_l1_m", "total_bad_1", "coverage"}
+    assert "30 scenes" in report["provenance"]["intervals"]
+
+
+@pytest.mark.skipif(shutil.which("chromium") is None, reason="no browser")
+def test_in_a_browser(many):
+    """The script runs under the page's own policy and shows a page of the table."""
+    command = ["chromium", "--headless", "--no-sandbox", "--disable-gpu", "--virtual-time-budget=3000", "--dump-dom",
+               (many / "report.html").as_uri()]
+    page = subprocess.run(command, capture_output=True, text=True, timeout=120, check=True)
+    assert f"page 1 of {COUNT // 25}, {COUNT} pairs" in page.stdout
+    body = re.search(r'id="all-pairs">(.*?)</section>', page.stdout, re.DOTALL)[1]
+    assert body.count("<button>pair0") == 25
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_one_and_two_pairs(tmp_path, count):
+    for k in range(count):
+        pairs.write_pair(tmp_path / "pairs" / f"p{k}", rig=pairs.camera(192, 96))
+    report = evaluate([tmp_path], METHODS, tmp_path / "out", guiss=True)
+    entry = report["summary"][0]
+    assert (entry["pairs"], entry["scenes"]) == (count, 1)
+    assert ("l1_m" in entry["intervals"]) == (count == 2)
+    html = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    assert "one scene" in html
+    assert "GUISS" in html
+    assert not re.findall(r"\bnan\b", html, re.IGNORECASE)
+
+
+def test_nothing_but_failures(tmp_path):
+    pairs.write_pair(tmp_path / "pairs" / "p")
+    (tmp_path / "pairs" / "p" / "left.exr").write_bytes(b"")
+    report = evaluate([tmp_path], METHODS, tmp_path / "out")
+    assert len(report["pairs"]) == 0
+    assert report["summary"][0]["l1_m"] is None
+    assert page_data((tmp_path / "out" / "report.html").read_text())["pairs"] == [["p", "failed"] + [None] * 6]
+
+
+def test_images_of_one_pixel(tmp_path):
+    """Nothing can be matched, and nothing breaks."""
+    pairs.write_pair(tmp_path / "pairs" / "p", pairs.Scene(block=False), pairs.camera(1, 1))
+    report = evaluate([tmp_path], METHODS, tmp_path / "out")
+    assert {row["status"] for row in report["rows"]} == {"failed"}
+    assert "too small" in report["rows"][0]["error"]
+
+
+def test_few_pairs_are_chosen_from_many_the_worst_among_them():
+    names = [f"pair{k:03d}" for k in range(100)]
+    table = Table(["bm"], names)
+    table.values[0, :, NUMBERS.index("l1_m")] = 0.1 + 0.001 * np.arange(100)
+    table.values[0, 7, NUMBERS.index("l1_m")] = np.nan  # measured nothing
+    table.values[0, 50, NUMBERS.index("l1_m")] = 9.0
+    chosen = choose_pairs(table, names)
+    assert len(chosen) == MOST_PAIRS == len(set(chosen))
+    assert {"pair007", "pair050", "pair099", "pair000"} <= set(chosen)
+    assert len([name for name in chosen if name < "pair050"]) > 4
+    assert choose_pairs(table, names[:MOST_PAIRS]) == names[:MOST_PAIRS]
+    wide = Table([f"m{k}" for k in range(20)], names)
+    assert len(choose_pairs(wide, names)) < 10  # the file stays as small with many methods
+
+
+def facts(name, **changes):
+    settings = {"surface": {"albedo": 0.5}, "rig": {"heading_deg": 0.0}, "terrain": {"roughness": 1.0},
+                "dataset": {"seed": 1, "folder": name}, "quality": {"device": "CPU"}}
+    for key, value in changes.items():
+        topic, setting = key.split("__")
+        settings[topic] = settings[topic] | {setting: value}
+    return {"pair": name, "settings": settings}
+
+
+def test_what_was_varied():
+    many = [facts(str(k), surface__albedo=(0.2, 0.8)[k % 2], rig__heading_deg=float(k), dataset__seed=k)
+            for k in range(40)]
+    sweeps = swept_settings(many, {str(k): k for k in range(40)})
+    assert [sweep.name for sweep in sweeps] == ["surface.albedo", "rig.heading_deg"]  # no seed, no folder
+    names, places, level = sweeps[0].levels()
+    assert (names, places.tolist()) == (["0.2", "0.8"], [0.2, 0.8])
+    assert level.tolist() == [0, 1] * 20
+    names, places, level = sweeps[1].levels()
+    assert len(names) == MOST_LEVELS
+    assert np.bincount(level).tolist() == [4] * MOST_LEVELS
+    assert places[0] == pytest.approx(1.5)
+    assert swept_settings(many[:1], {"0": 0}) == []
+
+
+def test_settings_that_vary_together_are_one():
+    many = [facts(str(k), surface__albedo=(0.2, 0.8)[k % 2], terrain__roughness=(3.0, 1.0)[k % 2],
+                  rig__heading_deg=float(k // 2)) for k in range(8)]
+    sweeps = swept_settings(many, {str(k): k for k in range(8)})
+    assert [(sweep.name, len(sweep.together)) for sweep in sweeps] == [("surface.albedo", 1), ("rig.heading_deg", 0)]
+    assert sweeps[0].together == ("terrain.roughness",)
+
+
+def test_words_and_missing_facts_as_levels():
+    sweep = Sweep("surface.kind", "Kind", np.array(["ice", "", "snow", "ice"]))
+    assert sweep.levels()[0] == ["ice", "snow"]
+    assert sweep.levels()[2].tolist() == [0, -1, 1, 0]
+
+
+def test_the_effect_is_the_mean_at_each_level():
+    table = Table(["bm"], list("abcdef"))
+    table.values[0, :, NUMBERS.index("l1_m")] = [1, 2, 3, 10, np.nan, np.nan]
+    table.scenes[:] = np.arange(6)
+    sweep = Sweep("surface.albedo", "Albedo", np.array([0.2, 0.2, 0.2, 0.8, 0.8, 1.0]))
+    mean, bounds = effect(sweep, table, 0, "l1_m", 0)
+    assert mean[:2].tolist() == [2, 10]
+    assert np.isnan(mean[2])
+    assert 1 <= bounds[0, 0] < 2 < bounds[0, 1] <= 3
+    assert np.isnan(bounds[1]).all()  # one pair has no interval
+
+
+def test_a_scene_is_its_ground():
+    one = facts("a")["settings"]
+    assert scene_of(one) == scene_of(facts("b", surface__albedo=0.9, rig__heading_deg=90.0)["settings"])
+    assert scene_of(one) != scene_of(facts("b", dataset__seed=2)["settings"])
+
+
+def test_pairs_that_count_nowhere_widen_no_interval():
+    values = np.random.default_rng(0).normal(1, 0.1, 12)
+    entries = []
+    for failed in (0, 30):
+        table = Table(["bm"], [str(k) for k in range(12 + failed)])
+        table.values[0, :12, NUMBERS.index("l1_m")] = values
+        table.counts[0, :12] = True
+        table.failed[0, 12:] = True
+        table.scenes[:12] = np.arange(12) // 2
+        entries.append(summary(table, 0, 0))
+    assert entries[0]["intervals"] == entries[1]["intervals"] != {}
+    assert entries[0]["scenes"] == entries[1]["scenes"] == 6
+    assert entries[1]["failed"] == 30
+
+
+def test_summary_of_no_pair_at_all():
+    entry = summary(Table(["bm"], []), 0, 0)
+    assert (entry["pairs"], entry["l1_m"], entry["n"], entry["intervals"]) == (0, None, 0, {})

@@ -1,0 +1,96 @@
+"""Classes of pixels and the sums over them."""
+
+import numpy as np
+import pytest
+from icymoon.stereo.strata import (
+    FACTORS,
+    RANGE,
+    SUMS,
+    TEXTURE,
+    added,
+    classify,
+    in_shadow,
+    mean,
+    stratified,
+    texture,
+)
+
+pytestmark = pytest.mark.filterwarnings("error")
+
+RANDOM = np.random.default_rng(0)
+TRUTH = np.where(RANDOM.random((60, 80)) < 0.1, np.nan, RANDOM.uniform(0.4, 120, (60, 80)))
+DEPTH = np.where(RANDOM.random((60, 80)) < 0.2, np.nan, TRUTH * RANDOM.normal(1, 0.05, (60, 80)))
+CLASSES = classify(TRUTH, RANDOM.random((60, 80)) < 0.9, RANDOM.exponential(3, (60, 80)), np.ones((60, 80)),
+                   np.tile([0.0, 0.0, 1.0], (60, 80, 1)), RANDOM.integers(0, 5, (60, 80)), [0.0, 0.0, 1.0])
+
+
+def test_classes_lie_between_their_bounds():
+    assert RANGE.of(np.array([0.1, 0.5, 5.0, 1e10, np.nan])).tolist() == [0, 1, 7, 16, -1]
+    assert RANGE.classes[7] == "4–6"
+    for factor in FACTORS:
+        assert CLASSES[factor.key].max() < len(factor.classes)
+
+
+def test_sums_are_those_of_the_pixels_of_each_class():
+    sums = stratified(CLASSES, DEPTH, TRUTH, 85 / DEPTH, 85 / TRUTH)
+    for factor in FACTORS:
+        for k in range(len(factor.classes)):
+            here = (CLASSES[factor.key] == k) & np.isfinite(TRUTH)
+            both = here & np.isfinite(DEPTH)
+            error, pixels = np.abs(DEPTH - TRUTH)[both], np.abs(85 / DEPTH - 85 / TRUTH)[both]
+            got = {key: sums[factor.key][key][k] for key in SUMS}
+            assert (got["true"], got["n"], got["bad_1"]) == (here.sum(), both.sum(), (pixels > 1).sum())
+            assert got["l1_m"] == pytest.approx(error.sum(), rel=1e-6)
+            assert got["epe_px"] == pytest.approx(pixels.sum(), rel=1e-6)
+            assert got["fine"] == (pixels <= 1).sum()
+            assert got["m_per_px"] == pytest.approx((TRUTH[both] ** 2 / 85).sum(), rel=1e-6)
+    for factor in ("range", "texture", "occlusion"):  # everyone is in one of these classes
+        assert sum(sums[factor]["true"]) == np.isfinite(TRUTH).sum()
+
+
+def test_sums_add_up_and_have_means():
+    one = stratified(CLASSES, DEPTH, TRUTH, 85 / DEPTH, 85 / TRUTH)
+    two = added(added(None, one), one)
+    assert two["range"]["n"] == [2 * n for n in one["range"]["n"]]
+    assert mean(two["range"], "l1_m") == mean(one["range"], "l1_m")
+    assert mean({"n": [0, 2], "l1_m": [0, 3]}, "l1_m") == [None, 1.5]
+
+
+def test_texture_is_the_gradient_along_the_row():
+    ramp = np.tile(np.arange(0, 200, 4, dtype=np.uint8), (20, 1))
+    np.testing.assert_allclose(texture(ramp), 4)
+    np.testing.assert_allclose(texture(ramp.T), 0)
+    assert (texture(np.full((5, 5), 255, np.uint8)) == 0).all()
+    assert texture(np.zeros((1, 1), np.uint8)).tolist() == [[0]]
+    assert texture(np.array([[0, 8]], np.uint8)).tolist() == [[8, 8]]
+    assert TEXTURE.of(texture(ramp)).max() == 4
+
+
+def test_cast_and_own_shadows():
+    """Half of a Lambertian ground is in a cast shadow that a tenth of the light reaches, a strip faces away."""
+    sun = np.array([0.6, 0.0, 0.8])
+    normal = np.tile([0.0, 0.0, 1.0], (40, 60, 1))
+    normal[:, :10] = [-0.9, 0.0, 0.436]  # turned away
+    normal[:, 10:20] = [0.3, 0.0, 0.954]
+    albedo = np.where(np.arange(40)[:, None] < 20, 0.9, 0.3) * RANDOM.uniform(0.9, 1.0, (40, 60))
+    semantic = np.where(np.arange(40)[:, None] < 20, 1, 2) * np.ones((1, 60), int)  # dark rock, bright ice
+    light = np.maximum(normal @ sun, 0.05)
+    light[:, 40:] *= 0.1
+    shadow = in_shadow(albedo * light, normal, sun, semantic)
+    expected = np.zeros((40, 60), bool)
+    expected[:, :10] = expected[:, 40:] = True
+    np.testing.assert_array_equal(shadow, expected)
+
+
+def test_what_is_not_known_classifies_nothing():
+    found = classify(TRUTH, TRUTH > 0, np.ones_like(TRUTH), np.ones_like(TRUTH), None, None, None)
+    assert all((found[key] == -1).all() for key in ("slope", "shadow", "material"))
+    sums = stratified(found, DEPTH, TRUTH, 85 / DEPTH, 85 / TRUTH)
+    assert sum(sums["slope"]["true"]) == 0
+
+
+def test_an_image_of_one_pixel_or_none_known():
+    for truth in (np.array([[2.0]]), np.array([[np.nan]])):
+        found = classify(truth, truth > 0, texture(np.zeros((1, 1), np.uint8)), truth * 0, None, None, None)
+        sums = stratified(found, truth, truth, 85 / truth, 85 / truth)
+        assert sum(sums["range"]["n"]) == np.isfinite(truth).sum()
