@@ -25,10 +25,11 @@ from .summary import Table
 COLOURS = ("#2a86c8", "#d55e00", "#009e73", "#c0699a", "#c98a00", "#6f7f8f")
 _MARKS = ("o", "s", "^", "D", "v", "P")
 _INK, _LINE = "#010203", "#040506"  # stand for the page's own colours, which the browser puts in
-_STYLE = {"font.size": 9, "axes.edgecolor": _LINE, "axes.labelcolor": _INK, "text.color": _INK, "xtick.color": _INK,
-          "ytick.color": _INK, "grid.color": _LINE, "axes.grid": True, "grid.linewidth": 0.8, "axes.spines.top": False,
-          "axes.spines.right": False, "legend.frameon": False, "svg.fonttype": "none", "lines.linewidth": 1.8,
-          "lines.markersize": 4, "axes.titlesize": 9.5, "figure.constrained_layout.use": True}
+_STYLE: dict[Any, Any] = {
+    "font.size": 9, "axes.edgecolor": _LINE, "axes.labelcolor": _INK, "text.color": _INK, "xtick.color": _INK,
+    "ytick.color": _INK, "grid.color": _LINE, "axes.grid": True, "grid.linewidth": 0.8, "axes.spines.top": False,
+    "axes.spines.right": False, "legend.frameon": False, "svg.fonttype": "none", "lines.linewidth": 1.8,
+    "lines.markersize": 4, "axes.titlesize": 9.5, "figure.constrained_layout.use": True}
 #: Swept settings that are drawn, at most.
 MOST_SWEEPS = 16
 #: Classes with fewer true pixels than this say nothing.
