@@ -8,8 +8,6 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import bpy
@@ -24,126 +22,46 @@ from ..physics.shapes import block_shapes
 from ..physics.sizes import size_law
 from ..physics.terrain import Terrain, advice
 from ..physics.terrain import terrain as make_terrain
-from ..properties import TOPICS
 from ..settings import Settings, merged
 from . import materials, sunlight, sunlit
+from .built import (
+    CONTENT,
+    FINGERPRINT,
+    GROUND,
+    NOTES,
+    PREVIEW,
+    PREVIOUS_CAMERA,
+    PREVIOUS_OSL,
+    PREVIOUS_VIEW,
+    PREVIOUS_WORLD,
+    ROUGHNESS,
+    SETTINGS,
+    Built,
+    changed_settings,
+    extra,
+    find,
+    find_collection,
+    measured_roughness,
+)
 from .composition import mark_elevation
-from .fingerprint import NAME, TAG, added_objects, edited, fingerprint, instanced, parts, updated
+from .fingerprint import NAME, TAG, instanced, parts
 from .ground import OwnGround, is_own, own_ground
 from .light import build_sky
-from .lights import SKY, build_lights, described_sky
 from .lights import advice as light_advice
+from .lights import build_lights, described_sky
 from .materials import ground_material, rock_material
-from .own_files import content, used_files
+from .own_files import content
 from .probe import heights_of
+from .removal import free_names, materials_of, remove, remove_leftovers, remove_unused, with_parts
 from .rig import build_rig
-from .rocks import build_blocks, parts_of
+from .rocks import build_blocks
 from .terrain import as_meshed, build_mesh, grid_heights, measured, patch_heights, site_wavelength_m
-from .textures import remove_unused_images
 
-_SETTINGS, _FINGERPRINT, _PREVIOUS_WORLD, _PREVIOUS_CAMERA, _PREVIOUS_VIEW, _GROUND = (
-    "icymoon_settings", "icymoon_fingerprint", "icymoon_previous_world", "icymoon_previous_camera",
-    "icymoon_previous_view", "icymoon_ground")
-_PREVIOUS_OSL = "icymoon_previous_osl"
-_CONTENT = "icymoon_content"  # hash of the person's own files
-_ROUGHNESS = "icymoon_roughness"  # measured on the built ground
-PREVIEW = "icymoon_preview"  # settings that are shown otherwise than Build Scene would show them
-NOTES = "icymoon_notes"  # why not all settings are shown
+#: With what is built here, all that others ask of a scene.
+__all__ = ["NAME", "NOTES", "PREVIEW", "Built", "build", "changed_settings", "clear", "extra", "find",
+           "find_collection", "free_names", "ground_of", "measured_patch", "measured_roughness", "remove",
+           "site_ground_m", "sun_shines"]
 
-
-@dataclass
-class Built:
-    """A scene that has been built: its collection, objects and the settings it was built from."""
-
-    collection: bpy.types.Collection
-    terrain: bpy.types.Object
-    sun: bpy.types.Object
-    camera: bpy.types.Object
-    settings: Settings
-    warnings: tuple[str, ...] = ()
-
-    @property
-    def ground(self) -> dict[str, Any]:
-        """Of a ground from a file, the ``report`` of its import; else empty."""
-        return dict(json.loads(self.collection.get(_GROUND, "{}")))
-
-    @property
-    def content(self) -> str:
-        """Hash of the content of the person's own files that it was built from; empty without any."""
-        return str(self.collection.get(_CONTENT, ""))
-
-    @property
-    def extra(self) -> str:
-        """What identifies the scene beside the settings: the person's own files, what stands in, edits by hand."""
-        edits = fingerprint(self.collection) if self.edited else ""
-        return self.content + sunlit.stand_in(self.settings) + edits
-
-    @property
-    def materials(self) -> list[bpy.types.Material]:
-        """The materials of the ground and the blocks."""
-        return sorted(_materials(_with_parts(list(self.collection.all_objects))[0]), key=lambda m: m.name)
-
-    @property
-    def block_count(self) -> int:
-        """Number of ice blocks."""
-        return sum(len(item.data.vertices) for item in self.collection.all_objects if item.get(TAG) == "rock")
-
-    def edited_parts(self, *wanted: str) -> set[str]:
-        """Which parts, of these parts and roles or of all, a person has changed since they were built."""
-        return edited(self.collection, json.loads(self.collection[_FINGERPRINT]), *wanted)
-
-    @property
-    def sky(self) -> dict[str, Any]:
-        """Where the lights stand and how bright they are, see ``physics.sky.facts``."""
-        return dict(json.loads(self.sun.get(SKY, "{}")))
-
-    @property
-    def several_lights(self) -> bool:
-        """Whether there may be other light than the Sun's: the planet's, or that of what a person added."""
-        return (any(item.get(TAG) == "planet" for item in self.collection.all_objects)
-                or bool(added_objects(self.collection)))
-
-    @property
-    def edited(self) -> bool:
-        """Whether a person has changed or added something since it was built."""
-        return bool(added_objects(self.collection)) or bool(self.edited_parts())
-
-    @property
-    def preview(self) -> Settings:
-        """Settings of which a preview is shown, where ``settings`` say what was built; empty if none is."""
-        return dict(json.loads(self.collection.get(PREVIEW, "{}")))
-
-    def remember(self, settings: Settings, preview: Settings, *changed: str) -> None:
-        """Remember what the scene shows now, of which the ``changed`` parts or roles are as they should be."""
-        self.settings = merged(settings)
-        self.collection[_SETTINGS], self.collection[PREVIEW] = json.dumps(self.settings), json.dumps(preview)
-        known = json.loads(self.collection[_FINGERPRINT])
-        self.collection[_FINGERPRINT] = json.dumps(updated(self.collection, known, *changed))
-
-
-def find_collection(scene: bpy.types.Scene) -> bpy.types.Collection | None:
-    """The collection that Build made in this scene, if any."""
-    for collection in scene.collection.children_recursive:
-        if collection.get(TAG) == "scene":
-            return collection
-    return None
-
-
-def find(scene: bpy.types.Scene) -> Built | None:
-    """What Build made in this scene, or None if it has not, or if a part of it was deleted."""
-    collection = find_collection(scene)
-    if collection is None or _SETTINGS not in collection:
-        return None
-    roles = {item[TAG]: item for item in collection.all_objects if TAG in item}
-    if not {"terrain", "sun", "camera"} <= roles.keys():
-        return None
-    return Built(collection, roles["terrain"], roles["sun"], roles["camera"], json.loads(collection[_SETTINGS]))
-
-
-def measured_roughness(scene: bpy.types.Scene) -> str:
-    """What Build measured on the ground it made from the ``terrain`` settings, in a line; empty if it made none."""
-    built = find(scene)
-    return str(built.collection.get(_ROUGHNESS, "")) if built and not built.preview else ""
 
 
 def ground_of(settings: Settings) -> Terrain:
@@ -194,7 +112,7 @@ def _blocks(settings: Settings, terrain: bpy.types.Object, size_m: float) -> tup
                         (rig["x_m"], rig["y_m"], described["clear_radius_m"]))
     ice = rock_material(settings)
     blocks = _tagged(build_blocks(f"{NAME} Rock", rocks, shapes, ice, TAG), "rock")
-    _remove_unused([], [ice])  # if there is room for no block
+    remove_unused([], [ice])  # if there is room for no block
     if rocks.smallest_m > described["smallest_m"]:
         return blocks, [f"Blocks under {rocks.smallest_m:.3g} m are left out to keep to {described['most']} blocks; "
                         "raise rocks.most or rocks.smallest_m."]
@@ -235,48 +153,6 @@ def _make(settings: Settings) -> tuple[list[bpy.types.Object], bpy.types.World, 
     return objects, _tagged(build_sky(f"{NAME} Sky"), "sky"), warnings, own
 
 
-def _with_parts(objects: list[bpy.types.Object]) -> tuple[list[bpy.types.Object], list[Any]]:
-    """Objects with those that others among them are made with, and the other data-blocks of that kind."""
-    others = [part for item in objects for part in parts_of(item, TAG)]
-    return ([*objects, *(part for part in others if isinstance(part, bpy.types.Object))],
-            [part for part in others if not isinstance(part, bpy.types.Object)])
-
-
-def _materials(objects: list[bpy.types.Object]) -> set[bpy.types.Material]:
-    meshes = {item.data for item in objects if isinstance(item.data, bpy.types.Mesh)}
-    return {material for mesh in meshes for material in mesh.materials if material is not None}
-
-
-def _remove_unused(meshes: Iterable[Any], others: Iterable[Any]) -> None:
-    """Remove data-blocks that nothing uses: an orphaned mesh would stay in memory for good."""
-    for blocks in (meshes, others):
-        unused = [block for block in blocks if block is not None and block.users == 0]
-        if unused:
-            bpy.data.batch_remove(unused)
-
-
-def remove_leftovers() -> None:
-    """Remove built worlds and lamps' collections that are no longer used."""
-    _remove_unused([], [w for w in bpy.data.worlds if TAG in w])
-    _remove_unused([], [c for c in bpy.data.collections if c.get(TAG) == sunlight.SHARED])
-
-
-def remove(objects: list[bpy.types.Object]) -> None:
-    """Remove objects with the meshes, lamps, cameras, materials and node groups that only they use."""
-    objects, others = _with_parts(objects)
-    data = {item.data for item in objects if item.data is not None}
-    materials = {m for m in _materials(objects) if TAG in m}
-    bpy.data.batch_remove([*objects, *others])
-    _remove_unused(data, materials)
-    remove_unused_images()
-
-
-def free_names(blocks: Iterable[Any]) -> None:
-    """Give data-blocks the names that were taken by those which they replace."""
-    for block in blocks:
-        block.name = block.name.split(".")[0]
-
-
 def _adopt_children(collection: bpy.types.Collection, old: list[bpy.types.Object],
                     new: list[bpy.types.Object]) -> None:
     """Keep the person's objects attached to the new camera, Sun or ground as they were to the old."""
@@ -293,7 +169,7 @@ def sun_shines(collection: bpy.types.Collection) -> None:
     lights only what does not trace it, and the scenes use Open Shading Language if a surface needs it."""
     objects = [item for item in collection.all_objects if TAG in item]
     lamp = next(item for item in objects if item[TAG] == "sun")
-    used = {item: _materials(_with_parts([item])[0]) for item in objects}
+    used = {item: materials_of(with_parts([item])[0]) for item in objects}
     every = set().union(*used.values())
     # As the lamp has it, in single precision, so that aiming again at render time changes nothing.
     sunlight.aim(every, sunlight.Sun.from_lamp(lamp, lamp.matrix_basis))
@@ -307,7 +183,7 @@ def sun_shines(collection: bpy.types.Collection) -> None:
     remove_leftovers()
     for scene in bpy.data.scenes:
         if find_collection(scene) == collection:
-            scene.cycles.shading_system = bool(collection.get(_PREVIOUS_OSL, False)) or any(map(sunlight.is_osl, every))
+            scene.cycles.shading_system = bool(collection.get(PREVIOUS_OSL, False)) or any(map(sunlight.is_osl, every))
 
 
 def build(scene: bpy.types.Scene, settings: Settings) -> Built:
@@ -330,10 +206,10 @@ def build(scene: bpy.types.Scene, settings: Settings) -> Built:
     if collection is None:
         collection = _tagged(bpy.data.collections.new(NAME), "scene")
         scene.collection.children.link(collection)
-        collection[_PREVIOUS_WORLD], collection[_PREVIOUS_CAMERA] = scene.world, scene.camera
-        collection[_PREVIOUS_VIEW] = [scene.view_settings.exposure, scene.render.resolution_x,
+        collection[PREVIOUS_WORLD], collection[PREVIOUS_CAMERA] = scene.world, scene.camera
+        collection[PREVIOUS_VIEW] = [scene.view_settings.exposure, scene.render.resolution_x,
                                       scene.render.resolution_y]
-        collection[_PREVIOUS_OSL] = scene.cycles.shading_system
+        collection[PREVIOUS_OSL] = scene.cycles.shading_system
         first = True
     else:
         first = False
@@ -353,18 +229,18 @@ def build(scene: bpy.types.Scene, settings: Settings) -> Built:
     if takes_world:
         scene.world = sky
     remove_leftovers()
-    made, others = _with_parts(objects)
-    named = [*made, *(o.data for o in made), *others, *_materials(made)] + ([sky] if takes_world else [])
+    made, others = with_parts(objects)
+    named = [*made, *(o.data for o in made), *others, *materials_of(made)] + ([sky] if takes_world else [])
     free_names(named)
     sun_shines(collection)
-    collection[_SETTINGS] = json.dumps(merged(settings))
-    collection[_GROUND] = json.dumps({"report": own.report, "site_m": _site(settings, own.surface, own)[0]}
+    collection[SETTINGS] = json.dumps(merged(settings))
+    collection[GROUND] = json.dumps({"report": own.report, "site_m": _site(settings, own.surface, own)[0]}
                                      if own else {})
-    collection[_CONTENT] = content(settings)
+    collection[CONTENT] = content(settings)
     built = Built(collection, objects[0], objects[1], objects[2], merged(settings), tuple(warnings))
     roughness = measured(measured_patch(built), settings["terrain"])
-    collection[_ROUGHNESS] = roughness.summary() if roughness else ""
-    collection[_FINGERPRINT], collection[PREVIEW] = json.dumps(parts(collection)), "{}"
+    collection[ROUGHNESS] = roughness.summary() if roughness else ""
+    collection[FINGERPRINT], collection[PREVIEW] = json.dumps(parts(collection)), "{}"
     collection[NOTES] = "[]"
     return built
 
@@ -378,10 +254,10 @@ def clear(scene: bpy.types.Scene) -> bool:
     collection = find_collection(scene)
     if collection is None:
         return False
-    previous_world, previous_camera = collection.get(_PREVIOUS_WORLD), collection.get(_PREVIOUS_CAMERA)
+    previous_world, previous_camera = collection.get(PREVIOUS_WORLD), collection.get(PREVIOUS_CAMERA)
     ours = [item for item in collection.all_objects if TAG in item]
-    scene.view_settings.exposure, *resolution = collection[_PREVIOUS_VIEW]
-    scene.cycles.shading_system = bool(collection.get(_PREVIOUS_OSL, False))
+    scene.view_settings.exposure, *resolution = collection[PREVIOUS_VIEW]
+    scene.cycles.shading_system = bool(collection.get(PREVIOUS_OSL, False))
     scene.render.resolution_x, scene.render.resolution_y = (int(n) for n in resolution)
     if scene.camera in ours or scene.camera is None:
         scene.camera = previous_camera
@@ -396,21 +272,3 @@ def clear(scene: bpy.types.Scene) -> bool:
     bpy.data.collections.remove(collection)
     remove_leftovers()
     return True
-
-
-def extra(settings: Settings) -> str:
-    """``Built.extra`` of the scene that settings would build."""
-    return content(settings) + sunlit.stand_in(settings)
-
-
-def changed_settings(built: Built, settings: Mapping[str, Mapping[str, Any]]) -> list[str]:
-    """Names of the settings that the built scene does not show yet, those of files also if the content is another."""
-    shown = [(topic.key, s.key) for topic in TOPICS.values() for s in topic.settings
-             if s.effect in ("geometry", "material", "light", "camera")]
-    changed = [f"{topic}.{key}" for topic, key in shown
-               if built.settings.get(topic, {}).get(key) != settings[topic][key]]
-    files = used_files(settings)
-    # A file that is gone changes nothing: what was built from it is still there.
-    if all(path.is_file() for path in files.values()) and built.content != content(settings):
-        changed += files
-    return changed

@@ -1,0 +1,141 @@
+"""What Build made in a scene: found again, and what it shows of the settings."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import bpy
+
+from ..properties import TOPICS
+from ..settings import Settings, merged
+from . import sunlit
+from .fingerprint import TAG, added_objects, edited, fingerprint, updated
+from .lights import SKY
+from .own_files import content, used_files
+from .removal import materials_of, with_parts
+
+# Properties of the built collection.
+SETTINGS, FINGERPRINT, PREVIOUS_WORLD, PREVIOUS_CAMERA, PREVIOUS_VIEW, GROUND = (
+    "icymoon_settings", "icymoon_fingerprint", "icymoon_previous_world", "icymoon_previous_camera",
+    "icymoon_previous_view", "icymoon_ground")
+PREVIOUS_OSL = "icymoon_previous_osl"
+CONTENT = "icymoon_content"  # hash of the person's own files
+ROUGHNESS = "icymoon_roughness"  # measured on the built ground
+PREVIEW = "icymoon_preview"  # settings that are shown otherwise than Build Scene would show them
+NOTES = "icymoon_notes"  # why not all settings are shown
+
+
+@dataclass
+class Built:
+    """A scene that has been built: its collection, objects and the settings it was built from."""
+
+    collection: bpy.types.Collection
+    terrain: bpy.types.Object
+    sun: bpy.types.Object
+    camera: bpy.types.Object
+    settings: Settings
+    warnings: tuple[str, ...] = ()
+
+    @property
+    def ground(self) -> dict[str, Any]:
+        """Of a ground from a file, the ``report`` of its import; else empty."""
+        return dict(json.loads(self.collection.get(GROUND, "{}")))
+
+    @property
+    def content(self) -> str:
+        """Hash of the content of the person's own files that it was built from; empty without any."""
+        return str(self.collection.get(CONTENT, ""))
+
+    @property
+    def extra(self) -> str:
+        """What identifies the scene beside the settings: the person's own files, what stands in, edits by hand."""
+        edits = fingerprint(self.collection) if self.edited else ""
+        return self.content + sunlit.stand_in(self.settings) + edits
+
+    @property
+    def materials(self) -> list[bpy.types.Material]:
+        """The materials of the ground and the blocks."""
+        return sorted(materials_of(with_parts(list(self.collection.all_objects))[0]), key=lambda m: m.name)
+
+    @property
+    def block_count(self) -> int:
+        """Number of ice blocks."""
+        return sum(len(item.data.vertices) for item in self.collection.all_objects if item.get(TAG) == "rock")
+
+    def edited_parts(self, *wanted: str) -> set[str]:
+        """Which parts, of these parts and roles or of all, a person has changed since they were built."""
+        return edited(self.collection, json.loads(self.collection[FINGERPRINT]), *wanted)
+
+    @property
+    def sky(self) -> dict[str, Any]:
+        """Where the lights stand and how bright they are, see ``physics.sky.facts``."""
+        return dict(json.loads(self.sun.get(SKY, "{}")))
+
+    @property
+    def several_lights(self) -> bool:
+        """Whether there may be other light than the Sun's: the planet's, or that of what a person added."""
+        return (any(item.get(TAG) == "planet" for item in self.collection.all_objects)
+                or bool(added_objects(self.collection)))
+
+    @property
+    def edited(self) -> bool:
+        """Whether a person has changed or added something since it was built."""
+        return bool(added_objects(self.collection)) or bool(self.edited_parts())
+
+    @property
+    def preview(self) -> Settings:
+        """Settings of which a preview is shown, where ``settings`` say what was built; empty if none is."""
+        return dict(json.loads(self.collection.get(PREVIEW, "{}")))
+
+    def remember(self, settings: Settings, preview: Settings, *changed: str) -> None:
+        """Remember what the scene shows now, of which the ``changed`` parts or roles are as they should be."""
+        self.settings = merged(settings)
+        self.collection[SETTINGS], self.collection[PREVIEW] = json.dumps(self.settings), json.dumps(preview)
+        known = json.loads(self.collection[FINGERPRINT])
+        self.collection[FINGERPRINT] = json.dumps(updated(self.collection, known, *changed))
+
+
+def find_collection(scene: bpy.types.Scene) -> bpy.types.Collection | None:
+    """The collection that Build made in this scene, if any."""
+    for collection in scene.collection.children_recursive:
+        if collection.get(TAG) == "scene":
+            return collection
+    return None
+
+
+def find(scene: bpy.types.Scene) -> Built | None:
+    """What Build made in this scene, or None if it has not, or if a part of it was deleted."""
+    collection = find_collection(scene)
+    if collection is None or SETTINGS not in collection:
+        return None
+    roles = {item[TAG]: item for item in collection.all_objects if TAG in item}
+    if not {"terrain", "sun", "camera"} <= roles.keys():
+        return None
+    return Built(collection, roles["terrain"], roles["sun"], roles["camera"], json.loads(collection[SETTINGS]))
+
+
+def measured_roughness(scene: bpy.types.Scene) -> str:
+    """What Build measured on the ground it made from the ``terrain`` settings, in a line; empty if it made none."""
+    built = find(scene)
+    return str(built.collection.get(ROUGHNESS, "")) if built and not built.preview else ""
+
+
+def extra(settings: Settings) -> str:
+    """``Built.extra`` of the scene that settings would build."""
+    return content(settings) + sunlit.stand_in(settings)
+
+
+def changed_settings(built: Built, settings: Mapping[str, Mapping[str, Any]]) -> list[str]:
+    """Names of the settings that the built scene does not show yet, those of files also if the content is another."""
+    shown = [(topic.key, s.key) for topic in TOPICS.values() for s in topic.settings
+             if s.effect in ("geometry", "material", "light", "camera")]
+    changed = [f"{topic}.{key}" for topic, key in shown
+               if built.settings.get(topic, {}).get(key) != settings[topic][key]]
+    files = used_files(settings)
+    # A file that is gone changes nothing: what was built from it is still there.
+    if all(path.is_file() for path in files.values()) and built.content != content(settings):
+        changed += files
+    return changed
