@@ -82,10 +82,11 @@ def _upright_to(normal: np.ndarray) -> np.ndarray:
 
 def euler_xyz(rotation: np.ndarray) -> np.ndarray:
     """Angles (n, 3) in radians of rotation matrices (n, 3, 3) that turn about x, then y, then z."""
-    y = np.arcsin(np.clip(-rotation[:, 2, 0], -1.0, 1.0))
-    x = np.arctan2(rotation[:, 2, 1], rotation[:, 2, 2])
-    z = np.arctan2(rotation[:, 1, 0], rotation[:, 0, 0])
-    return np.stack([x, y, z], axis=1)
+    # Copies: of a strided view numpy takes now one, now another routine, as the result happens to lie in memory,
+    # and they differ in the last bit.
+    r = np.ascontiguousarray(np.moveaxis(rotation, 0, -1))
+    return np.stack([np.arctan2(r[2, 1], r[2, 2]), np.arcsin(np.clip(-r[2, 0], -1.0, 1.0)),
+                     np.arctan2(r[1, 0], r[0, 0])], axis=1)
 
 
 def _lie_of_the_ground(xy: np.ndarray, radius: np.ndarray, surface: HeightAt) -> tuple[np.ndarray, np.ndarray]:

@@ -19,6 +19,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from . import strata
 from .factors import Sweep, effect
 from .metrics import ERROR_STEPS_M, SHARES
+from .phase import PHASE_DEG
 from .summary import Table
 
 #: After Okabe and Ito, told apart by colour-blind eyes; in lightness between white and black paper.
@@ -89,11 +90,32 @@ def _logarithmic(axis: Axes, which: str) -> None:
     along.set_minor_formatter(NullFormatter())
 
 
-def charts(summary: Summary, table: Table, sweeps: Sequence[Sweep], seed: int) -> dict[str, str]:
-    """SVG text by name: ``errors``, ``range``, ``strata``, ``sweeps``; empty where there is nothing to draw."""
+def charts(summary: Summary, table: Table, sweeps: Sequence[Sweep], laws: Mapping[str, np.ndarray],
+           seed: int) -> dict[str, str]:
+    """SVG text by name: ``errors``, ``range``, ``strata``, ``sweeps``, ``phase`` (of ``phase.curves``); empty where
+    there is nothing to draw."""
     with matplotlib.rc_context(_STYLE):
         return {"errors": _errors(summary), "range": _range(summary), "strata": _strata(summary),
-                "sweeps": _sweeps(summary, table, sweeps[:MOST_SWEEPS], seed)}
+                "sweeps": _sweeps(summary, table, sweeps[:MOST_SWEEPS], seed), "phase": _phase(laws)}
+
+
+def _phase(laws: Mapping[str, np.ndarray]) -> str:
+    """Phase curves: all of them, and the last degrees before opposition."""
+    if not laws:
+        return ""
+    figure, ((near, all_),) = _drawing(2, height=3.4)
+    for (name, bright), colour in zip(laws.items(), itertools.cycle(COLOURS)):
+        for axis, last in ((near, 8.0), (all_, PHASE_DEG[-1])):
+            shown = last >= PHASE_DEG
+            axis.plot(PHASE_DEG[shown], bright[shown], color=colour, label=name)
+    for axis, title in ((near, "Opposition"), (all_, "All phases")):
+        axis.set_xlabel("phase angle (°)")
+        axis.set_title(title, loc="left")
+    near.set_ylabel("brightness of the disc over that at 0°")
+    all_.set_ylim(bottom=0)
+    handles, labels = near.get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside upper left", ncols=1, handlelength=1.6)
+    return _svg(figure, "phase", "Phase curves of the surfaces")
 
 
 def _errors(summary: Summary) -> str:

@@ -26,6 +26,7 @@ from .factors import Sweep
 from .images import encoded, read_png
 from .measure import REGION_METRICS, REGIONS
 from .methods import Method
+from .phase import curves
 from .summary import Table
 
 #: Pairs shown with pictures, at most; half of them are the worst ones. The CSV has all.
@@ -64,7 +65,7 @@ def write_report(report: Mapping[str, Any], chosen: Sequence[str], table: Table,
         report=report, regions=REGIONS, region_metrics=REGION_METRICS, metric_names=METRIC_NAMES, columns=SUMMARY,
         compared=_compared(report["differences"]), compared_columns=COMPARED_COLUMNS, shown=shown,
         shown_interval=shown_interval, guiss=GUISS if guiss else (),
-        charts=charts(report["summary"], table, sweeps, seed),
+        charts=charts(report["summary"], table, sweeps, curves(report["pairs"]), seed),
         other_sweeps=[sweep.title for sweep in sweeps[MOST_SWEEPS:]],
         joined=[sweep for sweep in sweeps[:MOST_SWEEPS] if sweep.together], mixed=mixed(report["pairs"]),
         error_bar=_bar(pictures.ERROR), invalid=pictures.INVALID_GREY, sky=pictures.SKY_GREY,
