@@ -27,7 +27,9 @@ from run import drive
 
 ENVIRONMENTS = ROOT / ".venvs"
 LOGS = ROOT / "out" / "lanes"
-PYTEST = ("-m", "pytest", "tests/pure", "tests/blender", "-m", "not slow", "-p", "no:cacheprovider")
+# The networks know no Blender, and torch is large: they are tested in the main environment only.
+PYTEST = ("-m", "pytest", "tests/pure", "tests/blender", "-m", "not slow", "-p", "no:cacheprovider",
+          "--ignore=tests/pure/test_stereo_networks.py")
 PYTEST_S = 1200.0
 
 
