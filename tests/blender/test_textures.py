@@ -106,7 +106,8 @@ def seen(textures: dict) -> np.ndarray:
 
 
 def test_a_normal_map_tilts_as_it_says(tmp_path):
-    # Normals that lean east by atan(0.5) everywhere: under a Sun in the east the ground is brighter by the cosine.
+    # Normals that lean east by atan(0.5) everywhere: under a Sun in the east the ground is brighter by the cosine. The
+    # Sun is high, since Blender 4.2 darkens tilted normals near the terminator.
     normal = np.array([0.5, 0.0, 1.0]) / np.hypot(0.5, 1.0)
     path = png(tmp_path / "n.png", np.broadcast_to(0.5 + 0.5 * normal, (8, 8, 3)))
     empty_scene()
@@ -118,9 +119,9 @@ def test_a_normal_map_tilts_as_it_says(tmp_path):
     scene.render.engine, scene.cycles.samples = "CYCLES", 16
     plane(scene, "Ground", 0.0, 10.0, material)
     sun = bpy.data.objects.new("Sun", bpy.data.lights.new("Sun", "SUN"))
-    sun.data.energy, sun.data.angle, sun.rotation_euler = 1.0, 0.0, (0.0, np.radians(45.0), 0.0)  # from the east
+    sun.data.energy, sun.data.angle, sun.rotation_euler = 1.0, 0.0, (0.0, np.radians(15.0), 0.0)  # from the east
     scene.collection.objects.link(sun)
-    toward = np.array([1.0, 0.0, 1.0]) / np.sqrt(2.0)
+    toward = np.array([np.sin(np.radians(15.0)), 0.0, np.cos(np.radians(15.0))])
     assert radiance(scene, 0.0, 1.0, 8).mean() == pytest.approx(0.5 / np.pi * float(normal @ toward), rel=0.01)
 
 
