@@ -317,9 +317,14 @@ def slide_by_mouse() -> Waiting:
     return f"{len(spans)} updates, {rate:.1f} a second with redraws, {sum(took) / len(took) * 1e3:.0f} ms each"
 
 
+#: Enough that a render is seen to advance.
+SAMPLES = 64
+
+
 def render_by_mouse() -> Waiting:
     """Render; the window must go on meanwhile and the sidebar must show how far it is."""
     check(previewing(), "there is no preview that could be rendered by mistake")
+    window().scene.icymoon.quality.samples = SAMPLES
     yield from press("icymoon.render_pair")
     yield from until(lambda: jobs().current, "Starting the render", 10)
     check(not previewing(), "the scene was not built before the render")
@@ -331,6 +336,7 @@ def render_by_mouse() -> Waiting:
     start, fractions = len(ticks), set()
     yield from until(lambda: jobs().current is None or jobs().current.fraction > 0.02, "Progress", 60)
     check(jobs().current, "the render ended without progress")
+    fractions.add(jobs().current.fraction)
     yield from screenshot("rendering")
     while jobs().current:
         fractions.add(jobs().current.fraction)
@@ -355,7 +361,7 @@ def escape_a_render() -> Waiting:
     check(not children(), f"processes were left: {children()}")
     check(len(pairs()) == 1, "the first pair is gone")
     yield from screenshot("cancelled")
-    window().scene.icymoon.quality.samples = 4
+    window().scene.icymoon.quality.samples = SAMPLES
 
 
 def evaluate_by_mouse() -> Waiting:
