@@ -394,8 +394,7 @@ def measured_surface() -> Waiting:
 
     yield from press("icymoon.show_surface")
     yield from until(there, "Showing the measured surface", 20)
-    yield from until(lambda: there()[0].visible_in_viewport_get(area().spaces.active), "Seeing the surface in this view",
-                     10)
+    yield from until(lambda: there()[0].visible_in_viewport_get(area().spaces.active), "Taking it into this view", 10)
     move_to(*middle("WINDOW"))
     yield 3.0
     yield from screenshot("measured_surface")
