@@ -43,11 +43,12 @@ def test_failed_matches_are_taken_for_a_far_surface():
     assert networks["guiss_l1_m"] < 1e-4
 
 
-def test_a_scaled_depth_has_no_scale_invariant_error_beside_the_reference_number():
-    # What the reference's single precision makes of it, up to NaN, depends on the order of numpy's sums.
+def test_its_single_precision_loses_the_scale_invariant_error():
+    # Seven times a float32 is rounded, twice it is not: so it is lost in numpy 1 and 2 alike.
     truth = np.random.default_rng(1).uniform(1, 20, (100, 100))
-    assert "guiss_si_rmse" in depth_map_metrics(truth * 2, truth)
-    assert depth_metrics(truth * 2, truth)["si_rmse"] < 1e-13
+    lost = depth_map_metrics(truth * 7, truth)["guiss_si_rmse"]
+    assert math.isnan(lost) or lost > 1e-5
+    assert depth_metrics(truth * 7, truth)["si_rmse"] < 1e-13
 
 
 def test_no_pixel_is_no_number():
