@@ -7,14 +7,21 @@ error message here, and Ctrl-C stops at once and leaves nothing half-written.
 from __future__ import annotations
 
 import argparse
+import json
 import sys
+from collections.abc import Callable
+from contextlib import nullcontext
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from . import settings as description
 from .errors import IcyMoonError
 from .render.launch import Job, absolute_folder, blender_command
 from .render.queue import Process
 from .version import version
+
+if TYPE_CHECKING:
+    from .trade import Bench
 
 _DEMO_PRESETS = ("enceladus_fresh_snow", "europa_rough_ice")
 
@@ -62,11 +69,38 @@ def _parser() -> argparse.ArgumentParser:
     presets = verbs.add_parser("presets", help="list the shipped presets")
     presets.set_defaults(run=_presets)
 
+    trade = verbs.add_parser("trade", help="measure how much accuracy each way to save time costs, on one scene")
+    _describe(trade)
+    _bench(trade)
+    trade.add_argument("--groups", default="", help="what to vary, separated by commas: samples, bounces, threshold, "
+                       "subsurface, mesh, relief, hapke (all that the scene has)")
+    trade.add_argument("--repeats", type=int, default=2, help="renders of each variant (%(default)s)")
+    trade.add_argument("--json-lines", action="store_true", help="progress and result as JSON lines on stdout")
+    trade.set_defaults(run=_trade)
+
+    auto = verbs.add_parser("auto", help="find the cheapest quality whose stereo error is tolerable, on one scene")
+    _describe(auto)
+    _bench(auto)
+    auto.add_argument("--tolerance-px", type=float, default=0.02,
+                      help="extra mean disparity error that is tolerable (%(default)s)")
+    auto.add_argument("--tolerance-bad-1", type=float,
+                      help="extra share of pixels missing or off by more than 1 px, a fraction (any)")
+    auto.add_argument("--json-lines", action="store_true", help="progress and result as JSON lines on stdout")
+    auto.set_defaults(run=_auto)
+
     doctor = verbs.add_parser("doctor", help="say what is here, what is missing and what to do about it")
     doctor.add_argument("--blender", default=sys.executable, help="Blender, or a Python with bpy (this Python)")
     doctor.add_argument("--evaluator", default=sys.executable, help="Python of the evaluator (this Python)")
     doctor.set_defaults(run=_doctor)
     return parser
+
+
+def _bench(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--methods", default="sgbm,bm,jplv", help="matchers, separated by commas (%(default)s)")
+    parser.add_argument("--reference-samples", type=int, default=1024,
+                        help="light paths per pixel of the reference (%(default)s)")
+    parser.add_argument("--scale", type=float, default=1.0, help="share of the image's width and height (%(default)s)")
+    parser.add_argument("--out", type=Path, required=True, help="folder for renders and report")
 
 
 def _describe(parser: argparse.ArgumentParser) -> None:
@@ -153,6 +187,54 @@ def _demo(options: argparse.Namespace) -> int:
     from .stereo.cli import main as stereo
 
     return stereo(["evaluate", str(dataset), "--methods", "bm,sgbm", "--out", str(dataset / "evaluation")])
+
+
+def _run_bench(options: argparse.Namespace, title: str, work: Callable[[Bench], dict[str, Any]],
+               show: Callable[[dict[str, Any]], None], repeats: int = 1) -> int:
+    """Do ``work`` with a bench as the options describe it, showing progress, then ``show`` its result."""
+    from .trade import Bench, progress, scaled
+
+    told = nullcontext(lambda event: print(json.dumps(event), flush=True)) if options.json_lines else progress(title)
+    with told as on_event:
+        found = work(Bench(scaled(_described(options), options.scale), options.out.absolute(), options.blender,
+                           options.methods, options.reference_samples, repeats, on_event))
+    if options.json_lines:
+        print(json.dumps({"type": "result", **found}), flush=True)
+    else:
+        show(found)
+    return 0
+
+
+def _trade(options: argparse.Namespace) -> int:
+    from .trade import trade
+
+    if options.repeats < 1:
+        raise IcyMoonError(f"--repeats is {options.repeats}; give 1, or 2 to tell noise from the rest.")
+    page = options.out.absolute() / "trade.html"
+
+    def show(report: dict[str, Any]) -> None:
+        print("\n".join(report["advice"]))
+        print(page)
+
+    groups = [group for group in options.groups.split(",") if group]
+    return _run_bench(options, "Measuring", lambda bench: {**trade(bench, groups), "report": str(page)}, show,
+                      options.repeats)
+
+
+def _auto(options: argparse.Namespace) -> int:
+    from .trade import auto
+
+    def show(found: dict[str, Any]) -> None:
+        for step in found["tried"]:
+            losses = ", ".join(f"{method} {loss['epe_px']:+.3f} px, {100 * loss['wrong_or_missing']:+.2f} % wrong"
+                               if None not in loss.values() else f"{method} measures nothing"
+                               for method, loss in step["loss"].items())
+            print(f"{step['name']:24} {step['cpu_s']:7.1f} CPU s   {losses}")
+        if found["chosen"] is None:
+            raise IcyMoonError("Nothing that was tried is within the tolerance; allow more.")
+        print(description.to_toml({"quality": found["settings"]["quality"]}), end="")
+
+    return _run_bench(options, "Trying", lambda bench: auto(bench, options.tolerance_px, options.tolerance_bad_1), show)
 
 
 def _presets(options: argparse.Namespace) -> int:

@@ -636,7 +636,14 @@ QUALITY = Topic("quality", "Quality", "What a render may cost", (
             "Applied to each eye; the truth is never touched", "sampling",
             choices=(("NONE", "None", "Leave the noise of the light paths in the images"),
                      ("OIDN", "OpenImageDenoise",
-                      "Remove the noise; cheap, but smooths ice texture and so flatters stereo matchers"))),
+                      "Remove the noise; cheap, but what guides it, the noise-free albedo and normal, flatters stereo "
+                      "matchers"),
+                     ("OIDN_COLOUR", "OpenImageDenoise, colour alone",
+                      "Remove the noise without guides: smooths fine texture away"))),
+    Setting("noise_threshold", "Noise Threshold", 0.0,
+            "Relative noise at which a pixel gets no more light paths; 0 gives all pixels the same number. Saves time "
+            "in the sky and on smooth light, and leaves noise that is uneven over the image", "sampling", "1",
+            0.0, 1.0, (0.0, 0.1)),
     Setting("diffuse_bounces", "Bounces", 4,
             "Diffuse interreflections followed; 4 are within 1 % of all even at albedo 1", "sampling", "bounces",
             0, 128, (0, 16)),

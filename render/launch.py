@@ -30,14 +30,16 @@ def blender_command(executable: str, *arguments: str) -> list[str]:
 class Job:
     """A render job on disk, for the worker to read; ``remove`` it when the worker has ended."""
 
-    def __init__(self, settings: Settings, dataset: Path, *, scene: str | None = None, again: bool = False) -> None:
-        """Write the job file. With ``scene`` the caller saves the .blend to ``blend``."""
+    def __init__(self, settings: Settings, dataset: Path, *, scene: str | None = None, again: bool = False,
+                 repeat: int = 0) -> None:
+        """Write the job file. With ``scene`` the caller saves the .blend to ``blend``. Pairs of another ``repeat``
+        are the same but for their name and the noise of their light paths."""
         self.dataset = dataset
         with disk_errors("write a job to", Path(tempfile.gettempdir())):
             self.folder = Path(tempfile.mkdtemp(prefix="icymoon-"))
             self.blend = self.folder / "scene.blend"
             self.file = self.folder / "job.json"
-            job: Mapping[str, Any] = {"settings": settings, "dataset": str(dataset), "again": again,
+            job: Mapping[str, Any] = {"settings": settings, "dataset": str(dataset), "again": again, "repeat": repeat,
                                       "blend": str(self.blend) if scene else None, "scene": scene}
             self.file.write_text(json.dumps(job), encoding="utf-8")
 

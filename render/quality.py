@@ -16,7 +16,7 @@ _TRANSPARENT_BOUNCES = 8
 
 def check_possible(quality: Mapping[str, Any]) -> None:
     """Raise IcyMoonError if this Blender cannot render at the asked quality."""
-    if quality["denoiser"] == "OIDN" and not compat.has_oidn():
+    if quality["denoiser"] != "NONE" and not compat.has_oidn():
         raise IcyMoonError("This Blender was built without OpenImageDenoise; set quality.denoiser to NONE "
                            "or use an official build.")
     if quality["device"] == "GPU" and not compat.gpu_devices():
@@ -27,8 +27,8 @@ def apply(scene: bpy.types.Scene, quality: Mapping[str, Any], seed: int) -> None
     """Set the render engine of a scene from ``quality`` settings.
 
     Beside the settings: no clamping (clamp 5 loses 5 to 12 % of Europa's light), no light-sampling
-    threshold (its roulette puts up to 32x errors at grazing light), no caustics, no adaptive
-    sampling (its error is uneven over the image), exposure 1, and a stated pixel filter.
+    threshold (its roulette puts up to 32x errors at grazing light), no caustics, exposure 1, and a stated
+    pixel filter.
     """
     scene.render.engine = "CYCLES"
     cycles = scene.cycles
@@ -37,12 +37,14 @@ def apply(scene: bpy.types.Scene, quality: Mapping[str, Any], seed: int) -> None
     cycles.seed = seed
     cycles.use_animated_seed = False
     cycles.sampling_pattern = "TABULATED_SOBOL"
-    cycles.use_adaptive_sampling = False
+    cycles.use_adaptive_sampling = quality["noise_threshold"] > 0
+    cycles.adaptive_threshold = quality["noise_threshold"]
+    cycles.adaptive_min_samples = 0  # the square root of the samples, as Cycles chooses it
     cycles.time_limit = 0.0
-    cycles.use_denoising = quality["denoiser"] == "OIDN"
+    cycles.use_denoising = quality["denoiser"] != "NONE"
     if cycles.use_denoising:
         cycles.denoiser = "OPENIMAGEDENOISE"
-        cycles.denoising_input_passes = "RGB_ALBEDO_NORMAL"
+        cycles.denoising_input_passes = "RGB_ALBEDO_NORMAL" if quality["denoiser"] == "OIDN" else "RGB"
         cycles.denoising_prefilter = "FAST"
     cycles.sample_clamp_direct = cycles.sample_clamp_indirect = 0.0
     cycles.light_sampling_threshold = 0.0

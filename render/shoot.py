@@ -111,12 +111,15 @@ def shoot(built: Built, planned: PlannedPair, dataset: Path, frame: int, seconds
     """
     folder = planned.folder(dataset)
     part = folder.with_name(folder.name + PART)
+    spent = time.process_time()
     with disk_errors("write", folder):
         shutil.rmtree(part, ignore_errors=True)
         part.mkdir(parents=True)
     try:
         facts = _render_into(part, built, planned, frame, report)
         facts["seconds"]["build"] = round(seconds_build, 3)
+        # Of all threads; "before" is what this process had spent: its start, the build, other pairs.
+        facts["cpu_seconds"] = {"before": round(spent, 3), "pair": round(time.process_time() - spent, 3)}
         write_json(part / "pair.json", facts)
         with disk_errors("write", folder):
             shutil.rmtree(folder, ignore_errors=True)

@@ -94,7 +94,8 @@ def run(job: dict[str, Any], say: Emit = emit) -> None:
     scene, built, extra = _open(job, settings)
     for warning in built.warnings:
         say("warning", message=warning)
-    pairs = expand(settings, extra)
+    repeat = int(job.get("repeat", 0))
+    pairs = expand(settings, extra + (f" repeat {repeat}" if repeat else ""))
     folders = render_pairs(built, pairs, dataset, scene.frame_current, time.perf_counter() - start, say,
                            bool(job.get("again")))
     say("done", folders=[str(f) for f in folders])

@@ -26,7 +26,7 @@ from .summary import Table
 COLOURS = ("#2a86c8", "#d55e00", "#009e73", "#c0699a", "#c98a00", "#6f7f8f")
 _MARKS = ("o", "s", "^", "D", "v", "P")
 _INK, _LINE = "#010203", "#040506"  # stand for the page's own colours, which the browser puts in
-_STYLE: dict[Any, Any] = {
+STYLE: dict[Any, Any] = {
     "font.size": 9, "axes.edgecolor": _LINE, "axes.labelcolor": _INK, "text.color": _INK, "xtick.color": _INK,
     "ytick.color": _INK, "grid.color": _LINE, "axes.grid": True, "grid.linewidth": 0.8, "axes.spines.top": False,
     "axes.spines.right": False, "legend.frameon": False, "svg.fonttype": "none", "lines.linewidth": 1.8,
@@ -45,7 +45,8 @@ def _methods(summary: Summary) -> Iterator[tuple[int, Mapping[str, Any], dict[st
         yield k, entry, {"color": colour, "marker": mark, "label": entry["method"]}
 
 
-def _drawing(columns: int, rows: int = 1, width: float = 10.4, height: float = 3.1) -> tuple[Figure, np.ndarray]:
+def drawing(columns: int, rows: int = 1, width: float = 10.4, height: float = 3.1) -> tuple[Figure, np.ndarray]:
+    """A figure of axes (rows, columns) without a background, inches wide and ``height`` per row."""
     figure = Figure(figsize=(width, height * rows), facecolor="none")
     FigureCanvasSVG(figure)
     axes = figure.subplots(rows, columns, squeeze=False)
@@ -54,7 +55,7 @@ def _drawing(columns: int, rows: int = 1, width: float = 10.4, height: float = 3
     return figure, axes
 
 
-def _svg(figure: Figure, name: str, title: str) -> str:
+def svg(figure: Figure, name: str, title: str) -> str:
     """The figure for an HTML page: no prologue, as wide as its place, the page's text and line colours."""
     stream = io.StringIO()
     with matplotlib.rc_context({"svg.hashsalt": name, "svg.fonttype": "none"}):
@@ -69,7 +70,8 @@ def _svg(figure: Figure, name: str, title: str) -> str:
     return text.replace(_INK, "var(--soft)").replace(_LINE, "var(--line)")
 
 
-def _legend(figure: Figure, axis: Axes, count: int) -> None:
+def legend(figure: Figure, axis: Axes, count: int) -> None:
+    """One legend above the figure, of what ``axis`` shows."""
     handles, labels = axis.get_legend_handles_labels()
     if handles:
         figure.legend(handles, labels, loc="outside upper left", ncols=min(5, max(1, count)), handlelength=1.6)
@@ -80,7 +82,8 @@ def _percent(axis: Axes, label: str) -> None:
     axis.set_ylabel(label)
 
 
-def _logarithmic(axis: Axes, which: str) -> None:
+def logarithmic(axis: Axes, which: str) -> None:
+    """Make the axis ``which`` ("x" or "y") logarithmic, if there is anything above zero on it."""
     if not any((np.asarray(getattr(line, f"get_{which}data")()) > 0).any() for line in axis.lines):
         return  # Matplotlib cannot draw a logarithmic axis without a place on it
     getattr(axis, f"set_{which}scale")("log")
@@ -94,7 +97,7 @@ def charts(summary: Summary, table: Table, sweeps: Sequence[Sweep], laws: Mappin
            seed: int) -> dict[str, str]:
     """SVG text by name: ``errors``, ``range``, ``strata``, ``sweeps``, ``phase`` (of ``phase.curves``); empty where
     there is nothing to draw."""
-    with matplotlib.rc_context(_STYLE):
+    with matplotlib.rc_context(STYLE):
         return {"errors": _errors(summary), "range": _range(summary), "strata": _strata(summary),
                 "sweeps": _sweeps(summary, table, sweeps[:MOST_SWEEPS], seed), "phase": _phase(laws)}
 
@@ -103,7 +106,7 @@ def _phase(laws: Mapping[str, np.ndarray]) -> str:
     """Phase curves: all of them, and the last degrees before opposition."""
     if not laws:
         return ""
-    figure, ((near, all_),) = _drawing(2, height=3.4)
+    figure, ((near, all_),) = drawing(2, height=3.4)
     for (name, bright), colour in zip(laws.items(), itertools.cycle(COLOURS)):
         for axis, last in ((near, 8.0), (all_, PHASE_DEG[-1])):
             shown = last >= PHASE_DEG
@@ -115,14 +118,14 @@ def _phase(laws: Mapping[str, np.ndarray]) -> str:
     all_.set_ylim(bottom=0)
     handles, labels = near.get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside upper left", ncols=1, handlelength=1.6)
-    return _svg(figure, "phase", "Phase curves of the surfaces")
+    return svg(figure, "phase", "Phase curves of the surfaces")
 
 
 def _errors(summary: Summary) -> str:
     """Cumulative error, and what leaving out pixels of little texture gains."""
     if not any(entry["error_curve"] for entry in summary):
         return ""
-    figure, ((left, right),) = _drawing(2, height=3.4)
+    figure, ((left, right),) = drawing(2, height=3.4)
     for _, entry, look in _methods(summary):
         line = look | {"marker": ""}
         if entry["error_curve"]:
@@ -130,7 +133,7 @@ def _errors(summary: Summary) -> str:
         if entry["sparsification"]["texture"]:
             right.plot(100 * np.array(SHARES), entry["sparsification"]["texture"], **line)
             right.plot(100 * np.array(SHARES), entry["sparsification"]["best"], **line | {"label": "_"}, linestyle=":")
-    _logarithmic(left, "x")
+    logarithmic(left, "x")
     _percent(left, "% of all true pixels within it")
     left.set_xlabel("depth error (m)")
     left.set_title("Cumulative error; ends at the coverage", loc="left")
@@ -138,8 +141,8 @@ def _errors(summary: Summary) -> str:
     right.set_ylabel("mean disparity error (px)")
     right.set_ylim(bottom=0)
     right.set_title("Coverage against error; dotted: best possible order", loc="left")
-    _legend(figure, left, len(summary))
-    return _svg(figure, "errors", "Cumulative error, and error against coverage")
+    legend(figure, left, len(summary))
+    return svg(figure, "errors", "Cumulative error, and error against coverage")
 
 
 def _classes(sums: Mapping[str, Any]) -> np.ndarray:
@@ -159,7 +162,7 @@ def _range(summary: Summary) -> str:
         return ""
     bounds = strata.RANGE.bounds
     middle = np.array([bounds[0] / 1.2, *np.sqrt(np.multiply(bounds[1:], bounds[:-1])), bounds[-1] * 1.2])
-    figure, ((error, coverage, wrong),) = _drawing(3, height=3.3)
+    figure, ((error, coverage, wrong),) = drawing(3, height=3.3)
     for _, entry, look in _methods(summary):
         sums = entry["strata"].get("range")
         if sums is None:
@@ -176,17 +179,17 @@ def _range(summary: Summary) -> str:
         coverage.plot(middle[known], 100 * (np.array(sums["n"]) / np.maximum(sums["true"], 1))[known], **look)
         wrong.plot(middle[known], _wrong(sums)[known], **look)
     for axis in (error, coverage, wrong):
-        _logarithmic(axis, "x")
+        logarithmic(axis, "x")
         axis.set_xlabel("true depth (m)")
-    _logarithmic(error, "y")
+    logarithmic(error, "y")
     error.set_ylabel("mean depth error (m)")
     error.set_title("Error; dashed: Z² / (f·B) · σ", loc="left")
     _percent(coverage, "% measured")
     coverage.set_title("Coverage", loc="left")
     _percent(wrong, "% missing or off by > 1 px")
     wrong.set_title("Wrong or missing", loc="left")
-    _legend(figure, error, len(summary))
-    return _svg(figure, "range", "Error, coverage and wrong pixels against range")
+    legend(figure, error, len(summary))
+    return svg(figure, "range", "Error, coverage and wrong pixels against range")
 
 
 def _strata(summary: Summary) -> str:
@@ -197,7 +200,7 @@ def _strata(summary: Summary) -> str:
         return ""
     columns = min(3, len(factors))
     rows = math.ceil(len(factors) / columns)
-    figure, axes = _drawing(columns, rows, height=2.8)
+    figure, axes = drawing(columns, rows, height=2.8)
     for factor, axis in itertools.zip_longest(factors, axes.flat):
         if factor is None:
             axis.set_visible(False)
@@ -216,15 +219,15 @@ def _strata(summary: Summary) -> str:
         axis.set_ylim(bottom=-1)
         axis.set_title(factor.title, loc="left")
         axis.set_ylabel("% missing or > 1 px")
-    _legend(figure, axes.flat[0], len(summary))
-    return _svg(figure, "strata", "Wrong or missing pixels by slope, texture, light, visibility and material")
+    legend(figure, axes.flat[0], len(summary))
+    return svg(figure, "strata", "Wrong or missing pixels by slope, texture, light, visibility and material")
 
 
 def _sweeps(summary: Summary, table: Table, sweeps: Sequence[Sweep], seed: int) -> str:
     """Mean error and wrong pixels against each setting that was varied, with 95 % intervals."""
     if not sweeps:
         return ""
-    figure, axes = _drawing(2, len(sweeps), height=2.7)
+    figure, axes = drawing(2, len(sweeps), height=2.7)
     for sweep, (left, right) in zip(sweeps, axes, strict=True):
         names, places, _ = sweep.levels()
         for axis, metric, factor in ((left, "l1_m", 1.0), (right, "total_bad_1", 100.0)):
@@ -243,5 +246,5 @@ def _sweeps(summary: Summary, table: Table, sweeps: Sequence[Sweep], seed: int) 
             axis.set_xlabel(sweep.title + others)
         left.set_ylabel("L1 (m)")
         right.set_ylabel("% missing or > 1 px")
-    _legend(figure, axes[0][0], len(summary))
-    return _svg(figure, "sweeps", "Error against each setting that was varied")
+    legend(figure, axes[0][0], len(summary))
+    return svg(figure, "sweeps", "Error against each setting that was varied")

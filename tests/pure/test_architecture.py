@@ -18,12 +18,13 @@ IDS = [path.relative_to(ROOT).as_posix() for path in SOURCES]
 #: What works in any Python, without Blender.
 PURE = ("settings", "properties", "labels", "files", "version", "errors", "cli", "doctor", "install",
         "render.pair", "render.plan", "render.queue", "render.launch", "render.exr_check",
+        "render.variants", "trade",
         *(f"{package}.{path.stem}" for package in ("physics", "stereo") for path in (ROOT / package).glob("*.py")
           if path.stem not in ("__init__", "__main__")))
 #: Layers from the top down; each may import what is below it.
 LAYERS = {"panels": 4, "operators": 3, "render": 2, "nodes": 1, "physics": 0}
 #: Parts of render that are data and processes, and know no Blender; anyone may use them.
-SHARED = {"render.pair", "render.plan", "render.queue", "render.launch", "render.exr_check"}
+SHARED = {"render.pair", "render.plan", "render.queue", "render.launch", "render.exr_check", "render.variants"}
 
 
 def imported(path: Path) -> set[str]:
