@@ -1,0 +1,64 @@
+"""Variants rendered by real workers, measured, and searched through."""
+
+import json
+import subprocess
+import sys
+
+import pytest
+from icymoon import settings as description
+from icymoon.render.launch import python_command
+
+pytestmark = pytest.mark.slow
+SCENE = ("--preset", "europa_rough_ice", "--scale", "0.15", "--reference-samples", "32", "--methods", "sgbm",
+         "--set", "mesh.most=20000")
+
+
+def icymoon(*words):
+    ended = subprocess.run(python_command(sys.executable, *words), capture_output=True, text=True, timeout=600,
+                           check=False)
+    return ended.returncode, ended.stdout, ended.stderr
+
+
+def test_a_trade_says_what_was_measured_and_renders_nothing_twice(tmp_path):
+    words = ("trade", *SCENE, "--groups", "bounces", "--out", str(tmp_path), "--json-lines")
+    code, out, err = icymoon(*words)
+    assert code == 0, err
+    messages = [json.loads(line) for line in out.splitlines()]
+    report = messages[-1]
+    assert report["type"] == "result"
+    rows = {row["name"]: row for row in report["rows"]}
+    # Without interreflection ice in daylight loses some per cent of its light, and never gains any.
+    assert rows["0 bounces"]["bias"] < -0.01
+    assert abs(rows["16 bounces"]["bias"]) < abs(rows["0 bounces"]["bias"]) / 3
+    for row in rows.values():
+        assert row["cpu_s"] > 0 and row["memory_mib"] > 50 and row["noise"] > 0 and row["depth_px"] == 0
+    assert (tmp_path / "trade.html").is_file()
+    before = {path: path.stat().st_mtime_ns for path in tmp_path.rglob("pair.json")}
+    code, _, err = icymoon(*words)
+    assert code == 0, err
+    assert {path: path.stat().st_mtime_ns for path in tmp_path.rglob("pair.json")} == before
+
+
+def test_auto_stops_at_the_first_that_is_good_enough(tmp_path):
+    words = ("auto", *SCENE, "--out", str(tmp_path), "--json-lines")
+    code, out, err = icymoon(*words, "--tolerance-px", "0.5")
+    assert code == 0, err
+    found = json.loads(out.splitlines()[-1])
+    losses = [step["loss"]["sgbm"]["epe_px"] for step in found["tried"]]
+    assert found["tried"][-1]["name"] == found["chosen"] and losses[-1] <= 0.5
+    assert all(loss is None or loss > 0.5 for loss in losses[:-1])
+    description.check(found["settings"], "auto")
+
+
+@pytest.mark.parametrize(("words", "said"), [
+    (("trade", *SCENE, "--groups", "hapke"), "nothing to vary in hapke"),
+    (("trade", *SCENE, "--scale", "3"), "scaled by 3"),
+    (("auto", *SCENE, "--tolerance-px", "0"), "tolerance of 0 px"),
+    (("trade", *SCENE, "--repeats", "0"), "--repeats is 0"),
+    (("trade", *SCENE, "--methods", "magic"), "magic")])
+def test_bad_input_is_one_sentence(words, said, tmp_path):
+    code, _, err = icymoon(*words, "--out", str(tmp_path))
+    assert code == 1
+    assert said in err
+    assert "Traceback" not in err
+    assert not list(tmp_path.rglob("*.exr"))
