@@ -195,9 +195,14 @@ def _run_bench(options: argparse.Namespace, title: str, work: Callable[[Bench], 
     from .trade import Bench, progress, scaled
 
     told = nullcontext(lambda event: print(json.dumps(event), flush=True)) if options.json_lines else progress(title)
-    with told as on_event:
-        found = work(Bench(scaled(_described(options), options.scale), options.out.absolute(), options.blender,
-                           options.methods, options.reference_samples, repeats, on_event))
+    try:
+        with told as on_event:
+            found = work(Bench(scaled(_described(options), options.scale), options.out.absolute(), options.blender,
+                               options.methods, options.reference_samples, repeats, on_event))
+    except IcyMoonError as error:
+        if options.json_lines:
+            print(json.dumps({"type": "error", "message": str(error)}), flush=True)
+        raise
     if options.json_lines:
         print(json.dumps({"type": "result", **found}), flush=True)
     else:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import bpy
 
-from . import build, evaluate, evaluator, expose, ground, jobs, layers, live, render, results, settings
+from . import build, evaluate, evaluator, expose, ground, jobs, layers, live, render, results, settings, trade
 
 CLASSES = (*settings.CLASSES, *build.CLASSES, *ground.CLASSES, *layers.CLASSES, *render.CLASSES,
-           *evaluate.CLASSES, *expose.CLASSES, *results.CLASSES, *evaluator.CLASSES, *jobs.CLASSES)
+           *evaluate.CLASSES, *expose.CLASSES, *results.CLASSES, *evaluator.CLASSES, *trade.CLASSES, *jobs.CLASSES)
 
 _register, _unregister = bpy.utils.register_classes_factory(CLASSES)
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import bpy
 
-from . import menu, sidebar
+from . import menu, sidebar, trade
 
-CLASSES = (*sidebar.CLASSES, *menu.CLASSES)
+CLASSES = (*sidebar.CLASSES, *trade.CLASSES, *menu.CLASSES)
 
 _register, _unregister = bpy.utils.register_classes_factory(CLASSES)
 

@@ -47,6 +47,8 @@ class ICYMOON_MT_icymoon(bpy.types.Menu):
         layout.operator("icymoon.expose")
         layout.operator("icymoon.evaluate").scope = "SCENE"
         layout.operator("icymoon.evaluate", text="Evaluate Whole Data Set").scope = "DATASET"
+        layout.operator("icymoon.auto_quality", text="Find Quality…")
+        layout.operator("icymoon.trade", text="Measure Speed and Accuracy…")
         layout.operator("icymoon.cancel")
         layout.separator()
         layout.operator("icymoon.open_report")

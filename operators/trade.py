@@ -1,0 +1,134 @@
+"""Speed against accuracy of the present scene: measured, and the cheapest quality that will do, found."""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import bpy
+
+from .. import settings as description
+from ..errors import IcyMoonError
+from ..files import disk_errors
+from ..nodes.own_files import with_absolute_files
+from ..nodes.scene import find
+from ..preferences import evaluator_python
+from ..render.launch import python_command
+from ..render.queue import Message, Process, clean_environment
+from . import jobs
+from .render import dataset_folder
+
+#: What the last measurement or search said, for the panel; per scene name.
+said: dict[str, tuple[str, ...]] = {}
+
+
+def _begin(context: bpy.types.Context, verb: str, title: str, handle: Any, *arguments: str) -> jobs.Job:
+    """Start ``icymoon trade`` or ``icymoon auto`` on the settings of the scene. Raises IcyMoonError if it cannot."""
+    settings = with_absolute_files(description.from_group(context.scene.icymoon))
+    built = find(context.scene)
+    if built is not None and built.edited:
+        raise IcyMoonError("The scene was edited by hand; what is measured is built from the settings alone. Press "
+                           "Build Scene to set the edits back.")
+    python = evaluator_python()
+    with disk_errors("write settings to", Path(tempfile.gettempdir())):
+        folder = tempfile.TemporaryDirectory(prefix="icymoon-trade-")
+        file = Path(folder.name, "scene.toml")
+        file.write_text(description.to_toml(settings), encoding="utf-8")
+    command = python_command(python, verb, "--settings", str(file), "--blender", bpy.app.binary_path or sys.executable,
+                             "--out", str(dataset_folder(settings) / "trade"), "--json-lines", *arguments)
+    try:
+        process = Process(command, clean_environment())
+    except IcyMoonError:
+        folder.cleanup()
+        raise
+    return jobs.Job(title, process, handle, folder.cleanup)
+
+
+class _Measured:
+    """Mix-in: how large the images are, and how good the reference."""
+
+    scale: bpy.props.FloatProperty(  # type: ignore[valid-type]
+        name="Image Scale", default=0.5, min=0.01, max=1.0,
+        description="Share of the image's width and height that is measured; a half takes a quarter of the time")
+    reference_samples: bpy.props.IntProperty(  # type: ignore[valid-type]
+        name="Reference Samples", default=1024, min=2, max=65536,
+        description="Light paths per pixel of the image that all others are held against")
+
+    def _common(self) -> list[str]:
+        return ["--scale", f"{self.scale:g}", "--reference-samples", str(self.reference_samples)]
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        if bpy.app.background:
+            return self.execute(context)  # type: ignore[attr-defined,no-any-return]
+        return context.window_manager.invoke_props_dialog(self)  # type: ignore[no-any-return]
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """In a window the dialog ends here, and the work begins."""
+        if bpy.app.background:
+            return jobs.JobOperator.execute(self, context)  # type: ignore[arg-type]
+        return jobs.JobOperator.invoke(self, context, None)  # type: ignore[arg-type]
+
+
+class ICYMOON_OT_trade(_Measured, jobs.JobOperator, bpy.types.Operator):
+    """Render the scene in every cheaper way, measure what each costs in light, depth and stereo error, and write a report that says which to use; takes minutes to hours"""  # noqa: E501
+
+    bl_idname = "icymoon.trade"
+    bl_label = "Measure Speed and Accuracy"
+
+    def start(self, context: bpy.types.Context) -> jobs.Job:
+        name = context.scene.name
+        methods = str(context.scene.icymoon.dataset.methods)
+
+        def hear(message: Message) -> None:
+            if message["type"] == "result":
+                said[name] = tuple(message["advice"])
+                self._page = message["report"]
+
+        return _begin(context, "trade", self.bl_label, hear, "--methods", methods, *self._common())
+
+    def succeeded(self, context: bpy.types.Context) -> None:
+        self.report({"INFO"}, f"The report is {self._page}")
+        if not bpy.app.background:
+            bpy.ops.wm.url_open(url=Path(self._page).as_uri())
+
+    _page: str = ""
+
+
+class ICYMOON_OT_auto_quality(_Measured, jobs.JobOperator, bpy.types.Operator):
+    """Find the cheapest samples and denoiser whose stereo error is tolerable in this scene, and set them"""
+
+    bl_idname = "icymoon.auto_quality"
+    bl_label = "Find Quality"
+
+    tolerance_px: bpy.props.FloatProperty(  # type: ignore[valid-type]
+        name="Tolerance (px)", default=0.02, min=0.0001, max=10.0, precision=3,
+        description="Mean disparity error that may be added to what a noise-free image would have")
+
+    def start(self, context: bpy.types.Context) -> jobs.Job:
+        scene = context.scene
+        methods = str(scene.icymoon.dataset.methods)
+
+        def hear(message: Message) -> None:
+            if message["type"] == "result":
+                said[scene.name] = tuple(f"{step['name']}: {step['cpu_s']:.1f} CPU s" for step in message["tried"])
+                self._chosen = message["chosen"]
+                if message["chosen"] is not None:
+                    found = message["settings"]["quality"]
+                    description.to_group(scene.icymoon, {"quality": {
+                        key: found[key] for key in ("samples", "denoiser", "noise_threshold")}})
+
+        return _begin(context, "auto", self.bl_label, hear, "--methods", methods, "--tolerance-px",
+                      f"{self.tolerance_px:g}", *self._common())
+
+    def succeeded(self, context: bpy.types.Context) -> None:
+        if self._chosen is None:
+            self.report({"WARNING"}, "Nothing that was tried is within the tolerance; allow more")
+        else:
+            self.report({"INFO"}, f"{self._chosen} will do")
+
+    _chosen: str | None = None
+
+
+CLASSES = (ICYMOON_OT_trade, ICYMOON_OT_auto_quality)

@@ -1,0 +1,30 @@
+"""Under Quality: what it costs, measured on this scene."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import bpy
+
+from ..operators import trade
+from .sidebar import _Sidebar
+
+
+class ICYMOON_PT_trade(_Sidebar, bpy.types.Panel):
+    """Which quality this scene needs, by measurement"""
+
+    bl_idname = "ICYMOON_PT_trade"
+    bl_label = "Speed and Accuracy"
+    bl_parent_id = "ICYMOON_PT_quality"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout: Any = self.layout
+        layout.operator_context = "INVOKE_DEFAULT"
+        layout.operator("icymoon.auto_quality", text="Find Quality…")
+        layout.operator("icymoon.trade", text="Measure…")
+        for line in trade.said.get(context.scene.name, ()):
+            layout.label(text=line)
+
+
+CLASSES = (ICYMOON_PT_trade,)
