@@ -10,8 +10,9 @@ from icymoon.benchmarks.furnace import plane, radiance
 from icymoon.errors import IcyMoonError
 from icymoon.labels import TERRAIN
 from icymoon.nodes import scene as scenes
-from icymoon.nodes.surface import Textured, build_material
-from icymoon.nodes.textures import load_maps
+from icymoon.nodes.images import load_maps
+from icymoon.nodes.surface import build_material
+from icymoon.nodes.textures import Textured
 from icymoon.physics.textures import SETS, SIZE, maps
 from icymoon.render.plan import expand
 from icymoon.settings import check, defaults
