@@ -74,7 +74,7 @@ def components(n: int, a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return label
 
 
-def _equals(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def equal_rows(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """First place (k,) of every distinct row, and for each row (n,) which of these it equals.
 
     ``np.unique`` along an axis does the same ten times slower.
@@ -140,8 +140,8 @@ def check(positions: np.ndarray, faces: np.ndarray) -> MeshReport:
     return MeshReport(
         vertices=len(positions), triangles=len(faces), non_finite_vertices=int((~finite).sum()),
         degenerate_faces=int(_degenerate(twice, size).sum()),
-        duplicate_vertices=int(finite.sum()) - len(_equals(positions[finite])[0]),
-        duplicate_faces=len(good) - len(_equals(np.sort(good, axis=1))[0]),
+        duplicate_vertices=int(finite.sum()) - len(equal_rows(positions[finite])[0]),
+        duplicate_faces=len(good) - len(equal_rows(np.sort(good, axis=1))[0]),
         boundary_edges=len(rim), boundary_loops=_groups(loops),
         non_manifold_edges=int((edges.count > 2).sum()), inconsistent_edges=int((~alike).sum()),
         facing_down=float(twice[normals[:, 2] < 0].sum()) / total if total else 0.0,
@@ -166,7 +166,7 @@ def repaired(positions: np.ndarray, faces: np.ndarray,
     finite = np.isfinite(positions).all(axis=1)
     of_face = np.flatnonzero(finite[faces].all(axis=1))
     faces = faces[of_face]
-    first, which = _equals(positions[finite])
+    first, which = equal_rows(positions[finite])
     kept = positions[finite][first]
     index = np.zeros(len(positions), np.int64)
     index[finite] = which
@@ -174,7 +174,7 @@ def repaired(positions: np.ndarray, faces: np.ndarray,
     extents = np.ptp(kept, axis=0) if len(kept) else np.zeros(3)
     solid = ~_degenerate(np.linalg.norm(face_normals(kept, faces), axis=1), extents)
     faces, of_face = faces[solid], of_face[solid]
-    once = np.sort(_equals(np.sort(faces, axis=1))[0])
+    once = np.sort(equal_rows(np.sort(faces, axis=1))[0])
     faces, of_face = faces[once], of_face[once]
     turned = upward(kept, faces)
     if uv is not None:

@@ -15,6 +15,8 @@ from pathlib import Path
 
 import numpy as np
 
+from .meshcheck import equal_rows
+
 _TYPES = {"char": "i1", "int8": "i1", "uchar": "u1", "uint8": "u1", "short": "i2", "int16": "i2", "ushort": "u2",
           "uint16": "u2", "int": "i4", "int32": "i4", "uint": "u4", "uint32": "u4", "float": "f4", "float32": "f4",
           "double": "f8", "float64": "f8"}
@@ -79,10 +81,10 @@ def properties(path: Path, *wanted: str) -> np.ndarray | None:
 
 
 def texture_coordinates(path: Path, faces: np.ndarray) -> np.ndarray | None:
-    """Texture coordinates (m, 3, 2) of the corners of triangles ``faces`` (m, 3), which are vertices of this file.
+    """Texture coordinates (m, 3, 2) of the corners of triangles ``faces`` (m, 3), vertices of this file.
 
-    Those of the faces, which keep seams, count before those of the vertices. None if the file has none, or in
-    another layout: with corners, vertices and then nothing but triangles, each with the same properties.
+    Those of the file's faces, which keep seams, count before those of its vertices. None if it has none, or in
+    another layout: with corners, vertices and then nothing but triangles, of which ``faces`` may be some.
     """
     found = _of_corners(path, faces)
     if found is not None:
@@ -109,7 +111,7 @@ def _of_corners(path: Path, faces: np.ndarray) -> np.ndarray | None:
     (_, vertices, of_vertex), (_, count, of_face) = header.elements[:2]
     names = [words[-1] for words in of_face]
     corners = next((name for name in names if name in ("vertex_indices", "vertex_index")), None)
-    if count != len(faces) or not count or corners is None or "texcoord" not in names:
+    if not count or corners is None or "texcoord" not in names:
         return None
     if any(words[0] not in _TYPES for words in of_vertex):
         return None
@@ -121,7 +123,12 @@ def _of_corners(path: Path, faces: np.ndarray) -> np.ndarray | None:
         table = _binary_table(path, header.start + vertices * size, count, of_face, order) if order else None
     if table is None or table[corners].shape[1:] != (3,) or table["texcoord"].shape[1:] != (6,):
         return None
-    return table["texcoord"].reshape(-1, 3, 2) if np.array_equal(table[corners], faces) else None
+    uv = table["texcoord"].reshape(-1, 3, 2)
+    if np.array_equal(table[corners], faces):
+        return uv
+    first, which = equal_rows(np.concatenate([table[corners].astype(np.int64), faces]))
+    place = first[which[count:]]  # of each of ``faces`` in the file, whose first triangle like it counts
+    return uv[place] if (place < count).all() else None
 
 
 def _ascii_table(path: Path, start: int, skip: int, count: int,

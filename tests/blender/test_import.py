@@ -105,7 +105,7 @@ def test_every_format_gives_the_same_ground_and_leaves_nothing(tmp_path, name):
     bpy.ops.wm.read_homefile(use_factory_startup=True)
     scene, cube = bpy.context.scene, bpy.data.objects["Cube"]
     before, selected = everything(), [o.name for o in bpy.context.selected_objects]
-    _, triangles = read_mesh(path)
+    _, triangles, _ = read_mesh(path)
     assert everything() == before
     assert (bpy.context.scene, bpy.context.active_object) == (scene, cube)
     assert [o.name for o in bpy.context.selected_objects] == selected

@@ -16,19 +16,7 @@ from icymoon.nodes.textures import Textured
 from icymoon.physics.textures import SETS, SIZE, maps
 from icymoon.render.plan import expand
 from icymoon.settings import check, defaults
-from rendering import complete, empty_scene
-
-
-def png(path, pixels: np.ndarray, float_buffer: bool = False):
-    """Write an image (rows, columns, 3) of values as they stand in the file."""
-    image = bpy.data.images.new("Test", pixels.shape[1], pixels.shape[0], float_buffer=float_buffer)
-    rgba = np.ones((*pixels.shape[:2], 4), np.float32)
-    rgba[..., :3] = pixels
-    image.pixels.foreach_set(rgba.ravel())
-    image.filepath_raw, image.file_format = str(path), "PNG"
-    image.save()
-    bpy.data.images.remove(image)
-    return path
+from rendering import complete, empty_scene, png
 
 
 def measured(surface: dict, textures: dict, files=None, **view) -> np.ndarray:
