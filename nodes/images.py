@@ -64,16 +64,18 @@ def means_on(mesh: bpy.types.Mesh, found: Mapping[str, Map]) -> dict[str, Map]:
 
     Less than half of a baked image may lie on the surface, and what lies between the pieces is often black.
     """
-    mesh.calc_loop_triangles()
-    positions = np.empty(3 * len(mesh.vertices), np.float32)
+    positions, uv = (np.empty(size, np.float32) for size in (3 * len(mesh.vertices), 2 * len(mesh.loops)))
     mesh.attributes["position"].data.foreach_get("vector", positions)
-    faces, corners = (np.empty(3 * len(mesh.loop_triangles), np.int32) for _ in range(2))
-    mesh.loop_triangles.foreach_get("vertices", faces)
-    mesh.loop_triangles.foreach_get("loops", corners)
-    uv = np.empty(2 * len(mesh.loops), np.float32)
     mesh.attributes[UV_LAYER].data.foreach_get("vector", uv)
-    points, weight = meshuv.shown(positions.reshape(-1, 3), faces.reshape(-1, 3), uv.reshape(-1, 2)[corners].reshape(
-        -1, 3, 2))
+    vertices = np.empty(len(mesh.loops), np.int32)
+    mesh.attributes[".corner_vert"].data.foreach_get("value", vertices)
+    corners = np.arange(len(vertices), dtype=np.int32)
+    if len(vertices) != 3 * len(mesh.polygons):  # edited by hand; asking for triangles costs four times as much
+        mesh.calc_loop_triangles()
+        corners = np.empty(3 * len(mesh.loop_triangles), np.int32)
+        mesh.loop_triangles.foreach_get("loops", corners)
+    points, weight = meshuv.shown(positions.reshape(-1, 3), vertices[corners].reshape(-1, 3),
+                                  uv.reshape(-1, 2)[corners].reshape(-1, 3, 2))
     mark = hashlib.sha256(points.tobytes() + weight.tobytes()).hexdigest()
     for each in found.values():
         if each.image.get(_SHOWN) != mark:

@@ -66,6 +66,8 @@ def _textured(settings: Settings, mesh: bpy.types.Mesh) -> Textured | None:
         return None
     if not by_uv(textures):
         return Textured(textures, load_maps(textures, _files(settings)))
+    if mesh.is_editmode:  # which keeps the coordinates to itself
+        raise IcyMoonError("The ground is being edited; leave Edit Mode to see changes of surfaces with images by UV.")
     refuse_without_uv(settings, UV_LAYER in mesh.attributes)
     return Textured(textures, means_on(mesh, load_maps(textures, _files(settings))), "UV")
 

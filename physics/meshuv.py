@@ -8,8 +8,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from .meshcheck import face_normals
-
 #: Points of the surface that the mean of an image is taken over: right within 1/256 of its contrast.
 _POINTS = 65536
 #: Steps that fill line and square evenly (Roberts, "The Unreasonable Effectiveness of Quasirandom Sequences", 2018).
@@ -41,6 +39,12 @@ def mended(uv: np.ndarray) -> tuple[np.ndarray | None, list[str]]:
     return kept, found
 
 
+def _areas(positions: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """Areas (m,) of triangles, each twice."""
+    corner = positions[faces].astype(np.float64)
+    return np.linalg.norm(np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]), axis=1)
+
+
 def shown(positions: np.ndarray, faces: np.ndarray, uv: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Coordinates (k, 2) float64 of points spread over the surface of a mesh, and the area (k,) that each stands for.
 
@@ -49,9 +53,9 @@ def shown(positions: np.ndarray, faces: np.ndarray, uv: np.ndarray) -> tuple[np.
     rank = np.arange(_POINTS)
     if len(faces) > _POINTS:  # some triangles by their area, evenly spread
         face = np.unique((rank * _LINE % 1.0 * len(faces)).astype(np.int64))
-        weight = np.linalg.norm(face_normals(positions, faces[face]), axis=1)
+        weight = _areas(positions, faces[face])
     else:  # so many points in each that all stand for about the same area
-        share = np.cumsum(np.linalg.norm(face_normals(positions, faces), axis=1))
+        share = np.cumsum(_areas(positions, faces))
         face = np.searchsorted(share, (rank + 0.5) / _POINTS * share[-1]).clip(max=len(faces) - 1)
         weight = np.ones(_POINTS)
     a, b = (np.arange(1, len(face) + 1)[:, None] * _SQUARE % 1.0).T

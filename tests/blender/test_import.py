@@ -42,12 +42,17 @@ def hill(n: int = 9) -> tuple[np.ndarray, np.ndarray]:
     return positions, np.stack([k, k + 1, k + n + 1, k + n], 1)
 
 
-def export(path: Path, positions: np.ndarray, faces: np.ndarray) -> Path:
-    """Write a mesh with Blender's own exporter of the suffix, leaving an empty file behind."""
+def export(path: Path, positions: np.ndarray, faces: np.ndarray, **layers: np.ndarray) -> Path:
+    """Write a mesh, with UV layers of its corners (m, corners, 2) of which the last one is rendered, with Blender's own
+    exporter of the suffix, leaving an empty file behind."""
     scene = empty_scene()
     mesh = bpy.data.meshes.new("Hill")
     mesh.from_pydata(positions.tolist(), [], faces.tolist())
     mesh.materials.append(bpy.data.materials.new("Stone"))
+    for name, uv in layers.items():
+        layer = mesh.uv_layers.new(name=name)
+        layer.data.foreach_set("uv", np.ascontiguousarray(uv, np.float32).ravel())
+        layer.active_render = True
     item = bpy.data.objects.new("Hill", mesh)
     scene.collection.objects.link(item)
     item.select_set(True)

@@ -14,12 +14,15 @@ from icymoon import settings as description
 from icymoon.benchmarks.furnace import radiance
 from icymoon.errors import IcyMoonError
 from icymoon.labels import UV_LAYER
-from icymoon.nodes import preview
+from icymoon.nodes import images, preview
 from icymoon.nodes import scene as scenes
 from icymoon.nodes.fingerprint import TAG, instanced
 from icymoon.nodes.import_mesh import read_mesh
+from icymoon.panels import sidebar
+from icymoon.properties import TOPICS
 from icymoon.render.plan import expand
 from rendering import complete, empty_scene, png
+from test_import import FORMATS, export
 
 SIDE_M, CELLS = 4.0, 8
 #: Linear colours of the image's lower left, lower right, upper left and upper right quarter.
@@ -199,6 +202,23 @@ def test_every_format_puts_the_colours_where_they_were_baked(tmp_path, name):
     else:
         with pytest.raises(IcyMoonError, match=r"brings no images.*textures\.set to OWN"):
             scenes.build(empty_scene(), described(path, {"set": "MESH"}))
+
+
+@pytest.mark.parametrize("name", FORMATS)
+def test_what_blender_writes_comes_back(tmp_path, name):
+    positions, faces, uv = ground()
+    path = export(tmp_path / name, positions, faces, Baked=uv)
+    built = scenes.build(empty_scene(), complete({"source": {"kind": "MESH", "file": str(path), "centre": False}}))
+    mesh = built.terrain.data
+    if name == "a.stl":  # which has no place for them
+        assert UV_LAYER not in mesh.attributes
+        return
+    corners = np.array([mesh.vertices[loop.vertex_index].co for loop in mesh.loops]).reshape(-1, 3, 3)
+    found = np.array([item.vector for item in mesh.attributes[UV_LAYER].data]).reshape(-1, 3, 2)
+    east = corners[..., :1].mean(axis=1) > 0
+    wanted = layout(corners[..., 0], corners[..., 1], east)
+    # A PLY has one place on the image for each vertex, of which Blender's exporter makes several along a seam.
+    assert found == pytest.approx(wanted, abs=1e-5)
 
 
 @pytest.mark.parametrize("name", ["a.obj", "a.ply", "st.ply"])
@@ -406,6 +426,26 @@ def test_of_two_layers_the_rendered_one_counts(tmp_path):
     assert np.allclose(read_mesh(path)[2].reshape(-1, 2), uv.reshape(-1, 2), atol=1e-6)
 
 
+def test_a_ground_with_faces_of_four_corners_has_the_same_mean(tmp_path):
+    import bmesh  # which is there once bpy is
+
+    image = png(tmp_path / "a.png", np.random.default_rng(0).random((16, 16, 3)))
+    scene = empty_scene()
+    positions, faces, uv = ground()
+    settings = described(obj(tmp_path / "a.obj", positions, faces, uv), {"set": "OWN", "mapping": "UV",
+                                                                          "albedo_file": str(image)})
+    mesh = scenes.build(scene, settings).terrain.data
+    before = images.means_on(mesh, images.load_maps(settings["textures"], {"albedo": image}))["albedo"].mean
+    edited = bmesh.new()
+    edited.from_mesh(mesh)
+    bmesh.ops.join_triangles(edited, faces=edited.faces[:], angle_face_threshold=0.1, angle_shape_threshold=3.0)
+    edited.to_mesh(mesh)
+    edited.free()
+    assert len(mesh.polygons) < len(faces)
+    after = images.means_on(mesh, images.load_maps(settings["textures"], {"albedo": image}))["albedo"].mean
+    assert after == pytest.approx(before, abs=0.005)
+
+
 def test_a_mesh_with_coordinates_is_the_same_mesh(tmp_path):
     positions, faces, uv = ground()
     positions[:, 2] = np.random.default_rng(0).normal(0, 0.1, len(positions))
@@ -501,6 +541,32 @@ def test_the_window_follows_and_says_what_it_cannot_show(tmp_path):
     nodes = made.terrain.data.materials[0].node_tree.nodes
     assert nodes["UV"].uv_map == UV_LAYER
     assert Path(bpy.path.abspath(nodes["Albedo 0"].image.filepath)) == image
+    bpy.context.view_layer.objects.active = made.terrain
+    bpy.ops.object.mode_set(mode="EDIT")
+    preview.show(made, description.merged(shown, {"surface": {"albedo": 0.5}}), 33)
+    assert any("leave Edit Mode" in note for note in preview.notes(scene))
+    bpy.ops.object.mode_set(mode="OBJECT")
+    preview.show(made, description.merged(shown, {"surface": {"albedo": 0.6}}), 33)
+    assert preview.notes(scene) == []
     procedural = scenes.build(scene, complete())
     preview.show(procedural, complete({"textures": {"set": "FROST", "mapping": "UV"}}), 33)
     assert any("textures.mapping is UV" in note for note in preview.notes(scene))
+
+
+def test_the_panel_greys_what_does_not_count(scene):
+    group = scene.icymoon.textures
+
+    def counts(*keys: str) -> set[str]:
+        return {key for key in keys if sidebar._matters("textures", key, group)}
+
+    every = tuple(s.key for s in TOPICS["textures"].settings)
+    files = {key for key in every if key.endswith("_file")}
+    assert counts(*every) == {"set"}
+    group.set = "FROST"
+    assert counts(*every) == {"set", "mapping", "width_m", "repeat", "height_m"}
+    group.set = "OWN"
+    assert counts(*every) == set(every)
+    group.mapping = "UV"
+    assert counts(*every) == {"set", "mapping", "height_m", *files}
+    group.set, group.mapping = "MESH", "OBJECT"
+    assert counts(*every) == {"set"}
