@@ -22,6 +22,8 @@ from ..physics.textures import SIZE, maps
 
 _KEY, _MEAN = "icymoon_key", "icymoon_mean"  # what an image was made for, and the mean of its linear values
 _SHOWN, _SHOWN_MEAN = "icymoon_shown", "icymoon_shown_mean"  # a mark of what a ground shows of it, and the mean of that
+#: Numbers of an image that are worked on at once: a baked image may have a thousand million.
+_AT_ONCE = 1 << 24
 
 
 @dataclass(frozen=True)
@@ -79,9 +81,9 @@ def means_on(mesh: bpy.types.Mesh, found: Mapping[str, Map]) -> dict[str, Map]:
     mark = hashlib.sha256(points.tobytes() + weight.tobytes()).hexdigest()
     for each in found.values():
         if each.image.get(_SHOWN) != mark:
-            columns, rows = each.image.size
-            values = _linear(each.image).reshape(rows, columns, 3)
-            each.image[_SHOWN], each.image[_SHOWN_MEAN] = mark, meshuv.mean_shown(values, points, weight).tolist()
+            pixels = _pixels(each.image)
+            values = _linear(each.image, pixels[meshuv.pixels_at(points, *pixels.shape[:2])])
+            each.image[_SHOWN], each.image[_SHOWN_MEAN] = mark, (weight @ values).tolist()
     return {kind: replace(each, mean=tuple(each.image[_SHOWN_MEAN])) for kind, each in found.items()}
 
 
@@ -91,11 +93,10 @@ def _there(key: str) -> Map | None:
     return Map(image, tuple(image[_MEAN])) if image else None
 
 
-def _kept(key: str, image: bpy.types.Image, values: np.ndarray) -> Map:
-    """A map of an image with linear ``values`` (n, 3), to be found again."""
-    mean = tuple(float(v) for v in values.mean(axis=0, dtype=np.float64))
-    image[_KEY], image[_MEAN] = key, mean
-    return Map(image, mean)  # type: ignore[arg-type]
+def _kept(key: str, image: bpy.types.Image, mean: np.ndarray) -> Map:
+    """A map of an image with the ``mean`` (3,) of its linear values, to be found again."""
+    image[_KEY], image[_MEAN] = key, mean.tolist()
+    return Map(image, tuple(mean.tolist()))
 
 
 def _made(name: str, kind: str) -> Map:
@@ -109,7 +110,7 @@ def _made(name: str, kind: str) -> Map:
     pixels[..., :3] = values[..., None]
     image.pixels.foreach_set(pixels.ravel())
     image.pack()  # else it is lost when the file is saved
-    return _kept(key, image, pixels[..., :3].reshape(-1, 3))
+    return _kept(key, image, pixels[..., :3].reshape(-1, 3).mean(axis=0, dtype=np.float64))
 
 
 def _loaded(kind: str, source: MeshImage, name: str) -> Map:
@@ -124,7 +125,7 @@ def _loaded(kind: str, source: MeshImage, name: str) -> Map:
         if kind != "albedo" and not image.is_float:
             image.colorspace_settings.name = "Non-Color"
         try:
-            there = _kept(key, image, _checked(path, name, image))
+            there = _kept(key, image, _mean(path, name, image))
         except IcyMoonError:
             bpy.data.images.remove(image)
             raise
@@ -140,23 +141,30 @@ def _unpacked(source: MeshImage) -> bpy.types.Image:
     return image
 
 
-def _checked(path: Path, name: str, image: bpy.types.Image) -> np.ndarray:
-    """Linear values (n, 3) of an image's pixels. Raises IcyMoonError if it has none or some are not numbers."""
+def _mean(path: Path, name: str, image: bpy.types.Image) -> np.ndarray:
+    """Mean (3,) of an image's linear values. Raises IcyMoonError if it has none or some are not numbers."""
     if image.size[0] * image.size[1] == 0:
         raise IcyMoonError(f"{path}: is not an image that Blender reads; give a PNG, JPEG, TIFF or EXR as {name}.")
-    values = _linear(image)
-    if not np.isfinite(values).all():
-        raise IcyMoonError(f"{path}: has pixels that are not numbers; mend the image or choose another for {name}.")
-    return values
+    pixels, total = _pixels(image), np.zeros(3)
+    for some in np.array_split(pixels, 1 + pixels.size // _AT_ONCE):
+        values = _linear(image, some)
+        if not np.isfinite(values).all():
+            raise IcyMoonError(f"{path}: has pixels that are not numbers; mend the image or choose another for {name}.")
+        total += values.sum(axis=(0, 1), dtype=np.float64)
+    return total / (pixels.shape[0] * pixels.shape[1])
 
 
-def _linear(image: bpy.types.Image) -> np.ndarray:
-    """Linear values (n, 3) of an image's pixels, row by row from the bottom."""
+def _pixels(image: bpy.types.Image) -> np.ndarray:
+    """Pixels (rows, columns, channels) of an image as they are stored, row 0 at the bottom."""
     width, height = image.size
     pixels = np.empty(width * height * image.channels, np.float32)
     image.pixels.foreach_get(pixels)
-    values = pixels.reshape(-1, image.channels)
-    values = values[:, :3] if image.channels >= 3 else np.repeat(values[:, :1], 3, axis=1)
+    return pixels.reshape(height, width, image.channels)
+
+
+def _linear(image: bpy.types.Image, pixels: np.ndarray) -> np.ndarray:
+    """Linear values (..., 3) of pixels (..., channels) of an image."""
+    values = pixels[..., :3] if image.channels >= 3 else np.repeat(pixels[..., :1], 3, axis=-1)
     if image.colorspace_settings.name == "sRGB" and not image.is_float:
         values = np.where(values <= 0.04045, values / 12.92, ((values + 0.055) / 1.055) ** 2.4)
     return values

@@ -31,7 +31,7 @@ def advice(settings: Settings) -> list[str]:
 def refuse_without_uv(settings: Settings, has_uv: bool) -> None:
     """Raise IcyMoonError if images are to lie by UV coordinates on a ground that has none."""
     textures, kind = settings["textures"], settings["source"]["kind"]
-    if has_uv or not by_uv(textures):
+    if not by_uv(textures) or (has_uv and kind == "MESH"):
         return
     which, mend = (("textures.set is MESH", "choose another textures.set") if textures["set"] == "MESH" else
                    ("textures.mapping is UV", "set textures.mapping to OBJECT"))

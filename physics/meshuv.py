@@ -65,10 +65,7 @@ def shown(positions: np.ndarray, faces: np.ndarray, uv: np.ndarray) -> tuple[np.
     return (at[..., None] * corner).sum(axis=1), weight / weight.sum()
 
 
-def mean_shown(values: np.ndarray, uv: np.ndarray, weight: np.ndarray) -> np.ndarray:
-    """Mean (c,) of the pixels (rows, columns, c), row 0 at the bottom, that points ``uv`` (k, 2) of a surface show."""
-    rows, columns = values.shape[:2]
+def pixels_at(uv: np.ndarray, rows: int, columns: int) -> tuple[np.ndarray, np.ndarray]:
+    """Row (k,), from the bottom, and column (k,) of the pixels of an image, repeated, at coordinates ``uv`` (k, 2)."""
     u, v = (uv % 1.0).T
-    pixels = values[(v * rows).astype(np.int64).clip(max=rows - 1), (u * columns).astype(np.int64).clip(
-        max=columns - 1)]
-    return np.asarray((pixels.astype(np.float64) * weight[:, None]).sum(axis=0))
+    return (v * rows).astype(np.int64).clip(max=rows - 1), (u * columns).astype(np.int64).clip(max=columns - 1)

@@ -551,6 +551,9 @@ def test_the_window_follows_and_says_what_it_cannot_show(tmp_path):
     procedural = scenes.build(scene, complete())
     preview.show(procedural, complete({"textures": {"set": "FROST", "mapping": "UV"}}), 33)
     assert any("textures.mapping is UV" in note for note in preview.notes(scene))
+    procedural.terrain.data.uv_layers.new(name=UV_LAYER)  # by hand, which the settings do not say
+    preview.show(procedural, complete({"textures": {"set": "MESH"}}), 33)
+    assert any("textures.set is MESH, but procedural" in note for note in preview.notes(scene))
 
 
 def test_the_panel_greys_what_does_not_count(scene):
