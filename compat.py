@@ -128,5 +128,9 @@ def usd_unit_applied() -> bool:
     return found is not None and "apply_unit_conversion_scale" in found[0].get_rna_type().properties
 
 
+#: What Normal Map nodes have from 5.1 on: green up, and the mesh before displacement, as it always was.
+NORMAL_MAP = {name: value for name, value in (("convention", "OPENGL"), ("base", "ORIGINAL"))
+              if name in bpy.types.ShaderNodeNormalMap.bl_rna.properties}
+
 #: The add-on that reads a format which Blender itself does not.
 IMPORT_ADD_ONS = {"glTF": "io_scene_gltf2", "FBX": "io_scene_fbx"}

@@ -1,6 +1,7 @@
-"""Names and numbers that the truth in the images is labelled with. Imports nothing."""
+"""Names and numbers that the truth in the images is labelled with, and of layers of data. Imports nothing."""
 
 BEAUTY, TRUTH = "Beauty", "Truth"  # the view layers, and so the layers of each EXR
+UV_LAYER = "UVMap"  # of the ground, where it has texture coordinates
 NORMAL_AOV = "GeometricNormal"  # value pass: the facet's normal, without bump or smooth shading
 
 #: Light groups of the Beauty layer, each a pass ``Combined_<group>``, and the setting that weighs it.

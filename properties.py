@@ -358,16 +358,23 @@ SURFACE = Topic("surface", "Surface", "Snow or ice that the ground is made of", 
                       "is left out"))),
 ))
 
-TEXTURES = Topic("textures", "Textures", "Images on the ground and blocks, without visible repeats", (
+TEXTURES = Topic("textures", "Textures", "Images on the ground and blocks, without visible repeats or as baked", (
     Setting("set", "Texture", "NONE", "Which images lie on the ground and on blocks", "material",
             choices=(("NONE", "None", "Procedural ice only"),
                      ("FROST", "Frost", "Made up: crystals of hoar with bright tips"),
                      ("GRAINS", "Grains", "Made up: rounded grains with dark gaps"),
                      ("CRACKS", "Cracks", "Made up: plates of crust with dark cracks between"),
-                     ("OWN", "Own Images", "The files below; those left empty are not used"))),
-    _metres("width_m", "Image Width", 0.5, 1.0e-3, 1.0e4, (0.05, 10.0), "Width of the image on the ground",
+                     ("OWN", "Own Images", "The files below; those left empty are not used"),
+                     ("MESH", "The Mesh's", "Albedo, roughness and normals that an OBJ, glTF or PLY file of the ground "
+                      "names or holds, by its UV coordinates"))),
+    Setting("mapping", "Mapping", "OBJECT", "How the images lie on the ground; those of the mesh always lie by UV",
+            "material",
+            choices=(("OBJECT", "By Place", "Seen from above, on walls from the side, as wide as Image Width says"),
+                     ("UV", "By UV", "Where the UV coordinates of a mesh file say, as they were baked; Image Width and "
+                      "Repeats do not count. Blocks, which have none, take the images' mean"))),
+    _metres("width_m", "Image Width", 0.5, 1.0e-3, 1.0e4, (0.05, 10.0), "Width of the image mapped by place",
             "material"),
-    Setting("repeat", "Repeats", "TURNED", "How the image goes on beyond its edges", "material",
+    Setting("repeat", "Repeats", "TURNED", "How the image, mapped by place, goes on beyond its edges", "material",
             choices=(("TURNED", "Shifted and Turned", "Hexagons from random places at random angles: no repeat shows"),
                      ("SHIFTED", "Shifted", "Hexagons from random places: for images with a direction"),
                      ("PLAIN", "Plain", "One image beside the other"))),

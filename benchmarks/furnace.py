@@ -83,7 +83,10 @@ def plane(scene: bpy.types.Scene, name: str, height_m: float, size_m: float, mat
 
 
 def radiance(scene: bpy.types.Scene, emission: float, view_m: float, pixels: int) -> np.ndarray:
-    """Radiance (pixels, pixels, 3), row 0 southernmost, of the scene's middle from an emission angle in the east."""
+    """Radiance (pixels, pixels, 3) of the scene's middle from an emission angle in the east.
+
+    From above, at 0, row 0 is the northernmost and column 0 the easternmost.
+    """
     cycles = scene.cycles
     cycles.use_adaptive_sampling = cycles.use_denoising = False
     cycles.sample_clamp_indirect = cycles.sample_clamp_direct = cycles.light_sampling_threshold = 0.0

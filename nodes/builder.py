@@ -16,10 +16,11 @@ COLUMN, ROW = 220.0, 260.0
 
 
 def held(node: Any) -> list[Any]:
-    """What a node holds beside sockets and plain properties: its image's name, the points of its curves."""
+    """What a node holds beside sockets: its image's name, the points of its curves, the UV layer that it reads."""
     image, mapping = getattr(node, "image", None), getattr(node, "mapping", None)
     curves = getattr(mapping, "curves", ())
-    return [image.name if image else "", [[tuple(point.location) for point in curve.points] for curve in curves]]
+    points = [[tuple(point.location) for point in curve.points] for curve in curves]
+    return [image.name if image else "", points, *([node.uv_map] if hasattr(node, "uv_map") else [])]
 
 
 def output(node: Any, identifier: str) -> Any:

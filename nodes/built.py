@@ -14,7 +14,7 @@ from ..settings import Settings, merged
 from . import sunlit
 from .fingerprint import TAG, added_objects, edited, fingerprint, updated
 from .lights import SKY
-from .own_files import content, used_files
+from .own_files import are_there, content, used_files
 from .removal import materials_of, with_parts
 
 # Properties of the built collection.
@@ -134,8 +134,7 @@ def changed_settings(built: Built, settings: Mapping[str, Mapping[str, Any]]) ->
              if s.effect in ("geometry", "material", "light", "camera")]
     changed = [f"{topic}.{key}" for topic, key in shown
                if built.settings.get(topic, {}).get(key) != settings[topic][key]]
-    files = used_files(settings)
     # A file that is gone changes nothing: what was built from it is still there.
-    if all(path.is_file() for path in files.values()) and built.content != content(settings):
-        changed += files
+    if are_there(settings) and built.content != content(settings):
+        changed += used_files(settings)
     return changed

@@ -20,8 +20,9 @@ from .builder import held
 NAME = "Icy Moon"  # what the names of all that the builders make begin with
 TAG = "icymoon"  # custom property that marks what the builders made, its value the role
 
-#: Attributes of vertices that are hashed: how they are read, and how many numbers each has.
-_NUMBERS = {"FLOAT": (np.float32, "value", 1), "FLOAT_VECTOR": (np.float32, "vector", 3), "INT": (np.int32, "value", 1)}
+#: Attributes that are hashed, by domain and type: how they are read, and how many numbers each has.
+_NUMBERS = {("POINT", "FLOAT"): (np.float32, "value", 1), ("POINT", "FLOAT_VECTOR"): (np.float32, "vector", 3),
+            ("POINT", "INT"): (np.int32, "value", 1), ("CORNER", "FLOAT2"): (np.float32, "vector", 2)}
 
 
 def _socket_value(socket: Any) -> Any:
@@ -46,13 +47,13 @@ def _rows(item: bpy.types.Object) -> list[tuple[float, ...]]:
     return [tuple(row) for row in item.matrix_basis]
 
 
-def _points(mesh: bpy.types.Mesh) -> dict[str, str]:
-    """Hashes of the numbers that the vertices carry: positions, and what places instanced blocks."""
+def _carried(mesh: bpy.types.Mesh) -> dict[str, str]:
+    """Hashes of the numbers that vertices and corners carry: positions, what places instanced blocks, and UV."""
     hashes = {}
     for attribute in mesh.attributes:
-        kind, key, width = _NUMBERS.get(attribute.data_type, (None, "", 0))
-        if kind and attribute.domain == "POINT" and not attribute.name.startswith("."):
-            values = np.empty(len(mesh.vertices) * width, kind)
+        kind, key, width = _NUMBERS.get((attribute.domain, attribute.data_type), (None, "", 0))
+        if kind and not attribute.name.startswith("."):
+            values = np.empty(len(attribute.data) * width, kind)
             attribute.data.foreach_get(key, values)
             hashes[attribute.name] = hashlib.sha256(values.tobytes()).hexdigest()
     return hashes
@@ -60,7 +61,7 @@ def _points(mesh: bpy.types.Mesh) -> dict[str, str]:
 
 def _geometry(data: Any) -> list[Any]:
     if isinstance(data, bpy.types.Mesh):
-        return [sorted(_points(data).items()), len(data.polygons)]
+        return [sorted(_carried(data).items()), len(data.polygons)]
     if isinstance(data, bpy.types.Camera):
         return [data.type, data.lens, data.sensor_width, data.sensor_fit, data.shift_x, data.shift_y,
                 data.dof.use_dof, data.stereo.interocular_distance, data.stereo.convergence_mode, data.stereo.pivot]

@@ -13,11 +13,12 @@ import numpy as np
 
 from .. import compat
 from ..errors import IcyMoonError
-from ..physics import heightmap, meshcheck, meshdetail, meshfile
+from ..physics import heightmap, meshcheck, meshdetail, meshfile, meshimages, meshuv
 from ..physics.detail import displaced
 from ..physics.ground import Surface
 from ..physics.heightmap import HeightMap
 from ..physics.meshground import MeshGround
+from ..physics.textures import by_uv
 from ..settings import Settings
 from . import import_heights
 from .import_mesh import read_mesh
@@ -42,17 +43,19 @@ SUFFIXES = (*meshfile.FORMATS, *import_heights.SUFFIXES)
 @dataclass(frozen=True)
 class OwnGround:
     """A ground from a file: vertices (n, 3) and faces (m, 3 or 4), the surface to stand on, what was
-    found (``report``) and what a person should know (``warnings``)."""
+    found (``report``), what a person should know (``warnings``), and the UV coordinates (m, 3, 2) of the
+    corners, if it has any."""
 
     positions: np.ndarray
     faces: np.ndarray
     surface: HeightMap | MeshGround
     report: tuple[str, ...]
     warnings: tuple[str, ...]
+    uv: np.ndarray | None = None
 
     def build_mesh(self, name: str) -> bpy.types.Mesh:
         """A smooth-shaded mesh of it."""
-        return mesh_from_arrays(name, self.positions, self.faces)
+        return mesh_from_arrays(name, self.positions, self.faces, self.uv)
 
     def nearest_height_m(self, x_m: float, y_m: float) -> float:
         """Height of the vertex that is nearest on the map."""
@@ -128,7 +131,7 @@ def turned_up(positions: np.ndarray, kind: str, up_axis: str) -> tuple[np.ndarra
 def _mesh_ground(path: Path, settings: Settings) -> OwnGround:
     source = settings["source"]
     kind = meshfile.kind_of(path)
-    positions, faces = read_mesh(path)
+    positions, faces, uv = read_mesh(path)
     if not np.isfinite(positions).all(axis=1).any():
         raise IcyMoonError(f"{path}: none of its {len(positions)} vertices is a number; export the mesh again.")
     warnings = _coarse_coordinates(path, positions)
@@ -145,7 +148,7 @@ def _mesh_ground(path: Path, settings: Settings) -> OwnGround:
                            "the mesh.")
     report = [f"{kind}, {axis} up, {source['scale']:g} m per unit", *before.lines()]
     if source["repair"]:
-        positions, faces = meshcheck.repaired(positions, faces)
+        positions, faces, uv = meshcheck.repaired(positions, faces, uv)
         after = meshcheck.check(positions, faces)
         report.append("Repaired: " + "; ".join(after.lines()))
     else:
@@ -155,27 +158,35 @@ def _mesh_ground(path: Path, settings: Settings) -> OwnGround:
     shift = _shift(positions, source)
     positions = positions + shift
     report.append(f"Moved by {_metres(shift)} m")
+    if uv is not None:
+        uv, found = meshuv.mended(uv)
+        report += found
+        if by_uv(settings["textures"]):
+            warnings += [f"{path.name}: {sentence}." for sentence in found[1:]]
+    if (brought := ", ".join(meshimages.images(path).by_kind)):
+        report.append(f"Brings images ({brought}), which textures.set = MESH shows")
     if source["detail"]:
-        positions, faces, sentence = _with_roughness(positions, faces, settings)
+        positions, faces, uv, sentence = _with_roughness(positions, faces, uv, settings)
         report.append(sentence)
     positions = positions.astype(np.float32)
-    return OwnGround(positions, faces, MeshGround(positions, faces), tuple(report), tuple(warnings))
+    return OwnGround(positions, faces, MeshGround(positions, faces), tuple(report), tuple(warnings), uv)
 
 
-def _with_roughness(positions: np.ndarray, faces: np.ndarray,
-                    settings: Settings) -> tuple[np.ndarray, np.ndarray, str]:
+def _with_roughness(positions: np.ndarray, faces: np.ndarray, uv: np.ndarray | None,
+                    settings: Settings) -> tuple[np.ndarray, np.ndarray, np.ndarray | None, str]:
     """The mesh cut as finely as the terrain's vertices and roughened along its normals, and what was done."""
     edge = meshdetail.edge_length_m(positions, faces)
     wanted = shortest_wavelength_m(settings["terrain"]) / 2
     cuts = meshdetail.levels(edge, wanted, len(faces), _MOST_TRIANGLES)
     for _ in range(cuts):
         positions, faces = meshdetail.halved(positions, faces)
+        uv = None if uv is None else meshuv.halved(uv)
     finest = edge / 2**cuts
     roughened = displaced(positions, meshdetail.vertex_normals(positions, faces), settings,
                           int(settings["dataset"]["seed"]), 2 * edge, 2 * finest)
     limit = f", not {wanted:.3g} m, to keep to {_MOST_TRIANGLES} triangles" if finest > 1.01 * wanted else ""
-    return roughened, faces, (f"Roughness of {2 * finest:.3g} to {2 * edge:.3g} m added on {len(faces)} triangles, "
-                              f"edges of {finest:.3g} m{limit}")
+    return roughened, faces, uv, (f"Roughness of {2 * finest:.3g} to {2 * edge:.3g} m added on {len(faces)} "
+                                  f"triangles, edges of {finest:.3g} m{limit}")
 
 
 def _coarse_coordinates(path: Path, positions: np.ndarray) -> list[str]:

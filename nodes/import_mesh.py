@@ -1,6 +1,6 @@
 """Geometry of a mesh file, read by this Blender's own importers into a scratch scene.
 
-Only vertices and faces are kept. Whatever else an importer makes (materials, images, cameras,
+Only vertices, faces and texture coordinates are kept. Whatever else an importer makes (materials, images, cameras,
 collections) is removed again, also when it fails half-way, and the person's scene is never the
 one imported into.
 """
@@ -60,9 +60,11 @@ def _importer(kind: str, path: Path) -> Iterator[Any]:
             addon_utils.disable(name, default_set=False)
 
 
-def read_mesh(path: Path) -> tuple[np.ndarray, np.ndarray]:
-    """Vertices (n, 3) float64 and triangles (m, 3) int32 of all meshes in a file.
+def read_mesh(path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
+    """Vertices (n, 3) float64, triangles (m, 3) int32 of all meshes in a file, and their corners' UV coordinates.
 
+    These are (m, 3, 2) float32 of the layer that is rendered where there are several, NaN where a mesh has none;
+    None if no mesh has any.
     Coordinates are the file's own for OBJ, PLY and STL; glTF, USD and FBX are turned z up and scaled
     to metres as their headers say. Raises IcyMoonError if the file is absent, of the wrong kind,
     unreadable or holds no face.
@@ -74,22 +76,26 @@ def read_mesh(path: Path) -> tuple[np.ndarray, np.ndarray]:
         except RuntimeError as error:
             raise IcyMoonError(f"{path}: Blender cannot read it as {kind} ({_last_line(error)}); "
                                "export it again.") from None
-        positions, faces = _geometry()
+        positions, faces, uv = _geometry()
     if kind == "PLY":
-        positions = _as_written(path, positions)
+        positions, uv = _as_written(path, positions, faces, uv)
     if not len(faces):
         what = f"is a point cloud of {len(positions)} points" if len(positions) else "holds no mesh"
         raise IcyMoonError(f"{path}: {what}; give a mesh with faces.")
-    return positions, faces
+    return positions, faces, uv
 
 
-def _as_written(path: Path, positions: np.ndarray) -> np.ndarray:
-    """The vertices of a PLY file as they stand in it, where they are those that Blender gave."""
+def _as_written(path: Path, positions: np.ndarray, faces: np.ndarray,
+                uv: np.ndarray | None) -> tuple[np.ndarray, np.ndarray | None]:
+    """Vertices and UV coordinates of a PLY file as they stand in it, where the vertices are those that Blender gave."""
     try:
         written = ply.vertices(path)
-    except (OSError, ValueError):
-        return positions
-    return written if written is not None and written.shape == positions.shape else positions
+        if written is None or written.shape != positions.shape:
+            return positions, uv
+        stated = ply.texture_coordinates(path, faces)
+    except (OSError, ValueError, IndexError):
+        return positions, uv
+    return written, uv if stated is None else stated.astype(np.float32)
 
 
 def _last_line(error: Exception) -> str:
@@ -97,10 +103,21 @@ def _last_line(error: Exception) -> str:
     return lines[-1].rstrip(".") if lines else type(error).__name__
 
 
-def _geometry() -> tuple[np.ndarray, np.ndarray]:
-    """All visible meshes of the context's scene as one, instances and transforms applied."""
+def _corners_uv(mesh: bpy.types.Mesh, loops: np.ndarray) -> np.ndarray | None:
+    """UV coordinates (m, 3, 2) of triangles' corners (m, 3) by the layer that is rendered, None without one."""
+    layer = next((each for each in mesh.uv_layers if each.active_render), None)
+    if layer is None:
+        return None
+    values = np.empty(2 * len(mesh.loops), np.float32)
+    mesh.attributes[layer.name].data.foreach_get("vector", values)
+    return values.reshape(-1, 2)[loops]
+
+
+def _geometry() -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
+    """All visible meshes of the context's scene as one, instances and transforms applied; see ``read_mesh``."""
     bpy.context.view_layer.update()
     positions, faces, offset = [np.empty((0, 3))], [np.empty((0, 3), np.int32)], 0
+    uvs: list[tuple[int, np.ndarray | None]] = []
     for instance in bpy.context.evaluated_depsgraph_get().object_instances:
         if instance.object.type != "MESH":
             continue
@@ -110,10 +127,16 @@ def _geometry() -> tuple[np.ndarray, np.ndarray]:
         mesh.calc_loop_triangles()
         corners = np.empty(len(mesh.loop_triangles) * 3, np.int32)
         mesh.loop_triangles.foreach_get("vertices", corners)
-        triangles = corners.reshape(-1, 3)
+        triangles, loops = corners.reshape(-1, 3), np.empty_like(corners)
+        mesh.loop_triangles.foreach_get("loops", loops)
+        loops = loops.reshape(-1, 3)
         if np.linalg.det(matrix[:3, :3]) < 0:
-            triangles = triangles[:, ::-1]  # a mirrored instance shows its other side
+            triangles, loops = triangles[:, ::-1], loops[:, ::-1]  # a mirrored instance shows its other side
+        uvs.append((len(triangles), _corners_uv(mesh, loops)))
         positions.append(points.reshape(-1, 3).astype(np.float64) @ matrix[:3, :3].T + matrix[:3, 3])
         faces.append(triangles + np.int32(offset))
         offset += len(mesh.vertices)
-    return np.concatenate(positions), np.concatenate(faces)
+    uv = None
+    if any(each is not None for _, each in uvs):
+        uv = np.concatenate([np.full((n, 3, 2), np.nan, np.float32) if each is None else each for n, each in uvs])
+    return np.concatenate(positions), np.concatenate(faces), uv

@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import bpy
 
-from ..labels import ROCK, TERRAIN
-from ..physics import principled
+from ..errors import IcyMoonError
+from ..labels import ROCK, TERRAIN, UV_LAYER
+from ..physics import meshimages, principled
+from ..physics.meshimages import MeshImage
+from ..physics.textures import by_uv
 from ..settings import Settings
 from .fingerprint import NAME, TAG
+from .images import load_maps, means_on
 from .own_files import used_files
 from .rocks import label_instances
-from .surface import Textured, build_material
-from .textures import load_maps
+from .surface import build_material
+from .textures import Textured
 
 
 def advice(settings: Settings) -> list[str]:
@@ -22,29 +28,78 @@ def advice(settings: Settings) -> list[str]:
     return [sentence for sentence in told if sentence]
 
 
-def _textured(settings: Settings) -> Textured | None:
-    """The textures of ground and blocks, or None if there are none."""
-    if settings["textures"]["set"] == "NONE":
+def refuse_without_uv(settings: Settings, has_uv: bool) -> None:
+    """Raise IcyMoonError if images are to lie by UV coordinates on a ground that has none."""
+    textures, kind = settings["textures"], settings["source"]["kind"]
+    if not by_uv(textures) or (has_uv and kind == "MESH"):
+        return
+    which, mend = (("textures.set is MESH", "choose another textures.set") if textures["set"] == "MESH" else
+                   ("textures.mapping is UV", "set textures.mapping to OBJECT"))
+    if kind == "MESH":
+        raise IcyMoonError(f"{used_files(settings)['source.file']}: has no UV coordinates that show an image, but "
+                           f"{which}; export it with them, or {mend}.")
+    ground = "a height map" if kind == "HEIGHT_MAP" else "procedural ground"
+    raise IcyMoonError(f"{which}, but {ground} has no UV coordinates; {mend}, or stand on a mesh that has them "
+                       "(source.kind).")
+
+
+def _files(settings: Settings) -> dict[str, Path | MeshImage]:
+    """The images that the settings or the mesh name, by kind. Raises IcyMoonError if the mesh names none."""
+    used = used_files(settings)
+    if settings["textures"]["set"] != "MESH":
+        return {name.removeprefix("textures.").removesuffix("_file"): path
+                for name, path in used.items() if name.startswith("textures.")}
+    path = used["source.file"]
+    found = meshimages.chosen(path)
+    if not found:
+        what = (f"Icy Moon finds images in {', '.join(meshimages.KINDS)} files only"
+                if path.suffix.lower() not in meshimages.KINDS else "its materials name no image that is there")
+        raise IcyMoonError(f"{path}: brings no images, since {what}; set textures.set to OWN and name them, such as "
+                           "textures.albedo_file.")
+    return dict(found)
+
+
+def _textured(settings: Settings, mesh: bpy.types.Mesh) -> Textured | None:
+    """The textures of a ground's mesh, or None if there are none."""
+    textures = settings["textures"]
+    if textures["set"] == "NONE":
         return None
-    files = {name.removeprefix("textures.").removesuffix("_file"): path
-             for name, path in used_files(settings).items() if name.startswith("textures.")}
-    return Textured(settings["textures"], load_maps(settings["textures"], files))
+    if not by_uv(textures):
+        return Textured(textures, load_maps(textures, _files(settings)))
+    if mesh.is_editmode:  # which keeps the coordinates to itself
+        raise IcyMoonError("The ground is being edited; leave Edit Mode to see changes of surfaces with images by UV.")
+    refuse_without_uv(settings, UV_LAYER in mesh.attributes)
+    return Textured(textures, means_on(mesh, load_maps(textures, _files(settings))), "UV")
 
 
-def _material(name: str, settings: Settings, topic: str, semantic: int) -> bpy.types.Material:
-    made = build_material(f"{NAME} {name}", settings[topic], int(settings["dataset"]["seed"]), semantic,
-                          _textured(settings), settings)
+def _of_blocks(settings: Settings, mesh: bpy.types.Mesh) -> Textured | None:
+    """The textures of blocks, which have no UV coordinates: in place of an image made for the ground they take its
+    mean over the ground, if they are made of the same."""
+    textured = _textured(settings, mesh)
+    if textured is None or textured.lie != "UV":
+        return textured
+    if settings["rocks"]["own_surface"]:
+        return None
+    return Textured(textured.settings, {kind: of for kind, of in textured.maps.items()
+                                        if kind not in ("normal", "height")}, "MEAN")
+
+
+def _material(name: str, settings: Settings, topic: str, semantic: int,
+              textured: Textured | None) -> bpy.types.Material:
+    made = build_material(f"{NAME} {name}", settings[topic], int(settings["dataset"]["seed"]), semantic, textured,
+                          settings)
     made[TAG] = "material"
     return made
 
 
-def ground_material(settings: Settings) -> bpy.types.Material:
-    """What the ground is made of. Raises IcyMoonError if a texture cannot be read."""
-    return _material("Surface", settings, "surface", TERRAIN)
+def ground_material(settings: Settings, mesh: bpy.types.Mesh) -> bpy.types.Material:
+    """What the ground is made of that has this mesh. Raises IcyMoonError if a texture cannot be had."""
+    return _material("Surface", settings, "surface", TERRAIN, _textured(settings, mesh))
 
 
-def rock_material(settings: Settings) -> bpy.types.Material:
-    """What the blocks are made of. Raises IcyMoonError if a texture cannot be read."""
-    ice = _material("Rock Surface", settings, "rock_surface" if settings["rocks"]["own_surface"] else "surface", ROCK)
+def rock_material(settings: Settings, mesh: bpy.types.Mesh) -> bpy.types.Material:
+    """What the blocks on the ground of this mesh are made of. Raises IcyMoonError if a texture cannot be had."""
+    ice = _material("Rock Surface", settings, "rock_surface" if settings["rocks"]["own_surface"] else "surface", ROCK,
+                    _of_blocks(settings, mesh))
     label_instances(ice)
     return ice

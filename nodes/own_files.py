@@ -15,7 +15,7 @@ import bpy
 
 from ..errors import IcyMoonError
 from ..files import absolute_path, sha256
-from ..physics import meshfile
+from ..physics import meshfile, meshimages
 from ..properties import TOPICS
 from ..settings import Settings, merged
 
@@ -51,18 +51,25 @@ def content(settings: Mapping[str, Mapping[str, Any]]) -> str:
     marks = []
     for name, path in used_files(settings).items():
         try:
-            states = [(part, part.stat().st_size, part.stat().st_mtime_ns)
-                      for part in _parts(name, path)]
+            states = [(part, part.stat().st_size, part.stat().st_mtime_ns) for part in _parts(settings, name, path)]
             marks.append(name + "".join(_sha256(*state) for state in states))
         except OSError as error:
             raise IcyMoonError(f"{error.filename or path}: cannot be read ({error.strerror}); check {name}.") from None
     return hashlib.sha256("".join(marks).encode()).hexdigest() if marks else ""
 
 
-def _parts(name: str, path: Path) -> list[Path]:
-    """The files whose content counts: of a folder of kernels all."""
+def are_there(settings: Mapping[str, Mapping[str, Any]]) -> bool:
+    """Whether every file in use is there, with all that belongs to it."""
+    return all(path.is_file() and all(part.is_file() for part in _parts(settings, name, path))
+               for name, path in used_files(settings).items())
+
+
+def _parts(settings: Mapping[str, Mapping[str, Any]], name: str, path: Path) -> list[Path]:
+    """The files whose content counts: of a mesh its buffers and, if they are shown, its images, of a folder of
+    kernels all."""
     if name == "source.file":
-        return meshfile.parts(path)
+        shown = meshimages.images(path).files() if settings["textures"]["set"] == "MESH" else []
+        return [*meshfile.parts(path), *shown]
     return sorted(part for part in path.iterdir() if part.is_file()) if path.is_dir() else [path]
 
 

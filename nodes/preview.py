@@ -28,13 +28,13 @@ from .builder import take_values
 from .composition import mark_elevation
 from .fingerprint import TAG, instanced
 from .ground import is_own
+from .images import remove_unused_images
 from .lights import change_lights, described_sky
 from .materials import ground_material, rock_material
 from .probe import heights_of
 from .rig import place_rig
 from .rocks import build_blocks, parts_of
 from .terrain import fill_mesh, grid
-from .textures import remove_unused_images
 
 #: Most blocks that a preview shows; the smallest are left out.
 MOST_BLOCKS = 1000
@@ -161,8 +161,8 @@ def _show_blocks(built: scenes.Built, settings: Settings, rocks: Rocks | None) -
         scenes.remove([there] if there else [])
         return ("rock",)
     ice = next((shape.data.materials[0] for shape in instanced(there)), None) if there else None
-    new = build_blocks(f"{scenes.NAME} Rock", rocks, _coarse_shapes(settings), ice or rock_material(settings),
-                       TAG)
+    new = build_blocks(f"{scenes.NAME} Rock", rocks, _coarse_shapes(settings),
+                       ice or rock_material(settings, built.terrain.data), TAG)
     if there is None:
         there = new
         there[TAG] = "rock"
@@ -196,7 +196,7 @@ def _show_surfaces(built: scenes.Built, settings: Settings, before: Settings) ->
             said.append(_EDITED.format(f"surface of the {name}"))
         elif items:
             try:
-                _replace_material(items[0].data.materials[0], make(settings))
+                _replace_material(items[0].data.materials[0], make(settings, built.terrain.data))
                 changed.append(f"{role} materials")
             except IcyMoonError as error:  # an image that cannot be read
                 said.append(str(error))

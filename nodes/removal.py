@@ -9,8 +9,8 @@ import bpy
 
 from . import sunlight
 from .fingerprint import TAG
+from .images import remove_unused_images
 from .rocks import parts_of
-from .textures import remove_unused_images
 
 
 def with_parts(objects: list[bpy.types.Object]) -> tuple[list[bpy.types.Object], list[Any]]:

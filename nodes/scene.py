@@ -110,7 +110,7 @@ def _blocks(settings: Settings, terrain: bpy.types.Object, size_m: float) -> tup
     with heights_of(terrain) as height_at:
         rocks = scatter(described, size_m, seed, height_at, shapes,
                         (rig["x_m"], rig["y_m"], described["clear_radius_m"]))
-    ice = rock_material(settings)
+    ice = rock_material(settings, terrain.data)
     blocks = _tagged(build_blocks(f"{NAME} Rock", rocks, shapes, ice, TAG), "rock")
     remove_unused([], [ice])  # if there is room for no block
     if rocks.smallest_m > described["smallest_m"]:
@@ -127,6 +127,7 @@ def _make(settings: Settings) -> tuple[list[bpy.types.Object], bpy.types.World, 
     hapke_warnings = sunlit.advice(settings)
     sky = described_sky(settings)
     own = own_ground(settings, ground_of) if is_own(settings) else None
+    materials.refuse_without_uv(settings, own is not None and own.uv is not None)
     ground: Surface = own.surface if own else as_meshed(ground_of(settings), settings)
     site_m, warnings = _site(settings, ground, own)
     warnings += hapke_warnings
@@ -139,7 +140,11 @@ def _make(settings: Settings) -> tuple[list[bpy.types.Object], bpy.types.World, 
         mesh = build_mesh(f"{NAME} Terrain", settings["terrain"], ground)
     mark_elevation(mesh, settings["surface"], ground.drop_m if isinstance(ground, Graded) else None)
     warnings += materials.advice(settings)
-    mesh.materials.append(ground_material(settings))
+    try:
+        mesh.materials.append(ground_material(settings, mesh))
+    except IcyMoonError:  # an image that cannot be read
+        bpy.data.meshes.remove(mesh)
+        raise
     terrain = _tagged(bpy.data.objects.new(f"{NAME} Terrain", mesh), "terrain")
     terrain.pass_index = TERRAIN_INSTANCE
     lights = build_lights(settings, sky)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import bpy
@@ -18,18 +17,10 @@ from . import sunlit
 from .builder import Tree
 from .composition import brightness, darkest, noise, stain
 from .sunlight import Sun
-from .textures import Map, Pieces
+from .textures import Lying, Textured
 
 WHITE = (1.0, 1.0, 1.0, 1.0)
 GRAIN_OCTAVES = 3.0
-
-
-@dataclass(frozen=True)
-class Textured:
-    """``textures`` settings with the maps that they name."""
-
-    settings: Mapping[str, Any]
-    maps: Mapping[str, Map]
 
 
 def _product(tree: Tree, label: str, a: Any, b: Any) -> Any:
@@ -63,7 +54,7 @@ def bump_of(tree: Tree, height: Any, distance_m: float, normal: Any = None) -> A
                      if_present={"Filter Width": 0.1}, leave=("Normal",), invert=False).outputs[0]
 
 
-def _fine_height(tree: Tree, surface: Mapping[str, Any], where: Any, fourth: float, pieces: Pieces | None,
+def _fine_height(tree: Tree, surface: Mapping[str, Any], where: Any, fourth: float, pieces: Lying | None,
                  textured: Textured | None) -> Any:
     """Output socket of the height in metres of grain and height map about their middle, or None without either."""
     parts = []
@@ -140,12 +131,13 @@ def build_material(name: str, surface: Mapping[str, Any], seed: int, semantic: i
     patches_at, grain_at, salt_at, east, north = (float(w) for w in generator(seed, "surface").uniform(0.0, 1000.0, 5))
     geometry = tree.node("ShaderNodeNewGeometry", "Geometry")
     found = textured.maps if textured is not None else {}
-    pieces = Pieces(tree, textured.settings, geometry, (east, north)) if textured is not None and found else None
+    pieces = textured.on(tree, geometry, (east, north)) if textured is not None and found else None
     varied: dict[str, Any] = {}
     for kind in ("roughness", "transmission"):
         if pieces is not None and kind in found:
-            surface = {**surface, kind: found[kind].mean[0]}
-            varied[kind] = pieces.separated(kind.title(), pieces.sample(kind, found[kind]))[0]
+            of = found[kind]
+            surface = {**surface, kind: of.mean[of.channel]}
+            varied[kind] = pieces.separated(kind.title(), pieces.sample(kind, of))[of.channel]
     grey = brightness(tree, surface, geometry, patches_at, elevated=semantic == TERRAIN)
     colour = stain(tree, surface, geometry, salt_at)
     if pieces is not None and "albedo" in found:

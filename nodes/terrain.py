@@ -9,6 +9,7 @@ from typing import Any
 import bpy
 import numpy as np
 
+from ..labels import UV_LAYER
 from ..physics.graded import Graded, graded
 from ..physics.ground import Surface
 from ..physics.statistics import Roughness, measure, power_spectrum
@@ -119,10 +120,15 @@ def roughness_table(heights: np.ndarray | None, terrain: Mapping[str, Any]) -> l
     return rows
 
 
-def mesh_from_arrays(name: str, positions: np.ndarray, faces: np.ndarray) -> bpy.types.Mesh:
-    """A smooth-shaded mesh from float32 positions (n, 3) and int32 faces (m, corners per face)."""
+def mesh_from_arrays(name: str, positions: np.ndarray, faces: np.ndarray,
+                     uv: np.ndarray | None = None) -> bpy.types.Mesh:
+    """A smooth-shaded mesh from float32 positions (n, 3) and int32 faces (m, corners per face), with the UV
+    coordinates (m, corners per face, 2) of the corners if there are any."""
     mesh = bpy.data.meshes.new(name)
     fill_mesh(mesh, positions, faces)
+    if uv is not None:
+        layer = mesh.attributes.new(UV_LAYER, "FLOAT2", "CORNER")
+        layer.data.foreach_set("vector", np.ascontiguousarray(uv, np.float32).ravel())
     return mesh
 
 

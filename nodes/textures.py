@@ -1,6 +1,6 @@
-"""Images on the ground that show no repeats.
+"""Images on the ground: by its UV coordinates where they were baked, or by place and without visible repeats.
 
-The plane is cut into hexagons that each take their piece from another place of the image, turned by
+By place the plane is cut into hexagons that each take their piece from another place of the image, turned by
 another angle, and the three nearest pieces are blended so that contrast stays what it was in the image
 (Heitz and Neyret, "High-Performance By-Example Noise using a Histogram-Preserving Blending Operator", HPG 2018:
 mean + sum of weights x (piece - mean) / root of the sum of squared weights; the hexagons after Deliot and Heitz,
@@ -12,127 +12,42 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
-import bpy
-import numpy as np
-
-from ..errors import IcyMoonError
-from ..physics.textures import SIZE, maps
+from .. import compat
+from ..labels import UV_LAYER
 from .builder import Tree, output
+from .images import Map
 
 #: Hexagons per image width: each shows about half of the image.
 _HEXAGONS = 2.0
 _ROOT_3 = math.sqrt(3.0)
 #: Slope above which a wall is seen from the side: the height of its normal is under this.
 _WALL = 0.5
-_KEY, _MEAN = "icymoon_key", "icymoon_mean"  # what an image was made for, and the mean of its linear values
 
 
 @dataclass(frozen=True)
-class Map:
-    """An image of one kind and the mean (3,) of its linear values."""
+class Textured:
+    """``textures`` settings with the maps that they name, and how these lie on the surface: by PLACE, by UV, or
+    everywhere with their MEAN, for what has no UV coordinates beside a ground that has."""
 
-    image: bpy.types.Image
-    mean: tuple[float, float, float]
+    settings: Mapping[str, Any]
+    maps: Mapping[str, Map]
+    lie: str = "PLACE"
 
-
-def load_maps(textures: Mapping[str, Any], files: Mapping[str, Path]) -> dict[str, Map]:
-    """The maps that ``textures`` settings name, by kind; none if there is no texture.
-
-    ``files`` has the file of each kind of the person's own set. An image that is there already is taken again.
-    Raises IcyMoonError if one cannot be read.
-    """
-    if textures["set"] == "NONE":
-        return {}
-    if textures["set"] == "OWN":
-        if not files:
-            raise IcyMoonError("textures.set is OWN, but no image is named; name one, such as textures.albedo_file.")
-        return {kind: _loaded(kind, path) for kind, path in files.items()}
-    return {kind: _made(textures["set"], kind) for kind in ("albedo", "roughness", "height")}
+    def on(self, tree: Tree, geometry: Any, offset: tuple[float, float]) -> Lying:
+        """What gives the maps' values; ``offset`` in image widths shifts those that lie by place."""
+        if self.lie == "UV":
+            return ByUV(tree, geometry)
+        return Mean(tree) if self.lie == "MEAN" else Pieces(tree, self.settings, geometry, offset)
 
 
-def remove_unused_images() -> None:
-    """Remove the images of textures that nothing shows."""
-    unused = [image for image in bpy.data.images if _KEY in image and image.users == 0]
-    if unused:
-        bpy.data.batch_remove(unused)
+class Lying:
+    """How images lie on a surface: at each point, places on the image with a weight and an angle of each."""
 
-
-def _there(key: str) -> Map | None:
-    """The map whose image was made for the same ``key`` before."""
-    image = next((image for image in bpy.data.images if image.get(_KEY) == key), None)
-    return Map(image, tuple(image[_MEAN])) if image else None
-
-
-def _kept(key: str, image: bpy.types.Image, values: np.ndarray) -> Map:
-    """A map of an image with linear ``values`` (n, 3), to be found again."""
-    mean = tuple(float(v) for v in values.mean(axis=0, dtype=np.float64))
-    image[_KEY], image[_MEAN] = key, mean
-    return Map(image, mean)  # type: ignore[arg-type]
-
-
-def _made(name: str, kind: str) -> Map:
-    key = f"{name} {kind}"
-    there = _there(key)
-    if there is not None:
-        return there
-    values = getattr(maps(name), kind)
-    image = bpy.data.images.new(f"Icy Moon {key.title()}", SIZE, SIZE, float_buffer=True, is_data=True)
-    pixels = np.ones((SIZE, SIZE, 4), np.float32)
-    pixels[..., :3] = values[..., None]
-    image.pixels.foreach_set(pixels.ravel())
-    image.pack()  # else it is lost when the file is saved
-    return _kept(key, image, pixels[..., :3].reshape(-1, 3))
-
-
-def _loaded(kind: str, path: Path) -> Map:
-    name = f"textures.{kind}_file"
-    if not path.is_file():
-        raise IcyMoonError(f"{path}: there is no such file; check {name}.")
-    state = path.stat()
-    key = f"{path} {state.st_size} {state.st_mtime_ns} {kind}"
-    there = _there(key)
-    if there is not None:
-        return there
-    image = bpy.data.images.load(str(path), check_existing=False)
-    if kind != "albedo" and not image.is_float:
-        image.colorspace_settings.name = "Non-Color"
-    try:
-        return _kept(key, image, _linear(path, name, image))
-    except IcyMoonError:
-        bpy.data.images.remove(image)
-        raise
-
-
-def _linear(path: Path, name: str, image: bpy.types.Image) -> np.ndarray:
-    """Linear values (n, 3) of an image's pixels. Raises IcyMoonError if it has none or some are not numbers."""
-    width, height = image.size
-    if width * height == 0:
-        raise IcyMoonError(f"{path}: is not an image that Blender reads; give a PNG, JPEG, TIFF or EXR as {name}.")
-    pixels = np.empty(width * height * image.channels, np.float32)
-    image.pixels.foreach_get(pixels)
-    values = pixels.reshape(-1, image.channels)
-    values = values[:, :3] if image.channels >= 3 else np.repeat(values[:, :1], 3, axis=1)
-    if not np.isfinite(values).all():
-        raise IcyMoonError(f"{path}: has pixels that are not numbers; mend the image or choose another for {name}.")
-    if image.colorspace_settings.name == "sRGB" and not image.is_float:
-        values = np.where(values <= 0.04045, values / 12.92, ((values + 0.055) / 1.055) ** 2.4)
-    return values
-
-
-class Pieces:
-    """Where on the image each point looks, and with what weight: one piece of a plain repeat, or three."""
-
-    def __init__(self, tree: Tree, textures: Mapping[str, Any], geometry: Any, offset: tuple[float, float]) -> None:
+    def __init__(self, tree: Tree) -> None:
         self.tree = tree
-        self._place(geometry, textures, offset)
-        self.pieces: list[tuple[Any, Any, Any]] = []  # place on the image, weight, angle
-        if textures["repeat"] == "PLAIN":
-            self.pieces = [(self.plane, 1.0, 0.0)]
-        else:
-            self._hexagons(turned=textures["repeat"] == "TURNED")
+        self.pieces: list[tuple[Any, Any, Any]] = []
 
     def vector(self, operation: str, label: str, a: Any, b: Any = None, *, scale: Any = None) -> Any:
         """Output socket of a Vector Math node."""
@@ -152,6 +67,70 @@ class Pieces:
         """Output sockets of a vector's three numbers."""
         node = self.tree.node("ShaderNodeSeparateXYZ", label, {"Vector": vector})
         return node.outputs[0], node.outputs[1], node.outputs[2]
+
+    def _images(self, kind: str, of: Map) -> list[Any]:
+        """Output sockets of the image's colour at each piece."""
+        return [self.tree.node("ShaderNodeTexImage", f"{kind.title()} {k}", {"Vector": place}, image=of.image,
+                               interpolation="Linear", extension="REPEAT").outputs[0]
+                for k, (place, _, _) in enumerate(self.pieces)]
+
+    def _blended(self, kind: str, values: list[Any], mean: tuple[float, float, float]) -> Any:
+        """mean + sum of share x (value - mean)."""
+        if len(values) == 1:
+            return values[0]
+        total: Any = mean
+        for k, (value, (_, share, _)) in enumerate(zip(values, self.pieces, strict=True)):
+            apart = self.vector("SUBTRACT", f"{kind.title()} {k} Apart", value, mean)
+            total = self.vector("ADD", f"{kind.title()} Sum {k}", total,
+                                self.vector("SCALE", f"{kind.title()} {k} Part", apart, scale=share))
+        return total
+
+    def sample(self, kind: str, of: Map) -> Any:
+        """Output socket of the blended colour of a map."""
+        return self._blended(kind, self._images(kind, of), of.mean)
+
+    def sample_normal(self, of: Map) -> Any:
+        """Output socket of the surface's normal tilted as a normal map says (x right, y up, z out; OpenGL)."""
+        raise NotImplementedError
+
+
+class Mean(Lying):
+    """The same everywhere: what an image has in the mean."""
+
+    def sample(self, kind: str, of: Map) -> Any:
+        return self.combined(f"Mean {kind.title()}", *of.mean)
+
+
+class ByUV(Lying):
+    """One plain repeat, where the mesh's UV coordinates say."""
+
+    _TANGENT: ClassVar[dict[str, Any]] = {"space": "TANGENT", "uv_map": UV_LAYER, **compat.NORMAL_MAP}
+
+    def __init__(self, tree: Tree, geometry: Any) -> None:
+        super().__init__(tree)
+        self.normal = geometry.outputs["Normal"]
+        self.pieces = [(tree.node("ShaderNodeUVMap", "UV", uv_map=UV_LAYER, from_instancer=False).outputs[0], 1.0, 0.0)]
+
+    def sample_normal(self, of: Map) -> Any:
+        # The node knows the mesh before displacement only, so what it adds to that normal is added to the true one.
+        mapped, level = (self.tree.node("ShaderNodeNormalMap", label, {"Strength": 1.0, "Color": colour},
+                                        **self._TANGENT).outputs[0]
+                         for label, colour in (("Normal Map", self._images("normal", of)[0]),
+                                               ("Level Map", (0.5, 0.5, 1.0, 1.0))))
+        tilt = self.vector("SUBTRACT", "Tilt", mapped, level)
+        return self.vector("NORMALIZE", "Mapped Normal", self.vector("ADD", "Tilted", self.normal, tilt))
+
+
+class Pieces(Lying):
+    """By place: one piece of a plain repeat, or three."""
+
+    def __init__(self, tree: Tree, textures: Mapping[str, Any], geometry: Any, offset: tuple[float, float]) -> None:
+        super().__init__(tree)
+        self._place(geometry, textures, offset)
+        if textures["repeat"] == "PLAIN":
+            self.pieces = [(self.plane, 1.0, 0.0)]
+        else:
+            self._hexagons(turned=textures["repeat"] == "TURNED")
 
     def chosen(self, label: str, share: Any, a: Any, b: Any) -> Any:
         """Output socket of vector ``a`` where ``share`` is 0 and ``b`` where it is 1."""
@@ -205,31 +184,10 @@ class Pieces:
         return self.tree.node("ShaderNodeVectorRotate", label, {"Vector": vector, "Center": centre, "Angle": angle},
                               rotation_type="Z_AXIS", invert=back).outputs[0]
 
-    def _images(self, kind: str, image: bpy.types.Image) -> list[Any]:
-        """Output sockets of the image's colour at each piece."""
-        return [self.tree.node("ShaderNodeTexImage", f"{kind.title()} {k}", {"Vector": place}, image=image,
-                               interpolation="Linear", extension="REPEAT").outputs[0]
-                for k, (place, _, _) in enumerate(self.pieces)]
-
-    def _blended(self, kind: str, values: list[Any], mean: tuple[float, float, float]) -> Any:
-        """mean + sum of share x (value - mean)."""
-        if len(values) == 1:
-            return values[0]
-        total: Any = mean
-        for k, (value, (_, share, _)) in enumerate(zip(values, self.pieces, strict=True)):
-            apart = self.vector("SUBTRACT", f"{kind.title()} {k} Apart", value, mean)
-            total = self.vector("ADD", f"{kind.title()} Sum {k}", total,
-                                self.vector("SCALE", f"{kind.title()} {k} Part", apart, scale=share))
-        return total
-
-    def sample(self, kind: str, of: Map) -> Any:
-        """Output socket of the blended colour of a map."""
-        return self._blended(kind, self._images(kind, of.image), of.mean)
-
     def sample_normal(self, of: Map) -> Any:
         """Output socket of the surface's normal tilted as a normal map says (x right, y up, z out; OpenGL)."""
         slopes = []
-        for k, colour in enumerate(self._images("normal", of.image)):
+        for k, colour in enumerate(self._images("normal", of)):
             scaled = self.vector("SCALE", f"Normal {k} Doubled", colour, scale=2.0)
             x, y, z = self.separated(f"Normal {k} Axes", self.vector("SUBTRACT", f"Normal {k}", scaled, (1.0,) * 3))
             level = self.tree.math("MAXIMUM", f"Normal {k} Out", z, 0.05)

@@ -11,6 +11,7 @@ from .. import settings as description
 from ..nodes import scene as scenes
 from ..operators import ground, jobs, layers, live, readouts, results
 from ..physics import principled, surfaces
+from ..physics.textures import by_uv
 from ..properties import LANDFORMS, TOPICS, Setting, Topic
 
 
@@ -245,6 +246,8 @@ def _matters(topic: str, key: str, group: Any) -> bool:
                     and (key not in ("cluster_blocks", "cluster_radius_m") or group.clustering > 0))
     if topic in ("surface", "rock_surface"):
         return _matters_to_surface(key, group)
+    if topic == "textures" and key != "set":
+        return _matters_to_textures(key, group)
     if topic == "hapke":
         off = {"c": group.b == 0.0, "h_s": group.b_s0 == 0.0, "h_c": group.b_c0 == 0.0,
                "accuracy": group.backend == "NODES"}
@@ -271,6 +274,15 @@ def _matters_to_surface(key: str, group: Any) -> bool:
     if key == "lommel_seeliger_share":
         return bool(group.model == "LUNAR_LAMBERT")
     return bool(key not in _SURFACE_NEEDS or getattr(group, _SURFACE_NEEDS[key]) > 0)
+
+
+def _matters_to_textures(key: str, group: Any) -> bool:
+    """The same for how images lie on the ground."""
+    if key.endswith("_file"):
+        return bool(group.set == "OWN")
+    if key in ("width_m", "repeat"):
+        return bool(group.set != "NONE" and not by_uv({"set": group.set, "mapping": group.mapping}))
+    return bool(group.set not in ("NONE", "MESH"))
 
 
 def _light_matters(key: str, group: Any) -> bool:

@@ -1,7 +1,7 @@
 """What is wrong with a triangle mesh, and mending it.
 
 Reconstructed meshes come with holes, flipped and doubled faces and vertices that are not numbers.
-All functions take ``positions`` (n, 3) and ``faces`` (m, 3), vertex indices, and change neither.
+All functions take ``positions`` (n, 3) and ``faces`` (m, 3), vertex indices, and change nothing that they are given.
 """
 
 from __future__ import annotations
@@ -74,7 +74,7 @@ def components(n: int, a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return label
 
 
-def _equals(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def equal_rows(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """First place (k,) of every distinct row, and for each row (n,) which of these it equals.
 
     ``np.unique`` along an axis does the same ten times slower.
@@ -140,8 +140,8 @@ def check(positions: np.ndarray, faces: np.ndarray) -> MeshReport:
     return MeshReport(
         vertices=len(positions), triangles=len(faces), non_finite_vertices=int((~finite).sum()),
         degenerate_faces=int(_degenerate(twice, size).sum()),
-        duplicate_vertices=int(finite.sum()) - len(_equals(positions[finite])[0]),
-        duplicate_faces=len(good) - len(_equals(np.sort(good, axis=1))[0]),
+        duplicate_vertices=int(finite.sum()) - len(equal_rows(positions[finite])[0]),
+        duplicate_faces=len(good) - len(equal_rows(np.sort(good, axis=1))[0]),
         boundary_edges=len(rim), boundary_loops=_groups(loops),
         non_manifold_edges=int((edges.count > 2).sum()), inconsistent_edges=int((~alike).sum()),
         facing_down=float(twice[normals[:, 2] < 0].sum()) / total if total else 0.0,
@@ -154,26 +154,34 @@ def _degenerate(twice_area: np.ndarray, extents: np.ndarray) -> np.ndarray:
     return twice_area <= 1e-14 * max(float(extents.max()), 1e-30) ** 2
 
 
-def repaired(positions: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def repaired(positions: np.ndarray, faces: np.ndarray,
+             uv: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
     """The mesh without what cannot be rendered, and with its upper side up.
 
     Drops faces with a vertex that is not a number, without area, or there twice; merges vertices of
     equal coordinates; turns the faces of each part alike, an open part up and a closed one outward.
-    Holes stay: what was not measured is not invented.
+    Holes stay: what was not measured is not invented. ``uv`` (m, 3, 2) belongs to the faces' corners and
+    goes with them: vertices are merged across a seam of the image, the seam stays.
     """
     finite = np.isfinite(positions).all(axis=1)
-    faces = faces[finite[faces].all(axis=1)]
-    first, which = _equals(positions[finite])
+    of_face = np.flatnonzero(finite[faces].all(axis=1))
+    faces = faces[of_face]
+    first, which = equal_rows(positions[finite])
     kept = positions[finite][first]
     index = np.zeros(len(positions), np.int64)
     index[finite] = which
     faces = index[faces]
     extents = np.ptp(kept, axis=0) if len(kept) else np.zeros(3)
-    faces = faces[~_degenerate(np.linalg.norm(face_normals(kept, faces), axis=1), extents)]
-    faces = upward(kept, faces[np.sort(_equals(np.sort(faces, axis=1))[0])])
+    solid = ~_degenerate(np.linalg.norm(face_normals(kept, faces), axis=1), extents)
+    faces, of_face = faces[solid], of_face[solid]
+    once = np.sort(equal_rows(np.sort(faces, axis=1))[0])
+    faces, of_face = faces[once], of_face[once]
+    turned = upward(kept, faces)
+    if uv is not None:
+        uv = np.where((turned[:, 0] != faces[:, 0])[:, None, None], uv[of_face][:, ::-1], uv[of_face])
     used = np.zeros(len(kept), bool)
-    used[faces] = True
-    return kept[used], (np.cumsum(used) - 1)[faces].astype(np.int32)
+    used[turned] = True
+    return kept[used], (np.cumsum(used) - 1)[turned].astype(np.int32), uv
 
 
 def upward(positions: np.ndarray, faces: np.ndarray) -> np.ndarray:

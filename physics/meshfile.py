@@ -109,13 +109,13 @@ def _counted(kind: str, path: Path) -> int | None:
         n = int(struct.unpack_from("<I", start, 80)[0])
         return n if path.stat().st_size == 84 + 50 * n else None
     if kind == "glTF":
-        return _from_gltf(path, lambda document: sum(
+        return from_gltf(path, lambda document: sum(
             int(document["accessors"][p["indices"]]["count"]) for mesh in document.get("meshes", ())
             for p in mesh["primitives"] if "indices" in p) // 3)
     return None
 
 
-def _from_gltf(path: Path, facts: Callable[[dict[str, Any]], Fact]) -> Fact:
+def from_gltf(path: Path, facts: Callable[[dict[str, Any]], Fact]) -> Fact:
     """Facts from the JSON of a .gltf or .glb. Raises IcyMoonError if it is not what glTF demands."""
     try:
         with path.open("rb") as stream:
@@ -132,5 +132,5 @@ def parts(path: Path) -> list[Path]:
     """The files that a mesh file's geometry lies in: itself, and the buffers of a .gltf."""
     if path.suffix.lower() != ".gltf":
         return [path]
-    uris = _from_gltf(path, lambda document: [unquote(b.get("uri", "")) for b in document.get("buffers", ())])
+    uris = from_gltf(path, lambda document: [unquote(b.get("uri", "")) for b in document.get("buffers", ())])
     return [path, *(path.parent / uri for uri in uris if uri and not uri.startswith("data:"))]

@@ -7,7 +7,9 @@ crests, rough hollows and normals belong together. Made up: they stand in where 
 from __future__ import annotations
 
 import functools
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -88,3 +90,8 @@ def maps(name: str) -> Maps:
     fine = _waves(random, 1.3, 1 / 128, 1 / 4)
     height = 0.25 * value + 0.5 * crack + 0.06 * fine
     return _maps(height, (0.7 + 0.3 * crack) * (0.92 + 0.16 * value) + 0.03 * fine, 0.4 + 0.2 * value + 0.05 * fine)
+
+
+def by_uv(textures: Mapping[str, Any]) -> bool:
+    """Whether ``textures`` settings lay images on the ground by its UV coordinates; a mesh's own always are."""
+    return bool(textures["set"] == "MESH" or (textures["set"] != "NONE" and textures["mapping"] == "UV"))

@@ -6,6 +6,7 @@ import time
 from pathlib import Path
 
 import bpy
+import numpy as np
 from icymoon import settings as description
 from icymoon.nodes.scene import Built, build
 from icymoon.render.pair import Pair, read_pair
@@ -35,3 +36,15 @@ def render(folder: Path, *parts: dict) -> tuple[Pair, Built]:
     built = build(scene, settings)
     folders = render_pairs(built, expand(settings), folder, 1, time.perf_counter() - start, lambda *a, **k: None)
     return read_pair(folders[0]), built
+
+
+def png(path: Path, pixels: np.ndarray) -> Path:
+    """Write an image (rows, columns, 3), row 0 at the bottom, of values as they stand in the file."""
+    image = bpy.data.images.new("Test", pixels.shape[1], pixels.shape[0])
+    rgba = np.ones((*pixels.shape[:2], 4), np.float32)
+    rgba[..., :3] = pixels
+    image.pixels.foreach_set(rgba.ravel())
+    image.filepath_raw, image.file_format = str(path), "PNG"
+    image.save()
+    bpy.data.images.remove(image)
+    return path

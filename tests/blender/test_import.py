@@ -42,12 +42,17 @@ def hill(n: int = 9) -> tuple[np.ndarray, np.ndarray]:
     return positions, np.stack([k, k + 1, k + n + 1, k + n], 1)
 
 
-def export(path: Path, positions: np.ndarray, faces: np.ndarray) -> Path:
-    """Write a mesh with Blender's own exporter of the suffix, leaving an empty file behind."""
+def export(path: Path, positions: np.ndarray, faces: np.ndarray, **layers: np.ndarray) -> Path:
+    """Write a mesh, with UV layers of its corners (m, corners, 2) of which the last one is rendered, with Blender's own
+    exporter of the suffix, leaving an empty file behind."""
     scene = empty_scene()
     mesh = bpy.data.meshes.new("Hill")
     mesh.from_pydata(positions.tolist(), [], faces.tolist())
     mesh.materials.append(bpy.data.materials.new("Stone"))
+    for name, uv in layers.items():
+        layer = mesh.uv_layers.new(name=name)
+        layer.data.foreach_set("uv", np.ascontiguousarray(uv, np.float32).ravel())
+        layer.active_render = True
     item = bpy.data.objects.new("Hill", mesh)
     scene.collection.objects.link(item)
     item.select_set(True)
@@ -105,7 +110,7 @@ def test_every_format_gives_the_same_ground_and_leaves_nothing(tmp_path, name):
     bpy.ops.wm.read_homefile(use_factory_startup=True)
     scene, cube = bpy.context.scene, bpy.data.objects["Cube"]
     before, selected = everything(), [o.name for o in bpy.context.selected_objects]
-    _, triangles = read_mesh(path)
+    _, triangles, _ = read_mesh(path)
     assert everything() == before
     assert (bpy.context.scene, bpy.context.active_object) == (scene, cube)
     assert [o.name for o in bpy.context.selected_objects] == selected

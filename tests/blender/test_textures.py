@@ -10,24 +10,13 @@ from icymoon.benchmarks.furnace import plane, radiance
 from icymoon.errors import IcyMoonError
 from icymoon.labels import TERRAIN
 from icymoon.nodes import scene as scenes
-from icymoon.nodes.surface import Textured, build_material
-from icymoon.nodes.textures import load_maps
+from icymoon.nodes.images import load_maps
+from icymoon.nodes.surface import build_material
+from icymoon.nodes.textures import Textured
 from icymoon.physics.textures import SETS, SIZE, maps
 from icymoon.render.plan import expand
 from icymoon.settings import check, defaults
-from rendering import complete, empty_scene
-
-
-def png(path, pixels: np.ndarray, float_buffer: bool = False):
-    """Write an image (rows, columns, 3) of values as they stand in the file."""
-    image = bpy.data.images.new("Test", pixels.shape[1], pixels.shape[0], float_buffer=float_buffer)
-    rgba = np.ones((*pixels.shape[:2], 4), np.float32)
-    rgba[..., :3] = pixels
-    image.pixels.foreach_set(rgba.ravel())
-    image.filepath_raw, image.file_format = str(path), "PNG"
-    image.save()
-    bpy.data.images.remove(image)
-    return path
+from rendering import complete, empty_scene, png
 
 
 def measured(surface: dict, textures: dict, files=None, **view) -> np.ndarray:

@@ -74,7 +74,7 @@ def test_flipped_faces_are_counted_and_turned_back():
     assert report.inconsistent_edges > 0
     assert report.facing_down > 0.05
     for broken in (flipped, flipped[:, ::-1], faces[:, ::-1]):
-        positions_after, mended = repaired(positions, broken)
+        positions_after, mended, _ = repaired(positions, broken)
         assert (face_normals(positions_after, mended)[:, 2] > 0).all()
         assert check(positions_after, mended).inconsistent_edges == 0
 
@@ -83,7 +83,7 @@ def test_a_closed_part_is_turned_outward_wherever_it_lies():
     positions, faces = sheet()
     both = np.concatenate([positions, CUBE + np.array([2, 2, 50])])
     inside_out = np.concatenate([faces, BOX[:, ::-1] + len(positions)])
-    after, mended = repaired(both, inside_out)
+    after, mended, _ = repaired(both, inside_out)
     assert check(after, mended).parts == 2
     normals = face_normals(after, mended)
     boulder = after[mended].mean(axis=1)[:, 2] > 10
@@ -107,7 +107,7 @@ def test_a_moebius_strip_is_left_as_it_is():
     report = check(positions, np.array(faces))
     assert report.boundary_loops == 1
     assert report.inconsistent_edges == 1
-    _, mended = repaired(positions, np.array(faces))
+    _, mended, _ = repaired(positions, np.array(faces))
     assert len(mended) == 2 * n
 
 
@@ -121,7 +121,7 @@ def test_what_cannot_be_rendered_goes_and_the_rest_stays():
     assert report.degenerate_faces == 2
     assert report.duplicate_vertices == 6
     assert report.duplicate_faces == 3
-    after, mended = repaired(positions, faces)
+    after, mended, _ = repaired(positions, faces)
     assert (len(after), len(mended)) == (36, 50)
     again = check(after, mended)
     assert again.area_m2 == pytest.approx(check(*sheet()).area_m2)

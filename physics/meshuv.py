@@ -1,0 +1,71 @@
+"""Texture coordinates of a triangle mesh: where on an image each corner of each face lies.
+
+They belong to corners, not to vertices, because the two sides of a seam lie apart on the image. ``uv`` is (m, 3, 2)
+float32: u to the right and v up, the image's lower left corner at 0, its upper right one at 1.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+#: Points of the surface that the mean of an image is taken over: right within 1/256 of its contrast.
+_POINTS = 65536
+#: Steps that fill line and square evenly (Roberts, "The Unreasonable Effectiveness of Quasirandom Sequences", 2018).
+_LINE, _SQUARE = 0.6180339887498949, (0.7548776662466927, 0.5698402909980532)
+
+
+def halved(uv: np.ndarray) -> np.ndarray:
+    """Coordinates of the triangles that ``meshdetail.halved`` cuts each triangle into, in its order."""
+    a, b, c = uv[:, 0], uv[:, 1], uv[:, 2]
+    ab, bc, ca = (a + b) / 2, (b + c) / 2, (c + a) / 2
+    return np.concatenate([np.stack(corners, axis=1) for corners in
+                           ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))])
+
+
+def mended(uv: np.ndarray) -> tuple[np.ndarray | None, list[str]]:
+    """The coordinates with 0 in place of what is no number, None if they show nothing, and sentences about them."""
+    known = np.isfinite(uv).all(axis=2)
+    kept = np.where(known[..., None], uv, np.float32(0.0))
+    edges = (kept[:, 1:] - kept[:, :1]).astype(np.float64)
+    area = np.abs(edges[:, 0, 0] * edges[:, 1, 1] - edges[:, 0, 1] * edges[:, 1, 0])
+    if not area.any():
+        return None, ["UV coordinates that cover no area of an image and are left out"]
+    low, high = kept[known].min(axis=0), kept[known].max(axis=0)
+    found = [f"UV coordinates from {low[0]:.4g} to {high[0]:.4g} and {low[1]:.4g} to {high[1]:.4g}"]
+    if not known.all():
+        found.append(f"{int((~known).sum())} of {known.size} face corners have no UV coordinates; 0 is taken")
+    if (flat := int((area == 0).sum())):
+        found.append(f"{flat} of {len(uv)} triangles have no area on the image")
+    return kept, found
+
+
+def _areas(positions: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """Areas (m,) of triangles, each twice."""
+    corner = positions[faces].astype(np.float64)
+    return np.linalg.norm(np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]), axis=1)
+
+
+def shown(positions: np.ndarray, faces: np.ndarray, uv: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Coordinates (k, 2) float64 of points spread over the surface of a mesh, and the area (k,) that each stands for.
+
+    ``positions`` are (n, 3) metres, ``faces`` (m, 3) vertices. The weights sum to 1.
+    """
+    rank = np.arange(_POINTS)
+    if len(faces) > _POINTS:  # some triangles by their area, evenly spread
+        face = np.unique((rank * _LINE % 1.0 * len(faces)).astype(np.int64))
+        weight = _areas(positions, faces[face])
+    else:  # so many points in each that all stand for about the same area
+        share = np.cumsum(_areas(positions, faces))
+        face = np.searchsorted(share, (rank + 0.5) / _POINTS * share[-1]).clip(max=len(faces) - 1)
+        weight = np.ones(_POINTS)
+    a, b = (np.arange(1, len(face) + 1)[:, None] * _SQUARE % 1.0).T
+    beyond = a + b > 1.0
+    a, b = np.where(beyond, 1.0 - a, a), np.where(beyond, 1.0 - b, b)
+    at, corner = np.stack([1.0 - a - b, a, b], axis=1), uv[face].astype(np.float64)
+    return (at[..., None] * corner).sum(axis=1), weight / weight.sum()
+
+
+def pixels_at(uv: np.ndarray, rows: int, columns: int) -> tuple[np.ndarray, np.ndarray]:
+    """Row (k,), from the bottom, and column (k,) of the pixels of an image, repeated, at coordinates ``uv`` (k, 2)."""
+    u, v = (uv % 1.0).T
+    return (v * rows).astype(np.int64).clip(max=rows - 1), (u * columns).astype(np.int64).clip(max=columns - 1)
