@@ -478,7 +478,7 @@ ROCKS = Topic("rocks", "Rocks", "Ice blocks lying on the ground", (
             "Make the blocks of what Rock Surface describes, instead of what the ground is made of", "material"),
 ))
 
-LIGHT = Topic("light", "Light", "The Sun and the planet as the body's sky shows them; nothing else shines", (
+LIGHT = Topic("light", "Light", "The Sun and the planet as the body's sky shows them; nothing else lights the ground", (
     Setting("directions_from", "Sky From", "ANGLES", "What says where Sun and planet stand, and so how bright they are",
             "light", choices=(
                 ("ANGLES", "Angles", "The settings below"),
@@ -493,7 +493,8 @@ LIGHT = Topic("light", "Light", "The Sun and the planet as the body's sky shows 
              "Planetocentric latitude of the site; also how high the poles of body and planet stand in the north",
              "light"),
     _degrees("longitude_deg", "Longitude", 0.0, -360.0, 360.0,
-             "East longitude of the site; the planet stands over 0", "light"),
+             "East longitude of the site; the planet stands over -4 on Enceladus and over -1.5 on Europa, whose "
+             "meridians are those of craters", "light"),
     Setting("kernels", "Kernels", "", "A meta-kernel, or a folder whose kernels are all loaded", "light",
             subtype="FILE_PATH"),
     Setting("sun_irradiance_wm2", "Sun Irradiance (W/m²)", 14.82,
@@ -536,6 +537,14 @@ LIGHT = Topic("light", "Light", "The Sun and the planet as the body's sky shows 
             choices=(("LAMBERT", "Lambert", "A matt sphere"),
                      ("SATURN", "Saturn", "Published curve of Saturn's globe (Mallama and Hilton 2018)"),
                      ("JUPITER", "Jupiter", "Published curve of Jupiter (Mallama and Hilton 2018)"))),
+    Setting("planet_rings", "Planet Rings", False,
+            "Saturn's rings A, B, C and the Cassini Division about the planet's equator, seen by the cameras. From "
+            "Enceladus they are a line; raise Planet Elevation by the angle that they are to open to", "light"),
+    Setting("stars", "Stars", False, "Stars in the sky, at their true brightness; they give the ground no light",
+            "light"),
+    Setting("stars_faintest_mag", "Faintest Star (mag)", 2.5,
+            "Faintest V magnitude. Down to 2.5 they are the stars there are; fainter ones are drawn from the seed, in "
+            "their true numbers", "light", "mag", -2.0, 8.0, (0.0, 6.5), precision=1),
 ))
 
 RIG = Topic("rig", "Stereo Camera", "Two identical parallel cameras; the left one is the reference", (

@@ -13,7 +13,7 @@ from ..properties import TOPICS
 from ..settings import Settings, merged
 from . import sunlit
 from .fingerprint import TAG, added_objects, edited, fingerprint, updated
-from .lights import SKY
+from .lights import ROLES, SKY
 from .own_files import are_there, content, used_files
 from .removal import materials_of, with_parts
 
@@ -76,8 +76,8 @@ class Built:
 
     @property
     def several_lights(self) -> bool:
-        """Whether there may be other light than the Sun's: the planet's, or that of what a person added."""
-        return (any(item.get(TAG) == "planet" for item in self.collection.all_objects)
+        """Whether there may be other light than the Sun's: the planet's, stars', or that of what a person added."""
+        return (any(item.get(TAG) in ROLES for item in self.collection.all_objects)
                 or bool(added_objects(self.collection)))
 
     @property

@@ -1,9 +1,8 @@
-"""The planet in the sky: what lights the ground, and what the camera sees.
+"""The planet as a lamp; ``celestial`` has what the camera sees of it.
 
 Cycles loses up to a fifth of the light of a far mesh (how it samples a triangle depends on the
 triangle's size in metres), so the ground is lit by a Sun lamp of the planet's size, which is at
-infinity, and whose radiance follows from the direction by the formula itself. The camera sees a mesh,
-which has a depth and a label; it gives no light and no shadow.
+infinity, and whose radiance follows from the direction by the formula itself.
 """
 
 from __future__ import annotations
@@ -11,20 +10,13 @@ from __future__ import annotations
 import math
 from typing import Any
 
-import bmesh
 import bpy
 import numpy as np
 from mathutils import Vector
 
 from .. import compat
-from ..labels import PLANET
-from ..physics.planetshine import Planet, disc, ellipsoid
+from ..physics.planetshine import Planet, ellipsoid
 from .builder import Tree
-
-#: Where the mesh stands, in metres: so far that its direction is the same from all of the ground. Its
-#: size and its distances are in proportion, so it looks as the planet does.
-DISTANCE_M = 1.0e5
-RADIANCE = "radiance"  # attribute of its vertices
 
 
 def build_planet_light(name: str, planet: Planet, colour: np.ndarray) -> bpy.types.Object:
@@ -85,43 +77,3 @@ def _sunlit(tree: Tree, planet: Planet) -> Any:
                     tree.math("LESS_THAN", "Ahead", b, 0.0))
     up = tree.math("GREATER_THAN", "Above Horizon", dot("Height", view, (0.0, 0.0, 1.0)), 0.0)
     return tree.math("MULTIPLY", "Seen and Sunlit", tree.math("MULTIPLY", "Seen", hit, up), sunlit)
-
-
-def build_planet(name: str, planet: Planet, colour: np.ndarray) -> bpy.types.Object:
-    """What the camera sees of the planet: its part above the horizon (z > 0), in true proportion."""
-    shown = disc(planet)
-    mesh = bpy.data.meshes.new(name)
-    mesh.from_pydata((DISTANCE_M * shown.vertices).tolist(), [],
-                     [tuple(dict.fromkeys(face)) for face in shown.faces.tolist()])
-    mesh.attributes.new(RADIANCE, "FLOAT", "POINT").data.foreach_set("value", shown.radiance.astype(np.float32))
-    mesh.materials.append(_material(name, colour))
-    if shown.vertices[:, 2].min() < 0:
-        _cut_below_horizon(mesh)
-    item = bpy.data.objects.new(name, mesh)
-    item.visible_diffuse = item.visible_glossy = item.visible_transmission = False
-    item.visible_volume_scatter = item.visible_shadow = False
-    return item
-
-
-def _cut_below_horizon(mesh: bpy.types.Mesh) -> None:
-    """Remove what is below z = 0, which the body hides; the ground is only a patch of it."""
-    edited = bmesh.new()
-    edited.from_mesh(mesh)
-    bmesh.ops.bisect_plane(edited, geom=[*edited.verts, *edited.edges, *edited.faces], plane_co=(0.0, 0.0, 0.0),
-                           plane_no=(0.0, 0.0, 1.0), clear_inner=True)
-    edited.to_mesh(mesh)
-    edited.free()
-
-
-def _material(name: str, colour: np.ndarray) -> bpy.types.Material:
-    material = bpy.data.materials.new(name)
-    tree = Tree(compat.ensure_nodes(material))
-    radiance = tree.node("ShaderNodeAttribute", "Radiance", attribute_type="GEOMETRY", attribute_name=RADIANCE)
-    light = tree.node("ShaderNodeEmission", "Sunlit Planet", {
-        "Color": (*map(float, colour), 1.0), "Strength": radiance.outputs["Fac"]}, if_present={"Weight": 0.0})
-    tree.node("ShaderNodeOutputMaterial", "Surface", {"Surface": light.outputs[0]},
-              leave=("Volume", "Displacement", "Thickness"), target="ALL")
-    tree.arrange()
-    material.cycles.emission_sampling = "NONE"
-    material.pass_index = PLANET
-    return material

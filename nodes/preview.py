@@ -29,7 +29,7 @@ from .composition import mark_elevation
 from .fingerprint import TAG, instanced
 from .ground import is_own
 from .images import remove_unused_images
-from .lights import change_lights, described_sky
+from .lights import ROLES, change_lights, described_sky, made_from
 from .materials import ground_material, rock_material
 from .probe import heights_of
 from .rig import place_rig
@@ -87,7 +87,7 @@ def show(built: scenes.Built, settings: Settings, side: int) -> bool:
             said.append(str(error))
             settings = merged(settings, geometry(before))
     said += _show_surfaces(built, settings, before)
-    if settings["light"] != before["light"]:
+    if made_from(settings) != made_from(before):
         if built.edited_parts("sun"):
             said.append(_EDITED.format("Sun"))
         else:
@@ -224,9 +224,9 @@ def _show_lights(built: scenes.Built, settings: Settings) -> list[str]:
         return [str(error)]
     old = change_lights(built.sun, built.collection, settings, sky)
     scenes.remove(old)
-    for item in [item for item in built.collection.all_objects if item.get(TAG) in ("planet", "planetshine")]:
+    for item in [item for item in built.collection.all_objects if item.get(TAG) in ROLES]:
         scenes.free_names([item, item.data, *(slot.material for slot in item.material_slots)])
-    built.remember(merged(built.settings, {"light": settings["light"]}), built.preview, "sun", "planet", "planetshine")
+    built.remember(merged(built.settings, {"light": settings["light"]}), built.preview, "sun", *ROLES)
     return []
 
 

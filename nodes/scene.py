@@ -148,7 +148,7 @@ def _make(settings: Settings) -> tuple[list[bpy.types.Object], bpy.types.World, 
     terrain = _tagged(bpy.data.objects.new(f"{NAME} Terrain", mesh), "terrain")
     terrain.pass_index = TERRAIN_INSTANCE
     lights = build_lights(settings, sky)
-    warnings += light_advice(sky)
+    warnings += light_advice(sky, settings)
     camera = _tagged(build_rig(f"{NAME} Camera", settings["rig"], site_m), "camera")
     objects = [terrain, lights[0], camera, *lights[1:]]
     if settings["rocks"]["coverage"] > 0:

@@ -59,7 +59,11 @@ def _sky_lines(light: tuple[tuple[str, Any], ...], blend: str) -> tuple[str, ...
                       f"    {body['angular_diameter_deg']:.3g}° wide{phase}",
                       f"    {body['irradiance_wm2']:.3g} W/m², {body['ground_irradiance_wm2']:.3g} on flat ground"]
     if found["sun"]["eclipse"] > 0:
-        lines.append(f"Planet hides {100 * found['sun']['eclipse']:.0f} % of the Sun")
+        lines.append(f"Eclipse: planet hides {100 * found['sun']['eclipse']:.0f} % of Sun")
+    above = (found["planet"] or {}).get("above_ring_plane_deg")
+    if above is not None:
+        lines.append(f"Rings {abs(above):.2g}° from edge-on, seen from {'north' if above > 0 else 'south'}"
+                     if abs(above) > 1e-4 else "Rings exactly edge-on: not seen")
     return tuple(lines)
 
 

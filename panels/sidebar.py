@@ -292,7 +292,9 @@ def _light_matters(key: str, group: Any) -> bool:
         return dated
     if key in ("parent", "kernels"):
         return kernels
-    if key in ("planet_albedo", "planet_phase_law", "planet_scale"):
+    if key == "stars_faintest_mag":
+        return bool(group.stars)
+    if key in ("planet_albedo", "planet_phase_law", "planet_scale", "planet_rings"):
         return bool(group.planet)
     if key.startswith("planet_"):
         return bool(group.planet) and not dated

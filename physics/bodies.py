@@ -3,7 +3,9 @@
 Angles in degrees, T in Julian centuries and d in days since J2000 (TDB). Orientation: IAU working group
 (Archinal et al. 2018, Celestial Mechanics 130, 22). Orbits of the planets about the Sun: Standish's
 elements for 1800 to 2050 (Solar System Dynamics group, JPL, "Approximate Positions of the Planets",
-table 1). Distances of the moons: their semi-major axes.
+table 1). Where the planet stands over a moon: terms of the theories of Dourneau 1987 (thesis, Bordeaux;
+also Meeus, Astronomical Algorithms, ch. 46) and Lieske's E2 (ibid., ch. 44), reduced to the body-fixed
+frames above. Distances of the moons: their semi-major axes.
 """
 
 from __future__ import annotations
@@ -27,7 +29,7 @@ class Orbit:
 
 @dataclass(frozen=True)
 class Body:
-    """A moon and its planet."""
+    """A moon and its planet, over whose equator the moon stays."""
 
     parent: str
     radii_km: tuple[float, float, float]  # towards the planet, along the orbit, along the axis
@@ -35,6 +37,7 @@ class Body:
     planet_equator_km: float
     planet_pole_km: float
     orientation: Callable[[float], tuple[float, float, float]]  # d -> right ascension, declination, W in degrees
+    under_planet: Callable[[float], tuple[float, float]]  # d -> east longitude in degrees, distance over the mean
     orbit: Orbit
 
 
@@ -55,12 +58,35 @@ def _europa(d: float) -> tuple[float, float, float]:
             - 0.008 * math.sin(j7))
 
 
+#: Mean east longitude of the planet over the meridians that craters define (Salih, Cilix), from 2000 to 2060.
+_SATURN_OVER, _JUPITER_OVER = -4.09, -1.53
+
+
+def _under_saturn(d: float) -> tuple[float, float]:
+    """Eccentricity 0.00485, and what Dione does to the mean longitude in 11.1 and 3.9 years."""
+    days = d + 40452.0  # from JD 2411093
+    years = days / 365.25
+    anomaly = math.radians((200.317 + 262.7319002 * days - 309.107 - 123.44121 * years) % 360)
+    slow = 0.25667 * math.sin(math.radians(74.4 + 32.39 * years)) + 0.20983 * math.sin(
+        math.radians(134.3 + 92.62 * years))
+    return _SATURN_OVER + 0.55577 * math.sin(anomaly) + slow, 1.0 - 0.00485 * math.cos(anomaly)
+
+
+def _under_jupiter(d: float) -> tuple[float, float]:
+    """Eccentricity 0.0094, kept up by Io and Ganymede, so that the pericentre is where Ganymede is passed."""
+    days = d + 8544.5  # from JD 2443000.5
+    anomaly = math.radians(2 * (175.73161 + 101.374724735 * days - 120.55883 - 50.317609207 * days) % 360)
+    return _JUPITER_OVER + 1.06476 * math.sin(anomaly), 1.0 - 0.0093848 * math.cos(anomaly)
+
+
 _JUPITER = Orbit((5.20288700, -0.00011607), (0.04838624, -0.00013253), (1.30439695, -0.00183714),
                  (34.39644051, 3034.74612775), (14.72847983, 0.21252668), (100.47390909, 0.20469106))
 _SATURN = Orbit((9.53667594, -0.00125060), (0.05386179, -0.00050991), (2.48599187, 0.00193609),
                 (49.95424423, 1222.49362201), (92.59887831, -0.41897216), (113.66242448, -0.28867794))
 
 BODIES = {
-    "ENCELADUS": Body("SATURN", (256.6, 251.4, 248.3), 238040.0, 60268.0, 54364.0, _enceladus, _SATURN),
-    "EUROPA": Body("JUPITER", (1562.6, 1560.3, 1559.5), 671100.0, 71492.0, 66854.0, _europa, _JUPITER),
+    "ENCELADUS": Body("SATURN", (256.6, 251.4, 248.3), 238040.0, 60268.0, 54364.0, _enceladus, _under_saturn,
+                      _SATURN),
+    "EUROPA": Body("JUPITER", (1562.6, 1560.3, 1559.5), 671100.0, 71492.0, 66854.0, _europa, _under_jupiter,
+                   _JUPITER),
 }

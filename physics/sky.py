@@ -16,6 +16,7 @@ import numpy as np
 from ..files import absolute_path
 from . import ephemeris, spice
 from .directions import toward
+from .eclipse import hidden_share
 from .ephemeris import Positions
 from .light import apparent_diameter_deg, sun_diameter_deg, sun_irradiance_wm2
 from .planetshine import Planet, irradiance_wm2
@@ -29,6 +30,9 @@ class Sky:
     sun_irradiance_wm2: float  # on a facing surface
     sun_diameter_deg: float
     planet: Planet | None
+    eclipse: float  # share of the Sun's disc that the planet hides, shown or not
+    from_j2000: np.ndarray  # (3, 3) from the J2000 equatorial to the local frame
+    has_rings: bool  # whether the planet, if it is shown, is to have Saturn's rings
 
     @property
     def sun_elevation_deg(self) -> float:
@@ -47,37 +51,28 @@ class Sky:
                 and elevation_deg(self.planet.direction) + self.planet.angular_diameter_deg / 2 > 0)
 
     @property
+    def above_ring_plane_deg(self) -> float | None:
+        """How far north of the plane of Saturn's rings the site is, seen from the planet; None without rings."""
+        if self.planet is None or not self.has_rings:
+            return None
+        return _above(self.planet.pole, -self.planet.direction)
+
+    @property
     def ground_irradiance_wm2(self) -> tuple[float, float]:
         """Irradiance of level ground from the Sun and from the planet, without shadows."""
         sun = self.sun_irradiance_wm2 * max(float(self.sun[2]), 0.0) * (1.0 - self.eclipse)
         planet = irradiance_wm2(self.planet, np.array([0.0, 0.0, 1.0])) if self.planet and self.planet_is_up else 0.0
         return sun, planet
 
-    @property
-    def eclipse(self) -> float:
-        """Share of the Sun's disc that the planet's covers, both taken as circles on a plane."""
-        planet = self.planet
-        if planet is None or planet.angular_diameter_deg <= 0:
-            return 0.0
-        return covered_share(self.sun_diameter_deg / 2, planet.angular_diameter_deg / 2, 180.0 - planet.phase_deg)
-
-
-def covered_share(radius: float, other: float, apart: float) -> float:
-    """Share of a circle's area that another one covers whose centre is ``apart``; all in one unit."""
-    if apart >= radius + other:
-        return 0.0
-    if apart <= abs(radius - other):
-        return min(1.0, (other / radius) ** 2) if radius > 0 else 1.0
-    near = (apart**2 + radius**2 - other**2) / (2 * apart)  # from the centre to the common chord
-    far = apart - near
-    segments = (radius**2 * math.acos(near / radius) - near * math.sqrt(max(radius**2 - near**2, 0.0))
-                + other**2 * math.acos(far / other) - far * math.sqrt(max(other**2 - far**2, 0.0)))
-    return segments / (math.pi * radius**2)
-
 
 def elevation_deg(direction: np.ndarray) -> float:
     """Angle of a direction above the horizon."""
-    return math.degrees(math.asin(float(np.clip(direction[2], -1, 1))))
+    return _above(np.array([0.0, 0.0, 1.0]), direction)
+
+
+def _above(axis: np.ndarray, direction: np.ndarray) -> float:
+    """Angle of a direction above the plane that an axis is normal to."""
+    return math.degrees(math.asin(float(np.clip(axis @ direction, -1, 1))))
 
 
 def azimuth_deg(direction: np.ndarray) -> float:
@@ -100,7 +95,18 @@ def sky(light: Mapping[str, Any], blend_folder: str | None = None) -> Sky:
         # Moon and planet turn about axes within a degree of each other.
         toward(0.0, light["latitude_deg"]), sun, irradiance, float(light["planet_albedo"]),
         light["planet_phase_law"]) if light["planet"] else None
-    return Sky(sun, irradiance, float(light["sun_angular_diameter_deg"]), planet)
+    diameter = float(light["sun_angular_diameter_deg"])
+    return Sky(sun, irradiance, diameter, planet, hidden_share(planet, diameter) if planet else 0.0,
+               _stars_by_angles(light), bool(light["planet_rings"]))
+
+
+def _stars_by_angles(light: Mapping[str, Any]) -> np.ndarray:
+    """The J2000 equatorial frame over a site without a date: its pole where that of the body is, right
+    ascension 0 h on the meridian, in the south where the pole is up in the north."""
+    latitude = math.radians(light["latitude_deg"])
+    pole = toward(0.0, light["latitude_deg"])
+    culminates = np.array([0.0, -math.sin(latitude), math.cos(latitude)])
+    return np.stack([culminates, np.cross(pole, culminates), pole], axis=1)
 
 
 def _positions(light: Mapping[str, Any], blend_folder: str | None) -> Positions:
@@ -116,8 +122,10 @@ def _sky_at_date(light: Mapping[str, Any], blend_folder: str | None) -> Sky:
     irradiance = sun_irradiance_wm2(at.sun_distance_au)
     planet = Planet(at.planet, apparent_diameter_deg(at.planet_equator_km, at.planet_distance_km),
                     1 - at.planet_pole_km / at.planet_equator_km, at.planet_axis, at.sun, irradiance,
-                    float(light["planet_albedo"]), light["planet_phase_law"]) if light["planet"] else None
-    return Sky(at.sun, irradiance, sun_diameter_deg(at.sun_distance_au), planet)
+                    float(light["planet_albedo"]), light["planet_phase_law"])
+    diameter = sun_diameter_deg(at.sun_distance_au)
+    return Sky(at.sun, irradiance, diameter, planet if light["planet"] else None, hidden_share(planet, diameter),
+               at.from_j2000, bool(light["planet_rings"]) and at.planet_name == "SATURN")
 
 
 def facts(shown: Sky) -> dict[str, Any]:
@@ -127,9 +135,11 @@ def facts(shown: Sky) -> dict[str, Any]:
                     "azimuth_deg": azimuth_deg(shown.sun), "irradiance_wm2": shown.sun_irradiance_wm2,
                     "angular_diameter_deg": shown.sun_diameter_deg,
                     "ground_irradiance_wm2": on_ground[0], "eclipse": shown.eclipse},
+            "j2000_to_world": shown.from_j2000.tolist(),
             "planet": None if planet is None else {
                 "direction_to_world": planet.direction.tolist(), "elevation_deg": elevation_deg(planet.direction),
                 "azimuth_deg": azimuth_deg(planet.direction), "phase_deg": planet.phase_deg,
                 "angular_diameter_deg": planet.angular_diameter_deg,
                 "irradiance_wm2": irradiance_wm2(planet),
-                "ground_irradiance_wm2": on_ground[1]}}
+                "ground_irradiance_wm2": on_ground[1],
+                "above_ring_plane_deg": shown.above_ring_plane_deg}}

@@ -68,5 +68,5 @@ def _positions(spice: Any, body: str, parent: str, date_utc: str, latitude_deg: 
     planet_radii = spice.bodvrd(parent, "RADII", 3)[1]
     axis = np.asarray(spice.pxform(f"IAU_{parent}", frame, time))[:, 2]
     sun_km, planet_km = float(np.linalg.norm(sun)), float(np.linalg.norm(planet))
-    return Positions(sun / sun_km, sun_km / AU_KM, planet / planet_km, planet_km, float(planet_radii[0]),
-                     float(planet_radii[2]), axes @ axis)
+    return Positions(sun / sun_km, sun_km / AU_KM, parent, planet / planet_km, planet_km, float(planet_radii[0]),
+                     float(planet_radii[2]), axes @ axis, axes @ np.asarray(spice.pxform("J2000", frame, time)))

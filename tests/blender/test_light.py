@@ -133,6 +133,44 @@ def test_full_and_new(tmp_path, elevation, azimuth, phase):
             sky(pair.settings["light"]).ground_irradiance_wm2[1] * 0.8 / math.pi, rel=2e-3)
 
 
+def test_of_a_planet_on_the_horizon_the_upper_half_shines_and_is_seen(tmp_path):
+    light = SATURN | NIGHT | {"planet_elevation_deg": 0.0, "latitude_deg": 90.0}
+    pair, view = lit(tmp_path, light, {"quality": {"samples": 256}})
+    expected = sky(pair.settings["light"]).ground_irradiance_wm2[1]
+    # Of the lamp half is below the ground, and what is above falls at a slant: twice the noise of a planet that is up.
+    assert view.radiance.mean() == pytest.approx(expected * 0.8 / math.pi, rel=2e-3)
+    pair, _ = render(tmp_path, LAMBERT, {"light": light, "rig": {"pitch_deg": 0.0, "heading_deg": 20.0}})
+    rows = np.nonzero((read_view(pair.image("left")).semantic == PLANET).any(axis=1))[0]
+    focal = pair.camera.focal_px
+    assert rows.max() == pytest.approx(pair.camera.cy_px, abs=1.5)  # the ground ends 20 m away, 4.6° down
+    polar = 0.902 * math.tan(math.radians(29.33 / 2))
+    assert (rows.max() - rows.min()) / focal == pytest.approx(polar, abs=2 / focal)
+
+
+def test_a_dark_sky_is_said_with_its_mend():
+    def said(light):
+        return " ".join(scenes.build(empty_scene(), complete({"light": light})).warnings)
+
+    assert "raise light.sun_elevation_deg" in said(NIGHT)
+    assert "hides the Sun" in said(SATURN | {"sun_elevation_deg": 50.0, "sun_azimuth_deg": 20.0})
+    dated = {"directions_from": "DATE", "body": "ENCELADUS", "latitude_deg": 0.0, "longitude_deg": 0.0}
+    eclipsed = "2038-06-02T08:00:00"
+    assert sky(complete({"light": dated | {"date_utc": eclipsed}})["light"]).eclipse == 1
+    assert "light.date_utc" in said(dated | {"date_utc": eclipsed})
+    assert not said(SATURN | {"sun_elevation_deg": 10.0})
+    assert not said({"sun_elevation_deg": 0.01})
+
+
+def test_what_the_planet_hides_of_the_sun_the_ground_lacks(tmp_path):
+    light = {"planet": True, "planet_elevation_deg": 30.0, "planet_azimuth_deg": 60.0, "sun_elevation_deg": 30.01,
+             "planet_angular_diameter_deg": 0.05, "planet_albedo": 0.0}
+    pair, view = lit(tmp_path, light, {"quality": {"samples": 16}})
+    hidden = pair.data["light"]["sun"]["eclipse"]
+    assert 0.3 < hidden < 0.9
+    expected = (1 - hidden) * 14.82 * math.sin(math.radians(30.01)) * 0.8 / math.pi
+    assert view.radiance.mean() == pytest.approx(expected, rel=1e-3)
+
+
 @pytest.mark.parametrize("diameter", [0.5, 2.0])
 def test_a_penumbra_is_as_wide_as_the_sun(tmp_path, diameter):
     """A wall's shadow under the Sun at 45°: from full light to none over the diameter seen from the wall's top."""
@@ -157,7 +195,15 @@ def test_a_penumbra_is_as_wide_as_the_sun(tmp_path, diameter):
     along = np.clip(np.arctan2(height, height - x) - math.pi / 4, -radius, radius) / radius
     expected = 0.5 + (along * np.sqrt(1 - along**2) + np.arcsin(along)) / math.pi
     # The light falls on the side away from the Sun's: x < 0 is lit last.
-    assert min(np.abs(level - expected).max(), np.abs(level - expected[::-1]).max()) < 0.05
+    expected = min((expected, expected[::-1]), key=lambda e: np.abs(level - e).max())
+    assert np.abs(level - expected).max() < 0.05
+    # Its width, as the scatter of the slope about the edge: a disc's is half its radius. Within 4 %, a pixel or two.
+    def scatter(profile):
+        slope = np.abs(np.diff(profile))
+        middle = (slope * np.arange(127)).sum() / slope.sum()
+        return math.sqrt((slope * (np.arange(127) - middle) ** 2).sum() / slope.sum())
+
+    assert scatter(np.clip(level, 0, 1)) == pytest.approx(scatter(expected), rel=0.04)
 
 
 def test_planet_and_world_are_replaced_and_cleared():

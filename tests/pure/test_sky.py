@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 from icymoon import settings
+from icymoon.physics.eclipse import hidden_share
 from icymoon.physics.light import apparent_diameter_deg, sun_colour, sun_diameter_deg, sun_irradiance_wm2
 from icymoon.physics.planetshine import (
     Planet,
@@ -14,7 +15,7 @@ from icymoon.physics.planetshine import (
     lambert_phase,
     phase_function,
 )
-from icymoon.physics.sky import azimuth_deg, covered_share, elevation_deg, facts, sky
+from icymoon.physics.sky import azimuth_deg, elevation_deg, facts, sky
 
 pytestmark = pytest.mark.filterwarnings("error")
 
@@ -155,18 +156,62 @@ def test_the_sun_is_up_while_any_of_it_is(elevation, up):
     assert shown.ground_irradiance_wm2[0] == pytest.approx(14.82 * max(0.0, math.sin(math.radians(elevation))))
 
 
-def test_an_eclipse_is_the_share_of_two_circles():
-    assert covered_share(1.0, 1.0, 2.0) == 0.0
-    assert covered_share(1.0, 5.0, 3.0) == 1.0
-    assert covered_share(2.0, 1.0, 0.5) == 0.25
-    # Two equal circles through each other's centre share 2π/3 - √3/2.
-    assert covered_share(1.0, 1.0, 1.0) == pytest.approx((2 * math.pi / 3 - math.sqrt(3) / 2) / math.pi)
-    assert covered_share(1.0, 1000.0, 1000.0) == pytest.approx(0.5, abs=1e-3)
+def circles_overlap(radius, other, apart):
+    """Share of a circle that another covers, on a plane."""
+    if apart >= radius + other:
+        return 0.0
+    if apart <= abs(radius - other):
+        return min(1.0, (other / radius) ** 2)
+    near = (apart**2 + radius**2 - other**2) / (2 * apart)  # from the centre to the common chord
+    far = apart - near
+    return (radius**2 * math.acos(near / radius) - near * math.sqrt(radius**2 - near**2)
+            + other**2 * math.acos(far / other) - far * math.sqrt(other**2 - far**2)) / (math.pi * radius**2)
+
+
+@pytest.mark.parametrize(("diameter", "sun"), [(0.05, 0.05), (2.0, 1.0), (12.23, 0.1024), (29.33, 0.0556),
+                                               (120.0, 0.05)])
+def test_of_a_sphere_an_eclipse_is_the_share_of_two_circles(diameter, sun):
+    for apart in diameter / 2 + sun / 2 * np.linspace(-1.2, 1.2, 13):
+        shown = planet(180.0 - max(apart, 0.0), (1.0, diameter, 0.5))
+        # The sky is no plane: the limb of a large planet is less curved than a circle of its angular radius.
+        assert hidden_share(shown, sun) == pytest.approx(circles_overlap(sun / 2, diameter / 2, max(apart, 0.0)),
+                                                         abs=3e-4)
+
+
+def test_a_planet_before_the_middle_of_the_sun_hides_its_own_size():
+    assert hidden_share(planet(180.0, (1.0, 0.02, 0.5)), 0.05) == pytest.approx(0.16, abs=5e-3)
+    assert hidden_share(planet(180.0, (1.0, 0.0, 0.5)), 0.05) == 0.0
+    assert hidden_share(planet(0.0), 0.0556) == 0.0  # behind the site
+    for diameter in (0.0, 0.0556):
+        assert hidden_share(planet(180.0), diameter) == 1.0
+
+
+def test_an_ellipsoid_hides_what_rays_meet():
+    """The limb along the axis is nearer than along the equator; a share by 40 000 rays of the Sun's disc."""
+    u = np.linspace(-1, 1, 225)
+    u, v = (a[np.hypot(*np.meshgrid(u, u)) < 1] for a in np.meshgrid(u, u))
+    for pole, offset, sun in (((0.0, 1.0, 0.0), 14.2, 2.0), ((1.0, 0.0, 0.0), 13.3, 1.0), ((0.6, 0.8, 0.0), 14.2, 0.8)):
+        shown = planet(180.0 - offset, flattening=0.098, pole=pole)
+        x = np.cross(shown.sun, [0.0, 1.0, 0.0])
+        rays = shown.sun + math.tan(math.radians(sun / 2)) * (u[:, None] * x + v[:, None] * np.cross(shown.sun, x))
+        rays /= np.linalg.norm(rays, axis=1, keepdims=True)
+        radius = math.sin(math.radians(shown.angular_diameter_deg / 2))
+        shape = (np.eye(3) + ((1 / 0.902) ** 2 - 1) * np.outer(pole, pole)) / radius**2
+        d = shown.direction
+        hit = (rays @ shape @ d) ** 2 > np.einsum("ni,ij,nj->n", rays, shape, rays) * (d @ shape @ d - 1)
+        assert 0.1 < hit.mean() < 0.9
+        assert hidden_share(shown, sun) == pytest.approx(hit.mean(), abs=4e-3)  # of the rays' raster
+
+
+def test_an_eclipse_takes_the_light_of_the_ground():
     light = settings.defaults()["light"] | {"planet": True, "planet_elevation_deg": 20.0, "planet_azimuth_deg": 60.0}
     assert sky(light).eclipse == 1.0
     assert sky(light).ground_irradiance_wm2 == (0.0, 0.0)
-    assert 0 < sky(light | {"planet_angular_diameter_deg": 0.05}).eclipse < 1
+    part = sky(light | {"planet_angular_diameter_deg": 0.05})
+    assert 0 < part.eclipse < 1
+    assert part.ground_irradiance_wm2[0] == pytest.approx((1 - part.eclipse) * 14.82 * math.sin(math.radians(20)))
     assert sky(light | {"planet_elevation_deg": 60.0}).eclipse == 0.0
+    assert sky(light | {"planet": False}).eclipse == 0.0  # among angles there is no planet but one that is shown
 
 
 def test_every_scene_preset_has_light():
