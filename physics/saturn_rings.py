@@ -1,7 +1,7 @@
 """Saturn's main rings as a moon sees them, sunlit or from their unlit side, in the planet's shadow.
 
 The moon looks at them at a slant: from Enceladus the site is at most 250 km off their plane, so that they are a
-line, 0.15° wide where it is nearest and 0.04° where it is farthest. Each ring is an even layer of particles that
+line at most 0.1° thick. Each ring is an even layer of particles that
 scatter once (Chandrasekhar 1960, Radiative Transfer, ch. 9): right at a slant, where the light comes from the
 layer's top; of a ring seen and lit from high up, where light is scattered more than once, ring B is a third too
 dark. Their thickness, 10 m, is far below a pixel. Left out: the planet's light on them, their shadow on the

@@ -125,7 +125,7 @@ def _sky_at_date(light: Mapping[str, Any], blend_folder: str | None) -> Sky:
                     float(light["planet_albedo"]), light["planet_phase_law"])
     diameter = sun_diameter_deg(at.sun_distance_au)
     return Sky(at.sun, irradiance, diameter, planet if light["planet"] else None, hidden_share(planet, diameter),
-               at.from_j2000, bool(light["planet_rings"]) and at.planet_name == "SATURN")
+               at.from_j2000, bool(light["planet_rings"]) and at.planet_name in ("SATURN", "699"))
 
 
 def facts(shown: Sky) -> dict[str, Any]:

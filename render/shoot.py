@@ -67,8 +67,11 @@ def _turned(camera: bpy.types.Object, turn_deg: float, width_px: int) -> Iterato
 
     The lens is shifted by what Cycles' sampling is off the pixel centre, so that truth is exact.
     """
-    lens, pose = camera.data, camera.matrix_basis.copy()
+    lens = camera.data
     shift = lens.shift_x, lens.shift_y
+    # A matrix put back is taken apart into other numbers, by a rounding error, and would pass for an edit.
+    pose = {key: tuple(getattr(camera, key)) for key in ("location", "rotation_euler", "rotation_quaternion",
+                                                         "rotation_axis_angle", "scale")}
     lens.shift_x, lens.shift_y = (s - _SAMPLE_OFFSET_PX / width_px for s in shift)
     if turn_deg:
         turn = Matrix.Rotation(-math.radians(turn_deg), 4, "Z")
@@ -77,7 +80,8 @@ def _turned(camera: bpy.types.Object, turn_deg: float, width_px: int) -> Iterato
     try:
         yield
     finally:
-        camera.matrix_basis = pose
+        for key, value in pose.items():
+            setattr(camera, key, value)
         lens.shift_x, lens.shift_y = shift
 
 

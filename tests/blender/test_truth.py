@@ -143,3 +143,10 @@ def test_poses_and_checksums_describe_the_images(tmp_path):
         96 * 32 / 60 * 0.25)
     pair.image("left").write_bytes(b"x")
     assert changed_files(pair) == ["left.exr"]
+
+
+def test_rendering_is_no_edit_of_the_camera(tmp_path):
+    """Three headings from a pose whose matrix does not come apart into the numbers it was made of."""
+    pair, built = render(tmp_path, {"rig": {"pitch_deg": -50.0, "heading_deg": 90.0}, "dataset": {"headings": 3}})
+    assert not built.edited
+    assert not pair.data["edited_by_hand"]
