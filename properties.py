@@ -538,8 +538,9 @@ LIGHT = Topic("light", "Light", "The Sun and the planet as the body's sky shows 
                      ("SATURN", "Saturn", "Published curve of Saturn's globe (Mallama and Hilton 2018)"),
                      ("JUPITER", "Jupiter", "Published curve of Jupiter (Mallama and Hilton 2018)"))),
     Setting("planet_rings", "Planet Rings", False,
-            "Saturn's rings A, B, C and the Cassini Division about the planet's equator, seen by the cameras. From "
-            "Enceladus they are a line; raise Planet Elevation by the angle that they are to open to", "light"),
+            "Saturn's rings A, B, C and the Cassini Division about the planet's equator, and their shadow on it, which "
+            "takes up to 20 % of its light. From Enceladus they are a line; raise Planet Elevation by the angle that "
+            "they are to open to", "light"),
     Setting("stars", "Stars", False, "Stars in the sky, at their true brightness; they give the ground no light",
             "light"),
     Setting("stars_faintest_mag", "Faintest Star (mag)", 2.5,

@@ -47,7 +47,7 @@ def build_lights(settings: Settings, sky: Sky) -> list[bpy.types.Object]:
 def advice(sky: Sky, settings: Settings) -> list[str]:
     """What a person should know of a dark sky, and of what is not in it."""
     light, said = settings["light"], []
-    if light["planet"] and light["planet_rings"] and not sky.has_rings:
+    if sky.planet is not None and light["planet_rings"] and not sky.planet.rings:
         said.append("Only Saturn's rings are bright enough to be seen; light.planet_rings has no effect here.")
     if light["stars"] and light["irradiance_band"] == "CAMERA":
         said.append("Stars count all wavelengths, the Sun only the camera's; set light.irradiance_band to BOLOMETRIC "
@@ -86,7 +86,7 @@ def _others(settings: Settings, sky: Sky) -> list[bpy.types.Object]:
     if sky.planet is not None and sky.planet_is_up:
         made["planet"] = build_planet(f"{NAME} Planet", sky.planet, colour)
         made["planetshine"] = build_planet_light(f"{NAME} Planetshine", sky.planet, colour)
-    around = rings(sky.planet) if sky.planet is not None and sky.has_rings else None
+    around = rings(sky.planet) if sky.planet is not None else None
     if around is not None and around.vertices[:, 2].max() > 0:
         made["rings"] = build_rings(f"{NAME} Rings", around, colour)
     for item in made.values():

@@ -15,20 +15,22 @@ import numpy as np
 from mathutils import Vector
 
 from .. import compat
-from ..physics.planetshine import Planet, ellipsoid
+from ..physics.planetshine import Planet, ellipsoid, unshaded_share
 from .builder import Tree
 
 
 def build_planet_light(name: str, planet: Planet, colour: np.ndarray) -> bpy.types.Object:
     """The lamp that the planet is: a disc of its equator's size that shines where the planet does.
 
-    A Sun lamp of energy E and half its angle r has the radiance E / (π sin² r) times what its shader emits.
+    A Sun lamp of energy E and half its angle r has the radiance E / (π sin² r) times what its shader emits. What
+    the shadow of rings takes is taken from all of the disc alike.
     """
     lamp = bpy.data.lights.new(name, "SUN")
     lamp.color = tuple(map(float, colour))
     compat.plain_light(lamp)
     lamp.angle = math.radians(planet.angular_diameter_deg)
-    lamp.energy = ellipsoid(planet).full_radiance * math.pi * math.sin(lamp.angle / 2) ** 2
+    lamp.energy = (ellipsoid(planet).full_radiance * unshaded_share(planet) * math.pi
+                   * math.sin(lamp.angle / 2) ** 2)
     tree = Tree(compat.ensure_light_nodes(lamp))
     light = tree.node("ShaderNodeEmission", "Planet", {
         "Color": (1.0, 1.0, 1.0, 1.0), "Strength": _sunlit(tree, planet)}, if_present={"Weight": 0.0})

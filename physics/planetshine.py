@@ -9,12 +9,22 @@ part of it that is seen, at its true distance. Everything is in units of that di
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 #: How far the published phase curves reach, in degrees; beyond, the ratio to a Lambert sphere is held.
 _JUPITER_END, _SATURN_END = 130.0, 150.0
+
+
+@dataclass(frozen=True)
+class Ring:
+    """Radii over the planet's equatorial radius; mean normal optical depth and albedo of single scattering."""
+
+    inner: float
+    outer: float
+    optical_depth: float
+    albedo: float
 
 
 @dataclass(frozen=True)
@@ -29,6 +39,7 @@ class Planet:
     sun_irradiance_wm2: float
     geometric_albedo: float
     phase_law: str  # "LAMBERT", "JUPITER" or "SATURN"
+    rings: tuple[Ring, ...] = ()  # in the plane of its equator; they shade it, ``saturn_rings`` says how they look
 
     @property
     def phase_deg(self) -> float:
@@ -128,14 +139,27 @@ class _Seen:
         """W/(m² sr); 0 in the night."""
         normal = sphere @ self.shape.stretch
         normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
-        return np.asarray(self.shape.full_radiance * np.maximum(normal @ self.planet.sun, 0.0))
+        return np.asarray(self.shape.full_radiance * np.maximum(normal @ self.planet.sun, 0.0) * self._passed(sphere))
+
+    def _passed(self, sphere: np.ndarray) -> np.ndarray:
+        """Share (...) of the sunlight that the rings let through to points of the planet."""
+        point, passed = sphere @ self.shrink, np.ones(sphere.shape[:-1])
+        up = float(self.planet.sun @ self.planet.pole)
+        if abs(up) < 1e-6:
+            return passed  # the Sun is in their plane
+        way = -(point @ self.planet.pole) / up  # along the ray to the Sun, to the plane
+        radius = np.linalg.norm(point + way[..., None] * self.planet.sun, axis=-1)
+        for ring in self.planet.rings:
+            crossed = (way > 0) & (radius > ring.inner) & (radius < ring.outer)
+            passed[crossed] = math.exp(-ring.optical_depth / abs(up))
+        return passed
 
 
 def irradiance_wm2(planet: Planet, normal: np.ndarray | None = None, nodes: int = 96) -> float:
     """Irradiance from the planet on a surface; ``normal`` (3,) is its unit normal, else it faces the planet.
 
     What of the planet is below the horizon (z < 0) gives nothing. The error of the quadrature is
-    about 2e-4 where horizon or terminator cross the disc, else far less.
+    about 2e-4 where horizon or terminator cross the disc, 1e-3 where rings shade it, else far less.
     """
     if planet.angular_diameter_deg <= 0:
         return 0.0
@@ -156,6 +180,13 @@ def irradiance_wm2(planet: Planet, normal: np.ndarray | None = None, nodes: int 
     return float(lit[ray[..., 2] > 0].sum())
 
 
+def unshaded_share(planet: Planet) -> float:
+    """Share of the light on level ground that the shadow of the planet's rings leaves."""
+    level = np.array([0.0, 0.0, 1.0])
+    bare = irradiance_wm2(replace(planet, rings=()), level) if planet.rings else 0.0
+    return irradiance_wm2(planet, level) / bare if bare > 0 else 1.0
+
+
 @dataclass(frozen=True)
 class Disc:
     """The part of a planet that is seen as a mesh about the observer; its centre is at distance 1."""
@@ -165,9 +196,14 @@ class Disc:
     radiance: np.ndarray  # (n,) W/(m² sr)
 
 
-def disc(planet: Planet, rings: int = 48, sectors: int = 96) -> Disc:
-    """The planet as a mesh fine enough that radiance and outline are within 6e-4 of the ellipsoid's."""
+def disc(planet: Planet) -> Disc:
+    """The planet as a mesh fine enough that radiance and outline are within 6e-4 of the ellipsoid's.
+
+    The edges of its rings' shadow are three times finer, a two hundredth of the planet's size.
+    """
     seen = _Seen(planet)
+    rings = 144 if planet.rings else 48
+    sectors = 2 * rings
     angle = np.repeat(np.arange(1, rings + 1) * seen.half_angle / rings, sectors)
     around = np.tile(np.arange(sectors) * 2 * np.pi / sectors, rings)
     sphere = seen.sphere(np.concatenate([[0.0], angle]), np.concatenate([[0.0], around]))

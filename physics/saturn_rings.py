@@ -1,11 +1,11 @@
 """Saturn's main rings as a moon sees them, sunlit or from their unlit side, in the planet's shadow.
 
 The moon looks at them at a slant: from Enceladus the site is at most 250 km off their plane, so that they are a
-line at most 0.1° thick. Each ring is an even layer of particles that
-scatter once (Chandrasekhar 1960, Radiative Transfer, ch. 9): right at a slant, where the light comes from the
-layer's top; of a ring seen and lit from high up, where light is scattered more than once, ring B is a third too
-dark. Their thickness, 10 m, is far below a pixel. Left out: the planet's light on them, their shadow on the
-planet, and gaps narrower than the Cassini Division.
+line at most 0.1° thick. Each ring is an even layer of particles that scatter once (Chandrasekhar 1960, Radiative
+Transfer, ch. 9): right at a slant, where the light comes from the layer's top; of a ring seen and lit from high up,
+where light is scattered more than once, ring B is a third too dark. Their thickness, 10 m, is far below a pixel.
+Left out: the planet's light on them, their light on the ground, and gaps narrower than the Cassini Division. What
+they take from the planet's light is in ``planetshine``.
 
 Everything is in units of the planet's distance, as in ``planetshine``.
 """
@@ -17,24 +17,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .planetshine import Planet
+from .planetshine import Planet, Ring
 
 SATURN_EQUATOR_KM = 60268.0
 
 
-@dataclass(frozen=True)
-class Ring:
-    """Radii, normal optical depth and the particles' albedo of single scattering, means over the ring."""
-
-    inner_km: float
-    outer_km: float
-    optical_depth: float
-    albedo: float
+def _ring(inner_km: float, outer_km: float, optical_depth: float, albedo: float) -> Ring:
+    return Ring(inner_km / SATURN_EQUATOR_KM, outer_km / SATURN_EQUATOR_KM, optical_depth, albedo)
 
 
 #: NASA's Saturnian Rings Fact Sheet (NSSDCA): radii, and the middle of the ranges of optical depth and albedo.
-RINGS = {"C": Ring(74658.0, 91975.0, 0.15, 0.2), "B": Ring(91975.0, 117507.0, 1.5, 0.5),
-         "Cassini Division": Ring(117507.0, 122340.0, 0.1, 0.3), "A": Ring(122340.0, 136780.0, 0.6, 0.5)}
+RINGS = {"C": _ring(74658.0, 91975.0, 0.15, 0.2), "B": _ring(91975.0, 117507.0, 1.5, 0.5),
+         "Cassini Division": _ring(117507.0, 122340.0, 0.1, 0.3), "A": _ring(122340.0, 136780.0, 0.6, 0.5)}
 #: Phase function of the particles, (1 - α/π)^n times what makes its mean one, with Callisto's n: Dones et al. 1993,
 #: Icarus 105, 184.
 _PHASE_POWER = 3.092
@@ -92,12 +86,12 @@ def shadow_half_angle(radius: np.ndarray, sun_elevation: float, flattening: floa
 
 
 def rings(planet: Planet) -> RingMesh | None:
-    """The rings of a planet of Saturn's proportions, or None where they are seen from within their plane.
+    """The rings of a planet, or None if it has none or they are seen from within their plane.
 
     Sunlit and shadowed arcs are strips of their own, so that the edge of the shadow is as sharp as it is.
     """
     height, up = float(-planet.direction @ planet.pole), float(planet.sun @ planet.pole)
-    if abs(height) < 1e-7 or planet.angular_diameter_deg <= 0:
+    if not planet.rings or abs(height) < 1e-7 or planet.angular_diameter_deg <= 0:
         return None
     scale = math.sin(math.radians(planet.angular_diameter_deg / 2))
     toward = planet.sun - up * planet.pole  # in the plane; anything in it if the Sun is over the pole
@@ -106,8 +100,8 @@ def rings(planet: Planet) -> RingMesh | None:
     toward /= np.linalg.norm(toward)
     across = np.cross(planet.pole, toward)
     parts = []
-    for ring in RINGS.values():
-        radius = np.linspace(ring.inner_km, ring.outer_km, _CIRCLES + 1) / SATURN_EQUATOR_KM
+    for ring in planet.rings:
+        radius = np.linspace(ring.inner, ring.outer, _CIRCLES + 1)
         half = shadow_half_angle(radius, math.asin(np.clip(up, -1, 1)), planet.flattening)
         for lit, middle, reach, sectors in ((1.0, 0.0, math.pi - half, _SECTORS), (0.0, math.pi, half, _SECTORS // 8)):
             if not reach.any():

@@ -19,7 +19,8 @@ from .directions import toward
 from .eclipse import hidden_share
 from .ephemeris import Positions
 from .light import apparent_diameter_deg, sun_diameter_deg, sun_irradiance_wm2
-from .planetshine import Planet, irradiance_wm2
+from .planetshine import Planet, Ring, irradiance_wm2
+from .saturn_rings import RINGS
 
 
 @dataclass(frozen=True)
@@ -32,7 +33,6 @@ class Sky:
     planet: Planet | None
     eclipse: float  # share of the Sun's disc that the planet hides, shown or not
     from_j2000: np.ndarray  # (3, 3) from the J2000 equatorial to the local frame
-    has_rings: bool  # whether the planet, if it is shown, is to have Saturn's rings
 
     @property
     def sun_elevation_deg(self) -> float:
@@ -53,7 +53,7 @@ class Sky:
     @property
     def above_ring_plane_deg(self) -> float | None:
         """How far north of the plane of Saturn's rings the site is, seen from the planet; None without rings."""
-        if self.planet is None or not self.has_rings:
+        if self.planet is None or not self.planet.rings:
             return None
         return _above(self.planet.pole, -self.planet.direction)
 
@@ -94,10 +94,14 @@ def sky(light: Mapping[str, Any], blend_folder: str | None = None) -> Sky:
         float(light["planet_angular_diameter_deg"]), float(light["planet_flattening"]),
         # Moon and planet turn about axes within a degree of each other.
         toward(0.0, light["latitude_deg"]), sun, irradiance, float(light["planet_albedo"]),
-        light["planet_phase_law"]) if light["planet"] else None
+        light["planet_phase_law"], _rings(light)) if light["planet"] else None
     diameter = float(light["sun_angular_diameter_deg"])
     return Sky(sun, irradiance, diameter, planet, hidden_share(planet, diameter) if planet else 0.0,
-               _stars_by_angles(light), bool(light["planet_rings"]))
+               _stars_by_angles(light))
+
+
+def _rings(light: Mapping[str, Any]) -> tuple[Ring, ...]:
+    return tuple(RINGS.values()) if light["planet_rings"] else ()
 
 
 def _stars_by_angles(light: Mapping[str, Any]) -> np.ndarray:
@@ -122,10 +126,11 @@ def _sky_at_date(light: Mapping[str, Any], blend_folder: str | None) -> Sky:
     irradiance = sun_irradiance_wm2(at.sun_distance_au)
     planet = Planet(at.planet, apparent_diameter_deg(at.planet_equator_km, at.planet_distance_km),
                     1 - at.planet_pole_km / at.planet_equator_km, at.planet_axis, at.sun, irradiance,
-                    float(light["planet_albedo"]), light["planet_phase_law"])
+                    float(light["planet_albedo"]), light["planet_phase_law"],
+                    _rings(light) if at.planet_name in ("SATURN", "699") else ())
     diameter = sun_diameter_deg(at.sun_distance_au)
     return Sky(at.sun, irradiance, diameter, planet if light["planet"] else None, hidden_share(planet, diameter),
-               at.from_j2000, bool(light["planet_rings"]) and at.planet_name in ("SATURN", "699"))
+               at.from_j2000)
 
 
 def facts(shown: Sky) -> dict[str, Any]:

@@ -122,7 +122,7 @@ def test_rings_are_seen_as_bright_as_they_are_before_and_behind_the_planet(tmp_p
     radius = np.linalg.norm(point, axis=-1) / math.sin(math.radians(29.33 / 2)) * 60268
     sun, lit_side = shown.sun @ shown.pole, (shown.sun @ shown.pole) * (-shown.direction @ shown.pole) > 0
     for ring in (RINGS["A"], RINGS["B"], RINGS["C"]):
-        inside = (radius > ring.inner_km + 2500) & (radius < ring.outer_km - 2500) & (distance > 0)
+        inside = (radius > 60268 * ring.inner + 2500) & (radius < 60268 * ring.outer - 2500) & (distance > 0)
         lit = inside & (bare.semantic == 0) & (view.radiance[..., 0] > 0)
         assert lit.sum() > 100
         expected = 14.82 / math.pi * brightness(ring, abs(sun), np.abs(ray[lit] @ shown.pole),
@@ -138,6 +138,18 @@ def test_rings_are_seen_as_bright_as_they_are_before_and_behind_the_planet(tmp_p
     behind = (bare.radiance[..., 0] > 0) & (distance > 1.02) & (radius < 136000)
     assert behind.sum() > 500
     assert np.isclose(view.radiance[behind], bare.radiance[behind], rtol=0.03).mean() > 0.9  # but for the limb
+
+
+def test_saturn_shines_less_through_the_shadow_of_its_rings(tmp_path):
+    light = SATURN | {"planet_elevation_deg": 15.0, "sun_elevation_deg": -30.0, "sun_azimuth_deg": 150.0}
+    found = {}
+    for has in (True, False):
+        pair, _ = render(tmp_path, LAMBERT, {"light": light | {"planet_rings": has}, "quality": {"samples": 256},
+                                             "rig": {"pitch_deg": 90.0, "width_px": 48, "height_px": 36}})
+        expected = sky(pair.settings["light"]).ground_irradiance_wm2[1] * 0.8 / math.pi
+        found[has] = read_view(pair.image("left")).radiance.mean()
+        assert found[has] == pytest.approx(expected, rel=2e-3)
+    assert found[True] < 0.97 * found[False]
 
 
 def test_rings_give_the_ground_nothing_and_go_when_they_are_below():

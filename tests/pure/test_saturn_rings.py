@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from icymoon import settings
-from icymoon.physics.planetshine import Planet, irradiance_wm2
-from icymoon.physics.saturn_rings import RINGS, Ring, brightness, phase_function, rings, shadow_half_angle
+from icymoon.physics.planetshine import Planet, Ring, disc, irradiance_wm2, unshaded_share
+from icymoon.physics.saturn_rings import RINGS, brightness, phase_function, rings, shadow_half_angle
 from icymoon.physics.sky import sky
 
 pytestmark = pytest.mark.filterwarnings("error")
@@ -27,7 +27,8 @@ def opened(height_deg, sun_deg, sun_azimuth_deg=140.0):
     pole = np.array([0.0, -math.sin(height), math.cos(height)])
     flat = np.array([0.0, math.cos(height), math.sin(height)])
     toward = math.cos(sun) * (math.cos(azimuth) * flat + math.sin(azimuth) * np.array([1.0, 0.0, 0.0]))
-    return Planet(direction, 29.33, 0.098, pole, toward + math.sin(sun) * pole, 14.82, 0.499, "SATURN")
+    return Planet(direction, 29.33, 0.098, pole, toward + math.sin(sun) * pole, 14.82, 0.499, "SATURN",
+                  tuple(RINGS.values()))
 
 
 def light_of(mesh):
@@ -100,6 +101,43 @@ def test_from_enceladus_they_are_a_line_that_gives_no_light_to_speak_of():
     assert rings(dated("2032-06-01", 0.0).planet) is None
 
 
+def test_the_rings_shade_saturn_as_rays_to_the_sun_find():
+    """The light of level ground by random rays, each followed from the planet back through the rings to the Sun."""
+    shown = replace(opened(20.0, 20.0, 200.0), direction=np.array([0.0, 0.8, 0.6]))  # and a little from above
+    random = np.random.default_rng(3)
+    n, limit = 400_000, math.radians(15.0)
+    z = 1 - (1 - math.cos(limit)) * random.random(n)
+    around = 2 * np.pi * random.random(n)
+    y = np.cross(shown.direction, [1.0, 0.0, 0.0])
+    ray = z[:, None] * shown.direction + np.sqrt(1 - z**2)[:, None] * (
+        np.cos(around)[:, None] * np.array([1.0, 0.0, 0.0]) + np.sin(around)[:, None] * y)
+    radius = math.sin(math.radians(29.33 / 2))
+    shape = (np.eye(3) + ((1 / 0.902) ** 2 - 1) * np.outer(shown.pole, shown.pole)) / radius**2
+    a, b = np.einsum("ni,ij,nj->n", ray, shape, ray), -ray @ shape @ shown.direction
+    c = shown.direction @ shape @ shown.direction - 1
+    point = ((-b - np.sqrt(np.maximum(b**2 - a * c, 0))) / a)[:, None] * ray - shown.direction
+    normal = point @ shape
+    lit = np.maximum(normal @ shown.sun, 0) / np.linalg.norm(normal, axis=1) * (b**2 > a * c) * ray[:, 2]
+    crossing = -(point @ shown.pole) / (shown.sun @ shown.pole)
+    off = np.linalg.norm(point + crossing[:, None] * shown.sun, axis=1) / radius
+    depth = sum(ring.optical_depth * ((crossing > 0) & (off > ring.inner) & (off < ring.outer)) for ring in shown.rings)
+    passed = lit * np.exp(-depth / abs(shown.sun @ shown.pole))
+    share = unshaded_share(shown)
+    assert 0.7 < share < 0.95
+    assert share == pytest.approx(passed.sum() / lit.sum(), abs=3e-3)
+    up = np.array([0.0, 0.0, 1.0])
+    mesh = disc(shown)
+    corners = mesh.vertices[mesh.faces]
+    area = (np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+            + np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 0])) / 2
+    middle = corners.mean(axis=1)
+    solid_angle = -(area * middle).sum(axis=1) / np.linalg.norm(middle, axis=1) ** 3
+    seen = (mesh.radiance[mesh.faces].mean(axis=1) * solid_angle * middle[:, 2] / np.linalg.norm(middle, axis=1)).sum()
+    assert seen == pytest.approx(irradiance_wm2(shown, up), rel=5e-3)
+    assert unshaded_share(replace(shown, rings=())) == 1.0
+    assert unshaded_share(opened(20.0, 0.0)) == 1.0
+
+
 def test_the_side_away_from_the_sun_is_dark_where_the_ring_is_dense():
     lit, unlit = rings(opened(15.0, 20.0)), rings(opened(15.0, -20.0))
     for mesh in (lit, unlit):
@@ -125,9 +163,9 @@ def test_no_geometry_is_too_much(height, sun):
 
 
 def test_only_saturn_has_rings():
-    assert dated("2032-06-01", -80.0).has_rings
+    assert dated("2032-06-01", -80.0).planet.rings
     europa = sky(ENCELADUS | {"directions_from": "DATE", "body": "EUROPA", "planet_rings": True})
-    assert not europa.has_rings
+    assert not europa.planet.rings
     assert europa.above_ring_plane_deg is None
     raised = sky(ENCELADUS | {"planet_rings": True, "planet_elevation_deg": 20.0})
     assert raised.above_ring_plane_deg == pytest.approx(10.0)
