@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from icymoon import settings
 from icymoon.physics import ephemeris, stars
-from icymoon.physics.photons import planck, total_radiance
+from icymoon.physics.photons import electron_rate, planck, total_radiance
 from icymoon.physics.sky import azimuth_deg, elevation_deg, sky
 
 pytestmark = pytest.mark.filterwarnings("error")
@@ -30,6 +30,16 @@ def test_a_star_of_magnitude_zero_has_the_light_of_vegas_zero_point():
     per_nm = stars.V0_WM2 * planck(545e-9, 5772.0) / total_radiance(5772.0) * 1e-9
     assert per_nm == pytest.approx(3.631e-11, rel=0.05)
     assert stars.irradiance_wm2(np.array([5.0, -2.5])) == pytest.approx(stars.V0_WM2 * np.array([0.01, 10.0]))
+
+
+def test_a_camera_counts_the_photons_of_a_star():
+    """A thousand photons per cm², second and Ångström at V = 0 (Bessell 1979, PASP 91, 589), through f/8 of 32 mm."""
+    sensor = settings.defaults()["sensor"] | {
+        "band_centre_nm": 545.0, "band_width_nm": 80.0, "f_number": 8.0, "transmission": 1.0, "quantum_efficiency": 1.0}
+    pitch, focal = 94e-6, 32e-3
+    radiance = stars.V0_WM2 / (pitch / focal) ** 2  # of the one pixel that has all of it
+    expected = 1000 * 800 * math.pi * 0.2**2
+    assert radiance * electron_rate(LIGHT, sensor, pitch) == pytest.approx(expected, rel=0.06)
 
 
 def test_the_brightest_stars_are_where_they_are():
