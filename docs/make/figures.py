@@ -146,12 +146,10 @@ def sun_at_distance(figure: Figure) -> None:
     left.loglog(au, [sun_irradiance_wm2(d) for d in au])
     right.loglog(au, [sun_diameter_deg(d) for d in au])
     for name, d in (("Earth", 1.0), ("Jupiter", 5.2038), ("Saturn", 9.583)):
-        left.plot(d, sun_irradiance_wm2(d), "o", color=COLOURS[1])
-        left.annotate(f"{name} {sun_irradiance_wm2(d):.2f}", (d, sun_irradiance_wm2(d)), (4, 4),
-                      textcoords="offset points", fontsize=8, ha="right" if d > 9 else "left")
-        right.plot(d, sun_diameter_deg(d), "o", color=COLOURS[1])
-        right.annotate(f"{name} {sun_diameter_deg(d):.4f}", (d, sun_diameter_deg(d)), (4, 4),
-                       textcoords="offset points", fontsize=8, ha="right" if d > 9 else "left")
+        for axes, value, digits in ((left, sun_irradiance_wm2(d), 2), (right, sun_diameter_deg(d), 4)):
+            axes.plot(d, value, "o", color=COLOURS[1])
+            axes.annotate(f"{name} {value:.{digits}f}", (d, value), (-6, -10) if d > 1 else (6, 0), fontsize=8,
+                          textcoords="offset points", ha="right" if d > 1 else "left")
     left.set(xlabel="Distance, au", ylabel="Irradiance, W/m²")
     right.set(xlabel="Distance, au", ylabel="Diameter, °")
 
@@ -229,9 +227,9 @@ def depth_error(figure: Figure) -> None:
     """Depth error over depth of the shipped rigs, for a quarter of a pixel."""
     axes = figure.subplots()
     depth = np.geomspace(0.5, 50, 100)
-    for name in settings.preset_names("rigs"):
+    for k, name in enumerate(settings.preset_names("rigs")):
         rig, title = described(name)["rig"], settings.preset_header(name)[0]
-        axes.loglog(depth, [100 * geometry.depth_error_m(z, rig, 0.25) for z in depth],
+        axes.loglog(depth, [100 * geometry.depth_error_m(z, rig, 0.25) for z in depth], "-" if k % 2 else "--",
                     label=f"{title}, f·B {geometry.focal_px(rig) * rig['baseline_m']:.0f} px·m")
     axes.set(xlabel="Depth, m", ylabel="Depth error for 0.25 px, cm")
     axes.legend(fontsize=8)

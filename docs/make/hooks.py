@@ -13,7 +13,6 @@ import latex2mathml.converter
 import reference
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
-from mkdocs.structure.nav import Navigation
 from mkdocs.structure.pages import Page
 
 #: What pymdownx.arithmatex makes of $…$ and $$…$$.
@@ -27,14 +26,6 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     for name in figures.FIGURES:
         files.append(File.generated(config, f"figures/{name}.svg", content=figures.svg(name)))
     return files
-
-
-def on_nav(nav: Navigation, config: MkDocsConfig, files: Files) -> Navigation:
-    """Refuse a page that cannot be found by the navigation."""
-    lost = sorted(file.src_uri for file in files.documentation_pages() if file.page and file.page not in nav.pages)
-    if lost:
-        raise SystemExit(f"mkdocs.yml: the navigation lacks {', '.join(lost)}.")
-    return nav
 
 
 def on_page_content(content: str, page: Page, config: MkDocsConfig, files: Files) -> str:

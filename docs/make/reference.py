@@ -93,7 +93,7 @@ def _range(setting: Setting) -> str:
         return {"bool": "true, false", "text": "text", "list": "tables", "choice": "names"}[setting.kind]
     low, high = setting.soft or (setting.minimum, setting.maximum)
     slider = "" if (low, high) == (setting.minimum, setting.maximum) else f"<br>({_number(low)} to {_number(high)})"
-    return f"{_number(setting.minimum)} to {_number(setting.maximum)}{slider}"
+    return f"{_number(setting.minimum)} to {_number(setting.maximum)}{slider}".replace(" ", "&nbsp;")
 
 
 def _number(value: Any) -> str:
@@ -211,12 +211,14 @@ def _matchers() -> str:
 
 @dataclass(frozen=True)
 class Operator:
-    """An operator as its source states it; ``properties`` are (name, description) by key."""
+    """An operator as its source states it: (name, description) of its ``properties`` by key, and the ``choices`` that
+    those have which are enumerations."""
 
     name: str
     label: str
     description: str
     properties: dict[str, tuple[str, str]]
+    choices: dict[str, list[str]]
 
 
 def operators() -> list[Operator]:
@@ -230,13 +232,14 @@ def _operators_of(path: Path) -> Iterator[Operator]:
             stated = {statement.targets[0].id: ast.literal_eval(statement.value) for statement in node.body
                       if isinstance(statement, ast.Assign) and isinstance(statement.targets[0], ast.Name)
                       and statement.targets[0].id in ("bl_idname", "bl_label")}
-            properties = {}
+            properties, choices = {}, {}
             for statement in node.body:
                 if isinstance(statement, ast.AnnAssign) and isinstance(statement.target, ast.Name):
                     words = _words(statement.annotation)
                     if "name" in words:  # what has none is hidden
                         properties[statement.target.id] = (words["name"], words.get("description", ""))
-            yield Operator(stated["bl_idname"], stated["bl_label"], ast.get_docstring(node) or "", properties)
+                        choices[statement.target.id] = _choices(statement.annotation)
+            yield Operator(stated["bl_idname"], stated["bl_label"], ast.get_docstring(node) or "", properties, choices)
 
 
 def _words(call: ast.expr) -> dict[str, str]:
@@ -246,9 +249,17 @@ def _words(call: ast.expr) -> dict[str, str]:
             if word.arg and isinstance(word.value, ast.Constant) and isinstance(word.value.value, str)}
 
 
+def _choices(call: ast.expr) -> list[str]:
+    """The names that an enumeration takes, where its source lists them."""
+    assert isinstance(call, ast.Call)
+    items = next((word.value for word in call.keywords if word.arg == "items"), None)
+    return [name for name, *_ in ast.literal_eval(items)] if isinstance(items, ast.Tuple) else []
+
+
 def _operators() -> str:
     rows = [(f"`bpy.ops.{o.name}`", f"**{o.label}.** {_cell(o.description)}." + "".join(
-        f"<br>`{key}` {name}: {_cell(text)}." for key, (name, text) in o.properties.items())) for o in operators()]
+        f"<br>`{key}` {name}: {_cell(text)}" + (f" ({', '.join(o.choices[key])})." if o.choices[key] else ".")
+        for key, (name, text) in o.properties.items())) for o in operators()]
     return ("# Operators\n\nAll are in Render ▸ Icy Moon, so F3 finds them. Called from a script they run until they "
             "are done; pressed in the window, the long ones work in a process of their own. Settings are properties "
             "of `bpy.context.scene.icymoon`, as `bpy.context.scene.icymoon.rig.baseline_m = 0.3`.\n\n"

@@ -12,7 +12,7 @@ import commands
 import manual
 import pytest
 from icymoon import settings
-from icymoon.version import ROOT
+from icymoon.version import ROOT, version
 
 PAGES = sorted(manual.pages())
 WRITTEN = sorted(manual.written())
@@ -50,6 +50,16 @@ def test_every_link_leads_somewhere(page):
             assert (ROOT / target).is_file(), f"{page} links to {link}, which is not in the repository"
         if anchor:
             assert anchor in manual.anchors(manual.pages()[target]), f"{page} links to {link}: no such heading"
+
+
+def test_every_page_is_in_the_navigation():
+    listed = re.findall(r"(?m): (\S+\.md)$", (ROOT / "mkdocs.yml").read_text(encoding="utf-8"))
+    assert sorted(f"docs/{path}" for path in listed) == [page for page in PAGES if page.startswith("docs/")]
+
+
+def test_the_version_is_that_of_the_manifest():
+    assert f"\nversion: {version()}\n" in (ROOT / "CITATION.cff").read_text(encoding="utf-8")
+    assert f"\n## {version()}\n" in manual.written()["CHANGELOG.md"]
 
 
 def test_every_figure_is_shown():
