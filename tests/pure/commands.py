@@ -60,7 +60,9 @@ def fault(words: list[str]) -> str:
 def _fault(words: list[str]) -> str:
     program, rest = words[0], words[1:]
     if program in PYTHONS:
-        if rest[:1] != ["-m"]:
+        if rest[0] == "__main__.py":
+            rest = ["-m", "icymoon", *rest[1:]]
+        if rest[0] != "-m":
             return "" if (ROOT / rest[0]).is_file() else f"there is no {rest[0]}"
         program, rest = rest[1], rest[2:]
     if program == "icymoon" and rest[:1] == ["stereo"]:
