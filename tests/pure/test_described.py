@@ -12,7 +12,8 @@ ALL = [(topic, s) for topic, setting in all_settings() for s in (setting, *setti
 NUMBERS = [(topic, s) for topic, s in ALL if s.kind in ("int", "float")]
 #: Unit that the end of a name states; the longest end that fits decides.
 ENDS = {"_m": "m", "_mm": "mm", "_px": "px", "_deg": "deg", "_s": "s", "_k": "K", "_nm": "nm", "_um": "µm", "_e": "e-",
-        "_e_s": "e-/s", "_m_s": "m/s", "_deg_s": "deg/s", "_mag": "mag", "_wm2": "W/m²", "_cm2_s": "1/(cm² s)", "_e_per_um": "e-/µm"}
+        "_e_s": "e-/s", "_m_s": "m/s", "_deg_s": "deg/s", "_mag": "mag", "_wm2": "W/m²", "_cm2_s": "1/(cm² s)",
+        "_e_per_um": "e-/µm"}
 SYMBOLS = {"h_s"}  # of a formula, not of a unit
 #: Steps that a slider has at least between its ends, in the digits that it shows.
 STEPS = 10
