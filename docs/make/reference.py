@@ -227,33 +227,40 @@ def operators() -> list[Operator]:
 
 
 def _operators_of(path: Path) -> Iterator[Operator]:
-    for node in ast.parse(path.read_text(encoding="utf-8")).body:
-        if isinstance(node, ast.ClassDef) and "_OT_" in node.name:
-            stated = {statement.targets[0].id: ast.literal_eval(statement.value) for statement in node.body
-                      if isinstance(statement, ast.Assign) and isinstance(statement.targets[0], ast.Name)
-                      and statement.targets[0].id in ("bl_idname", "bl_label")}
-            properties, choices = {}, {}
-            for statement in node.body:
-                if isinstance(statement, ast.AnnAssign) and isinstance(statement.target, ast.Name):
-                    words = _words(statement.annotation)
-                    if "name" in words:  # what has none is hidden
-                        properties[statement.target.id] = (words["name"], words.get("description", ""))
-                        choices[statement.target.id] = _choices(statement.annotation)
-            yield Operator(stated["bl_idname"], stated["bl_label"], ast.get_docstring(node) or "", properties, choices)
+    module = ast.parse(path.read_text(encoding="utf-8"))
+    classes = {node.name: node for node in module.body if isinstance(node, ast.ClassDef)}
+    constants = _assigned(module.body)
+    for node in classes.values():
+        if "_OT_" not in node.name:
+            continue
+        body = [statement for base in node.bases if isinstance(base, ast.Name) and base.id in classes
+                for statement in classes[base.id].body] + node.body
+        stated = _assigned(body, constants)
+        properties, choices = {}, {}
+        for statement in body:
+            if isinstance(statement, ast.AnnAssign) and isinstance(statement.target, ast.Name) and isinstance(
+                    statement.annotation, ast.Call):
+                words = {word.arg: _literal(word.value, constants) for word in statement.annotation.keywords}
+                if words.get("name"):  # what has none is hidden
+                    properties[statement.target.id] = (words["name"], words.get("description") or "")
+                    choices[statement.target.id] = [name for name, *_ in words.get("items") or ()]
+        yield Operator(stated["bl_idname"], stated["bl_label"], ast.get_docstring(node) or "", properties, choices)
 
 
-def _words(call: ast.expr) -> dict[str, str]:
-    """The arguments of a call that are texts, by name."""
-    assert isinstance(call, ast.Call)
-    return {word.arg: word.value.value for word in call.keywords
-            if word.arg and isinstance(word.value, ast.Constant) and isinstance(word.value.value, str)}
+def _assigned(body: Sequence[ast.stmt], constants: dict[str, Any] | None = None) -> dict[str, Any]:
+    """The literal values that statements give to names, and those of constants."""
+    return {statement.targets[0].id: _literal(statement.value, constants or {}) for statement in body
+            if isinstance(statement, ast.Assign) and isinstance(statement.targets[0], ast.Name)}
 
 
-def _choices(call: ast.expr) -> list[str]:
-    """The names that an enumeration takes, where its source lists them."""
-    assert isinstance(call, ast.Call)
-    items = next((word.value for word in call.keywords if word.arg == "items"), None)
-    return [name for name, *_ in ast.literal_eval(items)] if isinstance(items, ast.Tuple) else []
+def _literal(value: ast.expr, constants: dict[str, Any]) -> Any:
+    """The value of a literal or of a constant's name; None of what only a run can tell."""
+    if isinstance(value, ast.Name):
+        return constants.get(value.id)
+    try:
+        return ast.literal_eval(value)
+    except ValueError:
+        return None
 
 
 def _operators() -> str:
