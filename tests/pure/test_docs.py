@@ -54,7 +54,9 @@ def test_every_link_leads_somewhere(page):
 
 def test_every_page_is_in_the_navigation():
     listed = re.findall(r"(?m): (\S+\.md)$", (ROOT / "mkdocs.yml").read_text(encoding="utf-8"))
-    assert sorted(f"docs/{path}" for path in listed) == [page for page in PAGES if page.startswith("docs/")]
+    pages = {page.removeprefix("docs/") for page in PAGES if page.startswith("docs/")}
+    assert set(listed) == pages, "the navigation in mkdocs.yml lacks a page, or has one that is not there"
+    assert len(listed) == len(pages)
 
 
 def test_the_version_is_that_of_the_manifest():
