@@ -643,7 +643,7 @@ SENSOR = Topic("sensor", "Camera Response",
             "response", "µm", 0.1, 1000.0, (2.0, 50.0), precision=1),
     Setting("radiation_e_per_um", "Ionisation (e-/µm)", 80.0, "Electrons that a particle frees per micrometre",
             "response", "e-/µm", 0.0, 1.0e6, (50.0, 500.0), precision=0),
-    Setting("noise_seed", "Noise Seed", 0, "Another number draws other noise, with the same sensor", "response", "",
+    Setting("noise_seed", "Noise Seed", 0, "Another number draws other noise, with the same sensor", "response", "1",
             0, 2147483647, (0, 100)),
 ))
 
@@ -676,7 +676,7 @@ DATASET = Topic("dataset", "Data Set", "Where pairs go and how they vary", (
             "run", subtype="DIR_PATH"),
     Setting("seed", "Seed", 1,
             "The one seed from which terrain, blocks, grains, render noise and sensor noise are all drawn",
-            "geometry", "", 0, 2147483647),
+            "geometry", "1", 0, 2147483647, (0, 100)),
     Setting("headings", "Headings", 1,
             "Pairs rendered at the site, the rig turned by equal steps; 4 is the paper's panorama", "run",
             "pairs", 1, 360, (1, 12)),
