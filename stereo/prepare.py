@@ -15,10 +15,12 @@ from ..render.pair import EYES, Pair, changed_files, pair_folders, read_pair
 from ..settings import Settings, defaults, merged
 from . import pictures
 from .develop import Images, develop, exposure_facts, grey
-from .exr import View, read_view
+from .exr import View
+from .lens import lens_of
 from .selfcheck import SelfCheck, self_check
 from .strata import classify, texture
 from .truth import scene_depth, visible_in_left, visible_in_right
+from .views import read_eye
 
 #: Entries of pair.json, on how the pair was rendered, that the report repeats.
 _REPEATED = ("versions", "device", "denoiser", "osl", "platform", "edited_by_hand", "seeds")
@@ -30,7 +32,7 @@ class Loaded:
 
     pair: Pair
     settings: Settings
-    views: dict[str, View]
+    views: dict[str, View]  # on the parallel rig
     images: Images
     depth: dict[str, np.ndarray]  # float64 (H, W), planar metres, NaN for sky
     visible: dict[str, np.ndarray]  # bool (H, W), seen by the other eye too
@@ -72,10 +74,11 @@ def load(folder: Path, response: Mapping[str, Mapping[str, Any]]) -> Loaded:
     Raises IcyMoonError, naming the file, if anything in the folder is not as it was rendered.
     """
     pair, settings = checked(folder)
-    views = {eye: _view(pair, eye) for eye in EYES}
+    eyes = {eye: read_eye(pair, eye) for eye in EYES}
     settings = merged(settings, response)
-    images = develop(pair, views["left"], views["right"], settings)
-    depth = {eye: scene_depth(views[eye]) for eye in EYES}
+    images = develop(pair, eyes["left"][0], eyes["right"][0], settings)
+    views = {eye: view for eye, (_, view) in eyes.items()}
+    depth = {eye: _depth(pair, views[eye], settings, eye) for eye in EYES}
     visible = {"left": visible_in_right(depth["left"], depth["right"], pair.camera),
                "right": visible_in_left(depth["left"], depth["right"], pair.camera)}
     check = self_check(grey(views["left"].radiance), grey(views["right"].radiance), depth["left"], depth["right"],
@@ -117,13 +120,10 @@ def checked(folder: Path) -> tuple[Pair, Settings]:
     return pair, settings
 
 
-def _view(pair: Pair, eye: str) -> View:
-    view = read_view(pair.image(eye), eye)
-    height, width = view.depth.shape
-    if (width, height) != (pair.camera.width_px, pair.camera.height_px):
-        raise IcyMoonError(f"{pair.image(eye)} is {width} x {height} px, its camera {pair.camera.width_px} x "
-                           f"{pair.camera.height_px} px; render the pair again.")
-    return view
+def _depth(pair: Pair, view: View, settings: Settings, eye: str) -> np.ndarray:
+    """True depth where the sensor sees something; a toed-in eye does not see all that the parallel one does."""
+    depth, lens = scene_depth(view), lens_of(pair.camera, settings["rig"], eye) if pair.camera.toe_in_deg else None
+    return depth if lens is None else np.where(lens.sees, depth, np.nan)
 
 
 def _toward_sun(pair: Pair) -> list[float] | None:

@@ -16,11 +16,10 @@ from ..render.pair import EYES, pair_folders
 from ..settings import merged
 from .develop import Images, develop, exposure_facts
 from .evaluate import Event
-from .exr import read_light, read_view
+from .exr import read_light
 from .images import write_npy, write_png
-from .lens import lens_of
 from .prepare import checked
-from .truth import scene_depth
+from .views import sensor_depth
 
 FORMAT, VERSION = "icymoon-images", 1
 
@@ -30,8 +29,8 @@ def reexpose(paths: Sequence[Path], out: Path, response: Mapping[str, Mapping[st
     """Develop pairs and all pairs of data sets with other settings of the ``response``; their new folders.
 
     Per pair, ``out/<pair>/``: ``left.png`` and ``right.png`` (8-bit, or 16-bit holding ``image_bits``), of
-    brackets also every exposure as ``left_0.png`` …, longest first, of a lens with distortion the image
-    that the sensor has as ``left_distorted.png`` with the depth of its pixels beside it (npy, planar
+    brackets also every exposure as ``left_0.png`` …, longest first, of a lens with distortion or eyes that are toed in
+    the image that the sensor has as ``left_distorted.png`` with the depth of its pixels beside it (npy, planar
     metres, NaN for none), and ``images.json``, written last: exposure, gain, calibration, settings.
     Everything but what is called distorted is rectified, on the pair's truth, but for the single
     exposures, which are as the sensor has them. ``on_event`` gets what ``evaluate`` gives it. A pair that
@@ -63,12 +62,8 @@ def _reexposed(folder: Path, out: Path, response: Mapping[str, Mapping[str, Any]
         stale.unlink(missing_ok=True)
     for name, numbers in _named(images, int(settings["sensor"]["bits"])).items():
         write_png(out / f"{name}.png", numbers)
-    lens = lens_of(pair.camera, settings["rig"])
-    for eye in EYES:
-        if lens is None:
-            break
-        truth = scene_depth(read_view(pair.image(eye), eye))
-        write_npy(out / f"{eye}_distorted_depth.npy", lens.distort_truth(truth).astype(np.float32))
+    for eye in EYES if images.detected_left is not images.left else ():
+        write_npy(out / f"{eye}_distorted_depth.npy", sensor_depth(pair, eye, settings["rig"]))
     write_json(out / "images.json", {
         "format": FORMAT, "version": VERSION, "pair": pair.id, "camera": pair.camera.to_json(),
         "distortion": dict(zip(COEFFICIENTS, coefficients(settings["rig"]), strict=True)),

@@ -94,9 +94,9 @@ def test_opencv_rectifies_the_detected_image_with_the_calibration(tmp_path):
 
 def test_where_the_render_does_not_reach_is_dark_and_without_truth(tmp_path):
     pair = read_pair(pairs.write_pair(tmp_path / "pair"))
-    lens = lens_of(pair.camera, defaults()["rig"] | lens_settings())
-    truth = lens.distort_truth(np.ones((144, 256)))
+    lens = lens_of(pair.camera, defaults()["rig"] | lens_settings(), "left")
+    truth = lens.truth_of_sensor(np.ones((144, 256)))
     assert np.isnan(truth[0, 0])
     assert truth[72, 128] == 1.0
     assert lens.distort(np.ones((144, 256)))[0, 0] == 0.0
-    assert lens_of(pair.camera, defaults()["rig"]) is None
+    assert lens_of(pair.camera, defaults()["rig"], "left") is None
