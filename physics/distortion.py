@@ -49,10 +49,14 @@ def undistorted(points: np.ndarray, k: tuple[float, ...]) -> np.ndarray:
     no answer that a lens could give.
     """
     found = points.copy()
+    if not any(k):
+        return found
     with np.errstate(all="ignore"):
         for _ in range(25):
             slope = _slope(found, k)
             step = distorted(found, k) - points
+            if np.nan_to_num(np.abs(step)).max(initial=0.0) < 1e-13:
+                break
             determinant = slope[..., 0, 0] * slope[..., 1, 1] - slope[..., 0, 1] * slope[..., 1, 0]
             found[..., 0] -= (slope[..., 1, 1] * step[..., 0] - slope[..., 0, 1] * step[..., 1]) / determinant
             found[..., 1] -= (slope[..., 0, 0] * step[..., 1] - slope[..., 1, 0] * step[..., 0]) / determinant

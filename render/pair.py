@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import json
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -66,6 +66,11 @@ class StereoCamera:
     def matrix(self) -> list[list[float]]:
         """The 3x3 calibration matrix K, pixel-corner coordinates."""
         return [[self.focal_px, 0.0, self.cx_px], [0.0, self.focal_px, self.cy_px], [0.0, 0.0, 1.0]]
+
+    @property
+    def rectified(self) -> StereoCamera:
+        """The parallel rig by itself, whatever the images were taken with."""
+        return replace(self, margin_x_px=0, margin_y_px=0, toe_in_deg=0.0)
 
     @property
     def rendered_px(self) -> tuple[int, int]:
@@ -138,6 +143,11 @@ class Pair:
     def truth_as_taken(self, eye: str) -> Path:
         """The file with the truth of the rendered image's own pixels, which differ where eyes are toed in."""
         return self._or_image(eye, TOED_TRUTH_FILE) if self.camera.toe_in_deg else self.truth(eye)
+
+    @property
+    def rectified_poses(self) -> dict[str, Any] | None:
+        """Camera-to-world matrices of the eyes of the parallel rig; None if the pair does not say where it was."""
+        return self.data.get("poses_rectified_to_world") or self.data.get("poses_camera_to_world")
 
     def _or_image(self, eye: str, name: str) -> Path:
         return self.folder / name.format(eye) if name.format(eye) in self.data["files"] else self.image(eye)

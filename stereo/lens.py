@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import cv2
@@ -64,8 +65,11 @@ def lens_of(camera: StereoCamera, rig: Mapping[str, Any], eye: str) -> Lens | No
     Raises IcyMoonError if the coefficients fold the image.
     """
     k = coefficients(rig)
-    if not any(k) and not camera.toe_in_deg:
-        return None
+    return _lens(camera, k, eye) if any(k) or camera.toe_in_deg else None
+
+
+@lru_cache(maxsize=2)  # both eyes: maps are large
+def _lens(camera: StereoCamera, k: tuple[float, ...], eye: str) -> Lens:
     pixels = np.stack(np.meshgrid(np.arange(camera.width_px) + 0.5, np.arange(camera.height_px) + 0.5), axis=-1)
     principal, margin = np.array([camera.cx_px, camera.cy_px]), np.array([camera.margin_x_px, camera.margin_y_px])
     points = (pixels - principal) / camera.focal_px

@@ -70,9 +70,7 @@ def signed_colours(error_m: np.ndarray) -> np.ndarray:
 def pose_of(prepared: Prepared) -> np.ndarray | None:
     """The matrix (4, 4) from the rectified left camera, in OpenCV's axes, to the world; None if the pair says none."""
     try:
-        data = prepared.pair.data
-        poses = data.get("poses_rectified_to_world") or data["poses_camera_to_world"]
-        pose = np.array(poses["left"], np.float64)
+        pose = np.array(prepared.pair.rectified_poses["left"], np.float64)  # type: ignore[index]
     except (KeyError, TypeError, ValueError):
         return None
     return pose if pose.shape == (4, 4) and np.isfinite(pose).all() else None
