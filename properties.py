@@ -803,6 +803,9 @@ def register() -> None:
     pointers["live"] = bpy.props.BoolProperty(
         name="Live Preview", default=True, update=lambda group, context: announce(group.id_data, EFFECTS[0]),
         description="Show changed settings at once in the scene that is built, the ground coarsely until Build Scene")
+    pointers["follow"] = bpy.props.BoolProperty(
+        name="Follow Settings", default=True,
+        description="Expose the camera image that is shown again whenever the camera response changes")
     root = _group("ICYMOON_PG_description", "Everything that describes an Icy Moon scene", pointers)
     bpy.types.Scene.icymoon = bpy.props.PointerProperty(
         type=root, name="Icy Moon", description="Everything that describes an Icy Moon scene")

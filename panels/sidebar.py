@@ -9,7 +9,7 @@ import bpy
 
 from .. import settings as description
 from ..nodes import scene as scenes
-from ..operators import ground, jobs, layers, live, readouts, results
+from ..operators import follow, ground, jobs, layers, live, readouts, results
 from ..physics import principled, surfaces
 from ..physics.blur import MOTION
 from ..physics.textures import by_uv
@@ -109,6 +109,8 @@ class _TopicPanel(_Sidebar):
             layout.operator("icymoon.import_ground", text="Import Ground…", icon="IMPORT")
         if self.topic.key == "sensor":
             layout.operator("icymoon.expose", icon="IMAGE_DATA")
+            layout.prop(context.scene.icymoon, "follow")
+            _draw_lines(layout, tuple(follow.lines()), "INFO")
         if self.topic.key == "terrain":
             layout.prop(context.scene.icymoon.dataset, "seed")
         if self.topic.key == "rock_surface":

@@ -33,15 +33,21 @@ def reexpose(paths: Sequence[Path], out: Path, response: Mapping[str, Mapping[st
     the image that the sensor has as ``left_distorted.png`` with the depth of its pixels beside it (npy, planar
     metres, NaN for none), and ``images.json``, written last: exposure, gain, calibration, settings.
     Everything but what is called distorted is rectified, on the pair's truth, but for the single
-    exposures, which are as the sensor has them. ``on_event`` gets what ``evaluate`` gives it. A pair that
-    cannot be used does not stop the others. Raises IcyMoonError if there is none, or at the end.
+    exposures, which are as the sensor has them. ``on_event`` gets what ``evaluate`` gives it, warnings of blur too. A
+    pair that cannot be used does not stop the others. Raises IcyMoonError if there is none, or at the end.
     """
     folders = list(dict.fromkeys(folder for path in paths for folder in pair_folders(path)))
     done: list[Path] = []
+    warned: set[str] = set()
     failed: list[str] = []
     for k, folder in enumerate(folders):
         try:
-            done.append(_reexposed(folder, out / folder.name, response))
+            images = _reexposed(folder, out / folder.name, response)
+            done.append(out / folder.name)
+            for message in images.warnings:
+                if message not in warned:
+                    warned.add(message)
+                    on_event({"type": "warning", "message": message})
         except IcyMoonError as error:
             failed.append(str(error))
             on_event({"type": "error", "message": str(error)})
@@ -52,7 +58,7 @@ def reexpose(paths: Sequence[Path], out: Path, response: Mapping[str, Mapping[st
     return done
 
 
-def _reexposed(folder: Path, out: Path, response: Mapping[str, Mapping[str, Any]]) -> Path:
+def _reexposed(folder: Path, out: Path, response: Mapping[str, Mapping[str, Any]]) -> Images:
     pair, settings = checked(folder)
     settings = merged(settings, response)
     scaled = any(settings["light"][key] != 1 for key in LIGHT_GROUPS.values())
@@ -68,7 +74,7 @@ def _reexposed(folder: Path, out: Path, response: Mapping[str, Mapping[str, Any]
         "format": FORMAT, "version": VERSION, "pair": pair.id, "camera": pair.camera.to_json(),
         "distortion": dict(zip(COEFFICIENTS, coefficients(settings["rig"]), strict=True)),
         **exposure_facts(images), "settings": {topic: settings[topic] for topic in ("sensor", "light")}})
-    return out
+    return images
 
 
 def _named(images: Images, sensor_bits: int) -> dict[str, np.ndarray]:

@@ -10,9 +10,11 @@ import pytest
 from icymoon.physics.blur import blur_of, confusion_px, motion_px
 from icymoon.physics.distortion import overscan_needed
 from icymoon.render.pair import EYES
+from icymoon.stereo.evaluate import evaluate
 from icymoon.stereo.export import export
 from icymoon.stereo.exr import read_light, read_truth
 from icymoon.stereo.matchers import match
+from icymoon.stereo.methods import parse_methods
 from icymoon.stereo.prepare import load
 from icymoon.stereo.reexpose import reexpose
 from rendering import render
@@ -211,3 +213,26 @@ def test_with_overscan_no_pixel_of_the_sensor_is_dark_and_truth_stays_what_it_wa
         np.testing.assert_allclose(ours.depth[eye], theirs.depth[eye], rtol=2e-5)
     assert abs(ours.check.photometric_offset_px) < 0.05
     assert ours.pair.camera.rendered_px > (180, 120)
+
+
+@pytest.mark.parametrize("rig", [
+    {"toe_in_deg": 45.0, "overscan": 0.3}, {"focus_distance_m": 0.033}, {"speed_right_m_s": 1000.0},
+    {"speed_forward_m_s": -1000.0, "turn_down_deg_s": 80.0, "roll_deg_s": -30.0, "toe_in_deg": 20.0,
+     "focus_distance_m": 0.5}], ids=["toe-in", "focus", "speed", "all"])
+def test_at_the_extremes_there_is_an_image_without_nan_and_the_truth_is_that_of_the_pinhole(tmp_path, rig):
+    small = {"quality": {"samples": 2}, "rig": {"width_px": 48, "height_px": 36}, "sensor": {"f_number": 0.5}}
+    pair, _ = render(tmp_path / "extreme", small, {"rig": {"motion_exposure_s": 1.0} | rig})
+    plain, _ = render(tmp_path / "plain", small)
+    for response in ({"exposure_s": 1e-6, "full_well_e": 1.0, "read_noise_e": 0.0}, {"exposure_s": 1000.0},
+                     {"temperature_k": 0.0, "bits": 16}, {"temperature_k": 500.0}):
+        loaded = load(pair.folder, {"sensor": {"auto_exposure": False} | response})
+        for eye in EYES:
+            assert np.isfinite(loaded.views[eye].radiance).all()
+            assert loaded.views[eye].radiance.min() >= 0
+            image = getattr(loaded.images, eye)
+            assert image.max() < 2 ** loaded.images.bits
+    for eye in EYES:
+        ours, theirs = (each.camera.cropped(read_truth(each.truth(eye), eye).depth) for each in (pair, plain))
+        np.testing.assert_allclose(ours, theirs, rtol=2e-5 if rig.get("overscan") else 0)
+    evaluate([pair.folder], parse_methods("bm"), tmp_path / "out")
+    assert "NaN" not in (tmp_path / "out" / "report.json").read_text()
