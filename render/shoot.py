@@ -23,7 +23,7 @@ from ..errors import IcyMoonError
 from ..files import PART, disk_errors, sha256, sync, write_json
 from ..labels import BEAUTY, FIRST_ROCK_INSTANCE, INSTANCE_AOV, SEMANTIC, TERRAIN_INSTANCE, TRUTH
 from ..nodes.light import build_sky
-from ..nodes.rig import eye_poses
+from ..nodes.rig import eye_poses, lens_values
 from ..nodes.scene import Built
 from ..nodes.sunlight import attune, made_of
 from ..physics.blur import Blur, blur_of
@@ -138,6 +138,13 @@ def check_camera(built: Built) -> None:
     if built.camera.data.dof.use_dof:
         raise IcyMoonError("The stereo camera has depth of field of its own, which would blur the true depth too; "
                            "switch it off, and set rig.focus_distance_m instead.")
+    rig = built.settings["rig"]
+    wanted = {**lens_values(rig), "interocular_distance": ("rig.baseline_m", rig["baseline_m"])}
+    for name, (setting, value) in wanted.items():
+        there = getattr(stereo if name == "interocular_distance" else built.camera.data, name)
+        if there != value and (isinstance(value, str) or abs(there - value) > 1e-5 * max(1e-3, abs(value))):
+            raise IcyMoonError(f"The stereo camera's {name.replace('_', ' ')} was changed by hand to {there}, which "
+                               f"the calibration would not say; set it back, and set {setting} instead.")
 
 
 @dataclass(frozen=True)
