@@ -87,8 +87,9 @@ def check_space(dataset: Path, pairs: list[PlannedPair]) -> None:
         probe.write_bytes(b"")
         probe.unlink()
         free = shutil.disk_usage(dataset).free
-    width, height = StereoCamera.from_settings(pairs[0].settings["rig"]).rendered_px
-    needed = len(pairs) * 2 * width * height * _BYTES_PER_PIXEL
+    camera = StereoCamera.from_settings(pairs[0].settings["rig"])
+    width, height = camera.rendered_px
+    needed = len(pairs) * (4 if camera.toe_in_deg else 2) * width * height * _BYTES_PER_PIXEL
     if needed > free:
         raise IcyMoonError(f"{dataset} has {free / 1e6:.0f} MB free, {len(pairs)} pairs may need "
                            f"{needed / 1e6:.0f} MB; "

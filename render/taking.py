@@ -14,6 +14,7 @@ import bpy
 import numpy as np
 from mathutils import Matrix
 
+from ..errors import IcyMoonError
 from ..nodes.rig import OPENCV_FROM_BLENDER
 from ..physics.blur import Blur, moved
 from .pair import StereoCamera
@@ -71,6 +72,9 @@ def _frame(scene: bpy.types.Scene, lens: bpy.types.Camera, camera: StereoCamera)
     """Widen the frame by the overscan, pixels keeping their size and the axis its pixel."""
     width, height = camera.rendered_px
     scene.render.resolution_x, scene.render.resolution_y = width, height
+    if (scene.render.resolution_x, scene.render.resolution_y) != (width, height):
+        raise IcyMoonError(f"With its overscan an image is {width} x {height} px, more than Blender renders; lower "
+                           "rig.overscan.")
     wider = width / camera.width_px
     lens.sensor_width *= wider
     # Shifted by what Cycles' sampling is off the pixel centre, so that truth is exact.

@@ -34,7 +34,7 @@ from .rowlog import Row, RowLog
 Event = Callable[[dict[str, Any]], None]
 
 #: Raised when the same input would give other numbers, so that older rows are not taken for newer ones.
-MEASURE = 2
+MEASURE = 1
 
 
 def evaluate(paths: Sequence[Path], methods: Sequence[Method], out: Path,
@@ -110,7 +110,7 @@ class _Run:
         else:
             for method in self.methods:
                 self._progress(rows[method.label])
-        for message in facts["warnings"]:
+        for message in facts.get("warnings", ()):
             if message not in self._warned:
                 self._warned.add(message)
                 self._tell({"type": "warning", "message": f"{folder}: {message}"})

@@ -19,7 +19,7 @@ from .exr import View
 from .lens import lens_of
 from .selfcheck import SelfCheck, self_check
 from .strata import classify, texture
-from .truth import scene_depth, visible_in_left, visible_in_right
+from .truth import matching_column, scene_depth, visible_in_left, visible_in_right, warped
 from .views import read_eye
 
 #: Entries of pair.json, on how the pair was rendered, that the report repeats.
@@ -78,9 +78,12 @@ def load(folder: Path, response: Mapping[str, Mapping[str, Any]]) -> Loaded:
     settings = merged(settings, response)
     images = develop(pair, eyes["left"][0], eyes["right"][0], settings)
     views = {eye: view for eye, (_, view) in eyes.items()}
-    depth = {eye: _depth(pair, views[eye], settings, eye) for eye in EYES}
+    sees = {eye: _sees(pair, settings, eye) for eye in EYES}
+    depth = {eye: np.where(sees[eye], scene_depth(views[eye]), np.nan) for eye in EYES}
     visible = {"left": visible_in_right(depth["left"], depth["right"], pair.camera),
                "right": visible_in_left(depth["left"], depth["right"], pair.camera)}
+    for eye, other in (EYES, EYES[::-1]) if pair.camera.toe_in_deg else ():
+        visible[eye] &= warped(sees[other], matching_column(pair.camera.disparity(depth[eye]), eye)) == 1
     check = self_check(grey(views["left"].radiance), grey(views["right"].radiance), depth["left"], depth["right"],
                        visible["left"], pair.camera)
     return Loaded(pair, settings, views, images, depth, visible, check)
@@ -120,10 +123,10 @@ def checked(folder: Path) -> tuple[Pair, Settings]:
     return pair, settings
 
 
-def _depth(pair: Pair, view: View, settings: Settings, eye: str) -> np.ndarray:
-    """True depth where the sensor sees something; a toed-in eye does not see all that the parallel one does."""
-    depth, lens = scene_depth(view), lens_of(pair.camera, settings["rig"], eye) if pair.camera.toe_in_deg else None
-    return depth if lens is None else np.where(lens.sees, depth, np.nan)
+def _sees(pair: Pair, settings: Settings, eye: str) -> np.ndarray:
+    """Where (H, W) the sensor sees something: a toed-in eye does not see all that a parallel one does."""
+    lens = lens_of(pair.camera, settings["rig"], eye) if pair.camera.toe_in_deg else None
+    return np.ones((pair.camera.height_px, pair.camera.width_px), bool) if lens is None else lens.sees
 
 
 def _toward_sun(pair: Pair) -> list[float] | None:

@@ -72,6 +72,7 @@ def _reexposed(folder: Path, out: Path, response: Mapping[str, Mapping[str, Any]
         write_npy(out / f"{eye}_distorted_depth.npy", sensor_depth(pair, eye, settings["rig"]))
     write_json(out / "images.json", {
         "format": FORMAT, "version": VERSION, "pair": pair.id, "camera": pair.camera.to_json(),
+        "eyes": pair.camera.eyes_json(),
         "distortion": dict(zip(COEFFICIENTS, coefficients(settings["rig"]), strict=True)),
         **exposure_facts(images), "settings": {topic: settings[topic] for topic in ("sensor", "light")}})
     return images

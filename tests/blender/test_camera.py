@@ -146,6 +146,10 @@ def test_rectified_toed_in_images_lie_on_the_truth_of_the_parallel_rig(toed):
     assert both.mean() > 0.5
     assert np.median(np.abs(found - expected)[both]) < 0.1
     assert abs(np.median((found - expected)[both])) < 0.05
+    # What is said to be seen by both eyes is where both have an image.
+    rows, columns = np.nonzero(loaded.visible["left"])
+    there = np.clip(np.rint(columns - true[rows, columns]).astype(int), 0, camera.width_px - 1)
+    assert np.isfinite(loaded.depth["right"][rows, there]).all()
     # An eye that is turned to the right does not see the left border of what a parallel one sees.
     assert not np.isfinite(loaded.depth["left"][:, :10]).any()
     assert np.isfinite(loaded.depth["left"][:, -10:]).any()
