@@ -15,7 +15,7 @@ from ..render.pair import EYES, Pair, changed_files, pair_folders, read_pair
 from ..settings import Settings, defaults, merged
 from . import pictures
 from .develop import Images, develop, exposure_facts, grey
-from .exr import View
+from .exr import Light, View
 from .lens import lens_of
 from .selfcheck import SelfCheck, self_check
 from .strata import classify, texture
@@ -32,6 +32,7 @@ class Loaded:
 
     pair: Pair
     settings: Settings
+    light: dict[str, Light]  # as it falls into the eyes, see views.read_eye
     views: dict[str, View]  # on the parallel rig
     images: Images
     depth: dict[str, np.ndarray]  # float64 (H, W), planar metres, NaN for sky
@@ -76,8 +77,8 @@ def load(folder: Path, response: Mapping[str, Mapping[str, Any]]) -> Loaded:
     pair, settings = checked(folder)
     eyes = {eye: read_eye(pair, eye) for eye in EYES}
     settings = merged(settings, response)
-    images = develop(pair, eyes["left"][0], eyes["right"][0], settings)
-    views = {eye: view for eye, (_, view) in eyes.items()}
+    light, views = ({eye: taken for eye, (taken, _) in eyes.items()}, {eye: flat for eye, (_, flat) in eyes.items()})
+    images = develop(pair, light["left"], light["right"], settings)
     sees = {eye: _sees(pair, settings, eye) for eye in EYES}
     depth = {eye: np.where(sees[eye], scene_depth(views[eye]), np.nan) for eye in EYES}
     visible = {"left": visible_in_right(depth["left"], depth["right"], pair.camera),
@@ -86,7 +87,7 @@ def load(folder: Path, response: Mapping[str, Mapping[str, Any]]) -> Loaded:
         visible[eye] &= warped(sees[other], matching_column(pair.camera.disparity(depth[eye]), eye)) == 1
     check = self_check(grey(views["left"].radiance), grey(views["right"].radiance), depth["left"], depth["right"],
                        visible["left"], pair.camera)
-    return Loaded(pair, settings, views, images, depth, visible, check)
+    return Loaded(pair, settings, light, views, images, depth, visible, check)
 
 
 def prepare(folder: Path, response: Mapping[str, Mapping[str, Any]]) -> Prepared:
