@@ -4,12 +4,20 @@ from __future__ import annotations
 
 import json
 
+import bpy
 import cv2
 import numpy as np
 import pytest
+from icymoon.errors import IcyMoonError
+from icymoon.nodes.scene import build
+from icymoon.operators import readouts
 from icymoon.physics.blur import blur_of, confusion_px, motion_px
 from icymoon.physics.distortion import overscan_needed
 from icymoon.render.pair import EYES
+from icymoon.render.plan import expand
+from icymoon.render.progress import SampleCounter
+from icymoon.render.shoot import check_camera
+from icymoon.render.worker import render_pairs
 from icymoon.stereo.evaluate import evaluate
 from icymoon.stereo.export import export
 from icymoon.stereo.exr import read_light, read_truth
@@ -17,7 +25,7 @@ from icymoon.stereo.matchers import match
 from icymoon.stereo.methods import parse_methods
 from icymoon.stereo.prepare import load
 from icymoon.stereo.reexpose import reexpose
-from rendering import render
+from rendering import complete, empty_scene, render
 
 #: A plane two metres below the camera that ends at its left eye: an edge down the middle of the image.
 EDGE = {"terrain": {"rms_slope_deg": 0.0, "size_m": 8.0, "resolution": 5},
@@ -240,3 +248,44 @@ def test_at_the_extremes_there_is_an_image_without_nan_and_the_truth_is_that_of_
         np.testing.assert_allclose(ours, theirs, rtol=2e-5 if rig.get("overscan") else 0)
     evaluate([pair.folder], parse_methods("bm"), tmp_path / "out")
     assert "NaN" not in (tmp_path / "out" / "report.json").read_text()
+
+
+def test_panel_and_build_say_what_truth_is_of_and_the_panel_how_blurred_and_how_dark():
+    size = {"rig": {"width_px": 640, "height_px": 480}}
+    assert readouts.camera_notes(complete(size)) == ()
+    moving = complete(size, FOCUS, {"rig": {"focus_distance_m": 2.0, "speed_right_m_s": 1.0, "motion_exposure_s": 0.01,
+                                            "distortion_k1": -0.1}})
+    lines = readouts.camera_notes(moving)
+    assert "truth is sharp" in " ".join(lines)
+    # 2.23 m deep in the middle: 341.3 px x 0.032 m / 1.6 x (1/2 - 1/2.23) and 341.3 px x 0.01 m / 2.23 m.
+    assert "Middle focus 0.352 px, motion 1.53 px" in lines
+    assert lines[-1].startswith("The lens needs an overscan of 0.")
+    enough = complete({"rig": {"distortion_k1": -0.1, "overscan": 0.4}})
+    assert readouts.camera_notes(enough)[-1].endswith("has it")
+    assert max(map(len, lines)) <= 45
+    assert any("pinhole in the middle" in text for text in build(empty_scene(), moving).warnings)
+    unknown = complete({"rig": {"roll_deg_s": 1.0}})
+    assert "rig.motion_exposure_s" in " ".join(readouts.camera_notes(unknown))
+    with pytest.raises(IcyMoonError, match="motion_exposure_s"):
+        expand(unknown)
+
+
+def test_the_built_camera_is_the_same_after_a_render_and_nothing_is_left_behind(tmp_path):
+    extreme = {"rig": {"toe_in_deg": 5.0, "overscan": 0.2, "focus_distance_m": 1.0, "roll_deg_s": 5.0,
+                       "motion_exposure_s": 0.1}, "quality": {"samples": 1}}
+    _, built = render(tmp_path, extreme)
+    assert not built.edited
+    check_camera(built)
+    assert len(bpy.data.cameras) == len([o for o in bpy.data.objects if o.type == "CAMERA"]) == 1
+    assert not bpy.data.actions
+    counter = SampleCounter(4, truths=2)
+    shown = [counter.read(f"Sample {k}/{n}") for n in (4, 4, 1, 1, 1, 1) for k in range(n + 1)]
+    assert [f for f in shown if f is not None][-1] == 1.0
+
+
+def test_an_image_that_is_larger_than_blender_renders_is_refused(tmp_path):
+    settings = complete({"rig": {"width_px": 16384, "height_px": 4, "overscan": 2.0}})
+    built = build(empty_scene(), settings)
+    with pytest.raises(IcyMoonError, match=r"rig\.overscan"):
+        render_pairs(built, expand(settings), tmp_path, 1, 0.0, lambda *a, **k: None)
+    assert not list(tmp_path.glob("pairs/*"))
