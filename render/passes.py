@@ -6,10 +6,6 @@ sample every pass is taken at the pixel centre and nothing is blended at edges.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from pathlib import Path
-from typing import Any
-
 import bpy
 
 from .. import compat
@@ -24,12 +20,12 @@ def _only(layer: bpy.types.ViewLayer, *passes: str) -> None:
                 setattr(settings, prop.identifier, prop.identifier in passes)
 
 
-def apply(scene: bpy.types.Scene, rig: Mapping[str, Any], stem: Path, light_groups: bool) -> None:
+def apply(scene: bpy.types.Scene, light_groups: bool) -> None:
     """Give a scene the two view layers, stereo views and file output.
 
     With ``light_groups`` the light of each is a pass of its own too.
 
-    A render writes ``<stem>_L.exr`` and ``<stem>_R.exr``, 32-bit multilayer OpenEXR.
+    A render writes ``_L.exr`` and ``_R.exr`` behind the scene's file path, 32-bit multilayer OpenEXR.
     """
     beauty = scene.view_layers[0]
     beauty.name = BEAUTY
@@ -48,7 +44,6 @@ def apply(scene: bpy.types.Scene, rig: Mapping[str, Any], stem: Path, light_grou
         aov.name, aov.type = name, kind
 
     render = scene.render
-    render.resolution_x, render.resolution_y = rig["width_px"], rig["height_px"]
     render.resolution_percentage = 100
     render.pixel_aspect_x = render.pixel_aspect_y = 1.0
     render.use_multiview = True
@@ -61,4 +56,3 @@ def apply(scene: bpy.types.Scene, rig: Mapping[str, Any], stem: Path, light_grou
     render.image_settings.views_format = "INDIVIDUAL"
     render.use_file_extension = True
     render.use_overwrite, render.use_placeholder = True, False
-    render.filepath = str(stem)

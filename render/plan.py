@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+from ..physics.blur import identity
 from ..physics.seeds import stream
 from ..settings import Settings, digest, merged
 
@@ -31,7 +32,8 @@ class PlannedPair:
 def expand(settings: Settings, extra: str = "") -> list[PlannedPair]:
     """The pairs of a complete description: ``dataset.headings`` equal turns at the site.
 
-    ``extra`` identifies content that the settings do not describe (see ``settings.digest``).
+    ``extra`` identifies content that the settings do not describe (see ``settings.digest``). Raises IcyMoonError for
+    blur that cannot be rendered.
     """
     headings = int(settings["dataset"]["headings"])
     pairs = []
@@ -41,5 +43,5 @@ def expand(settings: Settings, extra: str = "") -> list[PlannedPair]:
         if heading > 180.0:
             heading -= 360.0
         turned = merged(settings, {"rig": {"heading_deg": float(f"{heading:.6g}")}} if k else {})
-        pairs.append(PlannedPair(digest(turned, extra), turned, turn))
+        pairs.append(PlannedPair(digest(turned, extra + identity(turned)), turned, turn))
     return pairs

@@ -15,12 +15,12 @@ _SAMPLE = re.compile(r"Sample (\d+)/(\d+)")
 class SampleCounter:
     """Fraction of a stereo render that is done, from Cycles' status lines.
 
-    Cycles renders both eyes of the radiance layer, then both eyes of the truth layer; each run
-    counts its samples from 0 to its own total.
+    Cycles renders both eyes of the radiance layer, then both eyes of the truth layer, so many times as it is
+    called for; each run counts its samples from 0 to its own total.
     """
 
-    def __init__(self, samples: int) -> None:
-        self._expected = 2 * samples + 2  # the truth layer has one sample per eye
+    def __init__(self, samples: int, truths: int = 1) -> None:
+        self._expected = 2 * samples + 2 * truths  # the truth layer has one sample per eye
         self._finished, self._now = 0, 0
 
     def read(self, status: str) -> float | None:
@@ -38,9 +38,9 @@ class SampleCounter:
 
 
 @contextmanager
-def on_sample(samples: int, report: Callable[[float], None]) -> Iterator[None]:
-    """Call ``report`` with the fraction done whenever Cycles has finished samples."""
-    counter = SampleCounter(samples)
+def on_sample(samples: int, truths: int, report: Callable[[float], None]) -> Iterator[None]:
+    """Call ``report`` with the fraction done whenever Cycles has finished samples; see SampleCounter."""
+    counter = SampleCounter(samples, truths)
 
     def listen(*arguments: Any) -> None:
         fraction = counter.read(str(arguments[0])) if arguments else None

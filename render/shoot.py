@@ -10,6 +10,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -20,22 +21,22 @@ from mathutils import Matrix
 from .. import compat
 from ..errors import IcyMoonError
 from ..files import PART, disk_errors, sha256, sync, write_json
-from ..labels import FIRST_ROCK_INSTANCE, INSTANCE_AOV, SEMANTIC, TERRAIN_INSTANCE
+from ..labels import BEAUTY, FIRST_ROCK_INSTANCE, INSTANCE_AOV, SEMANTIC, TERRAIN_INSTANCE, TRUTH
 from ..nodes.light import build_sky
-from ..nodes.rig import eye_poses
+from ..nodes.rig import eye_poses, lens_values
 from ..nodes.scene import Built
 from ..nodes.sunlight import attune, made_of
+from ..physics.blur import Blur, blur_of
+from ..physics.distortion import COEFFICIENTS, coefficients
 from ..version import version
 from . import passes, quality
 from .exr_check import is_whole
 from .labelling import labelled
-from .pair import EYES, FORMAT, VERSION, StereoCamera
+from .pair import EYES, FORMAT, TOED_TRUTH_FILE, TRUTH_FILE, VERSION, StereoCamera
 from .plan import PlannedPair
 from .progress import on_sample
+from .taking import taking
 
-#: Where Cycles takes the first sample of a pixel, right of and above its centre, with the pixel filter
-#: that ``quality`` sets: half a bin of the filter's table. Measured the same in 4.3, 5.0 and 5.2.
-_SAMPLE_OFFSET_PX = 5.4e-4
 _SUFFIX = {"left": "_L", "right": "_R"}
 #: Largest size on disk of one eye: eleven 32-bit channels, twice RGBA and two light groups, uncompressed.
 _BYTES_PER_PIXEL = 4 * (4 + 4 + 1 + 3 + 3 + 1 + 1 + 1 + 3 + 3)
@@ -62,17 +63,11 @@ def render_scene(built: Built, frame: int) -> Iterator[bpy.types.Scene]:
 
 
 @contextmanager
-def _turned(camera: bpy.types.Object, turn_deg: float, width_px: int) -> Iterator[None]:
-    """Turn the camera clockwise about the vertical through its left eye, and back at the end.
-
-    The lens is shifted by what Cycles' sampling is off the pixel centre, so that truth is exact.
-    """
-    lens = camera.data
-    shift = lens.shift_x, lens.shift_y
+def _turned(camera: bpy.types.Object, turn_deg: float) -> Iterator[None]:
+    """Turn the camera clockwise about the vertical through its left eye, and back at the end."""
     # A matrix put back is taken apart into other numbers, by a rounding error, and would pass for an edit.
     pose = {key: tuple(getattr(camera, key)) for key in ("location", "rotation_euler", "rotation_quaternion",
                                                          "rotation_axis_angle", "scale")}
-    lens.shift_x, lens.shift_y = (s - _SAMPLE_OFFSET_PX / width_px for s in shift)
     if turn_deg:
         turn = Matrix.Rotation(-math.radians(turn_deg), 4, "Z")
         camera.matrix_world = Matrix.Translation(camera.matrix_world.translation) @ turn @ Matrix.Translation(
@@ -82,7 +77,6 @@ def _turned(camera: bpy.types.Object, turn_deg: float, width_px: int) -> Iterato
     finally:
         for key, value in pose.items():
             setattr(camera, key, value)
-        lens.shift_x, lens.shift_y = shift
 
 
 def check_space(dataset: Path, pairs: list[PlannedPair]) -> None:
@@ -93,8 +87,9 @@ def check_space(dataset: Path, pairs: list[PlannedPair]) -> None:
         probe.write_bytes(b"")
         probe.unlink()
         free = shutil.disk_usage(dataset).free
-    rig = pairs[0].settings["rig"]
-    needed = len(pairs) * 2 * int(rig["width_px"]) * int(rig["height_px"]) * _BYTES_PER_PIXEL
+    camera = StereoCamera.from_settings(pairs[0].settings["rig"])
+    width, height = camera.rendered_px
+    needed = len(pairs) * (4 if camera.toe_in_deg else 2) * width * height * _BYTES_PER_PIXEL
     if needed > free:
         raise IcyMoonError(f"{dataset} has {free / 1e6:.0f} MB free, {len(pairs)} pairs may need "
                            f"{needed / 1e6:.0f} MB; "
@@ -135,38 +130,81 @@ def shoot(built: Built, planned: PlannedPair, dataset: Path, frame: int, seconds
 
 
 def check_camera(built: Built) -> None:
-    """Raise IcyMoonError if the camera was made, by hand, into one whose pairs are not rectified or not sharp."""
+    """Raise IcyMoonError if the camera was made, by hand, into one that the settings do not describe."""
     stereo = built.camera.data.stereo
     if (stereo.convergence_mode, stereo.pivot) != ("PARALLEL", "LEFT"):
         raise IcyMoonError(f"The stereo camera's eyes are set to {stereo.convergence_mode.lower()} about "
-                           f"{stereo.pivot.lower()}; set its convergence to Parallel and its pivot to Left: pairs are "
-                           "rectified, without toe-in.")
+                           f"{stereo.pivot.lower()}; set its convergence to Parallel and its pivot to Left, and "
+                           "rig.toe_in_deg to turn the eyes in.")
     if built.camera.data.dof.use_dof:
-        raise IcyMoonError("The stereo camera has depth of field, which blurs the true depth too; switch it off. A "
-                           "blurred image is what sensor.psf_sigma_px makes.")
+        raise IcyMoonError("The stereo camera has depth of field of its own, which would blur the true depth too; "
+                           "switch it off, and set rig.focus_distance_m instead.")
+    rig = built.settings["rig"]
+    wanted = {**lens_values(rig), "interocular_distance": ("rig.baseline_m", rig["baseline_m"])}
+    for name, (setting, value) in wanted.items():
+        there = getattr(stereo if name == "interocular_distance" else built.camera.data, name)
+        if there != value and (isinstance(value, str) or abs(there - value) > 1e-5 * max(1e-3, abs(value))):
+            raise IcyMoonError(f"The stereo camera's {name.replace('_', ' ')} was changed by hand to {there}, which "
+                               f"the calibration would not say; set it back, and set {setting} instead.")
+
+
+@dataclass(frozen=True)
+class _Shot:
+    """One call of Cycles: what the files are called after it, which view layers, with which camera."""
+
+    name: str  # of the file, with {} for the eye
+    layers: tuple[str, ...]
+    blur: Blur | None
+    toed: bool
+
+
+def _shots(camera: StereoCamera, blur: Blur | None) -> list[_Shot]:
+    """What to render: one shot, unless truth is of another camera than the light.
+
+    Cycles has blur and the eyes' poses for a whole call, not for a view layer.
+    """
+    toed = camera.toe_in_deg != 0
+    if blur is None and not toed:
+        return [_Shot("{}.exr", (BEAUTY, TRUTH), None, False)]
+    shots = [_Shot("{}.exr", (BEAUTY,), blur, toed), _Shot(TRUTH_FILE, (TRUTH,), None, False)]
+    return [*shots, _Shot(TOED_TRUTH_FILE, (TRUTH,), None, True)] if toed else shots
 
 
 def _render_into(part: Path, built: Built, planned: PlannedPair, frame: int,
                  report: Callable[[float], None]) -> dict[str, Any]:
     settings = planned.settings
-    width = int(settings["rig"]["width_px"])
-    with _turned(built.camera, planned.turn_deg, width), render_scene(built, frame) as scene:
+    camera, blur = StereoCamera.from_settings(settings["rig"]), blur_of(settings)
+    shots = _shots(camera, blur)
+    with _turned(built.camera, planned.turn_deg), render_scene(built, frame) as scene:
         quality.apply(scene, settings["quality"], planned.render_seed)
         attune(scene, built.materials, built.sun)
-        passes.apply(scene, settings["rig"], part / "view", built.several_lights)
+        passes.apply(scene, built.several_lights)
         start = time.perf_counter()
-        with labelled(scene), on_sample(int(settings["quality"]["samples"]), report):
-            try:
-                bpy.ops.render.render(write_still=True, scene=scene.name)
-            except RuntimeError as error:
-                raise IcyMoonError(f"Cycles could not render pair {planned.id}: {_first_line(error)}") from None
+        truths = sum(TRUTH in shot.layers for shot in shots)
+        with labelled(scene), on_sample(int(settings["quality"]["samples"]), truths, report):
+            for k, shot in enumerate(shots):
+                with taking(scene, built.camera, camera, shot.blur, shot.toed):
+                    _take(scene, shot, part / f"shot{k}", planned)
         rendered = time.perf_counter() - start
         poses = eye_poses(built.camera.matrix_world, built.camera.data.stereo.interocular_distance)
         toward_sun = np.array(built.sun.matrix_world.to_3x3().col[2])
     start = time.perf_counter()
-    files = {f"{eye}.exr": _finish(part / f"view{_SUFFIX[eye]}.exr", part / f"{eye}.exr", planned) for eye in EYES}
+    files = {shot.name.format(eye): _finish(part / f"shot{k}{_SUFFIX[eye]}.exr", part / shot.name.format(eye), planned)
+             for k, shot in enumerate(shots) for eye in EYES}
     return _facts(built, planned, poses, toward_sun, files,
                   {"render": round(rendered, 3), "write": round(time.perf_counter() - start, 3)})
+
+
+def _take(scene: bpy.types.Scene, shot: _Shot, stem: Path, planned: PlannedPair) -> None:
+    """Let Cycles render a shot. Raises IcyMoonError if it fails."""
+    scene.render.filepath = str(stem)
+    scene.render.use_motion_blur = shot.blur is not None and shot.blur.exposure_s is not None
+    for layer in scene.view_layers:
+        layer.use = layer.name in shot.layers
+    try:
+        bpy.ops.render.render(write_still=True, scene=scene.name)
+    except RuntimeError as error:
+        raise IcyMoonError(f"Cycles could not render pair {planned.id}: {_first_line(error)}") from None
 
 
 def _first_line(error: Exception) -> str:
@@ -202,16 +240,28 @@ def _light_facts(built: Built, toward_sun: np.ndarray) -> dict[str, Any]:
     return described
 
 
+def as_taken(pose: np.ndarray, rotation: np.ndarray) -> np.ndarray:
+    """The camera-to-world matrix (4, 4) of an eye of the parallel rig that is turned by ``rotation`` (3, 3)."""
+    turned = pose.copy()
+    turned[:3, :3] = pose[:3, :3] @ rotation.T
+    return turned
+
+
 def _facts(built: Built, planned: PlannedPair, poses: dict[str, np.ndarray], toward_sun: np.ndarray,
            files: dict[str, Any], seconds: dict[str, float]) -> dict[str, Any]:
     """The content of ``pair.json``."""
     settings = planned.settings
-    camera = StereoCamera.from_settings(settings["rig"])
+    camera, blur = StereoCamera.from_settings(settings["rig"]), blur_of(settings)
+    eyes = camera.eyes_json()
+    for eye in EYES:
+        eyes[eye]["distortion"] = dict(zip(COEFFICIENTS, coefficients(settings["rig"]), strict=True))
     return {
         "format": FORMAT, "version": VERSION, "id": planned.id, "settings": settings,
         "edited_by_hand": built.edited, "ground": built.ground, "own_files_sha256": built.content,
-        "camera": camera.to_json(),
-        "poses_camera_to_world": {eye: poses[eye].tolist() for eye in EYES},
+        "camera": camera.to_json(), "eyes": eyes,
+        "poses_camera_to_world": {eye: as_taken(poses[eye], camera.eye_rotation(eye)).tolist() for eye in EYES},
+        "poses_rectified_to_world": {eye: poses[eye].tolist() for eye in EYES},
+        "blur": blur.to_json() if blur else None,
         "light": _light_facts(built, toward_sun),
         "channels": {"radiance": "W/(m² sr) per band, linear", "depth": "planar Z in m at pixel centres, sky 1e10",
                      "normal": "unit, world axes, of the facet", "semantic": {str(k): v for k, v in SEMANTIC.items()},

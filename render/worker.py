@@ -23,6 +23,7 @@ from .. import properties
 from ..errors import IcyMoonError
 from ..nodes.ground import cost_warnings
 from ..nodes.scene import Built, build, find
+from ..physics.blur import blur_of
 from ..settings import Settings, check, defaults, merged
 from . import quality
 from .plan import PlannedPair, expand
@@ -90,6 +91,7 @@ def run(job: dict[str, Any], say: Emit = emit) -> None:
     for warning in [] if job.get("blend") else cost_warnings(settings):
         say("warning", message=warning)
     quality.check_possible(settings["quality"])
+    blur_of(settings)  # refused before anything is built
     start = time.perf_counter()
     scene, built, extra = _open(job, settings)
     for warning in built.warnings:
