@@ -422,9 +422,9 @@ HAPKE = Topic("hapke", "Hapke", "Parameters of Hapke's law, for every surface wh
                       "the mean, up to 10 % in shadows"),
                      ("ACCURATE", "Accurate", "Light from the ground has the right albedo: within 1 % in the mean, 8 % "
                       "in shadows; surges are blurred by the Sun's disc exactly. Needs OSL and the CPU"),
-                     ("REFERENCE", "Reference", "The first interreflection has the law at both ends: within 0.4 % in "
-                      "the mean, 1 % in shadows. Between ice only: objects of your own get no sunlight back from it. "
-                      "Needs OSL and the CPU"))),
+                     ("REFERENCE", "Reference", "Three interreflections have the law at all ends: within 0.1 % in the "
+                      "mean, 1 % in shadows. Between ice only: objects of your own get no sunlight back. Needs OSL "
+                      "and the CPU"))),
     Setting("backend", "Made of", "AUTO", "How the law is put into Cycles", "material",
             choices=(("AUTO", "Automatic", "OSL where it can be had, else nodes; says so if that lowers the accuracy"),
                      ("OSL", "OSL", "Open Shading Language; refused where there is none and on the GPU"),

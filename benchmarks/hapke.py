@@ -2,10 +2,14 @@
 
     python benchmarks/hapke.py cost         processor seconds over those of Lambert's law
     python benchmarks/hapke.py error        percentiles of the relative error of direct sunlight
+    python benchmarks/hapke.py planet       how many directions stand for a planet's lit disc
     python benchmarks/hapke.py curve FILE   phase curves of the presets with their opposition surge, as SVG
 
 Costs are of the samples alone (64 minus 1), each the least of three turns that alternate between the
 models, so that a busy machine troubles all alike. ``cost`` and ``error`` need Blender as a module.
+
+``planet`` cuts the lit disc into n x n pieces, each of which a direction in its middle stands for, and compares the
+radiance of Europa's and Enceladus' ice, anyhow inclined and seen, with the integral: median, 95 % and largest error.
 """
 
 from __future__ import annotations
@@ -50,7 +54,7 @@ def _seconds(surface: dict, hapke: dict) -> float:
     spent = []
     for samples in (1, 64):
         quality.apply(scene, {**settings["quality"], "samples": samples}, 1)
-        attune(scene, built.materials, built.sun)
+        attune(scene, built.materials, built.sun, built.planetshine)
         scene.render.resolution_x, scene.render.resolution_y, scene.render.threads = 160, 120, 1
         start = time.process_time()
         bpy.ops.render.render()
@@ -84,6 +88,44 @@ def error() -> None:
                     found = errors(pair)
                 print(f"{name:18s} roughness {theta:3.0f} {backend:6s} median {np.median(found):.1e}   "
                       f"99.9 % {np.quantile(found, 0.999):.1e}   largest {found.max():.1e}", flush=True)
+
+
+def planet() -> None:
+    """Print the errors of few directions."""
+    from icymoon import settings as description
+    from icymoon.physics import surfaces
+    from icymoon.physics.planetshine import Planet, arriving
+    from test_hapke_render import angles
+
+    random = np.random.default_rng(1)
+    up = np.array([0.0, 0.0, 1.0])
+    for name, preset, diameter, flattening in (("Jupiter", "surfaces/hapke_europa_global", 12.23, 0.065),
+                                               ("Saturn", "surfaces/hapke_enceladus_global", 29.33, 0.098)):
+        shown = description.merged(description.defaults(), description.load(description.preset_path(preset)))
+        law = surfaces.law_of(shown["surface"], shown["hapke"])
+        errors: dict[int, list[float]] = {}
+        for _ in range(100):
+            sun = random.normal(size=3)
+            ray, brought = arriving(Planet(up, diameter, flattening, np.array([0.0, 1.0, 0.0]),
+                                           sun / np.linalg.norm(sun), 50.0, 0.5, "LAMBERT"), 24)
+            ray, brought = ray[brought > 0], brought[brought > 0]
+            normals, eyes = (v / np.linalg.norm(v, axis=1, keepdims=True) for v in random.normal(size=(2, 40, 3)))
+            for normal, eye in zip(normals, eyes, strict=True):
+                # All of the disc at least 10 degrees high, and seen from as high.
+                if len(ray) == 0 or (ray @ normal).min() < 0.17 or eye @ normal < 0.17:
+                    continue
+                truth = brought @ law(*angles(normal, ray, np.broadcast_to(eye, ray.shape)))
+                for n in (1, 2, 3, 4):
+                    low, high = ray[:, :2].min(axis=0), ray[:, :2].max(axis=0)
+                    cell = np.minimum(((ray[:, :2] - low) / (high - low) * n).astype(int), n - 1) @ (1, n)
+                    share = np.bincount(cell, brought, n * n)
+                    middle = np.stack([np.bincount(cell, brought * axis, n * n) for axis in ray.T], axis=1)[share > 0]
+                    middle /= np.linalg.norm(middle, axis=1, keepdims=True)
+                    found = share[share > 0] @ law(*angles(normal, middle, np.broadcast_to(eye, middle.shape)))
+                    errors.setdefault(n, []).append(abs(found / truth - 1))
+        for n, found in errors.items():
+            print(f"{name:8s} {n * n:3d} directions   median {np.median(found):.2%}   95 % "
+                  f"{np.quantile(found, 0.95):.2%}   largest {max(found):.1%}   of {len(found)}", flush=True)
 
 
 def curve(path: Path) -> None:
@@ -124,10 +166,10 @@ def curve(path: Path) -> None:
 if __name__ == "__main__":
     if sys.argv[1:2] == ["curve"] and len(sys.argv) == 3:
         curve(Path(sys.argv[2]))
-    elif sys.argv[1:] in (["cost"], ["error"]):
+    elif sys.argv[1:] in (["cost"], ["error"], ["planet"]):
         import icymoon
         icymoon.register()
-        {"cost": cost, "error": error}[sys.argv[1]]()
+        {"cost": cost, "error": error, "planet": planet}[sys.argv[1]]()
         sys.stdout.flush()
         os._exit(0)
     else:

@@ -5,6 +5,11 @@
 needs Blender as a module, and a second Python with ``pip install eradiate-mitsuba``. A rough ground of flat facets
 under a low Sun is rendered by both, 12 bounces deep; printed are ratios to mitsuba's radiance in the mean, where
 the Sun shines and in shadow, and the RMS deviation of blocks of 8 x 8 pixels, which holds the noise of both.
+
+At the reference level the mean was 0.4 % high on the bright set and shadows 1.1 % low on Europa's as long as only one
+interreflection had the law: the closure that gave the others takes their light, which comes from facing walls, to be
+reflected as that of the whole sky. With three it is 0.03 % low in the mean, and up to 0.5 % in shadows, where 6 % of
+the pixels leave a noise of about as much.
 """
 
 from __future__ import annotations

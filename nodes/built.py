@@ -61,6 +61,11 @@ class Built:
         return sorted(materials_of(with_parts(list(self.collection.all_objects))[0]), key=lambda m: m.name)
 
     @property
+    def planetshine(self) -> bpy.types.Object | None:
+        """The planet's lamp, if the planet is up."""
+        return next((item for item in self.collection.all_objects if item.get(TAG) == "planetshine"), None)
+
+    @property
     def block_count(self) -> int:
         """Number of ice blocks."""
         return sum(len(item.data.vertices) for item in self.collection.all_objects if item.get(TAG) == "rock")

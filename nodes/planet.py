@@ -7,6 +7,7 @@ infinity, and whose radiance follows from the direction by the formula itself.
 
 from __future__ import annotations
 
+import json
 import math
 from typing import Any
 
@@ -15,8 +16,11 @@ import numpy as np
 from mathutils import Vector
 
 from .. import compat
-from ..physics.planetshine import Planet, ellipsoid, unshaded_share
+from ..physics.planetshine import Planet, ellipsoid, lit_chords, mean_direction, unshaded_share
 from .builder import Tree
+
+SHAPE = "icymoon_shape"  # of the lamp: what ``hapke.osl`` has to know of the planet beside its radiance
+MEAN = "icymoon_mean"  # of the lamp: the direction that its light comes from in the mean
 
 
 def build_planet_light(name: str, planet: Planet, colour: np.ndarray) -> bpy.types.Object:
@@ -39,7 +43,24 @@ def build_planet_light(name: str, planet: Planet, colour: np.ndarray) -> bpy.typ
     item = bpy.data.objects.new(name, lamp)
     item.rotation_euler = Vector(planet.direction).to_track_quat("Z", "Y").to_euler()
     item.location = planet.direction * 10.0  # where the symbol is drawn
+    across, lit = lit_chords(planet)
+    item[SHAPE] = json.dumps({
+        "PlanetAcross": across.tolist(), "PlanetLit": lit,
+        "PlanetDirection": planet.direction.tolist(), "PlanetRadius": lamp.angle / 2,
+        "PlanetObserver": ellipsoid(planet).observer.tolist(), "PlanetPole": planet.pole.tolist(),
+        "PlanetStretch": 1 / (1 - planet.flattening) - 1, "PlanetSun": planet.sun.tolist()})
+    item[MEAN] = mean_direction(planet).tolist()
     return item
+
+
+def planet_inputs(shine: bpy.types.Object | None) -> dict[str, Any]:
+    """Inputs of ``hapke.osl`` that the planet's lamp decides; dark without one."""
+    if shine is None or shine.hide_render:
+        return {"PlanetRadiance": (0.0, 0.0, 0.0, 1.0), "PlanetDirection": (0.0, 0.0, 1.0), "PlanetRadius": 0.0,
+                "PlanetObserver": (0.0, 0.0, -2.0), "PlanetPole": (0.0, 0.0, 1.0), "PlanetStretch": 0.0,
+                "PlanetSun": (0.0, 0.0, 1.0), "PlanetAcross": (1.0, 0.0, 0.0), "PlanetLit": 1.0}
+    full = shine.data.energy / (math.pi * math.sin(shine.data.angle / 2) ** 2)
+    return {"PlanetRadiance": (*(full * band for band in shine.data.color), 1.0), **json.loads(shine[SHAPE])}
 
 
 def _sunlit(tree: Tree, planet: Planet) -> Any:

@@ -172,25 +172,30 @@ def _adopt_children(collection: bpy.types.Collection, old: list[bpy.types.Object
 
 
 def sun_shines(collection: bpy.types.Collection) -> None:
-    """Make surfaces, lamp and window agree, after any of them has changed: the surfaces know where the lamp is, it
-    lights only what does not trace it, and the scenes use Open Shading Language if a surface needs it."""
+    """Make surfaces, lamps and window agree, after any of them has changed: the surfaces know where Sun and planet are,
+    a lamp lights only what does not trace it, and the scenes use Open Shading Language if a surface needs it."""
     objects = [item for item in collection.all_objects if TAG in item]
     lamp = next(item for item in objects if item[TAG] == "sun")
+    shine = next((item for item in objects if item[TAG] == "planetshine"), None)
     used = {item: materials_of(with_parts([item])[0]) for item in objects}
     every = set().union(*used.values())
     # As the lamp has it, in single precision, so that aiming again at render time changes nothing.
-    sunlight.aim(every, sunlight.Sun.from_lamp(lamp, lamp.matrix_basis))
-    tracing = [item for item in objects if any(map(sunlight.traces, used[item]))]
-    sunlight.share_lamp(f"{NAME} Traced Sun", lamp, tracing)
+    sunlight.aim(every, sunlight.Sun.from_lamp(lamp, lamp.matrix_basis), shine)
+    of_osl = [item for item in objects if any(map(sunlight.is_osl, used[item]))]
+    sunlight.share_lamp(f"{NAME} Traced Sun", lamp, [i for i in of_osl if any(map(sunlight.traces, used[i]))])
+    if shine is not None:
+        sunlight.share_lamp(f"{NAME} Traced Planet", shine, of_osl)
     for item in objects:
         if item[TAG] in ("terrain", "rock"):
-            # Hapke's law in OSL gives all or part of the Sun's light as if it shone by itself.
+            # Hapke's law in OSL gives all of the planet's light, and all or part of the Sun's, as if it shone by
+            # itself. By day ``render.takes`` tells the two apart.
+            group = "Sun" if lamp.data.energy > 0 or shine is None else "Planet"
             for each in (item, *instanced(item)):
-                each.lightgroup = "Sun" if any(map(sunlight.is_osl, used[item])) else ""
+                each.lightgroup = group if item in of_osl else ""
     remove_leftovers()
     for scene in bpy.data.scenes:
         if find_collection(scene) == collection:
-            scene.cycles.shading_system = bool(collection.get(PREVIOUS_OSL, False)) or any(map(sunlight.is_osl, every))
+            scene.cycles.shading_system = bool(collection.get(PREVIOUS_OSL, False)) or bool(of_osl)
 
 
 def build(scene: bpy.types.Scene, settings: Settings) -> Built:

@@ -1,4 +1,4 @@
-"""The Sun as surfaces know it, and what lamp and scene need for such surfaces.
+"""Sun and planet as surfaces know them, and what lamps and scene need for such surfaces.
 
 See ``sunlit`` for the surfaces themselves.
 """
@@ -18,6 +18,7 @@ from ..errors import IcyMoonError
 from ..physics.directions import toward
 from . import hapke_nodes
 from .fingerprint import TAG
+from .planet import MEAN, planet_inputs
 
 LEVELS = ("FAST", "ACCURATE", "REFERENCE")
 SHARED = "traced sun"  # role of the collection of what a lamp does not light
@@ -46,6 +47,13 @@ class Sun:
         red, green, blue = (lamp.data.energy * band for band in lamp.data.color)
         return cls((x, y, z), (red, green, blue), lamp.data.angle)
 
+    @classmethod
+    def of_planet(cls, shine: bpy.types.Object) -> Sun:
+        """The planet by its lamp, as if all of its light came from the middle of what is lit of it."""
+        red, green, blue = (shine.data.energy * band for band in shine.data.color)
+        x, y, z = shine[MEAN]
+        return cls((x, y, z), (red, green, blue), shine.data.angle)
+
     @property
     def radius(self) -> float:
         """Tangent of its angular radius."""
@@ -73,17 +81,26 @@ def _own(material: bpy.types.Material, name: str, kind: str) -> Any:
     return node if node and node.bl_idname == kind else None
 
 
-def aim(materials: Iterable[bpy.types.Material], sun: Sun) -> None:
-    """Tell surfaces where the Sun is now."""
+def aim(materials: Iterable[bpy.types.Material], sun: Sun, shine: bpy.types.Object | None) -> None:
+    """Tell surfaces where the Sun and the planet, of which ``shine`` is the lamp, are now.
+
+    A surface of nodes has its law for one source only: the Sun, or, if that is dark, the planet.
+    """
+    lit_by = Sun.of_planet(shine) if shine is not None and not any(sun.irradiance_wm2) else sun
     for material in materials:
         if node := _own(material, DIRECTION, "ShaderNodeCombineXYZ"):
-            for axis, value in zip("XYZ", sun.direction, strict=True):
+            for axis, value in zip("XYZ", lit_by.direction, strict=True):
                 node.inputs[axis].default_value = value
         if node := _own(material, BLUR, "ShaderNodeMath"):
-            node.inputs[0].default_value = sun.blur
+            node.inputs[0].default_value = lit_by.blur
         if node := _own(material, SCRIPT, "ShaderNodeScript"):
-            for name, value in sun_inputs(sun).items():
+            for name, value in {**sun_inputs(sun), **planet_inputs(shine)}.items():
                 node.inputs[name].default_value = value
+
+
+def asks(material: bpy.types.Material) -> bool:
+    """Whether a material has its law for one source of light."""
+    return any(_own(material, *node) for node in ((DIRECTION, "ShaderNodeCombineXYZ"), (SCRIPT, "ShaderNodeScript")))
 
 
 def is_osl(material: bpy.types.Material) -> bool:
@@ -97,7 +114,7 @@ def _level(material: bpy.types.Material) -> str:
 
 
 def traces(material: bpy.types.Material) -> bool:
-    """Whether a material traces the Sun itself, so that the lamp must not light it."""
+    """Whether a material traces the Sun itself, so that the lamp must not light it; the planet every OSL one does."""
     return _level(material) != LEVELS[0]
 
 
@@ -124,7 +141,8 @@ def share_lamp(name: str, lamp: bpy.types.Object, tracing: Iterable[bpy.types.Ob
             entry.light_linking.link_state = "EXCLUDE"
 
 
-def attune(scene: bpy.types.Scene, materials: Iterable[bpy.types.Material], lamp: bpy.types.Object) -> None:
+def attune(scene: bpy.types.Scene, materials: Iterable[bpy.types.Material], lamp: bpy.types.Object,
+           shine: bpy.types.Object | None) -> None:
     """Make a scene that is set up for Cycles render these materials right, wherever the lamp has been turned to.
 
     Raises IcyMoonError if they need Open Shading Language and the scene cannot have it.
@@ -132,7 +150,7 @@ def attune(scene: bpy.types.Scene, materials: Iterable[bpy.types.Material], lamp
     materials = list(materials)
     depsgraph = scene.view_layers[0].depsgraph
     depsgraph.update()  # a lamp that was only just made or turned has no world matrix yet
-    aim(materials, Sun.from_lamp(lamp, lamp.evaluated_get(depsgraph).matrix_world))
+    aim(materials, Sun.from_lamp(lamp, lamp.evaluated_get(depsgraph).matrix_world), shine)
     if any(map(is_osl, materials)):
         if not compat.has_osl() or scene.cycles.device == "GPU":
             raise IcyMoonError("The surface was built for Open Shading Language on the CPU; build the scene again "

@@ -1,15 +1,22 @@
 """Surfaces that know where the Sun is, since no closure of Cycles' has their law of reflection.
 
-Light from the Sun is exact in all of them. What else lights the surface, it scatters as Lambert's
-law with the same albedo at this emission angle. Three levels of accuracy of Hapke's law:
+Light from the Sun is exact in all of them. Three levels of accuracy of Hapke's law:
 
 * fast: a diffuse closure whose weight is π times the BRDF for the Sun. Light from the ground then
   has that weight too, where the Sun reaches the surface;
 * accurate: the Sun is traced in the shader, its disc included, and the closure is left to all
-  other light. The lamp lights everything but these surfaces;
-* reference: the first interreflection has the law at both ends as well.
+  other light, which it scatters as Lambert's law with the same albedo at this emission angle. The
+  lamp lights everything but these surfaces;
+* reference: the first three interreflections have the law at all ends as well.
 
-Only Open Shading Language on the processor can trace in a shader; nodes are always fast.
+The planet's light is traced in the shader at every level, by a ray to another place of its disc in
+every sample, which is exact in the mean; its first interreflection has the law where it leaves.
+
+Only Open Shading Language on the processor can trace in a shader; nodes are always fast, and take
+the planet for a point in the middle of what is lit of it. The law then is within 0.4 % for Jupiter
+from Europa and 2 % for Saturn from Enceladus in 95 % of directions (``benchmarks/hapke.py planet``).
+A closure has one weight: it is that for the Sun, and for the planet when the Sun is dark, so
+``render.takes`` renders one after the other.
 """
 
 from __future__ import annotations
@@ -31,7 +38,7 @@ from . import hapke_nodes
 from .builder import Tree
 from .formula import Number, Vector
 from .hapke_osl import script_node
-from .sunlight import BLUR, DIRECTION, LEVELS, SCRIPT, Sun, sun_inputs
+from .sunlight import BLUR, DIRECTION, LEVELS, SCRIPT, Sun, planet_inputs, sun_inputs
 
 
 @dataclass(frozen=True)
@@ -182,6 +189,5 @@ def hapke_of_osl(ground: Ground, grains: Grains, sun: Sun, level: str) -> Any:
         "W": known.w.value, "B": q.b, "C": q.c, "BS0": q.b_s0, "HS": q.h_s, "BC0": q.b_c0, "HC": q.h_c,
         "TanTheta": known.tan_theta.value, "K": known.k, "HFunction": int(q.h_function),
         "Tint": (1.0, 1.0, 1.0, 1.0) if ground.colour is None else ground.colour,
-        "Level": LEVELS.index(level), "Normal": normal, **sun_inputs(sun),
-        "PlanetDirection": (0.0, 0.0, 1.0), "PlanetIrradiance": (0.0, 0.0, 0.0, 1.0), "PlanetRadius": 0.0, **albedo,
+        "Level": LEVELS.index(level), "Normal": normal, **sun_inputs(sun), **planet_inputs(None), **albedo,
     }).outputs[0]

@@ -155,14 +155,15 @@ class _Seen:
         return passed
 
 
-def irradiance_wm2(planet: Planet, normal: np.ndarray | None = None, nodes: int = 96) -> float:
-    """Irradiance from the planet on a surface; ``normal`` (3,) is its unit normal, else it faces the planet.
+def arriving(planet: Planet, nodes: int = 96) -> tuple[np.ndarray, np.ndarray]:
+    """The planet's light in rays: unit vectors (n, 3) toward its surface and the irradiance (n,) in W/m² that each
+    brings on a surface facing it.
 
     What of the planet is below the horizon (z < 0) gives nothing. The error of the quadrature is
     about 2e-4 where horizon or terminator cross the disc, 1e-3 where rings shade it, else far less.
     """
     if planet.angular_diameter_deg <= 0:
-        return 0.0
+        return np.array([planet.direction]), np.zeros(1)
     seen = _Seen(planet)
     x, weight = np.polynomial.legendre.leggauss(nodes)
     angle = seen.half_angle * (x + 1) / 2
@@ -175,9 +176,43 @@ def irradiance_wm2(planet: Planet, normal: np.ndarray | None = None, nodes: int 
     area = (seen.shape.radius**2 * (1 - planet.flattening) * (weight * np.sin(angle))[:, None] * seen.half_angle / 2
             * (np.pi / nodes))
     solid_angle = -((sphere @ seen.shape.stretch) * ray).sum(axis=-1) * area / distance**2
-    cosine = ray @ (planet.direction if normal is None else normal)
-    lit = seen.radiance(sphere) * np.maximum(cosine, 0.0) * solid_angle
-    return float(lit[ray[..., 2] > 0].sum())
+    return ray.reshape(-1, 3), np.where(ray[..., 2] > 0, seen.radiance(sphere) * solid_angle, 0.0).ravel()
+
+
+def irradiance_wm2(planet: Planet, normal: np.ndarray | None = None, nodes: int = 96) -> float:
+    """Irradiance from the planet on a surface; ``normal`` (3,) is its unit normal, else it faces the planet."""
+    ray, brought = arriving(planet, nodes)
+    return float(brought @ np.maximum(ray @ (planet.direction if normal is None else normal), 0.0))
+
+
+def mean_direction(planet: Planet) -> np.ndarray:
+    """Unit vector (3,) of the direction that the planet's light comes from in the mean; its centre if it is dark."""
+    ray, brought = arriving(planet)
+    total = brought @ ray
+    length = float(np.linalg.norm(total))
+    return np.asarray(total / length if length > 0 else planet.direction)
+
+
+def lit_chords(planet: Planet) -> tuple[np.ndarray, float]:
+    """What of the planet's circle to ask for light: the direction across it toward the Sun, a unit vector (3,), and the
+    share of each chord along it, from the Sun's side, that holds all that is lit.
+
+    The circle is the equator's about the planet's centre, in coordinates that keep areas.
+    """
+    across = planet.sun - (planet.sun @ planet.direction) * planet.direction
+    if np.linalg.norm(across) < 1e-6:
+        across = np.cross(planet.direction, np.eye(3)[np.abs(planet.direction).argmin()])
+    across /= np.linalg.norm(across)
+    ray, brought = arriving(planet)
+    ray = ray[brought > 0]
+    if not len(ray):
+        return across, 1.0
+    deep = 2 * math.sin(math.radians(planet.angular_diameter_deg / 4)) ** 2
+    down = ((ray - planet.direction) ** 2).sum(axis=-1) / 2
+    scale = 1 / np.sqrt(deep * (2 - down))
+    s, t = ray @ across * scale, ray @ np.cross(planet.direction, across) * scale
+    end = np.sqrt(np.maximum(1 - t**2, 1e-4))
+    return across, min(1.0, float(((end - s) / (2 * end)).max()) + 0.03)  # the quadrature's rays are not that far apart
 
 
 def unshaded_share(planet: Planet) -> float:

@@ -13,8 +13,8 @@ from pathlib import Path
 
 import numpy as np
 
-_MAGIC = 20000630
-_MULTIPART = 0x1000
+MAGIC = 20000630
+MULTIPART = 0x1000
 _LINES_PER_CHUNK = {0: 1, 1: 1, 2: 1, 3: 16, 4: 32, 5: 16, 6: 32, 7: 32, 8: 32, 9: 256}  # by compression
 
 
@@ -58,9 +58,9 @@ def read_parts(data: bytes) -> tuple[list[Part], bool, int]:
     Raises ValueError, IndexError, KeyError or struct.error for what is no EXR file.
     """
     magic, version = struct.unpack_from("<2i", data, 0)
-    if magic != _MAGIC:
+    if magic != MAGIC:
         raise ValueError("not an EXR file")
-    several = bool(version & _MULTIPART)
+    several = bool(version & MULTIPART)
     parts, at = [], 8
     while True:
         start = at

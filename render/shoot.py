@@ -29,15 +29,13 @@ from ..nodes.sunlight import attune, made_of
 from ..physics.blur import Blur, blur_of
 from ..physics.distortion import COEFFICIENTS, coefficients
 from ..version import version
-from . import passes, quality
-from .exr_check import is_whole
+from . import passes, quality, takes
 from .labelling import labelled
 from .pair import EYES, FORMAT, TOED_TRUTH_FILE, TRUTH_FILE, VERSION, StereoCamera
 from .plan import PlannedPair
 from .progress import on_sample
 from .taking import taking
 
-_SUFFIX = {"left": "_L", "right": "_R"}
 #: Largest size on disk of one eye: eleven 32-bit channels, twice RGBA and two light groups, uncompressed.
 _BYTES_PER_PIXEL = 4 * (4 + 4 + 1 + 3 + 3 + 1 + 1 + 1 + 3 + 3)
 
@@ -177,32 +175,30 @@ def _render_into(part: Path, built: Built, planned: PlannedPair, frame: int,
     shots = _shots(camera, blur)
     with _turned(built.camera, planned.turn_deg), render_scene(built, frame) as scene:
         quality.apply(scene, settings["quality"], planned.render_seed)
-        attune(scene, built.materials, built.sun)
+        attune(scene, built.materials, built.sun, built.planetshine)
         passes.apply(scene, built.several_lights)
         start = time.perf_counter()
         truths = sum(TRUTH in shot.layers for shot in shots)
-        with labelled(scene), on_sample(int(settings["quality"]["samples"]), truths, report):
+        samples = takes.count(scene, built) * int(settings["quality"]["samples"])
+        with labelled(scene), on_sample(samples, truths, report):
             for k, shot in enumerate(shots):
                 with taking(scene, built.camera, camera, shot.blur, shot.toed):
-                    _take(scene, shot, part / f"shot{k}", planned)
+                    _take(scene, built, shot, part / f"shot{k}", planned)
         rendered = time.perf_counter() - start
         poses = eye_poses(built.camera.matrix_world, built.camera.data.stereo.interocular_distance)
         toward_sun = np.array(built.sun.matrix_world.to_3x3().col[2])
     start = time.perf_counter()
-    files = {shot.name.format(eye): _finish(part / f"shot{k}{_SUFFIX[eye]}.exr", part / shot.name.format(eye), planned)
+    files = {shot.name.format(eye): _finish(part / f"shot{k}{takes.SUFFIX[eye]}.exr", part / shot.name.format(eye))
              for k, shot in enumerate(shots) for eye in EYES}
     return _facts(built, planned, poses, toward_sun, files,
                   {"render": round(rendered, 3), "write": round(time.perf_counter() - start, 3)})
 
 
-def _take(scene: bpy.types.Scene, shot: _Shot, stem: Path, planned: PlannedPair) -> None:
+def _take(scene: bpy.types.Scene, built: Built, shot: _Shot, stem: Path, planned: PlannedPair) -> None:
     """Let Cycles render a shot. Raises IcyMoonError if it fails."""
-    scene.render.filepath = str(stem)
     scene.render.use_motion_blur = shot.blur is not None and shot.blur.exposure_s is not None
-    for layer in scene.view_layers:
-        layer.use = layer.name in shot.layers
     try:
-        bpy.ops.render.render(write_still=True, scene=scene.name)
+        takes.render(scene, built, stem, shot.layers)
     except RuntimeError as error:
         raise IcyMoonError(f"Cycles could not render pair {planned.id}: {_first_line(error)}") from None
 
@@ -212,11 +208,8 @@ def _first_line(error: Exception) -> str:
     return lines[0] if lines else type(error).__name__
 
 
-def _finish(written: Path, final: Path, planned: PlannedPair) -> dict[str, Any]:
-    """Rename what Blender wrote, flush it and return its size and checksum."""
-    if not is_whole(written):
-        raise IcyMoonError(f"Blender could not write the whole image of pair {planned.id} to {final.parent.parent}; "
-                           "the disk is full or the folder may not be written to.")
+def _finish(written: Path, final: Path) -> dict[str, Any]:
+    """Rename what was written, flush it and return its size and checksum."""
     with disk_errors("write", final):
         os.replace(written, final)
         sync(final)

@@ -106,7 +106,7 @@ def _phase(laws: Mapping[str, np.ndarray]) -> str:
     """Phase curves: all of them, and the last degrees before opposition."""
     if not laws:
         return ""
-    figure, ((near, all_),) = drawing(2, height=3.4)
+    figure, ((near, all_),) = drawing(2, height=3.4 + 0.22 * (len(laws) - 1))  # a line of the legend for each
     for (name, bright), colour in zip(laws.items(), itertools.cycle(COLOURS)):
         for axis, last in ((near, 8.0), (all_, PHASE_DEG[-1])):
             shown = last >= PHASE_DEG
@@ -114,7 +114,7 @@ def _phase(laws: Mapping[str, np.ndarray]) -> str:
     for axis, title in ((near, "Opposition"), (all_, "All phases")):
         axis.set_xlabel("phase angle (°)")
         axis.set_title(title, loc="left")
-    near.set_ylabel("brightness of the disc over that at 0°")
+    near.set_ylabel("disc brightness over that at 0°")
     all_.set_ylim(bottom=0)
     handles, labels = near.get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside upper left", ncols=1, handlelength=1.6)

@@ -321,26 +321,6 @@ def test_building_again_and_clearing_leave_nothing_behind():
     assert not len(bpy.data.collections)
 
 
-def test_a_second_source_has_the_law_too(tmp_path):
-    """A planet beside the Sun, as the shader's second source: both terms against the reference, at every accuracy."""
-    planet = np.array([-0.4, 0.3, 0.8])
-    planet /= np.linalg.norm(planet)
-
-    def light_up(built):
-        inputs = built.terrain.data.materials[0].node_tree.nodes["Hapke"].inputs
-        inputs["PlanetDirection"].default_value = planet
-        inputs["PlanetIrradiance"].default_value = (2.0, 2.0, 2.0, 1.0)
-
-    for level in sunlight.LEVELS:
-        pair, _ = picture(tmp_path / level, {"hapke": {"backend": "OSL", "accuracy": level}}, change=light_up)
-        shown = Pair(pair.folder, pair.id, pair.settings, pair.camera, {**pair.data, "light": {"sun": {
-            "direction_to_world": planet.tolist(), "irradiance_wm2": 2.0}}})
-        truth = expected(pair) + expected(shown)
-        image = read_view(pair.image("left")).radiance[..., 0]
-        ground = truth > 0
-        assert np.quantile(np.abs(image[ground] / truth[ground] - 1), 0.999) < 1e-5
-
-
 def valley(built: scenes.Built) -> None:
     """Flat ground with a wall 3 m north of the camera, which scatter the Sun once but not more often."""
     mesh = built.terrain.data

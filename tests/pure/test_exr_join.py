@@ -1,0 +1,79 @@
+"""EXR files that are made into one, against files that an EXR library wrote, and read by it again."""
+
+from __future__ import annotations
+
+import numpy as np
+import OpenEXR
+import pytest
+from icymoon.errors import IcyMoonError
+from icymoon.render.exr_check import is_whole
+from icymoon.render.exr_join import join
+from icymoon.stereo.exr import read_light
+
+LIGHT = ("Combined", "Combined_Sun", "Combined_Planet")
+
+
+def write(path, passes: dict[str, np.ndarray], several: bool, compression) -> None:
+    """A file as Blender 5 writes it, a part for each pass, or as Blender 4 does, with one part."""
+    header = {"compression": compression, "type": OpenEXR.scanlineimage}
+    channels = {name: {f"{name}.{band}": np.ascontiguousarray(values[..., k]) for k, band in enumerate("RGB")}
+                for name, values in passes.items()}
+    parts = ([OpenEXR.Part(dict(header), found, name) for name, found in channels.items()] if several else
+             [OpenEXR.Part(dict(header), {k: v for found in channels.values() for k, v in found.items()}, "a")])
+    OpenEXR.File(parts).write(str(path))
+
+
+def read(path) -> dict[str, np.ndarray]:
+    file = OpenEXR.File(str(path), separate_channels=True)
+    return {name: channel.pixels for part in file.parts for name, channel in part.channels.items()}
+
+
+@pytest.mark.parametrize("compression", [OpenEXR.NO_COMPRESSION, OpenEXR.ZIPS_COMPRESSION, OpenEXR.ZIP_COMPRESSION])
+@pytest.mark.parametrize("several", [True, False])
+@pytest.mark.parametrize("height", [1, 16, 53])
+def test_parts_are_joined_and_light_is_added(tmp_path, several, compression, height):
+    random = np.random.default_rng(height)
+
+    def image(scale: float) -> np.ndarray:
+        values = (random.random((height, 31, 3)) * scale).astype(np.float32)
+        values[:, 20:] = values[:1, 20:]  # something that shrinks when it is compressed
+        return values
+
+    sun, planet, ice, normal = image(10.0), image(0.1), image(0.2), image(1.0)
+    write(tmp_path / "view.exr", {"Beauty.Combined": sun + planet, "Beauty.Combined_Sun": sun,
+                                  "Beauty.Combined_Planet": planet}, several, compression)
+    write(tmp_path / "planet.exr", {"Beauty.Combined": ice, "Beauty.Combined_Planet": ice}, several, compression)
+    write(tmp_path / "truth.exr", {"Truth.Normal": normal}, several, compression)
+    join(tmp_path / "view.exr", tmp_path / "truth.exr", tmp_path / "planet.exr")
+    assert [path.name for path in tmp_path.iterdir()] == ["view.exr"]
+    assert is_whole(tmp_path / "view.exr")
+    found = read(tmp_path / "view.exr")
+    for k, band in enumerate("RGB"):
+        assert np.array_equal(found[f"Truth.Normal.{band}"], normal[..., k])
+        assert np.array_equal(found[f"Beauty.Combined.{band}"], (sun + planet + ice)[..., k])
+        assert np.array_equal(found[f"Beauty.Combined_Planet.{band}"], (planet + ice)[..., k])
+        assert np.array_equal(found[f"Beauty.Combined_Sun.{band}"], sun[..., k])
+    light = read_light(tmp_path / "view.exr")
+    assert np.allclose(sum(light.groups.values()), light.radiance, rtol=1e-5)
+
+
+def test_without_a_planet_nothing_but_the_parts_changes(tmp_path):
+    values = np.random.default_rng(0).random((20, 7, 3)).astype(np.float32)
+    write(tmp_path / "view.exr", {"Beauty.Combined": values}, True, OpenEXR.PIZ_COMPRESSION)
+    write(tmp_path / "truth.exr", {"Truth.Normal": -values}, True, OpenEXR.ZIP_COMPRESSION)
+    join(tmp_path / "view.exr", tmp_path / "truth.exr", None)
+    found = read(tmp_path / "view.exr")
+    assert np.array_equal(found["Beauty.Combined.G"], values[..., 1])
+    assert np.array_equal(found["Truth.Normal.G"], -values[..., 1])
+
+
+def test_what_cannot_be_joined_is_said(tmp_path):
+    values = np.zeros((4, 4, 3), np.float32)
+    write(tmp_path / "view.exr", {"Beauty.Combined": values}, True, OpenEXR.ZIP_COMPRESSION)
+    write(tmp_path / "planet.exr", {"Beauty.Combined_Planet": values}, True, OpenEXR.ZIP_COMPRESSION)
+    write(tmp_path / "truth.exr", {"Truth.Normal": values}, True, OpenEXR.ZIP_COMPRESSION)
+    with pytest.raises(IcyMoonError, match="render the pair again"):
+        join(tmp_path / "view.exr", tmp_path / "truth.exr", tmp_path / "planet.exr")
+    (tmp_path / "truth.exr").write_bytes(b"not an image")
+    with pytest.raises(IcyMoonError, match="render the pair again"):
+        join(tmp_path / "view.exr", tmp_path / "truth.exr", None)
