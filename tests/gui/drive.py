@@ -151,7 +151,7 @@ def load_europa() -> Waiting:
         yield from key("Down")
     yield from key("Return")
     yield from until(lambda: settings().preset == "scenes/europa_rough_ice", "Loading a preset")
-    settings().rig.width_px, settings().rig.height_px = 320, 240
+    settings().rig.width_px, settings().rig.height_px = 240, 180
     settings().mesh.error_px, settings().mesh.edge_px = 4.0, 24.0  # or drawing it takes seconds without a graphics card
     settings().quality.samples = 4
     settings().dataset.folder = str(DATASET)

@@ -149,10 +149,12 @@ def over_setting(path: str) -> bool:
     return manager().clipboard.endswith(path)
 
 
-def _look(recognised: Callable[[], bool], columns: tuple[float, ...]) -> Generator[float, None, Place | None]:
+def _look(recognised: Callable[[], bool], columns: tuple[float, ...],
+          start: float = 0.0) -> Generator[float, None, Place | None]:
+    """Look all over the sidebar, rows nearest to ``start`` (down from its top) first."""
     sidebar = region("UI")
-    for across in columns:
-        for down in range(20, sidebar.height, 9):
+    for down in sorted(range(20, sidebar.height, 9), key=lambda down: abs(down - start)):
+        for across in columns:
             place = sidebar.x + across * sidebar.width, sidebar.y + sidebar.height - down
             yield from to(*place)
             if recognised():
@@ -164,13 +166,16 @@ def _look(recognised: Callable[[], bool], columns: tuple[float, ...]) -> Generat
 
 #: Where buttons are looked for across the sidebar: the left and the right of a row of two, and a bare icon at its end.
 COLUMNS = (0.35, 0.75, 0.835)
+_found = 0.0  # how far down the last button was
 
 
 def find(operator: str, **options: str) -> Looking:
-    """Look for a button in the sidebar with the mouse, from above; returns its place."""
+    """Look for a button in the sidebar with the mouse, first near the last one; returns its place."""
+    global _found
     yield from away()
-    place = yield from _look(lambda: over_button(operator, **options), COLUMNS)
+    place = yield from _look(lambda: over_button(operator, **options), COLUMNS, _found)
     check(place, f"no button of {operator} was found in the sidebar")
+    _found = region("UI").y + region("UI").height - place[1]
     return place
 
 
