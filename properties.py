@@ -98,7 +98,7 @@ LANDFORMS = "Landforms"
 LAYER = (
     Setting("basis", "Basis", "GRADIENT", "Noise that the layer is made of", "geometry",
             choices=(("GRADIENT", "Gradient Noise", "Rounded hills (Perlin)"),
-                     ("MIDPOINT", "Mid-Point Displacement", "Straight slopes between random points"),
+                     ("MIDPOINT", "Mid-Point", "Displacement: straight slopes between random points"),
                      ("CELLS", "Cells", "Square steps of random height"),
                      ("VORONOI_F1", "Voronoi F1", "Distance to the nearest of random points: cones"),
                      ("VORONOI_F2", "Voronoi F2", "Distance to the second nearest point"),
