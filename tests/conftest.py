@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import shutil
+import signal
 import sys
 import tempfile
 
@@ -12,6 +13,9 @@ import pytest
 _resources = tempfile.mkdtemp(prefix="icymoon-blender-")
 os.environ["BLENDER_USER_RESOURCES"] = _resources  # before the first import of bpy
 _status = pytest.StashKey[int]()
+if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
+    # A shell starts what runs in its background so, and the programs that tests interrupt would not listen either.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def pytest_sessionfinish(session: pytest.Session, exitstatus: int) -> None:
