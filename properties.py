@@ -672,7 +672,7 @@ QUALITY = Topic("quality", "Quality", "What a render may cost", (
                      ("OIDN", "OpenImageDenoise",
                       "Remove the noise; cheap, but what guides it, the noise-free albedo and normal, flatters stereo "
                       "matchers"),
-                     ("OIDN_COLOUR", "OpenImageDenoise, colour alone",
+                     ("OIDN_COLOUR", "OIDN, Colour Alone",
                       "Remove the noise without guides: smooths fine texture away"))),
     Setting("noise_threshold", "Noise Threshold", 0.0,
             "Relative noise at which a pixel gets no more light paths; 0 gives all pixels the same number. Saves time "
