@@ -347,6 +347,41 @@ def show_error() -> Waiting:
     yield from until(lambda: len(manager().windows) == 1, "Closing the Image Editor")
 
 
+def camera_image_follows() -> Waiting:
+    """The camera image that is shown is exposed again when the response changes, and the window goes on meanwhile."""
+    with in_region("UI"):
+        bpy.ops.icymoon.expose("INVOKE_DEFAULT")
+    yield from ended()
+    yield from until(lambda: len(manager().windows) == 2, "Opening an Image Editor")
+    follow, image = module("operators.follow"), manager().windows[1].screen.areas[0].spaces.active.image
+    yield from screenshot("camera_image")
+    before, work, spans = sum(image.pixels[:][::4]), follow.work, []
+
+    def timed() -> float | None:
+        start = time.thread_time()
+        again = work()
+        spans.append(time.thread_time() - start)
+        return again
+
+    follow.work = timed
+    began = time.monotonic()
+    for target in (0.6, 0.4, 0.2, 0.1):
+        settings().sensor.auto_target = target
+        yield TICK_S
+    yield from until(lambda: follow._job is not None, "Starting to follow")
+    yield from until(lambda: follow._job is None and not follow._waiting, "Following")
+    lasted = time.monotonic() - began
+    follow.work = work
+    check(sum(image.pixels[:][::4]) < 0.5 * before, "the image did not follow the exposure")
+    check(not follow.lines(), " ".join(follow.lines()))
+    check(max(spans) < lasted / 10, f"following kept the window busy for {max(spans):.2f} of {lasted:.1f} s at once")
+    yield from screenshot("camera_image_followed")
+    with bpy.context.temp_override(window=manager().windows[1]):
+        bpy.ops.wm.window_close()
+    yield from until(lambda: len(manager().windows) == 1, "Closing the Image Editor")
+    return f"longest turn {1000 * max(spans):.0f} ms of {lasted:.1f} s"
+
+
 def preferences_page() -> Waiting:
     """The extension's page in the preferences, the evaluator given there instead of by the environment."""
     add_on = bpy.context.preferences.addons[ADD_ON]
@@ -381,7 +416,8 @@ def search_and_clear() -> Waiting:
 
 
 STEPS = (open_the_tab, load_europa, open_all_panels, build_by_mouse, undo_and_redo, slide_by_mouse, render_by_mouse,
-         escape_a_render, evaluate_by_mouse, measured_surface, show_error, preferences_page, search_and_clear)
+         escape_a_render, evaluate_by_mouse, measured_surface, show_error, camera_image_follows, preferences_page,
+         search_and_clear)
 
 
 def write(finished: bool) -> None:
