@@ -98,7 +98,7 @@ LANDFORMS = "Landforms"
 LAYER = (
     Setting("basis", "Basis", "GRADIENT", "Noise that the layer is made of", "geometry",
             choices=(("GRADIENT", "Gradient Noise", "Rounded hills (Perlin)"),
-                     ("MIDPOINT", "Mid-Point Displacement", "Straight slopes between random points"),
+                     ("MIDPOINT", "Mid-Point", "Displacement: straight slopes between random points"),
                      ("CELLS", "Cells", "Square steps of random height"),
                      ("VORONOI_F1", "Voronoi F1", "Distance to the nearest of random points: cones"),
                      ("VORONOI_F2", "Voronoi F2", "Distance to the second nearest point"),
@@ -162,20 +162,20 @@ TERRAIN = Topic("terrain", "Terrain", "Shape of the ground as a random surface w
 
 MESH = Topic("mesh", "Mesh", "How finely procedural ground is cut into triangles, and how far it goes", (
     Setting("kind", "Mesh", "GRADED", "Where the vertices of procedural ground are", "geometry",
-            choices=(("GRADED", "As Fine as the Camera Needs",
+            choices=(("GRADED", "Graded",
                       "Rings about the site, as fine at every distance as the images show, out to the horizon"),
                      ("GRID", "Uniform Grid", "A square of Terrain Size with equal spacing, and nothing beyond"))),
     Setting("error_px", "Largest Error", 1.0,
             "Distance between the mesh and the described ground, in pixels as seen from the nearer eye, that 95 % of "
-            "the pixels keep to, whatever the heading", "geometry", "px", 1.0e-3, 100.0, (0.05, 5.0)),
+            "the pixels keep to, whatever the heading", "geometry", "px", 1.0e-3, 100.0, (0.05, 5.0), subtype="PIXEL"),
     Setting("edge_px", "Longest Edge", 8.0,
             "Longest edge of a triangle on level ground as seen from the nearer eye, however smooth the ground; "
-            "what is finer does not shade the image", "geometry", "px", 0.1, 1000.0, (1.0, 20.0)),
+            "what is finer does not shade the image", "geometry", "px", 0.1, 1000.0, (1.0, 20.0), subtype="PIXEL"),
     _metres("farthest_m", "Farthest", 1.0e5, 1.0, 1.0e6, (10.0, 1.0e5),
             "Distance at which the ground ends, if no horizon hides it before", "geometry"),
-    Setting("most", "Most", 2000000, "Upper bound on the number of vertices; where the largest error asks for more, "
-            "the mesh keeps to this and says what error it has", "geometry", "vertices", 1000, 100000000,
-            (10000, 10000000)),
+    Setting("most", "Most Vertices", 2000000,
+            "Upper bound on the number of vertices; where the largest error asks for more, the mesh keeps to this and "
+            "says what error it has", "geometry", "vertices", 1000, 100000000, (10000, 10000000)),
 ))
 
 RIDGES = Topic("ridges", "Ridges", "Double ridges with a trough between, young ones over old ones", (
@@ -232,8 +232,8 @@ CRATERS = Topic("craters", "Craters", "Small bowl-shaped craters, their sizes a 
               "geometry"),
     _fraction("freshness", "Freshness", 0.3,
               "How deep the oldest crater still is as a share of a fresh one; 1 for all fresh", "geometry"),
-    Setting("most", "Most", 5000, "Number of craters above which the settings are refused", "geometry", "craters",
-            0, 50000, (0, 10000)),
+    Setting("most", "Most Craters", 5000, "Number of craters above which the settings are refused", "geometry",
+            "craters", 0, 50000, (0, 10000)),
 ), LANDFORMS)
 
 HOLLOWS = Topic("hollows", "Hollows", "Cups with sharp rims left by sublimation without wind", (
@@ -403,9 +403,9 @@ HAPKE = Topic("hapke", "Hapke", "Parameters of Hapke's law, for every surface wh
     Setting("h_s", "Shadow-Hiding Width", 0.0016, "Half-width parameter of that surge: it is halved where the "
             "tangent of half the phase angle is this; 0 for no surge", "material", "1", 0.0, 10.0, (0.0, 0.1),
             precision=5),
-    _fraction("b_c0", "Coherent Backscatter Amplitude", 0.0, "Height of the surge from interference of light that "
+    _fraction("b_c0", "Backscatter Amplitude", 0.0, "Height of the surge from interference of light that "
               "takes one path both ways (BC0), as a share of all light", "material"),
-    Setting("h_c", "Coherent Backscatter Width", 0.0, "Half-width parameter of that surge, in the tangent of half the "
+    Setting("h_c", "Backscatter Width", 0.0, "Half-width parameter of that surge, in the tangent of half the "
             "phase angle; 0 for no surge", "material", "1", 0.0, 10.0, (0.0, 0.1), precision=5),
     _degrees("theta_bar_deg", "Roughness", 10.0, 0.0, 60.0, "Mean slope angle of the relief that neither mesh nor "
              "grain relief resolves; 0 makes the surface of nodes twice as cheap", "material", (0.0, 40.0)),
@@ -471,7 +471,7 @@ ROCKS = Topic("rocks", "Rocks", "Ice blocks lying on the ground", (
             "Standard deviation, east and north, of a cluster's blocks about its centre", "geometry"),
     _metres("clear_radius_m", "Clear Radius", 0.0, 0.0, 1.0e4, (0.0, 5.0),
             "Radius of the circle about the site of the camera that no block reaches into, for a lander", "geometry"),
-    Setting("most", "Most", 20000,
+    Setting("most", "Most Blocks", 20000,
             "Upper bound on the number of blocks; the smallest ones are left out, with a warning, to keep it",
             "geometry", "blocks", 0, 200000, (0, 50000)),
     Setting("own_surface", "Own Surface", False,
@@ -567,10 +567,10 @@ RIG = Topic("rig", "Stereo Camera", "Two identical cameras, parallel unless toed
              "Direction of the optical axis from north (+Y) over east (+X)", "camera"),
     Setting("principal_x_px", "Principal Point Right", 0.0,
             "Columns by which the optical axis is right of the middle of the image", "camera", "px", -8192.0, 8192.0,
-            (-50.0, 50.0)),
+            (-50.0, 50.0), subtype="PIXEL"),
     Setting("principal_y_px", "Principal Point Down", 0.0,
             "Rows by which the optical axis is below the middle of the image", "camera", "px", -8192.0, 8192.0,
-            (-50.0, 50.0)),
+            (-50.0, 50.0), subtype="PIXEL"),
     *(Setting(f"distortion_{name}", f"Distortion {name}", 0.0, text, "response", "1", -10.0, 10.0, (-0.5, 0.5),
               precision=5) for name, text in (
         ("k1", "Radial distortion, r² term, of the model of Brown and Conrady as OpenCV has it; below 0 is a barrel"),
@@ -672,7 +672,7 @@ QUALITY = Topic("quality", "Quality", "What a render may cost", (
                      ("OIDN", "OpenImageDenoise",
                       "Remove the noise; cheap, but what guides it, the noise-free albedo and normal, flatters stereo "
                       "matchers"),
-                     ("OIDN_COLOUR", "OpenImageDenoise, colour alone",
+                     ("OIDN_COLOUR", "OIDN, Colour Alone",
                       "Remove the noise without guides: smooths fine texture away"))),
     Setting("noise_threshold", "Noise Threshold", 0.0,
             "Relative noise at which a pixel gets no more light paths; 0 gives all pixels the same number. Saves time "

@@ -75,6 +75,24 @@ def show_scene(context: bpy.types.Context, built: scenes.Built) -> None:
     space.region_3d.view_perspective = "CAMERA"
 
 
+def views_through(context: bpy.types.Context, camera: bpy.types.Object | None) -> list[Any]:
+    """The 3D Views of all windows that look through a camera."""
+    spaces = [area.spaces.active for window in context.window_manager.windows for area in window.screen.areas
+              if area.type == "VIEW_3D"]
+    return [space for space in spaces if camera is not None and space.region_3d.view_perspective == "CAMERA"
+            and (space.camera if space.use_local_camera else context.scene.camera) is camera]
+
+
+def look_through(spaces: list[Any], built: scenes.Built) -> None:
+    """Let 3D Views that looked through the camera before it was built anew look through it again."""
+    for space in spaces:
+        if space.use_local_camera:
+            space.camera = built.camera
+        space.region_3d.view_perspective = "CAMERA"
+        for item in built.collection.all_objects if space.local_view else ():
+            item.local_view_set(space, True)
+
+
 def build_and_report(operator: bpy.types.Operator, context: bpy.types.Context) -> set[str]:
     """Build what the scene's settings describe, show it, and let the operator report it; its result."""
     if context.mode != "OBJECT":

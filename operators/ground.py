@@ -12,15 +12,14 @@ from ..errors import IcyMoonError
 from ..nodes import ground as grounds
 from ..nodes import scene as scenes
 from .build import build_and_report
-
-_LINE = 48  # characters that fit the sidebar
+from .readouts import LINE
 
 
 def report(scene: bpy.types.Scene) -> list[str]:
     """What the import of the built ground found, in lines that fit the sidebar; empty if it is made up."""
     built = scenes.find(scene)
     found = built.ground.get("report", []) if built is not None else []
-    return [line for text in found for line in textwrap.wrap(text, _LINE, subsequent_indent="   ")]
+    return [line for text in found for line in textwrap.wrap(text, LINE, subsequent_indent="   ")]
 
 
 class ICYMOON_OT_import_ground(bpy.types.Operator):

@@ -18,12 +18,12 @@ from ..errors import IcyMoonError
 from ..nodes import preview
 from ..nodes import scene as scenes
 from .build import frame_and_expose
+from .readouts import LINE
 
 #: What an update of the ground may take, so that there are ten a second and time to draw them.
 BUDGET_S = 0.08
 #: Vertices per side of the previewed ground.
 SIDES = (129, 193, 257)
-_LINE = 36  # characters that fit the sidebar beside an icon
 _SHOWN = {"geometry", "material", "light", "camera"}
 _side = SIDES[1]
 _waiting: set[str] = set()  # names of scenes with changes that the timer is to show
@@ -99,7 +99,7 @@ def lines(scene: bpy.types.Scene) -> list[str]:
     if scenes.find_collection(scene) is None:
         return []
     said = preview.notes(scene) or ["Shown at full resolution"]
-    return [line for sentence in said for line in textwrap.wrap(sentence, _LINE)]
+    return [line for sentence in said for line in textwrap.wrap(sentence, LINE)]
 
 
 def register() -> None:

@@ -19,7 +19,7 @@ from ..physics.sky import facts, sky
 
 #: Disparity error, px, that the depth error is stated for: what good matchers leave on textured ground.
 DISPARITY_ERROR_PX = 0.25
-_LINE = 36  # characters that fit the sidebar
+LINE = 36  # characters that fit the sidebar as Blender opens it
 
 
 def sky_lines(light: Mapping[str, Any]) -> tuple[str, ...]:
@@ -41,7 +41,7 @@ def camera_notes(settings: Mapping[str, Mapping[str, Any]]) -> tuple[str, ...]:
 def _camera_notes(*parts: tuple[tuple[str, Any], ...]) -> tuple[str, ...]:
     rig, sensor = map(dict, parts)
     settings = {"rig": rig, "sensor": sensor}
-    said = [line for sentence in advice(settings) for line in textwrap.wrap(sentence, _LINE)]
+    said = [line for sentence in advice(settings) for line in textwrap.wrap(sentence, LINE)]
     try:
         found = blur_of(settings)
     except IcyMoonError:
@@ -86,7 +86,7 @@ def _sky_lines(light: tuple[tuple[str, Any], ...], blend: str) -> tuple[str, ...
     try:
         found = _facts(light, blend)
     except IcyMoonError as error:
-        return tuple(textwrap.wrap(str(error), _LINE))
+        return tuple(textwrap.wrap(str(error), LINE))
     lines = []
     for name, body in (("Sun", found["sun"]), ("Planet", found["planet"])):
         if body is not None:
@@ -122,4 +122,9 @@ def _row_lines(name: str, row: GroundRow, rig: Mapping[str, Any]) -> list[str]:
     shared = 100 * shared_width_px(rig, row.depth_m) / int(rig["width_px"])
     return [f"{name} {row.depth_m:.2f} m ± {100 * depth_error_m(row.depth_m, rig, DISPARITY_ERROR_PX):.2g} cm",
             f"    {row.width_m:.3g} m wide, {shared:.0f} % in both eyes",
-            f"    {1000 * row.across_m:.2g} x {1000 * row.along_m:.2g} mm per pixel"]
+            f"    {_two_digits(1000 * row.across_m)} x {_two_digits(1000 * row.along_m)} mm per pixel"]
+
+
+def _two_digits(value: float) -> str:
+    """A number to two significant digits, without an exponent."""
+    return f"{float(f'{value:.2g}'):,.10g}".replace(",", " ")

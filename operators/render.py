@@ -19,6 +19,7 @@ from ..render.plan import PlannedPair, expand
 from ..render.queue import Process
 from ..render.worker import render_pairs
 from . import jobs
+from .build import look_through, views_through
 
 
 def dataset_folder(settings: description.Settings) -> Path:
@@ -67,7 +68,10 @@ class ICYMOON_OT_render_pair(jobs.JobOperator, bpy.types.Operator):
 
     def start(self, context: bpy.types.Context) -> jobs.Job:
         settings = description.from_group(context.scene.icymoon)
+        before = scenes.find(context.scene)
+        views = views_through(context, before.camera if before else None)
         built = up_to_date(context.scene, settings)
+        look_through(views, built)
         self._warn(built)
         edited = built.edited
         files = JobFiles(with_absolute_files(settings), dataset_folder(settings), again=self.again,

@@ -8,6 +8,17 @@ import bpy
 
 from ..operators.settings import preset_items
 
+#: Lines of a column of the presets' menu: more would not fit a small screen.
+_LINES = 26
+
+
+def presets_by_kind() -> list[tuple[str, list[tuple[str, str]]]]:
+    """Kinds of presets, whole scenes first, each with (name, title) of its presets."""
+    kinds: dict[str, list[tuple[str, str]]] = {}
+    for name, title, _ in preset_items():
+        kinds.setdefault(name.split("/")[0], []).append((name, title))
+    return sorted(kinds.items(), key=lambda item: (item[0] != "scenes", item[0]))
+
 
 class ICYMOON_MT_presets(bpy.types.Menu):
     """Presets of whole scenes and of parts of them"""
@@ -16,14 +27,16 @@ class ICYMOON_MT_presets(bpy.types.Menu):
     bl_label = "Icy Moon Presets"
 
     def draw(self, context: bpy.types.Context) -> None:
-        kinds: dict[str, list[tuple[str, str]]] = {}
-        for name, title, _ in preset_items():
-            kinds.setdefault(name.split("/")[0], []).append((name, title))
-        for kind in sorted(kinds, key=lambda k: (k != "scenes", k)):
-            self.layout.label(text=kind.capitalize())
-            for name, title in kinds[kind]:
-                self.layout.operator("icymoon.load_preset", text=title).preset = name
-            self.layout.separator()
+        columns = self.layout.row()
+        column, free = columns.column(), _LINES
+        for kind, presets in presets_by_kind():
+            if free < len(presets) + 2:
+                column, free = columns.column(), _LINES
+            column.label(text=kind.capitalize())
+            for name, title in presets:
+                column.operator("icymoon.load_preset", text=title).preset = name
+            column.separator()
+            free -= len(presets) + 2
 
 
 class ICYMOON_MT_icymoon(bpy.types.Menu):

@@ -54,9 +54,7 @@ class ICYMOON_PT_main(_Sidebar, bpy.types.Panel):
         column.operator("icymoon.render_pair", icon="RENDER_STILL")
         column.operator("icymoon.evaluate", icon="VIEWZOOM").scope = "SCENE"
         layout.prop(group, "live")
-        notes = layout.column(align=True)
-        for k, line in enumerate(live.lines(context.scene)):
-            notes.label(text=line, icon="BLANK1" if k else "INFO")
+        _draw_lines(layout, tuple(live.lines(context.scene)), "INFO")
         _draw_job(layout)
 
 
@@ -125,13 +123,13 @@ class _TopicPanel(_Sidebar):
             if setting.kind == "list":
                 _draw_list(row.column(), group, setting)
             else:
-                row.prop(group, setting.key)
+                _draw_field(row, group, setting)
             if (self.topic.key, setting.key) in _EXPLAINED:
                 _draw_choice(layout, group, setting)
         if self.topic.key in ("surface", "rock_surface"):
             told = principled.advice({s.key: getattr(group, s.key) for s in self.topic.settings})
             if told and group.model == "PRINCIPLED":
-                layout.label(text=told, icon="INFO")
+                _draw_lines(layout, tuple(textwrap.wrap(told, readouts.LINE)), "INFO")
         if self.topic.key in ("surface", "rock_surface", "hapke"):
             _draw_albedos(layout, self.topic.key, context.scene.icymoon)
         if self.topic.key == "rig":
@@ -147,9 +145,8 @@ _EXPLAINED = {("surface", "model"), ("rock_surface", "model"), ("hapke", "accura
 
 def _draw_choice(layout: Any, group: Any, setting: Setting) -> None:
     """What the chosen one of a setting's choices does, costs and misses."""
-    column = layout.column(align=True)
-    for line in textwrap.wrap(next(c[2] for c in setting.choices if c[0] == getattr(group, setting.key)), 48):
-        column.label(text=line)
+    told = next(choice[2] for choice in setting.choices if choice[0] == getattr(group, setting.key))
+    _draw_lines(layout, tuple(textwrap.wrap(told, readouts.LINE)))
 
 
 def _draw_albedos(layout: Any, topic: str, group: Any) -> None:
@@ -213,7 +210,17 @@ def _draw_list(layout: Any, group: Any, setting: Setting) -> None:
     buttons.operator("icymoon.layer_move", text="", icon="TRIA_DOWN").direction = "DOWN"
     entries, active = getattr(group, setting.key), getattr(group, f"{setting.key}_active")
     for each in setting.entries if active < len(entries) else ():
-        layout.prop(entries[active], each.key)
+        _draw_field(layout, entries[active], each)
+
+
+def _draw_field(layout: Any, group: Any, setting: Setting) -> None:
+    """A setting's field; where Blender puts the name beside it, with room for the name."""
+    if setting.kind in ("choice", "text"):
+        split = layout.split(factor=0.45 if setting.choices else 0.38)
+        split.label(text=setting.label)
+        split.prop(group, setting.key, text="")
+    else:
+        layout.prop(group, setting.key)
 
 
 def _source_asks(group: Any, topic: str, key: str) -> bool:
@@ -259,6 +266,8 @@ def _matters(topic: str, key: str, group: Any) -> bool:
         return not off.get(key, False)
     if topic == "light":
         return _light_matters(key, group)
+    if topic == "textures" and key != "set":
+        return bool(group.set == "OWN" if key.endswith("_file") else group.set != "NONE")
     if topic == "sensor" and key in ("auto_percentile", "auto_target"):
         return bool(group.auto_exposure)
     if topic == "sensor" and key == "exposure_s":

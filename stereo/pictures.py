@@ -111,7 +111,7 @@ def with_bar(picture: np.ndarray, scale: Scale) -> np.ndarray:
         text = f"{tick:g}"
         column = left + round(float(scale.position(tick)) * (right - left))
         extent = cv2.getTextSize(text, cv2.FONT_HERSHEY_SIMPLEX, 0.36, 1)[0][0]
-        start = min(max(column - extent // 2, 0), width - extent)
+        start = min(max(column - extent // 2, 2), width - extent - 2)
         strip[16:19, min(column, width - 1)] = 0
         if start >= free_from:  # a small picture has no room for all numbers
             cv2.putText(strip, text, (start, 28), cv2.FONT_HERSHEY_SIMPLEX, 0.36, (0, 0, 0), 1, cv2.LINE_AA)

@@ -4,14 +4,22 @@ from __future__ import annotations
 
 import os
 import shutil
+import signal
 import sys
 import tempfile
 
+import hypothesis
 import pytest
 
 _resources = tempfile.mkdtemp(prefix="icymoon-blender-")
 os.environ["BLENDER_USER_RESOURCES"] = _resources  # before the first import of bpy
 _status = pytest.StashKey[int]()
+# A slow machine is no failure.
+hypothesis.settings.register_profile("icymoon", deadline=None, suppress_health_check=[hypothesis.HealthCheck.too_slow])
+hypothesis.settings.load_profile("icymoon")
+if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
+    # A shell starts what runs in its background so, and the programs that tests interrupt would not listen either.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def pytest_sessionfinish(session: pytest.Session, exitstatus: int) -> None:

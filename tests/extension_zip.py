@@ -32,8 +32,9 @@ def shipped() -> set[str]:
     files = [ROOT / name for name in ("blender_manifest.toml", "LICENSE")] + list(ROOT.glob("*.py"))
     for package in PACKAGES:
         files += (ROOT / package).rglob("*.py")
-    files += [*(ROOT / "presets").rglob("*.toml"), *(ROOT / "stereo").glob("*.j2"), *(ROOT / "stereo").glob("*.js"),
-              *(ROOT / "nodes").glob("*.osl"), *(ROOT / "physics").glob("*.json")]
+    data = ("presets/**/*.toml", "stereo/*.j2", "stereo/*.js", "stereo/*.css", "nodes/*.osl", "physics/*.json",
+            "physics/*.csv")
+    files += [path for pattern in data for path in ROOT.glob(pattern)]
     return {path.relative_to(ROOT).as_posix() for path in files}
 
 

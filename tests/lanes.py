@@ -30,7 +30,9 @@ LOGS = ROOT / "out" / "lanes"
 # The networks know no Blender, and torch is large: they are tested in the main environment only.
 PYTEST = ("-m", "pytest", "tests/pure", "tests/blender", "-m", "not slow", "-p", "no:cacheprovider",
           "--ignore=tests/pure/test_stereo_networks.py")
-PYTEST_S = 1200.0
+PYTEST_S = 3600.0
+#: After which a real Blender's command is taken for stuck; each takes some seconds.
+STUCK_S = 900.0
 
 
 def checkout_on_path() -> str:
@@ -67,7 +69,7 @@ def wheel(version: str) -> str:
     mark, wanted = folder / ".packages", [f"bpy=={version}.*", *needs()]
     if not mark.is_file() or mark.read_text() != "\n".join(wanted):
         shutil.rmtree(folder, ignore_errors=True)
-        finished(version, [python, "-m", "venv", str(folder)], 120.0, {})
+        finished(version, [python, "-m", "venv", str(folder)], STUCK_S, {})
         finished(version, [str(folder / "bin" / "python"), "-m", "pip", "install", "-q", "--disable-pip-version-check",
                            *wanted], 1800.0, {})
         mark.write_text("\n".join(wanted))
@@ -96,17 +98,17 @@ def real(which: str) -> str:
         installed = install(blender, archive)
         environment = {**blender.environment, **installed.environment}
         start = [blender.executable, "-b", "--factory-startup", "--addons", ADD_ON, "--python-exit-code", "1"]
-        finished(name, [*start, "--python", "tests/gui/smoke.py", "--", str(out)], 300.0, environment)
+        finished(name, [*start, "--python", "tests/gui/smoke.py", "--", str(out)], STUCK_S, environment)
         failing = run([*start, "--python-expr", f"import bpy; bpy.context.scene.icymoon.dataset.folder = {folder!r}; "
-                       "bpy.ops.icymoon.evaluate()"], 120.0, environment)
+                       "bpy.ops.icymoon.evaluate()"], STUCK_S, environment)
         assert failing.returncode == 1, f"evaluating nothing ends with status {failing.returncode}"
         command = [sys.executable, "-m", "icymoon", "render", "--preset", "europa_rough_ice", "--blender",
                    blender.executable, "--set", "terrain.resolution=129", "--set", "quality.samples=2",
                    "--set", "rig.width_px=160", "--set", "rig.height_px=120", "--out"]
         environment["PYTHONPATH"] = checkout_on_path()
-        finished(name, [*command, f"{folder}/by-command"], 300.0, environment)
+        finished(name, [*command, f"{folder}/by-command"], STUCK_S, environment)
         assert list(Path(folder).glob("by-command/pairs/*/pair.json")), "the command line left no pair"
-        failing = run([*command, str(archive)], 120.0, environment)
+        failing = run([*command, str(archive)], STUCK_S, environment)
         assert failing.returncode == 1, f"rendering into a file ends with status {failing.returncode}"
         assert "Traceback" not in failing.stdout, failing.stdout
         installed.remove()

@@ -501,15 +501,15 @@ def test_the_command_line_renders_an_imported_ground(tmp_path):
     command = [sys.executable, "-m", "icymoon", "render", "--out", str(tmp_path / "set"),
                *(w for text in words for w in ("--set", text))]
     one = subprocess.run([*command, "--settings", str(tmp_path / "scene.toml")], capture_output=True, text=True,
-                         timeout=120, check=False)
+                         timeout=240, check=False)
     assert one.returncode == 0, one.stderr
     again = subprocess.run([*command, "--set", "source.kind=MESH", "--set", "source.file=a.ply"], cwd=tmp_path,
-                           capture_output=True, text=True, timeout=120, check=False)
+                           capture_output=True, text=True, timeout=240, check=False)
     assert "was already there" in again.stdout, again.stdout + again.stderr
     shutil.copy(tmp_path / "a.ply", tmp_path / "b.ply")
     os.truncate(tmp_path / "b.ply", 300)
     bad = subprocess.run([*command, "--set", "source.kind=MESH", "--set", f"source.file={tmp_path / 'b.ply'}"],
-                         capture_output=True, text=True, timeout=120, check=False)
+                         capture_output=True, text=True, timeout=240, check=False)
     assert bad.returncode == 1
     assert "b.ply" in bad.stderr
     assert len(bad.stderr.strip().splitlines()) == 1

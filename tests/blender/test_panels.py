@@ -9,6 +9,7 @@ from types import SimpleNamespace
 import bpy
 import pytest
 from icymoon.operators import jobs, results
+from icymoon.operators.readouts import LINE
 from icymoon.panels import menu, sidebar
 from icymoon.properties import all_settings
 
@@ -141,6 +142,13 @@ def test_every_operator_is_on_a_button_or_in_a_menu(small, evaluated, running):
 def test_every_setting_is_drawn_once_at_least(scene):
     paths = [entry[1] for entry in everything() if entry[0] == "prop"]
     assert {f"icymoon.{topic}.{s.key}" for topic, s in all_settings()} - set(paths) == set()
+
+
+def test_no_name_is_cut_in_the_sidebar_as_blender_opens_it():
+    every = [s for _, setting in all_settings() for s in (setting, *setting.entries)]
+    # Half a line for a choice's name and half for what is chosen, as screenshots show them; ten for a number's value.
+    assert [s.key for s in every if s.choices and max(map(len, (s.label, *(c[1] for c in s.choices)))) > LINE / 2] == []
+    assert [s.key for s in every if len(s.label) > LINE - 10] == []
 
 
 def test_every_setting_of_an_entry_in_a_list_is_drawn(scene):

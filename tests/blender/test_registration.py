@@ -15,7 +15,7 @@ from icymoon.properties import TOPICS, Setting, all_settings
 def run(program: str) -> str:
     """Output of a Python program of its own; it must end well."""
     ended = subprocess.run([sys.executable, "-c", textwrap.dedent(program)], capture_output=True, text=True,
-                           timeout=120, check=False)
+                           timeout=240, check=False)
     assert ended.returncode == 0, ended.stdout + ended.stderr
     return ended.stdout
 

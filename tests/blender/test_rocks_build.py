@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import time
-
 import bpy
 import numpy as np
 import pytest
@@ -179,11 +177,9 @@ def test_left_out_blocks_are_a_warning():
     assert any("rocks.most" in warning for warning in built.warnings)
 
 
-def test_a_hundred_thousand_blocks_are_built_in_seconds():
-    start = time.process_time()
+def test_a_hundred_thousand_blocks_are_few_objects():
     built = scenes.build(empty_scene(), complete(
         {"rocks": {"coverage": 0.3, "smallest_m": 0.01, "largest_m": 1.0, "most": 100_000}}))
     assert built.block_count == 100_000
     assert len({o.data for o in bpy.data.objects}) < 70
-    # About 5 s of processor time; as single objects ten times as much.
-    assert time.process_time() - start < 30
+    assert len(bpy.data.objects) < 80  # as single objects they would take ten times as long to build

@@ -34,7 +34,7 @@ class Blender:
     windowed: tuple[str, ...]
     environment: Mapping[str, str] = field(default_factory=dict)
 
-    def run(self, *arguments: str, window: bool = False, timeout_s: float = 300.0,
+    def run(self, *arguments: str, window: bool = False, timeout_s: float = 900.0,
             environment: Mapping[str, str] | None = None) -> subprocess.CompletedProcess[str]:
         """Run it to its end; status 124 if it had to be killed."""
         command = [*(self.windowed if window else (self.executable,)), *arguments]
@@ -124,7 +124,7 @@ class Installed:
     blender: Blender
     environment: Mapping[str, str]
 
-    def run(self, *arguments: str, window: bool = False, timeout_s: float = 300.0) -> subprocess.CompletedProcess[str]:
+    def run(self, *arguments: str, window: bool = False, timeout_s: float = 900.0) -> subprocess.CompletedProcess[str]:
         """Run that Blender with those settings."""
         return self.blender.run(*arguments, window=window, timeout_s=timeout_s, environment=self.environment)
 

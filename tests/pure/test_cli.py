@@ -14,7 +14,7 @@ from icymoon.version import ROOT
 def run(*arguments: str, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
     """Run ``python -m icymoon``."""
     return subprocess.run([sys.executable, "-m", "icymoon", *arguments], capture_output=True, text=True, cwd=cwd,
-                          timeout=120, check=False)
+                          timeout=240, check=False)
 
 
 @pytest.mark.parametrize(("arguments", "word"), [
@@ -49,7 +49,7 @@ def test_the_package_runs_by_its_path_from_a_folder_of_any_name(tmp_path):
     link.symlink_to(ROOT, target_is_directory=True)
     environment = {k: v for k, v in os.environ.items() if k != "PYTHONPATH"}
     done = subprocess.run([sys.executable, "-I", str(link / "__main__.py"), "presets"], capture_output=True, text=True,
-                          cwd=tmp_path, env=environment, timeout=60, check=False)
+                          cwd=tmp_path, env=environment, timeout=240, check=False)
     assert done.returncode == 0, done.stderr
     assert "scenes/europa_rough_ice" in done.stdout
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import math
 import sys
-import time
 from pathlib import Path
 
 import numpy as np
@@ -91,14 +90,12 @@ def test_a_process_is_heard_in_order_and_its_noise_is_kept():
 
 def test_a_process_that_ignores_the_request_is_made_to_stop():
     process = _python("import signal, time\nsignal.signal(signal.SIGINT, signal.SIG_IGN)\n"
-                      "print('{\"type\": \"ready\"}', flush=True)\ntime.sleep(60)")
+                      "print('{\"type\": \"ready\"}', flush=True)\ntime.sleep(3600)")
     next(process.messages())
-    start = time.monotonic()
     process.cancel()
-    list(process.messages())
+    list(process.messages())  # which end when the process does
     assert process.returncode != 0
     assert process.cancelled
-    assert time.monotonic() - start < 20
 
 
 def test_a_command_that_is_not_there_is_an_error_with_a_mend():

@@ -18,7 +18,7 @@ BY_PATH = [sys.executable, str(ROOT / "__main__.py"), "stereo"]
 
 
 def run(*arguments, command=BY_PATH, **options):
-    return subprocess.run([*command, *map(str, arguments)], capture_output=True, text=True, timeout=120, **options)
+    return subprocess.run([*command, *map(str, arguments)], capture_output=True, text=True, timeout=240, **options)
 
 
 def run_with(preparation, *arguments):
@@ -202,7 +202,7 @@ class TestHardLuck:
         process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
         assert json.loads(process.stdout.readline())["done"] == 1
         process.send_signal(signal.SIGINT)
-        _, errors = process.communicate(timeout=60)
+        _, errors = process.communicate(timeout=240)
         assert process.returncode == 130
         assert errors == "icymoon.stereo: interrupted\n"
         assert not list((tmp_path / "out").rglob("*.part"))

@@ -237,7 +237,7 @@ def test_truth_of_both_eyes(dataset, tmp_path):
 
 def run(*words):
     return subprocess.run([sys.executable, "-m", "icymoon.stereo", *map(str, words)], capture_output=True, text=True,
-                          timeout=120, check=False)
+                          timeout=240, check=False)
 
 
 def test_by_command(dataset, tmp_path):

@@ -110,14 +110,12 @@ def test_failures_are_one_sentence(body, options, reason, tmp_path):
 @pytest.mark.skipif(os.name == "nt", reason="there a program's children outlive it")
 def test_a_program_that_hangs_is_stopped_with_all_that_it_started(tmp_path):
     body = ("import subprocess, time\n"
-            "child = subprocess.Popen([sys.executable, '-c', 'import time; time.sleep(60)'])\n"
-            f"open({str(tmp_path / 'child')!r}, 'w').write(str(child.pid))\ntime.sleep(60)")
-    start = time.monotonic()
+            "child = subprocess.Popen([sys.executable, '-c', 'import time; time.sleep(3600)'])\n"
+            f"open({str(tmp_path / 'child')!r}, 'w').write(str(child.pid))\ntime.sleep(3600)")
     with pytest.raises(IcyMoonError, match=r"took more than 3 s and was stopped.*external.timeout_s"):
         run(tmp_path, body, timeout_s=3)
-    assert time.monotonic() - start < 30
     child = int((tmp_path / "child").read_text())
-    for _ in range(100):
+    for _ in range(1200):
         state = subprocess.run(["ps", "-o", "stat=", "-p", str(child)], capture_output=True, text=True).stdout.strip()
         if state in ("", "Z"):  # gone, or waiting for whoever has inherited it
             return

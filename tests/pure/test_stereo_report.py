@@ -82,7 +82,7 @@ def test_in_a_browser(many):
     """The script runs under the page's own policy and shows a page of the table."""
     command = ["chromium", "--headless", "--no-sandbox", "--disable-gpu", "--virtual-time-budget=3000", "--dump-dom",
                (many / "report.html").as_uri()]
-    page = subprocess.run(command, capture_output=True, text=True, timeout=120, check=True)
+    page = subprocess.run(command, capture_output=True, text=True, timeout=240, check=True)
     assert f"page 1 of {COUNT // 25}, {COUNT} pairs" in page.stdout
     body = re.search(r'id="all-pairs">(.*?)</section>', page.stdout, re.DOTALL)[1]
     assert body.count("<button>pair0") == 25

@@ -141,7 +141,7 @@ def test_a_killed_run_loses_one_row_at_most(dataset, tmp_path, matched):
     for _ in range(3):
         told = json.loads(process.stdout.readline())
     process.send_signal(signal.SIGKILL)
-    process.communicate(timeout=60)
+    process.communicate(timeout=240)
     assert not (tmp_path / "out" / "report.json").exists()
     report = evaluate([dataset], parse_methods("bm,sgbm"), tmp_path / "out")
     assert len(matched) <= 6 - told["done"]  # what was told as done is kept, also the first method of a pair

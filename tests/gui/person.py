@@ -1,0 +1,237 @@
+"""A person at Blender's window: mouse, keys, looking for buttons, waiting, taking pictures; runs inside Blender.
+
+What takes time is a generator that yields the seconds until it wants to go on. It waits for what it is
+after, never for a time in which a fast machine would have it.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import time
+from collections.abc import Callable, Generator
+from pathlib import Path
+
+import bpy
+
+TICK_S = 0.1
+#: After which anything is taken for stuck. No measure of speed.
+PATIENCE_S = 150.0
+F3 = "69"  # as a key code: given its name, xdotool may press Alt with it
+Waiting = Generator[float, None, None]
+Place = tuple[float, float]
+Looking = Generator[float, None, Place]
+
+_seen: Place = (-1.0, -1.0)  # where Blender has last handled the mouse
+
+
+class ICYMOON_TEST_OT_watch(bpy.types.Operator):
+    """Note where the mouse is, and leave every event to what it is for"""
+
+    bl_idname = "icymoon_test.watch"
+    bl_label = "Watch the Mouse"
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        context.window_manager.modal_handler_add(self)
+        return {"RUNNING_MODAL"}
+
+    def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        global _seen
+        _seen = event.mouse_x, event.mouse_y
+        return {"PASS_THROUGH"}
+
+
+def check(holds: object, otherwise: str) -> None:
+    """Raise AssertionError if something does not hold."""
+    if not holds:
+        raise AssertionError(otherwise)
+
+
+# ---- where things are -----------------------------------------------------------------------------------------------
+
+def manager() -> bpy.types.WindowManager:
+    return bpy.context.window_manager
+
+
+def window() -> bpy.types.Window:
+    return manager().windows[0]
+
+
+def area() -> bpy.types.Area:
+    """The 3D View."""
+    return next(a for a in window().screen.areas if a.type == "VIEW_3D")
+
+
+def region(kind: str) -> bpy.types.Region:
+    """A region of the 3D View; 'UI' is the sidebar."""
+    return next(r for r in area().regions if r.type == kind)
+
+
+def in_region(kind: str) -> object:
+    """A context as if the mouse were in that region of the 3D View."""
+    return bpy.context.temp_override(window=window(), area=area(), region=region(kind))
+
+
+def middle(kind: str) -> Place:
+    """The middle of a region of the 3D View, of which the sidebar covers a part."""
+    where = region(kind)
+    return where.x + where.width / 2, where.y + where.height / 2
+
+
+# ---- what a person does ---------------------------------------------------------------------------------------------
+
+def xdotool(*words: object) -> None:
+    """Mouse and keys, through the X server."""
+    subprocess.run(["xdotool", *map(str, words)], check=True, timeout=PATIENCE_S)
+
+
+def until(done: Callable[[], object], what: str) -> Waiting:
+    """Wait until something holds."""
+    end = time.monotonic() + PATIENCE_S
+    while not done():
+        check(time.monotonic() < end, f"{what} took more than {PATIENCE_S:.0f} s")
+        yield TICK_S
+
+
+def point(x: float, y: float) -> None:
+    """Move the mouse to a place in Blender's window; y counts from below."""
+    xdotool("mousemove", int(x), int(window().height - y))
+
+
+def to(x: float, y: float) -> Waiting:
+    """Move the mouse and wait until Blender has handled that. Not while a menu or a field has the mouse."""
+    begin = time.monotonic()
+    for turn in range(10_000):
+        point(x + turn % 2, y)  # a mouse that is there already has to move to be noticed
+        asked = time.monotonic()
+        while time.monotonic() < asked + 2.0:
+            yield 0.01
+            if abs(_seen[0] - x) < 3 and abs(_seen[1] - y) < 3:
+                return
+        check(asked < begin + PATIENCE_S, f"Blender does not follow the mouse to {x:.0f}, {y:.0f}")
+
+
+def away() -> Waiting:
+    """Take the mouse out of the sidebar, so that no tooltip covers it."""
+    yield from to(*middle("WINDOW"))
+
+
+def key(name: str) -> Waiting:
+    """Press a key."""
+    xdotool("key", name)
+    yield TICK_S
+
+
+def write_text(text: str) -> Waiting:
+    """Type letters, slowly enough for xdotool to find each on the keyboard."""
+    for letter in text:
+        xdotool("type", letter)
+        yield 2 * TICK_S
+
+
+def over_button(operator: str, **options: str) -> bool:
+    """Whether the mouse is over a button of that operator: Blender tells by copying its Python command."""
+    with in_region("UI"):
+        if not bpy.ops.ui.copy_python_command_button.poll():
+            return False
+        manager().clipboard = ""
+        bpy.ops.ui.copy_python_command_button()
+    command = manager().clipboard
+    return command.startswith(f"bpy.ops.{operator}(") and all(f'{k}="{v}"' in command for k, v in options.items())
+
+
+def over_setting(path: str) -> bool:
+    """Whether the mouse is over the field of a setting."""
+    with in_region("UI"):
+        if not bpy.ops.ui.copy_data_path_button.poll():
+            return False
+        manager().clipboard = ""
+        bpy.ops.ui.copy_data_path_button()
+    return manager().clipboard.endswith(path)
+
+
+def _look(recognised: Callable[[], bool], columns: tuple[float, ...],
+          start: float = 0.0) -> Generator[float, None, Place | None]:
+    """Look all over the sidebar, rows nearest to ``start`` (down from its top) first."""
+    sidebar = region("UI")
+    for down in sorted(range(20, sidebar.height, 9), key=lambda down: abs(down - start)):
+        for across in columns:
+            place = sidebar.x + across * sidebar.width, sidebar.y + sidebar.height - down
+            yield from to(*place)
+            if recognised():
+                yield 2 * TICK_S  # panels slide when what is in them changes
+                if recognised():
+                    return place
+    return None
+
+
+#: Where buttons are looked for across the sidebar: the left and the right of a row of two, and a bare icon at its end.
+COLUMNS = (0.35, 0.75, 0.835)
+_found = 0.0  # how far down the last button was
+
+
+def find(operator: str, **options: str) -> Looking:
+    """Look for a button in the sidebar with the mouse, first near the last one; returns its place."""
+    global _found
+    yield from away()
+    place = yield from _look(lambda: over_button(operator, **options), COLUMNS, _found)
+    check(place, f"no button of {operator} was found in the sidebar")
+    _found = region("UI").y + region("UI").height - place[1]
+    return place
+
+
+def press(operator: str, **options: str) -> Waiting:
+    """Find a button and click it."""
+    yield from find(operator, **options)
+    xdotool("click", 1)
+    yield TICK_S
+
+
+def scrolled() -> float:
+    """How far down the sidebar is scrolled."""
+    return -region("UI").view2d.region_to_view(0, 0)[1]
+
+
+def scroll(clicks: int) -> Generator[float, None, bool]:
+    """Scroll the sidebar, which the mouse must be in, down (or up, below 0); whether it moved."""
+    before = scrolled()
+    xdotool("click", "--repeat", abs(clicks), "--delay", 10, 5 if clicks > 0 else 4)
+    yield 3 * TICK_S
+    while True:  # until it rests
+        now = scrolled()
+        yield 3 * TICK_S
+        if scrolled() == now:
+            return abs(now - before) > 1
+
+
+def find_setting(path: str) -> Looking:
+    """Look for a setting's field with the mouse, page after page of the sidebar; returns its place."""
+    sidebar = region("UI")
+    while not (place := (yield from _look(lambda: over_setting(path), (0.7,)))):
+        yield from to(*middle("UI"))
+        moved = yield from scroll(int(sidebar.height / 60))
+        check(moved, f"no field of {path} was found in the sidebar")
+    return place
+
+
+def drawing_s() -> float:
+    """Seconds that Blender needs now to draw its whole window."""
+    began = time.perf_counter()
+    with in_region("WINDOW"):
+        bpy.ops.wm.redraw_timer(type="DRAW_WIN_SWAP", iterations=1)
+    return time.perf_counter() - began
+
+
+def screenshot(folder: Path, name: str) -> Waiting:
+    """Save what the screen shows, after a redraw."""
+    yield 6 * TICK_S
+    path = folder / f"{len(list(folder.glob('*.png'))) + 1:02d}_{name}.png"
+    shot = subprocess.Popen(["import", "-window", "root", str(path)])
+    yield from until(lambda: shot.poll() is not None, "A screenshot")
+    check(shot.returncode == 0 and path.stat().st_size > 20_000, f"the screenshot {path.name} is empty")
+
+
+def start_watching() -> None:
+    """Let Blender tell where it has handled the mouse."""
+    bpy.utils.register_class(ICYMOON_TEST_OT_watch)
+    with in_region("WINDOW"):
+        bpy.ops.icymoon_test.watch("INVOKE_DEFAULT")
