@@ -116,8 +116,11 @@ def test_no_extreme_leaves_a_bad_pixel(tmp_path, backend, place, changes):
         "light": SATURN | PLACES[place], "hapke": {"backend": backend, **changes}, "quality": {"samples": 64},
         "rig": {"width_px": 24, "height_px": 18, "pitch_deg": pitch}})
     view, truth = left(pair), by_integral(pair)
-    ground = view.semantic == TERRAIN
-    assert ground.mean() > 0.3
+    wide = np.pad(view.semantic == TERRAIN, 2, mode="edge")
+    rows, columns = view.semantic.shape
+    # Where the pixel filter does not reach the planet itself, which may stand on the horizon.
+    ground = np.all([wide[r:r + rows, c:c + columns] for r in range(5) for c in range(5)], axis=0)
+    assert ground.mean() > 0.2
     image = view.radiance.mean(axis=-1)[ground]
     # One direction of the disc brings the radiance of its brightest spot at most: no pixel is far above the mean.
     assert image.max() <= 12 * truth[ground].max()
