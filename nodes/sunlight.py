@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import bpy
+import numpy as np
 from mathutils import Matrix
 
 from .. import compat
@@ -73,17 +74,23 @@ def _own(material: bpy.types.Material, name: str, kind: str) -> Any:
     return node if node and node.bl_idname == kind else None
 
 
+def _set(socket: Any, value: Any) -> None:
+    """Set an input, unless it has that value: any change of a material makes Cycles build its scene again."""
+    if not np.array_equal(np.float32(socket.default_value), np.float32(value)):
+        socket.default_value = value
+
+
 def aim(materials: Iterable[bpy.types.Material], sun: Sun) -> None:
     """Tell surfaces where the Sun is now."""
     for material in materials:
         if node := _own(material, DIRECTION, "ShaderNodeCombineXYZ"):
             for axis, value in zip("XYZ", sun.direction, strict=True):
-                node.inputs[axis].default_value = value
+                _set(node.inputs[axis], value)
         if node := _own(material, BLUR, "ShaderNodeMath"):
-            node.inputs[0].default_value = sun.blur
+            _set(node.inputs[0], sun.blur)
         if node := _own(material, SCRIPT, "ShaderNodeScript"):
             for name, value in sun_inputs(sun).items():
-                node.inputs[name].default_value = value
+                _set(node.inputs[name], value)
 
 
 def is_osl(material: bpy.types.Material) -> bool:

@@ -119,6 +119,15 @@ def read_pair(folder: Path) -> Pair:
     return pair
 
 
+def is_complete(folder: Path) -> bool:
+    """Whether a pair is there: ``pair.json``, which is written last, and images of the sizes that it states."""
+    try:
+        files = json.loads((folder / "pair.json").read_text(encoding="utf-8"))["files"]
+        return all((folder / name).stat().st_size == fact["bytes"] for name, fact in files.items())
+    except (OSError, ValueError, KeyError, TypeError):
+        return False
+
+
 def pair_folders(path: Path) -> list[Path]:
     """Folders of the complete pairs at ``path``: a pair folder, a ``pairs`` folder or a data set.
 

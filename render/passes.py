@@ -1,7 +1,8 @@
-"""Which images a render writes: radiance in one view layer, truth in another.
+"""Which images a render writes: radiance in one, truth in another.
 
-Truth needs its own layer because Cycles averages normals and value passes over samples; at one
-sample every pass is taken at the pixel centre and nothing is blended at edges.
+Truth is rendered by itself because Cycles averages normals and value passes over samples; at one
+sample every pass is taken at the pixel centre and nothing is blended at edges. Both renders are of the
+same view layer, since Cycles would build its tree of triangles for each layer again.
 """
 
 from __future__ import annotations
@@ -13,7 +14,9 @@ from typing import Any
 import bpy
 
 from .. import compat
-from ..labels import BEAUTY, INSTANCE_AOV, LIGHT_GROUPS, NORMAL_AOV, TRUTH
+from ..labels import BEAUTY, INSTANCE_AOV, LIGHT_GROUPS, NORMAL_AOV
+
+_SUFFIX = {"left": "_L", "right": "_R"}
 
 
 def _only(layer: bpy.types.ViewLayer, *passes: str) -> None:
@@ -24,29 +27,11 @@ def _only(layer: bpy.types.ViewLayer, *passes: str) -> None:
                 setattr(settings, prop.identifier, prop.identifier in passes)
 
 
-def apply(scene: bpy.types.Scene, rig: Mapping[str, Any], stem: Path, light_groups: bool) -> None:
-    """Give a scene the two view layers, stereo views and file output.
-
-    With ``light_groups`` the light of each is a pass of its own too.
-
-    A render writes ``<stem>_L.exr`` and ``<stem>_R.exr``, 32-bit multilayer OpenEXR.
-    """
-    beauty = scene.view_layers[0]
-    beauty.name = BEAUTY
-    beauty.samples = 0  # as many as the scene says
-    beauty.material_override = None
-    _only(beauty, "use_pass_combined")
-    for group in LIGHT_GROUPS if light_groups else ():
-        beauty.lightgroups.add(name=group)
-    truth = scene.view_layers.new(TRUTH)
-    truth.samples = 1
-    _only(truth, "use_pass_combined", "use_pass_z", "use_pass_normal", "use_pass_object_index",
-          "use_pass_material_index")
-    truth.cycles.use_denoising = False
-    for name, kind in ((NORMAL_AOV, "COLOR"), (INSTANCE_AOV, "VALUE")):
-        aov = truth.aovs.add()
-        aov.name, aov.type = name, kind
-
+def apply(scene: bpy.types.Scene, rig: Mapping[str, Any]) -> None:
+    """Give a scene one view layer, stereo views and file output: 32-bit multilayer OpenEXR, a file for each eye."""
+    layer = scene.view_layers[0]
+    layer.material_override = None
+    layer.samples = 0  # as many as the scene says
     render = scene.render
     render.resolution_x, render.resolution_y = rig["width_px"], rig["height_px"]
     render.resolution_percentage = 100
@@ -61,4 +46,29 @@ def apply(scene: bpy.types.Scene, rig: Mapping[str, Any], stem: Path, light_grou
     render.image_settings.views_format = "INDIVIDUAL"
     render.use_file_extension = True
     render.use_overwrite, render.use_placeholder = True, False
-    render.filepath = str(stem)
+
+
+def choose(scene: bpy.types.Scene, name: str, folder: Path, light_groups: bool) -> dict[str, Path]:
+    """Let the next render be ``BEAUTY`` or ``TRUTH``, and return the files that it will write, by eye.
+
+    With ``light_groups`` the radiance of each is a pass of its own too. The samples of radiance are the scene's.
+    """
+    layer = scene.view_layers[0]
+    layer.name = name
+    while layer.aovs:
+        layer.aovs.remove(layer.aovs[0])
+    compat.remove_light_groups(scene, layer)
+    if name == BEAUTY:
+        _only(layer, "use_pass_combined")
+        for group in LIGHT_GROUPS if light_groups else ():
+            layer.lightgroups.add(name=group)
+    else:
+        scene.cycles.samples = 1
+        scene.cycles.use_denoising = False
+        _only(layer, "use_pass_combined", "use_pass_z", "use_pass_normal", "use_pass_object_index",
+              "use_pass_material_index")
+        for aov_name, kind in ((NORMAL_AOV, "COLOR"), (INSTANCE_AOV, "VALUE")):
+            aov = layer.aovs.add()
+            aov.name, aov.type = aov_name, kind
+    scene.render.filepath = str(folder / name)
+    return {eye: folder / f"{name}{suffix}.exr" for eye, suffix in _SUFFIX.items()}

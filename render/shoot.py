@@ -18,9 +18,9 @@ import numpy as np
 from mathutils import Matrix
 
 from .. import compat
-from ..errors import IcyMoonError
-from ..files import PART, disk_errors, sha256, sync, write_json
-from ..labels import FIRST_ROCK_INSTANCE, INSTANCE_AOV, SEMANTIC, TERRAIN_INSTANCE
+from ..errors import DiskError, IcyMoonError
+from ..files import disk_errors, part_of, sha256, sync, write_json
+from ..labels import BEAUTY, FIRST_ROCK_INSTANCE, INSTANCE_AOV, SEMANTIC, TERRAIN_INSTANCE, TRUTH
 from ..nodes.light import build_sky
 from ..nodes.rig import eye_poses
 from ..nodes.scene import Built
@@ -28,25 +28,30 @@ from ..nodes.sunlight import attune, made_of
 from ..version import version
 from . import passes, quality
 from .exr_check import is_whole
+from .exr_parts import joined
 from .labelling import labelled
-from .pair import EYES, FORMAT, VERSION, StereoCamera
+from .pair import EYES, FORMAT, VERSION, StereoCamera, is_complete
 from .plan import PlannedPair
 from .progress import on_sample
 
 #: Where Cycles takes the first sample of a pixel, right of and above its centre, with the pixel filter
 #: that ``quality`` sets: half a bin of the filter's table. Measured the same in 4.3, 5.0 and 5.2.
 _SAMPLE_OFFSET_PX = 5.4e-4
-_SUFFIX = {"left": "_L", "right": "_R"}
 #: Largest size on disk of one eye: eleven 32-bit channels, twice RGBA and two light groups, uncompressed.
 _BYTES_PER_PIXEL = 4 * (4 + 4 + 1 + 3 + 3 + 1 + 1 + 1 + 3 + 3)
 
 
+#: Most triangles that Cycles' data is kept for between two renders: half a gigabyte more than without.
+MOST_KEPT_TRIANGLES = 8_000_000
+
+
 @contextmanager
-def render_scene(built: Built, frame: int) -> Iterator[bpy.types.Scene]:
-    """A scene of its own that shows the built collection under a black sky.
+def studio(built: Built, frame: int) -> Iterator[bpy.types.Scene]:
+    """A scene of its own that shows the built collection under a black sky, for any number of pairs.
 
     The person's scene is never changed for a render, so there is nothing to put back; this one is
-    removed at the end whatever happens.
+    removed at the end whatever happens. As long as it is there, and nothing but the camera and the sampling
+    changes, Cycles keeps its tree of triangles, unless there are too many.
     """
     scene = bpy.data.scenes.new("Icy Moon Render")
     sky = build_sky("Icy Moon Render Sky")
@@ -55,10 +60,19 @@ def render_scene(built: Built, frame: int) -> Iterator[bpy.types.Scene]:
         scene.world = sky
         scene.camera = built.camera
         scene.frame_set(frame)
-        yield scene
+        scene.render.use_persistent_data = _triangles(built) <= MOST_KEPT_TRIANGLES
+        with labelled(scene):
+            yield scene
     finally:
+        scene.render.use_persistent_data = False  # which frees what is kept
         bpy.data.scenes.remove(scene)
         bpy.data.worlds.remove(sky)
+
+
+def _triangles(built: Built) -> int:
+    """Triangles of the collection's meshes; those of instances once."""
+    meshes = {item.data for item in built.collection.all_objects if isinstance(item.data, bpy.types.Mesh)}
+    return sum(len(mesh.loops) - 2 * len(mesh.polygons) for mesh in meshes)
 
 
 @contextmanager
@@ -89,7 +103,7 @@ def check_space(dataset: Path, pairs: list[PlannedPair]) -> None:
     """Raise IcyMoonError if the folder cannot be made or its disk has no room for the pairs."""
     with disk_errors("write to", dataset):
         dataset.mkdir(parents=True, exist_ok=True)
-        probe = dataset / f".icymoon{PART}"
+        probe = part_of(dataset / ".icymoon")
         probe.write_bytes(b"")
         probe.unlink()
         free = shutil.disk_usage(dataset).free
@@ -101,34 +115,29 @@ def check_space(dataset: Path, pairs: list[PlannedPair]) -> None:
                            "free some space, choose another folder or render fewer pixels.")
 
 
-def is_complete(folder: Path) -> bool:
-    """Whether a pair is there, whole; ``pair.json`` is written last."""
-    return (folder / "pair.json").is_file()
+def shoot(built: Built, scene: bpy.types.Scene, planned: PlannedPair, dataset: Path, seconds_build: float,
+          report: Callable[[float], None], again: bool = False) -> Path:
+    """Render one pair of the scene that ``studio`` made and return its folder.
 
-
-def shoot(built: Built, planned: PlannedPair, dataset: Path, frame: int, seconds_build: float,
-          report: Callable[[float], None]) -> Path:
-    """Render one pair and return its folder.
-
-    ``report`` receives the fraction done. Raises IcyMoonError when the render or the disk fails;
-    nothing half-written stays.
+    ``report`` receives the fraction done. A pair that another process has finished meanwhile is left, unless
+    ``again``. Raises IcyMoonError when the render or the disk fails; nothing half-written stays.
     """
     folder = planned.folder(dataset)
-    part = folder.with_name(folder.name + PART)
+    part = part_of(folder)
     spent = time.process_time()
     with disk_errors("write", folder):
-        shutil.rmtree(part, ignore_errors=True)
         part.mkdir(parents=True)
     try:
-        facts = _render_into(part, built, planned, frame, report)
+        facts = _render_into(part, built, scene, planned, report)
         facts["seconds"]["build"] = round(seconds_build, 3)
         # Of all threads; "before" is what this process had spent: its start, the build, other pairs.
         facts["cpu_seconds"] = {"before": round(spent, 3), "pair": round(time.process_time() - spent, 3)}
         write_json(part / "pair.json", facts)
-        with disk_errors("write", folder):
-            shutil.rmtree(folder, ignore_errors=True)
-            os.replace(part, folder)
-            sync(folder.parent)
+        if again or not is_complete(folder):
+            with disk_errors("write", folder):
+                shutil.rmtree(folder, ignore_errors=True)
+                os.replace(part, folder)
+                sync(folder.parent)
     finally:
         shutil.rmtree(part, ignore_errors=True)
     return folder
@@ -146,27 +155,31 @@ def check_camera(built: Built) -> None:
                            "blurred image is what sensor.psf_sigma_px makes.")
 
 
-def _render_into(part: Path, built: Built, planned: PlannedPair, frame: int,
+def _render_into(part: Path, built: Built, scene: bpy.types.Scene, planned: PlannedPair,
                  report: Callable[[float], None]) -> dict[str, Any]:
     settings = planned.settings
-    width = int(settings["rig"]["width_px"])
-    with _turned(built.camera, planned.turn_deg, width), render_scene(built, frame) as scene:
+    files: dict[str, dict[str, Path]] = {eye: {} for eye in EYES}
+    start = time.perf_counter()
+    with _turned(built.camera, planned.turn_deg, int(settings["rig"]["width_px"])):
+        passes.apply(scene, settings["rig"])
         quality.apply(scene, settings["quality"], planned.render_seed)
         attune(scene, built.materials, built.sun)
-        passes.apply(scene, settings["rig"], part / "view", built.several_lights)
-        start = time.perf_counter()
-        with labelled(scene), on_sample(int(settings["quality"]["samples"]), report):
-            try:
-                bpy.ops.render.render(write_still=True, scene=scene.name)
-            except RuntimeError as error:
-                raise IcyMoonError(f"Cycles could not render pair {planned.id}: {_first_line(error)}") from None
-        rendered = time.perf_counter() - start
+        with on_sample(int(settings["quality"]["samples"]), report) as sampling:
+            for name in (BEAUTY, TRUTH):
+                for eye, file in passes.choose(scene, name, part, built.several_lights).items():
+                    files[eye][name] = file
+                try:
+                    bpy.ops.render.render(write_still=True, scene=scene.name)
+                except RuntimeError as error:
+                    raise IcyMoonError(f"Cycles could not render pair {planned.id}: {_first_line(error)}") from None
         poses = eye_poses(built.camera.matrix_world, built.camera.data.stereo.interocular_distance)
         toward_sun = np.array(built.sun.matrix_world.to_3x3().col[2])
+    rendered = time.perf_counter() - start
     start = time.perf_counter()
-    files = {f"{eye}.exr": _finish(part / f"view{_SUFFIX[eye]}.exr", part / f"{eye}.exr", planned) for eye in EYES}
-    return _facts(built, planned, poses, toward_sun, files,
-                  {"render": round(rendered, 3), "write": round(time.perf_counter() - start, 3)})
+    written = {f"{eye}.exr": _finish(files[eye], part / f"{eye}.exr", planned) for eye in EYES}
+    return _facts(built, planned, poses, toward_sun, written, {
+        "render": round(rendered, 3), "sampling": round(sampling.seconds, 3),
+        "write": round(time.perf_counter() - start, 3)})
 
 
 def _first_line(error: Exception) -> str:
@@ -174,13 +187,15 @@ def _first_line(error: Exception) -> str:
     return lines[0] if lines else type(error).__name__
 
 
-def _finish(written: Path, final: Path, planned: PlannedPair) -> dict[str, Any]:
-    """Rename what Blender wrote, flush it and return its size and checksum."""
-    if not is_whole(written):
-        raise IcyMoonError(f"Blender could not write the whole image of pair {planned.id} to {final.parent.parent}; "
-                           "the disk is full or the folder may not be written to.")
+def _finish(written: dict[str, Path], final: Path, planned: PlannedPair) -> dict[str, Any]:
+    """Put the layers that Blender wrote into one file, flush it and return its size and checksum."""
+    if not all(map(is_whole, written.values())):
+        raise DiskError(f"Blender could not write the whole image of pair {planned.id} to {final.parent.parent}; "
+                        "the disk is full or the folder may not be written to.")
     with disk_errors("write", final):
-        os.replace(written, final)
+        final.write_bytes(joined({name: file.read_bytes() for name, file in written.items()}))
+        for file in written.values():
+            file.unlink()
         sync(final)
         return {"bytes": final.stat().st_size, "sha256": sha256(final)}
 
