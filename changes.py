@@ -19,7 +19,8 @@ def _of_effect(effect: str) -> set[tuple[str, str]]:
     return {(topic.key, s.key) for topic in TOPICS.values() for s in topic.settings if s.effect == effect}
 
 
-_SHAPE, _LOOK, _LIGHT, _CAMERA, _SAMPLING = map(_of_effect, ("geometry", "material", "light", "camera", "sampling"))
+_SHAPE, _LOOK, _LIGHT, _CAMERA, _SAMPLING, _RESPONSE = map(
+    _of_effect, ("geometry", "material", "light", "camera", "sampling", "response"))
 
 
 def _part(settings: Settings, keys: Iterable[tuple[str, str]]) -> Settings:
@@ -70,3 +71,8 @@ def camera(settings: Settings) -> Settings:
 def sampling(settings: Settings) -> Settings:
     """The settings of the light paths, which nothing is built from."""
     return _part(settings, _SAMPLING)
+
+
+def response(settings: Settings) -> Settings:
+    """The settings that need no new render, only that images are developed again."""
+    return _part(settings, _RESPONSE)

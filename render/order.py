@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Sequence
-from itertools import groupby
+from itertools import groupby, pairwise
 
 from .. import changes
 from ..settings import Settings
@@ -76,6 +76,6 @@ def share(pairs: Sequence[PlannedPair], number: int, count: int) -> list[Planned
     for unit in units:
         ends.append(ends[-1] + len(unit))
     # A scene belongs to the share that its middle falls into.
-    middles = [(a + b) / 2 / max(1, len(pairs)) for a, b in zip(ends, ends[1:], strict=False)]
+    middles = [(a + b) / 2 / max(1, len(pairs)) for a, b in pairwise(ends)]
     return [pair for unit, middle in zip(units, middles, strict=True) if int(middle * count) == number - 1
             for pair in unit]

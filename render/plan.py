@@ -11,7 +11,8 @@ from ..settings import Settings, digest, merged
 
 @dataclass(frozen=True)
 class PlannedPair:
-    """One pair to render: its complete settings, its id and the turn from the base heading."""
+    """One pair to render: its complete settings, its id, and by how much the rig of a scene that is built already
+    is turned for it (a scene that is built from the settings stands right)."""
 
     id: str
     settings: Settings
