@@ -74,14 +74,21 @@ def workers(options: argparse.Namespace) -> Workers:
 
 
 @contextmanager
+def _errors_told(as_json: bool) -> Iterator[None]:
+    """Say an error that ends the program in JSON too, if that is asked for."""
+    try:
+        yield
+    except IcyMoonError as error:
+        if as_json:
+            emit("error", message=str(error))
+        raise
+
+
+@contextmanager
 def _voice(as_json: bool) -> Iterator[Say]:
     """Where messages go: standard output as JSON lines, or a progress bar for a person."""
     if as_json:
-        try:
-            yield emit
-        except IcyMoonError as error:
-            emit("error", message=str(error))
-            raise
+        yield emit
         return
     with shown("Starting Blender") as show:
         yield lambda kind, **facts: show({"type": kind, **facts})
@@ -99,11 +106,12 @@ def _batch(options: argparse.Namespace) -> int:
     from .render.sweep import plan_path, read_plan
 
     dataset = options.out.absolute()
-    how = workers(options)
-    with _voice(options.json) as say:
+    with _errors_told(options.json):
+        how = workers(options)
         plan = read_plan(plan_path(options.plan))
         pairs = list(datasets.freeze(dataset, ordered(plan.pairs()), plan.text).pairs)
-        status = render(dataset, pairs, how, say)
+        with _voice(options.json) as say:
+            status = render(dataset, pairs, how, say)
     if options.evaluate:
         from .stereo.cli import main as stereo
 
@@ -132,11 +140,12 @@ def numbered(text: str) -> tuple[int, int]:
 
 def _work(options: argparse.Namespace) -> int:
     dataset = options.dataset.absolute()
-    number, count = numbered(options.shard)
-    how = workers(options)
-    with _voice(options.json) as say:
+    with _errors_told(options.json):
+        number, count = numbered(options.shard)
+        how = workers(options)
         pairs = share(datasets.read(dataset).pairs, number, count)
-        status = render(dataset, pairs, how, say)
+        with _voice(options.json) as say:
+            status = render(dataset, pairs, how, say)
     return _told(status, dataset, options.json)
 
 
