@@ -107,7 +107,7 @@ FAULTS = {
     "no pair.json": (lambda f: (f / "pair.json").unlink(), "broken", "no pair.json"),
     "half a pair.json": (lambda f: (f / "pair.json").write_text("{"), "broken", "cannot be read"),
     "gone": (shutil.rmtree, "missing", "missing"),
-    "other settings": (lambda f: _rewrite(f, settings=planned({"surface": {"albedo": 0.123}}).settings), "broken", "id"),
+    "other settings": (lambda f: _rewrite(f, settings=planned({"surface": {"albedo": 0.1}}).settings), "broken", "id"),
     "other id": (lambda f: _rewrite(f, id="ffffffffffff"), "broken", "ffffffffffff"),
     "other seed": (lambda f: _rewrite(f, seeds={"dataset": 0, "render": 1}), "broken", "seed"),
 }

@@ -37,7 +37,8 @@ def test_what_is_no_exr_is_not_whole(tmp_path):
 @pytest.mark.parametrize("parts", [1, 3])
 def test_joined_files_hold_the_same_pixels_and_nothing_of_the_run(tmp_path, compression, parts):
     random = np.random.default_rng(0)
-    pixels = {layer: [random.random((53, 31)).astype(np.float32) for _ in range(parts)] for layer in ("Beauty", "Truth")}
+    pixels = {layer: [random.random((53, 31)).astype(np.float32) for _ in range(parts)]
+              for layer in ("Beauty", "Truth")}
 
     def written(date: str) -> dict[str, bytes]:
         files = {}
@@ -71,4 +72,5 @@ def test_a_file_taken_apart_and_put_together_is_the_same_image(tmp_path):
                   for k in range(3)]).write(str(path))
     assert [piece.name for piece in pieces(path.read_bytes())] == ["p0", "p1", "p2"]
     path.write_bytes(assembled(pieces(path.read_bytes())[1:]))
-    assert [float(p.channels["Z"].pixels.max()) for p in OpenEXR.File(str(path), separate_channels=True).parts] == [1, 2]
+    found = OpenEXR.File(str(path), separate_channels=True).parts
+    assert [float(part.channels["Z"].pixels.max()) for part in found] == [1, 2]

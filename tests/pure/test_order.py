@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+from itertools import pairwise
 
 import pytest
 from hypothesis import given
@@ -17,7 +18,7 @@ PAIRS = grid(seeds=3, elevations=(10.0, 20.0), headings=(0.0, 90.0, 180.0))
 def changed(pairs, part) -> int:
     """How often a part of the settings changes from one pair to the next."""
     keys = [key(part, pair) for pair in pairs]
-    return sum(a != b for a, b in zip(keys, keys[1:], strict=False))
+    return sum(a != b for a, b in pairwise(keys))
 
 
 @given(st.randoms(use_true_random=False))
