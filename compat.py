@@ -49,17 +49,6 @@ def plain_light(light: Any) -> None:
         light.use_temperature = False
 
 
-def remove_light_groups(scene: bpy.types.Scene, layer: bpy.types.ViewLayer) -> None:
-    """Leave a view layer without light groups; before 5.0 only an operator can."""
-    while layer.lightgroups:
-        if hasattr(layer.lightgroups, "remove"):
-            layer.lightgroups.remove(layer.lightgroups[0])
-        else:
-            layer.active_lightgroup_index = 0
-            with bpy.context.temp_override(scene=scene, view_layer=layer):
-                bpy.ops.scene.view_layer_remove_lightgroup()
-
-
 def has_osl() -> bool:
     """Whether Cycles was built with Open Shading Language; without it script nodes render black."""
     try:

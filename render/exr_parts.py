@@ -8,7 +8,7 @@ times, memory) is left out of the headers, so that the same pixels are the same 
 from __future__ import annotations
 
 import struct
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -93,9 +93,12 @@ def _attribute(name: str, kind: str, value: bytes) -> bytes:
     return name.encode() + b"\0" + kind.encode() + b"\0" + struct.pack("<i", len(value)) + value
 
 
-def joined(files: dict[str, bytes]) -> bytes:
-    """One EXR file of the parts of several; one that is of a single part, without a name, gets its key as name.
+def joined(files: Mapping[str, bytes], without: Collection[str] = ()) -> bytes:
+    """One EXR file of the parts of several, but those with names among ``without``.
+
+    The part of a file that has only one, without a name, gets the file's key as name.
 
     Raises ValueError, IndexError, KeyError or struct.error for what is no EXR file.
     """
-    return assembled([_lasting(piece, name) for name, data in files.items() for piece in pieces(data)])
+    return assembled([_lasting(piece, name) for name, data in files.items() for piece in pieces(data)
+                      if piece.name.split("-")[0] not in without])

@@ -14,7 +14,7 @@ from typing import Any
 import bpy
 
 from .. import compat
-from ..labels import BEAUTY, INSTANCE_AOV, LIGHT_GROUPS, NORMAL_AOV
+from ..labels import BEAUTY, INSTANCE_AOV, LIGHT_GROUPS, NORMAL_AOV, TRUTH
 
 _SUFFIX = {"left": "_L", "right": "_R"}
 
@@ -27,11 +27,24 @@ def _only(layer: bpy.types.ViewLayer, *passes: str) -> None:
                 setattr(settings, prop.identifier, prop.identifier in passes)
 
 
-def apply(scene: bpy.types.Scene, rig: Mapping[str, Any]) -> None:
-    """Give a scene one view layer, stereo views and file output: 32-bit multilayer OpenEXR, a file for each eye."""
+def prepare(scene: bpy.types.Scene, light_groups: bool) -> None:
+    """Give a new scene what all its renders have: value passes and, with ``light_groups``, a pass for each group.
+
+    They must stay as they are as long as Cycles keeps the scene: its shaders write them without asking again
+    whether they are wanted.
+    """
     layer = scene.view_layers[0]
     layer.material_override = None
     layer.samples = 0  # as many as the scene says
+    for name, kind in ((NORMAL_AOV, "COLOR"), (INSTANCE_AOV, "VALUE")):
+        aov = layer.aovs.add()
+        aov.name, aov.type = name, kind
+    for group in LIGHT_GROUPS if light_groups else ():
+        layer.lightgroups.add(name=group)
+
+
+def apply(scene: bpy.types.Scene, rig: Mapping[str, Any]) -> None:
+    """Set stereo views, resolution and file output: 32-bit multilayer OpenEXR, a file for each eye."""
     render = scene.render
     render.resolution_x, render.resolution_y = rig["width_px"], rig["height_px"]
     render.resolution_percentage = 100
@@ -48,27 +61,21 @@ def apply(scene: bpy.types.Scene, rig: Mapping[str, Any]) -> None:
     render.use_overwrite, render.use_placeholder = True, False
 
 
-def choose(scene: bpy.types.Scene, name: str, folder: Path, light_groups: bool) -> dict[str, Path]:
-    """Let the next render be ``BEAUTY`` or ``TRUTH``, and return the files that it will write, by eye.
-
-    With ``light_groups`` the radiance of each is a pass of its own too. The samples of radiance are the scene's.
-    """
+def choose(scene: bpy.types.Scene, name: str, folder: Path) -> dict[str, Path]:
+    """Let the next render be ``BEAUTY`` or ``TRUTH``, and return the files that it will write, by eye."""
     layer = scene.view_layers[0]
     layer.name = name
-    while layer.aovs:
-        layer.aovs.remove(layer.aovs[0])
-    compat.remove_light_groups(scene, layer)
     if name == BEAUTY:
         _only(layer, "use_pass_combined")
-        for group in LIGHT_GROUPS if light_groups else ():
-            layer.lightgroups.add(name=group)
     else:
         scene.cycles.samples = 1
         scene.cycles.use_denoising = False
         _only(layer, "use_pass_combined", "use_pass_z", "use_pass_normal", "use_pass_object_index",
               "use_pass_material_index")
-        for aov_name, kind in ((NORMAL_AOV, "COLOR"), (INSTANCE_AOV, "VALUE")):
-            aov = layer.aovs.add()
-            aov.name, aov.type = aov_name, kind
     scene.render.filepath = str(folder / name)
     return {eye: folder / f"{name}{suffix}.exr" for eye, suffix in _SUFFIX.items()}
+
+
+#: Passes that every render has and that mean something in the other one only.
+UNWANTED = {*(f"{BEAUTY}.{name}" for name in (NORMAL_AOV, INSTANCE_AOV)),
+            *(f"{TRUTH}.Combined_{group}" for group in LIGHT_GROUPS)}

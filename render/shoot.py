@@ -37,8 +37,9 @@ from .progress import on_sample
 #: Where Cycles takes the first sample of a pixel, right of and above its centre, with the pixel filter
 #: that ``quality`` sets: half a bin of the filter's table. Measured the same in 4.3, 5.0 and 5.2.
 _SAMPLE_OFFSET_PX = 5.4e-4
-#: Largest size on disk of one eye: eleven 32-bit channels, twice RGBA and two light groups, uncompressed.
-_BYTES_PER_PIXEL = 4 * (4 + 4 + 1 + 3 + 3 + 1 + 1 + 1 + 3 + 3)
+#: Largest size on disk of one eye, uncompressed 32-bit channels: in both renders RGBA, value passes and two light
+#: groups, in one of them depth, normals and indices.
+_BYTES_PER_PIXEL = 4 * (2 * (4 + 4 + 1 + 3 + 3) + 1 + 3 + 1 + 1)
 
 
 #: Most triangles that Cycles' data is kept for between two renders: half a gigabyte more than without.
@@ -61,6 +62,7 @@ def studio(built: Built, frame: int) -> Iterator[bpy.types.Scene]:
         scene.camera = built.camera
         scene.frame_set(frame)
         scene.render.use_persistent_data = _triangles(built) <= MOST_KEPT_TRIANGLES
+        passes.prepare(scene, built.several_lights)
         with labelled(scene):
             yield scene
     finally:
@@ -166,7 +168,7 @@ def _render_into(part: Path, built: Built, scene: bpy.types.Scene, planned: Plan
         attune(scene, built.materials, built.sun)
         with on_sample(int(settings["quality"]["samples"]), report) as sampling:
             for name in (BEAUTY, TRUTH):
-                for eye, file in passes.choose(scene, name, part, built.several_lights).items():
+                for eye, file in passes.choose(scene, name, part).items():
                     files[eye][name] = file
                 try:
                     bpy.ops.render.render(write_still=True, scene=scene.name)
@@ -193,7 +195,7 @@ def _finish(written: dict[str, Path], final: Path, planned: PlannedPair) -> dict
         raise DiskError(f"Blender could not write the whole image of pair {planned.id} to {final.parent.parent}; "
                         "the disk is full or the folder may not be written to.")
     with disk_errors("write", final):
-        final.write_bytes(joined({name: file.read_bytes() for name, file in written.items()}))
+        final.write_bytes(joined({name: file.read_bytes() for name, file in written.items()}, passes.UNWANTED))
         for file in written.values():
             file.unlink()
         sync(final)
