@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import argparse
 import os
+import shlex
+import signal
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -17,6 +19,7 @@ from .render.order import ordered, share
 from .render.plan import PlannedPair
 from .render.queue import emit
 from .render.runner import Runner, Workers
+from .render.slurm import Request, write_script
 from .render.verify import verify
 from .terminal import shown
 
@@ -31,6 +34,8 @@ def add_verbs(verbs: Any) -> None:
     batch.add_argument("plan", help="plan of the data set: a TOML file, or the name of a shipped one")
     batch.add_argument("--out", type=Path, required=True, metavar="DATASET", help="folder of the data set")
     batch.add_argument("--evaluate", metavar="METHODS", help="then match its pairs with these, separated by commas")
+    batch.add_argument("--dask", metavar="ADDRESS", help="render on the Dask cluster whose scheduler is there, as in "
+                       "tcp://host:8786, or on N of its processes here with local:N")
     _how(batch)
     batch.set_defaults(run=_batch)
 
@@ -39,6 +44,20 @@ def add_verbs(verbs: Any) -> None:
     work.add_argument("--shard", default="1/1", metavar="I/N", help="share I of N, counted from 1 (%(default)s)")
     _how(work)
     work.set_defaults(run=_work)
+
+    slurm = verbs.add_parser("slurm", help="write the job script that renders a data set on a cluster with SLURM")
+    slurm.add_argument("plan", help="plan of the data set: a TOML file, or the name of a shipped one")
+    slurm.add_argument("--out", type=Path, required=True, metavar="DATASET", help="folder that all machines see")
+    slurm.add_argument("--shards", type=int, required=True, metavar="N", help="shares, each a job of the array")
+    slurm.add_argument("--at-once", type=int, default=0, metavar="N", help="shares that run at the same time (all)")
+    slurm.add_argument("--cpus", type=int, default=8, metavar="N", help="processors of each (%(default)s)")
+    slurm.add_argument("--memory", default="8G", help="memory of each (%(default)s)")
+    slurm.add_argument("--time", default="04:00:00", help="time of each; what is left then is requeued (%(default)s)")
+    slurm.add_argument("--sbatch", action="append", default=[], metavar="OPTION",
+                       help="further option of sbatch, as in --sbatch=--partition=long; may repeat")
+    slurm.add_argument("--python", default=sys.executable, help="Python on the cluster's machines (this Python)")
+    slurm.add_argument("--blender", default=sys.executable, help="Blender there, or a Python with bpy (this Python)")
+    slurm.set_defaults(run=_slurm)
 
     check = verbs.add_parser("verify", help="check every file of a data set, and say what is missing or wrong")
     check.add_argument("dataset", type=Path, metavar="DATASET", help="folder of the data set")
@@ -94,9 +113,21 @@ def _voice(as_json: bool) -> Iterator[Say]:
         yield lambda kind, **facts: show({"type": kind, **facts})
 
 
-def render(dataset: Path, pairs: list[PlannedPair], how: Workers, say: Say) -> int:
+def _stop(number: int, frame: Any) -> None:
+    raise KeyboardInterrupt
+
+
+def render(dataset: Path, pairs: list[PlannedPair], how: Workers, say: Say, dask: str | None = None) -> int:
     """Render what is missing of these pairs; the exit status: 0, or 1 if some were set aside."""
-    failed = Runner(dataset, pairs, how, say).run()
+    # A shell that starts a program in the background lets it ignore SIGINT; a scheduler sends SIGTERM.
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, _stop)
+    if dask:
+        from .render import cluster
+
+        failed = cluster.run(dask, dataset, pairs, how, say)
+    else:
+        failed = Runner(dataset, pairs, how, say).run()
     write_manifest(dataset, failed)
     say("done", pairs=len(pairs) - len(failed), failed=failed)
     return 1 if failed else 0
@@ -111,7 +142,7 @@ def _batch(options: argparse.Namespace) -> int:
         plan = read_plan(plan_path(options.plan))
         pairs = list(datasets.freeze(dataset, ordered(plan.pairs()), plan.text).pairs)
         with _voice(options.json) as say:
-            status = render(dataset, pairs, how, say)
+            status = render(dataset, pairs, how, say, options.dask)
     if options.evaluate:
         from .stereo.cli import main as stereo
 
@@ -147,6 +178,22 @@ def _work(options: argparse.Namespace) -> int:
         with _voice(options.json) as say:
             status = render(dataset, pairs, how, say)
     return _told(status, dataset, options.json)
+
+
+def _slurm(options: argparse.Namespace) -> int:
+    from .render.sweep import plan_path, read_plan
+
+    for name in ("shards", "cpus"):
+        if getattr(options, name) < 1:
+            raise IcyMoonError(f"--{name} is {getattr(options, name)}; give 1 or more.")
+    dataset = options.out.absolute()
+    plan = read_plan(plan_path(options.plan))
+    frozen = datasets.freeze(dataset, ordered(plan.pairs()), plan.text)
+    request = Request(options.shards, options.at_once, options.cpus, options.memory, options.time,
+                      tuple(options.sbatch))
+    script = write_script(dataset, frozen, request, options.python, options.blender)
+    print(f"sbatch {shlex.quote(str(script))}" if script else f"All {len(frozen.pairs)} pairs of {dataset} are there.")
+    return 0
 
 
 def _verify(options: argparse.Namespace) -> int:

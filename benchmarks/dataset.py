@@ -1,7 +1,7 @@
 """What a data set costs beside the light paths: memory over many scenes, time that is not sampling, processes.
 
     python benchmarks/dataset.py            all three
-    python benchmarks/dataset.py memory     resident memory of a process over 50 scenes, each with other ground and blocks
+    python benchmarks/dataset.py memory     resident memory of a process over 50 scenes of other ground and blocks
     python benchmarks/dataset.py overhead   processor time of a 64-sample pair of the paper's camera, by where it goes
     python benchmarks/dataset.py fresh      a data set in one worker against a fresh Blender for each pair
 

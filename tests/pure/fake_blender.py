@@ -42,6 +42,7 @@ def main() -> None:
         if what == "crash" or (what == "crash once" and not (here / name).exists()):
             (here / name).write_text("")
             os._exit(139)
+        time.sleep(1.0 if what == "sleep" else 0.0)
         while what == "hang":
             time.sleep(0.1)
         if what == "refuse":
@@ -52,7 +53,10 @@ def main() -> None:
             (part / f"{eye}.exr").write_bytes(b"image")
         size = 5 + (what == "lie")
         (part / "pair.json").write_text(json.dumps({
-            "settings": pair["settings"], "files": {f"{eye}.exr": {"bytes": size} for eye in ("left", "right")}}))
+            "format": "icymoon-pair", "version": 1, "id": name, "settings": pair["settings"], "device": "CPU",
+            "camera": {"width_px": 4, "height_px": 4, "focal_px": 1, "cx_px": 2, "cy_px": 2, "baseline_m": 1},
+            "seconds": {"render": 0.1}, "versions": {}, "platform": "none", "peak_memory_mib": None,
+            "files": {f"{eye}.exr": {"bytes": size, "sha256": ""} for eye in ("left", "right")}}))
         os.rename(part, folder)
         say("pair", id=name, folder=str(folder), rendered=True, seconds=0.1)
     say("done", folders=[])

@@ -25,8 +25,12 @@ PURE = ("settings", "properties", "changes", "labels", "files", "own_files", "ve
         "terminal", "doctor", "install", "render.pair", "render.plan", "render.queue", "render.launch",
         "render.exr_check", "render.exr_parts", "render.sweep", "render.combine", "render.blocks", "render.poses",
         "render.toml_lines", "render.order", "render.claims", "render.dataset", "render.manifest", "render.verify",
+<<<<<<< HEAD
         "render.runner",
 >>>>>>> 4da5113 (Data sets: frozen plans, claims, a runner of worker processes, manifest and verification)
+=======
+        "render.runner", "render.cluster", "render.slurm",
+>>>>>>> f04e822 (Clusters: Dask's workers, job scripts for SLURM)
         *(f"{package}.{path.stem}" for package in ("physics", "stereo") for path in (ROOT / package).glob("*.py")
           if path.stem not in ("__init__", "__main__")))
 #: Layers from the top down; each may import what is below it.
