@@ -96,6 +96,11 @@ class Claims:
         if path is not None:
             path.unlink(missing_ok=True)
 
+    def lost(self, pair: str) -> bool:
+        """Whether a pair that was claimed here has been claimed anew, since this process was taken for dead."""
+        path = self._held.get(pair)
+        return path is not None and not path.exists()
+
     @contextmanager
     def held(self, pair: str) -> Iterator[bool]:
         """Claim a pair for the block; says whether it could be had."""
@@ -115,20 +120,23 @@ class Claims:
 
     def forget(self, pid: int) -> None:
         """Drop the claims of a process of this machine that has ended, and what it left half-written."""
+        for part in self._pairs.glob(f"*.{socket.gethostname()}-{pid}-*{PART}"):
+            shutil.rmtree(part, ignore_errors=True)
         for path in self._folder.glob("*.*"):
             holder = _read(path)
             if holder.get("pid") == pid and holder.get("host") == socket.gethostname():
-                self._clear(path.name.split(".")[0])
                 path.unlink(missing_ok=True)
 
     def sweep(self) -> None:
         """Remove what processes that are gone have left half-written, and the folder if nothing is claimed."""
-        living = self.others()
-        for part in self._pairs.glob(f"*{PART}"):
-            if part.name.split(".")[0] not in living:
+        # Whoever has begun to write has claimed before: what is there now and has no claim afterwards is left over.
+        parts = list(self._pairs.glob(f"*{PART}"))
+        claimed = self.others() | self._held.keys()
+        for part in parts:
+            if part.name.split(".")[0] not in claimed:
                 shutil.rmtree(part, ignore_errors=True)
         for path in self._folder.glob("*.*"):
-            if path.name.split(".")[0] not in living:
+            if path not in self._held.values() and self._stale(path):
                 path.unlink(missing_ok=True)
         with suppress(OSError):  # absent, or in use
             self._folder.rmdir()

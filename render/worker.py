@@ -57,18 +57,18 @@ def render_in(stage: Standing | Described, pairs: list[PlannedPair], dataset: Pa
     claims = Claims(dataset)
     try:
         for k, planned in enumerate(pairs):
-            try:
-                with claims.held(planned.id) as mine:
+            with claims.held(planned.id) as mine:
+                if not mine and not keep_going:
+                    raise IcyMoonError(f"Pair {planned.id} is being rendered by another process; wait for it.")
+                try:
                     if mine:
                         _render(stage, planned, dataset, say, again, k, len(pairs))
-                    elif not keep_going:
-                        raise IcyMoonError(f"Pair {planned.id} is being rendered by another process; wait for it.")
-            except DiskError:
-                raise
-            except IcyMoonError as error:
-                if not keep_going:
-                    raise
-                say("error", message=str(error), pair=planned.id)
+                except IcyMoonError as error:
+                    if claims.lost(planned.id) and keep_going:
+                        continue  # who has it now has also cleared away what was begun here
+                    if isinstance(error, DiskError) or not keep_going:
+                        raise
+                    say("error", message=str(error), pair=planned.id)
     finally:
         claims.close()
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import socket
 import subprocess
 import sys
 import threading
@@ -99,6 +100,34 @@ def test_a_holder_touches_its_claims(tmp_path, monkeypatch):
         assert time.monotonic() < deadline
         time.sleep(0.05)
     mine.close()
+
+
+def test_who_was_wrongly_held_for_dead_knows_it_and_does_no_harm(tmp_path, monkeypatch):
+    sleeper, other = Claims(tmp_path), Claims(tmp_path)
+    sleeper.take(PAIR)
+    path, = (tmp_path / claims.FOLDER).iterdir()
+    os.utime(path, (0, 0))  # as if this machine had been asleep
+    assert not sleeper.lost(PAIR)
+    assert other.take(PAIR)
+    assert sleeper.lost(PAIR)
+    sleeper.release(PAIR)
+    assert Claims(tmp_path).others() == {PAIR}  # the other's claim stands
+    assert not other.lost(PAIR)
+
+
+def test_forgetting_a_process_leaves_what_others_write_of_the_same_pair(tmp_path):
+    pid = dead_process()
+    left_by(tmp_path, pid, claims._place(), 0.0)
+    theirs = tmp_path / "pairs" / f"{PAIR}.{socket.gethostname()}-{pid}-1.part"
+    ours = tmp_path / "pairs" / f"{PAIR}.{socket.gethostname()}-{pid}1-1.part"
+    for folder in (theirs, ours):
+        folder.mkdir(parents=True)
+    path = tmp_path / claims.FOLDER / f"{PAIR}.1"
+    path.write_text(path.read_text().replace("elsewhere", socket.gethostname()))
+    Claims(tmp_path).forget(pid)
+    assert ours.exists()
+    assert not theirs.exists()
+    assert not path.exists()
 
 
 def test_sweeping_leaves_the_living_alone(tmp_path):

@@ -60,7 +60,8 @@ def test_killed_workers_are_replaced_and_nothing_is_lost(stand):
 
     def kill_some() -> None:
         while len(killed) < 2 and not ended.wait(1.5):
-            mine = Path(f"/proc/{os.getpid()}/task/{os.getpid()}/children").read_text().split()
+            threads = Path(f"/proc/{os.getpid()}/task").glob("*/children")
+            mine = [pid for thread in threads for pid in thread.read_text().split()]
             workers = [int(pid) for pid in mine if b"spawn_main" in Path(f"/proc/{pid}/cmdline").read_bytes()]
             if workers and stand.folder.joinpath("log").exists():
                 os.kill(workers[-1], signal.SIGKILL)
