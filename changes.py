@@ -13,6 +13,7 @@ from .properties import TOPICS
 from .settings import Settings
 
 _SITE = {("rig", "x_m"), ("rig", "y_m")}
+_PIXEL = {("rig", "focal_length_mm"), ("rig", "sensor_width_mm"), ("rig", "width_px")}
 
 
 def _of_effect(effect: str) -> set[tuple[str, str]]:
@@ -39,8 +40,8 @@ def geometry(settings: Settings) -> Settings:
 def scene(settings: Settings) -> Settings:
     """``geometry``, and what else makes it another scene: pairs that differ in it cannot share one.
 
-    A graded mesh is made for a rig; the ground of a file is stood on where it was placed; marks on the
-    mesh are made with it; which device renders decides what Hapke's law is made of.
+    A graded mesh is made for a rig; the ground of a file is stood on where it was placed; marks and images on
+    the mesh are made with it; which device renders decides what Hapke's law is made of.
     """
     procedural = settings["source"]["kind"] == "PROCEDURAL"
     keys = {("quality", "device")} | (set() if procedural else _SITE)
@@ -49,7 +50,8 @@ def scene(settings: Settings) -> Settings:
     found = geometry(settings)
     for topic, values in _part(settings, keys).items():
         found.setdefault(topic, {}).update(values)
-    found["surface"] = {**found.get("surface", {}), "elevation_marked": settings["surface"]["trough_dirt"] != 0}
+    found["surface"] = {**found.get("surface", {}), "elevation_marked": settings["surface"]["trough_dirt"] != 0,
+                        "own_images": settings["textures"]["set"] == "MESH"}
     return found
 
 
@@ -59,8 +61,8 @@ def look(settings: Settings) -> Settings:
 
 
 def light(settings: Settings) -> Settings:
-    """The settings that lights are made from."""
-    return _part(settings, _LIGHT)
+    """The settings that lights are made from; stars are as small as a pixel."""
+    return _part(settings, _LIGHT | (_PIXEL if settings["light"]["stars"] else set()))
 
 
 def camera(settings: Settings) -> Settings:

@@ -38,7 +38,7 @@ def adapted(built: Built | None, settings: Settings) -> tuple[Built, bool]:
     if preview.notes(bpy.context.scene) or built.preview:  # what cannot be shown is refused, or takes a new scene
         return opened(settings), False
     built.remember(settings, {})
-    warnings = [*materials.advice(settings), *sunlit.advice(settings), *light_advice(described_sky(settings))]
+    warnings = [*materials.advice(settings), *sunlit.advice(settings), *light_advice(described_sky(settings), settings)]
     now = find(bpy.context.scene)
     if now is None:
         raise IcyMoonError("A part of the built scene is gone; render the pair again.")

@@ -36,8 +36,8 @@ class Job:
                  scene: str | None = None, again: bool = False, threads: int | None = None, repeat: int = 0) -> None:
         """Write the job file: the pairs of a description, or planned ones, of which any may fail.
 
-        With ``scene`` the caller saves the .blend to ``blend``. ``threads`` takes the place of quality.threads. Pairs of
-        another ``repeat`` are the same but for their name and the noise of their light paths.
+        With ``scene`` the caller saves the .blend to ``blend``. ``threads`` takes the place of quality.threads. Pairs
+        of another ``repeat`` are the same but for their name and the noise of their light paths.
         """
         self.dataset = dataset
         with disk_errors("write a job to", Path(tempfile.gettempdir())):

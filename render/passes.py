@@ -69,7 +69,7 @@ def choose(scene: bpy.types.Scene, name: str, folder: Path) -> dict[str, Path]:
         _only(layer, "use_pass_combined")
     else:
         scene.cycles.samples = 1
-        scene.cycles.use_denoising = False
+        scene.cycles.use_denoising = scene.cycles.use_adaptive_sampling = False
         _only(layer, "use_pass_combined", "use_pass_z", "use_pass_normal", "use_pass_object_index",
               "use_pass_material_index")
     scene.render.filepath = str(folder / name)

@@ -106,8 +106,9 @@ def _faults(pair: Pair, planned: PlannedPair) -> Iterator[str]:
     own = str(pair.data.get("own_files_sha256", ""))
     if not pair.data.get("edited_by_hand") and pair.id not in {digest(stated, own + each) for each in _STAND_INS}:
         yield f"{path}: its settings do not give the id {pair.id}."
-    if pair.data["seeds"]["render"] != planned.render_seed:
-        yield f"{path}: was rendered with the seed {pair.data['seeds']['render']}, not {planned.render_seed}."
+    seed = pair.data.get("seeds", {}).get("render")
+    if seed != planned.render_seed:
+        yield f"{path}: was rendered with the seed {seed}, not {planned.render_seed}."
 
 
 def _others(dataset: Path, planned: set[str], working: set[str]) -> Iterator[Problem]:

@@ -131,7 +131,8 @@ def _opened(job: dict[str, Any]) -> tuple[Built, int, list[PlannedPair]]:
     built = find(scene) if scene else None
     if scene is None or built is None:
         raise IcyMoonError(f"{job['blend']} holds no built Icy Moon scene; press Build Scene and render again.")
-    return built, scene.frame_current, expand(merged(defaults(), check(job["settings"], "job")), built.extra + _repeat(job))
+    settings = merged(defaults(), check(job["settings"], "job"))
+    return built, scene.frame_current, expand(settings, built.extra + _repeat(job))
 
 
 def _end_with(parent: int) -> None:

@@ -34,6 +34,7 @@ CHANGES = {
     "camera": ({"rig": {"heading_deg": 33.0, "pitch_deg": 20.0}}, True),
     "site": ({"rig": {"x_m": -3.0, "y_m": 2.0, "height_m": 2.0}}, True),
     "sun": ({"light": {"sun_azimuth_deg": 10.0, "sun_elevation_deg": 33.0}}, True),
+    "stars": ({"light": {"stars": True}, "rig": {"focal_length_mm": 40.0}}, True),
     "albedo": ({"surface": {"albedo": 0.5}}, True),
     "relief": ({"surface": {"grain_amplitude_m": 0.004}}, True),
     "law": ({"surface": {"model": "HAPKE"}}, True),
@@ -41,6 +42,7 @@ CHANGES = {
                     "light": {"sun_elevation_deg": 50.0}}, True),
     "texture": ({"textures": {"set": "FROST"}}, True),
     "samples": ({"quality": {"samples": 3}}, True),
+    "threshold": ({"quality": {"samples": 16, "noise_threshold": 0.1}}, True),
     "size of the image": ({"rig": {"width_px": 40}}, True),
     "own ice of blocks": ({"rocks": {"own_surface": True}, "rock_surface": {"albedo": 0.3}}, True),
     "marks": ({"surface": {"trough_dirt": 0.5}}, False),
@@ -101,7 +103,8 @@ def test_a_scene_that_is_gone_is_built_anew(scene):
     assert adapted(None, settings)[1] is False
 
 
-@pytest.mark.parametrize("kind", ["camera", "sun", "albedo", "traced law", "samples", "size of the image"])
+@pytest.mark.parametrize("kind", ["camera", "sun", "stars", "albedo", "traced law", "samples", "threshold",
+                                  "size of the image"])
 def test_reuse_changes_no_byte_of_an_image(kind, scene, tmp_path):
     pairs = [planned(ROCKS), planned(ROCKS, CHANGES[kind][0])]
     for name, stages in (("shared", [pairs]), ("alone", [[pairs[0]], [pairs[1]]])):

@@ -16,31 +16,18 @@ SOURCES = sorted([*ROOT.glob("*.py"), *(path for package in PACKAGES for path in
 IDS = [path.relative_to(ROOT).as_posix() for path in SOURCES]
 
 #: What works in any Python, without Blender.
-<<<<<<< HEAD
-PURE = ("settings", "properties", "labels", "files", "own_files", "version", "errors", "cli", "doctor", "install",
-        "render.pair", "render.plan", "render.queue", "render.launch", "render.exr_check", "render.sweep",
-        "render.combine", "render.blocks", "render.poses", "render.toml_lines", "render.variants", "trade",
-=======
 PURE = ("settings", "properties", "changes", "labels", "files", "own_files", "version", "errors", "cli", "batch",
-        "terminal", "doctor", "install", "render.pair", "render.plan", "render.queue", "render.launch",
+        "terminal", "trade", "doctor", "install", "render.pair", "render.plan", "render.queue", "render.launch",
         "render.exr_check", "render.exr_parts", "render.sweep", "render.combine", "render.blocks", "render.poses",
         "render.toml_lines", "render.order", "render.claims", "render.dataset", "render.manifest", "render.verify",
-<<<<<<< HEAD
-        "render.runner",
->>>>>>> 4da5113 (Data sets: frozen plans, claims, a runner of worker processes, manifest and verification)
-=======
-        "render.runner", "render.cluster", "render.slurm",
->>>>>>> f04e822 (Clusters: Dask's workers, job scripts for SLURM)
+        "render.runner", "render.cluster", "render.slurm", "render.variants",
         *(f"{package}.{path.stem}" for package in ("physics", "stereo") for path in (ROOT / package).glob("*.py")
           if path.stem not in ("__init__", "__main__")))
 #: Layers from the top down; each may import what is below it.
 LAYERS = {"panels": 4, "operators": 3, "render": 2, "nodes": 1, "physics": 0}
 #: Parts of render that are data and processes, and know no Blender; anyone may use them.
-<<<<<<< HEAD
-SHARED = {"render.pair", "render.plan", "render.queue", "render.launch", "render.exr_check", "render.variants"}
-=======
-SHARED = {"render.pair", "render.plan", "render.queue", "render.launch", "render.exr_check", "render.exr_parts"}
->>>>>>> 4da5113 (Data sets: frozen plans, claims, a runner of worker processes, manifest and verification)
+SHARED = {"render.pair", "render.plan", "render.queue", "render.launch", "render.exr_check", "render.exr_parts",
+          "render.variants"}
 
 
 def imported(path: Path) -> set[str]:
