@@ -4,7 +4,7 @@ VENV := .venv
 RUN := $(VENV)/bin/python
 ZIP := dist/icymoon.zip
 
-.PHONY: demo env test test-all test-lanes lint zip clean
+.PHONY: demo env test test-all test-lanes lint zip docs clean
 
 demo: $(VENV)/.demo
 	$(RUN) -m icymoon demo
@@ -28,6 +28,11 @@ lint: $(VENV)/.tests
 zip: $(VENV)/.demo
 	$(RUN) tests/extension_zip.py $(ZIP)
 
+# The manual, as pages that need no server and no network: dist/manual/index.html.
+docs: $(VENV)/.docs
+	NO_MKDOCS_2_WARNING=1 $(VENV)/bin/mkdocs build --strict --quiet
+	@echo "Open dist/manual/index.html"
+
 $(VENV)/bin/python:
 	$(PYTHON) -c 'import sys; sys.exit(sys.version_info[:2] not in [(3, 11), (3, 13)] and "Icy Moon needs Python 3.11 (or 3.13), this is " + sys.version.split()[0] + "; give one with make PYTHON=...")'
 	$(PYTHON) -m venv $(VENV)
@@ -38,7 +43,12 @@ $(VENV)/.demo: pyproject.toml $(VENV)/bin/python
 	touch $@
 
 $(VENV)/.tests: pyproject.toml $(VENV)/.demo
-	PYTHONWARNINGS=ignore $(RUN) -m pip install --disable-pip-version-check -e ".[blender,evaluate,networks,ephemeris,develop]"
+	PYTHONWARNINGS=ignore $(RUN) -m pip install --disable-pip-version-check -e ".[blender,evaluate,networks,ephemeris,docs,develop]"
+	touch $@
+
+# Only what the manual needs: no Blender.
+$(VENV)/.docs: pyproject.toml $(VENV)/bin/python
+	PYTHONWARNINGS=ignore $(RUN) -m pip install --disable-pip-version-check -e ".[evaluate,docs]"
 	touch $@
 
 clean:

@@ -10,6 +10,10 @@ from typing import Any
 import bpy
 
 from .errors import IcyMoonError
+from .stereo.check import PACKAGES
+
+#: What the evaluator's Python needs, for people to read.
+_NEEDED = ", ".join(name for name, _ in PACKAGES.values())
 
 
 def extension_folder() -> Path:
@@ -52,7 +56,7 @@ def evaluator_python() -> str:
     if own_evaluator().is_file():
         return str(own_evaluator())
     raise IcyMoonError("There is no evaluator yet; open Preferences > Add-ons > Icy Moon and press Install, or give "
-                       "a Python that has numpy, opencv-contrib-python-headless, OpenEXR and jinja2.")
+                       f"a Python that has {_NEEDED}.")
 
 
 class ICYMOON_AP_preferences(bpy.types.AddonPreferences):
@@ -62,8 +66,7 @@ class ICYMOON_AP_preferences(bpy.types.AddonPreferences):
 
     evaluator: bpy.props.StringProperty(  # type: ignore[valid-type]
         name="Evaluator's Python", subtype="FILE_PATH", default="",
-        description="Python with numpy, opencv-contrib-python-headless, OpenEXR and jinja2 that measures the pairs; "
-                    "empty for the one that Install makes")
+        description=f"Python that measures the pairs, with {_NEEDED}; empty for the one that Install makes")
     finding: bpy.props.StringProperty(  # type: ignore[valid-type]
         options={"SKIP_SAVE", "HIDDEN"}, description="What the last check found")
 

@@ -548,7 +548,7 @@ LIGHT = Topic("light", "Light", "The Sun and the planet as the body's sky shows 
             "their true numbers", "light", "mag", -2.0, 8.0, (0.0, 6.5), precision=1),
 ))
 
-RIG = Topic("rig", "Stereo Camera", "Two identical parallel cameras; the left one is the reference", (
+RIG = Topic("rig", "Stereo Camera", "Two identical cameras, parallel unless toed in; the left one is the reference", (
     _metres("baseline_m", "Baseline", 0.25, 1.0e-4, 100.0, (0.02, 1.0),
             "Distance between the two optical centres", "camera"),
     Setting("focal_length_mm", "Focal Length", 32.0, "Focal length of both lenses", "camera", "mm", 1.0, 5000.0,
@@ -576,6 +576,23 @@ RIG = Topic("rig", "Stereo Camera", "Two identical parallel cameras; the left on
         ("k1", "Radial distortion, r² term, of the model of Brown and Conrady as OpenCV has it; below 0 is a barrel"),
         ("k2", "Radial distortion, r⁴ term"), ("p1", "Tangential distortion, vertical decentring"),
         ("p2", "Tangential distortion, horizontal decentring"), ("k3", "Radial distortion, r⁶ term"))),
+    _fraction("overscan", "Overscan", 0.0, "Share of the width and height that is rendered beyond each border, for a "
+              "distorting lens or turned eyes to see", "camera", high=2.0),
+    _degrees("toe_in_deg", "Toe-in", 0.0, 0.0, 45.0, "Angle by which each eye is turned toward the other about its own "
+             "vertical; 0 for parallel eyes", "camera", (0.0, 10.0), 3),
+    _metres("focus_distance_m", "Focus Distance", 0.0, 0.0, 1.0e5, (0.0, 10.0),
+            "Depth that is sharp, the aperture that of the camera response; 0 for everything sharp. Truth is sharp "
+            "always", "camera"),
+    *(Setting(key, label, 0.0, f"{text} during the exposure; it blurs the images, truth is of the middle of the "
+              "exposure", "camera", unit, -1.0e4, 1.0e4, (-soft, soft)) for key, label, unit, soft, text in (
+        ("speed_right_m_s", "Speed Right (m/s)", "m/s", 1.0, "Motion of both eyes to the right"),
+        ("speed_down_m_s", "Speed Down (m/s)", "m/s", 1.0, "Motion of both eyes along the image's columns"),
+        ("speed_forward_m_s", "Speed Forward (m/s)", "m/s", 1.0, "Motion of both eyes along the optical axis"),
+        ("turn_right_deg_s", "Turn Right (°/s)", "deg/s", 30.0, "Turn of the rig to the right about the left eye"),
+        ("turn_down_deg_s", "Turn Down (°/s)", "deg/s", 30.0, "Turn of the rig downward about the left eye"),
+        ("roll_deg_s", "Roll (°/s)", "deg/s", 30.0, "Turn of the rig clockwise about the left eye's optical axis"))),
+    Setting("motion_exposure_s", "Motion's Exposure (s)", 0.0, "Exposure that motion is rendered for; 0 for the camera "
+            "response's own, which must not be automatic then", "camera", "s", 0.0, 1.0e5, (0.0, 1.0), precision=6),
     _metres("x_m", "Site East", 0.0, -5.0e4, 5.0e4, (-10.0, 10.0), "East coordinate of the left camera", "camera"),
     _metres("y_m", "Site North", 0.0, -5.0e4, 5.0e4, (-10.0, 10.0), "North coordinate of the left camera",
             "camera"),
@@ -643,7 +660,7 @@ SENSOR = Topic("sensor", "Camera Response",
             "response", "µm", 0.1, 1000.0, (2.0, 50.0), precision=1),
     Setting("radiation_e_per_um", "Ionisation (e-/µm)", 80.0, "Electrons that a particle frees per micrometre",
             "response", "e-/µm", 0.0, 1.0e6, (50.0, 500.0), precision=0),
-    Setting("noise_seed", "Noise Seed", 0, "Another number draws other noise, with the same sensor", "response", "",
+    Setting("noise_seed", "Noise Seed", 0, "Another number draws other noise, with the same sensor", "response", "1",
             0, 2147483647, (0, 100)),
 ))
 
@@ -676,7 +693,7 @@ DATASET = Topic("dataset", "Data Set", "Where pairs go and how they vary", (
             "run", subtype="DIR_PATH"),
     Setting("seed", "Seed", 1,
             "The one seed from which terrain, blocks, grains, render noise and sensor noise are all drawn",
-            "geometry", "", 0, 2147483647),
+            "geometry", "1", 0, 2147483647, (0, 100)),
     Setting("headings", "Headings", 1,
             "Pairs rendered at the site, the rig turned by equal steps; 4 is the paper's panorama", "run",
             "pairs", 1, 360, (1, 12)),
@@ -786,6 +803,9 @@ def register() -> None:
     pointers["live"] = bpy.props.BoolProperty(
         name="Live Preview", default=True, update=lambda group, context: announce(group.id_data, EFFECTS[0]),
         description="Show changed settings at once in the scene that is built, the ground coarsely until Build Scene")
+    pointers["follow"] = bpy.props.BoolProperty(
+        name="Follow Settings", default=True,
+        description="Expose the camera image that is shown again whenever the camera response changes")
     root = _group("ICYMOON_PG_description", "Everything that describes an Icy Moon scene", pointers)
     bpy.types.Scene.icymoon = bpy.props.PointerProperty(
         type=root, name="Icy Moon", description="Everything that describes an Icy Moon scene")

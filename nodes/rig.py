@@ -25,14 +25,9 @@ def build_rig(name: str, rig: Mapping[str, Any], ground_m: float) -> bpy.types.O
 def place_rig(camera: bpy.types.Object, rig: Mapping[str, Any], ground_m: float) -> None:
     """Give an existing camera the lens, baseline and pose that ``rig`` settings state."""
     lens = camera.data
-    lens.type = "PERSP"
     lens.lens_unit = "MILLIMETERS"
-    lens.lens = rig["focal_length_mm"]
-    lens.sensor_fit = "HORIZONTAL"
-    lens.sensor_width = rig["sensor_width_mm"]
-    # Both in widths of the image, the shift of the frame and not of the axis, y up.
-    lens.shift_x = -rig["principal_x_px"] / rig["width_px"]
-    lens.shift_y = rig["principal_y_px"] / rig["width_px"]
+    for name, (_, value) in lens_values(rig).items():
+        setattr(lens, name, value)
     lens.dof.use_dof = False
     lens.clip_start, lens.clip_end = 1.0e-4, 1.0e6
     lens.stereo.convergence_mode = "PARALLEL"
@@ -44,6 +39,16 @@ def place_rig(camera: bpy.types.Object, rig: Mapping[str, Any], ground_m: float)
     pose[:3, :3] = axes
     pose[:3, 3] = rig["x_m"], rig["y_m"], ground_m + rig["height_m"]
     camera.matrix_world = Matrix(pose.tolist())
+
+
+def lens_values(rig: Mapping[str, Any]) -> dict[str, tuple[str, Any]]:
+    """What Blender's lens is given, by its own names: the ``rig`` setting that says it, and the value."""
+    # Both shifts in widths of the image, of the frame and not of the axis, y up.
+    return {"type": ("rig.focal_length_mm", "PERSP"), "sensor_fit": ("rig.sensor_width_mm", "HORIZONTAL"),
+            "lens": ("rig.focal_length_mm", rig["focal_length_mm"]),
+            "sensor_width": ("rig.sensor_width_mm", rig["sensor_width_mm"]),
+            "shift_x": ("rig.principal_x_px", -rig["principal_x_px"] / rig["width_px"]),
+            "shift_y": ("rig.principal_y_px", rig["principal_y_px"] / rig["width_px"])}
 
 
 def eye_poses(matrix_world: Matrix, baseline_m: float) -> dict[str, np.ndarray]:

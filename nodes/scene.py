@@ -15,6 +15,7 @@ import numpy as np
 
 from ..errors import IcyMoonError
 from ..labels import TERRAIN_INSTANCE
+from ..physics import blur
 from ..physics.graded import Graded
 from ..physics.ground import Surface
 from ..physics.rocks import scatter
@@ -151,6 +152,7 @@ def _make(settings: Settings) -> tuple[list[bpy.types.Object], bpy.types.World, 
     terrain.pass_index = TERRAIN_INSTANCE
     lights = build_lights(settings, sky)
     warnings += light_advice(sky, settings)
+    warnings += blur.advice(settings)
     camera = _tagged(build_rig(f"{NAME} Camera", settings["rig"], site_m), "camera")
     objects = [terrain, lights[0], camera, *lights[1:]]
     if settings["rocks"]["coverage"] > 0:

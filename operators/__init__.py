@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import bpy
 
-from . import build, evaluate, evaluator, expose, ground, jobs, layers, live, render, results, settings, trade
+from . import build, evaluate, evaluator, expose, follow, ground, jobs, layers, live, render, results, settings, trade
 
 CLASSES = (*settings.CLASSES, *build.CLASSES, *ground.CLASSES, *layers.CLASSES, *render.CLASSES,
            *evaluate.CLASSES, *expose.CLASSES, *results.CLASSES, *evaluator.CLASSES, *trade.CLASSES, *jobs.CLASSES)
@@ -17,10 +17,12 @@ def register() -> None:
     _register()
     jobs.register()
     live.register()
+    follow.register()
 
 
 def unregister() -> None:
     """Unregister them; a running worker is stopped."""
+    follow.unregister()
     live.unregister()
     jobs.unregister()
     _unregister()

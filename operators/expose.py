@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import bpy
@@ -15,6 +16,13 @@ from .evaluate import rendered_pairs, response_arguments
 from .render import dataset_folder
 
 
+def develop_job(settings: description.Settings, pairs: list[Path], hear: Callable[[Message], None]) -> jobs.Job:
+    """A process that exposes pairs with the camera response of ``settings``, into the folder ``exposed``."""
+    command = python_command(evaluator_python(), "stereo", "develop", *map(str, pairs), *response_arguments(settings),
+                             "--out", str(dataset_folder(settings) / "exposed"), "--json-lines")
+    return jobs.Job("Expose", Process(command, clean_environment()), hear, lambda: None)
+
+
 class ICYMOON_OT_expose(jobs.JobOperator, bpy.types.Operator):
     """Expose the rendered pair with the present camera response, without a new render, and show what the cameras give"""  # noqa: E501
 
@@ -24,10 +32,7 @@ class ICYMOON_OT_expose(jobs.JobOperator, bpy.types.Operator):
     def start(self, context: bpy.types.Context) -> jobs.Job:
         settings = description.from_group(context.scene.icymoon)
         self._images: list[Path] = []
-        command = python_command(evaluator_python(), "stereo", "develop",
-                                 *map(str, rendered_pairs(context, settings)), *response_arguments(settings),
-                                 "--out", str(dataset_folder(settings) / "exposed"), "--json-lines")
-        return jobs.Job("Expose", Process(command, clean_environment()), self._hear, lambda: None)
+        return develop_job(settings, rendered_pairs(context, settings), self._hear)
 
     def _hear(self, message: Message) -> None:
         if message["type"] == "result":

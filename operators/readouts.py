@@ -12,6 +12,8 @@ from typing import Any
 import bpy
 
 from ..errors import IcyMoonError
+from ..physics.blur import advice, blur_of, confusion_px, motion_px
+from ..physics.distortion import coefficients, overscan_needed
 from ..physics.geometry import GroundRow, depth_error_m, focal_px, ground_row, shared_width_px
 from ..physics.sky import facts, sky
 
@@ -28,6 +30,40 @@ def sky_lines(light: Mapping[str, Any]) -> tuple[str, ...]:
 def rig_lines(rig: Mapping[str, Any]) -> tuple[str, ...]:
     """Field of view, and for the near edge, middle and far edge of the image: distance, sampling, depth error."""
     return _rig_lines(tuple(rig.items()))
+
+
+def camera_notes(settings: Mapping[str, Mapping[str, Any]]) -> tuple[str, ...]:
+    """What blurs the images and what truth then is of, and the overscan that distortion needs, in short lines."""
+    return _camera_notes(tuple(settings["rig"].items()), tuple(settings["sensor"].items()))
+
+
+@lru_cache(maxsize=8)
+def _camera_notes(*parts: tuple[tuple[str, Any], ...]) -> tuple[str, ...]:
+    rig, sensor = map(dict, parts)
+    settings = {"rig": rig, "sensor": sensor}
+    said = [line for sentence in advice(settings) for line in textwrap.wrap(sentence, _LINE)]
+    try:
+        found = blur_of(settings)
+    except IcyMoonError:
+        found = None
+    for name, row in (("Near edge", float(rig["height_px"])), ("Middle", rig["height_px"] / 2), ("Far edge", 0.0)):
+        depth = ground_row(rig, row).depth_m
+        if found is not None and math.isfinite(depth):
+            below = row - rig["height_px"] / 2 - float(rig["principal_y_px"])
+            said.append(f"{name} focus {confusion_px(depth, rig, found):.3g} px, motion "
+                        f"{motion_px(0.0, below, depth, rig, found):.3g} px")
+    if any(coefficients(rig)):
+        said.append(_overscan_line(overscan_needed(rig), float(rig["overscan"])))
+    return tuple(said)
+
+
+def _overscan_line(needed: float | None, given: float) -> str:
+    if needed is None:
+        return "No overscan reaches what the lens sees"
+    if needed == 0:
+        return "The lens sees no more than is rendered"
+    share = math.ceil(1000 * needed) / 1000
+    return f"The lens needs an overscan of {share:.3f}" + (", has it" if given >= needed else "")
 
 
 def brightness_wm2(light: Mapping[str, Any]) -> float:

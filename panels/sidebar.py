@@ -9,8 +9,9 @@ import bpy
 
 from .. import settings as description
 from ..nodes import scene as scenes
-from ..operators import ground, jobs, layers, live, readouts, results
+from ..operators import follow, ground, jobs, layers, live, readouts, results
 from ..physics import principled, surfaces
+from ..physics.blur import MOTION
 from ..physics.textures import by_uv
 from ..properties import LANDFORMS, TOPICS, Setting, Topic
 
@@ -108,6 +109,8 @@ class _TopicPanel(_Sidebar):
             layout.operator("icymoon.import_ground", text="Import Ground…", icon="IMPORT")
         if self.topic.key == "sensor":
             layout.operator("icymoon.expose", icon="IMAGE_DATA")
+            layout.prop(context.scene.icymoon, "follow")
+            _draw_lines(layout, tuple(follow.lines()), "INFO")
         if self.topic.key == "terrain":
             layout.prop(context.scene.icymoon.dataset, "seed")
         if self.topic.key == "rock_surface":
@@ -131,6 +134,8 @@ class _TopicPanel(_Sidebar):
                 layout.label(text=told, icon="INFO")
         if self.topic.key in ("surface", "rock_surface", "hapke"):
             _draw_albedos(layout, self.topic.key, context.scene.icymoon)
+        if self.topic.key == "rig":
+            _draw_lines(layout, readouts.camera_notes(description.from_group(context.scene.icymoon)), "INFO")
         if self.topic.key == "terrain" and scenes.measured_roughness(context.scene):
             layout.operator("icymoon.show_roughness", text=f"Measured: {scenes.measured_roughness(context.scene)}",
                             icon="DRIVER_DISTANCE")
@@ -158,10 +163,10 @@ def _draw_albedos(layout: Any, topic: str, group: Any) -> None:
             column.label(text=f"{label} albedo {value:.3f}")
 
 
-def _draw_lines(layout: Any, lines: tuple[str, ...]) -> None:
+def _draw_lines(layout: Any, lines: tuple[str, ...], icon: str = "NONE") -> None:
     column = layout.column(align=True)
-    for line in lines:
-        column.label(text=line)
+    for k, line in enumerate(lines):
+        column.label(text=line, icon="BLANK1" if k and icon != "NONE" else icon)
 
 
 class ICYMOON_PT_sky(_Sidebar, bpy.types.Panel):
@@ -258,6 +263,8 @@ def _matters(topic: str, key: str, group: Any) -> bool:
         return bool(group.auto_exposure)
     if topic == "sensor" and key == "exposure_s":
         return not group.auto_exposure
+    if topic == "rig" and key == "motion_exposure_s":
+        return any(getattr(group, moving) != 0 for moving in MOTION)
     if topic == "sensor" and key == "bracket_stops":
         return bool(group.brackets > 1)
     if topic == "sensor" and key in ("radiation_depth_um", "radiation_e_per_um"):

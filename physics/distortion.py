@@ -49,10 +49,14 @@ def undistorted(points: np.ndarray, k: tuple[float, ...]) -> np.ndarray:
     no answer that a lens could give.
     """
     found = points.copy()
+    if not any(k):
+        return found
     with np.errstate(all="ignore"):
         for _ in range(25):
             slope = _slope(found, k)
             step = distorted(found, k) - points
+            if np.nan_to_num(np.abs(step)).max(initial=0.0) < 1e-13:
+                break
             determinant = slope[..., 0, 0] * slope[..., 1, 1] - slope[..., 0, 1] * slope[..., 1, 0]
             found[..., 0] -= (slope[..., 1, 1] * step[..., 0] - slope[..., 0, 1] * step[..., 1]) / determinant
             found[..., 1] -= (slope[..., 0, 0] * step[..., 1] - slope[..., 1, 0] * step[..., 0]) / determinant
@@ -62,6 +66,26 @@ def undistorted(points: np.ndarray, k: tuple[float, ...]) -> np.ndarray:
         wrong |= (found * points).sum(axis=-1) < 0
     found[wrong | ~np.isfinite(found).all(axis=-1)] = np.nan
     return found
+
+
+def overscan_needed(rig: Mapping[str, Any]) -> float | None:
+    """Share of width and height that has to be rendered beyond each border for every pixel of the sensor to be lit.
+
+    Of the borders' pixels, which see farthest. None if the lens sees what no pinhole image has.
+    """
+    width, height = int(rig["width_px"]), int(rig["height_px"])
+    focal = float(rig["focal_length_mm"]) / float(rig["sensor_width_mm"]) * width
+    columns, rows = np.arange(width) + 0.5, np.arange(height) + 0.5
+    border = np.concatenate([*([[column, edge] for column in columns] for edge in (rows[0], rows[-1])),
+                             *([[edge, row] for row in rows] for edge in (columns[0], columns[-1]))])
+    size, shift = np.array([width, height]), np.array([float(rig["principal_x_px"]), float(rig["principal_y_px"])])
+    principal = size / 2 + shift
+    seen = undistorted((border - principal) / focal, coefficients(rig)) * focal + principal
+    if not np.isfinite(seen).all():
+        return None
+    # Pixels are interpolated between rendered centres, so the outermost must lie at or beyond what is seen.
+    beyond = np.maximum(0.5 - seen.min(axis=0), seen.max(axis=0) - (size - 0.5))
+    return float(np.max(np.maximum(beyond - 1e-6, 0) / size))
 
 
 def check(points: np.ndarray, k: tuple[float, ...]) -> None:

@@ -10,8 +10,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
 
 def focal_px(rig: Mapping[str, Any]) -> float:
     """Focal length in pixels; the sensor width spans the image width, pixels are square."""
@@ -49,6 +47,15 @@ def ground_row(rig: Mapping[str, Any], row: float) -> GroundRow:
 
 
 def shared_width_px(rig: Mapping[str, Any], depth_m: float) -> float:
-    """Columns of the left image that the right eye sees too at a depth."""
-    return float(np.clip(int(rig["width_px"]) - focal_px(rig) * float(rig["baseline_m"]) / depth_m, 0,
-                         int(rig["width_px"])))
+    """Columns of the rectified left image that both eyes see at a depth, in the row of the optical axis."""
+    focal, width, turn = focal_px(rig), int(rig["width_px"]), math.radians(float(rig["toe_in_deg"]))
+    centre, disparity = width / 2 + float(rig["principal_x_px"]), focal * float(rig["baseline_m"]) / depth_m
+
+    def column(edge: float, angle: float) -> float:
+        """Where the rectified image has an edge of what an eye sees that is turned by an angle."""
+        seen = math.atan((edge - centre) / focal) + angle
+        return centre + focal * math.tan(seen) if abs(seen) < math.pi / 2 else math.copysign(math.inf, seen)
+
+    left = max(0.0, column(0, turn)), min(width, column(width, turn))
+    right = max(0.0, column(0, -turn)) + disparity, min(width, column(width, -turn)) + disparity
+    return max(0.0, min(left[1], right[1]) - max(left[0], right[0]))

@@ -13,6 +13,7 @@ from typing import Any
 from ..errors import IcyMoonError
 from ..own_files import content, used_files
 from ..physics import hapke, sky
+from ..physics.blur import identity
 from ..physics.seeds import stream
 from ..physics.sites import Standing, standing
 from ..properties import TOPICS, all_settings
@@ -97,7 +98,8 @@ def combined(design: Design) -> list[PlannedPair]:
     if design.at_most is not None and design.at_most < len(made):
         made = [made[k * len(made) // design.at_most] for k in range(design.at_most)]
     _check(made, grounds)
-    return [PlannedPair(digest(each.settings, _content(each)), each.settings, 0.0) for each in made]
+    return [PlannedPair(digest(each.settings, _content(each) + identity(each.settings)), each.settings, 0.0)
+            for each in made]
 
 
 def _filed(part: Variation, design: Design) -> Variation:

@@ -1,6 +1,7 @@
 """The pair folder: the contract between rendering and everything that measures.
 
-``<dataset>/pairs/<id>/`` holds ``left.exr``, ``right.exr`` and ``pair.json``. A pair is written as
+``<dataset>/pairs/<id>/`` holds ``left.exr``, ``right.exr`` and ``pair.json``, of images that are blurred or of eyes
+that are toed in also the truth in files of its own. A pair is written as
 ``<id>.part`` and renamed when ``pair.json`` is in it, so a folder without the suffix that has a
 ``pair.json`` is complete. Images are linear radiance in W/(m² sr) per band; truth is sampled at
 pixel centres and never antialiased. Imports no Blender.
@@ -10,7 +11,7 @@ from __future__ import annotations
 
 import json
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +25,7 @@ from ..settings import Settings, merged
 FORMAT = "icymoon-pair"
 VERSION = 1
 EYES = ("left", "right")
+TRUTH_FILE, TOED_TRUTH_FILE = "{}_truth.exr", "{}_toed_truth.exr"
 
 
 @dataclass(frozen=True)
@@ -32,6 +34,9 @@ class StereoCamera:
 
     The principal point is in pixel-corner coordinates: pixel (column u, row v) has its centre at
     (u + 0.5, v + 0.5), so a ray through it is ((u + 0.5 - cx) / f, (v + 0.5 - cy) / f, 1).
+
+    This is the rig that truth and rectified images are of. Images were taken with eyes that may be turned in, by
+    ``toe_in_deg`` each, and rendered with so many pixels more beyond each border as the margins say.
     """
 
     width_px: int
@@ -40,13 +45,18 @@ class StereoCamera:
     cx_px: float
     cy_px: float
     baseline_m: float
+    margin_x_px: int = 0
+    margin_y_px: int = 0
+    toe_in_deg: float = 0.0
 
     @classmethod
     def from_settings(cls, rig: dict[str, Any]) -> StereoCamera:
         """From the ``rig`` settings; the sensor width spans the image width, pixels are square."""
         focal = rig["focal_length_mm"] / rig["sensor_width_mm"] * rig["width_px"]
         return cls(rig["width_px"], rig["height_px"], focal, rig["width_px"] / 2 + rig["principal_x_px"],
-                   rig["height_px"] / 2 + rig["principal_y_px"], rig["baseline_m"])
+                   rig["height_px"] / 2 + rig["principal_y_px"], rig["baseline_m"],
+                   math.ceil(rig["overscan"] * rig["width_px"]), math.ceil(rig["overscan"] * rig["height_px"]),
+                   rig["toe_in_deg"])
 
     @property
     def focal_baseline_px_m(self) -> float:
@@ -57,6 +67,27 @@ class StereoCamera:
     def matrix(self) -> list[list[float]]:
         """The 3x3 calibration matrix K, pixel-corner coordinates."""
         return [[self.focal_px, 0.0, self.cx_px], [0.0, self.focal_px, self.cy_px], [0.0, 0.0, 1.0]]
+
+    @property
+    def rectified(self) -> StereoCamera:
+        """The parallel rig by itself, whatever the images were taken with."""
+        return replace(self, margin_x_px=0, margin_y_px=0, toe_in_deg=0.0)
+
+    @property
+    def rendered_px(self) -> tuple[int, int]:
+        """Columns and rows of the rendered images, margins included."""
+        return self.width_px + 2 * self.margin_x_px, self.height_px + 2 * self.margin_y_px
+
+    def eye_rotation(self, eye: str) -> np.ndarray:
+        """Rotation (3, 3) from the axes of the parallel rig into those of the eye, which is turned toward the other."""
+        angle = math.radians(self.toe_in_deg) * (1 if eye == "left" else -1)
+        return np.array([[math.cos(angle), 0.0, -math.sin(angle)], [0.0, 1.0, 0.0],
+                         [math.sin(angle), 0.0, math.cos(angle)]])
+
+    def cropped(self, image: np.ndarray) -> np.ndarray:
+        """A rendered image (H + margins, W + margins, …) without its margins."""
+        return image[self.margin_y_px:self.margin_y_px + self.height_px,
+                     self.margin_x_px:self.margin_x_px + self.width_px]
 
     @property
     def field_of_view_deg(self) -> tuple[float, float]:
@@ -73,12 +104,23 @@ class StereoCamera:
         return {"width_px": self.width_px, "height_px": self.height_px, "focal_px": self.focal_px,
                 "cx_px": self.cx_px, "cy_px": self.cy_px, "baseline_m": self.baseline_m,
                 "K": self.matrix, "focal_baseline_px_m": self.focal_baseline_px_m,
+                "margin_x_px": self.margin_x_px, "margin_y_px": self.margin_y_px, "toe_in_deg": self.toe_in_deg,
                 "pixel_centre": "(u + 0.5, v + 0.5)"}
+
+    def eyes_json(self) -> dict[str, Any]:
+        """The calibration of each eye: K, and R and t of x = R X + t from the left eye's rectified axes, metres."""
+        found = {}
+        for eye, along in (("left", 0.0), ("right", self.baseline_m)):
+            rotation = self.eye_rotation(eye)
+            found[eye] = {"K": self.matrix, "R": rotation.tolist(), "t": (-along * rotation[:, 0]).tolist()}
+        return found
 
     @classmethod
     def from_json(cls, data: dict[str, Any]) -> StereoCamera:
         """Back from the ``camera`` table of ``pair.json``."""
-        return cls(*(data[key] for key in ("width_px", "height_px", "focal_px", "cx_px", "cy_px", "baseline_m")))
+        own = ("width_px", "height_px", "focal_px", "cx_px", "cy_px", "baseline_m")
+        return cls(**{key: data[key] for key in own},
+                   **{key: data.get(key, 0) for key in ("margin_x_px", "margin_y_px", "toe_in_deg")})
 
 
 @dataclass(frozen=True)
@@ -92,8 +134,24 @@ class Pair:
     data: dict[str, Any]  # the whole of pair.json
 
     def image(self, eye: str) -> Path:
-        """Path of ``left.exr`` or ``right.exr``."""
+        """Path of ``left.exr`` or ``right.exr``, the light."""
         return self.folder / f"{eye}.exr"
+
+    def truth(self, eye: str) -> Path:
+        """The file with the truth of the parallel rig's eye: a file of its own unless that is what took the image."""
+        return self._or_image(eye, TRUTH_FILE)
+
+    def truth_as_taken(self, eye: str) -> Path:
+        """The file with the truth of the rendered image's own pixels, which differ where eyes are toed in."""
+        return self._or_image(eye, TOED_TRUTH_FILE) if self.camera.toe_in_deg else self.truth(eye)
+
+    @property
+    def rectified_poses(self) -> dict[str, Any] | None:
+        """Camera-to-world matrices of the eyes of the parallel rig; None if the pair does not say where it was."""
+        return self.data.get("poses_rectified_to_world") or self.data.get("poses_camera_to_world")
+
+    def _or_image(self, eye: str, name: str) -> Path:
+        return self.folder / name.format(eye) if name.format(eye) in self.data["files"] else self.image(eye)
 
 
 def read_pair(folder: Path) -> Pair:

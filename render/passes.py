@@ -7,9 +7,7 @@ same view layer, since Cycles would build its tree of triangles for each layer a
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import bpy
 
@@ -28,9 +26,10 @@ def _only(layer: bpy.types.ViewLayer, *passes: str) -> None:
 
 
 def prepare(scene: bpy.types.Scene, light_groups: bool) -> None:
-    """Give a new scene what all its renders have: value passes and, with ``light_groups``, a pass for each group.
+    """Give a new scene what all its renders have: stereo views, file output (32-bit multilayer OpenEXR, a file for each
+    eye), value passes and, with ``light_groups``, a pass for each group.
 
-    They must stay as they are as long as Cycles keeps the scene: its shaders write them without asking again
+    The passes must stay as they are as long as Cycles keeps the scene: its shaders write them without asking again
     whether they are wanted.
     """
     layer = scene.view_layers[0]
@@ -43,10 +42,7 @@ def prepare(scene: bpy.types.Scene, light_groups: bool) -> None:
         layer.lightgroups.add(name=group)
 
 
-def apply(scene: bpy.types.Scene, rig: Mapping[str, Any]) -> None:
-    """Set stereo views, resolution and file output: 32-bit multilayer OpenEXR, a file for each eye."""
     render = scene.render
-    render.resolution_x, render.resolution_y = rig["width_px"], rig["height_px"]
     render.resolution_percentage = 100
     render.pixel_aspect_x = render.pixel_aspect_y = 1.0
     render.use_multiview = True
@@ -61,8 +57,8 @@ def apply(scene: bpy.types.Scene, rig: Mapping[str, Any]) -> None:
     render.use_overwrite, render.use_placeholder = True, False
 
 
-def choose(scene: bpy.types.Scene, name: str, folder: Path) -> dict[str, Path]:
-    """Let the next render be ``BEAUTY`` or ``TRUTH``, and return the files that it will write, by eye."""
+def choose(scene: bpy.types.Scene, name: str, stem: Path) -> dict[str, Path]:
+    """Let the next render be ``BEAUTY`` or ``TRUTH``, and return the files, by eye, that it will write at ``stem``."""
     layer = scene.view_layers[0]
     layer.name = name
     if name == BEAUTY:
@@ -72,8 +68,8 @@ def choose(scene: bpy.types.Scene, name: str, folder: Path) -> dict[str, Path]:
         scene.cycles.use_denoising = scene.cycles.use_adaptive_sampling = False
         _only(layer, "use_pass_combined", "use_pass_z", "use_pass_normal", "use_pass_object_index",
               "use_pass_material_index")
-    scene.render.filepath = str(folder / name)
-    return {eye: folder / f"{name}{suffix}.exr" for eye, suffix in _SUFFIX.items()}
+    scene.render.filepath = str(stem)
+    return {eye: stem.with_name(f"{stem.name}{suffix}.exr") for eye, suffix in _SUFFIX.items()}
 
 
 #: Passes that every render has and that mean something in the other one only.

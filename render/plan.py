@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+from ..physics.blur import identity
 from ..physics.seeds import stream
 from ..settings import Settings, digest, merged
 
@@ -38,11 +39,12 @@ def turned_heading_deg(settings: Settings, k: int, headings: int) -> float:
 def expand(settings: Settings, extra: str = "") -> list[PlannedPair]:
     """The pairs of a complete description: ``dataset.headings`` equal turns at the site.
 
-    ``extra`` identifies content that the settings do not describe (see ``settings.digest``).
+    ``extra`` identifies content that the settings do not describe (see ``settings.digest``). Raises IcyMoonError for
+    blur that cannot be rendered.
     """
     headings = int(settings["dataset"]["headings"])
     pairs = []
     for k in range(headings):
         turned = merged(settings, {"rig": {"heading_deg": turned_heading_deg(settings, k, headings)}} if k else {})
-        pairs.append(PlannedPair(digest(turned, extra), turned, 360.0 * k / headings))
+        pairs.append(PlannedPair(digest(turned, extra + identity(turned)), turned, 360.0 * k / headings))
     return pairs

@@ -16,12 +16,12 @@ _SAMPLE = re.compile(r"Sample (\d+)/(\d+)")
 class SampleCounter:
     """Fraction of a stereo render that is done, from Cycles' status lines.
 
-    Cycles renders the radiance of both eyes, then the truth of both; each run counts its samples from 0
-    to its own total. ``seconds`` is the time between the status lines that say so.
+    Cycles renders the radiance of both eyes, then the truth of both, so many times as it is called for; each run
+    counts its samples from 0 to its own total. ``seconds`` is the time between the status lines that say so.
     """
 
-    def __init__(self, samples: int) -> None:
-        self._expected = 2 * samples + 2  # the truth has one sample per eye
+    def __init__(self, samples: int, truths: int = 1) -> None:
+        self._expected = 2 * samples + 2 * truths  # the truth has one sample per eye
         self._finished, self._now = 0, 0
         self._since: float | None = None
         self.seconds = 0.0
@@ -47,9 +47,9 @@ class SampleCounter:
 
 
 @contextmanager
-def on_sample(samples: int, report: Callable[[float], None]) -> Iterator[SampleCounter]:
-    """Call ``report`` with the fraction done whenever Cycles has finished samples."""
-    counter = SampleCounter(samples)
+def on_sample(samples: int, truths: int, report: Callable[[float], None]) -> Iterator[SampleCounter]:
+    """Call ``report`` with the fraction done whenever Cycles has finished samples; see SampleCounter."""
+    counter = SampleCounter(samples, truths)
 
     def listen(*arguments: Any) -> None:
         status = str(arguments[0]) if arguments else ""

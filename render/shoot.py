@@ -10,6 +10,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -22,21 +23,21 @@ from ..errors import DiskError, IcyMoonError
 from ..files import disk_errors, part_of, sha256, sync, write_json
 from ..labels import BEAUTY, FIRST_ROCK_INSTANCE, INSTANCE_AOV, SEMANTIC, TERRAIN_INSTANCE, TRUTH
 from ..nodes.light import build_sky
-from ..nodes.rig import eye_poses
+from ..nodes.rig import eye_poses, lens_values
 from ..nodes.scene import Built
 from ..nodes.sunlight import attune, made_of
+from ..physics.blur import Blur, blur_of
+from ..physics.distortion import COEFFICIENTS, coefficients
 from ..version import version
 from . import passes, quality
 from .exr_check import is_whole
 from .exr_parts import joined
 from .labelling import labelled
-from .pair import EYES, FORMAT, VERSION, StereoCamera, is_complete
+from .pair import EYES, FORMAT, TOED_TRUTH_FILE, TRUTH_FILE, VERSION, StereoCamera, is_complete
 from .plan import PlannedPair
 from .progress import on_sample
+from .taking import taking
 
-#: Where Cycles takes the first sample of a pixel, right of and above its centre, with the pixel filter
-#: that ``quality`` sets: half a bin of the filter's table. Measured the same in 4.3, 5.0 and 5.2.
-_SAMPLE_OFFSET_PX = 5.4e-4
 #: Largest size on disk of one eye, uncompressed 32-bit channels: in both renders RGBA, value passes and two light
 #: groups, in one of them depth, normals and indices.
 _BYTES_PER_PIXEL = 4 * (2 * (4 + 4 + 1 + 3 + 3) + 1 + 3 + 1 + 1)
@@ -51,8 +52,8 @@ def studio(built: Built, frame: int) -> Iterator[bpy.types.Scene]:
     """A scene of its own that shows the built collection under a black sky, for any number of pairs.
 
     The person's scene is never changed for a render, so there is nothing to put back; this one is
-    removed at the end whatever happens. As long as it is there, and nothing but the camera and the sampling
-    changes, Cycles keeps its tree of triangles, unless there are too many.
+    removed at the end whatever happens. As long as no object comes or goes in it, Cycles keeps its tree of triangles
+    from one render to the next, unless there are too many: for the truth that follows the radiance of a pair.
     """
     scene = bpy.data.scenes.new("Icy Moon Render")
     sky = build_sky("Icy Moon Render Sky")
@@ -61,7 +62,6 @@ def studio(built: Built, frame: int) -> Iterator[bpy.types.Scene]:
         scene.world = sky
         scene.camera = built.camera
         scene.frame_set(frame)
-        scene.render.use_persistent_data = _triangles(built) <= MOST_KEPT_TRIANGLES
         passes.prepare(scene, built.several_lights)
         with labelled(scene):
             yield scene
@@ -78,17 +78,11 @@ def _triangles(built: Built) -> int:
 
 
 @contextmanager
-def _turned(camera: bpy.types.Object, turn_deg: float, width_px: int) -> Iterator[None]:
-    """Turn the camera clockwise about the vertical through its left eye, and back at the end.
-
-    The lens is shifted by what Cycles' sampling is off the pixel centre, so that truth is exact.
-    """
-    lens = camera.data
-    shift = lens.shift_x, lens.shift_y
+def _turned(camera: bpy.types.Object, turn_deg: float) -> Iterator[None]:
+    """Turn the camera clockwise about the vertical through its left eye, and back at the end."""
     # A matrix put back is taken apart into other numbers, by a rounding error, and would pass for an edit.
     pose = {key: tuple(getattr(camera, key)) for key in ("location", "rotation_euler", "rotation_quaternion",
                                                          "rotation_axis_angle", "scale")}
-    lens.shift_x, lens.shift_y = (s - _SAMPLE_OFFSET_PX / width_px for s in shift)
     if turn_deg:
         turn = Matrix.Rotation(-math.radians(turn_deg), 4, "Z")
         camera.matrix_world = Matrix.Translation(camera.matrix_world.translation) @ turn @ Matrix.Translation(
@@ -98,7 +92,6 @@ def _turned(camera: bpy.types.Object, turn_deg: float, width_px: int) -> Iterato
     finally:
         for key, value in pose.items():
             setattr(camera, key, value)
-        lens.shift_x, lens.shift_y = shift
 
 
 def check_space(dataset: Path, pairs: list[PlannedPair]) -> None:
@@ -109,8 +102,9 @@ def check_space(dataset: Path, pairs: list[PlannedPair]) -> None:
         probe.write_bytes(b"")
         probe.unlink()
         free = shutil.disk_usage(dataset).free
-    rig = pairs[0].settings["rig"]
-    needed = len(pairs) * 2 * int(rig["width_px"]) * int(rig["height_px"]) * _BYTES_PER_PIXEL
+    camera = StereoCamera.from_settings(pairs[0].settings["rig"])
+    width, height = camera.rendered_px
+    needed = len(pairs) * (4 if camera.toe_in_deg else 2) * width * height * _BYTES_PER_PIXEL
     if needed > free:
         raise IcyMoonError(f"{dataset} has {free / 1e6:.0f} MB free, {len(pairs)} pairs may need "
                            f"{needed / 1e6:.0f} MB; "
@@ -146,42 +140,79 @@ def shoot(built: Built, scene: bpy.types.Scene, planned: PlannedPair, dataset: P
 
 
 def check_camera(built: Built) -> None:
-    """Raise IcyMoonError if the camera was made, by hand, into one whose pairs are not rectified or not sharp."""
+    """Raise IcyMoonError if the camera was made, by hand, into one that the settings do not describe."""
     stereo = built.camera.data.stereo
     if (stereo.convergence_mode, stereo.pivot) != ("PARALLEL", "LEFT"):
         raise IcyMoonError(f"The stereo camera's eyes are set to {stereo.convergence_mode.lower()} about "
-                           f"{stereo.pivot.lower()}; set its convergence to Parallel and its pivot to Left: pairs are "
-                           "rectified, without toe-in.")
+                           f"{stereo.pivot.lower()}; set its convergence to Parallel and its pivot to Left, and "
+                           "rig.toe_in_deg to turn the eyes in.")
     if built.camera.data.dof.use_dof:
-        raise IcyMoonError("The stereo camera has depth of field, which blurs the true depth too; switch it off. A "
-                           "blurred image is what sensor.psf_sigma_px makes.")
+        raise IcyMoonError("The stereo camera has depth of field of its own, which would blur the true depth too; "
+                           "switch it off, and set rig.focus_distance_m instead.")
+    rig = built.settings["rig"]
+    wanted = {**lens_values(rig), "interocular_distance": ("rig.baseline_m", rig["baseline_m"])}
+    for name, (setting, value) in wanted.items():
+        there = getattr(stereo if name == "interocular_distance" else built.camera.data, name)
+        if there != value and (isinstance(value, str) or abs(there - value) > 1e-5 * max(1e-3, abs(value))):
+            raise IcyMoonError(f"The stereo camera's {name.replace('_', ' ')} was changed by hand to {there}, which "
+                               f"the calibration would not say; set it back, and set {setting} instead.")
+
+
+@dataclass(frozen=True)
+class _Take:
+    """Renders with one camera: which layers, and what the file of each is called, with {} for the eye."""
+
+    blur: Blur | None
+    toed: bool
+    images: tuple[tuple[str, str], ...]
+
+
+def _takes(camera: StereoCamera, blur: Blur | None) -> list[_Take]:
+    """What to render: radiance and truth with one camera, unless truth is of another camera than the light."""
+    toed = camera.toe_in_deg != 0
+    if blur is None and not toed:
+        return [_Take(None, False, ((BEAUTY, "{}.exr"), (TRUTH, "{}.exr")))]
+    takes = [_Take(blur, toed, ((BEAUTY, "{}.exr"),)), _Take(None, False, ((TRUTH, TRUTH_FILE),))]
+    return [*takes, _Take(None, True, ((TRUTH, TOED_TRUTH_FILE),))] if toed else takes
 
 
 def _render_into(part: Path, built: Built, scene: bpy.types.Scene, planned: PlannedPair,
                  report: Callable[[float], None]) -> dict[str, Any]:
     settings = planned.settings
-    files: dict[str, dict[str, Path]] = {eye: {} for eye in EYES}
+    camera, blur = StereoCamera.from_settings(settings["rig"]), blur_of(settings)
+    takes = _takes(camera, blur)
+    files: dict[str, dict[str, Path]] = {}
     start = time.perf_counter()
-    with _turned(built.camera, planned.turn_deg, int(settings["rig"]["width_px"])):
-        passes.apply(scene, settings["rig"])
+    # What moves during a render is not kept from one to the next.
+    scene.render.use_persistent_data = blur is None and _triangles(built) <= MOST_KEPT_TRIANGLES
+    with _turned(built.camera, planned.turn_deg):
         quality.apply(scene, settings["quality"], planned.render_seed)
         attune(scene, built.materials, built.sun)
-        with on_sample(int(settings["quality"]["samples"]), report) as sampling:
-            for name in (BEAUTY, TRUTH):
-                for eye, file in passes.choose(scene, name, part).items():
-                    files[eye][name] = file
-                try:
-                    bpy.ops.render.render(write_still=True, scene=scene.name)
-                except RuntimeError as error:
-                    raise IcyMoonError(f"Cycles could not render pair {planned.id}: {_first_line(error)}") from None
+        truths = sum(layer == TRUTH for take in takes for layer, _ in take.images)
+        with on_sample(int(settings["quality"]["samples"]), truths, report) as sampling:
+            for k, take in enumerate(takes):
+                with taking(scene, built.camera, camera, take.blur, take.toed):
+                    scene.render.use_motion_blur = take.blur is not None and take.blur.exposure_s is not None
+                    for layer, name in take.images:
+                        for eye, file in passes.choose(scene, layer, part / f"{layer}{k}").items():
+                            files.setdefault(name.format(eye), {})[layer] = file
+                        _render(scene, planned)
         poses = eye_poses(built.camera.matrix_world, built.camera.data.stereo.interocular_distance)
         toward_sun = np.array(built.sun.matrix_world.to_3x3().col[2])
     rendered = time.perf_counter() - start
     start = time.perf_counter()
-    written = {f"{eye}.exr": _finish(files[eye], part / f"{eye}.exr", planned) for eye in EYES}
+    written = {name: _finish(layers, part / name, planned) for name, layers in sorted(files.items())}
     return _facts(built, planned, poses, toward_sun, written, {
         "render": round(rendered, 3), "sampling": round(sampling.seconds, 3),
         "write": round(time.perf_counter() - start, 3)})
+
+
+def _render(scene: bpy.types.Scene, planned: PlannedPair) -> None:
+    """Let Cycles render. Raises IcyMoonError if it fails."""
+    try:
+        bpy.ops.render.render(write_still=True, scene=scene.name)
+    except RuntimeError as error:
+        raise IcyMoonError(f"Cycles could not render pair {planned.id}: {_first_line(error)}") from None
 
 
 def _first_line(error: Exception) -> str:
@@ -219,16 +250,28 @@ def _light_facts(built: Built, toward_sun: np.ndarray) -> dict[str, Any]:
     return described
 
 
+def as_taken(pose: np.ndarray, rotation: np.ndarray) -> np.ndarray:
+    """The camera-to-world matrix (4, 4) of an eye of the parallel rig that is turned by ``rotation`` (3, 3)."""
+    turned = pose.copy()
+    turned[:3, :3] = pose[:3, :3] @ rotation.T
+    return turned
+
+
 def _facts(built: Built, planned: PlannedPair, poses: dict[str, np.ndarray], toward_sun: np.ndarray,
            files: dict[str, Any], seconds: dict[str, float]) -> dict[str, Any]:
     """The content of ``pair.json``."""
     settings = planned.settings
-    camera = StereoCamera.from_settings(settings["rig"])
+    camera, blur = StereoCamera.from_settings(settings["rig"]), blur_of(settings)
+    eyes = camera.eyes_json()
+    for eye in EYES:
+        eyes[eye]["distortion"] = dict(zip(COEFFICIENTS, coefficients(settings["rig"]), strict=True))
     return {
         "format": FORMAT, "version": VERSION, "id": planned.id, "settings": settings,
         "edited_by_hand": built.edited, "ground": built.ground, "own_files_sha256": built.content,
-        "camera": camera.to_json(),
-        "poses_camera_to_world": {eye: poses[eye].tolist() for eye in EYES},
+        "camera": camera.to_json(), "eyes": eyes,
+        "poses_camera_to_world": {eye: as_taken(poses[eye], camera.eye_rotation(eye)).tolist() for eye in EYES},
+        "poses_rectified_to_world": {eye: poses[eye].tolist() for eye in EYES},
+        "blur": blur.to_json() if blur else None,
         "light": _light_facts(built, toward_sun),
         "channels": {"radiance": "W/(m² sr) per band, linear", "depth": "planar Z in m at pixel centres, sky 1e10",
                      "normal": "unit, world axes, of the facet", "semantic": {str(k): v for k, v in SEMANTIC.items()},

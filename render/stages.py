@@ -15,6 +15,7 @@ from ..errors import IcyMoonError
 from ..nodes.adapt import adapted
 from ..nodes.ground import cost_warnings
 from ..nodes.scene import Built
+from ..physics.blur import identity
 from ..settings import Settings, digest
 from . import quality
 from .plan import PlannedPair
@@ -102,7 +103,7 @@ def _same_surroundings(one: Settings, other: Settings) -> bool:
 
 
 def _check_id(planned: PlannedPair, built: Built, extra: str) -> None:
-    if digest(planned.settings, built.extra + extra) != planned.id:
+    if digest(planned.settings, built.extra + extra + identity(planned.settings)) != planned.id:
         why = ("a file that its description names has another content than when it was planned" if built.content else
                "nodes stand in for OSL here (set hapke.backend to NODES), or another version planned it")
         raise IcyMoonError(f"Pair {planned.id} would not be what was planned: {why}; plan the data set again.")

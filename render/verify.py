@@ -10,6 +10,7 @@ from typing import Any
 
 from ..errors import IcyMoonError
 from ..files import PART, sha256
+from ..physics.blur import identity
 from ..settings import check, defaults, digest, merged
 from .claims import FOLDER, Claims
 from .dataset import PLAN, read
@@ -98,13 +99,15 @@ def _faults(pair: Pair, planned: PlannedPair) -> Iterator[str]:
             yield f"{file} is no whole EXR image."
     try:
         stated = merged(defaults(), check(pair.settings, str(path)))
+        blur = identity(stated)
     except IcyMoonError as error:
         yield str(error)
         return
     if pair.id != planned.id:
         yield f"{path} is of pair {pair.id}, not {planned.id}."
     own = str(pair.data.get("own_files_sha256", ""))
-    if not pair.data.get("edited_by_hand") and pair.id not in {digest(stated, own + each) for each in _STAND_INS}:
+    ids = {digest(stated, own + each + blur) for each in _STAND_INS}
+    if not pair.data.get("edited_by_hand") and pair.id not in ids:
         yield f"{path}: its settings do not give the id {pair.id}."
     seed = pair.data.get("seeds", {}).get("render")
     if seed != planned.render_seed:

@@ -103,7 +103,8 @@ def _parser() -> argparse.ArgumentParser:
 
     command = commands.add_parser("export", help="write pairs and their truth in another layout")
     command.add_argument("path", type=Path, nargs="+", metavar="PAIR_OR_DATASET", help="pair folder or data set")
-    command.add_argument("--format", required=True, choices=("png8", "png16", "pfm", "kitti", "middlebury", "coco"))
+    command.add_argument("--format", required=True,
+                         choices=("png8", "png16", "pfm", "kitti", "middlebury", "coco", "raw"))
     command.add_argument("--set", action="append", default=[], metavar="sensor.KEY=VALUE",
                          help="another camera response than the pairs were rendered for")
     command.add_argument("--out", required=True, type=Path, help="folder for the files")

@@ -12,6 +12,7 @@ import numpy as np
 from ..errors import IcyMoonError
 from ..labels import LIGHT_GROUPS
 from ..physics import brackets
+from ..physics.blur import developing_warnings
 from ..physics.optics import through_lens
 from ..physics.photons import electron_rate
 from ..physics.radiation import hits
@@ -25,7 +26,7 @@ from ..physics.sensor import (
     noise_generator,
     top_dn,
 )
-from ..render.pair import EYES, Pair
+from ..render.pair import EYES, Pair, StereoCamera
 from ..settings import Settings
 from .exr import Light
 from .lens import Lens, lens_of
@@ -46,7 +47,7 @@ class Images:
 
     left: np.ndarray  # rectified, on the truth
     right: np.ndarray
-    detected_left: np.ndarray  # as the sensor has them, the same unless the lens distorts
+    detected_left: np.ndarray  # as the sensor has them, the same unless the lens distorts or eyes are toed in
     detected_right: np.ndarray
     bits: int
     frames: tuple[Frame, ...]  # the exposures, longest first
@@ -56,6 +57,7 @@ class Images:
     saturation_radiance: float  # W/(m² sr) at the top of the images; infinite if none reaches it
     saturated: float  # share of the left pixels at the converter's top, in the shortest exposure
     encoding: str
+    warnings: tuple[str, ...]  # what to know of blur in the render
 
     def for_matchers(self) -> tuple[np.ndarray, np.ndarray]:
         """Left and right as uint8: OpenCV's matchers take nothing finer, so more bits are scaled down."""
@@ -94,15 +96,16 @@ def weighted(view: Light, pair: Pair, light: Mapping[str, Any]) -> np.ndarray:
 def develop(pair: Pair, left: Light, right: Light, settings: Settings) -> Images:
     """Both eyes through one camera response with one exposure and independent noise.
 
-    ``settings`` need not have the camera response that the pair was rendered with. The noise is the
-    same for the same pair, data set seed and noise seed, however often it is developed.
+    ``left`` and ``right`` are the light as it falls into the eyes, see ``views.read_eye``. ``settings`` need not have
+    the camera response that the pair was rendered with. The noise is the same for the same pair, data set seed and
+    noise seed, however often it is developed.
     """
     sensor, rig = settings["sensor"], settings["rig"]
     pitch_m = rig["sensor_width_mm"] * 1e-3 / rig["width_px"]
     rate = electron_rate(settings["light"], sensor, pitch_m)
-    lens = lens_of(pair.camera, rig)
-    light = {eye: through_lens(_distorted(grey(weighted(view, pair, settings["light"])), lens), sensor)
-             for eye, view in (("left", left), ("right", right))}
+    lenses = {eye: lens_of(pair.camera, rig, eye) for eye in EYES}
+    light = {eye: through_lens(_on_sensor(grey(weighted(view, pair, settings["light"])), pair.camera, lenses[eye]),
+                               sensor) for eye, view in (("left", left), ("right", right))}
     metered = exposure_s(light["left"], rate, sensor)
     times = brackets.exposure_times(metered, sensor)
     seed = int(pair.settings["dataset"]["seed"])
@@ -116,15 +119,16 @@ def develop(pair: Pair, left: Light, right: Light, settings: Settings) -> Images
         full_s = brackets.full_rate(merged["left"], times[-1], sensor)
         bits, final = brackets.MERGED_BITS, {eye: brackets.as_numbers(merged[eye], full_s) for eye in EYES}
     detected = final
-    if lens is not None:
-        final = {eye: lens.rectify(numbers) for eye, numbers in detected.items()}
+    final = {eye: numbers if (lens := lenses[eye]) is None else lens.rectify(numbers)
+             for eye, numbers in detected.items()}
     return Images(final["left"], final["right"], detected["left"], detected["right"], bits, frames, metered,
                   gain_dn_per_e(sensor), rate, full_s / rate if rate else float("inf"),
-                  float(np.mean(image["left"][-1] == top_dn(sensor))), str(sensor["encoding"]))
+                  float(np.mean(image["left"][-1] == top_dn(sensor))), str(sensor["encoding"]),
+                  tuple(developing_warnings(settings, pair.settings, times)))
 
 
-def _distorted(light: np.ndarray, lens: Lens | None) -> np.ndarray:
-    return light if lens is None else lens.distort(light)
+def _on_sensor(light: np.ndarray, camera: StereoCamera, lens: Lens | None) -> np.ndarray:
+    return camera.cropped(light) if lens is None else lens.distort(light)
 
 
 def _exposures(light: np.ndarray, times: list[float], rate: float, settings: Settings,
@@ -148,7 +152,7 @@ def exposure_facts(images: Images) -> Mapping[str, Any]:
             "gain_dn_per_e": images.gain_dn_per_e, "electrons_per_s_per_radiance": images.electron_rate,
             "saturation_radiance": images.saturation_radiance if math.isfinite(images.saturation_radiance) else None,
             "saturated": images.saturated,
-            "image_bits": images.bits}
+            "image_bits": images.bits, "warnings": list(images.warnings)}
 
 
 def to_8_bit(numbers: np.ndarray, bits: int, encoding: str = "LINEAR") -> np.ndarray:

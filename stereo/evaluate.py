@@ -51,8 +51,8 @@ def evaluate(paths: Sequence[Path], methods: Sequence[Method], out: Path,
     response and versions are kept and not made again.
 
     ``on_event`` gets {"type": "progress", "fraction", "done", "total", "message"}, {"type": "error", "message"} per
-    failure and {"type": "warning", "message"} per suspect pair. Raises IcyMoonError if there is no pair or ``out``
-    cannot be written.
+    failure and {"type": "warning", "message"} per suspect pair and per kind of blur in the images. Raises
+    IcyMoonError if there is no pair or ``out`` cannot be written.
 
     The report is {"format", "version", "summary", "differences", "rows", "pairs", "failed", "suspect",
     "provenance"}; what is undefined is null. ``rows`` and ``pairs`` are read from the disk as they are asked for.
@@ -86,6 +86,7 @@ class _Run:
         self.failed: list[dict[str, Any]] = []
         self.suspect: list[dict[str, Any]] = []
         self._tell, self._total, self._done = on_event, total, 0
+        self._warned: set[str] = set()
         self._setups = {method.label: _setup(method) for method in methods}
 
     def pair(self, folder: Path) -> None:
@@ -109,6 +110,10 @@ class _Run:
         else:
             for method in self.methods:
                 self._progress(rows[method.label])
+        for message in facts.get("warnings", ()):
+            if message not in self._warned:
+                self._warned.add(message)
+                self._tell({"type": "warning", "message": f"{folder}: {message}"})
         if not facts["self_check"]["ok"]:
             message = f"{folder} is left out of the averages: {'; '.join(facts['self_check']['problems'])}."
             self.suspect.append({"pair": name, "message": message})

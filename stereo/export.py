@@ -7,9 +7,10 @@
   ``pairs.csv``.
 * ``middlebury``: Middlebury 2014, ``<pair>/im0.png``, ``disp0.pfm``, ``mask0nocc.png``, ``calib.txt``.
 * ``coco``: left and right images and ``annotations.json`` with a mask for each block and each object of one's own.
+* ``raw``: images, depth and calibration of the sensors as they are, distorted and toed in; see ``raw.write_raw``.
 
-Images are developed as for the matchers; ``pfm`` holds the radiance itself. An unknown value (sky) is infinity in PFM
-and 0 in 16-bit PNG.
+But for ``raw``, images are developed as for the matchers, rectified; ``pfm`` holds the radiance itself. An unknown
+value (sky) is infinity in PFM and 0 in 16-bit PNG.
 """
 
 from __future__ import annotations
@@ -31,6 +32,7 @@ from .develop import exposure_facts, to_8_bit
 from .formats import KITTI_SCALE, MILLIMETRES, run_lengths, write_pfm, write_scaled
 from .images import write_bytes, write_png
 from .prepare import Loaded, distinct_pairs, load
+from .raw import write_raw
 
 Event = Callable[[dict[str, Any]], None]
 #: Semantic values that have instances worth counting; ground and sky are no things.
@@ -81,8 +83,8 @@ def _write_8_bit(path: Path, pair: Loaded, eye: str) -> None:
 
 
 def _calibration(pair: Loaded) -> dict[str, Any]:
-    return {"pair": pair.pair.id, "camera": pair.pair.camera.to_json(),
-            "poses_camera_to_world": pair.pair.data.get("poses_camera_to_world"), "sensor": pair.settings["sensor"],
+    return {"pair": pair.pair.id, "camera": pair.pair.camera.rectified.to_json(),
+            "poses_camera_to_world": pair.pair.rectified_poses, "sensor": pair.settings["sensor"],
             **exposure_facts(pair.images), "self_check": pair.check.to_json()}
 
 
@@ -243,7 +245,8 @@ def things(instance: np.ndarray | None, semantic: np.ndarray | None) -> Iterator
 
 
 FORMATS: dict[str, Callable[[Iterator[Loaded], Path], None]] = {
-    "png8": _png8, "png16": _png16, "pfm": _pfm, "kitti": _kitti, "middlebury": _middlebury, "coco": _coco}
+    "png8": _png8, "png16": _png16, "pfm": _pfm, "kitti": _kitti, "middlebury": _middlebury, "coco": _coco,
+    "raw": write_raw}
 
 
 def write_truth(paths: Sequence[Path], out: Path) -> Iterator[dict[str, Any]]:

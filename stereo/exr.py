@@ -37,8 +37,8 @@ class Light:
 
 
 @dataclass(frozen=True)
-class View(Light):
-    """What one eye's EXR holds. Height H, width W; the truth is sampled at pixel centres."""
+class Truth:
+    """What one eye's EXR holds of the scene. Height H, width W; sampled at pixel centres."""
 
     depth: np.ndarray  # (H, W) float64, planar metres, NaN for sky
     normal: np.ndarray | None  # (H, W, 3) float32, world axes: of the facet, else the shading normal
@@ -46,16 +46,30 @@ class View(Light):
     semantic: np.ndarray | None  # (H, W) int32, see labels.SEMANTIC
 
 
+@dataclass(frozen=True)
+class View(Truth, Light):
+    """Both, of one camera: radiance, groups, then the truth."""
+
+
 def read_view(path: Path, eye: str | None = None) -> View:
-    """Read ``left.exr`` or ``right.exr``. ``eye`` picks the view where a file holds both.
+    """Read ``left.exr`` or ``right.exr`` where it holds both. ``eye`` picks the view where a file holds two.
 
     Raises IcyMoonError if the file is missing, damaged or lacks radiance or depth.
     """
     channels = _read_channels(path, eye)
+    truth = _truth(channels, path)
+    return View(*_light(channels, path), truth.depth, truth.normal, truth.instance, truth.semantic)
+
+
+def read_truth(path: Path, eye: str | None = None) -> Truth:
+    """The truth alone. Raises IcyMoonError if the file is missing, damaged or lacks depth."""
+    return _truth(_read_channels(path, eye), path)
+
+
+def _truth(channels: _Channels, path: Path) -> Truth:
     depth = _find(channels, TRUTH, "Depth", "Z", path).astype(np.float64)
     depth[~(depth < SKY_DEPTH_M) | (depth <= 0)] = np.nan
-    return View(*_light(channels, path), depth, _normal(channels, path),
-                _instances(channels), _labels(channels, ("Material Index", "IndexMA")))
+    return Truth(depth, _normal(channels, path), _instances(channels), _labels(channels, ("Material Index", "IndexMA")))
 
 
 def read_light(path: Path, eye: str | None = None, groups: bool = True) -> Light:

@@ -68,9 +68,9 @@ def signed_colours(error_m: np.ndarray) -> np.ndarray:
 
 
 def pose_of(prepared: Prepared) -> np.ndarray | None:
-    """The left camera-to-world matrix (4, 4) in OpenCV's axes; None if the pair does not say where it was."""
+    """The matrix (4, 4) from the rectified left camera, in OpenCV's axes, to the world; None if the pair says none."""
     try:
-        pose = np.array(prepared.pair.data["poses_camera_to_world"]["left"], np.float64)
+        pose = np.array(prepared.pair.rectified_poses["left"], np.float64)  # type: ignore[index]
     except (KeyError, TypeError, ValueError):
         return None
     return pose if pose.shape == (4, 4) and np.isfinite(pose).all() else None

@@ -15,10 +15,12 @@ from ..render.pair import EYES, Pair, changed_files, pair_folders, read_pair
 from ..settings import Settings, defaults, merged
 from . import pictures
 from .develop import Images, develop, exposure_facts, grey
-from .exr import View, read_view
+from .exr import Light, View
+from .lens import lens_of
 from .selfcheck import SelfCheck, self_check
 from .strata import classify, texture
-from .truth import scene_depth, visible_in_left, visible_in_right
+from .truth import matching_column, scene_depth, visible_in_left, visible_in_right, warped
+from .views import read_eye
 
 #: Entries of pair.json, on how the pair was rendered, that the report repeats.
 _REPEATED = ("versions", "device", "denoiser", "osl", "platform", "edited_by_hand", "seeds")
@@ -30,7 +32,8 @@ class Loaded:
 
     pair: Pair
     settings: Settings
-    views: dict[str, View]
+    light: dict[str, Light]  # as it falls into the eyes, see views.read_eye
+    views: dict[str, View]  # on the parallel rig
     images: Images
     depth: dict[str, np.ndarray]  # float64 (H, W), planar metres, NaN for sky
     visible: dict[str, np.ndarray]  # bool (H, W), seen by the other eye too
@@ -72,15 +75,19 @@ def load(folder: Path, response: Mapping[str, Mapping[str, Any]]) -> Loaded:
     Raises IcyMoonError, naming the file, if anything in the folder is not as it was rendered.
     """
     pair, settings = checked(folder)
-    views = {eye: _view(pair, eye) for eye in EYES}
+    eyes = {eye: read_eye(pair, eye) for eye in EYES}
     settings = merged(settings, response)
-    images = develop(pair, views["left"], views["right"], settings)
-    depth = {eye: scene_depth(views[eye]) for eye in EYES}
+    light, views = ({eye: taken for eye, (taken, _) in eyes.items()}, {eye: flat for eye, (_, flat) in eyes.items()})
+    images = develop(pair, light["left"], light["right"], settings)
+    sees = {eye: _sees(pair, settings, eye) for eye in EYES}
+    depth = {eye: np.where(sees[eye], scene_depth(views[eye]), np.nan) for eye in EYES}
     visible = {"left": visible_in_right(depth["left"], depth["right"], pair.camera),
                "right": visible_in_left(depth["left"], depth["right"], pair.camera)}
+    for eye, other in (EYES, EYES[::-1]) if pair.camera.toe_in_deg else ():
+        visible[eye] &= warped(sees[other], matching_column(pair.camera.disparity(depth[eye]), eye)) == 1
     check = self_check(grey(views["left"].radiance), grey(views["right"].radiance), depth["left"], depth["right"],
                        visible["left"], pair.camera)
-    return Loaded(pair, settings, views, images, depth, visible, check)
+    return Loaded(pair, settings, light, views, images, depth, visible, check)
 
 
 def prepare(folder: Path, response: Mapping[str, Mapping[str, Any]]) -> Prepared:
@@ -117,13 +124,10 @@ def checked(folder: Path) -> tuple[Pair, Settings]:
     return pair, settings
 
 
-def _view(pair: Pair, eye: str) -> View:
-    view = read_view(pair.image(eye), eye)
-    height, width = view.depth.shape
-    if (width, height) != (pair.camera.width_px, pair.camera.height_px):
-        raise IcyMoonError(f"{pair.image(eye)} is {width} x {height} px, its camera {pair.camera.width_px} x "
-                           f"{pair.camera.height_px} px; render the pair again.")
-    return view
+def _sees(pair: Pair, settings: Settings, eye: str) -> np.ndarray:
+    """Where (H, W) the sensor sees something: a toed-in eye does not see all that a parallel one does."""
+    lens = lens_of(pair.camera, settings["rig"], eye) if pair.camera.toe_in_deg else None
+    return np.ones((pair.camera.height_px, pair.camera.width_px), bool) if lens is None else lens.sees
 
 
 def _toward_sun(pair: Pair) -> list[float] | None:

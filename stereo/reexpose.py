@@ -16,11 +16,10 @@ from ..render.pair import EYES, pair_folders
 from ..settings import merged
 from .develop import Images, develop, exposure_facts
 from .evaluate import Event
-from .exr import read_light, read_view
+from .exr import read_light
 from .images import write_npy, write_png
-from .lens import lens_of
 from .prepare import checked
-from .truth import scene_depth
+from .views import sensor_depth
 
 FORMAT, VERSION = "icymoon-images", 1
 
@@ -30,19 +29,25 @@ def reexpose(paths: Sequence[Path], out: Path, response: Mapping[str, Mapping[st
     """Develop pairs and all pairs of data sets with other settings of the ``response``; their new folders.
 
     Per pair, ``out/<pair>/``: ``left.png`` and ``right.png`` (8-bit, or 16-bit holding ``image_bits``), of
-    brackets also every exposure as ``left_0.png`` …, longest first, of a lens with distortion the image
-    that the sensor has as ``left_distorted.png`` with the depth of its pixels beside it (npy, planar
+    brackets also every exposure as ``left_0.png`` …, longest first, of a lens with distortion or eyes that are toed in
+    the image that the sensor has as ``left_distorted.png`` with the depth of its pixels beside it (npy, planar
     metres, NaN for none), and ``images.json``, written last: exposure, gain, calibration, settings.
     Everything but what is called distorted is rectified, on the pair's truth, but for the single
-    exposures, which are as the sensor has them. ``on_event`` gets what ``evaluate`` gives it. A pair that
-    cannot be used does not stop the others. Raises IcyMoonError if there is none, or at the end.
+    exposures, which are as the sensor has them. ``on_event`` gets what ``evaluate`` gives it, warnings of blur too. A
+    pair that cannot be used does not stop the others. Raises IcyMoonError if there is none, or at the end.
     """
     folders = list(dict.fromkeys(folder for path in paths for folder in pair_folders(path)))
     done: list[Path] = []
+    warned: set[str] = set()
     failed: list[str] = []
     for k, folder in enumerate(folders):
         try:
-            done.append(_reexposed(folder, out / folder.name, response))
+            images = _reexposed(folder, out / folder.name, response)
+            done.append(out / folder.name)
+            for message in images.warnings:
+                if message not in warned:
+                    warned.add(message)
+                    on_event({"type": "warning", "message": message})
         except IcyMoonError as error:
             failed.append(str(error))
             on_event({"type": "error", "message": str(error)})
@@ -53,7 +58,7 @@ def reexpose(paths: Sequence[Path], out: Path, response: Mapping[str, Mapping[st
     return done
 
 
-def _reexposed(folder: Path, out: Path, response: Mapping[str, Mapping[str, Any]]) -> Path:
+def _reexposed(folder: Path, out: Path, response: Mapping[str, Mapping[str, Any]]) -> Images:
     pair, settings = checked(folder)
     settings = merged(settings, response)
     scaled = any(settings["light"][key] != 1 for key in LIGHT_GROUPS.values())
@@ -63,17 +68,14 @@ def _reexposed(folder: Path, out: Path, response: Mapping[str, Mapping[str, Any]
         stale.unlink(missing_ok=True)
     for name, numbers in _named(images, int(settings["sensor"]["bits"])).items():
         write_png(out / f"{name}.png", numbers)
-    lens = lens_of(pair.camera, settings["rig"])
-    for eye in EYES:
-        if lens is None:
-            break
-        truth = scene_depth(read_view(pair.image(eye), eye))
-        write_npy(out / f"{eye}_distorted_depth.npy", lens.distort_truth(truth).astype(np.float32))
+    for eye in EYES if images.detected_left is not images.left else ():
+        write_npy(out / f"{eye}_distorted_depth.npy", sensor_depth(pair, eye, settings["rig"]))
     write_json(out / "images.json", {
         "format": FORMAT, "version": VERSION, "pair": pair.id, "camera": pair.camera.to_json(),
+        "eyes": pair.camera.eyes_json(),
         "distortion": dict(zip(COEFFICIENTS, coefficients(settings["rig"]), strict=True)),
         **exposure_facts(images), "settings": {topic: settings[topic] for topic in ("sensor", "light")}})
-    return out
+    return images
 
 
 def _named(images: Images, sensor_bits: int) -> dict[str, np.ndarray]:

@@ -68,6 +68,7 @@ def write_report(report: Mapping[str, Any], chosen: Sequence[str], table: Table,
         charts=charts(report["summary"], table, sweeps, curves(report["pairs"]), seed),
         other_sweeps=[sweep.title for sweep in sweeps[MOST_SWEEPS:]],
         joined=[sweep for sweep in sweeps[:MOST_SWEEPS] if sweep.together], mixed=mixed(report["pairs"]),
+        warned=warned(report["pairs"]),
         error_bar=_bar(pictures.ERROR), invalid=pictures.INVALID_GREY, sky=pictures.SKY_GREY,
         pairs=[_pair(facts, report, table, out) for facts in report["pairs"] if facts["pair"] in names],
         data=_data(table, methods), script=script, script_hash=_hash(script))
@@ -99,6 +100,14 @@ def mixed(facts: Iterable[Mapping[str, Any]]) -> dict[str, list[tuple[str, int]]
             value = get(pair)
             found[name][value] = found[name].get(value, 0) + 1
     return {name: sorted(counts.items(), key=lambda entry: -entry[1])[:8] for name, counts in found.items()}
+
+
+def warned(facts: Iterable[Mapping[str, Any]]) -> list[tuple[str, int]]:
+    """What to know of the pairs' images, and of how many pairs each."""
+    found: dict[str, int] = {}
+    for text in (text for pair in facts for text in pair.get("warnings", ())):
+        found[text] = found.get(text, 0) + 1
+    return sorted(found.items(), key=lambda entry: -entry[1])
 
 
 def _compared(differences: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:

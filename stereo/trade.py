@@ -17,7 +17,7 @@ from ..errors import IcyMoonError
 from ..render.pair import EYES, Pair
 from ..settings import Settings, merged
 from .develop import develop, grey
-from .exr import View
+from .exr import Light
 from .matchers import match
 from .methods import Method
 from .metrics import disparity_metrics
@@ -34,7 +34,7 @@ class Reference:
 
     pair: Pair
     settings: Settings  # exposed as the reference was metered, whatever is exposed with them
-    views: dict[str, View]
+    light: dict[str, Light]
     depth: np.ndarray  # float64 (H, W) of the left eye, m, NaN for sky
     visible: np.ndarray  # bool (H, W)
     noise: float  # standard deviation over mean radiance, of the mean of the renders
@@ -50,18 +50,18 @@ def read_reference(folders: Sequence[Path], methods: Sequence[Method],
     """
     renders = [load(folder, response) for folder in folders]
     first = renders[0]
-    views = {eye: replace(first.views[eye], groups={}, radiance=np.mean(
-        [render.views[eye].radiance for render in renders], axis=0, dtype=np.float64).astype(np.float32))
+    light = {eye: replace(first.light[eye], groups={}, radiance=np.mean(
+        [render.light[eye].radiance for render in renders], axis=0, dtype=np.float64).astype(np.float32))
         for eye in EYES}
-    light = grey(views["left"].radiance)
-    if not light.mean() > 0:
+    mean = float(grey(light["left"].radiance).mean())
+    if not mean > 0:
         raise IcyMoonError(f"{folders[0]} is black, so there is nothing to compare; put the Sun above the horizon.")
     exposed = merged(first.settings, {"sensor": {"auto_exposure": False, "exposure_s": first.images.exposure_s}})
     cost = _cost(renders)["cpu_s"]
-    unmeasured = Reference(first.pair, exposed, views, first.depth["left"], first.visible["left"],
-                           _noise(renders) / len(renders) ** 0.5 / float(light.mean()),
+    unmeasured = Reference(first.pair, exposed, light, first.depth["left"], first.visible["left"],
+                           _noise(renders) / len(renders) ** 0.5 / mean,
                            cost and len(renders) * cost, {})
-    return replace(unmeasured, stereo=_stereo(unmeasured, views, methods))
+    return replace(unmeasured, stereo=_stereo(unmeasured, light, methods))
 
 
 def measure(folders: Sequence[Path], reference: Reference, methods: Sequence[Method]) -> dict[str, Any]:
@@ -83,7 +83,7 @@ def measure(folders: Sequence[Path], reference: Reference, methods: Sequence[Met
         if render.pair.camera != reference.pair.camera:
             raise IcyMoonError(f"{render.pair.folder} has another camera than {reference.pair.folder}; render both "
                                "again.")
-    stereo = [_stereo(reference, render.views, methods) for render in renders]
+    stereo = [_stereo(reference, render.light, methods) for render in renders]
     mean_stereo = {method.label: {key: _mean([each[method.label][key] for each in stereo]) for key in STEREO}
                    for method in methods}
     return {**_cost(renders), **_radiance(renders, reference), **_depth(renders[0], reference), "stereo": mean_stereo,
@@ -99,9 +99,9 @@ def _cost(renders: Sequence[Loaded]) -> dict[str, float | None]:
 
 
 def _radiance(renders: Sequence[Loaded], reference: Reference) -> dict[str, float | None]:
-    true = grey(reference.views["left"].radiance)
+    true = grey(reference.light["left"].radiance)
     mean = float(true.mean())
-    lights = [grey(render.views["left"].radiance) for render in renders]
+    lights = [grey(render.light["left"].radiance) for render in renders]
     square = float(np.mean([np.mean((light - true) ** 2) for light in lights])) / mean ** 2 - reference.noise ** 2
     noise = _noise(renders) / mean if len(renders) > 1 else None
     return {"bias": float(np.mean(lights)) / mean - 1, "rmse": max(square, 0.0) ** 0.5, "noise": noise,
@@ -112,7 +112,7 @@ def _noise(renders: Sequence[Loaded]) -> float:
     """Standard deviation of a pixel's radiance between renders, root mean square over the left image."""
     if len(renders) < 2:
         return 0.0
-    return float(np.mean(np.var([grey(render.views["left"].radiance) for render in renders], axis=0, ddof=1))) ** 0.5
+    return float(np.mean(np.var([grey(render.light["left"].radiance) for render in renders], axis=0, ddof=1))) ** 0.5
 
 
 def _depth(render: Loaded, reference: Reference) -> dict[str, float | None]:
@@ -126,10 +126,10 @@ def _depth(render: Loaded, reference: Reference) -> dict[str, float | None]:
             "depth_m": float(np.median(np.abs(depth - reference.depth)[both]))}
 
 
-def _stereo(reference: Reference, views: Mapping[str, View],
+def _stereo(reference: Reference, light: Mapping[str, Light],
             methods: Sequence[Method]) -> dict[str, dict[str, float | None]]:
     """Each matcher on images of the reference's exposure, against the reference's depth where both eyes see."""
-    left, right = develop(reference.pair, views["left"], views["right"], reference.settings).for_matchers()
+    left, right = develop(reference.pair, light["left"], light["right"], reference.settings).for_matchers()
     true = np.where(reference.visible, reference.pair.camera.disparity(reference.depth), np.nan)
     known = np.isfinite(true)
     found: dict[str, dict[str, float | None]] = {}

@@ -10,13 +10,13 @@ import numpy as np
 
 from ..labels import PLANET
 from ..render.pair import StereoCamera
-from .exr import View
+from .exr import Truth
 
 #: Disparity, px, by which a surface must be nearer to count as an occluder; see visible_in_right.
 OCCLUSION_STEP_PX = 0.5
 
 
-def scene_depth(view: View) -> np.ndarray:
+def scene_depth(view: Truth) -> np.ndarray:
     """Planar depth in metres, float64 (H, W), NaN for sky and for the planet.
 
     The planet is sky to a stereo camera: it is far beyond any disparity that can be measured.

@@ -10,6 +10,7 @@ import subprocess
 import sys
 import tomllib
 import zipfile
+from collections import Counter
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -41,7 +42,9 @@ def faults(archive: Path) -> list[str]:
     with zipfile.ZipFile(archive) as opened:
         names = {name for name in opened.namelist() if not name.endswith("/")} - {"README.md"}
     found = [f"{name} is missing" for name in sorted(shipped() - names)]
-    found += [f"{name} does not belong into it" for name in sorted(names - shipped())]
+    strange = Counter(name.split("/")[0] for name in names - shipped())
+    found += [f"{name} ({count} files) does not belong into it; out/ is the place for what you make"
+              for name, count in sorted(strange.items())]
     found += [f"{name} is not there" for name in NEEDED if name not in names]
     manifest = tomllib.loads((ROOT / "blender_manifest.toml").read_text(encoding="utf-8"))
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]

@@ -249,6 +249,17 @@ def test_a_camera_that_was_toed_in_or_focused_by_hand_is_refused(tmp_path):
     built.camera.data.dof.use_dof = True
     with pytest.raises(IcyMoonError, match="depth of field"):
         render_pairs(built, expand(settings), tmp_path, 1, 0.0, lambda *a, **k: None)
+    built.camera.data.dof.use_dof = False
+    for name, value, setting in (("lens", 33.0, "rig.focal_length_mm"), ("shift_y", 0.01, "rig.principal_y_px"),
+                                 ("type", "ORTHO", "rig.focal_length_mm")):
+        before = getattr(built.camera.data, name)
+        setattr(built.camera.data, name, value)
+        with pytest.raises(IcyMoonError, match=setting):
+            render_pairs(built, expand(settings), tmp_path, 1, 0.0, lambda *a, **k: None)
+        setattr(built.camera.data, name, before)
+    built.camera.data.stereo.interocular_distance = 0.3
+    with pytest.raises(IcyMoonError, match=r"rig\.baseline_m"):
+        render_pairs(built, expand(settings), tmp_path, 1, 0.0, lambda *a, **k: None)
     assert not list(tmp_path.iterdir())
 
 

@@ -387,6 +387,42 @@ def show_error() -> Waiting:
     yield 1.0
 
 
+def camera_image_follows() -> Waiting:
+    """The camera image that is shown is exposed again when the response changes, and the window goes on meanwhile."""
+    with in_region("UI"):
+        bpy.ops.icymoon.expose("INVOKE_DEFAULT")
+    yield from until(lambda: jobs().current is None, "Exposing", 60)
+    yield from until(lambda: len(window_manager().windows) == 2, "Opening an Image Editor", 10)
+    follow = sys.modules["bl_ext.user_default.icymoon.operators.follow"]
+    image = window_manager().windows[1].screen.areas[0].spaces.active.image
+    yield 1.0
+    yield from screenshot("camera_image")
+    before, work, spans = sum(image.pixels[:][::4]), follow.work, []
+
+    def timed() -> float | None:
+        start = time.thread_time()
+        again = work()
+        spans.append(time.thread_time() - start)
+        return again
+
+    follow.work = timed
+    for target in (0.6, 0.4, 0.2, 0.1):
+        window().scene.icymoon.sensor.auto_target = target
+        yield TICK_S
+    yield from until(lambda: follow._job is not None, "Starting to follow", 10)
+    yield from until(lambda: follow._job is None and not follow._waiting, "Following", 60)
+    check(sum(image.pixels[:][::4]) < 0.5 * before, "the image did not follow the exposure")
+    check(not follow.lines(), " ".join(follow.lines()))
+    follow.work = work
+    check(max(spans) < 0.1, f"following kept the window busy for {max(spans):.2f} s at once")
+    yield 1.0
+    yield from screenshot("camera_image_followed")
+    with bpy.context.temp_override(window=window_manager().windows[1]):
+        bpy.ops.wm.window_close()
+    yield 1.0
+    return f"longest turn {1000 * max(spans):.0f} ms"
+
+
 def measured_surface() -> Waiting:
     """What a matcher measured appears beside the true ground, also within the view of our objects only, and goes."""
     def there() -> list[bpy.types.Object]:
@@ -473,7 +509,7 @@ def search_and_clear() -> Waiting:
 STEPS = (open_the_tab, open_the_presets, load_europa, open_all_panels, build_by_mouse, undo_and_redo,
          slide_by_mouse, render_by_mouse, escape_a_render, evaluate_by_mouse)
 #: What comes after the main job; driven where ICYMOON_GUI_ALL is set.
-MORE = (measured_surface, search_and_clear, show_error, preferences_page)
+MORE = (measured_surface, camera_image_follows, search_and_clear, show_error, preferences_page)
 
 
 def write(finished: bool) -> None:

@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 from icymoon.physics.geometry import depth_error_m, focal_px, ground_row, shared_width_px
+from icymoon.render.pair import StereoCamera
 from icymoon.settings import defaults, load, merged, preset_path
 
 RIG = defaults()["rig"]
@@ -44,6 +45,21 @@ def test_above_the_horizon_and_out_of_the_other_eye():
     assert np.isinf(ground_row(RIG | {"pitch_deg": 0.0}, 100.0).depth_m)
     assert shared_width_px(RIG, 1.0) == pytest.approx(640 - 85.333, abs=1e-3)
     assert shared_width_px(RIG, 0.05) == 0
+
+
+@pytest.mark.parametrize("toe_in", [0.0, 3.0, 12.0, 45.0])
+@pytest.mark.parametrize("depth", [0.4, 1.0, 3.0, 100.0])
+def test_what_both_eyes_see_is_counted_ray_by_ray(toe_in, depth):
+    rig = RIG | {"toe_in_deg": toe_in, "principal_x_px": 20.0}
+    camera = StereoCamera.from_settings(rig)
+    columns = (np.arange(6400) + 0.5) / 10  # tenths of a column
+    points = np.stack([(columns - camera.cx_px) / camera.focal_px, 0 * columns, 0 * columns + 1]) * depth
+    both = columns - camera.disparity(depth) >= 0  # in the rectified right image too
+    for eye, at in (("left", 0.0), ("right", camera.baseline_m)):
+        x, _, z = camera.eye_rotation(eye) @ (points - np.array([[at], [0], [0]]))
+        seen = camera.focal_px * x / np.where(z > 0, z, np.nan) + camera.cx_px
+        both &= (seen >= 0) & (seen <= 640)
+    assert shared_width_px(rig, depth) == pytest.approx(both.sum() / 10, abs=0.3)
 
 
 @pytest.mark.parametrize(("name", "horizontal_deg"), [

@@ -46,7 +46,7 @@ def test_the_same_images_lose_nothing(truth, tmp_path):
 def test_noise_is_told_from_bias(truth, tmp_path):
     # Radiance times 1 + s N(0, 1) has the noise s rms(L) / mean(L); the standard deviation of an estimate from n
     # pixels and two renders is 1 / sqrt(2 n) of it, for n = 36864 under half a per cent: 3 % is six of them.
-    light = truth.views["left"].radiance[..., 0]
+    light = truth.light["left"].radiance[..., 0]
     expected = 0.1 * float(np.sqrt(np.mean(light ** 2)) / np.mean(light))
     brighter = pairs.Scene(contrast=0.4, radiance=1.05 * SCENE.radiance)
     found = measure(folders(tmp_path, "noisy", 2, 0.1, brighter), truth, METHODS)

@@ -1,0 +1,38 @@
+"""What MkDocs runs while it builds the manual: pages and figures that are made, not written; formulas as MathML.
+
+MathML needs no script and no font from elsewhere, so the manual can be read without a network.
+"""
+
+from __future__ import annotations
+
+import html
+import re
+
+import figures
+import latex2mathml.converter
+import reference
+from mkdocs.config.defaults import MkDocsConfig
+from mkdocs.structure.files import File, Files
+from mkdocs.structure.pages import Page
+
+#: What pymdownx.arithmatex makes of $…$ and $$…$$.
+_FORMULA = re.compile(r'<(span|div) class="arithmatex">\\([(\[])(.*?)\\[)\]]</\1>', re.DOTALL)
+
+
+def on_files(files: Files, config: MkDocsConfig) -> Files:
+    """Add the pages and figures that are made."""
+    for path, text in reference.pages().items():
+        files.append(File.generated(config, path, content=text))
+    for name in figures.FIGURES:
+        files.append(File.generated(config, f"figures/{name}.svg", content=figures.svg(name)))
+    return files
+
+
+def on_page_content(content: str, page: Page, config: MkDocsConfig, files: Files) -> str:
+    """Turn formulas into MathML."""
+    return _FORMULA.sub(_mathml, content)
+
+
+def _mathml(found: re.Match[str]) -> str:
+    display = "block" if found[2] == "[" else "inline"
+    return latex2mathml.converter.convert(html.unescape(found[3]), display=display)

@@ -1,0 +1,273 @@
+"""The reference pages of the manual, written from the code that they are about.
+
+``pages`` returns Markdown by path below ``docs/``: settings and their ranges from ``properties.TOPICS``,
+presets and their sources from the TOML files, both command lines from their parsers, matchers from
+their options, operators from their source. Needs no Blender.
+"""
+
+from __future__ import annotations
+
+import argparse
+import ast
+import importlib
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from icymoon import cli, settings
+from icymoon.properties import TOPICS, Setting
+from icymoon.stereo import cli as stereo_cli
+from icymoon.stereo.matchers import METHODS
+from icymoon.version import ROOT
+
+#: What a change of a setting forces to be made again, by its effect.
+EFFECTS = {"geometry": "build", "material": "render", "light": "render", "camera": "render", "sampling": "render",
+           "response": "evaluate", "run": ""}
+KINDS = {"scenes": "Scenes", "bodies": "Bodies", "terrains": "Terrains", "rocks": "Rocks", "surfaces": "Surfaces",
+         "lights": "Lights", "rigs": "Stereo cameras", "sensors": "Camera responses", "qualities": "Qualities"}
+
+
+def pages() -> dict[str, str]:
+    """Every generated page."""
+    return {"reference/settings.md": _settings(), "reference/presets.md": _presets(), "reference/cli.md": _cli(),
+            "reference/matchers.md": _matchers(), "reference/operators.md": _operators()}
+
+
+def _cell(text: str) -> str:
+    """Text as it may stand in a table."""
+    return text.replace("|", "\\|").replace("<", "&lt;").replace("\n", " ")
+
+
+def _table(heads: tuple[str, ...], rows: Sequence[tuple[str, ...]]) -> str:
+    lines = [heads, ("---",) * len(heads), *rows]
+    return "\n".join("| " + " | ".join(line) + " |" for line in lines) + "\n"
+
+
+# ---- settings -------------------------------------------------------------------------------------------------------
+
+def _settings() -> str:
+    parts = ["# Settings\n",
+             "Every setting there is, made from `properties.py`, which the sidebar, the TOML files, `--set` and "
+             "`pair.json` are made from too. A value outside the range is refused. Sliders end at the range in "
+             "brackets; type a number to go beyond. Unit 1 is a plain number. *Then* says from which step on things "
+             "are made again after a change: build the scene, render, or only evaluate; empty for none.\n",
+             "Topics: " + ", ".join(f"[{key}](#{key})" for key in TOPICS) + ".\n"]
+    for topic in TOPICS.values():
+        parts.append(f"## {topic.key}\n\n**{topic.label}.** {topic.description}.\n")
+        owner = _owner(topic.key)
+        if owner != topic.key:
+            parts.append(f"The same settings as [{owner}](#{owner}).\n")
+            continue
+        parts.append(_setting_table(topic.key, topic.settings))
+        for setting in topic.settings:
+            if setting.entries:
+                parts.append(f"Each table of `{topic.key}.{setting.key}` has:\n")
+                parts.append(_setting_table(f"{topic.key}.{setting.key}", setting.entries))
+    return "\n".join(parts)
+
+
+def _owner(topic: str) -> str:
+    """The first topic that has the settings of this one: rocks share those of the ground's surface."""
+    return next(t.key for t in TOPICS.values() if t.settings is TOPICS[topic].settings)
+
+
+def _setting_table(prefix: str, listed: tuple[Setting, ...]) -> str:
+    return _table(("Setting", "Default", "Unit", "Range", "What it is", "Then"), [
+        (f'<span id="{prefix}.{s.key}"></span>`{s.key}`', _default(s), s.unit, _range(s), _meaning(s),
+         EFFECTS[s.effect]) for s in listed])
+
+
+def _default(setting: Setting) -> str:
+    if setting.kind == "bool":
+        return str(setting.default).lower()
+    if setting.kind in ("text", "choice"):
+        return f"`{setting.default}`" if setting.default else "empty"
+    if setting.kind == "list":
+        return "none"
+    return _number(setting.default)
+
+
+def _range(setting: Setting) -> str:
+    if setting.kind not in ("int", "float"):
+        return {"bool": "true, false", "text": "text", "list": "tables", "choice": "names"}[setting.kind]
+    low, high = setting.soft or (setting.minimum, setting.maximum)
+    slider = "" if (low, high) == (setting.minimum, setting.maximum) else f"<br>({_number(low)} to {_number(high)})"
+    return f"{_number(setting.minimum)} to {_number(setting.maximum)}{slider}".replace(" ", "&nbsp;")
+
+
+def _number(value: Any) -> str:
+    """A number as short as it can be said: 1e6, 2.521e5, 0.001."""
+    plain = f"{value:.10g}"
+    if "e" not in plain and len(plain) < 7:
+        return plain
+    mantissa, exponent = f"{value:.9e}".split("e")
+    short = f"{mantissa.rstrip('0').rstrip('.')}e{int(exponent)}"
+    return short if len(short) < len(plain) else plain
+
+
+def _meaning(setting: Setting) -> str:
+    text = f"**{setting.label}.** {_cell(setting.description)}."
+    return text + "".join(f"<br>`{name}` {label}: {_cell(meaning)}." for name, label, meaning in setting.choices)
+
+
+# ---- presets --------------------------------------------------------------------------------------------------------
+
+def _presets() -> str:
+    parts = ["# Presets\n",
+             "Shipped in `presets/`, each a TOML file whose every number has a source. A scene preset includes others; "
+             "`--preset` may be given again, the later one winning. *Chosen* means that no measurement is known and "
+             "somebody decided.\n"]
+    kinds = sorted({name.split("/")[0] for name in settings.preset_names()}, key=[*KINDS].index)
+    for kind in kinds:
+        parts.append(f"## {KINDS[kind]}\n")
+        parts += [_preset(name) for name in settings.preset_names(kind)]
+    return "\n".join(parts)
+
+
+def _preset(name: str) -> str:
+    raw = settings.read_toml(settings.preset_path(name))
+    header, sources = raw.pop("preset"), raw.pop("sources")
+    text = f"### {name}\n\n**{header['title']}.** {header['description']}.\n"
+    if included := header.get("include"):
+        text += "\nIncludes " + ", ".join(f"[{one}](#{one.replace('/', '')})" for one in included) + ".\n"
+    rows = [(f"[{topic}.{key}](settings.md#{_owner(topic)}.{key})", _cell(_value(value)),
+             _cell(sources[f"{topic}.{key}"])) for topic, values in raw.items() for key, value in values.items()]
+    return text + "\n" + _table(("Setting", "Value", "Source"), rows)
+
+
+def _value(value: Any) -> str:
+    if isinstance(value, list):
+        return "; ".join(", ".join(f"{k} {v}" for k, v in entry.items()) for entry in value)
+    if isinstance(value, bool):
+        return str(value).lower()
+    return _number(value) if isinstance(value, float) else str(value)
+
+
+# ---- command lines --------------------------------------------------------------------------------------------------
+
+def _cli() -> str:
+    text = ("# Command lines\n\nStandard output is for results, standard error for people. The exit status is 0 when "
+            "all is done, 1 after a sentence that says what to mend, 2 for a wrong command line, 130 when stopped.\n")
+    # The parsers are what the programs themselves use.
+    for title, parser in (("python -m icymoon", cli._parser()), ("python -m icymoon.stereo", stereo_cli._parser())):
+        text += f"\n## {title}\n\n{parser.description}\n"
+        for name, (meaning, verb) in _verbs(parser).items():
+            text += f"\n### {title} {name}\n\n{_sentence(meaning)}\n\n{_options(verb)}"
+    return text
+
+
+def _verbs(parser: argparse.ArgumentParser) -> dict[str, tuple[str, argparse.ArgumentParser]]:
+    """(meaning, parser) of each verb of a command line, by its name."""
+    (verbs,) = [action for action in parser._actions if isinstance(action, argparse._SubParsersAction)]
+    meanings = {choice.dest: choice.help or "" for choice in verbs._choices_actions}
+    return {name: (meanings.get(name, ""), verb) for name, verb in verbs.choices.items()}
+
+
+def _options(parser: argparse.ArgumentParser) -> str:
+    rows = []
+    for action in parser._actions:
+        if isinstance(action, argparse._HelpAction):
+            continue
+        word = action.metavar or (action.dest.upper() if action.option_strings else action.dest)
+        shape = word if isinstance(word, str) else " ".join(word)
+        if action.choices:
+            shape = "{" + ",".join(map(str, action.choices)) + "}"
+        if action.nargs == 0:
+            shape = ""
+        elif action.nargs == "+":
+            shape += " …"
+        elif action.nargs in ("?", "*"):
+            shape = f"[{shape}]"
+        words = " ".join(part for part in ("/".join(action.option_strings), shape) if part)
+        # A default that is a path of the machine that makes the page is not shown; the help says what it is.
+        told = (action.help or "") % {"default": action.default}
+        rows.append((f"`{words}`", _cell(_sentence(told)) + (" Required." if action.required and
+                                                             action.option_strings else "")))
+    return _table(("Argument", "What it is"), rows) if rows else "It takes no arguments.\n"
+
+
+def _sentence(text: str) -> str:
+    return text[:1].upper() + text[1:] + ("" if text.endswith(".") else ".")
+
+
+# ---- matchers -------------------------------------------------------------------------------------------------------
+
+def _matchers() -> str:
+    parts = ["# Matchers\n",
+             "Names for `--methods`. Options follow a colon, as in `bm:window=21`, or come by `--option "
+             "bm.window=21`.\n"]
+    for name in METHODS:
+        module = importlib.import_module(f"icymoon.stereo.matchers.{name}")
+        parts.append(f"## {name}\n\n{(module.__doc__ or '').strip().splitlines()[0]}\n")
+        parts.append(_table(("Option", "Default", "Values", "What it is"), [
+            (f"`{o.key}`", _cell(str(o.default)) or "empty", _cell(o.range), _cell(o.doc)) for o in module.OPTIONS]))
+        for preset, chosen in module.PRESETS.items():
+            parts.append(f"`preset={preset}`: " + ", ".join(f"{key} {value}" for key, value in chosen.items()) + ".\n")
+    return "\n".join(parts)
+
+
+# ---- operators ------------------------------------------------------------------------------------------------------
+
+@dataclass(frozen=True)
+class Operator:
+    """An operator as its source states it: (name, description) of its ``properties`` by key, and the ``choices`` that
+    those have which are enumerations."""
+
+    name: str
+    label: str
+    description: str
+    properties: dict[str, tuple[str, str]]
+    choices: dict[str, list[str]]
+
+
+def operators() -> list[Operator]:
+    """Every operator of ``operators/``, in the order of its files."""
+    return [operator for path in sorted((ROOT / "operators").glob("*.py")) for operator in _operators_of(path)]
+
+
+def _operators_of(path: Path) -> Iterator[Operator]:
+    module = ast.parse(path.read_text(encoding="utf-8"))
+    classes = {node.name: node for node in module.body if isinstance(node, ast.ClassDef)}
+    constants = _assigned(module.body)
+    for node in classes.values():
+        if "_OT_" not in node.name:
+            continue
+        body = [statement for base in node.bases if isinstance(base, ast.Name) and base.id in classes
+                for statement in classes[base.id].body] + node.body
+        stated = _assigned(body, constants)
+        properties, choices = {}, {}
+        for statement in body:
+            if isinstance(statement, ast.AnnAssign) and isinstance(statement.target, ast.Name) and isinstance(
+                    statement.annotation, ast.Call):
+                words = {word.arg: _literal(word.value, constants) for word in statement.annotation.keywords}
+                if words.get("name"):  # what has none is hidden
+                    properties[statement.target.id] = (words["name"], words.get("description") or "")
+                    choices[statement.target.id] = [name for name, *_ in words.get("items") or ()]
+        yield Operator(stated["bl_idname"], stated["bl_label"], ast.get_docstring(node) or "", properties, choices)
+
+
+def _assigned(body: Sequence[ast.stmt], constants: dict[str, Any] | None = None) -> dict[str, Any]:
+    """The literal values that statements give to names, and those of constants."""
+    return {statement.targets[0].id: _literal(statement.value, constants or {}) for statement in body
+            if isinstance(statement, ast.Assign) and isinstance(statement.targets[0], ast.Name)}
+
+
+def _literal(value: ast.expr, constants: dict[str, Any]) -> Any:
+    """The value of a literal or of a constant's name; None of what only a run can tell."""
+    if isinstance(value, ast.Name):
+        return constants.get(value.id)
+    try:
+        return ast.literal_eval(value)
+    except ValueError:
+        return None
+
+
+def _operators() -> str:
+    rows = [(f"`bpy.ops.{o.name}`", f"**{o.label}.** {_cell(o.description)}." + "".join(
+        f"<br>`{key}` {name}: {_cell(text)}" + (f" ({', '.join(o.choices[key])})." if o.choices[key] else ".")
+        for key, (name, text) in o.properties.items())) for o in operators()]
+    return ("# Operators\n\nAll are in Render ▸ Icy Moon, so F3 finds them. Called from a script they run until they "
+            "are done; pressed in the window, the long ones work in a process of their own. Settings are properties "
+            "of `bpy.context.scene.icymoon`, as `bpy.context.scene.icymoon.rig.baseline_m = 0.3`.\n\n"
+            + _table(("Operator", "What it does"), rows))

@@ -1,0 +1,160 @@
+"""Commands as a page shows them: cut into words as a shell would, and checked against the programs themselves."""
+
+from __future__ import annotations
+
+import ast
+import io
+import re
+import shlex
+import tomllib
+from collections.abc import Iterator
+from contextlib import redirect_stderr
+from typing import Any
+
+from icymoon import cli, settings
+from icymoon.properties import TOPICS
+from icymoon.stereo import cli as stereo_cli
+from icymoon.stereo.matchers import complete_options
+from icymoon.stereo.methods import key_value
+from icymoon.version import ROOT
+from manual import reference
+
+PYTHONS = ("python", "python3", ".venv/bin/python", "evaluator/bin/python")
+#: Programs of the shell that a page may show; what they do is not ours to check.
+SHELL = (".", "cd", "git")
+OPERATORS = {operator.name.removeprefix("icymoon."): operator for operator in reference.operators()}
+#: Program that needs no parser, and the parser of each that does.
+PARSERS = {"icymoon": cli._parser, "icymoon.stereo": stereo_cli._parser}
+
+
+def words_of(code: str) -> Iterator[list[str]]:
+    """The words of each command of a block: lines joined, comments and loops taken off, variables put in."""
+    variables: dict[str, str] = {}
+    line = ""
+    for piece in code.splitlines():
+        line += piece + "\n"
+        if piece.endswith("\\"):
+            line = line[:-2] + " "
+            continue
+        try:
+            words = shlex.split(line, comments=True)
+        except ValueError:
+            continue  # a quotation goes on in the next line
+        line = ""
+        if words[:1] == ["for"]:
+            variables[words[1]] = words[3].rstrip(";")
+        elif words and words[0] not in ("do", "done"):
+            words = [re.sub(r"\$(\w+)", lambda found: variables[found[1]], word) for word in words]
+            yield words[:words.index(">")] if ">" in words else words
+    assert not line.strip(), f"an open quotation: {line}"
+
+
+def fault(words: list[str]) -> str:
+    """What is wrong with a command; empty if nothing is."""
+    try:
+        return _fault(words)
+    except Exception as error:
+        return f"{type(error).__name__}: {error}"
+
+
+def _fault(words: list[str]) -> str:
+    program, rest = words[0], words[1:]
+    if program in PYTHONS:
+        if rest[0] == "__main__.py":
+            rest = ["-m", "icymoon", *rest[1:]]
+        if rest[0] != "-m":
+            return "" if (ROOT / rest[0]).is_file() else f"there is no {rest[0]}"
+        program, rest = rest[1], rest[2:]
+    if program == "icymoon" and rest[:1] == ["stereo"]:
+        program, rest = "icymoon.stereo", rest[1:]
+    if program in PARSERS:
+        return _parsed(program, rest)
+    if program == "make":
+        targets = re.findall(r"(?m)^([\w-]+):", (ROOT / "Makefile").read_text(encoding="utf-8"))
+        return "".join(f"there is no target {word}" for word in rest if "=" not in word and word not in targets)
+    if program == "blender":
+        return python_fault(rest[rest.index("--python-expr") + 1]) if "--python-expr" in rest else ""
+    if program == "pip":
+        return _extras(rest)
+    return "" if program in (*SHELL, "venv") else f"{program} is no command that the manual may show"
+
+
+def _extras(words: list[str]) -> str:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    extras = {extra for word in words for found in re.findall(r"(?:icymoon|\.)\[([\w,]+)\]", word)
+              for extra in found.split(",")}
+    return "".join(f"there is no extra {extra}" for extra in extras - set(project["optional-dependencies"]))
+
+
+def _parsed(program: str, words: list[str]) -> str:
+    """What the program's own parser, and then the settings, say of its arguments."""
+    said = io.StringIO()
+    try:
+        with redirect_stderr(said):
+            options = vars(PARSERS[program]().parse_args(words))
+    except SystemExit:
+        return said.getvalue().strip().splitlines()[-1]
+    for name in options.get("preset") or ():
+        settings.preset_path(name)
+    changed = options.get("overrides", options.get("set")) or ()
+    for text in changed:
+        settings.override(text)
+    if program == "icymoon.stereo":
+        stereo_cli._response([], changed)
+    for label in str(options.get("methods") or options.get("method") or "").split(","):
+        name, *own = label.split(":")
+        if label:
+            complete_options(name, dict(key_value(text, "--methods") for text in own))
+    for given in options.get("option") or ():
+        for text in [given] if isinstance(given, str) else given:
+            key, value = key_value(text, "--option")
+            name, dot, key = key.rpartition(".")
+            complete_options(name if dot else str(options["method"]), {key: value})
+    return ""
+
+
+def python_fault(code: str) -> str:
+    """What is wrong with the operators and settings that a piece of Python for Blender uses."""
+    tree = ast.parse(code)
+    names = {"bpy.ops.icymoon": "bpy.ops.icymoon", "bpy.context.scene.icymoon": "bpy.context.scene.icymoon"}
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Assign):
+            pairs = [(node.targets[0], node.value)]
+            if isinstance(node.targets[0], ast.Tuple) and isinstance(node.value, ast.Tuple):
+                pairs = list(zip(node.targets[0].elts, node.value.elts, strict=True))
+            names |= {ast.unparse(target): ast.unparse(value) for target, value in pairs
+                      if ast.unparse(value) in names}
+    faults = [_call_fault(node, names) for node in ast.walk(tree) if isinstance(node, ast.Call)]
+    faults += [_setting_fault(node, names) for node in ast.walk(tree) if isinstance(node, ast.Assign)]
+    return "; ".join(filter(None, faults))
+
+
+def _call_fault(call: ast.Call, names: dict[str, str]) -> str:
+    if not isinstance(call.func, ast.Attribute) or names.get(ast.unparse(call.func.value)) != "bpy.ops.icymoon":
+        return ""
+    operator = OPERATORS.get(call.func.attr)
+    if operator is None:
+        return f"there is no operator icymoon.{call.func.attr}"
+    for word in call.keywords:
+        if word.arg not in operator.properties:
+            return f"icymoon.{call.func.attr} has no {word.arg}"
+        if word.arg == "preset" and ast.literal_eval(word.value) not in settings.preset_names():
+            return f"there is no preset {ast.unparse(word.value)}"
+    return ""
+
+
+def _setting_fault(node: ast.Assign, names: dict[str, str]) -> str:
+    parts = ast.unparse(node.targets[0]).rsplit(".", 2)
+    if len(parts) != 3 or names.get(parts[0]) != "bpy.context.scene.icymoon":
+        return ""
+    values: dict[str, Any] = {parts[1]: {parts[2]: ast.literal_eval(node.value)}}
+    settings.check(values, "the page")
+    return ""
+
+
+def unknown_settings(text: str) -> set[str]:
+    """Settings that a page names in backticks and that do not exist."""
+    named = re.findall(rf"`(?:--set )?({'|'.join(TOPICS)})\.([a-z]\w*\*?)", text)
+    known = {topic: {setting.key for setting in TOPICS[topic].settings} for topic in TOPICS}
+    return {f"{topic}.{key}" for topic, key in named
+            if not (key in known[topic] or (key.endswith("*") and any(k.startswith(key[:-1]) for k in known[topic])))}

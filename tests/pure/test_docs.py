@@ -1,0 +1,148 @@
+"""The manual says what is so: its links lead somewhere, its commands are understood, its settings exist."""
+
+from __future__ import annotations
+
+import ast
+import importlib
+import importlib.util
+import re
+import tomllib
+
+import commands
+import manual
+import pytest
+from icymoon import settings
+from icymoon.version import ROOT, version
+
+PAGES = sorted(manual.pages())
+WRITTEN = sorted(manual.written())
+BLOCKS = list(manual.blocks())
+#: Languages of fences; text and json are shown, not run.
+LANGUAGES = ("sh", "toml", "python", "text", "json")
+FIGURES = {f"docs/figures/{name}.svg" for name in re.findall(
+    r"(?m)^def (\w+)\(figure: Figure\)", (ROOT / "docs" / "make" / "figures.py").read_text(encoding="utf-8"))}
+
+
+def shell() -> list:
+    """(block, words) of every command; of an indented block only what is ours."""
+    found = []
+    for block in BLOCKS:
+        ours = not block.language and block.code.startswith(("python -m icymoon", "make ", "blender "))
+        if block.language == "sh" or ours:
+            found += [(block, words) for words in commands.words_of(block.code)]
+    return found
+
+
+SHELL = shell()
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_every_link_leads_somewhere(page):
+    text = manual.pages()[page]
+    for link in manual.links(text):
+        if "://" in link:
+            continue
+        path, _, anchor = link.partition("#")
+        target = manual.resolved(page, path)
+        made = target in manual.pages() or target in FIGURES
+        assert made or (ROOT / target).is_file(), f"{page} links to {link}"
+        if page in manual.TOP:
+            assert (ROOT / target).is_file(), f"{page} links to {link}, which is not in the repository"
+        if anchor:
+            assert anchor in manual.anchors(manual.pages()[target]), f"{page} links to {link}: no such heading"
+
+
+def test_every_page_is_in_the_navigation():
+    listed = re.findall(r"(?m): (\S+\.md)$", (ROOT / "mkdocs.yml").read_text(encoding="utf-8"))
+    pages = {page.removeprefix("docs/") for page in PAGES if page.startswith("docs/")}
+    assert set(listed) == pages, "the navigation in mkdocs.yml lacks a page, or has one that is not there"
+    assert len(listed) == len(pages)
+
+
+def test_the_version_is_that_of_the_manifest():
+    assert f"\nversion: {version()}\n" in (ROOT / "CITATION.cff").read_text(encoding="utf-8")
+    assert f"\n## {version()}\n" in manual.written()["CHANGELOG.md"]
+
+
+def test_every_figure_is_shown():
+    shown = {manual.resolved(page, link) for page, text in manual.written().items() for link in manual.links(text)}
+    assert shown >= FIGURES
+    assert shown >= {path.relative_to(ROOT).as_posix() for path in (ROOT / "docs" / "images").iterdir()}
+
+
+@pytest.mark.parametrize("block", [b for b in BLOCKS if b.language], ids=str)
+def test_every_fence_says_a_language_that_is_checked(block):
+    assert block.language in LANGUAGES
+
+
+def test_there_is_something_to_check():
+    assert len(SHELL) > 40
+    assert {block.language for block in BLOCKS} >= {"sh", "toml", "python"}
+
+
+@pytest.mark.parametrize(("block", "words"), SHELL, ids=[f"{b}-{' '.join(w)[:60]}" for b, w in SHELL])
+def test_every_command_is_understood(block, words):
+    assert not commands.fault(words), f"{block}: {' '.join(words)}"
+
+
+@pytest.mark.parametrize("block", [b for b in BLOCKS if b.language == "toml"], ids=str)
+def test_every_settings_file_loads(block, tmp_path):
+    raw = tomllib.loads(block.code)
+    raw.pop("preset", None)
+    file = tmp_path / "scene.toml"
+    file.write_text(block.code, encoding="utf-8")
+    assert settings.load(file) or not raw
+    for name in set(raw.get("sources", {})):
+        topic, _, key = name.partition(".")
+        assert key in raw[topic], f"{block}: a source of {name}, which it does not set"
+
+
+@pytest.mark.parametrize("block", [b for b in BLOCKS if b.language == "python"], ids=str)
+def test_every_piece_of_python_compiles_and_finds_what_it_imports(block):
+    tree = ast.parse(block.code)
+    assert not commands.python_fault(block.code), str(block)
+    for node in ast.walk(tree):
+        if isinstance(node, ast.ImportFrom) and node.module and node.module.startswith("icymoon"):
+            module = importlib.import_module(node.module)
+            assert all(hasattr(module, alias.name) for alias in node.names), f"{block}: {ast.unparse(node)}"
+        elif isinstance(node, ast.Import):
+            for alias in node.names:
+                there = alias.name == "bpy" or importlib.util.find_spec(alias.name.split(".")[0])
+                assert there, f"{block}: {alias.name}"
+
+
+@pytest.mark.parametrize("page", WRITTEN)
+def test_every_setting_and_file_that_is_named_exists(page):
+    text = manual.written()[page]
+    assert not commands.unknown_settings(text)
+    folders = "physics|nodes|render|stereo|operators|panels|presets|tests|benchmarks|docs"
+    for path in re.findall(rf"`(?:python )?((?:{folders})/[\w./]*)[` ]", text):
+        assert (ROOT / path).exists(), f"{page} names {path}"
+
+
+@pytest.mark.parametrize(("command", "word"), [
+    ("python -m icymoon rendr", "invalid choice"),
+    ("python -m icymoon render --preset nowhere", "nowhere"),
+    ("python -m icymoon render --set rig.baseline=3", "baseline_m"),
+    ("python -m icymoon.stereo develop D --out O --set rig.baseline_m=3", "new render"),
+    ("python -m icymoon.stereo evaluate D --out O --methods bmm", "bmm"),
+    ("python -m icymoon.stereo evaluate D --out O --methods bm:windows=7", "windows"),
+    ("python -m icymoon.stereo match --method bm --left L --right R --out O --option windo=7", "windo"),
+    ("python benchmarks/nothing.py", "nothing"),
+    ("make tests", "tests"),
+    ("pip install icymoon[everything]", "everything"),
+    ("blender -b --python-expr 'import bpy; bpy.ops.icymoon.build()'", "build"),
+    ("blender -b --python-expr 'import bpy; bpy.ops.icymoon.render_pair(agin=True)'", "agin"),
+    ("blender -b --python-expr 'import bpy; s = bpy.context.scene.icymoon; s.rig.base_m = 1'", "base_m"),
+    ("rm -r /", "rm"),
+])
+def test_a_wrong_command_is_found(command, word):
+    ((words),) = commands.words_of(command)
+    assert word in commands.fault(words)
+
+
+def test_a_wrong_link_or_setting_is_found():
+    assert manual.anchors("# One `two` three\n## x.y") == {"one-two-three", "xy"}
+    assert manual.links("[a](b.md#c) `[no](x)` ![d](e.png)") == ["b.md#c", "e.png"]
+    assert manual.resolved("docs/howto/a.md", "../theory/b.md") == "docs/theory/b.md"
+    assert commands.unknown_settings("`rig.base_m` and `rig.baseline_m` and `rig.distortion_*`") == {"rig.base_m"}
