@@ -14,10 +14,12 @@ from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from . import batch
 from . import settings as description
 from .errors import IcyMoonError
 from .render.launch import Job, absolute_folder, blender_command
 from .render.queue import Process
+from .terminal import shown
 from .version import version
 
 if TYPE_CHECKING:
@@ -88,6 +90,8 @@ def _parser() -> argparse.ArgumentParser:
     auto.add_argument("--json-lines", action="store_true", help="progress and result as JSON lines on stdout")
     auto.set_defaults(run=_auto)
 
+    batch.add_verbs(verbs)
+
     doctor = verbs.add_parser("doctor", help="say what is here, what is missing and what to do about it")
     doctor.add_argument("--blender", default=sys.executable, help="Blender, or a Python with bpy (this Python)")
     doctor.add_argument("--evaluator", default=sys.executable, help="Python of the evaluator (this Python)")
@@ -124,30 +128,18 @@ def render_described(settings: description.Settings, dataset: Path, blender: str
 
     Returns the pair folders. Raises IcyMoonError with the worker's own words if it fails.
     """
-    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
-
-    job = Job(settings, dataset, again=again)
+    job = Job(dataset, settings, again=again)
     process = Process(blender_command(blender, "worker", str(job.file)))
     folders: list[str] = []
     failure = ""
     try:
-        with Progress(TextColumn("{task.description}"), BarColumn(), TextColumn("{task.percentage:>3.0f} %"),
-                      TimeElapsedColumn(), TimeRemainingColumn(), transient=False) as bar:
-            task = bar.add_task("Starting Blender", total=1.0)
+        with shown("Starting Blender") as show:
             for message in process.messages():
-                kind = message["type"]
-                if kind == "progress":
-                    bar.update(task, completed=message["fraction"], description=message["message"])
-                elif kind == "warning":
-                    bar.console.print(f"[yellow]Warning:[/] {message['message']}")
-                elif kind == "pair":
-                    done = f"rendered in {message['seconds']:.0f} s" if message["rendered"] else "was already there"
-                    bar.console.print(f"  {message['folder']} {done}", highlight=False)
-                elif kind == "error":
+                show(message)
+                if message["type"] == "error":
                     failure = message["message"]
-                elif kind == "done":
+                elif message["type"] == "done":
                     folders = message["folders"]
-                    bar.update(task, completed=1.0)
     finally:
         process.stop()
         job.remove()

@@ -9,3 +9,7 @@ class IcyMoonError(Exception):
     Operators turn it into a report, the command line into a line on stderr and exit code 1;
     anything else that is raised is a defect of ours and keeps its traceback.
     """
+
+
+class DiskError(IcyMoonError):
+    """The disk or the folder refuses, whatever is written there."""

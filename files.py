@@ -4,16 +4,25 @@ from __future__ import annotations
 
 import errno
 import hashlib
+import itertools
 import json
 import os
+import socket
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from .errors import IcyMoonError
+from .errors import DiskError, IcyMoonError
 
 PART = ".part"
+_numbers = itertools.count(1)
+
+
+def part_of(path: Path) -> Path:
+    """Where to write what is to become ``path``: a name that no other process uses, on any machine, and that ends
+    in ``PART``."""
+    return path.with_name(f"{path.name}.{socket.gethostname()}-{os.getpid()}-{next(_numbers)}{PART}")
 
 
 @contextmanager
@@ -30,7 +39,7 @@ def disk_errors(what: str, where: Path) -> Iterator[None]:
                 errno.ENOTDIR: "a part of this path is a file, not a folder; choose another folder",
                 errno.EEXIST: "a file of this name is in the way; move it or choose another folder",
                 }.get(error.errno or 0, f"{error.strerror or error}")
-        raise IcyMoonError(f"Cannot {what} {where}: {mend}.") from error
+        raise DiskError(f"Cannot {what} {where}: {mend}.") from error
 
 
 def sync(path: Path) -> None:
@@ -45,11 +54,11 @@ def sync(path: Path) -> None:
 
 
 def write_atomically(path: Path, write: Callable[[Path], None]) -> None:
-    """Let ``write`` fill ``path`` + '.part', then flush and rename it to ``path``.
+    """Let ``write`` fill a file beside ``path``, see ``part_of``, then flush and rename it to ``path``.
 
     Makes the parent folders. Raises IcyMoonError when the disk refuses; the part is removed.
     """
-    part = path.with_name(path.name + PART)
+    part = part_of(path)
     with disk_errors("write", path):
         path.parent.mkdir(parents=True, exist_ok=True)
         try:

@@ -25,6 +25,8 @@ from .properties import TOPICS, Setting, Value, all_settings, announce, together
 Settings = dict[str, dict[str, Any]]
 
 PRESETS = Path(__file__).parent / "presets"
+#: Shipped plans of data sets, which are more than settings: ``render.sweep`` reads them.
+PLANS = PRESETS / "datasets"
 
 
 def defaults() -> Settings:
@@ -141,21 +143,27 @@ def load(path: Path) -> Settings:
         raise IcyMoonError(f"{path}: unknown key preset.{sorted(unknown)[0]}, "
                            f"{_nearest(sorted(unknown)[0], ('title', 'description', 'include'))}")
     included = [load(preset_path(name)) for name in header.get("include", [])]
-    return merged(*included, _beside(path, check(data, str(path))))
+    return merged(*included, beside(path.parent, check(data, str(path))))
 
 
-def _beside(path: Path, settings: Settings) -> Settings:
-    """The same settings, files that a settings file names without a folder being those beside it."""
+def beside(folder: Path, settings: Settings) -> Settings:
+    """The same settings, files that are named without a folder being those in this one."""
     for topic, values in settings.items():
         for key, value in values.items():
             if TOPICS[topic][key].subtype == "FILE_PATH" and value and not value.startswith(("~", "//")):
-                values[key] = str(path.parent.absolute() / value)
+                values[key] = str(folder.absolute() / value)
     return settings
 
 
 def preset_names(kind: str = "") -> list[str]:
     """Names such as ``scenes/europa_rough_ice`` of the shipped presets, all or of one kind."""
-    return sorted(p.relative_to(PRESETS).with_suffix("").as_posix() for p in (PRESETS / kind).rglob("*.toml"))
+    return sorted(p.relative_to(PRESETS).with_suffix("").as_posix() for p in (PRESETS / kind).rglob("*.toml")
+                  if p.parent != PLANS)
+
+
+def plan_names() -> list[str]:
+    """Names such as ``datasets/guiss_rocks`` of the shipped plans."""
+    return sorted(p.relative_to(PRESETS).with_suffix("").as_posix() for p in PLANS.glob("*.toml"))
 
 
 def preset_path(name: str) -> Path:

@@ -125,7 +125,7 @@ def _render(variant: Variant, bench: Bench, counter: _Counter) -> list[Path]:
     """The pair folders of a variant's renders, each made by a process of its own."""
     folders = []
     for repeat in range(variant.repeats):
-        job = Job(variant.settings, bench.out / "data", repeat=repeat)
+        job = Job(bench.out / "data", variant.settings, repeat=repeat)
         process = Process(blender_command(bench.blender, "worker", str(job.file)))
         made: list[str] = []
         failure = ""

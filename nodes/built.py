@@ -22,6 +22,7 @@ SETTINGS, FINGERPRINT, PREVIOUS_WORLD, PREVIOUS_CAMERA, PREVIOUS_VIEW, GROUND = 
     "icymoon_settings", "icymoon_fingerprint", "icymoon_previous_world", "icymoon_previous_camera",
     "icymoon_previous_view", "icymoon_ground")
 PREVIOUS_OSL = "icymoon_previous_osl"
+SITE = "icymoon_site_m"  # height of the ground that the camera stands on
 CONTENT = "icymoon_content"  # hash of the person's own files
 ROUGHNESS = "icymoon_roughness"  # measured on the built ground
 PREVIEW = "icymoon_preview"  # settings that are shown otherwise than Build Scene would show them
@@ -43,6 +44,11 @@ class Built:
     def ground(self) -> dict[str, Any]:
         """Of a ground from a file, the ``report`` of its import; else empty."""
         return dict(json.loads(self.collection.get(GROUND, "{}")))
+
+    @property
+    def site_m(self) -> float:
+        """Height in metres of the ground that the camera was built to stand on."""
+        return float(self.collection[SITE])
 
     @property
     def content(self) -> str:

@@ -9,19 +9,19 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterable
 from dataclasses import replace
 
 import bpy
 import numpy as np
 
+from .. import changes
+from ..changes import geometry
 from ..errors import IcyMoonError
 from ..physics.grading import OF_THE_RIG
 from ..physics.ground import Surface
 from ..physics.heightmap import HeightMap
 from ..physics.rocks import LEVEL_RANKS, Rocks, scatter
 from ..physics.shapes import Shape, block_shapes
-from ..properties import TOPICS
 from ..settings import Settings, merged
 from . import scene as scenes
 from .builder import take_values
@@ -39,21 +39,6 @@ from .terrain import fill_mesh, grid
 #: Most blocks that a preview shows; the smallest are left out.
 MOST_BLOCKS = 1000
 _EDITED = "The {} was edited by hand, so sliders leave it as it is; Build Scene makes it anew."
-_SHAPE = {(topic.key, s.key) for topic in TOPICS.values() for s in topic.settings if s.effect == "geometry"}
-_LOOK = {(topic.key, s.key) for topic in TOPICS.values() for s in topic.settings if s.effect == "material"}
-
-
-def _part(settings: Settings, keys: Iterable[tuple[str, str]]) -> Settings:
-    found: Settings = {}
-    for topic, key in sorted(keys):
-        found.setdefault(topic, {})[key] = settings[topic][key]
-    return found
-
-
-def geometry(settings: Settings) -> Settings:
-    """The settings that the ground and the blocks are made from."""
-    around = settings["rocks"]["coverage"] > 0 and settings["rocks"]["clear_radius_m"] > 0
-    return _part(settings, _SHAPE | ({("rig", "x_m"), ("rig", "y_m")} if around else set()))
 
 
 def notes(scene: bpy.types.Scene) -> list[str]:
@@ -178,8 +163,8 @@ def _show_blocks(built: scenes.Built, settings: Settings, rocks: Rocks | None) -
 
 def _show_surfaces(built: scenes.Built, settings: Settings, before: Settings) -> list[str]:
     """Make ground and blocks of what ``settings`` say; what keeps that from being done, in sentences."""
-    looks = _LOOK | {("dataset", "seed")}
-    if _part(settings, looks) == _part(before, looks):
+    seeds = settings["dataset"]["seed"], before["dataset"]["seed"]
+    if changes.look(settings) == changes.look(before) and seeds[0] == seeds[1]:
         return []
     made = {"terrain": ("ground", ground_material, [built.terrain]),
             "rock": ("blocks", rock_material,
@@ -202,7 +187,7 @@ def _show_surfaces(built: scenes.Built, settings: Settings, before: Settings) ->
                 said.append(str(error))
                 break
     remove_unused_images()
-    built.remember(built.settings if said else merged(built.settings, _part(settings, _LOOK)), built.preview, *changed)
+    built.remember(built.settings if said else merged(built.settings, changes.look(settings)), built.preview, *changed)
     return said
 
 
@@ -236,19 +221,22 @@ def _show_rig(built: scenes.Built, settings: Settings, ground: Surface | None) -
     On a ground from a file, away from where it was built, the camera is only nearly there.
     """
     rig, preview = settings["rig"], {topic: values for topic, values in built.preview.items() if topic != "rig"}
+    site_m, stood = built.site_m, built.settings["rig"]
+    moved = (rig["x_m"], rig["y_m"]) != (stood["x_m"], stood["y_m"])
     if not is_own(settings):
-        site_m = scenes.site_ground_m(settings, ground or scenes.ground_of(settings))
+        if moved or ground is not None or preview:
+            site_m = scenes.site_ground_m(settings, ground or scenes.ground_of(settings))
         if settings["mesh"]["kind"] == "GRADED":  # the mesh was made for the rig that it was built with
-            stood = {key: built.settings["rig"][key] for key in OF_THE_RIG if built.settings["rig"][key] != rig[key]}
-            preview |= {"rig": {key: rig[key] for key in stood}} if stood else {}
-            settings = merged(settings, {"rig": stood})
-    else:
-        site_m, stood = built.ground["site_m"], built.settings["rig"]
-        if (rig["x_m"], rig["y_m"]) != (stood["x_m"], stood["y_m"]):
-            with heights_of(built.terrain) as height_at:
-                under = float(height_at(np.array([rig["x_m"]]), np.array([rig["y_m"]]))[0])
-            site_m = site_m if math.isnan(under) else under
-            preview["rig"] = {"x_m": rig["x_m"], "y_m": rig["y_m"]}
-            settings = merged(settings, {"rig": {"x_m": stood["x_m"], "y_m": stood["y_m"]}})
+            other = {key: stood[key] for key in OF_THE_RIG if stood[key] != rig[key]}
+            preview |= {"rig": {key: rig[key] for key in other}} if other else {}
+            settings = merged(settings, {"rig": other})
+    elif moved:
+        with heights_of(built.terrain) as height_at:
+            under = float(height_at(np.array([rig["x_m"]]), np.array([rig["y_m"]]))[0])
+        site_m = site_m if math.isnan(under) else under
+        preview["rig"] = {"x_m": rig["x_m"], "y_m": rig["y_m"]}
+        settings = merged(settings, {"rig": {"x_m": stood["x_m"], "y_m": stood["y_m"]}})
     place_rig(built.camera, rig, site_m)
+    if moved and not preview:
+        built.collection[scenes.SITE] = site_m
     built.remember(merged(built.settings, {"rig": settings["rig"]}), preview, "camera")

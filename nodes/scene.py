@@ -37,6 +37,7 @@ from .built import (
     PREVIOUS_WORLD,
     ROUGHNESS,
     SETTINGS,
+    SITE,
     Built,
     changed_settings,
     extra,
@@ -59,7 +60,7 @@ from .rocks import build_blocks
 from .terrain import as_meshed, build_mesh, grid_heights, measured, patch_heights, site_wavelength_m
 
 #: With what is built here, all that others ask of a scene.
-__all__ = ["NAME", "NOTES", "PREVIEW", "Built", "build", "changed_settings", "clear", "extra", "find",
+__all__ = ["NAME", "NOTES", "PREVIEW", "SITE", "Built", "build", "changed_settings", "clear", "extra", "find",
            "find_collection", "free_names", "ground_of", "measured_patch", "measured_roughness", "remove",
            "site_ground_m", "sun_shines"]
 
@@ -120,8 +121,9 @@ def _blocks(settings: Settings, terrain: bpy.types.Object, size_m: float) -> tup
     return blocks, []
 
 
-def _make(settings: Settings) -> tuple[list[bpy.types.Object], bpy.types.World, list[str], OwnGround | None]:
-    """All objects of the scene (terrain, Sun, camera, then others), its sky, warnings, and the person's own ground."""
+def _make(settings: Settings) -> tuple[list[bpy.types.Object], bpy.types.World, list[str], OwnGround | None, float]:
+    """All objects of the scene (terrain, Sun, camera, then others), its sky, warnings, the person's own ground, and
+    the height of the ground under the camera."""
     # What can be refused comes first: nothing has been made yet.
     if settings["rocks"]["coverage"] > 0:
         size_law(settings["rocks"])
@@ -157,7 +159,7 @@ def _make(settings: Settings) -> tuple[list[bpy.types.Object], bpy.types.World, 
         blocks, more = _blocks(settings, terrain, ground.size_m)
         objects.append(blocks)
         warnings += more
-    return objects, _tagged(build_sky(f"{NAME} Sky"), "sky"), warnings, own
+    return objects, _tagged(build_sky(f"{NAME} Sky"), "sky"), warnings, own, site_m
 
 
 def _adopt_children(collection: bpy.types.Collection, old: list[bpy.types.Object],
@@ -188,7 +190,7 @@ def sun_shines(collection: bpy.types.Collection) -> None:
     for item in objects:
         if item[TAG] in ("terrain", "rock"):
             # Hapke's law in OSL gives all of the planet's light, and all or part of the Sun's, as if it shone by
-            # itself. By day ``render.takes`` tells the two apart.
+            # itself. By day ``render.apart`` tells the two apart.
             group = "Sun" if lamp.data.energy > 0 or shine is None else "Planet"
             for each in (item, *instanced(item)):
                 each.lightgroup = group if item in of_osl else ""
@@ -207,7 +209,7 @@ def build(scene: bpy.types.Scene, settings: Settings) -> Built:
     """
     collection = find_collection(scene)
     try:
-        objects, sky, warnings, own = _make(settings)
+        objects, sky, warnings, own, site_m = _make(settings)
     except MemoryError:
         if settings["source"]["kind"] == "MESH":
             raise IcyMoonError("There is not enough memory for the mesh; reduce it before importing it.") from None
@@ -246,8 +248,8 @@ def build(scene: bpy.types.Scene, settings: Settings) -> Built:
     free_names(named)
     sun_shines(collection)
     collection[SETTINGS] = json.dumps(merged(settings))
-    collection[GROUND] = json.dumps({"report": own.report, "site_m": _site(settings, own.surface, own)[0]}
-                                     if own else {})
+    collection[GROUND] = json.dumps({"report": own.report, "site_m": site_m} if own else {})
+    collection[SITE] = site_m
     collection[CONTENT] = content(settings)
     built = Built(collection, objects[0], objects[1], objects[2], merged(settings), tuple(warnings))
     roughness = measured(measured_patch(built), settings["terrain"])

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import bpy
+import numpy as np
 from mathutils import Matrix
 
 from .. import compat
@@ -81,6 +82,12 @@ def _own(material: bpy.types.Material, name: str, kind: str) -> Any:
     return node if node and node.bl_idname == kind else None
 
 
+def _set(socket: Any, value: Any) -> None:
+    """Set an input, unless it has that value: any change of a material makes Cycles build its scene again."""
+    if not np.array_equal(np.float32(socket.default_value), np.float32(value)):
+        socket.default_value = value
+
+
 def aim(materials: Iterable[bpy.types.Material], sun: Sun, shine: bpy.types.Object | None) -> None:
     """Tell surfaces where the Sun and the planet, of which ``shine`` is the lamp, are now.
 
@@ -90,12 +97,12 @@ def aim(materials: Iterable[bpy.types.Material], sun: Sun, shine: bpy.types.Obje
     for material in materials:
         if node := _own(material, DIRECTION, "ShaderNodeCombineXYZ"):
             for axis, value in zip("XYZ", lit_by.direction, strict=True):
-                node.inputs[axis].default_value = value
+                _set(node.inputs[axis], value)
         if node := _own(material, BLUR, "ShaderNodeMath"):
-            node.inputs[0].default_value = lit_by.blur
+            _set(node.inputs[0], lit_by.blur)
         if node := _own(material, SCRIPT, "ShaderNodeScript"):
             for name, value in {**sun_inputs(sun), **planet_inputs(shine)}.items():
-                node.inputs[name].default_value = value
+                _set(node.inputs[name], value)
 
 
 def asks(material: bpy.types.Material) -> bool:

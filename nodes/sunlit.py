@@ -16,7 +16,7 @@ Only Open Shading Language on the processor can trace in a shader; nodes are alw
 the planet for a point in the middle of what is lit of it. The law then is within 0.4 % for Jupiter
 from Europa and 2 % for Saturn from Enceladus in 95 % of directions (``benchmarks/hapke.py planet``).
 A closure has one weight: it is that for the Sun, and for the planet when the Sun is dark, so
-``render.takes`` renders one after the other.
+``render.apart`` has them rendered one after the other.
 """
 
 from __future__ import annotations

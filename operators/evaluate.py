@@ -11,8 +11,8 @@ from ..errors import IcyMoonError
 from ..preferences import evaluator_python
 from ..properties import all_settings
 from ..render.launch import python_command
+from ..render.pair import is_complete
 from ..render.queue import Message, Process, clean_environment
-from ..render.shoot import is_complete
 from . import jobs, results
 from .render import dataset_folder, planned_pairs
 

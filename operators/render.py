@@ -74,7 +74,7 @@ class ICYMOON_OT_render_pair(jobs.JobOperator, bpy.types.Operator):
         look_through(views, built)
         self._warn(built)
         edited = built.edited
-        files = JobFiles(with_absolute_files(settings), dataset_folder(settings), again=self.again,
+        files = JobFiles(dataset_folder(settings), with_absolute_files(settings), again=self.again,
                          scene=context.scene.name if edited else None)
         if edited:
             bpy.ops.wm.save_as_mainfile(filepath=str(files.blend), copy=True, check_existing=False)

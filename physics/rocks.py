@@ -33,8 +33,9 @@ class Rocks:
 
     ``position_m`` (n, 3) of the centres, ``rotation`` (n, 3) Euler angles XYZ in radians,
     ``scale_m`` (n, 3) of a shape of unit size, ``level`` and ``shape`` (n,) which shape,
-    ``diameter_m`` (n,) of a circle that covers as much ground. ``smallest_m`` is the smallest
-    diameter that could be drawn, above the setting when the number of blocks was limited.
+    ``diameter_m`` (n,) of a circle that covers as much ground, ``reach_m`` (n,) how far a block goes
+    from its centre to any side. ``smallest_m`` is the smallest diameter that could be drawn, above the
+    setting when the number of blocks was limited.
     """
 
     position_m: np.ndarray
@@ -43,6 +44,7 @@ class Rocks:
     level: np.ndarray
     shape: np.ndarray
     diameter_m: np.ndarray
+    reach_m: np.ndarray
     smallest_m: float
 
 
@@ -87,6 +89,11 @@ def euler_xyz(rotation: np.ndarray) -> np.ndarray:
     r = np.ascontiguousarray(np.moveaxis(rotation, 0, -1))
     return np.stack([np.arctan2(r[2, 1], r[2, 2]), np.arcsin(np.clip(-r[2, 0], -1.0, 1.0)),
                      np.arctan2(r[1, 0], r[0, 0])], axis=1)
+
+
+def euler_matrices(angles: np.ndarray) -> np.ndarray:
+    """Rotation matrices (n, 3, 3) that turn by angles (n, 3) in radians about x, then y, then z."""
+    return _turn(2, angles[:, 2]) @ _turn(1, angles[:, 1]) @ _turn(0, angles[:, 0])
 
 
 def _lie_of_the_ground(xy: np.ndarray, radius: np.ndarray, surface: HeightAt) -> tuple[np.ndarray, np.ndarray]:
@@ -158,4 +165,4 @@ def scatter(rocks: Mapping[str, Any], size_m: float, seed: int, surface: HeightA
 
     kept = np.isfinite(z) & (np.hypot(xy[:, 0] - clear_m[0], xy[:, 1] - clear_m[1]) > clear_m[2] + reach)
     return Rocks(np.column_stack([xy, z])[kept], euler_xyz(rotation)[kept], scale[kept], level[kept], shape[kept],
-                 diameter[kept], smallest)
+                 diameter[kept], reach[kept], smallest)

@@ -5,13 +5,15 @@ from __future__ import annotations
 import json
 import shutil
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from ..files import PART, absolute_path, disk_errors
+from ..files import absolute_path, disk_errors
 from ..settings import Settings
 from ..version import ROOT
+from .claims import Claims
+from .plan import PlannedPair
 
 
 def python_command(python: str, *arguments: str) -> list[str]:
@@ -30,24 +32,31 @@ def blender_command(executable: str, *arguments: str) -> list[str]:
 class Job:
     """A render job on disk, for the worker to read; ``remove`` it when the worker has ended."""
 
-    def __init__(self, settings: Settings, dataset: Path, *, scene: str | None = None, again: bool = False,
-                 repeat: int = 0) -> None:
-        """Write the job file. With ``scene`` the caller saves the .blend to ``blend``. Pairs of another ``repeat``
-        are the same but for their name and the noise of their light paths."""
+    def __init__(self, dataset: Path, settings: Settings | None = None, *, pairs: Sequence[PlannedPair] = (),
+                 scene: str | None = None, again: bool = False, threads: int | None = None, repeat: int = 0) -> None:
+        """Write the job file: the pairs of a description, or planned ones, of which any may fail.
+
+        With ``scene`` the caller saves the .blend to ``blend``. ``threads`` takes the place of quality.threads. Pairs
+        of another ``repeat`` are the same but for their name and the noise of their light paths.
+        """
         self.dataset = dataset
         with disk_errors("write a job to", Path(tempfile.gettempdir())):
             self.folder = Path(tempfile.mkdtemp(prefix="icymoon-"))
             self.blend = self.folder / "scene.blend"
             self.file = self.folder / "job.json"
             job: Mapping[str, Any] = {"settings": settings, "dataset": str(dataset), "again": again, "repeat": repeat,
-                                      "blend": str(self.blend) if scene else None, "scene": scene}
+                                      "blend": str(self.blend) if scene else None, "scene": scene, "threads": threads,
+                                      "pairs": [{"id": pair.id, "settings": pair.settings} for pair in pairs]}
             self.file.write_text(json.dumps(job), encoding="utf-8")
+
+    def discard(self) -> None:
+        """Delete the job's own files."""
+        shutil.rmtree(self.folder, ignore_errors=True)
 
     def remove(self) -> None:
         """Delete the job's own files, and what a stopped worker left unfinished."""
-        shutil.rmtree(self.folder, ignore_errors=True)
-        for part in (self.dataset / "pairs").glob(f"*{PART}"):
-            shutil.rmtree(part, ignore_errors=True)
+        self.discard()
+        Claims(self.dataset).sweep()
 
 
 def absolute_folder(text: str, blend_folder: str | None = None) -> Path:

@@ -17,9 +17,10 @@ from typing import Any
 
 import numpy as np
 
+from ..changes import response
 from ..errors import IcyMoonError
-from ..files import PART, sha256
-from ..settings import Settings
+from ..files import PART, disk_errors, sha256, write_json
+from ..settings import Settings, merged
 
 FORMAT = "icymoon-pair"
 VERSION = 1
@@ -175,6 +176,25 @@ def read_pair(folder: Path) -> Pair:
         if not pair.image(eye).is_file():
             raise IcyMoonError(f"{pair.image(eye)} is missing; delete the folder and render the pair again.")
     return pair
+
+
+def is_complete(folder: Path) -> bool:
+    """Whether a pair is there: ``pair.json``, which is written last, and images of the sizes that it states."""
+    try:
+        files = json.loads((folder / "pair.json").read_text(encoding="utf-8"))["files"]
+        return all((folder / name).stat().st_size == fact["bytes"] for name, fact in files.items())
+    except (OSError, ValueError, KeyError, TypeError):
+        return False
+
+
+def restate(folder: Path, settings: Settings) -> None:
+    """Let a complete pair state these settings of the camera response, which need no new render."""
+    path = folder / "pair.json"
+    with disk_errors("read", path):
+        data = json.loads(path.read_text(encoding="utf-8"))
+    now = merged(data["settings"], response(settings))
+    if now != data["settings"]:
+        write_json(path, {**data, "settings": now})
 
 
 def pair_folders(path: Path) -> list[Path]:

@@ -1,15 +1,20 @@
-"""Which images a render writes: radiance in one view layer, truth in another.
+"""Which images a render writes: radiance in one, truth in another.
 
-Truth needs its own layer because Cycles averages normals and value passes over samples; at one
-sample every pass is taken at the pixel centre and nothing is blended at edges.
+Truth is rendered by itself because Cycles averages normals and value passes over samples; at one
+sample every pass is taken at the pixel centre and nothing is blended at edges. Both renders are of the
+same view layer, since Cycles would build its tree of triangles for each layer again.
 """
 
 from __future__ import annotations
+
+from pathlib import Path
 
 import bpy
 
 from .. import compat
 from ..labels import BEAUTY, INSTANCE_AOV, LIGHT_GROUPS, NORMAL_AOV, TRUTH
+
+_SUFFIX = {"left": "_L", "right": "_R"}
 
 
 def _only(layer: bpy.types.ViewLayer, *passes: str) -> None:
@@ -20,28 +25,22 @@ def _only(layer: bpy.types.ViewLayer, *passes: str) -> None:
                 setattr(settings, prop.identifier, prop.identifier in passes)
 
 
-def apply(scene: bpy.types.Scene, light_groups: bool) -> None:
-    """Give a scene the two view layers, stereo views and file output.
+def prepare(scene: bpy.types.Scene, light_groups: bool) -> None:
+    """Give a new scene what all its renders have: stereo views, file output (32-bit multilayer OpenEXR, a file for each
+    eye), value passes and, with ``light_groups``, a pass for each group.
 
-    With ``light_groups`` the light of each is a pass of its own too.
-
-    A render writes ``_L.exr`` and ``_R.exr`` behind the scene's file path, 32-bit multilayer OpenEXR.
+    The passes must stay as they are as long as Cycles keeps the scene: its shaders write them without asking again
+    whether they are wanted.
     """
-    beauty = scene.view_layers[0]
-    beauty.name = BEAUTY
-    beauty.samples = 0  # as many as the scene says
-    beauty.material_override = None
-    _only(beauty, "use_pass_combined")
-    for group in LIGHT_GROUPS if light_groups else ():
-        beauty.lightgroups.add(name=group)
-    truth = scene.view_layers.new(TRUTH)
-    truth.samples = 1
-    _only(truth, "use_pass_combined", "use_pass_z", "use_pass_normal", "use_pass_object_index",
-          "use_pass_material_index")
-    truth.cycles.use_denoising = False
+    layer = scene.view_layers[0]
+    layer.material_override = None
+    layer.samples = 0  # as many as the scene says
     for name, kind in ((NORMAL_AOV, "COLOR"), (INSTANCE_AOV, "VALUE")):
-        aov = truth.aovs.add()
+        aov = layer.aovs.add()
         aov.name, aov.type = name, kind
+    for group in LIGHT_GROUPS if light_groups else ():
+        layer.lightgroups.add(name=group)
+
 
     render = scene.render
     render.resolution_percentage = 100
@@ -56,3 +55,23 @@ def apply(scene: bpy.types.Scene, light_groups: bool) -> None:
     render.image_settings.views_format = "INDIVIDUAL"
     render.use_file_extension = True
     render.use_overwrite, render.use_placeholder = True, False
+
+
+def choose(scene: bpy.types.Scene, name: str, stem: Path) -> dict[str, Path]:
+    """Let the next render be ``BEAUTY`` or ``TRUTH``, and return the files, by eye, that it will write at ``stem``."""
+    layer = scene.view_layers[0]
+    layer.name = name
+    if name == BEAUTY:
+        _only(layer, "use_pass_combined")
+    else:
+        scene.cycles.samples = 1
+        scene.cycles.use_denoising = scene.cycles.use_adaptive_sampling = False
+        _only(layer, "use_pass_combined", "use_pass_z", "use_pass_normal", "use_pass_object_index",
+              "use_pass_material_index")
+    scene.render.filepath = str(stem)
+    return {eye: stem.with_name(f"{stem.name}{suffix}.exr") for eye, suffix in _SUFFIX.items()}
+
+
+#: Passes that every render has and that mean something in the other one only.
+UNWANTED = {*(f"{BEAUTY}.{name}" for name in (NORMAL_AOV, INSTANCE_AOV)),
+            *(f"{TRUTH}.Combined_{group}" for group in LIGHT_GROUPS)}

@@ -12,7 +12,8 @@ from ..settings import Settings, digest, merged
 
 @dataclass(frozen=True)
 class PlannedPair:
-    """One pair to render: its complete settings, its id and the turn from the base heading."""
+    """One pair to render: its complete settings, its id, and by how much the rig of a scene that is built already
+    is turned for it (a scene that is built from the settings stands right)."""
 
     id: str
     settings: Settings
@@ -29,6 +30,12 @@ class PlannedPair:
         return int(state[0] >> 1)
 
 
+def turned_heading_deg(settings: Settings, k: int, headings: int) -> float:
+    """Heading of turn ``k`` of so many equal ones, the first being that of ``rig.heading_deg``."""
+    heading = float(settings["rig"]["heading_deg"]) + 360.0 * k / headings
+    return float(f"{heading - 360.0 if heading > 180.0 and k else heading:.6g}")
+
+
 def expand(settings: Settings, extra: str = "") -> list[PlannedPair]:
     """The pairs of a complete description: ``dataset.headings`` equal turns at the site.
 
@@ -38,10 +45,6 @@ def expand(settings: Settings, extra: str = "") -> list[PlannedPair]:
     headings = int(settings["dataset"]["headings"])
     pairs = []
     for k in range(headings):
-        turn = 360.0 * k / headings
-        heading = float(settings["rig"]["heading_deg"]) + turn
-        if heading > 180.0:
-            heading -= 360.0
-        turned = merged(settings, {"rig": {"heading_deg": float(f"{heading:.6g}")}} if k else {})
-        pairs.append(PlannedPair(digest(turned, extra + identity(turned)), turned, turn))
+        turned = merged(settings, {"rig": {"heading_deg": turned_heading_deg(settings, k, headings)}} if k else {})
+        pairs.append(PlannedPair(digest(turned, extra + identity(turned)), turned, 360.0 * k / headings))
     return pairs

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -15,13 +16,21 @@ _SAMPLE = re.compile(r"Sample (\d+)/(\d+)")
 class SampleCounter:
     """Fraction of a stereo render that is done, from Cycles' status lines.
 
-    Cycles renders both eyes of the radiance layer, then both eyes of the truth layer, so many times as it is
-    called for; each run counts its samples from 0 to its own total.
+    Cycles renders the radiance of both eyes, then the truth of both, so many times as it is called for; each run
+    counts its samples from 0 to its own total. ``seconds`` is the time between the status lines that say so.
     """
 
     def __init__(self, samples: int, truths: int = 1) -> None:
-        self._expected = 2 * samples + 2 * truths  # the truth layer has one sample per eye
+        self._expected = 2 * samples + 2 * truths  # the truth has one sample per eye
         self._finished, self._now = 0, 0
+        self._since: float | None = None
+        self.seconds = 0.0
+
+    def time(self, status: str, now_s: float) -> None:
+        """Add to ``seconds`` if Cycles has been sampling since the last status line."""
+        if self._since is not None:
+            self.seconds += now_s - self._since
+        self._since = now_s if _SAMPLE.search(status) else None
 
     def read(self, status: str) -> float | None:
         """The fraction in [0, 1] after this status line, or None if it does not change it."""
@@ -38,17 +47,19 @@ class SampleCounter:
 
 
 @contextmanager
-def on_sample(samples: int, truths: int, report: Callable[[float], None]) -> Iterator[None]:
+def on_sample(samples: int, truths: int, report: Callable[[float], None]) -> Iterator[SampleCounter]:
     """Call ``report`` with the fraction done whenever Cycles has finished samples; see SampleCounter."""
     counter = SampleCounter(samples, truths)
 
     def listen(*arguments: Any) -> None:
-        fraction = counter.read(str(arguments[0])) if arguments else None
+        status = str(arguments[0]) if arguments else ""
+        counter.time(status, time.perf_counter())
+        fraction = counter.read(status)
         if fraction is not None:
             report(fraction)
 
     bpy.app.handlers.render_stats.append(listen)
     try:
-        yield
+        yield counter
     finally:
         bpy.app.handlers.render_stats.remove(listen)

@@ -68,7 +68,6 @@ def apply(scene: bpy.types.Scene, quality: Mapping[str, Any], seed: int) -> None
     if quality["threads"]:
         render.threads = quality["threads"]
     render.film_transparent = False
-    render.use_persistent_data = False
     render.use_motion_blur = False
     render.use_simplify = False
     render.use_compositing = False

@@ -75,6 +75,11 @@ class Process:
         return messages
 
     @property
+    def pid(self) -> int:
+        """Number of the process."""
+        return self._process.pid
+
+    @property
     def running(self) -> bool:
         """Whether there may be more to hear."""
         return not self._ended

@@ -6,8 +6,10 @@ import math
 import os
 import platform
 import shutil
+import struct
 import sys
 import time
+import zlib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -19,8 +21,8 @@ import numpy as np
 from mathutils import Matrix
 
 from .. import compat
-from ..errors import IcyMoonError
-from ..files import PART, disk_errors, sha256, sync, write_json
+from ..errors import DiskError, IcyMoonError
+from ..files import disk_errors, part_of, sha256, sync, write_json
 from ..labels import BEAUTY, FIRST_ROCK_INSTANCE, INSTANCE_AOV, SEMANTIC, TERRAIN_INSTANCE, TRUTH
 from ..nodes.light import build_sky
 from ..nodes.rig import eye_poses, lens_values
@@ -29,23 +31,32 @@ from ..nodes.sunlight import attune, made_of
 from ..physics.blur import Blur, blur_of
 from ..physics.distortion import COEFFICIENTS, coefficients
 from ..version import version
-from . import passes, quality, takes
+from . import apart, passes, quality
+from .exr_check import is_whole
+from .exr_parts import joined
+from .exr_sum import with_planet
 from .labelling import labelled
-from .pair import EYES, FORMAT, TOED_TRUTH_FILE, TRUTH_FILE, VERSION, StereoCamera
+from .pair import EYES, FORMAT, TOED_TRUTH_FILE, TRUTH_FILE, VERSION, StereoCamera, is_complete
 from .plan import PlannedPair
 from .progress import on_sample
 from .taking import taking
 
-#: Largest size on disk of one eye: eleven 32-bit channels, twice RGBA and two light groups, uncompressed.
-_BYTES_PER_PIXEL = 4 * (4 + 4 + 1 + 3 + 3 + 1 + 1 + 1 + 3 + 3)
+#: Largest size on disk of one eye, uncompressed 32-bit channels: in all three renders RGBA, value passes and two
+#: light groups, in one of them depth, normals and indices.
+_BYTES_PER_PIXEL = 4 * (3 * (4 + 4 + 1 + 3 + 3) + 1 + 3 + 1 + 1)
+
+
+#: Most triangles that Cycles' data is kept for between two renders: half a gigabyte more than without.
+MOST_KEPT_TRIANGLES = 8_000_000
 
 
 @contextmanager
-def render_scene(built: Built, frame: int) -> Iterator[bpy.types.Scene]:
-    """A scene of its own that shows the built collection under a black sky.
+def studio(built: Built, frame: int) -> Iterator[bpy.types.Scene]:
+    """A scene of its own that shows the built collection under a black sky, for any number of pairs.
 
     The person's scene is never changed for a render, so there is nothing to put back; this one is
-    removed at the end whatever happens.
+    removed at the end whatever happens. As long as no object comes or goes in it, Cycles keeps its tree of triangles
+    from one render to the next, unless there are too many: for the truth that follows the radiance of a pair.
     """
     scene = bpy.data.scenes.new("Icy Moon Render")
     sky = build_sky("Icy Moon Render Sky")
@@ -54,10 +65,19 @@ def render_scene(built: Built, frame: int) -> Iterator[bpy.types.Scene]:
         scene.world = sky
         scene.camera = built.camera
         scene.frame_set(frame)
-        yield scene
+        passes.prepare(scene, built.several_lights)
+        with labelled(scene):
+            yield scene
     finally:
+        scene.render.use_persistent_data = False  # which frees what is kept
         bpy.data.scenes.remove(scene)
         bpy.data.worlds.remove(sky)
+
+
+def _triangles(built: Built) -> int:
+    """Triangles of the collection's meshes; those of instances once."""
+    meshes = {item.data for item in built.collection.all_objects if isinstance(item.data, bpy.types.Mesh)}
+    return sum(len(mesh.loops) - 2 * len(mesh.polygons) for mesh in meshes)
 
 
 @contextmanager
@@ -81,7 +101,7 @@ def check_space(dataset: Path, pairs: list[PlannedPair]) -> None:
     """Raise IcyMoonError if the folder cannot be made or its disk has no room for the pairs."""
     with disk_errors("write to", dataset):
         dataset.mkdir(parents=True, exist_ok=True)
-        probe = dataset / f".icymoon{PART}"
+        probe = part_of(dataset / ".icymoon")
         probe.write_bytes(b"")
         probe.unlink()
         free = shutil.disk_usage(dataset).free
@@ -94,34 +114,29 @@ def check_space(dataset: Path, pairs: list[PlannedPair]) -> None:
                            "free some space, choose another folder or render fewer pixels.")
 
 
-def is_complete(folder: Path) -> bool:
-    """Whether a pair is there, whole; ``pair.json`` is written last."""
-    return (folder / "pair.json").is_file()
+def shoot(built: Built, scene: bpy.types.Scene, planned: PlannedPair, dataset: Path, seconds_build: float,
+          report: Callable[[float], None], again: bool = False) -> Path:
+    """Render one pair of the scene that ``studio`` made and return its folder.
 
-
-def shoot(built: Built, planned: PlannedPair, dataset: Path, frame: int, seconds_build: float,
-          report: Callable[[float], None]) -> Path:
-    """Render one pair and return its folder.
-
-    ``report`` receives the fraction done. Raises IcyMoonError when the render or the disk fails;
-    nothing half-written stays.
+    ``report`` receives the fraction done. A pair that another process has finished meanwhile is left, unless
+    ``again``. Raises IcyMoonError when the render or the disk fails; nothing half-written stays.
     """
     folder = planned.folder(dataset)
-    part = folder.with_name(folder.name + PART)
+    part = part_of(folder)
     spent = time.process_time()
     with disk_errors("write", folder):
-        shutil.rmtree(part, ignore_errors=True)
         part.mkdir(parents=True)
     try:
-        facts = _render_into(part, built, planned, frame, report)
+        facts = _render_into(part, built, scene, planned, report)
         facts["seconds"]["build"] = round(seconds_build, 3)
         # Of all threads; "before" is what this process had spent: its start, the build, other pairs.
         facts["cpu_seconds"] = {"before": round(spent, 3), "pair": round(time.process_time() - spent, 3)}
         write_json(part / "pair.json", facts)
-        with disk_errors("write", folder):
-            shutil.rmtree(folder, ignore_errors=True)
-            os.replace(part, folder)
-            sync(folder.parent)
+        if again or not is_complete(folder):
+            with disk_errors("write", folder):
+                shutil.rmtree(folder, ignore_errors=True)
+                os.replace(part, folder)
+                sync(folder.parent)
     finally:
         shutil.rmtree(part, ignore_errors=True)
     return folder
@@ -147,60 +162,103 @@ def check_camera(built: Built) -> None:
 
 
 @dataclass(frozen=True)
-class _Shot:
-    """One call of Cycles: what the files are called after it, which view layers, with which camera."""
+class _Take:
+    """Renders with one camera: which layers, and what the file of each is called, with {} for the eye."""
 
-    name: str  # of the file, with {} for the eye
-    layers: tuple[str, ...]
     blur: Blur | None
     toed: bool
+    images: tuple[tuple[str, str], ...]
 
 
-def _shots(camera: StereoCamera, blur: Blur | None) -> list[_Shot]:
-    """What to render: one shot, unless truth is of another camera than the light.
-
-    Cycles has blur and the eyes' poses for a whole call, not for a view layer.
-    """
+def _takes(camera: StereoCamera, blur: Blur | None) -> list[_Take]:
+    """What to render: radiance and truth with one camera, unless truth is of another camera than the light."""
     toed = camera.toe_in_deg != 0
     if blur is None and not toed:
-        return [_Shot("{}.exr", (BEAUTY, TRUTH), None, False)]
-    shots = [_Shot("{}.exr", (BEAUTY,), blur, toed), _Shot(TRUTH_FILE, (TRUTH,), None, False)]
-    return [*shots, _Shot(TOED_TRUTH_FILE, (TRUTH,), None, True)] if toed else shots
+        return [_Take(None, False, ((BEAUTY, "{}.exr"), (TRUTH, "{}.exr")))]
+    takes = [_Take(blur, toed, ((BEAUTY, "{}.exr"),)), _Take(None, False, ((TRUTH, TRUTH_FILE),))]
+    return [*takes, _Take(None, True, ((TRUTH, TOED_TRUTH_FILE),))] if toed else takes
 
 
-def _render_into(part: Path, built: Built, planned: PlannedPair, frame: int,
+def _render_into(part: Path, built: Built, scene: bpy.types.Scene, planned: PlannedPair,
                  report: Callable[[float], None]) -> dict[str, Any]:
     settings = planned.settings
     camera, blur = StereoCamera.from_settings(settings["rig"]), blur_of(settings)
-    shots = _shots(camera, blur)
-    with _turned(built.camera, planned.turn_deg), render_scene(built, frame) as scene:
+    takes = _takes(camera, blur)
+    files: dict[str, dict[str, Path]] = {}
+    start = time.perf_counter()
+    with _turned(built.camera, planned.turn_deg):
         quality.apply(scene, settings["quality"], planned.render_seed)
         attune(scene, built.materials, built.sun, built.planetshine)
-        passes.apply(scene, built.several_lights)
-        start = time.perf_counter()
-        truths = sum(TRUTH in shot.layers for shot in shots)
-        samples = takes.count(scene, built) * int(settings["quality"]["samples"])
-        with labelled(scene), on_sample(samples, truths, report):
-            for k, shot in enumerate(shots):
-                with taking(scene, built.camera, camera, shot.blur, shot.toed):
-                    _take(scene, built, shot, part / f"shot{k}", planned)
-        rendered = time.perf_counter() - start
+        lights = apart.lights(scene, built)
+        # What moves during a render is not kept from one to the next, nor are surfaces that change between them.
+        scene.render.use_persistent_data = (blur is None and len(lights) == 1 and not scene.cycles.shading_system
+                                            and _triangles(built) <= MOST_KEPT_TRIANGLES)
+        truths = sum(layer == TRUTH for take in takes for layer, _ in take.images)
+        with on_sample(len(lights) * int(settings["quality"]["samples"]), truths, report) as sampling:
+            for k, take in enumerate(takes):
+                with taking(scene, built.camera, camera, take.blur, take.toed):
+                    scene.render.use_motion_blur = take.blur is not None and take.blur.exposure_s is not None
+                    for layer, name in take.images:
+                        stem = part / f"{layer}{k}"
+                        made = (_truth(scene, stem, planned) if layer == TRUTH else
+                                _radiance(scene, built, lights, stem, planned))
+                        for eye, file in made.items():
+                            files.setdefault(name.format(eye), {})[layer] = file
         poses = eye_poses(built.camera.matrix_world, built.camera.data.stereo.interocular_distance)
         toward_sun = np.array(built.sun.matrix_world.to_3x3().col[2])
+    rendered = time.perf_counter() - start
     start = time.perf_counter()
-    files = {shot.name.format(eye): _finish(part / f"shot{k}{takes.SUFFIX[eye]}.exr", part / shot.name.format(eye))
-             for k, shot in enumerate(shots) for eye in EYES}
-    return _facts(built, planned, poses, toward_sun, files,
-                  {"render": round(rendered, 3), "write": round(time.perf_counter() - start, 3)})
+    written = {name: _finish(layers, part / name) for name, layers in sorted(files.items())}
+    return _facts(built, planned, poses, toward_sun, written, {
+        "render": round(rendered, 3), "sampling": round(sampling.seconds, 3),
+        "write": round(time.perf_counter() - start, 3)})
 
 
-def _take(scene: bpy.types.Scene, built: Built, shot: _Shot, stem: Path, planned: PlannedPair) -> None:
-    """Let Cycles render a shot. Raises IcyMoonError if it fails."""
-    scene.render.use_motion_blur = shot.blur is not None and shot.blur.exposure_s is not None
+def _radiance(scene: bpy.types.Scene, built: Built, lights: list[apart.Light], stem: Path,
+              planned: PlannedPair) -> dict[str, Path]:
+    """Render radiance into files of their own, by eye; lights that need it one after the other, and added up."""
+    files: dict[str, Path] = {}
+    for number, light in enumerate(lights):
+        made = passes.choose(scene, BEAUTY, stem.with_name(f"{stem.name}-{number}"))
+        with apart.only(built, light):
+            _render(scene, made, planned)
+        for eye, file in made.items():
+            if eye in files:
+                with disk_errors("write", file), _unreadable(planned):
+                    files[eye].write_bytes(with_planet(files[eye].read_bytes(), file.read_bytes()))
+                    file.unlink()
+            files.setdefault(eye, file)
+    return files
+
+
+def _truth(scene: bpy.types.Scene, stem: Path, planned: PlannedPair) -> dict[str, Path]:
+    """Render truth into files of its own, by eye."""
+    files = passes.choose(scene, TRUTH, stem)
+    with apart.without_osl(scene):
+        _render(scene, files, planned)
+    return files
+
+
+@contextmanager
+def _unreadable(planned: PlannedPair) -> Iterator[None]:
+    """Say it in a sentence if Blender wrote an image that cannot be taken apart."""
     try:
-        takes.render(scene, built, stem, shot.layers)
+        yield
+    except (ValueError, IndexError, KeyError, struct.error, zlib.error) as error:
+        raise IcyMoonError(f"The images that Blender wrote of pair {planned.id} cannot be put together ({error}); "
+                           "render the pair again.") from None
+
+
+def _render(scene: bpy.types.Scene, files: dict[str, Path], planned: PlannedPair) -> None:
+    """Let Cycles render into these files. Raises IcyMoonError if it fails, DiskError if they are not whole."""
+    try:
+        bpy.ops.render.render(write_still=True, scene=scene.name)
     except RuntimeError as error:
         raise IcyMoonError(f"Cycles could not render pair {planned.id}: {_first_line(error)}") from None
+    for file in files.values():
+        if not is_whole(file):
+            raise DiskError(f"Blender could not write the whole image of pair {planned.id} to {file.parent.parent}; "
+                            "the disk is full or the folder may not be written to.")
 
 
 def _first_line(error: Exception) -> str:
@@ -208,10 +266,12 @@ def _first_line(error: Exception) -> str:
     return lines[0] if lines else type(error).__name__
 
 
-def _finish(written: Path, final: Path) -> dict[str, Any]:
-    """Rename what was written, flush it and return its size and checksum."""
+def _finish(written: dict[str, Path], final: Path) -> dict[str, Any]:
+    """Put the layers that Blender wrote into one file, flush it and return its size and checksum."""
     with disk_errors("write", final):
-        os.replace(written, final)
+        final.write_bytes(joined({name: file.read_bytes() for name, file in written.items()}, passes.UNWANTED))
+        for file in written.values():
+            file.unlink()
         sync(final)
         return {"bytes": final.stat().st_size, "sha256": sha256(final)}
 

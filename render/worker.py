@@ -1,9 +1,7 @@
-"""The headless worker: builds a scene, renders its pairs, says what it does in JSON lines.
+"""The headless worker: builds scenes, renders their pairs, says what it does in JSON lines.
 
-The window, the command line and a scheduler all run this. A job is a JSON file:
-``{"settings": {...}, "dataset": folder, "blend": file or null, "scene": name or null}``.
-With ``blend`` the scene in that file is rendered as a person left it; without, it is built from
-the settings alone.
+The window, the command line and a scheduler all run this. A job is a JSON file, see ``launch.Job``: the
+pairs of a description, of a scene in a .blend file as a person left it, or of a list.
 """
 
 from __future__ import annotations
@@ -12,6 +10,7 @@ import json
 import os
 import signal
 import sys
+import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -20,87 +19,127 @@ from typing import Any
 import bpy
 
 from .. import properties
-from ..errors import IcyMoonError
-from ..nodes.ground import cost_warnings
-from ..nodes.scene import Built, build, find
-from ..physics.blur import blur_of
-from ..settings import Settings, check, defaults, merged
-from . import quality
+from ..errors import DiskError, IcyMoonError
+from ..nodes.scene import Built, extra, find
+from ..settings import check, defaults, merged
+from .claims import Claims
+from .pair import is_complete
 from .plan import PlannedPair, expand
 from .queue import emit
-from .shoot import check_camera, check_space, is_complete, shoot
+from .shoot import check_space, shoot
+from .stages import Described, Standing
 
 Emit = Callable[..., None]
+_WATCH_S = 2.0
 
 
 def render_pairs(built: Built, pairs: list[PlannedPair], dataset: Path, frame: int, seconds_build: float,
                  say: Emit, again: bool = False) -> list[Path]:
-    """Render the planned pairs of a built scene and return their folders.
+    """Render the planned pairs of a built scene and return their folders, see ``render_in``.
 
-    A pair that is already complete is not rendered again unless ``again``. ``say(type, **facts)``
-    receives ``progress`` (``fraction`` of all pairs, ``message``) and ``pair`` messages.
     Raises IcyMoonError at the first failure, and if the scene shows a preview; finished pairs stay.
     """
-    if built.preview:
-        raise IcyMoonError("The scene shows a preview; press Build Scene and render again.")
-    check_camera(built)
+    with Standing(built, frame, seconds_build) as stage:
+        render_in(stage, pairs, dataset, say, again)
+    return [planned.folder(dataset) for planned in pairs]
+
+
+def render_in(stage: Standing | Described, pairs: list[PlannedPair], dataset: Path, say: Emit, again: bool = False,
+              keep_going: bool = False) -> None:
+    """Render planned pairs, each in the scene that ``stage`` has for it.
+
+    A pair that is already complete is not rendered again unless ``again``. ``say(type, **facts)`` receives
+    ``progress`` (``fraction`` of all pairs, ``message``, ``pair``) and ``pair`` messages. With ``keep_going`` it
+    receives ``error`` messages that name their ``pair``, and what another process is rendering is left to it;
+    else IcyMoonError is raised. What the disk refuses is raised always.
+    """
     check_space(dataset, pairs)
-    quality.check_possible(pairs[0].settings["quality"])
-    folders = []
-    for k, planned in enumerate(pairs):
-        label = f"Pair {k + 1} of {len(pairs)}"
-        folder = planned.folder(dataset)
-        if is_complete(folder) and not again:
-            say("pair", id=planned.id, folder=str(folder), rendered=False, done=k + 1, total=len(pairs))
-        else:
-            def report(fraction: float, k: int = k, label: str = label) -> None:
-                say("progress", fraction=(k + fraction) / len(pairs), message=label)
+    claims = Claims(dataset)
+    try:
+        for k, planned in enumerate(pairs):
+            with claims.held(planned.id) as mine:
+                if not mine and not keep_going:
+                    raise IcyMoonError(f"Pair {planned.id} is being rendered by another process; wait for it.")
+                try:
+                    if mine:
+                        _render(stage, planned, dataset, say, again, k, len(pairs))
+                except IcyMoonError as error:
+                    if claims.lost(planned.id) and keep_going:
+                        continue  # who has it now has also cleared away what was begun here
+                    if isinstance(error, DiskError) or not keep_going:
+                        raise
+                    say("error", message=str(error), pair=planned.id)
+    finally:
+        claims.close()
 
-            start = time.perf_counter()
-            report(0.0)
-            shoot(built, planned, dataset, frame, seconds_build, report)
-            say("pair", id=planned.id, folder=str(folder), rendered=True, done=k + 1, total=len(pairs),
-                seconds=round(time.perf_counter() - start, 2))
-        folders.append(folder)
-    return folders
+
+def _render(stage: Standing | Described, planned: PlannedPair, dataset: Path, say: Emit, again: bool, k: int,
+            total: int) -> None:
+    label = f"Pair {k + 1} of {total}"
+    folder = planned.folder(dataset)
+
+    def report(fraction: float) -> None:
+        say("progress", fraction=(k + fraction) / total, message=label, pair=planned.id, of_pair=fraction)
+
+    rendered = again or not is_complete(folder)
+    start = time.perf_counter()
+    if rendered:
+        report(0.0)
+        built, scene, seconds_build = stage.set_for(planned)
+        shoot(built, scene, planned, dataset, seconds_build, report, again)
+    say("pair", id=planned.id, folder=str(folder), rendered=rendered, done=k + 1, total=total,
+        seconds=round(time.perf_counter() - start, 2))
 
 
-def _open(job: dict[str, Any], settings: Settings) -> tuple[bpy.types.Scene, Built, str]:
-    """The scene to render, built, and what identifies content that the settings do not."""
-    if job.get("blend"):
-        bpy.ops.wm.open_mainfile(filepath=job["blend"], load_ui=False, use_scripts=False)
-        scene = bpy.data.scenes.get(job["scene"])
-        built = find(scene) if scene else None
-        if scene is None or built is None:
-            raise IcyMoonError(f"{job['blend']} holds no built Icy Moon scene; press Build Scene and render again.")
-        return scene, built, built.extra
-    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
-    scene = bpy.context.scene
-    built = build(scene, settings)
-    return scene, built, built.extra
+def _planned(job: dict[str, Any]) -> list[PlannedPair]:
+    """The pairs of a job, with as many threads as it says."""
+    if job.get("pairs"):
+        described = [(pair["id"], merged(defaults(), check(pair["settings"], "job"))) for pair in job["pairs"]]
+        threads = {"quality": {"threads": job["threads"]}} if job.get("threads") is not None else {}
+        return [PlannedPair(name, merged(settings, threads), 0.0) for name, settings in described]
+    settings = merged(defaults(), check(job["settings"], "job"))
+    # Each pair is built as it is described: there is nothing that has to be turned.
+    return [PlannedPair(pair.id, pair.settings, 0.0) for pair in expand(settings, extra(settings) + _repeat(job))]
+
+
+def _repeat(job: dict[str, Any]) -> str:
+    """What tells the pairs of another repeat apart."""
+    return f" repeat {job['repeat']}" if job.get("repeat") else ""
 
 
 def run(job: dict[str, Any], say: Emit = emit) -> None:
     """Do a job. Raises IcyMoonError for what a person can mend."""
     try:
-        settings = merged(defaults(), check(job["settings"], "job"))
-        dataset = Path(job["dataset"])
+        dataset, again = Path(job["dataset"]), bool(job.get("again"))
+        say("progress", fraction=0.0, message="Building the scene")
+        if job.get("blend"):
+            built, frame, pairs = _opened(job)
+            render_pairs(built, pairs, dataset, frame, 0.0, say, again)
+        else:
+            pairs = _planned(job)
+            with Described(lambda warning: say("warning", message=warning), _repeat(job)) as stage:
+                render_in(stage, pairs, dataset, say, again, bool(job.get("pairs")))
     except KeyError as error:
         raise IcyMoonError(f"The job lacks {error}; write it with Render Stereo Pair or icymoon render.") from None
-    say("progress", fraction=0.0, message="Building the scene")
-    for warning in [] if job.get("blend") else cost_warnings(settings):
-        say("warning", message=warning)
-    quality.check_possible(settings["quality"])
-    blur_of(settings)  # refused before anything is built
-    start = time.perf_counter()
-    scene, built, extra = _open(job, settings)
-    for warning in built.warnings:
-        say("warning", message=warning)
-    repeat = int(job.get("repeat", 0))
-    pairs = expand(settings, extra + (f" repeat {repeat}" if repeat else ""))
-    folders = render_pairs(built, pairs, dataset, scene.frame_current, time.perf_counter() - start, say,
-                           bool(job.get("again")))
-    say("done", folders=[str(f) for f in folders])
+    say("done", folders=[str(pair.folder(dataset)) for pair in pairs if is_complete(pair.folder(dataset))])
+
+
+def _opened(job: dict[str, Any]) -> tuple[Built, int, list[PlannedPair]]:
+    """What is built in a .blend file, the frame it shows, and its pairs."""
+    bpy.ops.wm.open_mainfile(filepath=job["blend"], load_ui=False, use_scripts=False)
+    scene = bpy.data.scenes.get(job["scene"])
+    built = find(scene) if scene else None
+    if scene is None or built is None:
+        raise IcyMoonError(f"{job['blend']} holds no built Icy Moon scene; press Build Scene and render again.")
+    settings = merged(defaults(), check(job["settings"], "job"))
+    return built, scene.frame_current, expand(settings, built.extra + _repeat(job))
+
+
+def _end_with(parent: int) -> None:
+    """End this process when the one that started it is gone: nobody hears it any more."""
+    while os.getppid() == parent:
+        time.sleep(_WATCH_S)
+    os._exit(1)
 
 
 def main(arguments: list[str]) -> int:
@@ -109,6 +148,7 @@ def main(arguments: list[str]) -> int:
     Leaves by ``os._exit``, since the Blender module may crash or hang when the interpreter ends.
     """
     signal.signal(signal.SIGINT, signal.SIG_DFL)  # stop at once; what is not finished has no final name
+    threading.Thread(target=_end_with, args=(os.getppid(),), daemon=True).start()
     status = 1
     try:
         properties.register()
@@ -117,11 +157,13 @@ def main(arguments: list[str]) -> int:
     except IcyMoonError as error:
         emit("error", message=str(error))
     except MemoryError:
-        emit("error", message="There is not enough memory; lower mesh.most, terrain.resolution or the image size.")
+        emit("error", message="There is not enough memory; lower mesh.most, terrain.resolution or the image size.",
+             crash=True)
     except Exception as error:
         import traceback
         traceback.print_exc()
-        emit("error", message=f"The worker failed ({type(error).__name__}: {error}); please report this.")
+        emit("error", message=f"The worker failed ({type(error).__name__}: {error}); please report this.",
+             crash=True)
     finally:
         sys.stdout.flush()
         sys.stderr.flush()

@@ -152,7 +152,8 @@ def test_pair_json_says_what_was_done(tmp_path):
     assert run(tmp_path, "dataset.seed=7").returncode == 0
     data = json.loads((find_pairs(tmp_path)[0].folder / "pair.json").read_text())
     assert data["settings"]["dataset"]["seed"] == data["seeds"]["dataset"] == 7
-    assert data["seconds"].keys() == {"build", "render", "write"}
+    assert data["seconds"].keys() == {"build", "render", "sampling", "write"}
+    assert 0 < data["seconds"]["sampling"] < data["seconds"]["render"]
     assert data["peak_memory_mib"] > 50
     assert data["edited_by_hand"] is False
     assert data["versions"]["blender"]

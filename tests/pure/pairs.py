@@ -72,7 +72,8 @@ def write_pair(folder: Path, scene: Scene | None = None, rig: StereoCamera | Non
         write_exr(folder / f"{eye}.exr", depth, light, instance, layout, eye, planet_share)
     data = {"format": FORMAT, "version": VERSION, "id": folder.name, "camera": rig.to_json(),
             "settings": settings or defaults(),
-            "files": {f"{eye}.exr": {"sha256": hashlib.sha256((folder / f"{eye}.exr").read_bytes()).hexdigest()}
+            "files": {f"{eye}.exr": {"bytes": (folder / f"{eye}.exr").stat().st_size,
+                                     "sha256": hashlib.sha256((folder / f"{eye}.exr").read_bytes()).hexdigest()}
                       for eye in ("left", "right")}}
     (folder / "pair.json").write_text(json.dumps(data), encoding="utf-8")
     return folder

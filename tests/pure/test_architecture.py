@@ -16,15 +16,18 @@ SOURCES = sorted([*ROOT.glob("*.py"), *(path for package in PACKAGES for path in
 IDS = [path.relative_to(ROOT).as_posix() for path in SOURCES]
 
 #: What works in any Python, without Blender.
-PURE = ("settings", "properties", "labels", "files", "version", "errors", "cli", "doctor", "install",
-        "render.pair", "render.plan", "render.queue", "render.launch", "render.exr_check",
-        "render.variants", "trade",
+PURE = ("settings", "properties", "changes", "labels", "files", "own_files", "version", "errors", "cli", "batch",
+        "terminal", "trade", "doctor", "install", "render.pair", "render.plan", "render.queue", "render.launch",
+        "render.exr_check", "render.exr_parts", "render.sweep", "render.combine", "render.blocks", "render.poses",
+        "render.toml_lines", "render.order", "render.claims", "render.dataset", "render.manifest", "render.verify",
+        "render.runner", "render.cluster", "render.slurm", "render.variants",
         *(f"{package}.{path.stem}" for package in ("physics", "stereo") for path in (ROOT / package).glob("*.py")
           if path.stem not in ("__init__", "__main__")))
 #: Layers from the top down; each may import what is below it.
 LAYERS = {"panels": 4, "operators": 3, "render": 2, "nodes": 1, "physics": 0}
 #: Parts of render that are data and processes, and know no Blender; anyone may use them.
-SHARED = {"render.pair", "render.plan", "render.queue", "render.launch", "render.exr_check", "render.variants"}
+SHARED = {"render.pair", "render.plan", "render.queue", "render.launch", "render.exr_check", "render.exr_parts",
+          "render.variants"}
 
 
 def imported(path: Path) -> set[str]:
@@ -84,7 +87,8 @@ def test_only_compat_asks_for_blenders_version(path):
 
 
 DRAWN = [path for path in SOURCES if path.relative_to(ROOT).parts[0] in ("physics", "nodes")
-         or path.relative_to(ROOT).as_posix() in ("render/plan.py", "render/shoot.py")]
+         or path.relative_to(ROOT).as_posix() in ("render/plan.py", "render/shoot.py", "render/sweep.py",
+                                                    "render/combine.py", "render/blocks.py", "render/poses.py")]
 
 
 @pytest.mark.parametrize("path", DRAWN, ids=lambda p: p.relative_to(ROOT).as_posix())

@@ -6,6 +6,7 @@ import numpy as np
 import OpenEXR
 import pytest
 from icymoon.render.exr_check import is_whole
+from icymoon.render.exr_parts import assembled, joined, pieces
 
 COMPRESSIONS = ("NO_COMPRESSION", "RLE_COMPRESSION", "ZIPS_COMPRESSION", "ZIP_COMPRESSION", "PIZ_COMPRESSION")
 
@@ -30,3 +31,46 @@ def test_what_is_no_exr_is_not_whole(tmp_path):
     assert not is_whole(tmp_path / "absent.exr")
     (tmp_path / "a.exr").write_bytes(b"not an image" * 100)
     assert not is_whole(tmp_path / "a.exr")
+
+
+@pytest.mark.parametrize("compression", COMPRESSIONS)
+@pytest.mark.parametrize("parts", [1, 3])
+def test_joined_files_hold_the_same_pixels_and_nothing_of_the_run(tmp_path, compression, parts):
+    random = np.random.default_rng(0)
+    pixels = {layer: [random.random((53, 31)).astype(np.float32) for _ in range(parts)]
+              for layer in ("Beauty", "Truth")}
+
+    def written(date: str) -> dict[str, bytes]:
+        files = {}
+        for layer, images in pixels.items():
+            header = {"compression": getattr(OpenEXR, compression), "type": OpenEXR.scanlineimage, "Date": date,
+                      "RenderTime": date, "Software": "Blender", f"cycles.{layer}.synchronization_time": date}
+            path = tmp_path / f"{layer}.exr"
+            OpenEXR.File([OpenEXR.Part(dict(header), {f"{layer}.{k}.Z": image.copy()}, f"{layer}.{k}")
+                          for k, image in enumerate(images)]).write(str(path))
+            files[layer] = path.read_bytes()
+        return files
+
+    data = joined(written("today"))
+    assert data == joined(written("the day after"))
+    path = tmp_path / "joined.exr"
+    path.write_bytes(data)
+    assert is_whole(path)
+    found = OpenEXR.File(str(path), separate_channels=True).parts
+    assert len(found) == 2 * parts
+    assert len({part.header["name"] for part in found}) == 2 * parts
+    for part, (layer, k) in zip(found, [(layer, k) for layer in pixels for k in range(parts)], strict=True):
+        assert np.array_equal(part.channels[f"{layer}.{k}.Z"].pixels, pixels[layer][k])
+        assert part.header["Software"] == "Blender"
+        assert not {name for name in part.header if name in ("Date", "RenderTime") or name.startswith("cycles.")}
+
+
+def test_a_file_taken_apart_and_put_together_is_the_same_image(tmp_path):
+    path = tmp_path / "a.exr"
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+    OpenEXR.File([OpenEXR.Part(dict(header), {"Z": np.full((20, 3), k, np.float32)}, f"p{k}")
+                  for k in range(3)]).write(str(path))
+    assert [piece.name for piece in pieces(path.read_bytes())] == ["p0", "p1", "p2"]
+    path.write_bytes(assembled(pieces(path.read_bytes())[1:]))
+    found = OpenEXR.File(str(path), separate_channels=True).parts
+    assert [float(part.channels["Z"].pixels.max()) for part in found] == [1, 2]

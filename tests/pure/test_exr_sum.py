@@ -1,13 +1,13 @@
-"""EXR files that are made into one, against files that an EXR library wrote, and read by it again."""
+"""Light added in EXR files, against files that an EXR library wrote, and read by it again."""
 
 from __future__ import annotations
 
 import numpy as np
 import OpenEXR
 import pytest
-from icymoon.errors import IcyMoonError
 from icymoon.render.exr_check import is_whole
-from icymoon.render.exr_join import join
+from icymoon.render.exr_parts import joined
+from icymoon.render.exr_sum import with_planet
 from icymoon.stereo.exr import read_light
 
 LIGHT = ("Combined", "Combined_Sun", "Combined_Planet")
@@ -44,8 +44,8 @@ def test_parts_are_joined_and_light_is_added(tmp_path, several, compression, hei
                                   "Beauty.Combined_Planet": planet}, several, compression)
     write(tmp_path / "planet.exr", {"Beauty.Combined": ice, "Beauty.Combined_Planet": ice}, several, compression)
     write(tmp_path / "truth.exr", {"Truth.Normal": normal}, several, compression)
-    join(tmp_path / "view.exr", tmp_path / "truth.exr", tmp_path / "planet.exr")
-    assert [path.name for path in tmp_path.iterdir()] == ["view.exr"]
+    view, light, truth = ((tmp_path / f"{name}.exr").read_bytes() for name in ("view", "planet", "truth"))
+    (tmp_path / "view.exr").write_bytes(joined({"Beauty": with_planet(view, light), "Truth": truth}))
     assert is_whole(tmp_path / "view.exr")
     found = read(tmp_path / "view.exr")
     for k, band in enumerate("RGB"):
@@ -57,23 +57,12 @@ def test_parts_are_joined_and_light_is_added(tmp_path, several, compression, hei
     assert np.allclose(sum(light.groups.values()), light.radiance, rtol=1e-5)
 
 
-def test_without_a_planet_nothing_but_the_parts_changes(tmp_path):
-    values = np.random.default_rng(0).random((20, 7, 3)).astype(np.float32)
-    write(tmp_path / "view.exr", {"Beauty.Combined": values}, True, OpenEXR.PIZ_COMPRESSION)
-    write(tmp_path / "truth.exr", {"Truth.Normal": -values}, True, OpenEXR.ZIP_COMPRESSION)
-    join(tmp_path / "view.exr", tmp_path / "truth.exr", None)
-    found = read(tmp_path / "view.exr")
-    assert np.array_equal(found["Beauty.Combined.G"], values[..., 1])
-    assert np.array_equal(found["Truth.Normal.G"], -values[..., 1])
-
-
-def test_what_cannot_be_joined_is_said(tmp_path):
+def test_what_cannot_be_added_is_refused(tmp_path):
     values = np.zeros((4, 4, 3), np.float32)
     write(tmp_path / "view.exr", {"Beauty.Combined": values}, True, OpenEXR.ZIP_COMPRESSION)
     write(tmp_path / "planet.exr", {"Beauty.Combined_Planet": values}, True, OpenEXR.ZIP_COMPRESSION)
-    write(tmp_path / "truth.exr", {"Truth.Normal": values}, True, OpenEXR.ZIP_COMPRESSION)
-    with pytest.raises(IcyMoonError, match="render the pair again"):
-        join(tmp_path / "view.exr", tmp_path / "truth.exr", tmp_path / "planet.exr")
-    (tmp_path / "truth.exr").write_bytes(b"not an image")
-    with pytest.raises(IcyMoonError, match="render the pair again"):
-        join(tmp_path / "view.exr", tmp_path / "truth.exr", None)
+    view, planet = ((tmp_path / f"{name}.exr").read_bytes() for name in ("view", "planet"))
+    with pytest.raises(KeyError):  # it has no planet's group
+        with_planet(view, planet)
+    with pytest.raises(ValueError, match="EXR"):
+        with_planet(b"not an image", planet)

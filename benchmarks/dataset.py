@@ -1,0 +1,136 @@
+"""What a data set costs beside the light paths: memory over many scenes, time that is not sampling, processes.
+
+    python benchmarks/dataset.py            all three
+    python benchmarks/dataset.py memory     resident memory of a process over 50 scenes of other ground and blocks
+    python benchmarks/dataset.py overhead   processor time of a 64-sample pair of the paper's camera, by where it goes
+    python benchmarks/dataset.py fresh      a data set in one worker against a fresh Blender for each pair
+
+Processor seconds of one run, on one thread. Needs Blender as a module.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from icymoon import settings as description
+from icymoon.render import dataset as datasets
+from icymoon.render.order import ordered
+from icymoon.render.plan import PlannedPair
+
+SCENES, WARM_UP = 50, 5
+SAMPLES = 64
+FRESH_SCENES, FRESH_HEADINGS, FRESH_SAMPLES = 2, 4, 16
+
+
+def planned(*parts: dict[str, Any]) -> PlannedPair:
+    """A pair with changes, on one thread."""
+    settings = description.merged(description.defaults(), {"quality": {"threads": 1}},
+                                  *(description.check(part, "benchmark") for part in parts))
+    return PlannedPair(description.digest(settings), settings, 0.0)
+
+
+def resident_mib() -> float:
+    """Memory of this process now."""
+    for line in Path("/proc/self/status").read_text(encoding="utf-8").splitlines():
+        if line.startswith("VmRSS:"):
+            return int(line.split()[1]) / 1024
+    raise RuntimeError("VmRSS is missing")
+
+
+def rendered(pairs: list[PlannedPair], folder: Path, after: Any = lambda: None) -> list[float]:
+    """Render pairs in this process as a worker does, calling ``after`` after each; processor seconds of each."""
+    from icymoon.render.stages import Described
+    from icymoon.render.worker import render_in
+
+    taken = [time.process_time()]
+
+    def say(kind: str, **facts: Any) -> None:
+        if kind == "pair":
+            taken.append(time.process_time())
+            after()
+
+    with Described(lambda warning: None) as stage:
+        render_in(stage, pairs, folder, say)
+    return np.diff(taken).tolist()
+
+
+def memory(folder: Path) -> None:
+    """Slope of the resident memory over scenes, each with a pair."""
+    small = {"rig": {"width_px": 64, "height_px": 48}, "quality": {"samples": 1}, "rocks": {"coverage": 0.05},
+             "mesh": {"kind": "GRID"}, "terrain": {"resolution": 257}}
+    laws = ({}, {"surface": {"model": "HAPKE"}}, {"textures": {"set": "FROST"}})
+    pairs = [planned(small, laws[k % len(laws)], {"dataset": {"seed": k}}) for k in range(SCENES)]
+    resident: list[float] = []
+    rendered(pairs, folder, lambda: resident.append(resident_mib()))
+    slope = np.polyfit(np.arange(WARM_UP, SCENES), resident[WARM_UP:], 1)[0]
+    print(f"memory   {SCENES} scenes: {resident[WARM_UP]:.0f} MiB after {WARM_UP}, {resident[-1]:.0f} MiB at the end, "
+          f"{slope:+.2f} MiB per scene")
+
+
+def overhead(folder: Path) -> None:
+    """Share of the processor time of pairs that is not sampling: the first of a scene, and the next ones."""
+    import bpy
+    from icymoon.render.progress import SampleCounter
+
+    counter = SampleCounter(SAMPLES)
+    bpy.app.handlers.render_stats.append(lambda *a: counter.time(str(a[0]), time.process_time()))
+    pairs = [planned({"quality": {"samples": SAMPLES}, "rig": {"heading_deg": h}}) for h in (0.0, 90.0)]
+    sampled: list[float] = [0.0]
+    total = rendered(pairs, folder, lambda: sampled.append(counter.seconds))
+    for name, seconds, sampling in zip(("first", "next"), total, np.diff(sampled), strict=True):
+        print(f"overhead {name:5} pair of a scene, {SAMPLES} samples: {seconds:.1f} CPU s, of which "
+              f"{seconds - sampling:.2f} are not sampling: {100 * (1 - sampling / seconds):.1f} %")
+
+
+def fresh(folder: Path) -> None:
+    """A data set in one worker, against a fresh Blender for each of its pairs."""
+    pairs = [planned({"quality": {"samples": FRESH_SAMPLES}, "dataset": {"seed": seed},
+                      "rig": {"heading_deg": 30.0 * k, "width_px": 320, "height_px": 240}})
+             for seed in range(FRESH_SCENES) for k in range(FRESH_HEADINGS)]
+    costs = {}
+    for name, sets in (("one worker", [pairs]), ("fresh Blenders", [[pair] for pair in pairs])):
+        before = os.times()
+        for k, some in enumerate(sets):
+            dataset = folder / name.split()[0] / str(k)
+            datasets.freeze(dataset, ordered(some), "benchmark")
+            subprocess.run([sys.executable, "-m", "icymoon", "work", str(dataset), "--threads-per-worker", "1",
+                            "--json"], check=True, stdout=subprocess.DEVNULL)
+        now = os.times()
+        costs[name] = now.children_user + now.children_system - before.children_user - before.children_system
+        print(f"fresh    {len(pairs)} pairs of {FRESH_SCENES} scenes, 320 x 240, {FRESH_SAMPLES} samples, {name}: "
+              f"{costs[name]:.1f} CPU s")
+    print(f"fresh    ratio {costs['fresh Blenders'] / costs['one worker']:.2f}")
+
+
+PARTS = {"memory": memory, "overhead": overhead, "fresh": fresh}
+
+
+def main() -> None:
+    """Measure each part in a process of its own."""
+    if len(sys.argv) < 2:
+        for name in PARTS:
+            subprocess.run([sys.executable, __file__, name], check=True)
+        return
+    if sys.argv[1] != "fresh":
+        import icymoon
+
+        icymoon.register()
+    sys.stdout.flush()
+    words = os.dup(1)
+    with tempfile.TemporaryDirectory() as folder, open(os.devnull, "w") as nowhere:
+        os.dup2(nowhere.fileno(), 1)  # Cycles talks a lot
+        sys.stdout = os.fdopen(words, "w")
+        PARTS[sys.argv[1]](Path(folder))
+        sys.stdout.flush()
+    os._exit(0)
+
+
+if __name__ == "__main__":
+    main()

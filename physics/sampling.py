@@ -1,0 +1,108 @@
+"""Points that fill the unit cube, and the distributions that they are turned into.
+
+Blender's Python has no SciPy, and a plan must give the same pairs there as anywhere; hence these few
+functions. They agree with ``scipy.stats.qmc`` and ``torch.quasirandom``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from statistics import NormalDist
+
+import numpy as np
+
+_BITS = 32
+#: For each dimension after the first: the primitive polynomial modulo 2 as a binary number, and the initial
+#: direction numbers m. Joe and Kuo 2008, SIAM J. Sci. Comput. 30, 2635: file new-joe-kuo-6.21201.
+_JOE_KUO: tuple[tuple[int, tuple[int, ...]], ...] = (
+    (3, (1,)), (7, (1, 3)), (11, (1, 3, 1)), (13, (1, 1, 1)), (19, (1, 1, 3, 3)), (25, (1, 3, 5, 13)),
+    (37, (1, 1, 5, 5, 17)), (41, (1, 1, 5, 5, 5)), (47, (1, 1, 7, 11, 19)), (55, (1, 1, 5, 1, 1)),
+    (59, (1, 1, 1, 3, 11)), (61, (1, 3, 5, 5, 31)), (67, (1, 3, 3, 9, 7, 49)), (91, (1, 1, 1, 15, 21, 21)),
+    (97, (1, 3, 1, 13, 27, 49)), (103, (1, 1, 1, 15, 7, 5)), (109, (1, 3, 1, 15, 13, 25)),
+    (115, (1, 1, 5, 5, 19, 61)), (131, (1, 3, 7, 11, 23, 15, 103)), (137, (1, 3, 7, 13, 13, 15, 69)),
+    (143, (1, 1, 3, 13, 7, 35, 63)), (145, (1, 3, 5, 9, 1, 25, 53)), (157, (1, 3, 1, 13, 9, 35, 107)))
+#: Dimensions that ``sobol`` has.
+MOST_DIMENSIONS = 1 + len(_JOE_KUO)
+
+
+def _directions(dimension: int) -> np.ndarray:
+    """Direction numbers (32,) uint64 of a dimension: the binary fractions that the bits of an index add, modulo 2."""
+    if dimension == 0:
+        return np.array([1 << (_BITS - 1 - k) for k in range(_BITS)], np.uint64)
+    polynomial, m = _JOE_KUO[dimension - 1]
+    degree = polynomial.bit_length() - 1
+    v = [number << (_BITS - 1 - k) for k, number in enumerate(m)]
+    while len(v) < _BITS:
+        new = v[-degree] ^ (v[-degree] >> degree)
+        for k in range(1, degree):
+            if polynomial >> (degree - k) & 1:
+                new ^= v[-k]
+        v.append(new)
+    return np.array(v, np.uint64)
+
+
+def sobol(count: int, randoms: Sequence[np.random.Generator]) -> np.ndarray:
+    """The first ``count`` points (count, d) of Sobol's sequence in (0, 1), each of d axes shifted by its random.
+
+    The order is that of Antonov and Saleev (1979). A digital shift (exclusive or with a random number) leaves the
+    sequence what it is: of the first 2^m points one lies in each of 2^m equal parts of every axis. Raises
+    ValueError for more than ``MOST_DIMENSIONS`` axes.
+    """
+    if len(randoms) > MOST_DIMENSIONS:
+        raise ValueError(f"{len(randoms)} axes, Sobol's sequence has {MOST_DIMENSIONS} here")
+    index = np.arange(count, dtype=np.uint64)
+    gray = index ^ (index >> np.uint64(1))
+    columns = []
+    for dimension, random in enumerate(randoms):
+        bits = np.zeros(count, np.uint64)
+        for k, number in enumerate(_directions(dimension)):
+            bits ^= np.where(gray >> np.uint64(k) & np.uint64(1), number, np.uint64(0))
+        shift = np.uint64(random.integers(0, 1 << _BITS))
+        columns.append(((bits ^ shift).astype(np.float64) + 0.5) / (1 << _BITS))
+    return np.stack(columns, axis=1)
+
+
+def latin_hypercube(count: int, randoms: Sequence[np.random.Generator]) -> np.ndarray:
+    """``count`` points (count, d) in [0, 1), one in each of ``count`` equal parts of every axis, at random within it.
+
+    McKay, Beckman and Conover 1979, Technometrics 21, 239. An axis is drawn from its own random.
+    """
+    return np.stack([(random.permutation(count) + random.random(count)) / count for random in randoms], axis=1)
+
+
+def independent(count: int, randoms: Sequence[np.random.Generator]) -> np.ndarray:
+    """``count`` independent, uniform points (count, d) in [0, 1), an axis from its own random."""
+    return np.stack([random.random(count) for random in randoms], axis=1)
+
+
+def uniform(share: np.ndarray, low: float, high: float) -> np.ndarray:
+    """Values below which these shares (0 to 1) of a uniform distribution lie."""
+    return low + share * (high - low)
+
+
+def log_uniform(share: np.ndarray, low: float, high: float) -> np.ndarray:
+    """The same of a distribution that is uniform in the logarithm; both ends are above 0."""
+    return np.clip(np.exp(uniform(share, np.log(low), np.log(high))), low, high)
+
+
+def normal(share: np.ndarray, mean: float, deviation: float, low: float, high: float) -> np.ndarray:
+    """The same of a normal distribution that is cut off at ``low`` and ``high`` (and renormalised).
+
+    A mean beyond them is turned to the nearer tail, where the distribution function is accurate. Raises
+    ValueError where less than 1e-12 of the distribution lies between them.
+    """
+    law = NormalDist(0.0, 1.0)
+    ends = [(end - mean) / deviation for end in (low, high)]
+    mirror = -1.0 if ends[0] > 0.0 else 1.0  # above the mean the lower tail is the accurate one
+    ends = sorted(mirror * end for end in ends)
+    first, last = (law.cdf(end) for end in ends)
+    if last - first < 1e-12:
+        raise ValueError("the normal distribution has nothing within its limits")
+    turned = share if mirror > 0 else 1.0 - share
+    inside = np.clip(first + turned * (last - first), 1e-300, 1.0 - 2.0**-53)
+    return np.clip(mean + deviation * mirror * np.array([law.inv_cdf(p) for p in inside.tolist()]), low, high)
+
+
+def whole(share: np.ndarray, low: int, high: int) -> np.ndarray:
+    """Whole numbers from ``low`` to ``high``, both included, equally often."""
+    return low + np.minimum((share * (high - low + 1)).astype(np.int64), high - low)

@@ -1,0 +1,196 @@
+"""Who renders which pair, among processes and machines that share nothing but a folder. Imports no Blender.
+
+A claim is a file ``claims/<pair>.<n>`` that only one can make. Its maker touches it again and again; when
+that stops, or the maker is known to be gone, the pair may be claimed anew as n + 1, which again only one can.
+So nothing is ever taken out of a living hand, and whoever was wrongly held for dead does no harm: what it
+writes has names of its own until it is whole, and a pair that is there is not written again.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import socket
+import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from ..files import PART, disk_errors, part_of
+
+FOLDER = "claims"
+#: How often a claim is touched, and how long after the last touch it counts for nothing.
+BEAT_S, STALE_S = 10.0, 60.0
+
+
+def _place() -> str:
+    """What names the processes among which a process number means one process; empty if unknown."""
+    if sys.platform == "linux":
+        try:
+            boot = Path("/proc/sys/kernel/random/boot_id").read_text(encoding="ascii").strip()
+            return f"{boot} {os.readlink('/proc/self/ns/pid')}"
+        except OSError:
+            return ""
+    return socket.gethostname() if os.name == "posix" else ""
+
+
+def _gone(pid: int, place: str) -> bool:
+    """Whether a process certainly is no more."""
+    if not place or place != _place():
+        return False
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return True
+    except OSError:
+        return False
+    try:  # a process that has ended but was not waited for yet
+        return Path(f"/proc/{pid}/stat").read_text(encoding="utf-8").rsplit(")", 1)[1].split()[0] == "Z"
+    except (OSError, IndexError):
+        return False
+
+
+class Claims:
+    """The claims of this process in a data set; a thread keeps them fresh while any is held.
+
+    Raises IcyMoonError where the folder cannot be written to.
+    """
+
+    def __init__(self, dataset: Path) -> None:
+        self._folder = dataset / FOLDER
+        self._pairs = dataset / "pairs"
+        self._held: dict[str, Path] = {}
+        self._stop = threading.Event()
+        self._thread: threading.Thread | None = None
+
+    def take(self, pair: str) -> bool:
+        """Claim a pair; False while another holds it."""
+        with disk_errors("write to", self._folder):
+            self._folder.mkdir(parents=True, exist_ok=True)
+            claims = self._of(pair)
+            if claims and not self._stale(claims[max(claims)]):
+                return False
+            number = max(claims, default=0) + 1
+            path = self._folder / f"{pair}.{number}"
+            try:
+                handle = os.open(path, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666)
+            except FileExistsError:
+                return False  # another was faster
+            with os.fdopen(handle, "w", encoding="utf-8") as stream:
+                json.dump({"pid": os.getpid(), "place": _place(), "host": socket.gethostname()}, stream)
+        for old in claims.values():
+            old.unlink(missing_ok=True)
+        if claims:
+            self._clear(pair)
+        self._held[pair] = path
+        if self._thread is None:
+            self._thread = threading.Thread(target=self._beat, daemon=True)
+            self._thread.start()
+        return True
+
+    def release(self, pair: str) -> None:
+        """Give a claim back."""
+        path = self._held.pop(pair, None)
+        if path is not None:
+            path.unlink(missing_ok=True)
+
+    def lost(self, pair: str) -> bool:
+        """Whether a pair that was claimed here has been claimed anew, since this process was taken for dead."""
+        path = self._held.get(pair)
+        return path is not None and not path.exists()
+
+    @contextmanager
+    def held(self, pair: str) -> Iterator[bool]:
+        """Claim a pair for the block; says whether it could be had."""
+        taken = self.take(pair)
+        try:
+            yield taken
+        finally:
+            if taken:
+                self.release(pair)
+
+    def others(self) -> set[str]:
+        """The pairs that living processes hold, this one aside."""
+        found: dict[str, Path] = {}
+        for path in sorted(self._folder.glob("*.*"), key=_number):
+            found[path.name.split(".")[0]] = path
+        return {pair for pair, path in found.items() if path not in self._held.values() and not self._stale(path)}
+
+    def forget(self, pid: int) -> None:
+        """Drop the claims of a process of this machine that has ended, and what it left half-written."""
+        for part in self._pairs.glob(f"*.{socket.gethostname()}-{pid}-*{PART}"):
+            shutil.rmtree(part, ignore_errors=True)
+        for path in self._folder.glob("*.*"):
+            holder = _read(path)
+            if holder.get("pid") == pid and holder.get("host") == socket.gethostname():
+                path.unlink(missing_ok=True)
+
+    def sweep(self) -> None:
+        """Remove what processes that are gone have left half-written, and the folder if nothing is claimed."""
+        # Whoever has begun to write has claimed before: what is there now and has no claim afterwards is left over.
+        parts = list(self._pairs.glob(f"*{PART}"))
+        claimed = self.others() | self._held.keys()
+        for part in parts:
+            if part.name.split(".")[0] not in claimed:
+                shutil.rmtree(part, ignore_errors=True)
+        for path in self._folder.glob("*.*"):
+            if path not in self._held.values() and self._stale(path):
+                path.unlink(missing_ok=True)
+        with suppress(OSError):  # absent, or in use
+            self._folder.rmdir()
+
+    def close(self) -> None:
+        """Give all claims back and stop the thread."""
+        self._stop.set()
+        for pair in list(self._held):
+            self.release(pair)
+
+    def _of(self, pair: str) -> dict[int, Path]:
+        return {_number(path): path for path in self._folder.glob(f"{pair}.*")}
+
+    def _clear(self, pair: str) -> None:
+        for part in self._pairs.glob(f"{pair}.*{PART}"):
+            shutil.rmtree(part, ignore_errors=True)
+
+    def _stale(self, claim: Path) -> bool:
+        try:
+            touched = claim.stat().st_mtime
+        except FileNotFoundError:
+            return True
+        holder = _read(claim)
+        pid = holder.get("pid")
+        if isinstance(pid, int) and _gone(pid, str(holder.get("place", ""))):
+            return True
+        return self._now() - touched > STALE_S
+
+    def _now(self) -> float:
+        """The time by the clock that stamps the files of this folder, which may be another machine's."""
+        probe = part_of(self._pairs / ".clock")
+        with disk_errors("write to", probe.parent):
+            probe.parent.mkdir(parents=True, exist_ok=True)
+            try:
+                probe.write_bytes(b"")
+                return probe.stat().st_mtime
+            finally:
+                probe.unlink(missing_ok=True)
+
+    def _beat(self) -> None:
+        while not self._stop.wait(BEAT_S):
+            for path in list(self._held.values()):
+                with suppress(OSError):  # released just now, or the share is away for a while
+                    os.utime(path)
+
+
+def _number(path: Path) -> int:
+    text = path.name.rpartition(".")[2]
+    return int(text) if text.isdigit() else 0
+
+
+def _read(claim: Path) -> dict[str, object]:
+    try:
+        holder = json.loads(claim.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return {}  # gone, or being written
+    return holder if isinstance(holder, dict) else {}

@@ -1,0 +1,99 @@
+"""A data set's plan, frozen into its folder, and what there is of it. Imports no Blender.
+
+``plan.jsonl`` is written once, before the first render: a header, then a line for each pair. What is to be
+done depends on nothing else, so that any process on any machine can do any part of it.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from ..errors import IcyMoonError
+from ..files import disk_errors, write_text
+from ..settings import Settings, check, defaults, merged
+from ..version import version
+from .pair import is_complete
+from .plan import PlannedPair
+
+PLAN = "plan.jsonl"
+FORMAT = "icymoon-dataset"
+VERSION = 1
+
+
+@dataclass(frozen=True)
+class Frozen:
+    """What a data set is to hold: its pairs in the order in which they are rendered, the plan's text, and the
+    version of Icy Moon that froze it."""
+
+    pairs: tuple[PlannedPair, ...]
+    text: str
+    version: str
+
+    def missing(self, dataset: Path) -> list[PlannedPair]:
+        """The pairs that are not there, or not whole."""
+        return [pair for pair in self.pairs if not is_complete(pair.folder(dataset))]
+
+
+def _changes(settings: Settings, base: Settings) -> Settings:
+    changed: Settings = {}
+    for topic, values in settings.items():
+        for key, value in values.items():
+            if base.get(topic, {}).get(key) != value or key not in base.get(topic, {}):
+                changed.setdefault(topic, {})[key] = value
+    return changed
+
+
+def freeze(dataset: Path, pairs: Sequence[PlannedPair], text: str) -> Frozen:
+    """Write the plan of a data set, or check it against the one that is there, and return it.
+
+    A data set may be extended: a plan that has all pairs of the one that is there takes its place.
+    Raises IcyMoonError for a plan that lacks some, or that has none.
+    """
+    if not pairs:
+        raise IcyMoonError("The plan has no pair; give it values to vary, or none of them an empty list.")
+    path = dataset / PLAN
+    if path.exists():
+        known = read(dataset)
+        lacking = {pair.id for pair in known.pairs} - {pair.id for pair in pairs}
+        if lacking:
+            raise IcyMoonError(f"{dataset} holds another data set: {len(lacking)} of its {len(known.pairs)} pairs are "
+                               "not in this plan; choose another folder, or a plan that extends that one.")
+        if [p.id for p in known.pairs] == [p.id for p in pairs] and known.text == text:
+            return known
+    base = pairs[0].settings
+    header = {"format": FORMAT, "version": VERSION, "icymoon": version(), "pairs": len(pairs),
+              "seeds": sorted({int(pair.settings["dataset"]["seed"]) for pair in pairs}), "settings": base,
+              "plan": text}
+    lines = [header, *({"id": pair.id, "changes": _changes(pair.settings, base)} for pair in pairs)]
+    write_text(path, "".join(json.dumps(line, allow_nan=False) + "\n" for line in lines))
+    return read(dataset)
+
+
+def read(dataset: Path) -> Frozen:
+    """The frozen plan of a data set. Raises IcyMoonError if there is none or it cannot be read."""
+    path = dataset / PLAN
+    if not path.is_file():
+        raise IcyMoonError(f"{dataset} has no {PLAN}; make the data set with icymoon batch.")
+    try:
+        with disk_errors("read", path):
+            header, *lines = [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()]
+        if header["format"] != FORMAT or header["version"] != VERSION:
+            raise IcyMoonError(f"{path} has version {header['version']} of {header['format']}, this Icy Moon reads "
+                               f"{VERSION} of {FORMAT}; use the version that wrote it.")
+        base = merged(defaults(), check(header["settings"], str(path)))
+        pairs = tuple(_pair(line, base, path) for line in lines)
+        if len(pairs) != header["pairs"]:
+            raise IcyMoonError(f"{path} holds {len(pairs)} of {header['pairs']} pairs; delete it and run icymoon batch "
+                               "again, which keeps what is rendered.")
+        return Frozen(pairs, str(header["plan"]), str(header["icymoon"]))
+    except (ValueError, KeyError, TypeError) as error:
+        raise IcyMoonError(f"{path} cannot be read ({type(error).__name__}: {error}); delete it and run icymoon batch "
+                           "again, which keeps what is rendered.") from None
+
+
+def _pair(line: Mapping[str, Any], base: Settings, path: Path) -> PlannedPair:
+    return PlannedPair(str(line["id"]), merged(base, check(line["changes"], str(path))), 0.0)

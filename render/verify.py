@@ -1,0 +1,133 @@
+"""Whether a data set is what its plan says, file by file. Imports no Blender."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from ..errors import IcyMoonError
+from ..files import PART, sha256
+from ..physics.blur import identity
+from ..settings import check, defaults, digest, merged
+from .claims import FOLDER, Claims
+from .dataset import PLAN, read
+from .exr_check import is_whole
+from .manifest import MANIFEST
+from .pair import Pair, read_pair
+from .plan import PlannedPair
+
+#: What a data set's folder may hold beside its pairs.
+_KNOWN = {"pairs", PLAN, MANIFEST, FOLDER, "evaluation", "slurm"}
+#: What stands for content that the settings do not describe, see ``settings.digest`` and ``nodes.sunlit``.
+_STAND_INS = ("", "Hapke of nodes")
+
+
+@dataclass(frozen=True)
+class Problem:
+    """Something wrong: of which kind, with what (a pair's id or a path), in a sentence; ``path`` is what may go."""
+
+    kind: str  # "missing", "broken", "foreign" or "leftover"
+    what: str
+    text: str
+    path: Path | None = None
+
+    def facts(self) -> dict[str, Any]:
+        """As a message says it."""
+        return {"kind": self.kind, "what": self.what, "message": self.text}
+
+
+@dataclass(frozen=True)
+class Findings:
+    """What ``verify`` found: how many pairs are planned and whole, and what is wrong."""
+
+    pairs: int
+    complete: int
+    problems: tuple[Problem, ...]
+
+
+def verify(dataset: Path, remove: bool = False) -> Findings:
+    """Check every file of a data set against the plan and the checksums.
+
+    With ``remove`` broken pairs and leftovers are taken away, never what is not ours. Raises IcyMoonError if
+    there is no plan.
+    """
+    frozen = read(dataset)
+    working = Claims(dataset).others()
+    problems: list[Problem] = []
+    complete = 0
+    for planned in frozen.pairs:
+        found = list(_of_pair(dataset, planned, planned.id in working))
+        complete += not found
+        problems += found
+    problems += _others(dataset, {pair.id for pair in frozen.pairs}, working)
+    for problem in problems if remove else ():
+        if problem.path is not None:
+            shutil.rmtree(problem.path, ignore_errors=True)
+            problem.path.unlink(missing_ok=True)
+    return Findings(len(frozen.pairs), complete, tuple(problems))
+
+
+def _of_pair(dataset: Path, planned: PlannedPair, working: bool) -> Iterator[Problem]:
+    folder = planned.folder(dataset)
+    if not (folder / "pair.json").is_file():
+        if folder.exists():
+            yield Problem("broken", planned.id, f"{folder} has no pair.json.", folder)
+        else:
+            yield Problem("missing", planned.id, f"Pair {planned.id} is {'being rendered' if working else 'missing'}.")
+        return
+    try:
+        pair = read_pair(folder)
+    except IcyMoonError as error:
+        yield Problem("broken", planned.id, str(error), folder)
+        return
+    yield from (Problem("broken", planned.id, text, folder) for text in _faults(pair, planned))
+
+
+def _faults(pair: Pair, planned: PlannedPair) -> Iterator[str]:
+    """What is wrong with a pair that can be read, in sentences."""
+    path = pair.folder / "pair.json"
+    for name, fact in pair.data["files"].items():
+        file = pair.folder / name
+        if file.stat().st_size != fact["bytes"]:
+            yield f"{file} has {file.stat().st_size} bytes, not {fact['bytes']}."
+        elif sha256(file) != fact["sha256"]:
+            yield f"{file} is not what was rendered: its checksum differs."
+        elif not is_whole(file):
+            yield f"{file} is no whole EXR image."
+    try:
+        stated = merged(defaults(), check(pair.settings, str(path)))
+        blur = identity(stated)
+    except IcyMoonError as error:
+        yield str(error)
+        return
+    if pair.id != planned.id:
+        yield f"{path} is of pair {pair.id}, not {planned.id}."
+    own = str(pair.data.get("own_files_sha256", ""))
+    ids = {digest(stated, own + each + blur) for each in _STAND_INS}
+    if not pair.data.get("edited_by_hand") and pair.id not in ids:
+        yield f"{path}: its settings do not give the id {pair.id}."
+    seed = pair.data.get("seeds", {}).get("render")
+    if seed != planned.render_seed:
+        yield f"{path}: was rendered with the seed {seed}, not {planned.render_seed}."
+
+
+def _others(dataset: Path, planned: set[str], working: set[str]) -> Iterator[Problem]:
+    """What lies in the folder and belongs to no planned pair."""
+    for path in sorted((dataset / "pairs").glob("*")):
+        name = path.name.split(".")[0]
+        if path.name.endswith(PART):
+            if name not in working:
+                yield Problem("leftover", path.name, f"{path} was left unfinished.", path)
+        elif name not in planned or path.name != name:
+            yield Problem("foreign", path.name, f"{path} is not of this plan.")
+    for path in sorted((dataset / FOLDER).glob("*.*")):
+        if path.name.split(".")[0] not in working:
+            yield Problem("leftover", path.name, f"{path} is the claim of a process that is gone.", path)
+    for path in sorted(dataset.glob("*")):
+        if path.name.endswith(PART):
+            yield Problem("leftover", path.name, f"{path} was left unfinished.", path)
+        elif path.name not in _KNOWN:
+            yield Problem("foreign", path.name, f"{path} is not of this data set.")

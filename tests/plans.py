@@ -1,0 +1,23 @@
+"""Small planned data sets for tests."""
+
+from __future__ import annotations
+
+from icymoon import settings as description
+from icymoon.render.plan import PlannedPair
+
+TINY = {"terrain": {"resolution": 33}, "mesh": {"kind": "GRID"}, "rig": {"width_px": 32, "height_px": 24},
+        "quality": {"samples": 2, "threads": 1}}
+
+
+def planned(*parts: dict) -> PlannedPair:
+    """One tiny pair with changes."""
+    settings = description.merged(description.defaults(), *(description.check(p, "test") for p in (TINY, *parts)))
+    return PlannedPair(description.digest(settings), settings, 0.0)
+
+
+def grid(seeds: int = 2, elevations: tuple[float, ...] = (20.0, 40.0),
+         headings: tuple[float, ...] = (0.0, 90.0)) -> list[PlannedPair]:
+    """Pairs of all combinations, headings innermost."""
+    return [planned({"dataset": {"seed": seed}, "light": {"sun_elevation_deg": elevation},
+                     "rig": {"heading_deg": heading}})
+            for seed in range(seeds) for elevation in elevations for heading in headings]

@@ -1,0 +1,153 @@
+"""Claims: one holder at a time, among threads, processes and machines; nothing is taken out of living hands."""
+
+from __future__ import annotations
+
+import os
+import socket
+import subprocess
+import sys
+import threading
+import time
+
+import pytest
+from icymoon.errors import IcyMoonError
+from icymoon.render import claims
+from icymoon.render.claims import Claims
+
+PAIR = "0123456789ab"
+
+
+def dead_process() -> int:
+    """Number of a process that has ended."""
+    process = subprocess.Popen([sys.executable, "-c", ""])
+    process.wait()
+    return process.pid
+
+
+def left_by(tmp_path, pid: int, place: str, age_s: float, name: str = f"{PAIR}.1") -> None:
+    """A claim as another process left it."""
+    path = tmp_path / claims.FOLDER / name
+    path.parent.mkdir(exist_ok=True)
+    path.write_text(f'{{"pid": {pid}, "place": "{place}", "host": "elsewhere"}}')
+    then = time.time() - age_s
+    os.utime(path, (then, then))
+
+
+def test_one_holder_at_a_time(tmp_path):
+    one, other = Claims(tmp_path), Claims(tmp_path)
+    assert one.take(PAIR)
+    assert not other.take(PAIR)
+    assert other.others() == {PAIR}
+    assert one.others() == set()
+    one.release(PAIR)
+    assert other.take(PAIR)
+    other.close()
+    assert not Claims(tmp_path).others()
+
+
+def test_of_many_that_try_at_once_one_gets_it(tmp_path):
+    for left in (False, True):
+        folder = tmp_path / str(left)
+        folder.mkdir()
+        if left:
+            left_by(folder, 1, "another machine", 2 * claims.STALE_S)
+        start, got = threading.Barrier(16), []
+
+        def attempt(folder=folder, start=start, got=got) -> None:
+            mine = Claims(folder)
+            start.wait()
+            if mine.take(PAIR):
+                got.append(mine)
+
+        threads = [threading.Thread(target=attempt) for _ in range(16)]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+        assert len(got) == 1
+
+
+def test_a_dead_process_of_this_machine_holds_nothing(tmp_path):
+    left_by(tmp_path, dead_process(), claims._place(), 0.0)
+    (tmp_path / "pairs" / f"{PAIR}.host-1-1.part").mkdir(parents=True)
+    mine = Claims(tmp_path)
+    assert mine.take(PAIR)
+    assert list((tmp_path / "pairs").iterdir()) == []  # what it left half-written
+    assert [p.name for p in (tmp_path / claims.FOLDER).iterdir()] == [f"{PAIR}.2"]
+
+
+def test_another_machine_is_believed_for_a_minute(tmp_path):
+    left_by(tmp_path, 1, "another machine", 0.5 * claims.STALE_S)
+    assert not Claims(tmp_path).take(PAIR)
+    left_by(tmp_path, 1, "another machine", 1.5 * claims.STALE_S)
+    assert Claims(tmp_path).take(PAIR)
+
+
+def test_a_claim_that_is_still_being_written_counts(tmp_path):
+    (tmp_path / claims.FOLDER).mkdir()
+    (tmp_path / claims.FOLDER / f"{PAIR}.1").write_text("")
+    assert not Claims(tmp_path).take(PAIR)
+
+
+def test_a_holder_touches_its_claims(tmp_path, monkeypatch):
+    monkeypatch.setattr(claims, "BEAT_S", 0.05)
+    mine = Claims(tmp_path)
+    mine.take(PAIR)
+    path, = (tmp_path / claims.FOLDER).iterdir()
+    os.utime(path, (0, 0))
+    deadline = time.monotonic() + 10
+    while path.stat().st_mtime < time.time() - 60:
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+    mine.close()
+
+
+def test_who_was_wrongly_held_for_dead_knows_it_and_does_no_harm(tmp_path, monkeypatch):
+    sleeper, other = Claims(tmp_path), Claims(tmp_path)
+    sleeper.take(PAIR)
+    path, = (tmp_path / claims.FOLDER).iterdir()
+    os.utime(path, (0, 0))  # as if this machine had been asleep
+    assert not sleeper.lost(PAIR)
+    assert other.take(PAIR)
+    assert sleeper.lost(PAIR)
+    sleeper.release(PAIR)
+    assert Claims(tmp_path).others() == {PAIR}  # the other's claim stands
+    assert not other.lost(PAIR)
+
+
+def test_forgetting_a_process_leaves_what_others_write_of_the_same_pair(tmp_path):
+    pid = dead_process()
+    left_by(tmp_path, pid, claims._place(), 0.0)
+    theirs = tmp_path / "pairs" / f"{PAIR}.{socket.gethostname()}-{pid}-1.part"
+    ours = tmp_path / "pairs" / f"{PAIR}.{socket.gethostname()}-{pid}1-1.part"
+    for folder in (theirs, ours):
+        folder.mkdir(parents=True)
+    path = tmp_path / claims.FOLDER / f"{PAIR}.1"
+    path.write_text(path.read_text().replace("elsewhere", socket.gethostname()))
+    Claims(tmp_path).forget(pid)
+    assert ours.exists()
+    assert not theirs.exists()
+    assert not path.exists()
+
+
+def test_sweeping_leaves_the_living_alone(tmp_path):
+    mine, other = Claims(tmp_path), Claims(tmp_path)
+    mine.take(PAIR)
+    kept = tmp_path / "pairs" / f"{PAIR}.host-2-1.part"
+    gone = tmp_path / "pairs" / "ffffffffffff.host-3-1.part"
+    whole = tmp_path / "pairs" / "eeeeeeeeeeee"
+    for folder in (kept, gone, whole):
+        folder.mkdir(parents=True)
+    other.sweep()
+    assert kept.exists()
+    assert whole.exists()
+    assert not gone.exists()
+    mine.release(PAIR)
+    other.sweep()
+    assert not (tmp_path / claims.FOLDER).exists()
+
+
+def test_a_folder_that_cannot_be_made_is_a_sentence(tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(IcyMoonError, match="file"):
+        Claims(tmp_path / "file").take(PAIR)

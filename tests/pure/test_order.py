@@ -1,0 +1,93 @@
+"""The order of pairs: everything once, little made again; shards and shares lose nothing."""
+
+from __future__ import annotations
+
+import random
+from itertools import pairwise
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from icymoon import changes
+from icymoon.render.order import key, ordered, scenes, shards, share
+from plans import grid, planned
+
+PAIRS = grid(seeds=3, elevations=(10.0, 20.0), headings=(0.0, 90.0, 180.0))
+
+
+def changed(pairs, part) -> int:
+    """How often a part of the settings changes from one pair to the next."""
+    keys = [key(part, pair) for pair in pairs]
+    return sum(a != b for a, b in pairwise(keys))
+
+
+@given(st.randoms(use_true_random=False))
+def test_whatever_the_plan_each_scene_is_built_once_and_each_light_once_in_it(rng: random.Random):
+    shuffled = list(PAIRS)
+    rng.shuffle(shuffled)
+    found = ordered(shuffled)
+    assert sorted(p.id for p in found) == sorted(p.id for p in PAIRS)
+    assert changed(found, changes.scene) == 3 - 1
+    assert changed(found, changes.light) == 3 * 2 - 1  # two lights in each scene, and each scene begins with one
+    assert found[0].id == shuffled[0].id
+
+
+def test_a_pair_that_is_planned_twice_is_there_once():
+    assert len(ordered([*PAIRS, *PAIRS])) == len(PAIRS)
+
+
+def test_a_surface_is_dearer_than_a_light_and_a_light_dearer_than_a_camera():
+    found = ordered([planned({"surface": {"albedo": a}, "light": {"sun_azimuth_deg": s}, "rig": {"pitch_deg": p}})
+                     for p in (10.0, 20.0) for s in (0.0, 50.0) for a in (0.5, 0.8)])
+    counts = [changed(found, part) for part in (changes.scene, changes.look, changes.light, changes.camera)]
+    assert counts == [0, 1, 3, 7]
+
+
+def test_a_graded_mesh_belongs_to_its_rig_and_a_grid_does_not():
+    for kind, number in (("GRADED", 2), ("GRID", 1)):
+        pairs = [planned({"mesh": {"kind": kind}, "rig": {"x_m": x}}) for x in (0.0, 1.0)]
+        assert len(scenes(ordered(pairs))) == number
+    turned = [planned({"mesh": {"kind": "GRADED"}, "rig": {"heading_deg": h}}) for h in (0.0, 90.0)]
+    assert len(scenes(ordered(turned))) == 1
+
+
+@pytest.mark.parametrize("workers", [1, 2, 5, 40])
+@pytest.mark.parametrize("most_scenes", [1, 2, 50])
+def test_shards_are_all_pairs_in_order(workers, most_scenes):
+    pairs = ordered(PAIRS)
+    found = shards(pairs, workers, most_scenes)
+    assert [p.id for shard in found for p in shard] == [p.id for p in pairs]
+    assert all(len(scenes(shard)) <= most_scenes for shard in found)
+
+
+def test_shards_keep_workers_busy_to_the_end():
+    pairs = ordered(grid(seeds=64, elevations=(10.0,), headings=(0.0,)))
+    lengths = [len(shard) for shard in shards(pairs, 4, 50)]
+    assert max(lengths) == min(lengths) == 4
+    one_scene = grid(seeds=1, elevations=(10.0,), headings=tuple(float(h) for h in range(64)))
+    assert len(shards(one_scene, 4, 50)) >= 4
+
+
+def test_no_pairs_are_no_shards():
+    assert shards([], 2, 50) == []
+    assert ordered([]) == []
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 7, 18, 30])
+def test_shares_are_all_pairs_each_once(count):
+    pairs = ordered(PAIRS)
+    found = [share(pairs, number, count) for number in range(1, count + 1)]
+    assert [p.id for part in found for p in part] == [p.id for p in pairs]
+    if count <= 3:
+        assert all(len(part) == len(pairs) // count for part in found if count != 2)
+    if count <= len(pairs):
+        assert sum(map(bool, found)) >= min(count, 3)
+
+
+def test_what_decides_the_order_is_every_setting_but_response_and_run():
+    settings = PAIRS[0].settings
+    listed = {(topic, name) for part in (changes.scene, changes.look, changes.light, changes.camera, changes.sampling)
+              for topic, values in part(settings).items() for name in values}
+    from icymoon.properties import all_settings
+    needed = {(topic, s.key) for topic, s in all_settings() if s.effect not in ("response", "run")}
+    assert needed <= listed

@@ -1,0 +1,198 @@
+"""The runner with a Blender that only pretends: whatever workers do, every pair is there or named."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import stat
+import sys
+import threading
+import time
+from pathlib import Path
+
+import pytest
+from icymoon.errors import IcyMoonError
+from icymoon.render import runner
+from icymoon.render.claims import FOLDER, Claims
+from icymoon.render.runner import Runner, Workers
+from plans import grid
+
+PAIRS = grid(seeds=3)  # of two lights and two headings each
+
+
+class Stand:
+    """A folder with the false Blender, and a data set."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder, self.dataset = folder, folder / "set"
+        self.blender = folder / "blender"
+        text = (Path(__file__).parent / "fake_blender.py").read_text()
+        self.blender.write_text(text.replace("#!/usr/bin/env python3", f"#!{sys.executable}"))
+        self.blender.chmod(self.blender.stat().st_mode | stat.S_IXUSR)
+        self.behave()
+        self.said: list[dict] = []
+
+    def behave(self, **how: str) -> None:
+        """What goes wrong, by pair."""
+        (self.folder / "behave.json").write_text(json.dumps(how))
+
+    def runner(self, workers: int = 2, **options) -> Runner:
+        return Runner(self.dataset, PAIRS, Workers(workers, 1, str(self.blender), **options),
+                      lambda kind, **facts: self.said.append({"type": kind, **facts}))
+
+    def run(self, **options) -> dict[str, str]:
+        return self.runner(**options).run()
+
+    @property
+    def rendered(self) -> list[str]:
+        """The pairs that were begun, each as often as it was."""
+        return (self.folder / "log").read_text().split()
+
+    def assert_done(self, *but: str) -> None:
+        """Every pair but these is there, once, and nothing else."""
+        there = {p.name for p in (self.dataset / "pairs").iterdir()}
+        assert there == {p.id for p in PAIRS} - set(but)
+        assert not (self.dataset / FOLDER).exists()
+
+
+@pytest.fixture
+def stand(tmp_path, monkeypatch):
+    if os.name == "nt":
+        pytest.skip("the false Blender is a script with a #! line")
+    monkeypatch.setattr(runner, "_FAREWELL_S", 0.3)
+    monkeypatch.setattr(runner, "_WAIT_S", 0.05)
+    return Stand(tmp_path)
+
+
+@pytest.mark.parametrize("workers", [1, 3])
+def test_every_pair_is_rendered_once_and_said_once(stand, workers):
+    assert stand.run(workers=workers) == {}
+    stand.assert_done()
+    assert sorted(stand.rendered) == sorted(p.id for p in PAIRS)
+    pairs = [m for m in stand.said if m["type"] == "pair"]
+    assert sorted(m["id"] for m in pairs) == sorted(p.id for p in PAIRS)
+    assert [m["done"] for m in pairs] == list(range(1, len(PAIRS) + 1))
+    fractions = [m["fraction"] for m in stand.said if m["type"] == "progress"]
+    assert fractions[-1] == 1.0
+    stand.run()
+    assert len(stand.rendered) == len(PAIRS)  # nothing again
+
+
+def test_a_worker_that_dies_costs_one_attempt_at_one_pair(stand):
+    stand.behave(**{PAIRS[4].id: "crash once"})
+    assert stand.run() == {}
+    stand.assert_done()
+    counts = {p.id: stand.rendered.count(p.id) for p in PAIRS}
+    assert counts.pop(PAIRS[4].id) == 2
+    assert set(counts.values()) == {1}
+
+
+def test_a_pair_that_kills_three_workers_is_set_aside_and_named(stand):
+    bad = PAIRS[4].id
+    stand.behave(**{bad: "crash"})
+    failed = stand.run()
+    assert list(failed) == [bad]
+    assert "139" in failed[bad]
+    assert stand.rendered.count(bad) == 3
+    stand.assert_done(bad)
+    assert [m["pair"] for m in stand.said if m["type"] == "error"] == [bad]
+    stand.behave()
+    assert stand.run() == {}  # another run tries again
+    stand.assert_done()
+
+
+def test_a_pair_that_cannot_be_built_is_not_tried_again_and_the_others_go_on(stand):
+    bad = PAIRS[0].id
+    stand.behave(**{bad: "refuse"})
+    assert stand.run() == {bad: "The ground cannot be built."}
+    assert stand.rendered.count(bad) == 1
+    stand.assert_done(bad)
+
+
+def test_the_disk_is_believed_and_not_the_worker(stand):
+    bad = PAIRS[5].id
+    stand.behave(**{bad: "lie"})  # says that it is rendered, but its files are not whole
+    failed = stand.run()
+    assert list(failed) == [bad]
+
+
+def test_a_worker_that_hangs_after_its_work_is_ended(stand):
+    stand.behave(**{"hang at the end": ""})
+    start = time.monotonic()
+    assert stand.run(workers=1) == {}
+    assert time.monotonic() - start < 60
+    stand.assert_done()
+
+
+def test_a_worker_that_says_nothing_is_ended(stand):
+    bad = PAIRS[2].id
+    stand.behave(**{bad: "hang"})
+    failed = stand.run(silence_s=0.5)
+    assert list(failed) == [bad]
+    assert "said nothing" in failed[bad]
+    stand.assert_done(bad)
+
+
+def test_what_keeps_all_pairs_from_rendering_ends_the_run(stand):
+    stand.behave(fatal="")
+    with pytest.raises(IcyMoonError, match="disk is full"):
+        stand.run()
+    stand.behave(mute="")
+    with pytest.raises(IcyMoonError, match="does not start"):
+        stand.run()
+    stand.blender.unlink()
+    with pytest.raises(IcyMoonError, match="Cannot start"):
+        stand.run()
+
+
+def test_two_runners_share_the_work_and_both_end_when_it_is_done(stand):
+    threads = [threading.Thread(target=stand.run) for _ in range(2)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join(60)
+        assert not thread.is_alive()
+    stand.assert_done()
+
+
+def test_what_another_runner_is_at_is_waited_for_and_done_if_it_vanishes(stand):
+    other = Claims(stand.dataset)
+    assert other.take(PAIRS[3].id)
+    thread = threading.Thread(target=stand.run)
+    thread.start()
+    deadline = time.monotonic() + 60
+    while len(list((stand.dataset / "pairs").glob("*/pair.json"))) < len(PAIRS) - 1:
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+    time.sleep(0.3)
+    assert thread.is_alive()
+    assert PAIRS[3].id not in stand.rendered
+    other.close()
+    thread.join(60)
+    stand.assert_done()
+
+
+def test_damaged_pairs_are_missing_and_made_again(stand):
+    stand.run()
+    folders = [pair.folder(stand.dataset) for pair in PAIRS]
+    (folders[0] / "pair.json").unlink()
+    (folders[1] / "pair.json").write_text("{")
+    (folders[2] / "left.exr").write_bytes(b"im")
+    (folders[3] / "right.exr").unlink()
+    shutil.rmtree(folders[4])
+    assert stand.runner()._open() == PAIRS[:5]
+    for folder in folders[:4]:
+        shutil.rmtree(folder)  # the false Blender, unlike ours, replaces nothing
+    stand.run()
+    stand.assert_done()
+
+
+def test_another_camera_response_is_stated_without_a_render(stand):
+    stand.run()
+    changed = [type(p)(p.id, {**p.settings, "sensor": {**p.settings["sensor"], "gain": 2.5}}, 0.0) for p in PAIRS]
+    Runner(stand.dataset, changed, Workers(1, 1, str(stand.blender)), lambda *a, **k: None).run()
+    assert len(stand.rendered) == len(PAIRS)
+    for pair in changed:
+        data = json.loads((pair.folder(stand.dataset) / "pair.json").read_text())
+        assert data["settings"]["sensor"]["gain"] == 2.5
