@@ -166,6 +166,7 @@ class DatasetJob(jobs.Job):
 class _Watching(jobs.JobOperator):
     """What the operators that watch a data set have in common."""
 
+    escapes = False
     _process: Detached
 
     def watched(self, context: bpy.types.Context) -> None:
@@ -188,7 +189,7 @@ class _Watching(jobs.JobOperator):
 
 
 class ICYMOON_OT_render_dataset(_Watching, bpy.types.Operator):
-    """Render all pairs of the plan into the data set folder, in processes of their own; those that are there already are kept. Nothing of the present scene is used or changed (Esc stops it)"""  # noqa: E501
+    """Render all pairs of the plan into the data set folder, in processes of their own; those that are there already are kept. Nothing of the present scene is used or changed"""  # noqa: E501
 
     bl_idname = "icymoon.render_dataset"
     bl_label = _TITLE

@@ -125,6 +125,8 @@ class JobOperator:
     (``EXEC_DEFAULT``) the operator returns when the work is done.
     """
 
+    #: Whether Esc stops it. Not what runs for hours while a person goes on working, in which Esc means other things.
+    escapes = True
     _timer: Any = None
     _job: Job
 
@@ -176,7 +178,7 @@ class JobOperator:
         return {"RUNNING_MODAL"}
 
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        if event.type == "ESC" and event.value == "PRESS":
+        if self.escapes and event.type == "ESC" and event.value == "PRESS":
             self._job.process.cancel()
             return {"RUNNING_MODAL"}
         if event.type != "TIMER":
