@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import importlib
 import importlib.util
+import signal
 import sys
 from pathlib import Path
 
@@ -38,6 +39,7 @@ def _load_package() -> None:
 def _arguments() -> list[str]:
     inside_blender = "bpy" in sys.modules
     if inside_blender:
+        signal.signal(signal.SIGINT, signal.default_int_handler)  # Blender keeps it for itself
         return sys.argv[sys.argv.index("--") + 1:] if "--" in sys.argv else []
     return sys.argv[1:]
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import os
 import shlex
 import signal
 import sys
@@ -14,6 +13,7 @@ from typing import Any
 
 from .errors import IcyMoonError
 from .render import dataset as datasets
+from .render.cost import processors
 from .render.manifest import write_manifest
 from .render.order import ordered, share
 from .render.plan import PlannedPair
@@ -74,11 +74,6 @@ def _how(parser: argparse.ArgumentParser) -> None:
                         help="scenes after which a process is replaced by a fresh one (%(default)s)")
     parser.add_argument("--blender", default=sys.executable, help="Blender, or a Python with bpy (this Python)")
     parser.add_argument("--json", action="store_true", help="say what happens in JSON lines")
-
-
-def processors() -> int:
-    """Processors that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def workers(options: argparse.Namespace) -> Workers:

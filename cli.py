@@ -14,7 +14,7 @@ from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from . import batch
+from . import batch, planning
 from . import settings as description
 from .errors import IcyMoonError
 from .render.launch import Job, absolute_folder, blender_command
@@ -90,6 +90,7 @@ def _parser() -> argparse.ArgumentParser:
     auto.add_argument("--json-lines", action="store_true", help="progress and result as JSON lines on stdout")
     auto.set_defaults(run=_auto)
 
+    planning.add_verbs(verbs)
     batch.add_verbs(verbs)
 
     doctor = verbs.add_parser("doctor", help="say what is here, what is missing and what to do about it")

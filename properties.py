@@ -697,6 +697,15 @@ DATASET = Topic("dataset", "Data Set", "Where pairs go and how they vary", (
     Setting("headings", "Headings", 1,
             "Pairs rendered at the site, the rig turned by equal steps; 4 is the paper's panorama", "run",
             "pairs", 1, 360, (1, 12)),
+    Setting("plan", "Plan", "datasets/guiss_smoke",
+            "Plan of a data set: a TOML file, or the name of a shipped one. Nothing of the present scene is in it",
+            "run"),
+    Setting("workers", "Workers", 0, "Processes that render a data set side by side; 0 for one per four processors",
+            "run", "processes", 0, 1024, (0, 16)),
+    Setting("evaluate", "Evaluate Afterwards", False,
+            "Match and measure the whole data set when all of it is rendered", "run"),
+    Setting("leave_running", "Leave Running", False, "Go on rendering the data set when Blender is closed or another "
+            "file is opened; the next Blender shows it again", "run"),
     Setting("methods", "Matchers", "bm,sgbm", "Stereo matchers that Evaluate runs, separated by commas", "run"),
 ))
 

@@ -4,9 +4,24 @@ from __future__ import annotations
 
 import bpy
 
-from . import build, evaluate, evaluator, expose, follow, ground, jobs, layers, live, render, results, settings, trade
+from . import (
+    build,
+    dataset,
+    evaluate,
+    evaluator,
+    expose,
+    follow,
+    ground,
+    jobs,
+    layers,
+    live,
+    render,
+    results,
+    settings,
+    trade,
+)
 
-CLASSES = (*settings.CLASSES, *build.CLASSES, *ground.CLASSES, *layers.CLASSES, *render.CLASSES,
+CLASSES = (*settings.CLASSES, *build.CLASSES, *ground.CLASSES, *layers.CLASSES, *render.CLASSES, *dataset.CLASSES,
            *evaluate.CLASSES, *expose.CLASSES, *results.CLASSES, *evaluator.CLASSES, *trade.CLASSES, *jobs.CLASSES)
 
 _register, _unregister = bpy.utils.register_classes_factory(CLASSES)
@@ -16,6 +31,7 @@ def register() -> None:
     """Register the operators."""
     _register()
     jobs.register()
+    dataset.register()
     live.register()
     follow.register()
 
@@ -24,5 +40,6 @@ def unregister() -> None:
     """Unregister them; a running worker is stopped."""
     follow.unregister()
     live.unregister()
+    dataset.unregister()
     jobs.unregister()
     _unregister()

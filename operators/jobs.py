@@ -10,6 +10,7 @@ from typing import Any
 import bpy
 
 from ..errors import IcyMoonError
+from ..render.detached import Detached
 from ..render.queue import Message, Process
 
 _INTERVAL_S = 0.1
@@ -20,7 +21,7 @@ class Job:
     """One running process and what it has said so far; the panel shows it."""
 
     title: str
-    process: Process
+    process: Process | Detached
     handle: Callable[[Message], None]  # called with every message
     clean_up: Callable[[], None]  # called once at the end, however it ends
     started: float = field(default_factory=time.monotonic)
@@ -46,18 +47,22 @@ class Job:
         """Take in what the process has said; False when it has ended."""
         running = self.process.running
         for message in self.process.poll():
-            kind = message["type"]
-            if kind == "progress":
-                self.fraction = float(message["fraction"])
-                self.text = str(message["message"])
-            elif kind == "warning":
-                self.warnings.append(str(message["message"]))
-            elif kind == "error":
-                self.error = str(message["message"])
-            elif kind in ("done", "result"):
-                self.done = True
+            self.hear(message)
             self.handle(message)
         return running
+
+    def hear(self, message: Message) -> None:
+        """Take in one thing that the process has said."""
+        kind = message["type"]
+        if kind == "progress":
+            self.fraction = float(message["fraction"])
+            self.text = str(message["message"])
+        elif kind == "warning":
+            self.warnings.append(str(message["message"]))
+        elif kind == "error":
+            self.error = str(message["message"])
+        elif kind in ("done", "result"):
+            self.done = True
 
     @property
     def failure(self) -> str:
@@ -107,7 +112,7 @@ def finish(job: Job) -> None:
 
 
 def stop_current() -> None:
-    """Kill the running job, if any: Blender is about to end or to open another file."""
+    """Stop the running job, if any: Blender is about to end or to open another file."""
     if current is not None:
         current.process.stop()
         finish(current)
@@ -120,6 +125,8 @@ class JobOperator:
     (``EXEC_DEFAULT``) the operator returns when the work is done.
     """
 
+    #: Whether Esc stops it. Not what runs for hours while a person goes on working, in which Esc means other things.
+    escapes = True
     _timer: Any = None
     _job: Job
 
@@ -132,6 +139,9 @@ class JobOperator:
 
     def succeeded(self, context: bpy.types.Context) -> None:
         raise NotImplementedError
+
+    def watched(self, context: bpy.types.Context) -> None:
+        """Called again and again while it runs."""
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -168,11 +178,12 @@ class JobOperator:
         return {"RUNNING_MODAL"}
 
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        if event.type == "ESC" and event.value == "PRESS":
+        if self.escapes and event.type == "ESC" and event.value == "PRESS":
             self._job.process.cancel()
             return {"RUNNING_MODAL"}
         if event.type != "TIMER":
             return {"PASS_THROUGH"}
+        self.watched(context)
         before = self._job.shown
         running = self._job.advance()
         if self._job.shown != before:
@@ -194,12 +205,17 @@ class JobOperator:
         finish(job)
         for warning in job.warnings:
             self.report({"WARNING"}, warning)  # type: ignore[attr-defined]
+        if job.process.left:
+            return {"FINISHED"}
         if job.process.cancelled:
             self.report({"WARNING"}, job.failure)  # type: ignore[attr-defined]
             return {"CANCELLED"}
         if job.failure:
             return self.fail(IcyMoonError(job.failure))
-        self.succeeded(context)
+        try:
+            self.succeeded(context)
+        except IcyMoonError as error:
+            return self.fail(error)
         return {"FINISHED"}
 
 

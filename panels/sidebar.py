@@ -9,7 +9,7 @@ import bpy
 
 from .. import settings as description
 from ..nodes import scene as scenes
-from ..operators import follow, ground, jobs, layers, live, readouts, results
+from ..operators import dataset, follow, ground, jobs, layers, live, readouts, results
 from ..physics import principled, surfaces
 from ..physics.blur import MOTION
 from ..physics.textures import by_uv
@@ -342,6 +342,35 @@ def _topic_panel(topic: Topic, order: int) -> type:
 TOPIC_PANELS = tuple(_topic_panel(topic, 10 + k) for k, topic in enumerate(TOPICS.values()))
 
 
+class ICYMOON_PT_plan(_Sidebar, bpy.types.Panel):
+    """The plan of a data set: what it will take, and rendering it"""
+
+    bl_idname = "ICYMOON_PT_plan"
+    bl_label = "Plan"
+    bl_parent_id = "ICYMOON_PT_dataset"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout, group = self.layout, context.scene.icymoon.dataset
+        row = layout.row(align=True)
+        row.operator("icymoon.choose_plan", text=dataset.title_of(group.plan), icon="PRESET")
+        row.operator("icymoon.open_plan", text="", icon="FILEBROWSER")
+        layout.operator("icymoon.plan_dry_run", icon="VIEWZOOM")
+        for line in dataset.readout["lines"] if dataset.readout["plan"] == group.plan else ():
+            _draw_wrapped(layout, line)
+        column = layout.column()
+        column.scale_y = 1.4
+        column.operator("icymoon.render_dataset", icon="RENDER_ANIMATION")
+        _draw_job(layout)
+        layout.operator("icymoon.show_last_pair", icon="IMAGE_DATA")
+        for line in dataset.readout["set_aside"][-3:]:
+            _draw_wrapped(layout, f"Set aside: {line}")
+
+
+def _draw_wrapped(layout: Any, text: str) -> None:
+    """A sentence in lines of the sidebar's width."""
+    _draw_lines(layout, tuple(textwrap.wrap(text, 40)))
+
+
 class ICYMOON_PT_ground_report(_Sidebar, bpy.types.Panel):
     """What was found and mended in the file that the ground was built from"""
 
@@ -358,4 +387,4 @@ class ICYMOON_PT_ground_report(_Sidebar, bpy.types.Panel):
 
 
 CLASSES = (ICYMOON_UL_layers, ICYMOON_PT_main, ICYMOON_PT_results, ICYMOON_PT_landforms, *TOPIC_PANELS,
-           ICYMOON_PT_ground_report, ICYMOON_PT_sky, ICYMOON_PT_resolution)
+           ICYMOON_PT_plan, ICYMOON_PT_ground_report, ICYMOON_PT_sky, ICYMOON_PT_resolution)

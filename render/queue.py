@@ -30,11 +30,35 @@ def emit(kind: str, **facts: Any) -> None:
     print(json.dumps({"type": kind, **facts}), flush=True)
 
 
-class Process:
+class Listener:
+    """Sorts what a process says: messages, and the last of its other lines.
+
+    ``cancelled`` and ``left`` say whether it was made to stop, or left to itself.
+    """
+
+    def __init__(self) -> None:
+        self._tail: deque[str] = deque(maxlen=30)
+        self.cancelled = self.left = False
+
+    def _take(self, line: str) -> Message | None:
+        """The message that a line is; what is none is kept as a tail."""
+        message = _parsed(line)
+        if message is None:
+            self._tail.append(line.rstrip())
+        return message
+
+    @property
+    def last_words(self) -> str:
+        """The last line that was not a message, for an error that the process could not state."""
+        return next((line for line in reversed(self._tail) if line.strip()), "it said nothing")
+
+
+class Process(Listener):
     """A running worker. ``poll`` never blocks, so a modal operator can call it on a timer."""
 
     def __init__(self, command: Sequence[str], environment: Mapping[str, str] | None = None) -> None:
         """Start ``command`` (a list, never a shell line). Raises IcyMoonError if it cannot start."""
+        super().__init__()
         options: dict[str, Any] = {}
         if sys.platform == "win32":
             options["creationflags"] = subprocess.CREATE_NEW_PROCESS_GROUP
@@ -49,11 +73,9 @@ class Process:
             raise IcyMoonError(f"Cannot start {command[0]}: {error.strerror or error}; "
                                "check the path in the preferences.") from None
         self._lines: queue.SimpleQueue[str | None] = queue.SimpleQueue()
-        self._tail: deque[str] = deque(maxlen=30)
         self._reader = threading.Thread(target=self._read, args=(self._process.stdout,), daemon=True)
         self._reader.start()
         self._ended = False
-        self.cancelled = False
 
     def _read(self, stream: IO[str]) -> None:
         for line in stream:
@@ -68,10 +90,8 @@ class Process:
             if line is None:
                 self._ended = True
                 self._process.wait()
-            elif (message := _parsed(line)) is not None:
+            elif (message := self._take(line)) is not None:
                 messages.append(message)
-            else:
-                self._tail.append(line.rstrip())
         return messages
 
     @property
@@ -88,11 +108,6 @@ class Process:
     def returncode(self) -> int:
         """Exit status after the end; negative for a signal."""
         return self._process.wait()
-
-    @property
-    def last_words(self) -> str:
-        """The last line that was not a message, for an error that the worker could not state."""
-        return next((line for line in reversed(self._tail) if line.strip()), "it said nothing")
 
     def messages(self) -> Iterator[Message]:
         """All messages until the end, waiting for them."""

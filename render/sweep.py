@@ -22,7 +22,7 @@ from .combine import Design, combined
 from .plan import PlannedPair
 from .toml_lines import Place
 
-_HEADER = ("title", "description", "extends", "include", "seeds", "at_most", "files", "without")
+HEADER = ("title", "description", "extends", "include", "seeds", "at_most", "files", "without")
 _SEEDS_MOST = 100000
 
 
@@ -96,7 +96,7 @@ def _read(path: Path, readers: tuple[Path, ...]) -> Plan:
         raise IcyMoonError(f"{path}: has no [plan] table, so it is no plan of a data set; give it one with a title.")
     data.pop("sources", None)
     place = whole.at("plan")
-    known_keys(header, _HEADER, place, "[plan]")
+    known_keys(header, HEADER, place, "[plan]")
     sweeps = data.pop("sweep", [])
     if not isinstance(sweeps, list) or not all(isinstance(table, Mapping) for table in sweeps):
         raise IcyMoonError(f"{whole.at('sweep')}: sweeps are tables of a list; write [[sweep]] with two brackets.")

@@ -157,6 +157,32 @@ def load_europa() -> Waiting:
     settings().dataset.folder = str(DATASET)
 
 
+def render_a_data_set() -> Waiting:
+    """A plan from a file, its dry run, and its pairs; Esc, which means other things meanwhile, does not stop it."""
+    plan, folder = FOLDER / "plan.toml", FOLDER / "set"
+    plan.write_text('[plan]\ntitle = "Four Suns"\n[mesh]\nkind = "GRID"\n[terrain]\nresolution = 65\n[rig]\n'
+                    'width_px = 64\nheight_px = 48\n[quality]\nsamples = 4\n[[sweep]]\nkind = "grid"\n'
+                    'light.sun_elevation_deg = [10, 30, 50, 70]\n')
+    group = window().scene.icymoon.dataset
+    before, group.folder = group.folder, str(folder)
+    operators = module("operators.dataset")
+    with in_region("WINDOW"):
+        check(bpy.ops.icymoon.open_plan(filepath=str(plan)) == {"FINISHED"}, "the plan could not be opened")
+        bpy.ops.icymoon.plan_dry_run("INVOKE_DEFAULT")
+    yield from until(lambda: jobs().current is None, "Dry Run", 60)
+    check(operators.readout["lines"][:1] == ["4 pairs"], f"the dry run says {operators.readout['lines']}")
+    with in_region("WINDOW"):
+        bpy.ops.icymoon.render_dataset("INVOKE_DEFAULT")
+    yield from until(lambda: operators.readout["last"], "The first pair", 120)
+    yield from key("Escape")
+    yield from screenshot("data_set")
+    yield from until(lambda: jobs().current is None, "Render Data Set", 240)
+    done = len(list(folder.glob("pairs/*/pair.json")))
+    check(done == 4, f"{done} of 4 pairs are there")
+    check(not children(), f"processes were left: {children()}")
+    group.folder = before
+
+
 def open_all_panels() -> Waiting:
     """Drag up over the closed headers, which opens them all, and look at them from top to bottom."""
     x, y = yield from find("icymoon.build_scene")
@@ -416,8 +442,8 @@ def search_and_clear() -> Waiting:
 
 
 STEPS = (open_the_tab, load_europa, open_all_panels, build_by_mouse, undo_and_redo, slide_by_mouse, render_by_mouse,
-         escape_a_render, evaluate_by_mouse, measured_surface, show_error, camera_image_follows, preferences_page,
-         search_and_clear)
+         escape_a_render, evaluate_by_mouse, measured_surface, show_error, camera_image_follows, render_a_data_set,
+         preferences_page, search_and_clear)
 
 
 def write(finished: bool) -> None:

@@ -22,6 +22,13 @@ for step in (operators.build_scene, operators.render_pair, operators.evaluate):
     assert step() == {"FINISHED"}, step
 assert len(list(dataset.glob("pairs/*/pair.json"))) == 1
 assert (dataset / "evaluation_scene" / "report.html").is_file()
+plan = dataset / "plan.toml"
+plan.write_text('[plan]\ntitle = "Two"\n[mesh]\nkind = "GRID"\n[terrain]\nresolution = 65\n[rig]\nwidth_px = 64\n'
+                'height_px = 48\n[quality]\nsamples = 1\n[[sweep]]\nkind = "panorama"\nheadings = 2\n')
+group.dataset.plan, group.dataset.folder = str(plan), str(dataset / "set")
+for step in (operators.plan_dry_run, operators.render_dataset):
+    assert step() == {"FINISHED"}, step
+assert len(list(dataset.glob("set/pairs/*/pair.json"))) == 2
 assert operators.clear_scene() == {"FINISHED"}
 assert not [c for c in bpy.data.collections if c.get("icymoon")]
 print("SMOKE passed", bpy.app.version_string)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import subprocess
 import sys
@@ -61,3 +62,21 @@ def test_settings_are_printed_complete_and_load_again(tmp_path):
     again = run("settings", "--settings", str(file))
     assert again.stdout == done.stdout
     assert "baseline_m = 0.3" in done.stdout
+
+
+def test_a_plan_is_listed_and_told_before_anything_starts(tmp_path):
+    file = tmp_path / "plan.toml"
+    file.write_text('[plan]\ntitle = "Two suns"\n[[sweep]]\nkind = "grid"\nlight.sun_elevation_deg = [10, 30]\n'
+                    '[mesh]\nkind = "GRID"\n')
+    listed = run("plan", str(file))
+    assert [line.split("  ")[1] for line in listed.stdout.splitlines()] == [
+        "light.sun_elevation_deg=10", "light.sun_elevation_deg=30"]
+    told = run("plan", str(file), "--dry-run", "--out", str(tmp_path / "none"))
+    assert told.stdout.splitlines()[:3] == ["Two suns", "2 pairs", "1 ground, 1 surface, 2 lights; 1 scene to build"]
+    assert not (tmp_path / "none").exists()
+    facts = json.loads(run("plan", str(file), "--dry-run", "--json").stdout)
+    assert (facts["type"], facts["pairs"], facts["scenes"]) == ("result", 2, 1)
+    assert "datasets/guiss_rocks" in run("plan").stdout
+    wrong = run("plan", "guiss_rock")
+    assert wrong.returncode == 1
+    assert "guiss_rocks" in wrong.stderr

@@ -7,6 +7,7 @@ import tomllib
 
 import pytest
 from hypothesis import given
+from hypothesis import settings as trials
 from hypothesis import strategies as st
 from icymoon.errors import IcyMoonError
 from icymoon.properties import TOPICS, all_settings
@@ -173,6 +174,7 @@ def _toml(value):
     return {True: "true", False: "false"}[value] if isinstance(value, bool) else repr(value)
 
 
+@trials(deadline=None)  # each reads files
 @given(st.dictionaries(_KEYS, _VALUES, max_size=3), st.lists(st.dictionaries(_KEYS, _VALUES, max_size=4), max_size=2),
        st.sampled_from([None, "grid", "one_at_a_time", "cases", "random", "sobol", "latin_hypercube", "panorama",
                         "view_sphere", "sites"]))

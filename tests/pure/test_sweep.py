@@ -9,6 +9,7 @@ from textwrap import dedent
 import numpy as np
 import pytest
 from hypothesis import given
+from hypothesis import settings as trials
 from hypothesis import strategies as st
 from icymoon import settings
 from icymoon.physics.directions import camera_axes
@@ -58,6 +59,7 @@ def test_a_panorama_turns_the_rig(plan):
     assert taken(pairs, "rig.heading_deg") == [-90.0, 90.5]
 
 
+@trials(deadline=None)  # each reads files
 @given(st.lists(st.integers(1, 4), min_size=1, max_size=4))
 def test_a_grid_is_as_large_as_the_product_of_its_values(tmp_path_factory, sizes):
     names = ["surface.albedo", "light.sun_elevation_deg", "rig.pitch_deg", "rig.height_m"]
@@ -114,6 +116,7 @@ BLOCKS = ('[[sweep]]\nkind = "grid"\nsurface.albedo = [0.2, 0.4]\n',
           '[[sweep]]\nkind = "sites"\ncount = 2\n', '[[sweep]]\nkind = "panorama"\nheadings = 2\n')
 
 
+@trials(deadline=None)  # each reads files
 @given(st.permutations(BLOCKS))
 def test_ids_do_not_hang_on_the_order_of_the_blocks(tmp_path_factory, order):
     folder = tmp_path_factory.mktemp("plan")

@@ -1,0 +1,97 @@
+"""What a pair costs: processor seconds and bytes, from which ``render/cost.py`` has its coefficients.
+
+    python benchmarks/plan_cost.py              all
+    python benchmarks/plan_cost.py Hapke …      those whose name contains a word
+
+Each row is a scene built from settings and two pairs of it, and what the coefficients expect of a pair. Seconds are
+processor time of the whole process, which hangs little on what else the machine does. Cycles' own lines stand
+between the rows. Needs Blender as a module.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+import bpy
+import icymoon
+import numpy as np
+from icymoon import settings as description
+from icymoon.nodes.scene import build
+from icymoon.render import cost
+from icymoon.render.plan import expand
+from icymoon.render.worker import render_pairs
+
+SMALL: dict[str, Any] = {"rig": {"width_px": 160, "height_px": 120}, "mesh": {"error_px": 4.0, "edge_px": 24.0},
+                         "quality": {"samples": 8}}
+#: What is varied about ``SMALL``, each alone.
+ROWS: dict[str, dict[str, Any]] = {
+    "Lambert": {"surface": {"model": "LAMBERT"}},
+    "Lambert, 2 samples": {"surface": {"model": "LAMBERT"}, "quality": {"samples": 2}},
+    "Lambert, 24 samples": {"surface": {"model": "LAMBERT"}, "quality": {"samples": 24}},
+    "Lambert, 320 x 240": {"surface": {"model": "LAMBERT"}, "rig": {"width_px": 320, "height_px": 240}},
+    "Lambert, mesh of 1 px": {"surface": {"model": "LAMBERT"}, "mesh": {"error_px": 1.0, "edge_px": 8.0}},
+    "Lambert, grid 513²": {"surface": {"model": "LAMBERT"}, "mesh": {"kind": "GRID"}, "terrain": {"resolution": 513}},
+    "Lambert, grid 1025²": {"surface": {"model": "LAMBERT"}, "mesh": {"kind": "GRID"}},
+    "Lambert, denoised": {"surface": {"model": "LAMBERT"}, "quality": {"denoiser": "OIDN"}},
+    "Lambert, denoised, 320 x 240": {"surface": {"model": "LAMBERT"}, "quality": {"denoiser": "OIDN"},
+                                     "rig": {"width_px": 320, "height_px": 240}},
+    "Lambert, planet": {"surface": {"model": "LAMBERT"}, "light": {"planet": True}},
+    "Lambert, 0 bounces": {"surface": {"model": "LAMBERT"}, "quality": {"diffuse_bounces": 0}},
+    "Lambert, 10 bounces": {"surface": {"model": "LAMBERT"}, "quality": {"diffuse_bounces": 10}},
+    "Lambert, blocks": {"surface": {"model": "LAMBERT"}, "rocks": {"coverage": 0.1}},
+    "Principled": {},
+    "Principled, half subsurface": {"surface": {"subsurface_weight": 0.5}},
+    "Principled, subsurface": {"surface": {"subsurface_weight": 1.0}},
+    "Principled, transmission": {"surface": {"transmission": 0.5}},
+    "Principled, images": {"textures": {"set": "FROST"}},
+    "Principled, images, 320 x 240": {"textures": {"set": "FROST"}, "rig": {"width_px": 320, "height_px": 240}},
+    "Lommel-Seeliger": {"surface": {"model": "LOMMEL_SEELIGER"}},
+    "lunar-Lambert": {"surface": {"model": "LUNAR_LAMBERT"}},
+    "Hapke, OSL, fast": {"surface": {"model": "HAPKE"}},
+    "Hapke, OSL, fast, 320 x 240": {"surface": {"model": "HAPKE"}, "rig": {"width_px": 320, "height_px": 240}},
+    "Hapke, OSL, accurate": {"surface": {"model": "HAPKE"}, "hapke": {"accuracy": "ACCURATE"}},
+    "Hapke, OSL, reference": {"surface": {"model": "HAPKE"}, "hapke": {"accuracy": "REFERENCE"}},
+    "Hapke, nodes": {"surface": {"model": "HAPKE"}, "hapke": {"backend": "NODES"}},
+}
+
+
+def measured(settings: description.Settings, folder: Path) -> tuple[float, float, float, float]:
+    """Processor seconds of the build, of the first and of another pair of the scene, and bytes of a pair."""
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    start = time.process_time()
+    built = build(bpy.context.scene, settings)
+    moments = [start, time.process_time()]
+    pairs = expand(description.merged(settings, {"dataset": {"headings": 2}}))
+    render_pairs(built, pairs, folder, 1, 0.0,
+                 lambda kind, **facts: moments.append(time.process_time()) if kind == "pair" else None)
+    build_s, first_s, other_s = np.diff(moments).tolist()
+    size = sum(f.stat().st_size for f in pairs[0].folder(folder).glob("*.exr"))
+    return build_s, first_s, other_s, float(size)
+
+
+def main(arguments: list[str]) -> int:
+    print(f"{'':32} {'Mtri':>6} {'build s':>8} {'first s':>8} {'other s':>8} {'expected':>8} {'bytes/px':>9} "
+          f"{'expected':>8}")
+    for name, changes in ROWS.items():
+        if arguments and not any(word.lower() in name.lower() for word in arguments):
+            continue
+        settings = description.merged(description.defaults(), SMALL, description.check(changes, "benchmark"))
+        with tempfile.TemporaryDirectory() as folder:
+            build_s, first_s, other_s, size = measured(settings, Path(folder))
+        work, triangles = cost.work_of(settings), cost.triangles_of(settings)
+        expected = work.seconds(triangles)
+        print(f"{name:32} {triangles / 1e6:6.3f} {build_s:8.2f} {first_s:8.2f} {other_s:8.2f} "
+              f"{expected:8.2f} {size / work.pixels:9.1f} {work.bytes / work.pixels:8.1f}", flush=True)
+    return 0
+
+
+if __name__ == "__main__":
+    icymoon.register()
+    status = main(sys.argv[1:])
+    sys.stdout.flush()
+    os._exit(status)

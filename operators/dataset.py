@@ -1,0 +1,296 @@
+"""Data sets: choosing a plan, what it will take, rendering it in a process that may outlive Blender."""
+
+from __future__ import annotations
+
+import os
+import sys
+import tempfile
+import time
+import zlib
+from pathlib import Path
+from typing import Any
+
+import bpy
+
+from .. import settings as description
+from ..errors import IcyMoonError
+from ..files import absolute_path
+from ..preferences import evaluator_python, extension_folder
+from ..render.detached import Detached, left_running
+from ..render.launch import blender_command, python_command
+from ..render.pair import is_complete
+from ..render.queue import Message, Process, clean_environment
+from ..render.sweep import plan_header, plan_path
+from ..settings import plan_names
+from . import jobs, results
+from .evaluate import response_arguments
+from .render import dataset_folder
+
+_TITLE = "Render Data Set"
+_LOOK_S = 0.5
+_plans: list[tuple[str, str, str]] = []
+#: What the last dry run said of which plan, the pairs set aside and why, and the pair that was rendered last.
+readout: dict[str, Any] = {"plan": "", "lines": [], "set_aside": [], "last": None}
+
+
+def plan_items(_self: Any = None, _context: Any = None) -> list[tuple[str, str, str]]:
+    """(name, title, description) of the shipped plans, read once; Blender needs them kept alive."""
+    if not _plans:
+        _plans.extend((name, *plan_header(plan_path(name))) for name in plan_names())
+    return _plans
+
+
+def chosen_plan(settings: description.Settings) -> str:
+    """The plan that the settings name: a shipped one as it is, a file absolute.
+
+    Raises IcyMoonError if there is none.
+    """
+    name = str(settings["dataset"]["plan"])
+    if name in plan_names():
+        return name
+    saved = os.path.dirname(bpy.data.filepath) if bpy.data.filepath else None
+    return str(plan_path(str(absolute_path(name, "dataset.plan", saved)) if name.endswith(".toml") else name))
+
+
+def title_of(name: str) -> str:
+    """The title of a shipped plan, or the name of a file."""
+    return next((title for known, title, _ in plan_items() if known == name), Path(name).name)
+
+
+def state_folder() -> Path:
+    """Where what is running is remembered from one Blender to the next."""
+    try:
+        return extension_folder() / "running"
+    except IcyMoonError:  # not installed as an extension
+        return Path(tempfile.gettempdir()) / f"icymoon-running-{os.getuid() if hasattr(os, 'getuid') else 'user'}"
+
+
+def command(*arguments: str) -> list[str]:
+    """Command of a verb, in this Blender; where it is a module of Python, in that."""
+    return blender_command(bpy.app.binary_path or sys.executable, *arguments)
+
+
+class ICYMOON_OT_choose_plan(bpy.types.Operator):
+    """Choose one of the shipped plans of data sets"""
+
+    bl_idname = "icymoon.choose_plan"
+    bl_label = "Choose Plan"
+    bl_options = {"REGISTER", "UNDO"}
+    bl_property = "plan"
+
+    plan: bpy.props.EnumProperty(items=plan_items, name="Plan",  # type: ignore[valid-type]
+                                 description="What to render")
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        if self.properties.is_property_set("plan"):
+            return self.execute(context)
+        context.window_manager.invoke_search_popup(self)
+        return {"RUNNING_MODAL"}
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        context.scene.icymoon.dataset.plan = self.plan
+        return {"FINISHED"}
+
+
+class ICYMOON_OT_open_plan(bpy.types.Operator):
+    """Choose a plan of your own, a TOML file"""
+
+    bl_idname = "icymoon.open_plan"
+    bl_label = "Open Plan"
+    bl_options = {"REGISTER", "UNDO"}
+
+    filepath: bpy.props.StringProperty(subtype="FILE_PATH", name="File",  # type: ignore[valid-type]
+                                       description="Plan of a data set")
+    filter_glob: bpy.props.StringProperty(default="*.toml", options={"HIDDEN"})  # type: ignore[valid-type]
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        context.window_manager.fileselect_add(self)
+        return {"RUNNING_MODAL"}
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        try:
+            plan_header(Path(self.filepath))
+        except IcyMoonError as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        context.scene.icymoon.dataset.plan = self.filepath
+        return {"FINISHED"}
+
+
+class ICYMOON_OT_plan_dry_run(jobs.JobOperator, bpy.types.Operator):
+    """Check the plan and say how many pairs it has and what they will take, before anything is rendered"""
+
+    bl_idname = "icymoon.plan_dry_run"
+    bl_label = "Dry Run"
+
+    def start(self, context: bpy.types.Context) -> jobs.Job:
+        settings = description.from_group(context.scene.icymoon)
+        plan = chosen_plan(settings)
+        readout.update(plan=settings["dataset"]["plan"], lines=[])
+        process = Process(command("plan", plan, "--dry-run", "--json", "--out", str(dataset_folder(settings))),
+                          clean_environment())
+        return jobs.Job(self.bl_label, process, self._hear, lambda: None)
+
+    def _hear(self, message: Message) -> None:
+        if message["type"] == "result":
+            readout["lines"] = list(message["lines"])
+
+    def succeeded(self, context: bpy.types.Context) -> None:
+        for line in readout["lines"]:
+            self.report({"INFO"}, line)
+
+
+def _hear(message: Message) -> None:
+    """Remember what a running data set says of its pairs."""
+    if message["type"] == "pair":
+        readout["last"] = Path(message["folder"])
+    elif message["type"] == "error" and "pair" in message:
+        readout["set_aside"].append(f"{message['pair']}: {message['message']}")
+
+
+class DatasetJob(jobs.Job):
+    """A data set that is being rendered; a pair that is set aside does not end it."""
+
+    def hear(self, message: Message) -> None:
+        if message["type"] != "error" or "pair" not in message:
+            super().hear(message)
+
+    @property
+    def failure(self) -> str:
+        if self.done and readout["set_aside"]:
+            n = len(readout["set_aside"])
+            return f"{n} pair{'s were' if n > 1 else ' was'} set aside, first {readout['set_aside'][0]}"
+        return super().failure
+
+
+class _Watching(jobs.JobOperator):
+    """What the operators that watch a data set have in common."""
+
+    escapes = False
+    _process: Detached
+
+    def watched(self, context: bpy.types.Context) -> None:
+        self._process.leave = bool(context.scene.icymoon.dataset.leave_running)
+
+    def _job_of(self, process: Detached) -> jobs.Job:
+        readout.update(set_aside=[], last=None)
+        self._process = process
+        began = time.monotonic() - (time.time() - process.facts["started"])  # of an earlier Blender's, perhaps long ago
+        return DatasetJob(_TITLE, process, _hear, lambda: None, began)
+
+    def succeeded(self, context: bpy.types.Context) -> None:
+        self.report({"INFO"}, f"The data set in {self._process.facts['dataset']} is rendered")  # type: ignore[attr-defined]
+        if not self._process.facts.get("evaluate"):
+            return
+        try:
+            bpy.ops.icymoon.evaluate("EXEC_DEFAULT" if bpy.app.background else "INVOKE_DEFAULT", scope="DATASET")
+        except RuntimeError as error:  # what an operator reports, when another one has called it
+            raise IcyMoonError(str(error).strip().removeprefix("Error: ")) from None
+
+
+class ICYMOON_OT_render_dataset(_Watching, bpy.types.Operator):
+    """Render all pairs of the plan into the data set folder, in processes of their own; those that are there already are kept. Nothing of the present scene is used or changed"""  # noqa: E501
+
+    bl_idname = "icymoon.render_dataset"
+    bl_label = _TITLE
+
+    def start(self, context: bpy.types.Context) -> jobs.Job:
+        settings = description.from_group(context.scene.icymoon)
+        described, folder = settings["dataset"], dataset_folder(settings)
+        workers = ["--workers", str(described["workers"])] if described["workers"] else []
+        process = Detached.start(
+            command("batch", chosen_plan(settings), "--out", str(folder), "--json", "--blender",
+                    bpy.app.binary_path or sys.executable, *workers),
+            state_folder() / f"{zlib.crc32(str(folder).encode()):08x}",
+            {"title": _TITLE, "dataset": str(folder), "plan": described["plan"], "evaluate": described["evaluate"]},
+            clean_environment())
+        return self._job_of(process)
+
+
+class ICYMOON_OT_watch_dataset(_Watching, bpy.types.Operator):
+    """Show again the data set that an earlier Blender has left rendering"""
+
+    bl_idname = "icymoon.watch_dataset"
+    bl_label = "Watch Data Set"
+
+    def start(self, context: bpy.types.Context) -> jobs.Job:
+        process = left_running(state_folder())
+        if process is None:
+            raise IcyMoonError("No data set is being rendered that nobody watches.")
+        group, facts = context.scene.icymoon.dataset, process.facts
+        group.folder, group.plan, group.evaluate = facts["dataset"], facts["plan"], facts["evaluate"]
+        group.leave_running = True
+        return self._job_of(process)
+
+
+class ICYMOON_OT_show_last_pair(bpy.types.Operator):
+    """Show what the left camera gives of the pair that was rendered last"""
+
+    bl_idname = "icymoon.show_last_pair"
+    bl_label = "Show Last Pair"
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        if readout["last"] is None:
+            cls.poll_message_set("No pair of a data set was rendered yet")
+        return readout["last"] is not None
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        folder, settings = readout["last"], description.from_group(context.scene.icymoon)
+        try:
+            if not is_complete(folder):
+                raise IcyMoonError(f"{folder} is not there any more.")
+            process = Process(python_command(evaluator_python(), "stereo", "develop", str(folder),
+                                             *response_arguments(settings), "--out",
+                                             str(folder.parent.parent / "exposed"), "--json-lines"),
+                              clean_environment())
+        except IcyMoonError as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        bpy.app.timers.register(lambda: _shown(process), first_interval=_LOOK_S)
+        return {"FINISHED"}
+
+
+def _shown(process: Process) -> float | None:
+    """Show the developed image as soon as it is there; the seconds until the next look."""
+    for message in process.poll():
+        if message["type"] == "result":
+            results.show_images(bpy.context, [Path(message["folders"][0]) / "left.png"], open_window=True)
+    return _LOOK_S if process.running else None
+
+
+def _watch_again() -> None:
+    """Take up what an earlier Blender, or this one before it opened another file, has left running."""
+    manager = bpy.context.window_manager
+    if jobs.current is not None or not manager.windows or not any(state_folder().glob("*.lock")):
+        return
+    with bpy.context.temp_override(window=manager.windows[0]):
+        if ICYMOON_OT_watch_dataset.poll(bpy.context):
+            process = left_running(state_folder())
+            if process is not None:
+                process.leave = True
+                process.stop()  # the operator takes it up
+                bpy.ops.icymoon.watch_dataset("INVOKE_DEFAULT")
+
+
+@bpy.app.handlers.persistent
+def _after_load(*_: Any) -> None:
+    if not bpy.app.background:
+        bpy.app.timers.register(_watch_again, first_interval=_LOOK_S)
+
+
+CLASSES = (ICYMOON_OT_choose_plan, ICYMOON_OT_open_plan, ICYMOON_OT_plan_dry_run, ICYMOON_OT_render_dataset,
+           ICYMOON_OT_watch_dataset, ICYMOON_OT_show_last_pair)
+
+
+def register() -> None:
+    """Look for what was left running, now and whenever a file is opened."""
+    bpy.app.handlers.load_post.append(_after_load)
+    _after_load()
+
+
+def unregister() -> None:
+    """Look no longer."""
+    bpy.app.handlers.load_post.remove(_after_load)
+    if bpy.app.timers.is_registered(_watch_again):
+        bpy.app.timers.unregister(_watch_again)

@@ -1,0 +1,86 @@
+"""The verb ``plan``: what a data set will be, and what it will take, before anything starts."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from .errors import IcyMoonError
+from .properties import all_settings
+from .render.cost import estimate
+from .render.plan import PlannedPair
+from .render.queue import emit
+from .render.sweep import Plan, plan_header, plan_path, read_plan
+from .settings import plan_names
+
+
+def add_verbs(verbs: Any) -> None:
+    """Add the verb to the command line's parser."""
+    plan = verbs.add_parser("plan", help="list the pairs that a plan of a data set asks for, or what they will take")
+    plan.add_argument("plan", nargs="?", help="TOML file, or the name of a shipped plan; without one these are listed")
+    plan.add_argument("--dry-run", action="store_true", help="say how many pairs there are and what they will take")
+    plan.add_argument("--out", type=Path, metavar="DATASET",
+                      help="folder of the data set; its pairs are counted, and what they took is learnt from")
+    plan.add_argument("--json", action="store_true", help="say it in JSON lines")
+    plan.set_defaults(run=_plan)
+
+
+def varied(pairs: Sequence[PlannedPair]) -> list[tuple[str, str]]:
+    """(topic, key) of the settings that are not the same in all pairs."""
+    return [(topic, s.key) for topic, s in all_settings()
+            if any(pair.settings[topic][s.key] != pairs[0].settings[topic][s.key] for pair in pairs)]
+
+
+def described(pair: PlannedPair, names: Sequence[tuple[str, str]]) -> str:
+    """A pair in a line: its id and what it has of the settings that vary."""
+    values = (f"{topic}.{key}={_short(pair.settings[topic][key])}" for topic, key in names)
+    return "  ".join((pair.id, *values))
+
+
+def _short(value: Any) -> str:
+    if isinstance(value, float):
+        return f"{value:g}"
+    if isinstance(value, list):
+        return f"[{len(value)}]"
+    return Path(value).name if isinstance(value, str) and "/" in value else str(value)
+
+
+def _plan(options: argparse.Namespace) -> int:
+    if options.plan is None:
+        for name in plan_names():
+            title, text = plan_header(plan_path(name))
+            print(f"{name:42} {title}. {text}")
+        return 0
+    try:
+        _say(options)
+    except IcyMoonError as error:
+        if options.json:
+            emit("error", message=str(error))
+        raise
+    return 0
+
+
+def _say(options: argparse.Namespace) -> None:
+    plan = read_plan(plan_path(options.plan))
+    pairs = plan.pairs()
+    if options.dry_run:
+        _say_estimate(plan, pairs, options)
+        return
+    names = varied(pairs)
+    for pair in pairs:
+        if options.json:
+            emit("planned", id=pair.id, settings={f"{topic}.{key}": pair.settings[topic][key] for topic, key in names})
+        else:
+            print(described(pair, names))
+
+
+def _say_estimate(plan: Plan, pairs: Sequence[PlannedPair], options: argparse.Namespace) -> None:
+    found = estimate(pairs, options.out.absolute() if options.out else None)
+    if options.json:
+        emit("result", plan=str(plan.path), title=plan.title, **found.facts())
+        return
+    print(plan.title)
+    for line in found.lines():
+        print(line)

@@ -1,0 +1,249 @@
+"""What a plan will take before anything starts: processor time, disk, and how far that may be off. Imports no Blender.
+
+A pair costs processor seconds that are the sum of a few terms, each in proportion to what there is of it; the
+coefficients are measured (``benchmarks/plan_cost.py``). What pairs of the data set that are there already
+took corrects them for the machine.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from .. import changes
+from ..errors import IcyMoonError
+from ..own_files import used_files
+from ..physics import meshfile
+from ..physics.grading import grade
+from ..physics.terrain import terrain
+from ..settings import Settings
+from .order import key, ordered
+from .pair import is_complete
+from .plan import PlannedPair
+
+#: Processor seconds, 2-core x86 server, Blender 5.0 (``benchmarks/plan_cost.py``): a worker, a build, a pair.
+_START_S = 3.0
+_SCENE_S, _BUILD_S_PER_MTRI, _BLOCKS_BUILD_S = 0.2, 0.7, 0.2
+_PAIR_S, _PAIR_S_PER_MTRI = 0.05, 0.6
+_S_PER_MPX, _SAMPLE_S_PER_MPX, _DENOISE_S_PER_MPX = 4.3, 2.06, 3.5
+#: Bytes of both files per pixel of both eyes, and what the planet's light and the denoised image add.
+_BYTES, _BYTES_PLANET, _BYTES_DENOISED = 21.0, 4.5, 12.0
+#: Cost of a sample over that with Lambert's law. Bounces count for little: on open ground most paths end in the sky.
+_MODELS = {"LAMBERT": 1.0, "LOMMEL_SEELIGER": 1.0, "LUNAR_LAMBERT": 1.05, "PRINCIPLED": 1.2, "HAPKE": 2.9}
+_HAPKE_NODES, _HAPKE_REFERENCE = 1.4, 3.7
+_TRANSMISSION, _IMAGES, _BLOCKS = 0.3, 2.9, 0.6  # added by clear ice, images on the ground and blocks
+_SUBSURFACE, _HALF = 15.0, 0.5  # added by light under the surface, half of it where its weight is this
+#: Scenes whose triangles are counted; the others are taken to have as many on the mean.
+_COUNTED = 6
+#: Pairs of the data set that are looked at for what they took.
+_LOOKED_AT = 400
+#: Standard deviations of the logarithm: of the whole before a pair is known (another machine), of one pair.
+_BEFORE, _ONE_PAIR = math.log(3.0) / 2, 0.25
+_UNKNOWN_DEVICE = math.log(30.0) / 2  # a graphics card
+
+
+@dataclass(frozen=True)
+class Work:
+    """What a pair asks of the machine: pixels of both eyes, samples, cost of one relative to Lambert's law, whether
+    it is denoised and whether the planet's light is kept apart."""
+
+    pixels: int
+    samples: int
+    relative: float
+    denoised: bool
+    planet: bool
+
+    def seconds(self, triangles: float) -> float:
+        """Processor seconds of the pair in a scene of so many triangles that is there."""
+        mpx = self.pixels / 1e6
+        return _PAIR_S + _PAIR_S_PER_MTRI * triangles / 1e6 + mpx * (
+            _S_PER_MPX + self.samples * self.relative * _SAMPLE_S_PER_MPX + _DENOISE_S_PER_MPX * self.denoised)
+
+    @property
+    def bytes(self) -> float:
+        """Bytes of the pair's files."""
+        return self.pixels * (_BYTES + _BYTES_PLANET * self.planet + _BYTES_DENOISED * self.denoised)
+
+
+def work_of(settings: Settings) -> Work:
+    """What a pair with these complete settings asks of the machine."""
+    rig, quality, surface = settings["rig"], settings["quality"], settings["surface"]
+    model, hapke = surface["model"], settings["hapke"]
+    relative = _MODELS[model]
+    if model == "HAPKE":
+        relative = {"REFERENCE": _HAPKE_REFERENCE}.get(hapke["accuracy"], relative)
+        relative = {"NODES": _HAPKE_NODES}.get(hapke["backend"], relative)
+    if model == "PRINCIPLED":
+        under = surface["subsurface_weight"]
+        relative += _SUBSURFACE * under / (under + _HALF) + _TRANSMISSION * surface["transmission"]
+    relative += _IMAGES * (settings["textures"]["set"] != "NONE") + _BLOCKS * (settings["rocks"]["coverage"] > 0)
+    return Work(2 * rig["width_px"] * rig["height_px"], quality["samples"], relative, quality["denoiser"] != "NONE",
+                settings["light"]["planet"])
+
+
+def triangles_of(settings: Settings) -> float:
+    """Triangles of the ground of complete settings, roughly where it is a file.
+
+    Raises IcyMoonError if a file of one's own cannot be read.
+    """
+    if settings["source"]["kind"] == "MESH":
+        return float(meshfile.cost(used_files(settings)["source.file"]).triangles)
+    if settings["source"]["kind"] == "PROCEDURAL" and settings["mesh"]["kind"] == "GRADED":
+        return 2.0 * grade(terrain(settings, int(settings["dataset"]["seed"])), settings).rings.vertices
+    return 2.0 * (settings["terrain"]["resolution"] - 1) ** 2
+
+
+def scene_seconds(settings: Settings, triangles: float) -> float:
+    """Processor seconds of building a scene."""
+    return _SCENE_S + _BUILD_S_PER_MTRI * triangles / 1e6 + _BLOCKS_BUILD_S * (settings["rocks"]["coverage"] > 0)
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """What a plan asks for and what is left to do of it.
+
+    ``geometries``, ``surfaces`` and ``lights`` are how many different ones there are, ``scenes`` how many are built.
+    ``seconds`` are of processor time, ``left_s`` those of the pairs that are not there; it lies between ``left_s``
+    divided and multiplied by ``factor`` in 19 of 20 cases. ``measured`` pairs have corrected it.
+    """
+
+    pairs: int
+    there: int
+    geometries: int
+    scenes: int
+    surfaces: int
+    lights: int
+    seconds: float
+    left_s: float
+    left_bytes: float
+    factor: float
+    measured: int
+    processors: int
+
+    def lines(self) -> list[str]:
+        """The estimate for people, a line each."""
+        left = self.left_s / self.processors
+        low, high = left / self.factor, left * self.factor
+        basis = (f"corrected by {self.measured} rendered pair{'s' * (self.measured != 1)}" if self.measured
+                 else "from another machine's times")
+        there = f", {self.there} of them there already" if self.there else ""
+        said = [f"{self.pairs} pairs{there}",
+                f"{self.geometries} ground{'s' * (self.geometries != 1)}, {self.surfaces} surface"
+                f"{'s' * (self.surfaces != 1)}, {self.lights} light{'s' * (self.lights != 1)}; {self.scenes} scene"
+                f"{'s' * (self.scenes != 1)} to build"]
+        if self.there < self.pairs:
+            said += [f"{duration(left)} on {self.processors} processors ({duration(low)} to {duration(high)}; {basis})",
+                     f"{size(self.left_bytes)} on the disk"]
+        return said
+
+    def facts(self) -> dict[str, Any]:
+        """The estimate for programs."""
+        return {name: getattr(self, name) for name in self.__dataclass_fields__} | {"lines": self.lines()}
+
+
+def duration(seconds: float) -> str:
+    """'40 s', '12 min', '5.5 h' or '3.2 days'."""
+    for unit, length, limit in (("s", 1.0, 99.0), ("min", 60.0, 99.0), ("h", 3600.0, 48.0)):
+        if seconds <= limit * length:
+            return f"{seconds / length:.2g} {unit}"
+    return f"{seconds / 86400.0:.2g} days"
+
+
+def size(count: float) -> str:
+    """'12 MB' or '3.4 GB'."""
+    return f"{count / 1e6:.3g} MB" if count < 1e9 else f"{count / 1e9:.3g} GB"
+
+
+def processors() -> int:
+    """Processors that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def estimate(pairs: Sequence[PlannedPair], dataset: Path | None = None) -> Estimate:
+    """What planned pairs will take, those that ``dataset`` holds already taken off and learnt from."""
+    pairs = ordered(pairs)
+    keys = [tuple(key(part, pair) for part in (changes.scene, changes.look, changes.light)) for pair in pairs]
+    triangles = _triangles({each[0]: pair for each, pair in zip(keys, pairs, strict=True)})
+    there = {pair.id for pair in pairs if dataset is not None and is_complete(pair.folder(dataset))}
+    costs: dict[str, float] = {}
+    before = ""
+    for (scene, *_), pair in zip(keys, pairs, strict=True):
+        costs[pair.id] = work_of(pair.settings).seconds(triangles[scene])
+        if scene != before:
+            costs[pair.id] += scene_seconds(pair.settings, triangles[scene])
+        before = scene
+    expected = {pair.id: work_of(pair.settings).seconds(triangles[each[0]])
+                for each, pair in zip(keys, pairs, strict=True)}
+    ratios = _ratios(pairs, dataset, there, expected)
+    factor, spread = _learnt(ratios, any(pair.settings["quality"]["device"] == "GPU" for pair in pairs))
+    left = [pair for pair in pairs if pair.id not in there]
+    start = _START_S if left else 0.0
+    return Estimate(
+        pairs=len(pairs), there=len(there), geometries=len({key(changes.geometry, pair) for pair in pairs}),
+        scenes=len({k[0] for k in keys}), surfaces=len({k[1] for k in keys}), lights=len({k[2] for k in keys}),
+        seconds=factor * (sum(costs.values()) + _START_S),
+        left_s=factor * (sum(costs[pair.id] for pair in left) + start), left_bytes=_bytes(pairs, left, dataset, there),
+        factor=math.exp(2.0 * spread), measured=len(ratios), processors=processors())
+
+
+def _triangles(scenes: Mapping[str, PlannedPair]) -> dict[str, float]:
+    """Triangles of each scene: those of a few, evenly chosen, and the mean of these of the others."""
+    names = list(scenes)
+    counted: dict[str, float] = {}
+    for k in range(min(_COUNTED, len(names))):
+        name = names[k * len(names) // min(_COUNTED, len(names))]
+        try:
+            counted[name] = triangles_of(scenes[name].settings)
+        except IcyMoonError:
+            continue  # a file that cannot be counted; the build will say why
+    mean = sum(counted.values()) / len(counted) if counted else 1e6
+    return {name: counted.get(name, mean) for name in names}
+
+
+def _facts(pairs: Sequence[PlannedPair], dataset: Path, there: set[str]) -> list[tuple[PlannedPair, dict[str, Any]]]:
+    """What the pairs that are there say of themselves, up to so many of them."""
+    found = []
+    for pair in [pair for pair in pairs if pair.id in there][:_LOOKED_AT]:
+        try:
+            found.append((pair, json.loads((pair.folder(dataset) / "pair.json").read_text(encoding="utf-8"))))
+        except (OSError, ValueError):
+            continue  # it is another's to tell what is wrong with it
+    return found
+
+
+def _ratios(pairs: Sequence[PlannedPair], dataset: Path | None, there: set[str],
+            expected: Mapping[str, float]) -> list[float]:
+    """Processor seconds that pairs took over those that were expected."""
+    ratios = []
+    for pair, facts in _facts(pairs, dataset, there) if dataset is not None else ():
+        taken = facts.get("seconds", {})
+        threads = int(facts.get("settings", {}).get("quality", {}).get("threads") or processors())
+        seconds = float(taken.get("render", 0.0)) * threads + float(taken.get("write", 0.0))
+        if seconds > 0:
+            ratios.append(seconds / expected[pair.id])
+    return ratios
+
+
+def _learnt(ratios: Sequence[float], gpu: bool) -> tuple[float, float]:
+    """The factor on the expected seconds, and the standard deviation of its logarithm.
+
+    Normal distributions of the logarithm: what was known before, and what each pair says.
+    """
+    before = (_UNKNOWN_DEVICE if gpu else _BEFORE) ** -2
+    each = _ONE_PAIR**-2
+    weight = before + each * len(ratios)
+    mean = each * sum(math.log(ratio) for ratio in ratios) / weight
+    return math.exp(mean), weight**-0.5
+
+
+def _bytes(pairs: Sequence[PlannedPair], left: Sequence[PlannedPair], dataset: Path | None, there: set[str]) -> float:
+    """Bytes that are left to write: as many as expected, times what those that are there had over theirs."""
+    known = [(sum(float(f.get("bytes", 0)) for f in facts.get("files", {}).values()), work_of(pair.settings).bytes)
+             for pair, facts in (_facts(pairs, dataset, there) if dataset is not None else ())]
+    expected = sum(work_of(pair.settings).bytes for pair in left)
+    return expected * sum(a for a, _ in known) / sum(b for _, b in known) if known else expected

@@ -1,0 +1,180 @@
+"""Data sets from Blender: dry run, rendering in other processes, stopping, leaving it running and finding it again."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from types import SimpleNamespace
+
+import bpy
+import pytest
+from icymoon.files import PART
+from icymoon.operators import dataset, jobs, results
+from icymoon.render.pair import find_pairs
+
+TINY = """
+[mesh]
+kind = "GRID"
+[terrain]
+resolution = 17
+[rig]
+width_px = 32
+height_px = 24
+[quality]
+samples = 1
+"""
+GRID = '[[sweep]]\nkind = "grid"\nlight.sun_elevation_deg = [20, 40]\n'
+
+
+@pytest.fixture
+def described(scene, tmp_path, monkeypatch):
+    """A scene whose data set is small, and in a folder of the test's own."""
+    monkeypatch.setattr(dataset, "state_folder", lambda: tmp_path / "running")
+    (tmp_path / "plan.toml").write_text('[plan]\ntitle = "Tiny"\n' + TINY + GRID)
+    group = scene.icymoon.dataset
+    group.plan, group.folder, group.leave_running = str(tmp_path / "plan.toml"), str(tmp_path / "set"), False
+    dataset.readout.update(plan="", lines=[], set_aside=[], last=None)
+    yield scene
+    process = dataset.left_running(tmp_path / "running")
+    if process is not None:
+        process.stop()
+
+
+def run_until(job, there, seconds=120.0):
+    """Watch a job until a condition holds; whether it did."""
+    end = time.monotonic() + seconds
+    while not there() and time.monotonic() < end:
+        if not job.advance():
+            break
+        time.sleep(0.02)
+    return there()
+
+
+def started(scene, name="icymoon.render_dataset"):
+    """The job that an operator would watch in a window, and the operator's stand-in."""
+    kind = {"icymoon.render_dataset": dataset.ICYMOON_OT_render_dataset,
+            "icymoon.watch_dataset": dataset.ICYMOON_OT_watch_dataset}[name]
+    stand_in = SimpleNamespace(bl_label=kind.bl_label)
+    stand_in._job_of = lambda process: kind._job_of(stand_in, process)
+    return kind.start(stand_in, SimpleNamespace(scene=scene)), stand_in
+
+
+def test_a_dry_run_says_what_the_plan_will_take(described, tmp_path):
+    assert bpy.ops.icymoon.plan_dry_run() == {"FINISHED"}
+    assert dataset.readout["plan"] == str(tmp_path / "plan.toml")
+    assert dataset.readout["lines"][:2] == ["2 pairs", "1 ground, 1 surface, 2 lights; 1 scene to build"]
+    assert not (tmp_path / "set").exists()
+
+
+def test_a_plan_that_cannot_be_is_told_with_its_line(described, tmp_path):
+    (tmp_path / "plan.toml").write_text('[plan]\ntitle = "Tiny"\n[terrain]\nsizem = 3\n')
+    for run in (bpy.ops.icymoon.plan_dry_run, bpy.ops.icymoon.render_dataset):
+        with pytest.raises(RuntimeError, match=r"plan\.toml, line 4: .*size_m"):
+            run()
+    described.icymoon.dataset.plan = "datasets/guiss_rock"
+    with pytest.raises(RuntimeError, match="guiss_rocks"):
+        bpy.ops.icymoon.plan_dry_run()
+    assert not (tmp_path / "set" / "pairs").exists()
+
+
+def test_a_shipped_plan_is_chosen_by_its_name_and_another_by_its_file(described, tmp_path):
+    assert bpy.ops.icymoon.choose_plan(plan="datasets/guiss_rocks") == {"FINISHED"}
+    assert described.icymoon.dataset.plan == "datasets/guiss_rocks"
+    assert dataset.title_of("datasets/guiss_rocks") == "Paper: rocks"
+    assert bpy.ops.icymoon.open_plan(filepath=str(tmp_path / "plan.toml")) == {"FINISHED"}
+    assert described.icymoon.dataset.plan == str(tmp_path / "plan.toml")
+    with pytest.raises(RuntimeError, match="cannot be read"):
+        bpy.ops.icymoon.open_plan(filepath=str(tmp_path / "absent.toml"))
+
+
+@pytest.mark.slow
+def test_a_data_set_is_rendered_and_the_scene_is_left_alone(described, tmp_path):
+    bpy.data.objects.new("Mine", None)
+    before = [len(getattr(bpy.data, kind)) for kind in ("objects", "meshes", "materials", "scenes", "images")]
+    assert bpy.ops.icymoon.render_dataset() == {"FINISHED"}
+    pairs = find_pairs(tmp_path / "set")
+    assert {p.settings["light"]["sun_elevation_deg"] for p in pairs} == {20.0, 40.0}
+    assert [len(getattr(bpy.data, kind)) for kind in ("objects", "meshes", "materials", "scenes", "images")] == before
+    assert jobs.current is None
+    assert dataset.readout["last"].parent == tmp_path / "set" / "pairs"
+    # Again: nothing is left to do.
+    written = {p.folder: (p.folder / "pair.json").stat().st_mtime_ns for p in pairs}
+    assert bpy.ops.icymoon.render_dataset() == {"FINISHED"}
+    assert written == {p.folder: (p.folder / "pair.json").stat().st_mtime_ns for p in pairs}
+    bpy.ops.icymoon.plan_dry_run()
+    assert dataset.readout["lines"][0] == "2 pairs, 2 of them there already"
+
+
+@pytest.mark.slow
+def test_it_is_evaluated_afterwards_if_asked(described, tmp_path, monkeypatch):
+    described.icymoon.dataset.evaluate, described.icymoon.dataset.methods = True, "sgbm"
+    described.icymoon.dataset.workers = 1
+    assert bpy.ops.icymoon.render_dataset() == {"FINISHED"}
+    assert (tmp_path / "set" / "evaluation" / "report.html").is_file()
+    assert results.summary()[0]["method"] == "sgbm"
+    shown, looks = [], []
+    monkeypatch.setattr(results, "show_images", lambda context, paths, open_window: shown.extend(paths))
+    monkeypatch.setattr(bpy.app.timers, "register", lambda look, first_interval: looks.append(look), raising=False)
+    assert bpy.ops.icymoon.show_last_pair() == {"FINISHED"}
+    while looks[0]() is not None:
+        time.sleep(0.05)
+    assert [path.name for path in shown] == ["left.png"]
+    assert shown[0].is_file()
+    described.icymoon.dataset.methods = "no such matcher"
+    with pytest.raises(RuntimeError, match="no such matcher"):
+        bpy.ops.icymoon.render_dataset()
+
+
+@pytest.mark.slow
+def test_it_is_stopped_within_a_sample_and_goes_on_later(described, tmp_path):
+    (tmp_path / "plan.toml").write_text('[plan]\ntitle = "Long"\n' + TINY.replace("samples = 1", "samples = 20000")
+                                        + GRID)
+    job, _ = started(described)
+    assert run_until(job, lambda: job.fraction > 0.01)
+    job.process.cancel()
+    start = time.monotonic()
+    while job.advance():
+        time.sleep(0.02)
+    assert time.monotonic() - start < 10.0  # of minutes
+    assert "was stopped" in job.failure
+    assert not list((tmp_path / "set" / "pairs").glob("*/pair.json"))
+    assert not list((tmp_path / "set" / "pairs").glob(f"*{PART}"))
+
+
+@pytest.mark.slow
+def test_it_is_left_running_and_found_again(described, tmp_path):
+    job, operator = started(described)
+    described.icymoon.dataset.leave_running = True
+    operator._job = job
+    dataset.ICYMOON_OT_render_dataset.watched(operator, SimpleNamespace(scene=described))
+    jobs.current = job
+    jobs.stop_current()  # as when Blender closes
+    assert jobs.current is None
+    assert job.process.left
+    group = described.icymoon.dataset
+    group.folder, group.plan, group.leave_running = "elsewhere", "another", False  # as in a new Blender
+    again, _ = started(described, "icymoon.watch_dataset")
+    assert (group.folder, group.plan) == (str(tmp_path / "set"), str(tmp_path / "plan.toml"))
+    assert group.leave_running
+    assert again.started <= job.started + 1.0  # what is left is reckoned from the beginning
+    while again.advance():
+        time.sleep(0.02)
+    assert again.failure == ""
+    assert len(find_pairs(tmp_path / "set")) == 2
+    with pytest.raises(RuntimeError, match="nobody watches"):
+        bpy.ops.icymoon.watch_dataset()
+
+
+def test_a_pair_that_is_set_aside_is_named_and_does_not_end_the_others():
+    process = SimpleNamespace(cancelled=False, poll=lambda: [
+        {"type": "error", "pair": "abc", "message": "Cycles could not"},
+        {"type": "progress", "fraction": 0.5, "message": "Pair 2 of 3"},
+        {"type": "pair", "id": "b", "folder": "/set/pairs/b"}, {"type": "done", "pairs": 2}], running=True)
+    dataset.readout.update(set_aside=[], last=None)
+    job = dataset.DatasetJob("Render Data Set", process, dataset._hear, lambda: None)
+    job.advance()
+    assert job.shown[:2] == ("Pair 2 of 3", 50)
+    assert job.failure == "1 pair was set aside, first abc: Cycles could not"
+    assert dataset.readout["last"] == Path("/set/pairs/b")
+
+

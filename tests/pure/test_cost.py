@@ -1,0 +1,139 @@
+"""What a plan is expected to take: in proportion, additive, and corrected by what was measured."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+from icymoon import settings as description
+from icymoon.render import cost
+from icymoon.render.plan import PlannedPair, expand
+
+SMALL = {"terrain": {"resolution": 129}, "mesh": {"kind": "GRID"}, "rig": {"width_px": 64, "height_px": 48}}
+
+
+def described(*changes):
+    return description.merged(description.defaults(), SMALL, *(description.check(c, "test") for c in changes))
+
+
+def pairs_of(*settings):
+    return [pair for each in settings for pair in expand(each)]
+
+
+def finish(dataset, pair, seconds, size=1000):
+    """A pair that is there and says that it took so long, with one thread."""
+    folder = pair.folder(dataset)
+    folder.mkdir(parents=True)
+    for eye in ("left.exr", "right.exr"):
+        (folder / eye).write_bytes(bytes(int(size)))
+    settings = description.merged(pair.settings, {"quality": {"threads": 1}})
+    (folder / "pair.json").write_text(json.dumps({
+        "settings": settings, "seconds": {"render": seconds, "write": 0.0, "build": 0.0},
+        "files": {"left.exr": {"bytes": int(size)}, "right.exr": {"bytes": int(size)}}}))
+
+
+@pytest.mark.parametrize(("change", "dearer"), [
+    ({"quality": {"samples": 64}}, True), ({"rig": {"width_px": 640}}, True), ({"quality": {"denoiser": "OIDN"}}, True),
+    ({"surface": {"subsurface_weight": 0.5}}, True), ({"surface": {"model": "LAMBERT"}}, False),
+    ({"rocks": {"coverage": 0.1}}, True), ({"textures": {"set": "FROST"}}, True),
+    ({"surface": {"model": "HAPKE"}}, True),
+])
+def test_what_costs_more_is_expected_to(change, dearer):
+    base, other = (cost.work_of(described(*c)).seconds(1e5) for c in ((), (change,)))
+    assert (other > base) == dearer
+
+
+def test_samples_and_pixels_count_in_proportion():
+    """Once what a pair costs anyhow is taken off, twice the samples or pixels cost twice as much."""
+    def of(samples, width):
+        return cost.work_of(described({"quality": {"samples": samples}, "rig": {"width_px": width}})).seconds(0.0)
+
+    per_sample = of(11, 64) - of(10, 64)
+    assert of(40, 64) - of(20, 64) == pytest.approx(20 * per_sample)
+    assert of(11, 128) - of(10, 128) == pytest.approx(2 * per_sample)
+
+
+def test_a_scene_is_built_once_for_all_its_pairs():
+    one = described()
+    others = [described({"light": {"sun_elevation_deg": e}}) for e in (10.0, 20.0, 30.0)]
+    grounds = [described({"terrain": {"hurst": h}}) for h in (0.5, 0.6, 0.7)]
+    single, lights, terrains = (cost.estimate(pairs_of(*s)) for s in ([one], others, grounds))
+    assert (lights.scenes, lights.geometries, lights.lights, lights.surfaces) == (1, 1, 3, 1)
+    assert (terrains.scenes, terrains.geometries, terrains.lights, terrains.surfaces) == (3, 3, 1, 1)
+    triangles = 2.0 * 128**2
+    assert terrains.seconds - lights.seconds == pytest.approx(2 * cost.scene_seconds(one, triangles))
+    assert lights.seconds - single.seconds == pytest.approx(2 * cost.work_of(one).seconds(triangles))
+
+
+def test_the_triangles_are_those_of_the_ground():
+    assert cost.triangles_of(described()) == 2 * 128**2
+    graded = described({"mesh": {"kind": "GRADED", "error_px": 4, "edge_px": 24}})
+    from icymoon.physics.graded import graded as make
+    from icymoon.physics.terrain import terrain
+    faces = make(terrain(graded, 1), graded).mesh()[1]
+    # Euler: of a disc, as many triangles as twice the vertices but for those on its rim.
+    assert cost.triangles_of(graded) == pytest.approx(len(faces), rel=0.05)
+
+
+def test_before_anything_is_rendered_another_machine_is_allowed_for():
+    found = cost.estimate(pairs_of(described()))
+    assert found.measured == 0
+    assert found.factor == pytest.approx(3.0)
+    assert "another machine" in "".join(found.lines())
+
+
+def test_what_is_there_is_learnt_from_and_taken_off(tmp_path):
+    pairs = pairs_of(*(described({"light": {"sun_elevation_deg": float(e)}}) for e in range(1, 31)))
+    blind = cost.estimate(pairs, tmp_path)
+    expected = cost.work_of(pairs[0].settings)
+    for pair in pairs[:20]:
+        finish(tmp_path, pair, 7.0 * expected.seconds(2.0 * 128**2), size=5 * expected.bytes / 2)
+    found = cost.estimate(pairs, tmp_path)
+    assert (found.pairs, found.there, found.measured) == (30, 20, 20)
+    # Twenty pairs outweigh what was known before: log(7) is met within a twentieth.
+    assert found.seconds / blind.seconds == pytest.approx(7.0, rel=0.1)
+    assert found.factor < 1.2 < blind.factor
+    # Ten pairs of thirty are left: a third, but for the scene and the start, which are paid again.
+    assert 0.3 < found.left_s / found.seconds < 0.7
+    assert found.left_bytes == pytest.approx(5 * 10 * expected.bytes)
+    assert "20 of them there already" in found.lines()[0]
+    assert "corrected by 20" in "".join(found.lines())
+
+
+def test_more_pairs_make_it_surer(tmp_path):
+    pairs = pairs_of(*(described({"light": {"sun_elevation_deg": float(e)}}) for e in range(1, 10)))
+    factors = [cost.estimate(pairs, tmp_path).factor]
+    for pair in pairs[:4]:
+        finish(tmp_path, pair, 1.0)
+        factors.append(cost.estimate(pairs, tmp_path).factor)
+    assert factors == sorted(factors, reverse=True)
+
+
+def test_a_broken_pair_teaches_nothing(tmp_path):
+    pairs = pairs_of(described())
+    finish(tmp_path, pairs[0], 1.0)
+    (pairs[0].folder(tmp_path) / "pair.json").write_text("{")
+    assert cost.estimate(pairs, tmp_path).measured == 0
+
+
+def test_a_done_data_set_takes_nothing(tmp_path):
+    pairs = pairs_of(described())
+    finish(tmp_path, pairs[0], 1.0)
+    found = cost.estimate(pairs, tmp_path)
+    assert (found.left_s, found.left_bytes) == (0.0, 0.0)
+    assert len(found.lines()) == 2
+
+
+def test_a_mesh_that_cannot_be_counted_is_left_to_the_build(tmp_path):
+    settings = described({"source": {"kind": "MESH", "file": str(tmp_path / "absent.ply")}})
+    assert cost.estimate([PlannedPair("0" * 12, settings, 0.0)]).pairs == 1
+
+
+@pytest.mark.parametrize(("seconds", "text"), [(3.2, "3.2 s"), (99, "99 s"), (120, "2 min"), (5400, "90 min"),
+                                               (20000, "5.6 h"), (259200, "3 days")])
+def test_durations_are_legible(seconds, text):
+    assert cost.duration(seconds) == text
+
+
+def test_sizes_are_legible():
+    assert (cost.size(12.34e6), cost.size(3.4567e9)) == ("12.3 MB", "3.46 GB")
