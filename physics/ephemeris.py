@@ -47,7 +47,7 @@ def days_since_j2000(date_utc: str) -> float:
             warnings.simplefilter("error")  # numpy only warns of a time zone
             date = np.datetime64(date_utc.strip().removesuffix("Z"), "ms")
     except (ValueError, Warning):
-        date = np.datetime64("NaT")
+        date = np.datetime64("NaT", "ms")
     if np.isnat(date):
         raise IcyMoonError(f"light.date_utc is {date_utc!r}; write it as 2035-03-01T12:00:00.")
     return float((date - np.datetime64("2000-01-01T12:00", "ms")) / np.timedelta64(1, "ms")

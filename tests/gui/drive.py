@@ -145,6 +145,7 @@ def load_europa() -> Waiting:
     titles = [name for _, presets in module("panels.menu").presets_by_kind() for name, _ in presets]
     yield from to(x, y + 30)
     xdotool("click", 1)
+    yield 20 * TICK_S  # for the menu in the picture; keys wait for it by themselves
     yield from screenshot("presets_menu")
     yield from key("Home")
     for _ in range(titles.index("scenes/europa_rough_ice")):
