@@ -21,7 +21,7 @@ from manual import reference
 
 PYTHONS = ("python", "python3", ".venv/bin/python", "evaluator/bin/python")
 #: Programs of the shell that a page may show; what they do is not ours to check.
-SHELL = (".", "cd", "git")
+SHELL = ("sbatch", ".", "cd", "git")
 OPERATORS = {operator.name.removeprefix("icymoon."): operator for operator in reference.operators()}
 #: Program that needs no parser, and the parser of each that does.
 PARSERS = {"icymoon": cli._parser, "icymoon.stereo": stereo_cli._parser}

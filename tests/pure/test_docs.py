@@ -12,6 +12,7 @@ import commands
 import manual
 import pytest
 from icymoon import settings
+from icymoon.render.sweep import read_plan
 from icymoon.version import ROOT, version
 
 PAGES = sorted(manual.pages())
@@ -91,6 +92,9 @@ def test_every_settings_file_loads(block, tmp_path):
     raw.pop("preset", None)
     file = tmp_path / "scene.toml"
     file.write_text(block.code, encoding="utf-8")
+    if "plan" in raw:
+        assert block.code.startswith("# not counted") or read_plan(file).pairs()
+        return
     assert settings.load(file) or not raw
     for name in set(raw.get("sources", {})):
         topic, _, key = name.partition(".")
