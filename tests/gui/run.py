@@ -19,7 +19,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from blenders import ROOT, SUITES, Blender, CannotRunError, find, install
 from extension_zip import build
 
-TIMEOUT_S = 1500.0
+TIMEOUT_S = 2400.0
 
 
 def drive(blender: Blender, archive: Path) -> str:
