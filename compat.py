@@ -16,6 +16,13 @@ def path_options() -> set[str]:
     return {"PATH_SUPPORTS_BLEND_RELATIVE"} if bpy.app.version >= (4, 5, 0) else set()
 
 
+def principled_table() -> str:
+    """The key of ``physics.principled.TABLES`` that holds for this Blender: nothing but its version tells."""
+    if bpy.app.version < (4, 3, 0):
+        return "4.2"
+    return "5.2" if bpy.app.version >= (5, 2, 0) else "5.0"
+
+
 def is_module() -> bool:
     """Whether Blender runs as a Python module; before 4.3 only its lack of a program tells."""
     return bool(getattr(bpy.app, "module", not bpy.app.binary_path))

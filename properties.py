@@ -796,9 +796,14 @@ _classes: list[type] = []
 
 
 def register() -> None:
-    """Make the property groups from ``TOPICS`` and hang them on ``Scene.icymoon``."""
+    """Make the property groups from ``TOPICS`` and hang them on ``Scene.icymoon``; what is known of surfaces is from
+    now on what holds for this Blender."""
     import bpy
 
+    from . import compat
+    from .physics import principled
+
+    principled.use(compat.principled_table())
     pointers: dict[str, Any] = {}
     for topic in TOPICS.values():
         members = {s.key: _blender_property(topic.key, s) for s in topic.settings}

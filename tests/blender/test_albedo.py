@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import bpy
 import numpy as np
 import pytest
 from icymoon.benchmarks.furnace import albedo as furnace
@@ -41,10 +40,7 @@ def test_a_white_furnace_measures_the_albedo(changes):
 def test_bumps_as_high_as_they_are_wide_lose_the_light_that_is_reckoned_with(subsurface):
     settings = surface(albedo=1.0, grain_size_m=0.02, grain_amplitude_m=0.02, transmission=0.2,
                        subsurface_weight=subsurface, subsurface_radius_m=0.05)
-    # Blender 4.2 loses less light on normals that are tilted far: 3.5 to 4.0 % were measured here, under 0.7 % on
-    # bumps a third as high. Later versions keep to the one per cent that is promised.
-    allowed = 0.01 if bpy.app.version >= (4, 3) else 0.045
-    assert measured(settings, view_m=1.0) == pytest.approx(real_albedo(settings), rel=allowed)
+    assert measured(settings, view_m=1.0) == pytest.approx(real_albedo(settings), rel=0.01)
 
 
 @pytest.mark.parametrize("name", ["fresh_snow", "rough_ice"])

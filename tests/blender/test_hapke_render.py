@@ -30,6 +30,13 @@ def slow(*values):
     return [pytest.param(value, marks=pytest.mark.slow) for value in values]
 
 
+#: Relative error that facets may have: single precision in about a hundred operations, which partly cancel near the
+#: horizon. Blender 5.2 keeps the normals of smooth meshes in 16 bits an axis, 2.2e-5 rad off at most, which the law
+#: answers with no more than tan i + tan e, under 5 in these views.
+FACETS = 1e-5
+SMOOTH = FACETS + (5 * 2.2e-5 if bpy.app.version >= (5, 2, 0) else 0.0)
+
+
 @pytest.fixture(scope="session", autouse=True)
 def osl_is_there():
     assert compat.has_osl(), "the bpy wheels have OSL; what is tested here is not there"
@@ -104,8 +111,7 @@ def ball(built: scenes.Built, radius_m: float = 1.0) -> None:
 @pytest.mark.parametrize("theta_bar_deg", [10.0, *slow(0.0, 40.0)])
 def test_a_plane_is_as_bright_as_the_reference(tmp_path, made_of, theta_bar_deg):
     pair, _ = picture(tmp_path, {"hapke": {"backend": made_of, "theta_bar_deg": theta_bar_deg}})
-    # Single precision in about a hundred operations, which partly cancel near the horizon.
-    assert np.quantile(errors(pair), 0.999) < 1e-5
+    assert np.quantile(errors(pair), 0.999) < SMOOTH
 
 
 @BOTH
@@ -115,7 +121,7 @@ def test_a_plane_is_as_bright_as_the_reference(tmp_path, made_of, theta_bar_deg)
         {"b_c0": 0.8, "h_c": 0.02, "b_s0": 0.0, "theta_bar_deg": 25.0}, {"w": 0.05, "b": 0.9, "c": 1.0})])
 def test_every_part_of_the_law(tmp_path, made_of, changes):
     pair, _ = picture(tmp_path, {"hapke": {"backend": made_of, **changes}})
-    assert np.quantile(errors(pair), 0.999) < 1e-5
+    assert np.quantile(errors(pair), 0.999) < SMOOTH
 
 
 @BOTH
@@ -123,7 +129,7 @@ def test_every_part_of_the_law(tmp_path, made_of, changes):
 def test_a_sphere_is_as_bright_as_the_reference(tmp_path, made_of, azimuth_deg):
     pair, _ = picture(tmp_path, {"hapke": {"backend": made_of, "theta_bar_deg": 25.0},
                                  "light": {"sun_azimuth_deg": azimuth_deg, "sun_elevation_deg": 30.0}}, change=ball)
-    assert np.quantile(errors(pair), 0.999) < 1e-5
+    assert np.quantile(errors(pair), 0.999) < FACETS
 
 
 @pytest.mark.parametrize("level", ["ACCURATE", "REFERENCE"])
@@ -132,7 +138,7 @@ def test_the_traced_sun_is_the_lamp(tmp_path, level):
         pair, built = picture(tmp_path, {"hapke": {"backend": "OSL", "accuracy": level, "theta_bar_deg": 25.0},
                                          "light": {"sun_azimuth_deg": 150.0}}, change=change)
         assert built.sun.light_linking.receiver_collection is not None
-        assert np.quantile(errors(pair), 0.999) < 1e-5
+        assert np.quantile(errors(pair), 0.999) < (FACETS if change else SMOOTH)
 
 
 @BOTH
@@ -189,13 +195,13 @@ def test_dirt_drives_w_and_salt_tints(tmp_path, made_of):
     ground = truth > 0
     for band, factor in enumerate((1.0, 0.7, 0.4)):
         found = np.abs(image[ground][:, band] / (truth[ground] * factor) - 1)
-        assert np.quantile(found, 0.99) < 1e-5  # one in ten thousand places is not stained
+        assert np.quantile(found, 0.99) < SMOOTH  # one in ten thousand places is not stained
 
 
 def test_the_other_laws(tmp_path):
     for model, share in (("LAMBERT", 0.0), ("LOMMEL_SEELIGER", 1.0), ("LUNAR_LAMBERT", 0.3)):
         pair, _ = picture(tmp_path, {"surface": {"model": model, "albedo": 0.4, "lommel_seeliger_share": 0.3}})
-        assert np.quantile(errors(pair, photometry.lunar_lambert(0.4, share)), 0.999) < 1e-5
+        assert np.quantile(errors(pair, photometry.lunar_lambert(0.4, share)), 0.999) < SMOOTH
 
 
 @BOTH
@@ -208,7 +214,7 @@ def test_a_sun_turned_by_hand_is_followed(tmp_path, made_of):
     pair, built = picture(tmp_path, {"hapke": {"backend": made_of, **level}}, change=turn)
     assert pair.data["light"]["sun"]["irradiance_wm2"] == pytest.approx(10.0)
     assert built.edited
-    assert np.quantile(errors(pair), 0.999) < 1e-5
+    assert np.quantile(errors(pair), 0.999) < SMOOTH
 
 
 @BOTH

@@ -10,6 +10,14 @@ from icymoon.physics import principled
 from icymoon.settings import defaults
 
 
+@pytest.fixture(autouse=True, scope="module", params=principled.TABLES)
+def table(request):
+    """Every test with the table of every Blender."""
+    principled.use(request.param)
+    yield
+    principled.use("5.0")
+
+
 def surface(**changes):
     return {**defaults()["surface"], "grain_amplitude_m": 0.0, **changes}
 
