@@ -4,7 +4,7 @@ VENV := .venv
 RUN := $(VENV)/bin/python
 ZIP := dist/icymoon.zip
 
-.PHONY: demo env test test-all test-lanes lint zip docs clean
+.PHONY: demo env test test-all test-blender test-pure test-lanes lint zip docs clean
 
 demo: $(VENV)/.demo
 	$(RUN) -m icymoon demo
@@ -14,8 +14,15 @@ env: $(VENV)/.tests
 test: $(VENV)/.tests lint
 	$(RUN) -m pytest -m "not slow"
 
+# Two processes side by side: Blender's tests keep one processor busy, and so do the others.
 test-all: $(VENV)/.tests lint
-	$(RUN) -m pytest
+	$(MAKE) --no-print-directory -j 2 test-blender test-pure
+
+test-blender: $(VENV)/.tests
+	$(RUN) -m pytest tests/blender
+
+test-pure: $(VENV)/.tests
+	$(RUN) -m pytest tests/pure
 
 # Every Blender that can be had: wheels 4.2, 4.5 and 5.2, real Blenders with their window.
 test-lanes: $(VENV)/.tests zip
