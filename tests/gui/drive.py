@@ -170,14 +170,14 @@ def render_a_data_set() -> Waiting:
     with in_region("WINDOW"):
         check(bpy.ops.icymoon.open_plan(filepath=str(plan)) == {"FINISHED"}, "the plan could not be opened")
         bpy.ops.icymoon.plan_dry_run("INVOKE_DEFAULT")
-    yield from until(lambda: jobs().current is None, "Dry Run", 60)
+    yield from until(lambda: jobs().current is None, "Dry Run")
     check(operators.readout["lines"][:1] == ["4 pairs"], f"the dry run says {operators.readout['lines']}")
     with in_region("WINDOW"):
         bpy.ops.icymoon.render_dataset("INVOKE_DEFAULT")
-    yield from until(lambda: operators.readout["last"], "The first pair", 120)
+    yield from until(lambda: operators.readout["last"], "The first pair")
     yield from key("Escape")
     yield from screenshot("data_set")
-    yield from until(lambda: jobs().current is None, "Render Data Set", 240)
+    yield from until(lambda: jobs().current is None, "Render Data Set")
     done = len(list(folder.glob("pairs/*/pair.json")))
     check(done == 4, f"{done} of 4 pairs are there")
     check(not children(), f"processes were left: {children()}")
