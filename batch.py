@@ -17,7 +17,7 @@ from .render.cost import processors
 from .render.manifest import write_manifest
 from .render.order import ordered, share
 from .render.plan import PlannedPair
-from .render.queue import emit
+from .render.queue import emit, errors_told
 from .render.runner import Runner, Workers
 from .render.slurm import Request, write_script
 from .render.verify import verify
@@ -88,17 +88,6 @@ def workers(options: argparse.Namespace) -> Workers:
 
 
 @contextmanager
-def _errors_told(as_json: bool) -> Iterator[None]:
-    """Say an error that ends the program in JSON too, if that is asked for."""
-    try:
-        yield
-    except IcyMoonError as error:
-        if as_json:
-            emit("error", message=str(error))
-        raise
-
-
-@contextmanager
 def _voice(as_json: bool) -> Iterator[Say]:
     """Where messages go: standard output as JSON lines, or a progress bar for a person."""
     if as_json:
@@ -128,14 +117,19 @@ def render(dataset: Path, pairs: list[PlannedPair], how: Workers, say: Say, dask
     return 1 if failed else 0
 
 
-def _batch(options: argparse.Namespace) -> int:
+def _frozen(plan: str, dataset: Path) -> datasets.Frozen:
+    """The data set that a plan asks for, frozen into its folder with its pairs in the order to render them in."""
     from .render.sweep import plan_path, read_plan
 
+    read = read_plan(plan_path(plan))
+    return datasets.freeze(dataset, ordered(read.pairs()), read.text)
+
+
+def _batch(options: argparse.Namespace) -> int:
     dataset = options.out.absolute()
-    with _errors_told(options.json):
+    with errors_told(options.json):
         how = workers(options)
-        plan = read_plan(plan_path(options.plan))
-        pairs = list(datasets.freeze(dataset, ordered(plan.pairs()), plan.text).pairs)
+        pairs = list(_frozen(options.plan, dataset).pairs)
         with _voice(options.json) as say:
             status = render(dataset, pairs, how, say, options.dask)
     if options.evaluate:
@@ -166,7 +160,7 @@ def numbered(text: str) -> tuple[int, int]:
 
 def _work(options: argparse.Namespace) -> int:
     dataset = options.dataset.absolute()
-    with _errors_told(options.json):
+    with errors_told(options.json):
         number, count = numbered(options.shard)
         how = workers(options)
         pairs = share(datasets.read(dataset).pairs, number, count)
@@ -176,14 +170,11 @@ def _work(options: argparse.Namespace) -> int:
 
 
 def _slurm(options: argparse.Namespace) -> int:
-    from .render.sweep import plan_path, read_plan
-
     for name in ("shards", "cpus"):
         if getattr(options, name) < 1:
             raise IcyMoonError(f"--{name} is {getattr(options, name)}; give 1 or more.")
     dataset = options.out.absolute()
-    plan = read_plan(plan_path(options.plan))
-    frozen = datasets.freeze(dataset, ordered(plan.pairs()), plan.text)
+    frozen = _frozen(options.plan, dataset)
     request = Request(options.shards, options.at_once, options.cpus, options.memory, options.time,
                       tuple(options.sbatch))
     script = write_script(dataset, frozen, request, options.python, options.blender)

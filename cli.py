@@ -7,7 +7,6 @@ error message here, and Ctrl-C stops at once and leaves nothing half-written.
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 from collections.abc import Callable
 from contextlib import nullcontext
@@ -17,8 +16,8 @@ from typing import TYPE_CHECKING, Any
 from . import batch, planning
 from . import settings as description
 from .errors import IcyMoonError
-from .render.launch import Job, absolute_folder, blender_command
-from .render.queue import Process
+from .render.launch import Job, absolute_folder, rendered
+from .render.queue import Message, emit, errors_told
 from .terminal import shown
 from .version import version
 
@@ -124,30 +123,13 @@ def _described(options: argparse.Namespace) -> description.Settings:
         *(description.override(text) for text in options.overrides))
 
 
-def render_described(settings: description.Settings, dataset: Path, blender: str, *, again: bool = False) -> list[str]:
+def render_described(settings: description.Settings, dataset: Path, blender: str, *, again: bool = False) -> None:
     """Render the pairs of a complete description in a worker, showing its progress.
 
-    Returns the pair folders. Raises IcyMoonError with the worker's own words if it fails.
+    Raises IcyMoonError with the worker's own words if it fails.
     """
-    job = Job(dataset, settings, again=again)
-    process = Process(blender_command(blender, "worker", str(job.file)))
-    folders: list[str] = []
-    failure = ""
-    try:
-        with shown("Starting Blender") as show:
-            for message in process.messages():
-                show(message)
-                if message["type"] == "error":
-                    failure = message["message"]
-                elif message["type"] == "done":
-                    folders = message["folders"]
-    finally:
-        process.stop()
-        job.remove()
-    if failure or not folders:
-        raise IcyMoonError(failure or f"Blender ended without a result (status {process.returncode}): "
-                           f"{process.last_words}")
-    return folders
+    with shown("Starting Blender") as show:
+        rendered(Job(dataset, settings, again=again), blender, show)
 
 
 def _render(options: argparse.Namespace) -> int:
@@ -182,22 +164,22 @@ def _demo(options: argparse.Namespace) -> int:
     return stereo(["evaluate", str(dataset), "--methods", "bm,sgbm", "--out", str(dataset / "evaluation")])
 
 
+def _emitted(event: Message) -> None:
+    emit(event["type"], **{key: value for key, value in event.items() if key != "type"})
+
+
 def _run_bench(options: argparse.Namespace, title: str, work: Callable[[Bench], dict[str, Any]],
                show: Callable[[dict[str, Any]], None], repeats: int = 1) -> int:
     """Do ``work`` with a bench as the options describe it, showing progress, then ``show`` its result."""
-    from .trade import Bench, progress, scaled
+    from .stereo.console import progress_bar
+    from .trade import Bench, scaled
 
-    told = nullcontext(lambda event: print(json.dumps(event), flush=True)) if options.json_lines else progress(title)
-    try:
-        with told as on_event:
-            found = work(Bench(scaled(_described(options), options.scale), options.out.absolute(), options.blender,
-                               options.methods, options.reference_samples, repeats, on_event))
-    except IcyMoonError as error:
-        if options.json_lines:
-            print(json.dumps({"type": "error", "message": str(error)}), flush=True)
-        raise
+    told = nullcontext(_emitted) if options.json_lines else progress_bar(title)
+    with errors_told(options.json_lines), told as on_event:
+        found = work(Bench(scaled(_described(options), options.scale), options.out.absolute(), options.blender,
+                           options.methods, options.reference_samples, repeats, on_event))
     if options.json_lines:
-        print(json.dumps({"type": "result", **found}), flush=True)
+        emit("result", **found)
     else:
         show(found)
     return 0

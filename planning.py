@@ -7,11 +7,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from .errors import IcyMoonError
 from .properties import all_settings
 from .render.cost import estimate
 from .render.plan import PlannedPair
-from .render.queue import emit
+from .render.queue import emit, errors_told
 from .render.sweep import Plan, plan_header, plan_path, read_plan
 from .settings import plan_names
 
@@ -53,12 +52,8 @@ def _plan(options: argparse.Namespace) -> int:
             title, text = plan_header(plan_path(name))
             print(f"{name:42} {title}. {text}")
         return 0
-    try:
+    with errors_told(options.json):
         _say(options)
-    except IcyMoonError as error:
-        if options.json:
-            emit("error", message=str(error))
-        raise
     return 0
 
 

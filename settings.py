@@ -119,14 +119,30 @@ def merged(*parts: Mapping[str, Mapping[str, Value]]) -> Settings:
     return result
 
 
-def read_toml(path: Path) -> dict[str, Any]:
-    """The raw content of a TOML file. Raises IcyMoonError if it cannot be read or parsed."""
+def changed(settings: Mapping[str, Mapping[str, Value]], base: Mapping[str, Mapping[str, Value]]) -> Settings:
+    """What has to be put over ``base`` to have these settings: those of other values, or not in it."""
+    found: Settings = {}
+    for topic, values in settings.items():
+        for key, value in values.items():
+            if key not in base.get(topic, {}) or base[topic][key] != value:
+                found.setdefault(topic, {})[key] = value
+    return found
+
+
+def toml_and_text(path: Path) -> tuple[dict[str, Any], str]:
+    """The raw content of a TOML file, and its text. Raises IcyMoonError if it cannot be read or parsed."""
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
+        text = path.read_text(encoding="utf-8")
+        return tomllib.loads(text), text
     except OSError as error:
         raise IcyMoonError(f"{path}: cannot be read ({error.strerror}).") from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise IcyMoonError(f"{path}: is not valid TOML ({error}).") from None
+
+
+def read_toml(path: Path) -> dict[str, Any]:
+    """The raw content of a TOML file. Raises IcyMoonError if it cannot be read or parsed."""
+    return toml_and_text(path)[0]
 
 
 def load(path: Path) -> Settings:

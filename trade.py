@@ -8,25 +8,21 @@ from __future__ import annotations
 
 import platform
 from collections.abc import Callable, Sequence
-from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 from .errors import IcyMoonError
-from .render.launch import Job, blender_command
-from .render.queue import Process
+from .render.launch import Job, rendered
+from .render.queue import Message
 from .render.variants import GROUPS, SHAPES, Variant, candidates, reference, variants
-from .settings import Settings, defaults, merged
+from .settings import Settings, changed, defaults, merged
 from .stereo import check
 from .version import version
 
 #: What is told while it goes on: ``progress`` (``fraction``, ``message``, ``done``, ``total``), ``warning``.
 Event = Callable[[dict[str, Any]], None]
-
-METHODS = "sgbm,bm,jplv"
-REFERENCE_SAMPLES = 1024
 
 
 @dataclass(frozen=True)
@@ -36,9 +32,9 @@ class Bench:
     settings: Settings  # complete
     out: Path
     blender: str  # a Blender, or a Python with bpy
-    methods: str = METHODS
-    samples: int = REFERENCE_SAMPLES  # of the reference
-    repeats: int = 2  # renders per variant; noise is told from the rest by two
+    methods: str  # of the matchers, separated by commas
+    samples: int  # of the reference
+    repeats: int  # renders per variant; noise is told from the rest by two
     on_event: Event = lambda event: None
 
 
@@ -125,46 +121,27 @@ def _render(variant: Variant, bench: Bench, counter: _Counter) -> list[Path]:
     """The pair folders of a variant's renders, each made by a process of its own."""
     folders = []
     for repeat in range(variant.repeats):
-        job = Job(bench.out / "data", variant.settings, repeat=repeat)
-        process = Process(blender_command(bench.blender, "worker", str(job.file)))
-        made: list[str] = []
-        failure = ""
+        def hear(message: Message, first: bool = repeat == 0) -> None:
+            if message["type"] == "progress":
+                counter.at(message["fraction"], variant.key)
+            elif message["type"] == "warning" and variant.group == "scene" and first:
+                counter.tell(message)
+
         try:
-            for message in process.messages():
-                if message["type"] == "progress":
-                    counter.at(message["fraction"], variant.key)
-                elif message["type"] == "warning" and variant.group == "scene" and not repeat:
-                    counter.tell(message)
-                elif message["type"] == "error":
-                    failure = message["message"]
-                elif message["type"] == "done":
-                    made = message["folders"]
-        finally:
-            process.stop()
-            job.remove()
-        if failure or not made:
-            raise IcyMoonError(f"{variant.key}: {failure}" if failure else
-                               f"{variant.key}: Blender ended without a result (status {process.returncode}): "
-                               f"{process.last_words}")
+            folders += rendered(Job(bench.out / "data", variant.settings, repeat=repeat), bench.blender, hear)
+        except IcyMoonError as error:
+            raise IcyMoonError(f"{variant.key}: {error}") from None
         counter.done += 1
         counter.at(0.0, variant.key)
-        folders.append(Path(made[0]))
     return folders
 
 
 def _changed(settings: Settings, scene: Settings) -> dict[str, Any]:
-    return {f"{topic}.{key}": value for topic, values in settings.items() for key, value in values.items()
-            if value != scene[topic][key]}
+    return {f"{topic}.{key}": value for topic, values in changed(settings, scene).items()
+            for key, value in values.items()}
 
 
 def _provenance(bench: Bench) -> dict[str, Any]:
     return {"created": datetime.now(UTC).isoformat(timespec="seconds"), "icymoon": version(),
             "platform": platform.platform(), "processor": platform.processor(), "packages": check.versions(),
             "differs_from_defaults": _changed(bench.settings, defaults())}
-
-
-def progress(title: str) -> AbstractContextManager[Event]:
-    """A progress bar for people at a terminal."""
-    from .stereo.console import progress_bar
-
-    return progress_bar(title)

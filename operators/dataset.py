@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import sys
 import tempfile
 import time
 import zlib
@@ -67,7 +66,7 @@ def state_folder() -> Path:
 
 def command(*arguments: str) -> list[str]:
     """Command of a verb, in this Blender; where it is a module of Python, in that."""
-    return blender_command(bpy.app.binary_path or sys.executable, *arguments)
+    return blender_command(jobs.this_blender(), *arguments)
 
 
 class ICYMOON_OT_choose_plan(bpy.types.Operator):
@@ -200,7 +199,7 @@ class ICYMOON_OT_render_dataset(_Watching, bpy.types.Operator):
         workers = ["--workers", str(described["workers"])] if described["workers"] else []
         process = Detached.start(
             command("batch", chosen_plan(settings), "--out", str(folder), "--json", "--blender",
-                    bpy.app.binary_path or sys.executable, *workers),
+                    jobs.this_blender(), *workers),
             state_folder() / f"{zlib.crc32(str(folder).encode()):08x}",
             {"title": _TITLE, "dataset": str(folder), "plan": described["plan"], "evaluate": described["evaluate"]},
             clean_environment())

@@ -14,8 +14,8 @@ import bpy
 from .. import properties
 from .. import settings as description
 from ..errors import IcyMoonError
+from ..render.pair import is_complete
 from ..render.queue import Message
-from ..render.shoot import is_complete
 from . import jobs, live
 from .expose import develop_job
 from .render import dataset_folder

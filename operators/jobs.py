@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -14,6 +15,11 @@ from ..render.detached import Detached
 from ..render.queue import Message, Process
 
 _INTERVAL_S = 0.1
+
+
+def this_blender() -> str:
+    """What starts another of this Blender; where it is a module of Python, that Python."""
+    return str(bpy.app.binary_path or sys.executable)
 
 
 @dataclass

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import sys
 import time
 from pathlib import Path
 
@@ -79,7 +78,7 @@ class ICYMOON_OT_render_pair(jobs.JobOperator, bpy.types.Operator):
         if edited:
             bpy.ops.wm.save_as_mainfile(filepath=str(files.blend), copy=True, check_existing=False)
         try:
-            process = Process(blender_command(bpy.app.binary_path or sys.executable, "worker", str(files.file)))
+            process = Process(blender_command(jobs.this_blender(), "worker", str(files.file)))
         except IcyMoonError:
             files.remove()
             raise

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 import tempfile
 from pathlib import Path
 from typing import Any
@@ -36,7 +35,7 @@ def _begin(context: bpy.types.Context, verb: str, title: str, handle: Any, *argu
         folder = tempfile.TemporaryDirectory(prefix="icymoon-trade-")
         file = Path(folder.name, "scene.toml")
         file.write_text(description.to_toml(settings), encoding="utf-8")
-    command = python_command(python, verb, "--settings", str(file), "--blender", bpy.app.binary_path or sys.executable,
+    command = python_command(python, verb, "--settings", str(file), "--blender", jobs.this_blender(),
                              "--out", str(dataset_folder(settings) / "trade"), "--json-lines", *arguments)
     try:
         process = Process(command, clean_environment())

@@ -14,7 +14,7 @@ from typing import Any
 
 from ..errors import IcyMoonError
 from ..files import disk_errors, write_text
-from ..settings import Settings, check, defaults, merged
+from ..settings import Settings, changed, check, defaults, merged
 from ..version import version
 from .pair import is_complete
 from .plan import PlannedPair
@@ -38,15 +38,6 @@ class Frozen:
         return [pair for pair in self.pairs if not is_complete(pair.folder(dataset))]
 
 
-def _changes(settings: Settings, base: Settings) -> Settings:
-    changed: Settings = {}
-    for topic, values in settings.items():
-        for key, value in values.items():
-            if base.get(topic, {}).get(key) != value or key not in base.get(topic, {}):
-                changed.setdefault(topic, {})[key] = value
-    return changed
-
-
 def freeze(dataset: Path, pairs: Sequence[PlannedPair], text: str) -> Frozen:
     """Write the plan of a data set, or check it against the one that is there, and return it.
 
@@ -68,7 +59,7 @@ def freeze(dataset: Path, pairs: Sequence[PlannedPair], text: str) -> Frozen:
     header = {"format": FORMAT, "version": VERSION, "icymoon": version(), "pairs": len(pairs),
               "seeds": sorted({int(pair.settings["dataset"]["seed"]) for pair in pairs}), "settings": base,
               "plan": text}
-    lines = [header, *({"id": pair.id, "changes": _changes(pair.settings, base)} for pair in pairs)]
+    lines = [header, *({"id": pair.id, "changes": changed(pair.settings, base)} for pair in pairs)]
     write_text(path, "".join(json.dumps(line, allow_nan=False) + "\n" for line in lines))
     return read(dataset)
 

@@ -13,10 +13,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .exr_check import Part, read_parts
+from .exr_check import MAGIC, MULTIPART, Part, read_parts
 
 _START = struct.Struct("<2i")
-_MAGIC, _VERSION, _LONG_NAMES, _SEVERAL = 20000630, 2, 0x400, 0x1000
+_VERSION, _LONG_NAMES = 2, 0x400
 #: Attributes of what made the image, beside those of the form ``cycles.LAYER.render_time``.
 _PASSING = {b"Date", b"Time", b"RenderTime", b"Memory", b"File", b"Hostname", b"Frame", b"Scene", b"Camera"}
 
@@ -79,7 +79,7 @@ def assembled(parts: Sequence[Piece]) -> bytes:
             places.append(place)
             chunks += [struct.pack("<i", number), chunk]
             place += 4 + len(chunk)
-    start = _START.pack(_MAGIC, _VERSION | _SEVERAL | (_LONG_NAMES if long_names else 0))
+    start = _START.pack(MAGIC, _VERSION | MULTIPART | (_LONG_NAMES if long_names else 0))
     return b"".join((start, headers, np.array(places, "<u8").tobytes(), *chunks))
 
 

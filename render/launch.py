@@ -5,15 +5,17 @@ from __future__ import annotations
 import json
 import shutil
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from ..errors import IcyMoonError
 from ..files import absolute_path, disk_errors
 from ..settings import Settings
 from ..version import ROOT
 from .claims import Claims
 from .plan import PlannedPair
+from .queue import Message, Process
 
 
 def python_command(python: str, *arguments: str) -> list[str]:
@@ -57,6 +59,32 @@ class Job:
         """Delete the job's own files, and what a stopped worker left unfinished."""
         self.discard()
         Claims(self.dataset).sweep()
+
+
+def rendered(job: Job, blender: str, hear: Callable[[Message], None]) -> list[Path]:
+    """The pair folders that a worker has made of a job; ``hear`` gets all that it says.
+
+    The job is removed, however it ends. Raises IcyMoonError with the worker's own words if it fails.
+    """
+    folders: list[Path] = []
+    failure = ""
+    try:
+        process = Process(blender_command(blender, "worker", str(job.file)))
+        try:
+            for message in process.messages():
+                hear(message)
+                if message["type"] == "error":
+                    failure = message["message"]
+                elif message["type"] == "done":
+                    folders = [Path(folder) for folder in message["folders"]]
+        finally:
+            process.stop()
+    finally:
+        job.remove()
+    if failure or not folders:
+        raise IcyMoonError(failure or f"Blender ended without a result (status {process.returncode}): "
+                           f"{process.last_words}")
+    return folders
 
 
 def absolute_folder(text: str, blend_folder: str | None = None) -> Path:

@@ -17,6 +17,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from typing import IO, Any
 
 from ..errors import IcyMoonError
@@ -51,6 +52,17 @@ class Listener:
     def last_words(self) -> str:
         """The last line that was not a message, for an error that the process could not state."""
         return next((line for line in reversed(self._tail) if line.strip()), "it said nothing")
+
+
+@contextmanager
+def errors_told(as_json: bool) -> Iterator[None]:
+    """Say an error that ends the program as a JSON line too, if that is asked for."""
+    try:
+        yield
+    except IcyMoonError as error:
+        if as_json:
+            emit("error", message=str(error))
+        raise
 
 
 class Process(Listener):

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import math
 import os
-import platform
 import shutil
 import struct
-import sys
 import time
 import zlib
 from collections.abc import Callable, Iterator
@@ -20,23 +18,21 @@ import bpy
 import numpy as np
 from mathutils import Matrix
 
-from .. import compat
 from ..errors import DiskError, IcyMoonError
 from ..files import disk_errors, part_of, sha256, sync, write_json
-from ..labels import BEAUTY, FIRST_ROCK_INSTANCE, INSTANCE_AOV, SEMANTIC, TERRAIN_INSTANCE, TRUTH
+from ..labels import BEAUTY, TRUTH
 from ..nodes.light import build_sky
 from ..nodes.rig import eye_poses, lens_values
 from ..nodes.scene import Built
-from ..nodes.sunlight import attune, made_of
+from ..nodes.sunlight import attune
 from ..physics.blur import Blur, blur_of
-from ..physics.distortion import COEFFICIENTS, coefficients
-from ..version import version
 from . import apart, passes, quality
 from .exr_check import is_whole
 from .exr_parts import joined
 from .exr_sum import with_planet
+from .facts import facts
 from .labelling import labelled
-from .pair import EYES, FORMAT, TOED_TRUTH_FILE, TRUTH_FILE, VERSION, StereoCamera, is_complete
+from .pair import TOED_TRUTH_FILE, TRUTH_FILE, StereoCamera, is_complete
 from .plan import PlannedPair
 from .progress import on_sample
 from .taking import taking
@@ -127,11 +123,11 @@ def shoot(built: Built, scene: bpy.types.Scene, planned: PlannedPair, dataset: P
     with disk_errors("write", folder):
         part.mkdir(parents=True)
     try:
-        facts = _render_into(part, built, scene, planned, report)
-        facts["seconds"]["build"] = round(seconds_build, 3)
+        found = _render_into(part, built, scene, planned, report)
+        found["seconds"]["build"] = round(seconds_build, 3)
         # Of all threads; "before" is what this process had spent: its start, the build, other pairs.
-        facts["cpu_seconds"] = {"before": round(spent, 3), "pair": round(time.process_time() - spent, 3)}
-        write_json(part / "pair.json", facts)
+        found["cpu_seconds"] = {"before": round(spent, 3), "pair": round(time.process_time() - spent, 3)}
+        write_json(part / "pair.json", found)
         if again or not is_complete(folder):
             with disk_errors("write", folder):
                 shutil.rmtree(folder, ignore_errors=True)
@@ -209,7 +205,7 @@ def _render_into(part: Path, built: Built, scene: bpy.types.Scene, planned: Plan
     rendered = time.perf_counter() - start
     start = time.perf_counter()
     written = {name: _finish(layers, part / name) for name, layers in sorted(files.items())}
-    return _facts(built, planned, poses, toward_sun, written, {
+    return facts(built, planned, poses, toward_sun, written, {
         "render": round(rendered, 3), "sampling": round(sampling.seconds, 3),
         "write": round(time.perf_counter() - start, 3)})
 
@@ -274,58 +270,3 @@ def _finish(written: dict[str, Path], final: Path) -> dict[str, Any]:
             file.unlink()
         sync(final)
         return {"bytes": final.stat().st_size, "sha256": sha256(final)}
-
-
-def _peak_memory_mib() -> float | None:
-    try:
-        import resource
-    except ImportError:
-        return None  # Windows
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    return round(peak / (2**20 if sys.platform == "darwin" else 2**10), 1)
-
-
-def _light_facts(built: Built, toward_sun: np.ndarray) -> dict[str, Any]:
-    """The sky that was described, but for the Sun as it stands, which a person may have turned."""
-    described = built.sky
-    described["sun"] |= {"direction_to_world": toward_sun.tolist(), "irradiance_wm2": built.sun.data.energy,
-                         "angular_diameter_deg": math.degrees(built.sun.data.angle)}
-    return described
-
-
-def as_taken(pose: np.ndarray, rotation: np.ndarray) -> np.ndarray:
-    """The camera-to-world matrix (4, 4) of an eye of the parallel rig that is turned by ``rotation`` (3, 3)."""
-    turned = pose.copy()
-    turned[:3, :3] = pose[:3, :3] @ rotation.T
-    return turned
-
-
-def _facts(built: Built, planned: PlannedPair, poses: dict[str, np.ndarray], toward_sun: np.ndarray,
-           files: dict[str, Any], seconds: dict[str, float]) -> dict[str, Any]:
-    """The content of ``pair.json``."""
-    settings = planned.settings
-    camera, blur = StereoCamera.from_settings(settings["rig"]), blur_of(settings)
-    eyes = camera.eyes_json()
-    for eye in EYES:
-        eyes[eye]["distortion"] = dict(zip(COEFFICIENTS, coefficients(settings["rig"]), strict=True))
-    return {
-        "format": FORMAT, "version": VERSION, "id": planned.id, "settings": settings,
-        "edited_by_hand": built.edited, "ground": built.ground, "own_files_sha256": built.content,
-        "camera": camera.to_json(), "eyes": eyes,
-        "poses_camera_to_world": {eye: as_taken(poses[eye], camera.eye_rotation(eye)).tolist() for eye in EYES},
-        "poses_rectified_to_world": {eye: poses[eye].tolist() for eye in EYES},
-        "blur": blur.to_json() if blur else None,
-        "light": _light_facts(built, toward_sun),
-        "channels": {"radiance": "W/(m² sr) per band, linear", "depth": "planar Z in m at pixel centres, sky 1e10",
-                     "normal": "unit, world axes, of the facet", "semantic": {str(k): v for k, v in SEMANTIC.items()},
-                     "instance": f"{INSTANCE_AOV} where it is above 0 (blocks, from {FIRST_ROCK_INSTANCE}), else the "
-                                 f"object index ({TERRAIN_INSTANCE} terrain, others objects); 0 sky"},
-        "seeds": {"dataset": settings["dataset"]["seed"], "render": planned.render_seed},
-        "versions": {"blender": bpy.app.version_string, "python": platform.python_version(),
-                     "numpy": np.__version__, "icymoon": version()},
-        "device": settings["quality"]["device"], "osl": compat.has_osl(),
-        "hapke": made_of(built.materials), "denoiser": settings["quality"]["denoiser"],
-        "platform": platform.platform(),
-        "seconds": seconds, "peak_memory_mib": _peak_memory_mib(),
-        "files": files,
-    }

@@ -7,7 +7,6 @@ the line and the mend. ``docs/datasets.md`` describes the format.
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -15,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import IcyMoonError
-from ..settings import PLANS, check, plan_names
+from ..settings import PLANS, check, plan_names, read_toml, toml_and_text
 from . import blocks, poses
 from .blocks import Block, Variation, checked, known_keys, nearest, preset
 from .combine import Design, combined
@@ -68,8 +67,7 @@ def plan_path(name: str) -> Path:
 
 def plan_header(path: Path) -> tuple[str, str]:
     """(title, description) of a plan, without reading more of it."""
-    data, _ = _parsed(path)
-    header = data.get("plan", {})
+    header = read_toml(path).get("plan", {})
     return str(header.get("title", path.stem)), str(header.get("description", ""))
 
 
@@ -78,18 +76,8 @@ def read_plan(path: Path) -> Plan:
     return _read(path, ())
 
 
-def _parsed(path: Path) -> tuple[dict[str, Any], str]:
-    try:
-        text = path.read_text(encoding="utf-8")
-        return tomllib.loads(text), text
-    except OSError as error:
-        raise IcyMoonError(f"{path}: cannot be read ({error.strerror}).") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise IcyMoonError(f"{path}: is not valid TOML ({error}).") from None
-
-
 def _read(path: Path, readers: tuple[Path, ...]) -> Plan:
-    data, text = _parsed(path)
+    data, text = toml_and_text(path)
     whole = Place(path, text)
     header = data.pop("plan", None)
     if not isinstance(header, Mapping):

@@ -175,6 +175,16 @@ def _start(dataset: Path, *words: str) -> subprocess.Popen[str]:
     return subprocess.Popen(command(dataset, *words), stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
 
 
+def _begun(dataset: Path) -> subprocess.Popen[str]:
+    """A run that is in the middle of a pair."""
+    process = _start(dataset)
+    deadline = time.monotonic() + 60
+    while not list(dataset.glob("pairs/*.part")):
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+    return process
+
+
 def _complete(dataset: Path) -> int:
     return len(list(dataset.glob("pairs/*/pair.json")))
 
@@ -213,11 +223,7 @@ def test_whatever_is_killed_whenever_nothing_is_lost_and_no_byte_differs(referen
 @pytest.mark.timeout(900)
 def test_a_worker_dies_with_its_runner(tmp_path):
     dataset = freeze(tmp_path, [planned({"quality": {"samples": 60000}})])
-    process = _start(dataset)
-    deadline = time.monotonic() + 60
-    while not list(dataset.glob("pairs/*.part")):
-        assert time.monotonic() < deadline
-        time.sleep(0.05)
+    process = _begun(dataset)
     worker = _tree(process.pid)[1]
     process.kill()
     process.wait(30)
@@ -245,11 +251,7 @@ def test_two_runners_on_one_data_set_do_no_pair_twice(reference, tmp_path):
 
 def test_an_interrupted_run_stops_at_once_and_says_so(tmp_path):
     dataset = freeze(tmp_path, [planned({"quality": {"samples": 60000}})])
-    process = _start(dataset)
-    deadline = time.monotonic() + 60
-    while not list(dataset.glob("pairs/*.part")):
-        assert time.monotonic() < deadline
-        time.sleep(0.05)
+    process = _begun(dataset)
     process.send_signal(signal.SIGINT)
     _, err = process.communicate(timeout=20)
     assert process.returncode == 130
