@@ -30,7 +30,8 @@ def apply(scene: bpy.types.Scene, quality: Mapping[str, Any], seed: int) -> None
     threshold (its roulette puts up to 32x errors at grazing light), no caustics, exposure 1, and a stated
     pixel filter.
     """
-    scene.render.engine = "CYCLES"
+    if scene.render.engine != "CYCLES":  # setting it frees all that Cycles has kept
+        scene.render.engine = "CYCLES"
     cycles = scene.cycles
     cycles.device = quality["device"]
     cycles.samples = quality["samples"]

@@ -35,7 +35,7 @@ from .labelling import labelled
 from .pair import TOED_TRUTH_FILE, TRUTH_FILE, StereoCamera, is_complete
 from .plan import PlannedPair
 from .progress import on_sample
-from .taking import taking
+from .taking import taking, viewer
 
 #: Largest size on disk of one eye, uncompressed 32-bit channels: in all three renders RGBA, value passes and two
 #: light groups, in one of them depth, normals and indices.
@@ -59,10 +59,9 @@ def studio(built: Built, frame: int) -> Iterator[bpy.types.Scene]:
     try:
         scene.collection.children.link(built.collection)
         scene.world = sky
-        scene.camera = built.camera
         scene.frame_set(frame)
         passes.prepare(scene, built.several_lights)
-        with labelled(scene):
+        with viewer(scene, built.camera), labelled(scene):
             yield scene
     finally:
         scene.render.use_persistent_data = False  # which frees what is kept

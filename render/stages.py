@@ -86,7 +86,6 @@ class Described:
             self._held.close()
             self._scene = self._held.enter_context(studio(built, bpy.context.scene.frame_current))
         assert self._scene is not None
-        self._scene.camera = built.camera
         self._built = built
         return built, self._scene, time.perf_counter() - start
 

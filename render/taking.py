@@ -1,4 +1,4 @@
-"""The camera that an image is taken with: a copy of the built one, for the time of a render.
+"""The camera that images are taken with: a copy of the built one.
 
 The built camera is the parallel rig without blur, and stays that. What its lens cannot be left with while a person
 works in the scene is given to the copy: where Cycles samples a pixel, overscan, toe-in, depth of field and motion.
@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import Any
 
 import bpy
 import numpy as np
@@ -22,50 +23,73 @@ from .pair import StereoCamera
 #: Where Cycles takes the first sample of a pixel, right of and above its centre, with the pixel filter
 #: that ``quality`` sets: half a bin of the filter's table. Measured the same in 4.3, 5.0 and 5.2.
 _SAMPLE_OFFSET_PX = 5.4e-4
+#: Parts of a lens; what it has of Cycles' own is a part until 4.5.
+_PARTS = ("stereo", "dof", "cycles")
+_OF_ANY_BLOCK = {prop.identifier for prop in bpy.types.ID.bl_rna.properties}
+
+
+@contextmanager
+def viewer(scene: bpy.types.Scene, built: bpy.types.Object) -> Iterator[None]:
+    """Give ``scene`` a camera of its own, for ``taking`` to turn into copies of the ``built`` one.
+
+    One for all takes: when an object comes or goes Cycles builds its scene again, when one changes it does not.
+    """
+    lens = bpy.data.cameras.new(built.data.name)
+    item = bpy.data.objects.new(built.name, lens)
+    scene.collection.objects.link(item)
+    scene.camera = item
+    try:
+        yield
+    finally:
+        bpy.data.objects.remove(item)
+        bpy.data.cameras.remove(lens)
 
 
 @contextmanager
 def taking(scene: bpy.types.Scene, built: bpy.types.Object, camera: StereoCamera, blur: Blur | None,
            toed: bool) -> Iterator[None]:
-    """Let ``scene`` be seen by a copy of its ``built`` camera, in the place of ``scene.camera``, and in its frame.
+    """Let the camera of ``scene``, see ``viewer``, be a copy of the ``built`` one, in its frame.
 
     With ``toed`` eyes are turned in as ``camera`` says, else they are parallel. ``blur`` is given to the copy's lens
     and movement, the scene's present frame being the middle of the exposure.
     """
-    pose, baseline = built.matrix_world.copy(), built.data.stereo.interocular_distance
-    item, before = built.copy(), scene.camera
-    item.data = built.data.copy()
-    actions = []
+    item, pose, baseline = scene.camera, built.matrix_world.copy(), built.data.stereo.interocular_distance
+    _copy(built.data, item.data)
+    _frame(scene, item.data, camera)
+    if toed and camera.toe_in_deg:
+        # Blender turns both eyes about the middle between them.
+        stereo = item.data.stereo
+        stereo.convergence_mode, stereo.pivot = "TOE", "CENTER"
+        stereo.convergence_distance = baseline / 2 / math.tan(math.radians(camera.toe_in_deg))
+        middle = baseline / 2
+    else:
+        middle = 0.0
+    item.matrix_world = pose @ Matrix.Translation((middle, 0.0, 0.0))
+    if blur is not None:
+        _focus(item.data, blur)
+    if blur is None or blur.exposure_s is None:
+        yield
+        return
+    _move(scene, item, pose, middle, blur, blur.exposure_s)
     try:
-        for block in (item, item.data):
-            block.animation_data_clear()
-        item.constraints.clear()
-        item.parent = None
-        scene.collection.objects.link(item)
-        scene.camera = item
-        _frame(scene, item.data, camera)
-        if toed and camera.toe_in_deg:
-            # Blender turns both eyes about the middle between them.
-            stereo = item.data.stereo
-            stereo.convergence_mode, stereo.pivot = "TOE", "CENTER"
-            stereo.convergence_distance = baseline / 2 / math.tan(math.radians(camera.toe_in_deg))
-            middle = baseline / 2
-        else:
-            middle = 0.0
-        item.matrix_world = pose @ Matrix.Translation((middle, 0.0, 0.0))
-        if blur is not None:
-            _focus(item.data, blur)
-        if blur is not None and blur.exposure_s is not None:
-            _move(scene, item, pose, middle, blur, blur.exposure_s)
-            actions.append(item.animation_data.action)
         yield
     finally:
-        scene.camera = before
-        lens = item.data
-        bpy.data.objects.remove(item)
-        bpy.data.cameras.remove(lens)
-        for action in actions:
-            bpy.data.actions.remove(action)
+        action = item.animation_data.action
+        item.animation_data_clear()
+        item.rotation_mode = "XYZ"
+        bpy.data.actions.remove(action)
+
+
+def _copy(source: Any, target: Any) -> None:
+    """Give a lens, or a part of it, all that makes another what it is."""
+    for prop in source.bl_rna.properties:
+        name = prop.identifier
+        if name in _OF_ANY_BLOCK or name.startswith("angle"):  # another way to say focal length and sensor
+            continue
+        if name in _PARTS:
+            _copy(getattr(source, name), getattr(target, name))
+        elif not prop.is_readonly and getattr(target, name) != getattr(source, name):
+            setattr(target, name, getattr(source, name))
 
 
 def _frame(scene: bpy.types.Scene, lens: bpy.types.Camera, camera: StereoCamera) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from icymoon import settings as description
+from icymoon.physics.blur import identity
 from icymoon.render.plan import PlannedPair
 
 TINY = {"terrain": {"resolution": 33}, "mesh": {"kind": "GRID"}, "rig": {"width_px": 32, "height_px": 24},
@@ -12,7 +13,7 @@ TINY = {"terrain": {"resolution": 33}, "mesh": {"kind": "GRID"}, "rig": {"width_
 def planned(*parts: dict) -> PlannedPair:
     """One tiny pair with changes."""
     settings = description.merged(description.defaults(), *(description.check(p, "test") for p in (TINY, *parts)))
-    return PlannedPair(description.digest(settings), settings, 0.0)
+    return PlannedPair(description.digest(settings, identity(settings)), settings, 0.0)
 
 
 def grid(seeds: int = 2, elevations: tuple[float, ...] = (20.0, 40.0),
