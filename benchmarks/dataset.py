@@ -11,6 +11,7 @@ Processor seconds of one run, on one thread. Needs Blender as a module.
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 import sys
 import tempfile
@@ -74,19 +75,45 @@ def memory(folder: Path) -> None:
           f"{slope:+.2f} MiB per scene")
 
 
-def overhead(folder: Path) -> None:
-    """Share of the processor time of pairs that is not sampling: the first of a scene, and the next ones."""
-    import bpy
-    from icymoon.render.progress import SampleCounter
+class Ledger:
+    """Processor seconds by what Cycles was last heard to do, since the last call of ``taken``."""
 
-    counter = SampleCounter(SAMPLES)
-    bpy.app.handlers.render_stats.append(lambda *a: counter.time(str(a[0]), time.process_time()))
+    #: What a status line says, by what it stands for; whatever follows the saving is this extension's own.
+    LINES = (("sampling", r"Sample \d+/(?!1\b)"), ("truth's sample", "Sample"), ("writing files", "Finished"),
+             ("own code", "Saving"))
+
+    def __init__(self) -> None:
+        self._seconds: dict[str, float] = {}
+        self._now, self._since = "own code", time.process_time()
+
+    def hear(self, status: str) -> None:
+        """Take in a status line."""
+        now = time.process_time()
+        self._seconds[self._now] = self._seconds.get(self._now, 0.0) + now - self._since
+        self._now = next((name for name, line in self.LINES if re.search(line, status)), "preparing Cycles")
+        self._since = now
+
+    def taken(self) -> dict[str, float]:
+        """What was spent on what, and begin anew."""
+        self.hear("Saving")
+        seconds, self._seconds = self._seconds, {}
+        return seconds
+
+
+def overhead(folder: Path) -> None:
+    """Share of the processor time of pairs that is not sampling their light: the first of a scene, and the next."""
+    import bpy
+
+    ledger, spent = Ledger(), []
+    # Persistent, since every scene is built in a new file.
+    bpy.app.handlers.render_stats.append(bpy.app.handlers.persistent(lambda *a: ledger.hear(str(a[0]))))
     pairs = [planned({"quality": {"samples": SAMPLES}, "rig": {"heading_deg": h}}) for h in (0.0, 90.0)]
-    sampled: list[float] = [0.0]
-    total = rendered(pairs, folder, lambda: sampled.append(counter.seconds))
-    for name, seconds, sampling in zip(("first", "next"), total, np.diff(sampled), strict=True):
-        print(f"overhead {name:5} pair of a scene, {SAMPLES} samples: {seconds:.1f} CPU s, of which "
-              f"{seconds - sampling:.2f} are not sampling: {100 * (1 - sampling / seconds):.1f} %")
+    rendered(pairs, folder, lambda: spent.append(ledger.taken()))
+    for name, seconds in zip(("first", "next"), spent, strict=True):
+        total = sum(seconds.values())
+        print(f"overhead {name:5} pair of a scene, {SAMPLES} samples: {total:.1f} CPU s, of which "
+              f"{100 * (1 - seconds['sampling'] / total):.1f} % are not sampling: "
+              + ", ".join(f"{part} {seconds[part]:.2f} s" for part in sorted(seconds) if part != "sampling"))
 
 
 def fresh(folder: Path) -> None:
