@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import shlex
 import signal
+import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -14,10 +15,11 @@ from typing import Any
 from .errors import IcyMoonError
 from .render import dataset as datasets
 from .render.cost import processors
+from .render.launch import python_command
 from .render.manifest import write_manifest
 from .render.order import ordered, share
 from .render.plan import PlannedPair
-from .render.queue import emit, errors_told
+from .render.queue import clean_environment, emit, errors_told
 from .render.runner import Runner, Workers
 from .render.slurm import Request, write_script
 from .render.verify import verify
@@ -34,6 +36,9 @@ def add_verbs(verbs: Any) -> None:
     batch.add_argument("plan", help="plan of the data set: a TOML file, or the name of a shipped one")
     batch.add_argument("--out", type=Path, required=True, metavar="DATASET", help="folder of the data set")
     batch.add_argument("--evaluate", metavar="METHODS", help="then match its pairs with these, separated by commas")
+    batch.add_argument("--evaluator", metavar="PYTHON", help="Python that matches them (this Python)")
+    batch.add_argument("--set", action="append", default=[], metavar="sensor.KEY=VALUE",
+                       help="another camera response to match them with than they were rendered for")
     batch.add_argument("--dask", metavar="ADDRESS", help="render on the Dask cluster whose scheduler is there, as in "
                        "tcp://host:8786, or on N of its processes here with local:N")
     _how(batch)
@@ -132,13 +137,18 @@ def _batch(options: argparse.Namespace) -> int:
         pairs = list(_frozen(options.plan, dataset).pairs)
         with _voice(options.json) as say:
             status = render(dataset, pairs, how, say, options.dask)
-    if options.evaluate:
-        from .stereo.cli import main as stereo
+    failed = _evaluate(dataset, options) if options.evaluate else 0
+    return _told(status, dataset, options.json) or failed
 
-        flags = ["--json-lines"] if options.json else []
-        status = stereo(["evaluate", str(dataset), "--methods", options.evaluate, "--out", str(dataset / "evaluation"),
-                         *flags]) or status
-    return _told(status, dataset, options.json)
+
+def _evaluate(dataset: Path, options: argparse.Namespace) -> int:
+    """Match the pairs in another process, which says itself what it does; its exit status."""
+    words = [word for text in options.set for word in ("--set", text)] + (["--json-lines"] if options.json else [])
+    # Not the standard input: by a lock on that others see whether this process lives.
+    return subprocess.call(
+        python_command(options.evaluator or sys.executable, "stereo", "evaluate", str(dataset), "--methods",
+                       options.evaluate, "--out", str(dataset / "evaluation"), *words),
+        stdin=subprocess.DEVNULL, env=clean_environment() if options.evaluator else None)
 
 
 def _told(status: int, dataset: Path, as_json: bool) -> int:

@@ -21,8 +21,7 @@ from ..render.pair import is_complete
 from ..render.queue import Message, Process, clean_environment
 from ..render.sweep import plan_header, plan_path
 from ..settings import plan_names
-from . import jobs, results
-from .evaluate import response_arguments
+from . import evaluate, jobs, results
 from .render import dataset_folder
 
 _TITLE = "Render Data Set"
@@ -140,7 +139,8 @@ class ICYMOON_OT_plan_dry_run(jobs.JobOperator, bpy.types.Operator):
 
 
 def _hear(message: Message) -> None:
-    """Remember what a running data set says of its pairs."""
+    """Remember what a running data set says of its pairs, and take up their evaluation."""
+    evaluate.hear(message)
     if message["type"] == "pair":
         readout["last"] = Path(message["folder"])
     elif message["type"] == "error" and "pair" in message:
@@ -148,10 +148,17 @@ def _hear(message: Message) -> None:
 
 
 class DatasetJob(jobs.Job):
-    """A data set that is being rendered; a pair that is set aside does not end it."""
+    """A data set that is being rendered; a pair that is set aside does not end it.
+
+    Where it ``evaluates``, what it has rendered is not yet the result.
+    """
+
+    evaluates = False
 
     def hear(self, message: Message) -> None:
-        if message["type"] != "error" or "pair" not in message:
+        if message["type"] == "done" and self.evaluates:
+            self.started, self.fraction = time.monotonic(), 0.0
+        elif message["type"] != "error" or "pair" not in message:
             super().hear(message)
 
     @property
@@ -175,16 +182,14 @@ class _Watching(jobs.JobOperator):
         readout.update(set_aside=[], last=None)
         self._process = process
         began = time.monotonic() - (time.time() - process.facts["started"])  # of an earlier Blender's, perhaps long ago
-        return DatasetJob(_TITLE, process, _hear, lambda: None, began)
+        job = DatasetJob(_TITLE, process, _hear, lambda: None, began)
+        job.evaluates = bool(process.facts.get("evaluate"))
+        return job
 
     def succeeded(self, context: bpy.types.Context) -> None:
         self.report({"INFO"}, f"The data set in {self._process.facts['dataset']} is rendered")  # type: ignore[attr-defined]
-        if not self._process.facts.get("evaluate"):
-            return
-        try:
-            bpy.ops.icymoon.evaluate("EXEC_DEFAULT" if bpy.app.background else "INVOKE_DEFAULT", scope="DATASET")
-        except RuntimeError as error:  # what an operator reports, when another one has called it
-            raise IcyMoonError(str(error).strip().removeprefix("Error: ")) from None
+        if self._process.facts.get("evaluate"):
+            evaluate.told(self, context)  # type: ignore[arg-type]
 
 
 class ICYMOON_OT_render_dataset(_Watching, bpy.types.Operator):
@@ -197,9 +202,12 @@ class ICYMOON_OT_render_dataset(_Watching, bpy.types.Operator):
         settings = description.from_group(context.scene.icymoon)
         described, folder = settings["dataset"], dataset_folder(settings)
         workers = ["--workers", str(described["workers"])] if described["workers"] else []
+        # In the process that may be left alone: what is asked for is done whoever watches.
+        after = (["--evaluate", str(described["methods"]), "--evaluator", evaluator_python(),
+                  *evaluate.response_arguments(settings)] if described["evaluate"] else [])
         process = Detached.start(
             command("batch", chosen_plan(settings), "--out", str(folder), "--json", "--blender",
-                    jobs.this_blender(), *workers),
+                    jobs.this_blender(), *workers, *after),
             state_folder() / f"{zlib.crc32(str(folder).encode()):08x}",
             {"title": _TITLE, "dataset": str(folder), "plan": described["plan"], "evaluate": described["evaluate"]},
             clean_environment())
@@ -240,7 +248,7 @@ class ICYMOON_OT_show_last_pair(bpy.types.Operator):
             if not is_complete(folder):
                 raise IcyMoonError(f"{folder} is not there any more.")
             process = Process(python_command(evaluator_python(), "stereo", "develop", str(folder),
-                                             *response_arguments(settings), "--out",
+                                             *evaluate.response_arguments(settings), "--out",
                                              str(folder.parent.parent / "exposed"), "--json-lines"),
                               clean_environment())
         except IcyMoonError as error:

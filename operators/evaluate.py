@@ -33,6 +33,20 @@ def response_arguments(settings: description.Settings) -> list[str]:
     return [word for text in texts for word in ("--set", text)]
 
 
+def hear(message: Message) -> None:
+    """Take up the report that an evaluation has written."""
+    if message["type"] == "result":
+        results.load(Path(message["report"]).parent)
+
+
+def told(operator: bpy.types.Operator, context: bpy.types.Context) -> None:
+    """Tell the person what the evaluation has measured."""
+    for row in results.summary():
+        operator.report({"INFO"}, f"{row['method']}: L1 {results.number(row['l1_m'], 3)} m, "
+                                  f"coverage {results.percent(row['coverage'])}")
+    results.show_error_image(context, open_window=False)
+
+
 class ICYMOON_OT_evaluate(jobs.JobOperator, bpy.types.Operator):
     """Match the rendered pairs with every chosen stereo matcher, measure the error against the truth and write a report"""  # noqa: E501
 
@@ -57,17 +71,10 @@ class ICYMOON_OT_evaluate(jobs.JobOperator, bpy.types.Operator):
 
     def start(self, context: bpy.types.Context) -> jobs.Job:
         command = self._command(context)
-        return jobs.Job("Evaluate", Process(command, clean_environment()), self._hear, lambda: None)
-
-    def _hear(self, message: Message) -> None:
-        if message["type"] == "result":
-            results.load(Path(message["report"]).parent)
+        return jobs.Job("Evaluate", Process(command, clean_environment()), hear, lambda: None)
 
     def succeeded(self, context: bpy.types.Context) -> None:
-        for row in results.summary():
-            self.report({"INFO"}, f"{row['method']}: L1 {results.number(row['l1_m'], 3)} m, "
-                                  f"coverage {results.percent(row['coverage'])}")
-        results.show_error_image(context, open_window=False)
+        told(self, context)
 
 
 CLASSES = (ICYMOON_OT_evaluate,)

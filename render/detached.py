@@ -156,8 +156,10 @@ class Detached(Listener):
 
     def _signal(self, number: int) -> None:
         try:
-            if self._alive():
+            if self._alive() and sys.platform == "win32":
                 os.kill(self._pid, number)
+            elif self._alive():
+                os.killpg(self._pid, number)  # with what it has started, such as an evaluation
         except OSError:
             pass  # it has ended just now
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import time
 from pathlib import Path
 from types import SimpleNamespace
@@ -163,6 +164,43 @@ def test_it_is_left_running_and_found_again(described, tmp_path):
     assert len(find_pairs(tmp_path / "set")) == 2
     with pytest.raises(RuntimeError, match="nobody watches"):
         bpy.ops.icymoon.watch_dataset()
+
+
+@pytest.mark.slow
+def test_what_is_left_running_is_evaluated_too(described, tmp_path):
+    group = described.icymoon.dataset
+    group.evaluate, group.methods, group.workers = True, "sgbm", 1
+    described.icymoon.sensor.bits = 10
+    job, _ = started(described)
+    job.process.leave = True
+    job.process.stop()  # as when Blender closes; nobody watches from now on
+    report = tmp_path / "set" / "evaluation" / "report.json"
+    end = time.monotonic() + 240.0
+    while not report.is_file() and time.monotonic() < end:
+        time.sleep(0.1)
+    found = json.loads(report.read_text())
+    assert [row["method"] for row in found["summary"]] == ["sgbm"]
+    assert '"sensor.bits": 10' in json.dumps(found) or '"bits": 10' in json.dumps(found)
+
+
+def test_a_data_set_without_its_evaluation_is_not_done():
+    said = [{"type": "progress", "fraction": 1.0, "message": "2 of 2 pairs"}, {"type": "done", "pairs": 2}]
+    process = SimpleNamespace(cancelled=False, poll=lambda: said, running=True, returncode=1, last_words="Killed")
+    job = dataset.DatasetJob("Render Data Set", process, dataset._hear, lambda: None)
+    job.evaluates = True
+    job.advance()
+    assert job.fraction == 0.0
+    assert job.failure == "Render Data Set ended without a result (status 1): Killed"
+    job.hear({"type": "result", "report": "report.html"})
+    assert job.failure == ""
+
+
+def test_evaluation_that_cannot_be_is_refused_before_anything_is_rendered(described, tmp_path, monkeypatch):
+    described.icymoon.dataset.evaluate = True
+    monkeypatch.setenv("ICYMOON_EVALUATOR", str(tmp_path / "no_python"))
+    with pytest.raises(RuntimeError, match="no_python"):
+        bpy.ops.icymoon.render_dataset()
+    assert not (tmp_path / "set").exists()
 
 
 def test_a_pair_that_is_set_aside_is_named_and_does_not_end_the_others():

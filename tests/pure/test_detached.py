@@ -68,6 +68,21 @@ def test_it_outlives_the_python_that_started_it(tmp_path):
     assert process.returncode is None  # only who started it is told
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="there a process is ended alone")
+@pytest.mark.parametrize("end", [Detached.cancel, Detached.stop])
+def test_what_it_has_started_ends_with_it(tmp_path, end):
+    parent = ("import subprocess, sys\n"
+              f"subprocess.call([sys.executable, '-c', {TALKS!r}, '2000'], stdin=subprocess.DEVNULL)\n")
+    process = start(tmp_path, parent)
+    while not process.poll():
+        time.sleep(0.02)
+    end(process)
+    heard(process)
+    size = (tmp_path / "one.log").stat().st_size
+    time.sleep(0.5)  # in which the child would have spoken ten times
+    assert (tmp_path / "one.log").stat().st_size == size
+
+
 @pytest.mark.parametrize("attached", [False, True])
 def test_cancel_and_stop_end_it(tmp_path, attached):
     for end in (Detached.cancel, Detached.stop):
