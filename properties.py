@@ -507,9 +507,9 @@ LIGHT = Topic("light", "Light", "The Sun and the planet as the body's sky shows 
             "Which wavelengths the irradiance counts; the camera response takes its band out of it", "response",
             choices=(("BOLOMETRIC", "All Wavelengths", "The solar constant scaled to the distance"),
                      ("CAMERA", "Camera Band", "Only what the camera's band holds"))),
-    Setting("sun_scale", "Sun ×", 1.0, "Factor on the Sun's light when images are evaluated", "response", "1",
+    Setting("sun_scale", "Sun Factor", 1.0, "Factor on the Sun's light when images are evaluated", "response", "1",
             0.0, 1.0e6, (0.0, 10.0)),
-    Setting("planet_scale", "Planet ×", 1.0, "Factor on the planet's light when images are evaluated", "response", "1",
+    Setting("planet_scale", "Planet Factor", 1.0, "Factor on the planet's light when images are evaluated", "response", "1",
             0.0, 1.0e6, (0.0, 10.0)),
     Setting("sun_temperature_k", "Sun Temperature (K)", 5772.0,
             "Colour temperature: sets the camera band's share and the balance of the bands R, G, B, which is even at "
@@ -664,7 +664,7 @@ SENSOR = Topic("sensor", "Camera Response",
             0, 2147483647, (0, 100)),
 ))
 
-QUALITY = Topic("quality", "Quality", "What a render may cost", (
+QUALITY = Topic("quality", "Render Quality", "What a render may cost", (
     Setting("samples", "Samples", 32, "Light paths per pixel and eye", "sampling", "samples", 1, 65536, (1, 1024)),
     Setting("denoiser", "Denoiser", "NONE",
             "Applied to each eye; the truth is never touched", "sampling",

@@ -174,6 +174,11 @@ def preset_path(name: str) -> Path:
     raise IcyMoonError(f"Unknown preset {name!r}, {_nearest(name, preset_names())}")
 
 
+def preview_path(name: str) -> Path:
+    """The picture of a shipped scene preset; not every preset has one."""
+    return PRESETS / "previews" / f"{name.split('/')[-1]}.jpg"
+
+
 def preset_header(name: str) -> tuple[str, str]:
     """(title, description) of a preset."""
     header = read_toml(preset_path(name)).get("preset", {})
