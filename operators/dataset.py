@@ -15,7 +15,7 @@ import bpy
 from .. import settings as description
 from ..errors import IcyMoonError
 from ..files import absolute_path
-from ..preferences import evaluator_python, extension_folder
+from ..preferences import evaluator_python, extension_folder, workers
 from ..render.detached import Detached, left_running
 from ..render.launch import blender_command, python_command
 from ..render.pair import is_complete
@@ -197,10 +197,10 @@ class ICYMOON_OT_render_dataset(_Watching, bpy.types.Operator):
     def start(self, context: bpy.types.Context) -> jobs.Job:
         settings = description.from_group(context.scene.icymoon)
         described, folder = settings["dataset"], dataset_folder(settings)
-        workers = ["--workers", str(described["workers"])] if described["workers"] else []
+        count = described["workers"] or workers()
         process = Detached.start(
             command("batch", chosen_plan(settings), "--out", str(folder), "--json", "--blender",
-                    bpy.app.binary_path or sys.executable, *workers),
+                    bpy.app.binary_path or sys.executable, *(["--workers", str(count)] if count else [])),
             state_folder() / f"{zlib.crc32(str(folder).encode()):08x}",
             {"title": _TITLE, "dataset": str(folder), "plan": described["plan"], "evaluate": described["evaluate"]},
             clean_environment())

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import bpy
 
-from . import menu, sidebar, topics, trade
+from . import menu, previews, sidebar, topics, trade
 
 CLASSES = (*sidebar.CLASSES, *topics.CLASSES, *sidebar.DETAILS, *trade.CLASSES, *menu.CLASSES)
 
@@ -14,10 +14,12 @@ _register, _unregister = bpy.utils.register_classes_factory(CLASSES)
 def register() -> None:
     """Register panels and menus."""
     _register()
+    previews.register()
     menu.register()
 
 
 def unregister() -> None:
     """Unregister them."""
     menu.unregister()
+    previews.unregister()
     _unregister()

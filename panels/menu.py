@@ -6,18 +6,22 @@ from typing import Any
 
 import bpy
 
-from ..operators.settings import preset_items
+from ..operators.presets import preset_items
+from ..settings import KINDS
 
 #: Lines of a column of the presets' menu: more would not fit a small screen.
 _LINES = 26
 
 
+_TITLES = {"own": "Yours", **KINDS}
+
+
 def presets_by_kind() -> list[tuple[str, list[tuple[str, str]]]]:
-    """Kinds of presets, whole scenes first, each with (name, title) of its presets."""
+    """Titles of the kinds of presets, the person's own first, each with (name, title) of its presets."""
     kinds: dict[str, list[tuple[str, str]]] = {}
     for name, title, _ in preset_items():
         kinds.setdefault(name.split("/")[0], []).append((name, title))
-    return sorted(kinds.items(), key=lambda item: (item[0] != "scenes", item[0]))
+    return [(title, kinds[kind]) for kind, title in _TITLES.items() if kind in kinds]
 
 
 class ICYMOON_MT_presets(bpy.types.Menu):
@@ -32,7 +36,7 @@ class ICYMOON_MT_presets(bpy.types.Menu):
         for kind, presets in presets_by_kind():
             if free < len(presets) + 2:
                 column, free = columns.column(), _LINES
-            column.label(text=kind.capitalize())
+            column.label(text=kind)
             for name, title in presets:
                 column.operator("icymoon.load_preset", text=title).preset = name
             column.separator()
@@ -49,6 +53,8 @@ class ICYMOON_MT_icymoon(bpy.types.Menu):
         layout = self.layout
         layout.operator_context = "INVOKE_DEFAULT"
         layout.operator("icymoon.load_preset", text="Load Preset…")
+        layout.operator("icymoon.add_preset", text="Add Preset…")
+        layout.operator("icymoon.remove_preset", text="Remove Preset…")
         layout.operator("icymoon.load_settings", text="Load Settings…")
         layout.operator("icymoon.save_settings", text="Save Settings…")
         layout.separator()

@@ -7,7 +7,8 @@ from typing import Any
 import bpy
 
 from .. import settings as description
-from ..operators import dataset, ground, jobs, layers, live, readouts, results
+from ..operators import dataset, ground, jobs, layers, live, presets, readouts, results
+from . import previews
 from .fields import draw_lines, draw_settings, wrapped
 
 #: ``bl_order`` of the topics' panels begins at the first of these and ends before the second.
@@ -44,8 +45,11 @@ class ICYMOON_PT_main(Sidebar, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         layout = self.layout
         group = context.scene.icymoon
-        title = description.preset_header(group.preset)[0] if group.preset else "Choose a Preset"
-        layout.menu("ICYMOON_MT_presets", text=title, icon="PRESET")
+        layout.template_icon_view(context.window_manager, previews.CHOICE, show_labels=True, scale=5.0, scale_popup=7.0)
+        row = layout.row(align=True)
+        row.menu("ICYMOON_MT_presets", text=presets.title_of(group.preset), icon="PRESET")
+        row.operator("icymoon.add_preset", text="", icon="ADD")
+        row.operator("icymoon.remove_preset", text="", icon="REMOVE")
         column = layout.column(align=True)
         column.scale_y = 1.4
         column.operator("icymoon.build_scene", icon="RNDCURVE")

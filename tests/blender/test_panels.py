@@ -8,7 +8,9 @@ from types import SimpleNamespace
 
 import bpy
 import pytest
-from icymoon.operators import jobs, results
+from icymoon import preferences
+from icymoon.doctor import Finding
+from icymoon.operators import evaluator, jobs, results
 from icymoon.operators.readouts import LINE
 from icymoon.panels import CLASSES, menu, sections, sidebar
 from icymoon.properties import TOPICS, all_settings
@@ -246,11 +248,34 @@ def test_results_are_shown_with_their_units_and_a_dash_for_none(scene, evaluated
 
 
 def test_the_preferences_are_drawn(scene):
-    from icymoon.preferences import ICYMOON_AP_preferences
-
     layout, written = Layout(), []
     layout.__dict__["prop"] = lambda data, key, **options: written.append(key)
-    ICYMOON_AP_preferences.draw(SimpleNamespace(layout=layout, finding="Ready", evaluator=""), bpy.context)
-    assert written == ["evaluator"]
+    preferences.remember([Finding("Graphics card", "limited", "none", "Leave quality.device at CPU.")])
+    preferences.ICYMOON_AP_preferences.draw(SimpleNamespace(layout=layout), bpy.context)
+    preferences.remember([])
+    assert written == ["evaluator", "kernels", "workers"]
     assert {"icymoon.check_evaluator", "icymoon.install_evaluator"} <= operators(layout.record)
-    assert "Ready" in texts(layout.record)
+    assert "Graphics card: none" in texts(layout.record)
+    assert "Leave quality.device at CPU." in texts(layout.record)
+
+
+def test_check_says_what_doctor_says_and_what_of_the_kernels(scene, tmp_path, monkeypatch):
+    monkeypatch.setattr(evaluator, "kernels", lambda: str(tmp_path / "none.tm"))
+    with pytest.raises(RuntimeError, match=r"SPICE kernels: .*none\.tm is not there.*Give a meta-kernel"):
+        bpy.ops.icymoon.check_evaluator()
+    monkeypatch.setattr(evaluator, "kernels", lambda: "")
+    assert bpy.ops.icymoon.check_evaluator() == {"FINISHED"}
+    assert {"Blender", "Evaluator", "Graphics card"} <= {finding.subject for finding in preferences.findings}
+    preferences.remember([])
+
+
+def test_a_scene_that_asks_for_kernels_gets_the_preferred_ones(scene, monkeypatch):
+    monkeypatch.setattr(preferences, "kernels", lambda: "/kernels/cassini.tm")
+    light = scene.icymoon.light
+    light.directions_from = "DATE"
+    assert light.kernels == ""
+    light.directions_from = "KERNELS"
+    assert light.kernels == "/kernels/cassini.tm"
+    light.kernels = "/mine.tm"
+    light.date_utc = "2030-01-01T00:00:00"
+    assert light.kernels == "/mine.tm"
