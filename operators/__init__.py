@@ -5,6 +5,7 @@ from __future__ import annotations
 import bpy
 
 from . import (
+    add,
     build,
     dataset,
     evaluate,
@@ -24,7 +25,7 @@ from . import (
 
 CLASSES = (*presets.CLASSES, *settings.CLASSES, *build.CLASSES, *ground.CLASSES, *layers.CLASSES, *render.CLASSES,
            *dataset.CLASSES, *evaluate.CLASSES, *expose.CLASSES, *results.CLASSES, *evaluator.CLASSES, *trade.CLASSES,
-           *jobs.CLASSES)
+           *add.CLASSES, *jobs.CLASSES)
 
 _register, _unregister = bpy.utils.register_classes_factory(CLASSES)
 

@@ -1,4 +1,4 @@
-"""Render > Icy Moon: operators must sit in a menu for F3 to find them."""
+"""Render > Icy Moon and Add > Mesh: operators must sit in a menu for F3 to find them."""
 
 from __future__ import annotations
 
@@ -92,14 +92,22 @@ def _draw(self: Any, context: bpy.types.Context) -> None:
     self.layout.menu(ICYMOON_MT_icymoon.bl_idname, icon="WORLD")
 
 
+def _draw_meshes(self: Any, context: bpy.types.Context) -> None:
+    self.layout.separator()
+    self.layout.operator("icymoon.add_terrain", icon="RNDCURVE")
+    self.layout.operator("icymoon.add_block", icon="MESH_ICOSPHERE")
+
+
 CLASSES = (ICYMOON_MT_presets, ICYMOON_MT_icymoon)
 
 
 def register() -> None:
-    """Add the menu to Render in the top bar."""
+    """Add the menu to Render in the top bar, and the meshes to Add ▸ Mesh."""
     bpy.types.TOPBAR_MT_render.append(_draw)
+    bpy.types.VIEW3D_MT_mesh_add.append(_draw_meshes)
 
 
 def unregister() -> None:
-    """Take it out again."""
+    """Take them out again."""
+    bpy.types.VIEW3D_MT_mesh_add.remove(_draw_meshes)
     bpy.types.TOPBAR_MT_render.remove(_draw)

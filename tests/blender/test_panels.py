@@ -97,6 +97,7 @@ def everything() -> list:
               if issubclass(cls, bpy.types.Panel | bpy.types.Menu) for entry in drawn(cls)]
     top = SimpleNamespace(layout=Layout(record))
     menu._draw(top, bpy.context)
+    menu._draw_meshes(top, bpy.context)
     return record
 
 
