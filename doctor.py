@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import importlib.util
 import json
 import shutil
 import subprocess
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from .errors import IcyMoonError
@@ -80,6 +82,20 @@ def evaluator_findings(python: str) -> list[Finding]:
              "torch": "torch"}
     found = [f"{text} {facts[name]}" for name, text in names.items() if facts.get(name)]
     return [Finding("Evaluator", "ok" if facts["ok"] else "missing", ", ".join(found), facts["message"])]
+
+
+def kernels_findings(kernels: str) -> list[Finding]:
+    """Whether SPICE kernels that are named are there; nothing if none are, since few scenes need them."""
+    if not kernels:
+        return []
+    folder = Path(kernels)
+    if not folder.exists() or (folder.is_dir() and not any(folder.iterdir())):
+        return [Finding("SPICE kernels", "missing", f"{kernels} is not there or empty",
+                        "Give a meta-kernel or a folder of kernels, or leave it empty.")]
+    if importlib.util.find_spec("spiceypy") is None:
+        return [Finding("SPICE kernels", "limited", f"{kernels}, but this Python has no SpiceyPy",
+                        "Install icymoon[ephemeris] in the Python that renders.")]
+    return [Finding("SPICE kernels", "ok", kernels)]
 
 
 def examine(blender: str, evaluator: str) -> int:

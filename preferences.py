@@ -9,6 +9,8 @@ from typing import Any
 
 import bpy
 
+from . import properties
+from .doctor import Finding
 from .errors import IcyMoonError
 from .stereo.check import PACKAGES
 
@@ -59,6 +61,23 @@ def evaluator_python() -> str:
                        f"a Python that has {_NEEDED}.")
 
 
+def workers() -> int:
+    """Processes that render a data set whose own setting is 0; 0 for as many as the machine suggests."""
+    preferences = _preferences()
+    return int(preferences.workers) if preferences else 0
+
+
+def kernels() -> str:
+    """The meta-kernel or folder of SPICE kernels that a scene gets which names none; empty if none is chosen."""
+    preferences = _preferences()
+    return bpy.path.abspath(preferences.kernels) if preferences and preferences.kernels else ""
+
+
+#: What Check has found in this session; the page of the preferences shows it.
+findings: list[Finding] = []
+_ICONS = {"ok": "CHECKMARK", "limited": "INFO", "missing": "ERROR"}
+
+
 class ICYMOON_AP_preferences(bpy.types.AddonPreferences):
     """Preferences of Icy Moon"""
 
@@ -67,31 +86,50 @@ class ICYMOON_AP_preferences(bpy.types.AddonPreferences):
     evaluator: bpy.props.StringProperty(  # type: ignore[valid-type]
         name="Evaluator's Python", subtype="FILE_PATH", default="",
         description=f"Python that measures the pairs, with {_NEEDED}; empty for the one that Install makes")
-    finding: bpy.props.StringProperty(  # type: ignore[valid-type]
-        options={"SKIP_SAVE", "HIDDEN"}, description="What the last check found")
+    kernels: bpy.props.StringProperty(  # type: ignore[valid-type]
+        name="SPICE Kernels", subtype="FILE_PATH", default="",
+        description="A meta-kernel, or a folder of kernels, that a scene gets whose sky is to come from kernels and "
+                    "which names none. Needed for no other scene")
+    workers: bpy.props.IntProperty(  # type: ignore[valid-type]
+        name="Workers", min=0, max=1024, soft_max=16, default=0,
+        description="Processes that render a data set side by side where the data set's own setting is 0. Each needs "
+                    "one to two gigabytes of memory; 0 for one per four processors")
 
     def draw(self, context: bpy.types.Context) -> None:
         layout = self.layout
+        layout.use_property_split = True
         layout.prop(self, "evaluator")
+        layout.prop(self, "kernels")
+        layout.prop(self, "workers")
         row = layout.row()
         row.operator("icymoon.check_evaluator", icon="CHECKMARK")
         row.operator("icymoon.install_evaluator", icon="IMPORT")
-        if self.finding:
-            layout.label(text=self.finding)
+        for finding in findings:
+            column = layout.column(align=True)
+            column.label(text=f"{finding.subject}: {finding.fact}", icon=_ICONS[finding.state])
+            if finding.mend:
+                column.label(text=finding.mend, icon="BLANK1")
 
 
-def remember(finding: str) -> None:
+def remember(found: list[Finding]) -> None:
     """Show what a check found in the preferences."""
-    preferences = _preferences()
-    if preferences:
-        preferences.finding = finding
+    findings[:] = found
 
 
 def register() -> None:
-    """Register the preferences."""
+    """Register the preferences; a scene whose sky is to come from kernels gets the preferred ones."""
     bpy.utils.register_class(ICYMOON_AP_preferences)
+    properties.listeners.append(_give_kernels)
+
+
+def _give_kernels(scene: bpy.types.Scene, effects: frozenset[str]) -> None:
+    light = scene.icymoon.light
+    if "light" in effects and light.directions_from == "KERNELS" and not light.kernels and kernels():
+        light.kernels = kernels()
 
 
 def unregister() -> None:
     """Unregister the preferences."""
+    properties.listeners.remove(_give_kernels)
+    findings.clear()
     bpy.utils.unregister_class(ICYMOON_AP_preferences)

@@ -507,10 +507,10 @@ LIGHT = Topic("light", "Light", "The Sun and the planet as the body's sky shows 
             "Which wavelengths the irradiance counts; the camera response takes its band out of it", "response",
             choices=(("BOLOMETRIC", "All Wavelengths", "The solar constant scaled to the distance"),
                      ("CAMERA", "Camera Band", "Only what the camera's band holds"))),
-    Setting("sun_scale", "Sun ×", 1.0, "Factor on the Sun's light when images are evaluated", "response", "1",
+    Setting("sun_scale", "Sun Factor", 1.0, "Factor on the Sun's light when images are evaluated", "response", "1",
             0.0, 1.0e6, (0.0, 10.0)),
-    Setting("planet_scale", "Planet ×", 1.0, "Factor on the planet's light when images are evaluated", "response", "1",
-            0.0, 1.0e6, (0.0, 10.0)),
+    Setting("planet_scale", "Planet Factor", 1.0, "Factor on the planet's light when images are evaluated", "response",
+            "1", 0.0, 1.0e6, (0.0, 10.0)),
     Setting("sun_temperature_k", "Sun Temperature (K)", 5772.0,
             "Colour temperature: sets the camera band's share and the balance of the bands R, G, B, which is even at "
             "5772", "light", "K", 500.0, 50000.0, (3000.0, 10000.0), precision=0),
@@ -664,7 +664,7 @@ SENSOR = Topic("sensor", "Camera Response",
             0, 2147483647, (0, 100)),
 ))
 
-QUALITY = Topic("quality", "Quality", "What a render may cost", (
+QUALITY = Topic("quality", "Render Quality", "What a render may cost", (
     Setting("samples", "Samples", 32, "Light paths per pixel and eye", "sampling", "samples", 1, 65536, (1, 1024)),
     Setting("denoiser", "Denoiser", "NONE",
             "Applied to each eye; the truth is never touched", "sampling",
@@ -700,8 +700,8 @@ DATASET = Topic("dataset", "Data Set", "Where pairs go and how they vary", (
     Setting("plan", "Plan", "datasets/guiss_smoke",
             "Plan of a data set: a TOML file, or the name of a shipped one. Nothing of the present scene is in it",
             "run"),
-    Setting("workers", "Workers", 0, "Processes that render a data set side by side; 0 for one per four processors",
-            "run", "processes", 0, 1024, (0, 16)),
+    Setting("workers", "Workers", 0, "Processes that render a data set side by side; 0 for what the preferences say, "
+            "or else one per four processors", "run", "processes", 0, 1024, (0, 16)),
     Setting("evaluate", "Evaluate Afterwards", False,
             "Match and measure the whole data set when all of it is rendered", "run"),
     Setting("leave_running", "Leave Running", False, "Go on rendering the data set when Blender is closed or another "

@@ -21,10 +21,15 @@ import numpy as np
 
 from .errors import IcyMoonError
 from .properties import TOPICS, Setting, Value, all_settings, announce, together
+from .version import is_newer, version
 
 Settings = dict[str, dict[str, Any]]
 
 PRESETS = Path(__file__).parent / "presets"
+#: Folders of presets, whole scenes first, and what people call their kinds.
+KINDS = {"scenes": "Scenes", "bodies": "Bodies", "terrains": "Terrains", "rocks": "Rocks", "surfaces": "Surfaces",
+         "lights": "Lights", "rigs": "Stereo Cameras", "sensors": "Camera Responses", "qualities": "Qualities"}
+_HEADER = ("title", "description", "include", "made_with")
 #: Shipped plans of data sets, which are more than settings: ``render.sweep`` reads them.
 PLANS = PRESETS / "datasets"
 
@@ -148,18 +153,35 @@ def read_toml(path: Path) -> dict[str, Any]:
 def load(path: Path) -> Settings:
     """The partial description in a settings file, its ``[preset]`` includes first.
 
-    A file may open with ``[preset]`` (``title``, ``description``, ``include = ["bodies/europa", …]``)
-    and close with ``[sources]`` (where each number comes from); the rest are topics.
+    A file may open with ``[preset]`` (``title``, ``description``, ``include = ["bodies/europa", …]``, and
+    ``made_with``, the version that wrote it) and close with ``[sources]`` (where each number comes from); the rest are
+    topics. Raises IcyMoonError if it cannot be read.
     """
     data = read_toml(path)
     header = data.pop("preset", {})
     data.pop("sources", None)
-    unknown = set(header) - {"title", "description", "include"}
+    try:
+        included = [load(preset_path(name)) for name in _checked_header(header, path)]
+        return merged(*included, beside(path.parent, check(data, str(path))))
+    except IcyMoonError as error:
+        written = str(header.get("made_with", "")) if isinstance(header, Mapping) else ""
+        if not is_newer(written):
+            raise
+        raise IcyMoonError(f"{path}: was saved by Icy Moon {written} and this is {version()}; update Icy Moon to load "
+                           f"it ({str(error).removeprefix(f'{path}: ').rstrip('.')}).") from None
+
+
+def _checked_header(header: Any, path: Path) -> list[str]:
+    """What the ``[preset]`` table of a file includes."""
+    if not isinstance(header, Mapping):
+        raise IcyMoonError(f"{path}: [preset] must be a table, not {header!r}.")
+    unknown = sorted(set(header) - set(_HEADER))
     if unknown:
-        raise IcyMoonError(f"{path}: unknown key preset.{sorted(unknown)[0]}, "
-                           f"{_nearest(sorted(unknown)[0], ('title', 'description', 'include'))}")
-    included = [load(preset_path(name)) for name in header.get("include", [])]
-    return merged(*included, beside(path.parent, check(data, str(path))))
+        raise IcyMoonError(f"{path}: unknown key preset.{unknown[0]}, {_nearest(unknown[0], _HEADER)}")
+    included = header.get("include", [])
+    if not isinstance(included, list) or not all(isinstance(name, str) for name in included):
+        raise IcyMoonError(f"{path}: preset.include must be a list of names in quotes, not {included!r}.")
+    return included
 
 
 def beside(folder: Path, settings: Settings) -> Settings:
@@ -190,10 +212,29 @@ def preset_path(name: str) -> Path:
     raise IcyMoonError(f"Unknown preset {name!r}, {_nearest(name, preset_names())}")
 
 
+def preview_path(name: str) -> Path:
+    """The picture of a shipped scene preset; not every preset has one."""
+    return PRESETS / "previews" / f"{name.split('/')[-1]}.jpg"
+
+
 def preset_header(name: str) -> tuple[str, str]:
-    """(title, description) of a preset."""
-    header = read_toml(preset_path(name)).get("preset", {})
-    return header.get("title", name), header.get("description", "")
+    """(title, description) of a shipped preset."""
+    return header_of(preset_path(name), name)
+
+
+def header_of(path: Path, name: str) -> tuple[str, str]:
+    """(title, description) of a preset's file; ``name`` where it has no title. Raises IcyMoonError as ``read_toml``."""
+    header = read_toml(path).get("preset", {})
+    if not isinstance(header, Mapping):
+        return name, ""
+    return str(header.get("title", name)), str(header.get("description", ""))
+
+
+def preset_text(title: str, told: str, settings: Settings) -> str:
+    """A preset file that ``load`` reads back, and that says which version wrote it."""
+    header = {"title": title, "description": told, "made_with": version()}
+    lines = ["[preset]", *(f"{key} = {_toml_value(value)}" for key, value in header.items()), ""]
+    return "\n".join(lines) + "\n" + to_toml(settings)
 
 
 def override(text: str) -> Settings:

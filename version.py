@@ -11,3 +11,11 @@ ROOT = Path(__file__).resolve().parent
 def version() -> str:
     """Version of Icy Moon, as in ``blender_manifest.toml``."""
     return str(tomllib.loads((ROOT / "blender_manifest.toml").read_text(encoding="utf-8"))["version"])
+
+
+def is_newer(other: str) -> bool:
+    """Whether a version such as '1.2.0' is later than this one; what is no version is not."""
+    try:
+        return tuple(map(int, other.split("."))) > tuple(map(int, version().split(".")))
+    except ValueError:
+        return False

@@ -5,6 +5,7 @@ from __future__ import annotations
 import bpy
 
 from . import (
+    add,
     build,
     dataset,
     evaluate,
@@ -15,14 +16,16 @@ from . import (
     jobs,
     layers,
     live,
+    presets,
     render,
     results,
     settings,
     trade,
 )
 
-CLASSES = (*settings.CLASSES, *build.CLASSES, *ground.CLASSES, *layers.CLASSES, *render.CLASSES, *dataset.CLASSES,
-           *evaluate.CLASSES, *expose.CLASSES, *results.CLASSES, *evaluator.CLASSES, *trade.CLASSES, *jobs.CLASSES)
+CLASSES = (*presets.CLASSES, *settings.CLASSES, *build.CLASSES, *ground.CLASSES, *layers.CLASSES, *render.CLASSES,
+           *dataset.CLASSES, *evaluate.CLASSES, *expose.CLASSES, *results.CLASSES, *evaluator.CLASSES, *trade.CLASSES,
+           *add.CLASSES, *jobs.CLASSES)
 
 _register, _unregister = bpy.utils.register_classes_factory(CLASSES)
 

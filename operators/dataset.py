@@ -14,7 +14,7 @@ import bpy
 from .. import settings as description
 from ..errors import IcyMoonError
 from ..files import absolute_path
-from ..preferences import evaluator_python, extension_folder
+from ..preferences import evaluator_python, extension_folder, workers
 from ..render.detached import Detached, left_running
 from ..render.launch import blender_command, python_command
 from ..render.pair import is_complete
@@ -201,13 +201,13 @@ class ICYMOON_OT_render_dataset(_Watching, bpy.types.Operator):
     def start(self, context: bpy.types.Context) -> jobs.Job:
         settings = description.from_group(context.scene.icymoon)
         described, folder = settings["dataset"], dataset_folder(settings)
-        workers = ["--workers", str(described["workers"])] if described["workers"] else []
+        count = described["workers"] or workers()
         # In the process that may be left alone: what is asked for is done whoever watches.
         after = (["--evaluate", str(described["methods"]), "--evaluator", evaluator_python(),
                   *evaluate.response_arguments(settings)] if described["evaluate"] else [])
         process = Detached.start(
             command("batch", chosen_plan(settings), "--out", str(folder), "--json", "--blender",
-                    jobs.this_blender(), *workers, *after),
+                    jobs.this_blender(), *(["--workers", str(count)] if count else []), *after),
             state_folder() / f"{zlib.crc32(str(folder).encode()):08x}",
             {"title": _TITLE, "dataset": str(folder), "plan": described["plan"], "evaluate": described["evaluate"]},
             clean_environment())

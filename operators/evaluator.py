@@ -9,9 +9,9 @@ from pathlib import Path
 
 import bpy
 
-from ..doctor import evaluator_findings
+from ..doctor import Finding, blender_findings, evaluator_findings, kernels_findings
 from ..errors import IcyMoonError
-from ..preferences import evaluator_python, own_evaluator, remember
+from ..preferences import evaluator_python, kernels, own_evaluator, remember
 from ..render.launch import python_command
 from ..render.queue import Process, clean_environment
 from . import jobs
@@ -31,22 +31,31 @@ def base_python() -> str:
                        "venv, or give a Python that has the evaluator's packages in the preferences.")
 
 
+def all_findings() -> list[Finding]:
+    """What ``doctor`` says of this Blender, of the evaluator and of the preferred kernels."""
+    # In a process of its own, since asking Cycles for its cards selects them.
+    found = blender_findings(bpy.app.binary_path or sys.executable)
+    try:
+        found += evaluator_findings(evaluator_python())
+    except IcyMoonError as error:
+        found.append(Finding("Evaluator", "missing", str(error).rstrip(".")))
+    return [*found, *kernels_findings(kernels())]
+
+
 class ICYMOON_OT_check_evaluator(bpy.types.Operator):
-    """Say whether the evaluator's Python is there and has its packages"""
+    """Say what this Blender can do, whether the evaluator's Python has its packages and whether the kernels are there, and what to do about what is missing; takes some seconds"""  # noqa: E501
 
     bl_idname = "icymoon.check_evaluator"
     bl_label = "Check"
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        try:
-            finding = evaluator_findings(evaluator_python())[0]
-        except IcyMoonError as error:
-            remember(str(error))
-            self.report({"ERROR"}, str(error))
+        found = all_findings()
+        remember(found)
+        missing = next((finding for finding in found if finding.state == "missing"), None)
+        if missing:
+            self.report({"ERROR"}, f"{missing.subject}: {missing.fact}. {missing.mend}".strip())
             return {"CANCELLED"}
-        text = finding.mend or f"Ready: {finding.fact}"
-        remember(text)
-        self.report({"INFO"} if finding.state == "ok" else {"ERROR"}, text)
+        self.report({"INFO"}, f"Ready: {', '.join(f.subject for f in found if f.state == 'ok')}")
         return {"FINISHED"}
 
 
@@ -69,7 +78,7 @@ class ICYMOON_OT_install_evaluator(jobs.JobOperator, bpy.types.Operator):
         return jobs.Job("Install", Process(command, clean_environment()), lambda message: None, lambda: None)
 
     def succeeded(self, context: bpy.types.Context) -> None:
-        remember("Installed")
+        remember([Finding("Evaluator", "ok", "installed")])
         self.report({"INFO"}, "The evaluator is installed")
 
 

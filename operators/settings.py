@@ -1,52 +1,14 @@
-"""Presets, and settings from and to TOML files."""
+"""Settings from and to TOML files."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import bpy
 
 from .. import settings as description
 from ..errors import IcyMoonError
 from ..files import write_text
-
-_items: list[tuple[str, str, str]] = []
-
-
-def preset_items(_self: Any = None, _context: Any = None) -> list[tuple[str, str, str]]:
-    """(name, title, description) of the shipped presets, read once; Blender needs them kept alive."""
-    if not _items:
-        _items.extend((name, *description.preset_header(name)) for name in description.preset_names())
-    return _items
-
-
-class ICYMOON_OT_load_preset(bpy.types.Operator):
-    """Load a preset; a scene preset sets everything but the data set, others set their part"""
-
-    bl_idname = "icymoon.load_preset"
-    bl_label = "Load Preset"
-    bl_options = {"REGISTER", "UNDO"}
-    bl_property = "preset"
-
-    preset: bpy.props.EnumProperty(items=preset_items, name="Preset",  # type: ignore[valid-type]
-                                   description="What to load")
-
-    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        if self.properties.is_property_set("preset"):
-            return self.execute(context)
-        context.window_manager.invoke_search_popup(self)
-        return {"RUNNING_MODAL"}
-
-    def execute(self, context: bpy.types.Context) -> set[str]:
-        group = context.scene.icymoon
-        loaded = description.load(description.preset_path(self.preset))
-        if self.preset.startswith("scenes/"):
-            fresh = {t: v for t, v in description.defaults().items() if t not in ("dataset", "quality")}
-            loaded = description.merged(fresh, loaded)
-            group.preset = self.preset
-        description.to_group(group, loaded)
-        return {"FINISHED"}
 
 
 class ICYMOON_OT_load_settings(bpy.types.Operator):
@@ -99,4 +61,4 @@ class ICYMOON_OT_save_settings(bpy.types.Operator):
         return {"FINISHED"}
 
 
-CLASSES = (ICYMOON_OT_load_preset, ICYMOON_OT_load_settings, ICYMOON_OT_save_settings)
+CLASSES = (ICYMOON_OT_load_settings, ICYMOON_OT_save_settings)

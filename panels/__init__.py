@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import bpy
 
-from . import menu, sidebar, trade
+from . import menu, previews, sidebar, topics, trade
 
-CLASSES = (*sidebar.CLASSES, *trade.CLASSES, *menu.CLASSES)
+CLASSES = (*sidebar.CLASSES, *topics.CLASSES, *sidebar.DETAILS, *trade.CLASSES, *menu.CLASSES)
 
 _register, _unregister = bpy.utils.register_classes_factory(CLASSES)
 
@@ -14,10 +14,12 @@ _register, _unregister = bpy.utils.register_classes_factory(CLASSES)
 def register() -> None:
     """Register panels and menus."""
     _register()
+    previews.register()
     menu.register()
 
 
 def unregister() -> None:
     """Unregister them."""
     menu.unregister()
+    previews.unregister()
     _unregister()

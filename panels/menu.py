@@ -1,4 +1,4 @@
-"""Render > Icy Moon: operators must sit in a menu for F3 to find them."""
+"""Render > Icy Moon and Add > Mesh: operators must sit in a menu for F3 to find them."""
 
 from __future__ import annotations
 
@@ -6,18 +6,22 @@ from typing import Any
 
 import bpy
 
-from ..operators.settings import preset_items
+from ..operators.presets import preset_items
+from ..settings import KINDS
 
 #: Lines of a column of the presets' menu: more would not fit a small screen.
 _LINES = 26
 
 
+_TITLES = {"own": "Yours", **KINDS}
+
+
 def presets_by_kind() -> list[tuple[str, list[tuple[str, str]]]]:
-    """Kinds of presets, whole scenes first, each with (name, title) of its presets."""
+    """Titles of the kinds of presets, the person's own first, each with (name, title) of its presets."""
     kinds: dict[str, list[tuple[str, str]]] = {}
     for name, title, _ in preset_items():
         kinds.setdefault(name.split("/")[0], []).append((name, title))
-    return sorted(kinds.items(), key=lambda item: (item[0] != "scenes", item[0]))
+    return [(title, kinds[kind]) for kind, title in _TITLES.items() if kind in kinds]
 
 
 class ICYMOON_MT_presets(bpy.types.Menu):
@@ -32,7 +36,7 @@ class ICYMOON_MT_presets(bpy.types.Menu):
         for kind, presets in presets_by_kind():
             if free < len(presets) + 2:
                 column, free = columns.column(), _LINES
-            column.label(text=kind.capitalize())
+            column.label(text=kind)
             for name, title in presets:
                 column.operator("icymoon.load_preset", text=title).preset = name
             column.separator()
@@ -49,6 +53,8 @@ class ICYMOON_MT_icymoon(bpy.types.Menu):
         layout = self.layout
         layout.operator_context = "INVOKE_DEFAULT"
         layout.operator("icymoon.load_preset", text="Load Preset…")
+        layout.operator("icymoon.add_preset", text="Add Preset…")
+        layout.operator("icymoon.remove_preset", text="Remove Preset…")
         layout.operator("icymoon.load_settings", text="Load Settings…")
         layout.operator("icymoon.save_settings", text="Save Settings…")
         layout.separator()
@@ -86,14 +92,22 @@ def _draw(self: Any, context: bpy.types.Context) -> None:
     self.layout.menu(ICYMOON_MT_icymoon.bl_idname, icon="WORLD")
 
 
+def _draw_meshes(self: Any, context: bpy.types.Context) -> None:
+    self.layout.separator()
+    self.layout.operator("icymoon.add_terrain", icon="RNDCURVE")
+    self.layout.operator("icymoon.add_block", icon="MESH_ICOSPHERE")
+
+
 CLASSES = (ICYMOON_MT_presets, ICYMOON_MT_icymoon)
 
 
 def register() -> None:
-    """Add the menu to Render in the top bar."""
+    """Add the menu to Render in the top bar, and the meshes to Add ▸ Mesh."""
     bpy.types.TOPBAR_MT_render.append(_draw)
+    bpy.types.VIEW3D_MT_mesh_add.append(_draw_meshes)
 
 
 def unregister() -> None:
-    """Take it out again."""
+    """Take them out again."""
+    bpy.types.VIEW3D_MT_mesh_add.remove(_draw_meshes)
     bpy.types.TOPBAR_MT_render.remove(_draw)

@@ -7,10 +7,10 @@ from typing import Any
 import bpy
 
 from ..operators import trade
-from .sidebar import _Sidebar
+from .sidebar import Sidebar
 
 
-class ICYMOON_PT_trade(_Sidebar, bpy.types.Panel):
+class ICYMOON_PT_trade(Sidebar, bpy.types.Panel):
     """Which quality this scene needs, by measurement"""
 
     bl_idname = "ICYMOON_PT_trade"

@@ -24,8 +24,6 @@ from icymoon.version import ROOT
 #: What a change of a setting forces to be made again, by its effect.
 EFFECTS = {"geometry": "build", "material": "render", "light": "render", "camera": "render", "sampling": "render",
            "response": "evaluate", "run": ""}
-KINDS = {"scenes": "Scenes", "bodies": "Bodies", "terrains": "Terrains", "rocks": "Rocks", "surfaces": "Surfaces",
-         "lights": "Lights", "rigs": "Stereo cameras", "sensors": "Camera responses", "qualities": "Qualities"}
 
 
 def pages() -> dict[str, str]:
@@ -118,9 +116,9 @@ def _presets() -> str:
              "Shipped in `presets/`, each a TOML file whose every number has a source. A scene preset includes others; "
              "`--preset` may be given again, the later one winning. *Chosen* means that no measurement is known and "
              "somebody decided.\n"]
-    kinds = sorted({name.split("/")[0] for name in settings.preset_names()}, key=[*KINDS].index)
+    kinds = sorted({name.split("/")[0] for name in settings.preset_names()}, key=[*settings.KINDS].index)
     for kind in kinds:
-        parts.append(f"## {KINDS[kind]}\n")
+        parts.append(f"## {settings.KINDS[kind]}\n")
         parts += [_preset(name) for name in settings.preset_names(kind)]
     return "\n".join(parts)
 

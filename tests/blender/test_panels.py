@@ -8,10 +8,12 @@ from types import SimpleNamespace
 
 import bpy
 import pytest
-from icymoon.operators import jobs, results
+from icymoon import preferences
+from icymoon.doctor import Finding
+from icymoon.operators import evaluator, jobs, results
 from icymoon.operators.readouts import LINE
-from icymoon.panels import menu, sidebar
-from icymoon.properties import all_settings
+from icymoon.panels import CLASSES, menu, sections, sidebar
+from icymoon.properties import TOPICS, all_settings
 
 
 class Layout:
@@ -81,17 +83,21 @@ def drawn(cls: type) -> list:
     if not getattr(cls, "poll", lambda context: True)(bpy.context):
         return []
     layout = Layout()
-    instance = SimpleNamespace(layout=layout, **{name: getattr(cls, name) for name in ("topic",) if hasattr(cls, name)})
+    instance = SimpleNamespace(layout=layout, **{name: getattr(cls, name) for name in ("topic", "section")
+                                                 if hasattr(cls, name)})
+    if "draw_header" in cls.__dict__:
+        cls.draw_header(instance, bpy.context)
     cls.draw(instance, bpy.context)
     return layout.record
 
 
 def everything() -> list:
     """What all panels and menus draw now."""
-    record = [entry for cls in (*sidebar.CLASSES, *menu.CLASSES)
+    record = [entry for cls in CLASSES
               if issubclass(cls, bpy.types.Panel | bpy.types.Menu) for entry in drawn(cls)]
     top = SimpleNamespace(layout=Layout(record))
     menu._draw(top, bpy.context)
+    menu._draw_meshes(top, bpy.context)
     return record
 
 
@@ -139,9 +145,62 @@ def test_every_operator_is_on_a_button_or_in_a_menu(small, evaluated, running):
     assert there - operators(everything()) == set()
 
 
-def test_every_setting_is_drawn_once_at_least(scene):
-    paths = [entry[1] for entry in everything() if entry[0] == "prop"]
+#: Choices that between them leave every setting a meaning.
+CHOICES = ({}, {"source.kind": "MESH", "source.detail": True}, {"source.kind": "HEIGHT_MAP"}, {"mesh.kind": "GRID"},
+           {"surface.model": "LUNAR_LAMBERT", "rock_surface.model": "LUNAR_LAMBERT"}, {"surface.model": "HAPKE"},
+           {"textures.set": "OWN"}, {"light.directions_from": "KERNELS"})
+
+
+def set_choices(root: object, chosen: dict) -> None:
+    for name, value in chosen.items():
+        topic, key = name.split(".")
+        setattr(getattr(root, topic), key, value)
+
+
+def paths_drawn() -> list[str]:
+    return [entry[1] for entry in everything() if entry[0] == "prop"]
+
+
+def test_every_setting_is_drawn_where_it_has_a_meaning(scene):
+    paths = []
+    for chosen in CHOICES:
+        for topic, setting in all_settings():
+            if setting.kind == "choice":
+                getattr(scene.icymoon, topic).property_unset(setting.key)
+        set_choices(scene.icymoon, chosen)
+        paths += paths_drawn()
     assert {f"icymoon.{topic}.{s.key}" for topic, s in all_settings()} - set(paths) == set()
+
+
+@pytest.mark.parametrize(("chosen", "hidden", "there"), [
+    ({}, {"source.file", "light.date_utc", "textures.albedo_file", "hapke.w", "terrain.resolution"}, {"mesh.error_px"}),
+    ({"source.kind": "MESH"}, {"mesh.kind", "terrain.hurst", "source.metres_per_pixel"}, {"source.scale"}),
+    ({"surface.model": "HAPKE"}, {"surface.albedo", "surface.roughness"}, {"hapke.w", "surface.grain_size_m"}),
+    ({"light.directions_from": "DATE"}, {"light.sun_elevation_deg", "light.kernels"}, {"light.latitude_deg"})])
+def test_what_a_choice_rules_out_is_not_shown(scene, chosen, hidden, there):
+    set_choices(scene.icymoon, chosen)
+    paths = set(paths_drawn())
+    assert {f"icymoon.{name}" for name in hidden} & paths == set()
+    assert {f"icymoon.{name}" for name in there} <= paths
+
+
+def test_the_panels_follow_the_work_from_top_to_bottom():
+    tops = [cls for cls in CLASSES if issubclass(cls, bpy.types.Panel) and not hasattr(cls, "bl_parent_id")]
+    assert [cls.bl_label for cls in sorted(tops, key=lambda cls: getattr(cls, "bl_order", 0))] == [
+        "Icy Moon", "Ground", "Terrain", "Landforms", "Surface", "Rocks", "Light", "Stereo Camera", "Camera Response",
+        "Render Quality", "Data Set", "Evaluation"]
+
+
+def test_a_setting_has_one_place():
+    for topic in TOPICS.values():
+        parts = [sections.main_settings(topic.key), sections.ELSEWHERE.get(topic.key, ()),
+                 *((*s.settings, *([s.switch] if s.switch else [])) for s in sections.SECTIONS if s.topic == topic.key)]
+        assert sorted(key for part in parts for key in part) == sorted(s.key for s in topic.settings)
+
+
+def test_only_the_first_panel_is_open_when_the_tab_is(scene):
+    tops = [cls for cls in CLASSES if issubclass(cls, bpy.types.Panel) and not hasattr(cls, "bl_parent_id")]
+    assert [cls.bl_label for cls in tops if "DEFAULT_CLOSED" not in getattr(cls, "bl_options", ())] == ["Icy Moon"]
 
 
 def test_no_name_is_cut_in_the_sidebar_as_blender_opens_it():
@@ -190,11 +249,34 @@ def test_results_are_shown_with_their_units_and_a_dash_for_none(scene, evaluated
 
 
 def test_the_preferences_are_drawn(scene):
-    from icymoon.preferences import ICYMOON_AP_preferences
-
     layout, written = Layout(), []
     layout.__dict__["prop"] = lambda data, key, **options: written.append(key)
-    ICYMOON_AP_preferences.draw(SimpleNamespace(layout=layout, finding="Ready", evaluator=""), bpy.context)
-    assert written == ["evaluator"]
+    preferences.remember([Finding("Graphics card", "limited", "none", "Leave quality.device at CPU.")])
+    preferences.ICYMOON_AP_preferences.draw(SimpleNamespace(layout=layout), bpy.context)
+    preferences.remember([])
+    assert written == ["evaluator", "kernels", "workers"]
     assert {"icymoon.check_evaluator", "icymoon.install_evaluator"} <= operators(layout.record)
-    assert "Ready" in texts(layout.record)
+    assert "Graphics card: none" in texts(layout.record)
+    assert "Leave quality.device at CPU." in texts(layout.record)
+
+
+def test_check_says_what_doctor_says_and_what_of_the_kernels(scene, tmp_path, monkeypatch):
+    monkeypatch.setattr(evaluator, "kernels", lambda: str(tmp_path / "none.tm"))
+    with pytest.raises(RuntimeError, match=r"SPICE kernels: .*none\.tm is not there.*Give a meta-kernel"):
+        bpy.ops.icymoon.check_evaluator()
+    monkeypatch.setattr(evaluator, "kernels", lambda: "")
+    assert bpy.ops.icymoon.check_evaluator() == {"FINISHED"}
+    assert {"Blender", "Evaluator", "Graphics card"} <= {finding.subject for finding in preferences.findings}
+    preferences.remember([])
+
+
+def test_a_scene_that_asks_for_kernels_gets_the_preferred_ones(scene, monkeypatch):
+    monkeypatch.setattr(preferences, "kernels", lambda: "/kernels/cassini.tm")
+    light = scene.icymoon.light
+    light.directions_from = "DATE"
+    assert light.kernels == ""
+    light.directions_from = "KERNELS"
+    assert light.kernels == "/kernels/cassini.tm"
+    light.kernels = "/mine.tm"
+    light.date_utc = "2030-01-01T00:00:00"
+    assert light.kernels == "/mine.tm"

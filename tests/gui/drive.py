@@ -22,6 +22,7 @@ import bpy
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 import person
 from person import (
+    ADD_ON,
     F3,
     TICK_S,
     Waiting,
@@ -48,7 +49,6 @@ from person import (
 
 FOLDER = Path(sys.argv[sys.argv.index("--") + 1])
 DATASET = FOLDER / "dataset"
-ADD_ON = "bl_ext.user_default.icymoon"
 #: Light paths per pixel: enough that a render is seen to advance.
 SAMPLES = 48
 
@@ -122,20 +122,7 @@ def ended() -> Waiting:
 # ---- the steps ------------------------------------------------------------------------------------------------------
 
 def open_the_tab() -> Waiting:
-    """Show the sidebar and click down its tabs until ours is shown."""
-    yield from away()
-    yield from key("n")
-    yield from until(lambda: region("UI").width > 100, "Showing the sidebar")
-    yield 10 * TICK_S  # it slides in
-    sidebar = region("UI")
-    for down in range(15, 400, 12):
-        yield from to(sidebar.x + sidebar.width - 10, sidebar.y + sidebar.height - down)
-        xdotool("click", 1)
-        yield 2 * TICK_S
-        if sidebar.active_panel_category == "Icy Moon":
-            break
-    check(sidebar.active_panel_category == "Icy Moon", f"the tab shown is {sidebar.active_panel_category!r}")
-    yield from away()
+    yield from person.open_the_tab()
     yield from screenshot("sidebar")
 
 

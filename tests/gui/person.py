@@ -16,6 +16,7 @@ import bpy
 TICK_S = 0.1
 #: After which anything is taken for stuck. No measure of speed.
 PATIENCE_S = 150.0
+ADD_ON = "bl_ext.user_default.icymoon"
 F3 = "69"  # as a key code: given its name, xdotool may press Alt with it
 Waiting = Generator[float, None, None]
 Place = tuple[float, float]
@@ -211,6 +212,23 @@ def find_setting(path: str) -> Looking:
         moved = yield from scroll(int(sidebar.height / 60))
         check(moved, f"no field of {path} was found in the sidebar")
     return place
+
+
+def open_the_tab() -> Waiting:
+    """Show the sidebar and click down its tabs until ours is shown."""
+    yield from away()
+    yield from key("n")
+    yield from until(lambda: region("UI").width > 100, "Showing the sidebar")
+    yield 10 * TICK_S  # it slides in
+    sidebar = region("UI")
+    for down in range(15, 400, 12):
+        yield from to(sidebar.x + sidebar.width - 10, sidebar.y + sidebar.height - down)
+        xdotool("click", 1)
+        yield 2 * TICK_S
+        if sidebar.active_panel_category == "Icy Moon":
+            break
+    check(sidebar.active_panel_category == "Icy Moon", f"the tab shown is {sidebar.active_panel_category!r}")
+    yield from away()
 
 
 def drawing_s() -> float:

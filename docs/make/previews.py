@@ -1,0 +1,43 @@
+"""Make the small pictures of the shipped scenes that the sidebar shows: presets/previews/NAME.jpg.
+
+    python docs/make/previews.py [NAME ...]      all scenes by default; takes some minutes
+
+Each is what the left camera gives of the scene preset, exposed by its own response.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import cv2
+from icymoon import settings
+from icymoon.cli import render_described
+from icymoon.render.launch import python_command
+
+#: Pixels of a preview, and light paths per pixel: it is shown at about a third of this width.
+WIDTH, HEIGHT, SAMPLES = 256, 192, 32
+JPEG_QUALITY = 82
+
+
+def make(name: str, folder: Path) -> Path:
+    """Render one scene preset into a folder and write its preview; returns the preview."""
+    described = settings.merged(settings.defaults(), settings.load(settings.preset_path(f"scenes/{name}")), {
+        "rig": {"width_px": WIDTH, "height_px": HEIGHT}, "quality": {"samples": SAMPLES}})
+    (pair,) = render_described(described, folder / name, sys.executable)
+    shown = folder / "shown" / name
+    subprocess.run(python_command(sys.executable, "stereo", "develop", pair, "--out", str(shown)), check=True,
+                   stdout=subprocess.DEVNULL)
+    image = cv2.imread(str(next(shown.rglob("left.png"))))
+    target = settings.preview_path(f"scenes/{name}")
+    target.parent.mkdir(exist_ok=True)
+    cv2.imwrite(str(target), image, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
+    return target
+
+
+if __name__ == "__main__":
+    with tempfile.TemporaryDirectory(prefix="icymoon-previews-") as made:
+        for wanted in sys.argv[1:] or [name.split("/")[1] for name in settings.preset_names("scenes")]:
+            print(make(wanted, Path(made)), flush=True)

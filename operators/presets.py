@@ -1,0 +1,167 @@
+"""Presets: the shipped ones, and the person's own, which are kept where Blender keeps an extension's files."""
+
+from __future__ import annotations
+
+import re
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import bpy
+
+from .. import settings as description
+from ..errors import IcyMoonError
+from ..files import disk_errors, write_text
+from ..nodes.own_files import with_absolute_files
+from ..preferences import extension_folder
+
+#: Begins the names of the person's own presets.
+OWN = "own/"
+_shipped: list[tuple[str, str, str]] = []
+_kept: dict[tuple[str, str, str], tuple[str, str, str]] = {}  # Blender needs the texts of items kept alive
+
+
+def own_folder() -> Path:
+    """Where the person's own presets are. Raises IcyMoonError if there is no such place."""
+    return extension_folder() / "presets"
+
+
+def own_presets() -> dict[str, Path]:
+    """The person's own presets by name, ``own/my_site``."""
+    try:
+        return {f"{OWN}{path.stem}": path for path in sorted(own_folder().glob("*.toml"))}
+    except IcyMoonError:  # not installed as an extension
+        return {}
+
+
+def path_of(name: str) -> Path:
+    """The file of a preset, shipped or the person's own. Raises IcyMoonError if there is none."""
+    if not name.startswith(OWN):
+        return description.preset_path(name)
+    try:
+        return own_presets()[name]
+    except KeyError:
+        raise IcyMoonError(f"Your preset {name.removeprefix(OWN)!r} is not on this machine; "
+                           "choose another one.") from None
+
+
+def preset_items(_self: Any = None, _context: Any = None) -> list[tuple[str, str, str]]:
+    """(name, title, description) of all presets, the shipped ones read once."""
+    if not _shipped:
+        _shipped.extend((name, *description.preset_header(name)) for name in description.preset_names())
+    own = [(name, *_header(path, path.stat().st_mtime_ns)) for name, path in own_presets().items()]
+    return [*_shipped, *(_kept.setdefault(item, item) for item in own)]
+
+
+@lru_cache(maxsize=256)
+def _header(path: Path, modified_ns: int) -> tuple[str, str]:
+    """(title, description) of the person's own preset, read once in each state: the sidebar asks at every redraw."""
+    try:
+        return description.header_of(path, path.stem)
+    except IcyMoonError as error:
+        return path.stem, str(error)
+
+
+def title_of(name: str) -> str:
+    """What the sidebar calls the preset that was loaded last."""
+    found = next((title for known, title, _ in preset_items() if known == name), name.split("/")[-1])
+    return found or "Choose a Preset"
+
+
+class ICYMOON_OT_load_preset(bpy.types.Operator):
+    """Load a preset; a scene preset sets everything but the data set, others set their part"""
+
+    bl_idname = "icymoon.load_preset"
+    bl_label = "Load Preset"
+    bl_options = {"REGISTER", "UNDO"}
+    bl_property = "preset"
+
+    preset: bpy.props.EnumProperty(items=preset_items, name="Preset",  # type: ignore[valid-type]
+                                   description="What to load")
+
+    @classmethod
+    def description(cls, context: bpy.types.Context, properties: Any) -> str:
+        told = next((told for name, _, told in preset_items() if name == properties.preset), "")
+        return told or str(cls.__doc__)
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        if self.properties.is_property_set("preset"):
+            return self.execute(context)
+        context.window_manager.invoke_search_popup(self)
+        return {"RUNNING_MODAL"}
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        group = context.scene.icymoon
+        try:
+            loaded = description.load(path_of(self.preset))
+        except IcyMoonError as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        if self.preset.startswith(("scenes/", OWN)):
+            fresh = {t: v for t, v in description.defaults().items() if t not in ("dataset", "quality")}
+            loaded = description.merged(fresh, loaded)
+            group.preset = self.preset
+        description.to_group(group, loaded)
+        return {"FINISHED"}
+
+
+class ICYMOON_OT_add_preset(bpy.types.Operator):
+    """Keep the present settings, all but those of the data set, as a preset of your own; one of the same name is replaced"""  # noqa: E501
+
+    bl_idname = "icymoon.add_preset"
+    bl_label = "Add Preset"
+    bl_options = {"UNDO"}
+
+    title: bpy.props.StringProperty(name="Name", default="My Site", maxlen=60,  # type: ignore[valid-type]
+                                    description="What the preset is called in the menu")
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        return set(context.window_manager.invoke_props_dialog(self))
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        group, stem = context.scene.icymoon, re.sub(r"\W+", "_", self.title.lower()).strip("_")
+        try:
+            if not stem:
+                raise IcyMoonError(f"The preset's name is {self.title!r}; give it a name with letters or digits.")
+            wanted = with_absolute_files(description.from_group(group))
+            wanted.pop("dataset")
+            write_text(own_folder() / f"{stem}.toml", description.preset_text(self.title, "A preset of yours", wanted))
+        except IcyMoonError as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        group.preset = f"{OWN}{stem}"
+        self.report({"INFO"}, f"Saved {own_folder() / stem}.toml")
+        return {"FINISHED"}
+
+
+class ICYMOON_OT_remove_preset(bpy.types.Operator):
+    """Delete the preset of your own that was loaded last; the settings stay as they are"""
+
+    bl_idname = "icymoon.remove_preset"
+    bl_label = "Remove Preset"
+    bl_options = {"UNDO"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        own = context.scene.icymoon.preset in own_presets()
+        if not own:
+            cls.poll_message_set("Load a preset of your own first; those that come with Icy Moon stay")
+        return own
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        return set(context.window_manager.invoke_confirm(self, event))
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        group = context.scene.icymoon
+        try:
+            path = path_of(group.preset)
+            with disk_errors("delete", path):
+                path.unlink()
+        except IcyMoonError as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        group.preset = ""
+        return {"FINISHED"}
+
+
+CLASSES = (ICYMOON_OT_load_preset, ICYMOON_OT_add_preset, ICYMOON_OT_remove_preset)

@@ -1,0 +1,67 @@
+"""Drawing settings from their table: a field each, with room for its name."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Iterable
+from typing import Any
+
+from ..operators import readouts
+from ..properties import TOPICS, Setting
+from .matters import matters, shown
+
+#: Choices whose cost and shortcomings stand in the panel, not only in the tooltip.
+_EXPLAINED = {("surface", "model"), ("rock_surface", "model"), ("hapke", "accuracy")}
+
+
+def draw_settings(layout: Any, root: Any, topic: str, keys: Iterable[str]) -> None:
+    """Those settings of a topic that have a meaning now; ``root`` is ``Scene.icymoon``."""
+    group = getattr(root, topic)
+    for key in keys:
+        if not shown(topic, key, root):
+            continue
+        setting, row = TOPICS[topic][key], layout.row()
+        row.enabled = matters(topic, key, root)
+        if setting.kind == "list":
+            _draw_list(row.column(), group, setting)
+        else:
+            _draw_field(row, group, setting)
+        if (topic, key) in _EXPLAINED:
+            told = next(choice[2] for choice in setting.choices if choice[0] == getattr(group, key))
+            draw_lines(layout, wrapped(told))
+
+
+def wrapped(text: str) -> tuple[str, ...]:
+    """A sentence in lines of the sidebar's width."""
+    return tuple(textwrap.wrap(text, readouts.LINE))
+
+
+def draw_lines(layout: Any, lines: tuple[str, ...], icon: str = "NONE") -> None:
+    """Lines of text, an icon before the first."""
+    column = layout.column(align=True)
+    for k, line in enumerate(lines):
+        column.label(text=line, icon="BLANK1" if k and icon != "NONE" else icon)
+
+
+def _draw_field(layout: Any, group: Any, setting: Setting) -> None:
+    """A setting's field; where Blender puts the name beside it, with room for the name."""
+    if setting.kind in ("choice", "text"):
+        split = layout.split(factor=0.45 if setting.choices else 0.38)
+        split.label(text=setting.label)
+        split.prop(group, setting.key, text="")
+    else:
+        layout.prop(group, setting.key)
+
+
+def _draw_list(layout: Any, group: Any, setting: Setting) -> None:
+    """A list of tables with its buttons, and the settings of the selected table."""
+    row = layout.row()
+    row.template_list("ICYMOON_UL_layers", "", group, setting.key, group, f"{setting.key}_active", rows=3)
+    buttons = row.column(align=True)
+    buttons.operator("icymoon.layer_add", text="", icon="ADD")
+    buttons.operator("icymoon.layer_remove", text="", icon="REMOVE")
+    buttons.operator("icymoon.layer_move", text="", icon="TRIA_UP").direction = "UP"
+    buttons.operator("icymoon.layer_move", text="", icon="TRIA_DOWN").direction = "DOWN"
+    entries, active = getattr(group, setting.key), getattr(group, f"{setting.key}_active")
+    for each in setting.entries if active < len(entries) else ():
+        _draw_field(layout, entries[active], each)

@@ -1,0 +1,62 @@
+"""Pictures of the shipped scenes, to choose one by."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import bpy
+import bpy.utils.previews
+
+from ..operators.presets import preset_items
+from ..settings import preview_path
+
+#: Property of the window manager, which no file keeps: the scene preset that the sidebar's picture shows.
+CHOICE = "icymoon_scene_preset"
+_NONE = ("NONE", "No Scene Preset", "The settings come from no shipped scene")
+_pictures: Any = None
+_items: list[tuple[str, str, str, int, int]] = []
+
+
+def _choices(_self: Any = None, _context: Any = None) -> list[tuple[str, str, str, int, int]]:
+    """The shipped scenes that have a picture, read once; Blender needs them kept alive."""
+    global _pictures
+    if not _items:
+        _pictures = bpy.utils.previews.new()
+        _items.append((*_NONE, _built_in("WORLD"), 0))
+        for name, title, told in preset_items():
+            path = preview_path(name)
+            if name.startswith("scenes/") and path.is_file():
+                picture = _pictures.load(name, str(path), "IMAGE")
+                _items.append((name, title, told, picture.icon_id, len(_items)))
+    return _items
+
+
+def _built_in(icon: str) -> int:
+    return int(bpy.types.UILayout.bl_rna.functions["label"].parameters["icon"].enum_items[icon].value)
+
+
+def _get(_self: Any) -> int:
+    loaded = bpy.context.scene.icymoon.preset
+    return next((number for name, *_, number in _choices() if name == loaded), 0)
+
+
+def _set(_self: Any, number: int) -> None:
+    name = _choices()[number][0]
+    if number and name != bpy.context.scene.icymoon.preset:
+        bpy.ops.icymoon.load_preset("EXEC_DEFAULT", True, preset=name)
+
+
+def register() -> None:
+    """Add the choice to the window manager."""
+    setattr(bpy.types.WindowManager, CHOICE, bpy.props.EnumProperty(
+        items=_choices, get=_get, set=_set, name="Scene", description="Choose a scene preset by its picture"))
+
+
+def unregister() -> None:
+    """Take it away, and the pictures."""
+    global _pictures
+    delattr(bpy.types.WindowManager, CHOICE)
+    _items.clear()
+    if _pictures is not None:
+        bpy.utils.previews.remove(_pictures)
+        _pictures = None

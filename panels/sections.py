@@ -1,0 +1,71 @@
+"""Which settings of a long topic have a sub-panel of their own, closed until it is wanted."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from ..properties import TOPICS
+
+
+@dataclass(frozen=True)
+class Section:
+    """A sub-panel of a topic's panel. ``switch`` is the tick in its header, a setting of the topic, if it has one."""
+
+    topic: str
+    key: str
+    label: str
+    description: str
+    settings: tuple[str, ...]
+    switch: str = ""
+
+
+def _of_surface(topic: str) -> tuple[Section, ...]:
+    return (Section(topic, "dirt", "Patches, Dirt and Salts", "What makes the ice darker or redder in places", (
+                "albedo_variation", "albedo_patch_m", "trough_dirt", "slope_dirt", "salt_share", "salt_patch_m",
+                "salt_red", "salt_green", "salt_blue")),
+            Section(topic, "grain", "Fine Relief", "Relief that is finer than the mesh", (
+                "grain_size_m", "grain_amplitude_m", "relief")))
+
+
+SECTIONS = (
+    Section("terrain", "noise", "Layers of Noise", "Shapes of your own choice on top of the random surface",
+            ("layers",)),
+    *_of_surface("surface"),
+    *_of_surface("rock_surface"),
+    Section("rocks", "shape", "Shape", "What each block looks like and how it lies", (
+        "family", "angularity", "elongation", "height_ratio", "tilt_deg", "burial")),
+    Section("rocks", "place", "Placement", "Where the blocks are", (
+        "clustering", "cluster_blocks", "cluster_radius_m", "clear_radius_m", "most")),
+    Section("light", "planet", "Planet", "The planet in the sky, and the light that it sheds", (
+        "planet_elevation_deg", "planet_azimuth_deg", "planet_angular_diameter_deg", "planet_flattening",
+        "planet_albedo", "planet_phase_law", "planet_rings"), switch="planet"),
+    Section("light", "stars", "Stars", "Stars in the sky, which give the ground no light", ("stars_faintest_mag",),
+            switch="stars"),
+    Section("light", "balance", "At Evaluation", "Light that is changed after rendering: nothing is rendered again", (
+        "irradiance_band", "sun_scale", "planet_scale")),
+    Section("rig", "lens", "Lens and Alignment", "What a real lens does, and how the eyes are turned", (
+        "principal_x_px", "principal_y_px", "distortion_k1", "distortion_k2", "distortion_p1", "distortion_p2",
+        "distortion_k3", "overscan", "toe_in_deg", "focus_distance_m")),
+    Section("rig", "motion", "Motion", "How the cameras move while they expose", (
+        "speed_right_m_s", "speed_down_m_s", "speed_forward_m_s", "turn_right_deg_s", "turn_down_deg_s", "roll_deg_s",
+        "motion_exposure_s")),
+    Section("sensor", "optics", "Optics", "What the lens and filter let through", (
+        "f_number", "transmission", "band_centre_nm", "band_width_nm", "psf_sigma_px", "veiling_glare")),
+    Section("sensor", "detector", "Detector", "From photons to numbers", (
+        "quantum_efficiency", "full_well_e", "gain", "bits", "black_level", "blooming")),
+    Section("sensor", "noise", "Noise", "What no two exposures, or no two pixels, have alike", (
+        "read_noise_e", "shot_noise", "dark_current_e_s", "temperature_k", "dark_reference_k", "dark_doubling_k",
+        "prnu", "dsnu_e", "noise_seed")),
+    Section("sensor", "radiation", "Radiation", "Tracks of charged particles, as in Jupiter's belts", (
+        "radiation_flux_cm2_s", "radiation_depth_um", "radiation_e_per_um")),
+)
+#: Topics whose panel is inside another topic's, which they detail. ``switch`` is a setting of that one.
+INSIDE = {"mesh": "terrain", "hapke": "surface", "textures": "surface", "rock_surface": "rocks"}
+#: Settings that panels other than their topic's draw: the tick in a header, the plan, the matchers.
+ELSEWHERE = {"rocks": ("own_surface",), "dataset": ("plan", "workers", "evaluate", "leave_running", "methods")}
+
+
+def main_settings(topic: str) -> tuple[str, ...]:
+    """Settings that the topic's own panel draws."""
+    taken = {key for section in SECTIONS if section.topic == topic for key in (*section.settings, section.switch)}
+    return tuple(s.key for s in TOPICS[topic].settings if s.key not in taken | set(ELSEWHERE.get(topic, ())))

@@ -1,0 +1,110 @@
+"""Presets in the window: the shipped ones by their pictures, the person's own saved, loaded and removed."""
+
+from __future__ import annotations
+
+import bpy
+import pytest
+from icymoon import settings
+from icymoon.errors import IcyMoonError
+from icymoon.operators import presets
+from icymoon.panels import previews
+
+NEWER = "9.0.0"
+
+
+@pytest.fixture
+def own(scene, tmp_path, monkeypatch):
+    """A folder for the person's own presets; the package is not an installed extension here."""
+    monkeypatch.setattr(presets, "extension_folder", lambda: tmp_path)
+    return tmp_path / "presets"
+
+
+def choice() -> str:
+    return getattr(bpy.context.window_manager, previews.CHOICE)
+
+
+def test_a_preset_of_ones_own_comes_back_as_it_was(scene, own):
+    scene.icymoon.terrain.hurst, scene.icymoon.dataset.seed = 0.55, 7
+    scene.icymoon.terrain.layers.add().amplitude_m = 0.3
+    before = settings.from_group(scene.icymoon)
+    assert bpy.ops.icymoon.add_preset(title="Zürich, 2nd try") == {"FINISHED"}
+    name = scene.icymoon.preset
+    assert name == "own/zürich_2nd_try"
+    assert presets.title_of(name) == "Zürich, 2nd try"
+    bpy.ops.icymoon.load_preset(preset="scenes/europa_chaos")
+    scene.icymoon.dataset.seed = 9
+    assert bpy.ops.icymoon.load_preset(preset=name) == {"FINISHED"}
+    after = settings.from_group(scene.icymoon)
+    assert after.pop("dataset")["seed"] == 9, "a preset is not of the data set"
+    before.pop("dataset")
+    assert after == before
+    assert settings.load(own / "zürich_2nd_try.toml") == before, "the command line reads it too"
+
+
+def test_removing_a_preset_of_ones_own(scene, own):
+    bpy.ops.icymoon.add_preset(title="Gone")
+    assert bpy.ops.icymoon.remove_preset.poll()
+    assert bpy.ops.icymoon.remove_preset() == {"FINISHED"}
+    assert list(own.iterdir()) == []
+    assert scene.icymoon.preset == ""
+    assert not bpy.ops.icymoon.remove_preset.poll()
+    bpy.ops.icymoon.load_preset(preset="scenes/europa_chaos")
+    assert not bpy.ops.icymoon.remove_preset.poll(), "shipped presets stay"
+
+
+@pytest.mark.parametrize(("text", "said"), [
+    ("[preset\n", "is not valid TOML"),
+    ("[terrain]\nhurts = 1\n", "did you mean 'hurst'"),
+    (f"[preset]\nmade_with = '{NEWER}'\n[terrain]\nfractality = 1\n", f"saved by Icy Moon {NEWER}"),
+    (f"[preset]\nmade_with = '{NEWER}'\nmood = 1\n", "update Icy Moon"),
+    ("preset = 3\n", "[preset] must be a table"),
+    ("[preset]\ninclude = 5\n", "preset.include must be a list")])
+def test_a_preset_that_cannot_be_read_is_one_sentence_and_changes_nothing(scene, own, text, said):
+    own.mkdir()
+    (own / "bad.toml").write_text(text)
+    before = settings.from_group(scene.icymoon)
+    with pytest.raises(RuntimeError, match=r"bad\.toml") as raised:
+        bpy.ops.icymoon.load_preset(preset="own/bad")
+    assert said in str(raised.value)
+    assert settings.from_group(scene.icymoon) == before
+    assert scene.icymoon.preset == ""
+
+
+def test_a_newer_preset_that_is_understood_is_loaded(scene, own):
+    own.mkdir()
+    (own / "new.toml").write_text(f"[preset]\nmade_with = '{NEWER}'\n[terrain]\nhurst = 0.5\n")
+    assert bpy.ops.icymoon.load_preset(preset="own/new") == {"FINISHED"}
+    assert scene.icymoon.terrain.hurst == 0.5
+
+
+@pytest.mark.parametrize("title", ["", " ?! "])
+def test_a_preset_needs_a_name(scene, own, title):
+    with pytest.raises(RuntimeError, match="give it a name"):
+        bpy.ops.icymoon.add_preset(title=title)
+    assert not own.exists()
+
+
+def test_a_file_with_a_preset_of_another_machine_still_draws(scene, own):
+    scene.icymoon.preset = "own/lost"
+    assert presets.title_of("own/lost") == "lost"
+    with pytest.raises(IcyMoonError, match="not on this machine"):
+        presets.path_of("own/lost")
+
+
+def test_without_an_installed_extension_there_is_no_place_for_presets(scene):
+    assert presets.own_presets() == {}
+    with pytest.raises(RuntimeError, match="does not run as an installed extension"):
+        bpy.ops.icymoon.add_preset(title="Nowhere")
+
+
+def test_every_shipped_scene_has_a_picture_that_chooses_it(scene):
+    pictures = [item[0] for item in previews._choices()][1:]
+    assert pictures == settings.preset_names("scenes")
+    assert choice() == "NONE"
+    for name in pictures:
+        setattr(bpy.context.window_manager, previews.CHOICE, name)
+        assert scene.icymoon.preset == name
+        assert choice() == name
+        assert settings.preview_path(name).stat().st_size < 20_000, "it goes into the zip"
+    scene.icymoon.preset = ""
+    assert choice() == "NONE"

@@ -1,0 +1,227 @@
+"""Take pictures of every state of the sidebar, the menus and the preferences, in both themes; runs inside Blender.
+
+    blender --python tests/gui/shots.py -- FOLDER
+
+Each state is a contact sheet FOLDER/THEME_STATE.png: the sidebar with all panels open, page beside page. Nothing
+is rendered and no evaluator is needed: what they would leave is put there. Meant to be looked at.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+import time
+import traceback
+from collections.abc import Callable
+from pathlib import Path
+from types import SimpleNamespace
+
+import bpy
+
+sys.path.insert(0, str(Path(__file__).resolve().parent))
+import person
+from person import ADD_ON, TICK_S, Waiting, area, away, check, in_region, manager, middle, region, to, until, window
+
+FOLDER = Path(sys.argv[sys.argv.index("--") + 1])
+THEMES = {"dark": "Blender_Dark.xml", "light": "Blender_Light.xml"}
+
+
+def module(name: str) -> object:
+    """A module of the installed extension."""
+    return sys.modules[f"{ADD_ON}.{name}"]
+
+
+def settings() -> object:
+    return window().scene.icymoon
+
+
+def screen_picture(path: Path, crop: str = "") -> Waiting:
+    """Save what the screen shows, or a part ``WxH+X+Y`` of it, after a redraw."""
+    for part in window().screen.areas:
+        part.tag_redraw()
+    yield 6 * TICK_S
+    shot = subprocess.Popen(["import", "-window", "root", *(["-crop", crop, "+repage"] if crop else []), str(path)])
+    yield from until(lambda: shot.poll() is not None, "A picture")
+
+
+def sheet(name: str) -> Waiting:
+    """The whole sidebar, page beside page."""
+    sidebar, pages = region("UI"), []
+    crop = f"{sidebar.width}x{sidebar.height}+{sidebar.x}+{window().height - sidebar.y - sidebar.height}"
+    yield from to(*middle("UI"))
+    yield from person.scroll(-400)
+    for number in range(30):
+        yield from away()
+        pages.append(FOLDER / f".{name}_{number:02d}.png")
+        yield from screen_picture(pages[-1], crop)
+        yield from to(*middle("UI"))
+        before = person.scrolled()
+        yield from person.scroll(21)
+        if abs(person.scrolled() - before) < 1:
+            pages = pages[:-1] if number and before == 0 else pages
+            break
+    for first in range(0, len(pages), 5):
+        target = FOLDER / f"{name}_{first // 5 + 1}.png"
+        subprocess.run(["convert", *map(str, pages[first:first + 5]), "+append", str(target)], check=True)
+    for page in pages:
+        page.unlink()
+
+
+# ---- the states -----------------------------------------------------------------------------------------------------
+
+def open_panels() -> None:
+    """Let all panels be open where they have not been drawn yet."""
+    panels = [cls for cls in module("panels").CLASSES if issubclass(cls, bpy.types.Panel)]
+    for cls in reversed(panels):
+        bpy.utils.unregister_class(cls)
+    for cls in panels:
+        cls.bl_options = set()
+        bpy.utils.register_class(cls)
+
+
+def fresh() -> None:
+    """As the extension is met."""
+
+
+def built() -> None:
+    """A built scene, its surface Hapke's, with an evaluation and a dry run behind it and a job under way."""
+    with in_region("UI"):
+        bpy.ops.icymoon.load_preset(preset="scenes/europa_ridged_plain_hapke")
+    settings().mesh.error_px, settings().mesh.edge_px = 8.0, 48.0
+    settings().rocks.coverage, settings().rocks.own_surface = 0.05, True
+    with in_region("WINDOW"):
+        bpy.ops.icymoon.build_scene()
+    area().spaces.active.shading.type = "SOLID"
+    row = {"method": "bm", "l1_m": 0.123, "l1_rate_10": 0.5, "si_rmse": None, "dod": 0.25, "coverage": 0.75}
+    (FOLDER / "report.json").write_text(json.dumps({"summary": [row, {**row, "method": "sgbm"}], "rows": []}))
+    module("operators.results").load(FOLDER)
+    module("operators.dataset").readout.update(plan=settings().dataset.plan, lines=[
+        "12 pairs", "about 3 min and 40 MB on this machine with 1 process"])
+    jobs = module("operators.jobs")
+    process = SimpleNamespace(running=True, cancelled=False, stop=lambda: None, cancel=lambda: None)
+    jobs.current = jobs.Job("Render Stereo Pair", process, lambda message: None, lambda: None,
+                            time.monotonic() - 30, 1 / 3, "Left eye")
+
+
+def otherwise() -> None:
+    """Other choices than the defaults: a mesh of one's own, images, planet by date, lens faults, landforms."""
+    module("operators.jobs").current = None
+    module("operators.results").clear()
+    group = settings()
+    for topic, key, value in (
+            ("source", "kind", "MESH"), ("source", "detail", True), ("ridges", "height_m", 1.0),
+            ("cracks", "depth_m", 0.2), ("chaos", "relief_m", 1.0), ("craters", "coverage", 0.2),
+            ("hollows", "depth_m", 0.1), ("penitentes", "height_m", 1.0), ("mantle", "thickness_m", 0.1),
+            ("surface", "model", "PRINCIPLED"), ("surface", "subsurface_weight", 0.5),
+            ("surface", "grain_amplitude_m", 0.01), ("surface", "salt_share", 0.2),
+            ("surface", "albedo_variation", 0.2), ("textures", "set", "OWN"), ("rocks", "law", "POWER"),
+            ("rocks", "clustering", 0.5), ("light", "directions_from", "KERNELS"), ("light", "planet", True),
+            ("light", "stars", True), ("sensor", "auto_exposure", False), ("sensor", "brackets", 3),
+            ("sensor", "radiation_flux_cm2_s", 1.0e4), ("rig", "motion_exposure_s", 0.01)):
+        setattr(getattr(group, topic), key, value)
+
+
+def sharing(name: str) -> Callable[[], Waiting]:
+    """A menu that stands open."""
+    def show() -> Waiting:
+        yield from away()
+        with in_region("WINDOW"):
+            bpy.ops.wm.call_menu("INVOKE_DEFAULT", name=name)
+        yield 10 * TICK_S
+    return show
+
+
+def preferences_page() -> Waiting:
+    with in_region("WINDOW"):
+        bpy.ops.screen.userpref_show("INVOKE_DEFAULT", section="ADDONS")
+    yield from until(lambda: len(manager().windows) == 2, "Opening the preferences")
+    page = manager().windows[1]
+    manager().addon_search = "icy"
+    with bpy.context.temp_override(window=page, area=page.screen.areas[0]):
+        module("operators.evaluator")
+        if not bpy.context.preferences.addons[ADD_ON].preferences.get("shown"):
+            bpy.ops.preferences.addon_expand(module=ADD_ON)
+            bpy.ops.icymoon.check_evaluator()
+        bpy.context.preferences.addons[ADD_ON].preferences["shown"] = True
+    yield 15 * TICK_S
+
+
+def close_preferences() -> Waiting:
+    page = manager().windows[1]
+    with bpy.context.temp_override(window=page):
+        bpy.ops.wm.window_close()
+    yield from until(lambda: len(manager().windows) == 1, "Closing the preferences")
+
+
+def in_both_themes(name: str, take: Callable[[str], Waiting]) -> Waiting:
+    for theme, file in THEMES.items():
+        found = next(path for folder in bpy.utils.preset_paths("interface_theme")
+                     if (path := Path(folder, file)).is_file())
+        with in_region("WINDOW"):
+            bpy.ops.script.execute_preset(filepath=str(found), menu_idname="USERPREF_MT_interface_theme_presets")
+        yield from take(f"{theme}_{name}")
+        print("SHOT", theme, name, flush=True)
+
+
+def workspace(name: str) -> Waiting:
+    """Go to another workspace, whose sidebar has not been drawn, and give its 3D View the window."""
+    window().workspace = bpy.data.workspaces[name]
+    yield 10 * TICK_S
+    with in_region("WINDOW"):
+        bpy.ops.screen.screen_full_area()
+    yield 10 * TICK_S
+    with in_region("WINDOW"):
+        bpy.ops.object.mode_set(mode="OBJECT")
+    area().spaces.active.show_region_ui = False
+    yield 10 * TICK_S
+    yield from person.open_the_tab()
+
+
+def walk() -> Waiting:
+    yield 10 * TICK_S  # the window appears
+    person.start_watching()
+    yield from workspace("Layout")
+    yield from in_both_themes("met", lambda name: screen_picture(FOLDER / f"{name}.png"))
+    open_panels()
+    yield from workspace("Modeling")
+    for state in (fresh, built, otherwise):
+        state()
+        yield 15 * TICK_S
+        yield from in_both_themes(state.__name__, sheet)
+    for menu in ("ICYMOON_MT_presets", "ICYMOON_MT_icymoon", "TOPBAR_MT_render", "VIEW3D_MT_mesh_add"):
+        yield from sharing(menu)()
+        yield from screen_picture(FOLDER / f"menu_{menu}.png")
+        person.xdotool("key", "Escape")
+        yield 10 * TICK_S
+
+    def preferences(name: str) -> Waiting:
+        yield from preferences_page()
+        yield from screen_picture(FOLDER / f"{name}.png")
+        yield from close_preferences()
+
+    yield from in_both_themes("preferences", preferences)
+
+
+def tick(walking: Waiting) -> float | None:
+    try:
+        return next(walking)
+    except StopIteration:
+        bpy.ops.wm.quit_blender()
+    except BaseException:
+        traceback.print_exc()
+        subprocess.run(["import", "-window", "root", str(FOLDER / "failed.png")], check=False)
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(7)
+    return None
+
+
+check(bpy.context.preferences.addons.get(ADD_ON), "the extension is not enabled")
+shutil.rmtree(FOLDER, ignore_errors=True)
+FOLDER.mkdir(parents=True)
+bpy.context.preferences.view.show_splash = False
+walking = walk()
+bpy.app.timers.register(lambda: tick(walking), first_interval=TICK_S)
