@@ -409,6 +409,9 @@ HAPKE = Topic("hapke", "Hapke", "Parameters of Hapke's law, for every surface wh
             "phase angle; 0 for no surge", "material", "1", 0.0, 10.0, (0.0, 0.1), precision=5),
     _degrees("theta_bar_deg", "Roughness", 10.0, 0.0, 60.0, "Mean slope angle of the relief that neither mesh nor "
              "grain relief resolves; 0 makes the surface of nodes twice as cheap", "material", (0.0, 40.0)),
+    _degrees("theta_bar_range_deg", "Roughness Range", 0.0, -60.0, 60.0, "By how much the roughness image of the "
+             "textures varies that angle: white less black, the image's mean being the roughness above, all held "
+             "between 0 and 60. 0 leaves the image unused", "material", (-30.0, 30.0)),
     _fraction("filling_factor", "Filling Factor", 0.0, "Share of the volume that grains fill; 0 for the model of 1993 "
               "without porosity. Grains cannot be packed closer than 0.7522", "material", high=0.75),
     Setting("h_function", "H Function", "1981", "Approximation of multiple scattering; parameters belong to the one "
@@ -423,8 +426,9 @@ HAPKE = Topic("hapke", "Hapke", "Parameters of Hapke's law, for every surface wh
                      ("ACCURATE", "Accurate", "Light from the ground has the right albedo: within 1 % in the mean, 8 % "
                       "in shadows; surges are blurred by the Sun's disc exactly. Needs OSL and the CPU"),
                      ("REFERENCE", "Reference", "Three interreflections have the law at all ends: within 0.1 % in the "
-                      "mean, 1 % in shadows. Between ice only: objects of your own get no sunlight back. Needs OSL "
-                      "and the CPU"))),
+                      "mean, 1 % in shadows. Between ice only: objects of your own get no sunlight back. Approximate "
+                      "where dirt or images vary the ice: neighbours are taken to be like the place they light. Needs "
+                      "OSL and the CPU"))),
     Setting("backend", "Made of", "AUTO", "How the law is put into Cycles", "material",
             choices=(("AUTO", "Automatic", "OSL where it can be had, else nodes; says so if that lowers the accuracy"),
                      ("OSL", "OSL", "Open Shading Language; refused where there is none and on the GPU"),

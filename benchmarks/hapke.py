@@ -25,6 +25,8 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "blender"))
 
 HAPKE = {"model": "HAPKE"}
+#: Without relief, so that what an image costs beside it is not counted.
+IMAGE = {"set": "FROST", "height_m": 0.0}
 MODELS = {
     "Lambert": ({"model": "LAMBERT"}, {}),
     "Lunar-Lambert": ({"model": "LUNAR_LAMBERT"}, {}),
@@ -34,12 +36,16 @@ MODELS = {
     "Hapke OSL, accurate": (HAPKE, {"backend": "OSL", "accuracy": "ACCURATE"}),
     "Hapke OSL, reference": (HAPKE, {"backend": "OSL", "accuracy": "REFERENCE"}),
     "Hapke nodes, rough": (HAPKE, {"backend": "NODES"}),
+    "Hapke OSL, fast, image": (HAPKE, {"backend": "OSL"}, IMAGE),
+    "Hapke OSL, fast, image roughens": (HAPKE, {"backend": "OSL", "theta_bar_range_deg": 20.0}, IMAGE),
+    "Hapke nodes, rough, image": (HAPKE, {"backend": "NODES"}, IMAGE),
+    "Hapke nodes, image roughens": (HAPKE, {"backend": "NODES", "theta_bar_range_deg": 20.0}, IMAGE),
     "Hapke nodes, smooth": (HAPKE, {"backend": "NODES", "theta_bar_deg": 0.0}),
     "Hapke nodes, smooth, no surge": (HAPKE, {"backend": "NODES", "theta_bar_deg": 0.0, "b_s0": 0.0}),
 }
 
 
-def _seconds(surface: dict, hapke: dict) -> float:
+def _seconds(surface: dict, hapke: dict, textures: dict | None = None) -> float:
     """Processor seconds of 63 samples a pixel of an open ground under a low Sun."""
     import bpy
     from icymoon.nodes.scene import build
@@ -48,6 +54,7 @@ def _seconds(surface: dict, hapke: dict) -> float:
     from rendering import complete, empty_scene
 
     settings = complete({"terrain": {"resolution": 257}, "light": {"sun_elevation_deg": 30.0}, "hapke": hapke,
+                         "textures": textures or {},
                          "surface": {"grain_amplitude_m": 0.0, "albedo_variation": 0.0, "albedo": 0.7, **surface}})
     scene = empty_scene()
     built = build(scene, settings)

@@ -102,6 +102,17 @@ class Number:
         """Its natural logarithm."""
         return self._node("LOGARITHM", math.e, known=lambda a, _: math.log(a))
 
+    def tangent(self) -> Number:
+        """The tangent of an angle of up to 60 degrees, given in radians, to 3e-9.
+
+        It is Lambert's continued fraction as far as its seventh term, since OSL's own has four digits.
+        """
+        if self.known is not None:
+            return Number(self.tree, math.tan(self.known))
+        y = self * self
+        over = y.times_plus(y.times_plus(21.0, -1260.0), 10395.0) * self
+        return over / y.times_plus(y.times_plus(210.0 - y, -4725.0), 10395.0)
+
     def power(self, exponent: float) -> Number:
         """Its power; it must not be negative."""
         return self._node("POWER", exponent, known=math.pow)

@@ -23,8 +23,12 @@ from .textures import Textured
 def advice(settings: Settings) -> list[str]:
     """What a person should know about the surfaces that the scene shows: sentences, none if all is well."""
     own = settings["rocks"]["coverage"] > 0 and settings["rocks"]["own_surface"]
-    told = [principled.advice(settings[topic]) for topic in (("surface", "rock_surface") if own else ("surface",))
-            if settings[topic]["model"] == "PRINCIPLED"]
+    shown = [settings[topic] for topic in (("surface", "rock_surface") if own else ("surface",))]
+    told = [principled.advice(surface) for surface in shown if surface["model"] == "PRINCIPLED"]
+    textures = settings["textures"]
+    if (settings["hapke"]["theta_bar_range_deg"] != 0.0 and any(surface["model"] == "HAPKE" for surface in shown) and (
+            textures["set"] == "NONE" or (textures["set"] == "OWN" and not textures["roughness_file"]))):
+        told.append("hapke.theta_bar_range_deg has no effect, since textures brings no roughness image.")
     return [sentence for sentence in told if sentence]
 
 

@@ -125,13 +125,25 @@ def traces(material: bpy.types.Material) -> bool:
     return _level(material) != LEVELS[0]
 
 
-def made_of(materials: Iterable[bpy.types.Material]) -> dict[str, str] | None:
-    """What Hapke's law is made of in these materials and at which accuracy; None if none has it."""
+#: Inputs of ``hapke.osl`` that may vary from place to place, and what they are.
+_VARYING = {"W": "w", "TanTheta": "theta_bar_deg", "Tint": "colour"}
+
+
+def made_of(materials: Iterable[bpy.types.Material]) -> dict[str, Any] | None:
+    """What Hapke's law is made of in these materials and at which accuracy; None if none has it.
+
+    ``neighbours_as_here`` is what varies from place to place though interreflections take it to be at both ends what
+    it is at the one that is seen.
+    """
+    known, taken = None, set()
     for material in materials:
         nodes = material.node_tree.nodes if material.node_tree else ()
         if any(node.label in (SCRIPT, hapke_nodes.NAME) for node in nodes):
-            return {"made_of": "OSL" if is_osl(material) else "NODES", "accuracy": _level(material)}
-    return None
+            known = known or {"made_of": "OSL" if is_osl(material) else "NODES", "accuracy": _level(material)}
+        if _level(material) == LEVELS[2]:
+            inputs = material.node_tree.nodes[SCRIPT].inputs
+            taken |= {what for socket, what in _VARYING.items() if inputs[socket].is_linked}
+    return known and {**known, "neighbours_as_here": sorted(taken)}
 
 
 def share_lamp(name: str, lamp: bpy.types.Object, tracing: Iterable[bpy.types.Object]) -> None:

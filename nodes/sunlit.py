@@ -32,7 +32,7 @@ import numpy as np
 from .. import compat
 from ..errors import IcyMoonError
 from ..physics import hapke as model
-from ..physics.photometry import hemispherical_fit, lunar_lambert_normal_albedo
+from ..physics.photometry import Law, hemispherical_fit, lunar_lambert_normal_albedo
 from ..settings import Settings
 from . import hapke_nodes
 from .builder import Tree
@@ -42,14 +42,25 @@ from .sunlight import BLUR, DIRECTION, LEVELS, SCRIPT, Sun, planet_inputs, sun_i
 
 
 @dataclass(frozen=True)
+class Slopes:
+    """Hapke's θ̄ where an image varies it: the output socket that gives it, and its ends, in radians."""
+
+    value: Any
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
 class Ground:
     """What the laws are put on: a tree, the normal's output socket (None: the mesh's own), the grey factor on the
-    albedo (on w in Hapke's law), a number or an output socket, and the colour factor, an output socket or None."""
+    albedo (on w in Hapke's law), a number or an output socket, the colour factor, an output socket or None, and
+    Hapke's θ̄ where it is not that of the parameters."""
 
     tree: Tree
     normal: Any
     grey: Any
     colour: Any
+    slopes: Slopes | None = None
 
 
 @dataclass(frozen=True)
@@ -149,17 +160,40 @@ def lunar_lambert(ground: Ground, albedo: float, share: float, sun: Sun) -> Any:
 
 
 @lru_cache(maxsize=64)
-def _fit(q: model.HapkeParameters, darkest: float) -> np.ndarray:
-    """Coefficients of the hemispherical albedo for w of the parameters times ``darkest`` to 1."""
+def _fit(q: model.HapkeParameters, darkest: float, slopes: tuple[float, float]) -> np.ndarray:
+    """Coefficients of the hemispherical albedo for w of the parameters times ``darkest`` to 1 and θ̄ of ``slopes``."""
     least, most = math.sqrt(1 - q.w), math.sqrt(1 - q.w * darkest)
     gammas = np.linspace(least, most, 5) if most - least > 1e-6 else np.array([least])
-    return hemispherical_fit(lambda w: partial(model.bidirectional_reflectance, parameters=replace(q, w=w)), gammas)
+
+    def law_of(w: float, theta_bar: float) -> Law:
+        return partial(model.bidirectional_reflectance, parameters=replace(q, w=w, theta_bar=theta_bar))
+
+    return hemispherical_fit(law_of, gammas, slopes)
+
+
+def _white(ground: Ground, grains: Grains) -> list[list[Number]]:
+    """The coefficients (4, 3) of powers of cos e and r0 in the hemispherical albedo, for the ground's θ̄."""
+    low = high = float(grains.parameters.theta_bar)
+    t = Number(ground.tree, 0.0)
+    if ground.slopes is not None:
+        low, high = ground.slopes.low, ground.slopes.high
+        if high > low:
+            t = Number(ground.tree, ground.slopes.value).times_plus(2 / (high - low), -(high + low) / (high - low))
+
+    def at(coefficients: list[float]) -> Number:
+        value = Number(ground.tree, 0.0)
+        for coefficient in reversed(coefficients):
+            value = value.times_plus(t, coefficient)
+        return value
+
+    return [[at(column) for column in row] for row in _fit(grains.parameters, grains.darkest, (low, high)).tolist()]
 
 
 def _known(ground: Ground, q: model.HapkeParameters) -> hapke_nodes.Grains:
     w = (Number(ground.tree, ground.grey) * float(q.w)).at_most(1.0)
+    theta_bar = Number(ground.tree, float(q.theta_bar) if ground.slopes is None else ground.slopes.value)
     return hapke_nodes.Grains(
-        w, Number(ground.tree, math.tan(q.theta_bar)), q.b, q.c, q.b_s0, q.h_s, q.b_c0, q.h_c,
+        w, theta_bar.tangent().named("tan θ̄"), q.b, q.c, q.b_s0, q.h_s, q.b_c0, q.h_c,
         float(model.porosity_factor(q.filling_factor)), q.h_function)
 
 
@@ -172,9 +206,18 @@ def hapke_of_nodes(ground: Ground, grains: Grains, sun: Sun) -> Any:
     if not blur.is_linked:
         tree.tree.nodes.remove(blur.node)
     gamma, white, mu = (1.0 - known.w).at_least(0.0).sqrt(), Number(tree, 0.0), n.dot(eye)
-    for c0, c1, c2 in reversed(_fit(grains.parameters, grains.darkest).tolist()):
-        white = white.times_plus(mu, gamma.times_plus(c2, c1).times_plus(gamma, c0))
+    r0 = (1.0 - gamma) / (gamma + 1.0)
+    for c0, c1, c2 in reversed(_white(ground, grains)):
+        white = white.times_plus(mu, r0.times_plus(c2, c1).times_plus(r0, c0))
     return _lit_or_not(ground, n.dot(toward_sun), weight, white.at_least(0.0).at_most(1.0))
+
+
+def _vector(tree: Tree, label: str, numbers: list[Number]) -> Any:
+    """Three numbers, or the output socket of what combines them."""
+    if all(number.known is not None for number in numbers):
+        return tuple(number.known for number in numbers)
+    values = dict(zip("XYZ", (number.value for number in numbers), strict=True))
+    return tree.node("ShaderNodeCombineXYZ", label, values).outputs[0]
 
 
 def hapke_of_osl(ground: Ground, grains: Grains, sun: Sun, level: str) -> Any:
@@ -184,7 +227,7 @@ def hapke_of_osl(ground: Ground, grains: Grains, sun: Sun, level: str) -> Any:
     normal = ground.normal
     if normal is None:
         normal = tree.node("ShaderNodeNewGeometry", "Sight").outputs["Normal"]
-    albedo = {f"Albedo{k}": tuple(row) for k, row in enumerate(_fit(q, grains.darkest).tolist())}
+    albedo = {f"Albedo{k}": _vector(tree, f"Albedo {k}", row) for k, row in enumerate(_white(ground, grains))}
     return script_node(tree, SCRIPT, {
         "W": known.w.value, "B": q.b, "C": q.c, "BS0": q.b_s0, "HS": q.h_s, "BC0": q.b_c0, "HC": q.h_c,
         "TanTheta": known.tan_theta.value, "K": known.k, "HFunction": int(q.h_function),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -12,10 +13,12 @@ from ..labels import NORMAL_AOV, TERRAIN
 from ..physics import principled
 from ..physics.hapke import from_settings
 from ..physics.seeds import generator
+from ..properties import TOPICS
 from ..settings import Settings
 from . import sunlit
 from .builder import Tree
 from .composition import brightness, darkest, noise, stain
+from .formula import Number
 from .sunlight import Sun
 from .textures import Lying, Textured
 
@@ -94,6 +97,23 @@ def _snow(tree: Tree, surface: Mapping[str, Any], base: Any, varied: Mapping[str
         subsurface_method="RANDOM_WALK").outputs[0]
 
 
+def _numbers_of(surface: Mapping[str, Any], settings: Settings | None, textured: Textured | None) -> tuple[str, ...]:
+    """Kinds of images that give the surface's law numbers, place by place."""
+    if surface["model"] == "PRINCIPLED":
+        return "roughness", "transmission"
+    varies = settings is not None and surface["model"] == "HAPKE" and settings["hapke"]["theta_bar_range_deg"] != 0.0
+    return ("roughness",) if varies and textured is not None and textured.lie != "MEAN" else ()
+
+
+def _slopes(tree: Tree, hapke: Mapping[str, Any], image: Any, mean: float) -> sunlit.Slopes:
+    """Hapke's θ̄ that the values of a roughness image with this mean vary."""
+    middle, span = math.radians(hapke["theta_bar_deg"]), math.radians(hapke["theta_bar_range_deg"])
+    most = math.radians(TOPICS["hapke"]["theta_bar_deg"].maximum)
+    low, high = (min(max(middle + span * (end - mean), 0.0), most) for end in ((0.0, 1.0) if span > 0 else (1.0, 0.0)))
+    slope = Number(tree, image).times_plus(span, middle - span * mean).at_least(low).at_most(high)
+    return sunlit.Slopes(slope.named("θ̄").value, low, high)
+
+
 def _by_law(material: bpy.types.Material, surface: Mapping[str, Any], settings: Settings | None,
             ground: sunlit.Ground) -> dict[str, Any]:
     """Shader sockets of the laws that are not Principled, by the renderer that they are for."""
@@ -133,7 +153,7 @@ def build_material(name: str, surface: Mapping[str, Any], seed: int, semantic: i
     found = textured.maps if textured is not None else {}
     pieces = textured.on(tree, geometry, (east, north)) if textured is not None and found else None
     varied: dict[str, Any] = {}
-    for kind in ("roughness", "transmission"):
+    for kind in _numbers_of(surface, settings, textured):
         if pieces is not None and kind in found:
             of = found[kind]
             surface = {**surface, kind: of.mean[of.channel]}
@@ -162,7 +182,10 @@ def build_material(name: str, surface: Mapping[str, Any], seed: int, semantic: i
     if surface["model"] == "PRINCIPLED":
         shaders = {"ALL": _snow(tree, surface, _base_colour(tree, surface, grey, colour), varied, relief)}
     else:
-        shaders = _by_law(material, surface, settings, sunlit.Ground(tree, relief.get("Normal"), grey, colour))
+        slopes = (_slopes(tree, settings["hapke"], varied["roughness"], surface["roughness"])
+                  if settings is not None and "roughness" in varied else None)
+        ground = sunlit.Ground(tree, relief.get("Normal"), grey, colour, slopes)
+        shaders = _by_law(material, surface, settings, ground)
     for target, shader in shaders.items():
         tree.node("ShaderNodeOutputMaterial", "Surface in EEVEE" if target == "EEVEE" else "Surface",
                   {"Surface": shader, **displacement}, leave=output_leave, target=target)

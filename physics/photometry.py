@@ -82,19 +82,24 @@ def hemispherical_albedo(law: Law, incidence: Any) -> Array:
     return (total / np.cos(flat)).reshape(np.shape(incidence))
 
 
-def hemispherical_fit(law_of: Callable[[float], Law], gammas: Array) -> Array:
-    """Coefficients (4, 3) of the hemispherical albedo as a polynomial in cos i (rows) and γ = √(1 - w) (columns).
+def hemispherical_fit(law_of: Callable[[float, float], Law], gammas: Array, slopes: tuple[float, float]) -> Array:
+    """Coefficients (4, 3, 5) of the hemispherical albedo as a polynomial in cos i, r0 = (1 - γ)/(1 + γ) and t.
 
-    ``law_of(w)`` is the law with that single-scattering albedo; ``gammas`` the values of γ to fit,
-    one or at least three. Over them and all angles to 87 degrees the error is about 0.005.
+    ``law_of(w, theta_bar)`` is the law with that single-scattering albedo, γ being √(1 - w), and mean slope in
+    radians. ``gammas`` are the values of γ to fit, one or at least three; t goes from -1 to 1 as the mean slope
+    goes from the first to the second of ``slopes``. Over all of them and all angles to 87 degrees the error is
+    about 0.005, and 0.01 if w is 1 or slopes go to 60 degrees.
     """
-    mu = np.linspace(0.05, 1.0, 12)
-    albedo = np.stack([hemispherical_albedo(law_of(1 - gamma ** 2), np.arccos(mu)) for gamma in gammas])
-    powers = min(3, len(gammas))
-    columns = [mu ** k * gammas[:, None] ** n for k in range(4) for n in range(powers)]
+    low, high = slopes
+    mu, t = np.linspace(0.05, 1.0, 12), np.linspace(-1.0, 1.0, 7) if high > low else np.zeros(1)
+    albedo = np.stack([[hemispherical_albedo(law_of(1 - gamma ** 2, (low + high) / 2 + x * (high - low) / 2),
+                                             np.arccos(mu)) for x in t] for gamma in gammas])
+    powers = (4, min(3, len(gammas)), min(5, len(t)))
+    r0 = ((1 - gammas) / (1 + gammas))[:, None]
+    columns = [mu ** k * (r0 ** n * t ** m)[..., None] for k, n, m in np.ndindex(powers)]
     found = np.linalg.lstsq(np.stack([c.ravel() for c in columns], axis=1), albedo.ravel(), rcond=None)[0]
-    coefficients = np.zeros((4, 3))
-    coefficients[:, :powers] = found.reshape(4, powers)
+    coefficients = np.zeros((4, 3, 5))
+    coefficients[:, :powers[1], :powers[2]] = found.reshape(powers)
     return coefficients
 
 

@@ -220,7 +220,7 @@ def test_a_sun_turned_by_hand_is_followed(tmp_path, made_of):
 @BOTH
 def test_rendering_is_no_edit_and_the_pair_says_what_was_used(tmp_path, made_of):
     pair, built = picture(tmp_path, {"hapke": {"backend": made_of}, "rocks": {"coverage": 0.02}})
-    assert pair.data["hapke"] == {"made_of": made_of, "accuracy": "FAST"}
+    assert pair.data["hapke"] == {"made_of": made_of, "accuracy": "FAST", "neighbours_as_here": []}
     assert not pair.data["edited_by_hand"]
     assert not built.edited
 
