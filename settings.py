@@ -45,9 +45,23 @@ def _nearest(word: str, known: Iterable[str]) -> str:
     return f"did you mean {close[0]!r}?" if close else f"known are {', '.join(names)}."
 
 
+def _number(value: float) -> float:
+    """A number of any size; infinite if no double holds it."""
+    try:
+        return float(value)
+    except OverflowError:
+        return math.inf if value > 0 else -math.inf
+
+
+def _single(value: Any) -> float:
+    """The number that single precision makes of it, by its shortest spelling; infinite if it holds it not."""
+    with np.errstate(over="ignore"):
+        return float(str(np.float32(value)))
+
+
 def _canonical(setting: Setting, value: Any) -> Value:
     if setting.kind == "float":
-        return float(str(np.float32(value)))
+        return _single(value)
     if setting.kind == "list":
         return [{s.key: _canonical(s, entry[s.key]) for s in setting.entries} for entry in value]
     return value
@@ -84,10 +98,11 @@ def _checked(setting: Setting, value: Any, name: str, where: str) -> Value:
         if value not in names:
             raise IcyMoonError(f"{where}: {name} is {value!r}, {_nearest(value, names)}")
     if setting.kind in ("int", "float"):
-        low, high = setting.minimum, setting.maximum
-        if not (math.isfinite(value) and low <= value <= high):
+        low, high, number = setting.minimum, setting.maximum, _number(value)
+        # The ends are single-precision numbers too: what is an end there is none too large here.
+        if not low <= number <= high and not low <= _single(number) <= high:
             unit = f" {setting.unit}" if setting.unit not in ("", "1") else ""
-            raise IcyMoonError(f"{where}: {name} is {value:g}{unit}, outside {low:g} to {high:g}{unit}.")
+            raise IcyMoonError(f"{where}: {name} is {number:g}{unit}, outside {low:g} to {high:g}{unit}.")
     return _canonical(setting, value)
 
 
@@ -141,7 +156,7 @@ def toml_and_text(path: Path) -> tuple[dict[str, Any], str]:
         return tomllib.loads(text), text
     except OSError as error:
         raise IcyMoonError(f"{path}: cannot be read ({error.strerror}).") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except (ValueError, RecursionError) as error:  # what is no TOML or no text, too large a number, too deep a list
         raise IcyMoonError(f"{path}: is not valid TOML ({error}).") from None
 
 
@@ -252,7 +267,7 @@ def override(text: str) -> Settings:
     else:
         try:
             parsed = tomllib.loads(f"value = {value}")["value"]
-        except tomllib.TOMLDecodeError:
+        except (ValueError, RecursionError):
             parsed = value
     return check({topic_key: {key: parsed}}, f"--set {text}")
 

@@ -9,6 +9,7 @@ import bpy
 
 from .. import changes
 from ..errors import IcyMoonError
+from ..physics.geometry import rounding_advice
 from ..settings import Settings
 from . import materials, preview, sunlit
 from .built import SETTINGS, Built, find
@@ -38,7 +39,8 @@ def adapted(built: Built | None, settings: Settings) -> tuple[Built, bool]:
     if preview.notes(bpy.context.scene) or built.preview:  # what cannot be shown is refused, or takes a new scene
         return opened(settings), False
     built.remember(settings, {})
-    warnings = [*materials.advice(settings), *sunlit.advice(settings), *light_advice(described_sky(settings), settings)]
+    warnings = [*materials.advice(settings), *sunlit.advice(settings), *light_advice(described_sky(settings), settings),
+                *rounding_advice(settings["rig"], built.site_m)]
     now = find(bpy.context.scene)
     if now is None:
         raise IcyMoonError("A part of the built scene is gone; render the pair again.")

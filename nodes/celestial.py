@@ -20,8 +20,8 @@ from ..physics.saturn_rings import RingMesh
 from ..physics.stars import Stars
 from .builder import Tree, output
 
-#: Where the planet stands, in metres: so far that its direction is the same from all of the ground. Its
-#: size and its distances are in proportion, so it looks as the planet does.
+#: Where the planet stands, in metres from the camera, which it follows: so far that both eyes see it in the same
+#: direction. Its size and its distances are in proportion, so it looks as the planet does.
 DISTANCE_M = 1.0e5
 STARS_M = 9.0e5  # behind planet and rings, before the camera's far end
 #: Attributes of the vertices: W/(m² sr), a number or one for R, G and B, and the share of light that passes.

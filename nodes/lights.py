@@ -36,12 +36,12 @@ def made_from(settings: Settings) -> list[Any]:
     return [settings["light"], *of_stars]
 
 
-def build_lights(settings: Settings, sky: Sky) -> list[bpy.types.Object]:
-    """The Sun, and what else shines."""
+def build_lights(settings: Settings, sky: Sky, camera: bpy.types.Object) -> list[bpy.types.Object]:
+    """The Sun, and what else shines: in the sky of a camera."""
     sun = build_sun(f"{NAME} Sun")
     sun[TAG], sun.lightgroup = "sun", "Sun"
     _place(sun, settings, sky)
-    return [sun, *_others(settings, sky)]
+    return [sun, *_others(settings, sky, camera)]
 
 
 def advice(sky: Sky, settings: Settings) -> list[str]:
@@ -70,7 +70,8 @@ def change_lights(sun: bpy.types.Object, collection: bpy.types.Collection, setti
     """
     _place(sun, settings, sky)
     old = [item for item in collection.all_objects if item.get(TAG) in ROLES]
-    for item in _others(settings, sky):
+    camera = next(item for item in collection.all_objects if item.get(TAG) == "camera")
+    for item in _others(settings, sky, camera):
         collection.objects.link(item)
     return old
 
@@ -80,7 +81,7 @@ def _place(sun: bpy.types.Object, settings: Settings, sky: Sky) -> None:
     sun[SKY] = json.dumps(facts(sky))
 
 
-def _others(settings: Settings, sky: Sky) -> list[bpy.types.Object]:
+def _others(settings: Settings, sky: Sky, camera: bpy.types.Object) -> list[bpy.types.Object]:
     light, made = settings["light"], {}
     colour = sun_colour(light["sun_temperature_k"])
     if sky.planet is not None and sky.planet_is_up:
@@ -98,4 +99,6 @@ def _others(settings: Settings, sky: Sky) -> list[bpy.types.Object]:
         item[TAG] = role
         if role != "planetshine":
             item.data.materials[0][TAG] = "material"
+            # As far away as it really is, it looks the same from everywhere on the ground.
+            item.constraints.new("COPY_LOCATION").target = camera
     return list(made.values())

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Callable
 from dataclasses import replace
 
 import bpy
@@ -20,6 +21,7 @@ from ..errors import IcyMoonError
 from ..physics.grading import OF_THE_RIG
 from ..physics.ground import Surface
 from ..physics.heightmap import HeightMap
+from ..physics.horizon import drop_m
 from ..physics.rocks import LEVEL_RANKS, Rocks, scatter
 from ..physics.shapes import Shape, block_shapes
 from ..settings import Settings, merged
@@ -175,7 +177,7 @@ def _show_surfaces(built: scenes.Built, settings: Settings, before: Settings) ->
     changed: list[str] = []
     if bool(settings["surface"]["trough_dirt"]) != bool(before["surface"]["trough_dirt"]):
         changed += [] if built.edited_parts("terrain data") else ["terrain data"]
-        mark_elevation(built.terrain.data, settings["surface"])
+        mark_elevation(built.terrain.data, settings["surface"], _roundness(built))
     for role, (name, make, items) in made.items():
         if f"{role} materials" in by_hand:
             said.append(_EDITED.format(f"surface of the {name}"))
@@ -189,6 +191,14 @@ def _show_surfaces(built: scenes.Built, settings: Settings, before: Settings) ->
     remove_unused_images()
     built.remember(built.settings if said else merged(built.settings, changes.look(settings)), built.preview, *changed)
     return said
+
+
+def _roundness(built: scenes.Built) -> Callable[[np.ndarray, np.ndarray], np.ndarray] | None:
+    """How far the ground that is shown falls at coordinates, like the body; None where it is flat."""
+    if is_own(built.settings) or built.settings["mesh"]["kind"] != "GRADED" or "terrain" in built.preview:
+        return None
+    rig, radius = built.settings["rig"], float(built.settings["terrain"]["body_radius_m"])
+    return lambda x, y: np.asarray(drop_m(np.hypot(x - rig["x_m"], y - rig["y_m"]), radius))
 
 
 def _replace_material(old: bpy.types.Material, new: bpy.types.Material) -> None:

@@ -16,6 +16,7 @@ import numpy as np
 from ..errors import IcyMoonError
 from ..labels import TERRAIN_INSTANCE
 from ..physics import blur
+from ..physics.geometry import rounding_advice
 from ..physics.graded import Graded
 from ..physics.ground import Surface
 from ..physics.rocks import scatter
@@ -133,7 +134,7 @@ def _make(settings: Settings) -> tuple[list[bpy.types.Object], bpy.types.World, 
     materials.refuse_without_uv(settings, own is not None and own.uv is not None)
     ground: Surface = own.surface if own else as_meshed(ground_of(settings), settings)
     site_m, warnings = _site(settings, ground, own)
-    warnings += hapke_warnings
+    warnings += [*hapke_warnings, *rounding_advice(settings["rig"], site_m)]
     if own is not None:
         warnings += own.warnings
         mesh = own.build_mesh(f"{NAME} Terrain")
@@ -150,10 +151,10 @@ def _make(settings: Settings) -> tuple[list[bpy.types.Object], bpy.types.World, 
         raise
     terrain = _tagged(bpy.data.objects.new(f"{NAME} Terrain", mesh), "terrain")
     terrain.pass_index = TERRAIN_INSTANCE
-    lights = build_lights(settings, sky)
+    camera = _tagged(build_rig(f"{NAME} Camera", settings["rig"], site_m), "camera")
+    lights = build_lights(settings, sky, camera)
     warnings += light_advice(sky, settings)
     warnings += blur.advice(settings)
-    camera = _tagged(build_rig(f"{NAME} Camera", settings["rig"], site_m), "camera")
     objects = [terrain, lights[0], camera, *lights[1:]]
     if settings["rocks"]["coverage"] > 0:
         blocks, more = _blocks(settings, terrain, ground.size_m)

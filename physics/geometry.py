@@ -10,10 +10,40 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
+#: Rounding of coordinates, in pixels, that is told: a tenth of what stereo matchers measure.
+_ROUNDED_PX = 0.05
+
 
 def focal_px(rig: Mapping[str, Any]) -> float:
     """Focal length in pixels; the sensor width spans the image width, pixels are square."""
     return float(rig["focal_length_mm"]) / float(rig["sensor_width_mm"]) * int(rig["width_px"])
+
+
+def rounding_m(*coordinates_m: float) -> float:
+    """Step between the coordinates in metres that the renderer, which is of single precision, tells apart there."""
+    return float(np.spacing(np.float32(max(abs(c) for c in coordinates_m))))
+
+
+def rounding_px(rig: Mapping[str, Any], ground_m: float) -> float:
+    """Pixels by which rounded coordinates move the ground under the camera, or one eye from the other, at most.
+
+    Half a step of the largest coordinate of the left camera, which stands over ground of this height, at its height.
+    """
+    height = float(rig["height_m"])
+    return focal_px(rig) * rounding_m(rig["x_m"], rig["y_m"], ground_m + height) / 2 / height
+
+
+def rounding_advice(rig: Mapping[str, Any], ground_m: float) -> list[str]:
+    """What a person should know of a camera so far from the origin that single precision shows; sentences."""
+    pixels = rounding_px(rig, ground_m)
+    if pixels <= _ROUNDED_PX:
+        return []
+    step = rounding_m(rig["x_m"], rig["y_m"], ground_m + float(rig["height_m"]))
+    return [f"The camera stands so far from the origin that ground and eyes are rounded to {step:.2g} m, up to "
+            f"{pixels:.2g} px; stand nearer to it (rig.x_m, rig.y_m), or move your own ground (source.centre, "
+            "source.origin_x_m)."]
 
 
 def depth_error_m(depth_m: float, rig: Mapping[str, Any], disparity_error_px: float) -> float:

@@ -38,8 +38,8 @@ def _shown(settings: Mapping[str, Any]) -> tuple[str, ...]:
 
 
 def _name(surface: Mapping[str, Any], hapke: Mapping[str, Any]) -> str:
-    """What tells a law from others; empty where there is no closed form."""
-    if surface["model"] == "PRINCIPLED":
+    """What tells a law from others; empty where there is no closed form, or nothing that is reflected."""
+    if surface["model"] == "PRINCIPLED" or (hapke["w"] if surface["model"] == "HAPKE" else surface["albedo"]) == 0:
         return ""
     if surface["model"] != "HAPKE":
         share = f", {surface['lommel_seeliger_share']:g} Lommel-Seeliger" if surface["model"] == "LUNAR_LAMBERT" else ""

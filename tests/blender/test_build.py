@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import math
 
 import bpy
@@ -15,7 +14,6 @@ from icymoon.nodes import scene as scenes
 from icymoon.nodes.builder import Tree
 from icymoon.nodes.fingerprint import TAG, fingerprint
 from icymoon.physics.directions import toward
-from icymoon.properties import all_settings
 from rendering import complete, empty_scene
 
 
@@ -167,49 +165,6 @@ def test_property_groups_hold_a_description_and_give_it_back():
                                 description.load(description.preset_path("scenes/europa_rough_ice")))
     description.to_group(scene.icymoon, loaded)
     assert description.from_group(scene.icymoon) == loaded
-
-
-def _extremes():
-    for topic, setting in all_settings():
-        if setting.kind in ("int", "float"):
-            for bound in ("minimum", "maximum"):
-                slow = (topic, setting.key, bound) in {("terrain", "resolution", "maximum")}
-                yield pytest.param(topic, setting, bound, id=f"{topic}.{setting.key}-{bound}",
-                                   marks=pytest.mark.slow if slow else ())
-
-
-#: The setting without which a topic builds nothing, and a value of it.
-_SWITCHED_ON_BY = {"rocks": ("coverage", 0.02), "craters": ("coverage", 0.02), "ridges": ("height_m", 1.0),
-                   "cracks": ("depth_m", 0.3), "chaos": ("relief_m", 1.0), "hollows": ("depth_m", 0.2),
-                   "penitentes": ("height_m", 1.0), "mantle": ("thickness_m", 0.2)}
-_SHORT_AND_LONG = (("smallest_m", "largest_m"), ("inner_scale_m", "outer_scale_m"))
-#: What asks for more craters than ``craters.most`` is refused by name.
-_TOO_MANY_CRATERS = {("craters", "coverage", "maximum"), ("craters", "smallest_m", "minimum"),
-                     ("craters", "largest_m", "minimum"), ("craters", "largest_m", "maximum"),
-                     ("craters", "most", "minimum")}
-
-
-@pytest.mark.parametrize(("topic", "setting", "bound"), list(_extremes()))
-def test_no_extreme_breaks_a_build(topic, setting, bound):
-    value = getattr(setting, bound)
-    value = int(value) if setting.kind == "int" else value
-    on = {topic: {_SWITCHED_ON_BY[topic][0]: _SWITCHED_ON_BY[topic][1]}} if topic in _SWITCHED_ON_BY else {}
-    # The shorter of two lengths may not pass the longer one.
-    both = {topic: {key: value for pair in _SHORT_AND_LONG for key in pair
-                    if (setting.key, bound) in ((pair[0], "maximum"), (pair[1], "minimum"))}}
-    settings = complete(on, both, {topic: {setting.key: value}})
-    if (topic, setting.key, bound) in _TOO_MANY_CRATERS:
-        with pytest.raises(IcyMoonError, match=r"craters\.coverage"):
-            scenes.build(empty_scene(), settings)
-        return
-    built = scenes.build(empty_scene(), settings)
-    assert np.isfinite(positions(built.terrain)).all()
-    for item in built.collection.all_objects:
-        assert np.isfinite(np.array(item.matrix_basis)).all(), item.name
-        if item.type == "MESH":
-            assert np.isfinite(positions(item)).all()
-    assert math.isfinite(built.camera.location.z)
-    assert hashlib.sha256(positions(built.terrain).tobytes()).hexdigest()
 
 
 def test_too_little_memory_is_a_sentence_and_changes_nothing(monkeypatch):

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import bpy
 import numpy as np
 import pytest
@@ -11,7 +9,6 @@ from icymoon.nodes import scene as scenes
 from icymoon.nodes.probe import heights_of
 from icymoon.nodes.terrain import measured
 from icymoon.physics.horizon import drop_m, horizon_m
-from icymoon.properties import TOPICS
 from icymoon.render.pair import read_pair
 from icymoon.render.plan import expand
 from icymoon.render.worker import render_pairs
@@ -140,26 +137,3 @@ def test_the_roughness_of_the_patch_is_measured():
     # The patch is made to show what is asked for, to a tenth.
     assert found.slope_deg == pytest.approx(settings["terrain"]["rms_slope_deg"], rel=0.1)
     assert scenes.measured_roughness(bpy.context.scene) == found.summary()
-
-
-def _extremes():
-    for topic in ("mesh", "rig", "terrain"):
-        for setting in TOPICS[topic].settings:
-            if setting.kind in ("int", "float"):
-                yield from (pytest.param(topic, setting, bound, id=f"{topic}.{setting.key}-{bound}")
-                            for bound in ("minimum", "maximum"))
-
-
-@pytest.mark.parametrize(("topic", "setting", "bound"), list(_extremes()))
-def test_no_extreme_breaks_a_graded_build(topic, setting, bound):
-    value = getattr(setting, bound)
-    value = int(value) if setting.kind == "int" else value
-    both = {"outer_scale_m": {"inner_scale_m": value}, "inner_scale_m": {"outer_scale_m": value}}
-    needed = both.get(setting.key, {}) if (setting.key, bound) in (("outer_scale_m", "minimum"),
-                                                                  ("inner_scale_m", "maximum")) else {}
-    most = {} if setting.key == "most" else {"mesh": {"most": 50_000}}
-    built = scenes.build(empty_scene(), complete(GRADED, most, {topic: {**needed, setting.key: value}}))
-    found = vertices(built.terrain)
-    assert np.isfinite(found).all()
-    assert len(found) <= built.settings["mesh"]["most"]
-    assert math.isfinite(built.camera.location.z)

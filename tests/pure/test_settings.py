@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import tomllib
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -44,6 +45,34 @@ def test_canonical_form_is_single_precision_and_stable(description):
     for topic, setting in all_settings():
         if setting.kind == "float":
             assert once[topic][setting.key] == pytest.approx(description[topic][setting.key], rel=1.2e-7, abs=1e-44)
+
+
+@pytest.mark.parametrize("bound", ["minimum", "maximum"])
+def test_a_limit_may_be_stated_as_single_precision_has_it(bound):
+    """What Blender says of a property that is at its end is not beyond it."""
+    for topic, setting in all_settings():
+        if setting.kind == "float":
+            value = getattr(setting, bound)
+            in_blender = settings.check({topic: {setting.key: float(np.float32(value))}}, "test")
+            assert in_blender == settings.check({topic: {setting.key: value}}, "test")
+
+
+@pytest.mark.parametrize("value", ["1e39", "-1e39", "nan", "inf", "1e999", "1" + "0" * 400, "-1" + "0" * 400, "0.0099"])
+@pytest.mark.parametrize("key", ["size_m", "resolution"])
+@pytest.mark.filterwarnings("error")
+def test_a_number_that_nothing_holds_is_refused_by_name(key, value):
+    with pytest.raises(IcyMoonError, match=rf"terrain\.{key} "):
+        settings.override(f"terrain.{key}={value}")
+
+
+@pytest.mark.parametrize("text", ["terrain.size_m = 1" + "0" * 5000, "a = " + "[" * 10_000], ids=["digits", "depth"])
+def test_a_file_that_no_parser_takes_is_refused_by_name(tmp_path, text):
+    file = tmp_path / "scene.toml"
+    file.write_text(text, encoding="utf-8")
+    with pytest.raises(IcyMoonError, match=r"scene\.toml: is not valid TOML"):
+        settings.load(file)
+    with pytest.raises(IcyMoonError, match=r"--set"):
+        settings.override(text.replace(" ", "").replace("a=", "terrain.size_m="))
 
 
 def test_every_setting_says_what_it_is():
