@@ -228,7 +228,7 @@ def preset_path(name: str) -> Path:
 
 
 def preview_path(name: str) -> Path:
-    """The picture of a shipped scene preset; not every preset has one."""
+    """The picture of a shipped scene preset, or 'choose', the one of all; not every preset has one."""
     return PRESETS / "previews" / f"{name.split('/')[-1]}.jpg"
 
 

@@ -55,6 +55,7 @@ def notes(scene: bpy.types.Scene) -> list[str]:
 
 def note(built: scenes.Built, sentences: list[str]) -> None:
     """Set what ``notes`` says; nothing is written where nothing changes."""
+    sentences = list(dict.fromkeys(sentences))  # one cause, such as a file that is missing, may keep two parts back
     if json.dumps(sentences) != built.collection.get(scenes.NOTES, "[]"):
         built.collection[scenes.NOTES] = json.dumps(sentences)
 

@@ -12,7 +12,7 @@ from ..settings import preview_path
 
 #: Property of the window manager, which no file keeps: the scene preset that the sidebar's picture shows.
 CHOICE = "icymoon_scene_preset"
-_NONE = ("NONE", "No Scene Preset", "The settings come from no shipped scene")
+_NONE = ("NONE", "Choose a Scene", "The settings come from none of these scenes")
 _pictures: Any = None
 _items: list[tuple[str, str, str, int, int]] = []
 
@@ -22,17 +22,13 @@ def _choices(_self: Any = None, _context: Any = None) -> list[tuple[str, str, st
     global _pictures
     if not _items:
         _pictures = bpy.utils.previews.new()
-        _items.append((*_NONE, _built_in("WORLD"), 0))
+        _items.append((*_NONE, _pictures.load("choose", str(preview_path("choose")), "IMAGE").icon_id, 0))
         for name, title, told in preset_items():
             path = preview_path(name)
             if name.startswith("scenes/") and path.is_file():
                 picture = _pictures.load(name, str(path), "IMAGE")
                 _items.append((name, title, told, picture.icon_id, len(_items)))
     return _items
-
-
-def _built_in(icon: str) -> int:
-    return int(bpy.types.UILayout.bl_rna.functions["label"].parameters["icon"].enum_items[icon].value)
 
 
 def _get(_self: Any) -> int:

@@ -23,7 +23,7 @@ def _of_surface(topic: str) -> tuple[Section, ...]:
     return (Section(topic, "dirt", "Patches, Dirt and Salts", "What makes the ice darker or redder in places", (
                 "albedo_variation", "albedo_patch_m", "trough_dirt", "slope_dirt", "salt_share", "salt_patch_m",
                 "salt_red", "salt_green", "salt_blue")),
-            Section(topic, "grain", "Fine Relief", "Relief that is finer than the mesh", (
+            Section(topic, "grain", "Grains", "Relief that is finer than the mesh", (
                 "grain_size_m", "grain_amplitude_m", "relief")))
 
 

@@ -46,7 +46,8 @@ def positions(kernels: Path, body: str, parent: str, date_utc: str, latitude_deg
         return _positions(spice, body.strip().upper(), parent.strip().upper(), date_utc, latitude_deg, longitude_deg)
     except spice.utils.exceptions.SpiceyError as error:
         said = " ".join((getattr(error, "long", "") or str(error)).split(". ")[0].split()).rstrip(".")
-        raise IcyMoonError(f"{kernels} cannot give the sky of {body} at {date_utc}: {said}.") from None
+        raise IcyMoonError(f"{kernels} cannot give the sky of {body} at {date_utc}: {said}; add kernels "
+                           "that cover body and date, or set light.directions_from to DATE.") from None
     finally:
         spice.kclear()
 

@@ -99,7 +99,7 @@ class Detached(Listener):
                 except OSError as error:
                     watch.close()
                     raise IcyMoonError(f"Cannot start {command[0]}: {error.strerror or error}; "
-                                       "check the path in the preferences.") from None
+                                       "check its path.") from None
             facts = {**facts, "pid": process.pid, "started": time.time()}
             stem.with_suffix(".json").write_text(json.dumps(facts), encoding="utf-8")
         return cls(stem, facts, watch, process)

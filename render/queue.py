@@ -83,7 +83,7 @@ class Process(Listener):
                 **options)
         except OSError as error:
             raise IcyMoonError(f"Cannot start {command[0]}: {error.strerror or error}; "
-                               "check the path in the preferences.") from None
+                               "check its path.") from None
         self._lines: queue.SimpleQueue[str | None] = queue.SimpleQueue()
         self._reader = threading.Thread(target=self._read, args=(self._process.stdout,), daemon=True)
         self._reader.start()

@@ -29,7 +29,7 @@ def report() -> dict[str, Any]:
     missing = [problem for _, problem in map(_package, PACKAGES) if problem]
     if sys.version_info < PYTHON:
         missing.insert(0, f"Python {'.'.join(map(str, PYTHON))} or newer")
-    message = f"{sys.executable} cannot evaluate: it lacks {', '.join(missing)}. {_mend()}" if missing else ""
+    message = f"{sys.executable} cannot evaluate: it lacks {', '.join(missing)}; {_mend()}" if missing else ""
     return {**versions(), "ok": not missing, "missing": missing, "message": message}
 
 
@@ -47,7 +47,7 @@ def require(*modules: str) -> None:
     """Raise IcyMoonError with the mend unless all of ``modules`` load in this Python."""
     problems = [problem for _, problem in map(_package, modules) if problem]
     if problems:
-        raise IcyMoonError(f"{sys.executable} lacks {', '.join(problems)}. {_mend()}")
+        raise IcyMoonError(f"{sys.executable} lacks {', '.join(problems)}; {_mend()}")
 
 
 def _package(module: str) -> tuple[str | None, str]:
@@ -81,4 +81,4 @@ def _numbers(version: str) -> tuple[int, ...]:
 
 def _mend() -> str:
     names = " ".join(distribution for distribution, _ in PACKAGES.values())
-    return f"Choose another Python or run: {sys.executable} -m pip install {names}"
+    return f"run {sys.executable} -m pip install {names}, or choose another Python."

@@ -111,8 +111,9 @@ def real(which: str) -> str:
         failing = run([*command, str(archive)], STUCK_S, environment)
         assert failing.returncode == 1, f"rendering into a file ends with status {failing.returncode}"
         assert "Traceback" not in failing.stdout, failing.stdout
+        installed.uninstall()
         installed.remove()
-    return "installed, built, rendered, evaluated; failures have status 1"
+    return "installed, built, rendered, evaluated, uninstalled without a trace; failures have status 1"
 
 
 def gui(which: str) -> str:

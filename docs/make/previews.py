@@ -2,7 +2,8 @@
 
     python docs/make/previews.py [NAME ...]      all scenes by default; takes some minutes
 
-Each is what the left camera gives of the scene preset, exposed by its own response.
+Each is what the left camera gives of the scene preset, exposed by its own response. choose.jpg, which is shown while
+none of them is chosen, is all of them side by side.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ import tempfile
 from pathlib import Path
 
 import cv2
+import numpy as np
 from icymoon import settings
 from icymoon.cli import render_described
 from icymoon.render.launch import python_command
@@ -32,12 +34,26 @@ def make(name: str, folder: Path) -> Path:
                    stdout=subprocess.DEVNULL)
     image = cv2.imread(str(next(shown.rglob("left.png"))))
     target = settings.preview_path(f"scenes/{name}")
+    _write(target, image)
+    return target
+
+
+def _write(target: Path, image: np.ndarray) -> None:
     target.parent.mkdir(exist_ok=True)
     cv2.imwrite(str(target), image, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
-    return target
+
+
+def make_choice(columns: int = 3) -> None:
+    """Write the picture of all scenes, as large as one of them."""
+    images = [cv2.imread(str(settings.preview_path(name))) for name in settings.preset_names("scenes")]
+    size = WIDTH // columns, HEIGHT // columns
+    small = [cv2.resize(image, size, interpolation=cv2.INTER_AREA) for image in images]
+    rows = [np.hstack(small[k:k + columns]) for k in range(0, len(small) - columns + 1, columns)]
+    _write(settings.preview_path("choose"), np.vstack(rows))
 
 
 if __name__ == "__main__":
     with tempfile.TemporaryDirectory(prefix="icymoon-previews-") as made:
         for wanted in sys.argv[1:] or [name.split("/")[1] for name in settings.preset_names("scenes")]:
             print(make(wanted, Path(made)), flush=True)
+    make_choice()

@@ -20,6 +20,7 @@ from icymoon.properties import TOPICS, Setting
 from icymoon.stereo import cli as stereo_cli
 from icymoon.stereo.matchers import METHODS
 from icymoon.version import ROOT
+from mistakes import MISTAKES
 
 #: What a change of a setting forces to be made again, by its effect.
 EFFECTS = {"geometry": "build", "material": "render", "light": "render", "camera": "render", "sampling": "render",
@@ -29,7 +30,8 @@ EFFECTS = {"geometry": "build", "material": "render", "light": "render", "camera
 def pages() -> dict[str, str]:
     """Every generated page."""
     return {"reference/settings.md": _settings(), "reference/presets.md": _presets(), "reference/cli.md": _cli(),
-            "reference/matchers.md": _matchers(), "reference/operators.md": _operators()}
+            "reference/matchers.md": _matchers(), "reference/operators.md": _operators(),
+            "reference/errors.md": _errors()}
 
 
 def _cell(text: str) -> str:
@@ -140,6 +142,22 @@ def _value(value: Any) -> str:
     if isinstance(value, bool):
         return str(value).lower()
     return _number(value) if isinstance(value, float) else str(value)
+
+
+# ---- errors ---------------------------------------------------------------------------------------------------------
+
+def _errors() -> str:
+    parts = ["# When something goes wrong\n",
+             "Every error is one sentence that says what is wrong, where, and how to mend it. In the window it is "
+             "shown in the status bar and in the Info editor, on the command line on standard error with exit status "
+             "1. Nothing half-written is left, and running again goes on where it stopped. A traceback is a defect: "
+             "please report it. These are the usual ones; **Preferences ▸ Add-ons ▸ Icy Moon ▸ Check** and "
+             "`python -m icymoon doctor` say what is missing on this machine.\n"]
+    for title, mistakes in MISTAKES.items():
+        parts.append(f"## {title}\n")
+        parts.append(_table(("What happened", "What is said", "What to do"), [
+            (f"{_cell(m.wrong)}.", f"… {_cell(m.says)} …", f"… {_cell(m.mend)}") for m in mistakes]))
+    return "\n".join(parts)
 
 
 # ---- command lines --------------------------------------------------------------------------------------------------

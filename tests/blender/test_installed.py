@@ -20,10 +20,14 @@ PROGRAM = textwrap.dedent("""
         handlers = {name: len(found) for name in dir(bpy.app.handlers)
                     if isinstance(found := getattr(bpy.app.handlers, name), list)}
         return (set(dir(bpy.types)), set(dir(bpy.ops.icymoon)), set(bpy.types.Scene.bl_rna.properties.keys()),
-                handlers, len(bpy.types.TOPBAR_MT_render.draw._draw_funcs))
+                set(bpy.types.WindowManager.bl_rna.properties.keys()), handlers,
+                [len(getattr(bpy.types, name).draw._draw_funcs) for name in MENUS])
+
+    MENUS = ("TOPBAR_MT_render", "VIEW3D_MT_mesh_add")
 
     def main():
-        bpy.types.TOPBAR_MT_render.append(lambda self, context: None)  # so that there is a list of functions
+        for name in MENUS:
+            getattr(bpy.types, name).append(lambda self, context: None)  # so that there is a list of functions
         before = traces()
         bpy.ops.extensions.package_install_files(filepath=archive, repo="user_default", enable_on_install=True)
         add_on = bpy.context.preferences.addons["bl_ext.user_default.icymoon"]
@@ -39,6 +43,14 @@ PROGRAM = textwrap.dedent("""
             assert step() == {"FINISHED"}, step
         assert list(Path(dataset).glob("pairs/*/pair.json"))
         assert (Path(dataset) / "evaluation_scene" / "report.html").is_file()
+        assert operators.add_preset(title="Mine") == {"FINISHED"}
+        (mine,) = Path(os.environ["BLENDER_USER_RESOURCES"]).rglob("mine.toml")
+        assert ".user" in mine.parts, "it is among the extension's own files, which an upgrade replaces"
+        bpy.context.window_manager.icymoon_scene_preset = "scenes/europa_chaos"  # loads the pictures
+        assert group.preset == "scenes/europa_chaos"
+        assert operators.load_preset(preset="own/mine") == {"FINISHED"}
+        assert group.rig.width_px == 160
+        assert operators.add_block() == {"FINISHED"}
         bpy.ops.preferences.addon_disable(module="bl_ext.user_default.icymoon")
         assert traces() == before, [a ^ b if isinstance(a, set) else (a, b) for a, b in zip(traces(), before)]
         bpy.ops.preferences.addon_enable(module="bl_ext.user_default.icymoon")
@@ -47,7 +59,9 @@ PROGRAM = textwrap.dedent("""
                           if r.module == "user_default")
         bpy.ops.extensions.package_uninstall(repo_index=repository, pkg_id="icymoon")
         assert traces() == before, "uninstalling leaves traces"
-        assert not list(Path(os.environ["BLENDER_USER_RESOURCES"]).glob("extensions/user_default/icymoon/*.py"))
+        left = [path for path in Path(os.environ["BLENDER_USER_RESOURCES"]).rglob("*") if "icymoon" in path.name]
+        assert not left, f"uninstalling leaves {left}"
+        assert not [name for name in bpy.context.preferences.addons.keys() if "icymoon" in name]
 
     status = 1
     try:

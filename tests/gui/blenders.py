@@ -128,6 +128,16 @@ class Installed:
         """Run that Blender with those settings."""
         return self.blender.run(*arguments, window=window, timeout_s=timeout_s, environment=self.environment)
 
+    def uninstall(self) -> None:
+        """Remove the extension as a person does. Raises AssertionError if a file or a preference of it is left."""
+        folder = Path(self.environment["BLENDER_USER_RESOURCES"])
+        done = self.run("--command", "extension", "remove", "icymoon")
+        left = [path for path in folder.rglob("*") if "icymoon" in path.name]
+        asked = self.run("-b", "--python-expr", "import bpy; print('LEFT', 'icymoon' in "
+                         "str(bpy.context.preferences.addons.keys()) or hasattr(bpy.types.Scene, 'icymoon'))")
+        if done.returncode or left or "LEFT False" not in asked.stdout:
+            raise AssertionError(f"uninstalling leaves {left or asked.stdout.strip()[-300:]}: {done.stdout[-500:]}")
+
     def remove(self) -> None:
         """Delete those settings, and the extension with them."""
         shutil.rmtree(self.environment["BLENDER_USER_RESOURCES"], ignore_errors=True)

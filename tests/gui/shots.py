@@ -141,11 +141,9 @@ def preferences_page() -> Waiting:
     page = manager().windows[1]
     manager().addon_search = "icy"
     with bpy.context.temp_override(window=page, area=page.screen.areas[0]):
-        module("operators.evaluator")
-        if not bpy.context.preferences.addons[ADD_ON].preferences.get("shown"):
+        if not module("preferences").findings:
             bpy.ops.preferences.addon_expand(module=ADD_ON)
             bpy.ops.icymoon.check_evaluator()
-        bpy.context.preferences.addons[ADD_ON].preferences["shown"] = True
     yield 15 * TICK_S
 
 

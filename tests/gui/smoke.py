@@ -29,6 +29,9 @@ group.dataset.plan, group.dataset.folder = str(plan), str(dataset / "set")
 for step in (operators.plan_dry_run, operators.render_dataset):
     assert step() == {"FINISHED"}, step
 assert len(list(dataset.glob("set/pairs/*/pair.json"))) == 2
+assert operators.add_preset(title="Mine") == {"FINISHED"}
+assert group.preset == "own/mine"  # which uninstalling removes too
+assert operators.add_block() == {"FINISHED"}
 assert operators.clear_scene() == {"FINISHED"}
 assert not [c for c in bpy.data.collections if c.get("icymoon")]
 print("SMOKE passed", bpy.app.version_string)

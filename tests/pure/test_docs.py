@@ -60,9 +60,11 @@ def test_every_page_is_in_the_navigation():
     assert len(listed) == len(pages)
 
 
-def test_the_version_is_that_of_the_manifest():
+def test_every_version_is_that_of_the_manifest():
     assert f"\nversion: {version()}\n" in (ROOT / "CITATION.cff").read_text(encoding="utf-8")
     assert f"\n## {version()}\n" in manual.written()["CHANGELOG.md"]
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    assert project["version"] == version()
 
 
 def test_every_figure_is_shown():
