@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from .physics.grading import OF_THE_RIG
+from .physics.requires import SURFACES, walks
 from .properties import TOPICS
 from .settings import Settings
 
@@ -55,9 +56,14 @@ def scene(settings: Settings) -> Settings:
     return found
 
 
-def look(settings: Settings) -> Settings:
-    """The settings that surfaces are made from, beside the scene's."""
+def materials(settings: Settings) -> Settings:
+    """The settings of surfaces, beside the scene's."""
     return _part(settings, _LOOK)
+
+
+def look(settings: Settings) -> Settings:
+    """``materials``, and what else surfaces are made from: which of them a camera sees into."""
+    return {**materials(settings), "walks": {topic: walks(settings, topic) for topic in SURFACES}}
 
 
 def light(settings: Settings) -> Settings:

@@ -541,6 +541,10 @@ LIGHT = Topic("light", "Light", "The Sun and the planet as the body's sky shows 
             choices=(("LAMBERT", "Lambert", "A matt sphere"),
                      ("SATURN", "Saturn", "Published curve of Saturn's globe (Mallama and Hilton 2018)"),
                      ("JUPITER", "Jupiter", "Published curve of Jupiter (Mallama and Hilton 2018)"))),
+    Setting("planet_least", "Least Planet Light", 1.0e-4,
+            "Light of the planet over that of the Sun, on level or on facing ground, below which it does not light the "
+            "ground by day: it would be lost under the noise of a camera exposed for the Sun. 0 for always", "light",
+            "1", 0.0, 1.0, (0.0, 0.01), precision=6),
     Setting("planet_rings", "Planet Rings", False,
             "Saturn's rings A, B, C and the Cassini Division about the planet's equator, and their shadow on it, which "
             "takes up to 20 % of its light. From Enceladus they are a line; raise Planet Elevation by the angle that "
@@ -685,6 +689,14 @@ QUALITY = Topic("quality", "Render Quality", "What a render may cost", (
     Setting("diffuse_bounces", "Bounces", 4,
             "Diffuse interreflections followed; 4 are within 1 % of all even at albedo 1", "sampling", "bounces",
             0, 128, (0, 16)),
+    Setting("walk_px", "Shortest Walk (px)", 0.1,
+            "Mean free path of light under the surface, in pixels where level ground is nearest, below which it is not "
+            "followed: the light then leaves where it entered, as much of it within 3 %. 0 always follows it", "material", "px",
+            0.0, 100.0, (0.0, 1.0)),
+    Setting("truth", "Truth", "FULL", "What there is beside the images", "sampling",
+            choices=(("FULL", "Depth, Normals, Labels", "In a render of its own with one light path per pixel"),
+                     ("DEPTH", "Depth Alone", "Out of the render of the light, which saves the other one where the "
+                      "images are neither blurred nor turned in"))),
     Setting("device", "Device", "CPU", "What the light paths are computed on", "run",
             choices=(("CPU", "CPU", "All processor cores"),
                      ("GPU", "GPU", "The graphics cards that Cycles can use; refused if there is none"))),

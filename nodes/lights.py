@@ -10,6 +10,7 @@ import bpy
 
 from ..physics.geometry import focal_px
 from ..physics.light import sun_colour
+from ..physics.requires import planet_lights
 from ..physics.saturn_rings import rings
 from ..physics.sky import Sky, facts
 from ..physics.sky import sky as sky_of
@@ -86,7 +87,8 @@ def _others(settings: Settings, sky: Sky, camera: bpy.types.Object) -> list[bpy.
     colour = sun_colour(light["sun_temperature_k"])
     if sky.planet is not None and sky.planet_is_up:
         made["planet"] = build_planet(f"{NAME} Planet", sky.planet, colour)
-        made["planetshine"] = build_planet_light(f"{NAME} Planetshine", sky.planet, colour)
+        if planet_lights(settings, sky):
+            made["planetshine"] = build_planet_light(f"{NAME} Planetshine", sky.planet, colour)
     around = rings(sky.planet) if sky.planet is not None else None
     if around is not None and around.vertices[:, 2].max() > 0:
         made["rings"] = build_rings(f"{NAME} Rings", around, colour)

@@ -10,6 +10,7 @@ from ..errors import IcyMoonError
 from ..labels import ROCK, TERRAIN, UV_LAYER
 from ..physics import meshimages, principled
 from ..physics.meshimages import MeshImage
+from ..physics.requires import shown_surface
 from ..physics.textures import by_uv
 from ..settings import Settings
 from .fingerprint import NAME, TAG
@@ -23,7 +24,7 @@ from .textures import Textured
 def advice(settings: Settings) -> list[str]:
     """What a person should know about the surfaces that the scene shows: sentences, none if all is well."""
     own = settings["rocks"]["coverage"] > 0 and settings["rocks"]["own_surface"]
-    shown = [settings[topic] for topic in (("surface", "rock_surface") if own else ("surface",))]
+    shown = [shown_surface(settings, topic) for topic in (("surface", "rock_surface") if own else ("surface",))]
     told = [principled.advice(surface) for surface in shown if surface["model"] == "PRINCIPLED"]
     textures = settings["textures"]
     if (settings["hapke"]["theta_bar_range_deg"] != 0.0 and any(surface["model"] == "HAPKE" for surface in shown) and (
@@ -90,7 +91,7 @@ def _of_blocks(settings: Settings, mesh: bpy.types.Mesh) -> Textured | None:
 
 def _material(name: str, settings: Settings, topic: str, semantic: int,
               textured: Textured | None) -> bpy.types.Material:
-    made = build_material(f"{NAME} {name}", settings[topic], int(settings["dataset"]["seed"]), semantic, textured,
+    made = build_material(f"{NAME} {name}", shown_surface(settings, topic), int(settings["dataset"]["seed"]), semantic, textured,
                           settings)
     made[TAG] = "material"
     return made

@@ -190,7 +190,7 @@ def _show_surfaces(built: scenes.Built, settings: Settings, before: Settings) ->
                 said.append(str(error))
                 break
     remove_unused_images()
-    built.remember(built.settings if said else merged(built.settings, changes.look(settings)), built.preview, *changed)
+    built.remember(built.settings if said else merged(built.settings, changes.materials(settings)), built.preview, *changed)
     return said
 
 

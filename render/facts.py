@@ -12,10 +12,12 @@ import numpy as np
 
 from .. import compat
 from ..labels import FIRST_ROCK_INSTANCE, INSTANCE_AOV, SEMANTIC, TERRAIN_INSTANCE
+from ..nodes.lights import described_sky
 from ..nodes.scene import Built
 from ..nodes.sunlight import made_of
 from ..physics.blur import blur_of
 from ..physics.distortion import COEFFICIENTS, coefficients
+from ..physics.requires import left_out
 from ..version import version
 from .pair import EYES, FORMAT, VERSION, StereoCamera
 from .plan import PlannedPair
@@ -45,6 +47,15 @@ def _as_taken(pose: np.ndarray, rotation: np.ndarray) -> np.ndarray:
     return turned
 
 
+def _channels(depth_alone: bool) -> dict[str, Any]:
+    """What the images hold, in words."""
+    light = {"radiance": "W/(m² sr) per band, linear", "depth": "planar Z in m at pixel centres, sky 1e10"}
+    return light if depth_alone else {
+        **light, "normal": "unit, world axes, of the facet", "semantic": {str(k): v for k, v in SEMANTIC.items()},
+        "instance": f"{INSTANCE_AOV} where it is above 0 (blocks, from {FIRST_ROCK_INSTANCE}), else the "
+                    f"object index ({TERRAIN_INSTANCE} terrain, others objects); 0 sky"}
+
+
 def facts(built: Built, planned: PlannedPair, poses: dict[str, np.ndarray], toward_sun: np.ndarray,
            files: dict[str, Any], seconds: dict[str, float]) -> dict[str, Any]:
     """The content of ``pair.json``, but for what is known only when it is finished."""
@@ -61,10 +72,8 @@ def facts(built: Built, planned: PlannedPair, poses: dict[str, np.ndarray], towa
         "poses_rectified_to_world": {eye: poses[eye].tolist() for eye in EYES},
         "blur": blur.to_json() if blur else None,
         "light": _light_facts(built, toward_sun),
-        "channels": {"radiance": "W/(m² sr) per band, linear", "depth": "planar Z in m at pixel centres, sky 1e10",
-                     "normal": "unit, world axes, of the facet", "semantic": {str(k): v for k, v in SEMANTIC.items()},
-                     "instance": f"{INSTANCE_AOV} where it is above 0 (blocks, from {FIRST_ROCK_INSTANCE}), else the "
-                                 f"object index ({TERRAIN_INSTANCE} terrain, others objects); 0 sky"},
+        "left_out": left_out(settings, described_sky(settings)),
+        "channels": _channels(settings["quality"]["truth"] == "DEPTH"),
         "seeds": {"dataset": settings["dataset"]["seed"], "render": planned.render_seed},
         "versions": {"blender": bpy.app.version_string, "python": platform.python_version(),
                      "numpy": np.__version__, "icymoon": version()},

@@ -57,17 +57,20 @@ def prepare(scene: bpy.types.Scene, light_groups: bool) -> None:
     render.use_overwrite, render.use_placeholder = True, False
 
 
-def choose(scene: bpy.types.Scene, name: str, stem: Path) -> dict[str, Path]:
-    """Let the next render be ``BEAUTY`` or ``TRUTH``, and return the files, by eye, that it will write at ``stem``."""
+def choose(scene: bpy.types.Scene, name: str, stem: Path, depth_alone: bool) -> dict[str, Path]:
+    """Let the next render be ``BEAUTY`` or ``TRUTH``, and return the files, by eye, that it will write at ``stem``.
+
+    Depth, which Cycles takes from the first sample, may come with the radiance if nothing else is wanted of the truth.
+    """
     layer = scene.view_layers[0]
     layer.name = name
     if name == BEAUTY:
-        _only(layer, "use_pass_combined")
+        _only(layer, "use_pass_combined", *(("use_pass_z",) if depth_alone else ()))
     else:
         scene.cycles.samples = 1
         scene.cycles.use_denoising = scene.cycles.use_adaptive_sampling = False
-        _only(layer, "use_pass_combined", "use_pass_z", "use_pass_normal", "use_pass_object_index",
-              "use_pass_material_index")
+        _only(layer, "use_pass_combined", "use_pass_z", *(() if depth_alone else (
+            "use_pass_normal", "use_pass_object_index", "use_pass_material_index")))
     scene.render.filepath = str(stem)
     return {eye: stem.with_name(f"{stem.name}{suffix}.exr") for eye, suffix in _SUFFIX.items()}
 

@@ -67,7 +67,8 @@ def read_truth(path: Path, eye: str | None = None) -> Truth:
 
 
 def _truth(channels: _Channels, path: Path) -> Truth:
-    depth = _find(channels, TRUTH, "Depth", "Z", path).astype(np.float64)
+    with_light = (BEAUTY, "Depth", "Z") in channels  # of a pair that has no other truth
+    depth = _find(channels, BEAUTY if with_light else TRUTH, "Depth", "Z", path).astype(np.float64)
     depth[~(depth < SKY_DEPTH_M) | (depth <= 0)] = np.nan
     return Truth(depth, _normal(channels, path), _instances(channels), _labels(channels, ("Material Index", "IndexMA")))
 

@@ -1,0 +1,81 @@
+"""What a scene requires of the renderer, and what is left out because it would not be seen.
+
+``settings`` are a complete scene description.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from .geometry import focal_px
+from .planetshine import irradiance_wm2
+from .sky import Sky
+
+Settings = Mapping[str, Mapping[str, Any]]
+#: Topics that describe a surface.
+SURFACES = ("surface", "rock_surface")
+
+
+def nearest_m(rig: Mapping[str, Any]) -> float:
+    """Distance in metres of the nearest level ground that the images show; the camera's height if they look up."""
+    half = (0.5 + float(rig["overscan"])) * int(rig["height_px"]) + abs(float(rig["principal_y_px"]))
+    down = math.radians(rig["pitch_deg"]) + math.atan(half / focal_px(rig))
+    return float(rig["height_m"]) / math.sin(down) if 0 < down < math.pi / 2 else float(rig["height_m"])
+
+
+def walk_px(settings: Settings, topic: str) -> float:
+    """Mean free path of the light under a surface, in pixels where the ground is nearest; 0 if no light enters it."""
+    surface = settings[topic]
+    if surface["model"] != "PRINCIPLED" or surface["subsurface_weight"] <= 0:
+        return 0.0
+    return float(surface["subsurface_radius_m"]) * focal_px(settings["rig"]) / nearest_m(settings["rig"])
+
+
+def walks(settings: Settings, topic: str) -> bool:
+    """Whether the way of light under a surface is to be followed, see ``quality.walk_px``."""
+    length = walk_px(settings, topic)
+    return length > 0 and length >= settings["quality"]["walk_px"]
+
+
+def shown_surface(settings: Settings, topic: str) -> Mapping[str, Any]:
+    """The settings of a surface as it is rendered: without a walk light leaves where it entered, as much of it."""
+    return settings[topic] if walks(settings, topic) else {**settings[topic], "subsurface_weight": 0.0}
+
+
+def planet_share(sky: Sky) -> float:
+    """Light of the planet over that of the Sun, on level ground or on ground that faces them, whichever is more;
+    infinite at night, 0 without a planet that is up and lit."""
+    if sky.planet is None or not sky.planet_is_up:
+        return 0.0
+    sun = sky.sun_irradiance_wm2 * (1.0 - sky.eclipse) if sky.sun_is_up else 0.0
+    (sun_level, planet_level), planet = sky.ground_irradiance_wm2, irradiance_wm2(sky.planet)
+    if planet <= 0:
+        return 0.0
+    return max(planet_level / sun_level, planet / sun) if sun_level > 0 and sun > 0 else math.inf
+
+
+def planet_lights(settings: Settings, sky: Sky) -> bool:
+    """Whether the planet is to light the ground, see ``light.planet_least``."""
+    share = planet_share(sky)
+    return share > 0 and share >= settings["light"]["planet_least"]
+
+
+def left_out(settings: Settings, sky: Sky) -> list[str]:
+    """What is described and not rendered, since it would not be seen: sentences, for the person and ``pair.json``."""
+    said = []
+    for topic in SURFACES if settings["rocks"]["coverage"] > 0 and settings["rocks"]["own_surface"] else SURFACES[:1]:
+        length = walk_px(settings, topic)
+        if length > 0 and not walks(settings, topic):
+            said.append(f"{topic}: no walk under the surface, since the mean free path of "
+                        f"{1e3 * settings[topic]['subsurface_radius_m']:.3g} mm is {length:.2g} of the nearest pixel, "
+                        f"under quality.walk_px.")
+    if sky.planet is not None and not planet_lights(settings, sky):
+        share = planet_share(sky)
+        said.append("light: the planet gives no light, since "
+                    + (f"it would be {share:.2g} of the Sun's, under light.planet_least." if share > 0 else
+                       "it is below the horizon or unlit."))
+    if settings["quality"]["truth"] == "DEPTH":
+        said.append("truth: no normals and no labels, since quality.truth is DEPTH.")
+    return said
