@@ -13,7 +13,7 @@ from ..nodes.single import block_object, terrain_object
 from ..properties import TOPICS
 
 
-def _number(topic: str, key: str, **other: Any) -> Any:
+def setting_property(topic: str, key: str, **other: Any) -> Any:
     """An operator's property that is a setting."""
     setting = TOPICS[topic][key]
     low, high = setting.soft or (setting.minimum, setting.maximum)
@@ -64,10 +64,10 @@ class ICYMOON_OT_add_terrain(_AddOperator, bpy.types.Operator):
 
     taken = {"size_m": ("terrain", "size_m"), "resolution": ("terrain", "resolution"),
              "rms_slope_deg": ("terrain", "rms_slope_deg"), "seed": ("dataset", "seed")}
-    size_m: _number("terrain", "size_m", unit="LENGTH")  # type: ignore[valid-type]
-    resolution: _number("terrain", "resolution", default=257)  # type: ignore[valid-type]
-    rms_slope_deg: _number("terrain", "rms_slope_deg")  # type: ignore[valid-type]
-    seed: _number("dataset", "seed")  # type: ignore[valid-type]
+    size_m: setting_property("terrain", "size_m", unit="LENGTH")  # type: ignore[valid-type]
+    resolution: setting_property("terrain", "resolution", default=257)  # type: ignore[valid-type]
+    rms_slope_deg: setting_property("terrain", "rms_slope_deg")  # type: ignore[valid-type]
+    seed: setting_property("dataset", "seed")  # type: ignore[valid-type]
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         return self.add(context, lambda: terrain_object(self.described(context)))
@@ -87,11 +87,11 @@ class ICYMOON_OT_add_block(_AddOperator, bpy.types.Operator):
         unit="LENGTH", description="Of a circle of the same area as the block, seen from above")
     family: bpy.props.EnumProperty(  # type: ignore[valid-type]
         name="Shape", items=TOPICS["rocks"]["family"].choices[1:], default="FRAGMENTS",
-        description=TOPICS["rocks"]["family"].description)
-    angularity: _number("rocks", "angularity")  # type: ignore[valid-type]
-    elongation: _number("rocks", "elongation")  # type: ignore[valid-type]
-    height_ratio: _number("rocks", "height_ratio")  # type: ignore[valid-type]
-    seed: _number("dataset", "seed")  # type: ignore[valid-type]
+        description="What the block looks like")
+    angularity: setting_property("rocks", "angularity")  # type: ignore[valid-type]
+    elongation: setting_property("rocks", "elongation")  # type: ignore[valid-type]
+    height_ratio: setting_property("rocks", "height_ratio")  # type: ignore[valid-type]
+    seed: setting_property("dataset", "seed")  # type: ignore[valid-type]
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         return self.add(context, lambda: block_object(self.described(context), self.diameter_m))

@@ -1,4 +1,4 @@
-"""Render > Icy Moon and Add > Mesh: operators must sit in a menu for F3 to find them."""
+"""Render > Icy Moon, Add > Mesh and the status bar; operators must sit in a menu for F3 to find them."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from typing import Any
 
 import bpy
 
+from ..operators import jobs
 from ..operators.presets import preset_items
 from ..settings import KINDS
 
@@ -98,16 +99,29 @@ def _draw_meshes(self: Any, context: bpy.types.Context) -> None:
     self.layout.operator("icymoon.add_block", icon="MESH_ICOSPHERE")
 
 
+def _draw_status(self: Any, context: bpy.types.Context) -> None:
+    """The running job at the right end of the status bar, which is there when no sidebar is."""
+    job = jobs.current
+    if job is None:
+        return
+    _, percent, left = job.shown
+    row = self.layout.row(align=True)
+    row.progress(factor=percent / 100, text=f"{job.title}  {percent} %  {left}".rstrip())
+    row.operator("icymoon.cancel", text="", icon="X")
+
+
 CLASSES = (ICYMOON_MT_presets, ICYMOON_MT_icymoon)
 
 
 def register() -> None:
-    """Add the menu to Render in the top bar, and the meshes to Add ▸ Mesh."""
+    """Add the menu to Render in the top bar, the meshes to Add ▸ Mesh, and the running job to the status bar."""
     bpy.types.TOPBAR_MT_render.append(_draw)
     bpy.types.VIEW3D_MT_mesh_add.append(_draw_meshes)
+    bpy.types.STATUSBAR_HT_header.append(_draw_status)
 
 
 def unregister() -> None:
     """Take them out again."""
+    bpy.types.STATUSBAR_HT_header.remove(_draw_status)
     bpy.types.VIEW3D_MT_mesh_add.remove(_draw_meshes)
     bpy.types.TOPBAR_MT_render.remove(_draw)

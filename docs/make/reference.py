@@ -256,11 +256,20 @@ def _operators_of(path: Path) -> Iterator[Operator]:
         for statement in body:
             if isinstance(statement, ast.AnnAssign) and isinstance(statement.target, ast.Name) and isinstance(
                     statement.annotation, ast.Call):
-                words = {word.arg: _literal(word.value, constants) for word in statement.annotation.keywords}
+                words = _words(statement.annotation, constants)
                 if words.get("name"):  # what has none is hidden
                     properties[statement.target.id] = (words["name"], words.get("description") or "")
                     choices[statement.target.id] = [name for name, *_ in words.get("items") or ()]
         yield Operator(stated["bl_idname"], stated["bl_label"], ast.get_docstring(node) or "", properties, choices)
+
+
+def _words(call: ast.Call, constants: dict[str, Any]) -> dict[str | None, Any]:
+    """What a property is made with: what its call states, or the setting that it is."""
+    words = {word.arg: _literal(word.value, constants) for word in call.keywords}
+    if isinstance(call.func, ast.Name) and call.func.id == "setting_property":
+        setting = TOPICS[ast.literal_eval(call.args[0])][ast.literal_eval(call.args[1])]
+        return {"name": setting.label, "description": setting.description, **words}
+    return words
 
 
 def _assigned(body: Sequence[ast.stmt], constants: dict[str, Any] | None = None) -> dict[str, Any]:
@@ -283,7 +292,7 @@ def _operators() -> str:
     rows = [(f"`bpy.ops.{o.name}`", f"**{o.label}.** {_cell(o.description)}." + "".join(
         f"<br>`{key}` {name}: {_cell(text)}" + (f" ({', '.join(o.choices[key])})." if o.choices[key] else ".")
         for key, (name, text) in o.properties.items())) for o in operators()]
-    return ("# Operators\n\nAll are in Render ▸ Icy Moon, so F3 finds them. Called from a script they run until they "
-            "are done; pressed in the window, the long ones work in a process of their own. Settings are properties "
-            "of `bpy.context.scene.icymoon`, as `bpy.context.scene.icymoon.rig.baseline_m = 0.3`.\n\n"
+    return ("# Operators\n\nAll are in Render ▸ Icy Moon or Add ▸ Mesh, so F3 finds them. Called from a script they "
+            "run until they are done; pressed in the window, the long ones work in a process of their own. Settings "
+            "are properties of `bpy.context.scene.icymoon`, as `bpy.context.scene.icymoon.rig.baseline_m = 0.3`.\n\n"
             + _table(("Operator", "What it does"), rows))

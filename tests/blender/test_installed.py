@@ -23,7 +23,7 @@ PROGRAM = textwrap.dedent("""
                 set(bpy.types.WindowManager.bl_rna.properties.keys()), handlers,
                 [len(getattr(bpy.types, name).draw._draw_funcs) for name in MENUS])
 
-    MENUS = ("TOPBAR_MT_render", "VIEW3D_MT_mesh_add")
+    MENUS = ("TOPBAR_MT_render", "VIEW3D_MT_mesh_add", "STATUSBAR_HT_header")
 
     def main():
         for name in MENUS:

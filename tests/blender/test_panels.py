@@ -237,8 +237,18 @@ def test_a_running_job_shows_how_far_it_is_and_can_be_cancelled(scene, running):
     assert "icymoon.cancel" in operators(drawn(sidebar.ICYMOON_PT_main))
     assert "Pair 1 of 3  33 %" in texts(record)
     assert "1:00 left" in texts(record) or "0:59 left" in texts(record)
+    status = SimpleNamespace(layout=Layout())
+    menu._draw_status(status, bpy.context)
+    assert "Render Stereo Pair  33 %  1:00 left" in texts(status.layout.record).replace("0:59", "1:00")
+    assert operators(status.layout.record) == {"icymoon.cancel"}
     running.fraction = 0.0
     assert "left" not in texts(drawn(sidebar.ICYMOON_PT_main))
+
+
+def test_nothing_runs_and_the_status_bar_is_left_alone(scene):
+    status = SimpleNamespace(layout=Layout())
+    menu._draw_status(status, bpy.context)
+    assert status.layout.record == []
 
 
 def test_results_are_shown_with_their_units_and_a_dash_for_none(scene, evaluated):

@@ -38,14 +38,14 @@ def test_registering_twice_leaves_no_trace():
             handlers = {name: len(found) for name in dir(bpy.app.handlers)
                         if isinstance(found := getattr(bpy.app.handlers, name), list)}
             menu = [len(getattr(getattr(bpy.types, name).draw, "_draw_funcs", ()))
-                    for name in ("TOPBAR_MT_render", "VIEW3D_MT_mesh_add")]
+                    for name in ("TOPBAR_MT_render", "VIEW3D_MT_mesh_add", "STATUSBAR_HT_header")]
             groups = {name for name in ("description", *icymoon.properties.TOPICS)
                       if bpy.types.PropertyGroup.bl_rna_get_subclass_py(f"ICYMOON_PG_{name}")}
             return (set(dir(bpy.types)) | groups, set(dir(bpy.ops.icymoon)), handlers, menu,
                     set(bpy.types.Scene.bl_rna.properties.keys()),
                     set(bpy.types.WindowManager.bl_rna.properties.keys()))
 
-        for name in ("TOPBAR_MT_render", "VIEW3D_MT_mesh_add"):
+        for name in ("TOPBAR_MT_render", "VIEW3D_MT_mesh_add", "STATUSBAR_HT_header"):
             getattr(bpy.types, name).append(lambda self, context: None)  # so that there is a list of functions
             getattr(bpy.types, name).draw._draw_funcs.pop()
         before = traces()

@@ -130,7 +130,7 @@ def load_europa() -> Waiting:
     """Choose a preset in the menu with mouse and keys, and make it small."""
     x, y = yield from find("icymoon.build_scene")
     titles = [name for _, presets in module("panels.menu").presets_by_kind() for name, _ in presets]
-    yield from to(x, y + 30)
+    yield from to(x, y + 24)
     xdotool("click", 1)
     yield 20 * TICK_S  # for the menu in the picture; keys wait for it by themselves
     yield from screenshot("presets_menu")
