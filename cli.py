@@ -7,6 +7,7 @@ error message here, and Ctrl-C stops at once and leaves nothing half-written.
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 from collections.abc import Callable
 from contextlib import nullcontext
@@ -31,9 +32,15 @@ def main(arguments: list[str]) -> int:
     """Run a verb and return the exit status: 0 done, 1 an error that stderr states, 130 stopped."""
     options = _parser().parse_args(arguments)
     try:
-        return int(options.run(options))
+        status = int(options.run(options))
+        sys.stdout.flush()
+        return status
     except IcyMoonError as error:
         print(f"icymoon: {error}", file=sys.stderr)
+        return 1
+    except BrokenPipeError:
+        # Nobody listens any more; keep Python from complaining when it flushes at exit.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 1
     except KeyboardInterrupt:
         print("icymoon: stopped; finished pairs are kept, run the same command to go on.", file=sys.stderr)
