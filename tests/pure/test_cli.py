@@ -25,6 +25,7 @@ def run(*arguments: str, cwd: Path | None = None) -> subprocess.CompletedProcess
     (("render", "--blender", "/nowhere/blender"), "check the path"),
     (("evaluate", "/nowhere"), "/nowhere"),
     (("settings", "--set", "rig.width_px=0"), "rig.width_px"),
+    (("gallery", "--only", "ridges"), "rugged_1_low"),
 ])
 def test_a_mistake_is_one_sentence_and_exit_code_1(arguments, word, tmp_path):
     done = run(*arguments, *(("--out", str(tmp_path / "out")) if arguments[0] != "settings" else ()))
