@@ -22,7 +22,7 @@ def run(*arguments: str, cwd: Path | None = None) -> subprocess.CompletedProcess
     (("render", "--preset", "nowhere"), "Unknown preset"),
     (("render", "--set", "terrain.sizem=3"), "size_m"),
     (("render", "--settings", "absent.toml"), "absent.toml"),
-    (("render", "--blender", "/nowhere/blender"), "check the path"),
+    (("render", "--blender", "/nowhere/blender"), "check its path"),
     (("evaluate", "/nowhere"), "/nowhere"),
     (("settings", "--set", "rig.width_px=0"), "rig.width_px"),
     (("gallery", "--only", "ridges"), "rugged_1_low"),
