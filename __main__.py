@@ -14,12 +14,18 @@ from pathlib import Path
 
 #: Verbs that are programs of their own: what they import must not be needed by the others.
 _PROGRAMS = {"stereo": "stereo.cli", "worker": "render.worker", "probe": "render.probe", "install": "install"}
+#: Those that run in Blender.
+_IN_BLENDER = {"worker", "probe"}
 
 
 def main(arguments: list[str] | None = None) -> int:
     """Run the verb that the arguments begin with and return its exit status."""
     arguments = sys.argv[1:] if arguments is None else arguments
     if arguments and arguments[0] in _PROGRAMS:
+        if arguments[0] in _IN_BLENDER and "bpy" not in sys.modules and importlib.util.find_spec("bpy") is None:
+            importlib.import_module("icymoon.render.queue").emit("error", message=(
+                f"{sys.executable} has no Blender; give one with --blender, or pip install icymoon[blender]."))
+            return 1
         program = importlib.import_module(f"icymoon.{_PROGRAMS[arguments[0]]}")
         return int(program.main(arguments[1:]))
     return int(importlib.import_module("icymoon.cli").main(arguments))

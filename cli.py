@@ -7,6 +7,7 @@ error message here, and Ctrl-C stops at once and leaves nothing half-written.
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 from collections.abc import Callable
 from contextlib import nullcontext
@@ -31,9 +32,15 @@ def main(arguments: list[str]) -> int:
     """Run a verb and return the exit status: 0 done, 1 an error that stderr states, 130 stopped."""
     options = _parser().parse_args(arguments)
     try:
-        return int(options.run(options))
+        status = int(options.run(options))
+        sys.stdout.flush()
+        return status
     except IcyMoonError as error:
         print(f"icymoon: {error}", file=sys.stderr)
+        return 1
+    except BrokenPipeError:
+        # Nobody listens any more; keep Python from complaining when it flushes at exit.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 1
     except KeyboardInterrupt:
         print("icymoon: stopped; finished pairs are kept, run the same command to go on.", file=sys.stderr)
@@ -89,6 +96,14 @@ def _parser() -> argparse.ArgumentParser:
     auto.add_argument("--json-lines", action="store_true", help="progress and result as JSON lines on stdout")
     auto.set_defaults(run=_auto)
 
+    gallery = verbs.add_parser("gallery", help="render the scenes of the gallery, as pictures and all on one sheet")
+    gallery.add_argument("--only", action="append", default=[], metavar="NAME", help="one scene; may repeat (all)")
+    gallery.add_argument("--scale", type=float, default=1.0, help="share of the images' width and height (%(default)s)")
+    gallery.add_argument("--out", type=Path, default=Path("out/gallery"), help="folder for the pairs, a picture of "
+                         "each and the sheet gallery.jpg (%(default)s)")
+    gallery.add_argument("--blender", default=sys.executable, help="Blender, or a Python with bpy (this Python)")
+    gallery.set_defaults(run=_gallery)
+
     planning.add_verbs(verbs)
     batch.add_verbs(verbs)
 
@@ -123,13 +138,13 @@ def _described(options: argparse.Namespace) -> description.Settings:
         *(description.override(text) for text in options.overrides))
 
 
-def render_described(settings: description.Settings, dataset: Path, blender: str, *, again: bool = False) -> None:
-    """Render the pairs of a complete description in a worker, showing its progress.
+def render_described(settings: description.Settings, dataset: Path, blender: str, *, again: bool = False) -> list[Path]:
+    """Render the pairs of a complete description in a worker, showing its progress; their folders.
 
     Raises IcyMoonError with the worker's own words if it fails.
     """
     with shown("Starting Blender") as show:
-        rendered(Job(dataset, settings, again=again), blender, show)
+        return rendered(Job(dataset, settings, again=again), blender, show)
 
 
 def _render(options: argparse.Namespace) -> int:
@@ -166,6 +181,33 @@ def _demo(options: argparse.Namespace) -> int:
 
 def _emitted(event: Message) -> None:
     emit(event["type"], **{key: value for key, value in event.items() if key != "type"})
+
+
+def _gallery(options: argparse.Namespace) -> int:
+    from .stereo import check
+
+    check.require(*check.PACKAGES)
+    from .stereo.gallery import write_picture, write_sheet
+    from .trade import scaled
+
+    known, out = [name.removeprefix("gallery/") for name in description.preset_names("gallery")], options.out.absolute()
+    if unknown := sorted(set(options.only) - set(known)):
+        raise IcyMoonError(f"--only: no scene of the gallery is called {unknown[0]!r}; there are {', '.join(known)}.")
+    chosen, shown_on_sheet = options.only or known, []
+    for name in known:
+        preset, picture = f"gallery/{name}", out / f"{name}.jpg"
+        title, text = description.preset_header(preset)
+        command = f"icymoon render --preset {preset}"
+        if name in chosen:
+            print(f"{title}. {text}: python -m {command} --out DATASET", flush=True)
+            settings = description.merged(description.defaults(), description.load(description.preset_path(preset)))
+            pair, = render_described(scaled(settings, options.scale), out, options.blender)
+            write_picture(pair, picture)
+        if picture.is_file():
+            shown_on_sheet.append((picture, title, command))
+    write_sheet(shown_on_sheet, out / "gallery.jpg")
+    print(out / "gallery.jpg")
+    return 0
 
 
 def _run_bench(options: argparse.Namespace, title: str, work: Callable[[Bench], dict[str, Any]],

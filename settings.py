@@ -27,8 +27,9 @@ Settings = dict[str, dict[str, Any]]
 
 PRESETS = Path(__file__).parent / "presets"
 #: Folders of presets, whole scenes first, and what people call their kinds.
-KINDS = {"scenes": "Scenes", "bodies": "Bodies", "terrains": "Terrains", "rocks": "Rocks", "surfaces": "Surfaces",
-         "lights": "Lights", "rigs": "Stereo Cameras", "sensors": "Camera Responses", "qualities": "Qualities"}
+KINDS = {"scenes": "Scenes", "gallery": "Gallery", "bodies": "Bodies", "terrains": "Terrains", "rocks": "Rocks",
+         "surfaces": "Surfaces", "lights": "Lights", "rigs": "Stereo Cameras", "sensors": "Camera Responses",
+         "qualities": "Qualities"}
 _HEADER = ("title", "description", "include", "made_with")
 #: Shipped plans of data sets, which are more than settings: ``render.sweep`` reads them.
 PLANS = PRESETS / "datasets"

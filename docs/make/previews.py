@@ -30,7 +30,7 @@ def make(name: str, folder: Path) -> Path:
         "rig": {"width_px": WIDTH, "height_px": HEIGHT}, "quality": {"samples": SAMPLES}})
     (pair,) = render_described(described, folder / name, sys.executable)
     shown = folder / "shown" / name
-    subprocess.run(python_command(sys.executable, "stereo", "develop", pair, "--out", str(shown)), check=True,
+    subprocess.run(python_command(sys.executable, "stereo", "develop", str(pair), "--out", str(shown)), check=True,
                    stdout=subprocess.DEVNULL)
     image = cv2.imread(str(next(shown.rglob("left.png"))))
     target = settings.preview_path(f"scenes/{name}")

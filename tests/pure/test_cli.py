@@ -22,9 +22,10 @@ def run(*arguments: str, cwd: Path | None = None) -> subprocess.CompletedProcess
     (("render", "--preset", "nowhere"), "Unknown preset"),
     (("render", "--set", "terrain.sizem=3"), "size_m"),
     (("render", "--settings", "absent.toml"), "absent.toml"),
-    (("render", "--blender", "/nowhere/blender"), "check the path"),
+    (("render", "--blender", "/nowhere/blender"), "check its path"),
     (("evaluate", "/nowhere"), "/nowhere"),
     (("settings", "--set", "rig.width_px=0"), "rig.width_px"),
+    (("gallery", "--only", "ridges"), "rugged_1_low"),
 ])
 def test_a_mistake_is_one_sentence_and_exit_code_1(arguments, word, tmp_path):
     done = run(*arguments, *(("--out", str(tmp_path / "out")) if arguments[0] != "settings" else ()))

@@ -1,0 +1,65 @@
+"""The gallery: twelve scenes that are presets, their pictures as bright as the camera exposes them, one sheet."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import cv2
+import numpy as np
+import pairs
+import pytest
+from icymoon import settings
+from icymoon.errors import IcyMoonError
+from icymoon.stereo.gallery import write_picture, write_sheet
+
+NAMES = settings.preset_names("gallery")
+
+
+def test_there_are_twelve_of_960_by_720_each_another():
+    described = [settings.merged(settings.defaults(), settings.load(settings.preset_path(name))) for name in NAMES]
+    assert len({settings.digest(each) for each in described}) == len(NAMES) == 12
+    assert {(each["rig"]["width_px"], each["rig"]["height_px"]) for each in described} == {(960, 720)}
+    assert len({settings.preset_header(name)[0] for name in NAMES}) == 12
+    for name in NAMES:  # the sheet's letters are ASCII
+        assert settings.preset_header(name)[0].isascii()
+
+
+def test_a_picture_shows_the_light_as_a_screen_does(tmp_path):
+    folder = tmp_path / "pairs" / "a"
+    pairs.write_pair(folder)
+    write_picture(folder, tmp_path / "a.jpg")
+    image = cv2.imread(str(tmp_path / "a.jpg")).astype(float) / 255
+    sensor = settings.defaults()["sensor"]
+    # The quantile that the exposure is metered by is at its target, linearly; JPEG is off by a few of 255 steps.
+    assert np.quantile(image, sensor["auto_percentile"]) ** 2.2 == pytest.approx(sensor["auto_target"], abs=0.03)
+
+
+def test_a_sheet_keeps_to_its_bytes_and_holds_every_picture(tmp_path):
+    rng = np.random.default_rng(0)
+    shown = []
+    for k in range(4):
+        cv2.imwrite(str(tmp_path / f"{k}.png"), rng.integers(0, 255, (72, 96, 3)).astype(np.uint8))
+        shown.append((tmp_path / f"{k}.png", f"Title {k}", "command"))
+    write_sheet(shown, tmp_path / "sheet.jpg", 200_000)
+    assert (tmp_path / "sheet.jpg").stat().st_size <= 200_000
+    sheet = cv2.imread(str(tmp_path / "sheet.jpg"))
+    assert sheet.shape == (2 * (360 + 48), 3 * 480, 3)
+    filled = [sheet[r:r + 360, c:c + 480].std() > 10 for r in (0, 408) for c in (0, 480, 960)]
+    assert filled == [True] * 4 + [False] * 2
+    (tmp_path / "0.png").write_bytes(b"no image")
+    with pytest.raises(IcyMoonError, match=r"0\.png"):
+        write_sheet(shown, tmp_path / "sheet.jpg")
+
+
+@pytest.mark.slow
+def test_the_command_renders_a_scene_once_and_shows_it(tmp_path):
+    command = [sys.executable, "-m", "icymoon", "gallery", "--scale", "0.05", "--only", "rugged_1_low", "--out",
+               str(tmp_path)]
+    for words in ("rendered in", "was already there"):
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        assert done.returncode == 0, done.stderr
+        assert words in done.stdout
+        assert "--preset gallery/rugged_1_low" in done.stdout
+        assert cv2.imread(str(tmp_path / "rugged_1_low.jpg")).shape == (36, 48, 3)
+    assert cv2.imread(str(tmp_path / "gallery.jpg")).shape[1] == 480
