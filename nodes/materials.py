@@ -24,7 +24,8 @@ from .textures import Textured
 def advice(settings: Settings) -> list[str]:
     """What a person should know about the surfaces that the scene shows: sentences, none if all is well."""
     own = settings["rocks"]["coverage"] > 0 and settings["rocks"]["own_surface"]
-    told = [principled.advice(shown_surface(settings, topic)) for topic in (("surface", "rock_surface") if own else ("surface",))
+    told = [principled.advice(shown_surface(settings, topic))
+            for topic in (("surface", "rock_surface") if own else ("surface",))
             if settings[topic]["model"] == "PRINCIPLED"]
     return [sentence for sentence in told if sentence]
 
@@ -87,8 +88,8 @@ def _of_blocks(settings: Settings, mesh: bpy.types.Mesh) -> Textured | None:
 
 def _material(name: str, settings: Settings, topic: str, semantic: int,
               textured: Textured | None) -> bpy.types.Material:
-    made = build_material(f"{NAME} {name}", shown_surface(settings, topic), int(settings["dataset"]["seed"]), semantic, textured,
-                          settings)
+    made = build_material(f"{NAME} {name}", shown_surface(settings, topic), int(settings["dataset"]["seed"]), semantic,
+                          textured, settings)
     made[TAG] = "material"
     return made
 

@@ -310,7 +310,8 @@ def _light_matters(key: str, group: Any) -> bool:
         return kernels
     if key == "stars_faintest_mag":
         return bool(group.stars)
-    if key in ("planet_albedo", "planet_phase_law", "planet_scale", "planet_rings"):
+    if key in ("planet_albedo", "planet_phase_law", "planet_scale", "planet_rings",
+               "planet_least"):
         return bool(group.planet)
     if key.startswith("planet_"):
         return bool(group.planet) and not dated
