@@ -691,8 +691,8 @@ QUALITY = Topic("quality", "Render Quality", "What a render may cost", (
             0, 128, (0, 16)),
     Setting("walk_px", "Shortest Walk (px)", 0.1,
             "Mean free path of light under the surface, in pixels where level ground is nearest, below which it is not "
-            "followed: the light then leaves where it entered, as much of it within 3 %. 0 always follows it", "material", "px",
-            0.0, 100.0, (0.0, 1.0)),
+            "followed: the light then leaves where it entered, as much of it within 3 %. 0 always follows it",
+            "material", "px", 0.0, 100.0, (0.0, 1.0)),
     Setting("truth", "Truth", "FULL", "What there is beside the images", "sampling",
             choices=(("FULL", "Depth, Normals, Labels", "In a render of its own with one light path per pixel"),
                      ("DEPTH", "Depth Alone", "Out of the render of the light, which saves the other one where the "

@@ -91,8 +91,8 @@ def _of_blocks(settings: Settings, mesh: bpy.types.Mesh) -> Textured | None:
 
 def _material(name: str, settings: Settings, topic: str, semantic: int,
               textured: Textured | None) -> bpy.types.Material:
-    made = build_material(f"{NAME} {name}", shown_surface(settings, topic), int(settings["dataset"]["seed"]), semantic, textured,
-                          settings)
+    made = build_material(f"{NAME} {name}", shown_surface(settings, topic), int(settings["dataset"]["seed"]), semantic,
+                          textured, settings)
     made[TAG] = "material"
     return made
 

@@ -190,7 +190,8 @@ def _show_surfaces(built: scenes.Built, settings: Settings, before: Settings) ->
                 said.append(str(error))
                 break
     remove_unused_images()
-    built.remember(built.settings if said else merged(built.settings, changes.materials(settings)), built.preview, *changed)
+    shown = built.settings if said else merged(built.settings, changes.materials(settings))
+    built.remember(shown, built.preview, *changed)
     return said
 
 

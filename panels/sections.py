@@ -38,7 +38,7 @@ SECTIONS = (
         "clustering", "cluster_blocks", "cluster_radius_m", "clear_radius_m", "most")),
     Section("light", "planet", "Planet", "The planet in the sky, and the light that it sheds", (
         "planet_elevation_deg", "planet_azimuth_deg", "planet_angular_diameter_deg", "planet_flattening",
-        "planet_albedo", "planet_phase_law", "planet_rings"), switch="planet"),
+        "planet_albedo", "planet_phase_law", "planet_rings", "planet_least"), switch="planet"),
     Section("light", "stars", "Stars", "Stars in the sky, which give the ground no light", ("stars_faintest_mag",),
             switch="stars"),
     Section("light", "balance", "At Evaluation", "Light that is changed after rendering: nothing is rendered again", (

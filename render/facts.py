@@ -49,7 +49,8 @@ def _as_taken(pose: np.ndarray, rotation: np.ndarray) -> np.ndarray:
 
 def _channels(depth_alone: bool) -> dict[str, Any]:
     """What the images hold, in words."""
-    light = {"radiance": "W/(m² sr) per band, linear", "depth": "planar Z in m at pixel centres, sky 1e10"}
+    light: dict[str, Any] = {"radiance": "W/(m² sr) per band, linear",
+                             "depth": "planar Z in m at pixel centres, sky 1e10"}
     return light if depth_alone else {
         **light, "normal": "unit, world axes, of the facet", "semantic": {str(k): v for k, v in SEMANTIC.items()},
         "instance": f"{INSTANCE_AOV} where it is above 0 (blocks, from {FIRST_ROCK_INSTANCE}), else the "

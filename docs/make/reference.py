@@ -10,6 +10,7 @@ from __future__ import annotations
 import argparse
 import ast
 import importlib
+import json
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -31,7 +32,8 @@ def pages() -> dict[str, str]:
     """Every generated page."""
     return {"reference/settings.md": _settings(), "reference/presets.md": _presets(), "reference/cli.md": _cli(),
             "reference/matchers.md": _matchers(), "reference/operators.md": _operators(),
-            "reference/errors.md": _errors()}
+            "reference/errors.md": _errors(),
+            "reference/requires.md": _requires()}
 
 
 def _cell(text: str) -> str:
@@ -296,3 +298,20 @@ def _operators() -> str:
             "run until they are done; pressed in the window, the long ones work in a process of their own. Settings "
             "are properties of `bpy.context.scene.icymoon`, as `bpy.context.scene.icymoon.rig.baseline_m = 0.3`.\n\n"
             + _table(("Operator", "What it does"), rows))
+
+
+# ---- what a scene requires ------------------------------------------------------------------------------------------
+
+def _requires() -> str:
+    found = json.loads((ROOT / "docs" / "make" / "requires.json").read_text(encoding="utf-8"))
+    rows = [(f"**{row['title']}**", row["needed"], f"{row['on_s']:g} s", f"{row['off_s']:g} s", f"{row['ratio']:.2f}",
+             f"{100 * row['radiance']:+.2f} %" if "radiance" in row else "", row["changes"])
+            for row in found["rows"].values()]
+    return ("# What a scene requires\n\n"
+            "Each of these is switched on only where something needs it. What the settings describe and the pair "
+            "leaves out stands in `pair.json` under `left_out`, with the reason.\n\n"
+            + _table(("What", "On with", "Cost on", "Cost off", "Ratio", "Mean radiance", "What it changes"), rows)
+            + f"\nMade by `{found['command']}` in Blender {found['blender']}: processor seconds on one thread of a "
+              f"scene and a pair of it ({found['pair']}), the least of {found['repeats']} in one run, or of a Python "
+              "that imports a package. *Mean radiance* is that without over that with, less 1; noise of the light "
+              "paths included.\n")

@@ -32,8 +32,8 @@ def test_light_is_followed_under_the_surface_only_where_a_camera_could_tell():
 
 
 def test_without_the_walk_as_much_light_comes_back(tmp_path):
-    """A walk of a hundredth of a pixel and none, under a high Sun: the same mean radiance, within what the table of base
-    colours is known to (1 %). Under a low one a walk returns up to 3 % more, whatever its length."""
+    """A walk of a hundredth of a pixel and none, under a high Sun: the same mean radiance, within what the table of
+    base colours is known to (1 %). Under a low one a walk returns up to 3 % more, whatever its length."""
     noon = {"light": {"sun_elevation_deg": 60.0}, "quality": {"samples": 16}}
     means = []
     for name, walk_px in (("without", 0.1), ("with", 0.0)):

@@ -1,0 +1,187 @@
+"""What each thing costs that is switched on only where a scene needs it, and what it changes.
+
+    python benchmarks/requires.py           measure all, and write docs/make/requires.json, which the manual shows
+    python benchmarks/requires.py walk …    only these, and write nothing
+
+On one thread, on and off in turn, in one run: the ratio of the processor seconds is the result. A first, unmeasured
+pair pays for what is loaded once. Needs Blender as a module, SpiceyPy and PyTorch.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from icymoon import settings as description
+from icymoon.render.plan import PlannedPair
+from icymoon.version import ROOT
+
+RESULT = ROOT / "docs" / "make" / "requires.json"
+REPEATS = 2
+SMALL: dict[str, Any] = {"rig": {"width_px": 160, "height_px": 120}, "quality": {"samples": 16, "threads": 1},
+                         "mesh": {"error_px": 2.0}}
+_SNOW = {"surface": {"subsurface_weight": 1.0, "subsurface_radius_m": 5.0e-4, "albedo": 0.8}}
+_CRESCENT = {"light": {"planet": True, "sun_elevation_deg": 26.0, "sun_azimuth_deg": 0.0}}
+
+
+@dataclass(frozen=True)
+class Feature:
+    """One row: what it is, what switches it on, what it changes, and how it is measured on and off: settings, or
+    programs for another Python, or with ``forced`` something that no setting can switch on."""
+
+    title: str
+    needed: str
+    changes: str
+    on: dict[str, Any] | str = field(default_factory=dict)
+    off: dict[str, Any] | str = field(default_factory=dict)
+    forced: bool = False
+
+
+FEATURES = {
+    "osl": Feature(
+        "Open Shading Language", "a surface by Hapke's law that is not made of nodes",
+        "Nothing, where no surface is made of it; measured by switching it on for Lambert's law",
+        {"surface": {"model": "LAMBERT"}}, {"surface": {"model": "LAMBERT"}}, forced=True),
+    "walk": Feature(
+        "Walk under the surface", "a mean free path of `quality.walk_px` pixels or more, where the ground is nearest",
+        "Blurs light over the mean free path, here 0.02 of a pixel. Without it the mean radiance is within 3 %; truth "
+        "is the same", {**_SNOW, "quality": {"walk_px": 0.0}}, _SNOW),
+    "planet": Feature(
+        "Light of the planet", "a planet that is up, and by day `light.planet_least` of the Sun's light or more",
+        "The planet's part of the light, here under 0.0001 of the Sun's; its disc is in the sky either way; truth is "
+        "the same",
+        {**_CRESCENT, "light": {**_CRESCENT["light"], "planet_least": 0.0}}, _CRESCENT),
+    "planet_on_ice": Feature(
+        "Light of the planet on Hapke's ice", "the same; Sun and planet are two renders then",
+        "The same", {**_CRESCENT, "surface": {"model": "HAPKE"},
+                     "light": {**_CRESCENT["light"], "planet_least": 0.0}},
+        {**_CRESCENT, "surface": {"model": "HAPKE"}}),
+    "labels": Feature(
+        "Normals and labels", "`quality.truth` is FULL",
+        "Normals, semantic and instance labels, from a render of their own; the depth is the same to the bit",
+        {}, {"quality": {"truth": "DEPTH"}}),
+    "mesh": Feature(
+        "Ground as fine as near the camera, everywhere", "`mesh.kind` is GRID",
+        "Fineness that no pixel shows far away: vertices every 20 mm on all of 20 m, against rings that are as fine as "
+        "2 pixels ask, out to the horizon, which the grid does not reach", {"mesh": {"kind": "GRID"}}, {}),
+    "far": Feature(
+        "Ground beyond the horizon", "a larger body: the far field ends where `terrain.body_radius_m` hides it",
+        "Nothing: no ray meets it", {"terrain": {"body_radius_m": 1.0e8}}, {}),
+    "torch": Feature(
+        "PyTorch", "a network among the matchers", "Nothing of an image",
+        "import icymoon.stereo.evaluate, torch", "import icymoon.stereo.evaluate"),
+    "spice": Feature(
+        "SpiceyPy", "`light.directions_from` is KERNELS", "Nothing of a sky by angles or by a date",
+        "import icymoon.physics.sky, spiceypy", "import icymoon.physics.sky"),
+}
+
+
+@contextmanager
+def _forced_osl(on: bool) -> Iterator[None]:
+    """Cycles uses Open Shading Language for whatever there is."""
+    from icymoon.render import quality
+
+    original = quality.apply
+
+    def apply(scene: Any, *arguments: Any) -> None:
+        original(scene, *arguments)
+        scene.cycles.shading_system = on
+
+    quality.apply = apply
+    try:
+        yield
+    finally:
+        quality.apply = original
+
+
+def rendered(changes: dict[str, Any], folder: Path) -> tuple[float, float, np.ndarray]:
+    """Processor seconds of a scene and a pair of it, mean radiance and depth of its left image."""
+    from icymoon.render.stages import Described
+    from icymoon.render.worker import render_in
+    from icymoon.stereo.exr import read_view
+
+    settings = description.merged(description.defaults(), SMALL, description.check(changes, "benchmark"))
+    planned = PlannedPair(description.digest(settings), settings, 0.0)
+    start = time.process_time()
+    with Described(lambda warning: None) as stage:
+        render_in(stage, [planned], folder, lambda *a, **k: None)
+    seconds = time.process_time() - start
+    view = read_view(planned.folder(folder) / "left.exr", "left")
+    return seconds, float(view.radiance.mean()), view.depth
+
+
+def imported(program: str) -> float:
+    """Processor seconds of another Python with a program."""
+    before = os.times()
+    subprocess.run([sys.executable, "-c", program], check=True)
+    now = os.times()
+    return now.children_user + now.children_system - before.children_user - before.children_system
+
+
+def measured(feature: Feature) -> dict[str, Any]:
+    """Least seconds on and off, and, of a pair, how mean radiance and depth differ."""
+    if isinstance(feature.on, str):
+        seconds = [(imported(feature.on), imported(str(feature.off))) for _ in range(REPEATS)]
+        return _least(seconds)
+    pairs: list[tuple[Any, Any]] = []
+    for _ in range(REPEATS):
+        with tempfile.TemporaryDirectory() as folder:
+            found = []
+            for name, changes in (("on", feature.on), ("off", feature.off)):
+                with _forced_osl(name == "on") if feature.forced else _forced_osl(False):
+                    found.append(rendered(dict(changes), Path(folder) / name))
+            pairs.append((found[0], found[1]))
+    (_, with_it, depth), (_, without, other) = pairs[-1]
+    same = np.isclose(depth, other, rtol=1e-3, equal_nan=True)
+    return {**_least([(on[0], off[0]) for on, off in pairs]), "radiance": without / with_it - 1,
+            "depth_differs": float(1 - same.mean())}
+
+
+def _least(seconds: list[tuple[float, float]]) -> dict[str, Any]:
+    on, off = (min(column) for column in zip(*seconds, strict=True))
+    return {"on_s": on, "off_s": off, "ratio": on / off}
+
+
+def main(names: list[str]) -> None:
+    import bpy
+    import icymoon
+
+    icymoon.register()
+    rows: dict[str, Any] = {}
+    with tempfile.TemporaryDirectory() as folder:
+        rendered({}, Path(folder))
+    for name, feature in FEATURES.items():
+        if names and name not in names:
+            continue
+        found = {key: float(f"{value:.3g}") for key, value in measured(feature).items()}
+        rows[name] = {"title": feature.title, "needed": feature.needed, "changes": feature.changes, **found}
+        say(f"{feature.title:50} {found}")
+    if not names:
+        facts = {"command": "python benchmarks/requires.py", "blender": bpy.app.version_string, "repeats": REPEATS,
+                 "pair": f"{SMALL['rig']['width_px']} x {SMALL['rig']['height_px']}, "
+                         f"{SMALL['quality']['samples']} samples", "rows": rows}
+        RESULT.write_text(json.dumps(facts, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+        say(str(RESULT))
+
+
+say: Callable[[str], None] = print
+
+if __name__ == "__main__":
+    words = os.fdopen(os.dup(1), "w")
+    os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # Cycles talks a lot
+
+    def say(text: str) -> None:
+        print(text, file=words, flush=True)
+
+    main(sys.argv[1:])
+    os._exit(0)
