@@ -694,7 +694,7 @@ QUALITY = Topic("quality", "Render Quality", "What a render may cost", (
             "followed: the light then leaves where it entered, as much of it within 3 %. 0 always follows it",
             "material", "px", 0.0, 100.0, (0.0, 1.0)),
     Setting("truth", "Truth", "FULL", "What there is beside the images", "sampling",
-            choices=(("FULL", "Depth, Normals, Labels", "In a render of its own with one light path per pixel"),
+            choices=(("FULL", "Full", "Depth, normals and labels, in a render of their own, one light path per pixel"),
                      ("DEPTH", "Depth Alone", "Out of the render of the light, which saves the other one where the "
                       "images are neither blurred nor turned in"))),
     Setting("device", "Device", "CPU", "What the light paths are computed on", "run",

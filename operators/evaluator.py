@@ -33,13 +33,12 @@ def base_python() -> str:
 
 def all_findings() -> list[Finding]:
     """What ``doctor`` says of this Blender, of the evaluator and of the preferred kernels."""
-    # In a process of its own, since asking Cycles for its cards selects them.
-    found = blender_findings(bpy.app.binary_path or sys.executable)
     try:
-        found += evaluator_findings(evaluator_python())
+        found = evaluator_findings(evaluator_python())
     except IcyMoonError as error:
-        found.append(Finding("Evaluator", "missing", str(error).rstrip(".")))
-    return [*found, *kernels_findings(kernels())]
+        found = [Finding("Evaluator", "missing", str(error).rstrip("."))]
+    # Blender in a process of its own, since asking Cycles for its cards selects them.
+    return [*found, *kernels_findings(kernels()), *blender_findings(bpy.app.binary_path or sys.executable)]
 
 
 class ICYMOON_OT_check_evaluator(bpy.types.Operator):

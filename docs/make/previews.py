@@ -28,7 +28,8 @@ def make(name: str, folder: Path) -> Path:
     """Render one scene preset into a folder and write its preview; returns the preview."""
     described = settings.merged(settings.defaults(), settings.load(settings.preset_path(f"scenes/{name}")), {
         "rig": {"width_px": WIDTH, "height_px": HEIGHT}, "quality": {"samples": SAMPLES}})
-    (pair,) = render_described(described, folder / name, sys.executable)
+    render_described(described, folder / name, sys.executable)
+    (pair,) = (folder / name).glob("pairs/*/")
     shown = folder / "shown" / name
     subprocess.run(python_command(sys.executable, "stereo", "develop", str(pair), "--out", str(shown)), check=True,
                    stdout=subprocess.DEVNULL)

@@ -23,6 +23,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent))
 import person
 from person import (
     ADD_ON,
+    COLUMNS,
     F3,
     TICK_S,
     Waiting,
@@ -128,9 +129,9 @@ def open_the_tab() -> Waiting:
 
 def load_europa() -> Waiting:
     """Choose a preset in the menu with mouse and keys, and make it small."""
-    x, y = yield from find("icymoon.build_scene")
+    _, y = yield from find("icymoon.build_scene")
     titles = [name for _, presets in module("panels.menu").presets_by_kind() for name, _ in presets]
-    yield from to(x, y + 24)
+    yield from to(region("UI").x + COLUMNS[0] * region("UI").width, y + 24)  # above it, left of the + button
     xdotool("click", 1)
     yield 20 * TICK_S  # for the menu in the picture; keys wait for it by themselves
     yield from screenshot("presets_menu")
@@ -429,9 +430,29 @@ def search_and_clear() -> Waiting:
     yield from screenshot("cleared")
 
 
+def choose_by_picture() -> Waiting:
+    """A scene chosen by its picture, and ice added to a scene, are undone as all else."""
+    before = settings().preset
+    with in_region("UI"):
+        manager().icymoon_scene_preset = "scenes/europa_chaos"
+    yield from until(lambda: settings().preset == "scenes/europa_chaos", "Choosing a picture")
+    yield from away()
+    yield from key("ctrl+z")
+    yield from until(lambda: settings().preset == before, "Undoing the choice")
+    for operator in (bpy.ops.icymoon.add_terrain, bpy.ops.icymoon.add_block):
+        count = len(bpy.data.objects)
+        with in_region("WINDOW"):
+            operator("INVOKE_DEFAULT")
+        yield from until(lambda count=count: len(bpy.data.objects) == count + 1, "Adding ice")
+        yield from screenshot("added")
+        yield from away()
+        yield from key("ctrl+z")
+        yield from until(lambda count=count: len(bpy.data.objects) == count, "Undoing it")
+
+
 STEPS = (open_the_tab, load_europa, open_all_panels, build_by_mouse, undo_and_redo, slide_by_mouse, render_by_mouse,
          escape_a_render, evaluate_by_mouse, measured_surface, show_error, camera_image_follows, render_a_data_set,
-         preferences_page, search_and_clear)
+         preferences_page, search_and_clear, choose_by_picture)
 
 
 def write(finished: bool) -> None:

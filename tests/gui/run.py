@@ -1,6 +1,8 @@
 """Install the zip in a real Blender, drive its window with ``drive.py`` and say what came of it.
 
     python tests/gui/run.py [4.3] [5.2] [named]      all that this machine has, by default
+    python tests/gui/run.py --shots [4.3] …          no test, but pictures of every panel in both themes to look at
+    python tests/gui/run.py --manual [4.3]           the pictures of the tutorial
 
 'named' is the Blender whose path ICYMOON_BLENDER holds. Screenshots and steps.json are left in
 out/gui/<Blender>. The status is 0 if every step of every Blender succeeded, and at least one ran.
@@ -47,8 +49,22 @@ def drive(blender: Blender, archive: Path) -> str:
     return f"{len(facts['steps'])} steps in {time.monotonic() - start:.0f} s, {pictures} screenshots in {folder}"
 
 
-def main(names: list[str]) -> int:
-    """Drive the named Blenders, or all there are."""
+def shoot(blender: Blender, archive: Path, *what: str) -> str:
+    """Let one Blender take its pictures with ``shots.py``. Raises AssertionError if it fails; returns a summary."""
+    folder = ROOT / "out" / "shots" / blender.name
+    installed = install(blender, archive)
+    done = installed.run("--python-exit-code", "5", "--python", str(Path(__file__).with_name("shots.py")), "--",
+                         str(folder), *what, window=True, timeout_s=TIMEOUT_S)
+    installed.remove()
+    if done.returncode:
+        raise AssertionError(f"Blender {blender.name} ended with status {done.returncode}:\n{done.stdout[-4000:]}")
+    return f"{len(list(folder.glob('*.png')))} pictures in {folder}"
+
+
+def main(words: list[str]) -> int:
+    """Drive the named Blenders, or all there are; or take pictures."""
+    names = [word for word in words if not word.startswith("--")]
+    act = {"--shots": shoot, "--manual": lambda *given: shoot(*given, "manual")}.get(words[0] if words else "", drive)
     failed = ran = 0
     with tempfile.TemporaryDirectory(prefix="icymoon-zip-") as folder:
         archive = Path(folder) / "icymoon.zip"
@@ -57,7 +73,7 @@ def main(names: list[str]) -> int:
             try:
                 blender = find(name)
                 print(f"window of {blender.name}", flush=True)
-                print(f"window of {blender.name}: {drive(blender, archive)}", flush=True)
+                print(f"window of {blender.name}: {act(blender, archive)}", flush=True)
                 ran += 1
             except CannotRunError as reason:
                 print(f"window of {name}: SKIPPED, {reason}", flush=True)

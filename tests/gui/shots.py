@@ -1,7 +1,8 @@
 """Take pictures of every state of the sidebar, the menus and the preferences, in both themes; runs inside Blender.
 
-    blender --python tests/gui/shots.py -- FOLDER
+    blender --python tests/gui/shots.py -- FOLDER [manual]
 
+With "manual" it takes those of the tutorial instead, FOLDER/window_*.png, which need an evaluator and some minutes.
 Each state is a contact sheet FOLDER/THEME_STATE.png: the sidebar with all panels open, page beside page. Nothing
 is rendered and no evaluator is needed: what they would leave is put there. Meant to be looked at.
 """
@@ -26,6 +27,8 @@ import person
 from person import ADD_ON, TICK_S, Waiting, area, away, check, in_region, manager, middle, region, to, until, window
 
 FOLDER = Path(sys.argv[sys.argv.index("--") + 1])
+#: The 3D View with its sidebar, of the whole window.
+MANUAL_CROP = "1320x904+0+0"
 THEMES = {"dark": "Blender_Dark.xml", "light": "Blender_Light.xml"}
 
 
@@ -203,6 +206,34 @@ def walk() -> Waiting:
     yield from in_both_themes("preferences", preferences)
 
 
+def for_the_manual() -> Waiting:
+    """The steps of the tutorial, each with its picture; the numbers in them are measured."""
+    yield 10 * TICK_S
+    person.start_watching()
+    yield from person.open_the_tab()
+    yield from screen_picture(FOLDER / "window_sidebar.png", MANUAL_CROP)
+    with in_region("UI"):
+        bpy.ops.icymoon.load_preset(preset="scenes/europa_rough_ice")
+    settings().quality.samples, settings().dataset.folder = 8, str(FOLDER / "pairs")
+    with in_region("WINDOW"):
+        bpy.ops.icymoon.build_scene()
+    yield 300 * TICK_S  # for light paths in the picture
+    yield from screen_picture(FOLDER / "window_built.png", MANUAL_CROP)
+    area().spaces.active.shading.type = "SOLID"
+    jobs = module("operators.jobs")
+    for step in ("render_pair", "evaluate"):
+        with in_region("WINDOW"):
+            getattr(bpy.ops.icymoon, step)("INVOKE_DEFAULT")
+        while jobs.current:
+            yield TICK_S
+    yield 20 * TICK_S
+    yield from screen_picture(FOLDER / "window_evaluated.png", MANUAL_CROP)
+    with in_region("WINDOW"):
+        bpy.ops.icymoon.show_surface()
+    yield 30 * TICK_S
+    yield from screen_picture(FOLDER / "window_surface.png", MANUAL_CROP)
+
+
 def tick(walking: Waiting) -> float | None:
     try:
         return next(walking)
@@ -221,5 +252,5 @@ check(bpy.context.preferences.addons.get(ADD_ON), "the extension is not enabled"
 shutil.rmtree(FOLDER, ignore_errors=True)
 FOLDER.mkdir(parents=True)
 bpy.context.preferences.view.show_splash = False
-walking = walk()
+walking = for_the_manual() if sys.argv[-1] == "manual" else walk()
 bpy.app.timers.register(lambda: tick(walking), first_interval=TICK_S)

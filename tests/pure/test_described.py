@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import ast
 import math
 
 import pytest
 from icymoon import settings
 from icymoon.properties import TOPICS, Setting, all_settings
+from icymoon.version import ROOT
 
 ALL = [(topic, s) for topic, setting in all_settings() for s in (setting, *setting.entries)]
 NUMBERS = [(topic, s) for topic, s in ALL if s.kind in ("int", "float")]
@@ -75,3 +77,10 @@ def test_a_preset_says_what_it_is(name):
     same = [other for other in settings.preset_names(name.split("/")[0])
             if settings.preset_header(other)[0] == header["title"]]
     assert same == [name], "two presets of one menu have one title"
+
+
+@pytest.mark.parametrize("path", sorted((ROOT / "operators").glob("*.py")), ids=lambda p: p.stem)
+def test_a_button_that_cannot_be_pressed_says_why(path):
+    polls = [node for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+             if isinstance(node, ast.FunctionDef) and node.name == "poll"]
+    assert all("poll_message_set" in ast.unparse(node) for node in polls)
