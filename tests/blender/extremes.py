@@ -173,8 +173,15 @@ def _of_light(light: Light) -> Iterator[str]:
             yield f"{name} is {radiance.min():g}, negative"
 
 
+def _surface(view: View) -> np.ndarray:
+    """Where (H, W) ground or blocks are seen; where there are no labels, where anything is."""
+    return np.isfinite(view.depth) if view.semantic is None else np.isin(view.semantic, (TERRAIN, ROCK))
+
+
 def _of_truth(view: View) -> Iterator[str]:
-    surface, depth = np.isin(view.semantic, (TERRAIN, ROCK)), np.isfinite(view.depth)
+    if view.semantic is None:
+        return  # depth is all there is
+    surface, depth = _surface(view), np.isfinite(view.depth)
     if (surface & ~depth).any():
         yield f"{np.count_nonzero(surface & ~depth)} pixels of a surface have no depth"
     if (depth & (view.semantic == 0)).any():
@@ -213,7 +220,7 @@ def _against_rays(pair: Pair, view: View, eye: str) -> Iterator[str]:
         corners = [matrix @ item.data.vertices[k].co for k in item.data.polygons[face].vertices] if hit else []
         rounded[place] = np.spacing(np.float32(np.abs([*start, *np.ravel(corners)]).max())) / slant
     tried = np.isfinite(rounded) & ~(depth < NEAREST_M)
-    shown = np.where(np.isin(view.semantic, (TERRAIN, ROCK)), view.depth, np.nan)
+    shown = np.where(_surface(view), view.depth, np.nan)
     if tried.any() and np.mean((np.isfinite(depth) != np.isfinite(shown))[tried]) > 0.02:
         met, has = (np.isfinite(each[tried]).mean() for each in (depth, shown))
         yield f"rays meet ground at {met:.0%} of the pixels, truth has it at {has:.0%}"
@@ -226,9 +233,11 @@ def _against_rays(pair: Pair, view: View, eye: str) -> Iterator[str]:
 
 def why_black(built: Built, pair: Pair, view: View, eye: str) -> str:
     """Why an image may be black; empty if it may not."""
-    surface = np.isin(view.semantic, (TERRAIN, ROCK))
+    surface = _surface(view)
     if not surface.any():
         return "only sky is seen"
+    if view.normal is None:
+        return "there are no normals to tell by"
     sun, shine = built.sun.data.energy, built.planetshine
     if sun == 0 and shine is None:
         return "no light is up"

@@ -34,7 +34,7 @@ SIZE = {"mesh": {"most": 20_000}, "quality": {"samples": 32, "denoiser": "NONE",
 _NIGHT = {"sun_elevation_deg": -20.0, "sun_azimuth_deg": 30.0, "planet": True, "planet_elevation_deg": 40.0,
           "planet_azimuth_deg": 200.0}
 #: A scene preset and what is changed in it.
-SCENES = {"snow": ("enceladus_fresh_snow", {}),
+SCENES = {"snow": ("enceladus_fresh_snow", {"quality": {"walk_px": 0.0}}),
           "hapke of OSL": ("europa_ridged_plain_hapke", {"hapke": {"backend": "OSL"}}),
           "hapke of nodes": ("europa_ridged_plain_hapke", {"hapke": {"backend": "NODES"}}),
           "planetshine": ("enceladus_block_field", {"surface": {"model": "LAMBERT"}, "light": _NIGHT})}
