@@ -12,7 +12,7 @@ from icymoon.render.pair import EYES
 
 TABLE = json.loads(stability.TABLE.read_text(encoding="utf-8"))
 #: By Blender and scene: how far the mean radiance is off the table's, relative, and the regions' beside the noise.
-#: 4.2 follows no walk under snow that is shorter than a pixel, and loses less light on bumps; see docs/theory/limits.md.
+#: 4.2 follows no walk under snow that is shorter than a pixel and loses less light on bumps: docs/theory/limits.md.
 MOVED = {"4.2": {"snow": (-0.007, 0.04), "planetshine": (0.009, 0.015)}}
 #: Standard deviations of the light paths' noise that one render may be off: the table knows them from 8 renders.
 _SIGMAS = 6.0
