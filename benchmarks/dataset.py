@@ -117,22 +117,24 @@ def overhead(folder: Path) -> None:
 
 
 def fresh(folder: Path) -> None:
-    """A data set in one worker, against a fresh Blender for each of its pairs."""
-    pairs = [planned({"quality": {"samples": FRESH_SAMPLES}, "dataset": {"seed": seed},
-                      "rig": {"heading_deg": 30.0 * k, "width_px": 320, "height_px": 240}})
-             for seed in range(FRESH_SCENES) for k in range(FRESH_HEADINGS)]
-    costs = {}
-    for name, sets in (("one worker", [pairs]), ("fresh Blenders", [[pair] for pair in pairs])):
-        before = os.times()
-        for k, some in enumerate(sets):
-            dataset = folder / name.split()[0] / str(k)
-            datasets.freeze(dataset, ordered(some), "benchmark")
-            subprocess.run([sys.executable, "-m", "icymoon", "work", str(dataset), "--threads-per-worker", "1",
-                            "--json"], check=True, stdout=subprocess.DEVNULL)
-        now = os.times()
-        costs[name] = now.children_user + now.children_system - before.children_user - before.children_system
-        print(f"fresh    {len(pairs)} pairs of {FRESH_SCENES} scenes, 320 x 240, {FRESH_SAMPLES} samples, {name}: "
-              f"{costs[name]:.1f} CPU s")
+    """A data set in one worker, against a fresh Blender for each of its pairs; scene by scene in turn."""
+    costs = {"one worker": 0.0, "fresh Blenders": 0.0}
+    for seed in range(FRESH_SCENES):
+        pairs = [planned({"quality": {"samples": FRESH_SAMPLES}, "dataset": {"seed": seed},
+                          "rig": {"heading_deg": 30.0 * k, "width_px": 160, "height_px": 120}})
+                 for k in range(FRESH_HEADINGS)]
+        for name, sets in (("one worker", [pairs]), ("fresh Blenders", [[pair] for pair in pairs])):
+            before = os.times()
+            for k, some in enumerate(sets):
+                dataset = folder / name.split()[0] / f"{seed}_{k}"
+                datasets.freeze(dataset, ordered(some), "benchmark")
+                subprocess.run([sys.executable, "-m", "icymoon", "work", str(dataset), "--threads-per-worker", "1",
+                                "--json"], check=True, stdout=subprocess.DEVNULL)
+            now = os.times()
+            costs[name] += now.children_user + now.children_system - before.children_user - before.children_system
+    for name, seconds in costs.items():
+        print(f"fresh    {FRESH_SCENES} scenes of {FRESH_HEADINGS} pairs, 160 x 120, {FRESH_SAMPLES} samples, {name}: "
+              f"{seconds:.1f} CPU s")
     print(f"fresh    ratio {costs['fresh Blenders'] / costs['one worker']:.2f}")
 
 

@@ -73,7 +73,8 @@ FEATURES = {
     "mesh": Feature(
         "Ground as fine as near the camera, everywhere", "`mesh.kind` is GRID",
         "Fineness that no pixel shows far away: vertices every 20 mm on all of 20 m, against rings that are as fine as "
-        "2 pixels ask, out to the horizon, which the grid does not reach", {"mesh": {"kind": "GRID"}}, {}),
+        "2 pixels ask, out to the horizon, which the grid does not reach; so light and depth differ a little",
+        {"mesh": {"kind": "GRID"}}, {}),
     "far": Feature(
         "Ground beyond the horizon", "a larger body: the far field ends where `terrain.body_radius_m` hides it",
         "Nothing: no ray meets it", {"terrain": {"body_radius_m": 1.0e8}}, {}),

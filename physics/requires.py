@@ -10,7 +10,6 @@ from collections.abc import Mapping
 from typing import Any
 
 from .geometry import focal_px
-from .planetshine import irradiance_wm2
 from .sky import Sky
 
 Settings = Mapping[str, Mapping[str, Any]]
@@ -44,26 +43,16 @@ def shown_surface(settings: Settings, topic: str) -> Mapping[str, Any]:
     return settings[topic] if walks(settings, topic) else {**settings[topic], "subsurface_weight": 0.0}
 
 
-def planet_share(sky: Sky) -> float:
-    """Light of the planet over that of the Sun, on level ground or on ground that faces them, whichever is more;
-    infinite at night, 0 without a planet that is up and lit."""
-    if sky.planet is None or not sky.planet_is_up:
-        return 0.0
-    sun = sky.sun_irradiance_wm2 * (1.0 - sky.eclipse) if sky.sun_is_up else 0.0
-    (sun_level, planet_level), planet = sky.ground_irradiance_wm2, irradiance_wm2(sky.planet)
-    if planet <= 0:
-        return 0.0
-    return max(planet_level / sun_level, planet / sun) if sun_level > 0 and sun > 0 else math.inf
-
-
 def planet_lights(settings: Settings, sky: Sky) -> bool:
     """Whether the planet is to light the ground, see ``light.planet_least``."""
-    share = planet_share(sky)
-    return share > 0 and share >= settings["light"]["planet_least"]
+    return sky.planet_over_sun > 0 and sky.planet_over_sun >= settings["light"]["planet_least"]
 
 
-def left_out(settings: Settings, sky: Sky) -> list[str]:
-    """What is described and not rendered, since it would not be seen: sentences, for the person and ``pair.json``."""
+def left_out(settings: Settings, lights: Mapping[str, Any]) -> list[str]:
+    """What is described and not rendered, since it would not be seen: sentences, for the person and ``pair.json``.
+
+    ``lights`` are the ``sky.facts`` of what was built.
+    """
     said = []
     for topic in SURFACES if settings["rocks"]["coverage"] > 0 and settings["rocks"]["own_surface"] else SURFACES[:1]:
         length = walk_px(settings, topic)
@@ -71,8 +60,8 @@ def left_out(settings: Settings, sky: Sky) -> list[str]:
             said.append(f"{topic}: no walk under the surface, since the mean free path of "
                         f"{1e3 * settings[topic]['subsurface_radius_m']:.3g} mm is {length:.2g} of the nearest pixel, "
                         f"under quality.walk_px.")
-    if sky.planet is not None and not planet_lights(settings, sky):
-        share = planet_share(sky)
+    share = lights["planet"].get("over_sun") if lights["planet"] else None  # None by night too
+    if share is not None and (share == 0 or share < settings["light"]["planet_least"]):
         said.append("light: the planet gives no light, since "
                     + (f"it would be {share:.2g} of the Sun's, under light.planet_least." if share > 0 else
                        "it is below the horizon or unlit."))

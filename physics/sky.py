@@ -64,6 +64,16 @@ class Sky:
         planet = irradiance_wm2(self.planet, np.array([0.0, 0.0, 1.0])) if self.planet and self.planet_is_up else 0.0
         return sun, planet
 
+    @property
+    def planet_over_sun(self) -> float:
+        """Light of the planet over that of the Sun, on level ground or on ground that faces them, whichever is more;
+        infinite by night, 0 without a planet that is up and lit."""
+        planet = irradiance_wm2(self.planet) if self.planet and self.planet_is_up else 0.0
+        if planet <= 0:
+            return 0.0
+        (sun_level, planet_level), sun = self.ground_irradiance_wm2, self.sun_irradiance_wm2 * (1.0 - self.eclipse)
+        return max(planet_level / sun_level, planet / sun) if sun_level > 0 else math.inf
+
 
 def elevation_deg(direction: np.ndarray) -> float:
     """Angle of a direction above the horizon."""
@@ -147,4 +157,5 @@ def facts(shown: Sky) -> dict[str, Any]:
                 "angular_diameter_deg": planet.angular_diameter_deg,
                 "irradiance_wm2": irradiance_wm2(planet),
                 "ground_irradiance_wm2": on_ground[1],
+                "over_sun": None if math.isinf(shown.planet_over_sun) else shown.planet_over_sun,
                 "above_ring_plane_deg": shown.above_ring_plane_deg}}

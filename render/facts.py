@@ -12,7 +12,6 @@ import numpy as np
 
 from .. import compat
 from ..labels import FIRST_ROCK_INSTANCE, INSTANCE_AOV, SEMANTIC, TERRAIN_INSTANCE
-from ..nodes.lights import described_sky
 from ..nodes.scene import Built
 from ..nodes.sunlight import made_of
 from ..physics.blur import blur_of
@@ -73,7 +72,7 @@ def facts(built: Built, planned: PlannedPair, poses: dict[str, np.ndarray], towa
         "poses_rectified_to_world": {eye: poses[eye].tolist() for eye in EYES},
         "blur": blur.to_json() if blur else None,
         "light": _light_facts(built, toward_sun),
-        "left_out": left_out(settings, described_sky(settings)),
+        "left_out": left_out(settings, built.sky),
         "channels": _channels(settings["quality"]["truth"] == "DEPTH"),
         "seeds": {"dataset": settings["dataset"]["seed"], "render": planned.render_seed},
         "versions": {"blender": bpy.app.version_string, "python": platform.python_version(),

@@ -12,7 +12,7 @@ import pytest
 from icymoon import changes
 from icymoon import settings as description
 from icymoon.physics import requires
-from icymoon.physics.sky import sky
+from icymoon.physics.sky import facts, sky
 from icymoon.version import ROOT
 
 
@@ -49,24 +49,24 @@ def test_a_walk_is_worth_it_where_a_pixel_is_as_small():
 
 def test_what_is_left_out_is_told_with_its_reason():
     plain = described()
-    assert requires.left_out(plain, sky(plain["light"])) == []
+    assert requires.left_out(plain, facts(sky(plain["light"]))) == []
     own = described({"rocks": {"own_surface": True, "coverage": 0.1}, "rock_surface": SNOW["surface"],
                      "rig": {"height_m": 50.0}, "light": {"planet": True, "planet_elevation_deg": -50.0},
                      "quality": {"truth": "DEPTH"}})
-    said = requires.left_out(own, sky(own["light"]))
+    said = requires.left_out(own, facts(sky(own["light"])))
     assert [line.split(":")[0] for line in said] == ["rock_surface", "light", "truth"]
     assert "5 mm is 0.03" in said[0]
 
 
 def test_the_planet_counts_against_the_sun_of_the_ground_that_it_lights():
     def share(**light):
-        return requires.planet_share(sky(described({"light": {"planet": True, **light}})["light"]))
+        return sky(described({"light": {"planet": True, **light}})["light"]).planet_over_sun
 
     assert 1e-3 < share() < 1.0
     assert share(sun_elevation_deg=1.0) > share()  # level ground gets little of a low Sun
     assert share(sun_elevation_deg=-5.0, sun_azimuth_deg=180.0) == math.inf
     assert share(planet_elevation_deg=-50.0) == 0.0
-    assert requires.planet_share(sky(described()["light"])) == 0.0
+    assert sky(described()["light"]).planet_over_sun == 0.0
 
 
 def test_torch_is_loaded_for_networks_only():
