@@ -442,7 +442,7 @@ def choose_by_picture() -> Waiting:
     for operator in (bpy.ops.icymoon.add_terrain, bpy.ops.icymoon.add_block):
         count = len(bpy.data.objects)
         with in_region("WINDOW"):
-            operator("INVOKE_DEFAULT")
+            operator("INVOKE_DEFAULT", True)  # from a script nothing is undone otherwise
         yield from until(lambda count=count: len(bpy.data.objects) == count + 1, "Adding ice")
         yield from screenshot("added")
         yield from away()
