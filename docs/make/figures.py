@@ -8,6 +8,7 @@ The same code gives the same bytes: no date, no random ids, letters as outlines.
 from __future__ import annotations
 
 import io
+import json
 import math
 import sys
 from collections.abc import Callable
@@ -23,6 +24,7 @@ from icymoon.physics.hapke import bidirectional_reflectance
 from icymoon.physics.light import sun_diameter_deg, sun_irradiance_wm2
 from icymoon.physics.seeds import generator
 from icymoon.stereo.metrics import depth_metrics, disparity_metrics, total_metrics
+from icymoon.stereo.trade import front
 from icymoon.version import ROOT
 from matplotlib import rc_context
 from matplotlib.figure import Figure
@@ -261,9 +263,30 @@ def cautious_matcher(figure: Figure) -> None:
     axes.legend()
 
 
+def trade_front(figure: Figure) -> None:
+    """Extra disparity error over processor seconds, of the variants that ``trade.json`` beside this file holds."""
+    report = json.loads((Path(__file__).parent / "trade.json").read_text(encoding="utf-8"))
+    kinds = {row["key"]: row["name"] if row["group"] == "scene" else row["name"].partition(" ")[2]  # "8 samples, …"
+             for row in report["rows"]}
+    panels = figure.subplots(1, 2, sharey=True)
+    for axes, method in zip(panels, ("sgbm", "bm"), strict=True):
+        for kind, colour in zip(dict.fromkeys(kinds.values()), COLOURS, strict=False):
+            rows = [row for row in report["rows"] if kinds[row["key"]] == kind]
+            axes.loglog([row["cpu_s"] for row in rows], [row["loss"][method]["epe_px"] for row in rows], "o", ms=4,
+                        color=colour, label=kind)
+        best = [report["rows"][k] for k in front(report["rows"], "cpu_s", ("loss", method, "epe_px"))]
+        axes.loglog([row["cpu_s"] for row in best], [row["loss"][method]["epe_px"] for row in best], "-",
+                    color="#777777", lw=1, zorder=0)
+        axes.set(xlabel="Processor seconds of a pair", title=method, ylim=(0.003, 3.0))
+        axes.set_xticks((2, 5, 10, 20), ("2", "5", "10", "20"))
+        axes.set_xticks((), minor=True)
+    panels[0].set(ylabel="Extra disparity error, px")
+    panels[0].legend(fontsize=8)
+
+
 FIGURES: dict[str, Callable[[Figure], None]] = {f.__name__: f for f in (
     terrain_law, terrain_profiles, block_sizes, hapke_phase, hapke_error, hapke_roughness, sun_at_distance, europa_day,
-    planet_phase, photon_transfer, exposure_response, depth_error, cautious_matcher)}
+    planet_phase, photon_transfer, exposure_response, depth_error, cautious_matcher, trade_front)}
 
 
 def svg(name: str) -> bytes:
