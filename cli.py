@@ -286,7 +286,8 @@ def _quality(options: argparse.Namespace) -> int:
         speed = None if options.measure else remembered(device)
         if speed is None:
             with tempfile.TemporaryDirectory() as folder, shown("Measuring this machine") as show:
-                speed = measure(options.blender, device, Path(folder), show)
+                speed = measure(options.blender, device, Path(folder),
+                                lambda message: show(message) if message["type"] == "progress" else None)
         found = qualities(settings, triangles_of(settings), speed)
     if options.json:
         emit("result", speed=asdict(speed), qualities=[asdict(each) for each in found])

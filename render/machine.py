@@ -40,12 +40,12 @@ class Speed:
     device: str
     blender: str
     processors: int
-    measured: str  # date, UTC
+    measured: str  # moment, UTC, ISO 8601
 
     @property
     def basis(self) -> str:
         """Where it comes from, for people."""
-        return f"this machine, Blender {self.blender}, measured {self.measured}"
+        return f"this machine, Blender {self.blender}, measured {self.measured[:10]}"
 
 
 def folder() -> Path:
@@ -103,13 +103,16 @@ def probe(device: str) -> Settings:
 def speed_of(pairs: list[Path], device: str) -> Speed:
     """What rendered pairs of ``probe`` say: the fastest but the first, for other work may slow any of them down.
 
-    Raises IcyMoonError if they cannot be read.
+    All processors are taken to be at work half the time at least: where a pair took longer, other work had them, or
+    the pair is too small for so many. Raises IcyMoonError if they cannot be read.
     """
     expected = work_of(probe(device)).seconds(triangles_of(probe(device)))
     try:
         facts = [json.loads((pair / "pair.json").read_text(encoding="utf-8")) for pair in pairs]
-        seconds = min(each["seconds"]["render"] + each["seconds"]["write"] for each in facts[1:])
-        return Speed(processors() * seconds / expected, device, facts[0]["versions"]["blender"], processors(),
+        taken = [processors() * (each["seconds"]["render"] + each["seconds"]["write"]) for each in facts[1:]]
+        if device == "CPU":
+            taken += [2.0 * each["cpu_seconds"]["pair"] for each in facts[1:]]
+        return Speed(min(taken) / expected, device, facts[0]["versions"]["blender"], processors(),
                      datetime.now(UTC).isoformat(timespec="minutes"))
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise IcyMoonError(f"The small render that measures this machine cannot be read ({error}); try "

@@ -53,13 +53,14 @@ def test_a_broken_file_is_as_good_as_none(cache, text):
     assert machine.remembered("CPU") == speed()
 
 
-def rendered(folder, seconds, blender="5.0.1"):
+def rendered(folder, seconds, cpu_s=1e3):
     pairs = []
     for k, each in enumerate(seconds):
         pairs.append(folder / str(k))
         pairs[-1].mkdir()
         (pairs[-1] / "pair.json").write_text(json.dumps(
-            {"seconds": {"render": each - 0.25, "write": 0.25, "build": 9.0}, "versions": {"blender": blender}}))
+            {"seconds": {"render": each - 0.25, "write": 0.25, "build": 9.0},
+             "cpu_seconds": {"before": 9.0, "pair": cpu_s}, "versions": {"blender": "5.0.1"}}))
     return pairs
 
 
@@ -69,6 +70,14 @@ def test_the_fastest_pair_but_the_first_counts(tmp_path):
     expected = cost.work_of(settings).seconds(cost.triangles_of(settings))
     assert found.factor == pytest.approx(cost.processors() * 3.0 / expected)
     assert found.blender == "5.0.1"
+
+
+def test_other_work_makes_a_machine_no_slower_than_half_used(tmp_path):
+    busy = machine.speed_of(rendered(tmp_path, (900.0, 800.0), cpu_s=3.0), "CPU")
+    settings = machine.probe("CPU")
+    assert busy.factor == pytest.approx(6.0 / cost.work_of(settings).seconds(cost.triangles_of(settings)))
+    card = machine.speed_of([tmp_path / "0", tmp_path / "1"], "GPU")
+    assert card.factor > 100 * busy.factor
 
 
 def test_a_probe_that_says_nothing_is_an_error(tmp_path):
@@ -104,9 +113,7 @@ def test_a_better_quality_costs_more_and_errs_less():
     listed = qualities(description.defaults(), 1e6, speed())
     assert listed[-1].title == "As described"
     assert [quality.seconds for quality in listed[:-1]] == sorted(quality.seconds for quality in listed[:-1])
-    ours = [quality for name in ("draft", "standard", "reference") for quality in listed
-            if quality.name == f"qualities/{name}" and quality.errors]
-    assert ours
+    ours = [next(q for q in listed if q.name == f"qualities/{name}") for name in ("draft", "standard", "reference")]
     for key in ("sgbm_px", "radiance_rms"):
         errors = [quality.errors[key] for quality in ours]
         assert errors == sorted(errors, reverse=True)
