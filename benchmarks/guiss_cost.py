@@ -72,7 +72,8 @@ def ladder() -> list[Rung]:
     bounces = {"quality": {"diffuse_bounces": 4, "noise_threshold": 0.0}}
     solid = {**bounces, "surface": {"subsurface_weight": 0.0}}
     few = {**solid, "quality": {**bounces["quality"], "samples": 8}}
-    plain = {**few, "surface": {"model": "LAMBERT"}}
+    depth = {**few, "quality": {**few["quality"], "truth": "DEPTH"}}
+    plain = {**depth, "surface": {"model": "LAMBERT"}}
     return [Rung("paper's settings, two renders", {}, PAPER, apart=True),
             Rung("both eyes in one render, geometry kept", {}, PAPER),
             Rung("4 bounces, no clamp", bounces, CLEANED),
@@ -80,6 +81,7 @@ def ladder() -> list[Rung]:
             Rung("denoiser's guides as they are", solid, CLASSIC),
             Rung("blue noise", solid),
             Rung("8 samples", few),
+            Rung("depth alone of the truth", depth),
             Rung("Lambert, same albedo", plain),
             Rung("graded mesh of 4 px", {**plain, "mesh": {"kind": "GRADED", "error_px": 4.0, "edge_px": 24.0}})]
 
@@ -142,7 +144,7 @@ class _Apart:
         from mathutils import Matrix
 
         start = time.process_time()
-        passes.choose(scene, BEAUTY, stem)
+        passes.choose(scene, BEAUTY, stem, False)
         pose, kept = scene.camera.matrix_world.copy(), scene.render.use_persistent_data
         scene.render.use_multiview = scene.render.use_persistent_data = False
         files = {}

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 _START_S = 3.0
 _SCENE_S, _BUILD_S_PER_MTRI, _BLOCKS_BUILD_S = 0.2, 0.7, 0.2
 _PAIR_S, _PAIR_S_PER_MTRI = 0.05, 0.6
-_S_PER_MPX, _SAMPLE_S_PER_MPX, _DENOISE_S_PER_MPX = 4.3, 2.06, 3.5
+_S_PER_MPX, _TRUTH_S_PER_MPX, _SAMPLE_S_PER_MPX, _DENOISE_S_PER_MPX = 2.1, 1.7, 2.06, 3.5
 #: Bytes of both files per pixel of both eyes, and what the planet's light and the denoised image add.
 _BYTES, _BYTES_PLANET, _BYTES_DENOISED = 21.0, 4.5, 12.0
 #: Cost of a sample over that with Lambert's law. Bounces count for little: on open ground most paths end in the sky.
@@ -56,19 +56,21 @@ _UNKNOWN_DEVICE = math.log(30.0) / 2  # a graphics card
 @dataclass(frozen=True)
 class Work:
     """What a pair asks of the machine: pixels of both eyes, samples, cost of one relative to Lambert's law, whether
-    it is denoised and whether the planet's light is kept apart."""
+    it is denoised, whether the planet's light is kept apart, and whether truth is a render of its own."""
 
     pixels: int
     samples: float
     relative: float
     denoised: bool
     planet: bool
+    truth: bool
 
     def seconds(self, triangles: float) -> float:
         """Processor seconds of the pair in a scene of so many triangles that is there."""
         mpx = self.pixels / 1e6
         return _PAIR_S + _PAIR_S_PER_MTRI * triangles / 1e6 + mpx * (
-            _S_PER_MPX + self.samples * self.relative * _SAMPLE_S_PER_MPX + _DENOISE_S_PER_MPX * self.denoised)
+            _S_PER_MPX + _TRUTH_S_PER_MPX * self.truth + _DENOISE_S_PER_MPX * self.denoised
+            + self.samples * self.relative * _SAMPLE_S_PER_MPX)
 
     @property
     def bytes(self) -> float:
@@ -90,7 +92,7 @@ def work_of(settings: Settings) -> Work:
     relative += _IMAGES * (settings["textures"]["set"] != "NONE") + _BLOCKS * (settings["rocks"]["coverage"] > 0)
     samples = samples_taken(quality["samples"], quality["noise_threshold"])
     return Work(2 * rig["width_px"] * rig["height_px"], samples, relative, quality["denoiser"] != "NONE",
-                settings["light"]["planet"])
+                settings["light"]["planet"], quality["truth"] != "DEPTH")
 
 
 def samples_taken(samples: int, threshold: float) -> float:

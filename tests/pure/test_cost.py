@@ -36,7 +36,7 @@ def finish(dataset, pair, seconds, size=1000):
     ({"quality": {"samples": 64}}, True), ({"rig": {"width_px": 640}}, True), ({"quality": {"denoiser": "OIDN"}}, True),
     ({"surface": {"subsurface_weight": 0.5}}, True), ({"surface": {"model": "LAMBERT"}}, False),
     ({"rocks": {"coverage": 0.1}}, True), ({"textures": {"set": "FROST"}}, True),
-    ({"surface": {"model": "HAPKE"}}, True),
+    ({"surface": {"model": "HAPKE"}}, True), ({"quality": {"truth": "DEPTH"}}, False),
 ])
 def test_what_costs_more_is_expected_to(change, dearer):
     base, other = (cost.work_of(described(*c)).seconds(1e5) for c in ((), (change,)))
