@@ -9,8 +9,10 @@ from __future__ import annotations
 import argparse
 import os
 import sys
+import tempfile
 from collections.abc import Callable
 from contextlib import nullcontext
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -76,6 +78,13 @@ def _parser() -> argparse.ArgumentParser:
 
     presets = verbs.add_parser("presets", help="list the shipped presets")
     presets.set_defaults(run=_presets)
+
+    quality = verbs.add_parser("quality", help="say what each quality costs on this machine and what error it leaves")
+    _describe(quality)
+    quality.add_argument("--measure", action="store_true",
+                         help="measure this machine again by a small render, not only the first time")
+    quality.add_argument("--json", action="store_true", help="say it in JSON lines")
+    quality.set_defaults(run=_quality)
 
     trade = verbs.add_parser("trade", help="measure how much accuracy each way to save time costs, on one scene")
     _describe(trade)
@@ -263,6 +272,32 @@ def _presets(options: argparse.Namespace) -> int:
     for name in description.preset_names():
         title, text = description.preset_header(name)
         print(f"{name:32} {title}. {text}")
+    return 0
+
+
+def _quality(options: argparse.Namespace) -> int:
+    from .render.cost import triangles_of
+    from .render.machine import measure, remembered
+    from .render.qualities import qualities
+
+    with errors_told(options.json):
+        settings = _described(options)
+        device = str(settings["quality"]["device"])
+        speed = None if options.measure else remembered(device)
+        if speed is None:
+            with tempfile.TemporaryDirectory() as folder, shown("Measuring this machine") as show:
+                speed = measure(options.blender, device, Path(folder),
+                                lambda message: show(message) if message["type"] == "progress" else None)
+        found = qualities(settings, triangles_of(settings), speed)
+    if options.json:
+        emit("result", speed=asdict(speed), qualities=[asdict(each) for each in found])
+        return 0
+    print(f"A pair of this scene takes ({speed.basis}, {speed.processors} processors):")
+    for each in found:
+        print(f"  {each.name or each.title.lower():22} {each.cost:28} {each.error}".rstrip())
+    measured = next((each.errors for each in found if each.errors), None)
+    if measured:
+        print(f"Errors are those of {measured['scene']}; of this scene: icymoon auto, icymoon trade.")
     return 0
 
 

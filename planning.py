@@ -9,6 +9,7 @@ from typing import Any
 
 from .properties import all_settings
 from .render.cost import estimate
+from .render.machine import remembered
 from .render.plan import PlannedPair
 from .render.queue import emit, errors_told
 from .render.sweep import Plan, plan_header, plan_path, read_plan
@@ -72,7 +73,9 @@ def _say(options: argparse.Namespace) -> None:
 
 
 def _say_estimate(plan: Plan, pairs: Sequence[PlannedPair], options: argparse.Namespace) -> None:
-    found = estimate(pairs, options.out.absolute() if options.out else None)
+    devices = {str(pair.settings["quality"]["device"]) for pair in pairs}
+    speed = remembered(devices.pop()) if len(devices) == 1 else None
+    found = estimate(pairs, options.out.absolute() if options.out else None, speed)
     if options.json:
         emit("result", plan=str(plan.path), title=plan.title, **found.facts())
         return

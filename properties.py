@@ -684,7 +684,8 @@ QUALITY = Topic("quality", "Render Quality", "What a render may cost", (
                       "Remove the noise without guides: smooths fine texture away"))),
     Setting("noise_threshold", "Noise Threshold", 0.0,
             "Relative noise at which a pixel gets no more light paths; 0 gives all pixels the same number. Saves time "
-            "in the sky and on smooth light, and leaves noise that is uneven over the image", "sampling", "1",
+            "in the sky and on smooth light, and leaves noise that is uneven over the image. Each pixel gets "
+            "16 threshold^-0.3 at least: 32 at 0.1, 64 at 0.01", "sampling", "1",
             0.0, 1.0, (0.0, 0.1)),
     Setting("diffuse_bounces", "Bounces", 4,
             "Diffuse interreflections followed; 4 are within 1 % of all even at albedo 1", "sampling", "bounces",

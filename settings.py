@@ -170,12 +170,13 @@ def load(path: Path) -> Settings:
     """The partial description in a settings file, its ``[preset]`` includes first.
 
     A file may open with ``[preset]`` (``title``, ``description``, ``include = ["bodies/europa", …]``, and
-    ``made_with``, the version that wrote it) and close with ``[sources]`` (where each number comes from); the rest are
-    topics. Raises IcyMoonError if it cannot be read.
+    ``made_with``, the version that wrote it) and close with ``[sources]`` (where each number comes from) and
+    ``[measured]`` (what was found of it); the rest are topics. Raises IcyMoonError if it cannot be read.
     """
     data = read_toml(path)
     header = data.pop("preset", {})
     data.pop("sources", None)
+    data.pop("measured", None)
     try:
         included = [load(preset_path(name)) for name in _checked_header(header, path)]
         return merged(*included, beside(path.parent, check(data, str(path))))

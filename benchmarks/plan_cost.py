@@ -43,6 +43,9 @@ ROWS: dict[str, dict[str, Any]] = {
     "Lambert, planet": {"surface": {"model": "LAMBERT"}, "light": {"planet": True}},
     "Lambert, 0 bounces": {"surface": {"model": "LAMBERT"}, "quality": {"diffuse_bounces": 0}},
     "Lambert, 10 bounces": {"surface": {"model": "LAMBERT"}, "quality": {"diffuse_bounces": 10}},
+    **{f"Lambert, 256 samples, threshold {limit:g}": {
+        "surface": {"model": "LAMBERT"}, "quality": {"samples": 256, "noise_threshold": limit}}
+       for limit in (0.3, 0.1, 0.05, 0.02, 0.01)},
     "Lambert, blocks": {"surface": {"model": "LAMBERT"}, "rocks": {"coverage": 0.1}},
     "Principled": {},
     "Principled, half subsurface": {"surface": {"subsurface_weight": 0.5}},

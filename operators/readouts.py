@@ -16,6 +16,9 @@ from ..physics.blur import advice, blur_of, confusion_px, motion_px
 from ..physics.distortion import coefficients, overscan_needed
 from ..physics.geometry import GroundRow, depth_error_m, focal_px, ground_row, shared_width_px
 from ..physics.sky import facts, sky
+from ..render.machine import Speed, remembered
+from ..render.qualities import qualities
+from ..settings import Settings
 
 #: Disparity error, px, that the depth error is stated for: what good matchers leave on textured ground.
 DISPARITY_ERROR_PX = 0.25
@@ -128,3 +131,28 @@ def _row_lines(name: str, row: GroundRow, rig: Mapping[str, Any]) -> list[str]:
 def _two_digits(value: float) -> str:
     """A number to two significant digits, without an exponent."""
     return f"{float(f'{value:.2g}'):,.10g}".replace(",", " ")
+
+
+#: Triangles of a ground that is not built yet, for an estimate: they count for little beside the light.
+_TRIANGLES = 1e6
+
+
+def quality_lines(settings: Settings) -> tuple[str, ...]:
+    """Seconds of a pair of the described scene at each quality, and the error that was measured of it."""
+    speed = _speed(str(settings["quality"]["device"]))
+    lines = []
+    for quality in qualities(settings, _TRIANGLES, speed):
+        lines += [f"{quality.title}: {quality.cost}", *([f"    {quality.error}"] if quality.error else [])]
+    basis = f"Seconds of {speed.basis}" if speed else "Seconds of another machine; measure this one"
+    return (*lines, *textwrap.wrap(basis, LINE))
+
+
+@lru_cache(maxsize=2)
+def _speed(device: str) -> Speed | None:
+    """The speed of this machine with this Blender, read once."""
+    return remembered(device, bpy.app.version_string)
+
+
+def forget_speed() -> None:
+    """Read the speed again, which was measured anew."""
+    _speed.cache_clear()

@@ -1,4 +1,4 @@
-"""Speed against accuracy of the present scene: measured, and the cheapest quality that will do, found."""
+"""Speed against accuracy: of this machine, of the present scene, and the cheapest quality that will do, found."""
 
 from __future__ import annotations
 
@@ -14,9 +14,10 @@ from ..files import disk_errors
 from ..nodes.own_files import with_absolute_files
 from ..nodes.scene import find
 from ..preferences import evaluator_python
-from ..render.launch import python_command
+from ..render import machine
+from ..render.launch import Job, blender_command, python_command
 from ..render.queue import Message, Process, clean_environment
-from . import jobs
+from . import jobs, readouts
 from .render import dataset_folder
 
 #: What the last measurement or search said, for the panel; per scene name.
@@ -130,4 +131,40 @@ class ICYMOON_OT_auto_quality(_Measured, jobs.JobOperator, bpy.types.Operator):
     _chosen: str | None = None
 
 
-CLASSES = (ICYMOON_OT_trade, ICYMOON_OT_auto_quality)
+class ICYMOON_OT_measure_machine(jobs.JobOperator, bpy.types.Operator):
+    """Render a small pair and remember how long it took, so that expected seconds are those of this machine"""
+
+    bl_idname = "icymoon.measure_machine"
+    bl_label = "Measure This Machine"
+
+    def start(self, context: bpy.types.Context) -> jobs.Job:
+        self._device = str(context.scene.icymoon.quality.device)
+        folder = tempfile.TemporaryDirectory(prefix="icymoon-speed-")
+        job = Job(Path(folder.name), machine.probe(self._device))
+
+        def hear(message: Message) -> None:
+            if message["type"] == "done":
+                self._speed = machine.speed_of([Path(pair) for pair in message["folders"]], self._device)
+
+        def clean() -> None:
+            job.remove()
+            folder.cleanup()
+
+        try:
+            process = Process(blender_command(jobs.this_blender(), "worker", str(job.file)), clean_environment())
+        except IcyMoonError:
+            clean()
+            raise
+        return jobs.Job(self.bl_label, process, hear, clean)
+
+    def succeeded(self, context: bpy.types.Context) -> None:
+        machine.remember(self._speed)
+        readouts.forget_speed()
+        self.report({"INFO"}, f"This machine takes {self._speed.factor:.2g} times the seconds of the one that the "
+                    "estimates were made on")
+
+    _device: str = "CPU"
+    _speed: machine.Speed
+
+
+CLASSES = (ICYMOON_OT_trade, ICYMOON_OT_auto_quality, ICYMOON_OT_measure_machine)

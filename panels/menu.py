@@ -69,6 +69,7 @@ class ICYMOON_MT_icymoon(bpy.types.Menu):
         layout.operator("icymoon.evaluate", text="Evaluate Whole Data Set").scope = "DATASET"
         layout.operator("icymoon.auto_quality", text="Find Quality…")
         layout.operator("icymoon.trade", text="Measure Speed and Accuracy…")
+        layout.operator("icymoon.measure_machine")
         layout.separator()
         layout.operator("icymoon.choose_plan", text="Choose Plan…")
         layout.operator("icymoon.open_plan", text="Open Plan…")

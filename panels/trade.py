@@ -6,7 +6,9 @@ from typing import Any
 
 import bpy
 
-from ..operators import trade
+from .. import settings as description
+from ..operators import readouts, trade
+from .fields import draw_lines
 from .sidebar import Sidebar
 
 
@@ -21,6 +23,8 @@ class ICYMOON_PT_trade(Sidebar, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         layout: Any = self.layout
         layout.operator_context = "INVOKE_DEFAULT"
+        draw_lines(layout, readouts.quality_lines(description.from_group(context.scene.icymoon)))
+        layout.operator("icymoon.measure_machine")
         layout.operator("icymoon.auto_quality", text="Find Quality…")
         layout.operator("icymoon.trade", text="Measure…")
         for line in trade.said.get(context.scene.name, ()):

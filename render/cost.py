@@ -13,7 +13,7 @@ import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from .. import changes
 from ..errors import IcyMoonError
@@ -26,11 +26,14 @@ from .order import key, ordered
 from .pair import is_complete
 from .plan import PlannedPair
 
+if TYPE_CHECKING:
+    from .machine import Speed
+
 #: Processor seconds, 2-core x86 server, Blender 5.0 (``benchmarks/plan_cost.py``): a worker, a build, a pair.
 _START_S = 3.0
 _SCENE_S, _BUILD_S_PER_MTRI, _BLOCKS_BUILD_S = 0.2, 0.7, 0.2
 _PAIR_S, _PAIR_S_PER_MTRI = 0.05, 0.6
-_S_PER_MPX, _SAMPLE_S_PER_MPX, _DENOISE_S_PER_MPX = 4.3, 2.06, 3.5
+_S_PER_MPX, _TRUTH_S_PER_MPX, _SAMPLE_S_PER_MPX, _DENOISE_S_PER_MPX = 2.1, 1.7, 2.06, 3.5
 #: Bytes of both files per pixel of both eyes, and what the planet's light and the denoised image add.
 _BYTES, _BYTES_PLANET, _BYTES_DENOISED = 21.0, 4.5, 12.0
 #: Cost of a sample over that with Lambert's law. Bounces count for little: on open ground most paths end in the sky.
@@ -38,31 +41,36 @@ _MODELS = {"LAMBERT": 1.0, "LOMMEL_SEELIGER": 1.0, "LUNAR_LAMBERT": 1.05, "PRINC
 _HAPKE_NODES, _HAPKE_REFERENCE = 1.4, 3.7
 _TRANSMISSION, _IMAGES, _BLOCKS = 0.3, 2.9, 0.6  # added by clear ice, images on the ground and blocks
 _SUBSURFACE, _HALF = 15.0, 0.5  # added by light under the surface, half of it where its weight is this
+#: Cycles' own least samples under a noise threshold t are 16 t^-0.3; beyond them a pixel of noise s of one sample takes
+#: (s / t)². Here s is that of bare ice in sunlight, the mean over its pixels.
+_LEAST, _LEAST_POWER, _SAMPLE_NOISE = 16.0, -0.3, 0.2
 #: Scenes whose triangles are counted; the others are taken to have as many on the mean.
 _COUNTED = 6
 #: Pairs of the data set that are looked at for what they took.
 _LOOKED_AT = 400
-#: Standard deviations of the logarithm: of the whole before a pair is known (another machine), of one pair.
-_BEFORE, _ONE_PAIR = math.log(3.0) / 2, 0.25
+#: Standard deviations of the logarithm: of the whole before a pair is known (another machine, this one), of one pair.
+_BEFORE, _BEFORE_HERE, _ONE_PAIR = math.log(3.0) / 2, math.log(1.6) / 2, 0.25
 _UNKNOWN_DEVICE = math.log(30.0) / 2  # a graphics card
 
 
 @dataclass(frozen=True)
 class Work:
     """What a pair asks of the machine: pixels of both eyes, samples, cost of one relative to Lambert's law, whether
-    it is denoised and whether the planet's light is kept apart."""
+    it is denoised, whether the planet's light is kept apart, and whether truth is a render of its own."""
 
     pixels: int
-    samples: int
+    samples: float
     relative: float
     denoised: bool
     planet: bool
+    truth: bool
 
     def seconds(self, triangles: float) -> float:
         """Processor seconds of the pair in a scene of so many triangles that is there."""
         mpx = self.pixels / 1e6
         return _PAIR_S + _PAIR_S_PER_MTRI * triangles / 1e6 + mpx * (
-            _S_PER_MPX + self.samples * self.relative * _SAMPLE_S_PER_MPX + _DENOISE_S_PER_MPX * self.denoised)
+            _S_PER_MPX + _TRUTH_S_PER_MPX * self.truth + _DENOISE_S_PER_MPX * self.denoised
+            + self.samples * self.relative * _SAMPLE_S_PER_MPX)
 
     @property
     def bytes(self) -> float:
@@ -82,8 +90,19 @@ def work_of(settings: Settings) -> Work:
         under = surface["subsurface_weight"]
         relative += _SUBSURFACE * under / (under + _HALF) + _TRANSMISSION * surface["transmission"]
     relative += _IMAGES * (settings["textures"]["set"] != "NONE") + _BLOCKS * (settings["rocks"]["coverage"] > 0)
-    return Work(2 * rig["width_px"] * rig["height_px"], quality["samples"], relative, quality["denoiser"] != "NONE",
-                settings["light"]["planet"])
+    samples = samples_taken(quality["samples"], quality["noise_threshold"])
+    return Work(2 * rig["width_px"] * rig["height_px"], samples, relative, quality["denoiser"] != "NONE",
+                settings["light"]["planet"], quality["truth"] != "DEPTH")
+
+
+def samples_taken(samples: int, threshold: float) -> float:
+    """Samples that a pixel takes on the mean where none takes more than ``samples``, under a noise threshold (0: none).
+
+    Measured by ``benchmarks/plan_cost.py``.
+    """
+    if threshold <= 0:
+        return float(samples)
+    return min(float(samples), max(_LEAST * threshold**_LEAST_POWER, (_SAMPLE_NOISE / threshold) ** 2))
 
 
 def triangles_of(settings: Settings) -> float:
@@ -109,7 +128,8 @@ class Estimate:
 
     ``geometries``, ``surfaces`` and ``lights`` are how many different ones there are, ``scenes`` how many are built.
     ``seconds`` are of processor time, ``left_s`` those of the pairs that are not there; it lies between ``left_s``
-    divided and multiplied by ``factor`` in 19 of 20 cases. ``measured`` pairs have corrected it.
+    divided and multiplied by ``factor`` in 19 of 20 cases. ``measured`` pairs have corrected it; before, it rests on
+    ``basis``.
     """
 
     pairs: int
@@ -124,13 +144,14 @@ class Estimate:
     factor: float
     measured: int
     processors: int
+    basis: str
 
     def lines(self) -> list[str]:
         """The estimate for people, a line each."""
         left = self.left_s / self.processors
         low, high = left / self.factor, left * self.factor
         basis = (f"corrected by {self.measured} rendered pair{'s' * (self.measured != 1)}" if self.measured
-                 else "from another machine's times")
+                 else f"from {self.basis}")
         there = f", {self.there} of them there already" if self.there else ""
         said = [f"{self.pairs} pairs{there}",
                 f"{self.geometries} ground{'s' * (self.geometries != 1)}, {self.surfaces} surface"
@@ -164,8 +185,9 @@ def processors() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-def estimate(pairs: Sequence[PlannedPair], dataset: Path | None = None) -> Estimate:
-    """What planned pairs will take, those that ``dataset`` holds already taken off and learnt from."""
+def estimate(pairs: Sequence[PlannedPair], dataset: Path | None = None, speed: Speed | None = None) -> Estimate:
+    """What planned pairs will take on a machine of a known ``speed``, those that ``dataset`` holds already taken off
+    and learnt from."""
     pairs = ordered(pairs)
     keys = [tuple(key(part, pair) for part in (changes.scene, changes.look, changes.light)) for pair in pairs]
     triangles = _triangles({each[0]: pair for each, pair in zip(keys, pairs, strict=True)})
@@ -180,7 +202,7 @@ def estimate(pairs: Sequence[PlannedPair], dataset: Path | None = None) -> Estim
     expected = {pair.id: work_of(pair.settings).seconds(triangles[each[0]])
                 for each, pair in zip(keys, pairs, strict=True)}
     ratios = _ratios(pairs, dataset, there, expected)
-    factor, spread = _learnt(ratios, any(pair.settings["quality"]["device"] == "GPU" for pair in pairs))
+    factor, spread = _learnt(ratios, speed, any(pair.settings["quality"]["device"] == "GPU" for pair in pairs))
     left = [pair for pair in pairs if pair.id not in there]
     start = _START_S if left else 0.0
     return Estimate(
@@ -188,7 +210,8 @@ def estimate(pairs: Sequence[PlannedPair], dataset: Path | None = None) -> Estim
         scenes=len({k[0] for k in keys}), surfaces=len({k[1] for k in keys}), lights=len({k[2] for k in keys}),
         seconds=factor * (sum(costs.values()) + _START_S),
         left_s=factor * (sum(costs[pair.id] for pair in left) + start), left_bytes=_bytes(pairs, left, dataset, there),
-        factor=math.exp(2.0 * spread), measured=len(ratios), processors=processors())
+        factor=math.exp(2.0 * spread), measured=len(ratios), processors=processors(),
+        basis=speed.basis if speed else "another machine's times")
 
 
 def _triangles(scenes: Mapping[str, PlannedPair]) -> dict[str, float]:
@@ -229,15 +252,21 @@ def _ratios(pairs: Sequence[PlannedPair], dataset: Path | None, there: set[str],
     return ratios
 
 
-def _learnt(ratios: Sequence[float], gpu: bool) -> tuple[float, float]:
+def spread_before(speed: Speed | None, gpu: bool) -> float:
+    """Standard deviation of the logarithm of the seconds, before a pair is known."""
+    return _BEFORE_HERE if speed else _UNKNOWN_DEVICE if gpu else _BEFORE
+
+
+def _learnt(ratios: Sequence[float], speed: Speed | None, gpu: bool) -> tuple[float, float]:
     """The factor on the expected seconds, and the standard deviation of its logarithm.
 
     Normal distributions of the logarithm: what was known before, and what each pair says.
     """
-    before = (_UNKNOWN_DEVICE if gpu else _BEFORE) ** -2
+    before = spread_before(speed, gpu) ** -2
     each = _ONE_PAIR**-2
     weight = before + each * len(ratios)
-    mean = each * sum(math.log(ratio) for ratio in ratios) / weight
+    known = math.log(speed.factor) if speed else 0.0
+    mean = (before * known + each * sum(math.log(ratio) for ratio in ratios)) / weight
     return math.exp(mean), weight**-0.5
 
 

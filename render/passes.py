@@ -68,6 +68,7 @@ def choose(scene: bpy.types.Scene, name: str, stem: Path, depth_alone: bool) -> 
         _only(layer, "use_pass_combined", *(("use_pass_z",) if depth_alone else ()))
     else:
         scene.cycles.samples = 1
+        scene.cycles.max_bounces = 0  # what light does after the first hit is not looked at
         scene.cycles.use_denoising = scene.cycles.use_adaptive_sampling = False
         _only(layer, "use_pass_combined", "use_pass_z", *(() if depth_alone else (
             "use_pass_normal", "use_pass_object_index", "use_pass_material_index")))

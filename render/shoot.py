@@ -184,7 +184,7 @@ def _render_into(part: Path, built: Built, scene: bpy.types.Scene, planned: Plan
     files: dict[str, dict[str, Path]] = {}
     start = time.perf_counter()
     with _turned(built.camera, planned.turn_deg):
-        quality.apply(scene, settings["quality"], planned.render_seed)
+        quality.apply(scene, settings["quality"], planned.render_seed, blur is not None)
         attune(scene, built.materials, built.sun, built.planetshine)
         lights = apart.lights(scene, built)
         # What moves during a render is not kept from one to the next, nor are surfaces that change between them.

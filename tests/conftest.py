@@ -13,6 +13,7 @@ import pytest
 
 _resources = tempfile.mkdtemp(prefix="icymoon-blender-")
 os.environ["BLENDER_USER_RESOURCES"] = _resources  # before the first import of bpy
+os.environ["ICYMOON_CACHE"] = os.path.join(_resources, "cache")  # nor is what was measured of the machine used
 _status = pytest.StashKey[int]()
 # A slow machine is no failure.
 hypothesis.settings.register_profile("icymoon", deadline=None, suppress_health_check=[hypothesis.HealthCheck.too_slow])

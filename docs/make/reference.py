@@ -129,13 +129,19 @@ def _presets() -> str:
 
 def _preset(name: str) -> str:
     raw = settings.read_toml(settings.preset_path(name))
-    header, sources = raw.pop("preset"), raw.pop("sources")
+    header, sources, measured = raw.pop("preset"), raw.pop("sources"), raw.pop("measured", None)
     text = f"### {name}\n\n**{header['title']}.** {header['description']}.\n"
     if included := header.get("include"):
         text += "\nIncludes " + ", ".join(f"[{one}](#{one.replace('/', '')})" for one in included) + ".\n"
     rows = [(f"[{topic}.{key}](settings.md#{_owner(topic)}.{key})", _cell(_value(value)),
              _cell(sources[f"{topic}.{key}"])) for topic, values in raw.items() for key, value in values.items()]
-    return text + "\n" + _table(("Setting", "Value", "Source"), rows)
+    text += "\n" + _table(("Setting", "Value", "Source"), rows)
+    if measured:
+        text += (f"\nMeasured on {measured['scene']} (`{measured['command']}`): adds {measured['sgbm_px']:.3f} px to "
+                 f"SGBM's mean error and {100 * measured['sgbm_wrong']:.1f} % to what it misses or has wrong; radiance "
+                 f"is off by {100 * measured['radiance_bias']:+.2f} % on the mean, "
+                 f"{100 * measured['radiance_rms']:.1f} % of a pixel (root mean square).\n")
+    return text
 
 
 def _value(value: Any) -> str:

@@ -6,7 +6,8 @@ import sys
 
 import pytest
 from icymoon import settings as description
-from icymoon.operators import trade
+from icymoon.operators import readouts, trade
+from icymoon.render import machine
 from icymoon.render.launch import python_command
 
 pytestmark = pytest.mark.slow
@@ -81,3 +82,18 @@ def test_the_button_sets_what_the_search_finds(tmp_path):
     tried = trade.said["Trade"]
     assert tried[-1].startswith(f"{scene.icymoon.quality.samples} samples")
     bpy.data.scenes.remove(scene)
+
+
+def test_this_machine_is_measured_by_a_button_and_shown(tmp_path, monkeypatch):
+    import bpy
+
+    monkeypatch.setenv(machine.FOLDER_VARIABLE, str(tmp_path))
+    readouts.forget_speed()
+    settings = description.defaults()
+    assert "another machine" in " ".join(readouts.quality_lines(settings))
+    assert bpy.ops.icymoon.measure_machine() == {"FINISHED"}
+    found = machine.remembered("CPU", bpy.app.version_string)
+    # A renderer on this planet's processors is within a factor of 30 of the one that the estimates were made on.
+    assert 1 / 30 < found.factor < 30
+    assert "this machine" in " ".join(readouts.quality_lines(settings))
+    readouts.forget_speed()

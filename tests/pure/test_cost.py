@@ -36,7 +36,7 @@ def finish(dataset, pair, seconds, size=1000):
     ({"quality": {"samples": 64}}, True), ({"rig": {"width_px": 640}}, True), ({"quality": {"denoiser": "OIDN"}}, True),
     ({"surface": {"subsurface_weight": 0.5}}, True), ({"surface": {"model": "LAMBERT"}}, False),
     ({"rocks": {"coverage": 0.1}}, True), ({"textures": {"set": "FROST"}}, True),
-    ({"surface": {"model": "HAPKE"}}, True),
+    ({"surface": {"model": "HAPKE"}}, True), ({"quality": {"truth": "DEPTH"}}, False),
 ])
 def test_what_costs_more_is_expected_to(change, dearer):
     base, other = (cost.work_of(described(*c)).seconds(1e5) for c in ((), (change,)))
@@ -137,3 +137,15 @@ def test_durations_are_legible(seconds, text):
 
 def test_sizes_are_legible():
     assert (cost.size(12.34e6), cost.size(3.4567e9)) == ("12.3 MB", "3.46 GB")
+
+
+def test_a_noise_threshold_saves_samples_beyond_the_least_that_cycles_takes():
+    """Cycles takes 16 t^-0.3 samples at least (a count of the samples of renders, see benchmarks/plan_cost.py)."""
+    assert cost.samples_taken(16, 0.01) == 16
+    assert cost.samples_taken(256, 0.0) == 256
+    assert cost.samples_taken(256, 0.1) == pytest.approx(32, abs=1)
+    taken = [cost.samples_taken(256, limit) for limit in (0.3, 0.1, 0.05, 0.02, 0.005)]
+    assert taken == sorted(taken)
+    assert taken[-1] == 256
+    few, all_of_them = (described({"quality": {"samples": 256, "noise_threshold": t}}) for t in (0.1, 0.0))
+    assert cost.work_of(few).seconds(0.0) < cost.work_of(all_of_them).seconds(0.0) / 4

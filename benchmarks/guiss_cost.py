@@ -1,0 +1,247 @@
+"""What a pair of snow costs here and with the settings of the paper's public code, side by side in one run.
+
+    python benchmarks/guiss_cost.py [--scale 0.25] [--pairs N] [--reference-samples N] [--out FOLDER]
+
+The paper's snow (Bhaskara et al. 2024) on ground of its terrain function, seen by its camera at 640 x 480 px. The first
+row is rendered as its public code does, made again from the facts: an eye after the other, each a render of its own, 16
+samples, 100 bounces, light under the surface, denoised with all guides cleaned. Each row below changes one thing more,
+down to what Icy Moon would be set to. All rows are of the same ground and material but where a row's name says so.
+
+Cost is processor seconds of all threads: ``first`` of a process that renders one pair (start, build, pair), ``more`` of
+each further pair of the same process. The first row pays for nothing but its two images and one depth; all others for
+exact depth, normals and labels of both eyes too. Stereo is SGBM against the exact disparity where both eyes see:
+coverage, mean error, share off by more than 1 px, share off or missing, and the mean error of StereoBM and JPLV.
+Radiance is held against a render of many samples with all bounces and the light under the surface: mean, and root mean
+square of the difference of a pixel over the mean. Needs Blender as a module.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from icymoon import settings as description
+from icymoon.render import launch
+from icymoon.render.variants import reference
+from icymoon.settings import Settings
+from icymoon.trade import scaled
+
+METHODS = "sgbm,bm,jplv"
+PRESETS = ("rigs/guiss", "sensors/default", "qualities/guiss", "lights/guiss_enceladus")
+#: The paper's snow: lamp, ground and material of its public code. The mean free path is not in it: of millimetre snow.
+SNOW: dict[str, Any] = {
+    "light": {"sun_irradiance_wm2": 10.0, "sun_elevation_deg": 24.0, "sun_azimuth_deg": 0.0},
+    "terrain": {"size_m": 20.0, "resolution": 258, "rms_slope_deg": 0.0, "layers": [{
+        "basis": "VORONOI_F2", "fractal": "HETERO", "amplitude_m": 0.45, "scale_m": 2.0, "octaves": 8,
+        "lacunarity": 2.0, "roughness": 0.574}]},
+    "mesh": {"kind": "GRID"},
+    "surface": {"model": "PRINCIPLED", "albedo": 0.8, "roughness": 0.5, "specular": 0.5, "subsurface_weight": 1.0,
+                "subsurface_radius_m": 0.005, "grain_size_m": 0.5, "grain_amplitude_m": 0.02},
+}
+#: Of Cycles, where the public code differs from what Icy Moon sets; the last four are Blender's defaults.
+PAPER: dict[str, Any] = {
+    "max_bounces": 100, "glossy_bounces": 4, "transmission_bounces": 4, "transparent_max_bounces": 64,
+    "sample_clamp_indirect": 5.0, "blur_glossy": 5.0, "light_sampling_threshold": 0.01, "use_light_tree": True,
+    "denoising_prefilter": "ACCURATE", "sampling_pattern": "TABULATED_SOBOL"}
+CLEANED = {key: PAPER[key] for key in ("denoising_prefilter", "sampling_pattern")}
+CLASSIC = {"sampling_pattern": PAPER["sampling_pattern"]}
+
+
+@dataclass(frozen=True)
+class Rung:
+    """A row: what is changed in the settings and, for what they do not have, in Cycles."""
+
+    name: str
+    settings: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    cycles: Mapping[str, Any] = field(default_factory=dict)
+    apart: bool = False  # each eye a render of its own, nothing kept
+
+
+def ladder() -> list[Rung]:
+    """The rows, each with all changes of those above it."""
+    bounces = {"quality": {"diffuse_bounces": 4, "noise_threshold": 0.0}}
+    solid = {**bounces, "surface": {"subsurface_weight": 0.0}}
+    few = {**solid, "quality": {**bounces["quality"], "samples": 8}}
+    depth = {**few, "quality": {**few["quality"], "truth": "DEPTH"}}
+    plain = {**depth, "surface": {"model": "LAMBERT"}}
+    return [Rung("paper's settings, two renders", {}, PAPER, apart=True),
+            Rung("both eyes in one render, geometry kept", {}, PAPER),
+            Rung("4 bounces, no clamp", bounces, CLEANED),
+            Rung("no walk under the surface, same albedo", solid, CLEANED),
+            Rung("denoiser's guides as they are", solid, CLASSIC),
+            Rung("blue noise", solid),
+            Rung("8 samples", few),
+            Rung("depth alone of the truth", depth),
+            Rung("Lambert, same albedo", plain),
+            Rung("graded mesh of 4 px", {**plain, "mesh": {"kind": "GRADED", "error_px": 4.0, "edge_px": 24.0}})]
+
+
+def snow(scale: float) -> Settings:
+    """Complete settings of the scene with the paper's quality."""
+    made = description.merged(description.defaults(), *(description.load(description.preset_path(p)) for p in PRESETS),
+                              description.check(SNOW, "benchmark"))
+    return scaled(made, scale)
+
+
+# In a process of its own, with Blender.
+
+def render(job: dict[str, Any]) -> list[dict[str, Any]]:
+    """Render the pairs of a row: of each its folder, its processor seconds, and those of the process before it."""
+    import icymoon
+    from icymoon.render import quality, shoot
+    from icymoon.render.plan import PlannedPair, expand
+    from icymoon.render.stages import Described
+    from icymoon.render.worker import render_in
+
+    icymoon.register()
+    rung = Rung(**job["rung"])
+    apply = quality.apply
+
+    def applied(scene: Any, *given: Any) -> None:
+        apply(scene, *given)
+        for name, value in rung.cycles.items():
+            setattr(scene.cycles, name, value)
+
+    quality.apply = applied
+    apart = _Apart()
+    if rung.apart:
+        shoot._radiance = apart.radiance
+    # Each pair is built as it is described: there is nothing that has to be turned.
+    pairs = [PlannedPair(pair.id, pair.settings, 0.0) for pair in expand(job["settings"])]
+    with Described(lambda warning: print(warning, file=sys.stderr)) as stage:
+        render_in(stage, pairs, Path(job["dataset"]), lambda kind, **_: None)
+    made = []
+    for k, pair in enumerate(pairs):
+        folder = pair.folder(Path(job["dataset"]))
+        cost = json.loads((folder / "pair.json").read_text())["cpu_seconds"]
+        # Truth and files are not the paper's to pay for.
+        made.append({"folder": str(folder), "before": cost["before"],
+                     "pair": apart.costs[k] if rung.apart else cost["pair"]})
+    return made
+
+
+class _Apart:
+    """Renders of one eye each, as the public code makes them: nothing shared, depth of the left."""
+
+    def __init__(self) -> None:
+        self.costs: list[float] = []  # processor seconds of each pair
+
+    def radiance(self, scene: Any, built: Any, lights: Any, stem: Path, planned: Any) -> dict[str, Path]:
+        """Stands in for what Icy Moon renders radiance with."""
+        import bpy
+        from icymoon.labels import BEAUTY
+        from icymoon.render import passes
+        from mathutils import Matrix
+
+        start = time.process_time()
+        passes.choose(scene, BEAUTY, stem, False)
+        pose, kept = scene.camera.matrix_world.copy(), scene.render.use_persistent_data
+        scene.render.use_multiview = scene.render.use_persistent_data = False
+        files = {}
+        for eye, shift in (("left", 0.0), ("right", scene.camera.data.stereo.interocular_distance)):
+            scene.camera.matrix_world = pose @ Matrix.Translation((shift, 0.0, 0.0))
+            scene.view_layers[0].use_pass_z = eye == "left"
+            scene.render.filepath = str(stem.with_name(f"{stem.name}_{eye}"))
+            bpy.ops.render.render(write_still=True, scene=scene.name)
+            files[eye] = Path(scene.render.filepath + ".exr")
+        self.costs.append(time.process_time() - start)
+        scene.camera.matrix_world = pose
+        scene.render.use_multiview, scene.render.use_persistent_data = True, kept
+        return files
+
+
+# In the evaluator's process.
+
+def rendered(rung: Rung, settings: Settings, folder: Path) -> list[dict[str, Any]]:
+    """Render a row in a process of its own."""
+    with tempfile.TemporaryDirectory() as place:
+        job, told = Path(place) / "job.json", Path(place) / "told.json"
+        job.write_text(json.dumps({"rung": asdict(rung), "settings": settings, "dataset": str(folder)}))
+        subprocess.run([sys.executable, __file__, "--render", str(job), str(told)], check=True,
+                       stdout=subprocess.DEVNULL)
+        return list(json.loads(told.read_text()))
+
+
+def measured(pairs: Sequence[Mapping[str, Any]], best: Any, methods: Any) -> dict[str, Any]:
+    """Costs and errors of a row; ``best`` is the render of many samples of its first pair."""
+    from icymoon.stereo.trade import measure, read_reference
+
+    folders = [Path(pair["folder"]) for pair in pairs]
+    stereo = [read_reference([folder], methods, {}).stereo for folder in folders]
+    costs = [pair["pair"] for pair in pairs]
+    row: dict[str, Any] = {"first": pairs[0]["before"] + costs[0], "more": float(np.mean(costs[1:] or costs)),
+           **{label: {key: float(np.mean([np.nan if each[label][key] is None else each[label][key] for each in stereo]))
+                      for key in stereo[0][label]} for label in stereo[0]}}
+    if best is not None:
+        light = measure(folders[:1], best, ())
+        row |= {key: light[key] for key in ("bias", "rmse")}
+    return row
+
+
+HEAD = (f"{'':44}{'first':>7}{'more':>7}{'ratio':>7}{'cover':>7}{'EPE':>7}{'bad 1':>7}{'wrong':>7}"
+        f"{'BM':>7}{'JPLV':>7}{'mean':>8}{'RMS':>7}")
+
+
+def shown(name: str, row: Mapping[str, Any], most: float | None) -> str:
+    """A line of the table."""
+    sgbm, bm, jplv = (row[label] for label in row if isinstance(row[label], dict))
+    text = f"{name:44}{row['first']:7.1f}{row['more']:7.2f}" + (f"{most / row['more']:7.1f}" if most else f"{'':7}")
+    text += f"{100 * sgbm['coverage']:6.1f}%{sgbm['epe_px']:7.3f}" + "".join(
+        f"{100 * sgbm[key]:6.2f}%" for key in ("bad_1", "wrong_or_missing"))
+    text += "".join(f"{one['epe_px']:7.3f}" for one in (bm, jplv))
+    return text + (f"{100 * row['bias']:+7.2f}%{100 * row['rmse']:6.2f}%" if "bias" in row else "")
+
+
+def main(options: argparse.Namespace, out: Path) -> None:
+    """Render and print the table."""
+    from icymoon.stereo.methods import parse_methods
+    from icymoon.stereo.trade import read_reference
+
+    methods, scene = parse_methods(METHODS), snow(options.scale)
+    rows: dict[str, Any] = {}
+    print(HEAD, flush=True)
+    best = None
+    if options.reference_samples:
+        many = reference(scene, options.reference_samples)
+        folders = [launch.rendered(launch.Job(out / "many", many.settings, repeat=k), sys.executable,
+                                   lambda message: None)[0] for k in range(many.repeats)]
+        best = read_reference(folders, methods, {})
+        print(f"{many.name}, no denoiser: {best.noise:.2%} noise, SGBM {best.stereo['sgbm']['epe_px']:.3f} px",
+              flush=True)
+    most = None
+    for k, rung in enumerate(ladder()):
+        if options.only and not any(word in rung.name for word in options.only):
+            continue
+        settings = description.merged(scene, description.check(dict(rung.settings), "benchmark"),
+                                      {"dataset": {"headings": options.pairs}})
+        rows[rung.name] = row = measured(rendered(rung, settings, out / f"rung{k}"), best, methods)
+        most = most or row["more"]
+        print(shown(rung.name, row, most), flush=True)
+    (out / "rows.json").write_text(json.dumps(rows, indent=1))
+
+
+if __name__ == "__main__":
+    if sys.argv[1:2] == ["--render"]:
+        made = render(json.loads(Path(sys.argv[2]).read_text()))
+        Path(sys.argv[3]).write_text(json.dumps(made))
+        sys.stdout.flush()
+        os._exit(0)
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--scale", type=float, default=1.0)
+    parser.add_argument("--pairs", type=int, default=2)
+    parser.add_argument("--reference-samples", type=int, default=128)
+    parser.add_argument("--only", nargs="*", default=[])
+    parser.add_argument("--out", type=Path)
+    given = parser.parse_args()
+    with tempfile.TemporaryDirectory() as scratch:
+        main(given, (given.out or Path(scratch)).absolute())

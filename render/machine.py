@@ -1,0 +1,129 @@
+"""How fast this machine is, measured once with a small render and remembered. Imports no Blender.
+
+What a machine took of the seconds that ``cost`` expects is one number, kept per computer, device, version of Blender
+and number of processors in a file of the person's cache folder, so that window and command line share it.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+import sys
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from ..errors import IcyMoonError
+from ..files import write_json
+from ..settings import Settings, defaults, merged
+from .cost import processors, triangles_of, work_of
+from .launch import Job, rendered
+from .queue import Message
+
+#: Names another cache folder, for tests and for people who keep theirs elsewhere.
+FOLDER_VARIABLE = "ICYMOON_CACHE"
+#: What is rendered: all that a pair has (both eyes, interreflection, denoiser, truth, files), in some 4 processor
+#: seconds. The first pair of a process pays for what a graphics card compiles, so only the others count.
+_PROBE: dict[str, dict[str, Any]] = {
+    "rig": {"width_px": 320, "height_px": 240}, "mesh": {"error_px": 4.0, "edge_px": 24.0},
+    "surface": {"model": "LAMBERT"}, "quality": {"samples": 8, "denoiser": "OIDN"}, "dataset": {"headings": 3}}
+
+
+@dataclass(frozen=True)
+class Speed:
+    """What was measured: processor seconds that a pair takes here over those that ``cost`` expects."""
+
+    factor: float
+    device: str
+    blender: str
+    processors: int
+    measured: str  # moment, UTC, ISO 8601
+
+    @property
+    def basis(self) -> str:
+        """Where it comes from, for people."""
+        return f"this machine, Blender {self.blender}, measured {self.measured[:10]}"
+
+
+def folder() -> Path:
+    """The person's cache folder of Icy Moon, which need not exist."""
+    if given := os.environ.get(FOLDER_VARIABLE):
+        return Path(given).expanduser().absolute()
+    home = Path.home()
+    usual = {"win32": ("LOCALAPPDATA", home / "AppData" / "Local"), "darwin": ("", home / "Library" / "Caches")}
+    variable, otherwise = usual.get(sys.platform, ("XDG_CACHE_HOME", home / ".cache"))
+    return Path(os.environ.get(variable) or otherwise) / "icymoon"
+
+
+def _file() -> Path:
+    return folder() / "speed.json"
+
+
+def _kept() -> dict[str, Any]:
+    """All that is remembered; a file that cannot be read is as good as none."""
+    try:
+        data = json.loads(_file().read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return {}
+    return data if isinstance(data, dict) else {}
+
+
+def _key(device: str, blender: str, count: int) -> str:
+    return f"{platform.node()} {device} {count} {blender}"
+
+
+def remembered(device: str, blender: str = "") -> Speed | None:
+    """The speed of this computer's ``device`` (CPU or GPU) with as many processors as there are now, in one version of
+    Blender or, if none is named, the one measured last; None if there is none."""
+    found = []
+    for key, entry in _kept().items():
+        try:
+            speed = Speed(**entry)
+            fits = (key == _key(device, speed.blender, processors()) and speed.factor > 0
+                    and blender in ("", speed.blender))
+        except (TypeError, ValueError):
+            continue
+        found += [speed] * fits
+    return max(found, key=lambda speed: speed.measured, default=None)
+
+
+def remember(speed: Speed) -> None:
+    """Keep a speed for all later estimates. Raises IcyMoonError if the disk refuses."""
+    write_json(_file(), {**_kept(), _key(speed.device, speed.blender, speed.processors): asdict(speed)})
+
+
+def probe(device: str) -> Settings:
+    """Complete settings of the small render."""
+    return merged(defaults(), _PROBE, {"quality": {"device": device}})
+
+
+def speed_of(pairs: list[Path], device: str) -> Speed:
+    """What rendered pairs of ``probe`` say: the fastest but the first, for other work may slow any of them down.
+
+    All processors are taken to be at work half the time at least: where a pair took longer, other work had them, or
+    the pair is too small for so many. Raises IcyMoonError if they cannot be read.
+    """
+    expected = work_of(probe(device)).seconds(triangles_of(probe(device)))
+    try:
+        facts = [json.loads((pair / "pair.json").read_text(encoding="utf-8")) for pair in pairs]
+        taken = [processors() * (each["seconds"]["render"] + each["seconds"]["write"]) for each in facts[1:]]
+        if device == "CPU":
+            taken += [2.0 * each["cpu_seconds"]["pair"] for each in facts[1:]]
+        return Speed(min(taken) / expected, device, facts[0]["versions"]["blender"], processors(),
+                     datetime.now(UTC).isoformat(timespec="minutes"))
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise IcyMoonError(f"The small render that measures this machine cannot be read ({error}); try "
+                           "again.") from None
+
+
+def measure(blender: str, device: str, scratch: Path, hear: Callable[[Message], None]) -> Speed:
+    """Render the probe with a Blender (or a Python with bpy) into ``scratch``, and remember how fast that was.
+
+    Raises IcyMoonError if the render or the disk fails.
+    """
+    speed = speed_of(rendered(Job(scratch, probe(device)), blender, hear), device)
+    remember(speed)
+    return speed
