@@ -71,7 +71,7 @@ def ladder() -> list[Rung]:
     """The rows, each with all changes of those above it."""
     bounces = {"quality": {"diffuse_bounces": 4, "noise_threshold": 0.0}}
     solid = {**bounces, "surface": {"subsurface_weight": 0.0}}
-    few = {**solid, "quality": {**bounces["quality"], "samples": 8}}
+    few = {**solid, "quality": {**bounces["quality"], "samples": 10}}
     depth = {**few, "quality": {**few["quality"], "truth": "DEPTH"}}
     plain = {**depth, "surface": {"model": "LAMBERT"}}
     return [Rung("paper's settings, two renders", {}, PAPER, apart=True),
@@ -80,7 +80,7 @@ def ladder() -> list[Rung]:
             Rung("no walk under the surface, same albedo", solid, CLEANED),
             Rung("denoiser's guides as they are", solid, CLASSIC),
             Rung("blue noise", solid),
-            Rung("8 samples", few),
+            Rung("10 samples", few),
             Rung("depth alone of the truth", depth),
             Rung("Lambert, same albedo", plain),
             Rung("graded mesh of 4 px", {**plain, "mesh": {"kind": "GRADED", "error_px": 4.0, "edge_px": 24.0}})]
@@ -237,10 +237,10 @@ if __name__ == "__main__":
         sys.stdout.flush()
         os._exit(0)
     parser = argparse.ArgumentParser()
-    parser.add_argument("--scale", type=float, default=1.0)
-    parser.add_argument("--pairs", type=int, default=2)
-    parser.add_argument("--reference-samples", type=int, default=128)
-    parser.add_argument("--only", nargs="*", default=[])
+    parser.add_argument("--scale", type=float, default=1.0, help="share of the image's width and height")
+    parser.add_argument("--pairs", type=int, default=2, help="headings of each row")
+    parser.add_argument("--reference-samples", type=int, default=128, help="of what radiance is held against; 0: none")
+    parser.add_argument("--only", nargs="*", default=[], help="rows whose name contains one of these")
     parser.add_argument("--out", type=Path)
     given = parser.parse_args()
     with tempfile.TemporaryDirectory() as scratch:
