@@ -433,11 +433,11 @@ def search_and_clear() -> Waiting:
 def choose_by_picture() -> Waiting:
     """A scene chosen by its picture, and ice added to a scene, are undone as all else."""
     before = settings().preset
-    with in_region("UI"):
+    with in_region("WINDOW"):
         manager().icymoon_scene_preset = "scenes/europa_chaos"
     yield from until(lambda: settings().preset == "scenes/europa_chaos", "Choosing a picture")
-    yield from away()
-    yield from key("ctrl+z")
+    with in_region("WINDOW"):
+        bpy.ops.ed.undo()
     yield from until(lambda: settings().preset == before, "Undoing the choice")
     for operator in (bpy.ops.icymoon.add_terrain, bpy.ops.icymoon.add_block):
         count = len(bpy.data.objects)
@@ -445,8 +445,8 @@ def choose_by_picture() -> Waiting:
             operator("INVOKE_DEFAULT", True)  # from a script nothing is undone otherwise
         yield from until(lambda count=count: len(bpy.data.objects) == count + 1, "Adding ice")
         yield from screenshot("added")
-        yield from away()
-        yield from key("ctrl+z")
+        with in_region("WINDOW"):
+            bpy.ops.ed.undo()
         yield from until(lambda count=count: len(bpy.data.objects) == count, "Undoing it")
 
 
