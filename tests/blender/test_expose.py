@@ -10,7 +10,7 @@ import bpy
 import numpy as np
 import pytest
 from icymoon.operators import follow, jobs, live
-from icymoon.panels import sidebar
+from icymoon.panels import CLASSES
 from test_panels import drawn, texts
 
 
@@ -93,7 +93,7 @@ def test_nothing_follows_where_it_is_switched_off_or_not_shown_and_failures_are_
     small.icymoon.rig.distortion_k1 = -10.0  # folds the image
     assert until_rested() == 1
     assert "distortion" in " ".join(follow.lines())
-    assert "distortion" in texts(drawn(next(p for p in sidebar.TOPIC_PANELS if p.topic.key == "sensor")))
+    assert "distortion" in texts(drawn(next(p for p in CLASSES if getattr(p, "bl_idname", "") == "ICYMOON_PT_sensor")))
     small.icymoon.rig.distortion_k1 = 0.0
     assert until_rested() == 1
     assert follow.lines() == []

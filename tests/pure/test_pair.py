@@ -99,7 +99,7 @@ def test_a_process_that_ignores_the_request_is_made_to_stop():
 
 
 def test_a_command_that_is_not_there_is_an_error_with_a_mend():
-    with pytest.raises(IcyMoonError, match="check the path"):
+    with pytest.raises(IcyMoonError, match="check its path"):
         Process(["/nowhere/blender", "-b"])
 
 
