@@ -256,8 +256,8 @@ def test_the_sun_at_the_zenith_on_the_horizon_and_below(tmp_path, elevation_deg)
         assert not radiance.any()
         assert any("Neither Sun nor planet" in text for text in built.warnings)
     else:
-        # Never more than of a Sun half a disc higher.
-        highest = math.sin(math.radians(max(elevation_deg, 0.0) + 0.0278))
+        # Never more than of a Sun half a disc higher; Blender 5.2 has normals of 16 bits, 2.2e-5 rad off.
+        highest = math.sin(math.radians(max(elevation_deg, 0.0) + 0.0278)) + 2.2e-5
         assert radiance.max() <= 1.001 * 0.9 / math.pi * settings["light"]["sun_irradiance_wm2"] * min(highest, 1.0)
 
 
