@@ -214,6 +214,7 @@ def _against_rays(pair: Pair, view: View, eye: str) -> Iterator[str]:
     for place in places[::math.ceil(len(places) / _MOST_RAYS)]:
         way = toward[place]
         hit, at, normal, face, item, matrix = scene.ray_cast(graph, Vector(start), Vector(way).normalized())
+        hit = hit and item.get("icymoon") not in ("planet", "rings", "stars")
         depth[place] = (np.array(at) - start) @ way / (way @ way) if hit else np.nan
         # What the largest coordinate is rounded by, along the ray to the plane that is hit.
         slant = max(abs(np.array(normal) @ way) / np.linalg.norm(way), 1e-3) if hit else 1.0
