@@ -73,7 +73,7 @@ def matters(topic: str, key: str, root: Any) -> bool:
         return bool(key not in _SURFACE_NEEDS or getattr(group, _SURFACE_NEEDS[key]) > 0)
     if topic == "textures" and key in ("width_m", "repeat"):
         return not by_uv({"set": group.set, "mapping": group.mapping})
-    if topic == "textures" and key not in ("set", "mapping"):
+    if topic == "textures" and key != "set":
         return bool(key.endswith("_file") or group.set != "MESH")
     return _OFF.get(topic, _always)(key, group)
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from types import SimpleNamespace
 
 import bpy
 import numpy as np
@@ -11,11 +10,10 @@ import pytest
 from icymoon import settings as description
 from icymoon.nodes import scene as scenes
 from icymoon.nodes.terrain import grid_heights, measured, roughness_table, shortest_wavelength_m, vertex_spacing_m
-from icymoon.panels import sidebar
+from icymoon.panels import CLASSES
 from icymoon.physics.statistics import measure
-from icymoon.properties import TOPICS
 from rendering import complete, empty_scene
-from test_panels import Layout
+from test_panels import drawn
 
 #: A mesh that carries all of its ground's waves, and two thirds of a decade of law beyond its cut-offs.
 LAW = {"terrain": {"resolution": 257, "hurst": 0.7, "outer_scale_m": 12.0, "inner_scale_m": 0.24}}
@@ -72,9 +70,8 @@ def test_what_the_panel_says_is_what_is_measured():
     degrees, hurst = float(shown.split("°")[0]), float(shown.split()[-1])
     assert degrees == pytest.approx(9.0, abs=0.4)
     assert hurst == pytest.approx(0.7, abs=0.05)
-    layout = Layout()
-    sidebar._TopicPanel.draw(SimpleNamespace(layout=layout, topic=TOPICS["terrain"]), bpy.context)
-    assert ("operator", "icymoon.show_roughness", f"Measured: {shown}") in layout.record
+    panel = next(cls for cls in CLASSES if getattr(cls, "bl_idname", "") == "ICYMOON_PT_terrain")
+    assert ("operator", "icymoon.show_roughness", f"Measured: {shown}") in drawn(panel)
     assert bpy.ops.icymoon.show_roughness() == {"FINISHED"}
 
 

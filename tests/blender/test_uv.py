@@ -18,7 +18,7 @@ from icymoon.nodes import images, preview
 from icymoon.nodes import scene as scenes
 from icymoon.nodes.fingerprint import TAG, instanced
 from icymoon.nodes.import_mesh import read_mesh
-from icymoon.panels import sidebar
+from icymoon.panels.matters import matters, shown
 from icymoon.properties import TOPICS
 from icymoon.render.plan import expand
 from rendering import complete, empty_scene, png
@@ -560,7 +560,7 @@ def test_the_panel_greys_what_does_not_count(scene):
     group = scene.icymoon.textures
 
     def counts(*keys: str) -> set[str]:
-        return {key for key in keys if sidebar._matters("textures", key, group)}
+        return {key for key in keys if all(asked("textures", key, scene.icymoon) for asked in (shown, matters))}
 
     every = tuple(s.key for s in TOPICS["textures"].settings)
     files = {key for key in every if key.endswith("_file")}
