@@ -4,7 +4,7 @@ VENV := .venv
 RUN := $(VENV)/bin/python
 ZIP := dist/icymoon.zip
 
-.PHONY: demo env test test-all test-blender test-pure test-lanes lint zip docs clean
+.PHONY: demo env test test-all test-blender test-pure-and-extremes test-lanes lint zip docs clean
 
 demo: $(VENV)/.demo
 	$(RUN) -m icymoon demo
@@ -14,15 +14,16 @@ env: $(VENV)/.tests
 test: $(VENV)/.tests lint
 	$(RUN) -m pytest -m "not slow"
 
-# Two processes side by side: Blender's tests keep one processor busy, and so do the others.
+# Two processes side by side, since each keeps one processor busy: most of what needs Blender, and all else.
 test-all: $(VENV)/.tests lint
-	$(MAKE) --no-print-directory -j 2 test-blender test-pure
+	$(MAKE) --no-print-directory -j 2 test-blender test-pure-and-extremes
 
 test-blender: $(VENV)/.tests
-	$(RUN) -m pytest tests/blender
+	$(RUN) -m pytest tests/blender --ignore=tests/blender/test_extremes.py
 
-test-pure: $(VENV)/.tests
+test-pure-and-extremes: $(VENV)/.tests
 	$(RUN) -m pytest tests/pure
+	$(RUN) -m pytest tests/blender/test_extremes.py
 
 # Every Blender that can be had: wheels 4.2, 4.5 and 5.2, real Blenders with their window.
 test-lanes: $(VENV)/.tests zip
