@@ -74,6 +74,7 @@ def ladder() -> list[Rung]:
     few = {**solid, "quality": {**bounces["quality"], "samples": 10}}
     depth = {**few, "quality": {**few["quality"], "truth": "DEPTH"}}
     plain = {**depth, "surface": {"model": "LAMBERT"}}
+    camera = {**plain, "quality": {**depth["quality"], "fine_relief": "CAMERA"}}
     return [Rung("paper's settings, two renders", {}, PAPER, apart=True),
             Rung("both eyes in one render, geometry kept", {}, PAPER),
             Rung("4 bounces, no clamp", bounces, CLEANED),
@@ -83,7 +84,8 @@ def ladder() -> list[Rung]:
             Rung("10 samples", few),
             Rung("depth alone of the truth", depth),
             Rung("Lambert, same albedo", plain),
-            Rung("graded mesh of 4 px", {**plain, "mesh": {"kind": "GRADED", "error_px": 4.0, "edge_px": 24.0}})]
+            Rung("relief for the camera alone", camera),
+            Rung("graded mesh of 4 px", {**camera, "mesh": {"kind": "GRADED", "error_px": 4.0, "edge_px": 24.0}})]
 
 
 def snow(scale: float) -> Settings:

@@ -121,17 +121,25 @@ def _sight(ground: Ground, sun: Sun) -> tuple[Vector, Vector, Vector]:
             Vector(tree, toward_sun.outputs[0]), Vector(tree, geometry.outputs["Incoming"]))
 
 
+def _reflected(ground: Ground, label: str, weight: Number) -> Any:
+    """A reflectance times the ground's colour: a colour, or an output socket that gives one."""
+    value = weight.value
+    if ground.colour is not None:
+        return ground.tree.node("ShaderNodeVectorMath", f"{label} Colour", {"Vector": ground.colour, "Scale": value},
+                                operation="SCALE").outputs[0]
+    return (*[float(value)] * 3, 1.0) if isinstance(value, (int, float)) else value
+
+
+def _closure(tree: Tree, label: str, colour: Any, normal: Any) -> Any:
+    """Shader socket of Lambert's law about a normal (None: the mesh's own)."""
+    about = {} if normal is None else {"Normal": normal}
+    return tree.node("ShaderNodeBsdfDiffuse", label, {"Color": colour, "Roughness": 0.0, **about},
+                     if_present={"Weight": 0.0}, leave=("Normal",) if normal is None else ()).outputs[0]
+
+
 def _diffuse(ground: Ground, label: str, weight: Number) -> Any:
     """Shader socket of Lambert's law with this reflectance times the ground's colour."""
-    tree, value = ground.tree, weight.value
-    if ground.colour is not None:
-        colour = tree.node("ShaderNodeVectorMath", f"{label} Colour", {"Vector": ground.colour, "Scale": value},
-                           operation="SCALE").outputs[0]
-    else:
-        colour = (*[float(value)] * 3, 1.0) if isinstance(value, (int, float)) else value
-    normal = {} if ground.normal is None else {"Normal": ground.normal}
-    return tree.node("ShaderNodeBsdfDiffuse", label, {"Color": colour, "Roughness": 0.0, **normal},
-                     if_present={"Weight": 0.0}, leave=("Normal",) if ground.normal is None else ()).outputs[0]
+    return _closure(ground.tree, label, _reflected(ground, label, weight), ground.normal)
 
 
 def _lit_or_not(ground: Ground, mu0: Number, lit: Number, other: Number) -> Any:
@@ -144,9 +152,22 @@ def _lit_or_not(ground: Ground, mu0: Number, lit: Number, other: Number) -> Any:
         "Shader_001": _diffuse(ground, "Sunlit", lit)}).outputs[0]
 
 
-def lambert(ground: Ground, albedo: float) -> Any:
-    """Shader socket of Lambert's law."""
-    return _diffuse(ground, "Lambert", Number(ground.tree, ground.grey) * albedo)
+def seen_or_not(tree: Tree, seen: Any, other: Any) -> Any:
+    """Shader socket: one closure where the camera sees the ground, another for the light that comes by way of it.
+
+    Cycles leaves out the nodes of the side that it does not need.
+    """
+    ray = tree.node("ShaderNodeLightPath", "Light Path").outputs["Is Camera Ray"]
+    return tree.node("ShaderNodeMixShader", "Seen or Not", {"Fac": ray, "Shader": other, "Shader_001": seen}).outputs[0]
+
+
+def lambert(ground: Ground, albedo: float, smooth: bool) -> Any:
+    """Shader socket of Lambert's law; light that comes by way of ``smooth`` ground meets the mesh's own normal."""
+    colour = _reflected(ground, "Lambert", Number(ground.tree, ground.grey) * albedo)
+    seen = _closure(ground.tree, "Lambert", colour, ground.normal)
+    if not smooth or ground.normal is None:
+        return seen
+    return seen_or_not(ground.tree, seen, _closure(ground.tree, "Smooth Lambert", colour, None))
 
 
 def lunar_lambert(ground: Ground, albedo: float, share: float, sun: Sun) -> Any:

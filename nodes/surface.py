@@ -12,6 +12,7 @@ from .. import compat
 from ..labels import NORMAL_AOV, TERRAIN
 from ..physics import principled
 from ..physics.hapke import from_settings
+from ..physics.requires import only_camera_meets_relief
 from ..physics.seeds import generator
 from ..properties import TOPICS
 from ..settings import Settings
@@ -33,20 +34,17 @@ def _product(tree: Tree, label: str, a: Any, b: Any) -> Any:
     return tree.node("ShaderNodeVectorMath", label, {"Vector": a, "Vector_001": b}, operation="MULTIPLY").outputs[0]
 
 
-def _base_colour(tree: Tree, surface: Mapping[str, Any], grey: Any, colour: Any) -> Any:
-    """The Principled base colour that reflects albedo x grey x colour: a colour, or a socket that gives one."""
+def _wanted(tree: Tree, surface: Mapping[str, Any], grey: Any, colour: Any) -> Any:
+    """The reflectance albedo x grey x colour: a number, or the output socket of a colour."""
     albedo = surface["albedo"]
     if isinstance(grey, float) and colour is None:
-        base = principled.base_colour(surface, albedo * grey)
-        return (base, base, base, 1.0)
+        return albedo * grey
     grey = albedo * grey if isinstance(grey, float) else tree.math("MULTIPLY", "Reflectance", grey, albedo)
     if colour is None:
-        wanted = tree.node("ShaderNodeCombineColor", "Grey", {"Red": grey, "Green": grey, "Blue": grey},
-                           mode="RGB").outputs[0]
-    else:
-        wanted = tree.node("ShaderNodeVectorMath", "Coloured", {"Vector": colour, "Scale": grey},
-                           operation="SCALE").outputs[0]
-    return tree.curve("Base of Reflectance", wanted, *principled.inverse(surface))
+        return tree.node("ShaderNodeCombineColor", "Grey", {"Red": grey, "Green": grey, "Blue": grey},
+                         mode="RGB").outputs[0]
+    return tree.node("ShaderNodeVectorMath", "Coloured", {"Vector": colour, "Scale": grey},
+                     operation="SCALE").outputs[0]
 
 
 def bump_of(tree: Tree, height: Any, distance_m: float, normal: Any = None) -> Any:
@@ -75,11 +73,16 @@ def _fine_height(tree: Tree, surface: Mapping[str, Any], where: Any, fourth: flo
     return parts[0] if parts else None
 
 
-def _snow(tree: Tree, surface: Mapping[str, Any], base: Any, varied: Mapping[str, Any],
+def _snow(tree: Tree, label: str, surface: Mapping[str, Any], wanted: Any, varied: Mapping[str, Any],
           relief: Mapping[str, Any]) -> Any:
-    """Shader socket of the Principled surface; ``varied`` and ``relief`` hold sockets for some of its inputs."""
+    """Shader socket of the Principled surface whose reflectance is ``wanted``, a number or a socket; ``varied`` and
+    ``relief`` hold sockets for some of its inputs."""
     radius = surface["subsurface_radius_m"]
-    return tree.node("ShaderNodeBsdfPrincipled", "Snow", {
+    if isinstance(wanted, (int, float)):
+        base: Any = (*[principled.base_colour(surface, wanted)] * 3, 1.0)
+    else:
+        base = tree.curve(f"Base of {label}", wanted, *principled.inverse(surface))
+    return tree.node("ShaderNodeBsdfPrincipled", label, {
         "Base Color": base, "Metallic": 0.0, "Roughness": varied.get("roughness", surface["roughness"]),
         "IOR": surface["refractive_index"], "Alpha": 1.0, **relief,
         "Subsurface Weight": surface["subsurface_weight"] if radius > 0.0 else 0.0,
@@ -95,6 +98,16 @@ def _snow(tree: Tree, surface: Mapping[str, Any], base: Any, varied: Mapping[str
                    "Subsurface IOR": 1.4, "Thin Wall": False},
         leave=["Coat Normal", "Tangent"] + ([] if relief else ["Normal"]), distribution="MULTI_GGX",
         subsurface_method="RANDOM_WALK").outputs[0]
+
+
+def _principled(tree: Tree, surface: Mapping[str, Any], wanted: Any, varied: Mapping[str, Any],
+                relief: Mapping[str, Any], smooth: bool) -> Any:
+    """Shader socket of Principled ice as it is seen, and, if ``smooth``, as it is without relief to other light."""
+    seen = _snow(tree, "Snow", surface, wanted, varied, relief)
+    if not smooth or not relief:
+        return seen
+    bare = {**surface, "grain_amplitude_m": 0.0}  # loses no light between bumps
+    return sunlit.seen_or_not(tree, seen, _snow(tree, "Smooth Snow", bare, wanted, varied, {}))
 
 
 def _numbers_of(surface: Mapping[str, Any], settings: Settings | None, textured: Textured | None) -> tuple[str, ...]:
@@ -115,10 +128,10 @@ def _slopes(tree: Tree, hapke: Mapping[str, Any], image: Any, mean: float) -> su
 
 
 def _by_law(material: bpy.types.Material, surface: Mapping[str, Any], settings: Settings | None,
-            ground: sunlit.Ground) -> dict[str, Any]:
+            ground: sunlit.Ground, smooth: bool) -> dict[str, Any]:
     """Shader sockets of the laws that are not Principled, by the renderer that they are for."""
     if surface["model"] == "LAMBERT":
-        return {"ALL": sunlit.lambert(ground, surface["albedo"])}
+        return {"ALL": sunlit.lambert(ground, surface["albedo"], smooth)}
     if settings is None:
         raise ValueError(f"{surface['model']} needs the scene's settings: it asks where the Sun is.")
     sun = Sun.from_settings(settings["light"])
@@ -179,13 +192,15 @@ def build_material(name: str, surface: Mapping[str, Any], seed: int, semantic: i
             "Height": height, "Midlevel": 0.0, "Scale": 1.0}, leave=("Normal",), space="OBJECT").outputs[0]
     else:
         output_leave.append("Displacement")
+    smooth = settings is not None and only_camera_meets_relief(surface, settings["quality"])
     if surface["model"] == "PRINCIPLED":
-        shaders = {"ALL": _snow(tree, surface, _base_colour(tree, surface, grey, colour), varied, relief)}
+        wanted = _wanted(tree, surface, grey, colour)
+        shaders = {"ALL": _principled(tree, surface, wanted, varied, relief, smooth)}
     else:
         slopes = (_slopes(tree, settings["hapke"], varied["roughness"], surface["roughness"])
                   if settings is not None and "roughness" in varied else None)
         ground = sunlit.Ground(tree, relief.get("Normal"), grey, colour, slopes)
-        shaders = _by_law(material, surface, settings, ground)
+        shaders = _by_law(material, surface, settings, ground, smooth)
     for target, shader in shaders.items():
         tree.node("ShaderNodeOutputMaterial", "Surface in EEVEE" if target == "EEVEE" else "Surface",
                   {"Surface": shader, **displacement}, leave=output_leave, target=target)

@@ -15,6 +15,8 @@ _PRINCIPLED_ONLY = {"subsurface_weight", "subsurface_radius_m", "transmission", 
 _SURFACE_NEEDS = {"albedo_patch_m": "albedo_variation", "subsurface_radius_m": "subsurface_weight",
                   "grain_size_m": "grain_amplitude_m", "relief": "grain_amplitude_m",
                   **{f"salt_{key}": "salt_share" for key in ("patch_m", "red", "green", "blue")}}
+#: Laws of reflection that ``quality.fine_relief`` is about.
+_WITH_NORMAL = ("LAMBERT", "PRINCIPLED")
 _SKY_ANGLES = ("_elevation_deg", "_azimuth_deg", "_diameter_deg", "_wm2", "_flattening")
 
 
@@ -38,6 +40,9 @@ def shown(topic: str, key: str, root: Any) -> bool:
         return _light_shown(key, group)
     if topic == "rocks" and key == "power_index":
         return bool(group.law == "POWER")
+    if topic == "quality" and key == "fine_relief":
+        return root.surface.model in _WITH_NORMAL or bool(root.rocks.own_surface
+                                                          and root.rock_surface.model in _WITH_NORMAL)
     return True
 
 

@@ -43,6 +43,14 @@ def shown_surface(settings: Settings, topic: str) -> Mapping[str, Any]:
     return settings[topic] if walks(settings, topic) else {**settings[topic], "subsurface_weight": 0.0}
 
 
+def only_camera_meets_relief(surface: Mapping[str, Any], quality: Mapping[str, Any]) -> bool:
+    """Whether light that comes by way of a surface finds it as smooth as its mesh, see ``quality.fine_relief``;
+    ``surface`` as it is shown. A walk ends where the light leaves the surface anew, which the camera sees too."""
+    law = surface["model"]
+    return quality["fine_relief"] == "CAMERA" and (
+        law == "LAMBERT" or (law == "PRINCIPLED" and surface["subsurface_weight"] == 0))
+
+
 def planet_lights(settings: Settings, sky: Sky) -> bool:
     """Whether the planet is to light the ground, see ``light.planet_least``."""
     return sky.planet_over_sun > 0 and sky.planet_over_sun >= settings["light"]["planet_least"]
@@ -54,12 +62,18 @@ def left_out(settings: Settings, lights: Mapping[str, Any]) -> list[str]:
     ``lights`` are the ``sky.facts`` of what was built.
     """
     said = []
-    for topic in SURFACES if settings["rocks"]["coverage"] > 0 and settings["rocks"]["own_surface"] else SURFACES[:1]:
+    topics = SURFACES if settings["rocks"]["coverage"] > 0 and settings["rocks"]["own_surface"] else SURFACES[:1]
+    for topic in topics:
         length = walk_px(settings, topic)
         if length > 0 and not walks(settings, topic):
             said.append(f"{topic}: no walk under the surface, since the mean free path of "
                         f"{1e3 * settings[topic]['subsurface_radius_m']:.3g} mm is {length:.2g} of the nearest pixel, "
                         f"under quality.walk_px.")
+        surface = shown_surface(settings, topic)
+        shaded = (surface["relief"] == "BUMP" and surface["grain_amplitude_m"] > 0) or (
+            settings["textures"]["set"] != "NONE")
+        if shaded and only_camera_meets_relief(surface, settings["quality"]):
+            said.append(f"{topic}: light by way of it meets no fine relief, since quality.fine_relief is CAMERA.")
     share = lights["planet"].get("over_sun") if lights["planet"] else None  # None by night too
     if share is not None and (share == 0 or share < settings["light"]["planet_least"]):
         said.append("light: the planet gives no light, since "

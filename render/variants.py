@@ -58,16 +58,16 @@ class Variant:
 
 
 def reference(settings: Settings, samples: int = 1024, fine: bool = False) -> Variant:
-    """The scene's light as accurately as it can be: no denoiser, no threshold, all bounces that matter, the most exact
-    Hapke; with ``fine`` its shape too: the finest mesh, real relief. Two renders of half the ``samples``, so that
-    the noise that is left is known.
+    """The scene's light as accurately as it can be: no denoiser, no threshold, all bounces that matter, fine relief
+    for all light, the most exact Hapke; with ``fine`` its shape too: the finest mesh, real relief. Two renders of half
+    the ``samples``, so that the noise that is left is known.
 
     Raises IcyMoonError under two samples.
     """
     if samples < 2:
         raise IcyMoonError(f"A reference of {samples} samples cannot be halved; give 2 or more.")
     parts: list[dict[str, dict[str, Any]]] = [{"quality": {
-        "samples": samples // 2, "denoiser": "NONE", "noise_threshold": 0.0,
+        "samples": samples // 2, "denoiser": "NONE", "noise_threshold": 0.0, "fine_relief": "ALL",
         "diffuse_bounces": max(_REFERENCE_BOUNCES, int(settings["quality"]["diffuse_bounces"]))}}]
     if settings["surface"]["model"] == "HAPKE":
         parts.append({"hapke": {"accuracy": "REFERENCE"}})

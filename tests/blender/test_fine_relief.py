@@ -1,0 +1,105 @@
+"""Fine relief for the camera alone: what is seen is the same, and light by way of other ground nearly so."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from icymoon.labels import TERRAIN
+from icymoon.nodes.builder import held
+from icymoon.nodes.surface import build_material
+from icymoon.render import quality
+from icymoon.stereo.exr import read_truth, read_view
+from rendering import complete, empty_scene, png, render
+
+ALL, CAMERA = ({"quality": {"fine_relief": choice}} for choice in ("ALL", "CAMERA"))
+#: Bumps on bright ground that lights itself, under a low Sun.
+BUMPY = {"terrain": {"rms_slope_deg": 20.0}, "light": {"sun_elevation_deg": 20.0},
+         "surface": {"albedo": 0.9, "grain_size_m": 0.1, "grain_amplitude_m": 0.004, "subsurface_weight": 0.0}}
+LAWS = [{"model": "LAMBERT"}, {"model": "PRINCIPLED"}]
+
+
+@pytest.fixture
+def one_seed(monkeypatch):
+    """Light paths are drawn alike, whatever the description."""
+    apply = quality.apply
+
+    def applied(scene, *given):
+        apply(scene, *given)
+        scene.cycles.seed = 1
+
+    monkeypatch.setattr(quality, "apply", applied)
+
+
+def tree_of(*changes):
+    """What the ground's material is made of, node by node, and its links."""
+    empty_scene()
+    settings = complete(*changes)
+    tree = build_material("Test", settings["surface"], 1, TERRAIN, None, settings).node_tree
+    return ([(node.bl_idname, node.name, held(node), [_value(s) for s in node.inputs]) for node in tree.nodes],
+            [(k.from_node.name, k.from_socket.identifier, k.to_node.name, k.to_socket.identifier) for k in tree.links])
+
+
+def _value(socket):
+    value = getattr(socket, "default_value", None)
+    return value if value is None or isinstance(value, (int, float, str)) else tuple(value)
+
+
+def bounced(folder, *changes):
+    """Radiance of the left eye."""
+    return read_view(render(folder, *changes)[0].image("left")).radiance.astype(np.float64)
+
+
+@pytest.mark.parametrize("law", LAWS, ids=lambda law: law["model"])
+def test_direct_light_is_the_same_to_rounding(law, tmp_path, one_seed):
+    """Without bounces, of gloss neither, the camera's is the only light."""
+    scene = (BUMPY, {"surface": {**law, "specular": 0.0, "grain_amplitude_m": 0.02}}, {"quality": {"diffuse_bounces": 0, "samples": 4}})
+    pairs = [render(tmp_path / name, *scene, choice)[0] for name, choice in (("all", ALL), ("camera", CAMERA))]
+    found, truth = ([read(pair) for pair in pairs] for read in (
+        lambda pair: read_view(pair.image("left")).radiance, lambda pair: read_truth(pair.truth("left"), "left")))
+    assert found[0].max() > 0
+    np.testing.assert_allclose(found[1], found[0], rtol=2e-3)  # half floats are 1e-3 apart
+    for kind in ("depth", "normal", "semantic"):
+        np.testing.assert_array_equal(getattr(truth[1], kind), getattr(truth[0], kind))
+    assert [any("fine_relief" in line for line in pair.data["left_out"]) for pair in pairs] == [False, True]
+
+
+@pytest.mark.parametrize("law", LAWS, ids=lambda law: law["model"])
+def test_with_bounces_the_mean_is_the_same(law, tmp_path, one_seed):
+    """Bumps turn what ground reflects and take little of it: of steepness 0.04 0.02 % (``physics/principled.json``),
+    under a low Sun a few times that, of what other ground sends, which is a tenth of the light. The rest is noise: light
+    paths that part at the first bounce, of 64 samples of 7000 pixels."""
+    scene = (BUMPY, {"surface": law}, {"quality": {"samples": 64}})
+    every, alone = (bounced(tmp_path / name, *scene, choice) for name, choice in (("all", ALL), ("camera", CAMERA)))
+    assert not np.array_equal(every, alone)
+    assert alone.mean() == pytest.approx(every.mean(), rel=2e-3)
+
+
+@pytest.mark.parametrize("law", LAWS, ids=lambda law: law["model"])
+def test_of_the_ground_s_nodes_only_the_closure_is_there_twice(law):
+    patchy = {"surface": {**BUMPY["surface"], **law, "albedo_variation": 0.3, "salt_share": 0.2}}
+    every, alone = (tree_of(patchy, choice)[0] for choice in (ALL, CAMERA))
+    added = sorted(node[1] for node in alone if node[1] not in {n[1] for n in every})
+    assert added == sorted({"LAMBERT": ["Smooth Lambert", "Light Path", "Seen or Not"],
+                            "PRINCIPLED": ["Smooth Snow", "Base of Smooth Snow", "Light Path", "Seen or Not"]}
+                           [law["model"]])
+
+
+@pytest.mark.parametrize("surface", [
+    {"model": "LAMBERT", "grain_amplitude_m": 0.0}, {"model": "PRINCIPLED", "grain_amplitude_m": 0.0},
+    {"model": "LAMBERT", "relief": "DISPLACEMENT"}, {"model": "PRINCIPLED", "subsurface_weight": 1.0},
+    {"model": "LUNAR_LAMBERT"}, {"model": "HAPKE"}], ids=str)
+def test_what_has_no_shaded_relief_or_another_law_is_left_as_it_is(surface):
+    described = {"surface": surface, "hapke": {"backend": "NODES"}}
+    assert tree_of(described, CAMERA) == tree_of(described, ALL)
+
+
+def test_a_normal_image_is_relief(tmp_path, one_seed):
+    """A leaning normal is seen as it is, whatever light by way of other ground meets."""
+    leaning = np.array([0.4, 0.0, 1.0]) / np.hypot(0.4, 1.0)
+    path = png(tmp_path / "n.png", np.broadcast_to((leaning + 1) / 2, (8, 8, 3)))
+    scene = ({"textures": {"set": "OWN", "normal_file": str(path)}, "surface": {"grain_amplitude_m": 0.0}},
+             {"surface": {"model": "LAMBERT"}, "quality": {"diffuse_bounces": 0, "samples": 4}})
+    every, alone = (bounced(tmp_path / name, *scene, choice) for name, choice in (("all", ALL), ("camera", CAMERA)))
+    plain = bounced(tmp_path / "plain", *scene[1:], {"surface": {"grain_amplitude_m": 0.0}})
+    np.testing.assert_allclose(alone, every, rtol=2e-3)
+    assert abs(plain.mean() / every.mean() - 1) > 0.02
