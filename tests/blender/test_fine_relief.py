@@ -52,7 +52,8 @@ def bounced(folder, *changes):
 @pytest.mark.parametrize("law", LAWS, ids=lambda law: law["model"])
 def test_direct_light_is_the_same_to_rounding(law, tmp_path, one_seed):
     """Without bounces, of gloss neither, the camera's is the only light."""
-    scene = (BUMPY, {"surface": {**law, "specular": 0.0, "grain_amplitude_m": 0.02}}, {"quality": {"diffuse_bounces": 0, "samples": 4}})
+    scene = (BUMPY, {"surface": {**law, "specular": 0.0, "grain_amplitude_m": 0.02}},
+             {"quality": {"diffuse_bounces": 0, "samples": 4}})
     pairs = [render(tmp_path / name, *scene, choice)[0] for name, choice in (("all", ALL), ("camera", CAMERA))]
     found, truth = ([read(pair) for pair in pairs] for read in (
         lambda pair: read_view(pair.image("left")).radiance, lambda pair: read_truth(pair.truth("left"), "left")))
@@ -66,8 +67,8 @@ def test_direct_light_is_the_same_to_rounding(law, tmp_path, one_seed):
 @pytest.mark.parametrize("law", LAWS, ids=lambda law: law["model"])
 def test_with_bounces_the_mean_is_the_same(law, tmp_path, one_seed):
     """Bumps turn what ground reflects and take little of it: of steepness 0.04 0.02 % (``physics/principled.json``),
-    under a low Sun a few times that, of what other ground sends, which is a tenth of the light. The rest is noise: light
-    paths that part at the first bounce, of 64 samples of 7000 pixels."""
+    under a low Sun a few times that, of what other ground sends, which is a tenth of the light. The rest is noise:
+    light paths that part at the first bounce, of 64 samples of 7000 pixels."""
     scene = (BUMPY, {"surface": law}, {"quality": {"samples": 64}})
     every, alone = (bounced(tmp_path / name, *scene, choice) for name, choice in (("all", ALL), ("camera", CAMERA)))
     assert not np.array_equal(every, alone)
