@@ -21,8 +21,8 @@ import bpy
 import numpy as np
 from icymoon import compat
 from icymoon.nodes.builder import Tree
-from icymoon.nodes.composition import noise
-from icymoon.nodes.surface import GRAIN_OCTAVES, WHITE, bump_of
+from icymoon.nodes.composition import grain
+from icymoon.nodes.surface import WHITE, bump_of
 from mathutils import Vector
 
 #: Settings that the table is measured at.
@@ -132,7 +132,7 @@ def bumpy(steepness: float) -> bpy.types.Material:
     material = principled(Base_Color=WHITE, Specular_IOR_Level=0.0)
     tree, wavelength_m = Tree(material.node_tree, keep=True), 0.02
     where = tree.node("ShaderNodeNewGeometry", "Geometry").outputs["Position"]
-    height = noise(tree, "Grain", where, wavelength_m, 0.0, GRAIN_OCTAVES)
+    height = grain(tree, where, wavelength_m, (0.0, 0.0, 0.0))
     bump = bump_of(tree, height, steepness * wavelength_m)
     tree.tree.links.new(bump, tree.tree.nodes["Principled BSDF"].inputs["Normal"])
     return material

@@ -71,7 +71,7 @@ def ladder() -> list[Rung]:
     """The rows, each with all changes of those above it."""
     bounces = {"quality": {"diffuse_bounces": 4, "noise_threshold": 0.0}}
     solid = {**bounces, "surface": {"subsurface_weight": 0.0}}
-    few = {**solid, "quality": {**bounces["quality"], "samples": 10}}
+    few = {**solid, "quality": {**bounces["quality"], "samples": 9}}
     depth = {**few, "quality": {**few["quality"], "truth": "DEPTH"}}
     plain = {**depth, "surface": {"model": "LAMBERT"}}
     camera = {**plain, "quality": {**depth["quality"], "fine_relief": "CAMERA"}}
@@ -81,7 +81,7 @@ def ladder() -> list[Rung]:
             Rung("no walk under the surface, same albedo", solid, CLEANED),
             Rung("denoiser's guides as they are", solid, CLASSIC),
             Rung("blue noise", solid),
-            Rung("10 samples", few),
+            Rung("9 samples", few),
             Rung("depth alone of the truth", depth),
             Rung("Lambert, same albedo", plain),
             Rung("relief for the camera alone", camera),

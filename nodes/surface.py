@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import bpy
@@ -18,13 +18,12 @@ from ..properties import TOPICS
 from ..settings import Settings
 from . import sunlit
 from .builder import Tree
-from .composition import brightness, darkest, noise, stain
+from .composition import GRAIN_FARTHEST, brightness, darkest, grain, stain
 from .formula import Number
 from .sunlight import Sun
 from .textures import Lying, Textured
 
 WHITE = (1.0, 1.0, 1.0, 1.0)
-GRAIN_OCTAVES = 3.0
 
 
 def _product(tree: Tree, label: str, a: Any, b: Any) -> Any:
@@ -55,14 +54,13 @@ def bump_of(tree: Tree, height: Any, distance_m: float, normal: Any = None) -> A
                      if_present={"Filter Width": 0.1}, leave=("Normal",), invert=False).outputs[0]
 
 
-def _fine_height(tree: Tree, surface: Mapping[str, Any], where: Any, fourth: float, pieces: Lying | None,
+def _fine_height(tree: Tree, surface: Mapping[str, Any], where: Any, place: Sequence[float], pieces: Lying | None,
                  textured: Textured | None) -> Any:
     """Output socket of the height in metres of grain and height map about their middle, or None without either."""
     parts = []
     if surface["grain_amplitude_m"] > 0.0:
-        grain = noise(tree, "Grain", where, surface["grain_size_m"], fourth, GRAIN_OCTAVES)
-        centred = tree.math("SUBTRACT", "Grain About 0", grain, 0.5)
-        parts.append(tree.math("MULTIPLY", "Grain Height", centred, surface["grain_amplitude_m"]))
+        about_0 = grain(tree, where, surface["grain_size_m"], place)
+        parts.append(tree.math("MULTIPLY", "Grain Height", about_0, surface["grain_amplitude_m"]))
     if pieces is not None and textured is not None and "height" in textured.maps:
         of = textured.maps["height"]
         sampled = pieces.separated("Map Height", pieces.sample("height", of))[0]
@@ -161,7 +159,9 @@ def build_material(name: str, surface: Mapping[str, Any], seed: int, semantic: i
     material = bpy.data.materials.new(name)
     material.pass_index = semantic
     tree = Tree(compat.ensure_nodes(material))
-    patches_at, grain_at, salt_at, east, north = (float(w) for w in generator(seed, "surface").uniform(0.0, 1000.0, 5))
+    drawn = map(float, generator(seed, "surface").uniform(0.0, 1000.0, 7))
+    patches_at, grain_x, salt_at, east, north, *grain_yz = drawn
+    grain_at = [w % GRAIN_FARTHEST for w in (grain_x, *grain_yz)]
     geometry = tree.node("ShaderNodeNewGeometry", "Geometry")
     found = textured.maps if textured is not None else {}
     pieces = textured.on(tree, geometry, (east, north)) if textured is not None and found else None
