@@ -699,8 +699,8 @@ QUALITY = Topic("quality", "Render Quality", "What a render may cost", (
             "others", "material",
             choices=(("ALL", "All Light", "Light that comes by way of other ground has met its relief too"),
                      ("CAMERA", "Camera Alone", "Light comes by way of ground as smooth as its mesh. Saves a tenth of "
-                      "a pair; under a low Sun shadows are brighter, by 1 to 2 % where relief is a twenty-fifth as "
-                      "high as wide, by 5 % at an eighth, and the mean by 0.03 % and 0.3 %"))),
+                      "a pair; under a low Sun shadows are brighter, by 2 % where relief is a twenty-fifth as high as "
+                      "wide, by 5 % at an eighth, and the mean is off by less than 0.1 % and 0.3 %"))),
     Setting("truth", "Truth", "FULL", "What there is beside the images", "sampling",
             choices=(("FULL", "Full", "Depth, normals and labels, in a render of their own, one light path per pixel"),
                      ("DEPTH", "Depth Alone", "Out of the render of the light, which saves the other one where the "
