@@ -41,7 +41,6 @@ def prepare(scene: bpy.types.Scene, light_groups: bool) -> None:
     for group in LIGHT_GROUPS if light_groups else ():
         layer.lightgroups.add(name=group)
 
-
     render = scene.render
     render.resolution_percentage = 100
     render.pixel_aspect_x = render.pixel_aspect_y = 1.0
