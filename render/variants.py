@@ -14,6 +14,7 @@ from typing import Any
 from ..errors import IcyMoonError
 from ..physics.hapke import HapkeParameters, bidirectional_reflectance
 from ..physics.photometry import hemispherical_albedo
+from ..physics.requires import only_camera_meets_relief, shown_surface
 from ..settings import Settings, merged
 
 #: What may be varied, and what it is about.
@@ -114,11 +115,19 @@ def _of_group(group: str, settings: Settings) -> list[Variant]:
     if group == "mesh":
         return [made(f"{error:g} px", {"mesh": {"error_px": error}})
                 for error in _MESH_ERRORS_PX] if _meshed(settings) else []
-    if group == "relief":
-        has_relief = settings["surface"]["model"] == "PRINCIPLED" and settings["surface"]["grain_amplitude_m"] > 0
-        return [made("shaded", {"surface": {"relief": "BUMP"}}),
-                made("real", {"surface": {"relief": "DISPLACEMENT"}})] if has_relief else []
-    return _surface_models(group, settings)
+    return _reliefs(settings) if group == "relief" else _surface_models(group, settings)
+
+
+def _reliefs(settings: Settings) -> list[Variant]:
+    if settings["surface"]["model"] != "PRINCIPLED" or not settings["surface"]["grain_amplitude_m"] > 0:
+        return []
+    shaded, real, alone = (merged(settings, part) for part in (
+        {"surface": {"relief": "BUMP"}}, {"surface": {"relief": "DISPLACEMENT"}},
+        {"surface": {"relief": "BUMP"}, "quality": {"fine_relief": "CAMERA"}}))
+    found = [Variant("relief", "shaded", shaded), Variant("relief", "real", real)]
+    if alone != shaded and only_camera_meets_relief(shown_surface(alone, "surface"), alone["quality"]):
+        found.append(Variant("relief", "shaded for the camera alone", alone))
+    return found
 
 
 def _surface_models(group: str, settings: Settings) -> list[Variant]:

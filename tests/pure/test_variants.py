@@ -9,7 +9,7 @@ SCENES = ("enceladus_fresh_snow", "europa_rough_ice", "europa_ridged_plain_hapke
 #: Settings that each group may change.
 OWN = {"scene": set(), "samples": {"quality.samples", "quality.denoiser"}, "bounces": {"quality.diffuse_bounces"},
        "threshold": {"quality.samples", "quality.noise_threshold"}, "mesh": {"mesh.error_px"},
-       "relief": {"surface.relief"},
+       "relief": {"surface.relief", "quality.fine_relief"},
        "subsurface": {"surface.subsurface_weight", "surface.model",
                       *(f"hapke.{key}" for key in description.defaults()["hapke"])},
        "hapke": {"surface.model", *(f"hapke.{key}" for key in description.defaults()["hapke"])}}
@@ -46,6 +46,15 @@ def test_only_what_the_scene_has_is_varied():
                                                           "surface.grain_amplitude_m=0", "mesh.kind=GRID"))}
     assert groups == {"scene", "samples", "bounces", "threshold"}
     assert {variant.group for variant in variants(scene("europa_ridged_plain_hapke"))} >= {"hapke", "mesh"}
+
+
+def test_relief_for_the_camera_alone_is_varied_where_no_light_walks_under_the_surface():
+    def reliefs(*overrides):
+        return [v.name for v in variants(scene("europa_rough_ice", *overrides), ["relief"]) if v.group == "relief"]
+
+    assert "shaded for the camera alone" in reliefs("surface.subsurface_weight=0")
+    walk = ("surface.subsurface_weight=1", "surface.subsurface_radius_m=0.01")
+    assert "shaded for the camera alone" not in reliefs(*walk)
 
 
 def test_asking_for_what_is_not_there_is_refused():
