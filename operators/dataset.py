@@ -21,7 +21,7 @@ from ..render.pair import is_complete
 from ..render.queue import Message, Process, clean_environment
 from ..render.sweep import plan_header, plan_path
 from ..settings import plan_names
-from . import evaluate, jobs, results
+from . import asking, evaluate, jobs, results
 from .render import dataset_folder
 
 _TITLE = "Render Data Set"
@@ -68,7 +68,7 @@ def command(*arguments: str) -> list[str]:
     return blender_command(jobs.this_blender(), *arguments)
 
 
-class ICYMOON_OT_choose_plan(bpy.types.Operator):
+class ICYMOON_OT_choose_plan(asking.Searched, bpy.types.Operator):
     """Choose one of the shipped plans of data sets"""
 
     bl_idname = "icymoon.choose_plan"
@@ -78,12 +78,6 @@ class ICYMOON_OT_choose_plan(bpy.types.Operator):
 
     plan: bpy.props.EnumProperty(items=plan_items, name="Plan",  # type: ignore[valid-type]
                                  description="What to render")
-
-    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        if self.properties.is_property_set("plan"):
-            return self.execute(context)
-        context.window_manager.invoke_search_popup(self)
-        return {"RUNNING_MODAL"}
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         context.scene.icymoon.dataset.plan = self.plan
@@ -107,7 +101,7 @@ class ICYMOON_OT_open_plan(bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         try:
-            plan_header(Path(self.filepath))
+            plan_header(Path(bpy.path.abspath(self.filepath)))
         except IcyMoonError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}

@@ -14,6 +14,7 @@ from ..errors import IcyMoonError
 from ..files import disk_errors, write_text
 from ..nodes.own_files import with_absolute_files
 from ..preferences import extension_folder
+from . import asking
 
 #: Begins the names of the person's own presets.
 OWN = "own/"
@@ -68,7 +69,7 @@ def title_of(name: str) -> str:
     return found or "Choose a Preset"
 
 
-class ICYMOON_OT_load_preset(bpy.types.Operator):
+class ICYMOON_OT_load_preset(asking.Searched, bpy.types.Operator):
     """Load a preset; a scene preset sets everything but the data set, others set their part"""
 
     bl_idname = "icymoon.load_preset"
@@ -83,12 +84,6 @@ class ICYMOON_OT_load_preset(bpy.types.Operator):
     def description(cls, context: bpy.types.Context, properties: Any) -> str:
         told = next((told for name, _, told in preset_items() if name == properties.preset), "")
         return told or str(cls.__doc__)
-
-    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        if self.properties.is_property_set("preset"):
-            return self.execute(context)
-        context.window_manager.invoke_search_popup(self)
-        return {"RUNNING_MODAL"}
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         group = context.scene.icymoon

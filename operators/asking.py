@@ -1,0 +1,15 @@
+"""How operators ask for what they were not told."""
+
+from __future__ import annotations
+
+import bpy
+
+
+class Searched:
+    """Mix-in: an operator whose ``bl_property``, unless it is given, is chosen in a search box."""
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        if self.properties.is_property_set(self.bl_property):  # type: ignore[attr-defined]
+            return self.execute(context)  # type: ignore[attr-defined,no-any-return]
+        context.window_manager.invoke_search_popup(self)  # type: ignore[arg-type]
+        return {"RUNNING_MODAL"}
