@@ -22,9 +22,9 @@ CRESCENT = SATURN | {"sun_azimuth_deg": 30.0, "sun_elevation_deg": -1.0, "planet
                      "planet_azimuth_deg": 20.0}
 
 
-def by_integral(pair: Pair) -> np.ndarray:
+def by_integral(pair: Pair, steps: int = 24) -> np.ndarray:
     """Radiance (H, W) of level ground in the planet's light alone, which is all in front of its rays."""
-    ray, brought = arriving(sky(pair.settings["light"]).planet, 24)
+    ray, brought = arriving(sky(pair.settings["light"]).planet, steps)
     law = partial(bidirectional_reflectance, parameters=from_settings(pair.settings["hapke"]))
     up, eye = np.array([0.0, 0.0, 1.0]), rays(pair)
     total = np.zeros(eye.shape[:2])
@@ -43,12 +43,14 @@ def left(pair: Pair) -> View:
 @pytest.mark.parametrize("accuracy", ["FAST", *slow("ACCURATE", "REFERENCE")])
 @pytest.mark.parametrize("light", [SATURN | NIGHT, JUPITER | NIGHT, CRESCENT], ids=["Saturn", "Jupiter", "crescent"])
 def test_ice_in_planetshine_is_as_bright_as_the_law_over_the_disc(tmp_path, accuracy, light):
-    pair, _ = picture(tmp_path, ICE, {"light": light, "hapke": {"accuracy": accuracy, "backend": "OSL"}})
-    view, truth = left(pair), by_integral(pair)
+    narrow = light is CRESCENT
+    pair, _ = picture(tmp_path, ICE, {"light": light, "hapke": {"accuracy": accuracy, "backend": "OSL"},
+                                      "quality": {"samples": 1024 if narrow else 256}})
+    view, truth = left(pair), by_integral(pair, 60 if narrow else 24)
     ground = view.semantic == TERRAIN
     image = view.radiance.mean(axis=-1)
-    # 256 directions into what may be lit of the disc: the mean has noise of up to 0.4 % (the crescent), as much as the
-    # integral's error; a quarter of the image, from the horizon's side to the near one, twice that.
+    # As many directions into what may be lit of the disc: with other seeds the mean was off by up to 0.5 %, and the
+    # integral is known to 0.1 %; a quarter of the image, from the horizon's side to the near one, twice that.
     assert image[ground].mean() == pytest.approx(truth[ground].mean(), rel=0.01)
     for part in np.split(np.arange(len(image)), 4):
         assert image[part][ground[part]].mean() == pytest.approx(truth[part][ground[part]].mean(), rel=0.03)
