@@ -10,7 +10,7 @@ from ..errors import IcyMoonError
 from ..labels import ROCK, TERRAIN, UV_LAYER
 from ..physics import meshimages, principled
 from ..physics.meshimages import MeshImage
-from ..physics.requires import shown_surface
+from ..physics.requires import shown_surface, surfaces
 from ..physics.textures import by_uv
 from ..settings import Settings
 from .fingerprint import NAME, TAG
@@ -23,8 +23,7 @@ from .textures import Textured
 
 def advice(settings: Settings) -> list[str]:
     """What a person should know about the surfaces that the scene shows: sentences, none if all is well."""
-    own = settings["rocks"]["coverage"] > 0 and settings["rocks"]["own_surface"]
-    shown = [shown_surface(settings, topic) for topic in (("surface", "rock_surface") if own else ("surface",))]
+    shown = [shown_surface(settings, topic) for topic in surfaces(settings)]
     told = [principled.advice(surface) for surface in shown if surface["model"] == "PRINCIPLED"]
     textures = settings["textures"]
     if (settings["hapke"]["theta_bar_range_deg"] != 0.0 and any(surface["model"] == "HAPKE" for surface in shown) and (

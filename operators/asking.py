@@ -13,3 +13,17 @@ class Searched:
             return self.execute(context)  # type: ignore[attr-defined,no-any-return]
         context.window_manager.invoke_search_popup(self)  # type: ignore[arg-type]
         return {"RUNNING_MODAL"}
+
+
+class Opened:
+    """Mix-in: an operator whose ``filepath`` is chosen in a file browser."""
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        context.window_manager.fileselect_add(self)  # type: ignore[arg-type]
+        return {"RUNNING_MODAL"}
+
+
+class OpenedToml(Opened):
+    """Mix-in: the same of a TOML file."""
+
+    filter_glob: bpy.props.StringProperty(default="*.toml", options={"HIDDEN"})  # type: ignore[valid-type]

@@ -84,7 +84,7 @@ class ICYMOON_OT_choose_plan(asking.Searched, bpy.types.Operator):
         return {"FINISHED"}
 
 
-class ICYMOON_OT_open_plan(bpy.types.Operator):
+class ICYMOON_OT_open_plan(asking.OpenedToml, bpy.types.Operator):
     """Choose a plan of your own, a TOML file"""
 
     bl_idname = "icymoon.open_plan"
@@ -93,11 +93,6 @@ class ICYMOON_OT_open_plan(bpy.types.Operator):
 
     filepath: bpy.props.StringProperty(subtype="FILE_PATH", name="File",  # type: ignore[valid-type]
                                        description="Plan of a data set")
-    filter_glob: bpy.props.StringProperty(default="*.toml", options={"HIDDEN"})  # type: ignore[valid-type]
-
-    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        context.window_manager.fileselect_add(self)
-        return {"RUNNING_MODAL"}
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         try:

@@ -11,6 +11,7 @@ from .. import settings as description
 from ..errors import IcyMoonError
 from ..nodes import ground as grounds
 from ..nodes import scene as scenes
+from . import asking
 from .build import build_and_report
 from .readouts import LINE
 
@@ -22,7 +23,7 @@ def report(scene: bpy.types.Scene) -> list[str]:
     return [line for text in found for line in textwrap.wrap(text, LINE, subsequent_indent="   ")]
 
 
-class ICYMOON_OT_import_ground(bpy.types.Operator):
+class ICYMOON_OT_import_ground(asking.Opened, bpy.types.Operator):
     """Stand on your own ground: a reconstructed mesh (OBJ, PLY, STL, glTF, USD, FBX) or a height map (GeoTIFF, NPY, EXR, grey PNG); the scene is built on it"""  # noqa: E501
 
     bl_idname = "icymoon.import_ground"
@@ -33,10 +34,6 @@ class ICYMOON_OT_import_ground(bpy.types.Operator):
                                        description="Mesh or height map to read")
     filter_glob: bpy.props.StringProperty(  # type: ignore[valid-type]
         default=";".join(f"*{suffix}" for suffix in grounds.SUFFIXES), options={"HIDDEN"})
-
-    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        context.window_manager.fileselect_add(self)
-        return {"RUNNING_MODAL"}
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         group = context.scene.icymoon

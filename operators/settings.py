@@ -9,9 +9,10 @@ import bpy
 from .. import settings as description
 from ..errors import IcyMoonError
 from ..files import write_text
+from . import asking
 
 
-class ICYMOON_OT_load_settings(bpy.types.Operator):
+class ICYMOON_OT_load_settings(asking.OpenedToml, bpy.types.Operator):
     """Load settings from a TOML file; what the file does not state stays as it is"""
 
     bl_idname = "icymoon.load_settings"
@@ -20,11 +21,6 @@ class ICYMOON_OT_load_settings(bpy.types.Operator):
 
     filepath: bpy.props.StringProperty(subtype="FILE_PATH", name="File",  # type: ignore[valid-type]
                                        description="TOML file to read")
-    filter_glob: bpy.props.StringProperty(default="*.toml", options={"HIDDEN"})  # type: ignore[valid-type]
-
-    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        context.window_manager.fileselect_add(self)
-        return {"RUNNING_MODAL"}
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         try:
@@ -35,7 +31,7 @@ class ICYMOON_OT_load_settings(bpy.types.Operator):
         return {"FINISHED"}
 
 
-class ICYMOON_OT_save_settings(bpy.types.Operator):
+class ICYMOON_OT_save_settings(asking.OpenedToml, bpy.types.Operator):
     """Save all settings to a TOML file"""
 
     bl_idname = "icymoon.save_settings"
@@ -43,12 +39,10 @@ class ICYMOON_OT_save_settings(bpy.types.Operator):
 
     filepath: bpy.props.StringProperty(subtype="FILE_PATH", name="File",  # type: ignore[valid-type]
                                        description="TOML file to write")
-    filter_glob: bpy.props.StringProperty(default="*.toml", options={"HIDDEN"})  # type: ignore[valid-type]
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         self.filepath = self.filepath or "icymoon.toml"
-        context.window_manager.fileselect_add(self)
-        return {"RUNNING_MODAL"}
+        return super().invoke(context, event)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         path = Path(bpy.path.abspath(self.filepath)).with_suffix(".toml")

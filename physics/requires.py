@@ -17,6 +17,11 @@ Settings = Mapping[str, Mapping[str, Any]]
 SURFACES = ("surface", "rock_surface")
 
 
+def surfaces(settings: Settings) -> tuple[str, ...]:
+    """The topics of the surfaces that the scene shows: blocks may have one of their own."""
+    return SURFACES if settings["rocks"]["coverage"] > 0 and settings["rocks"]["own_surface"] else SURFACES[:1]
+
+
 def nearest_m(rig: Mapping[str, Any]) -> float:
     """Distance in metres of the nearest level ground that the images show; the camera's height if they look up."""
     half = (0.5 + float(rig["overscan"])) * int(rig["height_px"]) + abs(float(rig["principal_y_px"]))
@@ -62,8 +67,7 @@ def left_out(settings: Settings, lights: Mapping[str, Any]) -> list[str]:
     ``lights`` are the ``sky.facts`` of what was built.
     """
     said = []
-    topics = SURFACES if settings["rocks"]["coverage"] > 0 and settings["rocks"]["own_surface"] else SURFACES[:1]
-    for topic in topics:
+    for topic in surfaces(settings):
         length = walk_px(settings, topic)
         if length > 0 and not walks(settings, topic):
             said.append(f"{topic}: no walk under the surface, since the mean free path of "

@@ -165,6 +165,10 @@ class _Take:
     images: tuple[tuple[str, str], ...]
 
 
+def _depth_alone(planned: PlannedPair) -> bool:
+    return bool(planned.settings["quality"]["truth"] == "DEPTH")
+
+
 def _takes(camera: StereoCamera, blur: Blur | None, depth_alone: bool) -> list[_Take]:
     """What to render: radiance and truth with one camera, unless truth is of another camera than the light."""
     toed = camera.toe_in_deg != 0
@@ -179,8 +183,7 @@ def _render_into(part: Path, built: Built, scene: bpy.types.Scene, planned: Plan
                  report: Callable[[float], None]) -> dict[str, Any]:
     settings = planned.settings
     camera, blur = StereoCamera.from_settings(settings["rig"]), blur_of(settings)
-    depth_alone = settings["quality"]["truth"] == "DEPTH"
-    takes = _takes(camera, blur, depth_alone)
+    takes = _takes(camera, blur, _depth_alone(planned))
     files: dict[str, dict[str, Path]] = {}
     start = time.perf_counter()
     with _turned(built.camera, planned.turn_deg):
@@ -197,7 +200,7 @@ def _render_into(part: Path, built: Built, scene: bpy.types.Scene, planned: Plan
                     scene.render.use_motion_blur = take.blur is not None and take.blur.exposure_s is not None
                     for layer, name in take.images:
                         stem = part / f"{layer}{k}"
-                        made = (_truth(scene, stem, planned, depth_alone) if layer == TRUTH else
+                        made = (_truth(scene, stem, planned) if layer == TRUTH else
                                 _radiance(scene, built, lights, stem, planned))
                         for eye, file in made.items():
                             files.setdefault(name.format(eye), {})[layer] = file
@@ -216,8 +219,7 @@ def _radiance(scene: bpy.types.Scene, built: Built, lights: list[apart.Light], s
     """Render radiance into files of their own, by eye; lights that need it one after the other, and added up."""
     files: dict[str, Path] = {}
     for number, light in enumerate(lights):
-        made = passes.choose(scene, BEAUTY, stem.with_name(f"{stem.name}-{number}"),
-                             planned.settings["quality"]["truth"] == "DEPTH")
+        made = passes.choose(scene, BEAUTY, stem.with_name(f"{stem.name}-{number}"), _depth_alone(planned))
         with apart.only(built, light):
             _render(scene, made, planned)
         for eye, file in made.items():
@@ -229,9 +231,9 @@ def _radiance(scene: bpy.types.Scene, built: Built, lights: list[apart.Light], s
     return files
 
 
-def _truth(scene: bpy.types.Scene, stem: Path, planned: PlannedPair, depth_alone: bool) -> dict[str, Path]:
+def _truth(scene: bpy.types.Scene, stem: Path, planned: PlannedPair) -> dict[str, Path]:
     """Render truth into files of its own, by eye."""
-    files = passes.choose(scene, TRUTH, stem, depth_alone)
+    files = passes.choose(scene, TRUTH, stem, _depth_alone(planned))
     with apart.without_osl(scene):
         _render(scene, files, planned)
     return files

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ..physics import photometry, surfaces
+from ..physics import photometry, requires, surfaces
 
 #: Laws that are drawn, at most.
 MOST = 6
@@ -19,7 +19,7 @@ def curves(pairs: Iterable[Mapping[str, Any]]) -> dict[str, np.ndarray]:
     """Brightness (n,) at ``PHASE_DEG`` over that at opposition, by a name, of each law among the pairs' facts."""
     found: dict[str, np.ndarray] = {}
     for pair in pairs:
-        for topic in _shown(pair["settings"]):
+        for topic in requires.surfaces(pair["settings"]):
             surface, hapke = pair["settings"][topic], pair["settings"]["hapke"]
             name = _name(surface, hapke)
             if len(found) == MOST:
@@ -29,12 +29,6 @@ def curves(pairs: Iterable[Mapping[str, Any]]) -> dict[str, np.ndarray]:
                 assert law is not None
                 found[name] = photometry.phase_curve(law, np.radians(PHASE_DEG))
     return found
-
-
-def _shown(settings: Mapping[str, Any]) -> tuple[str, ...]:
-    """Topics of the surfaces in a pair."""
-    rocks = settings["rocks"]
-    return ("surface", "rock_surface") if rocks["coverage"] > 0 and rocks["own_surface"] else ("surface",)
 
 
 def _name(surface: Mapping[str, Any], hapke: Mapping[str, Any]) -> str:
