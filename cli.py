@@ -21,6 +21,7 @@ from . import settings as description
 from .errors import IcyMoonError
 from .render.launch import Job, absolute_folder, rendered
 from .render.queue import Message, emit, errors_told
+from .render.tolerance import PX, share, tolerance
 from .terminal import shown
 from .version import version
 
@@ -98,10 +99,11 @@ def _parser() -> argparse.ArgumentParser:
     auto = verbs.add_parser("auto", help="find the cheapest quality whose stereo error is tolerable, on one scene")
     _describe(auto)
     _bench(auto)
-    auto.add_argument("--tolerance-px", type=float, default=0.02,
-                      help="extra mean disparity error that is tolerable (%(default)s)")
-    auto.add_argument("--tolerance-bad-1", type=float,
-                      help="extra share of pixels missing or off by more than 1 px, a fraction (any)")
+    auto.add_argument("--tolerance-px", type=float, metavar="PX",
+                      help=f"mean disparity error that may be added ({PX:g}, or any if --tolerance-bad-1 is given)")
+    auto.add_argument("--tolerance-bad-1", type=share, metavar="SHARE",
+                      help="share of pixels that may be added to those missing or off by more than 1 px, as 0.5%% or "
+                      "0.005 (any)")
     auto.add_argument("--json-lines", action="store_true", help="progress and result as JSON lines on stdout")
     auto.set_defaults(run=_auto)
 
@@ -227,8 +229,9 @@ def _run_bench(options: argparse.Namespace, title: str, work: Callable[[Bench], 
 
     told = nullcontext(_emitted) if options.json_lines else progress_bar(title)
     with errors_told(options.json_lines), told as on_event:
-        found = work(Bench(scaled(_described(options), options.scale), options.out.absolute(), options.blender,
-                           options.methods, options.reference_samples, repeats, on_event))
+        view = description.merged(_described(options), {"dataset": {"headings": 1}})
+        found = work(Bench(scaled(view, options.scale), options.out.absolute(), options.blender, options.methods,
+                           options.reference_samples, repeats, on_event))
     if options.json_lines:
         emit("result", **found)
     else:
@@ -253,19 +256,19 @@ def _trade(options: argparse.Namespace) -> int:
 
 
 def _auto(options: argparse.Namespace) -> int:
-    from .trade import auto
+    from .auto import auto
+
+    allowed = tolerance(options.tolerance_px, options.tolerance_bad_1)
 
     def show(found: dict[str, Any]) -> None:
-        for step in found["tried"]:
-            losses = ", ".join(f"{method} {loss['epe_px']:+.3f} px, {100 * loss['wrong_or_missing']:+.2f} % wrong"
-                               if None not in loss.values() else f"{method} measures nothing"
-                               for method, loss in step["loss"].items())
-            print(f"{step['name']:24} {step['cpu_s']:7.1f} CPU s   {losses}")
+        *tried, last = found["said"]
+        print("\n".join(tried))
         if found["chosen"] is None:
-            raise IcyMoonError("Nothing that was tried is within the tolerance; allow more.")
-        print(description.to_toml({"quality": found["settings"]["quality"]}), end="")
+            raise IcyMoonError(last)
+        print(f"{last} Add --settings {found['file']} to a command to use it:")
+        print(description.to_toml(found["settings"]), end="")
 
-    return _run_bench(options, "Trying", lambda bench: auto(bench, options.tolerance_px, options.tolerance_bad_1), show)
+    return _run_bench(options, "Trying", lambda bench: auto(bench, allowed), show)
 
 
 def _presets(options: argparse.Namespace) -> int:

@@ -1,4 +1,4 @@
-"""Speed against accuracy: rendering the variants of a scene, measuring them, and finding the cheapest that will do.
+"""Speed against accuracy: rendering the variants of a scene and measuring them.
 
 Runs in the evaluator's Python and starts Blender for every render, each in a process of its own, so that the
 seconds and the memory are its own. What is rendered already is not rendered again.
@@ -16,7 +16,7 @@ from typing import Any
 from .errors import IcyMoonError
 from .render.launch import Job, rendered
 from .render.queue import Message
-from .render.variants import GROUPS, SHAPES, Variant, candidates, reference, variants
+from .render.variants import GROUPS, SHAPES, Variant, reference, variants
 from .settings import Settings, changed, defaults, merged
 from .stereo import check
 from .version import version
@@ -61,52 +61,24 @@ def trade(bench: Bench, groups: Sequence[str] = ()) -> dict[str, Any]:
     chosen = [replace(variant, repeats=bench.repeats) for variant in variants(bench.settings, groups)]
     kinds = sorted({variant.group in SHAPES for variant in chosen})
     bests = {fine: reference(bench.settings, bench.samples, fine) for fine in kinds}
-    counter = _Counter(bench.on_event, sum(variant.repeats for variant in (*bests.values(), *chosen)))
-    truths = {fine: read_reference(_render(best, bench, counter), methods, {}) for fine, best in bests.items()}
+    counter = Counter(bench.on_event, sum(variant.repeats for variant in (*bests.values(), *chosen)))
+    truths = {fine: read_reference(renders(best, bench, counter), methods, {}) for fine, best in bests.items()}
+    folders: dict[str, list[Path]] = {variant.key: [] for variant in chosen}
+    for repeat in range(bench.repeats):  # all once before any twice: a machine that slows down is seen in the repeats
+        for variant in chosen:
+            folders[variant.key] += render(variant, repeat, bench, counter)
     rows = []
     for variant in chosen:
-        found = measure(_render(variant, bench, counter), truths[variant.group in SHAPES], methods)
+        found = measure(folders[variant.key], truths[variant.group in SHAPES], methods)
         rows.append({"group": variant.group, "name": variant.name, "key": variant.key,
                      "changed": _changed(variant.settings, bench.settings), **found})
-    references = [{"name": bests[fine].name, "noise": truth.noise, "stereo": truth.stereo, "cpu_s": truth.cpu_s,
-                   "changed": _changed(bests[fine].settings, bench.settings)} for fine, truth in truths.items()]
+    references = [{"name": bests[fine].name, "noise": truth.noise, "stereo": truth.stereo, "own": truth.own,
+                   "cpu_s": truth.cpu_s, "changed": _changed(bests[fine].settings, bench.settings)}
+                  for fine, truth in truths.items()]
     return write_trade(rows, [method.label for method in methods], references, GROUPS, _provenance(bench), bench.out)
 
 
-def auto(bench: Bench, tolerance_px: float, tolerance_bad_1: float | None = None) -> dict[str, Any]:
-    """The cheapest way to compute the light of the scene whose stereo error is within ``tolerance_px`` of the
-    reference's for every matcher, and its share of wrong pixels within ``tolerance_bad_1`` where that is given.
-
-    Tries the candidates from the cheapest on and stops at the first that does. Returns ``chosen`` (its name, or None),
-    ``settings`` (of quality, to use), and ``tried``: name, seconds and losses of each. Raises IcyMoonError if the
-    tolerance is not above zero, or a render fails.
-    """
-    if not tolerance_px > 0:
-        raise IcyMoonError(f"A tolerance of {tolerance_px:g} px cannot be met by any noise; give one above zero.")
-    check.require(*check.PACKAGES)
-    from .stereo.methods import parse_methods
-    from .stereo.trade import measure, read_reference
-
-    methods = parse_methods(bench.methods)
-    ladder = [replace(variant, repeats=1) for variant in candidates(bench.settings)]
-    best = reference(bench.settings, bench.samples)
-    counter = _Counter(bench.on_event, best.repeats + len(ladder))
-    truth = read_reference(_render(best, bench, counter), methods, {})
-    tried: list[dict[str, Any]] = []
-    for variant in ladder:
-        found = measure(_render(variant, bench, counter), truth, methods)
-        tried.append({"name": variant.name, "cpu_s": found["cpu_s"], "wall_s": found["wall_s"], "loss": found["loss"]})
-        if all(_within(loss["epe_px"], tolerance_px) and (tolerance_bad_1 is None or _within(
-                loss["wrong_or_missing"], tolerance_bad_1)) for loss in found["loss"].values()):
-            return {"chosen": variant.name, "settings": {"quality": variant.settings["quality"]}, "tried": tried}
-    return {"chosen": None, "settings": {}, "tried": tried}
-
-
-def _within(loss: float | None, tolerance: float) -> bool:
-    return loss is not None and loss <= tolerance
-
-
-class _Counter:
+class Counter:
     """How many renders are done, told as fractions."""
 
     def __init__(self, tell: Event, total: int) -> None:
@@ -117,22 +89,28 @@ class _Counter:
                    "done": self.done, "total": self.total})
 
 
-def _render(variant: Variant, bench: Bench, counter: _Counter) -> list[Path]:
-    """The pair folders of a variant's renders, each made by a process of its own."""
-    folders = []
-    for repeat in range(variant.repeats):
-        def hear(message: Message, first: bool = repeat == 0) -> None:
-            if message["type"] == "progress":
-                counter.at(message["fraction"], variant.key)
-            elif message["type"] == "warning" and variant.group == "scene" and first:
-                counter.tell(message)
+def renders(variant: Variant, bench: Bench, counter: Counter) -> list[Path]:
+    """The pair folders of a variant's renders; see ``render``."""
+    return [folder for repeat in range(variant.repeats) for folder in render(variant, repeat, bench, counter)]
 
-        try:
-            folders += rendered(Job(bench.out / "data", variant.settings, repeat=repeat), bench.blender, hear)
-        except IcyMoonError as error:
-            raise IcyMoonError(f"{variant.key}: {error}") from None
-        counter.done += 1
-        counter.at(0.0, variant.key)
+
+def render(variant: Variant, repeat: int, bench: Bench, counter: Counter) -> list[Path]:
+    """The pair folder of one of a variant's renders, made by a process of its own unless it is there.
+
+    Raises IcyMoonError with the name of the variant and the words of Blender's process.
+    """
+    def hear(message: Message) -> None:
+        if message["type"] == "progress":
+            counter.at(message["fraction"], variant.key)
+        elif message["type"] == "warning" and variant.group == "scene" and repeat == 0:
+            counter.tell(message)
+
+    try:
+        folders = rendered(Job(bench.out / "data", variant.settings, repeat=repeat), bench.blender, hear)
+    except IcyMoonError as error:
+        raise IcyMoonError(f"{variant.key}: {error}") from None
+    counter.done += 1
+    counter.at(0.0, variant.key)
     return folders
 
 

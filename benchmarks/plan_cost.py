@@ -48,10 +48,19 @@ ROWS: dict[str, dict[str, Any]] = {
        for limit in (0.3, 0.1, 0.05, 0.02, 0.01)},
     "Lambert, blocks": {"surface": {"model": "LAMBERT"}, "rocks": {"coverage": 0.1}},
     "Principled": {},
-    "Principled, half subsurface": {"surface": {"subsurface_weight": 0.5}},
-    "Principled, subsurface": {"surface": {"subsurface_weight": 1.0}},
+    **{f"Principled, {name}walk{text}": {
+        "surface": {"subsurface_weight": weight, "subsurface_radius_m": 2.0e-3}, "quality": {"walk_px": limit}}
+       for name, weight in (("half ", 0.5), ("", 1.0)) for text, limit in (("", 0.0), (" left out", 100.0))},
+    **{f"Principled, walk of {1e3 * length:g} mm": {"surface": {
+        "subsurface_weight": 1.0, "subsurface_radius_m": length}, "quality": {"walk_px": 0.0}}
+       for length in (0.0005, 0.005, 0.02)},
+    **{f"{model.capitalize()}, 64 samples, {text}": {
+        "surface": {"model": model, "grain_amplitude_m": height}, "quality": {"samples": 64, "fine_relief": whose}}
+       for model in ("LAMBERT", "PRINCIPLED") for text, height, whose in (
+           ("no relief", 0.0, "ALL"), ("relief", 0.004, "ALL"), ("relief for the camera", 0.004, "CAMERA"))},
     "Principled, transmission": {"surface": {"transmission": 0.5}},
     "Principled, images": {"textures": {"set": "FROST"}},
+    "Principled, images for the camera": {"textures": {"set": "FROST"}, "quality": {"fine_relief": "CAMERA"}},
     "Principled, images, 320 x 240": {"textures": {"set": "FROST"}, "rig": {"width_px": 320, "height_px": 240}},
     "Lommel-Seeliger": {"surface": {"model": "LOMMEL_SEELIGER"}},
     "lunar-Lambert": {"surface": {"model": "LUNAR_LAMBERT"}},

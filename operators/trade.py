@@ -14,7 +14,7 @@ from ..files import disk_errors
 from ..nodes.own_files import with_absolute_files
 from ..nodes.scene import find
 from ..preferences import evaluator_python
-from ..render import machine
+from ..render import machine, tolerance
 from ..render.launch import Job, blender_command, python_command
 from ..render.queue import Message, Process, clean_environment
 from . import jobs, readouts
@@ -102,32 +102,50 @@ class ICYMOON_OT_auto_quality(_Measured, jobs.JobOperator, bpy.types.Operator):
     bl_idname = "icymoon.auto_quality"
     bl_label = "Find Quality"
 
+    judged_by: bpy.props.EnumProperty(  # type: ignore[valid-type]
+        name="Judged By", description="What of a matcher's error is held against the tolerance",
+        items=(("PX", "Mean Error", "Mean disparity error of what is measured"),
+               ("BAD_1", "Wrong Pixels", "Pixels that are missing or off by more than 1 px"),
+               ("BOTH", "Both", "Neither may be more than tolerable")))
     tolerance_px: bpy.props.FloatProperty(  # type: ignore[valid-type]
-        name="Tolerance (px)", default=0.02, min=0.0001, max=10.0, precision=3,
+        name="Tolerance (px)", default=tolerance.PX, min=tolerance.PX_LEAST, max=tolerance.PX_MOST, precision=3,
         description="Mean disparity error that may be added to what a noise-free image would have")
+    tolerance_bad_1: bpy.props.FloatProperty(  # type: ignore[valid-type]
+        name="Tolerance (% bad-1)", default=100 * tolerance.BAD_1, min=100 * tolerance.BAD_1_LEAST,
+        max=100 * tolerance.BAD_1_MOST, precision=2,
+        description="Per cent of the pixels that may be added to those that are missing or off by more than 1 px")
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """In the dialog: only the tolerances that count."""
+        layout: Any = self.layout
+        layout.use_property_split = True
+        layout.prop(self, "judged_by")
+        for name in ("px", "bad_1"):
+            if self.judged_by in (name.upper(), "BOTH"):
+                layout.prop(self, f"tolerance_{name}")
+        layout.prop(self, "scale")
+        layout.prop(self, "reference_samples")
 
     def start(self, context: bpy.types.Context) -> jobs.Job:
         scene = context.scene
         methods = str(scene.icymoon.dataset.methods)
+        given = {"px": f"{self.tolerance_px:g}", "bad-1": f"{self.tolerance_bad_1:g}%"}
+        wanted = ("px", "bad-1") if self.judged_by == "BOTH" else (self.judged_by.lower().replace("_", "-"),)
+        tolerances = [word for name in wanted for word in (f"--tolerance-{name}", given[name])]
 
         def hear(message: Message) -> None:
             if message["type"] == "result":
-                said[scene.name] = tuple(f"{step['name']}: {step['cpu_s']:.1f} CPU s" for step in message["tried"])
+                *tried, self._last = message["said"]
+                said[scene.name] = tuple(tried)
                 self._chosen = message["chosen"]
-                if message["chosen"] is not None:
-                    found = message["settings"]["quality"]
-                    description.to_group(scene.icymoon, {"quality": {
-                        key: found[key] for key in ("samples", "denoiser", "noise_threshold")}})
+                description.to_group(scene.icymoon, message["settings"])
 
-        return _begin(context, "auto", self.bl_label, hear, "--methods", methods, "--tolerance-px",
-                      f"{self.tolerance_px:g}", *self._common())
+        return _begin(context, "auto", self.bl_label, hear, "--methods", methods, *tolerances, *self._common())
 
     def succeeded(self, context: bpy.types.Context) -> None:
-        if self._chosen is None:
-            self.report({"WARNING"}, "Nothing that was tried is within the tolerance; allow more")
-        else:
-            self.report({"INFO"}, f"{self._chosen} will do")
+        self.report({"INFO" if self._chosen else "WARNING"}, self._last)
 
+    _last: str = ""
     _chosen: str | None = None
 
 

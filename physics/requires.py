@@ -56,6 +56,14 @@ def only_camera_meets_relief(surface: Mapping[str, Any], quality: Mapping[str, A
         law == "LAMBERT" or (law == "PRINCIPLED" and surface["subsurface_weight"] == 0))
 
 
+def relief_of_camera_alone(settings: Settings, topic: str) -> bool:
+    """Whether a surface shades fine relief, of its own or of images on it, that only the camera meets."""
+    surface = shown_surface(settings, topic)
+    shaded = (surface["relief"] == "BUMP" and surface["grain_amplitude_m"] > 0) or (
+        settings["textures"]["set"] != "NONE")
+    return shaded and only_camera_meets_relief(surface, settings["quality"])
+
+
 def planet_lights(settings: Settings, sky: Sky) -> bool:
     """Whether the planet is to light the ground, see ``light.planet_least``."""
     return sky.planet_over_sun > 0 and sky.planet_over_sun >= settings["light"]["planet_least"]
@@ -73,10 +81,7 @@ def left_out(settings: Settings, lights: Mapping[str, Any]) -> list[str]:
             said.append(f"{topic}: no walk under the surface, since the mean free path of "
                         f"{1e3 * settings[topic]['subsurface_radius_m']:.3g} mm is {length:.2g} of the nearest pixel, "
                         f"under quality.walk_px.")
-        surface = shown_surface(settings, topic)
-        shaded = (surface["relief"] == "BUMP" and surface["grain_amplitude_m"] > 0) or (
-            settings["textures"]["set"] != "NONE")
-        if shaded and only_camera_meets_relief(surface, settings["quality"]):
+        if relief_of_camera_alone(settings, topic):
             said.append(f"{topic}: light by way of it meets no fine relief, since quality.fine_relief is CAMERA.")
     share = lights["planet"].get("over_sun") if lights["planet"] else None  # None by night too
     if share is not None and (share == 0 or share < settings["light"]["planet_least"]):

@@ -20,6 +20,7 @@ from ..errors import IcyMoonError
 from ..own_files import used_files
 from ..physics import meshfile
 from ..physics.grading import grade
+from ..physics.requires import only_camera_meets_relief, shown_surface, surfaces
 from ..physics.terrain import terrain
 from ..settings import Settings
 from .order import key, ordered
@@ -36,11 +37,14 @@ _PAIR_S, _PAIR_S_PER_MTRI = 0.05, 0.6
 _S_PER_MPX, _TRUTH_S_PER_MPX, _SAMPLE_S_PER_MPX, _DENOISE_S_PER_MPX = 2.1, 1.7, 2.06, 3.5
 #: Bytes of both files per pixel of both eyes, and what the planet's light and the denoised image add.
 _BYTES, _BYTES_PLANET, _BYTES_DENOISED = 21.0, 4.5, 12.0
-#: Cost of a sample over that with Lambert's law. Bounces count for little: on open ground most paths end in the sky.
-_MODELS = {"LAMBERT": 1.0, "LOMMEL_SEELIGER": 1.0, "LUNAR_LAMBERT": 1.05, "PRINCIPLED": 1.2, "HAPKE": 2.9}
-_HAPKE_NODES, _HAPKE_REFERENCE = 1.4, 3.7
+#: Cost of a sample over that with Lambert's law and shaded relief, without the relief. Bounces count for little: on
+#: open ground most paths end in the sky.
+_MODELS = {"LAMBERT": 0.75, "LOMMEL_SEELIGER": 0.75, "LUNAR_LAMBERT": 0.8, "PRINCIPLED": 0.95, "HAPKE": 2.65}
+_HAPKE_NODES, _HAPKE_REFERENCE = 1.15, 3.45
+_RELIEF, _RELIEF_CAMERA = 0.25, 0.21  # added by shaded relief, and where the camera alone meets it
 _TRANSMISSION, _IMAGES, _BLOCKS = 0.3, 2.9, 0.6  # added by clear ice, images on the ground and blocks
-_SUBSURFACE, _HALF = 15.0, 0.5  # added by light under the surface, half of it where its weight is this
+#: Added by a walk under the surface, whatever its length, half of it where its weight is this.
+_WALK, _HALF = 12.0, 0.5
 #: Cycles' own least samples under a noise threshold t are 16 t^-0.3; beyond them a pixel of noise s of one sample takes
 #: (s / t)². Here s is that of bare ice in sunlight, the mean over its pixels.
 _LEAST, _LEAST_POWER, _SAMPLE_NOISE = 16.0, -0.3, 0.2
@@ -80,19 +84,29 @@ class Work:
 
 def work_of(settings: Settings) -> Work:
     """What a pair with these complete settings asks of the machine."""
-    rig, quality, surface = settings["rig"], settings["quality"], settings["surface"]
-    model, hapke = surface["model"], settings["hapke"]
-    relative = _MODELS[model]
-    if model == "HAPKE":
-        relative = {"REFERENCE": _HAPKE_REFERENCE}.get(hapke["accuracy"], relative)
-        relative = {"NODES": _HAPKE_NODES}.get(hapke["backend"], relative)
-    if model == "PRINCIPLED":
-        under = surface["subsurface_weight"]
-        relative += _SUBSURFACE * under / (under + _HALF) + _TRANSMISSION * surface["transmission"]
-    relative += _IMAGES * (settings["textures"]["set"] != "NONE") + _BLOCKS * (settings["rocks"]["coverage"] > 0)
+    rig, quality = settings["rig"], settings["quality"]
+    topics, share = surfaces(settings), settings["rocks"]["coverage"]
+    weights = (1.0,) if len(topics) == 1 else (1.0 - share, share)
+    relative = sum(weight * _sample(settings, topic) for weight, topic in zip(weights, topics, strict=True))
+    relative += _BLOCKS * (share > 0)
     samples = samples_taken(quality["samples"], quality["noise_threshold"])
     return Work(2 * rig["width_px"] * rig["height_px"], samples, relative, quality["denoiser"] != "NONE",
                 settings["light"]["planet"], quality["truth"] != "DEPTH")
+
+
+def _sample(settings: Settings, topic: str) -> float:
+    """Cost of a sample that meets a surface, over that with Lambert's law and shaded relief."""
+    surface, hapke = shown_surface(settings, topic), settings["hapke"]
+    relative = _MODELS[surface["model"]]
+    if surface["model"] == "HAPKE":
+        relative = {"REFERENCE": _HAPKE_REFERENCE}.get(hapke["accuracy"], relative)
+        relative = {"NODES": _HAPKE_NODES}.get(hapke["backend"], relative)
+    if surface["model"] == "PRINCIPLED":
+        under = surface["subsurface_weight"]
+        relative += _WALK * under / (under + _HALF) + _TRANSMISSION * surface["transmission"]
+    if surface["relief"] == "BUMP" and surface["grain_amplitude_m"] > 0:
+        relative += _RELIEF_CAMERA if only_camera_meets_relief(surface, settings["quality"]) else _RELIEF
+    return relative + _IMAGES * (settings["textures"]["set"] != "NONE")
 
 
 def samples_taken(samples: int, threshold: float) -> float:

@@ -14,14 +14,17 @@ from typing import Any
 from ..errors import IcyMoonError
 from ..physics.hapke import HapkeParameters, bidirectional_reflectance
 from ..physics.photometry import hemispherical_albedo
-from ..physics.requires import only_camera_meets_relief, shown_surface
+from ..physics.requires import relief_of_camera_alone, surfaces, walk_px, walks
 from ..settings import Settings, merged
+from .cost import work_of
 
 #: What may be varied, and what it is about.
 GROUPS = {
     "samples": "light paths per pixel, with and without a denoiser",
     "bounces": "interreflections followed",
     "threshold": "light paths only where a pixel is still noisy",
+    "shortcuts": "what may be left out: light's way under the surface, fine relief for all light but the camera's, "
+                 "labels and normals",
     "subsurface": "how light under the surface is computed",
     "mesh": "how finely the ground is meshed",
     "relief": "fine relief shaded or real",
@@ -38,8 +41,11 @@ _THRESHOLDS = (0.2, 0.1, 0.05, 0.02, 0.01)
 _THRESHOLD_ROOM = 4
 _MESH_ERRORS_PX = (0.5, 1.0, 2.0, 4.0, 8.0, 16.0)
 _DENOISERS = {"NONE": "", "OIDN": ", denoised", "OIDN_COLOUR": ", denoised by colour"}
+#: More than that ``quality.walk_px`` cannot leave out.
+_LONGEST_WALK_PX = 100.0
 #: Of the reference: bounces, and the mesh error that no matcher sees.
 _REFERENCE_BOUNCES = 32
+_REFERENCE_MOST = 2 * 65536  # light paths, of two renders
 _REFERENCE_ERROR_PX = 0.25
 
 
@@ -63,10 +69,11 @@ def reference(settings: Settings, samples: int = 1024, fine: bool = False) -> Va
     for all light, the most exact Hapke; with ``fine`` its shape too: the finest mesh, real relief. Two renders of half
     the ``samples``, so that the noise that is left is known.
 
-    Raises IcyMoonError under two samples.
+    Raises IcyMoonError under two samples and over what two renders can have.
     """
-    if samples < 2:
-        raise IcyMoonError(f"A reference of {samples} samples cannot be halved; give 2 or more.")
+    if not 2 <= samples <= _REFERENCE_MOST:
+        raise IcyMoonError(f"A reference cannot have {samples} samples, half of them in each of two renders; give 2 to "
+                           f"{_REFERENCE_MOST}.")
     parts: list[dict[str, dict[str, Any]]] = [{"quality": {
         "samples": samples // 2, "denoiser": "NONE", "noise_threshold": 0.0, "fine_relief": "ALL",
         "diffuse_bounces": max(_REFERENCE_BOUNCES, int(settings["quality"]["diffuse_bounces"]))}}]
@@ -101,8 +108,8 @@ def variants(settings: Settings, groups: Sequence[str] = ()) -> list[Variant]:
 def _of_group(group: str, settings: Settings) -> list[Variant]:
     samples = int(settings["quality"]["samples"])
 
-    def made(name: str, *parts: Mapping[str, Mapping[str, Any]]) -> Variant:
-        return Variant(group, name, merged(settings, *parts))
+    def made(name: str, part: Mapping[str, Mapping[str, Any]]) -> Variant:
+        return Variant(group, name, merged(settings, part))
 
     if group == "samples":
         return [made(f"{n} samples{text}", {"quality": {"samples": n, "denoiser": denoiser}})
@@ -115,26 +122,54 @@ def _of_group(group: str, settings: Settings) -> list[Variant]:
     if group == "mesh":
         return [made(f"{error:g} px", {"mesh": {"error_px": error}})
                 for error in _MESH_ERRORS_PX] if _meshed(settings) else []
-    return _reliefs(settings) if group == "relief" else _surface_models(group, settings)
+    if group == "shortcuts":
+        quality = settings["quality"]
+        return [made(*((part.whole, {"quality": {part.key: part.full}}) if quality[part.key] == part.lean else
+                       (part.without, {"quality": {part.key: part.lean}}))) for part in _parts(settings)]
+    if group == "relief":
+        surface = settings["surface"]
+        return [made("shaded", {"surface": {"relief": "BUMP"}}), made("real", {"surface": {"relief": "DISPLACEMENT"}})
+                ] if surface["model"] == "PRINCIPLED" and surface["grain_amplitude_m"] > 0 else []
+    return _surface_models(group, settings)
 
 
-def _reliefs(settings: Settings) -> list[Variant]:
-    if settings["surface"]["model"] != "PRINCIPLED" or not settings["surface"]["grain_amplitude_m"] > 0:
-        return []
-    shaded, real, alone = (merged(settings, part) for part in (
-        {"surface": {"relief": "BUMP"}}, {"surface": {"relief": "DISPLACEMENT"}},
-        {"surface": {"relief": "BUMP"}, "quality": {"fine_relief": "CAMERA"}}))
-    found = [Variant("relief", "shaded", shaded), Variant("relief", "real", real)]
-    if alone != shaded and only_camera_meets_relief(shown_surface(alone, "surface"), alone["quality"]):
-        found.append(Variant("relief", "shaded for the camera alone", alone))
-    return found
+@dataclass(frozen=True)
+class _Part:
+    """What may be computed or left out: the setting of quality, its values without and with it, names of both."""
+
+    key: str
+    lean: Any
+    full: Any
+    without: str
+    whole: str
+
+
+def _parts(settings: Settings) -> list[_Part]:
+    """Those that the scene has: shaded relief, a surface that light can walk under, labels and normals."""
+    found = []
+    topics = surfaces(settings)
+    if any(relief_of_camera_alone(merged(settings, {"quality": {"fine_relief": "CAMERA"}}), each) for each in topics):
+        found.append(_Part("fine_relief", "CAMERA", "ALL", "fine relief for the camera alone",
+                           "fine relief for all light"))
+    walk = max(walk_px(settings, each) for each in topics)
+    if 0 < walk < _LONGEST_WALK_PX:
+        least = settings["quality"]["walk_px"]
+        lean = least if least > walk else _LONGEST_WALK_PX
+        found.append(_Part("walk_px", lean, 0.0, "no walk under the surface", "walk under the surface"))
+    return [*found, _Part("truth", "DEPTH", "FULL", "depth alone", "normals and labels")]
+
+
+def leaner(settings: Settings) -> dict[str, dict[str, dict[str, Any]]]:
+    """By name what of the scene's light may still be left out, each alone: for a search that tries one by one."""
+    return {part.without: {"quality": {part.key: part.lean}} for part in _parts(settings)
+            if part.key != "truth" and settings["quality"][part.key] != part.lean}
 
 
 def _surface_models(group: str, settings: Settings) -> list[Variant]:
     surface = settings["surface"]
     parts: dict[str, dict[str, dict[str, Any]]] = {}
     if group == "subsurface" and surface["model"] == "PRINCIPLED" and surface["subsurface_weight"] > 0:
-        parts = {"none": {"surface": {"subsurface_weight": 0.0}},
+        parts = {**({"none": {"surface": {"subsurface_weight": 0.0}}} if walks(settings, "surface") else {}),
                  "Hapke": {"surface": {"model": "HAPKE"}, "hapke": _isotropic_hapke(settings)},
                  "Lambert": {"surface": {"model": "LAMBERT"}}}
     if group == "hapke" and surface["model"] == "HAPKE":
@@ -167,19 +202,13 @@ def _isotropic_hapke(settings: Settings) -> dict[str, Any]:
 
 
 def candidates(settings: Settings) -> list[Variant]:
-    """Ways to compute the light, cheapest first by what each is known to cost: for a search that stops at the first
+    """Ways to compute the light, cheapest first by what each is expected to cost: for a search that stops at the first
     one that is good enough."""
-    ladder = [(n, denoiser) for n in SAMPLES for denoiser in ("NONE", "OIDN")
-              if denoiser == "NONE" or n <= _MOST_DENOISED]
-    # A denoised image costs what DENOISER_SAMPLES more light paths cost, with some scenes more, with others less.
-    ladder.sort(key=lambda step: step[0] + DENOISER_SAMPLES * (step[1] != "NONE"))
-    return [Variant("auto", f"{n} samples{_DENOISERS[denoiser]}",
-                    merged(settings, {"quality": {"samples": n, "denoiser": denoiser, "noise_threshold": 0.0}}))
-            for n, denoiser in ladder]
-
-
-#: What OpenImageDenoise costs a pixel, in light paths of Principled ice: 3.5 against 2.5 CPU seconds per million.
-DENOISER_SAMPLES = 1.5
+    found = [Variant("auto", f"{n} samples{text}", merged(settings, {"quality": {
+        "samples": n, "denoiser": denoiser, "noise_threshold": 0.0}}))
+        for denoiser, text in _DENOISERS.items() if denoiser != "OIDN_COLOUR"
+        for n in SAMPLES if denoiser == "NONE" or n <= _MOST_DENOISED]
+    return sorted(found, key=lambda variant: work_of(variant.settings).seconds(0.0))
 
 
 def _meshed(settings: Settings) -> bool:

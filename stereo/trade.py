@@ -2,6 +2,10 @@
 
 Everything is against a reference of the same scene: its radiance, its depth, its exposure. A matcher is measured
 against the reference's depth too, so an error of the ground's mesh counts as well as noise.
+
+A reference has noise too, and a matcher errs for it. A small error of noise grows with the noise's variance, so with
+one over the light paths; from n renders the reference's mean errs by 1 / (n - 1) of what a single render errs more
+than the mean. That is taken off, so a loss is against an image without noise.
 """
 
 from __future__ import annotations
@@ -20,12 +24,18 @@ from .develop import develop, grey
 from .exr import Light
 from .matchers import match
 from .methods import Method
-from .metrics import disparity_metrics
+from .metrics import usable
 from .prepare import Loaded, load, none_for_nan
+from .tiles import jackknife, tile_sums
 
 #: What is said of a matcher: share of the pixels that both eyes see with a measurement; of these the mean disparity
 #: error, px, and the share that is off by more than 1 px; share of all that are missing or off by more than 1 px.
 STEREO = ("coverage", "epe_px", "bad_1", "wrong_or_missing")
+#: Which way is worse.
+_WORSE = np.array([-1.0, 1.0, 1.0, 1.0])
+#: What is taken off for the reference's noise may be off by so much of itself: an error that grows with the noise, not
+#: with its variance, as where noise is all there is, would be 1 / (√2 - 1) = 2.4 times what two renders tell.
+_LAW_DOUBT = 1.4
 
 
 @dataclass(frozen=True)
@@ -39,7 +49,17 @@ class Reference:
     visible: np.ndarray  # bool (H, W)
     noise: float  # standard deviation over mean radiance, of the mean of the renders
     cpu_s: float | None  # of all renders
-    stereo: dict[str, dict[str, float | None]]  # per matcher
+    tallies: dict[str, np.ndarray]  # per matcher, (1 + renders, tiles, 4) of ``_tally``: of the mean, of each render
+
+    @property
+    def stereo(self) -> dict[str, dict[str, float | None]]:
+        """What STEREO names of each matcher on the reference's own images."""
+        return {label: _named(_numbers(tally[0].sum(axis=0))) for label, tally in self.tallies.items()}
+
+    @property
+    def own(self) -> dict[str, dict[str, float | None]]:
+        """How much of that is worse for the reference's noise."""
+        return {label: _named(_own(tally.sum(axis=1))) for label, tally in self.tallies.items()}
 
 
 def read_reference(folders: Sequence[Path], methods: Sequence[Method],
@@ -58,10 +78,11 @@ def read_reference(folders: Sequence[Path], methods: Sequence[Method],
         raise IcyMoonError(f"{folders[0]} is black, so there is nothing to compare; put the Sun above the horizon.")
     exposed = merged(first.settings, {"sensor": {"auto_exposure": False, "exposure_s": first.images.exposure_s}})
     cost = _cost(renders)["cpu_s"]
-    unmeasured = Reference(first.pair, exposed, light, first.depth["left"], first.visible["left"],
-                           _noise(renders) / len(renders) ** 0.5 / mean,
-                           cost and len(renders) * cost, {})
-    return replace(unmeasured, stereo=_stereo(unmeasured, light, methods))
+    untallied = Reference(first.pair, exposed, light, first.depth["left"], first.visible["left"],
+                          _noise(renders) / len(renders) ** 0.5 / mean,
+                          cost and len(renders) * cost, {})
+    seen = [light, *(render.light for render in renders if len(renders) > 1)]
+    return replace(untallied, tallies=_tallies(untallied, seen, methods))
 
 
 def measure(folders: Sequence[Path], reference: Reference, methods: Sequence[Method]) -> dict[str, Any]:
@@ -73,8 +94,11 @@ def measure(folders: Sequence[Path], reference: Reference, methods: Sequence[Met
       reference over its mean, the reference's own noise taken off; ``noise``: its random part, the standard deviation
       between renders over the mean, None of a single render; ``structure``: its other part.
     * ``depth_px``: 95th percentile of the difference of the true depths, as disparity; ``depth_m``: their median.
-    * ``stereo``: per matcher what STEREO names, mean of the renders; ``loss``: how much worse that is than on the
-      reference's own images.
+    * ``stereo``: per matcher what STEREO names, mean of the renders; ``loss``: how much worse that is than on an image
+      without noise, as the module says.
+    * ``bias_doubt``, ``loss_doubt``: what these may be off by, in 19 of 20 cases, for noise: two standard errors over
+      tiles of the image (``tiles.jackknife``), and for a loss what the law of the reference's noise may be off by.
+    * ``cpu_range``: the least and the most of ``cpu_s``.
 
     All are fractions but where a unit is named. Raises IcyMoonError if a render cannot be read or is of another view.
     """
@@ -83,17 +107,18 @@ def measure(folders: Sequence[Path], reference: Reference, methods: Sequence[Met
         if render.pair.camera != reference.pair.camera:
             raise IcyMoonError(f"{render.pair.folder} has another camera than {reference.pair.folder}; render both "
                                "again.")
-    stereo = [_stereo(reference, render.light, methods) for render in renders]
-    mean_stereo = {method.label: {key: _mean([each[method.label][key] for each in stereo]) for key in STEREO}
-                   for method in methods}
-    return {**_cost(renders), **_radiance(renders, reference), **_depth(renders[0], reference), "stereo": mean_stereo,
-            "loss": {label: {key: _difference(numbers[key], reference.stereo[label][key], key) for key in STEREO}
-                     for label, numbers in mean_stereo.items()}}
+    tallies = _tallies(reference, [render.light for render in renders], methods)
+    losses = {label: _loss(tally, reference.tallies[label]) for label, tally in tallies.items()}
+    return {**_cost(renders), **_radiance(renders, reference), **_depth(renders[0], reference),
+            "stereo": {label: _named(_numbers(tally.sum(axis=1)).mean(axis=0)) for label, tally in tallies.items()},
+            "loss": {label: _named(loss) for label, (loss, _) in losses.items()},
+            "loss_doubt": {label: _named(doubt) for label, (_, doubt) in losses.items()}}
 
 
-def _cost(renders: Sequence[Loaded]) -> dict[str, float | None]:
+def _cost(renders: Sequence[Loaded]) -> dict[str, Any]:
     facts = [render.pair.data for render in renders]
-    return {"cpu_s": _mean([sum(each["cpu_seconds"].values()) if "cpu_seconds" in each else None for each in facts]),
+    cpu = [sum(each["cpu_seconds"].values()) for each in facts if "cpu_seconds" in each]
+    return {"cpu_s": _mean(cpu), "cpu_range": [min(cpu), max(cpu)] if cpu else None,
             "wall_s": _mean([sum(each.get("seconds", {}).values()) for each in facts]),
             "memory_mib": max((each["peak_memory_mib"] for each in facts if each.get("peak_memory_mib")), default=None)}
 
@@ -104,7 +129,9 @@ def _radiance(renders: Sequence[Loaded], reference: Reference) -> dict[str, floa
     lights = [grey(render.light["left"].radiance) for render in renders]
     square = float(np.mean([np.mean((light - true) ** 2) for light in lights])) / mean ** 2 - reference.noise ** 2
     noise = _noise(renders) / mean if len(renders) > 1 else None
-    return {"bias": float(np.mean(lights)) / mean - 1, "rmse": max(square, 0.0) ** 0.5, "noise": noise,
+    _, error = jackknife(lambda sums: sums[..., :1] / sums[..., 1:] - 1, tile_sums(np.mean(lights, axis=0), true))
+    return {"bias": float(np.mean(lights)) / mean - 1, "bias_doubt": none_for_nan(2 * float(error[0])),
+            "rmse": max(square, 0.0) ** 0.5, "noise": noise,
             "structure": max(square - noise ** 2, 0.0) ** 0.5 if noise is not None else None}
 
 
@@ -126,29 +153,48 @@ def _depth(render: Loaded, reference: Reference) -> dict[str, float | None]:
             "depth_m": float(np.median(np.abs(depth - reference.depth)[both]))}
 
 
-def _stereo(reference: Reference, light: Mapping[str, Light],
-            methods: Sequence[Method]) -> dict[str, dict[str, float | None]]:
-    """Each matcher on images of the reference's exposure, against the reference's depth where both eyes see."""
-    left, right = develop(reference.pair, light["left"], light["right"], reference.settings).for_matchers()
+def _tallies(reference: Reference, lights: Sequence[Mapping[str, Light]],
+             methods: Sequence[Method]) -> dict[str, np.ndarray]:
+    """Per matcher, sums (images, tiles, 4) over images of the reference's exposure, against the reference's depth
+    where both eyes see: pixels, of these measured, their disparity error in px, of these off by more than 1 px."""
     true = np.where(reference.visible, reference.pair.camera.disparity(reference.depth), np.nan)
+    images = [develop(reference.pair, light["left"], light["right"], reference.settings).for_matchers()
+              for light in lights]
+    return {method.label: np.stack([_tally(match(method.name, left, right, method.options, reference.pair.camera)[0],
+                                           true) for left, right in images]) for method in methods}
+
+
+def _tally(disparity: np.ndarray, true: np.ndarray) -> np.ndarray:
     known = np.isfinite(true)
-    found: dict[str, dict[str, float | None]] = {}
-    for method in methods:
-        disparity, _, _ = match(method.name, left, right, method.options, reference.pair.camera)
-        numbers = disparity_metrics(disparity, true)
-        coverage = float(np.mean(np.isfinite(disparity[known]))) if known.any() else float("nan")
-        wrong = 1 - coverage * (1 - numbers["bad_1"]) if coverage > 0 else 1.0
-        found[method.label] = {key: none_for_nan(value) for key, value in (
-            ("coverage", coverage), ("epe_px", numbers["epe_px"]), ("bad_1", numbers["bad_1"]),
-            ("wrong_or_missing", wrong if known.any() else float("nan")))}
-    return found
+    measured = known & usable(disparity)
+    error = np.where(measured, np.abs(disparity - true), 0.0)
+    return tile_sums(known, measured, error, error > 1)
 
 
-def _difference(value: float | None, own: float | None, key: str) -> float | None:
-    """How much worse; of coverage more is better."""
-    if value is None or own is None:
-        return None
-    return own - value if key == "coverage" else value - own
+def _numbers(sums: np.ndarray) -> np.ndarray:
+    """What STEREO names (..., 4), of sums (..., 4) of ``_tally``; NaN where it is not defined."""
+    known, measured, error, bad = np.moveaxis(sums, -1, 0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.stack([measured / known, error / measured, bad / measured, 1 - (measured - bad) / known], axis=-1)
+
+
+def _own(sums: np.ndarray) -> np.ndarray:
+    """How much worse a reference is for its own noise, of sums (1 + renders, ..., 4): see the module."""
+    if len(sums) < 3:
+        return np.zeros_like(sums[0])
+    whole, *each = _numbers(sums)
+    return _WORSE * (np.mean(each, axis=0) - whole) / (len(each) - 1)
+
+
+def _loss(sums: np.ndarray, reference: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """How much worse a variant is than an image without noise, (4,), and what that may be off by."""
+    loss, error = jackknife(lambda own, best: _WORSE * (_numbers(own).mean(axis=0) - _numbers(best[0])) + _own(best),
+                            sums, reference)
+    return loss, np.hypot(2 * error, _LAW_DOUBT * _own(reference.sum(axis=1)))
+
+
+def _named(numbers: np.ndarray) -> dict[str, float | None]:
+    return {key: none_for_nan(float(value)) for key, value in zip(STEREO, numbers, strict=True)}
 
 
 def _mean(values: Sequence[float | None]) -> float | None:

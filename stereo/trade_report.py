@@ -11,21 +11,18 @@ from typing import Any
 
 import jinja2
 import matplotlib
+import numpy as np
 from matplotlib.ticker import FuncFormatter
 
 from ..files import write_json, write_text
 from ..render.variants import SHAPES
 from .charts import COLOURS, STYLE, drawing, legend, logarithmic, svg
 from .columns import Column, shown
-from .trade import STEREO, front, number
+from .trade import STEREO, number
+from .trade_advice import advice, fronts, loss_text, steps
 
 FORMAT = "icymoon-trade"
-VERSION = 1
-#: Extra disparity error, px, up to which advice is given.
-TOLERANCES_PX = (0.01, 0.02, 0.05, 0.1)
-#: What a light error may be to be called none, and to be recommended to matchers, as a share of the light.
-_UNSEEN, _RECOMMENDED = 0.002, 0.01
-
+VERSION = 2
 COLUMNS = (Column("cpu_s", "CPU", "s", 1, "processor seconds of a pair: build, both eyes, truth, files"),
            Column("wall_s", "Wall", "s", 1, "seconds of a pair on this machine"),
            Column("memory_mib", "Memory", "MiB", 0, "most memory of the rendering process"),
@@ -43,12 +40,13 @@ def write_trade(rows: Sequence[Mapping[str, Any]], methods: Sequence[str], refer
     """Write ``trade.json``, ``trade.csv`` and ``trade.html`` to ``out``; return what is in the JSON.
 
     ``rows``: per variant ``group``, ``name``, ``changed`` (settings by topic.key) and what ``trade.measure`` found.
-    ``references``: ``name``, ``noise``, ``cpu_s`` and ``stereo`` of each. ``groups``: what each group is about.
+    ``references``: ``name``, ``noise``, ``cpu_s``, ``stereo`` and ``own`` of each. ``groups``: what each is about.
     """
+    best = fronts(rows, methods)
     report = {"format": FORMAT, "version": VERSION, "methods": list(methods), "references": list(references),
               "rows": [dict(row) for row in rows], "advice": advice(rows, methods),
-              "fronts": {label: [rows[k]["name"] for k in front(rows, "cpu_s", path)]
-                         for label, path in _errors(methods)}, "provenance": dict(provenance)}
+              "fronts": {label: [row["name"] for row in found] for label, found in best.items()},
+              "provenance": dict(provenance)}
     write_json(out / "trade.json", report)
     write_text(out / "trade.csv", _csv(rows, methods))
     here = Path(__file__).parent
@@ -57,8 +55,9 @@ def write_trade(rows: Sequence[Mapping[str, Any]], methods: Sequence[str], refer
     used = [group for group in groups if any(row["group"] == group for row in rows)]
     scene = [row for row in rows if row["group"] == "scene"]
     html = environment.get_template("trade.html.j2").render(
-        report=report, columns=COLUMNS, stereo_columns=STEREO_COLUMNS, shown=shown, chart=_chart(rows, methods),
-        best={rows[k]["key"] for _, path in _errors(methods) for k in front(rows, "cpu_s", path)},
+        report=report, columns=COLUMNS, stereo_columns=STEREO_COLUMNS, shown=shown, chart=_chart(rows, methods, best),
+        lost=_lost, fronts={label: steps(found, label) for label, found in best.items()},
+        best={row["key"] for found in best.values() for row in found},
         tables=[(group, groups[group], (scene if group not in SHAPES else []) + [
             row for row in rows if row["group"] == group]) for group in used],
         settings=json.dumps(provenance, indent=1))
@@ -66,62 +65,14 @@ def write_trade(rows: Sequence[Mapping[str, Any]], methods: Sequence[str], refer
     return report
 
 
-def advice(rows: Sequence[Mapping[str, Any]], methods: Sequence[str]) -> list[str]:
-    """In words: the cheapest variant within each tolerance for each matcher, and what each group is worth."""
-    scene = next(row for row in rows if row["group"] == "scene")
-    said = []
-    for method in methods:
-        steps: list[tuple[float, Mapping[str, Any]]] = []
-        for tolerance in TOLERANCES_PX:
-            good = [row for row in rows if _fits(row, method, tolerance)]
-            best = min(good, key=lambda row: row["cpu_s"], default=None)
-            if best is not None and (not steps or steps[-1][1] is not best):
-                steps.append((tolerance, best))
-        if not steps:
-            said.append(f"{method}: nothing tried stays within {TOLERANCES_PX[-1]:g} px of the reference; give more "
-                        "samples.")
-            continue
-        said.append(f"{method}: " + "; ".join(
-            f"within {tolerance:g} px of the reference with “{best['name']}”, {best['cpu_s']:.1f} CPU seconds a pair"
-            f"{_ratio(scene, best)}" for tolerance, best in steps) + ".")
-    return said + _about_groups(rows, scene)
-
-
-def _fits(row: Mapping[str, Any], method: str, tolerance_px: float) -> bool:
-    """Whether a variant shows this scene's shape and light, and loses no more than that."""
-    loss = number(row, "loss", method, "epe_px")
-    return (row["group"] not in SHAPES and abs(row["bias"]) <= _RECOMMENDED and row["cpu_s"] is not None
-            and loss is not None and loss <= tolerance_px)
-
-
-def _ratio(scene: Mapping[str, Any], best: Mapping[str, Any]) -> str:
-    if best is scene or not scene["cpu_s"] or not best["cpu_s"]:
-        return ""
-    ratio = scene["cpu_s"] / best["cpu_s"]
-    return f" ({ratio:.1f} times less than as described)" if ratio > 1 else f" ({1 / ratio:.1f} times as much)"
-
-
-def _about_groups(rows: Sequence[Mapping[str, Any]], scene: Mapping[str, Any]) -> list[str]:
-    """Of each group but the samples: the cheapest variant whose light is that of the scene, if it saves anything."""
-    said = []
-    for group in dict.fromkeys(row["group"] for row in rows if row["group"] not in ("scene", "samples")):
-        own = [row for row in rows if row["group"] == group and row["cpu_s"] and row["bias"] is not None]
-        same = [row for row in own if abs(row["bias"]) <= _UNSEEN and (row["depth_px"] or 0.0) <= TOLERANCES_PX[0]]
-        best = min(same, key=lambda row: row["cpu_s"], default=None)
-        if best is None or not scene["cpu_s"]:
-            said.append(f"{group}: every variant changes the light by more than {100 * _UNSEEN:g} % or the depth by "
-                        f"more than {TOLERANCES_PX[0]:g} px.")
-        elif best["cpu_s"] < 0.97 * scene["cpu_s"]:
-            said.append(f"{group}: “{best['name']}” changes the light by {100 * best['bias']:+.2f} % and saves "
-                        f"{100 * (1 - best['cpu_s'] / scene['cpu_s']):.0f} % of the time.")
-        else:
-            said.append(f"{group}: nothing here is cheaper without changing the light; leave it as it is.")
-    return said
-
-
 def _errors(methods: Sequence[str]) -> list[tuple[str, tuple[str, ...]]]:
-    """The errors that fronts are drawn of: their names and where they stand in a row."""
+    """The errors that are drawn: their names and where they stand in a row."""
     return [("radiance", ("rmse",)), *((method, ("loss", method, "epe_px")) for method in methods)]
+
+
+def _lost(row: Mapping[str, Any], label: str) -> str:
+    """What a variant of a front is off by: the RMSE of the radiance, or what a matcher loses."""
+    return f"{100 * row['rmse']:.1f} %" if label == "radiance" else loss_text(row, label)
 
 
 def _csv(rows: Sequence[Mapping[str, Any]], methods: Sequence[str]) -> str:
@@ -129,16 +80,18 @@ def _csv(rows: Sequence[Mapping[str, Any]], methods: Sequence[str]) -> str:
     table = csv.writer(text, lineterminator="\n")
     table.writerow(["group", "name", *(column.key for column in COLUMNS), "depth_m",
                     *(f"{method} {key}" for method in methods for key in STEREO),
-                    *(f"{method} loss {key}" for method in methods for key in STEREO), "changed"])
+                    *(f"{method} {what} {key}" for what in ("loss", "loss ±") for method in methods for key in STEREO),
+                    "bias ±", "changed"])
     for row in rows:
         table.writerow([row["group"], row["name"], *(row[column.key] for column in COLUMNS), row["depth_m"],
-                        *(row[kind][method][key] for kind in ("stereo", "loss") for method in methods
-                          for key in STEREO), json.dumps(row["changed"])])
+                        *(row[kind][method][key] for kind in ("stereo", "loss", "loss_doubt") for method in methods
+                          for key in STEREO), row["bias_doubt"], json.dumps(row["changed"])])
     return text.getvalue()
 
 
-def _chart(rows: Sequence[Mapping[str, Any]], methods: Sequence[str]) -> str:
-    """Every variant by cost and error, the front joined by a line."""
+def _chart(rows: Sequence[Mapping[str, Any]], methods: Sequence[str],
+           best: Mapping[str, Sequence[Mapping[str, Any]]]) -> str:
+    """Every variant by cost and error, with what it may be off by, the front joined by a line."""
     groups = list(dict.fromkeys(row["group"] for row in rows))
     errors = _errors(methods)
     with matplotlib.rc_context(STYLE):
@@ -147,13 +100,13 @@ def _chart(rows: Sequence[Mapping[str, Any]], methods: Sequence[str]) -> str:
             axis.set_visible(False)
         for (label, path), axis in zip(errors, axes.flat, strict=False):
             for k, group in enumerate(groups):
-                own = [(row["cpu_s"], number(row, *path)) for row in rows if row["group"] == group]
-                known = [(cost, error) for cost, error in own if cost is not None and error is not None]
-                axis.plot([p[0] for p in known], [p[1] for p in known], "osD^vPX*"[k % 8], label=group,
-                          color=COLOURS[k % len(COLOURS)])
-            best = [rows[k] for k in front(rows, "cpu_s", path)]
-            axis.plot([row["cpu_s"] for row in best], [number(row, *path) for row in best], color="#6f7f8f",
-                      linewidth=1.1, zorder=0)
+                own = [(row["cpu_s"], number(row, *path), number(row, "loss_doubt", *path[1:]) or 0.0)
+                       for row in rows if row["group"] == group]
+                known = [point for point in own if None not in point[:2]]
+                look = {"color": COLOURS[k % len(COLOURS)], "marker": "osD^vPX*"[k % 8], "label": group}
+                axis.errorbar(*np.array(known, float).T.reshape(3, -1), linestyle="", elinewidth=0.8, **look)
+            axis.plot([row["cpu_s"] for row in best[label]], [number(row, *path) for row in best[label]],
+                      color="#6f7f8f", linewidth=1.1, zorder=0)
             logarithmic(axis, "x")
             if label == "radiance":
                 logarithmic(axis, "y")

@@ -3,6 +3,7 @@
 import json
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 from icymoon import settings as description
@@ -48,17 +49,23 @@ def test_auto_stops_at_the_first_that_is_good_enough(tmp_path):
     code, out, err = icymoon(*words, "--tolerance-px", "0.5")
     assert code == 0, err
     found = json.loads(out.splitlines()[-1])
-    losses = [step["loss"]["sgbm"]["epe_px"] for step in found["tried"]]
-    assert found["tried"][-1]["name"] == found["chosen"]
-    assert losses[-1] <= 0.5
-    assert all(loss is None or loss > 0.5 for loss in losses[:-1])
+    chosen = next(step for step in found["tried"] if step["name"] == found["chosen"])
+    assert chosen["loss"]["sgbm"]["epe_px"] + chosen["loss_doubt"]["sgbm"]["epe_px"] <= 0.5
+    assert chosen["within"] is True
+    ladder = [step for step in found["tried"] if step["name"].removesuffix(", denoised").endswith(" samples")]
+    assert [step["within"] for step in ladder].count(True) == 1  # stopped there
     description.check(found["settings"], "auto")
+    assert description.load(Path(found["file"])) == found["settings"]
 
 
 @pytest.mark.parametrize(("words", "said"), [
     (("trade", *SCENE, "--groups", "hapke"), "nothing to vary in hapke"),
     (("trade", *SCENE, "--scale", "3"), "scaled by 3"),
     (("auto", *SCENE, "--tolerance-px", "0"), "tolerance of 0 px"),
+    (("auto", *SCENE, "--tolerance-px", "nan"), "tolerance of nan px"),
+    (("auto", *SCENE, "--tolerance-bad-1", "80%"), "tolerance of 80 % bad-1"),
+    (("auto", *SCENE, "--reference-samples", "999999"), "give 2 to 131072"),
+    (("auto", *SCENE, "--methods", "magic"), "magic"),
     (("trade", *SCENE, "--repeats", "0"), "--repeats is 0"),
     (("trade", *SCENE, "--methods", "magic"), "magic")])
 def test_bad_input_is_one_sentence(words, said, tmp_path):
@@ -78,9 +85,17 @@ def test_the_button_sets_what_the_search_finds(tmp_path):
         {"mesh": {"most": 20000}, "dataset": {"folder": str(tmp_path), "methods": "sgbm"}}))
     with bpy.context.temp_override(scene=scene):
         assert bpy.ops.icymoon.auto_quality(scale=0.15, reference_samples=32, tolerance_px=0.5) == {"FINISHED"}
+        by_error = trade.said["Trade"]
+        # What is rendered by now is not rendered again.
+        assert bpy.ops.icymoon.auto_quality(scale=0.15, reference_samples=32, judged_by="BAD_1",
+                                            tolerance_bad_1=25.0) == {"FINISHED"}
     assert list((tmp_path / "trade" / "data" / "pairs").iterdir())
     tried = trade.said["Trade"]
-    assert tried[-1].startswith(f"{scene.icymoon.quality.samples} samples")
+    assert any(line.startswith(f"{scene.icymoon.quality.samples} samples") for line in tried)
+    assert "px" in by_error[0]
+    assert "% bad-1" in tried[-1]
+    found = description.load(tmp_path / "trade" / "quality.toml")["quality"]
+    assert {key: getattr(scene.icymoon.quality, key) for key in found} == pytest.approx(found)
     bpy.data.scenes.remove(scene)
 
 

@@ -20,7 +20,7 @@ PURE = ("settings", "properties", "changes", "labels", "files", "own_files", "ve
         "terminal", "trade", "doctor", "install", "render.pair", "render.plan", "render.queue", "render.launch",
         "render.exr_check", "render.exr_parts", "render.sweep", "render.combine", "render.blocks", "render.poses",
         "render.toml_lines", "render.order", "render.claims", "render.dataset", "render.manifest", "render.verify",
-        "render.runner", "render.cluster", "render.slurm", "render.variants", "render.cost", "render.detached",
+        "render.runner", "render.cluster", "render.slurm", "render.tolerance", "render.variants", "render.cost", "render.detached",
         "render.machine", "render.qualities",
         "planning",
         *(f"{package}.{path.stem}" for package in ("physics", "stereo") for path in (ROOT / package).glob("*.py")
@@ -29,7 +29,7 @@ PURE = ("settings", "properties", "changes", "labels", "files", "own_files", "ve
 LAYERS = {"panels": 4, "operators": 3, "render": 2, "nodes": 1, "physics": 0}
 #: Parts of render that are data and processes, and know no Blender; anyone may use them.
 SHARED = {"render.pair", "render.plan", "render.queue", "render.launch", "render.exr_check", "render.exr_parts",
-          "render.variants"}
+          "render.tolerance", "render.variants"}
 
 
 def imported(path: Path) -> set[str]:

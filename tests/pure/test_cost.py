@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from icymoon import settings as description
 from icymoon.render import cost
 from icymoon.render.plan import PlannedPair, expand
@@ -34,13 +36,53 @@ def finish(dataset, pair, seconds, size=1000):
 
 @pytest.mark.parametrize(("change", "dearer"), [
     ({"quality": {"samples": 64}}, True), ({"rig": {"width_px": 640}}, True), ({"quality": {"denoiser": "OIDN"}}, True),
-    ({"surface": {"subsurface_weight": 0.5}}, True), ({"surface": {"model": "LAMBERT"}}, False),
+    ({"surface": {"subsurface_weight": 0.5, "subsurface_radius_m": 0.1}}, True),
+    ({"surface": {"model": "LAMBERT"}}, False),
     ({"rocks": {"coverage": 0.1}}, True), ({"textures": {"set": "FROST"}}, True),
     ({"surface": {"model": "HAPKE"}}, True), ({"quality": {"truth": "DEPTH"}}, False),
 ])
 def test_what_costs_more_is_expected_to(change, dearer):
     base, other = (cost.work_of(described(*c)).seconds(1e5) for c in ((), (change,)))
     assert (other > base) == dearer
+
+
+SNOW = {"surface": {"subsurface_weight": 0.8, "subsurface_radius_m": 1.0e-3}}
+
+
+@given(st.builds(dict, surface=st.fixed_dictionaries({
+    "model": st.sampled_from(["LAMBERT", "PRINCIPLED", "HAPKE", "LUNAR_LAMBERT"]),
+    "subsurface_weight": st.sampled_from([0.0, 0.3, 1.0]), "subsurface_radius_m": st.sampled_from([1e-5, 1e-2, 1.0]),
+    "relief": st.sampled_from(["BUMP", "DISPLACEMENT"]), "grain_amplitude_m": st.sampled_from([0.0, 0.004])}),
+    rocks=st.fixed_dictionaries({"coverage": st.sampled_from([0.0, 0.1]), "own_surface": st.booleans()}),
+    quality=st.fixed_dictionaries({"samples": st.integers(1, 512), "walk_px": st.sampled_from([0.0, 0.1, 100.0])})))
+def test_what_is_left_out_never_costs(scene):
+    """More left out is never expected to take longer, and what is never seen is expected to cost as if it were off."""
+    def seconds(*changes):
+        return cost.work_of(described(scene, *changes)).seconds(1e5)
+
+    full = seconds()
+    for lean in ({"fine_relief": "CAMERA"}, {"walk_px": 100.0}, {"truth": "DEPTH"}):
+        assert seconds({"quality": lean}) <= full
+    assert seconds({"surface": {"grain_amplitude_m": 0.0}}) <= full
+    assert seconds({"surface": {"subsurface_weight": 0.0}}) <= full
+
+
+@pytest.mark.parametrize(("off", "never_on"), [
+    # A mean free path far under a pixel is not walked, as if there were none.
+    (SNOW, {"surface": {"subsurface_weight": 0.0}}),
+    # Relief that is not there is left to nobody.
+    ({"surface": {"grain_amplitude_m": 0.0}, "quality": {"fine_relief": "CAMERA"}},
+     {"surface": {"grain_amplitude_m": 0.0}}),
+    # Hapke's law shades relief for all light.
+    ({"surface": {"model": "HAPKE"}, "quality": {"fine_relief": "CAMERA"}}, {"surface": {"model": "HAPKE"}})])
+def test_off_costs_what_never_on_does(off, never_on):
+    assert cost.work_of(described(off)) == cost.work_of(described(never_on))
+
+
+def test_a_walk_costs_where_it_is_walked():
+    out, walked = (cost.work_of(described(SNOW, {"quality": {"walk_px": limit}})) for limit in (0.1, 0.0))
+    # 8.0 samples of Lambert's law more in benchmarks/plan_cost.py at weight 1, so more than 4 at any large weight.
+    assert walked.relative - out.relative > 4
 
 
 def test_samples_and_pixels_count_in_proportion():

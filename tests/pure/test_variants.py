@@ -3,13 +3,14 @@
 import pytest
 from icymoon import settings as description
 from icymoon.errors import IcyMoonError
-from icymoon.render.variants import GROUPS, SHAPES, candidates, reference, variants
+from icymoon.render.cost import work_of
+from icymoon.render.variants import GROUPS, SHAPES, candidates, leaner, reference, variants
 
 SCENES = ("enceladus_fresh_snow", "europa_rough_ice", "europa_ridged_plain_hapke")
 #: Settings that each group may change.
 OWN = {"scene": set(), "samples": {"quality.samples", "quality.denoiser"}, "bounces": {"quality.diffuse_bounces"},
        "threshold": {"quality.samples", "quality.noise_threshold"}, "mesh": {"mesh.error_px"},
-       "relief": {"surface.relief", "quality.fine_relief"},
+       "relief": {"surface.relief"}, "shortcuts": {"quality.fine_relief", "quality.walk_px", "quality.truth"},
        "subsurface": {"surface.subsurface_weight", "surface.model",
                       *(f"hapke.{key}" for key in description.defaults()["hapke"])},
        "hapke": {"surface.model", *(f"hapke.{key}" for key in description.defaults()["hapke"])}}
@@ -44,17 +45,35 @@ def test_all_are_different_and_valid(name):
 def test_only_what_the_scene_has_is_varied():
     groups = {variant.group for variant in variants(scene("europa_rough_ice", "surface.subsurface_weight=0",
                                                           "surface.grain_amplitude_m=0", "mesh.kind=GRID"))}
-    assert groups == {"scene", "samples", "bounces", "threshold"}
+    assert groups == {"scene", "samples", "bounces", "threshold", "shortcuts"}
     assert {variant.group for variant in variants(scene("europa_ridged_plain_hapke"))} >= {"hapke", "mesh"}
 
 
-def test_relief_for_the_camera_alone_is_varied_where_no_light_walks_under_the_surface():
-    def reliefs(*overrides):
-        return [v.name for v in variants(scene("europa_rough_ice", *overrides), ["relief"]) if v.group == "relief"]
+WALK = ("surface.subsurface_weight=1", "surface.subsurface_radius_m=0.05")
 
-    assert "shaded for the camera alone" in reliefs("surface.subsurface_weight=0")
-    walk = ("surface.subsurface_weight=1", "surface.subsurface_radius_m=0.01")
-    assert "shaded for the camera alone" not in reliefs(*walk)
+
+def shortcuts(*overrides):
+    return {v.name for v in variants(scene("europa_rough_ice", *overrides), ["shortcuts"]) if v.group == "shortcuts"}
+
+
+def test_what_may_be_left_out_is_varied_to_what_it_is_not():
+    bare = ("surface.subsurface_weight=0",)
+    assert shortcuts(*bare) == {"fine relief for the camera alone", "depth alone"}
+    assert shortcuts(*bare, "quality.fine_relief=CAMERA", "quality.truth=DEPTH") == {
+        "fine relief for all light", "normals and labels"}
+    assert shortcuts(*bare, "surface.grain_amplitude_m=0") == {"depth alone"}
+    # With a walk all light meets the relief, so that there is none to leave out.
+    assert shortcuts(*WALK) == {"no walk under the surface", "depth alone"}
+    assert "walk under the surface" in shortcuts(*WALK, "quality.walk_px=90")
+
+
+@pytest.mark.parametrize("overrides", [(), WALK, ("surface.subsurface_weight=0",)])
+def test_a_search_leaves_out_what_costs_something(overrides):
+    base = scene("europa_rough_ice", *overrides)
+    for name, part in leaner(base).items():
+        lean = description.merged(base, part)
+        assert work_of(lean).seconds(0.0) < work_of(base).seconds(0.0), name
+        assert name not in leaner(lean)
 
 
 def test_asking_for_what_is_not_there_is_refused():
@@ -62,8 +81,9 @@ def test_asking_for_what_is_not_there_is_refused():
         variants(scene("europa_rough_ice"), ["light"])
     with pytest.raises(IcyMoonError, match="nothing to vary in hapke"):
         variants(scene("europa_rough_ice"), ["hapke"])
-    with pytest.raises(IcyMoonError, match="halved"):
-        reference(scene("europa_rough_ice"), 1)
+    for samples in (1, 131074):
+        with pytest.raises(IcyMoonError, match="give 2 to 131072"):
+            reference(scene("europa_rough_ice"), samples)
 
 
 @pytest.mark.parametrize("fine", [False, True])
@@ -98,4 +118,6 @@ def test_the_search_goes_from_cheap_to_dear():
         own = [step["samples"] for step in ladder if step["denoiser"] == denoiser]
         assert own == sorted(set(own))
         assert own
+    costs = [work_of(variant.settings).seconds(0.0) for variant in candidates(scene("europa_rough_ice"))]
+    assert costs == sorted(costs)
     assert set(GROUPS) == set(OWN) - {"scene"}
