@@ -30,7 +30,7 @@ _SAID = ("samples", "denoiser", "noise_threshold")
 
 def auto(bench: Bench, tolerance: Tolerance) -> dict[str, Any]:
     """The cheapest quality of the scene whose stereo error is within ``tolerance`` of that of an image without noise,
-    for every matcher, in 19 of 20 cases; written to ``quality.toml`` in ``bench.out``.
+    for every matcher, in 19 of 20 cases; written to ``quality.toml`` in ``bench.out``, with what was tried.
 
     Tries the candidates from the cheapest on and stops at the first that does; then leaves parts of the light out, one
     after the other, where the error stays within, the mean radiance within a hundredth, and the time is less.
@@ -63,10 +63,10 @@ def auto(bench: Bench, tolerance: Tolerance) -> dict[str, Any]:
     quality = chosen.settings["quality"]
     keys = {*_SAID, *changed(chosen.settings, bench.settings).get("quality", {})}
     settings = {"quality": {key: quality[key] for key in quality if key in keys}}
-    write_text(file, to_toml(settings))
-    return {"chosen": chosen.name, "settings": settings, "file": str(file), "tried": search.tried,
-            "said": [*search.lines(), f"Use {chosen.name}: {cost:.1f} CPU seconds a pair here, within {tolerance} for "
-                     f"{_and([method.label for method in methods])}."]}
+    said = [*search.lines(), f"Use {chosen.name}: {cost:.1f} CPU seconds a pair here, within {tolerance} for "
+            f"{_and([method.label for method in methods])}."]
+    write_text(file, "".join(f"# {line}\n" for line in said) + to_toml(settings))
+    return {"chosen": chosen.name, "settings": settings, "file": str(file), "tried": search.tried, "said": said}
 
 
 @dataclass

@@ -201,7 +201,9 @@ class JobOperator:
         return self._end(context)
 
     def cancel(self, context: bpy.types.Context) -> None:
-        """Called by Blender when the window closes or another file is opened."""
+        """Called by Blender when the window closes or another file is opened, or a dialog before any work."""
+        if self._timer is None:
+            return
         self._job.process.stop()
         self._end(context)
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import tempfile
+import textwrap
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -46,6 +48,12 @@ def _begin(context: bpy.types.Context, verb: str, title: str, handle: Any, *argu
     return jobs.Job(title, process, handle, folder.cleanup)
 
 
+def _wrapped(sentences: Sequence[str]) -> tuple[str, ...]:
+    """As lines that fit the sidebar."""
+    return tuple(line for sentence in sentences for line in textwrap.wrap(sentence, readouts.LINE,
+                                                                          subsequent_indent="    "))
+
+
 class _Measured:
     """Mix-in: how large the images are, and how good the reference."""
 
@@ -83,7 +91,7 @@ class ICYMOON_OT_trade(_Measured, jobs.JobOperator, bpy.types.Operator):
 
         def hear(message: Message) -> None:
             if message["type"] == "result":
-                said[name] = tuple(message["advice"])
+                said[name] = _wrapped(message["advice"])
                 self._page = message["report"]
 
         return _begin(context, "trade", self.bl_label, hear, "--methods", methods, *self._common())
@@ -108,10 +116,10 @@ class ICYMOON_OT_auto_quality(_Measured, jobs.JobOperator, bpy.types.Operator):
                ("BAD_1", "Wrong Pixels", "Pixels that are missing or off by more than 1 px"),
                ("BOTH", "Both", "Neither may be more than tolerable")))
     tolerance_px: bpy.props.FloatProperty(  # type: ignore[valid-type]
-        name="Tolerance (px)", default=tolerance.PX, min=tolerance.PX_LEAST, max=tolerance.PX_MOST, precision=3,
+        name="Added Error (px)", default=tolerance.PX, min=tolerance.PX_LEAST, max=tolerance.PX_MOST, precision=3,
         description="Mean disparity error that may be added to what a noise-free image would have")
     tolerance_bad_1: bpy.props.FloatProperty(  # type: ignore[valid-type]
-        name="Tolerance (% bad-1)", default=100 * tolerance.BAD_1, min=100 * tolerance.BAD_1_LEAST,
+        name="Added Bad-1 (%)", default=100 * tolerance.BAD_1, min=100 * tolerance.BAD_1_LEAST,
         max=100 * tolerance.BAD_1_MOST, precision=2,
         description="Per cent of the pixels that may be added to those that are missing or off by more than 1 px")
 
@@ -135,9 +143,9 @@ class ICYMOON_OT_auto_quality(_Measured, jobs.JobOperator, bpy.types.Operator):
 
         def hear(message: Message) -> None:
             if message["type"] == "result":
-                *tried, self._last = message["said"]
-                said[scene.name] = tuple(tried)
-                self._chosen = message["chosen"]
+                self._last, self._chosen = message["said"][-1], message["chosen"]
+                said[scene.name] = (*_wrapped([self._last]), *(
+                    f"{step['name']}: {step['cpu_s']:.1f} CPU s" for step in message["tried"]))
                 description.to_group(scene.icymoon, message["settings"])
 
         return _begin(context, "auto", self.bl_label, hear, "--methods", methods, *tolerances, *self._common())

@@ -27,8 +27,7 @@ class ICYMOON_PT_trade(Sidebar, bpy.types.Panel):
         layout.operator("icymoon.measure_machine")
         layout.operator("icymoon.auto_quality", text="Find Quality…")
         layout.operator("icymoon.trade", text="Measure…")
-        for line in trade.said.get(context.scene.name, ()):
-            layout.label(text=line)
+        draw_lines(layout, trade.said.get(context.scene.name, ()))
 
 
 CLASSES = (ICYMOON_PT_trade,)

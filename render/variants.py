@@ -112,10 +112,10 @@ def _of_group(group: str, settings: Settings) -> list[Variant]:
         return Variant(group, name, merged(settings, part))
 
     if group == "samples":
-        return [made(f"{n} samples{text}", {"quality": {"samples": n, "denoiser": denoiser}})
+        return [made(f"{_count(n, 'sample')}{text}", {"quality": {"samples": n, "denoiser": denoiser}})
                 for denoiser, text in _DENOISERS.items() for n in SAMPLES if denoiser == "NONE" or n <= _MOST_DENOISED]
     if group == "bounces":
-        return [made(f"{n} bounces", {"quality": {"diffuse_bounces": n}}) for n in _BOUNCES]
+        return [made(_count(n, "bounce"), {"quality": {"diffuse_bounces": n}}) for n in _BOUNCES]
     if group == "threshold":
         return [made(f"until {limit:g}", {"quality": {"noise_threshold": limit, "samples": _THRESHOLD_ROOM * samples}})
                 for limit in _THRESHOLDS]
@@ -204,11 +204,15 @@ def _isotropic_hapke(settings: Settings) -> dict[str, Any]:
 def candidates(settings: Settings) -> list[Variant]:
     """Ways to compute the light, cheapest first by what each is expected to cost: for a search that stops at the first
     one that is good enough."""
-    found = [Variant("auto", f"{n} samples{text}", merged(settings, {"quality": {
+    found = [Variant("auto", f"{_count(n, 'sample')}{text}", merged(settings, {"quality": {
         "samples": n, "denoiser": denoiser, "noise_threshold": 0.0}}))
         for denoiser, text in _DENOISERS.items() if denoiser != "OIDN_COLOUR"
         for n in SAMPLES if denoiser == "NONE" or n <= _MOST_DENOISED]
     return sorted(found, key=lambda variant: work_of(variant.settings).seconds(0.0))
+
+
+def _count(number: int, what: str) -> str:
+    return f"{number} {what}{'s' * (number != 1)}"
 
 
 def _meshed(settings: Settings) -> bool:

@@ -20,8 +20,8 @@ PURE = ("settings", "properties", "changes", "labels", "files", "own_files", "ve
         "terminal", "trade", "doctor", "install", "render.pair", "render.plan", "render.queue", "render.launch",
         "render.exr_check", "render.exr_parts", "render.sweep", "render.combine", "render.blocks", "render.poses",
         "render.toml_lines", "render.order", "render.claims", "render.dataset", "render.manifest", "render.verify",
-        "render.runner", "render.cluster", "render.slurm", "render.tolerance", "render.variants", "render.cost", "render.detached",
-        "render.machine", "render.qualities",
+        "render.runner", "render.cluster", "render.slurm", "render.variants", "render.cost", "render.detached",
+        "render.machine", "render.qualities", "render.tolerance", "auto",
         "planning",
         *(f"{package}.{path.stem}" for package in ("physics", "stereo") for path in (ROOT / package).glob("*.py")
           if path.stem not in ("__init__", "__main__")))
