@@ -30,7 +30,7 @@ _SAID = ("samples", "denoiser", "noise_threshold")
 
 def auto(bench: Bench, tolerance: Tolerance) -> dict[str, Any]:
     """The cheapest quality of the scene whose stereo error is within ``tolerance`` of that of an image without noise,
-    for every matcher, in 19 of 20 cases; written to ``quality.toml`` in ``bench.out``, with what was tried.
+    for every matcher, in 19 of 20 cases; written to ``auto.toml`` in ``bench.out``, with what was tried.
 
     Tries the candidates from the cheapest on and stops at the first that does; then leaves parts of the light out, one
     after the other, where the error stays within, the mean radiance within a hundredth, and the time is less.
@@ -46,7 +46,7 @@ def auto(bench: Bench, tolerance: Tolerance) -> dict[str, Any]:
     ladder, parts = candidates(bench.settings), leaner(bench.settings)
     best = reference(bench.settings, bench.samples)
     counter = Counter(bench.on_event, best.repeats + len(ladder) + len(parts))
-    file = bench.out / "quality.toml"
+    file = bench.out / "auto.toml"
     with disk_errors("write to", bench.out):
         file.unlink(missing_ok=True)  # what an earlier search said
     search = _Search(bench, read_reference(renders(best, bench, counter), methods, {}), methods, tolerance, counter)

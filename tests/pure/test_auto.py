@@ -59,7 +59,7 @@ def test_it_stops_at_the_first_that_is_good_enough_and_says_what_it_tried(tmp_pa
     assert found["settings"] == {"quality": {"samples": 16, "denoiser": "OIDN", "noise_threshold": 0.0}}
     assert [step["name"] for step in found["tried"]] == rendered
     assert [step["within"] for step in found["tried"]] == [False] * (len(rendered) - 1) + [True]
-    assert description.load(tmp_path / "quality.toml") == found["settings"]
+    assert description.load(tmp_path / "auto.toml") == found["settings"]
     assert found["said"][-1].startswith("Use 16 samples, denoised: ")
     assert len(found["said"]) == len(rendered) + 1
 
@@ -80,7 +80,7 @@ def test_what_is_in_doubt_is_rendered_again_where_that_can_tell(tmp_path, monkey
     assert hopeless["chosen"] is None
     assert max(map(rendered.count, rendered)) <= 4
     assert "larger scale" in hopeless["said"][-1]
-    assert not (tmp_path / "quality.toml").exists()  # nor what the search before it found
+    assert not (tmp_path / "auto.toml").exists()  # nor what the search before it found
 
 
 def test_what_nothing_meets_says_what_to_do(tmp_path, monkeypatch):
