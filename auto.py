@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from .files import disk_errors, write_text
-from .render.tolerance import Tolerance
+from .render.tolerance import Tolerance, every
 from .render.variants import Variant, candidates, leaner, reference
 from .settings import changed, merged, to_toml
 from .stereo import check
@@ -97,9 +97,8 @@ class _Search:
 
     def _verdict(self, found: dict[str, Any], share: float) -> bool | None:
         """Whether all matchers are within, were the doubts this share of what they are."""
-        each = [self.tolerance.keeps(loss, {key: doubt and share * doubt for key, doubt in found["loss_doubt"][
-            label].items()}) for label, loss in found["loss"].items()]
-        return False if False in each else None if None in each else True
+        return every(self.tolerance.keeps(loss, {key: doubt and share * doubt for key, doubt in found["loss_doubt"][
+            label].items()}) for label, loss in found["loss"].items())
 
     def lines(self) -> list[str]:
         """What was tried, a line each, for people."""
@@ -109,13 +108,16 @@ class _Search:
                 step["within"] is not False)) for step in self.tried]
 
     def _loss(self, label: str, step: dict[str, Any]) -> str:
+        from .stereo.trade_advice import less_measured
+
         said = []
         for key, factor, text in (("epe_px", 1.0, "{:+.3f}{} px"), ("wrong_or_missing", 100.0, "{:+.2f}{} % bad-1")):
             value, doubt = step["loss"][label][key], step["loss_doubt"][label][key]
             if key in self.tolerance.limits and value is not None:
                 digits = 3 if factor == 1.0 else 2
                 said.append(text.format(factor * value, f" ± {factor * doubt:.{digits}f}" if doubt is not None else ""))
-        return f"{label} {' and '.join(said)}" if said else f"{label} measures nothing"
+        fewer = less_measured(step["loss"][label], step["loss_doubt"][label])
+        return f"{label} {' and '.join(said)}{fewer}" if said else f"{label} measures nothing"
 
     def why_none(self) -> str:
         """Why nothing was chosen, and what to do."""

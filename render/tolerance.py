@@ -6,7 +6,7 @@ The one place that says what may be asked for: by the command line, and by the w
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 from ..errors import IcyMoonError
@@ -38,16 +38,19 @@ class Tolerance:
 
     def keeps(self, loss: Mapping[str, float | None], doubt: Mapping[str, float | None]) -> bool | None:
         """Whether a matcher's ``loss`` is within the tolerance, whatever its ``doubt``; None if that cannot be told."""
-        within: list[bool | None] = []
-        for key, limit in self.limits.items():
-            value, width = loss[key], doubt[key]
-            if value is None:
-                within.append(False)
-            elif width is None or abs(value - limit) < width:
-                within.append(None)
-            else:
-                within.append(value <= limit)
-        return False if False in within else None if None in within else True
+        return every(_under(loss[key], doubt[key], limit) for key, limit in self.limits.items())
+
+
+def every(verdicts: Iterable[bool | None]) -> bool | None:
+    """Whether all hold; None if that cannot be told."""
+    found = list(verdicts)
+    return False if False in found else None if None in found else True
+
+
+def _under(value: float | None, doubt: float | None, limit: float) -> bool | None:
+    if value is None:
+        return False
+    return None if doubt is None or abs(value - limit) < doubt else value <= limit
 
 
 def tolerance(epe_px: float | None, bad_1: float | None) -> Tolerance:

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from ..render.tolerance import Tolerance
+from ..render.tolerance import Tolerance, every
 from ..render.variants import SHAPES
 from .trade import front, number
 
@@ -14,6 +14,8 @@ from .trade import front, number
 TOLERANCES_PX = (0.01, 0.02, 0.05, 0.1)
 #: What a light error may be to be called none, and to be recommended to matchers, as a share of the light.
 _UNSEEN, _RECOMMENDED = 0.002, 0.01
+#: Share of the pixels that need not be told if a matcher measures them no more.
+_UNMEASURED = 0.01
 #: Share of the time that has to be saved to be called cheaper: processor seconds vary by some per cent.
 _SAVED = 0.05
 
@@ -24,8 +26,9 @@ def advice(rows: Sequence[Row], methods: Sequence[str]) -> list[str]:
     """In words: the cheapest variant within each tolerance for each matcher, and what each group is worth."""
     scene = next(row for row in rows if row["group"] == "scene")
     margin = _margin(rows)
-    return [line for method in methods for line in _about_method(method, rows, scene, margin)] + _about_groups(
-        rows, scene, methods, margin)
+    subjects = [*([("all matchers", methods)] if len(methods) > 1 else []), *((method, [method]) for method in methods)]
+    return [line for name, each in subjects for line in _about_matchers(name, each, rows, scene, margin)
+            ] + _about_groups(rows, scene, methods, margin)
 
 
 def fronts(rows: Sequence[Row], methods: Sequence[str]) -> dict[str, list[Row]]:
@@ -64,28 +67,37 @@ def _margin(rows: Sequence[Row]) -> float:
     return max(_SAVED, 2 * (sum(spreads) / len(spreads)) ** 0.5) if repeated else 2 * _SAVED
 
 
-def _about_method(method: str, rows: Sequence[Row], scene: Row, margin: float) -> list[str]:
-    """A line for each tolerance: the cheapest variant that is surely within, and a cheaper one that may be."""
+def _about_matchers(name: str, methods: Sequence[str], rows: Sequence[Row], scene: Row, margin: float) -> list[str]:
+    """A line for each tolerance: the cheapest variant that is surely within for all ``methods``, and a cheaper one
+    that may be."""
     said: list[str] = []
     hidden, before = [], None
     shown = [row for row in rows if _shows(row)]
     for px in TOLERANCES_PX:
-        keeps = {row["key"]: Tolerance(px, None).keeps(row["loss"][method], row["loss_doubt"][method]) for row in shown}
+        keeps = {row["key"]: every(Tolerance(px, None).keeps(row["loss"][method], row["loss_doubt"][method])
+                                   for method in methods) for row in shown}
         best = _cheapest([row for row in shown if keeps[row["key"]]], margin)
-        perhaps = _cheapest([row for row in shown if keeps[row["key"]] is None and row["loss"][method]["epe_px"] <= px
+        perhaps = _cheapest([row for row in shown if keeps[row["key"]] is None
+                             and all((number(row, "loss", method, "epe_px") or 0.0) <= px for method in methods)
                              and (best is None or _cheaper(row, best, margin))], margin)
         if best is None:
             hidden += [f"{px:g} px"] * (perhaps is not None)
         elif best is not before:
             before = best
-            said.append(f"{method}, within {px:g} px: “{best['name']}”, {best['cpu_s']:.1f} CPU seconds a pair"
-                        f"{_ratio(scene, best, margin)}, adds {loss_text(best, method)}" + (
-                            f"; perhaps “{perhaps['name']}”, {perhaps['cpu_s']:.1f} s, {loss_text(perhaps, method)}"
+            said.append(f"{name}, within {px:g} px: “{best['name']}”, {best['cpu_s']:.1f} CPU seconds a pair"
+                        f"{_ratio(scene, best, margin)}, adds {_worst(best, methods)}" + (
+                            f"; perhaps “{perhaps['name']}”, {perhaps['cpu_s']:.1f} s, {_worst(perhaps, methods)}"
                             if perhaps is not None else "") + ".")
     if hidden:
-        said.append(f"{method}: what is within {' or '.join(hidden)} cannot be told from noise here; give a larger "
+        said.append(f"{name}: what is within {' or '.join(hidden)} cannot be told from noise here; give a larger "
                     "scale or more reference samples.")
-    return said or [f"{method}: nothing tried stays within {TOLERANCES_PX[-1]:g} px; give more samples."]
+    return said or [f"{name}: nothing tried stays within {TOLERANCES_PX[-1]:g} px; give more samples."]
+
+
+def _worst(row: Row, methods: Sequence[str]) -> str:
+    """What the matcher loses that loses most, which is named if there are more."""
+    worst = max(methods, key=lambda method: number(row, "loss", method, "epe_px") or 0.0)
+    return f"at most {loss_text(row, worst)}, of {worst}" if len(methods) > 1 else loss_text(row, worst)
 
 
 def _cheapest(rows: Sequence[Row], margin: float) -> Row | None:
@@ -101,9 +113,19 @@ def _shows(row: Row) -> bool:
 
 
 def loss_text(row: Row, method: str) -> str:
-    """What a matcher loses, such as '+0.031 ± 0.012 px'."""
+    """What a matcher loses, such as '+0.031 ± 0.012 px', and how much less it measures if that is beyond noise."""
     doubt = row["loss_doubt"][method]["epe_px"]
-    return f"{row['loss'][method]['epe_px']:+.3f}{f' ± {doubt:.3f}' if doubt is not None else ''} px"
+    return (f"{row['loss'][method]['epe_px']:+.3f}{f' ± {doubt:.3f}' if doubt is not None else ''} px"
+            f"{less_measured(row['loss'][method], row['loss_doubt'][method])}")
+
+
+def less_measured(loss: Mapping[str, float | None], doubt: Mapping[str, float | None]) -> str:
+    """Words for the pixels that a matcher no longer measures, which its mean error says nothing of; empty where they
+    are few or noise."""
+    missing = loss["coverage"]
+    if missing is None or missing - (doubt["coverage"] or 0.0) <= _UNMEASURED:
+        return ""
+    return f" with {100 * missing:.0f} % fewer pixels measured"
 
 
 def _ratio(scene: Row, best: Row, margin: float) -> str:

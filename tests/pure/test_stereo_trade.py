@@ -108,7 +108,8 @@ def row(group, name, cost, loss, bias=0.0, doubt=0.004):
     return {"group": group, "name": name, "key": f"{group}: {name}", "cpu_s": cost, "cpu_range": [cost, 1.01 * cost],
             "wall_s": cost, "memory_mib": None, "bias": bias, "bias_doubt": 0.0005, "rmse": abs(bias), "noise": None,
             "structure": None, "depth_px": 0.0, "depth_m": 0.0, "changed": {}, "stereo": {"sgbm": stereo},
-            "loss": {"sgbm": stereo | {"epe_px": loss}}, "loss_doubt": {"sgbm": dict.fromkeys(stereo, doubt)}}
+            "loss": {"sgbm": stereo | {"epe_px": loss, "coverage": 0.0}},
+            "loss_doubt": {"sgbm": dict.fromkeys(stereo, doubt)}}
 
 
 ROWS = [row("scene", "as described", 10.0, 0.015), row("samples", "8 samples", 2.0, 0.08),
@@ -138,6 +139,30 @@ def test_advice_claims_nothing_within_noise():
     # A fiftieth less time is none: the scene as it is described does as well.
     assert words[0].startswith("sgbm, within 0.05 px: “as described”")
     assert words[-1] == "bounces: nothing here is cheaper without changing the images; leave it as it is."
+
+
+def test_what_suits_all_matchers_is_said_first():
+    rows = [row("scene", "as described", 10.0, 0.004, doubt=0.001), row("samples", "8 samples", 2.0, 0.03)]
+    for each, loss in zip(rows, (0.005, 0.07), strict=True):
+        for key in ("stereo", "loss", "loss_doubt"):
+            each[key]["bm"] = dict(each[key]["sgbm"])
+        each["loss"]["bm"]["epe_px"] = loss
+    words = advice(rows, ["sgbm", "bm"])
+    assert words[0].startswith("all matchers, within 0.01 px: “as described”, 10.0 CPU seconds a pair, adds at most")
+    assert words[0].endswith("+0.005 ± 0.001 px, of bm.")
+    assert "all matchers, within 0.1 px: “8 samples”" in words[1]
+    assert "sgbm, within 0.05 px: “8 samples”" in " ".join(words)
+
+
+def test_a_mean_error_of_fewer_pixels_is_told():
+    rows = [row("scene", "as described", 10.0, 0.015), row("samples", "2 samples", 1.0, 0.0)]
+    for each, fewer in zip(rows, (0.002, 0.4), strict=True):
+        each["loss"]["sgbm"]["coverage"] = fewer
+    words = " ".join(advice(rows, ["sgbm"]))
+    assert "“2 samples”, 1.0 CPU seconds a pair (10.0 times less than as described), adds +0.000 ± 0.004 px with " \
+        "40 % fewer pixels measured" in words
+    rows[1]["loss_doubt"]["sgbm"]["coverage"] = 0.5
+    assert "fewer" not in " ".join(advice(rows, ["sgbm"]))
 
 
 def test_times_that_vary_tell_less_apart():
