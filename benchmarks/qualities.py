@@ -45,7 +45,7 @@ def main(options: argparse.Namespace, out: Path) -> None:
     truth = read_reference(renders(reference(scene, options.reference_samples).settings, out), methods, {})
     rig = scene["rig"]
     where = f"{SCENE} at {rig['width_px']} x {rig['height_px']} px"
-    print(f"{where}; added to the errors on the reference's images ({truth.noise:.2%} noise):")
+    print(f"{where}; added to the errors on an image without noise ({truth.noise:.2%} noise):")
     print(f"{'':12}{'CPU s':>8}" + "".join(f"{method.label + ' px':>10}" for method in methods)
           + f"{'SGBM wrong':>12}{'bias':>8}{'RMS':>8}")
     for name in description.preset_names("qualities"):
