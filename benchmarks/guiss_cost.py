@@ -9,10 +9,12 @@ down to what Icy Moon would be set to. All rows are of the same ground and mater
 
 Cost is processor seconds of all threads: ``first`` of a process that renders one pair (start, build, pair), ``more`` of
 each further pair of the same process. The first row pays for nothing but its two images and one depth; all others for
-exact depth, normals and labels of both eyes too. Stereo is SGBM against the exact disparity where both eyes see:
-coverage, mean error, share off by more than 1 px, share off or missing, and the mean error of StereoBM and JPLV.
-Radiance is held against a render of many samples with all bounces and the light under the surface: mean, and root mean
-square of the difference of a pixel over the mean. Needs Blender as a module.
+exact depth, normals and labels of both eyes too. Stereo is of SGBM, StereoBM and JPLV against the exact disparity where
+both eyes see: coverage, mean error, share off by more than 1 px, share off or missing. More coverage is of harder
+pixels, so under each row stands what it has more than the first, with the doubt that noise leaves (jackknife over
+tiles): mean error of the pixels that both rows measure, and share off or missing. Radiance is held against a render of
+many samples with all bounces and the light under the surface: mean, and root mean square of the difference of a pixel
+over the mean. Needs Blender as a module.
 """
 
 from __future__ import annotations
@@ -27,7 +29,7 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from icymoon import settings as description
@@ -35,6 +37,9 @@ from icymoon.render import launch
 from icymoon.render.variants import reference
 from icymoon.settings import Settings
 from icymoon.trade import scaled
+
+if TYPE_CHECKING:  # a process that renders pays for no evaluator
+    from icymoon.stereo.methods import Method
 
 METHODS = "sgbm,bm,jplv"
 PRESETS = ("rigs/guiss", "sensors/default", "qualities/guiss", "lights/guiss_enceladus")
@@ -69,7 +74,7 @@ class Rung:
 
 def ladder() -> list[Rung]:
     """The rows, each with all changes of those above it."""
-    bounces = {"quality": {"diffuse_bounces": 4, "noise_threshold": 0.0}}
+    bounces = {"quality": {"diffuse_bounces": 3, "noise_threshold": 0.0}}
     solid = {**bounces, "surface": {"subsurface_weight": 0.0}}
     few = {**solid, "quality": {**bounces["quality"], "samples": 9}}
     depth = {**few, "quality": {**few["quality"], "truth": "DEPTH"}}
@@ -77,7 +82,7 @@ def ladder() -> list[Rung]:
     camera = {**plain, "quality": {**depth["quality"], "fine_relief": "CAMERA"}}
     return [Rung("paper's settings, two renders", {}, PAPER, apart=True),
             Rung("both eyes in one render, geometry kept", {}, PAPER),
-            Rung("4 bounces, no clamp", bounces, CLEANED),
+            Rung("3 bounces, no clamp", bounces, CLEANED),
             Rung("no walk under the surface, same albedo", solid, CLEANED),
             Rung("denoiser's guides as they are", solid, CLASSIC),
             Rung("blue noise", solid),
@@ -85,7 +90,8 @@ def ladder() -> list[Rung]:
             Rung("depth alone of the truth", depth),
             Rung("Lambert, same albedo", plain),
             Rung("relief for the camera alone", camera),
-            Rung("graded mesh of 4 px", {**camera, "mesh": {"kind": "GRADED", "error_px": 4.0, "edge_px": 24.0}})]
+            Rung("graded mesh of 4 px: finer ground", {
+                **camera, "mesh": {"kind": "GRADED", "error_px": 4.0, "edge_px": 24.0}})]
 
 
 def snow(scale: float) -> Settings:
@@ -174,34 +180,89 @@ def rendered(rung: Rung, settings: Settings, folder: Path) -> list[dict[str, Any
         return list(json.loads(told.read_text()))
 
 
-def measured(pairs: Sequence[Mapping[str, Any]], best: Any, methods: Any) -> dict[str, Any]:
-    """Costs and errors of a row; ``best`` is the render of many samples of its first pair."""
-    from icymoon.stereo.trade import measure, read_reference
+@dataclass(frozen=True)
+class Errors:
+    """What matchers make of a pair: by matcher the disparity error (H, W), px, NaN where nothing is measured, and
+    where both eyes see, bool (H, W)."""
 
-    folders = [Path(pair["folder"]) for pair in pairs]
-    stereo = [read_reference([folder], methods, {}).stereo for folder in folders]
+    off: dict[str, np.ndarray]
+    seen: np.ndarray
+
+
+def errors(folder: Path, methods: Sequence[Method]) -> Errors:
+    """Of a rendered pair, on images as its own camera exposes and reads them."""
+    from icymoon.stereo.develop import develop
+    from icymoon.stereo.matchers import match
+    from icymoon.stereo.prepare import load
+
+    pair = load(folder, {})
+    left, right = develop(pair.pair, pair.light["left"], pair.light["right"], pair.settings).for_matchers()
+    true = np.where(pair.visible["left"], pair.pair.camera.disparity(pair.depth["left"]), np.nan)
+    return Errors({method.label: np.abs(match(method.name, left, right, method.options, pair.pair.camera)[0] - true)
+                   for method in methods}, np.isfinite(true))
+
+
+def numbers(pairs: Sequence[Errors], label: str) -> dict[str, float]:
+    """What a matcher makes of pairs, means over them."""
+    rows = [(each.off[label][each.seen], np.isfinite(each.off[label][each.seen])) for each in pairs]
+    return {key: float(np.mean([value(off, there) for off, there in rows])) for key, value in {
+        "coverage": lambda off, there: there.mean(),
+        "epe_px": lambda off, there: off[there].mean(),
+        "bad_1": lambda off, there: np.mean(off[there] > 1),
+        "wrong_or_missing": lambda off, there: 1 - np.mean(off <= 1)}.items()}
+
+
+def against(pairs: Sequence[Errors], first: Sequence[Errors], label: str) -> dict[str, list[float]]:
+    """How much more error a row has than the first, and the doubt: of the pixels that both measure, px, and of the
+    share that is off or missing."""
+    from icymoon.stereo.tiles import jackknife, tile_sums
+
+    tiles = []
+    for one, other in zip(pairs, first, strict=True):
+        ours, theirs, seen = one.off[label], other.off[label], one.seen & other.seen
+        both = seen & np.isfinite(ours) & np.isfinite(theirs)
+        tiles.append(tile_sums(np.where(both, ours - theirs, 0.0), both,
+                               seen & ~(ours <= 1), seen & ~(theirs <= 1), seen))
+    value, doubt = jackknife(lambda sums: np.stack(
+        [sums[..., 0] / sums[..., 1], (sums[..., 2] - sums[..., 3]) / sums[..., 4]], axis=-1), np.concatenate(tiles))
+    return {key: [float(value[k]), float(doubt[k])] for k, key in enumerate(("epe_px", "wrong_or_missing"))}
+
+
+def measured(pairs: Sequence[Mapping[str, Any]], found: Sequence[Errors], first: Sequence[Errors],
+             best: Any) -> dict[str, Any]:
+    """Costs and errors of a row; ``best`` is the render of many samples of its first pair."""
+    from icymoon.stereo.trade import measure
+
     costs = [pair["pair"] for pair in pairs]
-    row: dict[str, Any] = {"first": pairs[0]["before"] + costs[0], "more": float(np.mean(costs[1:] or costs)),
-           **{label: {key: float(np.mean([np.nan if each[label][key] is None else each[label][key] for each in stereo]))
-                      for key in stereo[0][label]} for label in stereo[0]}}
+    row: dict[str, Any] = {
+        "first": pairs[0]["before"] + costs[0], "more": float(np.mean(costs[1:] or costs)),
+        "stereo": {label: numbers(found, label) for label in found[0].off},
+        "against": {label: against(found, first, label) for label in found[0].off} if found is not first else {}}
     if best is not None:
-        light = measure(folders[:1], best, ())
+        light = measure([Path(pairs[0]["folder"])], best, ())
         row |= {key: light[key] for key in ("bias", "rmse")}
     return row
 
 
-HEAD = (f"{'':44}{'first':>7}{'more':>7}{'ratio':>7}{'cover':>7}{'EPE':>7}{'bad 1':>7}{'wrong':>7}"
-        f"{'BM':>7}{'JPLV':>7}{'mean':>8}{'RMS':>7}")
+HEAD = (f"{'':44}{'first':>7}{'more':>7}{'ratio':>7}{'':8}{'cover':>7}{'EPE':>7}{'bad 1':>7}{'wrong':>7}"
+        f"{'more EPE of both':>19}{'more wrong':>16}{'mean':>9}{'RMS':>7}")
 
 
 def shown(name: str, row: Mapping[str, Any], most: float | None) -> str:
-    """A line of the table."""
-    sgbm, bm, jplv = (row[label] for label in row if isinstance(row[label], dict))
-    text = f"{name:44}{row['first']:7.1f}{row['more']:7.2f}" + (f"{most / row['more']:7.1f}" if most else f"{'':7}")
-    text += f"{100 * sgbm['coverage']:6.1f}%{sgbm['epe_px']:7.3f}" + "".join(
-        f"{100 * sgbm[key]:6.2f}%" for key in ("bad_1", "wrong_or_missing"))
-    text += "".join(f"{one['epe_px']:7.3f}" for one in (bm, jplv))
-    return text + (f"{100 * row['bias']:+7.2f}%{100 * row['rmse']:6.2f}%" if "bias" in row else "")
+    """The lines of a row, one of each matcher."""
+    cost = f"{name:44}{row['first']:7.1f}{row['more']:7.2f}" + (f"{most / row['more']:7.1f}" if most else f"{'':7}")
+    light = f"{100 * row['bias']:+8.2f}%{100 * row['rmse']:6.2f}%" if "bias" in row else ""
+    lines = []
+    for k, (label, numbers) in enumerate(row["stereo"].items()):
+        text = (f"{cost if k == 0 else '':65}{label:>8}{100 * numbers['coverage']:6.1f}%{numbers['epe_px']:7.3f}"
+                + "".join(f"{100 * numbers[key]:6.2f}%" for key in ("bad_1", "wrong_or_missing")))
+        if row["against"]:
+            (epe, about), (wrong, give) = (row["against"][label][key] for key in ("epe_px", "wrong_or_missing"))
+            text += f"{epe:+12.3f} ±{about:5.3f}{100 * wrong:+9.2f} ±{100 * give:4.2f}%"
+        elif light and k == 0:
+            text += f"{'':35}"
+        lines.append(text + (light if k == 0 else ""))
+    return "\n".join(lines)
 
 
 def main(options: argparse.Namespace, out: Path) -> None:
@@ -211,6 +272,7 @@ def main(options: argparse.Namespace, out: Path) -> None:
 
     methods, scene = parse_methods(METHODS), snow(options.scale)
     rows: dict[str, Any] = {}
+    first: list[Errors] = []
     print(HEAD, flush=True)
     best = None
     if options.reference_samples:
@@ -226,7 +288,10 @@ def main(options: argparse.Namespace, out: Path) -> None:
             continue
         settings = description.merged(scene, description.check(dict(rung.settings), "benchmark"),
                                       {"dataset": {"headings": options.pairs}})
-        rows[rung.name] = row = measured(rendered(rung, settings, out / f"rung{k}"), best, methods)
+        pairs = rendered(rung, settings, out / f"rung{k}")
+        found = [errors(Path(pair["folder"]), methods) for pair in pairs]
+        first = first or found
+        rows[rung.name] = row = measured(pairs, found, first, best)
         most = most or row["more"]
         print(shown(rung.name, row, most), flush=True)
     (out / "rows.json").write_text(json.dumps(rows, indent=1))
