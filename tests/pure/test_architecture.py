@@ -22,7 +22,7 @@ PURE = ("settings", "properties", "changes", "labels", "files", "own_files", "ve
         "render.toml_lines", "render.order", "render.claims", "render.dataset", "render.manifest", "render.verify",
         "render.runner", "render.cluster", "render.slurm", "render.variants", "render.cost", "render.detached",
         "render.machine", "render.qualities",
-        "planning",
+        "planning", "sources",
         *(f"{package}.{path.stem}" for package in ("physics", "stereo") for path in (ROOT / package).glob("*.py")
           if path.stem not in ("__init__", "__main__")))
 #: Layers from the top down; each may import what is below it.
