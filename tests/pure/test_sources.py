@@ -38,10 +38,10 @@ def test_every_number_that_a_scene_preset_states_is_traced_to_it_or_to_what_it_i
 
 def test_what_a_person_states_is_told_from_presets_and_defaults():
     settings = described("scenes/enceladus_fresh_snow", rig={"baseline_m": 0.123})
-    traced = found(settings, "rig", "sensor.f_number", "light.sun_irradiance_wm2")
+    traced = found(settings, "rig", "sensor.noise_seed", "light.sun_irradiance_wm2")
     assert traced["rig.baseline_m"].preset == BY_HAND
     assert traced["rig.focal_length_mm"].preset == "rigs/guiss"
-    assert traced["sensor.f_number"].preset == DEFAULT
+    assert traced["sensor.noise_seed"].preset == DEFAULT
     assert traced["light.sun_irradiance_wm2"].preset == "bodies/enceladus"
     assert "light.planet" not in traced
 
