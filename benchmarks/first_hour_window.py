@@ -62,9 +62,9 @@ def page(kind: str) -> bpy.types.Window | None:
     return next((window for window in manager().windows[1:] if window.screen.areas[0].type == kind), None)
 
 
-def part(of: bpy.types.Window, kind: str) -> bpy.types.Region:
-    """A region of that window."""
-    return next(region for region in of.screen.areas[0].regions if region.type == kind)
+def part(of: bpy.types.Window, *kinds: str) -> bpy.types.Region:
+    """A region of that window: of one of these kinds, since Blender 5 has others."""
+    return next(region for region in of.screen.areas[0].regions if region.type in kinds)
 
 
 def on(of: bpy.types.Window, kind: str = "WINDOW") -> object:
@@ -123,8 +123,8 @@ def preferences(section: str) -> Looking:
     yield from away()
     yield from key("ctrl+comma")
     preferences = yield from opened("PREFERENCES")
-    bar = part(preferences, "NAVIGATION_BAR")
-    for down in range(16, bar.height, 12):
+    bar = part(preferences, "NAVIGATION_BAR", "UI")
+    for down in range(40, bar.height, 12):  # below the search field that Blender 5 has
         yield from to(preferences, bar.x + bar.width / 2, bar.y + bar.height - down)
         xdotool("click", 1)
         yield 2 * TICK_S
