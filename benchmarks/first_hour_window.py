@@ -171,9 +171,12 @@ def install_from_disk() -> Waiting:
     yield from key("Return")
     parameters = files.screen.areas[0].spaces.active.params
     yield from until(lambda: parameters.filename == ARCHIVE.name, "Naming the zip")
-    listed = part(files, "WINDOW")
-    yield from to(files, listed.x + listed.width / 2, listed.y + listed.height / 4)
-    yield from key("Return")
+    yield from key("Return")  # without which the field goes on in Blender 5
+    yield 20 * TICK_S
+    if page("FILE_BROWSER"):
+        listed = part(files, "WINDOW")
+        yield from to(files, listed.x + listed.width / 2, listed.y + listed.height / 4)
+        yield from key("Return")
     yield from until(lambda: ADD_ON in bpy.context.preferences.addons, "Installing the zip")
     yield from person.screenshot(FOLDER, "installed")
     yield from close(page("PREFERENCES"))
