@@ -17,12 +17,13 @@ IDS = [path.relative_to(ROOT).as_posix() for path in SOURCES]
 
 #: What works in any Python, without Blender.
 PURE = ("settings", "properties", "changes", "labels", "files", "own_files", "version", "errors", "cli", "batch",
+        "sources",
         "terminal", "trade", "doctor", "install", "render.pair", "render.plan", "render.queue", "render.launch",
         "render.exr_check", "render.exr_parts", "render.sweep", "render.combine", "render.blocks", "render.poses",
         "render.toml_lines", "render.order", "render.claims", "render.dataset", "render.manifest", "render.verify",
         "render.runner", "render.cluster", "render.slurm", "render.variants", "render.cost", "render.detached",
         "render.machine", "render.qualities",
-        "planning", "sources",
+        "planning",
         *(f"{package}.{path.stem}" for package in ("physics", "stereo") for path in (ROOT / package).glob("*.py")
           if path.stem not in ("__init__", "__main__")))
 #: Layers from the top down; each may import what is below it.
