@@ -42,7 +42,7 @@ docs: $(VENV)/.docs
 	@echo "Open dist/manual/index.html"
 
 $(VENV)/bin/python:
-	$(PYTHON) -c 'import sys; sys.exit(sys.version_info[:2] not in [(3, 11), (3, 13)] and "Icy Moon needs Python 3.11 (or 3.13), this is " + sys.version.split()[0] + "; give one with make PYTHON=...")'
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info[:2] not in [(3, 11), (3, 13)] and "Icy Moon needs Python 3.11 (or 3.13), this is " + sys.version.split()[0] + "; give one with make PYTHON=...")'
 	$(PYTHON) -m venv $(VENV)
 
 $(VENV)/.demo: pyproject.toml $(VENV)/bin/python

@@ -80,6 +80,12 @@ def _parser() -> argparse.ArgumentParser:
     presets = verbs.add_parser("presets", help="list the shipped presets")
     presets.set_defaults(run=_presets)
 
+    sources = verbs.add_parser("sources", help="say which preset and source each number of a pair is from")
+    sources.add_argument("path", type=Path, help="pair folder, or a data set of one pair")
+    sources.add_argument("names", nargs="*", metavar="NAME", help="topic such as light, or setting such as "
+                         "light.planet_albedo (all that are not defaults)")
+    sources.set_defaults(run=_sources)
+
     quality = verbs.add_parser("quality", help="say what each quality costs on this machine and what error it leaves")
     _describe(quality)
     quality.add_argument("--measure", action="store_true",
@@ -275,6 +281,14 @@ def _presets(options: argparse.Namespace) -> int:
     for name in description.preset_names():
         title, text = description.preset_header(name)
         print(f"{name:32} {title}. {text}")
+    return 0
+
+
+def _sources(options: argparse.Namespace) -> int:
+    from .sources import origins, settings_of
+
+    for origin in origins(settings_of(options.path), options.names):
+        print(origin.shown)
     return 0
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -14,9 +15,21 @@ from .stereo.check import PACKAGES
 def main(arguments: list[str]) -> int:
     """Make a virtual environment in a folder (the one argument) with what the evaluator needs.
 
-    Says what it does in JSON messages.
+    Says what it does in JSON messages. A folder that was not there before is gone again if that fails or is
+    stopped, since half an environment would be taken for an evaluator.
     """
     (folder,) = arguments
+    new, made = not Path(folder).exists(), False
+    try:
+        made = _made(folder)
+    finally:
+        if new and not made:
+            shutil.rmtree(folder, ignore_errors=True)
+    return 0 if made else 1
+
+
+def _made(folder: str) -> bool:
+    """Make it; False after an error that was told."""
     python = Path(folder) / ("Scripts/python.exe" if os.name == "nt" else "bin/python")
     packages = [f"{name}>={'.'.join(map(str, oldest))}" for name, oldest in PACKAGES.values()]
     steps = (("Making the environment", [sys.executable, "-m", "venv", folder]),
@@ -28,7 +41,7 @@ def main(arguments: list[str]) -> int:
         if done.returncode:
             words = (done.stderr or done.stdout).strip().splitlines() or ["no message"]
             emit("error", message=f"{text} failed: {words[-1]}; check network and disk and press Install again.")
-            return 1
+            return False
     emit("progress", fraction=1.0, message="Installed")
     emit("done")
-    return 0
+    return True

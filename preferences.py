@@ -57,8 +57,8 @@ def evaluator_python() -> str:
         return sys.executable
     if own_evaluator().is_file():
         return str(own_evaluator())
-    raise IcyMoonError("There is no evaluator yet; open Preferences > Add-ons > Icy Moon and press Install, or give "
-                       f"a Python that has {_NEEDED}.")
+    raise IcyMoonError("There is no evaluator yet; open Preferences > Add-ons > Icy Moon and press Install Evaluator, "
+                       f"or give a Python that has {_NEEDED}.")
 
 
 def workers() -> int:
@@ -98,17 +98,17 @@ class ICYMOON_AP_preferences(bpy.types.AddonPreferences):
     def draw(self, context: bpy.types.Context) -> None:
         layout = self.layout
         layout.use_property_split = True
-        layout.prop(self, "evaluator")
-        layout.prop(self, "kernels")
-        layout.prop(self, "workers")
-        row = layout.row()
+        row = layout.row()  # first, or it is below the edge of the window
         row.operator("icymoon.check_evaluator", icon="CHECKMARK")
-        row.operator("icymoon.install_evaluator", icon="IMPORT")
+        row.operator("icymoon.install_evaluator", text="Install Evaluator", icon="IMPORT")
         for finding in findings:
             column = layout.column(align=True)
             column.label(text=f"{finding.subject}: {finding.fact}", icon=_ICONS[finding.state])
             if finding.mend:
                 column.label(text=finding.mend, icon="BLANK1")
+        layout.prop(self, "evaluator")
+        layout.prop(self, "kernels")
+        layout.prop(self, "workers")
 
 
 def remember(found: list[Finding]) -> None:

@@ -28,7 +28,8 @@ def base_python() -> str:
             if probe.returncode == 0:
                 return candidate
     raise IcyMoonError("No Python that can make a virtual environment was found; install Python 3.11 or later with "
-                       "venv, or give a Python that has the evaluator's packages in the preferences.")
+                       "venv (on Debian and Ubuntu the package python3-venv), or give a Python that has the "
+                       "evaluator's packages in the preferences.")
 
 
 def all_findings() -> list[Finding]:

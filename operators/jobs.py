@@ -100,12 +100,12 @@ def remaining_text(seconds: float | None) -> str:
 
 
 def redraw() -> None:
-    """Draw the sidebars and the status bar again, which show the job; not the views, which may take seconds."""
+    """Draw what shows the job again: sidebars, status bar, preferences; not the views, which may take seconds."""
     for window in bpy.context.window_manager.windows:
         window.workspace.status_text_set(None)  # which has the status bar drawn anew
         for area in window.screen.areas:
-            for region in area.regions if area.type == "VIEW_3D" else ():
-                if region.type == "UI":
+            for region in area.regions:
+                if (area.type, region.type) in (("VIEW_3D", "UI"), ("PREFERENCES", "WINDOW")):
                     region.tag_redraw()
 
 

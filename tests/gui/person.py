@@ -41,6 +41,11 @@ class ICYMOON_TEST_OT_watch(bpy.types.Operator):
         return {"PASS_THROUGH"}
 
 
+def seen() -> Place:
+    """Where a window that is watched has last handled the mouse, in that window's pixels."""
+    return _seen
+
+
 def check(holds: object, otherwise: str) -> None:
     """Raise AssertionError if something does not hold."""
     if not holds:

@@ -17,6 +17,7 @@ IDS = [path.relative_to(ROOT).as_posix() for path in SOURCES]
 
 #: What works in any Python, without Blender.
 PURE = ("settings", "properties", "changes", "labels", "files", "own_files", "version", "errors", "cli", "batch",
+        "sources",
         "terminal", "trade", "doctor", "install", "render.pair", "render.plan", "render.queue", "render.launch",
         "render.exr_check", "render.exr_parts", "render.sweep", "render.combine", "render.blocks", "render.poses",
         "render.toml_lines", "render.order", "render.claims", "render.dataset", "render.manifest", "render.verify",

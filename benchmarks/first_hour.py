@@ -1,0 +1,66 @@
+"""From nothing to the first evaluated pair in Blender's window, by the clock: the steps of docs/tutorial/window.md.
+
+    python benchmarks/first_hour.py [4.3 | 5.2 | named] [--keep]
+
+Blender has new, empty settings, and all that a person does there is done by mouse and keys: see
+``first_hour_window.py``. 'named' is the Blender whose path ICYMOON_BLENDER holds, which needs xdotool, ImageMagick
+and, where there is no screen, xvfb. The evaluator is installed by its button, so the network is needed; Debian's
+Blender needs the package python3-venv for it. Screenshots are left in out/first_hour; --keep leaves the settings too.
+Prints the seconds of each step by the clock, and the processor seconds of Blender and what it starts, which tell how
+much of the former was waiting for a machine that others used.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "gui"))
+from blenders import ROOT, CannotRunError, find
+
+TIMEOUT_S = 1800.0
+
+
+def main(words: list[str]) -> int:
+    """Take the time of each step; status 1 if one failed."""
+    names = [word for word in words if not word.startswith("--")] or ["4.3"]
+    blender = find(names[0])
+    folder, archive = ROOT / "out" / "first_hour", ROOT / "dist" / "icymoon.zip"
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir(parents=True)
+    user = Path(tempfile.mkdtemp(prefix="icymoon-newcomer-"))
+    print(f"Blender {blender.name}, {os.cpu_count()} processors, load {os.getloadavg()[0]:.1f} before", flush=True)
+    began, cpu = time.monotonic(), sum(os.times()[2:4])
+    subprocess.run([sys.executable, str(ROOT / "tests" / "extension_zip.py"), str(archive)], cwd=ROOT, check=True,
+                   stdout=subprocess.DEVNULL)
+    steps = [{"step": "make zip", "seconds": time.monotonic() - began, "cpu": sum(os.times()[2:4]) - cpu}]
+    # An evaluator that this shell names would stand in for the one that the button makes.
+    done = blender.run("--python-exit-code", "5", "--python", str(Path(__file__).with_name("first_hour_window.py")),
+                       "--", str(folder), str(archive), str(time.time()), window=True, timeout_s=TIMEOUT_S,
+                       environment={"BLENDER_USER_RESOURCES": str(user), "ICYMOON_EVALUATOR": ""})
+    report = folder / "steps.json"
+    steps += json.loads(report.read_text()) if report.is_file() else []
+    print(" clock s  CPU s")
+    for step in [*steps, {"step": "in all", **{key: sum(step[key] for step in steps) for key in ("seconds", "cpu")}}]:
+        print(f"{step['seconds']:8.1f} {step['cpu']:6.1f}  {step['step']}{'  FAILED' if step.get('failed') else ''}")
+    print(f"Load {os.getloadavg()[0]:.1f} after; screenshots in {folder}")
+    if "--keep" in words:
+        print(f"settings in {user}")
+    else:
+        shutil.rmtree(user, ignore_errors=True)
+    if done.returncode:
+        print(done.stdout[-3000:], file=sys.stderr)
+    return int(done.returncode != 0)
+
+
+if __name__ == "__main__":
+    try:
+        sys.exit(main(sys.argv[1:]))
+    except CannotRunError as reason:
+        sys.exit(f"first_hour: {reason}")
