@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, BinaryIO
 
+from ..errors import IcyMoonError
 from ..files import disk_errors, write_atomically
 
 Row = dict[str, Any]
@@ -42,18 +43,17 @@ class RowLog:
 
     def find(self, pair: str, method: str, key: str) -> Row | None:
         """The row of a pair and method if it was made under this ``key``."""
-        start, known = self._rows.get((pair, method), (0, ""))
-        return self._read(start) if known == key else None
+        known = self._rows.get((pair, method), (0, ""))[1] == key
+        return self.read(pair, method) if known else None
 
     def read(self, pair: str, method: str) -> Row:
-        """The row of a pair and method, which there must be."""
-        return self._read(self._rows[pair, method][0])
-
-    def _read(self, start: int) -> Row:
+        """The row of a pair and method, which there must be. Raises IcyMoonError if another program took it away."""
         with disk_errors("read", self._path), self._path.open("rb") as stream:
-            stream.seek(start)
-            row: Row = json.loads(stream.readline())
-            return row
+            stream.seek(self._rows[pair, method][0])
+            row = _parsed(stream.readline())
+        if row is None or (row["pair"], row["method"]) != (pair, method):
+            raise IcyMoonError(f"{self._path} was changed by another program while it was in use; evaluate again.")
+        return row
 
     def append(self, row: Mapping[str, Any]) -> None:
         """Add one row. A disk that takes only a part of it is made to give that part back."""

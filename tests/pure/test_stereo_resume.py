@@ -206,3 +206,13 @@ def test_of_several_rows_the_last_one_counts_and_compacting_keeps_it(tmp_path):
     assert [json.loads(line)["value"] for line in (tmp_path / "rows.jsonl").read_text().splitlines()] == [2, 3, 4]
     for reader in (log, RowLog(tmp_path / "rows.jsonl")):
         assert [reader.read(pair, "bm")["value"] for pair in "abz"] == [2, 3, 4]
+
+
+def test_a_log_that_another_program_takes_away_is_said_in_a_sentence(tmp_path):
+    log = RowLog(tmp_path / "results.jsonl")
+    for pair in ("one", "two"):
+        log.append({"pair": pair, "method": "bm", "key": "k", "value": 1})
+    (tmp_path / "results.jsonl").write_text('{"pair": "another", "method": "bm", "key": "k"}\n')
+    for read in (lambda: log.read("one", "bm"), lambda: log.find("two", "bm", "k")):
+        with pytest.raises(IcyMoonError, match=r"results\.jsonl was changed by another program .*; evaluate again"):
+            read()
