@@ -10,6 +10,8 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import Any
 
 import numpy as np
 
@@ -27,9 +29,10 @@ class Ring:
     albedo: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Planet:
-    """A planet as it is seen from the site; directions are unit vectors (3,) in the local frame."""
+    """A planet as it is seen from the site; directions are unit vectors (3,) in the local frame. Planets of equal
+    values are equal."""
 
     direction: np.ndarray  # of its centre
     angular_diameter_deg: float  # of its equator
@@ -40,6 +43,16 @@ class Planet:
     geometric_albedo: float
     phase_law: str  # "LAMBERT", "JUPITER" or "SATURN"
     rings: tuple[Ring, ...] = ()  # in the plane of its equator; they shade it, ``saturn_rings`` says how they look
+
+    def _values(self) -> tuple[Any, ...]:
+        return tuple(tuple(value.tolist()) if isinstance(value, np.ndarray) else value
+                     for value in vars(self).values())
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Planet) and self._values() == other._values()
+
+    def __hash__(self) -> int:
+        return self._values().__hash__()  # to be found in a cache; it decides nothing that is made
 
     @property
     def phase_deg(self) -> float:
@@ -155,6 +168,7 @@ class _Seen:
         return passed
 
 
+@lru_cache(maxsize=4)  # one change of the light asks for the same planet's a dozen times
 def arriving(planet: Planet, nodes: int = 96) -> tuple[np.ndarray, np.ndarray]:
     """The planet's light in rays: unit vectors (n, 3) toward its surface and the irradiance (n,) in W/m² that each
     brings on a surface facing it.
@@ -176,7 +190,9 @@ def arriving(planet: Planet, nodes: int = 96) -> tuple[np.ndarray, np.ndarray]:
     area = (seen.shape.radius**2 * (1 - planet.flattening) * (weight * np.sin(angle))[:, None] * seen.half_angle / 2
             * (np.pi / nodes))
     solid_angle = -((sphere @ seen.shape.stretch) * ray).sum(axis=-1) * area / distance**2
-    return ray.reshape(-1, 3), np.where(ray[..., 2] > 0, seen.radiance(sphere) * solid_angle, 0.0).ravel()
+    rays, brought = ray.reshape(-1, 3), np.where(ray[..., 2] > 0, seen.radiance(sphere) * solid_angle, 0.0).ravel()
+    rays.flags.writeable = brought.flags.writeable = False  # all who ask share them
+    return rays, brought
 
 
 def irradiance_wm2(planet: Planet, normal: np.ndarray | None = None, nodes: int = 96) -> float:

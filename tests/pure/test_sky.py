@@ -1,6 +1,7 @@
 """Sunlight and planetshine against tables, limits and integrals worked out another way."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ from icymoon.physics.eclipse import hidden_share
 from icymoon.physics.light import apparent_diameter_deg, sun_colour, sun_diameter_deg, sun_irradiance_wm2
 from icymoon.physics.planetshine import (
     Planet,
+    Ring,
     disc,
     far_field_irradiance_wm2,
     irradiance_wm2,
@@ -45,6 +47,16 @@ def test_apparent_sizes_are_those_of_a_sphere():
     assert SATURN[1] == pytest.approx(29.33, abs=0.005)  # the small-angle form gives 29.01
     assert JUPITER[1] == pytest.approx(12.23, abs=0.005)
     assert apparent_diameter_deg(1.0, 1.0) == apparent_diameter_deg(1.0, 0.5) == 180.0
+
+
+def test_planets_are_equal_by_their_values_and_each_value_counts():
+    one = planet(30.0)
+    assert (one, hash(one)) == (planet(30.0), hash(planet(30.0)))
+    rings = replace(one, rings=(Ring(1.2, 1.5, 0.1, 0.5),))
+    others = [planet(31.0), planet(30.0, JUPITER), planet(30.0, law="SATURN"), planet(30.0, direction=UP[[2, 0, 1]]),
+              planet(30.0, flattening=0.1), planet(30.0, pole=(1.0, 0.0, 0.0)), rings]
+    assert one not in others
+    assert irradiance_wm2(others[0]) < irradiance_wm2(one)  # which asks again for what was asked before
 
 
 def test_colour_is_white_for_the_sun_and_warm_below():
