@@ -101,6 +101,8 @@ class ICYMOON_AP_preferences(bpy.types.AddonPreferences):
         row = layout.row()  # first, or it is below the edge of the window
         row.operator("icymoon.check_evaluator", icon="CHECKMARK")
         row.operator("icymoon.install_evaluator", text="Install Evaluator", icon="IMPORT")
+        if not bpy.app.online_access:
+            layout.label(text="Installing needs online access: System > Network", icon="INFO")
         for finding in findings:
             column = layout.column(align=True)
             column.label(text=f"{finding.subject}: {finding.fact}", icon=_ICONS[finding.state])

@@ -161,7 +161,7 @@ TERRAIN = Topic("terrain", "Terrain", "Shape of the ground as a random surface w
 ))
 
 MESH = Topic("mesh", "Mesh", "How finely procedural ground is cut into triangles, and how far it goes", (
-    Setting("kind", "Mesh", "GRADED", "Where the vertices of procedural ground are", "geometry",
+    Setting("kind", "Spacing", "GRADED", "Where the vertices of procedural ground are", "geometry",
             choices=(("GRADED", "Graded",
                       "Rings about the site, as fine at every distance as the images show, out to the horizon"),
                      ("GRID", "Uniform Grid", "A square of Terrain Size with equal spacing, and nothing beyond"))),
@@ -270,7 +270,7 @@ MANTLE = Topic("mantle", "Mantle", "Snow that smooths the ground by filling its 
 ), LANDFORMS)
 
 SOURCE = Topic("source", "Ground", "Where the ground comes from: made up, or a mesh or height map of your own", (
-    Setting("kind", "Ground", "PROCEDURAL", "What the ground is made of", "geometry",
+    Setting("kind", "Source", "PROCEDURAL", "What the ground is made of", "geometry",
             choices=(("PROCEDURAL", "Procedural", "A random surface with the statistics of the Terrain topic"),
                      ("MESH", "Mesh File", "A reconstructed mesh: OBJ, PLY, STL, glTF, USD or FBX"),
                      ("HEIGHT_MAP", "Height Map", "A digital elevation model: GeoTIFF, NPY, EXR or grey PNG"))),
@@ -429,7 +429,7 @@ HAPKE = Topic("hapke", "Hapke", "Parameters of Hapke's law, for every surface wh
                       "mean, 1 % in shadows. Between ice only: objects of your own get no sunlight back. Approximate "
                       "where dirt or images vary the ice: neighbours are taken to be like the place they light. Needs "
                       "OSL and the CPU"))),
-    Setting("backend", "Made of", "AUTO", "How the law is put into Cycles", "material",
+    Setting("backend", "Shader", "AUTO", "How the law is put into Cycles", "material",
             choices=(("AUTO", "Automatic", "OSL where it can be had, else nodes; says so if that lowers the accuracy"),
                      ("OSL", "OSL", "Open Shading Language; refused where there is none and on the GPU"),
                      ("NODES", "Nodes", "Works in every Blender on every device; fast accuracy only"))),
@@ -494,8 +494,8 @@ LIGHT = Topic("light", "Light", "The Sun and the planet as the body's sky shows 
     Setting("date_utc", "Date (UTC)", "2038-06-01T12:00:00", "Date and time of the scene, as 2038-06-01T12:00:00",
             "light"),
     _degrees("latitude_deg", "Latitude", -80.0, -90.0, 90.0,
-             "Planetocentric latitude of the site; also how high the poles of body and planet stand in the north",
-             "light"),
+             "Planetocentric latitude of the site; also how high the poles of body and planet stand in the north. "
+             "The Sun that angles place does not depend on it", "light"),
     _degrees("longitude_deg", "Longitude", 0.0, -360.0, 360.0,
              "East longitude of the site; the planet stands over -4 on Enceladus and over -1.5 on Europa, whose "
              "meridians are those of craters", "light"),
@@ -563,9 +563,9 @@ RIG = Topic("rig", "Stereo Camera", "Two identical cameras, parallel unless toed
             (5.0, 200.0), subtype="DISTANCE_CAMERA"),
     Setting("sensor_width_mm", "Sensor Width", 60.0, "Width of both sensors; pixels are square", "camera", "mm",
             1.0, 100.0, (5.0, 70.0), subtype="DISTANCE_CAMERA"),
-    Setting("width_px", "Width", 640, "Columns of the images", "camera", "px", 4, 16384, (64, 2048),
+    Setting("width_px", "Image Width", 640, "Columns of the images", "camera", "px", 4, 16384, (64, 2048),
             subtype="PIXEL"),
-    Setting("height_px", "Height", 480, "Rows of the images", "camera", "px", 4, 16384, (64, 2048),
+    Setting("height_px", "Image Height", 480, "Rows of the images", "camera", "px", 4, 16384, (64, 2048),
             subtype="PIXEL"),
     _metres("height_m", "Height above Ground", 1.6, 1.0e-3, 1.0e4, (0.3, 5.0),
             "Height of the left camera above the ground beneath it", "camera"),
@@ -599,7 +599,7 @@ RIG = Topic("rig", "Stereo Camera", "Two identical cameras, parallel unless toed
         ("turn_right_deg_s", "Turn Right (°/s)", "deg/s", 30.0, "Turn of the rig to the right about the left eye"),
         ("turn_down_deg_s", "Turn Down (°/s)", "deg/s", 30.0, "Turn of the rig downward about the left eye"),
         ("roll_deg_s", "Roll (°/s)", "deg/s", 30.0, "Turn of the rig clockwise about the left eye's optical axis"))),
-    Setting("motion_exposure_s", "Motion's Exposure (s)", 0.0, "Exposure that motion is rendered for; 0 for the camera "
+    Setting("motion_exposure_s", "Motion Exposure (s)", 0.0, "Exposure that motion is rendered for; 0 for the camera "
             "response's own, which must not be automatic then", "camera", "s", 0.0, 1.0e5, (0.0, 1.0), precision=6),
     _metres("x_m", "Site East", 0.0, -5.0e4, 5.0e4, (-10.0, 10.0), "East coordinate of the left camera", "camera"),
     _metres("y_m", "Site North", 0.0, -5.0e4, 5.0e4, (-10.0, 10.0), "North coordinate of the left camera",
@@ -618,10 +618,10 @@ SENSOR = Topic("sensor", "Camera Response",
               "response", low=0.01),
     Setting("exposure_s", "Exposure (s)", 0.001, "Exposure time when auto exposure is off", "response", "s",
             1.0e-7, 1.0e5, (1.0e-5, 1.0), precision=6),
-    Setting("brackets", "Exposures", 1, "Images of different exposure that are merged into one (HDR); 1 for none",
-            "response", "exposures", 1, 9),
-    Setting("bracket_stops", "Bracket Step", 2.0,
-            "Ratio of successive exposures as a power of two; the brackets lie evenly about the exposure", "response",
+    Setting("brackets", "Merged Exposures", 1, "Images of different exposure that are merged into one (HDR); 1 for "
+            "none", "response", "exposures", 1, 9),
+    Setting("bracket_stops", "Exposure Step (stops)", 2.0,
+            "Ratio of successive exposures as a power of two; they lie evenly about the exposure", "response",
             "stops", 0.1, 8.0, (0.5, 4.0)),
     Setting("encoding", "8-bit Encoding", "LINEAR", "How matchers, which take 8 bits, are given more bits", "response",
             choices=(("LINEAR", "Linear", "The top bits"),
@@ -730,7 +730,8 @@ DATASET = Topic("dataset", "Data Set", "Where pairs go and how they vary", (
             "Match and measure the whole data set when all of it is rendered", "run"),
     Setting("leave_running", "Leave Running", False, "Go on rendering the data set when Blender is closed or another "
             "file is opened; the next Blender shows it again", "run"),
-    Setting("methods", "Matchers", "bm,sgbm", "Stereo matchers that Evaluate runs, separated by commas", "run"),
+    Setting("methods", "Matchers", "bm,sgbm", "Stereo matchers that Evaluate runs, separated by commas: bm, sgbm, "
+            "sgbm_wls, jplv, igev, dsmnet, external; options as in sgbm:window=7", "run"),
 ))
 
 TOPICS: dict[str, Topic] = {t.key: t for t in (
@@ -842,7 +843,7 @@ def register() -> None:
         name="Live Preview", default=True, update=lambda group, context: announce(group.id_data, EFFECTS[0]),
         description="Show changed settings at once in the scene that is built, the ground coarsely until Build Scene")
     pointers["follow"] = bpy.props.BoolProperty(
-        name="Follow Settings", default=True,
+        name="Keep Image Up to Date", default=True,
         description="Expose the camera image that is shown again whenever the camera response changes")
     root = _group("ICYMOON_PG_description", "Everything that describes an Icy Moon scene", pointers)
     bpy.types.Scene.icymoon = bpy.props.PointerProperty(

@@ -6,7 +6,6 @@ waits. What changes meanwhile is developed when it has ended.
 
 from __future__ import annotations
 
-import textwrap
 from pathlib import Path
 
 import bpy
@@ -18,12 +17,12 @@ from ..render.pair import is_complete
 from ..render.queue import Message
 from . import jobs, live
 from .expose import develop_job
+from .readouts import wrapped
 from .render import dataset_folder
 
 #: How long the hand rests before an image is developed.
 REST_S = 0.3
 _INTERVAL_S = 0.1
-_LINE = 36  # characters that fit the sidebar beside an icon
 _waiting: set[str] = set()  # names of scenes whose images are to be developed
 _job: jobs.Job | None = None
 _said: list[str] = []  # what the last development warned of, or why it failed
@@ -107,7 +106,7 @@ def _say(sentences: list[str]) -> None:
 
 def lines() -> list[str]:
     """What the sidebar says of the last development by itself: warnings or why it failed, in lines that fit it."""
-    return [line for sentence in _said for line in textwrap.wrap(sentence, _LINE)]
+    return [line for sentence in _said for line in wrapped(sentence)]
 
 
 def _stop() -> None:

@@ -40,7 +40,8 @@ class Job:
     @property
     def shown(self) -> tuple[str, int, str]:
         """What the panel shows of it: text, per cent, remaining time."""
-        return self.text or self.title, int(100 * self.fraction), remaining_text(self.remaining_s)
+        text = "Stopping" if self.process.cancelled else self.text or self.title
+        return text, int(100 * self.fraction), remaining_text(self.remaining_s)
 
     @property
     def remaining_s(self) -> float | None:
@@ -95,8 +96,11 @@ current: Job | None = None
 
 
 def remaining_text(seconds: float | None) -> str:
-    """'1:05 left', or '' while it is not known."""
-    return "" if seconds is None else f"{int(seconds) // 60}:{int(seconds) % 60:02d} left"
+    """'1:05 left', '2:03:20 left', or '' while it is not known."""
+    if seconds is None:
+        return ""
+    minutes, rest = divmod(int(seconds), 60)
+    return f"{minutes}:{rest:02d} left" if minutes < 60 else f"{minutes // 60}:{minutes % 60:02d}:{rest:02d} left"
 
 
 def redraw() -> None:
@@ -107,6 +111,15 @@ def redraw() -> None:
             for region in area.regions:
                 if (area.type, region.type) in (("VIEW_3D", "UI"), ("PREFERENCES", "WINDOW")):
                     region.tag_redraw()
+
+
+def push_undo(message: str) -> None:
+    """Take an undo step of what was changed outside one that Blender takes, or undo would take it back along with the
+    step before. Nothing without a window, where there is no undo."""
+    windows = bpy.context.window_manager.windows
+    if windows and not bpy.app.background:
+        with bpy.context.temp_override(window=bpy.context.window or windows[0]):
+            bpy.ops.ed.undo_push(message=message)
 
 
 def finish(job: Job) -> None:

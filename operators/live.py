@@ -7,7 +7,6 @@ script's; a timer shows them together. Without a window nothing is previewed.
 
 from __future__ import annotations
 
-import textwrap
 import time
 
 import bpy
@@ -18,7 +17,8 @@ from ..errors import IcyMoonError
 from ..nodes import preview
 from ..nodes import scene as scenes
 from .build import frame_and_expose
-from .readouts import LINE
+from .jobs import push_undo
+from .readouts import wrapped
 
 #: What an update of the ground may take, so that there are ten a second and time to draw them.
 BUDGET_S = 0.08
@@ -85,10 +85,8 @@ def flush() -> None:
     _waiting.clear()
     for scene in (bpy.data.scenes.get(name) for name in names):
         shown |= scene is not None and update(scene)
-    if shown and bpy.context.window_manager.windows:
-        # What was done outside an operator would be half undone with the step before it.
-        with bpy.context.temp_override(window=bpy.context.window_manager.windows[0]):
-            bpy.ops.ed.undo_push(message="Live Preview")
+    if shown:
+        push_undo("Live Preview")
 
 
 def lines(scene: bpy.types.Scene) -> list[str]:
@@ -99,7 +97,7 @@ def lines(scene: bpy.types.Scene) -> list[str]:
     if scenes.find_collection(scene) is None:
         return []
     said = preview.notes(scene) or ["Shown at full resolution"]
-    return [line for sentence in said for line in textwrap.wrap(sentence, LINE)]
+    return [line for sentence in said for line in wrapped(sentence)]
 
 
 def register() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import textwrap
 from collections.abc import Mapping
 from functools import lru_cache
@@ -12,10 +13,12 @@ from typing import Any
 import bpy
 
 from ..errors import IcyMoonError
+from ..physics import requires
 from ..physics.blur import advice, blur_of, confusion_px, motion_px
 from ..physics.distortion import coefficients, overscan_needed
 from ..physics.geometry import GroundRow, depth_error_m, focal_px, ground_row, shared_width_px
 from ..physics.sky import facts, sky
+from ..properties import TOPICS
 from ..render.machine import Speed, remembered
 from ..render.qualities import qualities
 from ..settings import Settings
@@ -23,6 +26,42 @@ from ..settings import Settings
 #: Disparity error, px, that the depth error is stated for: what good matchers leave on textured ground.
 DISPARITY_ERROR_PX = 0.25
 LINE = 36  # characters that fit the sidebar as Blender opens it
+_NAME = re.compile(r"\b([a-z_]+)[.]([a-z]\w*)(?: is ([A-Z]\w*))?")  # 'quality.truth', 'quality.truth is DEPTH'
+_UNIT = re.compile(r" [(][^)]*[)]$")
+
+
+def plain(sentence: str) -> str:
+    """A sentence with the settings in it as the sidebar names them: 'Render Quality > Truth is Depth Alone' for
+    'quality.truth is DEPTH', and 'Rock Surface: ' for the topic that it begins with."""
+    about, colon, rest = sentence.partition(": ")
+    if colon and about in TOPICS:
+        return f"{TOPICS[about].label}: {_NAME.sub(_named, rest)}"
+    said = _NAME.sub(_named, sentence)
+    return said[:1].upper() + said[1:]
+
+
+def _named(found: re.Match[str]) -> str:
+    topic, key, chosen = found.groups()
+    for setting in TOPICS[topic].settings if topic in TOPICS else ():
+        if setting.key == key:
+            told = {choice[0]: choice[1] for choice in setting.choices}.get(chosen, chosen)
+            return f"{TOPICS[topic].label} > {_UNIT.sub('', setting.label)}" + (f" is {told}" if told else "")
+    return found[0]
+
+
+def wrapped(sentence: str) -> tuple[str, ...]:
+    """A sentence as the sidebar says it, in lines of its width."""
+    return tuple(textwrap.wrap(plain(sentence), LINE))
+
+
+def left_out(settings: Settings) -> tuple[str, ...]:
+    """What the settings describe and a render would leave out, as ``pair.json`` says it; nothing of the planet while
+    the sky cannot be."""
+    try:
+        lights = _facts(tuple(settings["light"].items()), bpy.data.filepath)
+    except IcyMoonError:
+        lights = {"planet": None}
+    return tuple(requires.left_out(settings, lights))
 
 
 def sky_lines(light: Mapping[str, Any]) -> tuple[str, ...]:
@@ -44,7 +83,7 @@ def camera_notes(settings: Mapping[str, Mapping[str, Any]]) -> tuple[str, ...]:
 def _camera_notes(*parts: tuple[tuple[str, Any], ...]) -> tuple[str, ...]:
     rig, sensor = map(dict, parts)
     settings = {"rig": rig, "sensor": sensor}
-    said = [line for sentence in advice(settings) for line in textwrap.wrap(sentence, LINE)]
+    said = [line for sentence in advice(settings) for line in wrapped(sentence)]
     try:
         found = blur_of(settings)
     except IcyMoonError:
@@ -89,7 +128,7 @@ def _sky_lines(light: tuple[tuple[str, Any], ...], blend: str) -> tuple[str, ...
     try:
         found = _facts(light, blend)
     except IcyMoonError as error:
-        return tuple(textwrap.wrap(str(error), LINE))
+        return wrapped(str(error))
     lines = []
     for name, body in (("Sun", found["sun"]), ("Planet", found["planet"])):
         if body is not None:
@@ -112,8 +151,9 @@ def _rig_lines(rig: tuple[tuple[str, Any], ...]) -> tuple[str, ...]:
     width, height = int(described["width_px"]), int(described["height_px"])
     focal = focal_px(described)
     fields = [2 * math.degrees(math.atan(n / 2 / focal)) for n in (width, height)]
-    lines = [f"{fields[0]:.1f} x {fields[1]:.1f}°, f {focal:.1f} px",
-             f"f·B {focal * described['baseline_m']:.2f} px·m", f"Level ground, disparity ± {DISPARITY_ERROR_PX:g} px:"]
+    lines = [f"Field of view {fields[0]:.1f}° x {fields[1]:.1f}°",
+             f"f {focal:.1f} px, f·B {focal * described['baseline_m']:.2f} px·m",
+             f"Level ground, disparity ± {DISPARITY_ERROR_PX:g} px:"]
     for name, row in (("Near edge", float(height)), ("Middle", height / 2), ("Far edge", 0.0)):
         lines += _row_lines(name, ground_row(described, row), described)
     return tuple(lines)

@@ -10,9 +10,10 @@ import bpy
 from .. import settings as description
 from ..nodes import scene as scenes
 from ..operators import follow, readouts
+from ..operators.readouts import wrapped
 from ..physics import principled, surfaces
 from ..properties import TOPICS
-from .fields import draw_lines, wrapped
+from .fields import draw_lines
 
 Extra = Callable[[Any, bpy.types.Context], None]
 

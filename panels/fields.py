@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import textwrap
 from collections.abc import Iterable
 from typing import Any
 
-from ..operators import readouts
+from ..operators.readouts import wrapped
 from ..properties import TOPICS, Setting
 from .matters import matters, shown
 
@@ -29,11 +28,6 @@ def draw_settings(layout: Any, root: Any, topic: str, keys: Iterable[str]) -> No
         if (topic, key) in _EXPLAINED:
             told = next(choice[2] for choice in setting.choices if choice[0] == getattr(group, key))
             draw_lines(layout, wrapped(told))
-
-
-def wrapped(text: str) -> tuple[str, ...]:
-    """A sentence in lines of the sidebar's width."""
-    return tuple(textwrap.wrap(text, readouts.LINE))
 
 
 def draw_lines(layout: Any, lines: tuple[str, ...], icon: str = "NONE") -> None:

@@ -40,6 +40,8 @@ def shown(topic: str, key: str, root: Any) -> bool:
         return _light_shown(key, group)
     if topic == "rocks" and key == "power_index":
         return bool(group.law == "POWER")
+    if topic == "dataset" and key == "plan":
+        return str(group.plan).endswith(".toml")  # a shipped one has its title on the button
     if topic == "quality" and key == "fine_relief":
         return root.surface.model in _WITH_NORMAL or bool(root.rocks.own_surface
                                                           and root.rock_surface.model in _WITH_NORMAL)
@@ -96,6 +98,8 @@ def _hapke(key: str, group: Any) -> bool:
 def _light(key: str, group: Any) -> bool:
     if key == "stars_faintest_mag":
         return bool(group.stars)
+    if key == "latitude_deg":
+        return bool(group.directions_from != "ANGLES" or group.planet or group.stars)
     return bool(not key.startswith("planet_") or group.planet)
 
 

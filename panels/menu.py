@@ -12,6 +12,8 @@ from ..settings import KINDS
 
 #: Lines of a column of the presets' menu: more would not fit a small screen.
 _LINES = 26
+#: Width of the bar in the status bar, in heights of a button: its text is cut where the bar is as narrow as Blender's.
+_BAR_UNITS = 15
 
 
 _TITLES = {"own": "Yours", **KINDS}
@@ -107,7 +109,9 @@ def _draw_status(self: Any, context: bpy.types.Context) -> None:
         return
     _, percent, left = job.shown
     row = self.layout.row(align=True)
-    row.progress(factor=percent / 100, text=f"{job.title}  {percent} %  {left}".rstrip())
+    bar = row.row(align=True)
+    bar.ui_units_x = _BAR_UNITS
+    bar.progress(factor=percent / 100, text=f"{job.title}  {percent} %  {left}".rstrip())
     row.operator("icymoon.cancel", text="", icon="X")
 
 

@@ -41,7 +41,7 @@ SECTIONS = (
         "planet_albedo", "planet_phase_law", "planet_rings", "planet_least"), switch="planet"),
     Section("light", "stars", "Stars", "Stars in the sky, which give the ground no light", ("stars_faintest_mag",),
             switch="stars"),
-    Section("light", "balance", "At Evaluation", "Light that is changed after rendering: nothing is rendered again", (
+    Section("light", "balance", "Light at Evaluation", "Light that is changed without a new render", (
         "irradiance_band", "sun_scale", "planet_scale")),
     Section("rig", "lens", "Lens and Alignment", "What a real lens does, and how the eyes are turned", (
         "principal_x_px", "principal_y_px", "distortion_k1", "distortion_k2", "distortion_p1", "distortion_p2",
@@ -63,9 +63,14 @@ SECTIONS = (
 INSIDE = {"mesh": "terrain", "hapke": "surface", "textures": "surface", "rock_surface": "rocks"}
 #: Settings that panels other than their topic's draw: the tick in a header, the plan, the matchers.
 ELSEWHERE = {"rocks": ("own_surface",), "dataset": ("plan", "workers", "evaluate", "leave_running", "methods")}
+#: What a topic's panel begins with, where that is not the first of its settings: what turns the others on, and what
+#: most scenes change.
+FIRST = {"rocks": ("coverage",), "light": ("directions_from", "sun_elevation_deg", "sun_azimuth_deg")}
 
 
 def main_settings(topic: str) -> tuple[str, ...]:
-    """Settings that the topic's own panel draws."""
+    """Settings that the topic's own panel draws, in its order."""
     taken = {key for section in SECTIONS if section.topic == topic for key in (*section.settings, section.switch)}
-    return tuple(s.key for s in TOPICS[topic].settings if s.key not in taken | set(ELSEWHERE.get(topic, ())))
+    first = FIRST.get(topic, ())
+    taken |= {*ELSEWHERE.get(topic, ()), *first}
+    return (*first, *(s.key for s in TOPICS[topic].settings if s.key not in taken))

@@ -8,8 +8,9 @@ import bpy
 
 from .. import settings as description
 from ..operators import dataset, ground, jobs, layers, live, presets, readouts, results
+from ..operators.readouts import wrapped
 from . import previews
-from .fields import draw_lines, draw_settings, wrapped
+from .fields import draw_lines, draw_settings
 
 #: ``bl_order`` of the topics' panels begins at the first of these and ends before the second.
 FIRST, LAST = 10, 1000
@@ -78,10 +79,10 @@ class ICYMOON_PT_results(Sidebar, bpy.types.Panel):
         grid.label(text="")
         for row in rows:
             grid.label(text=row["method"])
-        lines = (("L1", lambda r: f"{results.number(r['l1_m'], 3)} m"),
+        lines = (("L1 error", lambda r: f"{results.number(r['l1_m'], 3)} m"),
                  ("L1 > 10 cm", lambda r: results.percent(r["l1_rate_10"])),
                  ("si-RMSE", lambda r: results.number(r["si_rmse"], 4)),
-                 ("DOD", lambda r: results.percent(r["dod"])),
+                 ("Order (DOD)", lambda r: results.percent(r["dod"])),
                  ("Coverage", lambda r: results.percent(r["coverage"])))
         for label, text in lines:
             grid.label(text=label)
@@ -133,6 +134,22 @@ class ICYMOON_PT_resolution(Sidebar, bpy.types.Panel):
 
     def draw(self, context: bpy.types.Context) -> None:
         draw_lines(self.layout, readouts.rig_lines(description.from_group(context.scene.icymoon)["rig"]))
+
+
+class ICYMOON_PT_left_out(Sidebar, bpy.types.Panel):
+    """What the settings describe and a render leaves out, since it would not be seen"""
+
+    bl_idname = "ICYMOON_PT_left_out"
+    bl_label = "Left Out"
+    bl_parent_id = "ICYMOON_PT_quality"
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return bool(readouts.left_out(description.from_group(context.scene.icymoon)))
+
+    def draw(self, context: bpy.types.Context) -> None:
+        for sentence in readouts.left_out(description.from_group(context.scene.icymoon)):
+            draw_lines(self.layout, wrapped(sentence), "INFO")
 
 
 class ICYMOON_UL_layers(bpy.types.UIList):
@@ -187,4 +204,4 @@ class ICYMOON_PT_ground_report(Sidebar, bpy.types.Panel):
 
 
 CLASSES = (ICYMOON_UL_layers, ICYMOON_PT_main, ICYMOON_PT_results, ICYMOON_PT_evaluation)
-DETAILS = (ICYMOON_PT_plan, ICYMOON_PT_ground_report, ICYMOON_PT_sky, ICYMOON_PT_resolution)
+DETAILS = (ICYMOON_PT_plan, ICYMOON_PT_ground_report, ICYMOON_PT_sky, ICYMOON_PT_resolution, ICYMOON_PT_left_out)

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import bpy
 
+from ..operators.readouts import wrapped
 from ..properties import LANDFORMS, TOPICS, Topic
 from .extras import AFTER, BEFORE
-from .fields import draw_lines, draw_settings, wrapped
+from .fields import draw_lines, draw_settings
 from .matters import shown
 from .sections import ELSEWHERE, INSIDE, SECTIONS, Section, main_settings
 from .sidebar import FIRST, Sidebar
@@ -70,7 +71,7 @@ class ICYMOON_PT_landforms(Sidebar, bpy.types.Panel):
         group = context.scene.icymoon
         shaping = [t.label for t in TOPICS.values() if t.parent == LANDFORMS
                    and getattr(getattr(group, t.key), t.settings[0].key) > 0]
-        draw_lines(self.layout, wrapped(", ".join(shaping) or "None"))
+        draw_lines(self.layout, wrapped(f"Shaping the ground: {', '.join(shaping) or 'none of these'}"))
 
 
 def _switch(topic: str, key: str) -> dict[str, object]:

@@ -78,11 +78,11 @@ def left_out(settings: Settings, lights: Mapping[str, Any]) -> list[str]:
     for topic in surfaces(settings):
         length = walk_px(settings, topic)
         if length > 0 and not walks(settings, topic):
-            said.append(f"{topic}: no walk under the surface, since the mean free path of "
+            said.append(f"{topic}: light is not followed under the surface, since its mean free path of "
                         f"{1e3 * settings[topic]['subsurface_radius_m']:.3g} mm is {length:.2g} of the nearest pixel, "
                         f"under quality.walk_px.")
         if relief_of_camera_alone(settings, topic):
-            said.append(f"{topic}: light by way of it meets no fine relief, since quality.fine_relief is CAMERA.")
+            said.append(f"{topic}: only the camera meets its fine relief, since quality.fine_relief is CAMERA.")
     share = lights["planet"].get("over_sun") if lights["planet"] else None  # None by night too
     if share is not None and (share == 0 or share < settings["light"]["planet_least"]):
         said.append("light: the planet gives no light, since "

@@ -315,7 +315,8 @@ def _requires() -> str:
             for row in found["rows"].values()]
     return ("# What a scene requires\n\n"
             "Each of these is switched on only where something needs it. What the settings describe and the pair "
-            "leaves out stands in `pair.json` under `left_out`, with the reason.\n\n"
+            "leaves out stands, with the reason, in the sidebar under Render Quality ▸ Left Out and in `pair.json` "
+            "under `left_out`.\n\n"
             + _table(("What", "On with", "Cost on", "Cost off", "Ratio", "Mean radiance", "What it changes"), rows)
             + f"\nMade by `{found['command']}` in Blender {found['blender']}: processor seconds on one thread of a "
               f"scene and a pair of it ({found['pair']}), the least of {found['repeats']} in one run, or of a Python "

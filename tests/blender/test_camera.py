@@ -265,7 +265,7 @@ def test_panel_and_build_say_what_truth_is_of_and_the_panel_how_blurred_and_how_
     assert max(map(len, lines)) <= 45
     assert any("pinhole in the middle" in text for text in build(empty_scene(), moving).warnings)
     unknown = complete({"rig": {"roll_deg_s": 1.0}})
-    assert "rig.motion_exposure_s" in " ".join(readouts.camera_notes(unknown))
+    assert "Stereo Camera > Motion Exposure" in " ".join(readouts.camera_notes(unknown))
     with pytest.raises(IcyMoonError, match="motion_exposure_s"):
         expand(unknown)
 

@@ -92,8 +92,9 @@ def test_nothing_follows_where_it_is_switched_off_or_not_shown_and_failures_are_
         assert until_rested() == 0
     small.icymoon.rig.distortion_k1 = -10.0  # folds the image
     assert until_rested() == 1
-    assert "distortion" in " ".join(follow.lines())
-    assert "distortion" in texts(drawn(next(p for p in CLASSES if getattr(p, "bl_idname", "") == "ICYMOON_PT_sensor")))
+    assert "Stereo Camera > Distortion k1" in " ".join(follow.lines())
+    panel = next(p for p in CLASSES if getattr(p, "bl_idname", "") == "ICYMOON_PT_sensor")
+    assert "Distortion k1" in texts(drawn(panel))
     small.icymoon.rig.distortion_k1 = 0.0
     assert until_rested() == 1
     assert follow.lines() == []

@@ -229,11 +229,11 @@ def test_the_panel_says_what_is_in_the_sky_and_what_the_camera_resolves():
     text = "\n".join(readouts.sky_lines(light))
     assert "Sun 20.00° high, azimuth 60.00°\n    0.0556° wide\n    14.8 W/m², 5.07 on flat ground" in text
     assert "Planet 50.00° high, azimuth 20.00°\n    29.3° wide, phase" in text
-    assert "light.date_utc" in readouts.sky_lines({**light, "directions_from": "DATE", "date_utc": "soon"})[0]
+    assert "Light > Date" in readouts.sky_lines({**light, "directions_from": "DATE", "date_utc": "soon"})[0]
     assert max(map(len, readouts.sky_lines(light))) <= 40
     rig = complete()["rig"] | {"width_px": 640, "height_px": 480}
     lines = readouts.rig_lines(rig)
-    assert lines[:2] == ("86.3 x 70.2°, f 341.3 px", "f·B 85.33 px·m")
+    assert lines[:2] == ("Field of view 86.3° x 70.2°", "f 341.3 px, f·B 85.33 px·m")
     # 1.6 m above the ground, 45.84° down: 2.23 m deep in the middle, 2.23² x 0.25 / 85.333 = 1.5 cm.
     assert "Middle 2.23 m ± 1.5 cm" in lines
     assert "Far edge above the horizon" in readouts.rig_lines(rig | {"pitch_deg": 10.0})

@@ -10,7 +10,8 @@ import bpy
 import pytest
 from icymoon import preferences
 from icymoon.doctor import Finding
-from icymoon.operators import evaluator, jobs, results
+from icymoon.operators import evaluator, jobs, readouts, results
+from icymoon.operators.presets import preset_items
 from icymoon.operators.readouts import LINE
 from icymoon.panels import CLASSES, menu, sections, sidebar
 from icymoon.properties import TOPICS, all_settings
@@ -148,7 +149,7 @@ def test_every_operator_is_on_a_button_or_in_a_menu(small, evaluated, running):
 #: Choices that between them leave every setting a meaning.
 CHOICES = ({}, {"source.kind": "MESH", "source.detail": True}, {"source.kind": "HEIGHT_MAP"}, {"mesh.kind": "GRID"},
            {"surface.model": "LUNAR_LAMBERT", "rock_surface.model": "LUNAR_LAMBERT"}, {"surface.model": "HAPKE"},
-           {"textures.set": "OWN"}, {"light.directions_from": "KERNELS"})
+           {"textures.set": "OWN"}, {"light.directions_from": "KERNELS"}, {"dataset.plan": "//plan.toml"})
 
 
 def set_choices(root: object, chosen: dict) -> None:
@@ -176,12 +177,48 @@ def test_every_setting_is_drawn_where_it_has_a_meaning(scene):
     ({}, {"source.file", "light.date_utc", "textures.albedo_file", "hapke.w", "terrain.resolution"}, {"mesh.error_px"}),
     ({"source.kind": "MESH"}, {"mesh.kind", "terrain.hurst", "source.metres_per_pixel"}, {"source.scale"}),
     ({"surface.model": "HAPKE"}, {"surface.albedo", "surface.roughness"}, {"hapke.w", "surface.grain_size_m"}),
-    ({"light.directions_from": "DATE"}, {"light.sun_elevation_deg", "light.kernels"}, {"light.latitude_deg"})])
+    ({"light.directions_from": "DATE"}, {"light.sun_elevation_deg", "light.kernels"}, {"light.latitude_deg"}),
+    ({"dataset.plan": "datasets/guiss_smoke"}, {"dataset.plan"}, {"dataset.workers"})])
 def test_what_a_choice_rules_out_is_not_shown(scene, chosen, hidden, there):
     set_choices(scene.icymoon, chosen)
     paths = set(paths_drawn())
     assert {f"icymoon.{name}" for name in hidden} & paths == set()
     assert {f"icymoon.{name}" for name in there} <= paths
+
+
+def test_a_panel_begins_with_what_turns_the_others_on():
+    assert sections.main_settings("rocks")[0] == "coverage"
+    assert sections.main_settings("light")[:3] == ("directions_from", "sun_elevation_deg", "sun_azimuth_deg")
+
+
+@pytest.mark.parametrize(("sentence", "said"), [
+    ("light.kernels is empty; choose a path.", "Light > Kernels is empty; choose a path."),
+    ("truth: none, since quality.truth is DEPTH.", "Truth: none, since Render Quality > Truth is Depth Alone."),
+    ("rock_surface: under quality.walk_px.", "Rock Surface: under Render Quality > Shortest Walk."),
+    ("the file a.toml is not there.", "The file a.toml is not there."),
+    ("Settings that rig.no_such is of stay.", "Settings that rig.no_such is of stay.")])
+def test_the_sidebar_names_settings_as_it_shows_them(sentence, said):
+    assert readouts.plain(sentence) == said
+
+
+def test_what_is_left_out_is_said_where_it_is_chosen_and_only_then(scene):
+    group = scene.icymoon
+    assert drawn(sidebar.ICYMOON_PT_left_out) == []
+    group.quality.truth, group.light.planet, group.light.planet_elevation_deg = "DEPTH", True, -40.0
+    said = " ".join(entry[2]["text"] for entry in drawn(sidebar.ICYMOON_PT_left_out) if entry[0] == "label")
+    assert "Light: the planet gives no light, since it is below the horizon or unlit." in said
+    assert "Truth: no normals and no labels, since Render Quality > Truth is Depth Alone." in said
+    assert sidebar.ICYMOON_PT_left_out.bl_parent_id == "ICYMOON_PT_quality"
+    group.light.directions_from = "KERNELS"  # of which none are given, so there is no sky to speak of
+    said = texts(drawn(sidebar.ICYMOON_PT_left_out))
+    assert "Truth" in said
+    assert "planet" not in said
+
+
+def test_the_matchers_there_are_stand_in_the_tooltip():
+    from icymoon.stereo.matchers import METHODS
+
+    assert ", ".join(METHODS) in TOPICS["dataset"]["methods"].description
 
 
 def test_the_panels_follow_the_work_from_top_to_bottom():
@@ -208,6 +245,8 @@ def test_no_name_is_cut_in_the_sidebar_as_blender_opens_it():
     # Half a line for a choice's name and half for what is chosen, as screenshots show them; ten for a number's value.
     assert [s.key for s in every if s.choices and max(map(len, (s.label, *(c[1] for c in s.choices)))) > LINE / 2] == []
     assert [s.key for s in every if len(s.label) > LINE - 10] == []
+    # What is under a picture of a scene, in a popup of eight a row that fits a screen 1280 pixels wide.
+    assert [title for name, title, _ in preset_items() if name.startswith("scenes/") and len(title) > LINE - 11] == []
 
 
 def test_every_setting_of_an_entry_in_a_list_is_drawn(scene):
@@ -241,8 +280,16 @@ def test_a_running_job_shows_how_far_it_is_and_can_be_cancelled(scene, running):
     menu._draw_status(status, bpy.context)
     assert "Render Stereo Pair  33 %  1:00 left" in texts(status.layout.record).replace("0:59", "1:00")
     assert operators(status.layout.record) == {"icymoon.cancel"}
+    running.process.cancelled = True
+    assert "Stopping  33 %" in texts(drawn(sidebar.ICYMOON_PT_main))
     running.fraction = 0.0
     assert "left" not in texts(drawn(sidebar.ICYMOON_PT_main))
+
+
+@pytest.mark.parametrize(("seconds", "said"), [
+    (None, ""), (0.4, "0:00 left"), (65.0, "1:05 left"), (3599.9, "59:59 left"), (7400.0, "2:03:20 left")])
+def test_the_time_that_is_left_is_told_in_hours_minutes_and_seconds(seconds, said):
+    assert jobs.remaining_text(seconds) == said
 
 
 def test_nothing_runs_and_the_status_bar_is_left_alone(scene):
