@@ -86,8 +86,7 @@ def views_through(context: bpy.types.Context, camera: bpy.types.Object | None) -
 def look_through(spaces: list[Any], built: scenes.Built) -> None:
     """Let 3D Views that looked through the camera before it was built anew look through it again."""
     for space in spaces:
-        if space.use_local_camera:
-            space.camera = built.camera
+        space.camera = built.camera  # in a local view Blender does not, even where it is the scene's
         space.region_3d.view_perspective = "CAMERA"
         for item in built.collection.all_objects if space.local_view else ():
             item.local_view_set(space, True)

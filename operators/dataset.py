@@ -216,6 +216,7 @@ class ICYMOON_OT_watch_dataset(_Watching, bpy.types.Operator):
         group, facts = context.scene.icymoon.dataset, process.facts
         group.folder, group.plan, group.evaluate = facts["dataset"], facts["plan"], facts["evaluate"]
         group.leave_running = True
+        jobs.push_undo(self.bl_label)
         return self._job_of(process)
 
 

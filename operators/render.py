@@ -34,7 +34,7 @@ def up_to_date(scene: bpy.types.Scene, settings: description.Settings) -> scenes
     """
     built = scenes.find(scene)
     if built is None:
-        return scenes.build(scene, settings)
+        return _built_anew(scene, settings)
     changed = scenes.changed_settings(built, settings)
     if not changed and not built.preview:
         return built
@@ -45,7 +45,13 @@ def up_to_date(scene: bpy.types.Scene, settings: description.Settings) -> scenes
     if by_hand:
         raise IcyMoonError(f"{changed[0]} was changed after the scene was built and edited by hand; press Build Scene "
                            "to build it anew, or set it back to keep your edits.")
-    return scenes.build(scene, settings)
+    return _built_anew(scene, settings)
+
+
+def _built_anew(scene: bpy.types.Scene, settings: description.Settings) -> scenes.Built:
+    built = scenes.build(scene, settings)
+    jobs.push_undo("Build Scene")
+    return built
 
 
 def planned_pairs(scene: bpy.types.Scene, settings: description.Settings) -> list[PlannedPair]:

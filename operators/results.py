@@ -11,6 +11,7 @@ import bpy
 
 from ..errors import IcyMoonError
 from ..nodes.points import build_points, clear_points, find_points
+from .jobs import push_undo
 
 _report: dict[str, Any] = {}
 _folder: Path | None = None
@@ -91,15 +92,13 @@ def show_error_image(context: bpy.types.Context, open_window: bool) -> bool:
 
 
 def show_images(context: bpy.types.Context, paths: list[Path], open_window: bool) -> bool:
-    """Load images and show the first in an Image Editor; False if there is no place.
+    """Load images and show the first in an Image Editor, which is a step that undo takes back; False if there is no
+    place.
 
     Without an Image Editor on the screen, ``open_window`` opens a window with one.
     """
-    images = [bpy.data.images.load(str(path), check_existing=True) for path in paths]
-    if not images or bpy.app.background:
+    if not paths or bpy.app.background:
         return False
-    for image in images:
-        image.reload()
     areas = [a for w in context.window_manager.windows for a in w.screen.areas if a.type == "IMAGE_EDITOR"]
     if not areas and open_window:
         before = set(context.window_manager.windows)
@@ -107,12 +106,16 @@ def show_images(context: bpy.types.Context, paths: list[Path], open_window: bool
         window = next(w for w in context.window_manager.windows if w not in before)
         areas = [window.screen.areas[0]]
         areas[0].type = "IMAGE_EDITOR"
+    images = [bpy.data.images.load(str(path), check_existing=True) for path in paths if areas]
+    for image in images:
+        image.reload()
     for area in areas[:1]:
         area.spaces.active.image = images[0]
         window = next(w for w in context.window_manager.windows if area in w.screen.areas[:])
         region = next(r for r in area.regions if r.type == "WINDOW")
         with context.temp_override(window=window, area=area, region=region):
             bpy.ops.image.view_all(fit_view=True)
+        push_undo("Show Images")
     return bool(areas)
 
 

@@ -109,6 +109,7 @@ class ICYMOON_OT_auto_quality(_Measured, jobs.JobOperator, bpy.types.Operator):
 
     bl_idname = "icymoon.auto_quality"
     bl_label = "Find Quality"
+    bl_options = {"UNDO"}
 
     judged_by: bpy.props.EnumProperty(  # type: ignore[valid-type]
         name="Judged By", description="What of a matcher's error is held against the tolerance",

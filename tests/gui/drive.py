@@ -222,13 +222,14 @@ def undo_and_redo() -> Waiting:
 
 def slide_by_mouse() -> Waiting:
     """Drag the ruggedness, type another, undo both: the ground follows every time. Leaves a preview."""
-    live, scene, spans = module("operators.live"), window().scene, []
+    live, scene, spans, work = module("operators.live"), window().scene, [], []
     update = live.update
 
     def timed(scene: bpy.types.Scene) -> bool:
-        began = time.monotonic()
+        began, worked = time.monotonic(), time.thread_time()
         looks_otherwise = update(scene)
         spans.append((began, time.monotonic()))
+        work.append(time.thread_time() - worked)
         return looks_otherwise
 
     bpy.context.preferences.inputs.use_mouse_continuous = False  # or Blender and xdotool both move the mouse
@@ -250,6 +251,7 @@ def slide_by_mouse() -> Waiting:
     check(scene.icymoon.terrain.rms_slope_deg > value, f"dragging made {value} {scene.icymoon.terrain.rms_slope_deg}")
     check(len(spans) > 10, f"there were {len(spans)} updates in 30 steps of the mouse")
     rate, took = (len(spans) - 1) / (spans[-1][1] - spans[0][1]), sum(end - begin for begin, end in spans) / len(spans)
+    worked = sum(work) / len(work)
     live.update = update
     dragged = heights()
     yield from screenshot("live_dragged")
@@ -281,7 +283,8 @@ def slide_by_mouse() -> Waiting:
     area().spaces.active.shading.type = "SOLID"
     yield from to(*middle("UI"))
     yield from scroll(-400)
-    return f"{len(spans)} updates, {rate:.1f} a second with redraws, {took * 1e3:.0f} ms each"
+    return (f"{len(spans)} updates, {rate:.1f} a second with redraws, {took * 1e3:.0f} ms each, "
+            f"{worked * 1e3:.0f} of them work")
 
 
 def render_by_mouse() -> Waiting:
@@ -357,9 +360,7 @@ def show_error() -> Waiting:
     check(space.type == "IMAGE_EDITOR" and space.image and space.image.size[0] > 0, "it shows no image")
     yield 10 * TICK_S
     yield from screenshot("error_image")
-    with bpy.context.temp_override(window=manager().windows[1]):
-        bpy.ops.wm.window_close()
-    yield from until(lambda: len(manager().windows) == 1, "Closing the Image Editor")
+    yield from person.close_second_window("the Image Editor")
 
 
 def camera_image_follows() -> Waiting:
@@ -391,9 +392,7 @@ def camera_image_follows() -> Waiting:
     check(not follow.lines(), " ".join(follow.lines()))
     check(max(spans) < lasted / 10, f"following kept the window busy for {max(spans):.2f} of {lasted:.1f} s at once")
     yield from screenshot("camera_image_followed")
-    with bpy.context.temp_override(window=manager().windows[1]):
-        bpy.ops.wm.window_close()
-    yield from until(lambda: len(manager().windows) == 1, "Closing the Image Editor")
+    yield from person.close_second_window("the Image Editor")
     return f"longest turn {1000 * max(spans):.0f} ms of {lasted:.1f} s"
 
 
@@ -401,21 +400,9 @@ def preferences_page() -> Waiting:
     """The extension's page in the preferences, the evaluator given there instead of by the environment."""
     add_on = bpy.context.preferences.addons[ADD_ON]
     add_on.preferences.evaluator = os.environ.pop("ICYMOON_EVALUATOR")
-    with in_region("WINDOW"):
-        bpy.ops.screen.userpref_show("INVOKE_DEFAULT", section="ADDONS")
-    yield from until(lambda: len(manager().windows) == 2, "Opening the preferences")
-    page = manager().windows[1]
-    manager().addon_search = "icy"
-    with bpy.context.temp_override(window=page, area=page.screen.areas[0]):
-        bpy.ops.preferences.addon_expand(module=ADD_ON)
-    check(bpy.ops.icymoon.check_evaluator() == {"FINISHED"}, "the evaluator is not ready")
-    for part in page.screen.areas:
-        part.tag_redraw()
-    yield 10 * TICK_S
+    yield from person.open_preferences()
     yield from screenshot("preferences")
-    with bpy.context.temp_override(window=page):
-        bpy.ops.wm.window_close()
-    yield from until(lambda: len(manager().windows) == 1, "Closing the preferences")
+    yield from person.close_second_window("the preferences")
 
 
 def search_and_clear() -> Waiting:
@@ -430,29 +417,77 @@ def search_and_clear() -> Waiting:
     yield from screenshot("cleared")
 
 
+def take_a_step() -> None:
+    """Have undo come back to here: what this script sets by itself is no step."""
+    with in_region("WINDOW"):
+        bpy.ops.ed.undo_push(message="Test")
+
+
 def choose_by_picture() -> Waiting:
-    """A scene chosen by its picture, and ice added to a scene, are undone as all else."""
-    before = settings().preset
-    with in_region("WINDOW"):
-        manager().icymoon_scene_preset = "scenes/europa_chaos"
-    yield from until(lambda: settings().preset == "scenes/europa_chaos", "Choosing a picture")
-    with in_region("WINDOW"):
-        bpy.ops.ed.undo()
-    yield from until(lambda: settings().preset == before, "Undoing the choice")
-    for operator in (bpy.ops.icymoon.add_terrain, bpy.ops.icymoon.add_block):
-        count = len(bpy.data.objects)
+    """A scene chosen by its picture with the mouse is taken back by Ctrl Z, wherever the mouse is, and comes again."""
+    take_a_step()
+    description, before = module("settings"), module("settings").from_group(settings())
+    for where in ("where the picture was clicked", "in the view"):
+        x, y = yield from person.over_the_pictures()
+        xdotool("click", 1)
+        yield 15 * TICK_S  # the pictures open
+        yield from screenshot("scene_pictures")
+        point(x - 400, y - 150)  # some scene of the first row
+        yield 5 * TICK_S
+        xdotool("click", 1)
+        yield from until(lambda: description.from_group(settings()) != before, "Choosing a picture")
+        chosen = description.from_group(settings())
+        if where == "in the view":
+            yield from away()
+        for keys, expected in (("ctrl+z", before), ("ctrl+shift+z", chosen), ("ctrl+z", before)):
+            yield from key(keys)
+            yield from until(lambda expected=expected: description.from_group(settings()) == expected,
+                             f"{keys} after choosing a scene by its picture, the mouse {where},")
+
+
+def undo_by_key() -> Waiting:
+    """What operators do to the scene is undone by Ctrl Z, each by one."""
+    operators, file = bpy.ops.icymoon, FOLDER / "some.toml"
+    file.write_text("[rocks]\ncoverage = 0.125\n")
+    take_a_step()
+
+    def state() -> object:
+        return module("settings").from_group(settings()), sorted(item.name for item in bpy.data.objects)
+
+    for operator, options in ((operators.add_terrain, {}), (operators.add_block, {}), (operators.layer_add, {}),
+                              (operators.load_settings, {"filepath": str(file)}),
+                              (operators.choose_plan, {"plan": "datasets/guiss_snow"}),
+                              (operators.load_preset, {"preset": "lights/guiss_europa"})):
+        before = state()
+        yield from away()
         with in_region("WINDOW"):
-            operator("INVOKE_DEFAULT", True)  # from a script nothing is undone otherwise
-        yield from until(lambda count=count: len(bpy.data.objects) == count + 1, "Adding ice")
-        yield from screenshot("added")
-        with in_region("WINDOW"):
-            bpy.ops.ed.undo()
-        yield from until(lambda count=count: len(bpy.data.objects) == count, "Undoing it")
+            check(operator("EXEC_DEFAULT", True, **options) == {"FINISHED"}, f"{operator} did not do its work")
+        check(state() != before, f"{operator} did nothing")
+        yield 5 * TICK_S
+        yield from key("ctrl+z")
+        yield from until(lambda before=before: state() == before, f"Undoing {operator}")
+
+
+def render_in_a_local_view() -> Waiting:
+    """Where the view leaves a person's own objects out, a render that builds the scene anew keeps its camera too."""
+    with in_region("WINDOW"):
+        bpy.ops.icymoon.build_scene("INVOKE_DEFAULT", True)
+    space = area().spaces.active
+    space.shading.type = "SOLID"
+    check(space.local_view, "the person's own objects are in the view")
+    settings().terrain.hurst += 0.01
+    with in_region("WINDOW"):
+        bpy.ops.icymoon.render_pair("INVOKE_DEFAULT")
+    check(space.camera == bpy.data.objects["Icy Moon Camera"], f"the view looks through {space.camera}")
+    yield from away()
+    yield from key("Escape")
+    yield from ended()
 
 
 STEPS = (open_the_tab, load_europa, open_all_panels, build_by_mouse, undo_and_redo, slide_by_mouse, render_by_mouse,
          escape_a_render, evaluate_by_mouse, measured_surface, show_error, camera_image_follows, render_a_data_set,
-         preferences_page, search_and_clear, choose_by_picture)
+         preferences_page, search_and_clear, choose_by_picture, undo_by_key,
+         render_in_a_local_view)
 
 
 def write(finished: bool) -> None:

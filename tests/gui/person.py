@@ -7,10 +7,12 @@ after, never for a time in which a fast machine would have it.
 from __future__ import annotations
 
 import subprocess
+import sys
 import time
 from collections.abc import Callable, Generator
 from pathlib import Path
 
+import addon_utils
 import bpy
 
 TICK_S = 0.1
@@ -234,6 +236,39 @@ def open_the_tab() -> Waiting:
             break
     check(sidebar.active_panel_category == "Icy Moon", f"the tab shown is {sidebar.active_panel_category!r}")
     yield from away()
+
+
+def over_the_pictures() -> Looking:
+    """Go to the picture of the scene above Build Scene, which opens those of all scenes; returns its place."""
+    x, y = yield from find("icymoon.build_scene")
+    place = x, y + 98
+    yield from to(*place)
+    return place
+
+
+def open_preferences() -> Waiting:
+    """Open the preferences in a window of their own, at the page of the extension, with what Check says there."""
+    with in_region("WINDOW"):
+        bpy.ops.screen.userpref_show("INVOKE_DEFAULT", section="ADDONS")
+    yield from until(lambda: len(manager().windows) == 2, "Opening the preferences")
+    page = manager().windows[1]
+    manager().addon_search = "icy"
+    listed = next(each for each in addon_utils.modules(refresh=False) if each.__name__ == ADD_ON)
+    with bpy.context.temp_override(window=page, area=page.screen.areas[0]):
+        if not addon_utils.module_bl_info(listed)["show_expanded"]:
+            bpy.ops.preferences.addon_expand(module=ADD_ON)
+    if not sys.modules[f"{ADD_ON}.preferences"].findings:
+        check(bpy.ops.icymoon.check_evaluator() == {"FINISHED"}, "the evaluator is not ready")
+    for part in page.screen.areas:
+        part.tag_redraw()
+    yield 15 * TICK_S
+
+
+def close_second_window(what: str) -> Waiting:
+    """Close the window that was opened beside the first."""
+    with bpy.context.temp_override(window=manager().windows[1]):
+        bpy.ops.wm.window_close()
+    yield from until(lambda: len(manager().windows) == 1, f"Closing {what}")
 
 
 def drawing_s() -> float:

@@ -3,8 +3,9 @@
     blender --python tests/gui/shots.py -- FOLDER [manual]
 
 With "manual" it takes those of the tutorial instead, FOLDER/window_*.png, which need an evaluator and some minutes.
-Each state is a contact sheet FOLDER/THEME_STATE.png: the sidebar with all panels open, page beside page. Nothing
-is rendered and no evaluator is needed: what they would leave is put there. Meant to be looked at.
+Each state is a contact sheet FOLDER/THEME_STATE.png: the sidebar with all panels open, page beside page; a render
+that goes on and what opens are pictures of the whole screen. Results are put there, not measured, and no evaluator is
+needed. Meant to be looked at.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ import bpy
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 import person
-from person import ADD_ON, TICK_S, Waiting, area, away, check, in_region, manager, middle, region, to, until, window
+from person import ADD_ON, TICK_S, Waiting, area, away, check, in_region, middle, region, to, until, window
 
 FOLDER = Path(sys.argv[sys.argv.index("--") + 1])
 #: The 3D View with its sidebar, of the whole window.
@@ -48,6 +49,11 @@ def screen_picture(path: Path, crop: str = "") -> Waiting:
     yield 6 * TICK_S
     shot = subprocess.Popen(["import", "-window", "root", *(["-crop", crop, "+repage"] if crop else []), str(path)])
     yield from until(lambda: shot.poll() is not None, "A picture")
+
+
+def picture(name: str) -> Waiting:
+    """The whole screen."""
+    yield from screen_picture(FOLDER / f"{name}.png")
 
 
 def sheet(name: str) -> Waiting:
@@ -95,6 +101,7 @@ def built() -> None:
         bpy.ops.icymoon.load_preset(preset="scenes/europa_ridged_plain_hapke")
     settings().mesh.error_px, settings().mesh.edge_px = 8.0, 48.0
     settings().rocks.coverage, settings().rocks.own_surface = 0.05, True
+    settings().quality.truth = "DEPTH"  # so that something is left out
     with in_region("WINDOW"):
         bpy.ops.icymoon.build_scene()
     area().spaces.active.shading.type = "SOLID"
@@ -127,6 +134,40 @@ def otherwise() -> None:
         setattr(getattr(group, topic), key, value)
 
 
+def rendering() -> Waiting:
+    """A render that goes on: how far it is stands in the sidebar and in the status bar."""
+    with in_region("UI"):
+        bpy.ops.icymoon.load_preset(preset="scenes/europa_rough_ice")
+    settings().mesh.error_px, settings().mesh.edge_px = 8.0, 48.0
+    settings().rig.width_px, settings().rig.height_px = 240, 180
+    settings().quality.samples, settings().dataset.folder = 2000, str(FOLDER / "pairs")
+    with in_region("WINDOW"):
+        bpy.ops.icymoon.render_pair("INVOKE_DEFAULT")
+    yield from to(*middle("UI"))
+    yield from person.scroll(-400)
+    yield from away()
+    jobs = module("operators.jobs")
+    yield from until(lambda: jobs.current is None or jobs.current.fraction > 0.02, "Progress of a render")
+    check(jobs.current, "the render ended before its picture was taken")
+
+
+def cancelled() -> Waiting:
+    """The render is stopped."""
+    jobs = module("operators.jobs")
+    with in_region("UI"):
+        bpy.ops.icymoon.cancel()
+    yield from until(lambda: jobs.current is None, "Cancelling")
+
+
+def scene_pictures() -> Waiting:
+    """The pictures of the scenes, one of which is pointed at."""
+    x, y = yield from person.over_the_pictures()
+    person.xdotool("click", 1)
+    yield 15 * TICK_S
+    person.point(x - 400, y - 150)
+    yield 15 * TICK_S
+
+
 def sharing(name: str) -> Callable[[], Waiting]:
     """A menu that stands open."""
     def show() -> Waiting:
@@ -135,26 +176,6 @@ def sharing(name: str) -> Callable[[], Waiting]:
             bpy.ops.wm.call_menu("INVOKE_DEFAULT", name=name)
         yield 10 * TICK_S
     return show
-
-
-def preferences_page() -> Waiting:
-    with in_region("WINDOW"):
-        bpy.ops.screen.userpref_show("INVOKE_DEFAULT", section="ADDONS")
-    yield from until(lambda: len(manager().windows) == 2, "Opening the preferences")
-    page = manager().windows[1]
-    manager().addon_search = "icy"
-    with bpy.context.temp_override(window=page, area=page.screen.areas[0]):
-        if not module("preferences").findings:
-            bpy.ops.preferences.addon_expand(module=ADD_ON)
-            bpy.ops.icymoon.check_evaluator()
-    yield 15 * TICK_S
-
-
-def close_preferences() -> Waiting:
-    page = manager().windows[1]
-    with bpy.context.temp_override(window=page):
-        bpy.ops.wm.window_close()
-    yield from until(lambda: len(manager().windows) == 1, "Closing the preferences")
 
 
 def in_both_themes(name: str, take: Callable[[str], Waiting]) -> Waiting:
@@ -185,23 +206,30 @@ def walk() -> Waiting:
     yield 10 * TICK_S  # the window appears
     person.start_watching()
     yield from workspace("Layout")
-    yield from in_both_themes("met", lambda name: screen_picture(FOLDER / f"{name}.png"))
+    yield from in_both_themes("met", picture)
     open_panels()
     yield from workspace("Modeling")
     for state in (fresh, built, otherwise):
         state()
         yield 15 * TICK_S
         yield from in_both_themes(state.__name__, sheet)
+    yield from rendering()
+    yield from in_both_themes("rendering", picture)
+    yield from cancelled()
+    yield from scene_pictures()
+    yield from picture("menu_scenes")
+    person.xdotool("key", "Escape")
+    yield 10 * TICK_S
     for menu in ("ICYMOON_MT_presets", "ICYMOON_MT_icymoon", "TOPBAR_MT_render", "VIEW3D_MT_mesh_add"):
         yield from sharing(menu)()
-        yield from screen_picture(FOLDER / f"menu_{menu}.png")
+        yield from picture(f"menu_{menu}")
         person.xdotool("key", "Escape")
         yield 10 * TICK_S
 
     def preferences(name: str) -> Waiting:
-        yield from preferences_page()
-        yield from screen_picture(FOLDER / f"{name}.png")
-        yield from close_preferences()
+        yield from person.open_preferences()
+        yield from picture(name)
+        yield from person.close_second_window("the preferences")
 
     yield from in_both_themes("preferences", preferences)
 
