@@ -11,10 +11,10 @@ Cost is processor seconds of all threads: ``first`` of a process that renders on
 each further pair of the same process. The first row pays for nothing but its two images and one depth; all others for
 exact depth, normals and labels of both eyes too. Stereo is of SGBM, StereoBM and JPLV against the exact disparity where
 both eyes see: coverage, mean error, share off by more than 1 px, share off or missing. More coverage is of harder
-pixels, so under each row stands what it has more than the first, with the doubt that noise leaves (jackknife over
-tiles): mean error of the pixels that both rows measure, and share off or missing. Radiance is held against a render of
-many samples with all bounces and the light under the surface: mean, and root mean square of the difference of a pixel
-over the mean. Needs Blender as a module.
+pixels, so each row also says what it has more than the first, ± a standard error (jackknife over tiles): mean error of
+the pixels that both rows measure, and share off or missing. Radiance is held against a render of many samples with all
+bounces and the light under the surface: mean, and root mean square of the difference of a pixel over the mean. Needs
+Blender as a module.
 """
 
 from __future__ import annotations
@@ -207,14 +207,14 @@ def numbers(pairs: Sequence[Errors], label: str) -> dict[str, float]:
     rows = [(each.off[label][each.seen], np.isfinite(each.off[label][each.seen])) for each in pairs]
     return {key: float(np.mean([value(off, there) for off, there in rows])) for key, value in {
         "coverage": lambda off, there: there.mean(),
-        "epe_px": lambda off, there: off[there].mean(),
-        "bad_1": lambda off, there: np.mean(off[there] > 1),
+        "epe_px": lambda off, there: off[there].mean() if there.any() else np.nan,
+        "bad_1": lambda off, there: np.mean(off[there] > 1) if there.any() else np.nan,
         "wrong_or_missing": lambda off, there: 1 - np.mean(off <= 1)}.items()}
 
 
 def against(pairs: Sequence[Errors], first: Sequence[Errors], label: str) -> dict[str, list[float]]:
-    """How much more error a row has than the first, and the doubt: of the pixels that both measure, px, and of the
-    share that is off or missing."""
+    """How much more error a row has than the first, and its standard error: of the pixels that both measure, px, and
+    of the share that is off or missing."""
     from icymoon.stereo.tiles import jackknife, tile_sums
 
     tiles = []
