@@ -12,6 +12,7 @@ import bpy
 from . import properties
 from .doctor import Finding
 from .errors import IcyMoonError
+from .render import machine
 from .stereo.check import PACKAGES
 
 #: What the evaluator's Python needs, for people to read.
@@ -73,6 +74,10 @@ def kernels() -> str:
     return bpy.path.abspath(preferences.kernels) if preferences and preferences.kernels else ""
 
 
+def _choose_cache(preferences: Any, context: bpy.types.Context) -> None:
+    machine.choose_folder(bpy.path.abspath(preferences.cache) if preferences and preferences.cache else "")
+
+
 #: What Check has found in this session; the page of the preferences shows it.
 findings: list[Finding] = []
 _ICONS = {"ok": "CHECKMARK", "limited": "INFO", "missing": "ERROR"}
@@ -90,6 +95,10 @@ class ICYMOON_AP_preferences(bpy.types.AddonPreferences):
         name="SPICE Kernels", subtype="FILE_PATH", default="",
         description="A meta-kernel, or a folder of kernels, that a scene gets whose sky is to come from kernels and "
                     "which names none. Needed for no other scene")
+    cache: bpy.props.StringProperty(  # type: ignore[valid-type]
+        name="Cache", subtype="DIR_PATH", default="", update=_choose_cache,
+        description="Folder that keeps how fast this machine was measured to be, for the seconds that are said before "
+                    "a render; empty for your own cache, which the command line reads too")
     workers: bpy.props.IntProperty(  # type: ignore[valid-type]
         name="Workers", min=0, max=1024, soft_max=16, default=0,
         description="Processes that render a data set side by side where the data set's own setting is 0. Each needs "
@@ -110,6 +119,7 @@ class ICYMOON_AP_preferences(bpy.types.AddonPreferences):
                 column.label(text=finding.mend, icon="BLANK1")
         layout.prop(self, "evaluator")
         layout.prop(self, "kernels")
+        layout.prop(self, "cache")
         layout.prop(self, "workers")
 
 
@@ -122,6 +132,7 @@ def register() -> None:
     """Register the preferences; a scene whose sky is to come from kernels gets the preferred ones."""
     bpy.utils.register_class(ICYMOON_AP_preferences)
     properties.listeners.append(_give_kernels)
+    _choose_cache(_preferences(), bpy.context)
 
 
 def _give_kernels(scene: bpy.types.Scene, effects: frozenset[str]) -> None:
@@ -133,5 +144,6 @@ def _give_kernels(scene: bpy.types.Scene, effects: frozenset[str]) -> None:
 def unregister() -> None:
     """Unregister the preferences."""
     properties.listeners.remove(_give_kernels)
+    machine.choose_folder("")
     findings.clear()
     bpy.utils.unregister_class(ICYMOON_AP_preferences)

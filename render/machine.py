@@ -48,9 +48,18 @@ class Speed:
         return f"this machine, Blender {self.blender}, measured {self.measured[:10]}"
 
 
+_chosen = ""
+
+
+def choose_folder(path: str) -> None:
+    """Keep what is measured in another folder than the person's cache, whatever asks; empty for that cache."""
+    global _chosen
+    _chosen = path
+
+
 def folder() -> Path:
-    """The person's cache folder of Icy Moon, which need not exist."""
-    if given := os.environ.get(FOLDER_VARIABLE):
+    """The cache folder of Icy Moon, which need not exist: of the environment, the one chosen, the person's own."""
+    if given := os.environ.get(FOLDER_VARIABLE) or _chosen:
         return Path(given).expanduser().absolute()
     home = Path.home()
     usual = {"win32": ("LOCALAPPDATA", home / "AppData" / "Local"), "darwin": ("", home / "Library" / "Caches")}

@@ -311,7 +311,7 @@ def test_the_preferences_are_drawn(scene):
     preferences.remember([Finding("Graphics card", "limited", "none", "Leave quality.device at CPU.")])
     preferences.ICYMOON_AP_preferences.draw(SimpleNamespace(layout=layout), bpy.context)
     preferences.remember([])
-    assert written == ["evaluator", "kernels", "workers"]
+    assert written == ["evaluator", "kernels", "cache", "workers"]
     assert {"icymoon.check_evaluator", "icymoon.install_evaluator"} <= operators(layout.record)
     assert "Graphics card: none" in texts(layout.record)
     assert "Leave quality.device at CPU." in texts(layout.record)
