@@ -26,6 +26,9 @@ GRAIN_FARTHEST = 32.0
 #: Brings three-dimensional noise to the heights (0.068) and slopes (0.33) RMS of four-dimensional, within 5 % of both:
 #: of span 1 they are 0.080 and 0.36 at a wavelength of 1.
 _GRAIN_SPAN = 0.88
+#: Normal of the mirror that turns level ground into the plane of the noise's lattice which has equal parts of all three
+#: axes: z - (1, 1, 1) / 3^0.5. Along two of them a level cut shows the lattice as a weave.
+_OFF_LATTICE = (-3 ** -0.5, -3 ** -0.5, 1.0 - 3 ** -0.5)
 _STEEP = 1.0 - math.cos(math.radians(45.0))
 #: Elevations beyond this many standard deviations are not told apart.
 _MOST_ELEVATION = 3.0
@@ -49,8 +52,10 @@ def grain(tree: Tree, where: Any, wavelength_m: float, place: Sequence[float]) -
     there = tree.node("ShaderNodeVectorMath", "Grain Place", {
         "Vector": where, "Vector_001": (1.0 / wavelength_m,) * 3, "Vector_002": place},
         operation="MULTIPLY_ADD").outputs[0]
+    askew = tree.node("ShaderNodeVectorMath", "Off the Lattice", {"Vector": there, "Vector_001": _OFF_LATTICE},
+                      operation="REFLECT").outputs[0]
     field = tree.node("ShaderNodeTexNoise", "Grain", {
-        "Vector": there, "Scale": 1.0, "Detail": GRAIN_OCTAVES, "Roughness": 0.5, "Lacunarity": 2.0,
+        "Vector": askew, "Scale": 1.0, "Detail": GRAIN_OCTAVES, "Roughness": 0.5, "Lacunarity": 2.0,
         "Distortion": 0.0}, noise_dimensions="3D", noise_type="FBM", normalize=True).outputs[0]
     centred = tree.math("SUBTRACT", "Grain About 0", field, _NOISE_MEAN)
     return tree.math("MULTIPLY", "Grain of Span 1", centred, _GRAIN_SPAN)
