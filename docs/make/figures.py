@@ -266,7 +266,7 @@ def cautious_matcher(figure: Figure) -> None:
 def trade_front(figure: Figure) -> None:
     """Extra disparity error over processor seconds, of the variants that ``trade.json`` beside this file holds."""
     report = json.loads((Path(__file__).parent / "trade.json").read_text(encoding="utf-8"))
-    kinds = {row["key"]: row["name"] if row["group"] == "scene" else row["name"].partition(" ")[2]  # "8 samples, …"
+    kinds = {row["key"]: row["name"] if row["group"] == "scene" else row["name"].partition(", ")[2] or "not denoised"
              for row in report["rows"]}
     panels = figure.subplots(1, 2, sharey=True)
     for axes, method in zip(panels, ("sgbm", "bm"), strict=True):
