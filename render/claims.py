@@ -135,6 +135,10 @@ class Claims:
         for part in parts:
             if part.name.split(".")[0] not in claimed:
                 shutil.rmtree(part, ignore_errors=True)
+        for file in self._pairs.parent.glob(f"*.{socket.gethostname()}-*-*{PART}"):  # such as the manifest's
+            writer = file.name.removesuffix(PART).rsplit("-", 2)[1]
+            if writer.isdigit() and _gone(int(writer), _place()):
+                file.unlink(missing_ok=True)
         for path in self._folder.glob("*.*"):
             if path not in self._held.values() and self._stale(path):
                 path.unlink(missing_ok=True)

@@ -147,6 +147,18 @@ def test_sweeping_leaves_the_living_alone(tmp_path):
     assert not (tmp_path / claims.FOLDER).exists()
 
 
+def test_sweeping_removes_what_a_killed_process_left_of_the_manifest_and_nothing_else(tmp_path):
+    host, dead = socket.gethostname(), dead_process()
+    left = tmp_path / f"manifest.json.{host}-{dead}-1.part"
+    kept = [tmp_path / name for name in (f"manifest.json.{host}-{os.getpid()}-1.part", "manifest.json",
+                                         f"manifest.json.elsewhere-{dead}-1.part", f"mine.{host}-a-b.part")]
+    for file in (left, *kept):
+        file.write_text("{}")
+    Claims(tmp_path).sweep()
+    assert not left.exists()
+    assert all(file.exists() for file in kept)
+
+
 def test_a_folder_that_cannot_be_made_is_a_sentence(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(IcyMoonError, match="file"):
