@@ -1,13 +1,148 @@
-"""Where what is measured of a machine is kept."""
+"""How fast a machine is: measured, remembered, and used where seconds are estimated."""
+
+from __future__ import annotations
+
+import json
 
 import pytest
-from icymoon.render import machine
+from icymoon import cli
+from icymoon import settings as description
+from icymoon.errors import IcyMoonError
+from icymoon.render import cost, machine
+from icymoon.render.plan import expand
+from icymoon.render.qualities import qualities, seconds_of
+
+
+@pytest.fixture(autouse=True)
+def cache(tmp_path, monkeypatch):
+    monkeypatch.setenv(machine.FOLDER_VARIABLE, str(tmp_path / "cache"))
+    return tmp_path / "cache"
+
+
+def speed(factor=2.0, device="CPU", blender="5.0.1", processors=None, measured="2030-01-01T00:00+00:00"):
+    return machine.Speed(factor, device, blender, processors or cost.processors(), measured)
+
+
+def test_nothing_is_remembered_before_it_is_measured():
+    assert machine.remembered("CPU") is None
+
+
+def test_each_device_and_blender_has_a_speed_of_its_own():
+    newer = speed(5.0, blender="5.2.0", measured="2031-01-01T00:00+00:00")
+    for each in (speed(), newer, speed(0.1, "GPU")):
+        machine.remember(each)
+    assert machine.remembered("CPU", "5.0.1") == speed()
+    assert machine.remembered("CPU", "4.2.0") is None
+    assert machine.remembered("CPU") == newer
+    assert machine.remembered("GPU").factor == 0.1
+    machine.remember(speed(3.0))
+    assert machine.remembered("CPU", "5.0.1").factor == 3.0
+
+
+def test_another_number_of_processors_is_another_machine():
+    machine.remember(speed(processors=cost.processors() + 1))
+    assert machine.remembered("CPU") is None
+
+
+@pytest.mark.parametrize("text", ["", "{", "[]", '{"a": 1}', '{"a": {"factor": 1}}'])
+def test_a_broken_file_is_as_good_as_none(cache, text):
+    cache.mkdir()
+    (cache / "speed.json").write_text(text)
+    assert machine.remembered("CPU") is None
+    machine.remember(speed())
+    assert machine.remembered("CPU") == speed()
+
+
+def rendered(folder, seconds, cpu_s=1e3):
+    pairs = []
+    for k, each in enumerate(seconds):
+        pairs.append(folder / str(k))
+        pairs[-1].mkdir()
+        (pairs[-1] / "pair.json").write_text(json.dumps(
+            {"seconds": {"render": each - 0.25, "write": 0.25, "build": 9.0},
+             "cpu_seconds": {"before": 9.0, "pair": cpu_s}, "versions": {"blender": "5.0.1"}}))
+    return pairs
+
+
+def test_the_fastest_pair_but_the_first_counts(tmp_path):
+    found = machine.speed_of(rendered(tmp_path, (30.0, 4.0, 3.0)), "CPU")
+    settings = machine.probe("CPU")
+    expected = cost.work_of(settings).seconds(cost.triangles_of(settings))
+    assert found.factor == pytest.approx(cost.processors() * 3.0 / expected)
+    assert found.blender == "5.0.1"
+
+
+def test_other_work_makes_a_machine_no_slower_than_half_used(tmp_path):
+    busy = machine.speed_of(rendered(tmp_path, (900.0, 800.0), cpu_s=3.0), "CPU")
+    settings = machine.probe("CPU")
+    assert busy.factor == pytest.approx(6.0 / cost.work_of(settings).seconds(cost.triangles_of(settings)))
+    card = machine.speed_of([tmp_path / "0", tmp_path / "1"], "GPU")
+    assert card.factor > 100 * busy.factor
+
+
+def test_a_probe_that_says_nothing_is_an_error(tmp_path):
+    with pytest.raises(IcyMoonError, match="small render"):
+        machine.speed_of([tmp_path, tmp_path], "CPU")
+
+
+def test_the_probe_is_small_and_has_all_that_a_pair_has():
+    settings = machine.probe("GPU")
+    assert 1.0 < cost.work_of(settings).seconds(cost.triangles_of(settings)) < 6.0
+    assert (settings["quality"]["device"], settings["quality"]["denoiser"]) == ("GPU", "OIDN")
+    assert settings["dataset"]["headings"] > 1
+
+
+def test_plans_take_as_much_longer_as_the_machine_is_slower():
+    pairs = expand(description.merged(description.defaults(), {"mesh": {"kind": "GRID"}}))
+    blind, known = cost.estimate(pairs), cost.estimate(pairs, speed=speed(3.0))
+    assert known.seconds == pytest.approx(3.0 * blind.seconds)
+    assert known.factor < blind.factor
+    assert "Blender 5.0.1" in "".join(known.lines())
+
+
+def test_the_dry_run_of_a_plan_uses_what_was_measured(capsys):
+    said = []
+    for factor in (1.0, 4.0):
+        machine.remember(speed(factor))
+        assert cli.main(["plan", "datasets/guiss_smoke", "--dry-run", "--json"]) == 0
+        said.append(json.loads(capsys.readouterr().out.splitlines()[-1])["seconds"])
+    assert said[1] == pytest.approx(4 * said[0])
+
+
+def test_a_better_quality_costs_more_and_errs_less():
+    listed = qualities(description.defaults(), 1e6, speed())
+    assert listed[-1].title == "As described"
+    assert [quality.seconds for quality in listed[:-1]] == sorted(quality.seconds for quality in listed[:-1])
+    ours = [next(q for q in listed if q.name == f"qualities/{name}") for name in ("draft", "standard", "reference")]
+    for key in ("sgbm_px", "radiance_rms"):
+        errors = [quality.errors[key] for quality in ours]
+        assert errors == sorted(errors, reverse=True)
+    assert all(quality.error.startswith("SGBM") for quality in ours)
+
+
+def test_the_seconds_are_of_all_processors_and_of_this_machine():
+    settings = description.defaults()
+    work = cost.work_of(settings).seconds(1e6)
+    assert seconds_of(settings, 1e6, speed(2.0))[0] == pytest.approx(2.0 * work / cost.processors())
+    assert seconds_of(settings, 1e6, None)[0] == pytest.approx(work / cost.processors())
+    assert seconds_of(settings, 1e6, speed(2.0))[1] < seconds_of(settings, 1e6, None)[1]
+
+
+def test_the_list_is_printed_from_what_is_remembered(capsys):
+    machine.remember(speed())
+    assert cli.main(["quality", "--set", "mesh.kind=GRID", "--blender", "no-blender-is-needed"]) == 0
+    out = capsys.readouterr().out
+    assert all(name in out for name in ("qualities/draft", "qualities/standard", "qualities/reference", "as described"))
+    assert cli.main(["quality", "--set", "mesh.kind=GRID", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["speed"]["factor"] == 2.0
+    assert len(found["qualities"]) >= 4
 
 
 @pytest.fixture
 def own(monkeypatch, tmp_path):
     """The person's own cache folder, whatever the system."""
-    monkeypatch.delenv(machine.FOLDER_VARIABLE, raising=False)
+    monkeypatch.delenv(machine.FOLDER_VARIABLE)
     monkeypatch.setattr(machine.sys, "platform", "linux")
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "own"))
     yield tmp_path / "own" / "icymoon"
@@ -26,9 +161,8 @@ def test_the_environment_goes_before_the_preferences_and_these_before_the_person
 
 
 def test_what_is_kept_in_one_folder_is_not_known_in_another(own, tmp_path):
-    speed = machine.Speed(1.5, "CPU", "5.2.0", machine.processors(), "2026-01-01T00:00+00:00")
     machine.choose_folder(str(tmp_path / "chosen"))
-    machine.remember(speed)
-    assert machine.remembered("CPU") == speed
+    machine.remember(speed())
+    assert machine.remembered("CPU") == speed()
     machine.choose_folder("")
     assert machine.remembered("CPU") is None
