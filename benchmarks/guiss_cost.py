@@ -182,34 +182,28 @@ def rendered(rung: Rung, settings: Settings, folder: Path) -> list[dict[str, Any
 
 @dataclass(frozen=True)
 class Errors:
-    """What matchers make of a pair: by matcher the disparity error (H, W), px, NaN where nothing is measured, and
-    where both eyes see, bool (H, W)."""
+    """What matchers make of a pair: by matcher the disparity error (H, W), px, NaN where nothing is measured, and its
+    sums ``stereo.trade.tally``; where both eyes see, bool (H, W)."""
 
     off: dict[str, np.ndarray]
+    tallies: dict[str, np.ndarray]
     seen: np.ndarray
 
 
 def errors(folder: Path, methods: Sequence[Method]) -> Errors:
     """Of a rendered pair, on images as its own camera exposes and reads them."""
-    from icymoon.stereo.develop import develop
     from icymoon.stereo.matchers import match
+    from icymoon.stereo.metrics import usable
     from icymoon.stereo.prepare import load
+    from icymoon.stereo.trade import tally
 
     pair = load(folder, {})
-    left, right = develop(pair.pair, pair.light["left"], pair.light["right"], pair.settings).for_matchers()
-    true = np.where(pair.visible["left"], pair.pair.camera.disparity(pair.depth["left"]), np.nan)
-    return Errors({method.label: np.abs(match(method.name, left, right, method.options, pair.pair.camera)[0] - true)
-                   for method in methods}, np.isfinite(true))
-
-
-def numbers(pairs: Sequence[Errors], label: str) -> dict[str, float]:
-    """What a matcher makes of pairs, means over them."""
-    rows = [(each.off[label][each.seen], np.isfinite(each.off[label][each.seen])) for each in pairs]
-    return {key: float(np.mean([value(off, there) for off, there in rows])) for key, value in {
-        "coverage": lambda off, there: there.mean(),
-        "epe_px": lambda off, there: off[there].mean() if there.any() else np.nan,
-        "bad_1": lambda off, there: np.mean(off[there] > 1) if there.any() else np.nan,
-        "wrong_or_missing": lambda off, there: 1 - np.mean(off <= 1)}.items()}
+    camera = pair.pair.camera
+    left, right = pair.images.for_matchers()
+    true = np.where(pair.visible["left"], camera.disparity(pair.depth["left"]), np.nan)
+    found = {method.label: match(method.name, left, right, method.options, camera)[0] for method in methods}
+    return Errors({label: np.where(usable(each), np.abs(each - true), np.nan) for label, each in found.items()},
+                  {label: tally(each, true) for label, each in found.items()}, np.isfinite(true))
 
 
 def against(pairs: Sequence[Errors], first: Sequence[Errors], label: str) -> dict[str, list[float]]:
@@ -231,12 +225,13 @@ def against(pairs: Sequence[Errors], first: Sequence[Errors], label: str) -> dic
 def measured(pairs: Sequence[Mapping[str, Any]], found: Sequence[Errors], first: Sequence[Errors],
              best: Any) -> dict[str, Any]:
     """Costs and errors of a row; ``best`` is the render of many samples of its first pair."""
-    from icymoon.stereo.trade import measure
+    from icymoon.stereo.trade import STEREO, measure, numbers
 
     costs = [pair["pair"] for pair in pairs]
     row: dict[str, Any] = {
         "first": pairs[0]["before"] + costs[0], "more": float(np.mean(costs[1:] or costs)),
-        "stereo": {label: numbers(found, label) for label in found[0].off},
+        "stereo": {label: dict(zip(STEREO, np.mean([numbers(each.tallies[label].sum(axis=0)) for each in found],
+                                                   axis=0).tolist(), strict=True)) for label in found[0].off},
         "against": {label: against(found, first, label) for label in found[0].off} if found is not first else {}}
     if best is not None:
         light = measure([Path(pairs[0]["folder"])], best, ())

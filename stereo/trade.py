@@ -49,17 +49,17 @@ class Reference:
     visible: np.ndarray  # bool (H, W)
     noise: float  # standard deviation over mean radiance, of the mean of the renders
     cpu_s: float | None  # of all renders
-    tallies: dict[str, np.ndarray]  # per matcher, (1 + renders, tiles, 4) of ``_tally``: of the mean, of each render
+    tallies: dict[str, np.ndarray]  # per matcher, (1 + renders, tiles, 4) of ``tally``: of the mean, of each render
 
     @property
     def stereo(self) -> dict[str, dict[str, float | None]]:
         """What STEREO names of each matcher on the reference's own images."""
-        return {label: _named(_numbers(tally[0].sum(axis=0))) for label, tally in self.tallies.items()}
+        return {label: _named(numbers(sums[0].sum(axis=0))) for label, sums in self.tallies.items()}
 
     @property
     def own(self) -> dict[str, dict[str, float | None]]:
         """How much of that is worse for the reference's noise."""
-        return {label: _named(_own(tally.sum(axis=1))) for label, tally in self.tallies.items()}
+        return {label: _named(_own(sums.sum(axis=1))) for label, sums in self.tallies.items()}
 
 
 def read_reference(folders: Sequence[Path], methods: Sequence[Method],
@@ -108,9 +108,9 @@ def measure(folders: Sequence[Path], reference: Reference, methods: Sequence[Met
             raise IcyMoonError(f"{render.pair.folder} has another camera than {reference.pair.folder}; render both "
                                "again.")
     tallies = _tallies(reference, [render.light for render in renders], methods)
-    losses = {label: _loss(tally, reference.tallies[label]) for label, tally in tallies.items()}
+    losses = {label: _loss(sums, reference.tallies[label]) for label, sums in tallies.items()}
     return {**_cost(renders), **_radiance(renders, reference), **_depth(renders[0], reference),
-            "stereo": {label: _named(_numbers(tally.sum(axis=1)).mean(axis=0)) for label, tally in tallies.items()},
+            "stereo": {label: _named(numbers(sums.sum(axis=1)).mean(axis=0)) for label, sums in tallies.items()},
             "loss": {label: _named(loss) for label, (loss, _) in losses.items()},
             "loss_doubt": {label: _named(doubt) for label, (_, doubt) in losses.items()}}
 
@@ -160,19 +160,21 @@ def _tallies(reference: Reference, lights: Sequence[Mapping[str, Light]],
     true = np.where(reference.visible, reference.pair.camera.disparity(reference.depth), np.nan)
     images = [develop(reference.pair, light["left"], light["right"], reference.settings).for_matchers()
               for light in lights]
-    return {method.label: np.stack([_tally(match(method.name, left, right, method.options, reference.pair.camera)[0],
+    return {method.label: np.stack([tally(match(method.name, left, right, method.options, reference.pair.camera)[0],
                                            true) for left, right in images]) for method in methods}
 
 
-def _tally(disparity: np.ndarray, true: np.ndarray) -> np.ndarray:
+def tally(disparity: np.ndarray, true: np.ndarray) -> np.ndarray:
+    """Sums (tiles, 4) over an image's tiles, disparities (H, W) in px and NaN where there is none: pixels that are
+    true, of these measured, their disparity error in px, of these off by more than 1 px."""
     known = np.isfinite(true)
     measured = known & usable(disparity)
     error = np.where(measured, np.abs(disparity - true), 0.0)
     return tile_sums(known, measured, error, error > 1)
 
 
-def _numbers(sums: np.ndarray) -> np.ndarray:
-    """What STEREO names (..., 4), of sums (..., 4) of ``_tally``; NaN where it is not defined."""
+def numbers(sums: np.ndarray) -> np.ndarray:
+    """What STEREO names (..., 4), of sums (..., 4) of ``tally``; NaN where it is not defined."""
     known, measured, error, bad = np.moveaxis(sums, -1, 0)
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.stack([measured / known, error / measured, bad / measured, 1 - (measured - bad) / known], axis=-1)
@@ -182,13 +184,13 @@ def _own(sums: np.ndarray) -> np.ndarray:
     """How much worse a reference is for its own noise, of sums (1 + renders, ..., 4): see the module."""
     if len(sums) < 3:
         return np.zeros_like(sums[0])
-    whole, *each = _numbers(sums)
+    whole, *each = numbers(sums)
     return _WORSE * (np.mean(each, axis=0) - whole) / (len(each) - 1)
 
 
 def _loss(sums: np.ndarray, reference: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """How much worse a variant is than an image without noise, (4,), and what that may be off by."""
-    loss, error = jackknife(lambda own, best: _WORSE * (_numbers(own).mean(axis=0) - _numbers(best[0])) + _own(best),
+    loss, error = jackknife(lambda own, best: _WORSE * (numbers(own).mean(axis=0) - numbers(best[0])) + _own(best),
                             sums, reference)
     return loss, np.hypot(2 * error, _LAW_DOUBT * _own(reference.sum(axis=1)))
 

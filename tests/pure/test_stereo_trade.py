@@ -221,12 +221,12 @@ def test_what_noise_may_change_is_what_it_does_change(truth, tmp_path):
 
 def test_numbers_are_those_of_the_metrics(truth):
     from icymoon.stereo.metrics import disparity_metrics
-    from icymoon.stereo.trade import _numbers, _tally
+    from icymoon.stereo.trade import numbers, tally
 
     random = np.random.default_rng(1)
     true = np.where(random.random((37, 53)) < 0.2, np.nan, 20.0)
     disparity = np.where(random.random(true.shape) < 0.3, np.nan, 20.0 + random.normal(0, 1, true.shape))
-    coverage, epe, bad, wrong = _numbers(_tally(disparity, true).sum(axis=0))
+    coverage, epe, bad, wrong = numbers(tally(disparity, true).sum(axis=0))
     expected = disparity_metrics(disparity, true)
     assert (epe, bad) == pytest.approx((expected["epe_px"], expected["bad_1"]))
     assert coverage == pytest.approx(np.mean(np.isfinite(disparity[np.isfinite(true)])))
