@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import json
 import os
-import shutil
+import secrets
 import socket
 import sys
 import threading
@@ -18,7 +18,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from ..files import PART, disk_errors, part_of
+from ..files import PART, disk_errors, part_of, read_text
+from .publish import settle
 
 FOLDER = "claims"
 #: How often a claim is touched, and how long after the last touch it counts for nothing.
@@ -61,6 +62,7 @@ class Claims:
     def __init__(self, dataset: Path) -> None:
         self._folder = dataset / FOLDER
         self._pairs = dataset / "pairs"
+        self._key = secrets.token_hex(8)  # what tells a claim of ours from another's that got the same name later
         self._held: dict[str, Path] = {}
         self._stop = threading.Event()
         self._thread: threading.Thread | None = None
@@ -79,7 +81,8 @@ class Claims:
             except FileExistsError:
                 return False  # another was faster
             with os.fdopen(handle, "w", encoding="utf-8") as stream:
-                json.dump({"pid": os.getpid(), "place": _place(), "host": socket.gethostname()}, stream)
+                json.dump({"pid": os.getpid(), "place": _place(), "host": socket.gethostname(), "key": self._key},
+                          stream)
         for old in claims.values():
             old.unlink(missing_ok=True)
         if claims:
@@ -93,13 +96,13 @@ class Claims:
     def release(self, pair: str) -> None:
         """Give a claim back."""
         path = self._held.pop(pair, None)
-        if path is not None:
+        if path is not None and self._mine(path):
             path.unlink(missing_ok=True)
 
     def lost(self, pair: str) -> bool:
         """Whether a pair that was claimed here has been claimed anew, since this process was taken for dead."""
         path = self._held.get(pair)
-        return path is not None and not path.exists()
+        return path is not None and not self._mine(path)
 
     @contextmanager
     def held(self, pair: str) -> Iterator[bool]:
@@ -116,31 +119,31 @@ class Claims:
         found: dict[str, Path] = {}
         for path in sorted(self._folder.glob("*.*"), key=_number):
             found[path.name.split(".")[0]] = path
-        return {pair for pair, path in found.items() if path not in self._held.values() and not self._stale(path)}
+        return {pair for pair, path in found.items() if not self._mine(path) and not self._stale(path)}
 
     def forget(self, pid: int) -> None:
         """Drop the claims of a process of this machine that has ended, and what it left half-written."""
         for part in self._pairs.glob(f"*.{socket.gethostname()}-{pid}-*{PART}"):
-            shutil.rmtree(part, ignore_errors=True)
+            self._settle(part)
         for path in self._folder.glob("*.*"):
             holder = _read(path)
             if holder.get("pid") == pid and holder.get("host") == socket.gethostname():
                 path.unlink(missing_ok=True)
 
     def sweep(self) -> None:
-        """Remove what processes that are gone have left half-written, and the folder if nothing is claimed."""
+        """Settle what processes that are gone have left unfinished, and remove the folder if nothing is claimed."""
         # Whoever has begun to write has claimed before: what is there now and has no claim afterwards is left over.
         parts = list(self._pairs.glob(f"*{PART}"))
         claimed = self.others() | self._held.keys()
         for part in parts:
             if part.name.split(".")[0] not in claimed:
-                shutil.rmtree(part, ignore_errors=True)
-        for file in self._pairs.parent.glob(f"*.{socket.gethostname()}-*-*{PART}"):  # such as the manifest's
-            writer = file.name.removesuffix(PART).rsplit("-", 2)[1]
-            if writer.isdigit() and _gone(int(writer), _place()):
-                file.unlink(missing_ok=True)
+                self._settle(part)
+        # Such as the manifest's, the clock's and that of a pair.json that was to state other settings.
+        for where, pattern in ((self._pairs.parent, "*"), (self._pairs, ".clock"), (self._pairs, "*/*")):
+            for file in where.glob(f"{pattern}.{socket.gethostname()}-*-*{PART}"):
+                _remove_of_the_gone(file)
         for path in self._folder.glob("*.*"):
-            if path not in self._held.values() and self._stale(path):
+            if not self._mine(path) and self._stale(path):
                 path.unlink(missing_ok=True)
         with suppress(OSError):  # absent, or in use
             self._folder.rmdir()
@@ -156,7 +159,16 @@ class Claims:
 
     def _clear(self, pair: str) -> None:
         for part in self._pairs.glob(f"{pair}.*{PART}"):
-            shutil.rmtree(part, ignore_errors=True)
+            self._settle(part)
+
+    @staticmethod
+    def _settle(part: Path) -> None:
+        if part.is_dir():  # a file is another's affair, such as a clock
+            with suppress(OSError):  # which leaves it for another time
+                settle(part)
+
+    def _mine(self, claim: Path) -> bool:
+        return _read(claim).get("key") == self._key
 
     def _stale(self, claim: Path) -> bool:
         try:
@@ -184,7 +196,15 @@ class Claims:
         while not self._stop.wait(BEAT_S):
             for path in list(self._held.values()):
                 with suppress(OSError):  # released just now, or the share is away for a while
-                    os.utime(path)
+                    if self._mine(path):
+                        os.utime(path)
+
+
+def _remove_of_the_gone(file: Path) -> None:
+    """Remove a file of ``part_of`` whose writer, on this machine, is no more."""
+    writer = file.name.removesuffix(PART).rsplit("-", 2)[1]
+    if writer.isdigit() and _gone(int(writer), _place()):
+        file.unlink(missing_ok=True)
 
 
 def _number(path: Path) -> int:
@@ -194,7 +214,7 @@ def _number(path: Path) -> int:
 
 def _read(claim: Path) -> dict[str, object]:
     try:
-        holder = json.loads(claim.read_text(encoding="utf-8"))
+        holder = json.loads(read_text(claim))
     except (OSError, ValueError):
         return {}  # gone, or being written
     return holder if isinstance(holder, dict) else {}

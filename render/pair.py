@@ -19,7 +19,7 @@ import numpy as np
 
 from ..changes import response
 from ..errors import IcyMoonError
-from ..files import PART, disk_errors, sha256, write_json
+from ..files import PART, disk_errors, json_text, read_text, replaced, sha256
 from ..settings import Settings, merged
 
 FORMAT = "icymoon-pair"
@@ -179,22 +179,37 @@ def read_pair(folder: Path) -> Pair:
 
 
 def is_complete(folder: Path) -> bool:
-    """Whether a pair is there: ``pair.json``, which is written last, and images of the sizes that it states."""
+    """Whether a pair is there and can be read, see ``is_whole``."""
     try:
-        files = json.loads((folder / "pair.json").read_text(encoding="utf-8"))["files"]
+        return is_whole(folder)
+    except OSError:
+        return False
+
+
+def is_whole(folder: Path) -> bool:
+    """Whether a pair is there: ``pair.json``, which is written last, and images of the sizes that it states.
+
+    Raises OSError where that cannot be told.
+    """
+    try:
+        files = json.loads(read_text(folder / "pair.json"))["files"]
         return all((folder / name).stat().st_size == fact["bytes"] for name, fact in files.items())
-    except (OSError, ValueError, KeyError, TypeError):
+    except (FileNotFoundError, NotADirectoryError, ValueError, KeyError, TypeError, AttributeError):
         return False
 
 
 def restate(folder: Path, settings: Settings) -> None:
-    """Let a complete pair state these settings of the camera response, which need no new render."""
+    """Let a complete pair state these settings of the camera response, which need no new render.
+
+    If another pair takes its place meanwhile, that one states them. Raises IcyMoonError when the disk refuses.
+    """
     path = folder / "pair.json"
     with disk_errors("read", path):
-        data = json.loads(path.read_text(encoding="utf-8"))
+        before = read_text(path)
+    data = json.loads(before)
     now = merged(data["settings"], response(settings))
-    if now != data["settings"]:
-        write_json(path, {**data, "settings": now})
+    if now != data["settings"] and not replaced(path, before, json_text({**data, "settings": now})):
+        restate(folder, settings)
 
 
 def pair_folders(path: Path) -> list[Path]:

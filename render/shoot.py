@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 import shutil
 import struct
 import time
@@ -32,9 +31,10 @@ from .exr_parts import joined
 from .exr_sum import with_planet
 from .facts import facts
 from .labelling import labelled
-from .pair import TOED_TRUTH_FILE, TRUTH_FILE, StereoCamera, is_complete
+from .pair import TOED_TRUTH_FILE, TRUTH_FILE, StereoCamera
 from .plan import PlannedPair
 from .progress import on_sample
+from .publish import discard, publish
 from .taking import taking, viewer
 
 #: Largest size on disk of one eye, uncompressed 32-bit channels: in all three renders RGBA, value passes and two
@@ -110,11 +110,11 @@ def check_space(dataset: Path, pairs: list[PlannedPair]) -> None:
 
 
 def shoot(built: Built, scene: bpy.types.Scene, planned: PlannedPair, dataset: Path, seconds_build: float,
-          report: Callable[[float], None], again: bool = False) -> Path:
+          report: Callable[[float], None], lost: Callable[[], bool], again: bool = False) -> Path:
     """Render one pair of the scene that ``studio`` made and return its folder.
 
-    ``report`` receives the fraction done. A pair that another process has finished meanwhile is left, unless
-    ``again``. Raises IcyMoonError when the render or the disk fails; nothing half-written stays.
+    ``report`` receives the fraction done; for ``lost`` and ``again`` see ``publish``. Raises IcyMoonError when the
+    render or the disk fails; nothing half-written stays.
     """
     folder = planned.folder(dataset)
     part = part_of(folder)
@@ -127,13 +127,9 @@ def shoot(built: Built, scene: bpy.types.Scene, planned: PlannedPair, dataset: P
         # Of all threads; "before" is what this process had spent: its start, the build, other pairs.
         found["cpu_seconds"] = {"before": round(spent, 3), "pair": round(time.process_time() - spent, 3)}
         write_json(part / "pair.json", found)
-        if again or not is_complete(folder):
-            with disk_errors("write", folder):
-                shutil.rmtree(folder, ignore_errors=True)
-                os.replace(part, folder)
-                sync(folder.parent)
+        publish(part, folder, lost, again)
     finally:
-        shutil.rmtree(part, ignore_errors=True)
+        discard(part)
     return folder
 
 

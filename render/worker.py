@@ -13,6 +13,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -62,7 +63,7 @@ def render_in(stage: Standing | Described, pairs: list[PlannedPair], dataset: Pa
                     raise IcyMoonError(f"Pair {planned.id} is being rendered by another process; wait for it.")
                 try:
                     if mine:
-                        _render(stage, planned, dataset, say, again, k, len(pairs))
+                        _render(stage, planned, dataset, say, partial(claims.lost, planned.id), again, k, len(pairs))
                 except IcyMoonError as error:
                     if claims.lost(planned.id) and keep_going:
                         continue  # who has it now has also cleared away what was begun here
@@ -73,8 +74,8 @@ def render_in(stage: Standing | Described, pairs: list[PlannedPair], dataset: Pa
         claims.close()
 
 
-def _render(stage: Standing | Described, planned: PlannedPair, dataset: Path, say: Emit, again: bool, k: int,
-            total: int) -> None:
+def _render(stage: Standing | Described, planned: PlannedPair, dataset: Path, say: Emit, lost: Callable[[], bool],
+            again: bool, k: int, total: int) -> None:
     label = f"Pair {k + 1} of {total}"
     folder = planned.folder(dataset)
 
@@ -86,7 +87,7 @@ def _render(stage: Standing | Described, planned: PlannedPair, dataset: Path, sa
     if rendered:
         report(0.0)
         built, scene, seconds_build = stage.set_for(planned)
-        shoot(built, scene, planned, dataset, seconds_build, report, again)
+        shoot(built, scene, planned, dataset, seconds_build, report, lost, again)
     say("pair", id=planned.id, folder=str(folder), rendered=rendered, done=k + 1, total=total,
         seconds=round(time.perf_counter() - start, 2))
 

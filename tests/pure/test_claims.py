@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import socket
 import subprocess
@@ -115,6 +116,37 @@ def test_who_was_wrongly_held_for_dead_knows_it_and_does_no_harm(tmp_path, monke
     assert not other.lost(PAIR)
 
 
+def test_a_claim_that_another_made_under_the_same_name_is_not_ones_own(tmp_path):
+    sleeper, other = Claims(tmp_path), Claims(tmp_path)
+    sleeper.take(PAIR)
+    path, = (tmp_path / claims.FOLDER).iterdir()
+    os.utime(path, (0, 0))
+    Claims(tmp_path).sweep()  # which forgets how many claims there have been
+    assert other.take(PAIR)
+    assert [p.name for p in (tmp_path / claims.FOLDER).iterdir()] == [path.name]
+    assert sleeper.lost(PAIR)
+    assert not other.lost(PAIR)
+    assert sleeper.others() == {PAIR}
+    sleeper.close()
+    assert not other.lost(PAIR)
+    other.close()
+
+
+def test_sweeping_puts_a_whole_pair_into_its_place_if_that_is_free(tmp_path):
+    """Such as one that was moved aside for another by a process that was killed before that other was there."""
+    pairs = tmp_path / "pairs"
+    for name in ("old", "new"):
+        folder = pairs / f"{PAIR}.host-1-{name}.part"
+        folder.mkdir(parents=True)
+        for eye in ("left", "right"):
+            (folder / f"{eye}.exr").write_text("x")
+        (folder / "pair.json").write_text(json.dumps({"files": {
+            f"{eye}.exr": {"bytes": 1, "sha256": "0" * 64} for eye in ("left", "right")}}))
+    Claims(tmp_path).sweep()
+    assert [path.name for path in pairs.iterdir()] == [PAIR]
+    assert sorted(path.name for path in (pairs / PAIR).iterdir()) == ["left.exr", "pair.json", "right.exr"]
+
+
 def test_forgetting_a_process_leaves_what_others_write_of_the_same_pair(tmp_path):
     pid = dead_process()
     left_by(tmp_path, pid, claims._place(), 0.0)
@@ -151,11 +183,16 @@ def test_sweeping_removes_what_a_killed_process_left_of_the_manifest_and_nothing
     host, dead = socket.gethostname(), dead_process()
     left = tmp_path / f"manifest.json.{host}-{dead}-1.part"
     kept = [tmp_path / name for name in (f"manifest.json.{host}-{os.getpid()}-1.part", "manifest.json",
-                                         f"manifest.json.elsewhere-{dead}-1.part", f"mine.{host}-a-b.part")]
-    for file in (left, *kept):
+                                         f"manifest.json.elsewhere-{dead}-1.part", f"mine.{host}-a-b.part",
+                                         f"pairs/.clock.{host}-{os.getpid()}-1.part")]
+    also = [tmp_path / "pairs" / name for name in (f".clock.{host}-{dead}-1.part",
+                                                   f"{PAIR}/pair.json.{host}-{dead}-1.part")]
+    for file in (left, *kept, *also):
+        file.parent.mkdir(parents=True, exist_ok=True)
         file.write_text("{}")
     Claims(tmp_path).sweep()
     assert not left.exists()
+    assert not any(file.exists() for file in also)
     assert all(file.exists() for file in kept)
 
 
