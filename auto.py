@@ -42,7 +42,7 @@ def auto(bench: Bench, tolerance: Tolerance) -> dict[str, Any]:
     from .stereo.methods import parse_methods
     from .stereo.trade import read_reference
 
-    methods = parse_methods(bench.methods)
+    methods = parse_methods(bench.methods, own=bench.own)
     ladder, parts = candidates(bench.settings), leaner(bench.settings)
     best = reference(bench.settings, bench.samples)
     counter = Counter(bench.on_event, best.repeats + len(ladder) + len(parts))

@@ -36,6 +36,8 @@ def add_verbs(verbs: Any) -> None:
     batch.add_argument("plan", help="plan of the data set: a TOML file, or the name of a shipped one")
     batch.add_argument("--out", type=Path, required=True, metavar="DATASET", help="folder of the data set")
     batch.add_argument("--evaluate", metavar="METHODS", help="then match its pairs with these, separated by commas")
+    batch.add_argument("--own", action="append", default=[], metavar="NAME:METHOD:KEY=VALUE",
+                       help="option of a matcher of your own, which --evaluate then names as own:NAME; may repeat")
     batch.add_argument("--evaluator", metavar="PYTHON", help="Python that matches them (this Python)")
     batch.add_argument("--set", action="append", default=[], metavar="sensor.KEY=VALUE",
                        help="another camera response to match them with than they were rendered for")
@@ -143,7 +145,8 @@ def _batch(options: argparse.Namespace) -> int:
 
 def _evaluate(dataset: Path, options: argparse.Namespace) -> int:
     """Match the pairs in another process, which says itself what it does; its exit status."""
-    words = [word for text in options.set for word in ("--set", text)] + (["--json-lines"] if options.json else [])
+    words = [word for flag in ("set", "own") for text in getattr(options, flag) for word in (f"--{flag}", text)]
+    words += ["--json-lines"] if options.json else []
     # Not the standard input: by a lock on that others see whether this process lives.
     return subprocess.call(
         python_command(options.evaluator or sys.executable, "stereo", "evaluate", str(dataset), "--methods",

@@ -133,6 +133,8 @@ def _parser() -> argparse.ArgumentParser:
 
 def _bench(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--methods", default="sgbm,bm,jplv", help="matchers, separated by commas (%(default)s)")
+    parser.add_argument("--own", action="append", default=[], metavar="NAME:METHOD:KEY=VALUE",
+                        help="option of a matcher of your own, which --methods then names as own:NAME; may repeat")
     parser.add_argument("--reference-samples", type=int, default=1024,
                         help="light paths per pixel of the reference (%(default)s)")
     parser.add_argument("--scale", type=float, default=1.0, help="share of the image's width and height (%(default)s)")
@@ -237,7 +239,7 @@ def _run_bench(options: argparse.Namespace, title: str, work: Callable[[Bench], 
     with errors_told(options.json_lines), told as on_event:
         view = description.merged(_described(options), {"dataset": {"headings": 1}})
         found = work(Bench(scaled(view, options.scale), options.out.absolute(), options.blender, options.methods,
-                           options.reference_samples, repeats, on_event))
+                           options.reference_samples, repeats, on_event, tuple(options.own)))
     if options.json_lines:
         emit("result", **found)
     else:

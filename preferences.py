@@ -9,7 +9,7 @@ from typing import Any
 
 import bpy
 
-from . import properties
+from . import properties, trust
 from .doctor import Finding
 from .errors import IcyMoonError
 from .render import machine
@@ -74,6 +74,30 @@ def kernels() -> str:
     return bpy.path.abspath(preferences.kernels) if preferences and preferences.kernels else ""
 
 
+def own_matchers(methods: str) -> list[str]:
+    """The person's own matchers that a list of matchers names, as arguments of the evaluator.
+
+    Raises IcyMoonError if one is not set up here.
+    """
+    preferences = _preferences()
+    known = {item.name: item for item in preferences.matchers} if preferences else {}
+    arguments = []
+    for name in trust.own_names(methods):
+        if name not in known:
+            raise IcyMoonError(f"The matcher {trust.OWN}:{name} is not set up on this machine; add it under Own "
+                               "Matchers in the preferences of Icy Moon, or leave it out.")
+        arguments += [word for text in _matcher_texts(known[name]) for word in ("--own", text)]
+    return arguments
+
+
+def _matcher_texts(item: Any) -> list[str]:
+    """``NAME:METHOD:KEY=VALUE`` of each option of one of the person's matchers."""
+    key = "command" if item.method == "external" else "checkpoint"
+    options = [f"{key}={item.program}"] if item.program else []
+    options += [option for option in item.options.split(":") if option.strip()]
+    return [f"{item.name}:{item.method}:{option}" for option in options] or [f"{item.name}:{item.method}"]
+
+
 def _choose_cache(preferences: Any, context: bpy.types.Context) -> None:
     machine.choose_folder(bpy.path.abspath(preferences.cache) if preferences and preferences.cache else "")
 
@@ -81,6 +105,23 @@ def _choose_cache(preferences: Any, context: bpy.types.Context) -> None:
 #: What Check has found in this session; the page of the preferences shows it.
 findings: list[Finding] = []
 _ICONS = {"ok": "CHECKMARK", "limited": "INFO", "missing": "ERROR"}
+
+
+class ICYMOON_PG_matcher(bpy.types.PropertyGroup):
+    """A matcher of the person's own, which scenes name as own:NAME"""
+
+    name: bpy.props.StringProperty(  # type: ignore[valid-type]
+        name="Name", description="Letters, digits, - and _; a scene names it as own:NAME")
+    method: bpy.props.EnumProperty(  # type: ignore[valid-type]
+        name="Kind", description="What it is", items=(
+            ("external", "Program", "A program that takes two images and writes a disparity map"),
+            ("igev", "IGEV", "The network IGEV-Stereo with a checkpoint of yours"),
+            ("dsmnet", "DSMNet", "The network DSMNet with a checkpoint of yours")))
+    program: bpy.props.StringProperty(  # type: ignore[valid-type]
+        name="Command or Checkpoint",
+        description="Of a program its command with {left}, {right} and {out}, of a network the file of its parameters")
+    options: bpy.props.StringProperty(  # type: ignore[valid-type]
+        name="Options", description="Further options, separated by colons, as in format=pfm:timeout_s=60")
 
 
 class ICYMOON_AP_preferences(bpy.types.AddonPreferences):
@@ -103,6 +144,9 @@ class ICYMOON_AP_preferences(bpy.types.AddonPreferences):
         name="Workers", min=0, max=1024, soft_max=16, default=0,
         description="Processes that render a data set side by side where the data set's own setting is 0. Each needs "
                     "one to two gigabytes of memory; 0 for one per four processors")
+    matchers: bpy.props.CollectionProperty(  # type: ignore[valid-type]
+        type=ICYMOON_PG_matcher, name="Own Matchers",
+        description="Programs and networks of your own. Only here, not in a scene or a file, can they be named")
 
     def draw(self, context: bpy.types.Context) -> None:
         layout = self.layout
@@ -121,6 +165,29 @@ class ICYMOON_AP_preferences(bpy.types.AddonPreferences):
         layout.prop(self, "kernels")
         layout.prop(self, "cache")
         layout.prop(self, "workers")
+        _draw_matchers(layout, self.matchers)
+
+
+def _draw_matchers(layout: Any, matchers: Any) -> None:
+    row = layout.row()
+    row.label(text="Own Matchers")
+    row.operator("icymoon.add_matcher", icon="ADD")
+    for index, item in enumerate(matchers):
+        box = layout.box()
+        row = box.row()
+        row.prop(item, "name")
+        row.operator("icymoon.remove_matcher", text="", icon="X").index = index
+        for key in ("method", "program", "options"):
+            box.prop(item, key)
+
+
+def matchers() -> Any:
+    """The list of the person's own matchers. Raises IcyMoonError where the add-on has no preferences."""
+    preferences = _preferences()
+    if preferences is None:
+        raise IcyMoonError("Icy Moon does not run as an installed add-on, so it has no preferences; name your matcher "
+                           "on the command line.")
+    return preferences.matchers
 
 
 def remember(found: list[Finding]) -> None:
@@ -130,6 +197,7 @@ def remember(found: list[Finding]) -> None:
 
 def register() -> None:
     """Register the preferences; a scene whose sky is to come from kernels gets the preferred ones."""
+    bpy.utils.register_class(ICYMOON_PG_matcher)
     bpy.utils.register_class(ICYMOON_AP_preferences)
     properties.listeners.append(_give_kernels)
     _choose_cache(_preferences(), bpy.context)
@@ -147,3 +215,4 @@ def unregister() -> None:
     machine.choose_folder("")
     findings.clear()
     bpy.utils.unregister_class(ICYMOON_AP_preferences)
+    bpy.utils.unregister_class(ICYMOON_PG_matcher)

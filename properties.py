@@ -16,6 +16,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
+from . import trust
+
 Value = bool | int | float | str | list[dict[str, Any]]
 
 #: What a change of a setting forces to be made again, dearest first. "response" only needs the
@@ -40,6 +42,11 @@ class Setting:
     subtype: str = "NONE"
     precision: int = 3
     entries: tuple[Setting, ...] = ()  # of a list of tables, the settings of each table
+    trust: str = ""  # of a text, which of ``trust.CLASSES`` it is
+
+    def __post_init__(self) -> None:
+        if (self.kind == "text") != (self.trust in trust.CLASSES):
+            raise ValueError(f"{self.key} must state as trust what a text of it may name, and only a text may.")
 
     @property
     def kind(self) -> str:
@@ -88,7 +95,8 @@ def _signed(key: str, label: str, description: str, effect: str) -> Setting:
 
 
 def _file(key: str, label: str, description: str) -> Setting:
-    return Setting(key, label, "", f"{description}; // is the .blend's folder", "material", subtype="FILE_PATH")
+    return Setting(key, label, "", f"{description}; // is the .blend's folder", "material", subtype="FILE_PATH",
+                   trust="read")
 
 
 #: Parent panel of the topics that each hold one landform.
@@ -275,7 +283,7 @@ SOURCE = Topic("source", "Ground", "Where the ground comes from: made up, or a m
                      ("MESH", "Mesh File", "A reconstructed mesh: OBJ, PLY, STL, glTF, USD or FBX"),
                      ("HEIGHT_MAP", "Height Map", "A digital elevation model: GeoTIFF, NPY, EXR or grey PNG"))),
     Setting("file", "File", "", "Mesh or height map to stand on; ~ is your home folder, // the folder of the .blend "
-            "file. Pairs are named by its content, not by its place", "geometry", subtype="FILE_PATH"),
+            "file. Pairs are named by its content, not by its place", "geometry", subtype="FILE_PATH", trust="read"),
     Setting("scale", "Metres per Unit", 1.0,
             "Metres per unit of a mesh file: 1 for metres, 0.001 for millimetres. glTF, USD and FBX state their unit "
             "themselves; this is applied on top", "geometry", "m/unit", 1.0e-6, 1.0e6, (0.001, 1000.0), precision=6),
@@ -489,10 +497,11 @@ LIGHT = Topic("light", "Light", "The Sun and the planet as the body's sky shows 
                 ("DATE", "Date", "Body, date and site; elements good to 0.25° from 2000 to 2060"),
                 ("KERNELS", "SPICE Kernels", "Body, date and site, exactly; needs kernels and SpiceyPy"))),
     Setting("body", "Body", "ENCELADUS", "Moon that the site is on: ENCELADUS or EUROPA, with kernels any",
-            "light"),
-    Setting("parent", "Parent", "SATURN", "Planet that the moon goes around, as the kernels name it", "light"),
+            "light", trust="name"),
+    Setting("parent", "Parent", "SATURN", "Planet that the moon goes around, as the kernels name it", "light",
+            trust="name"),
     Setting("date_utc", "Date (UTC)", "2038-06-01T12:00:00", "Date and time of the scene, as 2038-06-01T12:00:00",
-            "light"),
+            "light", trust="name"),
     _degrees("latitude_deg", "Latitude", -80.0, -90.0, 90.0,
              "Planetocentric latitude of the site; also how high the poles of body and planet stand in the north. "
              "The Sun that angles place does not depend on it", "light"),
@@ -500,7 +509,7 @@ LIGHT = Topic("light", "Light", "The Sun and the planet as the body's sky shows 
              "East longitude of the site; the planet stands over -4 on Enceladus and over -1.5 on Europa, whose "
              "meridians are those of craters", "light"),
     Setting("kernels", "Kernels", "", "A meta-kernel, or a folder whose kernels are all loaded", "light",
-            subtype="FILE_PATH"),
+            subtype="FILE_PATH", trust="read"),
     Setting("sun_irradiance_wm2", "Sun Irradiance (W/m²)", 14.82,
             "Solar irradiance on a surface facing the Sun, all wavelengths: 14.82 at Saturn, 50.26 at Jupiter "
             "(1361 W/m² / distance² in au)", "light", "W/m²", 0.0, 1.0e5, (0.0, 100.0)),
@@ -714,7 +723,7 @@ QUALITY = Topic("quality", "Render Quality", "What a render may cost", (
 DATASET = Topic("dataset", "Data Set", "Where pairs go and how they vary", (
     Setting("folder", "Folder", "~/icymoon",
             "Where the data set is written; ~ is your home folder, // the folder of the .blend file",
-            "run", subtype="DIR_PATH"),
+            "run", subtype="DIR_PATH", trust="written"),
     Setting("seed", "Seed", 1,
             "The one seed from which terrain, blocks, grains, render noise and sensor noise are all drawn",
             "geometry", "1", 0, 2147483647, (0, 100)),
@@ -723,7 +732,7 @@ DATASET = Topic("dataset", "Data Set", "Where pairs go and how they vary", (
             "pairs", 1, 360, (1, 12)),
     Setting("plan", "Plan", "datasets/guiss_smoke",
             "Plan of a data set: a TOML file, or the name of a shipped one. Nothing of the present scene is in it",
-            "run"),
+            "run", trust="read"),
     Setting("workers", "Workers", 0, "Processes that render a data set side by side; 0 for what the preferences say, "
             "or else one per four processors", "run", "processes", 0, 1024, (0, 16)),
     Setting("evaluate", "Evaluate Afterwards", False,
@@ -731,7 +740,8 @@ DATASET = Topic("dataset", "Data Set", "Where pairs go and how they vary", (
     Setting("leave_running", "Leave Running", False, "Go on rendering the data set when Blender is closed or another "
             "file is opened; the next Blender shows it again", "run"),
     Setting("methods", "Matchers", "bm,sgbm", "Stereo matchers that Evaluate runs, separated by commas: bm, sgbm, "
-            "sgbm_wls, jplv, igev, dsmnet, external; options as in sgbm:window=7", "run"),
+            "sgbm_wls, jplv, igev, dsmnet; options as in sgbm:window=7; one that you have set up in the preferences as "
+            "own:NAME", "run", trust="matchers"),
 ))
 
 TOPICS: dict[str, Topic] = {t.key: t for t in (

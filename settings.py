@@ -19,6 +19,7 @@ from typing import Any
 
 import numpy as np
 
+from . import trust
 from .errors import IcyMoonError
 from .properties import TOPICS, Setting, Value, all_settings, announce, together
 from .version import is_newer, version
@@ -98,6 +99,8 @@ def _checked(setting: Setting, value: Any, name: str, where: str) -> Value:
         names = [choice[0] for choice in setting.choices]
         if value not in names:
             raise IcyMoonError(f"{where}: {name} is {value!r}, {_nearest(value, names)}")
+    if setting.kind == "text" and (fault := trust.fault(setting.trust, value)):
+        raise IcyMoonError(f"{where}: {name} {fault}")
     if setting.kind in ("int", "float"):
         low, high, number = setting.minimum, setting.maximum, _number(value)
         # The ends are single-precision numbers too: what is an end there is none too large here.
@@ -111,7 +114,8 @@ def check(data: Mapping[str, Any], where: str) -> Settings:
     """Check a partial description and return it in canonical form.
 
     ``where`` is what the error names as the place (a file, ``--set``, …).
-    Raises IcyMoonError for an unknown topic or key, a wrong type or a value out of range.
+    Raises IcyMoonError for an unknown topic or key, a wrong type, a value out of range, or a text that names what
+    only the person may (see ``trust``).
     """
     checked: Settings = {}
     for topic_key, values in data.items():
@@ -307,7 +311,15 @@ def digest(settings: Mapping[str, Mapping[str, Value]], extra: str = "") -> str:
 
 
 def from_group(group: Any) -> Settings:
-    """The complete description that a ``Scene.icymoon`` property group holds."""
+    """The complete description that a ``Scene.icymoon`` property group holds.
+
+    The scene may be anyone's: IcyMoonError is raised for what a file could not state either.
+    """
+    return check(shown(group), "This scene")
+
+
+def shown(group: Any) -> Settings:
+    """The same, unchecked: to be shown, not to be given to a process."""
     return {topic: {s.key: _from_property(s, getattr(getattr(group, topic), s.key)) for s in TOPICS[topic].settings}
             for topic in TOPICS}
 

@@ -36,6 +36,7 @@ class Bench:
     samples: int  # of the reference
     repeats: int  # renders per variant; noise is told from the rest by two
     on_event: Event = lambda event: None
+    own: tuple[str, ...] = ()  # the person's own matchers, as ``stereo.methods.own_matchers`` has them
 
 
 def scaled(settings: Settings, factor: float) -> Settings:
@@ -57,7 +58,7 @@ def trade(bench: Bench, groups: Sequence[str] = ()) -> dict[str, Any]:
     from .stereo.trade import measure, read_reference
     from .stereo.trade_report import write_trade
 
-    methods = parse_methods(bench.methods)
+    methods = parse_methods(bench.methods, own=bench.own)
     chosen = [replace(variant, repeats=bench.repeats) for variant in variants(bench.settings, groups)]
     kinds = sorted({variant.group in SHAPES for variant in chosen})
     bests = {fine: reference(bench.settings, bench.samples, fine) for fine in kinds}

@@ -47,7 +47,8 @@ def chosen_plan(settings: description.Settings) -> str:
     if name in plan_names():
         return name
     saved = os.path.dirname(bpy.data.filepath) if bpy.data.filepath else None
-    return str(plan_path(str(absolute_path(name, "dataset.plan", saved)) if name.endswith(".toml") else name))
+    path = plan_path(str(absolute_path(name, "dataset.plan", saved)) if name.endswith(".toml") else name)
+    return str(path.absolute())  # so that no command line takes a name for one of its options
 
 
 def title_of(name: str) -> str:
@@ -192,7 +193,7 @@ class ICYMOON_OT_render_dataset(_Watching, bpy.types.Operator):
         described, folder = settings["dataset"], dataset_folder(settings)
         count = described["workers"] or workers()
         # In the process that may be left alone: what is asked for is done whoever watches.
-        after = (["--evaluate", str(described["methods"]), "--evaluator", evaluator_python(),
+        after = ([*evaluate.matcher_arguments(settings, "--evaluate"), "--evaluator", evaluator_python(),
                   *evaluate.response_arguments(settings)] if described["evaluate"] else [])
         process = Detached.start(
             command("batch", chosen_plan(settings), "--out", str(folder), "--json", "--blender",

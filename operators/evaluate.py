@@ -8,7 +8,7 @@ import bpy
 
 from .. import settings as description
 from ..errors import IcyMoonError
-from ..preferences import evaluator_python
+from ..preferences import evaluator_python, own_matchers
 from ..properties import all_settings
 from ..render.launch import python_command
 from ..render.pair import is_complete
@@ -31,6 +31,13 @@ def response_arguments(settings: description.Settings) -> list[str]:
     texts = [f"{topic}.{s.key}={settings[topic][s.key]}".replace("True", "true").replace("False", "false")
              for topic, s in all_settings() if s.effect == "response"]
     return [word for text in texts for word in ("--set", text)]
+
+
+def matcher_arguments(settings: description.Settings, flag: str = "--methods") -> list[str]:
+    """The matchers that the settings name, as arguments of the evaluator: ``flag`` with their list, and what those of
+    the person's own are. Raises IcyMoonError if one of these is not set up."""
+    methods = str(settings["dataset"]["methods"])
+    return [flag, methods, *own_matchers(methods)]
 
 
 def hear(message: Message) -> None:
@@ -62,7 +69,7 @@ class ICYMOON_OT_evaluate(jobs.JobOperator, bpy.types.Operator):
         dataset = dataset_folder(settings)
         paths = [dataset] if self.scope == "DATASET" else rendered_pairs(context, settings)
         return python_command(evaluator_python(), "stereo", "evaluate", *map(str, paths),
-                              "--methods", str(settings["dataset"]["methods"]), *response_arguments(settings),
+                              *matcher_arguments(settings), *response_arguments(settings),
                               *(["--points"] if self.scope == "SCENE" else []),
                               "--out", str(self._out(dataset)), "--json-lines")
 

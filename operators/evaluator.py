@@ -11,7 +11,7 @@ import bpy
 
 from ..doctor import Finding, blender_findings, evaluator_findings, kernels_findings
 from ..errors import IcyMoonError
-from ..preferences import evaluator_python, kernels, own_evaluator, remember
+from ..preferences import evaluator_python, kernels, matchers, own_evaluator, remember
 from ..render.launch import python_command
 from ..render.queue import Process, clean_environment
 from . import jobs
@@ -23,7 +23,7 @@ def base_python() -> str:
                                       f"{sys.version_info.minor}"), shutil.which("python3") or ""]
     for candidate in candidates:
         if candidate and Path(candidate).stem.lower().startswith("python") and Path(candidate).is_file():
-            probe = subprocess.run([candidate, "-c", "import venv, ensurepip"], capture_output=True, check=False,
+            probe = subprocess.run([candidate, "-I", "-c", "import venv, ensurepip"], capture_output=True, check=False,
                                    env=clean_environment(), timeout=30)
             if probe.returncode == 0:
                 return candidate
@@ -82,4 +82,41 @@ class ICYMOON_OT_install_evaluator(jobs.JobOperator, bpy.types.Operator):
         self.report({"INFO"}, "The evaluator is installed")
 
 
-CLASSES = (ICYMOON_OT_check_evaluator, ICYMOON_OT_install_evaluator)
+class ICYMOON_OT_add_matcher(bpy.types.Operator):
+    """Add a program or a network of your own, which scenes then name as own:NAME"""
+
+    bl_idname = "icymoon.add_matcher"
+    bl_label = "Add Matcher"
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        try:
+            known = matchers()
+        except IcyMoonError as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        names = {item.name for item in known}
+        item = known.add()
+        item.name = next(name for k in range(len(names) + 1) if (name := f"mine{k or ''}") not in names)
+        context.preferences.is_dirty = True
+        return {"FINISHED"}
+
+
+class ICYMOON_OT_remove_matcher(bpy.types.Operator):
+    """Take this matcher out of the preferences; the program or file stays"""
+
+    bl_idname = "icymoon.remove_matcher"
+    bl_label = "Remove Matcher"
+
+    index: bpy.props.IntProperty(name="Index", min=0, description="Which one")  # type: ignore[valid-type]
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        try:
+            matchers().remove(self.index)
+        except IcyMoonError as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        context.preferences.is_dirty = True
+        return {"FINISHED"}
+
+
+CLASSES = (ICYMOON_OT_check_evaluator, ICYMOON_OT_install_evaluator, ICYMOON_OT_add_matcher, ICYMOON_OT_remove_matcher)

@@ -37,7 +37,7 @@ class ICYMOON_OT_import_ground(asking.Opened, bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         group = context.scene.icymoon
-        before = description.from_group(group)["source"]
+        before = description.shown(group)["source"]
         path = Path(bpy.path.abspath(self.filepath))
         try:
             description.to_group(group, {"source": {"kind": grounds.kind_of(path), "file": str(path)}})

@@ -40,7 +40,7 @@ def update(scene: bpy.types.Scene) -> bool:
     built = scenes.find(scene)
     if built is None:
         return False
-    settings, before = description.from_group(scene.icymoon), description.merged(built.settings, built.preview)
+    settings, before = description.shown(scene.icymoon), description.merged(built.settings, built.preview)
     if not scene.icymoon.live:
         stale = _changed(built, settings)
         preview.note(built, ["Settings have changed; press Build Scene to show them."] if stale else [])

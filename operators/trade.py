@@ -20,10 +20,16 @@ from ..render import machine, tolerance
 from ..render.launch import Job, blender_command, python_command
 from ..render.queue import Message, Process, clean_environment
 from . import jobs, readouts
+from .evaluate import matcher_arguments
 from .render import dataset_folder
 
 #: What the last measurement or search said, for the panel; per scene name.
 said: dict[str, tuple[str, ...]] = {}
+
+
+def _folder(settings: description.Settings) -> Path:
+    """Where what is measured goes."""
+    return dataset_folder(settings) / "trade"
 
 
 def _begin(context: bpy.types.Context, verb: str, title: str, handle: Any, *arguments: str) -> jobs.Job:
@@ -33,13 +39,13 @@ def _begin(context: bpy.types.Context, verb: str, title: str, handle: Any, *argu
     if built is not None and built.edited:
         raise IcyMoonError("The scene was edited by hand; what is measured is built from the settings alone. Press "
                            "Build Scene to set the edits back.")
-    python = evaluator_python()
+    python, matchers = evaluator_python(), matcher_arguments(settings)
     with disk_errors("write settings to", Path(tempfile.gettempdir())):
         folder = tempfile.TemporaryDirectory(prefix="icymoon-trade-")
         file = Path(folder.name, "scene.toml")
         file.write_text(description.to_toml(settings), encoding="utf-8")
     command = python_command(python, verb, "--settings", str(file), "--blender", jobs.this_blender(),
-                             "--out", str(dataset_folder(settings) / "trade"), "--json-lines", *arguments)
+                             *matchers, "--out", str(_folder(settings)), "--json-lines", *arguments)
     try:
         process = Process(command, clean_environment())
     except IcyMoonError:
@@ -87,21 +93,21 @@ class ICYMOON_OT_trade(_Measured, jobs.JobOperator, bpy.types.Operator):
 
     def start(self, context: bpy.types.Context) -> jobs.Job:
         name = context.scene.name
-        methods = str(context.scene.icymoon.dataset.methods)
+        # Opened later: a page that we know, not what a message names.
+        self._page = _folder(description.from_group(context.scene.icymoon)) / "trade.html"
 
         def hear(message: Message) -> None:
             if message["type"] == "result":
                 said[name] = _wrapped(message["advice"])
-                self._page = message["report"]
 
-        return _begin(context, "trade", self.bl_label, hear, "--methods", methods, *self._common())
+        return _begin(context, "trade", self.bl_label, hear, *self._common())
 
     def succeeded(self, context: bpy.types.Context) -> None:
         self.report({"INFO"}, f"The report is {self._page}")
         if not bpy.app.background:
-            bpy.ops.wm.url_open(url=Path(self._page).as_uri())
+            bpy.ops.wm.url_open(url=self._page.as_uri())
 
-    _page: str = ""
+    _page: Path
 
 
 class ICYMOON_OT_auto_quality(_Measured, jobs.JobOperator, bpy.types.Operator):
@@ -137,7 +143,6 @@ class ICYMOON_OT_auto_quality(_Measured, jobs.JobOperator, bpy.types.Operator):
 
     def start(self, context: bpy.types.Context) -> jobs.Job:
         scene = context.scene
-        methods = str(scene.icymoon.dataset.methods)
         given = {"px": f"{self.tolerance_px:g}", "bad-1": f"{self.tolerance_bad_1:g}%"}
         wanted = ("px", "bad-1") if self.judged_by == "BOTH" else (self.judged_by.lower().replace("_", "-"),)
         tolerances = [word for name in wanted for word in (f"--tolerance-{name}", given[name])]
@@ -149,7 +154,7 @@ class ICYMOON_OT_auto_quality(_Measured, jobs.JobOperator, bpy.types.Operator):
                     f"{step['name']}: {step['cpu_s']:.1f} CPU s" for step in message["tried"]))
                 description.to_group(scene.icymoon, message["settings"])
 
-        return _begin(context, "auto", self.bl_label, hear, "--methods", methods, *tolerances, *self._common())
+        return _begin(context, "auto", self.bl_label, hear, *tolerances, *self._common())
 
     def succeeded(self, context: bpy.types.Context) -> None:
         self.report({"INFO" if self._chosen else "WARNING"}, self._last)

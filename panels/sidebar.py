@@ -122,7 +122,7 @@ class ICYMOON_PT_sky(Sidebar, bpy.types.Panel):
     bl_parent_id = "ICYMOON_PT_light"
 
     def draw(self, context: bpy.types.Context) -> None:
-        draw_lines(self.layout, readouts.sky_lines(description.from_group(context.scene.icymoon)["light"]))
+        draw_lines(self.layout, readouts.sky_lines(description.shown(context.scene.icymoon)["light"]))
 
 
 class ICYMOON_PT_resolution(Sidebar, bpy.types.Panel):
@@ -133,7 +133,7 @@ class ICYMOON_PT_resolution(Sidebar, bpy.types.Panel):
     bl_parent_id = "ICYMOON_PT_rig"
 
     def draw(self, context: bpy.types.Context) -> None:
-        draw_lines(self.layout, readouts.rig_lines(description.from_group(context.scene.icymoon)["rig"]))
+        draw_lines(self.layout, readouts.rig_lines(description.shown(context.scene.icymoon)["rig"]))
 
 
 class ICYMOON_PT_left_out(Sidebar, bpy.types.Panel):
@@ -145,10 +145,10 @@ class ICYMOON_PT_left_out(Sidebar, bpy.types.Panel):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        return bool(readouts.left_out(description.from_group(context.scene.icymoon)))
+        return bool(readouts.left_out(description.shown(context.scene.icymoon)))
 
     def draw(self, context: bpy.types.Context) -> None:
-        for sentence in readouts.left_out(description.from_group(context.scene.icymoon)):
+        for sentence in readouts.left_out(description.shown(context.scene.icymoon)):
             draw_lines(self.layout, wrapped(sentence), "INFO")
 
 

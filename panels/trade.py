@@ -23,7 +23,7 @@ class ICYMOON_PT_trade(Sidebar, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         layout: Any = self.layout
         layout.operator_context = "INVOKE_DEFAULT"
-        draw_lines(layout, readouts.quality_lines(description.from_group(context.scene.icymoon)))
+        draw_lines(layout, readouts.quality_lines(description.shown(context.scene.icymoon)))
         layout.operator("icymoon.measure_machine")
         layout.operator("icymoon.auto_quality", text="Find Quality…")
         layout.operator("icymoon.trade", text="Measure…")

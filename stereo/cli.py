@@ -84,6 +84,8 @@ def _parser() -> argparse.ArgumentParser:
                          help="matchers, separated by commas; with options of their own as bm:window=21")
     command.add_argument("--option", action="append", default=[], metavar="METHOD.KEY=VALUE",
                          help="option for every use of a method, such as bm.window=21")
+    command.add_argument("--own", action="append", default=[], metavar="NAME:METHOD:KEY=VALUE",
+                         help="option of a matcher of your own, which --methods then names as own:NAME; may repeat")
     command.add_argument("--set", action="append", default=[], metavar="sensor.KEY=VALUE",
                          help="another camera response than the pairs were rendered for, also light.sun_scale")
     command.add_argument("--out", required=True, type=Path, help="folder for the report")
@@ -168,7 +170,7 @@ def _evaluate(parsed: argparse.Namespace) -> int:
     from .evaluate import evaluate
     from .methods import parse_methods
 
-    methods = parse_methods(parsed.methods, parsed.option)
+    methods = parse_methods(parsed.methods, parsed.option, parsed.own)
     response = _response([], parsed.set)
     if parsed.seed < 0:
         raise IcyMoonError(f"--seed is {parsed.seed}; give a whole number of 0 or more.")

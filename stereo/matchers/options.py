@@ -8,13 +8,15 @@ from dataclasses import dataclass
 from typing import Any
 
 from ...errors import IcyMoonError
+from ...trust import LOADS
 
 
 @dataclass(frozen=True)
 class Option:
     """One option: a whole number (any number if the default is a float), one of ``choices``, or else text.
 
-    ``opencv`` is what OpenCV's manual calls it, accepted as a second name.
+    ``opencv`` is what OpenCV's manual calls it, accepted as a second name. A text may only be one of ``trust.LOADS``,
+    which no scene and no file may set.
     """
 
     key: str
@@ -25,6 +27,11 @@ class Option:
     step: int = 1  # values are minimum + a multiple of this
     choices: tuple[str, ...] = ()
     opencv: str = ""
+
+    def __post_init__(self) -> None:
+        is_text = isinstance(self.default, str) and not self.choices
+        if is_text != (self.key in LOADS) or (is_text and self.opencv):
+            raise ValueError(f"{self.key}: a text, and nothing else, is one of trust.LOADS, under that name alone.")
 
     @property
     def range(self) -> str:

@@ -106,6 +106,23 @@ def operators(record: list) -> set[str]:
     return {entry[1] for entry in record if entry[0] == "operator"}
 
 
+def preferences_drawn() -> tuple[list, list[str]]:
+    """What the preferences draw with one matcher of the person's own, and the properties among it."""
+    written: list[str] = []
+
+    class Preferences(Layout):
+        def prop(self, data: object, key: str, **options: object) -> None:
+            written.append(key)
+
+        def __getattr__(self, name: str) -> object:
+            call = super().__getattr__(name)
+            return lambda *arguments, **options: (call(*arguments, **options), Preferences(self.record))[1]
+
+    layout = Preferences()
+    preferences.ICYMOON_AP_preferences.draw(SimpleNamespace(layout=layout, matchers=[object()]), bpy.context)
+    return layout.record, written
+
+
 def texts(record: list) -> str:
     return " ".join(str(entry) for entry in record)
 
@@ -143,7 +160,7 @@ def test_an_empty_file_offers_presets_and_the_three_steps(scene):
 def test_every_operator_is_on_a_button_or_in_a_menu(small, evaluated, running):
     bpy.ops.icymoon.build_scene()
     there = {f"icymoon.{name}" for name in dir(bpy.ops.icymoon)}
-    assert there - operators(everything()) == set()
+    assert there - operators([*everything(), *preferences_drawn()[0]]) == set()
 
 
 #: Choices that between them leave every setting a meaning.
@@ -218,7 +235,9 @@ def test_what_is_left_out_is_said_where_it_is_chosen_and_only_then(scene):
 def test_the_matchers_there_are_stand_in_the_tooltip():
     from icymoon.stereo.matchers import METHODS
 
-    assert ", ".join(METHODS) in TOPICS["dataset"]["methods"].description
+    told = TOPICS["dataset"]["methods"].description
+    assert ", ".join(name for name in METHODS if name != "external") in told
+    assert "own:NAME" in told  # by which a scene names an external one
 
 
 def test_the_panels_follow_the_work_from_top_to_bottom():
@@ -306,15 +325,13 @@ def test_results_are_shown_with_their_units_and_a_dash_for_none(scene, evaluated
 
 
 def test_the_preferences_are_drawn(scene):
-    layout, written = Layout(), []
-    layout.__dict__["prop"] = lambda data, key, **options: written.append(key)
     preferences.remember([Finding("Graphics card", "limited", "none", "Leave quality.device at CPU.")])
-    preferences.ICYMOON_AP_preferences.draw(SimpleNamespace(layout=layout), bpy.context)
+    record, written = preferences_drawn()
     preferences.remember([])
-    assert written == ["evaluator", "kernels", "cache", "workers"]
-    assert {"icymoon.check_evaluator", "icymoon.install_evaluator"} <= operators(layout.record)
-    assert "Graphics card: none" in texts(layout.record)
-    assert "Leave quality.device at CPU." in texts(layout.record)
+    assert written == ["evaluator", "kernels", "cache", "workers", "name", "method", "program", "options"]
+    assert {"icymoon.check_evaluator", "icymoon.install_evaluator"} <= operators(record)
+    assert "Graphics card: none" in texts(record)
+    assert "Leave quality.device at CPU." in texts(record)
 
 
 def test_check_says_what_doctor_says_and_what_of_the_kernels(scene, tmp_path, monkeypatch):

@@ -15,7 +15,7 @@ from icymoon import cli, settings
 from icymoon.properties import TOPICS
 from icymoon.stereo import cli as stereo_cli
 from icymoon.stereo.matchers import complete_options
-from icymoon.stereo.methods import key_value
+from icymoon.stereo.methods import key_value, own_matchers
 from icymoon.version import ROOT
 from manual import reference
 
@@ -101,8 +101,11 @@ def _parsed(program: str, words: list[str]) -> str:
         settings.override(text)
     if program == "icymoon.stereo":
         stereo_cli._response([], changed)
+    owned = own_matchers(options.get("own") or ())
     for label in str(options.get("methods") or options.get("method") or "").split(","):
         name, *own = label.split(":")
+        if name == "own":
+            name = owned[own.pop(0)].name
         if label:
             complete_options(name, dict(key_value(text, "--methods") for text in own))
     for given in options.get("option") or ():

@@ -1,0 +1,130 @@
+"""The trust boundary: no description, whatever it comes from, names a program or what is loaded as one."""
+
+from __future__ import annotations
+
+import importlib
+import json
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from icymoon import settings, trust
+from icymoon.errors import IcyMoonError
+from icymoon.properties import Setting, all_settings
+from icymoon.render import dataset
+from icymoon.render.sweep import read_plan
+from icymoon.stereo.matchers import METHODS
+from icymoon.stereo.matchers.options import Option
+from icymoon.stereo.methods import parse_methods
+from icymoon.version import ROOT
+
+MODULES = {name: importlib.import_module(f"icymoon.stereo.matchers.{name}") for name in METHODS}
+OPTIONS = [(name, option) for name, module in MODULES.items() for option in module.OPTIONS]
+EVIL = "external:command=/bin/sh -c evil {left} {right} {out}"
+REFUSED = "dataset.methods names a c.*only you may"
+
+
+def test_every_text_says_what_it_may_name():
+    texts = {f"{topic}.{s.key}": s.trust for topic, s in all_settings() if s.kind == "text"}
+    assert len(texts) > 5
+    assert set(texts.values()) == set(trust.CLASSES)
+    with pytest.raises(ValueError, match="must state"):
+        Setting("program", "Program", "", "Something that is run", "run")
+    with pytest.raises(ValueError, match="only a text may"):
+        Setting("number", "Number", 1, "Something that is counted", "run", trust="read")
+
+
+def test_a_matcher_has_no_text_but_those_that_descriptions_may_not_set():
+    with pytest.raises(ValueError, match="LOADS"):
+        Option("script", "", "Something that is run")
+    with pytest.raises(ValueError, match="LOADS"):
+        Option("command", 3, "Something that is counted", 0, 5)
+    assert {option.key for _, option in OPTIONS if option.range == "text"} == set(trust.LOADS)
+
+
+@pytest.mark.parametrize(("name", "option"), OPTIONS, ids=[f"{name}.{option.key}" for name, option in OPTIONS])
+def test_a_description_may_set_an_option_exactly_if_it_names_no_program(name, option):
+    described = {"dataset": {"methods": f"bm, {name}:{option.key}={option.default or 'x'}"}}
+    if option.range == "text":
+        with pytest.raises(IcyMoonError, match=REFUSED):
+            settings.check(described, "scene.toml")
+    else:
+        assert settings.check(described, "scene.toml") == described
+
+
+def _in_a_settings_file(folder):
+    (folder / "scene.toml").write_text(settings.to_toml({"dataset": {"methods": EVIL}}), encoding="utf-8")
+    settings.load(folder / "scene.toml")
+
+
+def _in_a_plan(folder):
+    (folder / "plan.toml").write_text('[plan]\ntitle = "Evil"\n' + settings.to_toml({"dataset": {"methods": EVIL}}),
+                                      encoding="utf-8")
+    read_plan(folder / "plan.toml").pairs()
+
+
+def _in_a_frozen_plan(folder):
+    header = {"format": dataset.FORMAT, "version": dataset.VERSION, "pairs": 0, "plan": "", "icymoon": "0.1.0",
+              "settings": settings.merged(settings.defaults(), {"dataset": {"methods": EVIL}})}
+    (folder / dataset.PLAN).write_text(json.dumps(header) + "\n", encoding="utf-8")
+    dataset.read(folder)
+
+
+def _in_an_override(folder):
+    settings.override(f"dataset.methods={EVIL}")
+
+
+@pytest.mark.parametrize("read", [_in_a_settings_file, _in_a_plan, _in_a_frozen_plan, _in_an_override])
+def test_it_is_refused_wherever_it_comes_from(read, tmp_path):
+    with pytest.raises(IcyMoonError, match=REFUSED):
+        read(tmp_path)
+
+
+_pieces = st.sampled_from(["external", "igev", "own", "mine", "bm", ":", ",", "=", " ", "\t", "\u00a0", "command",
+                           "checkpoint", "COMMAND", "sh {left} {right} {out}", "timeout_s=5", "window=7", "'", '"'])
+
+
+@given(st.lists(_pieces, max_size=12).map("".join))
+def test_what_passes_the_gate_gives_the_evaluator_no_program(text):
+    """The gate and the evaluator must split a list alike, or what one passes over the other would run."""
+    try:
+        settings.check({"dataset": {"methods": text}}, "test")
+    except IcyMoonError:
+        return
+    try:
+        methods = parse_methods(text, own=["mine:external:command=sh mine {left} {right} {out}"])
+    except IcyMoonError:
+        return
+    for method in methods:
+        assert method.label.startswith("own:mine") or not set(method.options) & set(trust.LOADS)
+        assert method.options.get("command", "sh mine {left} {right} {out}") == "sh mine {left} {right} {out}"
+
+
+def test_one_s_own_matcher_is_named_and_takes_harmless_options_from_a_description():
+    own = [r"mine:external:command=sh C:\run,me.sh {left} {right} {out}", "mine:external:format=pfm"]
+    described = settings.check({"dataset": {"methods": "bm,own:mine:timeout_s=5"}}, "scene.toml")
+    bm, mine = parse_methods(described["dataset"]["methods"], own=own)
+    assert (bm.name, bm.options) == ("bm", {})
+    assert (mine.label, mine.name) == ("own:mine:timeout_s=5", "external")
+    assert mine.options == {"command": r"sh C:\run,me.sh {left} {right} {out}", "format": "pfm", "timeout_s": "5"}
+    assert trust.own_names("bm, own:a:x=1,own:b,own:a") == ["a", "b"]
+
+
+@pytest.mark.parametrize(("text", "own", "said"), [
+    ("own:mine", [], "no matcher own:mine on this machine, none is set up"),
+    ("own:mine", ["yours:bm"], "no matcher own:mine on this machine, known are yours"),
+    ("own", ["yours:bm"], "no matcher own: "),
+    ("own:mine", ["mine:magic"], "NAME:METHOD:KEY=VALUE"),
+    ("own:mine", ["a b:bm"], "NAME:METHOD:KEY=VALUE"),
+    ("own:mine", ["mine:bm", "mine:sgbm"], "is bm already"),
+    ("own:mine", ["mine:bm:window"], "key=value")])
+def test_what_is_no_matcher_of_one_s_own_is_said_in_a_sentence(text, own, said):
+    with pytest.raises(IcyMoonError, match=said):
+        parse_methods(text, own=own)
+
+
+def test_what_the_window_gives_to_processes_has_passed_the_gate():
+    """Unchecked settings are read where they are shown, and matchers go to the evaluator through one function."""
+    texts = {path.name: path.read_text(encoding="utf-8") for path in (ROOT / "operators").glob("*.py")}
+    assert {name for name, text in texts.items() if ".shown(" in text} <= {"live.py", "ground.py"}
+    assert [name for name, text in texts.items() if '"methods"' in text or "dataset.methods" in text] == ["evaluate.py"]
