@@ -302,8 +302,9 @@ SOURCE = Topic("source", "Ground", "Where the ground comes from: made up, or a m
     _metres("metres_per_pixel", "Metres per Pixel", 0.0, 0.0, 1.0e5, (0.0, 100.0),
             "Size of a pixel of a height map; 0 for what a GeoTIFF states", "geometry"),
     Setting("height_scale_m", "Metres per Value", 1.0,
-            "Metres per unit of the values in a height map: 1 where it holds metres; for PNG, metres per grey level",
-            "geometry", "m", 1.0e-9, 1.0e6, (1.0e-3, 10.0), precision=6),
+            "Metres per unit of the values in a height map: 1 where it holds metres; for PNG, metres per grey level. A "
+            "GeoTIFF states its unit and scale itself; this is applied on top", "geometry", "m",
+            1.0e-9, 1.0e6, (1.0e-3, 10.0), precision=6),
     Setting("detail", "Add Roughness", False,
             "Add the Terrain topic's roughness below what the file resolves", "geometry"),
     Setting("repair", "Repair", True,

@@ -29,6 +29,8 @@ from .terrain import mesh_from_arrays, shortest_wavelength_m
 _SMALLEST_M, _LARGEST_M = 1e-3, 1e5
 #: Extents that are possible but look like a forgotten unit.
 _UNLIKELY_M = (0.2, 2e4)
+#: Relief, of the width, above which a unit was probably forgotten.
+_UNLIKELY_RELIEF = 2.0
 #: Most triangles that a mesh is cut into to carry roughness.
 _MOST_TRIANGLES = 8_000_000
 #: Rows of the matrix that turns file coordinates z up, each the file axis (and sign) that it takes.
@@ -106,15 +108,22 @@ def _metres(values: Any) -> str:
     return ", ".join(f"{float(v):.6g}" for v in values)
 
 
-def _check_size(path: Path, extents_m: np.ndarray, mend: str) -> list[str]:
+def _check_size(path: Path, extents_m: np.ndarray, mend: str, mend_height: str) -> list[str]:
     """Refuse absurd extents; warn of unlikely ones."""
-    widest = float(max(extents_m[:2]))
+    widest, relief = float(max(extents_m[:2])), float(extents_m[2])
     if not _SMALLEST_M <= widest <= _LARGEST_M:
         raise IcyMoonError(f"{path}: is {widest:.3g} m wide, which is no landing site ({_SMALLEST_M:g} to "
                            f"{_LARGEST_M:g} m); {mend}")
+    if not relief <= _LARGEST_M:
+        raise IcyMoonError(f"{path}: has a relief of {relief:.3g} m, which is no landing site ({_LARGEST_M:g} m at "
+                           f"most); {mend_height}")
+    warnings = []
     if not _UNLIKELY_M[0] <= widest <= _UNLIKELY_M[1]:
-        return [f"{path.name} is {widest:.3g} m wide; if its unit is not what you meant, {mend}"]
-    return []
+        warnings.append(f"{path.name} is {widest:.3g} m wide; if its unit is not what you meant, {mend}")
+    if relief > _UNLIKELY_RELIEF * widest:
+        warnings.append(f"{path.name} has a relief of {relief:.3g} m on {widest:.3g} m; if its unit is not what you "
+                        f"meant, {mend_height}")
+    return warnings
 
 
 def turned_up(positions: np.ndarray, kind: str, up_axis: str) -> tuple[np.ndarray, str]:
@@ -140,7 +149,8 @@ def _mesh_ground(path: Path, settings: Settings) -> OwnGround:
                         "source.scale if they are not.")
     positions, axis = turned_up(positions * source["scale"], kind, source["up_axis"])
     before = meshcheck.check(positions, faces)
-    warnings += _check_size(path, np.array(before.extents_m), "set source.scale (0.001 for millimetres).")
+    warnings += _check_size(path, np.array(before.extents_m), "set source.scale (0.001 for millimetres).",
+                            "mend the vertices that stand out.")
     if before.area_m2 <= 0.0 or before.degenerate_faces == before.triangles:
         raise IcyMoonError(f"{path}: all its {before.triangles} faces are without area; export the mesh again.")
     if before.non_finite_vertices and not source["repair"]:
@@ -217,16 +227,16 @@ def _height_ground(path: Path, settings: Settings, made_up: Callable[[Settings],
     known = np.isfinite(read.values)
     if not known.any():
         raise IcyMoonError(f"{path}: none of its {known.size} pixels is a height; check its missing-value mark.")
-    pixel = _pixel_size(path, read.pixel, read.degrees, source)
-    warnings = []
+    pixel = _pixel_size(path, read, source)
+    warnings = [f"{path.name}: {sentence}." for sentence in read.warnings]
     if not known.all():
         warnings.append(f"{1 - known.mean():.2%} of {path.name} has no height and was filled in smoothly from around.")
     heights = heightmap.fill_holes(read.values) * source["height_scale_m"]
     rows, columns = heights.shape
     extents = np.array([(columns - 1) * pixel[0], (rows - 1) * pixel[1], float(np.ptp(heights))])
-    warnings += _check_size(path, extents, "set source.metres_per_pixel.")
-    stated = read.corner if read.corner is not None and not read.degrees else (0.0, 0.0)
-    surface, shift = heightmap.placed(heights, pixel, stated, centre=bool(source["centre"]),
+    warnings += _check_size(path, extents, "set source.metres_per_pixel.",
+                            "set source.height_scale_m, or mark the heights that are missing.")
+    surface, shift = heightmap.placed(heights, pixel, read.corner_m or (0.0, 0.0), centre=bool(source["centre"]),
                                       origin_m=(source["origin_x_m"], source["origin_y_m"]),
                                       size_m=float(terrain["size_m"]))
     west, east, south, north = surface.bounds_m
@@ -238,20 +248,16 @@ def _height_ground(path: Path, settings: Settings, made_up: Callable[[Settings],
     spacing = shortest_wavelength_m(terrain) / 2
     x, y = (np.linspace(a, b, max(2, round((b - a) / spacing) + 1)) for a, b in ((west, east), (south, north)))
     positions, faces = heightmap.grid(surface.heights(x[None, :], y[:, None], 2 * spacing), x, y)
-    report = (f"{columns} x {rows} pixels of {pixel[0]:.4g} x {pixel[1]:.4g} m, {_metres(extents)} m",
+    report = (f"{columns} x {rows} pixels of {pixel[0]:.4g} x {pixel[1]:.4g} m, {_metres(extents)} m", *read.report,
               f"Ground of {east - west:.4g} x {north - south:.4g} m, moved by {_metres(shift)} m",
               "Procedural roughness below the pixel" if source["detail"] else "Nothing finer than the pixel")
     return OwnGround(positions, faces, surface, report, tuple(warnings))
 
 
-def _pixel_size(path: Path, stated: tuple[float, float] | None, degrees: bool,
-                source: Mapping[str, Any]) -> tuple[float, float]:
+def _pixel_size(path: Path, read: import_heights.Heights, source: Mapping[str, Any]) -> tuple[float, float]:
     """Metres per pixel (east, north): what the settings say, or else the file."""
     if source["metres_per_pixel"] > 0:
         return (source["metres_per_pixel"],) * 2
-    if stated is None:
-        raise IcyMoonError(f"{path}: does not state the size of its pixels; set source.metres_per_pixel.")
-    if degrees:
-        raise IcyMoonError(f"{path}: its pixels are {stated[0]:g} x {stated[1]:g} degrees; set source.metres_per_pixel "
-                           "or project it with: gdalwarp -t_srs")
-    return stated
+    if read.pixel_m is None:
+        raise IcyMoonError(f"{path}: {read.unplaced}; set source.metres_per_pixel.")
+    return read.pixel_m

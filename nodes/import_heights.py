@@ -17,6 +17,7 @@ import numpy as np
 
 from ..errors import IcyMoonError
 from ..physics import geotiff
+from ..physics.heightmap import NO_HEIGHT
 from ..physics.meshfile import opening
 from ..render.exr_check import is_whole
 from .import_mesh import scratch_scene
@@ -27,16 +28,19 @@ _EXR_MAGIC = b"\x76\x2f\x31\x01"
 
 @dataclass(frozen=True)
 class Heights:
-    """Values (rows, columns) float64 in the file's unit, row 0 northernmost, missing ones NaN.
+    """Values (rows, columns) float64, row 0 northernmost, missing ones NaN: metres in a GeoTIFF, else the file's unit.
 
-    ``pixel`` (east, north) and ``corner`` (centre of the lower left pixel) are what the file states
-    in ``degrees`` or metres; None where it states nothing.
+    ``pixel_m`` (east, north) and ``corner_m`` (centre of the lower left pixel) are what the file states, or
+    None; ``unplaced`` then says why, as the end of a sentence. ``report`` is what else the file states,
+    ``warnings`` what a person should know of it.
     """
 
     values: np.ndarray
-    pixel: tuple[float, float] | None = None
-    corner: tuple[float, float] | None = None
-    degrees: bool = False
+    pixel_m: tuple[float, float] | None = None
+    corner_m: tuple[float, float] | None = None
+    unplaced: str = "does not state the size of its pixels"
+    report: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
 
 
 def read_heights(path: Path) -> Heights:
@@ -57,7 +61,7 @@ def _tiff(path: Path, start: bytes) -> Heights:
     if start[:4] not in (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"):
         raise IcyMoonError(f"{path}: is not a TIFF file, whatever its name says.")
     tiff = geotiff.read(path)
-    return Heights(tiff.heights, tiff.pixel, tiff.corner, tiff.degrees)
+    return Heights(tiff.heights_m, tiff.pixel_m, tiff.corner_m, tiff.unplaced, tiff.report, tiff.warnings)
 
 
 def _npy(path: Path, start: bytes) -> Heights:
@@ -68,7 +72,7 @@ def _npy(path: Path, start: bytes) -> Heights:
     if values.ndim != 2 or values.dtype.kind not in "iuf":
         raise IcyMoonError(f"{path}: holds {values.dtype} values of shape {values.shape}; "
                            "save one number per pixel as an array (rows, columns), north first.")
-    return Heights(np.where(np.isfinite(values), values, np.nan).astype(np.float64))
+    return Heights(_without_absurd(values.astype(np.float64)))
 
 
 def _png(path: Path, start: bytes) -> Heights:
@@ -106,9 +110,12 @@ def _exr(path: Path, start: bytes) -> Heights:
                            "save the heights as one channel called Y.")
     if not is_whole(path):  # Blender crashes on it
         raise IcyMoonError(f"{path}: is torn, or stored in tiles; save it again, in scan lines.")
-    values = _pixels(path).astype(np.float64)
-    values[~(np.abs(values) < 1e30)] = np.nan
-    return Heights(values)
+    return Heights(_without_absurd(_pixels(path).astype(np.float64)))
+
+
+def _without_absurd(values: np.ndarray) -> np.ndarray:
+    """The values with NaN where none is stated or where it can be no height."""
+    return np.where(np.abs(values) < NO_HEIGHT, values, np.nan)
 
 
 def _exr_channels(start: bytes) -> list[str]:

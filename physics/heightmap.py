@@ -15,6 +15,9 @@ import numpy as np
 
 from .ground import Surface, fine_part
 
+#: Magnitude from which a value is no height: the most negative float32 is a usual mark of missing ones.
+NO_HEIGHT = 1e30
+
 
 @dataclass(frozen=True)
 class HeightMap:

@@ -280,6 +280,9 @@ def bad_inputs(folder: Path) -> dict[str, tuple[Path, dict, str]]:
     np.save(folder / "nan.npy", np.full((5, 5), np.nan))
     np.save(folder / "flat.npy", np.zeros((5, 5)))
     write_tiff(folder / "degrees.tif", np.zeros((5, 5), np.float32), pixel=(1e-4, 1e-4), geographic=True)
+    write_tiff(folder / "feet.tif", np.zeros((5, 5), np.float32), pixel=(3.0, 3.0), keys={3072: 2263})
+    np.save(folder / "absurd.npy", np.array([[0.0, 1e29], [1.0, 2.0]]))
+    np.save(folder / "lost.npy", np.full((5, 5), 1e300))
     write_tiff(folder / "plain.tif", np.zeros((5, 5), np.float32))
     cases = {
         "absent mesh": ("absent.ply", {}, "cannot be read"), "wrong mesh": ("text.obj", {}, "not a OBJ file"),
@@ -304,6 +307,10 @@ def bad_inputs(folder: Path) -> dict[str, tuple[Path, dict, str]]:
         "no pixel size": ("flat.npy", {}, "source.metres_per_pixel"),
         "plain tiff": ("plain.tif", {}, "metres_per_pixel"),
         "degrees": ("degrees.tif", {}, "degrees"),
+        "unknown unit": ("feet.tif", {}, "EPSG:2263"),
+        "absurd heights": ("absurd.npy", {"metres_per_pixel": 1}, "relief of 1e+29 m"),
+        "heights beyond any number": ("lost.npy", {"metres_per_pixel": 1}, "is a height"),
+        "tall mesh": (write_ply(folder / "tall.ply", positions * [1, 1, 1e30], faces), {}, "relief"),
         "far off": ("flat.npy", {"metres_per_pixel": 1, "origin_x_m": 500.0}, "source.origin_x_m"),
         "height map kind": ("no_faces.obj", {"kind": "HEIGHT_MAP"}, "not a height map"),
         "no file": ("", {"kind": "MESH"}, "source.file is empty"),
@@ -404,6 +411,26 @@ def test_missing_heights_are_filled_and_their_share_is_said(tmp_path):
     built = scenes.build(empty_scene(), own(path))
     assert any("0.96% of a.tif" in warning for warning in built.warnings)
     assert positions_of(built.terrain)[:, 2].min() > -5
+
+
+@pytest.mark.parametrize("name", ["kilometres", "south_up", "mirrored", "lzw_words", "unit_name"])
+def test_the_ground_of_a_geotiff_is_the_hill_that_it_states(name):
+    """From the file that GDAL wrote to the vertices: metres, north up, whatever its units and directions."""
+    path = Path(__file__).parents[1] / "data" / "heights" / f"{name}.tif"
+    settings = own(path, centre=False, origin_x_m=1000.0, origin_y_m=-500.0)
+    settings = description.merged(settings, {"terrain": {"size_m": 60.0, "resolution": 31}})
+    built = scenes.build(empty_scene(), settings)
+    east, north, height = positions_of(built.terrain).T
+    hill = 40.0 + 0.5 * east + 0.25 * north + 0.01 * east * north  # bilinear, as is the ground between pixels
+    step = 0.004 if name == "lzw_words" else 0.0
+    assert np.abs(height - hill).max() < step / 2 + 2e-5  # vertices are float32
+    assert all("under the camera" in warning for warning in built.warnings)
+
+
+def test_a_relief_larger_than_the_map_is_said(tmp_path):
+    np.save(tmp_path / "a.npy", 10.0 * crater())
+    built = scenes.build(empty_scene(), own(tmp_path / "a.npy", metres_per_pixel=0.1))
+    assert any("source.height_scale_m" in warning for warning in built.warnings)
 
 
 def test_roughness_can_be_added_below_the_pixel(tmp_path):

@@ -12,8 +12,13 @@ import numpy as np
 def write_tiff(path: Path, values: np.ndarray, *, order: str = "<", deflate: bool = False, predictor: int = 1,
                rows_per_strip: int = 0, tile: int = 0, pixel: tuple[float, float] | None = None,
                tie: tuple[float, ...] = (0, 0, 0, 0, 0, 0), nodata: str = "", geographic: bool = False,
-               point: bool = False, extra: dict[int, tuple] | None = None) -> Path:
-    """Write ``values`` (rows, columns) of a TIFF number type."""
+               point: bool = False, extra: dict[int, tuple] | None = None, keys: dict[int, int] | None = None,
+               metadata: str = "", matrix: tuple[float, ...] = (), scale_z: float = 0.0) -> Path:
+    """Write ``values`` (rows, columns) of a TIFF number type.
+
+    ``keys`` are GeoKeys beside those of ``geographic`` and ``point``, the unit of length being the metre
+    unless they are given; ``matrix`` is written in place of the pixel's size.
+    """
     rows, columns = values.shape
     values = values.astype(values.dtype.newbyteorder(order))
     strip = rows_per_strip or rows
@@ -31,13 +36,16 @@ def write_tiff(path: Path, values: np.ndarray, *, order: str = "<", deflate: boo
     longs = {256: (columns,), 257: (rows,), **({322: (tile,), 323: (tile,)} if tile else {278: (strip,)})}
     doubles = {}
     if pixel:
-        doubles = {33550: (*pixel, 0.0), 33922: tie}
-        shorts[34735] = (1, 1, 0, 2, 1024, 0, 1, 2 if geographic else 1, 1025, 0, 1, 2 if point else 1)
+        doubles = {34264: matrix} if matrix else {33550: (*pixel, scale_z), 33922: tie}
+        stated = {1024: 2 if geographic else 1, 1025: 2 if point else 1, **({3076: 9001} if keys is None else keys)}
+        shorts[34735] = (1, 1, 0, len(stated), *(n for key in sorted(stated) for n in (key, 0, 1, stated[key])))
     tags = {t: ("H", 3, v) for t, v in shorts.items()} | {t: ("I", 4, v) for t, v in longs.items()}
     tags |= {t: ("d", 12, v) for t, v in doubles.items()}
     tags |= {t: ("H", 3, v) for t, v in (extra or {}).items()}
     if nodata:
         tags[42113] = ("B", 2, tuple(nodata.encode() + b"\0"))
+    if metadata:
+        tags[42112] = ("B", 2, tuple(metadata.encode() + b"\0"))
     where, sizes = (324, 325) if tile else (273, 279)
     tags[where] = tags[sizes] = ("I", 4, (0,) * len(packed))
     start = 8
