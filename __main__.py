@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import importlib
 import importlib.util
-import signal
 import sys
 from pathlib import Path
 
@@ -21,6 +20,9 @@ _IN_BLENDER = {"worker", "probe"}
 def main(arguments: list[str] | None = None) -> int:
     """Run the verb that the arguments begin with and return its exit status."""
     arguments = sys.argv[1:] if arguments is None else arguments
+    system = importlib.import_module("icymoon.system")
+    system.write_utf8()
+    system.obey_starter(at_once=arguments[:1] == ["worker"])  # which may be busy for minutes, and leaves nothing
     if arguments and arguments[0] in _PROGRAMS:
         if arguments[0] in _IN_BLENDER and "bpy" not in sys.modules and importlib.util.find_spec("bpy") is None:
             importlib.import_module("icymoon.render.queue").emit("error", message=(
@@ -45,7 +47,7 @@ def _load_package() -> None:
 def _arguments() -> list[str]:
     inside_blender = "bpy" in sys.modules
     if inside_blender:
-        signal.signal(signal.SIGINT, signal.default_int_handler)  # Blender keeps it for itself
+        importlib.import_module("icymoon.system").raise_at_interrupt()
         return sys.argv[sys.argv.index("--") + 1:] if "--" in sys.argv else []
     return sys.argv[1:]
 

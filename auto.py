@@ -14,6 +14,7 @@ from .render.tolerance import Tolerance, every
 from .render.variants import Variant, candidates, leaner, reference
 from .settings import changed, merged, to_toml
 from .stereo import check
+from .system import remove
 from .trade import Bench, Counter, render, renders
 
 if TYPE_CHECKING:
@@ -48,7 +49,7 @@ def auto(bench: Bench, tolerance: Tolerance) -> dict[str, Any]:
     counter = Counter(bench.on_event, best.repeats + len(ladder) + len(parts))
     file = bench.out / "auto.toml"
     with disk_errors("write to", bench.out):
-        file.unlink(missing_ok=True)  # what an earlier search said
+        remove(file)  # what an earlier search said
     search = _Search(bench, read_reference(renders(best, bench, counter), methods, {}), methods, tolerance, counter)
     chosen = next((variant for variant in ladder if search.within(variant)), None)
     if chosen is None:

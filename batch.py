@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import argparse
 import shlex
-import signal
-import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -14,7 +12,6 @@ from typing import Any
 
 from .errors import IcyMoonError
 from .render import dataset as datasets
-from .render.cost import processors
 from .render.launch import python_command
 from .render.manifest import write_manifest
 from .render.order import ordered, share
@@ -23,6 +20,7 @@ from .render.queue import clean_environment, emit, errors_told
 from .render.runner import Runner, Workers
 from .render.slurm import Request, write_script
 from .render.verify import verify
+from .system import call_ours, processors, stop_by
 from .terminal import shown
 
 Say = Callable[..., None]
@@ -110,9 +108,7 @@ def _stop(number: int, frame: Any) -> None:
 
 def render(dataset: Path, pairs: list[PlannedPair], how: Workers, say: Say, dask: str | None = None) -> int:
     """Render what is missing of these pairs; the exit status: 0, or 1 if some were set aside."""
-    # A shell that starts a program in the background lets it ignore SIGINT; a scheduler sends SIGTERM.
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, _stop)
+    stop_by(_stop)
     if dask:
         from .render import cluster
 
@@ -147,11 +143,10 @@ def _evaluate(dataset: Path, options: argparse.Namespace) -> int:
     """Match the pairs in another process, which says itself what it does; its exit status."""
     words = [word for flag in ("set", "own") for text in getattr(options, flag) for word in (f"--{flag}", text)]
     words += ["--json-lines"] if options.json else []
-    # Not the standard input: by a lock on that others see whether this process lives.
-    return subprocess.call(
+    return call_ours(
         python_command(options.evaluator or sys.executable, "stereo", "evaluate", str(dataset), "--methods",
                        options.evaluate, "--out", str(dataset / "evaluation"), *words),
-        stdin=subprocess.DEVNULL, env=clean_environment() if options.evaluator else None)
+        clean_environment() if options.evaluator else None)
 
 
 def _told(status: int, dataset: Path, as_json: bool) -> int:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import importlib.util
 import json
 import shutil
-import subprocess
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,6 +12,7 @@ from typing import Any
 from .errors import IcyMoonError
 from .render.launch import blender_command, python_command
 from .render.queue import Process, clean_environment
+from .system import run
 
 
 @dataclass(frozen=True)
@@ -37,10 +37,9 @@ def _probe(executable: str) -> dict[str, Any]:
 def _check(python: str) -> dict[str, Any]:
     """What the evaluator says of a Python. Raises IcyMoonError if it cannot even be asked."""
     try:
-        done = subprocess.run(python_command(python, "stereo", "check"), capture_output=True, text=True,
-                              env=clean_environment(), timeout=120, check=False)
+        done = run(python_command(python, "stereo", "check"), clean_environment(), timeout_s=120.0)
         return dict(json.loads(done.stdout))
-    except (OSError, subprocess.TimeoutExpired) as error:
+    except OSError as error:
         raise IcyMoonError(f"{python} cannot be run ({error})") from None
     except ValueError:
         words = (done.stderr.strip().splitlines() or ["it says nothing"])[-1]

@@ -7,74 +7,41 @@ import hashlib
 import itertools
 import json
 import os
-import socket
-import sys
-import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
+from . import system
 from .errors import DiskError, IcyMoonError
 
 PART = ".part"
-#: Errors that pass by themselves: of a network share, or of a call that a signal has interrupted.
-_PASSING = {errno.EIO, errno.ESTALE, errno.EAGAIN, errno.ETIMEDOUT, errno.EINTR}
-#: Waits before another attempt, 13 s in all: a share that is away for longer is a failure.
-_WAITS_S = (0.1, 0.3, 1.0, 3.0, 8.6)
-Answer = TypeVar("Answer")
+_MEND = {errno.ENOSPC: "the disk is full; free some space or choose another folder",
+         errno.EDQUOT: "your disk quota is used up; free some space or choose another folder",
+         errno.EROFS: "the disk is read-only; choose another folder",
+         errno.EACCES: "this folder may not be written to; choose another one",
+         errno.EPERM: "this folder may not be written to; choose another one",
+         errno.ENOTDIR: "a part of this path is a file, not a folder; choose another folder",
+         errno.EEXIST: "a file of this name is in the way; move it or choose another folder"}
+_OPEN = "another program has it open; close it there and try again"
 _numbers = itertools.count(1)
 
 
 def part_of(path: Path) -> Path:
     """Where to write what is to become ``path``: a name that no other process uses, on any machine, and that ends
     in ``PART``."""
-    return path.with_name(f"{path.name}.{socket.gethostname()}-{os.getpid()}-{next(_numbers)}{PART}")
-
-
-def patiently(act: Callable[[], Answer]) -> Answer:
-    """What ``act`` returns, tried again for some seconds if an error meets it that passes by itself."""
-    for wait_s in _WAITS_S:
-        try:
-            return act()
-        except OSError as error:
-            if not _passes(error):
-                raise
-        time.sleep(wait_s)
-    return act()
-
-
-def _passes(error: OSError) -> bool:
-    # On Windows a file cannot be renamed or removed while a virus scanner or an indexer has it open.
-    return error.errno in _PASSING or (sys.platform == "win32" and isinstance(error, PermissionError))
+    return path.with_name(f"{path.name}.{system.computer()}-{os.getpid()}-{next(_numbers)}{PART}")
 
 
 @contextmanager
 def disk_errors(what: str, where: Path) -> Iterator[None]:
     """Turn an OSError inside the block into a sentence a person can act on."""
+    system.check_path(where)
     try:
         yield
     except OSError as error:
-        mend = {errno.ENOSPC: "the disk is full; free some space or choose another folder",
-                errno.EDQUOT: "your disk quota is used up; free some space or choose another folder",
-                errno.EROFS: "the disk is read-only; choose another folder",
-                errno.EACCES: "this folder may not be written to; choose another one",
-                errno.EPERM: "this folder may not be written to; choose another one",
-                errno.ENOTDIR: "a part of this path is a file, not a folder; choose another folder",
-                errno.EEXIST: "a file of this name is in the way; move it or choose another folder",
-                }.get(error.errno or 0, f"{error.strerror or error}")
+        mend = _OPEN if system.is_shared(error) else _MEND.get(error.errno or 0, f"{error.strerror or error}")
         raise DiskError(f"Cannot {what} {where}: {mend}.") from error
-
-
-def sync(path: Path) -> None:
-    """Flush a file, or the entries of a folder, to the disk."""
-    if path.is_dir() and os.name == "nt":
-        return  # Windows has no handle on a folder to flush
-    handle = os.open(path, os.O_RDONLY)
-    try:
-        os.fsync(handle)
-    finally:
-        os.close(handle)
 
 
 def write_atomically(path: Path, write: Callable[[Path], None]) -> None:
@@ -87,16 +54,16 @@ def write_atomically(path: Path, write: Callable[[Path], None]) -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
         try:
             write(part)
-            sync(part)
-            os.replace(part, path)
-            sync(path.parent)
+            system.flush(part)
+            system.replace(part, path)
+            system.flush(path.parent)
         finally:
-            part.unlink(missing_ok=True)
+            system.remove(part)
 
 
 def read_text(path: Path) -> str:
     """The content of a UTF-8 text file. Raises OSError as opening it does, ValueError where it is no such text."""
-    return patiently(lambda: path.read_text(encoding="utf-8"))
+    return system.patiently(lambda: path.read_text(encoding="utf-8"))
 
 
 def write_text(path: Path, text: str) -> None:

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import os
-import shutil
-import subprocess
 import sys
 from pathlib import Path
 
+from . import system
 from .render.queue import emit
 from .stereo.check import PACKAGES
 
@@ -24,20 +22,20 @@ def main(arguments: list[str]) -> int:
         made = _made(folder)
     finally:
         if new and not made:
-            shutil.rmtree(folder, ignore_errors=True)
+            system.remove_folder(Path(folder))
     return 0 if made else 1
 
 
 def _made(folder: str) -> bool:
     """Make it; False after an error that was told."""
-    python = Path(folder) / ("Scripts/python.exe" if os.name == "nt" else "bin/python")
+    python = system.venv_python(Path(folder))
     packages = [f"{name}>={'.'.join(map(str, oldest))}" for name, oldest in PACKAGES.values()]
     steps = (("Making the environment", [sys.executable, "-m", "venv", folder]),
              ("Downloading and installing packages",
               [str(python), "-m", "pip", "install", "--disable-pip-version-check", *packages]))
     for k, (text, command) in enumerate(steps):
         emit("progress", fraction=0.05 + 0.2 * k, message=text)
-        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        done = system.run(command)
         if done.returncode:
             words = (done.stderr or done.stdout).strip().splitlines() or ["no message"]
             emit("error", message=f"{text} failed: {words[-1]}; check network and disk and press Install again.")

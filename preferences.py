@@ -14,6 +14,7 @@ from .doctor import Finding
 from .errors import IcyMoonError
 from .render import machine
 from .stereo.check import PACKAGES
+from .system import venv_python
 
 #: What the evaluator's Python needs, for people to read.
 _NEEDED = ", ".join(name for name, _ in PACKAGES.values())
@@ -30,7 +31,7 @@ def extension_folder() -> Path:
 
 def own_evaluator() -> Path:
     """The Python of the evaluator that the Install button makes."""
-    return extension_folder() / "evaluator" / ("Scripts/python.exe" if os.name == "nt" else "bin/python")
+    return venv_python(extension_folder() / "evaluator")
 
 
 def _preferences() -> Any:

@@ -21,6 +21,7 @@ from ..render.pair import is_complete
 from ..render.queue import Message, Process, clean_environment
 from ..render.sweep import plan_header, plan_path
 from ..settings import plan_names
+from ..system import user
 from . import asking, evaluate, jobs, results
 from .render import dataset_folder
 
@@ -61,7 +62,7 @@ def state_folder() -> Path:
     try:
         return extension_folder() / "running"
     except IcyMoonError:  # not installed as an extension
-        return Path(tempfile.gettempdir()) / f"icymoon-running-{os.getuid() if hasattr(os, 'getuid') else 'user'}"
+        return Path(tempfile.gettempdir()) / f"icymoon-running-{user()}"
 
 
 def command(*arguments: str) -> list[str]:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
-import subprocess
 import sys
 from pathlib import Path
 
@@ -14,22 +12,26 @@ from ..errors import IcyMoonError
 from ..preferences import evaluator_python, kernels, matchers, own_evaluator, remember
 from ..render.launch import python_command
 from ..render.queue import Process, clean_environment
+from ..system import is_python, pythons, run
 from . import jobs
 
 
 def base_python() -> str:
     """A Python that can make a virtual environment: Blender's own. Raises IcyMoonError if it has none."""
-    candidates = [sys.executable, str(Path(sys.prefix) / "bin" / f"python{sys.version_info.major}."
-                                      f"{sys.version_info.minor}"), shutil.which("python3") or ""]
-    for candidate in candidates:
-        if candidate and Path(candidate).stem.lower().startswith("python") and Path(candidate).is_file():
-            probe = subprocess.run([candidate, "-I", "-c", "import venv, ensurepip"], capture_output=True, check=False,
-                                   env=clean_environment(), timeout=30)
-            if probe.returncode == 0:
-                return candidate
+    for candidate in (Path(sys.executable), *pythons(Path(sys.prefix))):
+        if is_python(str(candidate)) and candidate.is_file() and _makes_environments(candidate):
+            return str(candidate)
     raise IcyMoonError("No Python that can make a virtual environment was found; install Python 3.11 or later with "
                        "venv (on Debian and Ubuntu the package python3-venv), or give a Python that has the "
                        "evaluator's packages in the preferences.")
+
+
+def _makes_environments(python: Path) -> bool:
+    try:
+        done = run([str(python), "-I", "-c", "import venv, ensurepip"], clean_environment(), timeout_s=30.0)
+        return done.returncode == 0
+    except OSError:  # such as the name by which Windows offers its shop
+        return False
 
 
 def all_findings() -> list[Finding]:

@@ -14,6 +14,7 @@ from ..errors import IcyMoonError
 from ..files import disk_errors, write_text
 from ..nodes.own_files import with_absolute_files
 from ..preferences import extension_folder
+from ..system import remove
 from . import asking
 
 #: Begins the names of the person's own presets.
@@ -151,7 +152,7 @@ class ICYMOON_OT_remove_preset(bpy.types.Operator):
         try:
             path = path_of(group.preset)
             with disk_errors("delete", path):
-                path.unlink()
+                remove(path)
         except IcyMoonError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}

@@ -11,46 +11,18 @@ from __future__ import annotations
 import json
 import os
 import secrets
-import socket
-import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+from .. import system
 from ..files import PART, disk_errors, part_of, read_text
 from .publish import settle
 
 FOLDER = "claims"
 #: How often a claim is touched, and how long after the last touch it counts for nothing.
 BEAT_S, STALE_S = 10.0, 60.0
-
-
-def _place() -> str:
-    """What names the processes among which a process number means one process; empty if unknown."""
-    if sys.platform == "linux":
-        try:
-            boot = Path("/proc/sys/kernel/random/boot_id").read_text(encoding="ascii").strip()
-            return f"{boot} {os.readlink('/proc/self/ns/pid')}"
-        except OSError:
-            return ""
-    return socket.gethostname() if os.name == "posix" else ""
-
-
-def _gone(pid: int, place: str) -> bool:
-    """Whether a process certainly is no more."""
-    if not place or place != _place():
-        return False
-    try:
-        os.kill(pid, 0)
-    except ProcessLookupError:
-        return True
-    except OSError:
-        return False
-    try:  # a process that has ended but was not waited for yet
-        return Path(f"/proc/{pid}/stat").read_text(encoding="utf-8").rsplit(")", 1)[1].split()[0] == "Z"
-    except (OSError, IndexError):
-        return False
 
 
 class Claims:
@@ -81,10 +53,10 @@ class Claims:
             except FileExistsError:
                 return False  # another was faster
             with os.fdopen(handle, "w", encoding="utf-8") as stream:
-                json.dump({"pid": os.getpid(), "place": _place(), "host": socket.gethostname(), "key": self._key},
+                json.dump({"pid": os.getpid(), "place": system.place(), "host": system.computer(), "key": self._key},
                           stream)
         for old in claims.values():
-            old.unlink(missing_ok=True)
+            system.remove(old)
         if claims:
             self._clear(pair)
         self._held[pair] = path
@@ -97,7 +69,7 @@ class Claims:
         """Give a claim back."""
         path = self._held.pop(pair, None)
         if path is not None and self._mine(path):
-            path.unlink(missing_ok=True)
+            system.remove(path)
 
     def lost(self, pair: str) -> bool:
         """Whether a pair that was claimed here has been claimed anew, since this process was taken for dead."""
@@ -123,12 +95,12 @@ class Claims:
 
     def forget(self, pid: int) -> None:
         """Drop the claims of a process of this machine that has ended, and what it left half-written."""
-        for part in self._pairs.glob(f"*.{socket.gethostname()}-{pid}-*{PART}"):
+        for part in self._pairs.glob(f"*.{system.computer()}-{pid}-*{PART}"):
             self._settle(part)
         for path in self._folder.glob("*.*"):
             holder = _read(path)
-            if holder.get("pid") == pid and holder.get("host") == socket.gethostname():
-                path.unlink(missing_ok=True)
+            if holder.get("pid") == pid and holder.get("host") == system.computer():
+                system.remove(path)
 
     def sweep(self) -> None:
         """Settle what processes that are gone have left unfinished, and remove the folder if nothing is claimed."""
@@ -140,11 +112,11 @@ class Claims:
                 self._settle(part)
         # Such as the manifest's, the clock's and that of a pair.json that was to state other settings.
         for where, pattern in ((self._pairs.parent, "*"), (self._pairs, ".clock"), (self._pairs, "*/*")):
-            for file in where.glob(f"{pattern}.{socket.gethostname()}-*-*{PART}"):
+            for file in where.glob(f"{pattern}.{system.computer()}-*-*{PART}"):
                 _remove_of_the_gone(file)
         for path in self._folder.glob("*.*"):
             if not self._mine(path) and self._stale(path):
-                path.unlink(missing_ok=True)
+                system.remove(path)
         with suppress(OSError):  # absent, or in use
             self._folder.rmdir()
 
@@ -177,7 +149,7 @@ class Claims:
             return True
         holder = _read(claim)
         pid = holder.get("pid")
-        if isinstance(pid, int) and _gone(pid, str(holder.get("place", ""))):
+        if isinstance(pid, int) and system.is_gone(pid, str(holder.get("place", ""))):
             return True
         return self._now() - touched > STALE_S
 
@@ -190,7 +162,7 @@ class Claims:
                 probe.write_bytes(b"")
                 return probe.stat().st_mtime
             finally:
-                probe.unlink(missing_ok=True)
+                system.remove(probe)
 
     def _beat(self) -> None:
         while not self._stop.wait(BEAT_S):
@@ -203,8 +175,8 @@ class Claims:
 def _remove_of_the_gone(file: Path) -> None:
     """Remove a file of ``part_of`` whose writer, on this machine, is no more."""
     writer = file.name.removesuffix(PART).rsplit("-", 2)[1]
-    if writer.isdigit() and _gone(int(writer), _place()):
-        file.unlink(missing_ok=True)
+    if writer.isdigit() and system.is_gone(int(writer), system.place()):
+        system.remove(file)
 
 
 def _number(path: Path) -> int:

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import json
 import math
-import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,6 +22,7 @@ from ..physics.grading import grade
 from ..physics.requires import only_camera_meets_relief, shown_surface, surfaces
 from ..physics.terrain import terrain
 from ..settings import Settings
+from ..system import processors
 from .order import key, ordered
 from .pair import is_complete
 from .plan import PlannedPair
@@ -192,11 +192,6 @@ def duration(seconds: float) -> str:
 def size(count: float) -> str:
     """'12 MB' or '3.4 GB'."""
     return f"{count / 1e6:.3g} MB" if count < 1e9 else f"{count / 1e9:.3g} GB"
-
-
-def processors() -> int:
-    """Processors that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def estimate(pairs: Sequence[PlannedPair], dataset: Path | None = None, speed: Speed | None = None) -> Estimate:

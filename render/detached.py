@@ -8,53 +8,20 @@ number of a process is ever mistaken for that of a later one.
 from __future__ import annotations
 
 import json
-import os
-import signal
 import subprocess
-import sys
 import threading
 import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import IO, Any
 
+from .. import system
 from ..errors import IcyMoonError
 from ..files import disk_errors
 from .queue import Listener
 
 _GRACE_S = 3.0
 _LOOK_S = 0.05
-
-
-def _locked(path: Path) -> IO[bytes] | None:
-    """The file, opened and locked; None if another process has it locked."""
-    stream = path.open("a+b")
-    try:
-        if sys.platform == "win32":
-            import msvcrt
-            msvcrt.locking(stream.fileno(), msvcrt.LK_NBLCK, 1)
-        else:
-            import fcntl
-            fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:
-        stream.close()
-        return None
-    return stream
-
-
-def _lives(path: Path) -> bool:
-    """Whether the process that inherited the lock still has it."""
-    if sys.platform == "win32":  # locks are not inherited there, but what is open cannot be renamed
-        try:
-            path.rename(path)
-        except PermissionError:
-            return True
-        return False
-    stream = _locked(path)
-    if stream is None:
-        return True
-    stream.close()
-    return False
 
 
 class Detached(Listener):
@@ -84,18 +51,14 @@ class Detached(Listener):
         """
         with disk_errors("write to", stem.parent):
             stem.parent.mkdir(parents=True, exist_ok=True)
-            watch = _locked(stem.with_suffix(".watch"))
-            lock = _locked(stem.with_suffix(".lock")) if watch is not None else None
+            watch = system.lock(stem.with_suffix(".watch"))
+            lock = system.heritable_lock(stem.with_suffix(".lock")) if watch is not None else None
             if watch is None or lock is None:
                 raise IcyMoonError(f"{facts['title']} is running already for {facts['dataset']}; wait for it, or stop "
                                    "it where it was started.")
-            options: dict[str, Any] = {"start_new_session": True}
-            if sys.platform == "win32":
-                options = {"creationflags": subprocess.CREATE_NEW_PROCESS_GROUP}
             with lock, stem.with_suffix(".log").open("wb") as log:
                 try:
-                    process = subprocess.Popen(list(command), stdin=lock, stdout=log, stderr=subprocess.STDOUT,
-                                               env=environment, **options)
+                    process = system.start_to_stay(command, environment, lock, log, stem.with_suffix(".stop"))
                 except OSError as error:
                     watch.close()
                     raise IcyMoonError(f"Cannot start {command[0]}: {error.strerror or error}; "
@@ -109,9 +72,9 @@ class Detached(Listener):
         """The process of this name, if it runs and nobody watches it."""
         try:
             facts = json.loads(stem.with_suffix(".json").read_text(encoding="utf-8"))
-            if not _lives(stem.with_suffix(".lock")):
+            if not system.is_held(stem.with_suffix(".lock")):
                 return None
-            watch = _locked(stem.with_suffix(".watch"))
+            watch = system.lock(stem.with_suffix(".watch"))
             return cls(stem, facts, watch, None) if watch is not None else None
         except (OSError, ValueError, KeyError):
             return None
@@ -128,7 +91,9 @@ class Detached(Listener):
     def _alive(self) -> bool:
         if self._ended:
             return False
-        return self._process.poll() is None if self._process is not None else _lives(self._stem.with_suffix(".lock"))
+        if self._process is not None:
+            return self._process.poll() is None
+        return system.is_held(self._stem.with_suffix(".lock"))
 
     def _close(self) -> None:
         if not self._ended:
@@ -148,26 +113,16 @@ class Detached(Listener):
     def cancel(self) -> None:
         """Ask it to stop, and make it stop if it does not within a few seconds."""
         self.cancelled = True
-        if sys.platform == "win32":
-            self._signal(signal.CTRL_BREAK_EVENT)
-        else:
-            self._signal(signal.SIGINT)
+        if self._alive():
+            system.interrupt_other(self._pid, self._stem.with_suffix(".stop"))
         threading.Thread(target=self._insist, daemon=True).start()
-
-    def _signal(self, number: int) -> None:
-        try:
-            if self._alive() and sys.platform == "win32":
-                os.kill(self._pid, number)
-            elif self._alive():
-                os.killpg(self._pid, number)  # with what it has started, such as an evaluation
-        except OSError:
-            pass  # it has ended just now
 
     def _insist(self) -> None:
         end = time.monotonic() + _GRACE_S
         while self._alive() and time.monotonic() < end:
             time.sleep(_LOOK_S)
-        self._signal(signal.SIGTERM if sys.platform == "win32" else signal.SIGKILL)
+        if self._alive():
+            system.kill_other(self._pid)
 
     def stop(self) -> None:
         """End it at once, if it has not ended, and wait until it is gone; with ``leave``, only watch it no longer."""
@@ -177,7 +132,7 @@ class Detached(Listener):
             return
         if self._alive():
             self.cancelled = True
-            self._signal(signal.SIGTERM if sys.platform == "win32" else signal.SIGKILL)
+            system.kill_other(self._pid)
         while self._alive():
             time.sleep(_LOOK_S)
         self._close()

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import platform
-import sys
 from typing import Any
 
 import bpy
@@ -17,18 +16,10 @@ from ..nodes.sunlight import made_of
 from ..physics.blur import blur_of
 from ..physics.distortion import COEFFICIENTS, coefficients
 from ..physics.requires import left_out
+from ..system import peak_memory_mib
 from ..version import version
 from .pair import EYES, FORMAT, VERSION, StereoCamera
 from .plan import PlannedPair
-
-
-def _peak_memory_mib() -> float | None:
-    try:
-        import resource
-    except ImportError:
-        return None  # Windows
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    return round(peak / (2**20 if sys.platform == "darwin" else 2**10), 1)
 
 
 def _light_facts(built: Built, toward_sun: np.ndarray) -> dict[str, Any]:
@@ -80,6 +71,6 @@ def facts(built: Built, planned: PlannedPair, poses: dict[str, np.ndarray], towa
         "device": settings["quality"]["device"], "osl": compat.has_osl(),
         "hapke": made_of(built.materials), "denoiser": settings["quality"]["denoiser"],
         "platform": platform.platform(),
-        "seconds": seconds, "peak_memory_mib": _peak_memory_mib(),
+        "seconds": seconds, "peak_memory_mib": peak_memory_mib(),
         "files": files,
     }

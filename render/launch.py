@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import shutil
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -12,6 +11,7 @@ from typing import Any
 from ..errors import IcyMoonError
 from ..files import absolute_path, disk_errors
 from ..settings import Settings
+from ..system import is_python, remove_folder
 from ..version import ROOT
 from .claims import Claims
 from .plan import PlannedPair
@@ -25,7 +25,7 @@ def python_command(python: str, *arguments: str) -> list[str]:
 
 def blender_command(executable: str, *arguments: str) -> list[str]:
     """Command that runs ``icymoon`` verbs in a Blender, or in a Python that has ``bpy``."""
-    if Path(executable).stem.lower().startswith("python"):
+    if is_python(executable):
         return python_command(executable, *arguments)
     return [executable, "-b", "--factory-startup", "--python-exit-code", "1",
             "--python", str(ROOT / "__main__.py"), "--", *arguments]
@@ -53,7 +53,7 @@ class Job:
 
     def discard(self) -> None:
         """Delete the job's own files."""
-        shutil.rmtree(self.folder, ignore_errors=True)
+        remove_folder(self.folder)
 
     def remove(self) -> None:
         """Delete the job's own files, and what a stopped worker left unfinished."""

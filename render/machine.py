@@ -9,7 +9,6 @@ from __future__ import annotations
 import json
 import os
 import platform
-import sys
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
@@ -19,7 +18,8 @@ from typing import Any
 from ..errors import IcyMoonError
 from ..files import write_json
 from ..settings import Settings, defaults, merged
-from .cost import processors, triangles_of, work_of
+from ..system import cache_folder, processors
+from .cost import triangles_of, work_of
 from .launch import Job, rendered
 from .queue import Message
 
@@ -61,10 +61,7 @@ def folder() -> Path:
     """The cache folder of Icy Moon, which need not exist: of the environment, the one chosen, the person's own."""
     if given := os.environ.get(FOLDER_VARIABLE) or _chosen:
         return Path(given).expanduser().absolute()
-    home = Path.home()
-    usual = {"win32": ("LOCALAPPDATA", home / "AppData" / "Local"), "darwin": ("", home / "Library" / "Caches")}
-    variable, otherwise = usual.get(sys.platform, ("XDG_CACHE_HOME", home / ".cache"))
-    return Path(os.environ.get(variable) or otherwise) / "icymoon"
+    return cache_folder() / "icymoon"
 
 
 def _file() -> Path:

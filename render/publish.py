@@ -9,13 +9,13 @@ whole beside its place, from where ``settle`` puts it back. Imports no Blender.
 from __future__ import annotations
 
 import os
-import shutil
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 
 from ..errors import IcyMoonError
-from ..files import disk_errors, part_of, patiently, sync
+from ..files import disk_errors, part_of
+from ..system import flush, remove_folder, rename
 from .pair import is_whole
 
 
@@ -28,7 +28,7 @@ def publish(part: Path, folder: Path, lost: Callable[[], bool], again: bool = Fa
     aside: list[Path] = []
     with disk_errors("write", folder):
         try:
-            sync(part)
+            flush(part)
             while not lost() and is_whole(part) and not _moved(part, folder):
                 if not again and is_whole(folder):
                     return  # another has finished it meanwhile
@@ -42,7 +42,7 @@ def publish(part: Path, folder: Path, lost: Callable[[], bool], again: bool = Fa
         finally:
             for old in aside:
                 settle(old)
-        sync(folder.parent)
+        flush(folder.parent)
         if not is_whole(folder):
             raise IcyMoonError(f"Pair {folder.name} was taken over by another process while this one stood still; "
                                "wait for it, or render the pair again.")
@@ -68,14 +68,14 @@ def discard(part: Path) -> None:
     """
     doomed = part_of(part.with_name(part.name.split(".")[0]))
     with suppress(OSError):
-        patiently(lambda: os.rename(part, doomed))
-        shutil.rmtree(doomed, ignore_errors=True)
+        rename(part, doomed)
+        remove_folder(doomed)
 
 
 def _moved(source: Path, target: Path) -> bool:
     """Rename a folder; False where the target is something already. Raises FileNotFoundError if there is no source."""
     try:
-        patiently(lambda: os.rename(source, target))
+        rename(source, target)
     except FileNotFoundError:
         raise
     except OSError:

@@ -9,7 +9,8 @@ from functools import cache
 from typing import Any
 
 from ..settings import Settings, load, merged, preset_header, preset_names, preset_path, read_toml
-from .cost import duration, processors, spread_before, work_of
+from ..system import processors
+from .cost import duration, spread_before, work_of
 from .machine import Speed
 
 

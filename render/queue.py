@@ -10,9 +10,7 @@ from __future__ import annotations
 import json
 import os
 import queue
-import signal
 import subprocess
-import sys
 import threading
 import time
 from collections import deque
@@ -20,6 +18,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import IO, Any
 
+from .. import system
 from ..errors import IcyMoonError
 
 Message = dict[str, Any]
@@ -71,16 +70,8 @@ class Process(Listener):
     def __init__(self, command: Sequence[str], environment: Mapping[str, str] | None = None) -> None:
         """Start ``command`` (a list, never a shell line). Raises IcyMoonError if it cannot start."""
         super().__init__()
-        options: dict[str, Any] = {}
-        if sys.platform == "win32":
-            options["creationflags"] = subprocess.CREATE_NEW_PROCESS_GROUP
-        else:
-            options["start_new_session"] = True  # a Ctrl-C meant for us reaches it through cancel alone
         try:
-            self._process = subprocess.Popen(
-                list(command), stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
-                env=dict(environment) if environment is not None else None, encoding="utf-8", errors="replace",
-                **options)
+            self._process = system.start_ours(command, environment)
         except OSError as error:
             raise IcyMoonError(f"Cannot start {command[0]}: {error.strerror or error}; "
                                "check its path.") from None
@@ -89,9 +80,9 @@ class Process(Listener):
         self._reader.start()
         self._ended = False
 
-    def _read(self, stream: IO[str]) -> None:
+    def _read(self, stream: IO[bytes]) -> None:
         for line in stream:
-            self._lines.put(line)
+            self._lines.put(line.decode("utf-8", "replace"))
         self._lines.put(None)
 
     def poll(self) -> list[Message]:
@@ -131,10 +122,7 @@ class Process(Listener):
     def cancel(self) -> None:
         """Ask it to stop, and make it stop if it does not within a few seconds."""
         self.cancelled = True
-        if sys.platform == "win32":
-            self._process.send_signal(signal.CTRL_BREAK_EVENT)
-        else:
-            self._process.send_signal(signal.SIGINT)
+        system.interrupt(self._process)
         threading.Thread(target=self._insist, daemon=True).start()
 
     def _insist(self) -> None:

@@ -17,8 +17,9 @@ import bpy
 import numpy as np
 from mathutils import Matrix
 
+from .. import system
 from ..errors import DiskError, IcyMoonError
-from ..files import disk_errors, part_of, sha256, sync, write_json
+from ..files import disk_errors, part_of, sha256, write_json
 from ..labels import BEAUTY, TRUTH
 from ..nodes.light import build_sky
 from ..nodes.rig import eye_poses, lens_values
@@ -98,7 +99,7 @@ def check_space(dataset: Path, pairs: list[PlannedPair]) -> None:
         dataset.mkdir(parents=True, exist_ok=True)
         probe = part_of(dataset / ".icymoon")
         probe.write_bytes(b"")
-        probe.unlink()
+        system.remove(probe)
         free = shutil.disk_usage(dataset).free
     camera = StereoCamera.from_settings(pairs[0].settings["rig"])
     width, height = camera.rendered_px
@@ -222,7 +223,7 @@ def _radiance(scene: bpy.types.Scene, built: Built, lights: list[apart.Light], s
             if eye in files:
                 with disk_errors("write", file), _unreadable(planned):
                     files[eye].write_bytes(with_planet(files[eye].read_bytes(), file.read_bytes()))
-                    file.unlink()
+                    system.remove(file)
             files.setdefault(eye, file)
     return files
 
@@ -267,6 +268,6 @@ def _finish(written: dict[str, Path], final: Path) -> dict[str, Any]:
     with disk_errors("write", final):
         final.write_bytes(joined({name: file.read_bytes() for name, file in written.items()}, passes.UNWANTED))
         for file in written.values():
-            file.unlink()
-        sync(final)
+            system.remove(file)
+        system.flush(final)
         return {"bytes": final.stat().st_size, "sha256": sha256(final)}

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from .. import system
 from ..errors import IcyMoonError
 from ..files import PART, sha256
 from ..physics.blur import identity
@@ -65,8 +65,8 @@ def verify(dataset: Path, remove: bool = False) -> Findings:
     problems += _others(dataset, {pair.id for pair in frozen.pairs}, working)
     for problem in problems if remove else ():
         if problem.path is not None:
-            shutil.rmtree(problem.path, ignore_errors=True)
-            problem.path.unlink(missing_ok=True)
+            system.remove_folder(problem.path)
+            system.remove(problem.path)
     return Findings(len(frozen.pairs), complete, tuple(problems))
 
 

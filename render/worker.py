@@ -8,9 +8,7 @@ from __future__ import annotations
 
 import json
 import os
-import signal
 import sys
-import threading
 import time
 from collections.abc import Callable
 from functools import partial
@@ -23,6 +21,7 @@ from .. import properties
 from ..errors import DiskError, IcyMoonError
 from ..nodes.scene import Built, extra, find
 from ..settings import check, defaults, merged
+from ..system import end_at_interrupt
 from .claims import Claims
 from .pair import is_complete
 from .plan import PlannedPair, expand
@@ -31,7 +30,6 @@ from .shoot import check_space, shoot
 from .stages import Described, Standing
 
 Emit = Callable[..., None]
-_WATCH_S = 2.0
 
 
 def render_pairs(built: Built, pairs: list[PlannedPair], dataset: Path, frame: int, seconds_build: float,
@@ -136,20 +134,12 @@ def _opened(job: dict[str, Any]) -> tuple[Built, int, list[PlannedPair]]:
     return built, scene.frame_current, expand(settings, built.extra + _repeat(job))
 
 
-def _end_with(parent: int) -> None:
-    """End this process when the one that started it is gone: nobody hears it any more."""
-    while os.getppid() == parent:
-        time.sleep(_WATCH_S)
-    os._exit(1)
-
-
 def main(arguments: list[str]) -> int:
     """Run the job in a file (the one argument) and end the process: 0 if all went well, 1 with an ``error`` message.
 
     Leaves by ``os._exit``, since the Blender module may crash or hang when the interpreter ends.
     """
-    signal.signal(signal.SIGINT, signal.SIG_DFL)  # stop at once; what is not finished has no final name
-    threading.Thread(target=_end_with, args=(os.getppid(),), daemon=True).start()
+    end_at_interrupt()  # what is not finished has no final name
     status = 1
     try:
         properties.register()

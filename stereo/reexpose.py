@@ -14,6 +14,7 @@ from ..labels import LIGHT_GROUPS
 from ..physics.distortion import COEFFICIENTS, coefficients
 from ..render.pair import EYES, pair_folders
 from ..settings import merged
+from ..system import remove
 from .develop import Images, develop, exposure_facts
 from .evaluate import Event
 from .exr import read_light
@@ -65,7 +66,7 @@ def _reexposed(folder: Path, out: Path, response: Mapping[str, Mapping[str, Any]
     left, right = (read_light(pair.image(eye), eye, groups=scaled) for eye in EYES)
     images = develop(pair, left, right, settings)
     for stale in [p for eye in EYES for p in (*out.glob(f"{eye}_[0-9d]*.png"), out / f"{eye}_distorted_depth.npy")]:
-        stale.unlink(missing_ok=True)
+        remove(stale)
     for name, numbers in _named(images, int(settings["sensor"]["bits"])).items():
         write_png(out / f"{name}.png", numbers)
     for eye in EYES if images.detected_left is not images.left else ():

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, BinaryIO
 
 from ..errors import IcyMoonError
 from ..files import disk_errors, write_atomically
+from ..system import flush_handle
 
 Row = dict[str, Any]
 
@@ -63,7 +63,7 @@ class RowLog:
             try:
                 while rest:
                     rest = rest[stream.write(rest):]
-                os.fsync(stream.fileno())
+                flush_handle(stream.fileno())
             except OSError:
                 stream.truncate(end)
                 raise

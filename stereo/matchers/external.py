@@ -13,12 +13,8 @@ one line, the baseline in metres in the next.
 
 from __future__ import annotations
 
-import contextlib
-import os
 import re
-import shlex
 import shutil
-import signal
 import subprocess
 import tempfile
 from pathlib import Path
@@ -28,6 +24,7 @@ import numpy as np
 
 from ...errors import IcyMoonError
 from ...render.pair import StereoCamera
+from ...system import kill_all, split_command, start
 from ..images import read_pfm, read_png, write_png
 from .options import Option, nearest
 from .result import Result
@@ -88,21 +85,19 @@ def compute(left: np.ndarray, right: np.ndarray, options: dict[str, Any], camera
 
 def _arguments(command: str) -> list[str]:
     try:
-        arguments = shlex.split(command, posix=os.name != "nt")
+        arguments = split_command(command)
     except ValueError as error:
         raise IcyMoonError(f"external.command cannot be split into arguments ({error}); close its quotes.") from None
     if not arguments:
         raise IcyMoonError("external.command is empty; write it as external.command='PROGRAM {left} {right} {out}'.")
-    # Without posix, which takes a backslash of a Windows path for an escape, quotes stay.
-    return arguments if os.name != "nt" else [argument.strip('"') for argument in arguments]
+    return arguments
 
 
 def _run(arguments: list[str], timeout_s: int, errors: Path) -> None:
     """Run a program to its end, it and all that it started, within the time."""
     try:
         with errors.open("wb") as stream:
-            process = subprocess.Popen(arguments, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=stream,
-                                       start_new_session=True)
+            process = start(arguments, stdout=subprocess.DEVNULL, stderr=stream)
     except OSError as error:
         raise IcyMoonError(f"external.command cannot be run ({error.strerror}); check {arguments[0]}.") from None
     try:
@@ -111,21 +106,12 @@ def _run(arguments: list[str], timeout_s: int, errors: Path) -> None:
         raise IcyMoonError(f"external.command took more than {timeout_s} s and was stopped; raise external.timeout_s "
                            "or make it faster.") from None
     finally:
-        _stop(process)  # also when interrupted: in a session of its own it does not hear Ctrl-C
+        kill_all(process)  # also when interrupted: in a session of its own it does not hear Ctrl-C
     if status:
         lines = errors.read_text(encoding="utf-8", errors="replace").split("\n")
         words = next((line.strip() for line in reversed(lines) if line.strip()), "it said nothing")
         raise IcyMoonError(f"external.command ended with status {status} ({words[:300]}); run it by hand on two "
                            "images.")
-
-
-def _stop(process: subprocess.Popen[bytes]) -> None:
-    if os.name == "nt":
-        process.kill()
-    else:
-        with contextlib.suppress(ProcessLookupError):
-            os.killpg(process.pid, signal.SIGKILL)  # its group has its number, and may outlive it
-    process.wait()
 
 
 def _disparity(path: Path, shape: tuple[int, ...], options: dict[str, Any]) -> np.ndarray:

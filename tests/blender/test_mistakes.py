@@ -18,7 +18,7 @@ from typing import Any
 import bpy
 import numpy as np
 import pytest
-from icymoon import cli, compat, doctor, files, preferences
+from icymoon import cli, compat, doctor, files, preferences, system
 from icymoon import settings as description
 from icymoon.errors import IcyMoonError
 from icymoon.nodes import scene as scenes
@@ -97,7 +97,7 @@ def ground(place: Place, name: str, text: str = "", **source: Any) -> str:
 def full_disk(place: Place) -> str:
     def refuse(path: Path) -> None:
         raise OSError(errno.ENOSPC, "No space left on device")
-    place.patch.setattr(files, "sync", refuse)
+    place.patch.setattr(system, "flush", refuse)
     said = raised(lambda: files.write_text(place.folder / "settings.toml", "x"))
     assert list(place.folder.iterdir()) == [], "nothing half-written stays"
     return said

@@ -16,10 +16,10 @@ SOURCES = sorted([*ROOT.glob("*.py"), *(path for package in PACKAGES for path in
 IDS = [path.relative_to(ROOT).as_posix() for path in SOURCES]
 
 #: What works in any Python, without Blender.
-PURE = ("settings", "properties", "changes", "labels", "files", "own_files", "version", "errors", "cli", "batch",
-        "sources",
-        "terminal", "trade", "doctor", "install", "render.pair", "render.plan", "render.queue", "render.launch",
-        "render.exr_check", "render.exr_parts", "render.sweep", "render.combine", "render.blocks", "render.poses",
+PURE = ("settings", "properties", "changes", "labels", "system", "files", "own_files", "version", "errors", "cli",
+        "batch", "sources", "terminal", "trade", "doctor", "install", "render.pair", "render.plan", "render.queue",
+        "render.launch", "render.exr_check", "render.exr_parts", "render.sweep", "render.combine", "render.blocks",
+        "render.poses",
         "render.toml_lines", "render.order", "render.claims", "render.dataset", "render.manifest", "render.verify",
         "render.runner", "render.cluster", "render.slurm", "render.variants", "render.cost", "render.detached",
         "render.machine", "render.qualities", "render.tolerance", "auto",
@@ -87,6 +87,84 @@ def test_imports_go_one_way(path):
 def test_only_compat_asks_for_blenders_version(path):
     text = path.read_text(encoding="utf-8")
     assert path.name == "compat.py" or "app.version" not in text.replace("app.version_string", "")
+
+
+#: What differs between Windows, macOS and Linux, whether one sees it or not: a handle that is open for reading cannot
+#: be flushed on Windows, what is open cannot be renamed or removed, os.kill ends what it is to look at.
+OF_SYSTEMS = {"sys.platform", "os.name", "os.uname", "os.kill", "os.killpg", "os.getuid", "os.getppid", "os.fork",
+              "os.fsync", "os.sync", "os.replace", "os.rename", "os.remove", "os.unlink", "os.symlink", "os.link",
+              "os.sched_getaffinity", "os.cpu_count", "os.setsid", "os.startfile", "shutil.rmtree", "shutil.move",
+              "socket.gethostname", "platform.system", "subprocess.run", "subprocess.call", "subprocess.check_call",
+              "subprocess.check_output", "shlex.split"}
+MODULES_OF_SYSTEMS = {"signal", "fcntl", "msvcrt", "resource", "ctypes", "winreg", "pwd", "_thread", "multiprocessing"}
+
+
+def asks_the_system(tree: ast.AST) -> list[str]:
+    """What a source uses that only ``system`` may, with its lines."""
+    found = []
+    for node in ast.walk(tree):
+        text = ast.unparse(node) if isinstance(node, ast.Attribute) else ""
+        if text in OF_SYSTEMS:
+            found.append(f"{text} in line {node.lineno}")
+        if isinstance(node, ast.Call) and ast.unparse(node.func) == "subprocess.Popen":
+            found.append(f"subprocess.Popen in line {node.lineno}")
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and (
+                node.func.attr in ("rename", "unlink", "symlink_to", "hardlink_to")
+                or (node.func.attr == "replace" and len(node.args) == 1)):  # of a path; a text's has two
+            found.append(f"{node.func.attr} in line {node.lineno}")
+    return found
+
+
+@pytest.mark.parametrize("path", SOURCES, ids=IDS)
+def test_only_system_knows_what_differs_between_systems(path):
+    if path == ROOT / "system.py":
+        return
+    assert not {name.split(".")[0] for name in imported(path)} & MODULES_OF_SYSTEMS
+    assert not asks_the_system(ast.parse(path.read_text(encoding="utf-8")))
+
+
+@pytest.mark.parametrize("code", ["os.fsync(f)", "x = sys.platform", "subprocess.Popen(['a'])", "path.unlink()",
+                                  "Path('a').replace('b')", "os.kill(1, 0)", "shutil.rmtree(a, ignore_errors=True)"])
+def test_what_asks_the_system_is_found(code):
+    assert asks_the_system(ast.parse(code))
+
+
+def test_what_does_not_is_not():
+    assert not asks_the_system(ast.parse("'a'.replace('b', 'c'); p: subprocess.Popen[bytes]; os.path.join('a', 'b')"))
+
+
+def texts_without_encoding(tree: ast.AST) -> list[str]:
+    """Calls that read or write text and state no encoding, which is then the system's: on Windows seldom UTF-8."""
+    found = []
+    for node in ast.walk(tree):
+        if not isinstance(node, ast.Call) or any(word.arg == "encoding" for word in node.keywords):
+            continue
+        name = node.func.attr if isinstance(node.func, ast.Attribute) else ast.unparse(node.func)
+        modes = [a.value for a in [*node.args, *(w.value for w in node.keywords if w.arg == "mode")]
+                 if isinstance(a, ast.Constant) and isinstance(a.value, str)]
+        binary = any(set(mode) <= set("rwxab+t") and "b" in mode for mode in modes)
+        text = any(word.arg in ("text", "universal_newlines") and ast.unparse(word.value) == "True"
+                   for word in node.keywords)
+        if name in ("read_text", "write_text") and len(node.args) < (1 if name == "read_text" else 2):
+            found.append(f"{name} in line {node.lineno}")
+        if (name in ("open", "fdopen", "NamedTemporaryFile") and not binary
+                and ast.unparse(node.func) not in ("os.open", "webbrowser.open")) or text:
+            found.append(f"{name} in line {node.lineno}")
+    return found
+
+
+@pytest.mark.parametrize("path", SOURCES, ids=IDS)
+def test_every_text_states_its_encoding(path):
+    # Our own write_text of files writes UTF-8 and takes the text second.
+    assert not texts_without_encoding(ast.parse(path.read_text(encoding="utf-8")))
+
+
+@pytest.mark.parametrize(("code", "found"), [
+    ("path.read_text()", True), ("path.read_text(encoding='utf-8')", False), ("path.write_text(text)", True),
+    ("open('a')", True), ("path.open('rb')", False), ("os.fdopen(3, 'w')", True), ("path.open(mode='w')", True),
+    ("write_text(path, text)", False), ("run(['a'], text=True)", True)])
+def test_texts_without_encoding_are_found(code, found):
+    assert bool(texts_without_encoding(ast.parse(code))) == found
 
 
 DRAWN = [path for path in SOURCES if path.relative_to(ROOT).parts[0] in ("physics", "nodes")

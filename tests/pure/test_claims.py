@@ -11,6 +11,7 @@ import threading
 import time
 
 import pytest
+from icymoon import system
 from icymoon.errors import IcyMoonError
 from icymoon.render import claims
 from icymoon.render.claims import Claims
@@ -69,7 +70,7 @@ def test_of_many_that_try_at_once_one_gets_it(tmp_path):
 
 
 def test_a_dead_process_of_this_machine_holds_nothing(tmp_path):
-    left_by(tmp_path, dead_process(), claims._place(), 0.0)
+    left_by(tmp_path, dead_process(), system.place(), 0.0)
     (tmp_path / "pairs" / f"{PAIR}.host-1-1.part").mkdir(parents=True)
     mine = Claims(tmp_path)
     assert mine.take(PAIR)
@@ -149,7 +150,7 @@ def test_sweeping_puts_a_whole_pair_into_its_place_if_that_is_free(tmp_path):
 
 def test_forgetting_a_process_leaves_what_others_write_of_the_same_pair(tmp_path):
     pid = dead_process()
-    left_by(tmp_path, pid, claims._place(), 0.0)
+    left_by(tmp_path, pid, system.place(), 0.0)
     theirs = tmp_path / "pairs" / f"{PAIR}.{socket.gethostname()}-{pid}-1.part"
     ours = tmp_path / "pairs" / f"{PAIR}.{socket.gethostname()}-{pid}1-1.part"
     for folder in (theirs, ours):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 
 import pytest
-from icymoon import cli
+from icymoon import cli, system
 from icymoon import settings as description
 from icymoon.errors import IcyMoonError
 from icymoon.render import cost, machine
@@ -20,7 +20,7 @@ def cache(tmp_path, monkeypatch):
 
 
 def speed(factor=2.0, device="CPU", blender="5.0.1", processors=None, measured="2030-01-01T00:00+00:00"):
-    return machine.Speed(factor, device, blender, processors or cost.processors(), measured)
+    return machine.Speed(factor, device, blender, processors or system.processors(), measured)
 
 
 def test_nothing_is_remembered_before_it_is_measured():
@@ -40,7 +40,7 @@ def test_each_device_and_blender_has_a_speed_of_its_own():
 
 
 def test_another_number_of_processors_is_another_machine():
-    machine.remember(speed(processors=cost.processors() + 1))
+    machine.remember(speed(processors=system.processors() + 1))
     assert machine.remembered("CPU") is None
 
 
@@ -68,7 +68,7 @@ def test_the_fastest_pair_but_the_first_counts(tmp_path):
     found = machine.speed_of(rendered(tmp_path, (30.0, 4.0, 3.0)), "CPU")
     settings = machine.probe("CPU")
     expected = cost.work_of(settings).seconds(cost.triangles_of(settings))
-    assert found.factor == pytest.approx(cost.processors() * 3.0 / expected)
+    assert found.factor == pytest.approx(system.processors() * 3.0 / expected)
     assert found.blender == "5.0.1"
 
 
@@ -123,8 +123,8 @@ def test_a_better_quality_costs_more_and_errs_less():
 def test_the_seconds_are_of_all_processors_and_of_this_machine():
     settings = description.defaults()
     work = cost.work_of(settings).seconds(1e6)
-    assert seconds_of(settings, 1e6, speed(2.0))[0] == pytest.approx(2.0 * work / cost.processors())
-    assert seconds_of(settings, 1e6, None)[0] == pytest.approx(work / cost.processors())
+    assert seconds_of(settings, 1e6, speed(2.0))[0] == pytest.approx(2.0 * work / system.processors())
+    assert seconds_of(settings, 1e6, None)[0] == pytest.approx(work / system.processors())
     assert seconds_of(settings, 1e6, speed(2.0))[1] < seconds_of(settings, 1e6, None)[1]
 
 
@@ -143,7 +143,7 @@ def test_the_list_is_printed_from_what_is_remembered(capsys):
 def own(monkeypatch, tmp_path):
     """The person's own cache folder, whatever the system."""
     monkeypatch.delenv(machine.FOLDER_VARIABLE)
-    monkeypatch.setattr(machine.sys, "platform", "linux")
+    monkeypatch.setattr(system, "PLATFORM", "linux")
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "own"))
     yield tmp_path / "own" / "icymoon"
     machine.choose_folder("")

@@ -1,0 +1,446 @@
+"""Every difference between Windows, macOS and Linux, and nothing else. Imports no Blender.
+
+Files: flushing, replacing and removing what other programs have open, locks, names and lengths of paths. Processes:
+starting one without a window, stopping it, ending with the one that started us.
+"""
+
+from __future__ import annotations
+
+import _thread
+import errno
+import os
+import shlex
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from pathlib import Path, PureWindowsPath
+from typing import IO, Any, TypeVar
+
+from .errors import IcyMoonError
+
+PLATFORM = sys.platform
+#: Errors that pass by themselves: of a network share, or of a call that a signal has interrupted.
+_PASSING = {errno.EIO, errno.ESTALE, errno.EAGAIN, errno.ETIMEDOUT, errno.EINTR}
+#: Waits before another attempt, 13 s in all: a share that is away for longer is a failure. What another program has
+#: open is waited for as often as stated, 1.4 s in all: Windows tells it by the error of what may not be written to.
+_WAITS_S, _BUSY_WAITS = (0.02, 0.08, 0.3, 1.0, 3.0, 8.6), 4
+#: Flags of Windows' CreateProcess, which Python names on Windows only.
+_NEW_GROUP, _NO_WINDOW = 0x200, 0x08000000
+#: Numbers of Windows' errors for a file that another process has open or has locked a part of.
+_SHARED = (32, 33)
+#: Longest path that Windows takes from programs that were not made for longer ones.
+LONGEST_PATH = 259
+_DEVICES = {"CON", "PRN", "AUX", "NUL", "CONIN$", "CONOUT$",
+            *(f"{device}{n}" for device in ("COM", "LPT") for n in "123456789¹²³")}
+#: Tells a process of ours when to stop: at the end of its standard input (-), or when there is a file of this name.
+_STOP = "ICYMOON_STOP"
+_LOOK_S, _GRACE_S = 0.25, 3.0
+_Result = TypeVar("_Result")
+
+
+def windows() -> bool:
+    """Whether this is Windows."""
+    return PLATFORM == "win32"
+
+
+# Files
+
+
+def flush(path: Path) -> None:
+    """Flush a file, or the entries of a folder, to the disk."""
+    folder = path.is_dir()
+    if folder and windows():
+        return  # there is no handle on a folder to flush
+    handle = os.open(path, os.O_RDONLY if folder else os.O_RDWR)  # Windows flushes only what may be written to
+    try:
+        flush_handle(handle)
+    except OSError as error:
+        if not folder or error.errno not in (errno.EINVAL, errno.ENOTSUP):  # some network drives flush no folder
+            raise
+    finally:
+        os.close(handle)
+
+
+def flush_handle(handle: int) -> None:
+    """Flush an open file to the disk, on macOS through the disk's own cache, which fsync leaves alone there."""
+    if PLATFORM == "darwin":
+        import fcntl
+
+        with suppress(OSError):  # not every network drive can
+            fcntl.fcntl(handle, getattr(fcntl, "F_FULLFSYNC"))  # noqa: B009  mypy knows it on macOS only
+            return
+    os.fsync(handle)
+
+
+def patiently(act: Callable[[], _Result]) -> _Result:
+    """What ``act`` returns, tried again for some seconds if an error meets it that passes by itself."""
+    for n, wait_s in enumerate(_WAITS_S):
+        try:
+            return act()
+        except OSError as error:
+            if error.errno not in _PASSING and not (_is_busy(error) and n < _BUSY_WAITS):
+                raise
+        time.sleep(wait_s)
+    return act()
+
+
+def _is_busy(error: OSError) -> bool:
+    """Whether it may be that another program has the file open, such as a virus scanner or an indexer."""
+    return windows() and isinstance(error, PermissionError)
+
+
+def rename(source: Path, target: Path) -> None:
+    """Rename a file or a folder."""
+    patiently(lambda: os.rename(source, target))
+
+
+def replace(source: Path, target: Path) -> None:
+    """Rename a file to ``target``, in place of a file that is there."""
+    patiently(lambda: os.replace(source, target))
+
+
+def remove(path: Path) -> None:
+    """Remove a file, if it is there."""
+    patiently(lambda: path.unlink(missing_ok=True))
+
+
+def remove_folder(path: Path) -> None:
+    """Remove a folder and all in it, if it is there; what cannot be removed stays."""
+    with suppress(OSError):
+        patiently(lambda: shutil.rmtree(path))
+        return
+    shutil.rmtree(path, ignore_errors=True)
+
+
+def is_shared(error: OSError) -> bool:
+    """Whether another program that has the file open is what an error comes from."""
+    return getattr(error, "winerror", None) in _SHARED
+
+
+def lock(path: Path) -> IO[bytes] | None:
+    """The file, made if need be, opened and locked for this process; None if another has it locked."""
+    stream = path.open("a+b")
+    try:
+        if windows():
+            import msvcrt
+
+            stream.seek(0)
+            msvcrt.locking(stream.fileno(), msvcrt.LK_NBLCK, 1)  # type: ignore[attr-defined,unused-ignore]
+        else:
+            import fcntl
+
+            fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        stream.close()
+        return None
+    return stream
+
+
+def heritable_lock(path: Path) -> IO[bytes] | None:
+    """As ``lock``, to be the standard input of another process, which then holds it until it ends."""
+    if not windows():
+        return lock(path)
+    return None if is_held(path) else path.open("a+b")
+
+
+def is_held(path: Path) -> bool:
+    """Whether a process lives that has this ``heritable_lock``."""
+    if windows():  # locks are not inherited there, but what is open cannot be renamed
+        try:
+            path.rename(path)
+        except FileNotFoundError:
+            return False
+        except PermissionError:
+            return True
+        return False
+    stream = lock(path)
+    if stream is None:
+        return True
+    stream.close()
+    return False
+
+
+# Names and paths
+
+
+def check_path(path: Path, within: int = 0) -> None:
+    """Raise IcyMoonError if Windows, where this is Windows, takes no such path.
+
+    ``within`` is how many characters longer the paths are of what will be written there.
+    """
+    if not windows():
+        return
+    whole = PureWindowsPath(os.path.abspath(path))
+    for name in whole.parts[1:]:
+        if fault := name_fault(name):
+            raise IcyMoonError(f"{path}: Windows takes no name such as {name!r} ({fault}); choose another one.")
+    length = len(str(whole)) + within
+    if length > LONGEST_PATH and not _long_paths():
+        raise IcyMoonError(f"{path}: paths in it would have {length} characters, and Windows takes {LONGEST_PATH}; "
+                           "choose a folder with a shorter path.")
+
+
+def name_fault(name: str) -> str:
+    """Why Windows takes no file of this name; empty if it does."""
+    if wrong := [c for c in name if c in '<>:"/\\|?*' or ord(c) < 32]:
+        return f"with {wrong[0]!r}"
+    if name.endswith((".", " ")) and name.strip("."):
+        return "that ends in a full stop or a space"
+    if name.split(".")[0].rstrip().upper() in _DEVICES:
+        return "of a device"
+    return ""
+
+
+def _long_paths() -> bool:
+    """Whether Windows lets this program use long paths."""
+    import ctypes
+
+    try:
+        return bool(ctypes.WinDLL("ntdll").RtlAreLongPathsEnabled())  # type: ignore[attr-defined,unused-ignore]
+    except (AttributeError, OSError):  # before Windows 10 of 2016
+        return False
+
+
+def computer() -> str:
+    """Name of this computer."""
+    return socket.gethostname()
+
+
+def user() -> str:
+    """What tells the users of this computer apart in a folder that they share."""
+    return str(os.getuid()) if hasattr(os, "getuid") else "user"
+
+
+def cache_folder() -> Path:
+    """Where the user's programs keep what they can make again."""
+    home = Path.home()
+    usual = {"win32": ("LOCALAPPDATA", home / "AppData" / "Local"), "darwin": ("", home / "Library" / "Caches")}
+    variable, otherwise = usual.get(PLATFORM, ("XDG_CACHE_HOME", home / ".cache"))
+    return Path(os.environ.get(variable) or otherwise)
+
+
+# Pythons and commands
+
+
+def venv_python(folder: Path) -> Path:
+    """The Python of a virtual environment."""
+    return folder / ("Scripts/python.exe" if windows() else "bin/python")
+
+
+def pythons(prefix: Path) -> list[Path]:
+    """Where there may be a Python outside Blender: of an installation, and on the search path."""
+    version = f"{sys.version_info.major}.{sys.version_info.minor}"
+    names = ("python", "py") if windows() else ("python3",)
+    found = [Path(path) for name in names if (path := shutil.which(name))]
+    own = ("python.exe", "bin/python.exe") if windows() else (f"bin/python{version}",)
+    return [*(prefix / path for path in own), *found]
+
+
+def is_python(executable: str) -> bool:
+    """Whether a program is a Python by its name; the ``py`` of Windows too."""
+    stem = Path(executable).stem.lower()
+    return stem == "py" or stem.startswith("python")
+
+
+def split_command(text: str) -> list[str]:
+    """A command as one would type it, as its arguments. Raises ValueError for quotes that are not closed."""
+    words = shlex.shlex(text, posix=True)
+    words.whitespace_split, words.commenters = True, ""
+    if windows():
+        words.escape = ""  # a backslash stands in paths there
+    return list(words)
+
+
+# Processes
+
+
+def processors() -> int:
+    """Processors that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def peak_memory_mib() -> float | None:
+    """Most memory that this process has had; None on Windows, where Python does not tell."""
+    try:
+        import resource
+    except ImportError:
+        return None
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return round(peak / (2**20 if PLATFORM == "darwin" else 2**10), 1)
+
+
+def run(command: Sequence[str], environment: Mapping[str, str] | None = None,
+        timeout_s: float | None = None) -> subprocess.CompletedProcess[str]:
+    """Run a program to its end, without a window, and hear what it says.
+
+    Raises OSError if it cannot start, and TimeoutError if it takes longer.
+    """
+    try:
+        return subprocess.run(list(command), capture_output=True, encoding="utf-8", errors="replace", check=False,
+                              stdin=subprocess.DEVNULL, env=environment, timeout=timeout_s,
+                              creationflags=_NO_WINDOW if windows() else 0)
+    except subprocess.TimeoutExpired:
+        raise TimeoutError(f"{command[0]} took more than {timeout_s:g} s") from None
+
+
+def start(command: Sequence[str], environment: Mapping[str, str] | None = None,
+          **streams: Any) -> subprocess.Popen[bytes]:
+    """Start a program that no Ctrl-C of ours reaches, without a window; ``streams`` as of subprocess.Popen.
+
+    Raises OSError if it cannot start.
+    """
+    apart: dict[str, Any] = {"creationflags": _NEW_GROUP | _NO_WINDOW} if windows() else {"start_new_session": True}
+    return subprocess.Popen(list(command), env=environment, **{"stdin": subprocess.DEVNULL, **streams, **apart})
+
+
+def start_ours(command: Sequence[str], environment: Mapping[str, str] | None = None) -> subprocess.Popen[bytes]:
+    """As ``start``, of a program that ``obey_starter``: it ends when we do. All that it says is its output."""
+    return start(command, _told_to_stop(environment, "-"), stdin=subprocess.PIPE, stdout=subprocess.PIPE,
+                 stderr=subprocess.STDOUT)
+
+
+def start_to_stay(command: Sequence[str], environment: Mapping[str, str] | None, held: IO[bytes],
+                  log: IO[bytes], stop: Path) -> subprocess.Popen[bytes]:
+    """As ``start``, of a program that may outlive us: it holds a ``heritable_lock`` and says all into ``log``.
+
+    ``stop`` names a file that is for ``interrupt_other``.
+    """
+    remove(stop)
+    told = _told_to_stop(environment, str(stop)) if windows() else environment
+    return start(command, told, stdin=held, stdout=log, stderr=subprocess.STDOUT)
+
+
+def call_ours(command: Sequence[str], environment: Mapping[str, str] | None = None) -> int:
+    """Run a program that ``obey_starter`` to its end, with our own output; its exit status."""
+    with subprocess.Popen(list(command), stdin=subprocess.PIPE, env=_told_to_stop(environment, "-")) as process:
+        try:
+            return process.wait()
+        except BaseException:
+            process.kill()
+            raise
+
+
+def _told_to_stop(environment: Mapping[str, str] | None, how: str) -> dict[str, str]:
+    return {**(os.environ if environment is None else environment), _STOP: how}
+
+
+def interrupt(process: subprocess.Popen[bytes]) -> None:
+    """Ask a program that ``start_ours`` began to stop."""
+    with suppress(OSError):  # it has ended just now
+        if not windows():
+            process.send_signal(signal.SIGINT)
+        elif process.stdin is not None:
+            process.stdin.close()  # no signal reaches a process without our console
+
+
+def interrupt_other(pid: int, stop: Path) -> None:
+    """Ask a program that ``start_to_stay`` began, perhaps of an earlier process, to stop; and what it has started."""
+    with suppress(OSError):
+        if windows():
+            stop.touch()
+        else:
+            os.killpg(pid, signal.SIGINT)
+
+
+def kill_other(pid: int) -> None:
+    """End such a program at once; what it has started ends with it."""
+    with suppress(OSError):
+        if windows():
+            os.kill(pid, signal.SIGTERM)  # which is TerminateProcess there
+        else:
+            os.killpg(pid, signal.SIGKILL)
+
+
+def kill_all(process: subprocess.Popen[bytes]) -> None:
+    """End a program of ``start`` at once, with all that it has started, and wait until it is gone."""
+    with suppress(OSError):
+        if windows():
+            run(["taskkill", "/T", "/F", "/PID", str(process.pid)])
+            process.kill()
+        else:
+            os.killpg(process.pid, signal.SIGKILL)  # its group has its number, and may outlive it
+    process.wait()
+
+
+def obey_starter(at_once: bool = False) -> None:
+    """Stop when the process that started this one by ``start_ours`` ends, or when it asks for it.
+
+    As by Ctrl-C, and after 3 s anyway; or ``at_once``.
+    """
+    how = os.environ.pop(_STOP, "")
+    if how:
+        threading.Thread(target=_obey, args=(how, at_once), daemon=True).start()
+
+
+def _obey(how: str, at_once: bool) -> None:
+    if how == "-":
+        try:
+            while os.read(0, 1):
+                pass
+        except OSError:  # there is no standard input
+            return
+    else:
+        while not os.path.exists(how):
+            time.sleep(_LOOK_S)
+    if not at_once:
+        _thread.interrupt_main()
+        time.sleep(_GRACE_S)
+    os._exit(1)
+
+
+def stop_by(handler: Callable[[int, Any], None]) -> None:
+    """Have ``handler`` called at Ctrl-C and when a scheduler or the system asks us to stop."""
+    # A shell that starts a program in the background lets it ignore SIGINT; a scheduler sends SIGTERM.
+    for name in ("SIGINT", "SIGTERM", "SIGBREAK"):
+        if hasattr(signal, name):
+            signal.signal(getattr(signal, name), handler)
+
+
+def raise_at_interrupt() -> None:
+    """Have Ctrl-C raise KeyboardInterrupt, also in Blender, which keeps it for itself."""
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+def end_at_interrupt() -> None:
+    """Have Ctrl-C end this process at once."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
+def place() -> str:
+    """What names the processes among which a process number means one process; empty if unknown."""
+    if PLATFORM == "linux":
+        try:
+            boot = Path("/proc/sys/kernel/random/boot_id").read_text(encoding="ascii").strip()
+            return f"{boot} {os.readlink('/proc/self/ns/pid')}"
+        except OSError:
+            return ""
+    return "" if windows() else computer()
+
+
+def is_gone(pid: int, where: str) -> bool:
+    """Whether a process of a ``place`` certainly is no more; never certain on Windows."""
+    if not where or where != place() or windows():  # os.kill with 0 ends a process on Windows
+        return False
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return True
+    except OSError:
+        return False
+    try:  # a process that has ended but was not waited for yet
+        return Path(f"/proc/{pid}/stat").read_text(encoding="utf-8").rsplit(")", 1)[1].split()[0] == "Z"
+    except (OSError, IndexError):
+        return False
+
+
+def write_utf8() -> None:
+    """Have what this program prints be UTF-8, also into a file or a pipe on Windows, so that nothing fails there."""
+    for stream in (sys.stdout, sys.stderr):
+        if windows() and stream is not None and not stream.isatty() and hasattr(stream, "reconfigure"):
+            stream.reconfigure(encoding="utf-8", errors="backslashreplace")
