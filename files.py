@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import errno
 import hashlib
 import itertools
@@ -23,6 +24,9 @@ _MEND = {errno.ENOSPC: "the disk is full; free some space or choose another fold
          errno.EPERM: "this folder may not be written to; choose another one",
          errno.ENOTDIR: "a part of this path is a file, not a folder; choose another folder",
          errno.EEXIST: "a file of this name is in the way; move it or choose another folder"}
+#: First bytes of text files, longest first, and the encoding that reads the file without them.
+_MARKS = {codecs.BOM_UTF32_LE: "utf-32", codecs.BOM_UTF32_BE: "utf-32", codecs.BOM_UTF8: "utf-8-sig",
+          codecs.BOM_UTF16_LE: "utf-16", codecs.BOM_UTF16_BE: "utf-16"}
 _OPEN = "another program has it open; close it there and try again"
 _numbers = itertools.count(1)
 
@@ -62,8 +66,17 @@ def write_atomically(path: Path, write: Callable[[Path], None]) -> None:
 
 
 def read_text(path: Path) -> str:
-    """The content of a UTF-8 text file. Raises OSError as opening it does, ValueError where it is no such text."""
-    return system.patiently(lambda: path.read_text(encoding="utf-8"))
+    """The content of a text file: UTF-8, or what its first bytes say, since PowerShell and Notepad write others too.
+
+    Raises OSError as opening it does, ValueError where it is no such text.
+    """
+    data = system.patiently(path.read_bytes)
+    encoding = next((name for mark, name in _MARKS.items() if data.startswith(mark)), "utf-8")
+    try:
+        text = data.decode(encoding)
+    except UnicodeDecodeError as error:
+        raise ValueError(f"byte {error.start} is no text; save it as UTF-8") from None
+    return text.replace("\r\n", "\n").replace("\r", "\n")
 
 
 def write_text(path: Path, text: str) -> None:

@@ -21,6 +21,7 @@ import numpy as np
 
 from . import trust
 from .errors import IcyMoonError
+from .files import read_text
 from .properties import TOPICS, Setting, Value, all_settings, announce, together
 from .version import is_newer, version
 
@@ -157,7 +158,7 @@ def changed(settings: Mapping[str, Mapping[str, Value]], base: Mapping[str, Mapp
 def toml_and_text(path: Path) -> tuple[dict[str, Any], str]:
     """The raw content of a TOML file, and its text. Raises IcyMoonError if it cannot be read or parsed."""
     try:
-        text = path.read_text(encoding="utf-8")
+        text = read_text(path)
         return tomllib.loads(text), text
     except OSError as error:
         raise IcyMoonError(f"{path}: cannot be read ({error.strerror}).") from None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import math
 import tomllib
 
@@ -73,6 +74,33 @@ def test_a_file_that_no_parser_takes_is_refused_by_name(tmp_path, text):
         settings.load(file)
     with pytest.raises(IcyMoonError, match=r"--set"):
         settings.override(text.replace(" ", "").replace("a=", "terrain.size_m="))
+
+
+#: As editors and PowerShell's > write text: the encodings that Python knows by these names put a mark first.
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "utf-32"])
+@pytest.mark.parametrize("newline", ["\n", "\r\n"])
+def test_a_file_is_read_whatever_wrote_it(tmp_path, encoding, newline):
+    file = tmp_path / "scene.toml"
+    text = '# 5 µm of snow\n[preset]\ntitle = "Größe Ω 月"\n[terrain]\nsize_m = 12.0\n'
+    file.write_bytes(text.replace("\n", newline).encode(encoding))
+    assert settings.load(file) == {"terrain": {"size_m": 12.0}}
+    assert settings.header_of(file, "scene")[0] == "Größe Ω 月"
+    assert settings.toml_and_text(file)[1] == text
+
+
+def test_big_endian_text_is_read_too(tmp_path):
+    file = tmp_path / "scene.toml"
+    file.write_bytes(codecs.BOM_UTF16_BE + "[terrain]\nsize_m = 12.0\n".encode("utf-16-be"))
+    assert settings.load(file) == {"terrain": {"size_m": 12.0}}
+
+
+@pytest.mark.parametrize("content", ["[terrain]  # 5 µm".encode("cp1252"), codecs.BOM_UTF16_LE + b"[",
+                                     codecs.BOM_UTF8 + b"\xff"])
+def test_a_file_that_is_no_text_says_how_to_save_it(tmp_path, content):
+    file = tmp_path / "scene.toml"
+    file.write_bytes(content)
+    with pytest.raises(IcyMoonError, match=r"scene\.toml: is not valid TOML \(byte \d+ is no text; save it as UTF-8"):
+        settings.load(file)
 
 
 def test_every_setting_says_what_it_is():
