@@ -191,7 +191,7 @@ def _slurm(options: argparse.Namespace) -> int:
 
 
 def _verify(options: argparse.Namespace) -> int:
-    found = verify(options.dataset.absolute(), remove=options.remove)
+    found = verify(options.dataset.absolute(), options.remove)
     for problem in found.problems:
         if options.json:
             emit("problem", **problem.facts())

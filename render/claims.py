@@ -18,6 +18,7 @@ from pathlib import Path
 
 from .. import system
 from ..files import PART, disk_errors, part_of, read_text
+from .ours import is_claim, remove_ours
 from .publish import settle
 
 FOLDER = "claims"
@@ -32,6 +33,7 @@ class Claims:
     """
 
     def __init__(self, dataset: Path) -> None:
+        self._dataset = dataset
         self._folder = dataset / FOLDER
         self._pairs = dataset / "pairs"
         self._key = secrets.token_hex(8)  # what tells a claim of ours from another's that got the same name later
@@ -56,7 +58,7 @@ class Claims:
                 json.dump({"pid": os.getpid(), "place": system.place(), "host": system.computer(), "key": self._key},
                           stream)
         for old in claims.values():
-            system.remove(old)
+            self._remove(old)
         if claims:
             self._clear(pair)
         self._held[pair] = path
@@ -89,7 +91,7 @@ class Claims:
     def others(self) -> set[str]:
         """The pairs that living processes hold, this one aside."""
         found: dict[str, Path] = {}
-        for path in sorted(self._folder.glob("*.*"), key=_number):
+        for path in sorted(self._all(), key=_number):
             found[path.name.split(".")[0]] = path
         return {pair for pair, path in found.items() if not self._mine(path) and not self._stale(path)}
 
@@ -97,10 +99,10 @@ class Claims:
         """Drop the claims of a process of this machine that has ended, and what it left half-written."""
         for part in self._pairs.glob(f"*.{system.computer()}-{pid}-*{PART}"):
             self._settle(part)
-        for path in self._folder.glob("*.*"):
+        for path in self._all():
             holder = _read(path)
             if holder.get("pid") == pid and holder.get("host") == system.computer():
-                system.remove(path)
+                self._remove(path)
 
     def sweep(self) -> None:
         """Settle what processes that are gone have left unfinished, and remove the folder if nothing is claimed."""
@@ -111,12 +113,14 @@ class Claims:
             if part.name.split(".")[0] not in claimed:
                 self._settle(part)
         # Such as the manifest's, the clock's and that of a pair.json that was to state other settings.
-        for where, pattern in ((self._pairs.parent, "*"), (self._pairs, ".clock"), (self._pairs, "*/*")):
+        for where, pattern in ((self._dataset, "*"), (self._pairs, ".clock"), (self._pairs, "*/*")):
             for file in where.glob(f"{pattern}.{system.computer()}-*-*{PART}"):
-                _remove_of_the_gone(file)
-        for path in self._folder.glob("*.*"):
+                writer = file.name.removesuffix(PART).rsplit("-", 2)[1]
+                if writer.isdigit() and system.is_gone(int(writer), system.place()):
+                    self._remove(file)
+        for path in self._all():
             if not self._mine(path) and self._stale(path):
-                system.remove(path)
+                self._remove(path)
         with suppress(OSError):  # absent, or in use
             self._folder.rmdir()
 
@@ -127,7 +131,13 @@ class Claims:
             self.release(pair)
 
     def _of(self, pair: str) -> dict[int, Path]:
-        return {_number(path): path for path in self._folder.glob(f"{pair}.*")}
+        return {_number(path): path for path in self._all() if path.name.startswith(f"{pair}.")}
+
+    def _all(self) -> list[Path]:
+        return [path for path in self._folder.glob("*.*") if is_claim(path)]
+
+    def _remove(self, path: Path) -> None:
+        remove_ours(path, self._dataset)
 
     def _clear(self, pair: str) -> None:
         for part in self._pairs.glob(f"{pair}.*{PART}"):
@@ -170,13 +180,6 @@ class Claims:
                 with suppress(OSError):  # released just now, or the share is away for a while
                     if self._mine(path):
                         os.utime(path)
-
-
-def _remove_of_the_gone(file: Path) -> None:
-    """Remove a file of ``part_of`` whose writer, on this machine, is no more."""
-    writer = file.name.removesuffix(PART).rsplit("-", 2)[1]
-    if writer.isdigit() and system.is_gone(int(writer), system.place()):
-        system.remove(file)
 
 
 def _number(path: Path) -> int:

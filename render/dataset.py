@@ -16,6 +16,7 @@ from ..errors import IcyMoonError
 from ..files import disk_errors, write_text
 from ..settings import Settings, changed, check, defaults, merged
 from ..version import version
+from .ours import checked_id
 from .pair import is_complete
 from .plan import PlannedPair
 
@@ -87,4 +88,4 @@ def read(dataset: Path) -> Frozen:
 
 
 def _pair(line: Mapping[str, Any], base: Settings, path: Path) -> PlannedPair:
-    return PlannedPair(str(line["id"]), merged(base, check(line["changes"], str(path))), 0.0)
+    return PlannedPair(checked_id(line["id"], path), merged(base, check(line["changes"], str(path))), 0.0)

@@ -21,6 +21,7 @@ from ..changes import response
 from ..errors import IcyMoonError
 from ..files import PART, disk_errors, json_text, read_text, replaced, sha256
 from ..settings import Settings, merged
+from .ours import checked_id
 
 FORMAT = "icymoon-pair"
 VERSION = 1
@@ -169,7 +170,8 @@ def read_pair(folder: Path) -> Pair:
         raise IcyMoonError(f"{path} has format version {data.get('version')}, this Icy Moon reads {VERSION}; "
                            "use the version that wrote it.")
     try:
-        pair = Pair(folder, data["id"], data["settings"], StereoCamera.from_json(data["camera"]), data)
+        pair = Pair(folder, checked_id(data["id"], path), data["settings"],
+                    StereoCamera.from_json(data["camera"]), data)
     except KeyError as error:
         raise IcyMoonError(f"{path} lacks {error}; delete the folder and render the pair again.") from None
     for eye in EYES:

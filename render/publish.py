@@ -15,7 +15,8 @@ from pathlib import Path
 
 from ..errors import IcyMoonError
 from ..files import disk_errors, part_of
-from ..system import flush, remove_folder, rename
+from ..system import flush, rename
+from .ours import remove_ours, why_kept
 from .pair import is_whole
 
 
@@ -23,7 +24,8 @@ def publish(part: Path, folder: Path, lost: Callable[[], bool], again: bool = Fa
     """Make the pair in ``part`` the one at ``folder``, unless a whole one is there; ``again`` replaces that too.
 
     ``lost`` says whether another process has claimed the pair since, whose pair then stays. Raises IcyMoonError
-    if the disk refuses, or if what was rendered is of no use any more and no pair is there.
+    if the disk refuses, what is in the way is not ours, or what was rendered is of no use any more and no pair is
+    there.
     """
     aside: list[Path] = []
     with disk_errors("write", folder):
@@ -32,6 +34,7 @@ def publish(part: Path, folder: Path, lost: Callable[[], bool], again: bool = Fa
             while not lost() and is_whole(part) and not _moved(part, folder):
                 if not again and is_whole(folder):
                     return  # another has finished it meanwhile
+                _check_ours(folder)
                 aside.append(part_of(folder))
                 with suppress(FileNotFoundError):
                     _moved(folder, aside[-1])
@@ -66,10 +69,17 @@ def discard(part: Path) -> None:
 
     What cannot be removed is left for whoever sweeps next.
     """
-    doomed = part_of(part.with_name(part.name.split(".")[0]))
+    doomed, dataset = part_of(part.with_name(part.name.split(".")[0])), part.parent.parent
     with suppress(OSError):
-        rename(part, doomed)
-        remove_folder(doomed)
+        if not why_kept(part, dataset):
+            rename(part, doomed)
+            remove_ours(doomed, dataset)
+
+
+def _check_ours(folder: Path) -> None:
+    """Raise IcyMoonError if what is in the place of a pair is not ours to move."""
+    if why := why_kept(folder, folder.parent.parent):
+        raise IcyMoonError(f"{folder} is in the way and stays as it is: {why}; move it, or choose another folder.")
 
 
 def _moved(source: Path, target: Path) -> bool:

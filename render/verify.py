@@ -7,15 +7,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from .. import system
 from ..errors import IcyMoonError
-from ..files import PART, sha256
+from ..files import sha256
 from ..physics.blur import identity
 from ..settings import check, defaults, digest, merged
 from .claims import FOLDER, Claims
 from .dataset import PLAN, read
 from .exr_check import is_whole
 from .manifest import MANIFEST
+from .ours import is_claim, is_unfinished, remove_ours, why_kept
 from .pair import Pair, read_pair
 from .plan import PlannedPair
 
@@ -29,7 +29,7 @@ _STAND_INS = ("", "Hapke of nodes")
 class Problem:
     """Something wrong: of which kind, with what (a pair's id or a path), in a sentence; ``path`` is what may go."""
 
-    kind: str  # "missing", "broken", "foreign" or "leftover"
+    kind: str  # "missing", "broken", "foreign", "leftover" or "kept"
     what: str
     text: str
     path: Path | None = None
@@ -48,10 +48,10 @@ class Findings:
     problems: tuple[Problem, ...]
 
 
-def verify(dataset: Path, remove: bool = False) -> Findings:
+def verify(dataset: Path, remove_broken: bool = False) -> Findings:
     """Check every file of a data set against the plan and the checksums.
 
-    With ``remove`` broken pairs and leftovers are taken away, never what is not ours. Raises IcyMoonError if
+    With ``remove_broken`` broken pairs and leftovers are taken away, never what is not ours. Raises IcyMoonError if
     there is no plan.
     """
     frozen = read(dataset)
@@ -63,10 +63,10 @@ def verify(dataset: Path, remove: bool = False) -> Findings:
         complete += not found
         problems += found
     problems += _others(dataset, {pair.id for pair in frozen.pairs}, working)
-    for problem in problems if remove else ():
-        if problem.path is not None:
-            system.remove_folder(problem.path)
-            system.remove(problem.path)
+    for path in dict.fromkeys(problem.path for problem in problems if problem.path) if remove_broken else ():
+        if not remove_ours(path, dataset):
+            why = why_kept(path, dataset) or "the disk does not allow it"
+            problems.append(Problem("kept", path.name, f"{path} is not removed: {why}; look at it yourself."))
     return Findings(len(frozen.pairs), complete, tuple(problems))
 
 
@@ -118,16 +118,18 @@ def _others(dataset: Path, planned: set[str], working: set[str]) -> Iterator[Pro
     """What lies in the folder and belongs to no planned pair."""
     for path in sorted((dataset / "pairs").glob("*")):
         name = path.name.split(".")[0]
-        if path.name.endswith(PART):
+        if is_unfinished(path):
             if name not in working:
                 yield Problem("leftover", path.name, f"{path} was left unfinished.", path)
         elif name not in planned or path.name != name:
             yield Problem("foreign", path.name, f"{path} is not of this plan.")
-    for path in sorted((dataset / FOLDER).glob("*.*")):
-        if path.name.split(".")[0] not in working:
+    for path in sorted((dataset / FOLDER).glob("*")):
+        if not is_claim(path):
+            yield Problem("foreign", path.name, f"{path} is no claim.")
+        elif path.name.split(".")[0] not in working:
             yield Problem("leftover", path.name, f"{path} is the claim of a process that is gone.", path)
     for path in sorted(dataset.glob("*")):
-        if path.name.endswith(PART):
+        if is_unfinished(path):
             yield Problem("leftover", path.name, f"{path} was left unfinished.", path)
         elif path.name not in _KNOWN:
             yield Problem("foreign", path.name, f"{path} is not of this data set.")

@@ -23,6 +23,7 @@ from ..nodes.scene import Built, extra, find
 from ..settings import check, defaults, merged
 from ..system import end_at_interrupt
 from .claims import Claims
+from .ours import checked_id
 from .pair import is_complete
 from .plan import PlannedPair, expand
 from .queue import emit
@@ -93,7 +94,8 @@ def _render(stage: Standing | Described, planned: PlannedPair, dataset: Path, sa
 def _planned(job: dict[str, Any]) -> list[PlannedPair]:
     """The pairs of a job, with as many threads as it says."""
     if job.get("pairs"):
-        described = [(pair["id"], merged(defaults(), check(pair["settings"], "job"))) for pair in job["pairs"]]
+        described = [(checked_id(pair["id"], "The job"), merged(defaults(), check(pair["settings"], "job")))
+                     for pair in job["pairs"]]
         threads = {"quality": {"threads": job["threads"]}} if job.get("threads") is not None else {}
         return [PlannedPair(name, merged(settings, threads), 0.0) for name, settings in described]
     settings = merged(defaults(), check(job["settings"], "job"))

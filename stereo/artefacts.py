@@ -17,9 +17,10 @@ from .methods import Method
 from .prepare import Prepared
 
 
-def present(entry: Mapping[str, Any], out: Path) -> bool:
-    """Whether all files that a row or the facts of a pair name are there."""
-    return all((out / path).is_file() for path in entry["images"].values())
+def present(entry: Mapping[str, Any], out: Path, pair: str) -> bool:
+    """Whether all files that a row or the facts of a pair name are there, in the pair's folder."""
+    folder = out / "pairs" / pair
+    return all((out / path).parent == folder and (out / path).is_file() for path in entry["images"].values())
 
 
 def read_disparity(path: Path, shape: tuple[int, ...]) -> np.ndarray | None:

@@ -124,7 +124,7 @@ class _Run:
 
     def _known(self, pair: str, label: str, key: str) -> Row | None:
         row = self.log.find(pair, label, key)
-        return row if row and row["status"] != "failed" and present(row, self.out) else None
+        return row if row and row["status"] != "failed" and present(row, self.out, pair) else None
 
     def _measure(self, prepared: Prepared, keys: Mapping[str, str], rows: dict[str, Row]) -> None:
         """Make the missing ones of the ``rows`` of a pair, and bring what they have in common up to date."""
@@ -195,7 +195,7 @@ def _facts(out: Path, pair: str, content: str) -> dict[str, Any] | None:
         facts = json.loads((out / "pairs" / pair / "facts.json").read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return None
-    same = isinstance(facts, dict) and facts.get("key") == content and present(facts, out)
+    same = isinstance(facts, dict) and facts.get("key") == content and present(facts, out, pair)
     return facts if same else None
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -22,6 +23,8 @@ from .images import write_npy, write_png
 from .prepare import checked
 from .views import sensor_depth
 
+#: What is there of some settings and not of others.
+_STALE = re.compile(r"(left|right)_(\d+\.png|distorted\.png|distorted_depth\.npy)")
 FORMAT, VERSION = "icymoon-images", 1
 
 
@@ -65,7 +68,7 @@ def _reexposed(folder: Path, out: Path, response: Mapping[str, Mapping[str, Any]
     scaled = any(settings["light"][key] != 1 for key in LIGHT_GROUPS.values())
     left, right = (read_light(pair.image(eye), eye, groups=scaled) for eye in EYES)
     images = develop(pair, left, right, settings)
-    for stale in [p for eye in EYES for p in (*out.glob(f"{eye}_[0-9d]*.png"), out / f"{eye}_distorted_depth.npy")]:
+    for stale in [path for path in out.glob("*") if _STALE.fullmatch(path.name)]:
         remove(stale)
     for name, numbers in _named(images, int(settings["sensor"]["bits"])).items():
         write_png(out / f"{name}.png", numbers)

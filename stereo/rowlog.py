@@ -92,7 +92,8 @@ def _parsed(line: bytes) -> Row | None:
         row = json.loads(line)
     except ValueError:
         return None
-    known = isinstance(row, dict) and all(isinstance(row.get(name), str) for name in ("pair", "method", "key"))
+    known = (isinstance(row, dict) and all(isinstance(row.get(name), str) for name in ("pair", "method", "key"))
+             and Path(row["pair"]).name == row["pair"])
     return row if known else None
 
 

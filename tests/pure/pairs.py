@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -70,13 +71,18 @@ def write_pair(folder: Path, scene: Scene | None = None, rig: StereoCamera | Non
         depth, light, instance = view(scene, rig, eye)
         light = light * (1 + noise * random.standard_normal(light.shape))
         write_exr(folder / f"{eye}.exr", depth, light, instance, layout, eye, planet_share)
-    data = {"format": FORMAT, "version": VERSION, "id": folder.name, "camera": rig.to_json(),
+    data = {"format": FORMAT, "version": VERSION, "id": id_of(folder.name), "camera": rig.to_json(),
             "settings": settings or defaults(),
             "files": {f"{eye}.exr": {"bytes": (folder / f"{eye}.exr").stat().st_size,
                                      "sha256": hashlib.sha256((folder / f"{eye}.exr").read_bytes()).hexdigest()}
                       for eye in ("left", "right")}}
     (folder / "pair.json").write_text(json.dumps(data), encoding="utf-8")
     return folder
+
+
+def id_of(name: str) -> str:
+    """The id of a pair whose folder has this name."""
+    return name if re.fullmatch("[0-9a-f]{12}", name) else hashlib.sha256(name.encode()).hexdigest()[:12]
 
 
 def write_exr(path: Path, depth: np.ndarray, light: np.ndarray, instance: np.ndarray, layout: str, eye: str,

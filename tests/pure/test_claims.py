@@ -136,7 +136,7 @@ def test_a_claim_that_another_made_under_the_same_name_is_not_ones_own(tmp_path)
 def test_sweeping_puts_a_whole_pair_into_its_place_if_that_is_free(tmp_path):
     """Such as one that was moved aside for another by a process that was killed before that other was there."""
     pairs = tmp_path / "pairs"
-    for name in ("old", "new"):
+    for name in (7, 8):
         folder = pairs / f"{PAIR}.host-1-{name}.part"
         folder.mkdir(parents=True)
         for eye in ("left", "right"):

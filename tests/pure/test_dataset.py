@@ -119,7 +119,7 @@ def test_every_fault_is_found_and_taken_away(tmp_path, fault):
     frozen = datasets.freeze(tmp_path, PAIRS, "")
     complete(tmp_path, frozen)
     damage(frozen.pairs[2].folder(tmp_path))
-    found = verify(tmp_path, remove=True)
+    found = verify(tmp_path, remove_broken=True)
     assert {(p.kind, p.what) for p in found.problems} == {(kind, frozen.pairs[2].id)}
     assert any(word in p.text for p in found.problems)
     assert found.complete == 7
@@ -133,7 +133,7 @@ def test_leftovers_go_and_what_is_not_ours_is_named_and_stays(tmp_path):
     (tmp_path / "pairs" / "notes").mkdir()
     (tmp_path / "plan.jsonl.host-1-1.part").write_text("")
     (tmp_path / "thesis.txt").write_text("")
-    found = verify(tmp_path, remove=True)
+    found = verify(tmp_path, remove_broken=True)
     assert sorted((p.kind, p.what) for p in found.problems) == [
         ("foreign", "notes"), ("foreign", "thesis.txt"), ("leftover", "0123456789ab.host-1-1.part"),
         ("leftover", "plan.jsonl.host-1-1.part")]

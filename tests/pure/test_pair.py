@@ -120,7 +120,7 @@ def test_dataset_folders(tmp_path):
 
 def test_removing_a_job_removes_what_a_killed_worker_left(tmp_path):
     job = Job(tmp_path, settings.defaults())
-    (tmp_path / "pairs" / "abc.part").mkdir(parents=True)
+    files.part_of(tmp_path / "pairs" / ("0" * 12)).mkdir(parents=True)
     (tmp_path / "pairs" / "def").mkdir()
     job.remove()
     assert not job.folder.exists()

@@ -147,7 +147,7 @@ def test_a_data_set_is_exposed_again_from_the_command_line(tmp_path, capsys):
     image = cv2.imread(str(out / "bbb" / "left.png"), cv2.IMREAD_UNCHANGED)
     np.testing.assert_array_equal(image, developed(tmp_path / "set" / "pairs" / "bbb").left)
     assert image.dtype == np.uint8
-    assert (said["pair"], said["image_bits"], said["settings"]["sensor"]["bits"]) == ("bbb", 8, 8)
+    assert (said["pair"], said["image_bits"], said["settings"]["sensor"]["bits"]) == (pairs.id_of("bbb"), 8, 8)
     assert said["camera"]["focal_baseline_px_m"] == pytest.approx(pairs.camera().focal_baseline_px_m)
 
 

@@ -175,7 +175,7 @@ def test_two_pairs_of_one_name_are_not_mixed_up(tmp_path):
     for name in ("one", "two", "copy"):
         pairs.write_pair(tmp_path / name / "pairs" / "pair")
     path = tmp_path / "two" / "pairs" / "pair" / "pair.json"
-    path.write_text(json.dumps(json.loads(path.read_text()) | {"id": "another"}))
+    path.write_text(json.dumps(json.loads(path.read_text()) | {"id": pairs.id_of("another")}))
     with pytest.raises(IcyMoonError, match="different pairs of one name"):
         evaluate([tmp_path / "one", tmp_path / "two"], parse_methods("bm"), tmp_path / "out")
     assert not (tmp_path / "out").exists()
