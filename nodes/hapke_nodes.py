@@ -31,7 +31,9 @@ class Grains:
 
 
 def brdf(n: Vector, l: Vector, v: Vector, blur: Number, q: Grains) -> Number:  # noqa: E741
-    """Radiance over the irradiance on the surface in 1/sr; n, l, v are unit vectors, l and v on the side of n.
+    """Radiance over the irradiance on the surface in 1/sr; n, l, v are unit vectors, l on the side of n.
+
+    Where n turns away from v, whose facet is seen all the same, it is that of grazing sight.
 
     ``blur`` is the mean distance within the source's disc from its middle, as the tangent of half an angle.
     """

@@ -226,7 +226,7 @@ def hapke_of_nodes(ground: Ground, grains: Grains, sun: Sun) -> Any:
     weight = hapke_nodes.brdf(n, toward_sun, eye, Number(tree, blur), known) * math.pi
     if not blur.is_linked:
         tree.tree.nodes.remove(blur.node)
-    gamma, white, mu = (1.0 - known.w).at_least(0.0).sqrt(), Number(tree, 0.0), n.dot(eye)
+    gamma, white, mu = (1.0 - known.w).at_least(0.0).sqrt(), Number(tree, 0.0), n.dot(eye).at_least(0.0)
     r0 = (1.0 - gamma) / (gamma + 1.0)
     for c0, c1, c2 in reversed(_white(ground, grains)):
         white = white.times_plus(mu, r0.times_plus(c2, c1).times_plus(r0, c0))

@@ -13,6 +13,7 @@ from icymoon.nodes import scene as scenes
 from icymoon.nodes import sunlight, sunlit
 from icymoon.physics import photometry
 from icymoon.physics.hapke import bidirectional_reflectance, from_settings
+from icymoon.render import quality
 from icymoon.render.pair import Pair, read_pair
 from icymoon.render.plan import expand
 from icymoon.render.worker import render_pairs
@@ -150,6 +151,45 @@ def test_grazing_light_and_sight(tmp_path, made_of, azimuth_deg, theta_bar_deg):
         "light": {"sun_azimuth_deg": azimuth_deg, "sun_elevation_deg": 0.6},
         "rig": {"pitch_deg": 3.0, "focal_length_mm": 600.0, "height_m": 1.0}})
     assert errors(pair).max() < 2e-3
+
+
+def by_distance(pair: Pair) -> list[np.ndarray]:
+    """Radiance of the left eye's ground, in five parts of as many pixels from near to far."""
+    view = read_view(pair.image("left"))
+    image, ground = view.radiance[..., 0], ~np.isnan(view.depth)
+    return np.array_split(image[ground][np.argsort(view.depth[ground], kind="stable")], 5)
+
+
+@pytest.mark.parametrize("changes", [{}, *slow(
+    # w is small, since at that level the ground shines by itself: an interreflection even without bounces.
+    {"hapke": {"accuracy": "ACCURATE", "w": 0.02}}, {"surface": {"grain_amplitude_m": 0.01, "grain_size_m": 0.1}},
+    {"hapke": {"theta_bar_range_deg": 20.0}, "textures": {"set": "FROST"}})], ids=str)
+def test_seen_at_a_slant_osl_is_as_bright_as_nodes_near_and_far(tmp_path, monkeypatch, changes):
+    """Many shading normals turn away from a low eye that sees their facets: those of 7 % of the farthest fifth here.
+
+    The same rays draw both, so that nothing but single precision and what OSL traces itself tells them apart.
+    """
+    apply = quality.apply
+
+    def applied(scene, *given):
+        apply(scene, *given)
+        scene.cycles.seed = 1
+
+    monkeypatch.setattr(quality, "apply", applied)
+    rolling = {"terrain": {"rms_slope_deg": 15.0, "size_m": 100.0, "resolution": 65, "inner_scale_m": 1.0},
+               "quality": {"samples": 4}, "light": {"sun_elevation_deg": 30.0, "sun_azimuth_deg": 180.0},
+               "rig": {"height_m": 0.5, "pitch_deg": 0.0}}
+    osl, nodes = (by_distance(picture(tmp_path / made_of, rolling, changes, {"hapke": {
+        "backend": made_of, **({"accuracy": "FAST"} if made_of == "NODES" else {})}})[0])
+        for made_of in ("OSL", "NODES"))
+    for found, wanted in zip(osl, nodes, strict=True):
+        lit = wanted > 1e-3 * wanted.max()
+        ratio = found[lit] / wanted[lit]
+        assert lit.sum() > 100
+        # A hundredth of an interreflection is 1e-4.
+        assert found.mean() == pytest.approx(wanted.mean(), rel=1e-3)
+        assert np.median(ratio) == pytest.approx(1.0, abs=1e-3)
+        assert not np.mean(ratio < 0.8)
 
 
 @BOTH
