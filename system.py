@@ -379,19 +379,34 @@ def obey_starter(at_once: bool = False) -> None:
 
 
 def _obey(how: str, at_once: bool) -> None:
-    if how == "-":
-        try:
-            while os.read(0, 1):
-                pass
-        except OSError:  # there is no standard input
-            return
-    else:
-        while not os.path.exists(how):
-            time.sleep(_LOOK_S)
+    try:
+        if how == "-":
+            _until_input_ends()
+        else:
+            while not os.path.exists(how):
+                time.sleep(_LOOK_S)
+    except OSError:  # there is no such input
+        return
     if not at_once:
         _thread.interrupt_main()
         time.sleep(_GRACE_S)
     os._exit(1)
+
+
+def _until_input_ends() -> None:
+    """Wait for the end of the standard input, a pipe into which nothing is written."""
+    if not windows():
+        while os.read(0, 1):
+            pass
+        return
+    import _winapi  # type: ignore[import-not-found,unused-ignore]
+    import msvcrt
+
+    # A read that waits would hold up all that looks at the pipe meanwhile there, as many libraries do when loaded.
+    with suppress(BrokenPipeError):
+        while True:
+            _winapi.PeekNamedPipe(msvcrt.get_osfhandle(0), 0)  # type: ignore[attr-defined,unused-ignore]
+            time.sleep(_LOOK_S)
 
 
 def stop_by(handler: Callable[[int, Any], None]) -> None:
