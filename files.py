@@ -27,7 +27,7 @@ _MEND = {errno.ENOSPC: "the disk is full; free some space or choose another fold
 #: First bytes of text files, longest first, and the encoding that reads the file without them.
 _MARKS = {codecs.BOM_UTF32_LE: "utf-32", codecs.BOM_UTF32_BE: "utf-32", codecs.BOM_UTF8: "utf-8-sig",
           codecs.BOM_UTF16_LE: "utf-16", codecs.BOM_UTF16_BE: "utf-16"}
-_OPEN = "another program has it open; close it there and try again"
+_OPEN = "another program has it open, or it may not be written to; close it there or choose another folder"
 _numbers = itertools.count(1)
 
 
@@ -44,7 +44,7 @@ def disk_errors(what: str, where: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        mend = _OPEN if system.is_shared(error) else _MEND.get(error.errno or 0, f"{error.strerror or error}")
+        mend = _OPEN if system.may_be_open(error) else _MEND.get(error.errno or 0, f"{error.strerror or error}")
         raise DiskError(f"Cannot {what} {where}: {mend}.") from error
 
 

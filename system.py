@@ -6,7 +6,6 @@ starting one without a window, stopping it, ending with the one that started us.
 
 from __future__ import annotations
 
-import _thread
 import errno
 import os
 import shlex
@@ -32,8 +31,8 @@ _PASSING = {errno.EIO, errno.ESTALE, errno.EAGAIN, errno.ETIMEDOUT, errno.EINTR}
 _WAITS_S, _BUSY_WAITS = (0.02, 0.08, 0.3, 1.0, 3.0, 8.6), 4
 #: Flags of Windows' CreateProcess, which Python names on Windows only.
 _NEW_GROUP, _NO_WINDOW = 0x200, 0x08000000
-#: Numbers of Windows' errors for a file that another process has open or has locked a part of.
-_SHARED = (32, 33)
+#: Windows' error of OpenProcess for a number that no process has.
+_NO_SUCH_PROCESS = 87
 #: Longest path that Windows takes from programs that were not made for longer ones.
 LONGEST_PATH = 259
 _DEVICES = {"CON", "PRN", "AUX", "NUL", "CONIN$", "CONOUT$",
@@ -84,14 +83,17 @@ def patiently(act: Callable[[], _Result]) -> _Result:
         try:
             return act()
         except OSError as error:
-            if error.errno not in _PASSING and not (_is_busy(error) and n < _BUSY_WAITS):
+            if error.errno not in _PASSING and not (may_be_open(error) and n < _BUSY_WAITS):
                 raise
         time.sleep(wait_s)
     return act()
 
 
-def _is_busy(error: OSError) -> bool:
-    """Whether it may be that another program has the file open, such as a virus scanner or an indexer."""
+def may_be_open(error: OSError) -> bool:
+    """Whether an error may be due to another program that has the file open, such as a virus scanner or a viewer.
+
+    Windows has one error for it and for what may not be written to.
+    """
     return windows() and isinstance(error, PermissionError)
 
 
@@ -116,11 +118,6 @@ def remove_folder(path: Path) -> None:
         patiently(lambda: shutil.rmtree(path))
         return
     shutil.rmtree(path, ignore_errors=True)
-
-
-def is_shared(error: OSError) -> bool:
-    """Whether another program that has the file open is what an error comes from."""
-    return getattr(error, "winerror", None) in _SHARED
 
 
 def lock(path: Path) -> IO[bytes] | None:
@@ -388,7 +385,10 @@ def _obey(how: str, at_once: bool) -> None:
     except OSError:  # there is no such input
         return
     if not at_once:
-        _thread.interrupt_main()
+        if windows():
+            signal.raise_signal(signal.SIGINT)
+        else:
+            os.kill(os.getpid(), signal.SIGINT)  # which the main thread hears also while it waits
         time.sleep(_GRACE_S)
     os._exit(1)
 
@@ -435,13 +435,15 @@ def place() -> str:
             return f"{boot} {os.readlink('/proc/self/ns/pid')}"
         except OSError:
             return ""
-    return "" if windows() else computer()
+    return computer()
 
 
 def is_gone(pid: int, where: str) -> bool:
-    """Whether a process of a ``place`` certainly is no more; never certain on Windows."""
-    if not where or where != place() or windows():  # os.kill with 0 ends a process on Windows
+    """Whether a process of a ``place`` certainly is no more."""
+    if not where or where != place():
         return False
+    if windows():
+        return _gone_from_windows(pid)
     try:
         os.kill(pid, 0)
     except ProcessLookupError:
@@ -452,6 +454,20 @@ def is_gone(pid: int, where: str) -> bool:
         return Path(f"/proc/{pid}/stat").read_text(encoding="utf-8").rsplit(")", 1)[1].split()[0] == "Z"
     except (OSError, IndexError):
         return False
+
+
+def _gone_from_windows(pid: int) -> bool:
+    import _winapi  # type: ignore[import-not-found,unused-ignore]
+
+    try:  # os.kill with 0, which only looks elsewhere, would end it
+        handle = _winapi.OpenProcess(_winapi.SYNCHRONIZE, False, pid)  # type: ignore[attr-defined,unused-ignore]
+    except OSError as error:
+        return getattr(error, "winerror", None) == _NO_SUCH_PROCESS
+    try:  # one that has ended is still there as long as anybody has a handle on it
+        ended = _winapi.WaitForSingleObject(handle, 0)  # type: ignore[attr-defined,unused-ignore]
+        return bool(ended == _winapi.WAIT_OBJECT_0)  # type: ignore[attr-defined,unused-ignore]
+    finally:
+        _winapi.CloseHandle(handle)  # type: ignore[attr-defined,unused-ignore]
 
 
 def write_utf8() -> None:

@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 """Stands for Blender in tests: does the jobs of a worker without rendering, and fails as it is told.
 
-``behave.json`` beside this file says, by pair, "crash", "crash once", "refuse", "lie", "hang" or "sleep"; for all of
-them "fatal", "mute" or "hang at the end".
+``behave.json`` beside this file says, by pair or for "all", "crash", "crash once", "refuse", "lie", "hang" or "sleep";
+for all of them "fatal", "mute" or "hang at the end".
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ def main() -> None:
         say("error", message="The disk is full.")
         os._exit(1)
     for pair in job["pairs"]:
-        name, what = pair["id"], behave.get(pair["id"], "")
+        name, what = pair["id"], behave.get(pair["id"], behave.get("all", ""))
         with (here / "log").open("a") as log:
             log.write(f"{name}\n")
         folder, part = dataset / "pairs" / name, dataset / "pairs" / f"{name}.fake-{os.getpid()}-1.part"

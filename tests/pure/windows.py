@@ -39,7 +39,7 @@ DEVICES = {"CON", "PRN", "AUX", "NUL", *(f"{name}{k}" for name in ("COM", "LPT")
 _FORBIDDEN = set('<>:"|?*') | {chr(k) for k in range(32)}
 _CREATE_NEW_PROCESS_GROUP, _CREATE_NO_WINDOW = 0x200, 0x08000000
 _ABSENT = {os: ("fork", "forkpty", "getuid", "geteuid", "getgid", "getegid", "setsid", "killpg", "getpgid", "setpgid",
-                "sched_getaffinity", "getloadavg", "uname", "mkfifo", "chown", "statvfs", "nice", "sync", "wait"),
+                "sched_getaffinity", "getloadavg", "mkfifo", "chown", "nice", "sync", "wait"),
            signal: ("SIGKILL", "SIGHUP", "SIGUSR1", "SIGUSR2", "SIGCHLD", "SIGSTOP", "SIGCONT", "pthread_kill",
                     "sigwait")}  # what times tests stays
 _NAMES = {5: (errno.EACCES, "Access is denied"), 32: (errno.EACCES, "The process cannot access the file because it is "
@@ -47,7 +47,8 @@ _NAMES = {5: (errno.EACCES, "Access is denied"), 32: (errno.EACCES, "The process
           183: (errno.EEXIST, "Cannot create a file when that file already exists"),
           123: (errno.EINVAL, "The filename, directory name, or volume label syntax is incorrect"),
           206: (errno.ENOENT, "The filename or extension is too long"),
-          193: (errno.ENOEXEC, "%1 is not a valid Win32 application"), 109: (errno.EPIPE, "The pipe has been ended")}
+          193: (errno.ENOEXEC, "%1 is not a valid Win32 application"), 109: (errno.EPIPE, "The pipe has been ended"),
+          87: (errno.EINVAL, "The parameter is incorrect")}
 
 
 def error(number: int, path: Any = None) -> OSError:
@@ -94,9 +95,13 @@ class Windows:
         for name, number in (("CTRL_C_EVENT", 0), ("CTRL_BREAK_EVENT", 1), ("SIGBREAK", 21)):
             self._patch(signal, name, number)
         self._patch(signal, "signal", self._signal)
+        self._patch(signal, "raise_signal", lambda number: self._do("kill", os.getpid(), number))
         modules: dict[str, Any] = {
             "msvcrt": types.SimpleNamespace(LK_NBLCK=2, locking=self._locking, get_osfhandle=lambda handle: handle),
-            "_winapi": types.SimpleNamespace(PeekNamedPipe=self._peek), "fcntl": None, "resource": None, "pwd": None}
+            "_winapi": types.SimpleNamespace(
+                PeekNamedPipe=self._peek, OpenProcess=self._open_process, SYNCHRONIZE=0x100000,
+                WaitForSingleObject=self._wait, WAIT_OBJECT_0=0, CloseHandle=lambda handle: None),
+            "fcntl": None, "resource": None, "pwd": None}
         for name, module in modules.items():
             self._real["modules", name] = sys.modules.get(name)
             sys.modules[name] = module
@@ -325,7 +330,8 @@ class Windows:
     def _signal(self, number: int, handler: Any) -> Any:
         if number == 21:
             return None  # Ctrl-Break: nobody presses it here
-        if number not in (signal.SIGINT, signal.SIGTERM, signal.SIGABRT, signal.SIGFPE, signal.SIGILL, signal.SIGSEGV):
+        if number not in (signal.SIGINT, signal.SIGTERM, signal.SIGABRT, signal.SIGFPE, signal.SIGILL, signal.SIGSEGV,
+                          signal.SIGALRM):  # which ends a test that hangs
             raise ValueError("signal number out of range")
         return self._real[signal, "signal"](number, handler)
 
@@ -344,6 +350,19 @@ class Windows:
         if any(event & select.POLLHUP for _, event in poll.poll(0)):
             raise error(109)
         return 0, 0
+
+    def _open_process(self, access: int, inherit: bool, pid: int) -> int:
+        if not self._there(f"/proc/{pid}"):
+            raise error(87)
+        return pid
+
+    def _wait(self, handle: int, milliseconds: int) -> int:
+        try:
+            with self._real[io, "open"](f"/proc/{handle}/stat", encoding="utf-8") as stream:
+                ended = stream.read().rsplit(")", 1)[1].split()[0] == "Z"
+        except OSError:
+            ended = True
+        return 0 if ended else 0x102  # WAIT_TIMEOUT
 
     def _of_popen(self, name: str) -> Callable[..., Any]:
         real = subprocess.Popen.__dict__[name]
