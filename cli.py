@@ -22,6 +22,7 @@ from .errors import IcyMoonError
 from .render.launch import Job, absolute_folder, rendered
 from .render.queue import Message, emit, errors_told
 from .render.tolerance import PX, share, tolerance
+from .system import is_broken_pipe
 from .terminal import shown
 from .version import version
 
@@ -41,7 +42,9 @@ def main(arguments: list[str]) -> int:
     except IcyMoonError as error:
         print(f"icymoon: {error}", file=sys.stderr)
         return 1
-    except BrokenPipeError:
+    except OSError as error:
+        if not is_broken_pipe(error):
+            raise
         # Nobody listens any more; keep Python from complaining when it flushes at exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 1

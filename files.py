@@ -54,6 +54,7 @@ def write_atomically(path: Path, write: Callable[[Path], None]) -> None:
     Makes the parent folders. Raises IcyMoonError when the disk refuses; the part is removed.
     """
     part = part_of(path)
+    system.check_path(path, part)
     with disk_errors("write", path):
         path.parent.mkdir(parents=True, exist_ok=True)
         try:

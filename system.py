@@ -120,6 +120,11 @@ def remove_folder(path: Path) -> None:
     shutil.rmtree(path, ignore_errors=True)
 
 
+def is_broken_pipe(error: OSError) -> bool:
+    """Whether nobody reads any more what is printed; Windows says that an argument is invalid."""
+    return isinstance(error, BrokenPipeError) or (windows() and error.errno == errno.EINVAL and error.filename is None)
+
+
 def lock(path: Path) -> IO[bytes] | None:
     """The file, made if need be, opened and locked for this process; None if another has it locked."""
     stream = path.open("a+b")
@@ -166,20 +171,17 @@ def is_held(path: Path) -> bool:
 # Names and paths
 
 
-def check_path(path: Path, within: int = 0) -> None:
-    """Raise IcyMoonError if Windows, where this is Windows, takes no such path.
-
-    ``within`` is how many characters longer the paths are of what will be written there.
-    """
+def check_path(path: Path, deepest: Path | None = None) -> None:
+    """Raise IcyMoonError if Windows, where this is Windows, takes no such path, or not the ``deepest`` in it."""
     if not windows():
         return
     whole = PureWindowsPath(os.path.abspath(path))
     for name in whole.parts[1:]:
         if fault := name_fault(name):
             raise IcyMoonError(f"{path}: Windows takes no name such as {name!r} ({fault}); choose another one.")
-    length = len(str(whole)) + within
+    length = len(os.path.abspath(deepest or path))
     if length > LONGEST_PATH and not _long_paths():
-        raise IcyMoonError(f"{path}: paths in it would have {length} characters, and Windows takes {LONGEST_PATH}; "
+        raise IcyMoonError(f"{path}: a path of {length} characters would be written, and Windows takes {LONGEST_PATH}; "
                            "choose a folder with a shorter path.")
 
 

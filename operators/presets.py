@@ -14,7 +14,7 @@ from ..errors import IcyMoonError
 from ..files import disk_errors, write_text
 from ..nodes.own_files import with_absolute_files
 from ..preferences import extension_folder
-from ..system import remove
+from ..system import name_fault, remove
 from . import asking
 
 #: Begins the names of the person's own presets.
@@ -116,6 +116,7 @@ class ICYMOON_OT_add_preset(bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         group, stem = context.scene.icymoon, re.sub(r"\W+", "_", self.title.lower()).strip("_")
+        stem += "_" if name_fault(stem) else ""  # con, which is a device of Windows, wherever it is kept
         try:
             if not stem:
                 raise IcyMoonError(f"The preset's name is {self.title!r}; give it a name with letters or digits.")

@@ -42,7 +42,9 @@ class Claims:
         self._thread: threading.Thread | None = None
 
     def take(self, pair: str) -> bool:
-        """Claim a pair; False while another holds it."""
+        """Claim a pair; False while another holds it. Raises IcyMoonError where it could not be written."""
+        folder = part_of(self._pairs / pair)
+        system.check_path(self._pairs.parent, part_of(folder / "pair.json"))  # the longest name of what is in a pair
         with disk_errors("write to", self._folder):
             self._folder.mkdir(parents=True, exist_ok=True)
             claims = self._of(pair)
@@ -51,7 +53,7 @@ class Claims:
             number = max(claims, default=0) + 1
             path = self._folder / f"{pair}.{number}"
             try:
-                handle = os.open(path, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666)
+                handle = system.patiently(lambda: os.open(path, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
             except FileExistsError:
                 return False  # another was faster
             with os.fdopen(handle, "w", encoding="utf-8") as stream:

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import IcyMoonError
+from ..system import is_broken_pipe
 from . import check
 
 PROGRAM = "icymoon.stereo"
@@ -36,7 +37,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         print(f"{PROGRAM}: interrupted", file=sys.stderr)
         return INTERRUPTED
-    except BrokenPipeError:
+    except OSError as error:
+        if not is_broken_pipe(error):
+            raise
         # Nobody listens any more; keep Python from complaining when it flushes at exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 1

@@ -74,7 +74,8 @@ def compute(left: np.ndarray, right: np.ndarray, options: dict[str, Any], camera
             values |= {key: repr(float(getattr(camera, key))) for key in _CAMERA}
             values["calibration"] = str(folder / "calibration.txt")
             numbers = " ".join(repr(float(number)) for row in camera.matrix for number in row)
-            Path(values["calibration"]).write_text(f"{numbers}\n{values['baseline_m']}\n", encoding="ascii")
+            Path(values["calibration"]).write_text(f"{numbers}\n{values['baseline_m']}\n", encoding="ascii",
+                                                 newline="\n")
         arguments = _arguments(options["command"])
         if camera is None and any(field not in values for argument in arguments for field in _FIELD.findall(argument)):
             raise IcyMoonError("external.command asks for the camera, which is not known; give --camera PAIR.")

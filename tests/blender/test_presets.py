@@ -84,6 +84,13 @@ def test_a_preset_needs_a_name(scene, own, title):
     assert not own.exists()
 
 
+@pytest.mark.parametrize(("title", "stem"), [("CON", "con_"), ("com1", "com1_"), ("Lpt9!", "lpt9_"), ("Cone", "cone")])
+def test_a_preset_is_called_what_every_system_takes(scene, own, title, stem):
+    assert bpy.ops.icymoon.add_preset(title=title) == {"FINISHED"}
+    assert [path.name for path in own.iterdir()] == [f"{stem}.toml"]
+    assert presets.title_of(scene.icymoon.preset) == title
+
+
 def test_a_file_with_a_preset_of_another_machine_still_draws(scene, own):
     scene.icymoon.preset = "own/lost"
     assert presets.title_of("own/lost") == "lost"

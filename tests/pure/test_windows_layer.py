@@ -15,6 +15,8 @@ import pytest
 from icymoon import system
 from windows import Windows, wait_until
 
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the layer asks Linux who has a file open")
+
 
 @pytest.fixture
 def layer(tmp_path, monkeypatch):
