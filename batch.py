@@ -6,7 +6,7 @@ import argparse
 import shlex
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -109,12 +109,20 @@ def _stop(number: int, frame: Any) -> None:
 def render(dataset: Path, pairs: list[PlannedPair], how: Workers, say: Say, dask: str | None = None) -> int:
     """Render what is missing of these pairs; the exit status: 0, or 1 if some were set aside."""
     stop_by(_stop)
-    if dask:
-        from .render import cluster
+    failed: dict[str, str] = {}
+    try:
+        if dask:
+            from .render import cluster
 
-        failed = cluster.run(dask, dataset, pairs, how, say)
-    else:
-        failed = Runner(dataset, pairs, how, say).run()
+            failed = cluster.run(dask, dataset, pairs, how, say)
+        else:
+            runner = Runner(dataset, pairs, how, say)
+            failed = runner.failed
+            runner.run()
+    except BaseException:
+        with suppress(IcyMoonError):  # what ended the run is the cause to tell
+            write_manifest(dataset, failed)
+        raise
     write_manifest(dataset, failed)
     say("done", pairs=len(pairs) - len(failed), failed=failed)
     return 1 if failed else 0

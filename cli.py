@@ -9,7 +9,6 @@ from __future__ import annotations
 import argparse
 import os
 import sys
-import tempfile
 from collections.abc import Callable
 from contextlib import nullcontext
 from dataclasses import asdict
@@ -22,6 +21,7 @@ from .errors import IcyMoonError
 from .render.launch import Job, absolute_folder, rendered
 from .render.queue import Message, emit, errors_told
 from .render.tolerance import PX, share, tolerance
+from .scratch import scratch
 from .system import is_broken_pipe
 from .terminal import shown
 from .version import version
@@ -307,8 +307,8 @@ def _quality(options: argparse.Namespace) -> int:
         device = str(settings["quality"]["device"])
         speed = None if options.measure else remembered(device)
         if speed is None:
-            with tempfile.TemporaryDirectory() as folder, shown("Measuring this machine") as show:
-                speed = measure(options.blender, device, Path(folder),
+            with scratch() as folder, shown("Measuring this machine") as show:
+                speed = measure(options.blender, device, folder,
                                 lambda message: show(message) if message["type"] == "progress" else None)
         found = qualities(settings, triangles_of(settings), speed)
     if options.json:

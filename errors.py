@@ -11,5 +11,14 @@ class IcyMoonError(Exception):
     """
 
 
+def sentence(error: Exception, where: object) -> str:
+    """What to tell of an error that keeps one of many things from being done, whatever it is."""
+    if isinstance(error, IcyMoonError):
+        return str(error)
+    if isinstance(error, MemoryError):
+        return f"{where}: there is not enough memory; close other programs, or work on smaller images."
+    return f"{where}: it cannot be used ({type(error).__name__}: {error}); please report this."
+
+
 class DiskError(IcyMoonError):
     """The disk or the folder refuses, whatever is written there."""

@@ -216,6 +216,11 @@ def user() -> str:
     return str(os.getuid()) if hasattr(os, "getuid") else "user"
 
 
+def is_users(path: Path) -> bool:
+    """Whether a file or folder is this user's; on Windows folders of other users are not seen anyway."""
+    return not hasattr(os, "getuid") or path.stat().st_uid == os.getuid()
+
+
 def cache_folder() -> Path:
     """Where the user's programs keep what they can make again."""
     home = Path.home()
@@ -442,7 +447,7 @@ def place() -> str:
 
 def is_gone(pid: int, where: str) -> bool:
     """Whether a process of a ``place`` certainly is no more."""
-    if not where or where != place():
+    if not where or where != place() or not 0 < pid < 2**31:
         return False
     if windows():
         return _gone_from_windows(pid)

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import hashlib
 import re
-import tempfile
 from collections.abc import Mapping
 from functools import lru_cache
 from pathlib import Path
@@ -17,6 +16,7 @@ from typing import Any
 import bpy
 
 from .. import compat
+from ..scratch import scratch
 from .builder import Tree
 
 SOURCE = Path(__file__).parent / "hapke.osl"
@@ -28,8 +28,8 @@ _PARAMETER = re.compile(r"^(o?param)\t(closure color|\w+)\t(\w+)", re.MULTILINE)
 @lru_cache(maxsize=1)
 def compiled() -> str:
     """The byte code of ``hapke.osl``. Raises RuntimeError if it does not compile."""
-    with tempfile.TemporaryDirectory() as folder:
-        target = Path(folder) / "hapke.oso"
+    with scratch() as folder:
+        target = folder / "hapke.oso"
         if not compat.compile_osl(SOURCE, target):
             raise RuntimeError(f"Cycles could not compile {SOURCE.name}.")
         return target.read_text(encoding="utf-8")

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import tempfile
 import textwrap
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -12,13 +12,15 @@ import bpy
 
 from .. import settings as description
 from ..errors import IcyMoonError
-from ..files import disk_errors
+from ..files import write_text
 from ..nodes.own_files import with_absolute_files
 from ..nodes.scene import find
 from ..preferences import evaluator_python
 from ..render import machine, tolerance
 from ..render.launch import Job, blender_command, python_command
 from ..render.queue import Message, Process, clean_environment
+from ..scratch import make_scratch
+from ..system import remove_folder
 from . import jobs, readouts
 from .evaluate import matcher_arguments
 from .render import dataset_folder
@@ -40,18 +42,17 @@ def _begin(context: bpy.types.Context, verb: str, title: str, handle: Any, *argu
         raise IcyMoonError("The scene was edited by hand; what is measured is built from the settings alone. Press "
                            "Build Scene to set the edits back.")
     python, matchers = evaluator_python(), matcher_arguments(settings)
-    with disk_errors("write settings to", Path(tempfile.gettempdir())):
-        folder = tempfile.TemporaryDirectory(prefix="icymoon-trade-")
-        file = Path(folder.name, "scene.toml")
-        file.write_text(description.to_toml(settings), encoding="utf-8")
+    folder = make_scratch()
+    file = folder / "scene.toml"
+    write_text(file, description.to_toml(settings))
     command = python_command(python, verb, "--settings", str(file), "--blender", jobs.this_blender(),
                              *matchers, "--out", str(_folder(settings)), "--json-lines", *arguments)
     try:
         process = Process(command, clean_environment())
     except IcyMoonError:
-        folder.cleanup()
+        remove_folder(folder)
         raise
-    return jobs.Job(title, process, handle, folder.cleanup)
+    return jobs.Job(title, process, handle, partial(remove_folder, folder))
 
 
 def _wrapped(sentences: Sequence[str]) -> tuple[str, ...]:
@@ -171,8 +172,8 @@ class ICYMOON_OT_measure_machine(jobs.JobOperator, bpy.types.Operator):
 
     def start(self, context: bpy.types.Context) -> jobs.Job:
         self._device = str(context.scene.icymoon.quality.device)
-        folder = tempfile.TemporaryDirectory(prefix="icymoon-speed-")
-        job = Job(Path(folder.name), machine.probe(self._device))
+        folder = make_scratch()
+        job = Job(folder, machine.probe(self._device))
 
         def hear(message: Message) -> None:
             if message["type"] == "done":
@@ -180,7 +181,7 @@ class ICYMOON_OT_measure_machine(jobs.JobOperator, bpy.types.Operator):
 
         def clean() -> None:
             job.remove()
-            folder.cleanup()
+            remove_folder(folder)
 
         try:
             process = Process(blender_command(jobs.this_blender(), "worker", str(job.file)), clean_environment())

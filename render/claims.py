@@ -12,18 +12,25 @@ import json
 import os
 import secrets
 import threading
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import Any
 
 from .. import system
 from ..files import PART, disk_errors, part_of, read_text
+from ..records import PROCESS, TEXT, Maybe, fault, parsed
 from .ours import is_claim, remove_ours
 from .publish import settle
 
 FOLDER = "claims"
 #: How often a claim is touched, and how long after the last touch it counts for nothing.
 BEAT_S, STALE_S = 10.0, 60.0
+#: How long a claim is touched for a holder that does not say that it goes on, see ``goes_on``: it hangs then.
+SILENCE_S = 3600.0
+#: What a claim says of its holder.
+_SHAPE = {"pid": PROCESS, "place": TEXT, "host": TEXT, "key": Maybe(TEXT)}
 
 
 class Claims:
@@ -38,6 +45,7 @@ class Claims:
         self._pairs = dataset / "pairs"
         self._key = secrets.token_hex(8)  # what tells a claim of ours from another's that got the same name later
         self._held: dict[str, Path] = {}
+        self._heard = time.monotonic()
         self._stop = threading.Event()
         self._thread: threading.Thread | None = None
 
@@ -64,10 +72,15 @@ class Claims:
         if claims:
             self._clear(pair)
         self._held[pair] = path
+        self.goes_on()
         if self._thread is None:
             self._thread = threading.Thread(target=self._beat, daemon=True)
             self._thread.start()
         return True
+
+    def goes_on(self) -> None:
+        """Say that whoever holds these claims still gets somewhere with them."""
+        self._heard = time.monotonic()
 
     def release(self, pair: str) -> None:
         """Give a claim back."""
@@ -96,6 +109,12 @@ class Claims:
         for path in sorted(self._all(), key=_number):
             found[path.name.split(".")[0]] = path
         return {pair for pair, path in found.items() if not self._mine(path) and not self._stale(path)}
+
+    def holder(self, pair: str) -> str:
+        """Who holds a pair, for people."""
+        claims = self._of(pair)
+        said = _read(claims[max(claims)]) if claims else {}
+        return f"process {said['pid']} on {said['host']}" if said else "another process"
 
     def forget(self, pid: int) -> None:
         """Drop the claims of a process of this machine that has ended, and what it left half-written."""
@@ -160,8 +179,7 @@ class Claims:
         except FileNotFoundError:
             return True
         holder = _read(claim)
-        pid = holder.get("pid")
-        if isinstance(pid, int) and system.is_gone(pid, str(holder.get("place", ""))):
+        if holder and system.is_gone(holder["pid"], holder["place"]):
             return True
         return self._now() - touched > STALE_S
 
@@ -178,7 +196,7 @@ class Claims:
 
     def _beat(self) -> None:
         while not self._stop.wait(BEAT_S):
-            for path in list(self._held.values()):
+            for path in list(self._held.values()) if time.monotonic() - self._heard < SILENCE_S else ():
                 with suppress(OSError):  # released just now, or the share is away for a while
                     if self._mine(path):
                         os.utime(path)
@@ -189,9 +207,9 @@ def _number(path: Path) -> int:
     return int(text) if text.isdigit() else 0
 
 
-def _read(claim: Path) -> dict[str, object]:
+def _read(claim: Path) -> dict[str, Any]:
     try:
-        holder = json.loads(read_text(claim))
+        holder = parsed(read_text(claim))
     except (OSError, ValueError):
         return {}  # gone, or being written
-    return holder if isinstance(holder, dict) else {}
+    return {} if fault(holder, _SHAPE) else dict(holder)

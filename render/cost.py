@@ -7,9 +7,9 @@ took corrects them for the machine.
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -24,7 +24,7 @@ from ..physics.terrain import terrain
 from ..settings import Settings
 from ..system import processors
 from .order import key, ordered
-from .pair import is_complete
+from .pair import is_complete, read_pair
 from .plan import PlannedPair
 
 if TYPE_CHECKING:
@@ -241,10 +241,8 @@ def _facts(pairs: Sequence[PlannedPair], dataset: Path, there: set[str]) -> list
     """What the pairs that are there say of themselves, up to so many of them."""
     found = []
     for pair in [pair for pair in pairs if pair.id in there][:_LOOKED_AT]:
-        try:
-            found.append((pair, json.loads((pair.folder(dataset) / "pair.json").read_text(encoding="utf-8"))))
-        except (OSError, ValueError):
-            continue  # it is another's to tell what is wrong with it
+        with suppress(IcyMoonError):  # it is another's to tell what is wrong with it
+            found.append((pair, read_pair(pair.folder(dataset)).data))
     return found
 
 
@@ -254,7 +252,7 @@ def _ratios(pairs: Sequence[PlannedPair], dataset: Path | None, there: set[str],
     ratios = []
     for pair, facts in _facts(pairs, dataset, there) if dataset is not None else ():
         taken = facts.get("seconds", {})
-        threads = int(facts.get("settings", {}).get("quality", {}).get("threads") or processors())
+        threads = int(facts["settings"].get("quality", {}).get("threads") or processors())
         seconds = float(taken.get("render", 0.0)) * threads + float(taken.get("write", 0.0))
         if seconds > 0:
             ratios.append(seconds / expected[pair.id])

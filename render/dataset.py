@@ -13,7 +13,8 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import IcyMoonError
-from ..files import disk_errors, write_text
+from ..files import disk_errors, read_text, write_text
+from ..records import COUNT, TABLE, TEXT, Each, checked, parsed
 from ..settings import Settings, changed, check, defaults, merged
 from ..version import version
 from .ours import checked_id
@@ -23,6 +24,11 @@ from .plan import PlannedPair
 PLAN = "plan.jsonl"
 FORMAT = "icymoon-dataset"
 VERSION = 1
+_MEND = "delete it and run icymoon batch again, which keeps what is rendered"
+#: The first line of a plan, of any version and of this one, and the others.
+_KIND = {"format": TEXT, "version": COUNT}
+_HEADER = {**_KIND, "settings": Each(TABLE, TEXT), "pairs": COUNT, "plan": TEXT, "icymoon": TEXT}
+_LINE = {"id": TEXT, "changes": Each(TABLE, TEXT)}
 
 
 @dataclass(frozen=True)
@@ -72,20 +78,21 @@ def read(dataset: Path) -> Frozen:
         raise IcyMoonError(f"{dataset} has no {PLAN}; make the data set with icymoon batch.")
     try:
         with disk_errors("read", path):
-            header, *lines = [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()]
-        if header["format"] != FORMAT or header["version"] != VERSION:
-            raise IcyMoonError(f"{path} has version {header['version']} of {header['format']}, this Icy Moon reads "
-                               f"{VERSION} of {FORMAT}; use the version that wrote it.")
-        base = merged(defaults(), check(header["settings"], str(path)))
-        pairs = tuple(_pair(line, base, path) for line in lines)
-        if len(pairs) != header["pairs"]:
-            raise IcyMoonError(f"{path} holds {len(pairs)} of {header['pairs']} pairs; delete it and run icymoon batch "
-                               "again, which keeps what is rendered.")
-        return Frozen(pairs, str(header["plan"]), str(header["icymoon"]))
-    except (ValueError, KeyError, TypeError) as error:
-        raise IcyMoonError(f"{path} cannot be read ({type(error).__name__}: {error}); delete it and run icymoon batch "
-                           "again, which keeps what is rendered.") from None
+            header, *lines = [parsed(line) for line in read_text(path).split("\n") if line]
+    except ValueError as error:
+        raise IcyMoonError(f"{path} cannot be read ({error}); {_MEND}.") from None
+    checked(header, _KIND, path, _MEND)
+    if header["format"] != FORMAT or header["version"] != VERSION:
+        raise IcyMoonError(f"{path} has version {header['version']} of {header['format']}, this Icy Moon reads "
+                           f"{VERSION} of {FORMAT}; use the version that wrote it.")
+    checked(header, _HEADER, path, _MEND)
+    base = merged(defaults(), check(header["settings"], str(path)))
+    pairs = tuple(_pair(line, base, path) for line in lines)
+    if len({pair.id for pair in pairs}) != header["pairs"]:
+        raise IcyMoonError(f"{path} holds {len({pair.id for pair in pairs})} of {header['pairs']} pairs; {_MEND}.")
+    return Frozen(pairs, header["plan"], header["icymoon"])
 
 
 def _pair(line: Mapping[str, Any], base: Settings, path: Path) -> PlannedPair:
+    checked(line, _LINE, path, _MEND)
     return PlannedPair(checked_id(line["id"], path), merged(base, check(line["changes"], str(path))), 0.0)

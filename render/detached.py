@@ -18,8 +18,11 @@ from typing import IO, Any
 from .. import system
 from ..errors import IcyMoonError
 from ..files import disk_errors
+from ..records import NUMBER, PATH, PROCESS, TEXT, read_record
 from .queue import Listener
 
+#: What is written of a process.
+_SHAPE = {"pid": PROCESS, "started": NUMBER, "title": TEXT, "dataset": PATH}
 _GRACE_S = 3.0
 _LOOK_S = 0.05
 
@@ -71,12 +74,12 @@ class Detached(Listener):
     def attached(cls, stem: Path) -> Detached | None:
         """The process of this name, if it runs and nobody watches it."""
         try:
-            facts = json.loads(stem.with_suffix(".json").read_text(encoding="utf-8"))
+            facts = read_record(stem.with_suffix(".json"), _SHAPE, "delete it")
             if not system.is_held(stem.with_suffix(".lock")):
                 return None
             watch = system.lock(stem.with_suffix(".watch"))
             return cls(stem, facts, watch, None) if watch is not None else None
-        except (OSError, ValueError, KeyError):
+        except (OSError, IcyMoonError):
             return None
 
     def poll(self) -> list[dict[str, Any]]:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import json
-import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from ..errors import IcyMoonError
 from ..files import absolute_path, disk_errors
+from ..records import COUNT, FLAG, PATH, TABLE, TEXT, WHOLE, Each, Maybe, read_record
+from ..scratch import make_scratch
 from ..settings import Settings
 from ..system import is_python, remove_folder
 from ..version import ROOT
@@ -31,6 +32,26 @@ def blender_command(executable: str, *arguments: str) -> list[str]:
             "--python", str(ROOT / "__main__.py"), "--", *arguments]
 
 
+#: A job, as a worker reads it.
+JOB = {"settings": Maybe(Each(TABLE, TEXT), null=True), "dataset": PATH, "again": Maybe(FLAG), "repeat": Maybe(WHOLE),
+       "blend": Maybe(PATH, null=True), "scene": Maybe(TEXT, null=True), "threads": Maybe(COUNT, null=True),
+       "pairs": Maybe(Each({"id": TEXT, "settings": Each(TABLE, TEXT)}))}
+
+
+def read_job(file: Path) -> dict[str, Any]:
+    """A job as it was written. Raises IcyMoonError if it is none."""
+    mend = "write it with Render Stereo Pair or icymoon render"
+    try:
+        job = dict(read_record(file, JOB, mend))
+    except FileNotFoundError:
+        raise IcyMoonError(f"There is no job {file}; {mend}.") from None
+    if not job.get("pairs") and job.get("settings") is None:
+        raise IcyMoonError(f"{file}: settings is missing; {mend}.")
+    if job.get("blend") and not job.get("scene"):
+        raise IcyMoonError(f"{file}: scene is missing; {mend}.")
+    return job
+
+
 class Job:
     """A render job on disk, for the worker to read; ``remove`` it when the worker has ended."""
 
@@ -42,10 +63,10 @@ class Job:
         of another ``repeat`` are the same but for their name and the noise of their light paths.
         """
         self.dataset = dataset
-        with disk_errors("write a job to", Path(tempfile.gettempdir())):
-            self.folder = Path(tempfile.mkdtemp(prefix="icymoon-"))
-            self.blend = self.folder / "scene.blend"
-            self.file = self.folder / "job.json"
+        self.folder = make_scratch()
+        self.blend = self.folder / "scene.blend"
+        self.file = self.folder / "job.json"
+        with disk_errors("write a job to", self.folder):
             job: Mapping[str, Any] = {"settings": settings, "dataset": str(dataset), "again": again, "repeat": repeat,
                                       "blend": str(self.blend) if scene else None, "scene": scene, "threads": threads,
                                       "pairs": [{"id": pair.id, "settings": pair.settings} for pair in pairs]}

@@ -6,7 +6,6 @@ and number of processors in a file of the person's cache folder, so that window 
 
 from __future__ import annotations
 
-import json
 import os
 import platform
 from collections.abc import Callable
@@ -17,6 +16,7 @@ from typing import Any
 
 from ..errors import IcyMoonError
 from ..files import write_json
+from ..records import COUNT, NUMBER, POSITIVE, TABLE, TEXT, fault, read_record
 from ..settings import Settings, defaults, merged
 from ..system import cache_folder, processors
 from .cost import triangles_of, work_of
@@ -48,6 +48,12 @@ class Speed:
         return f"this machine, Blender {self.blender}, measured {self.measured[:10]}"
 
 
+#: How that is kept.
+_SPEED = {"factor": POSITIVE, "device": TEXT, "blender": TEXT, "processors": COUNT, "measured": TEXT}
+
+#: What is read of a rendered pair.
+_PAIR = {"seconds": {"render": NUMBER, "write": NUMBER}, "cpu_seconds": {"pair": NUMBER}, "versions": {"blender": TEXT}}
+
 _chosen = ""
 
 
@@ -71,10 +77,9 @@ def _file() -> Path:
 def _kept() -> dict[str, Any]:
     """All that is remembered; a file that cannot be read is as good as none."""
     try:
-        data = json.loads(_file().read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+        return dict(read_record(_file(), TABLE, "delete it"))
+    except (OSError, IcyMoonError):
         return {}
-    return data if isinstance(data, dict) else {}
 
 
 def _key(device: str, blender: str, count: int) -> str:
@@ -84,15 +89,10 @@ def _key(device: str, blender: str, count: int) -> str:
 def remembered(device: str, blender: str = "") -> Speed | None:
     """The speed of this computer's ``device`` (CPU or GPU) with as many processors as there are now, in one version of
     Blender or, if none is named, the one measured last; None if there is none."""
-    found = []
-    for key, entry in _kept().items():
-        try:
-            speed = Speed(**entry)
-            fits = (key == _key(device, speed.blender, processors()) and speed.factor > 0
-                    and blender in ("", speed.blender))
-        except (TypeError, ValueError):
-            continue
-        found += [speed] * fits
+    known = [(key, Speed(**{name: entry[name] for name in _SPEED})) for key, entry in _kept().items()
+             if not fault(entry, _SPEED)]
+    found = [speed for key, speed in known
+             if key == _key(device, speed.blender, processors()) and blender in ("", speed.blender)]
     return max(found, key=lambda speed: speed.measured, default=None)
 
 
@@ -114,13 +114,13 @@ def speed_of(pairs: list[Path], device: str) -> Speed:
     """
     expected = work_of(probe(device)).seconds(triangles_of(probe(device)))
     try:
-        facts = [json.loads((pair / "pair.json").read_text(encoding="utf-8")) for pair in pairs]
+        facts = [read_record(pair / "pair.json", _PAIR, "measure again") for pair in pairs]
         taken = [processors() * (each["seconds"]["render"] + each["seconds"]["write"]) for each in facts[1:]]
         if device == "CPU":
             taken += [2.0 * each["cpu_seconds"]["pair"] for each in facts[1:]]
         return Speed(min(taken) / expected, device, facts[0]["versions"]["blender"], processors(),
                      datetime.now(UTC).isoformat(timespec="minutes"))
-    except (OSError, ValueError, KeyError, TypeError) as error:
+    except (OSError, IcyMoonError, ValueError, IndexError) as error:
         raise IcyMoonError(f"The small render that measures this machine cannot be read ({error}); try "
                            "again.") from None
 

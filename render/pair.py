@@ -9,7 +9,6 @@ pixel centres and never antialiased. Imports no Blender.
 
 from __future__ import annotations
 
-import json
 import math
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -19,13 +18,32 @@ import numpy as np
 
 from ..changes import response
 from ..errors import IcyMoonError
-from ..files import PART, disk_errors, json_text, read_text, replaced, sha256
-from ..settings import Settings, merged
+from ..files import PART, json_text, read_text, replaced, sha256
+from ..records import (
+    COUNT,
+    FILE_NAME,
+    FLAG,
+    MATRIX,
+    NUMBER,
+    PIXELS,
+    POSITIVE,
+    SHA256,
+    TABLE,
+    TEXT,
+    WHOLE,
+    Each,
+    Maybe,
+    checked,
+    fault,
+    parsed,
+)
+from ..settings import Settings, check, defaults, merged
 from .ours import checked_id
 
 FORMAT = "icymoon-pair"
 VERSION = 1
 EYES = ("left", "right")
+_IMAGES = tuple(f"{eye}.exr" for eye in EYES)
 TRUTH_FILE, TOED_TRUTH_FILE = "{}_truth.exr", "{}_toed_truth.exr"
 
 
@@ -130,7 +148,7 @@ class Pair:
 
     folder: Path
     id: str
-    settings: Settings
+    settings: Settings  # complete; ``data`` has them as they were written
     camera: StereoCamera
     data: dict[str, Any]  # the whole of pair.json
 
@@ -155,28 +173,55 @@ class Pair:
         return self.folder / name.format(eye) if name.format(eye) in self.data["files"] else self.image(eye)
 
 
+_MEND = "delete the folder and render the pair again"
+_FILES = {"files": Each({"bytes": COUNT, "sha256": SHA256}, FILE_NAME, _IMAGES)}
+_BOTH_EYES = Maybe(dict.fromkeys(EYES, MATRIX))
+_NUMBERS = Maybe(Each(NUMBER, TEXT))
+#: What ``pair.json`` holds, as far as anything here reads it; of the settings see ``settings.check``.
+_SHAPE = {
+    "format": TEXT, "version": COUNT, "id": TEXT, "settings": Each(TABLE, TEXT), **_FILES,
+    "camera": {"width_px": PIXELS, "height_px": PIXELS, "focal_px": POSITIVE, "cx_px": NUMBER, "cy_px": NUMBER,
+               "baseline_m": POSITIVE, "margin_x_px": Maybe(COUNT), "margin_y_px": Maybe(COUNT),
+               "toe_in_deg": Maybe(NUMBER)},
+    "poses_camera_to_world": _BOTH_EYES, "poses_rectified_to_world": _BOTH_EYES,
+    "edited_by_hand": Maybe(FLAG), "own_files_sha256": Maybe(TEXT), "left_out": Maybe(Each(TEXT)),
+    "seeds": Maybe(Each(WHOLE, TEXT)), "versions": Maybe(Each(TEXT, TEXT)),
+    "device": Maybe(TEXT), "denoiser": Maybe(TEXT), "platform": Maybe(TEXT), "osl": Maybe(FLAG),
+    "light": Maybe(TABLE), "blur": Maybe(TABLE, null=True), "seconds": _NUMBERS, "cpu_seconds": _NUMBERS,
+    "peak_memory_mib": Maybe(NUMBER, null=True)}
+
+
+def _text(path: Path) -> str:
+    try:
+        return read_text(path)
+    except FileNotFoundError:
+        raise IcyMoonError(f"{path.parent} is not a complete stereo pair (no pair.json); render it again.") from None
+    except (OSError, ValueError) as error:
+        raise IcyMoonError(f"{path} cannot be read ({error}); {_MEND}.") from None
+
+
+def _parsed(path: Path, text: str) -> Any:
+    try:
+        return parsed(text)
+    except ValueError as error:
+        raise IcyMoonError(f"{path} cannot be read ({error}); {_MEND}.") from None
+
+
 def read_pair(folder: Path) -> Pair:
     """Read ``pair.json`` of one pair. Raises IcyMoonError if it is missing, foreign or incomplete."""
     path = folder / "pair.json"
-    try:
-        data = json.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise IcyMoonError(f"{folder} is not a complete stereo pair (no pair.json); render it again.") from None
-    except (OSError, ValueError) as error:
-        raise IcyMoonError(f"{path} cannot be read ({error}); delete the folder and render the pair again.") from None
+    data = _parsed(path, _text(path))
     if not isinstance(data, dict) or data.get("format") != FORMAT:
         raise IcyMoonError(f"{path} is not an Icy Moon pair; choose a folder that Render Stereo Pair wrote.")
     if data.get("version") != VERSION:
-        raise IcyMoonError(f"{path} has format version {data.get('version')}, this Icy Moon reads {VERSION}; "
+        raise IcyMoonError(f"{path} has format version {data.get('version')!r}, this Icy Moon reads {VERSION}; "
                            "use the version that wrote it.")
-    try:
-        pair = Pair(folder, checked_id(data["id"], path), data["settings"],
-                    StereoCamera.from_json(data["camera"]), data)
-    except KeyError as error:
-        raise IcyMoonError(f"{path} lacks {error}; delete the folder and render the pair again.") from None
+    checked(data, _SHAPE, path, _MEND)
+    settings = merged(defaults(), check(data["settings"], str(path)))
+    pair = Pair(folder, checked_id(data["id"], path), settings, StereoCamera.from_json(data["camera"]), data)
     for eye in EYES:
         if not pair.image(eye).is_file():
-            raise IcyMoonError(f"{pair.image(eye)} is missing; delete the folder and render the pair again.")
+            raise IcyMoonError(f"{pair.image(eye)} is missing; {_MEND}.")
     return pair
 
 
@@ -194,9 +239,10 @@ def is_whole(folder: Path) -> bool:
     Raises OSError where that cannot be told.
     """
     try:
-        files = json.loads(read_text(folder / "pair.json"))["files"]
-        return all((folder / name).stat().st_size == fact["bytes"] for name, fact in files.items())
-    except (FileNotFoundError, NotADirectoryError, ValueError, KeyError, TypeError, AttributeError):
+        data = parsed(read_text(folder / "pair.json"))
+        return not fault(data, _FILES) and all((folder / name).stat().st_size == fact["bytes"]
+                                               for name, fact in data["files"].items())
+    except (FileNotFoundError, NotADirectoryError, ValueError):
         return False
 
 
@@ -206,9 +252,8 @@ def restate(folder: Path, settings: Settings) -> None:
     If another pair takes its place meanwhile, that one states them. Raises IcyMoonError when the disk refuses.
     """
     path = folder / "pair.json"
-    with disk_errors("read", path):
-        before = read_text(path)
-    data = json.loads(before)
+    before = _text(path)
+    data = checked(_parsed(path, before), {"settings": Each(TABLE, TEXT)}, path, _MEND)
     now = merged(data["settings"], response(settings))
     if now != data["settings"] and not replaced(path, before, json_text({**data, "settings": now})):
         restate(folder, settings)

@@ -20,6 +20,7 @@ from typing import IO, Any
 
 from .. import system
 from ..errors import IcyMoonError
+from ..records import TEXT, fault, parsed
 
 Message = dict[str, Any]
 _GRACE_S = 3.0
@@ -143,10 +144,10 @@ def _parsed(line: str) -> Message | None:
     if not line.startswith("{"):
         return None
     try:
-        message = json.loads(line)
+        message = parsed(line)
     except ValueError:
         return None
-    return message if isinstance(message, dict) and "type" in message else None
+    return None if fault(message, {"type": TEXT}) else dict(message)
 
 
 def clean_environment() -> dict[str, str]:

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import IcyMoonError
+from ..records import FLAG, NUMBER, TABLE, TEXT, Maybe, Shape, fault
 from .claims import Claims
 from .launch import Job, blender_command
 from .order import shards
@@ -26,7 +27,13 @@ Say = Callable[..., None]
 MOST_CRASHES = 3
 #: A worker that has said that it is done is ended after this; the Blender module may hang when it ends.
 _FAREWELL_S = 10.0
+#: A worker that has said nothing for so long may hang: what is left of its pairs is given to others that have time.
+_DOUBT_S = 300.0
 _TURN_S, _WAIT_S = 0.05, 1.0
+#: What workers say, as far as it is heard here.
+_SAID: dict[str, Shape] = {
+    "progress": {"pair": Maybe(TEXT), "of_pair": Maybe(NUMBER)}, "pair": {"id": TEXT}, "warning": {"message": TEXT},
+    "error": {"message": TEXT, "pair": Maybe(TEXT), "crash": Maybe(FLAG)}, "done": {}}
 
 
 @dataclass(frozen=True)
@@ -78,6 +85,7 @@ class Runner:
         self._still = 0  # workers that ended without a word, one after the other
         self._complete: set[str] = set()
         self._warned: set[str] = set()
+        self._known = {None, *(pair.id for pair in self._pairs)}
         self.failed: dict[str, str] = {}
 
     def run(self) -> dict[str, str]:
@@ -90,8 +98,7 @@ class Runner:
             self._claims.sweep()
             for pair in self._pairs:
                 if is_complete(pair.folder(self._dataset)):
-                    restate(pair.folder(self._dataset), pair.settings)
-                    self._complete.add(pair.id)
+                    self._restate(pair)
             self._report()
             while missing := self._open():
                 self._enqueue(missing)
@@ -99,12 +106,22 @@ class Runner:
                     self._turn()
                     time.sleep(_TURN_S)
                 if missing == self._open():  # all of them are other runners'
+                    self._report(missing)
                     time.sleep(_WAIT_S)
         finally:
             for worker in self._running:
                 worker.close()
             self._claims.sweep()
         return self.failed
+
+    def _restate(self, pair: PlannedPair) -> None:
+        """Count a pair that is there, and let it state the camera response of this plan."""
+        try:
+            restate(pair.folder(self._dataset), pair.settings)
+            self._complete.add(pair.id)
+        except IcyMoonError as error:
+            self.failed[pair.id] = str(error)
+            self._say("error", message=str(error), pair=pair.id)
 
     def _open(self) -> list[PlannedPair]:
         """The pairs that are neither there nor set aside."""
@@ -129,12 +146,31 @@ class Runner:
                 worker.heard, worker.spoke = time.monotonic(), True
                 self._hear(worker, message)
             silent = time.monotonic() - worker.heard
-            if silent > (_FAREWELL_S if worker.done else self._options.silence_s):
+            if silent > self._patience_s(worker, silent):
                 worker.said = worker.said or f"it said nothing for {silent:.0f} s"
                 worker.process.stop()
+            elif silent > _DOUBT_S and len(self._running) < self._options.count and not self._queue:
+                self._relieve(worker)
             if not worker.process.running:
                 self._running.remove(worker)
                 self._ended(worker)
+
+    def _patience_s(self, worker: _Worker, silent: float) -> float:
+        """For how long a worker may say nothing: not long if all that it was to do is done, perhaps by others."""
+        idle = worker.done or (silent > _FAREWELL_S and not self._left(worker))
+        return _FAREWELL_S if idle else self._options.silence_s
+
+    def _left(self, worker: _Worker) -> list[PlannedPair]:
+        """What a worker was given that is neither there nor set aside."""
+        return [pair for pair in worker.pairs if pair.id not in self.failed
+                and not is_complete(pair.folder(self._dataset))]
+
+    def _relieve(self, worker: _Worker) -> None:
+        """Give what a worker has not begun to another; if it goes on after all, it finds that done, or claimed."""
+        waiting = [pair for pair in self._left(worker) if pair.id != worker.current]
+        if waiting:
+            worker.pairs = [pair for pair in worker.pairs if pair not in waiting]
+            self._queue.append(waiting)
 
     def _start(self, pairs: list[PlannedPair]) -> None:
         job = Job(self._dataset, pairs=pairs, threads=self._options.threads)
@@ -147,12 +183,14 @@ class Runner:
 
     def _hear(self, worker: _Worker, message: Message) -> None:
         kind = message["type"]
+        if fault(message, _SAID.get(kind, TABLE)) or not self._known >= {message.get("pair"), message.get("id")}:
+            return  # something that other code in that process has printed
         if kind == "progress" and "pair" in message:
-            worker.current, worker.fraction = message["pair"], message["of_pair"]
+            worker.current, worker.fraction = message["pair"], message.get("of_pair", 0.0)
             self._report()
         elif kind == "pair":
             worker.current, worker.fraction = "", 0.0
-            if is_complete(Path(message["folder"])):
+            if is_complete(self._dataset / "pairs" / message["id"]):
                 self._found(message["id"], message)
             else:
                 self._crashed(message["id"], "its files are not what was written")
@@ -179,9 +217,8 @@ class Runner:
             raise IcyMoonError(f"The worker does not start: {why}.")
         if worker.current and not is_complete(self._dataset / "pairs" / worker.current):
             self._crashed(worker.current, why)
-        left = [pair for pair in worker.pairs if not worker.done and pair.id not in self.failed
-                and not is_complete(pair.folder(self._dataset))]
-        if left:
+        left = self._left(worker)
+        if left and not worker.done:
             self._queue.append(left)
 
     def _found(self, name: str, message: dict[str, Any] | None = None) -> None:
@@ -203,8 +240,12 @@ class Runner:
             self.failed[name] = why
             self._say("error", message=why, pair=name)
 
-    def _report(self) -> None:
+    def _report(self, waiting: Sequence[PlannedPair] = ()) -> None:
+        """Say how far it is, and what it is ``waiting`` for."""
         total = max(1, len(self._pairs))
         fraction = (len(self._complete) + sum(w.fraction for w in self._running if w.current)) / total
+        text = f"{len(self._complete)} of {len(self._pairs)} pairs"
+        if waiting:
+            text += f"; {len(waiting)} are others', such as {waiting[0].id} of {self._claims.holder(waiting[0].id)}"
         self._say("progress", fraction=round(min(1.0, fraction), 6), done=len(self._complete), total=len(self._pairs),
-                  message=f"{len(self._complete)} of {len(self._pairs)} pairs")
+                  message=text)

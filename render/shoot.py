@@ -251,14 +251,15 @@ def _render(scene: bpy.types.Scene, files: dict[str, Path], planned: PlannedPair
     try:
         bpy.ops.render.render(write_still=True, scene=scene.name)
     except RuntimeError as error:
-        raise IcyMoonError(f"Cycles could not render pair {planned.id}: {_first_line(error)}") from None
+        raise IcyMoonError(f"Cycles could not render pair {planned.id}: {first_line(error)}") from None
     for file in files.values():
         if not is_whole(file):
             raise DiskError(f"Blender could not write the whole image of pair {planned.id} to {file.parent.parent}; "
                             "the disk is full or the folder may not be written to.")
 
 
-def _first_line(error: Exception) -> str:
+def first_line(error: Exception) -> str:
+    """What an operator of Blender's failed for."""
     lines = [line.removeprefix("Error: ").strip() for line in str(error).splitlines() if line.strip()]
     return lines[0] if lines else type(error).__name__
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ..errors import IcyMoonError
+from ..errors import IcyMoonError, sentence
 from ..files import sha256
 from ..physics.blur import identity
 from ..settings import check, defaults, digest, merged
@@ -29,7 +29,7 @@ _STAND_INS = ("", "Hapke of nodes")
 class Problem:
     """Something wrong: of which kind, with what (a pair's id or a path), in a sentence; ``path`` is what may go."""
 
-    kind: str  # "missing", "broken", "foreign", "leftover" or "kept"
+    kind: str  # "unreadable", "missing", "broken", "foreign", "leftover" or "kept"
     what: str
     text: str
     path: Path | None = None
@@ -59,7 +59,10 @@ def verify(dataset: Path, remove_broken: bool = False) -> Findings:
     problems: list[Problem] = []
     complete = 0
     for planned in frozen.pairs:
-        found = list(_of_pair(dataset, planned, planned.id in working))
+        try:
+            found = list(_of_pair(dataset, planned, planned.id in working))
+        except Exception as error:  # such as a disk that cannot be read: nothing to take away
+            found = [Problem("unreadable", planned.id, sentence(error, planned.folder(dataset)))]
         complete += not found
         problems += found
     problems += _others(dataset, {pair.id for pair in frozen.pairs}, working)
@@ -91,7 +94,9 @@ def _faults(pair: Pair, planned: PlannedPair) -> Iterator[str]:
     path = pair.folder / "pair.json"
     for name, fact in pair.data["files"].items():
         file = pair.folder / name
-        if file.stat().st_size != fact["bytes"]:
+        if not file.is_file():
+            yield f"{file} is missing."
+        elif file.stat().st_size != fact["bytes"]:
             yield f"{file} has {file.stat().st_size} bytes, not {fact['bytes']}."
         elif sha256(file) != fact["sha256"]:
             yield f"{file} is not what was rendered: its checksum differs."

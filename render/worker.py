@@ -6,7 +6,6 @@ pairs of a description, of a scene in a .blend file as a person left it, or of a
 
 from __future__ import annotations
 
-import json
 import os
 import sys
 import time
@@ -23,11 +22,12 @@ from ..nodes.scene import Built, extra, find
 from ..settings import check, defaults, merged
 from ..system import end_at_interrupt
 from .claims import Claims
+from .launch import read_job
 from .ours import checked_id
 from .pair import is_complete
 from .plan import PlannedPair, expand
 from .queue import emit
-from .shoot import check_space, shoot
+from .shoot import check_space, first_line, shoot
 from .stages import Described, Standing
 
 Emit = Callable[..., None]
@@ -62,7 +62,7 @@ def render_in(stage: Standing | Described, pairs: list[PlannedPair], dataset: Pa
                     raise IcyMoonError(f"Pair {planned.id} is being rendered by another process; wait for it.")
                 try:
                     if mine:
-                        _render(stage, planned, dataset, say, partial(claims.lost, planned.id), again, k, len(pairs))
+                        _render(stage, planned, dataset, say, claims, again, k, len(pairs))
                 except IcyMoonError as error:
                     if claims.lost(planned.id) and keep_going:
                         continue  # who has it now has also cleared away what was begun here
@@ -73,12 +73,13 @@ def render_in(stage: Standing | Described, pairs: list[PlannedPair], dataset: Pa
         claims.close()
 
 
-def _render(stage: Standing | Described, planned: PlannedPair, dataset: Path, say: Emit, lost: Callable[[], bool],
-            again: bool, k: int, total: int) -> None:
+def _render(stage: Standing | Described, planned: PlannedPair, dataset: Path, say: Emit, claims: Claims, again: bool,
+            k: int, total: int) -> None:
     label = f"Pair {k + 1} of {total}"
     folder = planned.folder(dataset)
 
     def report(fraction: float) -> None:
+        claims.goes_on()
         say("progress", fraction=(k + fraction) / total, message=label, pair=planned.id, of_pair=fraction)
 
     rendered = again or not is_complete(folder)
@@ -86,7 +87,7 @@ def _render(stage: Standing | Described, planned: PlannedPair, dataset: Path, sa
     if rendered:
         report(0.0)
         built, scene, seconds_build = stage.set_for(planned)
-        shoot(built, scene, planned, dataset, seconds_build, report, lost, again)
+        shoot(built, scene, planned, dataset, seconds_build, report, partial(claims.lost, planned.id), again)
     say("pair", id=planned.id, folder=str(folder), rendered=rendered, done=k + 1, total=total,
         seconds=round(time.perf_counter() - start, 2))
 
@@ -96,7 +97,7 @@ def _planned(job: dict[str, Any]) -> list[PlannedPair]:
     if job.get("pairs"):
         described = [(checked_id(pair["id"], "The job"), merged(defaults(), check(pair["settings"], "job")))
                      for pair in job["pairs"]]
-        threads = {"quality": {"threads": job["threads"]}} if job.get("threads") is not None else {}
+        threads = check({"quality": {"threads": job["threads"]}} if job.get("threads") is not None else {}, "job")
         return [PlannedPair(name, merged(settings, threads), 0.0) for name, settings in described]
     settings = merged(defaults(), check(job["settings"], "job"))
     # Each pair is built as it is described: there is nothing that has to be turned.
@@ -109,25 +110,26 @@ def _repeat(job: dict[str, Any]) -> str:
 
 
 def run(job: dict[str, Any], say: Emit = emit) -> None:
-    """Do a job. Raises IcyMoonError for what a person can mend."""
-    try:
-        dataset, again = Path(job["dataset"]), bool(job.get("again"))
-        say("progress", fraction=0.0, message="Building the scene")
-        if job.get("blend"):
-            built, frame, pairs = _opened(job)
-            render_pairs(built, pairs, dataset, frame, 0.0, say, again)
-        else:
-            pairs = _planned(job)
-            with Described(lambda warning: say("warning", message=warning), _repeat(job)) as stage:
-                render_in(stage, pairs, dataset, say, again, bool(job.get("pairs")))
-    except KeyError as error:
-        raise IcyMoonError(f"The job lacks {error}; write it with Render Stereo Pair or icymoon render.") from None
+    """Do a job, see ``launch.read_job``. Raises IcyMoonError for what a person can mend."""
+    dataset, again = Path(job["dataset"]), bool(job.get("again"))
+    say("progress", fraction=0.0, message="Building the scene")
+    if job.get("blend"):
+        built, frame, pairs = _opened(job)
+        render_pairs(built, pairs, dataset, frame, 0.0, say, again)
+    else:
+        pairs = _planned(job)
+        with Described(lambda warning: say("warning", message=warning), _repeat(job)) as stage:
+            render_in(stage, pairs, dataset, say, again, bool(job.get("pairs")))
     say("done", folders=[str(pair.folder(dataset)) for pair in pairs if is_complete(pair.folder(dataset))])
 
 
 def _opened(job: dict[str, Any]) -> tuple[Built, int, list[PlannedPair]]:
     """What is built in a .blend file, the frame it shows, and its pairs."""
-    bpy.ops.wm.open_mainfile(filepath=job["blend"], load_ui=False, use_scripts=False)
+    try:
+        bpy.ops.wm.open_mainfile(filepath=job["blend"], load_ui=False, use_scripts=False)
+    except RuntimeError as error:
+        why = first_line(error)
+        raise IcyMoonError(f"{job['blend']} cannot be opened ({why}); save the scene and render again.") from None
     scene = bpy.data.scenes.get(job["scene"])
     built = find(scene) if scene else None
     if scene is None or built is None:
@@ -145,7 +147,7 @@ def main(arguments: list[str]) -> int:
     status = 1
     try:
         properties.register()
-        run(json.loads(Path(arguments[0]).read_text(encoding="utf-8")))
+        run(read_job(Path(arguments[0])))
         status = 0
     except IcyMoonError as error:
         emit("error", message=str(error))

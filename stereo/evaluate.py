@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import IcyMoonError
+from ..errors import DiskError, sentence
 from ..files import write_json
 from ..version import version
 from . import check
@@ -28,7 +28,7 @@ from .measure import COMMON_NUMBERS, NUMBERS, common_numbers, own_numbers
 from .methods import Method
 from .points import images_with_points, pose_of
 from .prepare import Prepared, distinct_pairs, prepare
-from .results import write_results
+from .results import ROW, known_facts, write_results
 from .rowlog import Row, RowLog
 
 Event = Callable[[dict[str, Any]], None]
@@ -82,7 +82,7 @@ class _Run:
     def __init__(self, methods: Sequence[Method], out: Path, response: dict[str, Any], on_event: Event,
                  total: int, points: bool) -> None:
         self.methods, self.out, self.response, self.points = methods, out, response, points
-        self.log = RowLog(out / "results.jsonl")
+        self.log = RowLog(out / "results.jsonl", ROW)
         self.failed: list[dict[str, Any]] = []
         self.suspect: list[dict[str, Any]] = []
         self._tell, self._total, self._done = on_event, total, 0
@@ -99,10 +99,11 @@ class _Run:
         if facts is None or len(rows) < len(keys) or not all(self._finished(row, keys) for row in rows.values()):
             try:
                 prepared = prepare(folder, self.response)
-            except IcyMoonError as error:
-                self._fail(str(error), pair=name)
+            except Exception as error:
+                why = sentence(error, folder)
+                self._fail(why, pair=name)
                 for method in self.methods:
-                    self._add(rows.get(method.label) or _failed_row(name, method, keys[method.label], str(error)))
+                    self._add(rows.get(method.label) or _failed_row(name, method, keys[method.label], why))
                 return
             facts = prepared.facts | {"key": content, "images": write_pair_pictures(prepared, self.out)}
             write_json(self.out / "pairs" / name / "facts.json", facts)
@@ -139,11 +140,15 @@ class _Run:
             try:
                 disparities[label], _, info = match(method.name, prepared.left, prepared.right, method.options,
                                                      prepared.pair.camera)
-            except IcyMoonError as error:
-                self._fail(str(error), pair=prepared.pair.folder.name, method=label)
-                self._add(_failed_row(prepared.pair.folder.name, method, keys[label], str(error)))
+                rows[label] = self._row(prepared, method, keys[label], disparities[label], info)
+            except DiskError:
+                raise
+            except Exception as error:
+                why = sentence(error, f"{prepared.pair.folder} by {label}")
+                disparities.pop(label, None)
+                self._fail(why, pair=prepared.pair.folder.name, method=label)
+                self._add(_failed_row(prepared.pair.folder.name, method, keys[label], why))
                 continue
-            rows[label] = self._row(prepared, method, keys[label], disparities[label], info)
             self._add(rows[label])
         common = np.logical_and.reduce([np.ones_like(prepared.visible), *map(np.isfinite, disparities.values())])
         points = self.points and pose_of(prepared) is not None
@@ -191,12 +196,8 @@ def _failed_row(pair: str, method: Method, key: str, message: str) -> Row:
 
 def _facts(out: Path, pair: str, content: str) -> dict[str, Any] | None:
     """What an earlier run wrote of a pair, if it is of this content and its pictures are there."""
-    try:
-        facts = json.loads((out / "pairs" / pair / "facts.json").read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        return None
-    same = isinstance(facts, dict) and facts.get("key") == content and present(facts, out, pair)
-    return facts if same else None
+    facts = known_facts(out, pair)
+    return facts if facts and facts["key"] == content and present(facts, out, pair) else None
 
 
 def _setup(method: Method) -> list[Any]:

@@ -24,7 +24,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import IcyMoonError
+from ..errors import DiskError, IcyMoonError, sentence
 from ..files import write_atomically, write_json, write_text
 from ..labels import LANDER, ROCK, SEMANTIC
 from ..render.pair import EYES
@@ -35,6 +35,9 @@ from .prepare import Loaded, distinct_pairs, load
 from .raw import write_raw
 
 Event = Callable[[dict[str, Any]], None]
+#: Calls a function with each pair, and a layout: what writes them with it.
+Each = Callable[[Callable[[Loaded], None]], None]
+Format = Callable[[Each, Path], None]
 #: Semantic values that have instances worth counting; ground and sky are no things.
 THINGS = (ROCK, LANDER)
 _VISIBLE, _HIDDEN = 255, 128
@@ -48,26 +51,42 @@ def export(paths: Sequence[Path], kind: str, out: Path,
     "error", "message"} and left out; one that fails its self-check as {"type": "warning", "message"}. Raises
     IcyMoonError if there is no pair or ``out`` cannot be written.
     """
-    failed: list[str] = []
-    FORMATS[kind](_loaded(distinct_pairs(paths), response or {}, on_event, failed), out)
-    return failed
+    pairs = _Pairs(distinct_pairs(paths), response or {}, on_event)
+    FORMATS[kind](pairs.each, out)
+    return pairs.failed
 
 
-def _loaded(folders: Sequence[Path], response: Mapping[str, Mapping[str, Any]], on_event: Event,
-            failed: list[str]) -> Iterator[Loaded]:
-    for done, folder in enumerate(folders, 1):
-        try:
-            pair = load(folder, response)
-        except IcyMoonError as error:
-            failed.append(str(error))
-            on_event({"type": "error", "message": str(error)})
-            continue
-        if not pair.check.ok:
-            problems = "; ".join(pair.check.problems)
-            on_event({"type": "warning", "message": f"{folder} fails its self-check: {problems}."})
-        yield pair
-        on_event({"type": "progress", "fraction": done / len(folders), "done": done, "total": len(folders),
-                  "message": folder.name})
+class _Pairs:
+    """Pairs that are read and written one after the other; one that cannot be stops none of the others."""
+
+    def __init__(self, folders: Sequence[Path], response: Mapping[str, Mapping[str, Any]], on_event: Event) -> None:
+        self._folders, self._response, self._tell = folders, response, on_event
+        self.failed: list[str] = []
+
+    def each(self, write: Callable[[Loaded], None]) -> None:
+        """Let ``write`` write each pair. Raises DiskError if it cannot."""
+        for done, folder in enumerate(self._folders, 1):
+            try:
+                pair = load(folder, self._response)
+            except Exception as error:
+                self._fail(error, folder)
+                continue
+            if not pair.check.ok:
+                problems = "; ".join(pair.check.problems)
+                self._tell({"type": "warning", "message": f"{folder} fails its self-check: {problems}."})
+            try:
+                write(pair)
+            except DiskError:
+                raise
+            except Exception as error:
+                self._fail(error, folder)
+                continue
+            self._tell({"type": "progress", "fraction": done / len(self._folders), "done": done,
+                        "total": len(self._folders), "message": folder.name})
+
+    def _fail(self, error: Exception, folder: Path) -> None:
+        self.failed.append(sentence(error, folder))
+        self._tell({"type": "error", "message": self.failed[-1]})
 
 
 def _disparity(pair: Loaded, eye: str) -> np.ndarray:
@@ -88,32 +107,30 @@ def _calibration(pair: Loaded) -> dict[str, Any]:
             **exposure_facts(pair.images), "self_check": pair.check.to_json()}
 
 
-def _png8(pairs: Iterator[Loaded], out: Path) -> None:
-    for pair in pairs:
-        folder = out / pair.pair.folder.name
-        for eye in EYES:
-            _write_8_bit(folder / f"{eye}.png", pair, eye)
-            write_png(folder / f"visible_{eye}.png", pair.visible[eye].astype(np.uint8) * _VISIBLE)
-            semantic = pair.views[eye].semantic
-            if semantic is not None:
-                write_png(folder / f"semantic_{eye}.png", semantic.astype(np.uint8))
-        write_json(folder / "calibration.json", _calibration(pair) | {"semantic": SEMANTIC})
+def _png8(pair: Loaded, out: Path) -> None:
+    folder = out / pair.pair.folder.name
+    for eye in EYES:
+        _write_8_bit(folder / f"{eye}.png", pair, eye)
+        write_png(folder / f"visible_{eye}.png", pair.visible[eye].astype(np.uint8) * _VISIBLE)
+        semantic = pair.views[eye].semantic
+        if semantic is not None:
+            write_png(folder / f"semantic_{eye}.png", semantic.astype(np.uint8))
+    write_json(folder / "calibration.json", _calibration(pair) | {"semantic": SEMANTIC})
 
 
-def _png16(pairs: Iterator[Loaded], out: Path) -> None:
-    for pair in pairs:
-        folder = out / pair.pair.folder.name
-        labels = _instance_labels(pair)
-        for eye in EYES:
-            write_png(folder / f"{eye}.png", _16_bit(pair, eye))
-            write_scaled(folder / f"disparity_{eye}.png", _disparity(pair, eye), KITTI_SCALE)
-            write_scaled(folder / f"depth_{eye}.png", pair.depth[eye], MILLIMETRES)
-            instance = pair.views[eye].instance
-            if instance is not None:
-                write_png(folder / f"instance_{eye}.png", np.searchsorted(labels, instance).astype(np.uint16))
-        write_json(folder / "calibration.json", _calibration(pair) | {
-            "disparity_steps_per_px": KITTI_SCALE, "depth_steps_per_m": MILLIMETRES,
-            "instance_labels": {str(k): int(label) for k, label in enumerate(labels)}})
+def _png16(pair: Loaded, out: Path) -> None:
+    folder = out / pair.pair.folder.name
+    labels = _instance_labels(pair)
+    for eye in EYES:
+        write_png(folder / f"{eye}.png", _16_bit(pair, eye))
+        write_scaled(folder / f"disparity_{eye}.png", _disparity(pair, eye), KITTI_SCALE)
+        write_scaled(folder / f"depth_{eye}.png", pair.depth[eye], MILLIMETRES)
+        instance = pair.views[eye].instance
+        if instance is not None:
+            write_png(folder / f"instance_{eye}.png", np.searchsorted(labels, instance).astype(np.uint16))
+    write_json(folder / "calibration.json", _calibration(pair) | {
+        "disparity_steps_per_px": KITTI_SCALE, "depth_steps_per_m": MILLIMETRES,
+        "instance_labels": {str(k): int(label) for k, label in enumerate(labels)}})
 
 
 def _16_bit(pair: Loaded, eye: str) -> np.ndarray:
@@ -132,32 +149,35 @@ def _instance_labels(pair: Loaded) -> np.ndarray:
     return labels
 
 
-def _pfm(pairs: Iterator[Loaded], out: Path) -> None:
-    for pair in pairs:
-        folder = out / pair.pair.folder.name
-        for eye in EYES:
-            write_pfm(folder / f"{eye}.pfm", pair.views[eye].radiance)
-            write_pfm(folder / f"disparity_{eye}.pfm", _disparity(pair, eye))
-            write_pfm(folder / f"depth_{eye}.pfm", pair.depth[eye])
-        write_json(folder / "calibration.json", _calibration(pair))
+def _pfm(pair: Loaded, out: Path) -> None:
+    folder = out / pair.pair.folder.name
+    for eye in EYES:
+        write_pfm(folder / f"{eye}.pfm", pair.views[eye].radiance)
+        write_pfm(folder / f"disparity_{eye}.pfm", _disparity(pair, eye))
+        write_pfm(folder / f"depth_{eye}.pfm", pair.depth[eye])
+    write_json(folder / "calibration.json", _calibration(pair))
 
 
-def _kitti(pairs: Iterator[Loaded], out: Path) -> None:
+def _kitti(each: Each, out: Path) -> None:
     """``disp_occ_0`` has all true disparities of the left eye, ``disp_noc_0`` those that the right eye sees too."""
     root = out / "training"
-    numbers = io.StringIO()
-    table = csv.writer(numbers, lineterminator="\n")
-    table.writerow(("number", "pair"))
-    for k, pair in enumerate(pairs):
-        frame = f"{k:06d}_10.png"
+    numbers = [("number", "pair")]
+
+    def write(pair: Loaded) -> None:
+        number = f"{len(numbers) - 1:06d}"
+        frame = f"{number}_10.png"
         _write_8_bit(root / "image_2" / frame, pair, "left")
         _write_8_bit(root / "image_3" / frame, pair, "right")
         disparity = _disparity(pair, "left")
         write_scaled(root / "disp_occ_0" / frame, disparity, KITTI_SCALE)
         write_scaled(root / "disp_noc_0" / frame, np.where(pair.visible["left"], disparity, np.nan), KITTI_SCALE)
-        write_text(root / "calib_cam_to_cam" / f"{k:06d}.txt", _kitti_calibration(pair))
-        table.writerow((f"{k:06d}", pair.pair.folder.name))
-    write_text(out / "pairs.csv", numbers.getvalue())
+        write_text(root / "calib_cam_to_cam" / f"{number}.txt", _kitti_calibration(pair))
+        numbers.append((number, pair.pair.folder.name))
+
+    each(write)
+    table = io.StringIO()
+    csv.writer(table, lineterminator="\n").writerows(numbers)
+    write_text(out / "pairs.csv", table.getvalue())
 
 
 def _kitti_calibration(pair: Loaded) -> str:
@@ -171,15 +191,14 @@ def _kitti_calibration(pair: Loaded) -> str:
     return "".join(lines)
 
 
-def _middlebury(pairs: Iterator[Loaded], out: Path) -> None:
-    for pair in pairs:
-        folder = out / pair.pair.folder.name
-        for k, eye in enumerate(EYES):
-            _write_8_bit(folder / f"im{k}.png", pair, eye)
-            write_pfm(folder / f"disp{k}.pfm", _disparity(pair, eye))
-            known = np.where(np.isfinite(pair.depth[eye]), _HIDDEN, 0)
-            write_png(folder / f"mask{k}nocc.png", np.where(pair.visible[eye], _VISIBLE, known).astype(np.uint8))
-        write_text(folder / "calib.txt", _middlebury_calibration(pair))
+def _middlebury(pair: Loaded, out: Path) -> None:
+    folder = out / pair.pair.folder.name
+    for k, eye in enumerate(EYES):
+        _write_8_bit(folder / f"im{k}.png", pair, eye)
+        write_pfm(folder / f"disp{k}.pfm", _disparity(pair, eye))
+        known = np.where(np.isfinite(pair.depth[eye]), _HIDDEN, 0)
+        write_png(folder / f"mask{k}nocc.png", np.where(pair.visible[eye], _VISIBLE, known).astype(np.uint8))
+    write_text(folder / "calib.txt", _middlebury_calibration(pair))
 
 
 def _middlebury_calibration(pair: Loaded) -> str:
@@ -195,7 +214,7 @@ def _middlebury_calibration(pair: Loaded) -> str:
             f"vmin={low}\nvmax={high}\ndyavg=0\ndymax=0\n")
 
 
-def _coco(pairs: Iterator[Loaded], out: Path) -> None:
+def _coco(each: Each, out: Path) -> None:
     categories = [{"id": k, "name": SEMANTIC[k], "supercategory": "thing"} for k in THINGS]
     images: list[dict[str, Any]] = []
 
@@ -205,17 +224,22 @@ def _coco(pairs: Iterator[Loaded], out: Path) -> None:
             stream.write(f'{{"info": {json.dumps({"description": "Icy Moon"})},\n"categories": '
                          f'{json.dumps(categories)},\n"annotations": [')
             count = 0
-            for pair in pairs:
+
+            def write(pair: Loaded) -> None:
+                nonlocal count
                 for eye in EYES:
                     name = f"{pair.pair.folder.name}_{eye}.png"
                     _write_8_bit(out / "images" / name, pair, eye)
+                    found = list(things(pair.views[eye].instance, pair.views[eye].semantic))
                     camera = pair.pair.camera
                     images.append({"id": len(images) + 1, "file_name": name, "width": camera.width_px,
                                    "height": camera.height_px, "pair": pair.pair.folder.name, "eye": eye})
-                    for annotation in things(pair.views[eye].instance, pair.views[eye].semantic):
+                    for annotation in found:
                         count += 1
                         stream.write(("," if count > 1 else "") + "\n" + json.dumps(
                             {"id": count, "image_id": len(images), **annotation}))
+
+            each(write)
             stream.write(f'\n],\n"images": {json.dumps(images)}}}\n')
 
     write_atomically(out / "annotations.json", fill)
@@ -244,9 +268,14 @@ def things(instance: np.ndarray | None, semantic: np.ndarray | None) -> Iterator
                "segmentation": {"size": [height, width], "counts": run_lengths(pixels, height * width)}}
 
 
-FORMATS: dict[str, Callable[[Iterator[Loaded], Path], None]] = {
-    "png8": _png8, "png16": _png16, "pfm": _pfm, "kitti": _kitti, "middlebury": _middlebury, "coco": _coco,
-    "raw": write_raw}
+def _alone(write: Callable[[Loaded, Path], None]) -> Format:
+    """A layout in which no pair needs to know of the others."""
+    return lambda each, out: each(lambda pair: write(pair, out))
+
+
+FORMATS: dict[str, Format] = {
+    "png8": _alone(_png8), "png16": _alone(_png16), "pfm": _alone(_pfm), "kitti": _kitti,
+    "middlebury": _alone(_middlebury), "coco": _coco, "raw": _alone(write_raw)}
 
 
 def write_truth(paths: Sequence[Path], out: Path) -> Iterator[dict[str, Any]]:
@@ -258,8 +287,8 @@ def write_truth(paths: Sequence[Path], out: Path) -> Iterator[dict[str, Any]]:
     for folder in distinct_pairs(paths):
         try:
             pair = load(folder, {})
-        except IcyMoonError as error:
-            yield {"pair": folder.name, "ok": False, "problems": [str(error)]}
+        except Exception as error:
+            yield {"pair": folder.name, "ok": False, "problems": [sentence(error, folder)]}
             continue
         stream = io.BytesIO()
         np.savez_compressed(stream, **{f"{name}_{eye}": values for eye in EYES for name, values in (

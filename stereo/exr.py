@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import os
 import sys
-import tempfile
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager, redirect_stdout
 from dataclasses import dataclass
@@ -21,6 +20,7 @@ import numpy as np
 from ..errors import IcyMoonError
 from ..labels import BEAUTY, INSTANCE_AOV, LIGHT_GROUPS, NORMAL_AOV, TRUTH
 from ..render.pair import EYES
+from ..scratch import scratch
 from .exr_parts import only_passes
 
 SKY_DEPTH_M = 1.0e10  # what Cycles writes where a ray hits nothing
@@ -125,8 +125,8 @@ def _less(path: Path, passes: Collection[str]) -> Iterator[str]:
         yield str(path)
         return
     # A file and not a stream, which older versions of the OpenEXR package do not read.
-    with tempfile.TemporaryDirectory() as folder:
-        file = Path(folder) / path.name
+    with scratch() as folder:
+        file = folder / path.name
         file.write_bytes(only_passes(path.read_bytes(), passes))
         yield str(file)
 

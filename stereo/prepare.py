@@ -111,17 +111,12 @@ def none_for_nan(value: float) -> float | None:
 
 def checked(folder: Path) -> tuple[Pair, Settings]:
     """A pair whose files are as they were rendered, and its complete settings. Raises IcyMoonError otherwise."""
-    try:
-        pair = read_pair(folder)
-        changed = changed_files(pair)
-        settings = merged(defaults(), pair.settings)
-    except (KeyError, TypeError, ValueError, AttributeError):
-        raise IcyMoonError(f"{folder / 'pair.json'} does not describe a pair; delete the folder and render the pair "
-                           "again.") from None
+    pair = read_pair(folder)
+    changed = changed_files(pair)
     if changed:
         raise IcyMoonError(f"{folder / changed[0]} is not the file that was rendered (its checksum differs); delete "
                            "the folder and render the pair again.")
-    return pair, settings
+    return pair, merged(defaults(), pair.settings)
 
 
 def _sees(pair: Pair, settings: Settings, eye: str) -> np.ndarray:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -18,32 +17,31 @@ from .prepare import Loaded
 from .views import sensor_depth
 
 
-def write_raw(pairs: Iterator[Loaded], out: Path) -> None:
-    """Per pair, ``<out>/<pair>/``: ``left.png`` (8-bit, or 16-bit holding ``image_bits``), ``depth_left.npy`` (planar
+def write_raw(pair: Loaded, out: Path) -> None:
+    """Write ``<out>/<pair>/``: ``left.png`` (8-bit, or 16-bit holding ``image_bits``), ``depth_left.npy`` (planar
     metres along the eye's own axis, NaN for none), the same of the right eye, ``calibration.json``, and
     ``intrinsics.yml`` and ``extrinsics.yml`` as OpenCV's own stereo programs read them.
 
     Single exposures that were merged are not written.
     """
-    for pair in pairs:
-        folder = out / pair.pair.folder.name
-        for eye, numbers in (("left", pair.images.detected_left), ("right", pair.images.detected_right)):
-            write_png(folder / f"{eye}.png", numbers.astype(np.uint8) if pair.images.bits == 8 else numbers)
-            write_npy(folder / f"depth_{eye}.npy", sensor_depth(pair.pair, eye, pair.settings["rig"]))
-        camera, distortion = pair.pair.camera, coefficients(pair.settings["rig"])
-        opencv = opencv_calibration(camera, distortion)
-        intrinsic = ("M1", "D1", "M2", "D2")
-        write_text(folder / "intrinsics.yml", _yaml({key: opencv[key] for key in intrinsic}))
-        write_text(folder / "extrinsics.yml", _yaml({k: v for k, v in opencv.items() if k not in intrinsic}))
-        eyes = camera.eyes_json()
-        write_json(folder / "calibration.json", {
-            "pair": pair.pair.id, "width_px": camera.width_px, "height_px": camera.height_px,
-            "toe_in_deg": camera.toe_in_deg, "pixel_centre": "(u + 0.5, v + 0.5)",
-            "eyes": {eye: eyes[eye] | {"distortion": dict(zip(COEFFICIENTS, distortion, strict=True))}
-                     for eye in EYES},
-            "opencv": {"pixel_centre": "(u, v)"} | {key: value.tolist() for key, value in opencv.items()},
-            "poses_camera_to_world": pair.pair.data.get("poses_camera_to_world"), "sensor": pair.settings["sensor"],
-            **exposure_facts(pair.images), "self_check": pair.check.to_json()})
+    folder = out / pair.pair.folder.name
+    for eye, numbers in (("left", pair.images.detected_left), ("right", pair.images.detected_right)):
+        write_png(folder / f"{eye}.png", numbers.astype(np.uint8) if pair.images.bits == 8 else numbers)
+        write_npy(folder / f"depth_{eye}.npy", sensor_depth(pair.pair, eye, pair.settings["rig"]))
+    camera, distortion = pair.pair.camera, coefficients(pair.settings["rig"])
+    opencv = opencv_calibration(camera, distortion)
+    intrinsic = ("M1", "D1", "M2", "D2")
+    write_text(folder / "intrinsics.yml", _yaml({key: opencv[key] for key in intrinsic}))
+    write_text(folder / "extrinsics.yml", _yaml({k: v for k, v in opencv.items() if k not in intrinsic}))
+    eyes = camera.eyes_json()
+    write_json(folder / "calibration.json", {
+        "pair": pair.pair.id, "width_px": camera.width_px, "height_px": camera.height_px,
+        "toe_in_deg": camera.toe_in_deg, "pixel_centre": "(u + 0.5, v + 0.5)",
+        "eyes": {eye: eyes[eye] | {"distortion": dict(zip(COEFFICIENTS, distortion, strict=True))}
+                 for eye in EYES},
+        "opencv": {"pixel_centre": "(u, v)"} | {key: value.tolist() for key, value in opencv.items()},
+        "poses_camera_to_world": pair.pair.data.get("poses_camera_to_world"), "sensor": pair.settings["sensor"],
+        **exposure_facts(pair.images), "self_check": pair.check.to_json()})
 
 
 def opencv_calibration(camera: StereoCamera, distortion: tuple[float, ...]) -> dict[str, np.ndarray]:

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import IcyMoonError
+from ..errors import IcyMoonError, sentence
 from ..files import write_json
 from ..labels import LIGHT_GROUPS
 from ..physics.distortion import COEFFICIENTS, coefficients
@@ -52,9 +52,9 @@ def reexpose(paths: Sequence[Path], out: Path, response: Mapping[str, Mapping[st
                 if message not in warned:
                     warned.add(message)
                     on_event({"type": "warning", "message": message})
-        except IcyMoonError as error:
-            failed.append(str(error))
-            on_event({"type": "error", "message": str(error)})
+        except Exception as error:
+            failed.append(sentence(error, folder))
+            on_event({"type": "error", "message": failed[-1]})
         on_event({"type": "progress", "fraction": (k + 1) / len(folders), "done": k + 1, "total": len(folders),
                   "message": folder.name})
     if failed:

@@ -5,13 +5,16 @@ from __future__ import annotations
 import csv
 import json
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, TextIO
 
 import numpy as np
 
+from ..errors import IcyMoonError
 from ..files import write_atomically, write_json
+from ..records import ANYTHING, COUNT, FLAG, NUMBER, PIXELS, TABLE, TEXT, Each, Maybe, Shape, read_record
 from . import check
 from .factors import scene_of, swept_settings
 from .matchers import complete_options
@@ -28,6 +31,17 @@ VERSION = 1
 _LONG = ("strata", "sparsification", "common")
 
 
+#: What is written of a pair, see ``prepare``, as far as anything reads it again.
+FACTS: dict[str, Shape] = {"pair": TEXT, "key": TEXT, "images": Each(TEXT, TEXT), "settings": Each(TABLE, TEXT),
+         "self_check": {"ok": FLAG, "problems": Each(TEXT)}, "warnings": Maybe(Each(TEXT)), "rendered": TABLE,
+         "width_px": PIXELS, "height_px": PIXELS, "true": NUMBER, "visible": Maybe(NUMBER, null=True),
+         "exposure_s": NUMBER}
+_KNOWN = Maybe(NUMBER, null=True)
+#: What is written of a method on a pair, see ``evaluate.evaluate``.
+ROW: dict[str, Shape] = {
+    "status": TEXT, "error": TEXT, "common": TEXT, "images": Each(TEXT, TEXT), "options": TABLE, "facts": TABLE,
+    "counts": Each(COUNT, TEXT), "strata": TABLE, "sparsification": TABLE, "error_curve": Each(ANYTHING),
+    **dict.fromkeys(NUMBERS, _KNOWN)}
 #: What ``summary.json`` leaves out of the report: what grows with the number of pairs.
 _MANY = ("rows", "pairs")
 
@@ -40,7 +54,7 @@ def write_results(log: RowLog, names: Sequence[str], methods: Sequence[Method], 
     pictures are in the HTML report, for who has no use for thousands."""
     labels = [method.label for method in methods]
     rows = Lazy(len(names) * len(labels), lambda k: _short(log.read(names[k // len(labels)], labels[k % len(labels)])))
-    usable = [name for name in names if (out / "pairs" / name / "facts.json").is_file()
+    usable = [name for name in names if known_facts(out, name) is not None
               and not _all_failed(log, name, labels)]
     facts = Lazy(len(usable), lambda k: read_facts(out, usable[k]))
     table = Table(labels, names)
@@ -70,9 +84,16 @@ def write_results(log: RowLog, names: Sequence[str], methods: Sequence[Method], 
     return report
 
 
+def known_facts(out: Path, pair: str) -> dict[str, Any] | None:
+    """What was found about a pair; None if that is not there, or not what is written there."""
+    with suppress(OSError, IcyMoonError):
+        return dict(read_facts(out, pair))
+    return None
+
+
 def read_facts(out: Path, pair: str) -> dict[str, Any]:
-    """What was found about a pair."""
-    facts: dict[str, Any] = json.loads((out / "pairs" / pair / "facts.json").read_text(encoding="utf-8"))
+    """What was found about a pair. Raises IcyMoonError if it cannot be read."""
+    facts: dict[str, Any] = read_record(out / "pairs" / pair / "facts.json", FACTS, "evaluate again")
     return facts
 
 

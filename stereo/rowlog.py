@@ -9,20 +9,24 @@ from typing import Any, BinaryIO
 
 from ..errors import IcyMoonError
 from ..files import disk_errors, write_atomically
+from ..records import FILE_NAME, TEXT, Shape, fault, parsed
 from ..system import flush_handle
 
 Row = dict[str, Any]
+#: What any row has.
+NAMES: dict[str, Shape] = {"pair": FILE_NAME, "method": TEXT, "key": TEXT}
 
 
 class RowLog:
     """A JSON-lines file with a row per (pair, method); of several the last one counts.
 
     Rows are on the disk once appended. In memory are only the place and the ``key`` of each. What an interrupted
-    run left of a row is removed; lines that are no rows are passed over. Raises IcyMoonError when the disk refuses.
+    run left of a row is removed; lines that are no rows of ``shape`` are passed over. Raises IcyMoonError when the
+    disk refuses.
     """
 
-    def __init__(self, path: Path) -> None:
-        self._path = path
+    def __init__(self, path: Path, shape: Mapping[str, Shape] = NAMES) -> None:
+        self._path, self._shape = path, {**NAMES, **shape}
         self._rows: dict[tuple[str, str], tuple[int, str]] = {}
         with disk_errors("write", path):
             path.parent.mkdir(parents=True, exist_ok=True)
@@ -36,7 +40,7 @@ class RowLog:
             if not line.endswith(b"\n"):
                 stream.truncate(start)
                 break
-            row = _parsed(line)
+            row = self._parsed(line)
             if row is not None:
                 self._rows[row["pair"], row["method"]] = start, row["key"]
             start += len(line)
@@ -50,7 +54,7 @@ class RowLog:
         """The row of a pair and method, which there must be. Raises IcyMoonError if another program took it away."""
         with disk_errors("read", self._path), self._path.open("rb") as stream:
             stream.seek(self._rows[pair, method][0])
-            row = _parsed(stream.readline())
+            row = self._parsed(stream.readline())
         if row is None or (row["pair"], row["method"]) != (pair, method):
             raise IcyMoonError(f"{self._path} was changed by another program while it was in use; evaluate again.")
         return row
@@ -86,15 +90,12 @@ class RowLog:
         write_atomically(self._path, fill)
         self._rows = places
 
-
-def _parsed(line: bytes) -> Row | None:
-    try:
-        row = json.loads(line)
-    except ValueError:
-        return None
-    known = (isinstance(row, dict) and all(isinstance(row.get(name), str) for name in ("pair", "method", "key"))
-             and Path(row["pair"]).name == row["pair"])
-    return row if known else None
+    def _parsed(self, line: bytes) -> Row | None:
+        try:
+            row = parsed(line)
+        except ValueError:
+            return None
+        return None if fault(row, self._shape) else row
 
 
 class Lazy(Sequence[Row]):

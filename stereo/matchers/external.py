@@ -16,7 +16,6 @@ from __future__ import annotations
 import re
 import shutil
 import subprocess
-import tempfile
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +23,7 @@ import numpy as np
 
 from ...errors import IcyMoonError
 from ...render.pair import StereoCamera
+from ...scratch import scratch
 from ...system import kill_all, split_command, start
 from ..images import read_pfm, read_png, write_png
 from .options import Option, nearest
@@ -64,8 +64,7 @@ def check(options: dict[str, Any]) -> None:
 
 def compute(left: np.ndarray, right: np.ndarray, options: dict[str, Any], camera: StereoCamera | None) -> Result:
     """Disparity of uint8 RGB (H, W, 3) images as the program leaves it."""
-    with tempfile.TemporaryDirectory(prefix="icymoon-") as name:
-        folder = Path(name)
+    with scratch() as folder:
         values = {eye: str(folder / f"{eye}.png") for eye in ("left", "right")}
         values["out"] = str(folder / f"disparity.{options['format']}")
         for eye, image in (("left", left), ("right", right)):

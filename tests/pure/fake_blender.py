@@ -2,7 +2,7 @@
 """Stands for Blender in tests: does the jobs of a worker without rendering, and fails as it is told.
 
 ``behave.json`` beside this file says, by pair or for "all", "crash", "crash once", "refuse", "lie", "hang" or "sleep";
-for all of them "fatal", "mute" or "hang at the end".
+for all of them "fatal", "mute", "babble" or "hang at the end".
 """
 
 from __future__ import annotations
@@ -29,6 +29,10 @@ def main() -> None:
     if "fatal" in behave:
         say("error", message="The disk is full.")
         os._exit(1)
+    if "babble" in behave:
+        for line in ('{"type": "pair"}', '{"type": ["pair"]}', '{"type": "pair", "id": "../x"}', '{"type": 7}',
+                     '{"type": "progress", "pair": "x", "of_pair": 1}', '{"type": "error", "pair": 3}', "{" * 9999):
+            print(line, flush=True)
     for pair in job["pairs"]:
         name, what = pair["id"], behave.get(pair["id"], behave.get("all", ""))
         with (here / "log").open("a") as log:
@@ -56,7 +60,7 @@ def main() -> None:
             "format": "icymoon-pair", "version": 1, "id": name, "settings": pair["settings"], "device": "CPU",
             "camera": {"width_px": 4, "height_px": 4, "focal_px": 1, "cx_px": 2, "cy_px": 2, "baseline_m": 1},
             "seconds": {"render": 0.1}, "versions": {}, "platform": "none", "peak_memory_mib": None,
-            "files": {f"{eye}.exr": {"bytes": size, "sha256": ""} for eye in ("left", "right")}}))
+            "files": {f"{eye}.exr": {"bytes": size, "sha256": "0" * 64} for eye in ("left", "right")}}))
         os.rename(part, folder)
         say("pair", id=name, folder=str(folder), rendered=True, seconds=0.1)
     say("done", folders=[])

@@ -19,7 +19,7 @@ IDS = [path.relative_to(ROOT).as_posix() for path in SOURCES]
 PURE = ("settings", "properties", "changes", "labels", "system", "files", "own_files", "version", "errors", "cli",
         "batch", "sources", "terminal", "trade", "doctor", "install", "render.pair", "render.plan", "render.queue",
         "render.launch", "render.exr_check", "render.exr_parts", "render.sweep", "render.combine", "render.blocks",
-        "render.poses", "render.ours",
+        "render.poses", "render.ours", "render.publish", "records", "scratch",
         "render.toml_lines", "render.order", "render.claims", "render.dataset", "render.manifest", "render.verify",
         "render.runner", "render.cluster", "render.slurm", "render.variants", "render.cost", "render.detached",
         "render.machine", "render.qualities", "render.tolerance", "auto",

@@ -9,6 +9,7 @@ import subprocess
 import sys
 import threading
 import time
+from types import SimpleNamespace
 
 import pytest
 from icymoon import system
@@ -101,6 +102,27 @@ def test_a_holder_touches_its_claims(tmp_path, monkeypatch):
     while path.stat().st_mtime < time.time() - 60:
         assert time.monotonic() < deadline
         time.sleep(0.05)
+    mine.close()
+
+
+def test_a_holder_that_gets_nowhere_touches_its_claims_no_more(tmp_path, monkeypatch):
+    """Such as a render that hangs in a driver while the thread that touches claims lives on."""
+    monkeypatch.setattr(claims, "BEAT_S", 0.01)
+    clock = SimpleNamespace(now=0.0)
+    monkeypatch.setattr(claims.time, "monotonic", lambda: clock.now)
+    touched = threading.Event()
+    monkeypatch.setattr(claims.os, "utime", lambda path: touched.set())
+    mine = Claims(tmp_path)
+    mine.take(PAIR)
+    assert touched.wait(30)
+    clock.now = claims.SILENCE_S + 1
+    for _ in range(100):  # until a beat passes without a touch; one may be under way
+        touched.clear()
+        if not touched.wait(0.2):
+            break
+    assert not touched.is_set()
+    mine.goes_on()
+    assert touched.wait(30)
     mine.close()
 
 

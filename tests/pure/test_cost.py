@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from icymoon import settings as description
 from icymoon.render import cost
+from icymoon.render.pair import StereoCamera
 from icymoon.render.plan import PlannedPair, expand
 
 SMALL = {"terrain": {"resolution": 129}, "mesh": {"kind": "GRID"}, "rig": {"width_px": 64, "height_px": 48}}
@@ -30,8 +31,10 @@ def finish(dataset, pair, seconds, size=1000):
         (folder / eye).write_bytes(bytes(int(size)))
     settings = description.merged(pair.settings, {"quality": {"threads": 1}})
     (folder / "pair.json").write_text(json.dumps({
-        "settings": settings, "seconds": {"render": seconds, "write": 0.0, "build": 0.0},
-        "files": {"left.exr": {"bytes": int(size)}, "right.exr": {"bytes": int(size)}}}))
+        "format": "icymoon-pair", "version": 1, "id": pair.id, "settings": settings,
+        "camera": StereoCamera.from_settings(settings["rig"]).to_json(),
+        "seconds": {"render": seconds, "write": 0.0, "build": 0.0},
+        "files": {f"{eye}.exr": {"bytes": int(size), "sha256": "0" * 64} for eye in ("left", "right")}}))
 
 
 @pytest.mark.parametrize(("change", "dearer"), [

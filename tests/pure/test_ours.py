@@ -198,6 +198,8 @@ REMOVES = {"render/ours.py": "the one way", "system.py": "how it is done", "file
            "render/launch.py": "its own temporary folder", "render/shoot.py": "what it wrote into its own part",
            "render/claims.py": "its own claim and probe",
            "install.py": "the folder that it has made", "stereo/reexpose.py": "what it writes again",
+           "operators/trade.py": "its own temporary folder",
+           "scratch.py": "its own temporary folder, and those marked by processes of this user that are gone",
            "operators/presets.py": "the preset that a person removes", "auto.py": "what it writes again"}
 
 

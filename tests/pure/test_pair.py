@@ -48,7 +48,7 @@ def test_incomplete_and_foreign_folders_are_named(tmp_path):
     pair.mkdir(parents=True)
     for content, word in (("{", "cannot be read"), ("[]", "not an Icy Moon pair"), ("{}", "not an Icy Moon pair"),
                           ('{"format": "icymoon-pair", "version": 99}', "version 99"),
-                          ('{"format": "icymoon-pair", "version": 1}', "lacks")):
+                          ('{"format": "icymoon-pair", "version": 1}', "is missing")):
         (pair / "pair.json").write_text(content)
         with pytest.raises(IcyMoonError, match="abc") as caught:
             read_pair(pair)

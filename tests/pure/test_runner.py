@@ -12,9 +12,12 @@ import time
 from pathlib import Path
 
 import pytest
+from icymoon import batch, system
 from icymoon.errors import IcyMoonError
+from icymoon.render import dataset as datasets
 from icymoon.render import runner
 from icymoon.render.claims import FOLDER, Claims
+from icymoon.render.manifest import MANIFEST
 from icymoon.render.runner import Runner, Workers
 from plans import grid
 
@@ -168,9 +171,77 @@ def test_what_another_runner_is_at_is_waited_for_and_done_if_it_vanishes(stand):
     time.sleep(0.3)
     assert thread.is_alive()
     assert PAIRS[3].id not in stand.rendered
+    last = [m for m in stand.said if m["type"] == "progress"][-1]["message"]
+    assert last.endswith(f"; 1 are others', such as {PAIRS[3].id} of process {os.getpid()} on {system.computer()}")
     other.close()
     thread.join(60)
     stand.assert_done()
+
+
+def wait_for(condition) -> None:
+    deadline = time.monotonic() + 60
+    while not condition():
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+
+
+def test_a_worker_that_hangs_is_not_waited_for_when_another_runner_has_done_its_pairs(stand):
+    stand.behave(**{PAIRS[2].id: "hang"})
+    hanging = threading.Thread(target=stand.run, kwargs={"workers": 1})  # which would wait for an hour
+    hanging.start()
+    wait_for(lambda: (stand.folder / "log").exists() and PAIRS[2].id in stand.rendered)
+    stand.behave()
+    assert stand.run(workers=1) == {}
+    hanging.join(60)
+    assert not hanging.is_alive()
+    stand.assert_done()
+
+
+def test_what_a_silent_worker_has_not_begun_is_given_to_another(stand, monkeypatch):
+    monkeypatch.setattr(runner, "_DOUBT_S", 0.5)
+    bad = PAIRS[2].id
+    stand.behave(**{bad: "hang"})
+    hanging = threading.Thread(target=stand.run)
+    hanging.start()
+    wait_for(lambda: all((pair.folder(stand.dataset) / "pair.json").exists() for pair in PAIRS if pair.id != bad))
+    assert hanging.is_alive()
+    stand.behave()
+    assert stand.run(workers=1) == {}
+    hanging.join(60)
+    assert not hanging.is_alive()
+    stand.assert_done()
+
+
+def test_lines_that_are_no_messages_of_a_worker_do_no_harm(stand):
+    stand.behave(babble="")
+    assert stand.run() == {}
+    stand.assert_done()
+
+
+@pytest.mark.parametrize("end", ["error", "interrupt", "set aside"])
+def test_the_manifest_says_what_is_there_however_a_run_ends(stand, monkeypatch, end):
+    monkeypatch.setattr(batch, "stop_by", lambda handler: None)
+    datasets.freeze(stand.dataset, PAIRS, "")
+    if end == "error":
+        stand.behave(fatal="")
+    elif end == "set aside":
+        stand.behave(**{PAIRS[0].id: "refuse"})
+
+    def say(kind: str, **facts) -> None:
+        if end == "interrupt" and kind == "pair":
+            raise KeyboardInterrupt
+
+    options = stand.dataset, PAIRS, Workers(1, 1, str(stand.blender)), say
+    if end == "set aside":
+        assert batch.render(*options) == 1
+    else:
+        with pytest.raises(IcyMoonError if end == "error" else KeyboardInterrupt):
+            batch.render(*options)
+    manifest = json.loads((stand.dataset / MANIFEST).read_text())
+    there = {path.parent.name for path in (stand.dataset / "pairs").glob("*/pair.json")}
+    assert manifest["complete"] == len(there)
+    assert set(manifest["missing"]) == {pair.id for pair in PAIRS} - there
+    assert list(manifest["set_aside"]) == [PAIRS[0].id] * (end == "set aside")
 
 
 def test_damaged_pairs_are_missing_and_made_again(stand):

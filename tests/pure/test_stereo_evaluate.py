@@ -203,10 +203,13 @@ def _edit(path, **changes):
     (lambda folder: (folder / "pair.json").write_text("{"), "cannot be read"),
     (lambda folder: (folder / "pair.json").write_text("[]"), "not an Icy Moon pair"),
     (lambda folder: _edit(folder / "pair.json", version=99), "format version 99"),
-    (lambda folder: _edit(folder / "pair.json", files={}, camera=pairs.camera(128, 72).to_json()), "camera 128 x 72"),
-    (lambda folder: _edit(folder / "pair.json", settings=[]), "does not describe a pair"),
-    (lambda folder: _edit(folder / "pair.json", camera=7), "does not describe a pair"),
-    (lambda folder: _edit(folder / "pair.json", files=7), "does not describe a pair"),
+    (lambda folder: _edit(folder / "pair.json", camera=pairs.camera(128, 72).to_json()), "camera 128 x 72"),
+    (lambda folder: _edit(folder / "pair.json", settings=[]), "settings is a list, not a table"),
+    (lambda folder: _edit(folder / "pair.json", settings={"sensor": {"read_noise_e": "abc"}}),
+     r"sensor\.read_noise_e must be a number, not 'abc'"),
+    (lambda folder: _edit(folder / "pair.json", camera=7), "camera is 7, not a table"),
+    (lambda folder: _edit(folder / "pair.json", files={}), r"files\.left\.exr is missing"),
+    (lambda folder: (folder / "pair.json").write_text("[" * 100_000), "cannot be read"),
 ])
 def test_a_broken_pair_is_named_and_the_others_are_done(tmp_path, harm, reason):
     root = tmp_path / "set" / "pairs"

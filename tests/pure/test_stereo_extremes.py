@@ -1,5 +1,6 @@
 """Disparities, images and scenes that no sane camera gives, through the whole evaluation."""
 
+import hashlib
 import json
 
 import numpy as np
@@ -89,6 +90,9 @@ def test_eyes_of_different_size(tmp_path):
         pairs.write_pair(tmp_path / name, rig=rig)
     (tmp_path / "a" / "right.exr").write_bytes((tmp_path / "b" / "right.exr").read_bytes())
     path = tmp_path / "a" / "pair.json"
-    path.write_text(json.dumps(json.loads(path.read_text()) | {"files": {}}))
+    data = json.loads(path.read_text())
+    right = (tmp_path / "a" / "right.exr").read_bytes()
+    data["files"]["right.exr"] = {"bytes": len(right), "sha256": hashlib.sha256(right).hexdigest()}
+    path.write_text(json.dumps(data))
     report = evaluate([tmp_path / "a"], parse_methods("bm"), tmp_path / "out")
     assert "160 x 96 px" in report["failed"][0]["message"]

@@ -1,0 +1,160 @@
+"""What a file that is read back must hold: which keys, and of which kind.
+
+It may be of another version, cut off by a full disk or changed by hand, so nothing in it is used before it was held
+against a shape: a kind of value, a table of shapes by key (``Maybe`` where a key may be absent), or ``Each`` for tables
+and lists that hold any number of one shape. Imports no Blender.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from .errors import IcyMoonError
+from .files import read_text
+from .system import name_fault
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A kind of value: in words, and whether one is of it."""
+
+    says: str
+    fits: Callable[[Any], bool]
+
+
+@dataclass(frozen=True)
+class Each:
+    """A table whose keys are all of one kind, or a list (``keys`` is None), with values of one shape.
+
+    ``needed`` are keys that must be there.
+    """
+
+    shape: Shape
+    keys: Kind | None = None
+    needed: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Maybe:
+    """A shape that may be absent, or also null."""
+
+    shape: Shape
+    null: bool = False
+
+
+Shape = Kind | Mapping[str, Any] | Each | Maybe
+
+
+def _is_number(value: Any) -> bool:
+    return _is_whole(value) or (isinstance(value, float) and math.isfinite(value))
+
+
+def _is_whole(value: Any) -> bool:
+    return isinstance(value, int) and not isinstance(value, bool) and abs(value) < 2**63
+
+
+def _is_matrix(value: Any) -> bool:
+    return (isinstance(value, list) and len(value) == 4
+            and all(isinstance(row, list) and len(row) == 4 and all(map(_is_number, row)) for row in value))
+
+
+def _is_text(value: Any) -> bool:
+    """Whether a value is a text that can be written to a file and a terminal: JSON may hold halves of characters."""
+    return isinstance(value, str) and value == value.encode("utf-8", "replace").decode("utf-8")
+
+
+def _is_file_name(value: Any) -> bool:
+    """Whether a text names a file in a folder, on every system, and nothing outside of it."""
+    return _is_text(value) and value.strip(" .") == value != "" and not name_fault(value)
+
+
+ANYTHING = Kind("anything", lambda value: True)
+TEXT = Kind("a text", _is_text)
+PATH = Kind("a path", lambda value: _is_text(value) and value.strip() != "" and "\0" not in value)
+FLAG = Kind("true or false", lambda value: isinstance(value, bool))
+NUMBER = Kind("a finite number", _is_number)
+POSITIVE = Kind("a number above 0", lambda value: _is_number(value) and value > 0)
+WHOLE = Kind("a whole number", _is_whole)
+COUNT = Kind("a whole number of 0 or more", lambda value: _is_whole(value) and value >= 0)
+PIXELS = Kind("a whole number from 1 to 100000", lambda value: _is_whole(value) and 1 <= value <= 100_000)
+PROCESS = Kind("the number of a process", lambda value: _is_whole(value) and 1 < value < 2**31)
+TABLE = Kind("a table", lambda value: isinstance(value, dict))
+MATRIX = Kind("a 4 x 4 matrix", _is_matrix)
+FILE_NAME = Kind("a file name without a folder", _is_file_name)
+SHA256 = Kind("64 digits of 0-9 and a-f", lambda value: isinstance(value, str)
+              and re.fullmatch("[0-9a-f]{64}", value) is not None)
+
+
+def fault(data: Any, shape: Shape, name: str = "it") -> str:
+    """What is wrong with ``data``, called ``name``, the first of it, in words; empty if nothing."""
+    if isinstance(shape, Maybe):
+        return "" if data is None and shape.null else fault(data, shape.shape, name)
+    if isinstance(shape, Kind):
+        return "" if shape.fits(data) else _not(data, name, shape.says)
+    if isinstance(shape, Each) and shape.keys is None:
+        if not isinstance(data, list):
+            return _not(data, name, "a list")
+        return _first(fault(value, shape.shape, f"{name}[{k}]") for k, value in enumerate(data))
+    if not isinstance(data, dict):
+        return _not(data, name, "a table")
+    needed = shape.needed if isinstance(shape, Each) else [k for k, v in shape.items() if not isinstance(v, Maybe)]
+    for key in needed:
+        if key not in data:
+            return f"{_inside(name, key)} is missing"
+    if isinstance(shape, Each):
+        keys = shape.keys or TEXT
+        return _first(_not(key, f"a name in {name}", keys.says) if not keys.fits(key) else
+                      fault(value, shape.shape, _inside(name, key)) for key, value in data.items())
+    return _first(fault(data[key], inner, _inside(name, key)) for key, inner in shape.items() if key in data)
+
+
+def _inside(name: str, key: str) -> str:
+    return key if name == "it" else f"{name}.{key}"
+
+
+def _not(value: Any, name: str, says: str) -> str:
+    shown = "a table" if isinstance(value, dict) else "a list" if isinstance(value, list) else repr(value)
+    return f"{name} is {shown if len(shown) < 60 else shown[:56] + ' …'}, not {says}"
+
+
+def _first(faults: Iterable[str]) -> str:
+    return next(filter(None, faults), "")
+
+
+def checked(data: Any, shape: Shape, where: object, mend: str) -> Any:
+    """``data`` if it has this shape. Raises IcyMoonError with the place, what is wrong and how to mend it."""
+    wrong = fault(data, shape)
+    if wrong:
+        raise IcyMoonError(f"{where}: {wrong}; {mend}.")
+    return data
+
+
+def parsed(text: str | bytes) -> Any:
+    """What a JSON text holds. Raises ValueError where it is none, or has a number that no double holds."""
+    try:
+        return json.loads(text, parse_float=_finite, parse_constant=_finite)
+    except RecursionError:
+        raise ValueError("too deep") from None
+
+
+def _finite(text: str) -> float:
+    if not math.isfinite(float(text)):
+        raise ValueError(f"{text} is no number")
+    return float(text)
+
+
+def read_record(path: Path, shape: Shape, mend: str) -> Any:
+    """The content of a JSON file of this shape. Raises IcyMoonError, FileNotFoundError where there is none."""
+    try:
+        data = parsed(read_text(path))
+    except FileNotFoundError:
+        raise
+    except (OSError, ValueError) as error:
+        raise IcyMoonError(f"{path} cannot be read ({error}); {mend}.") from None
+    return checked(data, shape, path, mend)

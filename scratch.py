@@ -1,0 +1,63 @@
+"""Temporary folders that go when their work is done, or with the next one if their process was killed."""
+
+from __future__ import annotations
+
+import functools
+import json
+import os
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any
+
+from . import system
+from .errors import IcyMoonError
+from .files import disk_errors
+from .records import PROCESS, TEXT, read_record
+
+_PREFIX = "icymoon-"
+_OWNER = ".icymoon.json"
+#: What such a folder says of the process that made it.
+_SHAPE = {"pid": PROCESS, "place": TEXT, "computer": TEXT}
+
+
+def make_scratch() -> Path:
+    """A new temporary folder, after sweeping what killed processes of ours have left. Raises IcyMoonError."""
+    _sweep()
+    with disk_errors("write to", Path(tempfile.gettempdir())):
+        folder = Path(tempfile.mkdtemp(prefix=_PREFIX))
+        owner = {"pid": os.getpid(), "place": system.place(), "computer": system.computer()}
+        (folder / _OWNER).write_text(json.dumps(owner), encoding="utf-8")
+    return folder
+
+
+@contextmanager
+def scratch() -> Iterator[Path]:
+    """A temporary folder for a block. Raises IcyMoonError if there can be none."""
+    folder = make_scratch()
+    try:
+        yield folder
+    finally:
+        system.remove_folder(folder)
+
+
+@functools.cache
+def _sweep() -> None:
+    for folder in Path(tempfile.gettempdir()).glob(f"{_PREFIX}*"):
+        with suppress(OSError, IcyMoonError):  # another user's, or not one of these
+            if _is_ours(folder) and _is_left(read_record(folder / _OWNER, _SHAPE, "delete it")):
+                system.remove_folder(folder)
+
+
+def _is_ours(folder: Path) -> bool:
+    """Whether a folder, and no link to one, is this user's."""
+    return (not folder.is_symlink() and folder.is_dir() and not (folder / _OWNER).is_symlink()
+            and system.is_users(folder))
+
+
+def _is_left(owner: dict[str, Any]) -> bool:
+    """Whether the process that made a folder is no more, for certain."""
+    here = system.place()
+    rebooted = owner["computer"] == system.computer() and owner["place"].split(" ")[0] != here.split(" ")[0]
+    return bool(here and owner["place"]) and (rebooted or system.is_gone(owner["pid"], owner["place"]))

@@ -1,0 +1,391 @@
+"""What is read back is held against a shape: damaged files are told in a sentence, whatever the damage."""
+
+from __future__ import annotations
+
+import errno
+import json
+import os
+import random
+import shutil
+from collections.abc import Callable
+from dataclasses import asdict
+from pathlib import Path
+
+import pytest
+from icymoon import files, records, system
+from icymoon.errors import IcyMoonError
+from icymoon.render import cost, machine
+from icymoon.render import dataset as datasets
+from icymoon.render.claims import FOLDER, Claims
+from icymoon.render.detached import Detached
+from icymoon.render.launch import Job, read_job
+from icymoon.render.manifest import write_manifest
+from icymoon.render.pair import is_complete, read_pair, restate
+from icymoon.render.runner import Runner, Workers
+from icymoon.render.verify import verify
+from icymoon.settings import check
+from icymoon.sources import settings_of
+from icymoon.stereo import develop as stereo_develop
+from icymoon.stereo import results
+from icymoon.stereo.evaluate import evaluate
+from icymoon.stereo.export import export, write_truth
+from icymoon.stereo.methods import parse_methods
+from icymoon.stereo.prepare import load
+from icymoon.stereo.reexpose import reexpose
+from icymoon.stereo.rowlog import RowLog
+from pairs import Scene, camera, write_pair
+from plans import grid
+
+PAIRS = grid(seeds=1, headings=(0.0,))
+#: What takes the place of a value: other types, other signs, what is no number, what leads elsewhere, and too much.
+INSTEAD = (None, True, -1, 0, 2.5, 1e308, float("nan"), float("inf"), 10**30, "", "abc", "../../victim", "a/b",
+           "\ud800", "a\0b", [], {}, [[]], {"": None}, {"left.exr": 1}, {"../x": {"bytes": 1, "sha256": "0" * 64}})
+
+
+def whole(folder: Path, **more) -> Path:
+    """A small pair that says all that a rendered one does."""
+    planned = PAIRS[0]
+    write_pair(folder, Scene(), camera(32, 24), settings=planned.settings)
+    path = folder / "pair.json"
+    pose = [[float(row == column) for column in range(4)] for row in range(4)]
+    data = json.loads(path.read_text()) | {
+        "id": planned.id, "seeds": {"dataset": 0, "render": planned.render_seed}, "versions": {"blender": "5.0.1"},
+        "device": "CPU", "denoiser": "NONE", "platform": "here", "osl": True, "edited_by_hand": False,
+        "own_files_sha256": "", "left_out": ["stars"], "blur": None, "peak_memory_mib": 300.0,
+        "light": {"sun": {"direction_to_world": [0.0, 0.6, 0.8]}},
+        "seconds": {"render": 1.5, "write": 0.1, "build": 0.5},
+        "cpu_seconds": {"before": 1.0, "pair": 2.0}, "poses_camera_to_world": {"left": pose, "right": pose},
+        "poses_rectified_to_world": {"left": pose, "right": pose}, **more}
+    path.write_text(json.dumps(data))
+    return folder
+
+
+def places(data: object, path: tuple = ()) -> list[tuple]:
+    """The paths of all values in JSON data."""
+    inner = data.items() if isinstance(data, dict) else enumerate(data) if isinstance(data, list) else ()
+    return [path, *(place for key, value in inner for place in places(value, (*path, key)))]
+
+
+def mutated(text: str, chosen: random.Random) -> str | bytes:
+    """A JSON text with a value exchanged or left out, or with bytes that are."""
+    if chosen.random() < 0.3:
+        raw = bytearray(text.encode())
+        at = chosen.randrange(len(raw))
+        kind = chosen.randrange(4)
+        if kind == 0:
+            raw[at] ^= 1 << chosen.randrange(8)
+        elif kind == 1:
+            del raw[at:]
+        elif kind == 2:
+            del raw[at:at + chosen.randrange(1, 40)]
+        else:
+            raw[at:at] = chosen.choice((b"\0", b"\xff\xfe", b"[" * 5000, b"9" * 5000, b'"', b"}"))
+        return bytes(raw)
+    data = json.loads(text)
+    # Each key of the top as likely as another: the settings have more values than all else.
+    first = chosen.choice(list(data))
+    *above, key = chosen.choice([place for place in places(data) if place[:1] == (first,)])
+    parent = data
+    for step in above:
+        parent = parent[step]
+    if chosen.random() < 0.2:
+        del parent[key]
+    else:
+        parent[key] = chosen.choice(INSTEAD)
+    return json.dumps(data)
+
+
+def write(path: Path, content: str | bytes) -> None:
+    path.write_bytes(content if isinstance(content, bytes) else content.encode("utf-8", "surrogatepass"))
+
+
+def sentence_or_success(act: Callable[[], object]) -> bool:
+    """Whether it went well; anything but a sentence that can be printed is a failure of the test."""
+    said = ""
+    try:
+        act()
+    except IcyMoonError as error:
+        said = str(error)
+    assert "\n" not in said.encode().decode()
+    return not said
+
+
+def test_a_damaged_pair_is_read_or_told_in_a_sentence(tmp_path):
+    folder = whole(tmp_path / "pairs" / PAIRS[0].id)
+    path, chosen = folder / "pair.json", random.Random(5)
+    good = path.read_text()
+    read = 0
+    for _ in range(250):
+        write(path, mutated(good, chosen))
+        for act in (is_complete, settings_of, lambda folder: restate(folder, PAIRS[0].settings)):
+            sentence_or_success(lambda act=act: act(folder))
+        write(path, mutated(good, chosen))
+        if sentence_or_success(lambda: read_pair(folder)):
+            read += 1
+            sentence_or_success(lambda: load(folder, {}))
+    assert 10 < read < 200
+
+
+def test_a_pair_names_its_files_and_no_others(tmp_path):
+    folder = whole(tmp_path / PAIRS[0].id)
+    path = folder / "pair.json"
+    good = json.loads(path.read_text())
+    (tmp_path / "x").write_bytes(b"1")
+    other = {"bytes": 1, "sha256": "0" * 64}
+    for wrong in ({}, [], {"left.exr": good["files"]["left.exr"]}, good["files"] | {"../x": other},
+                  good["files"] | {str(tmp_path / "x"): other}, good["files"] | {"..": other},
+                  good["files"] | {"left.exr": {"bytes": "1", "sha256": "0" * 64}},
+                  good["files"] | {"left.exr": {"bytes": good["files"]["left.exr"]["bytes"], "sha256": "abc"}}):
+        path.write_text(json.dumps(good | {"files": wrong}))
+        assert not is_complete(folder)
+        with pytest.raises(IcyMoonError, match=r"pair\.json.*files.*render the pair again"):
+            read_pair(folder)
+    path.write_text(json.dumps(good))
+    assert is_complete(folder)
+
+
+def test_a_damaged_plan_is_read_or_told_in_a_sentence(tmp_path):
+    datasets.freeze(tmp_path, PAIRS, "the plan\n")
+    path, chosen = tmp_path / datasets.PLAN, random.Random(6)
+    lines = path.read_text().splitlines()
+    for _ in range(150):
+        number = chosen.randrange(len(lines))
+        write(path, b"\n".join(each if isinstance(each, bytes) else each.encode("utf-8", "surrogatepass") for each in (
+            mutated(line, chosen) if k == number else line for k, line in enumerate(lines))))
+        if sentence_or_success(lambda: datasets.read(tmp_path)):
+            assert all(len(pair.id) == 12 for pair in datasets.read(tmp_path).pairs)
+
+
+def test_a_damaged_job_is_read_or_told_in_a_sentence(tmp_path):
+    for job in (Job(tmp_path, PAIRS[0].settings, scene="Scene"), Job(tmp_path, pairs=PAIRS, threads=2)):
+        good, chosen = job.file.read_text(), random.Random(7)
+        for _ in range(100):
+            write(job.file, mutated(good, chosen))
+
+            def act(job=job) -> None:
+                read = read_job(job.file)
+                for each in [read.get("settings") or {}, *(pair["settings"] for pair in read.get("pairs", ()))]:
+                    check(each, "job")
+                Path(read["dataset"]).exists()
+
+            sentence_or_success(act)
+        job.discard()
+    with pytest.raises(IcyMoonError, match="There is no job"):
+        read_job(tmp_path / "job.json")
+
+
+def test_what_a_damaged_file_of_ones_own_remembers_is_forgotten(tmp_path, monkeypatch):
+    """The speed of the machine, a claim, what runs, an evaluation's facts and rows: none of them is worth a failure."""
+    monkeypatch.setenv(machine.FOLDER_VARIABLE, str(tmp_path))
+    speed = machine.Speed(2.0, "CPU", "5.0.1", system.processors(), "2026-01-01T00:00+00:00")
+    machine.remember(speed)
+    claims = Claims(tmp_path)
+    claims.take(PAIRS[0].id)
+    claim, = (tmp_path / FOLDER).iterdir()
+    running = tmp_path / "run.json"
+    running.write_text(json.dumps({"pid": 2**22 + 1, "started": 1.0, "title": "Rendering", "dataset": "/x"}))
+    (tmp_path / "run.log").touch()
+    facts = tmp_path / "pairs" / "p" / "facts.json"
+    facts.parent.mkdir(parents=True)
+    facts.write_text(json.dumps({
+        "pair": "p", "key": "k", "images": {"left": "pairs/p/left.png"}, "settings": {}, "rendered": {}, "width_px": 3,
+        "self_check": {"ok": True, "problems": []}, "height_px": 2, "true": 1.0, "visible": None, "exposure_s": 1.0}))
+    rows = tmp_path / "rows.jsonl"
+    row = {"pair": "p", "method": "bm", "key": "k", **dict.fromkeys(results.NUMBERS), "status": "ok", "error": "",
+           "common": "", "images": {}, "options": {}, "facts": {}, "counts": {}, "strata": {}, "sparsification": {},
+           "error_curve": []}
+    rows.write_text(json.dumps(row) + "\n")
+    assert RowLog(rows, results.ROW).find("p", "bm", "k") == row
+    assert results.known_facts(tmp_path, "p") is not None
+    assert machine.remembered("CPU") == speed
+    file = machine._file()
+    for path, act in ((file, lambda: machine.remembered("CPU")), (claim, lambda: Claims(tmp_path).others()),
+                      (claim, lambda: Claims(tmp_path).holder(PAIRS[0].id)), (claim, lambda: claims.lost(PAIRS[0].id)),
+                      (running, lambda: Detached.attached(tmp_path / "run")),
+                      (facts, lambda: results.known_facts(tmp_path, "p")),
+                      (rows, lambda: RowLog(rows, results.ROW).find("p", "bm", "k"))):
+        good, chosen = path.read_text(), random.Random(8)
+        for _ in range(60):
+            content = mutated(good.rstrip("\n"), chosen)
+            write(path, content + (b"\n" if isinstance(content, bytes) else "\n"))
+            act()
+        path.write_text(good)
+    file.write_text(json.dumps({machine._key("CPU", "5.0.1", system.processors()): asdict(speed) | {"factor": "abc"}}))
+    assert machine.remembered("CPU") is None
+    claims.close()
+
+
+@pytest.fixture(scope="module")
+def broken_set(tmp_path_factory):
+    """A data set of two good pairs, and one that has all its files and settings that are none."""
+    folder = tmp_path_factory.mktemp("set")
+    datasets.freeze(folder, PAIRS, "")
+    for pair in PAIRS:
+        write_pair(pair.folder(folder), Scene(), camera(96, 64), settings=pair.settings)
+    path = PAIRS[0].folder(folder) / "pair.json"
+    path.write_text(json.dumps(json.loads(path.read_text()) | {"settings": {"sensor": 7}}))
+    assert is_complete(PAIRS[0].folder(folder))
+    return folder
+
+
+def test_a_bad_pair_stops_no_other_and_is_counted(broken_set, tmp_path):
+    bad = PAIRS[0].id
+    report = evaluate([broken_set], parse_methods("bm"), tmp_path / "evaluation")
+    assert [row["status"] for row in report["rows"]].count("failed") == 1
+    assert [failure["pair"] for failure in report["failed"]] == [bad]
+    failed = export([broken_set], "kitti", tmp_path / "kitti")
+    assert len(failed) == 1
+    assert bad in failed[0]
+    assert (tmp_path / "kitti" / "pairs.csv").read_text().count("\n") == len(PAIRS)
+    with pytest.raises(IcyMoonError, match=rf"1 of {len(PAIRS)} pairs failed.*{bad}"):
+        reexpose([broken_set], tmp_path / "exposed", {})
+    assert len(list((tmp_path / "exposed").iterdir())) == len(PAIRS) - 1
+    told = {each["pair"]: each["ok"] for each in write_truth([broken_set], tmp_path / "truth")}
+    assert [pair for pair, ok in told.items() if not ok] == [bad]
+    found = verify(broken_set)
+    assert {problem.what for problem in found.problems if "not a table" in problem.text} == {bad}
+    assert write_manifest(broken_set, {})["set_aside"].keys() == {bad}
+    assert cost.estimate(PAIRS, broken_set).there == len(PAIRS)
+    said = []
+    runner = Runner(broken_set, PAIRS, Workers(1, 1, "no Blender"), lambda kind, **facts: said.append((kind, facts)))
+    assert runner.run().keys() == {bad}
+    assert [facts["pair"] for kind, facts in said if kind == "error"] == [bad]
+
+
+@pytest.mark.parametrize("error", [KeyError("x"), ValueError("x"), ZeroDivisionError(), MemoryError(), OSError(5, "x")])
+def test_an_exception_of_any_kind_costs_one_pair_only(broken_set, tmp_path, monkeypatch, error):
+    """What nobody has thought of, while a pair is developed or written."""
+    def broken(pair, *arguments, **options):
+        if pair.folder.name == PAIRS[1].id:
+            raise error
+        return original(pair, *arguments, **options)
+
+    from icymoon.stereo import prepare
+    from icymoon.stereo import reexpose as again
+
+    original = stereo_develop.develop
+    for module in (prepare, again):
+        monkeypatch.setattr(module, "develop", broken)
+    report = evaluate([broken_set], parse_methods("bm"), tmp_path / "evaluation")
+    assert {failure["pair"] for failure in report["failed"]} == {PAIRS[0].id, PAIRS[1].id}
+    assert len(export([broken_set], "png8", tmp_path / "png8")) == 2
+    with pytest.raises(IcyMoonError, match=f"2 of {len(PAIRS)}"):
+        reexpose([broken_set], tmp_path / "x", {})
+
+
+def test_a_pair_that_cannot_be_written_in_a_layout_stops_no_other(broken_set, tmp_path, monkeypatch):
+    from icymoon.stereo import export as module
+
+    def broken(pair, eye):
+        if pair.pair.folder.name == PAIRS[1].id:
+            raise IcyMoonError(f"{pair.pair.folder} shows too many instances.")
+        return original(pair, eye)
+
+    original = module._disparity
+    monkeypatch.setattr(module, "_disparity", broken)
+    assert len(export([broken_set], "pfm", tmp_path / "pfm")) == 2
+    assert len(export([broken_set], "kitti", tmp_path / "kitti")) == 2
+
+
+def test_errors_that_pass_are_waited_for(tmp_path, monkeypatch):
+    waited: list[float] = []
+    monkeypatch.setattr(system.time, "sleep", waited.append)
+    path = tmp_path / "a.json"
+    real = os.replace
+    for number in (errno.EIO, errno.ESTALE, errno.EAGAIN, errno.ETIMEDOUT, errno.EINTR):
+        fails = [OSError(number, "for now")] * 3
+
+        def replace(source, target, fails=fails) -> None:
+            if fails:
+                raise fails.pop()
+            real(source, target)
+
+        monkeypatch.setattr(os, "replace", replace)
+        waited.clear()
+        files.write_json(path, {"number": number})
+        assert json.loads(path.read_text()) == {"number": number}
+        assert len(waited) == 3
+        assert waited == sorted(waited)
+    monkeypatch.setattr(os, "replace", lambda source, target: (_ for _ in ()).throw(OSError(errno.ESTALE, "gone")))
+    waited.clear()
+    with pytest.raises(IcyMoonError, match="gone"):
+        files.write_json(path, {})
+    assert 5 < sum(waited) < 60  # and not for ever
+    waited.clear()
+    monkeypatch.setattr(os, "replace", lambda source, target: (_ for _ in ()).throw(OSError(errno.ENOSPC, "full")))
+    with pytest.raises(IcyMoonError, match="full"):
+        files.write_json(path, {})
+    assert not waited
+    assert [each.name for each in tmp_path.iterdir()] == ["a.json"]
+
+
+def test_a_pair_on_a_share_that_is_away_for_a_moment_is_there(tmp_path, monkeypatch):
+    folder = whole(tmp_path / PAIRS[0].id)
+    monkeypatch.setattr(system.time, "sleep", lambda seconds: None)
+    fails = [OSError(errno.ESTALE, "stale")] * 2
+    real = Path.read_bytes
+
+    def read(path: Path) -> bytes:
+        if fails:
+            raise fails.pop()
+        return real(path)
+
+    monkeypatch.setattr(Path, "read_bytes", read)
+    assert is_complete(folder)
+    assert not fails
+
+
+@pytest.mark.parametrize(("shape", "good", "bad"), [
+    (records.TEXT, ["", "é"], [1, None, "\ud800", b"x"]), (records.FLAG, [True], [0, 1, None]),
+    (records.NUMBER, [0, -1.5, 1e300], [True, "1", float("nan"), float("inf"), 10**400, None]),
+    (records.POSITIVE, [1e-300, 3], [0, -1, True]), (records.COUNT, [0, 7], [-1, 1.0, True, 2**70]),
+    (records.FILE_NAME, ["left.exr", "a b"], ["", ".", "..", "a/b", "a\\b", "C:", "a\nb", "x ", "nul", 7]),
+    (records.SHA256, ["0" * 64], ["0" * 63, "G" * 64, "A" * 64, 0]),
+    (records.Maybe(records.FLAG), [True], [None]), (records.Maybe(records.FLAG, null=True), [None, False], [1]),
+    (records.Each(records.FLAG), [[], [True]], [{}, [1], None]),
+    (records.Each(records.FLAG, records.FILE_NAME, ("a",)), [{"a": True}],
+     [{}, {"a": 1}, {"a": True, "../b": True}, []]),
+    ({"a": records.FLAG, "b": records.Maybe(records.TEXT)}, [{"a": True}, {"a": False, "b": "", "c": 1}],
+     [{}, {"a": True, "b": 1}, [], None]),
+])
+def test_shapes(shape, good, bad):
+    assert [value for value in good if records.fault(value, shape)] == []
+    assert [value for value in bad if not records.fault(value, shape)] == []
+
+
+def test_a_fault_names_the_file_the_key_what_is_expected_and_the_fix():
+    with pytest.raises(IcyMoonError) as caught:
+        records.checked({"files": {"left.exr": {"bytes": "x"}}},
+                        {"files": records.Each({"bytes": records.COUNT}, records.FILE_NAME)}, "a/pair.json", "mend it")
+    assert str(caught.value) == ("a/pair.json: files.left.exr.bytes is 'x', not a whole number of 0 or more; "
+                                 "mend it.")
+
+
+def test_temporary_folders_of_killed_processes_are_swept_and_no_others(tmp_path, monkeypatch):
+    from icymoon import scratch
+
+    monkeypatch.setattr(scratch.tempfile, "tempdir", str(tmp_path))
+    with scratch.scratch() as mine:
+        assert mine.parent == tmp_path
+    assert not mine.exists()
+    owner = {"pid": os.getpid(), "place": system.place(), "computer": system.computer()}
+    dead = owner | {"pid": 2**22 + 7}  # more than Linux ever gives
+    cases = {"living": (owner, True), "dead": (dead, False), "rebooted": (dead | {"place": "boot pid:[1]"}, False),
+             "elsewhere": (dead | {"computer": "x", "place": "y z"}, True), "odd": ({"pid": "x"}, True),
+             "none": (None, True)}
+    for name, (said, _) in cases.items():
+        folder = tmp_path / f"icymoon-{name}"
+        folder.mkdir()
+        (folder / "content").touch()
+        if said is not None:
+            (folder / ".icymoon.json").write_text(json.dumps(said))
+    victim = tmp_path / "victim"
+    shutil.copytree(tmp_path / "icymoon-dead", victim)
+    (tmp_path / "icymoon-link").symlink_to(victim)
+    scratch._sweep.cache_clear()
+    with scratch.scratch():
+        there = {path.name for path in tmp_path.iterdir()}
+        assert {name for name, (_, kept) in cases.items() if kept} == {
+            name.removeprefix("icymoon-") for name in there if name.removeprefix("icymoon-") in cases}
+    assert (victim / "content").exists()
+    assert (tmp_path / "icymoon-link").is_symlink()
