@@ -4,7 +4,7 @@ VENV := .venv
 RUN := $(VENV)/bin/python
 ZIP := dist/icymoon.zip
 
-.PHONY: demo env test test-all test-blender test-pure-and-extremes test-lanes lint zip docs clean
+.PHONY: demo env test test-all test-blender test-pure-and-extremes test-lanes lint zip lock docs clean
 
 demo: $(VENV)/.demo
 	$(RUN) -m icymoon demo
@@ -35,6 +35,10 @@ lint: $(VENV)/.tests
 
 zip: $(VENV)/.demo
 	$(RUN) tests/extension_zip.py $(ZIP)
+
+# What Install Evaluator installs, anew: the newest versions within the tested bounds, but OpenCV as the tests have it.
+lock: $(VENV)/.tests
+	$(RUN) tests/lock.py opencv-contrib-python-headless==4.11.0.86
 
 # The manual, as pages that need no server and no network: dist/manual/index.html.
 docs: $(VENV)/.docs

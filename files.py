@@ -94,6 +94,11 @@ def json_text(data: Any) -> str:
     return json.dumps(data, indent=1, allow_nan=False) + "\n"
 
 
+def cell(text: str) -> str:
+    """A text for a table: what a spreadsheet would take for a formula gets an apostrophe before it."""
+    return f"'{text}" if text.startswith(("=", "+", "-", "@", "\t", "\r")) else text
+
+
 def write_json(path: Path, data: Any) -> None:
     """Write a JSON file atomically; NaN is refused."""
     write_text(path, json_text(data))

@@ -7,7 +7,15 @@ from pathlib import Path
 
 from . import system
 from .render.queue import emit
-from .stereo.check import PACKAGES
+
+#: What is installed: one version of each package and the hashes of its wheels, which pip checks before it unpacks one.
+LOCK = Path(__file__).parent / "stereo" / "evaluator.lock"
+
+#: What pip says where it could not do its work, and what that means; else its last line is told.
+_REASONS = (("DO NOT MATCH THE HASHES", "a downloaded package is not the one that Icy Moon was released with (its hash "
+             "differs), so nothing is installed; press Install again, and report it if that does not help."),
+            ("No matching distribution", "a package has no build for this Python and system; make an environment of "
+             "your own as the manual says, and give its Python in the preferences."))
 
 
 def main(arguments: list[str]) -> int:
@@ -29,17 +37,24 @@ def main(arguments: list[str]) -> int:
 def _made(folder: str) -> bool:
     """Make it; False after an error that was told."""
     python = system.venv_python(Path(folder))
-    packages = [f"{name}>={'.'.join(map(str, oldest))}" for name, oldest in PACKAGES.values()]
-    steps = (("Making the environment", [sys.executable, "-m", "venv", folder]),
+    # -I: no module of the current folder, which may be that of somebody's .blend, is taken for venv or pip.
+    steps = (("Making the environment", [sys.executable, "-I", "-m", "venv", folder]),
              ("Downloading and installing packages",
-              [str(python), "-m", "pip", "install", "--disable-pip-version-check", *packages]))
+              [str(python), "-I", "-m", "pip", "install", "--disable-pip-version-check", "--require-hashes",
+               "--only-binary=:all:", "-r", str(LOCK)]))
     for k, (text, command) in enumerate(steps):
         emit("progress", fraction=0.05 + 0.2 * k, message=text)
         done = system.run(command)
         if done.returncode:
-            words = (done.stderr or done.stdout).strip().splitlines() or ["no message"]
-            emit("error", message=f"{text} failed: {words[-1]}; check network and disk and press Install again.")
+            emit("error", message=f"{text} failed: {_reason(done.stderr or done.stdout)}")
             return False
     emit("progress", fraction=1.0, message="Installed")
     emit("done")
     return True
+
+
+def _reason(said: str) -> str:
+    """Why a step failed, and what to do."""
+    known = next((meaning for words, meaning in _REASONS if words in said), None)
+    last = (said.strip().splitlines() or ["no message"])[-1]
+    return known or f"{last}; check network and disk and press Install again."

@@ -17,7 +17,7 @@ from .stereo.check import PACKAGES
 from .system import venv_python
 
 #: What the evaluator's Python needs, for people to read.
-_NEEDED = ", ".join(name for name, _ in PACKAGES.values())
+_NEEDED = ", ".join(name for name, *_ in PACKAGES.values())
 
 
 def extension_folder() -> Path:

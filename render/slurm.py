@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import re
 import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from ..errors import IcyMoonError
 from ..files import write_text
 from .dataset import Frozen
 from .launch import python_command
 from .order import share
 
 FOLDER = "slurm"
+_CONTROL = re.compile(r"[\x00-\x1f\x7f]")
 
 
 @dataclass(frozen=True)
@@ -81,11 +84,29 @@ def ranges(numbers: Sequence[int]) -> str:
     return ",".join(str(a) if a == b else f"{a}-{b}" for a, b in runs)
 
 
+def _refuse_lines(text: str) -> None:
+    """Raise IcyMoonError if a text would end the line of the script that it stands in, and what follows be run."""
+    if _CONTROL.search(text):
+        raise IcyMoonError(f"{text!r} holds a line break or another control character, which no line of a job script "
+                           "can; choose another path or option.")
+
+
+def _quoted(folder: Path) -> str:
+    """A folder as sbatch reads it in an option: one word, nothing in it an escape or one of its % patterns."""
+    if "\\" in str(folder):
+        raise IcyMoonError(f"{folder} has a backslash, after which SLURM puts in no numbers of jobs; choose another "
+                           "folder.")
+    return '"' + str(folder).replace('"', '\\"').replace("%", "%%") + '"'
+
+
 def write_script(dataset: Path, frozen: Frozen, request: Request, python: str, blender: str) -> Path | None:
     """Write the script of a job array for the shares that lack pairs; None if none does.
 
-    ``python`` runs this package on the cluster's machines, ``blender`` is their Blender.
+    ``python`` runs this package on the cluster's machines, ``blender`` is their Blender. Raises IcyMoonError for a path
+    or an option that no line of such a script can hold.
     """
+    for text in (str(dataset), python, blender, request.memory, request.time, *request.options):
+        _refuse_lines(text)
     missing = {pair.id for pair in frozen.missing(dataset)}
     open_shares = [number for number in range(1, request.shards + 1)
                    if any(pair.id in missing for pair in share(frozen.pairs, number, request.shards))]
@@ -101,6 +122,6 @@ def write_script(dataset: Path, frozen: Frozen, request: Request, python: str, b
     write_text(file, _SCRIPT.format(
         pairs=len(missing), dataset=dataset, shards=request.shards, file=shlex.quote(str(file)),
         array=ranges(open_shares) + limit, cpus=request.cpus, memory=request.memory, time=request.time,
-        log=str(folder / "%A_%a.log"), options="".join(f"#SBATCH {option}\n" for option in request.options),
+        log=f"{_quoted(folder)}/%A_%a.log", options="".join(f"#SBATCH {option}\n" for option in request.options),
         restarts=MOST_RESTARTS, command=" ".join(command)))
     return file

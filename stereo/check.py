@@ -18,10 +18,10 @@ PYTHON = (3, 11)
 # The first time it runs it says on stderr, which is for our one sentence, that it looks for fonts.
 logging.getLogger("matplotlib").setLevel(logging.ERROR)
 
-#: Module -> (what pip installs it from, oldest version that will do).
-PACKAGES = {"numpy": ("numpy", (1, 26)), "cv2": ("opencv-contrib-python-headless", (4, 11)),
-            "OpenEXR": ("OpenEXR", (3, 3)), "jinja2": ("Jinja2", (3, 1)),
-            "matplotlib": ("matplotlib", (3, 8)), "rich": ("rich", (13, 0))}
+#: Module -> (what pip installs it from, oldest version that will do, first major version that nobody has tested).
+PACKAGES = {"numpy": ("numpy", (1, 26), 3), "cv2": ("opencv-contrib-python-headless", (4, 11), 6),
+            "OpenEXR": ("OpenEXR", (3, 3), 4), "jinja2": ("Jinja2", (3, 1), 4),
+            "matplotlib": ("matplotlib", (3, 8), 4), "rich": ("rich", (13, 0), 16)}
 
 
 def report() -> dict[str, Any]:
@@ -50,21 +50,26 @@ def require(*modules: str) -> None:
         raise IcyMoonError(f"{sys.executable} lacks {', '.join(problems)}; {_mend()}")
 
 
+def wanted(module: str) -> str:
+    """A package with its bounds, as pip takes it."""
+    distribution, oldest, untested = PACKAGES[module]
+    return f"{distribution}>={'.'.join(map(str, oldest))},<{untested}"
+
+
 def _package(module: str) -> tuple[str | None, str]:
     """(version or None, what is wrong with it or nothing)."""
-    distribution, oldest = PACKAGES[module]
-    wanted = f"{distribution} {'.'.join(map(str, oldest))} or newer"
+    distribution, oldest, untested = PACKAGES[module]
     try:
         # Packages that miss each other print whole essays about it.
         with redirect_stdout(io.StringIO()), redirect_stderr(io.StringIO()):
             loaded = importlib.import_module(module)
     except Exception as error:  # a broken binary package raises whatever it likes
         reason = f" ({error})" if importlib.util.find_spec(module) else ""
-        return None, f"{wanted}{reason}"
+        return None, f"{wanted(module)}{reason}"
     # OpenEXR's module states the version of its C++ library only through the package's metadata.
     version = getattr(loaded, "__version__", None) or _installed(distribution)
-    if version and _numbers(version) < oldest:
-        return version, f"{wanted} (it has {version})"
+    if version and not oldest <= _numbers(version) < (untested,):
+        return version, f"{wanted(module)} (it has {version})"
     return version, ""
 
 
@@ -80,5 +85,5 @@ def _numbers(version: str) -> tuple[int, ...]:
 
 
 def _mend() -> str:
-    names = " ".join(distribution for distribution, _ in PACKAGES.values())
+    names = " ".join(f'"{wanted(module)}"' for module in PACKAGES)
     return f"run {sys.executable} -m pip install {names}, or choose another Python."

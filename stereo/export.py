@@ -25,7 +25,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import DiskError, IcyMoonError, sentence
-from ..files import write_atomically, write_json, write_text
+from ..files import cell, write_atomically, write_json, write_text
 from ..labels import LANDER, ROCK, SEMANTIC
 from ..render.pair import EYES
 from .develop import exposure_facts, to_8_bit
@@ -172,7 +172,7 @@ def _kitti(each: Each, out: Path) -> None:
         write_scaled(root / "disp_occ_0" / frame, disparity, KITTI_SCALE)
         write_scaled(root / "disp_noc_0" / frame, np.where(pair.visible["left"], disparity, np.nan), KITTI_SCALE)
         write_text(root / "calib_cam_to_cam" / f"{number}.txt", _kitti_calibration(pair))
-        numbers.append((number, pair.pair.folder.name))
+        numbers.append((number, cell(pair.pair.folder.name)))
 
     each(write)
     table = io.StringIO()

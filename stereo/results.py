@@ -13,7 +13,7 @@ from typing import Any, TextIO
 import numpy as np
 
 from ..errors import IcyMoonError
-from ..files import write_atomically, write_json
+from ..files import cell, write_atomically, write_json
 from ..records import ANYTHING, COUNT, FLAG, NUMBER, PIXELS, TABLE, TEXT, Each, Maybe, Shape, read_record
 from . import check
 from .factors import scene_of, swept_settings
@@ -111,7 +111,7 @@ def _write_csv(part: Path, rows: Iterable[Row]) -> None:
         writer = csv.DictWriter(stream, ("pair", "method", "status", *NUMBERS, "error"), extrasaction="ignore",
                                 lineterminator="\n")
         writer.writeheader()
-        writer.writerows(rows)
+        writer.writerows({**row, **{key: cell(row[key]) for key in ("pair", "method", "error")}} for row in rows)
 
 
 def _write_report_json(part: Path, report: Mapping[str, Any]) -> None:

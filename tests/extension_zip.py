@@ -15,7 +15,8 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGES = ("nodes", "operators", "panels", "physics", "render", "stereo")
-NEEDED = ("blender_manifest.toml", "LICENSE", "stereo/report.html.j2", "presets/scenes/europa_rough_ice.toml")
+NEEDED = ("blender_manifest.toml", "LICENSE", "stereo/report.html.j2", "stereo/evaluator.lock",
+          "presets/scenes/europa_rough_ice.toml")
 
 
 def blender_ext() -> Path:
@@ -33,7 +34,7 @@ def shipped() -> set[str]:
     for package in PACKAGES:
         files += (ROOT / package).rglob("*.py")
     data = ("presets/**/*.toml", "presets/previews/*.jpg", "stereo/*.j2", "stereo/*.js", "stereo/*.css",
-            "nodes/*.osl", "physics/*.json", "physics/*.csv")
+            "stereo/*.lock", "nodes/*.osl", "physics/*.json", "physics/*.csv")
     files += [path for pattern in data for path in ROOT.glob(pattern)]
     return {path.relative_to(ROOT).as_posix() for path in files}
 

@@ -1,13 +1,135 @@
-"""Making the evaluator's environment: whole, or not there."""
+"""Making the evaluator's environment: whole, of what we tested and nothing else, or not there."""
 
 from __future__ import annotations
 
+import hashlib
+import importlib.metadata
 import json
+import re
 import subprocess
+import sys
+import tomllib
+import zipfile
 from types import SimpleNamespace
 
 import pytest
 from icymoon import install
+from icymoon.stereo import check
+from icymoon.version import ROOT
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
+
+
+def locked() -> dict[str, tuple[str, list[str]]]:
+    """(version, hashes) of each package of the lock file."""
+    lines = re.sub(r"\\\n\s*", " ", install.LOCK.read_text(encoding="utf-8")).splitlines()
+    words = [line.split() for line in lines if not line.startswith("#")]
+    return {line[0].split("==")[0]: (line[0].split("==")[1], line[1:]) for line in words}
+
+
+def test_every_package_is_locked_within_the_bounds_that_are_tested():
+    found = locked()
+    for module in check.PACKAGES:
+        need = Requirement(check.wanted(module))
+        assert found[canonicalize_name(need.name)][0] in need.specifier
+    for name, (version, hashes) in found.items():
+        assert re.fullmatch(r"[0-9][0-9.]*(post\d+)?", version), name
+        assert hashes, name
+        assert all(re.fullmatch("--hash=sha256:[0-9a-f]{64}", word) for word in hashes), name
+
+
+def test_what_the_packages_need_is_locked_too():
+    """Of any system: a dependency that pip finds in no line of the file ends the installation."""
+    found = locked()
+    for name in found:
+        try:
+            needs = importlib.metadata.requires(name) or []
+        except importlib.metadata.PackageNotFoundError:
+            continue  # needed by another version of what needs it
+        for need in map(Requirement, needs):
+            if "extra" not in str(need.marker):
+                assert canonicalize_name(need.name) in found, f"{name} needs {need}"
+
+
+def test_the_package_and_the_button_have_the_same_bounds():
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    stated = map(Requirement, [*project["dependencies"], *project["optional-dependencies"]["evaluate"]])
+    assert {(canonicalize_name(need.name), need.specifier) for need in stated} == {
+        (canonicalize_name(need.name), need.specifier) for need in map(Requirement, map(check.wanted, check.PACKAGES))}
+
+
+@pytest.mark.parametrize(("version", "usable"), [
+    ("4.10.0", False), ("4.11.0", True), ("5.0.0", True), ("6.0.0", False)])
+def test_a_version_that_nobody_tested_is_named(version, usable, monkeypatch):
+    monkeypatch.setattr(check.importlib, "import_module", lambda name: SimpleNamespace(__version__=version))
+    problem = check._package("cv2")[1]
+    assert problem == ("" if usable else f"opencv-contrib-python-headless>=4.11,<6 (it has {version})")
+
+
+def wheel(folder, content="VALUE = 1\n"):
+    """A package of one module, as a wheel."""
+    file = folder / "tiny-1.0-py3-none-any.whl"
+    with zipfile.ZipFile(file, "w") as archive:
+        archive.writestr("tiny.py", content)
+        archive.writestr("tiny-1.0.dist-info/METADATA", "Metadata-Version: 2.1\nName: tiny\nVersion: 1.0\n")
+        archive.writestr("tiny-1.0.dist-info/WHEEL", "Wheel-Version: 1.0\nRoot-Is-Purelib: true\nTag: py3-none-any\n")
+        archive.writestr("tiny-1.0.dist-info/RECORD", "")
+    return file
+
+
+@pytest.fixture
+def registry(tmp_path, monkeypatch):
+    """A registry of one package, and a lock file for it; the current folder is somebody else's."""
+    served = tmp_path / "served"
+    served.mkdir()
+    file = wheel(served)
+    lock = tmp_path / "evaluator.lock"
+    lock.write_text(f"tiny==1.0 --hash=sha256:{hashlib.sha256(file.read_bytes()).hexdigest()}\n", encoding="utf-8")
+    monkeypatch.setattr(install, "LOCK", lock)
+    monkeypatch.setenv("PIP_NO_INDEX", "1")
+    monkeypatch.setenv("PIP_FIND_LINKS", str(served))
+    theirs = tmp_path / "theirs"
+    theirs.mkdir()
+    for name in ("venv", "ensurepip", "pip"):
+        (theirs / f"{name}.py").write_text(f"open({str(tmp_path / 'ran')!r}, 'w')\n", encoding="utf-8")
+    monkeypatch.chdir(theirs)
+    return served
+
+
+@pytest.mark.slow
+def test_pip_installs_what_is_locked_and_runs_nothing_of_the_current_folder(registry, tmp_path, capsys):
+    assert install.main([str(tmp_path / "evaluator")]) == 0, capsys.readouterr().out
+    assert list((tmp_path / "evaluator").rglob("site-packages/tiny.py"))
+    assert not (tmp_path / "ran").exists()
+
+
+@pytest.mark.slow
+def test_a_package_that_is_not_the_one_we_released_with_is_refused_in_a_sentence(registry, tmp_path, capsys):
+    wheel(registry, "VALUE = 2\n")
+    assert install.main([str(tmp_path / "evaluator")]) == 1
+    said = json.loads(capsys.readouterr().out.splitlines()[-1])["message"]
+    assert "its hash differs), so nothing is installed" in said
+    assert "\n" not in said
+    assert not (tmp_path / "evaluator").exists()
+    assert not (tmp_path / "ran").exists()
+
+
+def test_a_system_without_a_build_is_told_what_to_do(python, tmp_path, capsys):
+    python += [makes, lambda command: SimpleNamespace(returncode=1, stdout="", stderr=(
+        "ERROR: Could not find a version that satisfies the requirement numpy==2.4.6\n"
+        "ERROR: No matching distribution found for numpy==2.4.6\n"))]
+    assert install.main([str(tmp_path / "evaluator")]) == 1
+    assert "no build for this Python and system" in capsys.readouterr().out
+
+
+def test_the_pythons_that_install_look_into_no_current_folder(python, tmp_path):
+    seen = []
+    python += [lambda command: seen.append(command) or makes(command), lambda command: seen.append(command) or works(
+        command)]
+    install.main([str(tmp_path / "evaluator")])
+    assert [command[1] for command in seen] == ["-I", "-I"]
+    assert seen[0][0] == sys.executable
+    assert {"--require-hashes", "--only-binary=:all:"} <= set(seen[1])
 
 
 @pytest.fixture

@@ -7,8 +7,10 @@ import shutil
 import subprocess
 import sys
 import time
+from dataclasses import replace
 
 import pytest
+from icymoon.errors import IcyMoonError
 from icymoon.render import dataset as datasets
 from icymoon.render.order import ordered, share
 from icymoon.render.slurm import Request, ranges, write_script
@@ -39,6 +41,57 @@ def test_the_array_is_the_shares_that_lack_pairs(tmp_path):
     assert "#SBATCH --array=2-3%2\n" in text
     for line in ("--cpus-per-task=3", "--mem=2G", "--time=00:10:00", "--partition=long", "--requeue"):
         assert f"#SBATCH {line}\n" in text
+
+
+def sbatch_words(line):
+    """The words of a #SBATCH line as sbatch reads them: quotes group, a backslash escapes also within them, an
+    unquoted # begins a comment."""
+    words, word, quote, escaped = [], "", "", False
+    for character in f"{line.removeprefix('#SBATCH')} ":
+        if escaped:
+            word, escaped = word + character, False
+        elif character == "\\":
+            escaped = True
+        elif quote or character in "'\"":
+            word += character if quote and character != quote else ""
+            quote = "" if character == quote else quote or character
+        elif character == "#":
+            break
+        elif character.isspace():
+            words, word = [*words, *filter(None, [word])], ""
+        else:
+            word += character
+    assert not quote
+    return words
+
+
+@pytest.mark.parametrize("name", ["my data set", "it's", 'a "b"', "50 % #1", "%j", "$HOME `id` ; x", "ünï\u00a0ö"])
+def test_the_log_is_named_rightly_wherever_the_data_set_is(name, tmp_path):
+    dataset = tmp_path / name
+    dataset.mkdir()
+    script = write_script(dataset, frozen_in(dataset), ASKED, sys.executable, "blender")
+    lines = [line for line in script.read_text(encoding="utf-8").splitlines() if line.startswith("#SBATCH")]
+    words = [sbatch_words(line) for line in lines]
+    assert all(len(found) == 1 for found in words)
+    (log,) = [word.removeprefix("--output=") for found in words for word in found if word.startswith("--output")]
+    assert log.replace("%%", "\0").count("%") == 2  # of the job and of its share
+    assert log.replace("%%", "%").replace("%A_%a", "7_1") == str(dataset / "slurm" / "7_1.log")
+
+
+@pytest.mark.parametrize("change", [
+    {"options": ("--comment=a\ntouch ran",)}, {"memory": "1G\ntouch ran"}, {"time": "1\rtouch ran"}])
+def test_an_option_that_would_be_a_line_of_its_own_is_refused(change, tmp_path):
+    with pytest.raises(IcyMoonError, match="line break"):
+        write_script(tmp_path, frozen_in(tmp_path), replace(ASKED, **change), sys.executable, "blender")
+    assert not (tmp_path / "slurm").exists()
+
+
+@pytest.mark.parametrize(("name", "said"), [("a\ntouch ran\n", "line break"), ("a\\b", "backslash")])
+def test_a_folder_that_no_line_can_hold_is_refused(name, said, tmp_path):
+    dataset = tmp_path / name
+    dataset.mkdir()
+    with pytest.raises(IcyMoonError, match=said):
+        write_script(dataset, frozen_in(dataset), ASKED, sys.executable, "blender")
 
 
 @pytest.fixture

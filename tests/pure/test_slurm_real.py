@@ -38,7 +38,9 @@ def _runners(dataset: Path) -> list[int]:
 @pytest.mark.timeout(600)
 @pytest.mark.skipif(bool(slurm.missing()), reason=slurm.missing() or "SLURM is here")
 def test_an_array_of_shares_makes_the_data_set_though_one_is_killed(tmp_path):
-    stand = Stand(tmp_path)
+    folder = tmp_path / "it's 50 % #1"  # which every line of the script must survive
+    folder.mkdir()
+    stand = Stand(folder)
     stand.behave(**{pair.id: "sleep" for pair in PAIRS} | {PAIRS[5].id: "crash once"})
     frozen = datasets.freeze(stand.dataset, PAIRS, "")
     script = write_script(stand.dataset, frozen, Request(3, 2, 1, "100M", "00:10:00", ()), sys.executable,

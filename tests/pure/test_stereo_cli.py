@@ -256,7 +256,7 @@ def test_a_package_that_does_not_load_says_why(tmp_path):
 
 def test_a_package_that_is_too_old_is_named(tmp_path):
     (tmp_path / "jinja2.py").write_text("__version__ = '2.11.3'")
-    assert_refused(run_with(f"sys.path[:0] = [{str(tmp_path)!r}]", "check"), "Jinja2 3.1 or newer (it has 2.11.3)")
+    assert_refused(run_with(f"sys.path[:0] = [{str(tmp_path)!r}]", "check"), "Jinja2>=3.1,<4 (it has 2.11.3)")
 
 
 def test_runs_by_path_from_a_folder_of_any_name(tmp_path):

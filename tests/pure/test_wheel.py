@@ -40,7 +40,7 @@ def pip(*arguments: str) -> None:
 def test_it_holds_every_file_of_the_extension_and_no_test(wheel):
     held = {name.removeprefix("icymoon/") for name in zipfile.ZipFile(wheel).namelist() if ".dist-info" not in name}
     ours = {path.relative_to(ROOT).as_posix() for path in ROOT.rglob("*") if path.suffix in (
-        ".py", ".osl", ".toml", ".json", ".csv", ".j2", ".js", ".css", ".jpg")}
+        ".py", ".osl", ".toml", ".json", ".csv", ".j2", ".js", ".css", ".lock", ".jpg")}
     ours = {name for name in ours if name.split("/")[0] not in NOT_SHIPPED and not name.startswith(".")
             and "__pycache__" not in name and ".egg-info" not in name}
     assert held == ours - {"pyproject.toml"}
