@@ -31,14 +31,14 @@ class Elements(HTMLParser):
 def report(tmp_path_factory):
     """What is made of pairs whose every text is hostile."""
     folder = tmp_path_factory.mktemp("hostile")
-    for k, name in enumerate(["=HYPERLINK(1)", "@SUM(1)", "-1+1", "<b>"]):
+    for k, name in enumerate(["=HYPERLINK(1)", "@SUM(1)", "-1+1", "broken"]):
         pair = pairs.write_pair(folder / "set" / "pairs" / name, rig=pairs.camera(96, 48))
         data = json.loads((pair / "pair.json").read_text(encoding="utf-8"))
         data["settings"]["light"] |= {"body": EVIL if k else "EUROPA", "sun_elevation_deg": 10.0 * k}
         data["settings"]["dataset"]["folder"] = EVIL
         data |= {"versions": {"blender": EVIL}, "device": EVIL, "denoiser": EVIL}
         (pair / "pair.json").write_text(json.dumps(data), encoding="utf-8")
-    (folder / "set" / "pairs" / "<b>" / "left.exr").write_bytes(b"none")  # which fails, with a message
+    (folder / "set" / "pairs" / "broken" / "left.exr").write_bytes(b"none")  # which fails, with a message
     evaluate([folder / "set"], parse_methods("bm"), folder / "out")
     return folder / "out"
 
@@ -58,5 +58,5 @@ def test_a_page_has_no_element_and_no_script_that_a_data_set_brought(report):
 def test_a_table_has_no_formula_that_a_data_set_brought(report):
     with (report / "results.csv").open(encoding="utf-8", newline="") as stream:
         rows = list(csv.DictReader(stream))
-    assert sorted(row["pair"] for row in rows) == ["'-1+1", "'=HYPERLINK(1)", "'@SUM(1)", "<b>"]
+    assert sorted(row["pair"] for row in rows) == ["'-1+1", "'=HYPERLINK(1)", "'@SUM(1)", "broken"]
     assert all(not value.startswith(("=", "@", "+")) for row in rows for value in row.values())
