@@ -49,6 +49,14 @@ def words_of(code: str) -> Iterator[list[str]]:
     assert not line.strip(), f"an open quotation: {line}"
 
 
+def as_sh(code: str) -> str:
+    """A block for PowerShell as sh writes it."""
+    code = re.sub(r'foreach \(\$(\w+) in "?([\d.]+?)"?(?:\.\.|,).*\) \{', r"for \1 in \2 …; do", code)
+    code = re.sub(r"(?m)^py(?: -[\d.]+)? ", "python3 ", code).replace("\n}", "\ndone").replace("`\n", "\\\n")
+    code = re.sub(r"(\.venv|evaluator)\\Scripts\\(python)\.exe", r"\1/bin/\2", code)
+    return code.replace("; python", "\npython").replace(".venv\\Scripts\\Activate.ps1", ". .venv/bin/activate")
+
+
 def fault(words: list[str]) -> str:
     """What is wrong with a command; empty if nothing is."""
     try:
@@ -76,7 +84,7 @@ def _fault(words: list[str]) -> str:
         return python_fault(rest[rest.index("--python-expr") + 1]) if "--python-expr" in rest else ""
     if program == "pip":
         return _extras(rest)
-    return "" if program in (*SHELL, "venv") else f"{program} is no command that the manual may show"
+    return "" if program in (*SHELL, "venv", "mkdocs") else f"{program} is no command that the manual may show"
 
 
 def _extras(words: list[str]) -> str:

@@ -19,7 +19,9 @@ PAGES = sorted(manual.pages())
 WRITTEN = sorted(manual.written())
 BLOCKS = list(manual.blocks())
 #: Languages of fences; text and json are shown, not run.
-LANGUAGES = ("sh", "toml", "python", "text", "json")
+LANGUAGES = ("sh", "powershell", "toml", "python", "text", "json")
+#: What a shell of Windows does not understand: its own words, a line that goes on, where an environment has its Python.
+ONLY_SH = re.compile(r"(?m)\\$|^(for|make|export|\.) |(\.venv|evaluator)/bin/|\$\(")
 FIGURES = {f"docs/figures/{name}.svg" for name in re.findall(
     r"(?m)^def (\w+)\(figure: Figure\)", (ROOT / "docs" / "make" / "figures.py").read_text(encoding="utf-8"))}
 
@@ -71,6 +73,33 @@ def test_every_figure_is_shown():
     shown = {manual.resolved(page, link) for page, text in manual.written().items() for link in manual.links(text)}
     assert shown >= FIGURES
     assert shown >= {path.relative_to(ROOT).as_posix() for path in (ROOT / "docs" / "images").iterdir()}
+
+
+def words_of_python(code: str) -> list[list[str]]:
+    return [words for words in commands.words_of(code) if words[0].endswith("python")]
+
+
+@pytest.mark.parametrize("block", [b for b in BLOCKS if b.language == "sh" and ONLY_SH.search(b.code)
+                                   and b.page != "CONTRIBUTING.md"], ids=str)
+def test_what_only_some_shells_understand_is_said_for_powershell_too(block):
+    """Where the spelling differs, what is run does not; make is for those who have it, its steps for the others."""
+    text = manual.written()[block.page]
+    fences = [b for b in manual.blocks() if b.page == block.page and b.language]
+    twin = fences[fences.index(block) + 1]
+    assert twin.language == "powershell", f"{block}: {text.splitlines()[block.line]}"
+    if not block.code.startswith("make"):
+        assert words_of_python(commands.as_sh(twin.code)) == words_of_python(block.code)
+
+
+@pytest.mark.parametrize("block", [b for b in BLOCKS if b.language == "powershell"], ids=str)
+def test_commands_for_powershell_are_understood(block):
+    for words in words_of_python(commands.as_sh(block.code)):
+        assert not commands.fault(words), words
+
+
+@pytest.mark.parametrize("code", [". .venv/bin/activate", "for a in 1 2; do", "make demo", "python a \\\n  b"])
+def test_what_only_sh_understands_is_found(code):
+    assert ONLY_SH.search(code)
 
 
 @pytest.mark.parametrize("block", [b for b in BLOCKS if b.language], ids=str)
