@@ -8,8 +8,10 @@ from __future__ import annotations
 
 import importlib
 import importlib.util
+import os
 import sys
 from pathlib import Path
+from types import TracebackType
 
 #: Verbs that are programs of their own: what they import must not be needed by the others.
 _PROGRAMS = {"stereo": "stereo.cli", "worker": "render.worker", "probe": "render.probe", "install": "install"}
@@ -28,9 +30,19 @@ def main(arguments: list[str] | None = None) -> int:
             importlib.import_module("icymoon.render.queue").emit("error", message=(
                 f"{sys.executable} has no Blender; give one with --blender, or pip install icymoon[blender]."))
             return 1
-        program = importlib.import_module(f"icymoon.{_PROGRAMS[arguments[0]]}")
+        with system.quiet_interrupts():
+            program = importlib.import_module(f"icymoon.{_PROGRAMS[arguments[0]]}")
         return int(program.main(arguments[1:]))
-    return int(importlib.import_module("icymoon.cli").main(arguments))
+    with system.quiet_interrupts():
+        program = importlib.import_module("icymoon.cli")
+    return int(program.main(arguments))
+
+
+def _end_quietly(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:
+    """Say nothing of a Ctrl-C before the command has begun."""
+    if issubclass(kind, KeyboardInterrupt):
+        os._exit(130)
+    sys.__excepthook__(kind, error, trace)
 
 
 def _load_package() -> None:
@@ -53,6 +65,7 @@ def _arguments() -> list[str]:
 
 
 if __name__ == "__main__":
+    sys.excepthook = _end_quietly
     if not __package__:
         sys.path[:] = [p for p in sys.path if Path(p or ".").resolve() != Path(__file__).resolve().parent]
         _load_package()

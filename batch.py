@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import re
 import shlex
 import sys
 from collections.abc import Callable, Iterator
@@ -11,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from .errors import IcyMoonError
+from .files import shortened
 from .render import dataset as datasets
 from .render.launch import python_command
 from .render.manifest import write_manifest
@@ -21,7 +23,7 @@ from .render.runner import Runner, Workers
 from .render.slurm import Request, write_script
 from .render.verify import verify
 from .system import call_ours, processors, stop_by
-from .terminal import shown
+from .terminal import as_path, shown
 
 Say = Callable[..., None]
 #: Threads that a worker has, where the machine has that many: sampling scales well up to there.
@@ -32,7 +34,7 @@ def add_verbs(verbs: Any) -> None:
     """Add the verbs to the command line's parser."""
     batch = verbs.add_parser("batch", help="render the data set that a plan describes, and go on where it stopped")
     batch.add_argument("plan", help="plan of the data set: a TOML file, or the name of a shipped one")
-    batch.add_argument("--out", type=Path, required=True, metavar="DATASET", help="folder of the data set")
+    batch.add_argument("--out", type=as_path, required=True, metavar="DATASET", help="folder of the data set")
     batch.add_argument("--evaluate", metavar="METHODS", help="then match its pairs with these, separated by commas")
     batch.add_argument("--own", action="append", default=[], metavar="NAME:METHOD:KEY=VALUE",
                        help="option of a matcher of your own, which --evaluate then names as own:NAME; may repeat")
@@ -45,14 +47,14 @@ def add_verbs(verbs: Any) -> None:
     batch.set_defaults(run=_batch)
 
     work = verbs.add_parser("work", help="render a share of a data set that icymoon batch or slurm has planned")
-    work.add_argument("dataset", type=Path, metavar="DATASET", help="folder of the data set")
+    work.add_argument("dataset", type=as_path, metavar="DATASET", help="folder of the data set")
     work.add_argument("--shard", default="1/1", metavar="I/N", help="share I of N, counted from 1 (%(default)s)")
     _how(work)
     work.set_defaults(run=_work)
 
     slurm = verbs.add_parser("slurm", help="write the job script that renders a data set on a cluster with SLURM")
     slurm.add_argument("plan", help="plan of the data set: a TOML file, or the name of a shipped one")
-    slurm.add_argument("--out", type=Path, required=True, metavar="DATASET", help="folder that all machines see")
+    slurm.add_argument("--out", type=as_path, required=True, metavar="DATASET", help="folder that all machines see")
     slurm.add_argument("--shards", type=int, required=True, metavar="N", help="shares, each a job of the array")
     slurm.add_argument("--at-once", type=int, default=0, metavar="N", help="shares that run at the same time (all)")
     slurm.add_argument("--cpus", type=int, default=8, metavar="N", help="processors of each (%(default)s)")
@@ -65,7 +67,7 @@ def add_verbs(verbs: Any) -> None:
     slurm.set_defaults(run=_slurm)
 
     check = verbs.add_parser("verify", help="check every file of a data set, and say what is missing or wrong")
-    check.add_argument("dataset", type=Path, metavar="DATASET", help="folder of the data set")
+    check.add_argument("dataset", type=as_path, metavar="DATASET", help="folder of the data set")
     check.add_argument("--remove", action="store_true",
                        help="remove broken pairs and leftovers, so that icymoon batch makes them again")
     check.add_argument("--json", action="store_true", help="say it in JSON lines")
@@ -133,6 +135,8 @@ def _frozen(plan: str, dataset: Path) -> datasets.Frozen:
     from .render.sweep import plan_path, read_plan
 
     read = read_plan(plan_path(plan))
+    if unchecked := read.unchecked():
+        print(f"icymoon: {unchecked}", file=sys.stderr)
     return datasets.freeze(dataset, ordered(read.pairs()), read.text)
 
 
@@ -168,10 +172,10 @@ def _told(status: int, dataset: Path, as_json: bool) -> int:
 
 def numbered(text: str) -> tuple[int, int]:
     """I and N of ``I/N``. Raises IcyMoonError if it is not that."""
-    number, _, count = text.partition("/")
-    if not (number.isdigit() and count.isdigit() and 1 <= int(number) <= int(count)):
-        raise IcyMoonError(f"--shard is {text!r}; write it as I/N with I from 1 to N, as in 3/8.")
-    return int(number), int(count)
+    stated = re.fullmatch(r"([0-9]{1,9})/([0-9]{1,9})", text)
+    if not stated or not 1 <= int(stated[1]) <= int(stated[2]):
+        raise IcyMoonError(f"--shard is {shortened(text)!r}; write it as I/N with I from 1 to N, as in 3/8.")
+    return int(stated[1]), int(stated[2])
 
 
 def _work(options: argparse.Namespace) -> int:

@@ -7,7 +7,6 @@ error message here, and Ctrl-C stops at once and leaves nothing half-written.
 from __future__ import annotations
 
 import argparse
-import os
 import sys
 from collections.abc import Callable
 from contextlib import nullcontext
@@ -22,8 +21,7 @@ from .render.launch import Job, absolute_folder, rendered
 from .render.queue import Message, emit, errors_told
 from .render.tolerance import PX, share, tolerance
 from .scratch import scratch
-from .system import is_broken_pipe
-from .terminal import shown
+from .terminal import as_path, shown, tell_end
 from .version import version
 
 if TYPE_CHECKING:
@@ -39,18 +37,8 @@ def main(arguments: list[str]) -> int:
         status = int(options.run(options))
         sys.stdout.flush()
         return status
-    except IcyMoonError as error:
-        print(f"icymoon: {error}", file=sys.stderr)
-        return 1
-    except OSError as error:
-        if not is_broken_pipe(error):
-            raise
-        # Nobody listens any more; keep Python from complaining when it flushes at exit.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return 1
-    except KeyboardInterrupt:
-        print("icymoon: stopped; finished pairs are kept, run the same command to go on.", file=sys.stderr)
-        return 130
+    except (IcyMoonError, OSError, KeyboardInterrupt) as error:
+        return tell_end(error, "icymoon", "stopped; finished pairs are kept, run the same command to go on.")
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -59,19 +47,19 @@ def _parser() -> argparse.ArgumentParser:
     verbs = parser.add_subparsers(required=True, metavar="VERB")
 
     demo = verbs.add_parser("demo", help="build two scenes, render a pair of each, evaluate them, show the report")
-    demo.add_argument("--out", type=Path, default=Path("out/demo"), help="folder for pairs and report (%(default)s)")
+    demo.add_argument("--out", type=as_path, default=Path("out/demo"), help="folder for pairs and report (%(default)s)")
     demo.set_defaults(run=_demo)
 
     render = verbs.add_parser("render", help="build the described scene and render its stereo pairs")
     _describe(render)
-    render.add_argument("--out", type=Path, help="data set folder, instead of dataset.folder")
+    render.add_argument("--out", type=as_path, help="data set folder, instead of dataset.folder")
     render.add_argument("--again", action="store_true", help="render pairs that are already complete once more")
     render.set_defaults(run=_render)
 
     evaluate = verbs.add_parser("evaluate", help="match the pairs of a data set and write a report")
-    evaluate.add_argument("path", type=Path, nargs="+", help="pair or data set folder")
+    evaluate.add_argument("path", type=as_path, nargs="+", help="pair or data set folder")
     evaluate.add_argument("--methods", default="bm,sgbm", help="matchers, separated by commas (%(default)s)")
-    evaluate.add_argument("--out", type=Path, help="report folder (evaluation in the data set)")
+    evaluate.add_argument("--out", type=as_path, help="report folder (evaluation in the data set)")
     evaluate.add_argument("--guiss", action="store_true", help="show what the GUISS reference code would report too")
     evaluate.add_argument("--points", action="store_true", help="write the measured surfaces too, as point clouds")
     evaluate.set_defaults(run=_evaluate)
@@ -84,7 +72,7 @@ def _parser() -> argparse.ArgumentParser:
     presets.set_defaults(run=_presets)
 
     sources = verbs.add_parser("sources", help="say which preset and source each number of a pair is from")
-    sources.add_argument("path", type=Path, help="pair folder, or a data set of one pair")
+    sources.add_argument("path", type=as_path, help="pair folder, or a data set of one pair")
     sources.add_argument("names", nargs="*", metavar="NAME", help="topic such as light, or setting such as "
                          "light.planet_albedo (all that are not defaults)")
     sources.set_defaults(run=_sources)
@@ -119,7 +107,7 @@ def _parser() -> argparse.ArgumentParser:
     gallery = verbs.add_parser("gallery", help="render the scenes of the gallery, as pictures and all on one sheet")
     gallery.add_argument("--only", action="append", default=[], metavar="NAME", help="one scene; may repeat (all)")
     gallery.add_argument("--scale", type=float, default=1.0, help="share of the images' width and height (%(default)s)")
-    gallery.add_argument("--out", type=Path, default=Path("out/gallery"), help="folder for the pairs, a picture of "
+    gallery.add_argument("--out", type=as_path, default=Path("out/gallery"), help="folder for the pairs, a picture of "
                          "each and the sheet gallery.jpg (%(default)s)")
     gallery.add_argument("--blender", default=sys.executable, help="Blender, or a Python with bpy (this Python)")
     gallery.set_defaults(run=_gallery)
@@ -141,12 +129,12 @@ def _bench(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--reference-samples", type=int, default=1024,
                         help="light paths per pixel of the reference (%(default)s)")
     parser.add_argument("--scale", type=float, default=1.0, help="share of the image's width and height (%(default)s)")
-    parser.add_argument("--out", type=Path, required=True, help="folder for renders and report")
+    parser.add_argument("--out", type=as_path, required=True, help="folder for renders and report")
 
 
 def _describe(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--preset", action="append", default=[], help="shipped preset, see icymoon presets; may repeat")
-    parser.add_argument("--settings", type=Path, action="append", default=[], help="TOML file; may repeat")
+    parser.add_argument("--settings", type=as_path, action="append", default=[], help="TOML file; may repeat")
     parser.add_argument("--set", action="append", default=[], metavar="TOPIC.KEY=VALUE", dest="overrides",
                         help="one setting; may repeat")
     parser.add_argument("--blender", default=sys.executable, help="Blender, or a Python with bpy (this Python)")

@@ -17,6 +17,8 @@ from . import system
 from .errors import DiskError, IcyMoonError
 
 PART = ".part"
+#: What usual file systems take: bytes of a name, characters of a path.
+_LONGEST_NAME, _LONGEST_PATH = 255, 4095
 _MEND = {errno.ENOSPC: "the disk is full; free some space or choose another folder",
          errno.EDQUOT: "your disk quota is used up; free some space or choose another folder",
          errno.EROFS: "the disk is read-only; choose another folder",
@@ -138,13 +140,47 @@ def absolute_path(text: str, name: str, blend_folder: str | None = None) -> Path
     """The file or folder that the setting ``name`` states: ``~`` is the home folder, ``//`` the .blend's folder.
 
     ``blend_folder`` is empty or None where there is no saved .blend. Raises IcyMoonError if the
-    path is empty or begins with // without one.
+    path is empty, none that a system could have, or begins with // without one.
     """
     if text.startswith("//"):
         if not blend_folder:
-            raise IcyMoonError(f"{name} is {text!r}, beside a .blend file that is not saved; "
+            raise IcyMoonError(f"{name} is {shortened(text)!r}, beside a .blend file that is not saved; "
                                "save it or choose a path that does not begin with //.")
-        return Path(os.path.normpath(os.path.join(blend_folder, text[2:])))
+        return Path(os.path.normpath(os.path.join(blend_folder, user_path(text[2:], name))))
+    return Path(os.path.abspath(user_path(text, name)))
+
+
+def user_path(text: str, name: str) -> Path:
+    """The path that a person wrote for ``name``, which may begin with ``~``, a home folder.
+
+    Raises IcyMoonError if it is empty or no path that a system could have.
+    """
     if not text.strip():
         raise IcyMoonError(f"{name} is empty; choose a path.")
-    return Path(os.path.abspath(os.path.expanduser(text)))
+    path = os.path.expanduser(text)
+    if text.startswith("~") and path == text:
+        raise IcyMoonError(f"{name} is {shortened(text)!r}, but there is no such home folder; write the whole path, or "
+                           "./~ for a name that begins so.")
+    try:
+        longest = max(map(len, os.fsencode(path).split(os.sep.encode())))
+    except ValueError:
+        longest = 0
+    if longest == 0 or "\0" in path:
+        raise IcyMoonError(f"{name} is {shortened(text)!r}, with characters that no path can have; write another.")
+    if longest > _LONGEST_NAME or len(path) > _LONGEST_PATH:
+        raise IcyMoonError(f"{name} is {shortened(text)!r}, longer than file systems take ({_LONGEST_NAME} bytes for a "
+                           f"name, {_LONGEST_PATH} for a path); choose a shorter one.")
+    return Path(path)
+
+
+def shortened(text: str) -> str:
+    """A text for a sentence: its beginning, if it is long."""
+    return text if len(text) <= 80 else text[:60] + "…"
+
+
+def is_file(path: Path) -> bool:
+    """Whether there is such a file; False too for what can be no path."""
+    try:
+        return path.is_file()
+    except (OSError, ValueError):
+        return False

@@ -14,6 +14,7 @@ from .render.plan import PlannedPair
 from .render.queue import emit, errors_told
 from .render.sweep import Plan, plan_header, plan_path, read_plan
 from .settings import plan_names
+from .terminal import as_path
 
 
 def add_verbs(verbs: Any) -> None:
@@ -21,7 +22,7 @@ def add_verbs(verbs: Any) -> None:
     plan = verbs.add_parser("plan", help="list the pairs that a plan of a data set asks for, or what they will take")
     plan.add_argument("plan", nargs="?", help="TOML file, or the name of a shipped plan; without one these are listed")
     plan.add_argument("--dry-run", action="store_true", help="say how many pairs there are and what they will take")
-    plan.add_argument("--out", type=Path, metavar="DATASET",
+    plan.add_argument("--out", type=as_path, metavar="DATASET",
                       help="folder of the data set; its pairs are counted, and what they took is learnt from")
     plan.add_argument("--json", action="store_true", help="say it in JSON lines")
     plan.set_defaults(run=_plan)
@@ -76,9 +77,12 @@ def _say_estimate(plan: Plan, pairs: Sequence[PlannedPair], options: argparse.Na
     devices = {str(pair.settings["quality"]["device"]) for pair in pairs}
     speed = remembered(devices.pop()) if len(devices) == 1 else None
     found = estimate(pairs, options.out.absolute() if options.out else None, speed)
+    unchecked = plan.unchecked()
     if options.json:
-        emit("result", plan=str(plan.path), title=plan.title, **found.facts())
+        emit("result", plan=str(plan.path), title=plan.title, unchecked=unchecked, **found.facts())
         return
     print(plan.title)
     for line in found.lines():
         print(line)
+    if unchecked:
+        print(unchecked)

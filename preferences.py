@@ -12,6 +12,7 @@ import bpy
 from . import properties, trust
 from .doctor import Finding
 from .errors import IcyMoonError
+from .files import user_path
 from .render import machine
 from .stereo.check import PACKAGES
 from .system import venv_python
@@ -50,7 +51,7 @@ def evaluator_python() -> str:
     for candidate, origin in ((chosen, "the preferences"), (os.environ.get("ICYMOON_EVALUATOR", ""),
                                                             "ICYMOON_EVALUATOR")):
         if candidate:
-            path = Path(os.path.expanduser(candidate))
+            path = user_path(candidate, f"The evaluator's Python, named by {origin},")
             if not path.is_file():
                 raise IcyMoonError(f"The evaluator's Python {path}, named by {origin}, is not there; "
                                    "correct the path or install the evaluator in the preferences.")

@@ -21,7 +21,7 @@ import numpy as np
 
 from . import trust
 from .errors import IcyMoonError
-from .files import read_text
+from .files import is_file, read_text, shortened
 from .properties import TOPICS, Setting, Value, all_settings, announce, together
 from .version import is_newer, version
 
@@ -229,9 +229,9 @@ def plan_names() -> list[str]:
 def preset_path(name: str) -> Path:
     """The file of a shipped preset: ``kind/name``, or the bare name of a scene preset."""
     for candidate in (PRESETS / f"{name}.toml", PRESETS / "scenes" / f"{name}.toml"):
-        if ".." not in name and candidate.is_file():
+        if ".." not in name and is_file(candidate):
             return candidate
-    raise IcyMoonError(f"Unknown preset {name!r}, {_nearest(name, preset_names())}")
+    raise IcyMoonError(f"Unknown preset {shortened(name)!r}, {_nearest(shortened(name), preset_names())}")
 
 
 def preview_path(name: str) -> Path:

@@ -16,8 +16,8 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path, PureWindowsPath
 from typing import IO, Any, TypeVar
 
@@ -432,6 +432,18 @@ def raise_at_interrupt() -> None:
 def end_at_interrupt() -> None:
     """Have Ctrl-C end this process at once."""
     signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
+@contextmanager
+def quiet_interrupts() -> Iterator[None]:
+    """While modules load, have Ctrl-C end this process at once and without a word: nothing is begun yet, and some
+    modules make another error of a KeyboardInterrupt."""
+    before = signal.getsignal(signal.SIGINT)
+    if before is signal.default_int_handler and threading.current_thread() is threading.main_thread():
+        end_at_interrupt()
+    yield
+    if signal.getsignal(signal.SIGINT) is signal.SIG_DFL:
+        signal.signal(signal.SIGINT, before)
 
 
 def place() -> str:

@@ -2,9 +2,48 @@
 
 from __future__ import annotations
 
+import argparse
+import os
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
+
+from .errors import IcyMoonError
+from .files import shortened, user_path
+from .system import is_broken_pipe
+
+
+def as_path(text: str) -> Path:
+    """A path of the command line, for argparse."""
+    try:
+        return user_path(text, "the path")
+    except IcyMoonError as error:
+        raise argparse.ArgumentTypeError(str(error)) from None
+
+
+def tell_end(error: BaseException, program: str, stopped: str) -> int:
+    """Say on standard error what has ended a command, and return its exit status.
+
+    Whatever is neither a person's to mend nor the system's is raised again: it is a defect of ours.
+    """
+    if isinstance(error, OSError) and is_broken_pipe(error):
+        # Nobody listens any more; keep Python from complaining when it flushes at exit.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 1
+    if isinstance(error, KeyboardInterrupt):
+        print(f"{program}: {stopped}", file=sys.stderr)
+        return 130
+    if isinstance(error, IcyMoonError):
+        print(f"{program}: {' '.join(str(error).split())}", file=sys.stderr)
+        return 1
+    if isinstance(error, OSError):
+        where = f"{shortened(str(error.filename))}: " if error.filename is not None else ""
+        print(f"{program}: {where}the system refuses it ({error.strerror or error}); mend that or choose another "
+              "place.", file=sys.stderr)
+        return 1
+    raise error
 
 
 @contextmanager

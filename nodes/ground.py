@@ -99,9 +99,13 @@ def own_ground(settings: Settings, made_up: Callable[[Settings], Surface]) -> Ow
     Raises IcyMoonError if the file is not a usable ground; nothing of it stays in Blender.
     """
     path = file_of(settings)
-    if settings["source"]["kind"] == "MESH":
-        return _mesh_ground(path, settings)
-    return _height_ground(path, settings, made_up)
+    try:
+        if settings["source"]["kind"] == "MESH":
+            return _mesh_ground(path, settings)
+        return _height_ground(path, settings, made_up)
+    except MemoryError:
+        raise IcyMoonError(f"{path}: is too large for the memory of this machine; cut out the part that you need, "
+                           "or make it coarser.") from None
 
 
 def _metres(values: Any) -> str:

@@ -9,12 +9,14 @@ within 0.05° and 0.15° of full theories. ``spice`` does it exactly from kernel
 from __future__ import annotations
 
 import math
+import re
 import warnings
 from dataclasses import dataclass
 
 import numpy as np
 
 from ..errors import IcyMoonError
+from ..files import shortened
 from .bodies import BODIES, Orbit
 
 #: Seconds between UTC and the time that ephemerides run on; right from 2017 on, 5 s less in 2000.
@@ -45,11 +47,13 @@ def days_since_j2000(date_utc: str) -> float:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error")  # numpy only warns of a time zone
+            if not re.match(r"\s*[0-9]{4}(\D|$)", date_utc):
+                raise ValueError(date_utc)  # years of more digits wrap around in numpy
             date = np.datetime64(date_utc.strip().removesuffix("Z"), "ms")
     except (ValueError, Warning):
         date = np.datetime64("NaT", "ms")
     if np.isnat(date):
-        raise IcyMoonError(f"light.date_utc is {date_utc!r}; write it as 2035-03-01T12:00:00.")
+        raise IcyMoonError(f"light.date_utc is {shortened(date_utc)!r}; write it as 2035-03-01T12:00:00.")
     return float((date - np.datetime64("2000-01-01T12:00", "ms")) / np.timedelta64(1, "ms")
                  + 1000 * _TDB_UTC_S) / 86.4e6
 

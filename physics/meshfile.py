@@ -123,7 +123,8 @@ def from_gltf(path: Path, facts: Callable[[dict[str, Any]], Fact]) -> Fact:
                 length = struct.unpack("<12xI4x", stream.read(20))[0]
                 return facts(json.loads(stream.read(length)))
             return facts(json.load(stream))
-    except (OSError, ValueError, struct.error, TypeError, LookupError, AttributeError) as error:
+    except (OSError, ValueError, struct.error, TypeError, LookupError, AttributeError,
+            RecursionError) as error:
         raise IcyMoonError(f"{path}: is not a whole glTF file ({type(error).__name__}: {error}); "
                            "export the mesh again.") from None
 

@@ -8,12 +8,12 @@ import math
 import zlib
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ..errors import IcyMoonError
+from ..files import user_path
 from ..physics import sampling
 from ..physics.seeds import generator
 from ..properties import TOPICS, Setting
@@ -85,7 +85,7 @@ def preset(name: Any, place: Place) -> Settings:
     if not isinstance(name, str):
         raise IcyMoonError(f"{place}: a preset is named by a text in quotes, not {name!r}.")
     try:
-        return load(place.file.parent / Path(name).expanduser() if name.endswith(".toml") else preset_path(name))
+        return load(place.file.parent / user_path(name, "The preset") if name.endswith(".toml") else preset_path(name))
     except IcyMoonError as error:
         raise IcyMoonError(f"{place}: {error}") from None
 

@@ -137,7 +137,7 @@ class Claims:
         for where, pattern in ((self._dataset, "*"), (self._pairs, ".clock"), (self._pairs, "*/*")):
             for file in where.glob(f"{pattern}.{system.computer()}-*-*{PART}"):
                 writer = file.name.removesuffix(PART).rsplit("-", 2)[1]
-                if writer.isdigit() and system.is_gone(int(writer), system.place()):
+                if writer.isdecimal() and system.is_gone(int(writer), system.place()):
                     self._remove(file)
         for path in self._all():
             if not self._mine(path) and self._stale(path):
@@ -204,7 +204,7 @@ class Claims:
 
 def _number(path: Path) -> int:
     text = path.name.rpartition(".")[2]
-    return int(text) if text.isdigit() else 0
+    return int(text) if text.isdecimal() else 0
 
 
 def _read(claim: Path) -> dict[str, Any]:

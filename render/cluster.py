@@ -6,6 +6,7 @@ any moment. Dask decides where it runs and starts it again where a machine is lo
 
 from __future__ import annotations
 
+import re
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -38,7 +39,7 @@ def _client(address: str) -> Iterator[Any]:
         raise IcyMoonError("--dask needs Dask's scheduler; install it with: pip install icymoon[scale]") from None
     kind, _, number = address.partition(":")
     if kind == "local":
-        if not (number.isdigit() and int(number) > 0):
+        if not re.fullmatch(r"[0-9]{1,6}", number) or int(number) == 0:
             raise IcyMoonError(f"--dask is {address!r}; write local:N with N processes, or a scheduler's address.")
         with (distributed.LocalCluster(n_workers=int(number), threads_per_worker=1, processes=True,
                                        dashboard_address=None) as cluster, distributed.Client(cluster) as client):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import json
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -23,6 +23,8 @@ from .blocks import Block, Variation, check_number
 from .plan import PlannedPair, turned_heading_deg
 from .toml_lines import Place
 
+#: Grounds that a plan is checked on before it is rendered.
+MOST_GROUNDS = 200
 _GEOMETRY = [(topic, s.key) for topic, s in all_settings() if s.effect == "geometry"]
 
 
@@ -94,6 +96,7 @@ def combined(design: Design) -> list[PlannedPair]:
         known: dict[str, list[Variation]] = {}
         made = [each.over(_filed(part, design)) for each in made for part in _posed(block, each, grounds, known)]
         check_number(len(made), block.place)
+    _check_headings(made)
     made = [each for whole in made for each in _turned(whole)]
     if design.at_most is not None and design.at_most < len(made):
         made = [made[k * len(made) // design.at_most] for k in range(design.at_most)]
@@ -157,6 +160,14 @@ def _placed(error: IcyMoonError, place: Place | None) -> IcyMoonError:
     return IcyMoonError(f"{place}: {text}" + ("" if text.endswith(".") else "."))
 
 
+def _check_headings(made: list[_Made]) -> None:
+    """Refuse more pairs than a plan may have before they are made."""
+    pairs = sum(int(each.settings["dataset"]["headings"]) for each in made)
+    place = made[0].place_of("dataset.headings") if made else None
+    if place is not None:
+        check_number(pairs, place)
+
+
 def _turned(made: _Made) -> Iterator[_Made]:
     """A description at each of its ``dataset.headings``, which is 1 in what comes of it."""
     headings = int(made.settings["dataset"]["headings"])
@@ -177,15 +188,32 @@ def _content(made: _Made) -> str:
         raise _placed(error, made.place_of("source.file", "textures.albedo_file")) from None
 
 
+def some_grounds(settings: Sequence[Settings]) -> set[str]:
+    """Those of the made-up grounds of descriptions that a plan is checked on, by what they hang on: all, or
+    ``MOST_GROUNDS`` evenly among more, each of which takes some hundredths of a second."""
+    there = list(dict.fromkeys(_geometry(each) for each in settings if each["source"]["kind"] == "PROCEDURAL"))
+    return {there[k * len(there) // MOST_GROUNDS] for k in range(MOST_GROUNDS)} if len(there) > MOST_GROUNDS else {
+        *there}
+
+
+def unseen_grounds(settings: Sequence[Settings]) -> int:
+    """The number of made-up grounds that a plan of these descriptions was not checked on."""
+    if len(settings) <= MOST_GROUNDS:
+        return 0
+    there = {_geometry(each) for each in settings if each["source"]["kind"] == "PROCEDURAL"}
+    return max(0, len(there) - MOST_GROUNDS)
+
+
 def _check(made: list[_Made], grounds: _Grounds) -> None:
     """Refuse what can be known to fail before anything is built."""
     seen: set[str] = set()
     standing_on: dict[int, tuple[Standing, list[_Made]]] = {}
+    looked_at = some_grounds([each.settings for each in made])
     for each in made:
         _check_once(each, seen, ("source", "textures", "light"), _check_files)
         _check_once(each, seen, ("hapke",), lambda m: hapke.from_settings(m.settings["hapke"]), "hapke.filling_factor")
         _check_once(each, seen, ("light",), _check_sky, "light.date_utc", "light.body")
-        if each.settings["source"]["kind"] == "PROCEDURAL":
+        if each.settings["source"]["kind"] == "PROCEDURAL" and _geometry(each.settings) in looked_at:
             try:
                 ground = grounds.of(each.settings)
                 ground.blocks  # noqa: B018  (contradictory sizes are refused when blocks are drawn)

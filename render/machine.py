@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import IcyMoonError
-from ..files import write_json
+from ..files import user_path, write_json
 from ..records import COUNT, NUMBER, POSITIVE, TABLE, TEXT, fault, read_record
 from ..settings import Settings, defaults, merged
 from ..system import cache_folder, processors
@@ -66,7 +66,7 @@ def choose_folder(path: str) -> None:
 def folder() -> Path:
     """The cache folder of Icy Moon, which need not exist: of the environment, the one chosen, the person's own."""
     if given := os.environ.get(FOLDER_VARIABLE) or _chosen:
-        return Path(given).expanduser().absolute()
+        return user_path(given, FOLDER_VARIABLE).absolute()
     return cache_folder() / "icymoon"
 
 

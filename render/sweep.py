@@ -14,10 +14,11 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import IcyMoonError
+from ..files import is_file, user_path
 from ..settings import PLANS, check, plan_names, read_toml, toml_and_text
 from . import blocks, poses
 from .blocks import Block, Variation, checked, known_keys, nearest, preset
-from .combine import Design, combined
+from .combine import MOST_GROUNDS, Design, combined, unseen_grounds
 from .plan import PlannedPair
 from .toml_lines import Place
 
@@ -50,6 +51,14 @@ class Plan:
         """
         return list(self._pairs)
 
+    def unchecked(self) -> str:
+        """A sentence about the grounds that the pairs were not checked on; empty if there are none."""
+        unseen = unseen_grounds([pair.settings for pair in self._pairs])
+        if not unseen:
+            return ""
+        return (f"Of the grounds {MOST_GROUNDS} were looked at, {unseen} were not: there a camera that cannot stand is "
+                "found when its pair is rendered, which is then set aside.")
+
 
 def plan_path(name: str) -> Path:
     """The file of a plan: of a shipped one its name, ``datasets/…`` or without that, else a path.
@@ -57,9 +66,9 @@ def plan_path(name: str) -> Path:
     Raises IcyMoonError if there is neither.
     """
     shipped = PLANS / f"{name.removeprefix('datasets/')}.toml"
-    if ".." not in name and shipped.is_file():
+    if ".." not in name and is_file(shipped):
         return shipped
-    path = Path(name).expanduser()
+    path = user_path(name, "The plan")
     if path.suffix == ".toml" or path.is_file():
         return path
     raise IcyMoonError(f"Unknown plan {name!r}, {nearest(name, plan_names())}")
@@ -116,9 +125,8 @@ def _parents(header: Mapping[str, Any], place: Place, readers: tuple[Path, ...])
     """The designs that a plan begins with: those of the plans it extends, or an empty one."""
     designs: list[Design] = []
     for name, at in _names(header, "extends", place):
-        beside = at.file.parent / Path(name).expanduser()
         try:
-            path = beside if name.endswith(".toml") else plan_path(name)
+            path = at.file.parent / user_path(name, "The plan") if name.endswith(".toml") else plan_path(name)
             if path.resolve() in readers:
                 raise IcyMoonError(f"{path} extends this plan in turn; leave one of the two out.")
             designs += _read(path, readers).designs
@@ -150,8 +158,8 @@ def _with_header(design: Design, header: Mapping[str, Any], place: Place) -> Des
             raise IcyMoonError(f"{at}: at_most is {most!r}, it must be a whole number of pairs from 1 up.")
         design = replace(design, at_most=most)
     if "files" in header:
-        folder = _text(header, "files", place)
-        design = replace(design, files=place.file.parent.absolute() / Path(folder).expanduser())
+        folder = user_path(_text(header, "files", place), f"{place.at('files')}: files")
+        design = replace(design, files=place.file.parent.absolute() / folder)
     return design
 
 

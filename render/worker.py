@@ -19,7 +19,7 @@ import bpy
 from .. import properties
 from ..errors import DiskError, IcyMoonError
 from ..nodes.scene import Built, extra, find
-from ..settings import check, defaults, merged
+from ..settings import Settings, check, defaults, merged
 from ..system import end_at_interrupt
 from .claims import Claims
 from .launch import read_job
@@ -27,6 +27,7 @@ from .ours import checked_id
 from .pair import is_complete
 from .plan import PlannedPair, expand
 from .queue import emit
+from .room import shortage
 from .shoot import check_space, first_line, shoot
 from .stages import Described, Standing
 
@@ -104,6 +105,12 @@ def _planned(job: dict[str, Any]) -> list[PlannedPair]:
     return [PlannedPair(pair.id, pair.settings, 0.0) for pair in expand(settings, extra(settings) + _repeat(job))]
 
 
+def _settings(job: dict[str, Any]) -> Settings:
+    """The description of a job's scene, or of its first."""
+    stated = job["pairs"][0]["settings"] if job.get("pairs") else job.get("settings", {})
+    return merged(defaults(), check(stated, "job"))
+
+
 def _repeat(job: dict[str, Any]) -> str:
     """What tells the pairs of another repeat apart."""
     return f" repeat {job['repeat']}" if job.get("repeat") else ""
@@ -144,16 +151,16 @@ def main(arguments: list[str]) -> int:
     Leaves by ``os._exit``, since the Blender module may crash or hang when the interpreter ends.
     """
     end_at_interrupt()  # what is not finished has no final name
-    status = 1
+    status, job = 1, {}
     try:
         properties.register()
-        run(read_job(Path(arguments[0])))
+        job = read_job(Path(arguments[0]))
+        run(job)
         status = 0
     except IcyMoonError as error:
         emit("error", message=str(error))
     except MemoryError:
-        emit("error", message="There is not enough memory; lower mesh.most, terrain.resolution or the image size.",
-             crash=True)
+        emit("error", message=shortage(_settings(job)), crash=True)
     except Exception as error:
         import traceback
         traceback.print_exc()

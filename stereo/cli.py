@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import json
 import math
-import os
 import sys
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, nullcontext
@@ -13,11 +12,10 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import IcyMoonError
-from ..system import is_broken_pipe
+from ..terminal import as_path, tell_end
 from . import check
 
 PROGRAM = "icymoon.stereo"
-INTERRUPTED = 130
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -28,21 +26,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
         code: int = parsed.run(parsed)
         sys.stdout.flush()
         return code
-    except IcyMoonError as error:
-        message = " ".join(str(error).split())
-        if getattr(parsed, "json_lines", False):
-            _json_line({"type": "error", "message": message})
-        print(f"{PROGRAM}: {message}", file=sys.stderr)
-        return 1
-    except KeyboardInterrupt:
-        print(f"{PROGRAM}: interrupted", file=sys.stderr)
-        return INTERRUPTED
-    except OSError as error:
-        if not is_broken_pipe(error):
-            raise
-        # Nobody listens any more; keep Python from complaining when it flushes at exit.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return 1
+    except (IcyMoonError, OSError, KeyboardInterrupt) as error:
+        if isinstance(error, IcyMoonError):
+            error = IcyMoonError(" ".join(str(error).split()))
+            if getattr(parsed, "json_lines", False):
+                _json_line({"type": "error", "message": str(error)})
+        return tell_end(error, PROGRAM, "interrupted")
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -58,22 +47,22 @@ def _parser() -> argparse.ArgumentParser:
 
     command = commands.add_parser("match", help="match two images")
     command.add_argument("--method", required=True, help="one of those that the command methods lists")
-    command.add_argument("--left", required=True, type=Path, help="left image, 8- or 16-bit PNG")
-    command.add_argument("--right", required=True, type=Path, help="right image, 8- or 16-bit PNG")
+    command.add_argument("--left", required=True, type=as_path, help="left image, 8- or 16-bit PNG")
+    command.add_argument("--right", required=True, type=as_path, help="right image, 8- or 16-bit PNG")
     command.add_argument("--option", action="append", default=[], nargs="+", metavar="KEY=VALUE",
                          help="option of the method, such as window=21 or preset=guiss")
-    command.add_argument("--camera", type=Path, metavar="PAIR",
+    command.add_argument("--camera", type=as_path, metavar="PAIR",
                          help="pair folder whose camera took the images, for an external program that asks for it")
-    command.add_argument("--out", required=True, type=Path,
+    command.add_argument("--out", required=True, type=as_path,
                          help="npz to write: disparity, float32 px, NaN where invalid, and what else the method knows")
     command.set_defaults(run=_match)
 
     command = commands.add_parser("metrics", help="measure a depth or disparity map, as JSON; null for what is "
                                                   "undefined")
     what = command.add_mutually_exclusive_group(required=True)
-    what.add_argument("--prediction", type=Path, help="npy, planar depth in metres, NaN invalid")
-    what.add_argument("--disparity", type=Path, help="npy, or npz of match, disparity in px, NaN invalid")
-    command.add_argument("--truth", required=True, type=Path, help="npy of the same shape, planar depth in metres")
+    what.add_argument("--prediction", type=as_path, help="npy, planar depth in metres, NaN invalid")
+    what.add_argument("--disparity", type=as_path, help="npy, or npz of match, disparity in px, NaN invalid")
+    command.add_argument("--truth", required=True, type=as_path, help="npy of the same shape, planar depth in metres")
     command.add_argument("--focal-baseline", type=float, metavar="PX_M",
                          help="disparity times depth of the camera, px·m; adds the disparity metrics")
     command.add_argument("--guiss", action="store_true",
@@ -81,7 +70,7 @@ def _parser() -> argparse.ArgumentParser:
     command.set_defaults(run=_metrics)
 
     command = commands.add_parser("evaluate", help="match and measure pairs, and write a report")
-    command.add_argument("path", type=Path, nargs="+", metavar="PAIR_OR_DATASET",
+    command.add_argument("path", type=as_path, nargs="+", metavar="PAIR_OR_DATASET",
                          help="pair folder, or data set of pairs; may be several")
     command.add_argument("--methods", default="bm,sgbm",
                          help="matchers, separated by commas; with options of their own as bm:window=21")
@@ -91,7 +80,7 @@ def _parser() -> argparse.ArgumentParser:
                          help="option of a matcher of your own, which --methods then names as own:NAME; may repeat")
     command.add_argument("--set", action="append", default=[], metavar="sensor.KEY=VALUE",
                          help="another camera response than the pairs were rendered for, also light.sun_scale")
-    command.add_argument("--out", required=True, type=Path, help="folder for the report")
+    command.add_argument("--out", required=True, type=as_path, help="folder for the report")
     command.add_argument("--seed", type=int, default=0, help="of the confidence intervals (%(default)s)")
     command.add_argument("--guiss", action="store_true",
                          help="show what the GUISS reference code would report too, to compare with published tables")
@@ -102,27 +91,27 @@ def _parser() -> argparse.ArgumentParser:
 
     command = commands.add_parser("truth", help="write disparity, depth and visibility of both eyes, and check that "
                                                 "they fit the images; a line of JSON per pair")
-    command.add_argument("path", type=Path, nargs="+", metavar="PAIR_OR_DATASET", help="pair folder or data set")
-    command.add_argument("--out", required=True, type=Path, help="folder for <pair>/truth.npz")
+    command.add_argument("path", type=as_path, nargs="+", metavar="PAIR_OR_DATASET", help="pair folder or data set")
+    command.add_argument("--out", required=True, type=as_path, help="folder for <pair>/truth.npz")
     command.set_defaults(run=_truth)
 
     command = commands.add_parser("export", help="write pairs and their truth in another layout")
-    command.add_argument("path", type=Path, nargs="+", metavar="PAIR_OR_DATASET", help="pair folder or data set")
+    command.add_argument("path", type=as_path, nargs="+", metavar="PAIR_OR_DATASET", help="pair folder or data set")
     command.add_argument("--format", required=True,
                          choices=("png8", "png16", "pfm", "kitti", "middlebury", "coco", "raw"))
     command.add_argument("--set", action="append", default=[], metavar="sensor.KEY=VALUE",
                          help="another camera response than the pairs were rendered for")
-    command.add_argument("--out", required=True, type=Path, help="folder for the files")
+    command.add_argument("--out", required=True, type=as_path, help="folder for the files")
     command.set_defaults(run=_export)
 
     command = commands.add_parser("develop", help="expose rendered pairs again, without a new render, as PNG")
-    command.add_argument("path", type=Path, nargs="+", metavar="PAIR_OR_DATASET",
+    command.add_argument("path", type=as_path, nargs="+", metavar="PAIR_OR_DATASET",
                          help="pair folder, or data set of pairs; may be several")
     command.add_argument("--preset", action="append", default=[], metavar="sensors/NAME",
                          help="shipped camera response")
     command.add_argument("--set", action="append", default=[], metavar="sensor.KEY=VALUE",
                          help="one setting of the camera response, light.sun_scale or light.planet_scale; may repeat")
-    command.add_argument("--out", required=True, type=Path, help="folder for the images, a folder per pair in it")
+    command.add_argument("--out", required=True, type=as_path, help="folder for the images, a folder per pair in it")
     command.add_argument("--json-lines", action="store_true", help="progress and result as JSON lines on stdout")
     command.set_defaults(run=_develop)
     return parser

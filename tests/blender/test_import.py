@@ -18,6 +18,7 @@ from icymoon import compat
 from icymoon import settings as description
 from icymoon.errors import IcyMoonError
 from icymoon.nodes import ground as grounds
+from icymoon.nodes import import_heights
 from icymoon.nodes import scene as scenes
 from icymoon.nodes.import_heights import read_heights
 from icymoon.nodes.import_mesh import read_mesh
@@ -425,6 +426,15 @@ def test_the_ground_of_a_geotiff_is_the_hill_that_it_states(name):
     step = 0.004 if name == "lzw_words" else 0.0
     assert np.abs(height - hill).max() < step / 2 + 2e-5  # vertices are float32
     assert all("under the camera" in warning for warning in built.warnings)
+
+
+def test_a_height_map_too_large_for_the_memory_is_named(tmp_path, monkeypatch):
+    def too_large(path):
+        raise MemoryError
+    monkeypatch.setattr(import_heights.geotiff, "read", too_large)
+    path = write_tiff(tmp_path / "large.tif", np.zeros((9, 9), np.float32))
+    with pytest.raises(IcyMoonError, match=r"large\.tif: is too large for the memory.*cut out"):
+        scenes.build(empty_scene(), own(path))
 
 
 def test_a_relief_larger_than_the_map_is_said(tmp_path):

@@ -188,6 +188,13 @@ def test_a_malformed_gltf_is_a_sentence(tmp_path, text):
         meshfile.parts(path)
 
 
+def test_a_gltf_that_is_nested_without_end_is_a_sentence(tmp_path):
+    path = tmp_path / "a.gltf"
+    path.write_text('{"a":' + "[" * 100000)
+    with pytest.raises(IcyMoonError, match=r"a\.gltf: is not a whole"):
+        meshfile.parts(path)
+
+
 def test_the_height_of_a_mesh_is_that_of_its_highest_triangle():
     positions, faces = sheet()
     plane = np.column_stack([positions[:, :2], 0.3 * positions[:, 0] - 0.2 * positions[:, 1]])

@@ -1,0 +1,29 @@
+"""What a scene needs memory for, for the sentence of a worker that has run out of it. Imports no Blender."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+#: Bytes of memory, about: of a vertex with its faces in Blender and in Cycles; of a pixel in both eyes' passes; per
+#: byte of a mesh or height map while it is read, mended and meshed.
+_VERTEX, _PIXEL, _FILE_BYTE = 300, 400, 10
+
+
+def shortage(settings: Mapping[str, Mapping[str, Any]]) -> str:
+    """The sentence that names what of a complete description is largest, and how to make it smaller."""
+    rig, mesh, terrain, source = (settings[topic] for topic in ("rig", "mesh", "terrain", "source"))
+    needs = [(_PIXEL * rig["width_px"] * rig["height_px"],
+              f"images of {rig['width_px']} x {rig['height_px']} pixels; lower rig.width_px and rig.height_px")]
+    if source["kind"] != "PROCEDURAL":
+        path = Path(str(source["file"]))
+        needs.append((_FILE_BYTE * (path.stat().st_size if path.is_file() else 0),
+                      f"the ground in {path}; cut out the part that you need, or make it coarser"))
+    if source["kind"] == "PROCEDURAL" and mesh["kind"] == "GRADED":
+        needs.append((_VERTEX * mesh["most"],
+                      f"a ground of up to {mesh['most']} vertices; lower mesh.most or raise mesh.error_px"))
+    else:
+        needs.append((_VERTEX * terrain["resolution"]**2, f"a ground of {terrain['resolution']} x "
+                      f"{terrain['resolution']} vertices; lower terrain.resolution"))
+    return f"There is not enough memory for this scene, most of it for {max(needs)[1]}."
