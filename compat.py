@@ -23,6 +23,19 @@ def principled_table() -> str:
     return "5.2" if bpy.app.version >= (5, 2, 0) else "5.0"
 
 
+def series() -> str:
+    """The Blenders that have the same properties as this one, such as 5.0."""
+    return f"{bpy.app.version[0]}.{bpy.app.version[1]}"
+
+
+def custom_properties(struct: Any) -> list[str]:
+    """Names of a structure's custom properties; modifiers have none from 5.2 on."""
+    try:
+        return list(struct.keys())
+    except TypeError:
+        return []
+
+
 def is_module() -> bool:
     """Whether Blender runs as a Python module; before 4.3 only its lack of a program tells."""
     return bool(getattr(bpy.app, "module", not bpy.app.binary_path))
@@ -33,6 +46,11 @@ def ensure_nodes(data_block: Any) -> Any:
     if data_block.node_tree is None:
         data_block.use_nodes = True
     return data_block.node_tree
+
+
+def shown_by_nodes(material: Any) -> bool:
+    """Whether Cycles shows a material's nodes, which from 5.0 on it always does."""
+    return bpy.app.version >= (5, 0, 0) or bool(material.use_nodes)
 
 
 def ensure_light_nodes(light: Any) -> Any:

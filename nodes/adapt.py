@@ -44,4 +44,4 @@ def adapted(built: Built | None, settings: Settings) -> tuple[Built, bool]:
     now = find(bpy.context.scene)
     if now is None:
         raise IcyMoonError("A part of the built scene is gone; render the pair again.")
-    return Built(now.collection, now.terrain, now.sun, now.camera, now.settings, tuple(warnings)), True
+    return Built(now.collection, now.terrain, now.sun, now.camera, now.settings, now.scene, tuple(warnings)), True

@@ -9,13 +9,15 @@ from typing import Any
 
 import bpy
 
+from ..errors import IcyMoonError
 from ..properties import TOPICS
 from ..settings import Settings, merged
 from . import sunlit
-from .fingerprint import TAG, added_objects, edited, fingerprint, updated
+from .fingerprint import MAKER, TAG, added_objects, built_objects, differing, edited, maker, read, updated
 from .lights import ROLES, SKY
 from .own_files import are_there, content, used_files
 from .removal import materials_of, with_parts
+from .walk import hashed
 
 # Properties of the built collection.
 SETTINGS, FINGERPRINT, PREVIOUS_WORLD, PREVIOUS_CAMERA, PREVIOUS_VIEW, GROUND = (
@@ -38,6 +40,7 @@ class Built:
     sun: bpy.types.Object
     camera: bpy.types.Object
     settings: Settings
+    scene: bpy.types.Scene
     warnings: tuple[str, ...] = ()
 
     @property
@@ -57,9 +60,37 @@ class Built:
 
     @property
     def extra(self) -> str:
-        """What identifies the scene beside the settings: the person's own files, what stands in, edits by hand."""
-        edits = fingerprint(self.collection) if self.edited else ""
-        return self.content + sunlit.stand_in(self.settings) + edits
+        """What identifies the scene beside the settings: the person's own files, what stands in, edits by hand.
+
+        Raises IcyMoonError if there are edits that no mark would tell from others.
+        """
+        return self.content + sunlit.stand_in(self.settings) + self._edits()
+
+    def _edits(self) -> str:
+        """The mark of what was edited and added by hand, and of the frame if that matters; empty without any."""
+        refuse_excluded(self.scene, self.collection)
+        found = read(self.collection)
+        by_hand = sorted(differing(found.parts, self._known()))
+        if not by_hand and "added" not in found.parts:
+            return ""
+        if found.refused:
+            raise IcyMoonError(found.refused[0])
+        frame = self.scene.frame_current if found.changes_with_time else None
+        return hashed([[(part, found.parts.get(part)) for part in (*by_hand, "added")], frame])
+
+    def _known(self) -> dict[str, str]:
+        """The marks of what was built. Raises IcyMoonError if they cannot be compared with marks that are made here."""
+        if self.outdated:
+            raise IcyMoonError(self.outdated)
+        return dict(json.loads(self.collection[FINGERPRINT]))
+
+    @property
+    def outdated(self) -> str:
+        """Why nobody can tell whether the scene was edited by hand, in a sentence; empty if that can be told."""
+        if json.loads(self.collection[FINGERPRINT]).get(MAKER) == maker():
+            return ""
+        return ("The scene was built by another version of Icy Moon or Blender, so edits by hand cannot be told from "
+                "what it made; press Build Scene to build it anew.")
 
     @property
     def materials(self) -> list[bpy.types.Material]:
@@ -77,8 +108,11 @@ class Built:
         return sum(len(item.data.vertices) for item in self.collection.all_objects if item.get(TAG) == "rock")
 
     def edited_parts(self, *wanted: str) -> set[str]:
-        """Which parts, of these parts and roles or of all, a person has changed since they were built."""
-        return edited(self.collection, json.loads(self.collection[FINGERPRINT]), *wanted)
+        """Which parts, of these parts and roles or of all, a person has changed since they were built.
+
+        Raises IcyMoonError if that cannot be told.
+        """
+        return edited(self.collection, self._known(), *wanted)
 
     @property
     def sky(self) -> dict[str, Any]:
@@ -122,10 +156,27 @@ def find(scene: bpy.types.Scene) -> Built | None:
     collection = find_collection(scene)
     if collection is None or SETTINGS not in collection:
         return None
-    roles = {item[TAG]: item for item in collection.all_objects if TAG in item}
+    roles = built_objects(collection)
     if not {"terrain", "sun", "camera"} <= roles.keys():
         return None
-    return Built(collection, roles["terrain"], roles["sun"], roles["camera"], json.loads(collection[SETTINGS]))
+    return Built(collection, roles["terrain"], roles["sun"], roles["camera"], json.loads(collection[SETTINGS]),
+                 scene)
+
+
+def refuse_excluded(scene: bpy.types.Scene, collection: bpy.types.Collection) -> None:
+    """Raise IcyMoonError if a part of what was built is kept out of the view layers, which renders do not follow."""
+    ours = {collection, *collection.children_recursive}
+
+    def kept_out(layer: bpy.types.LayerCollection) -> set[str]:
+        mine = {layer.collection.name} if layer.collection in ours and (
+            layer.exclude or layer.holdout or layer.indirect_only) else set()
+        return mine.union(*map(kept_out, layer.children))
+
+    names = set.intersection(*(kept_out(layer.layer_collection) for layer in scene.view_layers))
+    if names:
+        raise IcyMoonError(f"The collection {min(names)} is excluded from the view layer, held out or indirect only, "
+                           "which renders of pairs do not follow; undo that, and use its camera icon (Disable in "
+                           "Renders) instead.")
 
 
 def measured_roughness(scene: bpy.types.Scene) -> str:

@@ -2,72 +2,49 @@
 
 A pair is named by the settings that made it. When a person has sculpted the ground, moved the
 camera, edited the material or put a lander in, the settings no longer say it all, and the name
-must change. The fingerprint covers what the builders make, in parts, so that an edit of one part
-leaves the others to the settings; anything else counts as added.
+must change. The marks cover all that a render can show, in parts, so that an edit of one part
+leaves the others to the settings; anything that the builders did not make counts as added.
 """
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import bpy
-import numpy as np
 
-from .builder import held
+from .. import compat
+from .walk import Walk, hashed
 
 NAME = "Icy Moon"  # what the names of all that the builders make begin with
 TAG = "icymoon"  # custom property that marks what the builders made, its value the role
+OWN = "icymoon_own_"  # begins the custom properties of a built collection that point to its objects, by their roles
 
-#: Attributes that are hashed, by domain and type: how they are read, and how many numbers each has.
-_NUMBERS = {("POINT", "FLOAT"): (np.float32, "value", 1), ("POINT", "FLOAT_VECTOR"): (np.float32, "vector", 3),
-            ("POINT", "INT"): (np.int32, "value", 1), ("CORNER", "FLOAT2"): (np.float32, "vector", 2)}
-
-
-def _socket_value(socket: Any) -> Any:
-    value: Any = getattr(socket, "default_value", None)
-    if isinstance(value, bpy.types.Collection):  # the shapes of instanced blocks
-        return [(item.name, _rows(item), _geometry(item.data))
-                for item in sorted(value.all_objects, key=lambda o: o.name)]
-    return tuple(value) if hasattr(value, "__len__") and not isinstance(value, str) else value
+#: What marks are made by, under this name among them: those of other makers cannot be compared.
+MAKER = "maker"
+#: To be raised when the same settings come to be built in another way, or marked in another way.
+_SCHEME = 2
 
 
-def _tree(node_tree: bpy.types.NodeTree | None) -> list[Any]:
-    if node_tree is None:
-        return []
-    nodes = [(n.bl_idname, n.name, n.mute, held(n), [(s.identifier, _socket_value(s)) for s in n.inputs
-                                                     if not s.is_linked]) for n in node_tree.nodes]
-    links = [(k.from_node.name, k.from_socket.identifier, k.to_node.name, k.to_socket.identifier)
-             for k in node_tree.links]
-    return [sorted(nodes, key=repr), sorted(links)]
+def maker() -> str:
+    """What makes marks here: this scheme in this Blender, whose properties differ from those of another."""
+    return f"{_SCHEME} {compat.series()}"
 
 
-def _rows(item: bpy.types.Object) -> list[tuple[float, ...]]:
-    return [tuple(row) for row in item.matrix_basis]
+def built_objects(collection: bpy.types.Collection) -> dict[str, bpy.types.Object]:
+    """What the builders made in a collection, by role. A copy that a person made of it is the person's own."""
+    tagged = [item for item in collection.all_objects if TAG in item]
+    roles = {item[TAG]: item for item in reversed(tagged)}
+    pointed = {role: collection.get(f"{OWN}{role}") for role in roles if f"{OWN}{role}" in collection}
+    roles |= pointed
+    return {role: item for role, item in roles.items() if item is not None and item in tagged}
 
 
-def _carried(mesh: bpy.types.Mesh) -> dict[str, str]:
-    """Hashes of the numbers that vertices and corners carry: positions, what places instanced blocks, and UV."""
-    hashes = {}
-    for attribute in mesh.attributes:
-        kind, key, width = _NUMBERS.get((attribute.domain, attribute.data_type), (None, "", 0))
-        if kind and not attribute.name.startswith("."):
-            values = np.empty(len(attribute.data) * width, kind)
-            attribute.data.foreach_get(key, values)
-            hashes[attribute.name] = hashlib.sha256(values.tobytes()).hexdigest()
-    return hashes
-
-
-def _geometry(data: Any) -> list[Any]:
-    if isinstance(data, bpy.types.Mesh):
-        return [sorted(_carried(data).items()), len(data.polygons)]
-    if isinstance(data, bpy.types.Camera):
-        return [data.type, data.lens, data.sensor_width, data.sensor_fit, data.shift_x, data.shift_y,
-                data.dof.use_dof, data.stereo.interocular_distance, data.stereo.convergence_mode, data.stereo.pivot]
-    if isinstance(data, bpy.types.SunLight):
-        return [data.energy, data.angle, tuple(data.color), *_tree(data.node_tree if data.use_nodes else None)]
-    return [type(data).__name__]
+def added_objects(collection: bpy.types.Collection) -> list[bpy.types.Object]:
+    """The objects in a built collection that the builders did not make."""
+    ours = set(built_objects(collection).values())
+    return [item for item in collection.all_objects if item not in ours]
 
 
 def instanced(item: bpy.types.Object) -> Iterator[bpy.types.Object]:
@@ -77,62 +54,85 @@ def instanced(item: bpy.types.Object) -> Iterator[bpy.types.Object]:
             yield from sorted(socket.default_value.all_objects if socket.default_value else (), key=lambda o: o.name)
 
 
-def _materials(item: bpy.types.Object) -> list[Any]:
-    used = [m for each in (item, *instanced(item)) if isinstance(each.data, bpy.types.Mesh)
-            for m in each.data.materials]
-    return [[*_tree(m.node_tree), m.pass_index] if m else [] for m in dict.fromkeys(used)]
-
-
-def _object(item: bpy.types.Object) -> list[Any]:
-    return [item.name, item.type, item.hide_render, item.pass_index, len(item.constraints),
-            [[m.type, *_tree(getattr(m, "node_group", None))] for m in item.modifiers],
-            item.parent.name if item.parent else "", _rows(item)]
+def _surfaces(item: bpy.types.Object) -> list[list[bpy.types.Material | None]]:
+    """The materials of an object, and of those that it instances: once if they have the same, however many they are."""
+    own, others = ([list(each.data.materials) for each in items if isinstance(each.data, bpy.types.Mesh)]
+                   for items in ((item,), instanced(item)))
+    return own + (others[:1] if all(slots == others[0] for slots in others) else others)
 
 
 def _among(part: str, wanted: tuple[str, ...]) -> bool:
-    return not wanted or part in wanted or part.split()[0] in wanted
+    return part != MAKER and (not wanted or part in wanted or part.split()[0] in wanted)
+
+
+def _shown(collection: bpy.types.Collection) -> set[bpy.types.Object]:
+    """The objects that are in a collection which is rendered."""
+    if collection.hide_render:
+        return set()
+    return set(collection.objects).union(*map(_shown, collection.children))
+
+
+@dataclass
+class Reading:
+    """Marks of the parts of a collection, why some of them cannot be marked, and whether the frame counts."""
+
+    parts: dict[str, str]
+    refused: list[str]
+    changes_with_time: bool
+
+
+def read(collection: bpy.types.Collection, *wanted: str) -> Reading:
+    """The marks of everything in a built collection, or of wanted parts and roles.
+
+    The parts are called "ROLE object", "ROLE data" and "ROLE materials", and "added" is what a person has put in.
+    They are equal in every process that loads the file.
+    """
+    ours, shown = built_objects(collection), _shown(collection)
+    roles: dict[Any, str] = {item: f"the {role}" for role, item in ours.items()}
+    surfaces = {role: _surfaces(item) for role, item in ours.items()}
+    listed = {material for each in surfaces.values() for slots in each for material in slots if material is not None}
+    aimed = {material.node_tree for item in collection.all_objects for slots in _surfaces(item)
+             for material in slots if material is not None}
+    deep, flat = Walk(roles, aimed), Walk(roles | dict.fromkeys(listed, "listed"), aimed)
+    found: dict[str, Any] = {}
+    for role, item in ours.items():
+        if _among(f"{role} object", wanted):
+            found[f"{role} object"] = [item in shown, flat.content(item, ("data", "material_slots"))]
+        if _among(f"{role} data", wanted):
+            found[f"{role} data"] = flat.content(item.data, ("materials",)) if item.data else []
+        if _among(f"{role} materials", wanted):
+            found[f"{role} materials"] = [
+                [[material and deep.mark(material) for material in slots] for slots in surfaces[role]],
+                [slot.material and deep.mark(slot.material) for slot in item.material_slots if slot.link == "OBJECT"]]
+    if _among("added", wanted):
+        others = sorted(hashed([item in shown, deep.mark(item)]) for item in added_objects(collection))
+        found |= {"added": others} if others else {}
+    return Reading({part: hashed(content) for part, content in found.items()}, [*flat.refused, *deep.refused],
+                   flat.changes_with_time or deep.changes_with_time)
 
 
 def parts(collection: bpy.types.Collection, *wanted: str) -> dict[str, str]:
-    """Hashes of everything in a built collection, or of wanted parts and roles, equal in every process that loads it.
-
-    The parts are called "ROLE object", "ROLE data" and "ROLE materials"; the role of what a person
-    has put in is "added".
-    """
-    data: dict[Any, list[Any]] = {}
-
-    def geometry(item: bpy.types.Object) -> list[Any]:
-        if item.data not in data:  # which objects may share
-            data[item.data] = _geometry(item.data)
-        return data[item.data]
-
-    found: dict[str, list[Any]] = {}
-    for item in sorted(collection.all_objects, key=lambda o: o.name):
-        for aspect, read in (("object", _object), ("data", geometry), ("materials", _materials)):
-            part = f"{item.get(TAG, 'added')} {aspect}"
-            if _among(part, wanted):
-                found.setdefault(part, []).append(read(item))
-    return {part: hashlib.sha256(repr(content).encode()).hexdigest() for part, content in found.items()}
+    """The marks of ``read``, with what they are made by."""
+    return {**read(collection, *wanted).parts, MAKER: maker()}
 
 
 def fingerprint(collection: bpy.types.Collection) -> str:
     """Hash of everything in a built collection."""
-    return hashlib.sha256(repr(sorted(parts(collection).items())).encode()).hexdigest()
+    return hashed(sorted(parts(collection).items()))
+
+
+def differing(now: Mapping[str, str], known: Mapping[str, str], *wanted: str) -> set[str]:
+    """Names of the parts, all or the wanted parts and roles, that are not as ``known``; what was added is none."""
+    names = {part for part in now.keys() | known.keys() if _among(part, wanted)} - {"added"}
+    return {part for part in names if now.get(part) != known.get(part)}
 
 
 def edited(collection: bpy.types.Collection, known: Mapping[str, str], *wanted: str) -> set[str]:
-    """Names of the parts, all or the wanted parts and roles, that are not as ``known``; added objects do not count."""
-    now, known = parts(collection, *wanted), {part: mark for part, mark in known.items() if _among(part, wanted)}
-    return {part for part in now.keys() | known.keys()
-            if part.split()[0] != "added" and now.get(part) != known.get(part)}
+    """``differing`` of a collection as it is now."""
+    return differing(read(collection, *wanted).parts, known, *wanted)
 
 
 def updated(collection: bpy.types.Collection, known: Mapping[str, str], *changed: str) -> dict[str, str]:
     """``known`` with the changed parts and roles as they are now."""
     kept = {part: mark for part, mark in known.items() if not (changed and _among(part, changed))}
-    return kept | (parts(collection, *changed) if changed else {})
-
-
-def added_objects(collection: bpy.types.Collection) -> list[str]:
-    """Names of the objects in a built collection that the builders did not make."""
-    return sorted(item.name for item in collection.all_objects if TAG not in item)
+    return kept | (read(collection, *changed).parts if changed else {})

@@ -92,8 +92,11 @@ def show(built: scenes.Built, settings: Settings, side: int) -> bool:
 
 
 def _show_sunlight(built: scenes.Built) -> None:
-    """Make surfaces and lamp agree; what a person has edited of either stays an edit."""
-    parts = ("sun object", "terrain materials", "rock materials")
+    """Make surfaces and lamp agree; what a person has edited of either stays an edit.
+
+    What surfaces know of the Sun is no part of their marks.
+    """
+    parts = ("sun object", "planetshine object", "terrain object", "rock object")
     by_hand = built.edited_parts(*parts)
     scenes.sun_shines(built.collection)
     built.remember(built.settings, built.preview, *(part for part in parts if part not in by_hand))

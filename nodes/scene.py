@@ -252,7 +252,7 @@ def build(scene: bpy.types.Scene, settings: Settings) -> Built:
     collection[GROUND] = json.dumps({"report": own.report, "site_m": site_m} if own else {})
     collection[SITE] = site_m
     collection[CONTENT] = content(settings)
-    built = Built(collection, objects[0], objects[1], objects[2], merged(settings), tuple(warnings))
+    built = Built(collection, objects[0], objects[1], objects[2], merged(settings), scene, tuple(warnings))
     roughness = measured(measured_patch(built), settings["terrain"])
     collection[ROUGHNESS] = roughness.summary() if roughness else ""
     collection[FINGERPRINT], collection[PREVIEW] = json.dumps(parts(collection)), "{}"

@@ -41,6 +41,9 @@ def update(scene: bpy.types.Scene) -> bool:
     if built is None:
         return False
     settings, before = description.shown(scene.icymoon), description.merged(built.settings, built.preview)
+    if built.outdated:
+        preview.note(built, [built.outdated])
+        return False
     if not scene.icymoon.live:
         stale = _changed(built, settings)
         preview.note(built, ["Settings have changed; press Build Scene to show them."] if stale else [])

@@ -30,11 +30,13 @@ def dataset_folder(settings: description.Settings) -> Path:
 def up_to_date(scene: bpy.types.Scene, settings: description.Settings) -> scenes.Built:
     """The built scene as the settings describe it, built (again) where it does not show them.
 
-    Raises IcyMoonError if that would overwrite what a person has changed by hand. What was put in stays.
+    Raises IcyMoonError if that would overwrite what a person has changed by hand, or may do so. What was put in stays.
     """
     built = scenes.find(scene)
     if built is None:
         return _built_anew(scene, settings)
+    if built.outdated:
+        raise IcyMoonError(built.outdated)
     changed = scenes.changed_settings(built, settings)
     if not changed and not built.preview:
         return built

@@ -271,7 +271,7 @@ def test_the_preview_moves_the_planet_and_takes_it_away():
     for change in ({"planet_azimuth_deg": 200.0}, {"sun_elevation_deg": -20.0}, {"planet": False}):
         settings = complete({"light": SATURN | change})
         preview.show(built, settings, 65)
-        fresh = scenes.Built(built.collection, built.terrain, built.sun, built.camera, settings)
+        fresh = scenes.Built(built.collection, built.terrain, built.sun, built.camera, settings, scene)
         assert preview.notes(scene) == []
         assert not built.edited
         assert fresh.sky == facts(sky(settings["light"]))

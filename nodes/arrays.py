@@ -1,0 +1,85 @@
+"""Marks of large arrays, such as the attributes of a mesh."""
+
+from __future__ import annotations
+
+import hashlib
+from functools import lru_cache
+from typing import Any
+
+import bpy
+import numpy as np
+
+_BLOCK, _HALF = 4096, np.uint64(32)
+#: How attributes are read, by their type: as what, by which name, and how many numbers each element has.
+_READ: dict[str, tuple[Any, str, int]] = {
+    "FLOAT": (np.float32, "value", 1), "INT": (np.int32, "value", 1), "BOOLEAN": (np.bool_, "value", 1),
+    "FLOAT_VECTOR": (np.float32, "vector", 3), "FLOAT2": (np.float32, "vector", 2),
+    "FLOAT_COLOR": (np.float32, "color", 4), "BYTE_COLOR": (np.float32, "color_srgb", 4),
+    "INT8": (np.int8, "value", 1), "INT16_2D": (np.int16, "value", 2), "INT32_2D": (np.int32, "value", 2),
+    "INT32_3D": (np.int32, "value", 3), "QUATERNION": (np.float32, "value", 4), "FLOAT4X4": (np.float32, "value", 16)}
+#: Attributes of what is chosen and hidden in Edit Mode, and one that follows from others:
+#: the edges of the corners follow from the vertices of the edges and of the corners.
+_LEFT_OUT = (".select", ".hide", ".uv_select", ".pin", ".vs.", ".es.", ".pn.", ".corner_edge")
+_INDICES = (".corner_vert", ".edge_verts")
+
+
+@lru_cache(maxsize=1)
+def _weights() -> np.ndarray:
+    numbers = np.random.default_rng(1)  # whatever the seed of a scene: marks are to be compared
+    return numbers.integers(0, 2**64, (2, _BLOCK), np.uint64) | np.uint64(1)
+
+
+def mark(values: np.ndarray, indices: bool = False) -> str:
+    """A mark of an array's bytes; it need not withstand an attack, so it takes a third of the time of SHA-256.
+
+    The sum of every block's words with random weights. Changes of the highest bits of two words would cancel in it,
+    so of anything but ``indices``, which never have that bit, the words' upper halves are summed too.
+    """
+    weights, raw = _weights(), np.ascontiguousarray(values).reshape(-1).view(np.uint8)
+    words = raw[:len(raw) // (8 * _BLOCK) * 8 * _BLOCK].view(np.uint64).reshape(-1, _BLOCK)
+    found = hashlib.sha256(np.array([np.dot(block, weights[0]) for block in words]).tobytes())
+    if not indices:
+        upper = np.empty(_BLOCK, np.uint64)
+        sums = [np.dot(np.right_shift(block, _HALF, out=upper), weights[1]) for block in words]
+        found.update(np.array(sums).tobytes())
+    found.update(raw[words.nbytes:].tobytes())
+    return found.hexdigest()
+
+
+def read(items: Any, name: str, kind: Any = np.float32, width: int = 1) -> np.ndarray:
+    """One property, of ``width`` numbers, of all items of a collection."""
+    values = np.empty(len(items) * width, kind)
+    items.foreach_get(name, values)
+    return values
+
+
+def attributes(geometry: Any) -> list[tuple[str, ...]]:
+    """Name, domain, type and mark of each attribute of a mesh, curves or points.
+
+    What is false or 0 everywhere counts as not there: Blender makes and removes such attributes as it likes.
+    """
+    found = []
+    for attribute in geometry.attributes:
+        name, kind = attribute.name, attribute.data_type
+        if name.startswith(_LEFT_OUT) or not len(attribute.data):
+            continue
+        if kind in _READ:
+            dtype, key, width = _READ[kind]
+            values = read(attribute.data, key, dtype, width)
+            if (kind == "BOOLEAN" or name == "material_index") and not values.any():
+                continue
+            marked = mark(values, name in _INDICES)
+        else:
+            marked = repr([getattr(item, "value", None) for item in attribute.data])
+        found.append((name, attribute.domain, kind, marked))
+    return sorted(found)
+
+
+def mesh_arrays(mesh: bpy.types.Mesh) -> list[Any]:
+    """Marks of all that a mesh holds in arrays. A mesh that is being edited has none: give a copy of it."""
+    normals = []
+    if mesh.has_custom_normals and "custom_normal" not in mesh.attributes:  # before 4.5
+        normals = [mark(read(mesh.corner_normals, "vector", width=3))]
+    shown_uv = next((layer.name for layer in mesh.uv_layers if layer.active_render), "")
+    sizes = [len(mesh.vertices), len(mesh.edges), len(mesh.loops), len(mesh.polygons)]
+    return [sizes, attributes(mesh), normals, shown_uv, mesh.attributes.default_color_name or ""]
