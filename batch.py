@@ -144,9 +144,11 @@ def _batch(options: argparse.Namespace) -> int:
     dataset = options.out.absolute()
     with errors_told(options.json):
         how = workers(options)
-        pairs = list(_frozen(options.plan, dataset).pairs)
+        frozen = _frozen(options.plan, dataset)
         with _voice(options.json) as say:
-            status = render(dataset, pairs, how, say, options.dask)
+            if frozen.note:
+                say("warning", message=frozen.note)
+            status = render(dataset, list(frozen.pairs), how, say, options.dask)
     failed = _evaluate(dataset, options) if options.evaluate else 0
     return _told(status, dataset, options.json) or failed
 
@@ -197,6 +199,8 @@ def _slurm(options: argparse.Namespace) -> int:
     frozen = _frozen(options.plan, dataset)
     request = Request(options.shards, options.at_once, options.cpus, options.memory, options.time,
                       tuple(options.sbatch))
+    if frozen.note:
+        print(f"icymoon: {frozen.note}", file=sys.stderr)
     script = write_script(dataset, frozen, request, options.python, options.blender)
     print(f"sbatch {shlex.quote(str(script))}" if script else f"All {len(frozen.pairs)} pairs of {dataset} are there.")
     return 0
@@ -215,7 +219,7 @@ def _verify(options: argparse.Namespace) -> int:
         print(f"{found.complete} pairs, all whole and as planned.")
     if found.problems:
         raise IcyMoonError(f"{options.dataset}: {len(found.problems)} things are wrong, {found.complete} of "
-                           f"{found.pairs} pairs are whole"
+                           f"{found.pairs} pairs are whole and as planned"
                            + ("; run icymoon batch to make the others." if options.remove else
                               "; icymoon verify --remove takes away what is broken, icymoon batch makes it again."))
     return 0

@@ -13,16 +13,17 @@ import hashlib
 import json
 import math
 import tomllib
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager, nullcontext, suppress
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from . import trust
+from . import schema, trust
 from .errors import IcyMoonError
 from .files import is_file, read_text, shortened
-from .properties import TOPICS, Setting, Value, all_settings, announce, together
+from .properties import TOPICS, Setting, Value, announce, together
 from .version import is_newer, version
 
 Settings = dict[str, dict[str, Any]]
@@ -70,24 +71,25 @@ def _canonical(setting: Setting, value: Any) -> Value:
     return value
 
 
-def _checked_list(setting: Setting, value: Any, name: str, where: str) -> Value:
-    """A list of tables, each completed with the defaults of its entries."""
+def _checked_list(setting: Setting, value: Any, name: str, where: str, stored: bool) -> Value:
+    """A list of tables, each completed with the defaults of its entries, or what was done before they were there."""
     if not isinstance(value, (list, tuple)) or not all(isinstance(entry, Mapping) for entry in value):
         raise IcyMoonError(f"{where}: {name} must be a list of tables, not {value!r}.")
     known = {s.key: s for s in setting.entries}
+    missing = {key: schema.before(f"{name}.{key}", s) if stored else s.default for key, s in known.items()}
     tables = []
     for k, entry in enumerate(value):
         for key in entry:
             if key not in known:
                 raise IcyMoonError(f"{where}: unknown setting {name}[{k}].{key}, {_nearest(key, known)}")
-        tables.append({key: _checked(s, entry.get(key, s.default), f"{name}[{k}].{key}", where)
+        tables.append({key: _checked(s, entry.get(key, missing[key]), f"{name}[{k}].{key}", where, stored)
                        for key, s in known.items()})
     return tables
 
 
-def _checked(setting: Setting, value: Any, name: str, where: str) -> Value:
+def _checked(setting: Setting, value: Any, name: str, where: str, stored: bool) -> Value:
     if setting.kind == "list":
-        return _checked_list(setting, value, name, where)
+        return _checked_list(setting, value, name, where, stored)
     expected = {"float": "a number", "int": "a whole number", "bool": "true or false",
                 "text": "a text in quotes", "choice": "a text in quotes"}[setting.kind]
     right_type = {"float": isinstance(value, (int, float)) and not isinstance(value, bool),
@@ -103,37 +105,92 @@ def _checked(setting: Setting, value: Any, name: str, where: str) -> Value:
     if setting.kind == "text" and (fault := trust.fault(setting.trust, value)):
         raise IcyMoonError(f"{where}: {name} {fault}")
     if setting.kind in ("int", "float"):
-        low, high, number = setting.minimum, setting.maximum, _number(value)
-        # The ends are single-precision numbers too: what is an end there is none too large here.
-        if not low <= number <= high and not low <= _single(number) <= high:
-            unit = f" {setting.unit}" if setting.unit not in ("", "1") else ""
-            raise IcyMoonError(f"{where}: {name} is {number:g}{unit}, outside {low:g} to {high:g}{unit}.")
+        _check_range(setting, value, name, where, stored)
     return _canonical(setting, value)
 
 
-def check(data: Mapping[str, Any], where: str) -> Settings:
-    """Check a partial description and return it in canonical form.
+def _check_range(setting: Setting, value: float, name: str, where: str, stored: bool) -> None:
+    """What was stored may lie beyond what is accepted today; a number it must be."""
+    low, high, number = setting.minimum, setting.maximum, _number(value)
+    # The ends are single-precision numbers too: what is an end there is none too large here.
+    inside = low <= number <= high or low <= _single(number) <= high
+    if not inside and not (stored and math.isfinite(_single(number))):
+        unit = f" {setting.unit}" if setting.unit not in ("", "1") else ""
+        raise IcyMoonError(f"{where}: {name} is {number:g}{unit}, outside {low:g} to {high:g}{unit}.")
 
-    ``where`` is what the error names as the place (a file, ``--set``, …).
+
+def check(data: Mapping[str, Any], where: str, stored: bool = False) -> Settings:
+    """Check a partial description and return it in canonical form, by the names of today.
+
+    ``where`` is what the error names as the place (a file, ``--set``, …). Of what a version has ``stored``, for which
+    all was accepted then, a value may lie outside of today's range, settings of how to run that are of no use here are
+    left out, and settings that there are no more stay.
     Raises IcyMoonError for an unknown topic or key, a wrong type, a value out of range, or a text that names what
     only the person may (see ``trust``).
     """
     checked: Settings = {}
-    for topic_key, values in data.items():
-        topic = TOPICS.get(topic_key)
-        if topic is None:
-            raise IcyMoonError(f"{where}: unknown topic [{topic_key}], {_nearest(topic_key, TOPICS)}")
-        if not isinstance(values, Mapping):
-            raise IcyMoonError(f"{where}: [{topic_key}] must be a table of settings, not {values!r}.")
-        for key, value in values.items():
-            name = f"{topic_key}.{key}"
-            try:
-                setting = topic[key]
-            except KeyError:
-                raise IcyMoonError(f"{where}: unknown setting {name}, "
-                                   f"{_nearest(key, (s.key for s in topic.settings))}") from None
-            checked.setdefault(topic_key, {})[key] = _checked(setting, value, name, where)
+    for topic, key, value in _stated(data, where):
+        name = schema.present_name(f"{topic}.{key}")
+        if name in schema.SCHEMA["gone"]:
+            if stored:
+                checked.setdefault(topic, {})[key] = value
+            elif value != schema.SCHEMA["gone"][name]:
+                raise IcyMoonError(f"{where}: {name} is {value!r}, and there is nothing but "
+                                   f"{schema.SCHEMA['gone'][name]!r} any more.")
+            continue
+        setting = _setting(name, where)
+        with suppress(IcyMoonError) if stored and setting.effect == "run" else nullcontext():
+            checked.setdefault(name.partition(".")[0], {})[setting.key] = _checked(setting, value, name, where, stored)
     return checked
+
+
+def _stated(data: Mapping[str, Any], where: str) -> Iterator[tuple[str, str, Any]]:
+    """(topic, key, value) of everything in a description."""
+    once = {name.partition(".")[0] for name in (*schema.SCHEMA["renamed"], *schema.SCHEMA["gone"])}
+    for topic, values in data.items():
+        if topic not in TOPICS and topic not in once:
+            raise IcyMoonError(f"{where}: unknown topic [{topic}], {_nearest(topic, TOPICS)}")
+        if not isinstance(values, Mapping):
+            raise IcyMoonError(f"{where}: [{topic}] must be a table of settings, not {values!r}.")
+        yield from ((topic, key, value) for key, value in values.items())
+
+
+def _setting(name: str, where: str) -> Setting:
+    """The setting of a name. Raises IcyMoonError if there is none."""
+    topic, _, key = name.partition(".")
+    try:
+        return TOPICS[topic][key]
+    except KeyError:
+        known = (s.key for s in TOPICS[topic].settings) if topic in TOPICS else TOPICS
+        raise IcyMoonError(f"{where}: unknown setting {name}, {_nearest(key, known)}") from None
+
+
+def restored(data: Mapping[str, Any], where: str, written_by: str = "") -> Settings:
+    """The complete settings that some version has stored, such as in ``pair.json``; see ``check``.
+
+    What was not there yet has the value that means what was done then. ``written_by`` is that version. Raises
+    IcyMoonError as ``check``; if a later version wrote it, that says to update.
+    """
+    with told_to_update(where, written_by):
+        return merged(_before(), check(data, where, stored=True))
+
+
+def _before() -> Settings:
+    """The complete description of what was done before anything was added."""
+    return {topic.key: {s.key: _canonical(s, schema.before(f"{topic.key}.{s.key}", s)) for s in topic.settings}
+            for topic in TOPICS.values()}
+
+
+@contextmanager
+def told_to_update(where: str, written_by: str) -> Iterator[None]:
+    """Say of what is refused inside that it is of a later version, if it is."""
+    try:
+        yield
+    except IcyMoonError as error:
+        if not is_newer(written_by):
+            raise
+        raise IcyMoonError(f"{where}: was saved by Icy Moon {written_by} and this is {version()}; update Icy Moon to "
+                           f"load it ({str(error).removeprefix(f'{where}: ').rstrip('.')}).") from None
 
 
 def merged(*parts: Mapping[str, Mapping[str, Value]]) -> Settings:
@@ -182,15 +239,9 @@ def load(path: Path) -> Settings:
     header = data.pop("preset", {})
     data.pop("sources", None)
     data.pop("measured", None)
-    try:
+    with told_to_update(str(path), str(header.get("made_with", "")) if isinstance(header, Mapping) else ""):
         included = [load(preset_path(name)) for name in _checked_header(header, path)]
         return merged(*included, beside(path.parent, check(data, str(path))))
-    except IcyMoonError as error:
-        written = str(header.get("made_with", "")) if isinstance(header, Mapping) else ""
-        if not is_newer(written):
-            raise
-        raise IcyMoonError(f"{path}: was saved by Icy Moon {written} and this is {version()}; update Icy Moon to load "
-                           f"it ({str(error).removeprefix(f'{path}: ').rstrip('.')}).") from None
 
 
 def _checked_header(header: Any, path: Path) -> list[str]:
@@ -303,12 +354,12 @@ def digest(settings: Mapping[str, Mapping[str, Value]], extra: str = "") -> str:
     """Twelve hexadecimal digits that name the pair which these settings produce.
 
     Settings that cannot change a rendered pixel (camera response, folders, threads) do not count,
-    nor where a file lies. ``extra`` stands for content that the settings do not describe (that of
-    the ground's file, edited or added geometry).
+    nor where a file lies, nor what a version added where it is as it was before (see ``schema``).
+    ``extra`` stands for content that the settings do not describe (that of the ground's file, edited
+    or added geometry).
     """
-    counted = [[f"{topic}.{s.key}", settings[topic][s.key]] for topic, s in all_settings()
-               if s.effect not in ("response", "run") and s.subtype != "FILE_PATH"]
-    return hashlib.sha256(json.dumps([counted, extra]).encode()).hexdigest()[:12]
+    first, *later = schema.counted(settings)
+    return hashlib.sha256(json.dumps([first, extra, *later]).encode()).hexdigest()[:12]
 
 
 def from_group(group: Any) -> Settings:

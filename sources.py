@@ -112,4 +112,4 @@ def settings_of(path: Path) -> description.Settings:
     folders = pair_folders(path)
     if len(folders) != 1:
         raise IcyMoonError(f"{path} has {len(folders)} pairs; name one of them, such as {folders[0]}.")
-    return description.merged(description.defaults(), read_pair(folders[0]).settings)
+    return read_pair(folders[0]).settings

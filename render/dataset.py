@@ -8,14 +8,16 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from ..errors import IcyMoonError
 from ..files import disk_errors, read_text, write_text
+from ..properties import all_settings
 from ..records import COUNT, TABLE, TEXT, Each, checked, parsed
-from ..settings import Settings, changed, check, defaults, merged
+from ..schema import counts
+from ..settings import Settings, changed, check, merged, restored, told_to_update
 from ..version import version
 from .ours import checked_id
 from .pair import is_complete
@@ -29,16 +31,19 @@ _MEND = "delete it and run icymoon batch again, which keeps what is rendered"
 _KIND = {"format": TEXT, "version": COUNT}
 _HEADER = {**_KIND, "settings": Each(TABLE, TEXT), "pairs": COUNT, "plan": TEXT, "icymoon": TEXT}
 _LINE = {"id": TEXT, "changes": Each(TABLE, TEXT)}
+#: How many settings are named in which a plan differs from what was planned.
+_MOST_SAID = 5
 
 
 @dataclass(frozen=True)
 class Frozen:
-    """What a data set is to hold: its pairs in the order in which they are rendered, the plan's text, and the
-    version of Icy Moon that froze it."""
+    """What a data set is to hold: its pairs in the order in which they are rendered, the plan's text, the version of
+    Icy Moon that froze it, and what a person should know of it."""
 
     pairs: tuple[PlannedPair, ...]
     text: str
     version: str
+    note: str = ""
 
     def missing(self, dataset: Path) -> list[PlannedPair]:
         """The pairs that are not there, or not whole."""
@@ -48,7 +53,8 @@ class Frozen:
 def freeze(dataset: Path, pairs: Sequence[PlannedPair], text: str) -> Frozen:
     """Write the plan of a data set, or check it against the one that is there, and return it.
 
-    A data set may be extended: a plan that has all pairs of the one that is there takes its place.
+    A data set may be extended: a plan that has all pairs of the one that is there takes its place. What an earlier
+    version planned of the same text stays as it was planned, whatever the presets and defaults of this one.
     Raises IcyMoonError for a plan that lacks some, or that has none.
     """
     if not pairs:
@@ -56,10 +62,17 @@ def freeze(dataset: Path, pairs: Sequence[PlannedPair], text: str) -> Frozen:
     path = dataset / PLAN
     if path.exists():
         known = read(dataset)
-        lacking = {pair.id for pair in known.pairs} - {pair.id for pair in pairs}
+        there = {pair.id for pair in pairs}
+        lacking = [pair for pair in known.pairs if pair.id not in there]
+        if lacking and known.text == text and known.version != version():
+            return replace(known, note=f"{dataset} goes on as Icy Moon {known.version} planned it. {version()} makes "
+                                       f"other pairs of the same plan: {_difference(lacking[0], pairs)}. For those "
+                                       "choose another folder.")
         if lacking:
             raise IcyMoonError(f"{dataset} holds another data set: {len(lacking)} of its {len(known.pairs)} pairs are "
-                               "not in this plan; choose another folder, or a plan that extends that one.")
+                               f"not in this plan: {_difference(lacking[0], pairs)}. To go on with what was planned "
+                               "there use icymoon work; for this plan choose another folder, or let it extend that "
+                               "one.")
         if [p.id for p in known.pairs] == [p.id for p in pairs] and known.text == text:
             return known
     base = pairs[0].settings
@@ -69,6 +82,22 @@ def freeze(dataset: Path, pairs: Sequence[PlannedPair], text: str) -> Frozen:
     lines = [header, *({"id": pair.id, "changes": changed(pair.settings, base)} for pair in pairs)]
     write_text(path, "".join(json.dumps(line, allow_nan=False) + "\n" for line in lines))
     return read(dataset)
+
+
+def _difference(pair: PlannedPair, pairs: Sequence[PlannedPair]) -> str:
+    """In what a pair differs from the nearest of others, in words."""
+    names = [(topic, s.key) for topic, s in all_settings() if counts(s)]
+
+    def differing(other: PlannedPair) -> list[tuple[str, str]]:
+        return [(topic, key) for topic, key in names if other.settings[topic][key] != pair.settings[topic][key]]
+
+    nearest = min(pairs, key=lambda other: len(differing(other)))
+    found = differing(nearest)
+    said = [f"{topic}.{key} was {pair.settings[topic][key]!r} and is {nearest.settings[topic][key]!r}"
+            for topic, key in found[:_MOST_SAID]]
+    if len(found) > _MOST_SAID:
+        said.append(f"{len(found) - _MOST_SAID} settings more")
+    return f"for pair {pair.id} {', '.join(said) or 'a file of yours has another content'}"
 
 
 def read(dataset: Path) -> Frozen:
@@ -86,8 +115,9 @@ def read(dataset: Path) -> Frozen:
         raise IcyMoonError(f"{path} has version {header['version']} of {header['format']}, this Icy Moon reads "
                            f"{VERSION} of {FORMAT}; use the version that wrote it.")
     checked(header, _HEADER, path, _MEND)
-    base = merged(defaults(), check(header["settings"], str(path)))
-    pairs = tuple(_pair(line, base, path) for line in lines)
+    base = restored(header["settings"], str(path), header["icymoon"])
+    with told_to_update(str(path), header["icymoon"]):
+        pairs = tuple(_pair(line, base, path) for line in lines)
     if len({pair.id for pair in pairs}) != header["pairs"]:
         raise IcyMoonError(f"{path} holds {len({pair.id for pair in pairs})} of {header['pairs']} pairs; {_MEND}.")
     return Frozen(pairs, header["plan"], header["icymoon"])
@@ -95,4 +125,4 @@ def read(dataset: Path) -> Frozen:
 
 def _pair(line: Mapping[str, Any], base: Settings, path: Path) -> PlannedPair:
     checked(line, _LINE, path, _MEND)
-    return PlannedPair(checked_id(line["id"], path), merged(base, check(line["changes"], str(path))), 0.0)
+    return PlannedPair(checked_id(line["id"], path), merged(base, check(line["changes"], str(path), stored=True)), 0.0)

@@ -37,7 +37,7 @@ from ..records import (
     fault,
     parsed,
 )
-from ..settings import Settings, check, defaults, merged
+from ..settings import Settings, merged, restored
 from .ours import checked_id
 
 FORMAT = "icymoon-pair"
@@ -217,7 +217,7 @@ def read_pair(folder: Path) -> Pair:
         raise IcyMoonError(f"{path} has format version {data.get('version')!r}, this Icy Moon reads {VERSION}; "
                            "use the version that wrote it.")
     checked(data, _SHAPE, path, _MEND)
-    settings = merged(defaults(), check(data["settings"], str(path)))
+    settings = restored(data["settings"], str(path), data.get("versions", {}).get("icymoon", ""))
     pair = Pair(folder, checked_id(data["id"], path), settings, StereoCamera.from_json(data["camera"]), data)
     for eye in EYES:
         if not pair.image(eye).is_file():

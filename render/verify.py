@@ -8,15 +8,16 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import IcyMoonError, sentence
-from ..files import sha256
+from ..files import read_text, sha256
 from ..physics.blur import identity
-from ..settings import check, defaults, digest, merged
+from ..records import parsed
+from ..settings import digest
 from .claims import FOLDER, Claims
 from .dataset import PLAN, read
 from .exr_check import is_whole
 from .manifest import MANIFEST
 from .ours import is_claim, is_unfinished, remove_ours, why_kept
-from .pair import Pair, read_pair
+from .pair import Pair, is_complete, read_pair
 from .plan import PlannedPair
 
 #: What a data set's folder may hold beside its pairs.
@@ -51,8 +52,8 @@ class Findings:
 def verify(dataset: Path, remove_broken: bool = False) -> Findings:
     """Check every file of a data set against the plan and the checksums.
 
-    With ``remove_broken`` broken pairs and leftovers are taken away, never what is not ours. Raises IcyMoonError if
-    there is no plan.
+    With ``remove_broken`` broken pairs and leftovers are taken away, never what is not ours, nor a pair whose files
+    are as they were rendered. Raises IcyMoonError if there is no plan.
     """
     frozen = read(dataset)
     working = Claims(dataset).others()
@@ -81,17 +82,41 @@ def _of_pair(dataset: Path, planned: PlannedPair, working: bool) -> Iterator[Pro
         else:
             yield Problem("missing", planned.id, f"Pair {planned.id} is {'being rendered' if working else 'missing'}.")
         return
+    intact = _is_intact(folder)
     try:
         pair = read_pair(folder)
+        said = [*(() if intact else _damages(pair)), *_contradictions(pair, planned)]
     except IcyMoonError as error:
-        yield Problem("broken", planned.id, str(error), folder)
-        return
-    yield from (Problem("broken", planned.id, text, folder) for text in _faults(pair, planned))
+        said = [str(error)]
+    for text in said:
+        if intact:
+            yield Problem("foreign", planned.id, f"{text} Its files are as they were rendered, so it stays; move it "
+                          "away to have the pair made again.")
+        else:
+            yield Problem("broken", planned.id, text, folder)
 
 
-def _faults(pair: Pair, planned: PlannedPair) -> Iterator[str]:
-    """What is wrong with a pair that can be read, in sentences."""
-    path = pair.folder / "pair.json"
+def _is_intact(folder: Path) -> bool:
+    """Whether all files of a pair are as they were rendered, whatever else is wrong with it.
+
+    Raises OSError where that cannot be told.
+    """
+    try:
+        files = parsed(read_text(folder / "pair.json"))["files"]
+        return bool(files) and all(sha256(folder / name) == fact["sha256"] for name, fact in files.items())
+    except (FileNotFoundError, NotADirectoryError, ValueError, KeyError, TypeError, AttributeError):
+        return False
+
+
+def _may_be_intact(folder: Path) -> bool:
+    try:
+        return _is_intact(folder)
+    except OSError:
+        return True
+
+
+def _damages(pair: Pair) -> Iterator[str]:
+    """Which files are not as they were rendered, in sentences."""
     for name, fact in pair.data["files"].items():
         file = pair.folder / name
         if not file.is_file():
@@ -100,23 +125,22 @@ def _faults(pair: Pair, planned: PlannedPair) -> Iterator[str]:
             yield f"{file} has {file.stat().st_size} bytes, not {fact['bytes']}."
         elif sha256(file) != fact["sha256"]:
             yield f"{file} is not what was rendered: its checksum differs."
-        elif not is_whole(file):
-            yield f"{file} is no whole EXR image."
-    try:
-        stated = merged(defaults(), check(pair.settings, str(path)))
-        blur = identity(stated)
-    except IcyMoonError as error:
-        yield str(error)
-        return
+
+
+def _contradictions(pair: Pair, planned: PlannedPair) -> Iterator[str]:
+    """In what a pair that can be read is not what was planned, in sentences."""
+    path = pair.folder / "pair.json"
     if pair.id != planned.id:
         yield f"{path} is of pair {pair.id}, not {planned.id}."
-    own = str(pair.data.get("own_files_sha256", ""))
-    ids = {digest(stated, own + each + blur) for each in _STAND_INS}
+    own, blur = str(pair.data.get("own_files_sha256", "")), identity(pair.settings)
+    ids = {digest(pair.settings, own + each + blur) for each in _STAND_INS}
     if not pair.data.get("edited_by_hand") and pair.id not in ids:
         yield f"{path}: its settings do not give the id {pair.id}."
     seed = pair.data.get("seeds", {}).get("render")
     if seed != planned.render_seed:
         yield f"{path}: was rendered with the seed {seed}, not {planned.render_seed}."
+    yield from (f"{pair.folder / name} is no whole EXR image." for name in pair.data["files"]
+                if not is_whole(pair.folder / name))
 
 
 def _others(dataset: Path, planned: set[str], working: set[str]) -> Iterator[Problem]:
@@ -124,7 +148,10 @@ def _others(dataset: Path, planned: set[str], working: set[str]) -> Iterator[Pro
     for path in sorted((dataset / "pairs").glob("*")):
         name = path.name.split(".")[0]
         if is_unfinished(path):
-            if name not in working:
+            aside = _may_be_intact(path) and not is_complete(path.with_name(name))
+            if aside and name not in working:
+                yield Problem("leftover", path.name, f"{path} is a whole pair; icymoon batch puts it into its place.")
+            elif name not in working:
                 yield Problem("leftover", path.name, f"{path} was left unfinished.", path)
         elif name not in planned or path.name != name:
             yield Problem("foreign", path.name, f"{path} is not of this plan.")

@@ -19,7 +19,7 @@ import bpy
 from .. import properties
 from ..errors import DiskError, IcyMoonError
 from ..nodes.scene import Built, extra, find
-from ..settings import Settings, check, defaults, merged
+from ..settings import Settings, check, defaults, merged, restored
 from ..system import end_at_interrupt
 from .claims import Claims
 from .launch import read_job
@@ -87,6 +87,7 @@ def _render(stage: Standing | Described, planned: PlannedPair, dataset: Path, sa
     start = time.perf_counter()
     if rendered:
         report(0.0)
+        check(planned.settings, f"Pair {planned.id}")  # an earlier version may have accepted more
         built, scene, seconds_build = stage.set_for(planned)
         shoot(built, scene, planned, dataset, seconds_build, report, partial(claims.lost, planned.id), again)
     say("pair", id=planned.id, folder=str(folder), rendered=rendered, done=k + 1, total=total,
@@ -96,7 +97,7 @@ def _render(stage: Standing | Described, planned: PlannedPair, dataset: Path, sa
 def _planned(job: dict[str, Any]) -> list[PlannedPair]:
     """The pairs of a job, with as many threads as it says."""
     if job.get("pairs"):
-        described = [(checked_id(pair["id"], "The job"), merged(defaults(), check(pair["settings"], "job")))
+        described = [(checked_id(pair["id"], "The job"), restored(pair["settings"], "job"))
                      for pair in job["pairs"]]
         threads = check({"quality": {"threads": job["threads"]}} if job.get("threads") is not None else {}, "job")
         return [PlannedPair(name, merged(settings, threads), 0.0) for name, settings in described]

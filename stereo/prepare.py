@@ -12,7 +12,7 @@ import numpy as np
 
 from ..errors import IcyMoonError
 from ..render.pair import EYES, Pair, changed_files, pair_folders, read_pair
-from ..settings import Settings, defaults, merged
+from ..settings import Settings, merged
 from . import pictures
 from .develop import Images, develop, exposure_facts, grey
 from .exr import Light, View
@@ -116,7 +116,7 @@ def checked(folder: Path) -> tuple[Pair, Settings]:
     if changed:
         raise IcyMoonError(f"{folder / changed[0]} is not the file that was rendered (its checksum differs); delete "
                            "the folder and render the pair again.")
-    return pair, merged(defaults(), pair.settings)
+    return pair, pair.settings
 
 
 def _sees(pair: Pair, settings: Settings, eye: str) -> np.ndarray:

@@ -34,7 +34,7 @@ def shipped() -> set[str]:
     for package in PACKAGES:
         files += (ROOT / package).rglob("*.py")
     data = ("presets/**/*.toml", "presets/previews/*.jpg", "stereo/*.j2", "stereo/*.js", "stereo/*.css",
-            "stereo/*.lock", "nodes/*.osl", "physics/*.json", "physics/*.csv")
+            "stereo/*.lock", "nodes/*.osl", "schema.json", "physics/*.json", "physics/*.csv")
     files += [path for pattern in data for path in ROOT.glob(pattern)]
     return {path.relative_to(ROOT).as_posix() for path in files}
 

@@ -16,8 +16,9 @@ SOURCES = sorted([*ROOT.glob("*.py"), *(path for package in PACKAGES for path in
 IDS = [path.relative_to(ROOT).as_posix() for path in SOURCES]
 
 #: What works in any Python, without Blender.
-PURE = ("settings", "properties", "changes", "labels", "system", "files", "own_files", "version", "errors", "cli",
-        "batch", "sources", "terminal", "trade", "doctor", "install", "render.pair", "render.plan", "render.queue",
+PURE = ("settings", "schema", "properties", "changes", "labels", "system", "files", "own_files", "version", "errors",
+        "cli", "batch", "sources", "terminal", "trade", "doctor", "install", "render.pair", "render.plan",
+        "render.queue",
         "render.launch", "render.exr_check", "render.exr_parts", "render.sweep", "render.combine", "render.blocks",
         "render.poses", "render.ours", "render.publish", "records", "scratch",
         "render.toml_lines", "render.order", "render.claims", "render.dataset", "render.manifest", "render.verify",

@@ -63,21 +63,25 @@ def _in_a_plan(folder):
     read_plan(folder / "plan.toml").pairs()
 
 
-def _in_a_frozen_plan(folder):
-    header = {"format": dataset.FORMAT, "version": dataset.VERSION, "pairs": 0, "plan": "", "icymoon": "0.1.0",
-              "settings": settings.merged(settings.defaults(), {"dataset": {"methods": EVIL}})}
-    (folder / dataset.PLAN).write_text(json.dumps(header) + "\n", encoding="utf-8")
-    dataset.read(folder)
-
-
 def _in_an_override(folder):
     settings.override(f"dataset.methods={EVIL}")
 
 
-@pytest.mark.parametrize("read", [_in_a_settings_file, _in_a_plan, _in_a_frozen_plan, _in_an_override])
+@pytest.mark.parametrize("read", [_in_a_settings_file, _in_a_plan, _in_an_override])
 def test_it_is_refused_wherever_it_comes_from(read, tmp_path):
     with pytest.raises(IcyMoonError, match=REFUSED):
         read(tmp_path)
+
+
+def test_it_is_left_out_of_what_an_earlier_version_has_stored(tmp_path):
+    """A data set with it can still be rendered and measured, as everything in it but how to run."""
+    stored = settings.merged(settings.defaults(), {"dataset": {"methods": EVIL}})
+    header = {"format": dataset.FORMAT, "version": dataset.VERSION, "pairs": 1, "plan": "", "icymoon": "0.1.0",
+              "settings": stored}
+    line = {"id": "0" * 12, "changes": {"dataset": {"methods": EVIL}}}
+    (tmp_path / dataset.PLAN).write_text(json.dumps(header) + "\n" + json.dumps(line) + "\n", encoding="utf-8")
+    assert dataset.read(tmp_path).pairs[0].settings == settings.defaults()
+    assert settings.restored(stored, "pair.json") == settings.defaults()
 
 
 _pieces = st.sampled_from(["external", "igev", "own", "mine", "bm", ":", ",", "=", " ", "\t", "\u00a0", "command",
