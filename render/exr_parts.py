@@ -8,7 +8,7 @@ times, memory) is left out of the headers, so that the same pixels are the same 
 from __future__ import annotations
 
 import struct
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -87,22 +87,23 @@ def lasting(piece: Piece, name: str) -> Piece:
     """A part without what passes, and with what a file of several needs of each: ``name``, if it has none."""
     kept = {key: value for key, value in piece.attributes.items()
             if key not in _PASSING and not key.startswith(b"cycles.")}
-    kept.setdefault(b"name", _attribute("name", "string", name.encode()))
-    kept.setdefault(b"type", _attribute("type", "string", b"scanlineimage"))
-    kept.setdefault(b"chunkCount", _attribute("chunkCount", "int", struct.pack("<i", len(piece.chunks))))
+    kept.setdefault(b"name", attribute("name", "string", name.encode()))
+    kept.setdefault(b"type", attribute("type", "string", b"scanlineimage"))
+    kept.setdefault(b"chunkCount", attribute("chunkCount", "int", struct.pack("<i", len(piece.chunks))))
     return Piece(kept, piece.chunks)
 
 
-def _attribute(name: str, kind: str, value: bytes) -> bytes:
+def attribute(name: str, kind: str, value: bytes) -> bytes:
+    """An attribute as it stands in a file."""
     return name.encode() + b"\0" + kind.encode() + b"\0" + struct.pack("<i", len(value)) + value
 
 
-def joined(files: Mapping[str, bytes], without: Collection[str] = ()) -> bytes:
-    """One EXR file of the parts of several, but those with names among ``without``.
+def joined(files: Mapping[str, bytes], less: Callable[[Piece], Piece | None] = lambda piece: piece) -> bytes:
+    """One EXR file of the parts of several, each as ``less`` leaves it (None: not at all).
 
     The part of a file that has only one, without a name, gets the file's key as name.
 
     Raises ValueError, IndexError, KeyError or struct.error for what is no EXR file.
     """
-    return assembled([lasting(piece, name) for name, data in files.items() for piece in pieces(data)
-                      if piece.name.split("-")[0] not in without])
+    return assembled([lasting(left, name) for name, data in files.items() for piece in pieces(data)
+                      if (left := less(piece)) is not None])

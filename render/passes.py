@@ -75,6 +75,7 @@ def choose(scene: bpy.types.Scene, name: str, stem: Path, depth_alone: bool) -> 
     return {eye: stem.with_name(f"{stem.name}{suffix}.exr") for eye, suffix in _SUFFIX.items()}
 
 
-#: Passes that every render has and that mean something in the other one only.
-UNWANTED = {*(f"{BEAUTY}.{name}" for name in (NORMAL_AOV, INSTANCE_AOV)),
-            *(f"{TRUTH}.Combined_{group}" for group in LIGHT_GROUPS)}
+#: Passes that renders have and nobody needs: those that mean something in the other render only, the colour of the
+#: truth's one sample, and the image before the denoiser.
+UNWANTED = {*(f"{BEAUTY}.{name}" for name in (NORMAL_AOV, INSTANCE_AOV)), f"{TRUTH}.Combined",
+            *(f"{TRUTH}.Combined_{group}" for group in LIGHT_GROUPS), f"{BEAUTY}.Noisy Image"}

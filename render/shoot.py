@@ -10,6 +10,7 @@ import zlib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +30,7 @@ from ..physics.blur import Blur, blur_of
 from . import apart, passes, quality
 from .exr_check import is_whole
 from .exr_parts import joined
+from .exr_pixels import without_passes
 from .exr_sum import with_planet
 from .facts import facts
 from .labelling import labelled
@@ -266,8 +268,9 @@ def first_line(error: Exception) -> str:
 
 def _finish(written: dict[str, Path], final: Path) -> dict[str, Any]:
     """Put the layers that Blender wrote into one file, flush it and return its size and checksum."""
+    less = partial(without_passes, unwanted=passes.UNWANTED)
     with disk_errors("write", final):
-        final.write_bytes(joined({name: file.read_bytes() for name, file in written.items()}, passes.UNWANTED))
+        final.write_bytes(joined({name: file.read_bytes() for name, file in written.items()}, less))
         for file in written.values():
             system.remove(file)
         system.flush(final)

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 import OpenEXR
 import pytest
 from icymoon.render.exr_check import is_whole
-from icymoon.render.exr_parts import joined
+from icymoon.render.exr_parts import joined, pieces
+from icymoon.render.exr_pixels import without_passes
 from icymoon.render.exr_sum import with_planet
 from icymoon.stereo.exr import read_light
 
@@ -55,6 +58,38 @@ def test_parts_are_joined_and_light_is_added(tmp_path, several, compression, hei
         assert np.array_equal(found[f"Beauty.Combined_Sun.{band}"], sun[..., k])
     light = read_light(tmp_path / "view.exr")
     assert np.allclose(sum(light.groups.values()), light.radiance, rtol=1e-5)
+
+
+@pytest.mark.parametrize("compression", [OpenEXR.NO_COMPRESSION, OpenEXR.ZIPS_COMPRESSION, OpenEXR.ZIP_COMPRESSION])
+@pytest.mark.parametrize("several", [True, False])
+@pytest.mark.parametrize("height", [1, 16, 53])
+def test_passes_that_nobody_needs_are_left_out(tmp_path, several, compression, height):
+    random = np.random.default_rng(height)
+    made = {name: random.random((height, 31, 3)).astype(np.float32) for name in (
+        "Truth.Combined", "Truth.Combined_Sun", "Truth.Normal", "Truth.Depth")}
+    write(tmp_path / "truth.exr", made, several, compression)
+    data = (tmp_path / "truth.exr").read_bytes()
+    for unwanted, kept in (({"Truth.Combined"}, 3), ({"Truth.Combined", "Truth.Combined_Sun"}, 2), ({"Truth.Comb"}, 4)):
+        (tmp_path / "less.exr").write_bytes(joined({"Truth": data}, partial(without_passes, unwanted=unwanted)))
+        assert is_whole(tmp_path / "less.exr")
+        found = read(tmp_path / "less.exr")
+        assert {name.rpartition(".")[0] for name in found} == made.keys() - unwanted
+        for name, values in found.items():
+            assert np.array_equal(values, made[name.rpartition(".")[0]][..., "RGB".index(name[-1])])
+        # Random numbers do not shrink: what is left is in proportion.
+        assert len(found) == 3 * kept
+        assert len((tmp_path / "less.exr").read_bytes()) < len(data) * kept / 4 * 1.05 + 2000
+
+
+def test_a_layer_of_nothing_else_is_left_out_and_what_is_not_understood_stays(tmp_path):
+    values = np.ones((5, 7, 3), np.float32)
+    write(tmp_path / "a.exr", {"Truth.Combined": values}, False, OpenEXR.ZIP_COMPRESSION)
+    write(tmp_path / "b.exr", {"Truth.Combined": values, "Truth.Depth": values}, False, OpenEXR.PIZ_COMPRESSION)
+    a, b = ((tmp_path / name).read_bytes() for name in ("a.exr", "b.exr"))
+    less = partial(without_passes, unwanted={"Truth.Combined"})
+    assert [piece.name for piece in pieces(joined({"A": a, "B": b}, less))] == ["a"]
+    (tmp_path / "less.exr").write_bytes(joined({"A": a, "B": b}, less))
+    assert len(read(tmp_path / "less.exr")) == 6
 
 
 def test_what_cannot_be_added_is_refused(tmp_path):

@@ -1,0 +1,110 @@
+"""The values in a part of an OpenEXR file, without an OpenEXR library.
+
+OpenEXR technical introduction, "File Layout"; compressions none, ZIPS and ZIP, channels of 32-bit floats.
+"""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from collections.abc import Collection, Sequence
+
+import numpy as np
+
+from .exr_parts import Piece, attribute
+
+_LINES = {0: 1, 2: 1, 3: 16}  # in a chunk, by compression
+_FLOAT = 2
+
+
+class Pixels:
+    """The values of a part."""
+
+    def __init__(self, piece: Piece) -> None:
+        """Raises ValueError if a channel is not of 32-bit floats, KeyError for another compression."""
+        self._piece, self._stated = piece, _channels(piece.value(b"channels"))
+        self.channels = list(self._stated)
+        left, self._top, right, bottom = struct.unpack("<4i", piece.value(b"dataWindow"))
+        self._compression = piece.value(b"compression")[0]
+        self._lines = _LINES[self._compression]
+        self._width, self._height = right - left + 1, bottom - self._top + 1
+
+    def pixels(self) -> np.ndarray:
+        """Values (height, channel, width) float32."""
+        count = len(self.channels)
+        found = np.empty((self._height, count, self._width), "<f4")
+        for chunk in self._piece.chunks:
+            line = struct.unpack_from("<i", chunk)[0] - self._top
+            rows = min(self._lines, self._height - line)
+            raw = _inflated(chunk[8:], rows * count * self._width * 4)
+            found[line:line + rows] = np.frombuffer(raw, "<f4").reshape(rows, count, self._width)
+        return found
+
+    def with_pixels(self, values: np.ndarray) -> Piece:
+        """The part with other values of the same shape."""
+        return Piece(self._piece.attributes, self._chunks(values))
+
+    def only(self, wanted: Sequence[int]) -> Piece:
+        """The part with these of its channels, by their places."""
+        stated = b"".join(self._stated[self.channels[k]] for k in wanted) + b"\0"
+        kept = self._piece.attributes | {b"channels": attribute("channels", "chlist", stated)}
+        return Piece(kept, self._chunks(self.pixels()[:, wanted]))
+
+    def _chunks(self, values: np.ndarray) -> list[bytes]:
+        chunks = []
+        for chunk in self._piece.chunks:
+            line = struct.unpack_from("<i", chunk)[0]
+            raw = np.ascontiguousarray(values[line - self._top:line - self._top + self._lines], "<f4").tobytes()
+            data = _deflated(raw) if self._compression else raw
+            chunks.append(struct.pack("<2i", line, len(data)) + data)
+        return chunks
+
+
+def _channels(data: bytes) -> dict[str, bytes]:
+    """What is stated of each channel, by name, in the order of the file."""
+    stated, at = {}, 0
+    while data[at] != 0:
+        end = data.index(b"\0", at)
+        name = data[at:end].decode()
+        if struct.unpack_from("<i", data, end + 1)[0] != _FLOAT:
+            raise ValueError(f"{name} is not of 32-bit floats")
+        stated[name], at = data[at:end + 17], end + 17
+    return stated
+
+
+def _inflated(data: bytes, size: int) -> bytes:
+    """A chunk's values; one that did not shrink is stored as it is."""
+    if len(data) == size:
+        return data
+    steps = np.frombuffer(zlib.decompress(data), np.uint8).copy()
+    steps[1:] -= 128  # bytes are stored as differences about 128, first those at even places, then the others
+    halves = np.cumsum(steps, dtype=np.uint8)
+    whole = np.empty_like(halves)
+    middle = (len(halves) + 1) // 2
+    whole[0::2], whole[1::2] = halves[:middle], halves[middle:]
+    return whole.tobytes()
+
+
+def _deflated(raw: bytes) -> bytes:
+    whole = np.frombuffer(raw, np.uint8)
+    halves = np.concatenate([whole[0::2], whole[1::2]])
+    steps = halves.copy()
+    steps[1:] = halves[1:] - halves[:-1] + np.uint8(128)
+    data = zlib.compress(steps.tobytes(), 4)
+    return data if len(data) < len(raw) else raw
+
+
+def without_passes(piece: Piece, unwanted: Collection[str]) -> Piece | None:
+    """A part without the channels of some passes (``LAYER.PASS``), None if it has no other.
+
+    A part that is not of the kind that is read here stays as it is. Raises IndexError, struct.error or zlib.error for
+    what is damaged.
+    """
+    if piece.name.split("-")[0] in unwanted:
+        return None
+    try:
+        pixels = Pixels(piece)
+    except (KeyError, ValueError):
+        return piece
+    wanted = [k for k, name in enumerate(pixels.channels) if ".".join(name.split(".")[:2]) not in unwanted]
+    return piece if len(wanted) == len(pixels.channels) else pixels.only(wanted) if wanted else None
