@@ -15,7 +15,7 @@ from .render.variants import Variant, candidates, leaner, reference
 from .settings import changed, merged, to_toml
 from .stereo import check
 from .system import remove
-from .trade import Bench, Counter, render, renders
+from .trade import Bench, Counter, abilities, render, renders
 
 if TYPE_CHECKING:
     from .stereo.methods import Method
@@ -44,8 +44,8 @@ def auto(bench: Bench, tolerance: Tolerance) -> dict[str, Any]:
     from .stereo.trade import read_reference
 
     methods = parse_methods(bench.methods, own=bench.own)
-    ladder, parts = candidates(bench.settings), leaner(bench.settings)
     best = reference(bench.settings, bench.samples)
+    ladder, parts = candidates(bench.settings, abilities(bench, best.settings)), leaner(bench.settings)
     counter = Counter(bench.on_event, best.repeats + len(ladder) + len(parts))
     file = bench.out / "auto.toml"
     with disk_errors("write to", bench.out):

@@ -14,9 +14,11 @@ from typing import Any
 from .errors import IcyMoonError
 from .files import shortened
 from .render import dataset as datasets
+from .render.abilities import require
 from .render.launch import python_command
 from .render.manifest import write_manifest
 from .render.order import ordered, share
+from .render.pair import is_complete
 from .render.plan import PlannedPair
 from .render.queue import clean_environment, emit, errors_told
 from .render.runner import Runner, Workers
@@ -130,26 +132,36 @@ def render(dataset: Path, pairs: list[PlannedPair], how: Workers, say: Say, dask
     return 1 if failed else 0
 
 
-def _frozen(plan: str, dataset: Path) -> datasets.Frozen:
-    """The data set that a plan asks for, frozen into its folder with its pairs in the order to render them in."""
+def _frozen(plan: str, dataset: Path, blender: str = "") -> datasets.Frozen:
+    """The data set that a plan asks for, frozen into its folder with its pairs in the order to render them in.
+
+    Where a ``blender`` is named that is to render them, IcyMoonError is raised before if it cannot.
+    """
     from .render.sweep import plan_path, read_plan
 
     read = read_plan(plan_path(plan))
     if unchecked := read.unchecked():
         print(f"icymoon: {unchecked}", file=sys.stderr)
-    return datasets.freeze(dataset, ordered(read.pairs()), read.text)
+    pairs = ordered(read.pairs())
+    if blender and not (dataset / datasets.PLAN).exists():
+        require((pair.settings for pair in pairs), blender)
+    frozen = datasets.freeze(dataset, pairs, read.text)
+    if blender:
+        require((pair.settings for pair in frozen.missing(dataset)), blender)
+    return frozen
 
 
 def _batch(options: argparse.Namespace) -> int:
     dataset = options.out.absolute()
     with errors_told(options.json):
         how = workers(options)
-        frozen = _frozen(options.plan, dataset)
+        frozen = _frozen(options.plan, dataset, "" if options.dask else options.blender)
         with _voice(options.json) as say:
             if frozen.note:
                 say("warning", message=frozen.note)
             status = render(dataset, list(frozen.pairs), how, say, options.dask)
-    failed = _evaluate(dataset, options) if options.evaluate else 0
+    some = len(frozen.missing(dataset)) < len(frozen.pairs)
+    failed = _evaluate(dataset, options) if options.evaluate and some else 0
     return _told(status, dataset, options.json) or failed
 
 
@@ -186,6 +198,7 @@ def _work(options: argparse.Namespace) -> int:
         number, count = numbered(options.shard)
         how = workers(options)
         pairs = share(datasets.read(dataset).pairs, number, count)
+        require((pair.settings for pair in pairs if not is_complete(pair.folder(dataset))), options.blender)
         with _voice(options.json) as say:
             status = render(dataset, pairs, how, say)
     return _told(status, dataset, options.json)

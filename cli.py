@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 from . import batch, planning
 from . import settings as description
 from .errors import IcyMoonError
+from .render.abilities import Abilities, ask, require
 from .render.launch import Job, absolute_folder, rendered
 from .render.queue import Message, emit, errors_told
 from .render.tolerance import PX, share, tolerance
@@ -204,14 +205,16 @@ def _gallery(options: argparse.Namespace) -> int:
     if unknown := sorted(set(options.only) - set(known)):
         raise IcyMoonError(f"--only: no scene of the gallery is called {unknown[0]!r}; there are {', '.join(known)}.")
     chosen, shown_on_sheet = options.only or known, []
+    described = {name: description.merged(description.defaults(), description.load(
+        description.preset_path(f"gallery/{name}"))) for name in chosen}
+    require(described.values(), options.blender)
     for name in known:
         preset, picture = f"gallery/{name}", out / f"{name}.jpg"
         title, text = description.preset_header(preset)
         command = f"icymoon render --preset {preset}"
         if name in chosen:
             print(f"{title}. {text}: python -m {command} --out DATASET", flush=True)
-            settings = description.merged(description.defaults(), description.load(description.preset_path(preset)))
-            pair, = render_described(scaled(settings, options.scale), out, options.blender)
+            pair, = render_described(scaled(described[name], options.scale), out, options.blender)
             write_picture(pair, picture)
         if picture.is_file():
             shown_on_sheet.append((picture, title, command))
@@ -298,17 +301,25 @@ def _quality(options: argparse.Namespace) -> int:
             with scratch() as folder, shown("Measuring this machine") as show:
                 speed = measure(options.blender, device, folder,
                                 lambda message: show(message) if message["type"] == "progress" else None)
-        found = qualities(settings, triangles_of(settings), speed)
+        found = qualities(settings, triangles_of(settings), speed, _abilities(options.blender))
     if options.json:
         emit("result", speed=asdict(speed), qualities=[asdict(each) for each in found])
         return 0
     print(f"A pair of this scene takes ({speed.basis}, {speed.processors} processors):")
     for each in found:
-        print(f"  {each.name or each.title.lower():22} {each.cost:28} {each.error}".rstrip())
+        print(f"  {each.name or each.title.lower():22} {each.cost:28} {'' if each.lacks else each.error}".rstrip())
     measured = next((each.errors for each in found if each.errors), None)
     if measured:
         print(f"Errors are those of {measured['scene']}; of this scene: icymoon auto, icymoon trade.")
     return 0
+
+
+def _abilities(blender: str) -> Abilities:
+    """What a Blender can do; all, where there is none to ask, which a render will say."""
+    try:
+        return ask(blender)
+    except IcyMoonError:
+        return Abilities()
 
 
 def _doctor(options: argparse.Namespace) -> int:

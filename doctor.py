@@ -10,8 +10,9 @@ from pathlib import Path
 from typing import Any
 
 from .errors import IcyMoonError
-from .render.launch import blender_command, python_command
-from .render.queue import Process, clean_environment
+from .render.abilities import probe
+from .render.launch import python_command
+from .render.queue import clean_environment
 from .system import run
 
 
@@ -23,15 +24,6 @@ class Finding:
     state: str
     fact: str
     mend: str = ""
-
-
-def _probe(executable: str) -> dict[str, Any]:
-    """What a Blender says of itself. Raises IcyMoonError if it says nothing."""
-    process = Process(blender_command(executable, "probe"))
-    for message in process.messages():
-        if message["type"] == "probe":
-            return message
-    raise IcyMoonError(f"{executable}: {process.last_words}")
 
 
 def _check(python: str) -> dict[str, Any]:
@@ -52,7 +44,7 @@ def blender_findings(executable: str) -> list[Finding]:
     if not found:
         return [Finding("Blender", "missing", f"{executable} is not there", "Give its path with --blender.")]
     try:
-        facts = _probe(executable)
+        facts = probe(executable)
     except IcyMoonError as error:
         return [Finding("Blender", "missing", str(error), "Install the bpy package or give a Blender with --blender.")]
     version = tuple(int(part) for part in facts["blender"].split()[0].split(".")[:2])

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import argparse
+import importlib.util
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from .properties import all_settings
+from .render.abilities import lacking_of, special
 from .render.cost import estimate
 from .render.machine import remembered
+from .render.pair import is_complete
 from .render.plan import PlannedPair
 from .render.queue import emit, errors_told
 from .render.sweep import Plan, plan_header, plan_path, read_plan
@@ -24,6 +28,8 @@ def add_verbs(verbs: Any) -> None:
     plan.add_argument("--dry-run", action="store_true", help="say how many pairs there are and what they will take")
     plan.add_argument("--out", type=as_path, metavar="DATASET",
                       help="folder of the data set; its pairs are counted, and what they took is learnt from")
+    plan.add_argument("--blender", help="Blender, or a Python with bpy, that is to render it: a dry run asks it "
+                      "whether it can (this Python, if it has bpy)")
     plan.add_argument("--json", action="store_true", help="say it in JSON lines")
     plan.set_defaults(run=_plan)
 
@@ -76,13 +82,27 @@ def _say(options: argparse.Namespace) -> None:
 def _say_estimate(plan: Plan, pairs: Sequence[PlannedPair], options: argparse.Namespace) -> None:
     devices = {str(pair.settings["quality"]["device"]) for pair in pairs}
     speed = remembered(devices.pop()) if len(devices) == 1 else None
-    found = estimate(pairs, options.out.absolute() if options.out else None, speed)
+    found, lack = estimate(pairs, options.out.absolute() if options.out else None, speed), _lacking(pairs, options)
     unchecked = plan.unchecked()
     if options.json:
-        emit("result", plan=str(plan.path), title=plan.title, unchecked=unchecked, **found.facts())
+        facts = found.facts()
+        emit("result", plan=str(plan.path), title=plan.title, unchecked=unchecked,
+             **{**facts, "lines": [*lack, *facts["lines"]]})
         return
-    print(plan.title)
-    for line in found.lines():
+    for line in (plan.title, *lack, *found.lines()):
         print(line)
     if unchecked:
         print(unchecked)
+
+
+def _lacking(pairs: Sequence[PlannedPair], options: argparse.Namespace) -> list[str]:
+    """Why the Blender that is to render the pairs cannot, as a list of no or one sentence."""
+    own = sys.executable if importlib.util.find_spec("bpy") else ""
+    missing = [pair.settings for pair in pairs
+               if not (options.out and is_complete(pair.folder(options.out.absolute())))]
+    blender = options.blender or own
+    if blender:
+        return [lack for lack in (lacking_of(missing, blender),) if lack]
+    if any(map(special, missing)):
+        return ["Not every Blender can render it; name the one that is to with --blender, and it is asked."]
+    return []

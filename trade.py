@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from .errors import IcyMoonError
+from .render.abilities import Abilities, ask, lacking
 from .render.launch import Job, rendered
 from .render.queue import Message
 from .render.variants import GROUPS, SHAPES, Variant, reference, variants
@@ -59,7 +60,8 @@ def trade(bench: Bench, groups: Sequence[str] = ()) -> dict[str, Any]:
     from .stereo.trade_report import write_trade
 
     methods = parse_methods(bench.methods, own=bench.own)
-    chosen = [replace(variant, repeats=bench.repeats) for variant in variants(bench.settings, groups)]
+    able = abilities(bench, bench.settings)
+    chosen = [replace(variant, repeats=bench.repeats) for variant in variants(bench.settings, groups, able)]
     kinds = sorted({variant.group in SHAPES for variant in chosen})
     bests = {fine: reference(bench.settings, bench.samples, fine) for fine in kinds}
     counter = Counter(bench.on_event, sum(variant.repeats for variant in (*bests.values(), *chosen)))
@@ -77,6 +79,20 @@ def trade(bench: Bench, groups: Sequence[str] = ()) -> dict[str, Any]:
                    "cpu_s": truth.cpu_s, "changed": _changed(bests[fine].settings, bench.settings)}
                   for fine, truth in truths.items()]
     return write_trade(rows, [method.label for method in methods], references, GROUPS, _provenance(bench), bench.out)
+
+
+def abilities(bench: Bench, settings: Settings) -> Abilities:
+    """What the bench's Blender can do; what is therefore left out is told.
+
+    Raises IcyMoonError if it cannot render these settings.
+    """
+    able = ask(bench.blender)
+    if lack := lacking(settings, able):
+        raise IcyMoonError(lack)
+    if not able.denoiser:
+        bench.on_event({"type": "warning", "message": "What is denoised is left out: this Blender was built without "
+                                                      "OpenImageDenoise."})
+    return able
 
 
 class Counter:

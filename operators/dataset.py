@@ -116,7 +116,8 @@ class ICYMOON_OT_plan_dry_run(jobs.JobOperator, bpy.types.Operator):
         settings = description.from_group(context.scene.icymoon)
         plan = chosen_plan(settings)
         readout.update(plan=settings["dataset"]["plan"], lines=[])
-        process = Process(command("plan", plan, "--dry-run", "--json", "--out", str(dataset_folder(settings))),
+        process = Process(command("plan", plan, "--dry-run", "--json", "--out", str(dataset_folder(settings)),
+                                  "--blender", jobs.this_blender()),
                           clean_environment())
         return jobs.Job(self.bl_label, process, self._hear, lambda: None)
 

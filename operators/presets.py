@@ -14,6 +14,7 @@ from ..errors import IcyMoonError
 from ..files import disk_errors, write_text
 from ..nodes.own_files import with_absolute_files
 from ..preferences import extension_folder
+from ..render.quality import lacking_here
 from ..system import name_fault, remove
 from . import asking
 
@@ -98,6 +99,8 @@ class ICYMOON_OT_load_preset(asking.Searched, bpy.types.Operator):
             loaded = description.merged(fresh, loaded)
             group.preset = self.preset
         description.to_group(group, loaded)
+        if "quality" in loaded and (lack := lacking_here(description.merged(description.defaults(), loaded))):
+            self.report({"WARNING"}, lack)
         return {"FINISHED"}
 
 

@@ -12,6 +12,7 @@ from typing import Any
 
 import bpy
 
+from .. import compat
 from ..errors import IcyMoonError
 from ..physics import requires
 from ..physics.blur import advice, blur_of, confusion_px, motion_px
@@ -19,6 +20,7 @@ from ..physics.distortion import coefficients, overscan_needed
 from ..physics.geometry import GroundRow, depth_error_m, focal_px, ground_row, shared_width_px
 from ..physics.sky import facts, sky
 from ..properties import TOPICS
+from ..render.abilities import Abilities
 from ..render.machine import Speed, remembered
 from ..render.qualities import qualities
 from ..settings import Settings
@@ -180,9 +182,10 @@ _TRIANGLES = 1e6
 def quality_lines(settings: Settings) -> tuple[str, ...]:
     """Seconds of a pair of the described scene at each quality, and the error that was measured of it."""
     speed = _speed(str(settings["quality"]["device"]))
-    lines = []
-    for quality in qualities(settings, _TRIANGLES, speed):
-        lines += [f"{quality.title}: {quality.cost}", *([f"    {quality.error}"] if quality.error else [])]
+    lines: list[str] = []
+    for quality in qualities(settings, _TRIANGLES, speed, Abilities(compat.has_osl(), compat.has_oidn())):
+        lines += wrapped(f"{quality.title}: {quality.cost}")
+        lines += [f"    {quality.error}"] if quality.error and not quality.lacks else []
     basis = f"Seconds of {speed.basis}" if speed else "Seconds of another machine; measure this one"
     return (*lines, *textwrap.wrap(basis, LINE))
 

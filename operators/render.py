@@ -15,6 +15,7 @@ from ..nodes.own_files import with_absolute_files
 from ..render.launch import Job as JobFiles
 from ..render.launch import absolute_folder, blender_command
 from ..render.plan import PlannedPair, expand
+from ..render.quality import check_possible
 from ..render.queue import Process
 from ..render.worker import render_pairs
 from . import jobs
@@ -75,6 +76,7 @@ class ICYMOON_OT_render_pair(jobs.JobOperator, bpy.types.Operator):
 
     def start(self, context: bpy.types.Context) -> jobs.Job:
         settings = description.from_group(context.scene.icymoon)
+        check_possible(settings["quality"])
         before = scenes.find(context.scene)
         views = views_through(context, before.camera if before else None)
         built = up_to_date(context.scene, settings)
@@ -94,6 +96,7 @@ class ICYMOON_OT_render_pair(jobs.JobOperator, bpy.types.Operator):
 
     def run_blocking(self, context: bpy.types.Context) -> None:
         settings = description.from_group(context.scene.icymoon)
+        check_possible(settings["quality"])
         start = time.perf_counter()
         built = up_to_date(context.scene, settings)
         self._warn(built)

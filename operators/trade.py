@@ -10,6 +10,7 @@ from typing import Any
 
 import bpy
 
+from .. import compat
 from .. import settings as description
 from ..errors import IcyMoonError
 from ..files import write_text
@@ -173,11 +174,12 @@ class ICYMOON_OT_measure_machine(jobs.JobOperator, bpy.types.Operator):
     def start(self, context: bpy.types.Context) -> jobs.Job:
         self._device = str(context.scene.icymoon.quality.device)
         folder = make_scratch()
-        job = Job(folder, machine.probe(self._device))
+        job = Job(folder, machine.probe(self._device, compat.has_oidn()))
 
         def hear(message: Message) -> None:
             if message["type"] == "done":
-                self._speed = machine.speed_of([Path(pair) for pair in message["folders"]], self._device)
+                self._speed = machine.speed_of([Path(pair) for pair in message["folders"]], self._device,
+                                               compat.has_oidn())
 
         def clean() -> None:
             job.remove()

@@ -19,6 +19,7 @@ from ..files import user_path, write_json
 from ..records import COUNT, NUMBER, POSITIVE, TABLE, TEXT, fault, read_record
 from ..settings import Settings, defaults, merged
 from ..system import cache_folder, processors
+from .abilities import ask
 from .cost import triangles_of, work_of
 from .launch import Job, rendered
 from .queue import Message
@@ -101,18 +102,19 @@ def remember(speed: Speed) -> None:
     write_json(_file(), {**_kept(), _key(speed.device, speed.blender, speed.processors): asdict(speed)})
 
 
-def probe(device: str) -> Settings:
-    """Complete settings of the small render."""
-    return merged(defaults(), _PROBE, {"quality": {"device": device}})
+def probe(device: str, denoiser: bool = True) -> Settings:
+    """Complete settings of the small render, for a Blender that has a denoiser or not."""
+    return merged(defaults(), _PROBE, {"quality": {"device": device, **({} if denoiser else {"denoiser": "NONE"})}})
 
 
-def speed_of(pairs: list[Path], device: str) -> Speed:
+def speed_of(pairs: list[Path], device: str, denoiser: bool = True) -> Speed:
     """What rendered pairs of ``probe`` say: the fastest but the first, for other work may slow any of them down.
 
     All processors are taken to be at work half the time at least: where a pair took longer, other work had them, or
     the pair is too small for so many. Raises IcyMoonError if they cannot be read.
     """
-    expected = work_of(probe(device)).seconds(triangles_of(probe(device)))
+    settings = probe(device, denoiser)
+    expected = work_of(settings).seconds(triangles_of(settings))
     try:
         facts = [read_record(pair / "pair.json", _PAIR, "measure again") for pair in pairs]
         taken = [processors() * (each["seconds"]["render"] + each["seconds"]["write"]) for each in facts[1:]]
@@ -130,6 +132,7 @@ def measure(blender: str, device: str, scratch: Path, hear: Callable[[Message], 
 
     Raises IcyMoonError if the render or the disk fails.
     """
-    speed = speed_of(rendered(Job(scratch, probe(device)), blender, hear), device)
+    denoiser = ask(blender).denoiser
+    speed = speed_of(rendered(Job(scratch, probe(device, denoiser)), blender, hear), device, denoiser)
     remember(speed)
     return speed

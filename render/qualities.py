@@ -10,6 +10,7 @@ from typing import Any
 
 from ..settings import Settings, load, merged, preset_header, preset_names, preset_path, read_toml
 from ..system import processors
+from .abilities import Abilities, lacking
 from .cost import duration, spread_before, work_of
 from .machine import Speed
 
@@ -24,10 +25,13 @@ class Quality:
     seconds: float
     factor: float
     errors: Mapping[str, Any]
+    lacks: str = ""  # what the Blender lacks for it, with the mend
 
     @property
     def cost(self) -> str:
-        """Such as '12 s (8 s to 18 s)'."""
+        """Such as '12 s (8 s to 18 s)', or what the Blender lacks for it."""
+        if self.lacks:
+            return self.lacks
         low, high = duration(self.seconds / self.factor), duration(self.seconds * self.factor)
         return f"{duration(self.seconds)} ({low} to {high})"
 
@@ -45,8 +49,10 @@ def seconds_of(settings: Settings, triangles: float, speed: Speed | None) -> tup
     return seconds, math.exp(2.0 * spread_before(speed, settings["quality"]["device"] == "GPU"))
 
 
-def qualities(settings: Settings, triangles: float, speed: Speed | None) -> list[Quality]:
-    """The shipped qualities for a described scene, cheapest first, then the one that it has.
+def qualities(settings: Settings, triangles: float, speed: Speed | None,
+              able: Abilities = Abilities()) -> list[Quality]:  # noqa: B008, it is frozen
+    """The shipped qualities for a described scene, cheapest first, then the one that it has; those that a Blender that
+    is no more than ``able`` lacks something for say so.
 
     ``errors`` are those of the preset's file: ``sgbm_px`` added to the mean error of SGBM, ``radiance_rms`` and
     ``radiance_bias`` as fractions of the mean radiance, the ``scene`` and the ``command`` that measured them.
@@ -54,8 +60,9 @@ def qualities(settings: Settings, triangles: float, speed: Speed | None) -> list
     found = []
     for name in preset_names("qualities"):
         title, preset, errors = _shipped(name)
-        found.append(Quality(name, title, *seconds_of(merged(settings, preset), triangles, speed), errors))
-    own = Quality("", "As described", *seconds_of(settings, triangles, speed), {})
+        whole = merged(settings, preset)
+        found.append(Quality(name, title, *seconds_of(whole, triangles, speed), errors, lacking(whole, able)))
+    own = Quality("", "As described", *seconds_of(settings, triangles, speed), {}, lacking(settings, able))
     return [*sorted(found, key=lambda quality: quality.seconds), own]
 
 

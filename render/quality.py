@@ -9,18 +9,28 @@ import bpy
 
 from .. import compat
 from ..errors import IcyMoonError
+from ..settings import Settings
+from .abilities import Abilities, lacking, lacking_quality
 
 _GLOSSY_BOUNCES = 2
 _TRANSPARENT_BOUNCES = 8
 
 
+def own_abilities(quality: Mapping[str, Any]) -> Abilities:
+    """What this Blender can do; graphics cards are looked for only if the quality asks for them, as that selects
+    them."""
+    return Abilities(compat.has_osl(), compat.has_oidn(), quality["device"] != "GPU" or bool(compat.gpu_devices()))
+
+
+def lacking_here(settings: Settings) -> str:
+    """What this Blender lacks for complete settings, as a sentence with the mend; empty if nothing."""
+    return lacking(settings, own_abilities(settings["quality"]))
+
+
 def check_possible(quality: Mapping[str, Any]) -> None:
     """Raise IcyMoonError if this Blender cannot render at the asked quality."""
-    if quality["denoiser"] != "NONE" and not compat.has_oidn():
-        raise IcyMoonError("This Blender was built without OpenImageDenoise; set quality.denoiser to NONE "
-                           "or use an official build.")
-    if quality["device"] == "GPU" and not compat.gpu_devices():
-        raise IcyMoonError("Cycles finds no graphics card that it can render on; set quality.device to CPU.")
+    if lack := lacking_quality(quality, own_abilities(quality)):
+        raise IcyMoonError(lack)
 
 
 def apply(scene: bpy.types.Scene, quality: Mapping[str, Any], seed: int, blurred: bool = False) -> None:

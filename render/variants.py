@@ -16,8 +16,10 @@ from ..physics.hapke import HapkeParameters, bidirectional_reflectance
 from ..physics.photometry import hemispherical_albedo
 from ..physics.requires import relief_of_camera_alone, surfaces, walk_px, walks
 from ..settings import Settings, merged
+from .abilities import Abilities, lacking
 from .cost import work_of
 
+_ALL = Abilities()
 #: What may be varied, and what it is about.
 GROUPS = {
     "samples": "light paths per pixel, with and without a denoiser",
@@ -86,9 +88,10 @@ def reference(settings: Settings, samples: int = 1024, fine: bool = False) -> Va
     return Variant("reference", f"{samples} samples{', fine' * fine}", merged(settings, *parts))
 
 
-def variants(settings: Settings, groups: Sequence[str] = ()) -> list[Variant]:
+def variants(settings: Settings, groups: Sequence[str] = (), able: Abilities = _ALL) -> list[Variant]:
     """The variants of a complete description in the named ``groups`` (all that matter to the scene if empty), each
-    once per kind of reference (see ``SHAPES``), the scene as it is described first.
+    once per kind of reference (see ``SHAPES``), the scene as it is described first. Left out are those that a Blender
+    that is no more than ``able`` cannot render.
 
     Raises IcyMoonError for a group that there is not, or that this scene has nothing of.
     """
@@ -97,7 +100,7 @@ def variants(settings: Settings, groups: Sequence[str] = ()) -> list[Variant]:
         raise IcyMoonError(f"There is no group {unknown[0]!r} to vary; there are {', '.join(GROUPS)}.")
     found = [Variant("scene", "as described", settings)]
     for group in groups or GROUPS:
-        own = _of_group(group, settings)
+        own = [variant for variant in _of_group(group, settings) if not lacking(variant.settings, able)]
         if not own and group in groups:
             raise IcyMoonError(f"This scene has nothing to vary in {group} ({GROUPS[group]}); leave it out.")
         alike = [variant.settings for variant in found if (variant.group in SHAPES) == (group in SHAPES)]
@@ -201,14 +204,15 @@ def _isotropic_hapke(settings: Settings) -> dict[str, Any]:
             "filling_factor": 0.0, "h_function": "2002", "accuracy": "FAST"}
 
 
-def candidates(settings: Settings) -> list[Variant]:
+def candidates(settings: Settings, able: Abilities = _ALL) -> list[Variant]:
     """Ways to compute the light, cheapest first by what each is expected to cost: for a search that stops at the first
-    one that is good enough."""
+    one that is good enough. Left out are those that a Blender that is no more than ``able`` cannot render."""
     found = [Variant("auto", f"{_count(n, 'sample')}{text}", merged(settings, {"quality": {
         "samples": n, "denoiser": denoiser, "noise_threshold": 0.0}}))
         for denoiser, text in _DENOISERS.items() if denoiser != "OIDN_COLOUR"
         for n in SAMPLES if denoiser == "NONE" or n <= _MOST_DENOISED]
-    return sorted(found, key=lambda variant: work_of(variant.settings).seconds(0.0))
+    return sorted((variant for variant in found if not lacking(variant.settings, able)),
+                  key=lambda variant: work_of(variant.settings).seconds(0.0))
 
 
 def _count(number: int, what: str) -> str:

@@ -29,7 +29,7 @@ MISTAKES: dict[str, tuple[Mistake, ...]] = {
                 "Install Python 3.11 or later and give its path"),
         Mistake("bare python", "The evaluator's Python lacks packages",
                 "cannot evaluate: it lacks numpy",
-                "-m pip install numpy"),
+                "-m pip install"),
         Mistake("evaluator gone", "The evaluator's Python was moved", "is not there", "correct the path"),
         Mistake("unknown matcher", "A matcher's name is misspelt",
                 "Unknown stereo method 'sgmb'",

@@ -24,7 +24,7 @@ PURE = ("settings", "schema", "properties", "changes", "labels", "system", "file
         "render.poses", "render.ours", "render.publish", "records", "scratch",
         "render.toml_lines", "render.order", "render.claims", "render.dataset", "render.manifest", "render.verify",
         "render.runner", "render.cluster", "render.slurm", "render.variants", "render.cost", "render.detached",
-        "render.machine", "render.room", "render.qualities", "render.tolerance", "auto",
+        "render.machine", "render.room", "render.qualities", "render.tolerance", "render.abilities", "auto", "trust",
         "planning",
         *(f"{package}.{path.stem}" for package in ("physics", "stereo") for path in (ROOT / package).glob("*.py")
           if path.stem not in ("__init__", "__main__")))

@@ -4,6 +4,7 @@ import pytest
 from icymoon import auto as search
 from icymoon import settings as description
 from icymoon.errors import IcyMoonError
+from icymoon.render.abilities import Abilities
 from icymoon.render.cost import work_of
 from icymoon.render.tolerance import tolerance
 from icymoon.stereo import trade as measuring
@@ -40,6 +41,7 @@ def searched(tmp_path, monkeypatch, allowed, loss, doubt=0.001, own=0.0, bias=0.
 
     monkeypatch.setattr(search, "render", render)
     monkeypatch.setattr(search, "renders", lambda *given: [])
+    monkeypatch.setattr(search, "abilities", lambda *given: Abilities())
     monkeypatch.setattr(measuring, "read_reference", lambda *given: Truth(own))
     monkeypatch.setattr(measuring, "measure", measure)
     found = search.auto(Bench(settings, tmp_path, "", "sgbm", 64, 1), allowed)

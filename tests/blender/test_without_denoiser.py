@@ -1,0 +1,35 @@
+"""In a Blender without OpenImageDenoise the window says so before it builds, and when a quality is loaded."""
+
+from __future__ import annotations
+
+import bpy
+import pytest
+from icymoon import compat
+from icymoon.nodes.scene import find
+from icymoon.operators import readouts
+from icymoon.settings import shown
+
+
+@pytest.fixture
+def without(small, monkeypatch):
+    monkeypatch.setattr(compat, "has_oidn", lambda: False)
+    return small
+
+
+def test_a_quality_that_this_blender_cannot_render_is_told_of_at_once(without, capfd):
+    assert bpy.ops.icymoon.load_preset(preset="qualities/draft") == {"FINISHED"}
+    assert "built without OpenImageDenoise; set quality.denoiser to NONE" in capfd.readouterr().out
+    bpy.ops.icymoon.load_preset(preset="qualities/standard")
+    assert "OpenImageDenoise" not in capfd.readouterr().out
+
+
+def test_the_panel_shows_which_qualities_cannot_be_had(without):
+    lines = " ".join(readouts.quality_lines(shown(without.icymoon)))
+    assert lines.count("OpenImageDenoise") == 2  # Draft, and the paper's
+
+
+def test_render_is_refused_before_the_scene_is_built(without):
+    without.icymoon.quality.denoiser = "OIDN"
+    with pytest.raises(RuntimeError, match=r"set quality\.denoiser to NONE"):
+        bpy.ops.icymoon.render_pair()
+    assert find(without) is None
