@@ -5,6 +5,9 @@ from __future__ import annotations
 import errno
 import fcntl
 import os
+import subprocess
+import sys
+from pathlib import Path
 
 import pytest
 from icymoon import files, system
@@ -35,3 +38,111 @@ def test_a_folder_is_flushed_where_it_can_be(monkeypatch, tmp_path):
     monkeypatch.setattr(system, "PLATFORM", "win32")
     system.flush(tmp_path)
     assert len(done) == 1
+
+
+@pytest.mark.parametrize("errno_", [errno.EINVAL, errno.ENOTSUP])
+def test_a_network_drive_that_flushes_no_folder_is_no_failure(monkeypatch, tmp_path, errno_):
+    def fsync(handle: int) -> None:
+        raise OSError(errno_, "")
+    monkeypatch.setattr(os, "fsync", fsync)
+    system.flush(tmp_path)
+    (tmp_path / "a").touch()
+    with pytest.raises(OSError, match=rf"Errno {errno_}"):
+        system.flush(tmp_path / "a")
+
+
+@pytest.mark.parametrize("fails", [False, True])
+def test_macos_flushes_through_the_disks_own_cache_where_it_can(monkeypatch, tmp_path, fails):
+    asked, done = [], []
+
+    def call(handle: int, command: int) -> None:
+        asked.append(command)
+        if fails:
+            raise OSError(errno.ENOTSUP, "")
+    monkeypatch.setattr(system, "PLATFORM", "darwin")
+    monkeypatch.setattr(fcntl, "F_FULLFSYNC", 51, raising=False)
+    monkeypatch.setattr(fcntl, "fcntl", call)
+    monkeypatch.setattr(os, "fsync", done.append)
+    files.write_text(tmp_path / "a", "x")
+    assert set(asked) == {51}
+    assert bool(done) == fails
+
+
+@pytest.mark.parametrize(("platform", "variables", "folder"), [
+    ("linux", {}, ".cache"), ("linux", {"XDG_CACHE_HOME": "/x"}, "/x"), ("darwin", {}, "Library/Caches"),
+    ("win32", {}, "AppData/Local"), ("win32", {"LOCALAPPDATA": "/local"}, "/local")])
+def test_each_system_has_its_cache_folder(monkeypatch, platform, variables, folder):
+    for name in ("XDG_CACHE_HOME", "LOCALAPPDATA"):
+        monkeypatch.delenv(name, raising=False)
+    for name, value in variables.items():
+        monkeypatch.setenv(name, value)
+    monkeypatch.setattr(system, "PLATFORM", platform)
+    assert system.cache_folder() == Path.home() / folder
+
+
+def test_an_environment_has_its_python_where_the_system_puts_it(monkeypatch):
+    assert system.venv_python(Path("e")) == Path("e/bin/python")
+    monkeypatch.setattr(system, "PLATFORM", "win32")
+    assert system.venv_python(Path("e")) == Path("e/Scripts/python.exe")
+
+
+@pytest.mark.parametrize(("name", "is_one"), [
+    ("python", True), ("/usr/bin/python3.11", True), ("Python.exe", True), ("py.exe", True), ("py", True),
+    ("pythonw.exe", True), ("blender", False), ("blender.exe", False), ("pypy-blender", False), ("", False)])
+def test_a_python_is_known_by_its_name(name, is_one):
+    assert system.is_python(name) == is_one
+
+
+@pytest.mark.parametrize(("platform", "text", "words"), [
+    ("linux", r"run.py '{left} a' b\ c", ["run.py", "{left} a", "b c"]),
+    ("win32", r'"C:\Program Files\m\run.exe" --l={left} "a b"', [r"C:\Program Files\m\run.exe", "--l={left}", "a b"]),
+    ("win32", r'C:\m\run.exe --name="a b" # x', [r"C:\m\run.exe", "--name=a b", "#", "x"]),
+    ("win32", r"\\server\share\run.exe {out}", [r"\\server\share\run.exe", "{out}"])])
+def test_a_command_is_split_as_one_would_type_it(monkeypatch, platform, text, words):
+    monkeypatch.setattr(system, "PLATFORM", platform)
+    assert system.split_command(text) == words
+    with pytest.raises(ValueError, match="quotation"):
+        system.split_command("'open")
+
+
+def test_a_program_that_takes_too_long_is_an_error_of_the_system():
+    with pytest.raises(OSError, match=r"took more than 0\.1 s"):
+        system.run([sys.executable, "-c", "import time; time.sleep(60)"], timeout_s=0.1)
+
+
+def test_what_it_says_is_read_as_utf8():
+    done = system.run([sys.executable, "-c", "import sys; sys.stdout.buffer.write('Ω'.encode() + b'\\xff')"])
+    assert done.stdout == "Ω\ufffd"
+
+
+def test_an_error_that_passes_by_itself_is_waited_for_and_others_are_not(monkeypatch):
+    waits = []
+    monkeypatch.setattr(system.time, "sleep", waits.append)
+
+    def failing(times: int, number: int):
+        def act() -> str:
+            if len(waits) < times:
+                raise OSError(number, "x")
+            return "done"
+        return act
+    assert system.patiently(failing(5, errno.EIO)) == "done"
+    assert 4.0 < sum(waits) < 20.0
+    waits.clear()
+    with pytest.raises(OSError, match="Errno 13"):
+        system.patiently(failing(1, errno.EACCES))
+    assert not waits
+    monkeypatch.setattr(system, "PLATFORM", "win32")
+    assert system.patiently(failing(3, errno.EACCES)) == "done"
+    waits.clear()
+    with pytest.raises(OSError, match="Errno 13"):
+        system.patiently(failing(9, errno.EACCES))
+    assert 1.0 < sum(waits) < 2.0  # what may not be written to at all is said soon
+
+
+def test_nobody_obeys_who_did_not_start_it(monkeypatch):
+    """A pipe that ends is a wish only of who has said so."""
+    monkeypatch.delenv("ICYMOON_STOP", raising=False)
+    code = ("import sys; sys.path[:0] = " + repr(sys.path) + "\nfrom icymoon import system\nimport time\n"
+            "system.obey_starter()\ntime.sleep(0.5)\nprint('there')")
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, encoding="utf-8", check=False, input="")
+    assert done.stdout == "there\n"

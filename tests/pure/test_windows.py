@@ -250,6 +250,40 @@ def lives(pid: int) -> bool:
     return done.returncode == 0 and done.stdout.rsplit(")", 1)[1].split()[0] != "Z"
 
 
+def test_no_process_shows_a_window_or_hears_our_ctrl_c(layer, drive):
+    process = Process(talks())
+    detached = Detached.start(talks(), drive / "running" / "one", FACTS)
+    program = system.start([sys.executable, "-c", ""])
+    system.run([sys.executable, "-c", ""])
+    for started in (process, detached):
+        started.stop()
+    program.wait()
+    assert len(layer.started) == 4
+    assert not any(window for _, window, _ in layer.started)
+    assert not any(hears for _, _, hears in layer.started)
+
+
+def test_a_program_of_ones_own_is_ended_with_all_that_it_has_started(drive):
+    """Which taskkill does there."""
+    code = ("import subprocess, sys, time\n"
+            "child = subprocess.Popen([sys.executable, '-c', 'import time; time.sleep(600)'])\n"
+            "print(child.pid, flush=True); time.sleep(600)")
+    process = system.start([sys.executable, "-c", code], stdout=subprocess.PIPE)
+    child = int(process.stdout.readline())
+    system.kill_all(process)
+    wait_until(lambda: not lives(child), 30.0)
+
+
+def test_a_call_ends_with_who_called(drive):
+    code = (f"import sys; sys.path[:0] = {sys.path!r}\nfrom icymoon import system\n"
+            f"system.call_ours({[*talks()[:2], 'import os; print(os.getpid(), flush=True)' + chr(10) + talks()[2]]!r})")
+    parent = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE)
+    child = int(parent.stdout.readline())
+    wait_until(lambda: b"progress" in parent.stdout.readline())
+    parent.kill()
+    wait_until(lambda: not lives(child), 30.0)
+
+
 FACTS = {"title": "Render Data Set", "dataset": "here"}
 
 

@@ -65,7 +65,9 @@ class Windows:
     def __init__(self, drive: Path, processes: Path) -> None:
         self.drive, self.processes = os.path.realpath(drive), str(processes)
         self.faults: list[str] = []
-        self.opened_longest = ""
+        #: Of the processes that were started: what they run, and whether a console window appears with them where
+        #: there is none, and whether our Ctrl-C reaches them.
+        self.started: list[tuple[list[str], bool, bool]] = []
         self._real: dict[tuple[Any, str], Any] = {}
 
     # Putting on and off
@@ -152,7 +154,6 @@ class Windows:
             return path
         if len(whole) >= MAX_PATH - (12 if folder else 0):  # a folder leaves room for a file of 8.3
             raise error(206 if folder else 3, path)
-        self.opened_longest = max(self.opened_longest, whole, key=len)
         found = self.drive
         for name in whole[len(self.drive) + 1:].split("/"):
             if set(name) & _FORBIDDEN or name.split(".")[0].rstrip().upper() in DEVICES:
@@ -375,6 +376,8 @@ class Windows:
             options.pop("start_new_session", None)  # which Windows ignores
             flags = options.pop("creationflags", 0)
             command = [os.fspath(arg) for arg in ([args] if isinstance(args, str) else args)]
+            layer.started.append((command, not flags & _CREATE_NO_WINDOW,
+                                  not flags & (_CREATE_NEW_PROCESS_GROUP | _CREATE_NO_WINDOW)))
             if command[0] == "taskkill":
                 layer._taskkill(int(command[command.index("/PID") + 1]))
                 command = [sys.executable, "-I", "-S", "-c", ""]
@@ -468,6 +471,8 @@ def prelude() -> None:
         import pathlib  # noqa: F401
         import tempfile  # noqa: F401
 
+        for stream in (sys.stdout, sys.stderr):  # into a file or a pipe Python writes in the code page
+            stream.reconfigure(encoding="cp1252")  # type: ignore[union-attr]
         Windows(Path(os.environ[DRIVE]), Path(os.environ[PROCESSES])).install()
         sys.meta_path.insert(0, _Finder())
 
