@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import fcntl
 import os
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -146,3 +147,21 @@ def test_nobody_obeys_who_did_not_start_it(monkeypatch):
             "system.obey_starter()\ntime.sleep(0.5)\nprint('there')")
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, encoding="utf-8", check=False, input="")
     assert done.stdout == "there\n"
+
+
+@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM"])
+def test_a_wish_to_stop_is_heard_also_where_a_shell_has_it_ignored(name):
+    code = ("import signal, sys; sys.path[:0] = " + repr(sys.path) + "\nfrom icymoon import system\nimport os, time\n"
+            "signal.signal(signal.SIGINT, signal.SIG_IGN)\nsystem.stop_by(lambda *_: (print('heard'), sys.exit(7)))\n"
+            f"os.kill(os.getpid(), signal.{name})\ntime.sleep(9)")
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, encoding="utf-8", check=False)
+    assert (done.returncode, done.stdout) == (7, "heard\n")
+
+
+def test_ctrl_c_ends_a_worker_at_once_and_is_an_exception_elsewhere():
+    for name, status in (("end", -signal.SIGINT), ("raise", 3)):
+        code = ("import os, signal, sys, time; sys.path[:0] = " + repr(sys.path) + "\nfrom icymoon import system\n"
+                f"system.{name}_at_interrupt()\n"
+                "try:\n    os.kill(os.getpid(), signal.SIGINT); time.sleep(9)\n"
+                "except KeyboardInterrupt:\n    sys.exit(3)")
+        assert subprocess.run([sys.executable, "-c", code], check=False).returncode == status

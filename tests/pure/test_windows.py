@@ -309,7 +309,10 @@ def test_what_goes_on_alone_is_found_again_and_stopped(drive, attached, end):
         assert messages[-1].get("what") == "stopped"
     assert left_running(drive / "running") is None
     again = Detached.start(talks(), drive / "running" / "one", FACTS)
-    first_word(again)  # an earlier wish to stop does not count
+    first_word(again)
+    time.sleep(0.6)  # more than twice as long as between two looks for a wish to stop
+    assert again.poll() == []  # an earlier wish does not count
+    assert again.running
     again.stop()
 
 
@@ -384,7 +387,10 @@ def test_the_claim_of_a_process_that_was_ended_is_given_to_the_next_at_once(driv
     mine = Claims(drive / "set")
     assert not mine.take(PAIRS[0].id)
     process.kill()
+    wait_until(lambda: not lives(process.pid))
+    assert mine.take(PAIRS[0].id)  # although we have a handle on it still
     process.wait()
+    mine.release(PAIRS[0].id)
     assert mine.take(PAIRS[0].id)
     mine.close()
 

@@ -472,7 +472,7 @@ def prelude() -> None:
         import tempfile  # noqa: F401
 
         for stream in (sys.stdout, sys.stderr):  # into a file or a pipe Python writes in the code page
-            stream.reconfigure(encoding="cp1252")  # type: ignore[union-attr]
+            stream.reconfigure(encoding="cp1252", errors=stream.errors)  # type: ignore[union-attr]
         Windows(Path(os.environ[DRIVE]), Path(os.environ[PROCESSES])).install()
         sys.meta_path.insert(0, _Finder())
 
