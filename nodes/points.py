@@ -1,12 +1,15 @@
-"""The surface that a matcher measured, beside the true one: each point a small square in the colour of its error.
+"""The surface that a matcher measured, over the true one: each point a small square in the colour of its error.
 
-Squares, not a point cloud: every Blender and every shading of the viewport shows a mesh's colours.
+Squares, not a point cloud: every Blender and every shading of the viewport shows a mesh's colours. They are drawn in
+front of everything, since what is too far lies under the true ground: half of the errors would be hidden by it, and
+those that are seen would all be too near. So the ground itself is left as it is.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from pathlib import Path
+from typing import Any
 
 import bpy
 import numpy as np
@@ -20,19 +23,23 @@ from .fingerprint import TAG
 NAME = "Icy Moon Measured Surface"
 ROLE = "measured surface"  # value of the custom property that marks what is made here
 _COLOUR = "error"  # colour attribute
+_COUNTS = "icymoon_points"  # custom property, see _counts
+#: Depth errors, m, at the ends of the colours: white up to the first, full from the second on, as the evaluator's
+#: scale has them.
+RIGHT_M, FULL_M = 0.01, 1.0
 _CORNERS = np.array([(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)])
 
 
-def read_points(path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Positions (n, 3) m, unit vectors to the camera (n, 3), sRGB colours (n, 3) 0 to 1 and widths (n,) m of a file
-    that the evaluator wrote. Raises IcyMoonError if it is gone or damaged."""
+def read_points(path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Positions (n, 3) m, unit vectors to the camera (n, 3), sRGB colours (n, 3) 0 to 1, widths (n,) m and errors (n,)
+    m, NaN without a true depth, of a file that the evaluator wrote. Raises IcyMoonError if it is gone or damaged."""
     try:
-        table = ply.properties(path, "x", "y", "z", "nx", "ny", "nz", "red", "green", "blue", "size_m")
+        table = ply.properties(path, "x", "y", "z", "nx", "ny", "nz", "red", "green", "blue", "size_m", "error_m")
     except (OSError, ValueError):
         table = None
-    if table is None or not np.isfinite(table).all():
+    if table is None or not np.isfinite(table[:, :10]).all():
         raise IcyMoonError(f"{path} is gone or damaged; press Evaluate again.")
-    return table[:, :3], table[:, 3:6], table[:, 6:9] / 255.0, table[:, 9]
+    return table[:, :3], table[:, 3:6], table[:, 6:9] / 255.0, table[:, 9], table[:, 10]
 
 
 def squares(position: np.ndarray, toward: np.ndarray, width: np.ndarray) -> np.ndarray:
@@ -48,10 +55,12 @@ def squares(position: np.ndarray, toward: np.ndarray, width: np.ndarray) -> np.n
 def build_points(scene: bpy.types.Scene, paths: Iterable[Path], title: str) -> bpy.types.Object:
     """Show the points of the files as one object, in a collection of their own, instead of earlier ones.
 
-    The object is never rendered, and is no part of the built scene. Raises IcyMoonError, changing nothing, if a file
-    cannot be used or all are empty.
+    The object is drawn in front of others and never rendered, and is no part of the built scene. Raises IcyMoonError,
+    changing nothing, if a file cannot be used or all are empty.
     """
-    position, toward, colour, width = (np.concatenate(parts) for parts in zip(*map(read_points, paths), strict=True))
+    paths = list(paths)
+    position, toward, colour, width, error = (np.concatenate(parts)
+                                              for parts in zip(*map(read_points, paths), strict=True))
     if not len(position):
         raise IcyMoonError(f"{title} measured nothing here; choose another matcher.")
     clear_points(scene)
@@ -59,13 +68,41 @@ def build_points(scene: bpy.types.Scene, paths: Iterable[Path], title: str) -> b
     mesh.materials.append(_material())
     item = bpy.data.objects.new(f"{NAME}: {title}", mesh)
     item[TAG] = ROLE
+    item[_COUNTS] = _counts(error, [ply.noted(path, "missing") for path in paths])
     item.hide_render = True
+    item.show_in_front = True
     collection = bpy.data.collections.new(NAME)
     collection[TAG] = ROLE
     collection.hide_render = True
     scene.collection.children.link(collection)
     collection.objects.link(item)
     return item
+
+
+def _counts(error_m: np.ndarray, missing: list[int | None]) -> dict[str, int]:
+    """Points by what became of them; ``missing`` is left out where a file of an older version does not say it."""
+    counts = {"far": int((error_m > RIGHT_M).sum()), "near": int((error_m < -RIGHT_M).sum()),
+              "right": int((np.abs(error_m) <= RIGHT_M).sum()), "unknown": int(np.isnan(error_m).sum())}
+    return counts if None in missing else counts | {"missing": sum(count or 0 for count in missing)}
+
+
+def legend(scene: bpy.types.Scene) -> tuple[tuple[str, str], ...]:
+    """What the colours of the shown surface mean and how many points have them: lines of text, each with an icon."""
+    item = find_points(scene)
+    held: Any = item.get(_COUNTS) if item else None
+    counts = {key: number for key, number in held.items() if isinstance(number, int)} if hasattr(held, "items") else {}
+    true = sum(counts.get(key, 0) for key in ("far", "near", "right", "missing"))
+    if not true:
+        return ()
+    lines = [("Depth error of the surface shown", "NONE")]
+    for key, text, icon in (("far", "Too far, red", "COLORSET_01_VEC"), ("near", "Too near, blue", "COLORSET_04_VEC"),
+                            ("right", f"Within {100 * RIGHT_M:g} cm, white", "BLANK1"),
+                            ("missing", "Missing, no point", "BLANK1")):
+        if key in counts:
+            lines.append((f"{text}: {100 * counts[key] / true:.1f} %", icon))
+    if counts.get("unknown"):
+        lines.append((f"No true depth, grey: {counts['unknown']} points", "BLANK1"))
+    return (*lines, (f"Full colour at {FULL_M:g} m, log scale", "BLANK1"))
 
 
 def _mesh(corners: np.ndarray, colour: np.ndarray) -> bpy.types.Mesh:

@@ -172,7 +172,7 @@ def show_points(context: bpy.types.Context, item: bpy.types.Object) -> None:
 
 
 class ICYMOON_OT_show_surface(_ResultOperator, bpy.types.Operator):
-    """Show the surface that a matcher measured beside the true ground, coloured by its error: red is too far, blue too near, full at 1 m, white below 1 cm"""  # noqa: E501
+    """Show the surface that a matcher measured in front of the true ground, coloured by its error: red is too far, blue too near, full at 1 m, white below 1 cm"""  # noqa: E501
 
     bl_idname = "icymoon.show_surface"
     bl_label = "Show Measured Surface"

@@ -7,6 +7,7 @@ from typing import Any
 import bpy
 
 from .. import settings as description
+from ..nodes import points
 from ..operators import dataset, ground, jobs, layers, live, presets, readouts, results
 from ..operators.readouts import wrapped
 from . import previews
@@ -96,6 +97,9 @@ class ICYMOON_PT_results(Sidebar, bpy.types.Panel):
             surfaces.operator("icymoon.show_surface", text=f"Surface {method}", icon="MESH_GRID").method = method
         surfaces.operator("icymoon.hide_surface", text="" if results.methods_with_points() else "Remove Surface",
                           icon="X")
+        column = layout.column(align=True)
+        for meaning, icon in points.legend(context.scene):
+            column.label(text=meaning, icon=icon)
 
 
 class ICYMOON_PT_evaluation(Sidebar, bpy.types.Panel):

@@ -32,6 +32,7 @@ class _Header:
     encoding: str
     elements: tuple[tuple[str, int, tuple[tuple[str, ...], ...]], ...]
     start: int
+    comments: tuple[tuple[str, ...], ...]  # the words of each
 
 
 def _header(path: Path) -> _Header | None:
@@ -49,7 +50,16 @@ def _header(path: Path) -> _Header | None:
             elements.append((line[1], int(line[2]), []))
         elif line[0] == "property" and elements:
             elements[-1][2].append(tuple(line[1:]))
-    return _Header(encoding, tuple((name, count, tuple(own)) for name, count, own in elements), start)
+    comments = tuple(tuple(line[1:]) for line in header if line[0] == "comment")
+    return _Header(encoding, tuple((name, count, tuple(own)) for name, count, own in elements), start, comments)
+
+
+def noted(path: Path, name: str) -> int | None:
+    """The whole number of a comment ``name N``, or None if there is none."""
+    header = _header(path)
+    comments = header.comments if header else ()
+    found = next((words[1] for words in comments if words[:1] == (name,) and len(words) == 2), "")
+    return int(found) if found.isascii() and found.isdecimal() else None
 
 
 def vertices(path: Path) -> np.ndarray | None:

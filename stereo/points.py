@@ -24,12 +24,14 @@ _KINDS = {"f4": "float", "u1": "uchar"}
 def write_points(path: Path, prepared: Prepared, disparity: np.ndarray) -> None:
     """Write the measured points in world axes, metres, as binary PLY.
 
-    Normals point to the camera; ``error_m`` is measured minus true depth, NaN in front of sky; ``size_m`` is how
-    wide the pixels are that a point stands for. The pair must have a ``pose_of``.
+    Normals point to the camera; ``error_m`` is measured minus true depth, NaN where there is no true one;
+    ``size_m`` is how wide the pixels are that a point stands for. A comment ``missing N`` says how many points there
+    are not, since nothing was measured. The pair must have a ``pose_of``.
     """
     points = measured_points(prepared, disparity)
     properties = [f"property {_KINDS[_LAYOUT[name].str[1:]]} {name}" for name in _LAYOUT.names or ()]
     header = ["ply", "format binary_little_endian 1.0", "comment Icy Moon: error_m is measured minus true depth",
+              f"comment missing {missing_points(prepared, disparity)}",
               f"element vertex {len(points)}", *properties, "end_header"]
     write_bytes(path, "".join(f"{line}\n" for line in header).encode("ascii") + points.tobytes())
 
@@ -39,7 +41,7 @@ def measured_points(prepared: Prepared, disparity: np.ndarray) -> np.ndarray:
     camera = prepared.pair.camera
     pose = pose_of(prepared)
     assert pose is not None
-    step = max(1, int(np.ceil(np.sqrt(disparity.size / MOST_POINTS))))
+    step = _step(disparity)
     rows, columns = (grid[::step, ::step] for grid in np.indices(disparity.shape))
     depth, truth = (values[::step, ::step] for values in (depth_of(prepared, disparity), prepared.truth))
     known = np.isfinite(depth)
@@ -56,6 +58,18 @@ def measured_points(prepared: Prepared, disparity: np.ndarray) -> np.ndarray:
     points["size_m"] = step * depth / camera.focal_px
     points["red"], points["green"], points["blue"] = signed_colours(depth - truth).T
     return points
+
+
+def missing_points(prepared: Prepared, disparity: np.ndarray) -> int:
+    """How many of the places that ``measured_points`` takes have a true depth and no measured one."""
+    step = _step(disparity)
+    depth, truth = (values[::step, ::step] for values in (depth_of(prepared, disparity), prepared.truth))
+    return int((np.isfinite(truth) & ~np.isfinite(depth)).sum())
+
+
+def _step(disparity: np.ndarray) -> int:
+    """Of so many rows and columns one is taken."""
+    return max(1, int(np.ceil(np.sqrt(disparity.size / MOST_POINTS))))
 
 
 def signed_colours(error_m: np.ndarray) -> np.ndarray:

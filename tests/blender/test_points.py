@@ -23,7 +23,9 @@ def shown(tmp_path_factory):
     pair, built = render(folder)
     prepared = prepare(pair.folder, {})
     true = pair.camera.disparity(prepared.truth)
-    for name, disparity in (("right", true), ("wrong", true * 0.9), ("blind", true * np.nan)):
+    # A quarter too far, a quarter too near, a quarter right and a quarter missing.
+    quarters = true * np.repeat([0.9, 1.1, 1.0, np.nan], true.shape[1] // 4)
+    for name, disparity in (("right", true), ("wrong", true * 0.9), ("blind", true * np.nan), ("quarters", quarters)):
         write_points(folder / f"{name}.ply", prepared, disparity)
     return folder, built
 
@@ -52,7 +54,7 @@ def test_a_perfect_measurement_lies_on_the_ground_that_was_built(shown):
 def test_squares_face_the_camera_and_keep_their_colour(shown):
     folder, built = shown
     item = points.build_points(bpy.context.scene, [folder / "wrong.ply"], "wrong")
-    position, _, colour, width = points.read_points(folder / "wrong.ply")
+    position, _, colour, width, _ = points.read_points(folder / "wrong.ply")
     quads = corners(item)
     np.testing.assert_allclose(quads.mean(axis=1), position, atol=1e-4)
     normals = np.empty(len(item.data.polygons) * 3, np.float32)
@@ -65,6 +67,52 @@ def test_squares_face_the_camera_and_keep_their_colour(shown):
     item.data.color_attributes["error"].data.foreach_get("color_srgb", stored)
     np.testing.assert_allclose(stored.reshape(-1, 4, 4)[:, 0, :3], colour, atol=0.51 / 255)
     assert item.data.color_attributes.active_color.name == "error"
+
+
+def test_errors_of_either_sign_are_seen(shown):
+    """What is too far lies under the ground: it is drawn in front of it, or only half of the errors would be seen."""
+    folder, built = shown
+    scene = bpy.context.scene
+    before = built.terrain.hide_viewport, built.terrain.display_type, built.terrain.show_in_front
+    item = points.build_points(scene, [folder / "quarters.ply"], "quarters")
+    assert item.show_in_front
+    assert not item.hide_viewport
+    assert item.display_type == "TEXTURED"
+    _, _, colour, _, error = points.read_points(folder / "quarters.ply")
+    ground = BVHTree.FromObject(built.terrain, bpy.context.evaluated_depsgraph_get())
+    eye = Vector(built.camera.matrix_world.translation)
+    centres = corners(item).mean(axis=1)
+    for sign, hidden, red in ((1, 1.0, True), (-1, 0.0, False)):
+        own = error * sign > 0.05
+        assert own.sum() > 100
+        assert ((colour[own, 0] > colour[own, 2]) == red).all()
+        rays = [Vector(centre) - eye for centre in centres[own][::40].tolist()]
+        met = [(ground.ray_cast(eye, ray)[3] or np.inf) < ray.length for ray in rays]
+        assert np.mean(met) == pytest.approx(hidden, abs=0.05)  # the ground is before it, seen from the camera
+    assert (built.terrain.hide_viewport, built.terrain.display_type, built.terrain.show_in_front) == before
+    assert not built.edited
+    shares = dict(line.split(": ") for line, _ in points.legend(scene) if ": " in line)
+    assert set(shares) == {"Too far, red", "Too near, blue", "Within 1 cm, white", "Missing, no point"}
+    assert sum(float(share.removesuffix(" %")) for share in shares.values()) == pytest.approx(100, abs=0.2)
+    assert float(shares["Missing, no point"].removesuffix(" %")) == pytest.approx(25, abs=5)
+    icons = bpy.types.UILayout.bl_rna.functions["label"].parameters["icon"].enum_items.keys()
+    assert {icon for _, icon in points.legend(scene)} <= set(icons)
+    item["icymoon_points"] = "of a file that someone made"
+    assert points.legend(scene) == ()
+    points.clear_points(scene)
+    assert points.legend(scene) == ()
+
+
+def test_a_surface_of_an_older_evaluation_does_not_say_what_is_missing(shown, tmp_path):
+    folder, _ = shown
+    content = (folder / "quarters.ply").read_bytes().split(b"\n")
+    old = tmp_path / "old.ply"
+    old.write_bytes(b"\n".join(line for line in content[:5] if not line.startswith(b"comment missing"))
+                    + b"\n" + b"\n".join(content[5:]))
+    points.build_points(bpy.context.scene, [old], "old")
+    assert not any("Missing" in line for line, _ in points.legend(bpy.context.scene))
+    assert any("Too far" in line for line, _ in points.legend(bpy.context.scene))
+    points.clear_points(bpy.context.scene)
 
 
 def test_squares_of_any_line_of_sight():

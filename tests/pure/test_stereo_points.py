@@ -86,6 +86,21 @@ def test_the_file_holds_the_points(prepared, tmp_path):
         assert ply.properties(tmp_path / "cut.ply", "x") is None
 
 
+@pytest.mark.parametrize("size", [(256, 144), (640, 480)])
+def test_the_file_says_how_many_points_are_missing(tmp_path, size):
+    """Measured and missing are together all that have a true depth, also where only every second pixel is taken."""
+    own = prepare(with_pose(pairs.write_pair(tmp_path / "pair", pairs.Scene(sky_rows=size[1] // 4),
+                                             rig=pairs.camera(*size))), {})
+    disparity = own.pair.camera.disparity(own.truth)
+    whole = len(measured_points(own, disparity))
+    disparity[:, :size[0] // 2] = np.nan
+    write_points(tmp_path / "p.ply", own, disparity)
+    missing = ply.noted(tmp_path / "p.ply", "missing")
+    assert missing == pytest.approx(whole / 2, rel=0.01)
+    assert missing + len(measured_points(own, disparity)) == whole
+    assert ply.noted(tmp_path / "p.ply", "lost") is None
+
+
 def test_large_images_are_thinned_out(tmp_path):
     large = prepare(with_pose(pairs.write_pair(tmp_path / "pair", rig=pairs.camera(640, 480))), {})
     points = measured_points(large, large.pair.camera.disparity(large.truth))
