@@ -10,6 +10,9 @@ LIGHT_GROUPS = {"Sun": "sun_scale", "Planet": "planet_scale"}
 #: Values of the semantic channel (material index).
 SEMANTIC = {0: "sky", 1: "terrain", 2: "rock", 3: "lander", 4: "planet"}
 TERRAIN, ROCK, LANDER, PLANET = 1, 2, 3, 4
+#: The same of a pixel that a turned sensor does not see, which is neither sky nor anything else; only in what is read
+#: and exported, never in a pair.
+NOT_SEEN = 255
 #: Labels of instances. Objects have theirs in the object-index pass, at most 32767 in Blender: the
 #: terrain, then a person's objects, each its own pass index or else the next free number. Blocks are
 #: instances, which have no object index; theirs are in a value pass that is 0 elsewhere, numbered from

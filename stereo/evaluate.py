@@ -34,7 +34,7 @@ from .rowlog import Row, RowLog
 Event = Callable[[dict[str, Any]], None]
 
 #: Raised when the same input would give other numbers, so that older rows are not taken for newer ones.
-MEASURE = 1
+MEASURE = 2
 
 
 def evaluate(paths: Sequence[Path], methods: Sequence[Method], out: Path,

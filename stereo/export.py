@@ -10,7 +10,7 @@
 * ``raw``: images, depth and calibration of the sensors as they are, distorted and toed in; see ``raw.write_raw``.
 
 But for ``raw``, images are developed as for the matchers, rectified; ``pfm`` holds the radiance itself. An unknown
-value (sky) is infinity in PFM and 0 in 16-bit PNG.
+value (sky, or what a toed-in eye does not see) is infinity in PFM and 0 in 16-bit PNG.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ import numpy as np
 
 from ..errors import DiskError, IcyMoonError, sentence
 from ..files import cell, write_atomically, write_json, write_text
-from ..labels import LANDER, ROCK, SEMANTIC
+from ..labels import LANDER, NOT_SEEN, ROCK, SEMANTIC
 from ..render.pair import EYES
 from .develop import exposure_facts, to_8_bit
 from .formats import KITTI_SCALE, MILLIMETRES, run_lengths, write_pfm, write_scaled
@@ -115,7 +115,7 @@ def _png8(pair: Loaded, out: Path) -> None:
         semantic = pair.views[eye].semantic
         if semantic is not None:
             write_png(folder / f"semantic_{eye}.png", semantic.astype(np.uint8))
-    write_json(folder / "calibration.json", _calibration(pair) | {"semantic": SEMANTIC})
+    write_json(folder / "calibration.json", _calibration(pair) | {"semantic": SEMANTIC | {NOT_SEEN: "not seen"}})
 
 
 def _png16(pair: Loaded, out: Path) -> None:
@@ -281,8 +281,9 @@ FORMATS: dict[str, Format] = {
 def write_truth(paths: Sequence[Path], out: Path) -> Iterator[dict[str, Any]]:
     """Write ``<out>/<pair>/truth.npz`` of all pairs, and give the self-check of each as it is done, with ``pair``.
 
-    Each npz has, of both eyes, ``disparity_left`` (px) and ``depth_left`` (m), float32, NaN for sky, and
-    ``visible_left``, bool: seen by the other eye too. A pair that cannot be used gives its ``problems`` only.
+    Each npz has, of both eyes, ``disparity_left`` (px) and ``depth_left`` (m), float32, NaN for sky and for
+    what the sensor does not see, and ``visible_left``, bool: seen by the other eye too. A pair that cannot be used
+    gives its ``problems`` only.
     """
     for folder in distinct_pairs(paths):
         try:

@@ -4,22 +4,23 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ..errors import IcyMoonError
+from ..labels import NOT_SEEN
 from ..render.pair import EYES, Pair, changed_files, pair_folders, read_pair
 from ..settings import Settings, merged
 from . import pictures
 from .develop import Images, develop, exposure_facts, grey
 from .exr import Light, View
 from .lens import lens_of
-from .selfcheck import SelfCheck, self_check
+from .selfcheck import Eye, SelfCheck, self_check, visibility
 from .strata import classify, texture
-from .truth import matching_column, scene_depth, visible_in_left, visible_in_right, warped
+from .truth import scene_depth
 from .views import read_eye
 
 #: Entries of pair.json, on how the pair was rendered, that the report repeats.
@@ -33,9 +34,9 @@ class Loaded:
     pair: Pair
     settings: Settings
     light: dict[str, Light]  # as it falls into the eyes, see views.read_eye
-    views: dict[str, View]  # on the parallel rig
+    views: dict[str, View]  # on the parallel rig, labels NOT_SEEN where its sensor sees nothing
     images: Images
-    depth: dict[str, np.ndarray]  # float64 (H, W), planar metres, NaN for sky
+    depth: dict[str, np.ndarray]  # float64 (H, W), planar metres, NaN for sky and for what the sensor does not see
     visible: dict[str, np.ndarray]  # bool (H, W), seen by the other eye too
     check: SelfCheck
 
@@ -47,7 +48,7 @@ class Prepared:
     pair: Pair
     left: np.ndarray  # uint8 (H, W), for the matchers
     right: np.ndarray
-    truth: np.ndarray  # float64 (H, W), planar metres, NaN for sky
+    truth: np.ndarray  # float64 (H, W), planar metres, NaN for sky and for what the sensor does not see
     visible: np.ndarray  # bool (H, W), seen by the right eye too
     gradient: np.ndarray  # float64 (H, W), see strata.texture
     classes: dict[str, np.ndarray]  # of every pixel by every factor, see strata.classify
@@ -79,14 +80,11 @@ def load(folder: Path, response: Mapping[str, Mapping[str, Any]]) -> Loaded:
     settings = merged(settings, response)
     light, views = ({eye: taken for eye, (taken, _) in eyes.items()}, {eye: flat for eye, (_, flat) in eyes.items()})
     images = develop(pair, light["left"], light["right"], settings)
-    sees = {eye: _sees(pair, settings, eye) for eye in EYES}
-    depth = {eye: np.where(sees[eye], scene_depth(views[eye]), np.nan) for eye in EYES}
-    visible = {"left": visible_in_right(depth["left"], depth["right"], pair.camera),
-               "right": visible_in_left(depth["left"], depth["right"], pair.camera)}
-    for eye, other in (EYES, EYES[::-1]) if pair.camera.toe_in_deg else ():
-        visible[eye] &= warped(sees[other], matching_column(pair.camera.disparity(depth[eye]), eye)) == 1
-    check = self_check(grey(views["left"].radiance), grey(views["right"].radiance), depth["left"], depth["right"],
-                       visible["left"], pair.camera)
+    left, right = eyes_of(pair, settings, views)
+    views = {name: _labelled(views[name], eye.seen) for name, eye in (("left", left), ("right", right))}
+    depth = {name: np.where(eye.seen, eye.depth, np.nan) for name, eye in (("left", left), ("right", right))}
+    visible = visibility(left, right, pair.camera)
+    check = self_check(left, right, visible, pair.camera)
     return Loaded(pair, settings, light, views, images, depth, visible, check)
 
 
@@ -119,10 +117,24 @@ def checked(folder: Path) -> tuple[Pair, Settings]:
     return pair, pair.settings
 
 
+def eyes_of(pair: Pair, settings: Settings, views: Mapping[str, View]) -> tuple[Eye, Eye]:
+    """The left and the right eye of a pair as its self-check takes them, from what ``views.read_eye`` gives."""
+    left, right = (Eye(grey(views[eye].radiance), scene_depth(views[eye]), _sees(pair, settings, eye)) for eye in EYES)
+    return left, right
+
+
 def _sees(pair: Pair, settings: Settings, eye: str) -> np.ndarray:
     """Where (H, W) the sensor sees something: a toed-in eye does not see all that a parallel one does."""
     lens = lens_of(pair.camera, settings["rig"], eye) if pair.camera.toe_in_deg else None
     return np.ones((pair.camera.height_px, pair.camera.width_px), bool) if lens is None else lens.sees
+
+
+def _labelled(view: View, seen: np.ndarray) -> View:
+    """With labels where something is seen only."""
+    if seen.all():
+        return view
+    return replace(view, instance=None if view.instance is None else np.where(seen, view.instance, 0),
+                   semantic=None if view.semantic is None else np.where(seen, view.semantic, NOT_SEEN))
 
 
 def _toward_sun(pair: Pair) -> list[float] | None:

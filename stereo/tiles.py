@@ -36,6 +36,8 @@ def jackknife(value: Callable[..., np.ndarray], *sums: np.ndarray) -> tuple[np.n
     totals = [each.sum(axis=-2, keepdims=True) for each in sums]
     with np.errstate(divide="ignore", invalid="ignore"):
         whole = value(*totals)[..., 0, :]
+        if count < 2:
+            return whole, np.full(whole.shape, np.nan)
         without = value(*(total - each[..., held, :] for total, each in zip(totals, sums, strict=True)))
         spread = (without - without.mean(axis=-2, keepdims=True)) ** 2
-    return whole, np.sqrt((count - 1) / count * spread.sum(axis=-2)) if count > 1 else np.full(whole.shape, np.nan)
+    return whole, np.sqrt((count - 1) / count * spread.sum(axis=-2))

@@ -136,6 +136,27 @@ def test_toed_in_eyes_see_where_their_poses_say(toed):
         assert np.nanmax(np.abs(on_ground[..., 2][rectified < 4])) < 1e-4
 
 
+def test_eyes_that_are_toed_in_by_six_degrees_count_in_the_averages(tmp_path):
+    """What the one eye does not see is no surface that the other one sees through, and nothing that it shows."""
+    pair, _ = render(tmp_path / "data", {"rig": {"toe_in_deg": 6.0}, "light": {"sun_elevation_deg": 2.0}})
+    loaded = load(pair.folder, {})
+    unseen = np.isnan(loaded.depth["right"])
+    assert 0.05 < unseen.mean() < 0.6  # 6 degrees of a field of view of 86
+    assert loaded.check.contradictions < 1e-3
+    assert (loaded.views["right"].semantic[unseen] == 255).all()
+    assert (loaded.views["right"].instance[unseen] == 0).all()
+    assert not loaded.visible["right"][unseen].any()
+    report = evaluate([pair.folder], parse_methods("bm"), tmp_path / "out")
+    assert not report["suspect"]
+    assert report["summary"][0]["pairs"] == 1
+    export([pair.folder], "png8", tmp_path / "png8")
+    labels = cv2.imread(str(tmp_path / "png8" / pair.folder.name / "semantic_right.png"), cv2.IMREAD_UNCHANGED)
+    np.testing.assert_array_equal(labels == 255, unseen)
+    export([pair.folder], "kitti", tmp_path / "kitti")
+    disparity = cv2.imread(str(tmp_path / "kitti/training/disp_occ_0/000000_10.png"), cv2.IMREAD_UNCHANGED)
+    np.testing.assert_array_equal(disparity == 0, np.isnan(loaded.depth["left"]))
+
+
 def test_rectified_toed_in_images_lie_on_the_truth_of_the_parallel_rig(toed):
     loaded = load(toed.folder, {})
     assert loaded.check.ok

@@ -1,0 +1,236 @@
+"""The check that both eyes of a pair agree: hard but sound pairs pass it, faults do not. Against the analytic scene.
+
+Rates over rendered pairs are measured by ``benchmarks/selfcheck.py``.
+"""
+
+import dataclasses
+import json
+import re
+
+import numpy as np
+import pairs
+import pytest
+from icymoon.stereo.offsets import light_offsets, truth_offsets
+from icymoon.stereo.selfcheck import Eye, self_check, visibility
+from icymoon.stereo.truth import matching_column
+
+pytestmark = pytest.mark.filterwarnings("error")
+
+RIG = pairs.camera()
+SCENES = {"block": pairs.Scene(), "sky": pairs.Scene(sky_rows=100), "far": pairs.Scene(distance_m=6.0),
+          "steep": pairs.Scene(slope_x=1.0, slope_y=0.0, distance_m=1.5, block=False)}
+
+
+def eyes(scene, rig=RIG):
+    found = (pairs.view(scene, rig, eye) for eye in ("left", "right"))
+    return tuple(Eye(light, depth, np.ones(depth.shape, bool)) for depth, light, _ in found)
+
+
+def checked(left, right, rig=RIG):
+    return self_check(left, right, visibility(left, right, rig), rig)
+
+
+def each(pair, change):
+    return tuple(change(eye, k) for k, eye in enumerate(pair))
+
+
+def noisy(pair, noise, seed=0):
+    random = np.random.default_rng(seed)
+    return each(pair, lambda eye, _: dataclasses.replace(eye, grey=eye.grey * np.maximum(
+        0, 1 + noise * random.standard_normal(eye.grey.shape))))
+
+
+def toed(pair, columns):
+    """Eyes that are turned in: the left one does not see the left border, the right one not the right border, and
+    what they do not see is black."""
+    def turned(eye, k):
+        column = np.arange(eye.depth.shape[1])
+        seen = np.broadcast_to(column >= columns if k == 0 else column < len(column) - columns, eye.depth.shape)
+        return Eye(np.where(seen, eye.grey, 0.0), eye.depth, seen)
+    return each(pair, turned)
+
+
+def inward(pair, columns):
+    """The same of the other borders, which the other eye sees best."""
+    return tuple(dataclasses.replace(eye, seen=eye.seen[:, ::-1], grey=np.where(eye.seen[:, ::-1], own.grey, 0.0))
+                 for eye, own in zip(toed(pair, columns), pair, strict=True))
+
+
+def with_highlight(pair):
+    """The Sun's reflection is at infinity: at the same place of both images, wherever the ground is."""
+    def shining(eye, _):
+        y, x = np.indices(eye.grey.shape)
+        return dataclasses.replace(eye, grey=eye.grey + 15.0 * np.exp(-((x - 110) ** 2 + (y - 80) ** 2) / 600.0))
+    return each(pair, shining)
+
+
+def with_glints(pair, share=0.03):
+    """Facets that shine into one eye only, ten times as bright as the ground."""
+    random = np.random.default_rng(1)
+    return each(pair, lambda eye, _: dataclasses.replace(
+        eye, grey=np.where(random.random(eye.grey.shape) < share, 30.0, eye.grey)))
+
+
+def in_shadow(pair):
+    """A Sun at the horizon: light on an edge of the scene, paths that found light by chance elsewhere."""
+    random = np.random.default_rng(2)
+    return each(pair, lambda eye, _: dataclasses.replace(
+        eye, grey=np.where(np.arange(eye.grey.shape[0])[:, None] < 12, eye.grey,
+                           np.where(random.random(eye.grey.shape) < 0.01, 5.0, 0.0))))
+
+
+def broken(pair):
+    """Paths of light that ended in no number."""
+    def with_holes(eye, k):
+        grey = eye.grey.copy()
+        grey[30 + k, 40], grey[70, 120 + k] = np.nan, np.inf
+        return dataclasses.replace(eye, grey=grey)
+    return each(pair, with_holes)
+
+
+HARD = {"as it is": lambda pair: pair, "2 % noise": lambda pair: noisy(pair, 0.02),
+        "half noise": lambda pair: noisy(pair, 0.5), "toed in": lambda pair: toed(pair, 40),
+        "turned out": lambda pair: inward(pair, 40), "highlight": with_highlight, "glints": with_glints,
+        "shadow": in_shadow, "no number": broken,
+        "all": lambda pair: toed(noisy(with_glints(with_highlight(pair)), 0.3), 30)}
+
+
+@pytest.mark.parametrize("hard", HARD.values(), ids=HARD.keys())
+@pytest.mark.parametrize("scene", SCENES.values(), ids=SCENES.keys())
+def test_a_sound_pair_passes_however_hard_it_is(scene, hard):
+    found = checked(*hard(eyes(scene)))
+    assert found.ok, found.problems
+    assert found.contradictions < 1e-3
+    # Truth has no noise: what is left is rounding and the block's edges between two columns.
+    assert abs(found.truth_offset_px) < 1e-3
+    json.dumps(found.to_json(), allow_nan=False)
+
+
+@pytest.mark.parametrize("scene", SCENES.values(), ids=SCENES.keys())
+def test_what_is_right_is_measured_as_right(scene):
+    found = checked(*eyes(scene))
+    assert found.photometric_disagreement < 0.01
+    assert abs(found.photometric_offset_px) < max(0.02, 4 * found.photometric_error_px)
+
+
+def scaled(factor):
+    return dataclasses.replace(RIG, baseline_m=RIG.baseline_m * factor)
+
+
+def half_between(depth):
+    return 2 / (1 / depth + 1 / np.roll(depth, 1, axis=1))
+
+
+def other(eye, **values):
+    return dataclasses.replace(eye, **values)
+
+
+#: Faults of the truth: whatever the light, they are found by the truth alone.
+TRUTH_FAULTS = {
+    "f·B +1 %": lambda left, right: (left, right, scaled(1.01)),
+    "f·B -1 %": lambda left, right: (left, right, scaled(0.99)),
+    "reference constant": lambda left, right: (left, right, scaled(80 / 85.333)),
+    "sign of the baseline": lambda left, right: (left, right, scaled(-1)),
+    "swapped eyes": lambda left, right: (right, left, RIG),
+    "wrong depth": lambda left, right: (other(left, depth=1.1 * left.depth), other(right, depth=1.1 * right.depth),
+                                        RIG),
+    "half a pixel": lambda left, right: (left, other(right, depth=half_between(right.depth)), RIG),
+    "a row": lambda left, right: (left, other(right, depth=np.roll(right.depth, 1, axis=0)), RIG)}
+
+
+@pytest.mark.parametrize("hard", [HARD["as it is"], HARD["all"], HARD["shadow"]], ids=["light", "hard", "dark"])
+@pytest.mark.parametrize("fault", TRUTH_FAULTS.values(), ids=TRUTH_FAULTS.keys())
+def test_a_fault_of_the_truth_is_found_in_any_light(fault, hard):
+    # Its slope along the rows and the columns is what a shift and a row show by.
+    found = checked(*fault(*hard(eyes(pairs.Scene(slope_x=0.3)))))
+    assert not found.ok
+
+
+LIGHT_FAULTS = {
+    "half a pixel": (lambda left, right: (left, other(right, grey=(right.grey + np.roll(right.grey, 1, 1)) / 2)),
+                     r"\+0\.[456]\d px"),
+    "a pixel": (lambda left, right: (left, other(right, grey=np.roll(right.grey, -1, 1))), r"-(1\.0|0\.9)\d px"),
+    "a row": (lambda left, right: (left, other(right, grey=np.roll(right.grey, 1, 0))), r"\+(1\.0|0\.9)\d rows"),
+    "images swapped": (lambda left, right: (other(left, grey=right.grey), other(right, grey=left.grey)), "exchanged"),
+    "another scene's depth": (lambda left, right: tuple(other(eye, depth=far.depth) for eye, far in zip(
+        (left, right), eyes(pairs.Scene(distance_m=3.0)), strict=True)), "places")}
+
+
+@pytest.mark.parametrize(("fault", "problem"), LIGHT_FAULTS.values(), ids=LIGHT_FAULTS.keys())
+@pytest.mark.parametrize("noise", [0.0, 0.1])
+def test_images_that_do_not_belong_to_their_truth_are_found(fault, problem, noise):
+    found = checked(*fault(*noisy(toed(eyes(SCENES["block"]), 20), noise)))
+    assert any(re.search(problem, each) for each in found.problems), found.problems
+
+
+def test_one_eyes_depth_of_another_scene_is_found():
+    left, right = eyes(SCENES["block"])
+    for distance in (1.2, 4.0):  # one before and one behind: either eye may see through the other's surface
+        wrong = other(right, depth=eyes(pairs.Scene(distance_m=distance))[1].depth)
+        assert "sees through" in " ".join(checked(left, wrong).problems)
+
+
+def test_an_eye_that_sees_through_the_other_ones_surface_fails_it():
+    """Photometry alone cannot tell on a scene without texture."""
+    left, right = eyes(pairs.Scene(contrast=0.0))
+    without_block = eyes(pairs.Scene(contrast=0.0, block=False))[1]
+    assert checked(left, right).ok
+    found = checked(left, without_block)
+    assert found.photometric_offset_px is None
+    assert "sees through" in found.problems[0]
+
+
+def test_what_an_eye_does_not_see_is_neither_sky_nor_ground():
+    """Unseen is not sky: the other eye's ground there is not seen through. Nor is it visible in both."""
+    pair = toed(eyes(pairs.Scene(block=False)), 60)
+    visible = visibility(*pair, RIG)
+    column = matching_column(RIG.disparity(pair[0].depth))
+    assert not visible["left"][column > 256 - 60].any()
+    assert visible["left"][(column < 256 - 62) & (column > 1) & pair[0].seen].all()
+    # As it was: unseen pixels without truth were taken for sky, through which the ground was seen.
+    blind = each(pair, lambda eye, _: other(eye, depth=np.where(eye.seen, eye.depth, np.nan)))
+    assert "sees through" in " ".join(checked(*blind).problems)
+    assert checked(*pair).ok
+
+
+@pytest.mark.parametrize("level", [0.0, 1e9])
+def test_where_nothing_can_be_told_nothing_is_wrong(level):
+    pair = each(eyes(pairs.Scene()), lambda eye, _: other(eye, grey=0 * eye.grey + level))
+    found = checked(*pair)
+    assert found.ok
+    assert (found.photometric_offset_px, found.photometric_disagreement) == (None, 0)
+    sky = each(pair, lambda eye, _: other(eye, depth=np.full_like(eye.depth, np.nan)))
+    found = checked(*sky)
+    assert found.ok
+    assert (found.photometric_disagreement, found.contradictions, found.truth_offset_px) == (None, None, None)
+    one = Eye(np.ones((1, 1)), np.ones((1, 1)), np.ones((1, 1), bool))
+    assert checked(one, one).ok
+    unseen = each(eyes(pairs.Scene()), lambda eye, _: other(eye, seen=np.zeros(eye.seen.shape, bool)))
+    assert checked(*unseen).ok
+
+
+def test_the_truth_says_what_is_wrong():
+    """Injected faults are read back: f·B to a hundredth of the 1 %, shifts to a hundredth of a pixel."""
+    left, right = (eye.depth for eye in eyes(pairs.Scene(slope_x=0.3)))
+    assert truth_offsets(left, right, scaled(1.01)).scale.value == pytest.approx(0.01, abs=2e-4)
+    assert truth_offsets(left, half_between(right), RIG).shift_px.value == pytest.approx(0.5, abs=0.01)
+    assert truth_offsets(left, np.roll(right, -1, 0), RIG).rows_px.value == pytest.approx(-1.0, abs=0.01)
+
+
+def test_the_error_that_the_light_states_is_the_one_it_makes():
+    """Over independent noise, offsets spread by what each of them states, within the chance of 16 draws: the standard
+    deviation of 16 has an error of 18 %, and the jackknife over 48 tiles, of which some are empty, errs too."""
+    left, right = eyes(pairs.Scene(block=False))
+    column, visible = matching_column(RIG.disparity(left.depth)), visibility(left, right, RIG)["left"]
+    found = [light_offsets(a.grey, b.grey, column, visible).shift_px
+             for a, b in (noisy((left, right), 0.5, seed) for seed in range(16))]
+    assert all(abs(each.value) < 5 * each.error for each in found)
+    assert 0.5 < np.std([each.value for each in found]) / np.mean([each.error for each in found]) < 1.5
+
+
+def test_disagreement_is_that_of_the_fetched_image():
+    left, right = eyes(pairs.Scene())
+    assert checked(left, right).photometric_disagreement < 0.01
+    brighter = checked(left, other(right, grey=1.1 * right.grey))
+    assert brighter.photometric_disagreement == pytest.approx(0.1 / 1.05, abs=0.01)
+    assert brighter.ok
