@@ -19,6 +19,7 @@ from icymoon.render import runner as running
 from icymoon.render.claims import Claims
 from icymoon.render.detached import Detached, left_running
 from icymoon.render.pair import is_complete
+from icymoon.render.publish import publish
 from icymoon.render.queue import Process
 from icymoon.render.runner import Runner, Workers
 from icymoon.render.verify import verify
@@ -156,7 +157,8 @@ def test_that_nobody_listens_any_more_is_told_from_a_wrong_name(drive):
 
 @pytest.mark.parametrize("words", [
     ("truth",), ("develop", "--set", "sensor.gain=2"),
-    *(("export", "--format", kind) for kind in ("png8", "kitti", "middlebury", "coco", "raw"))],
+    ("export", "--format", "kitti"), ("export", "--format", "middlebury"),
+    *(pytest.param(("export", "--format", kind), marks=pytest.mark.slow) for kind in ("png8", "coco", "raw"))],
     ids=lambda words: "-".join(words[:3:2]))
 def test_pairs_are_measured_and_exported(pair_set, drive, words):
     out = drive / "out"
@@ -393,6 +395,49 @@ def test_the_claim_of_a_process_that_was_ended_is_given_to_the_next_at_once(driv
     mine.release(PAIRS[0].id)
     assert mine.take(PAIRS[0].id)
     mine.close()
+
+
+def unfinished(dataset: Path, content: bytes) -> Path:
+    """A pair that is rendered and not published yet."""
+    part = files.part_of(dataset / "pairs" / PAIRS[0].id)
+    part.mkdir(parents=True)
+    for eye in ("left", "right"):
+        (part / f"{eye}.exr").write_bytes(content)
+    files.write_json(part / "pair.json", {"id": PAIRS[0].id, "files": {
+        f"{eye}.exr": {"bytes": len(content), "sha256": "0" * 64} for eye in ("left", "right")}})
+    return part
+
+
+def test_a_pair_is_published_over_one_that_is_looked_at_once_it_is_closed(drive, monkeypatch):
+    dataset = drive / "set"
+    folder = PAIRS[0].folder(dataset)
+    publish(unfinished(dataset, b"old"), folder, lambda: False)
+    thread = held_by_another(folder / "left.exr", 0.2)
+    publish(unfinished(dataset, b"new"), folder, lambda: False, again=True)
+    thread.join()
+    assert (folder / "left.exr").read_bytes() == b"new"
+    monkeypatch.setattr(system, "_WAITS_S", (0.0,) * 5)
+    with (folder / "left.exr").open("rb"), pytest.raises(IcyMoonError, match=r"has it open.*close it there"):
+        publish(unfinished(dataset, b"newer"), folder, lambda: False, again=True)
+    assert (folder / "left.exr").read_bytes() == b"new"
+    assert is_complete(folder)
+    Claims(dataset).sweep()
+    assert [path.name for path in (dataset / "pairs").iterdir()] == [PAIRS[0].id]
+
+
+def test_what_is_broken_and_open_stays_and_is_named(drive, monkeypatch):
+    monkeypatch.setattr(system, "_WAITS_S", (0.0,) * 5)
+    dataset = drive / "set"
+    datasets.freeze(dataset, PAIRS, "")
+    publish(unfinished(dataset, b"old"), PAIRS[0].folder(dataset), lambda: False)
+    left = PAIRS[0].folder(dataset) / "left.exr"
+    left.write_bytes(b"changed")
+    with left.open("rb"):
+        found = verify(dataset, remove_broken=True)
+    assert any("is not removed" in problem.text for problem in found.problems)
+    assert left.exists()
+    verify(dataset, remove_broken=True)
+    assert not left.exists()
 
 
 def test_claims_are_read_while_they_are_given_back(drive):
