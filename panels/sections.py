@@ -50,7 +50,8 @@ SECTIONS = (
         "speed_right_m_s", "speed_down_m_s", "speed_forward_m_s", "turn_right_deg_s", "turn_down_deg_s", "roll_deg_s",
         "motion_exposure_s")),
     Section("sensor", "optics", "Optics", "What the lens and filter let through", (
-        "f_number", "transmission", "band_centre_nm", "band_width_nm", "psf_sigma_px", "veiling_glare")),
+        "f_number", "pixel_pitch_um", "transmission", "band_centre_nm", "band_width_nm", "psf_sigma_px",
+        "veiling_glare")),
     Section("sensor", "detector", "Detector", "From photons to numbers", (
         "quantum_efficiency", "full_well_e", "gain", "bits", "black_level", "blooming")),
     Section("sensor", "noise", "Noise", "What no two exposures, or no two pixels, have alike", (

@@ -60,6 +60,16 @@ def photons_per_joule(light: Mapping[str, Any], sensor: Mapping[str, Any]) -> fl
     return photons if light["irradiance_band"] == "CAMERA" else photons * band_share(light, sensor)
 
 
+def pixel_pitch_m(sensor: Mapping[str, Any], rig: Mapping[str, Any]) -> float:
+    """Side of a pixel of the sensor in metres: what the sensor states, or else what the rig's width is divided into.
+
+    The field of view hangs on the rig alone. A rig in other proportions, such as the paper's with 60 mm behind 640
+    columns, sees as a real camera does, but its pixels would be 94 µm wide and gather sixty times the light.
+    """
+    stated = float(sensor["pixel_pitch_um"]) * 1e-6
+    return stated if stated > 0 else float(rig["sensor_width_mm"]) * 1e-3 / int(rig["width_px"])
+
+
 def electron_rate(light: Mapping[str, Any], sensor: Mapping[str, Any], pitch_m: float) -> float:
     """Photo-electrons per second in a pixel of side ``pitch_m`` per W/(m² sr) of radiance.
 

@@ -25,6 +25,9 @@ EYE_STREAMS = {"left": 0, "right": 1}
 #: Exposure times in seconds between which auto exposure chooses.
 SHORTEST_S, LONGEST_S = 1.0e-6, 1.0e3
 
+#: Share of saturated pixels above which a person is told.
+MOST_SATURATED = 0.02
+
 #: Electrons beyond which Poisson noise cannot bring any well (at most 1e7) back below full.
 _DROWNED_E = 1.0e9
 
@@ -68,6 +71,23 @@ def exposure_s(left_light: np.ndarray, rate: float, sensor: Mapping[str, Any]) -
     if level * rate <= 0:
         return fixed
     return float(np.clip(float(sensor["auto_target"]) * capacity_e(sensor) / (level * rate), SHORTEST_S, LONGEST_S))
+
+
+def exposure_warnings(seconds: float, saturated: float, sensor: Mapping[str, Any]) -> list[str]:
+    """What a person should know of an exposure: where auto exposure ended at an end, and where much is saturated.
+
+    ``saturated`` is the share of the left pixels that are at the converter's top.
+    """
+    said = []
+    if sensor["auto_exposure"] and seconds in (SHORTEST_S, LONGEST_S):
+        end = "shortest" if seconds == SHORTEST_S else "longest"
+        said.append(f"auto exposure ended at its {end} time, {seconds:g} s; change sensor.f_number, sensor.gain or "
+                    "sensor.pixel_pitch_um")
+    if saturated > MOST_SATURATED:
+        cause = "sensor.auto_target or sensor.auto_percentile" if sensor["auto_exposure"] else "sensor.exposure_s"
+        said.append(f"more than {MOST_SATURATED:.0%} of the left image's pixels are saturated; lower {cause}, or merge "
+                    "exposures with sensor.brackets")
+    return said
 
 
 def dark_current_e_s(sensor: Mapping[str, Any]) -> float:

@@ -254,8 +254,10 @@ def restate(folder: Path, settings: Settings) -> None:
     path = folder / "pair.json"
     before = _text(path)
     data = checked(_parsed(path, before), {"settings": Each(TABLE, TEXT)}, path, _MEND)
+    # As it is read: what came after it was written is no difference.
+    stated = restored(data["settings"], str(path), data.get("versions", {}).get("icymoon", ""))
     now = merged(data["settings"], response(settings))
-    if now != data["settings"] and not replaced(path, before, json_text({**data, "settings": now})):
+    if response(stated) != response(settings) and not replaced(path, before, json_text({**data, "settings": now})):
         restate(folder, settings)
 
 

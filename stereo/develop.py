@@ -14,13 +14,14 @@ from ..labels import LIGHT_GROUPS
 from ..physics import brackets
 from ..physics.blur import developing_warnings
 from ..physics.optics import through_lens
-from ..physics.photons import electron_rate
+from ..physics.photons import electron_rate, pixel_pitch_m
 from ..physics.radiation import hits
 from ..physics.sensor import (
     capacity_e,
     digital_numbers,
     electrons,
     exposure_s,
+    exposure_warnings,
     fixed_pattern,
     gain_dn_per_e,
     noise_generator,
@@ -57,7 +58,7 @@ class Images:
     saturation_radiance: float  # W/(m² sr) at the top of the images; infinite if none reaches it
     saturated: float  # share of the left pixels at the converter's top, in the shortest exposure
     encoding: str
-    warnings: tuple[str, ...]  # what to know of blur in the render
+    warnings: tuple[str, ...]  # what to know of blur in the render and of the exposure
 
     def for_matchers(self) -> tuple[np.ndarray, np.ndarray]:
         """Left and right as uint8: OpenCV's matchers take nothing finer, so more bits are scaled down."""
@@ -101,7 +102,7 @@ def develop(pair: Pair, left: Light, right: Light, settings: Settings) -> Images
     noise seed, however often it is developed.
     """
     sensor, rig = settings["sensor"], settings["rig"]
-    pitch_m = rig["sensor_width_mm"] * 1e-3 / rig["width_px"]
+    pitch_m = pixel_pitch_m(sensor, rig)
     rate = electron_rate(settings["light"], sensor, pitch_m)
     lenses = {eye: lens_of(pair.camera, rig, eye) for eye in EYES}
     light = {eye: through_lens(_on_sensor(grey(weighted(view, pair, settings["light"])), pair.camera, lenses[eye]),
@@ -118,13 +119,15 @@ def develop(pair: Pair, left: Light, right: Light, settings: Settings) -> Images
         merged = {eye: brackets.merged(image[eye], times, sensor) for eye in EYES}
         full_s = brackets.full_rate(merged["left"], times[-1], sensor)
         bits, final = brackets.MERGED_BITS, {eye: brackets.as_numbers(merged[eye], full_s) for eye in EYES}
+    saturated = float(np.mean(image["left"][-1] == top_dn(sensor)))
     detected = final
     final = {eye: numbers if (lens := lenses[eye]) is None else lens.rectify(numbers)
              for eye, numbers in detected.items()}
     return Images(final["left"], final["right"], detected["left"], detected["right"], bits, frames, metered,
                   gain_dn_per_e(sensor), rate, full_s / rate if rate else float("inf"),
-                  float(np.mean(image["left"][-1] == top_dn(sensor))), str(sensor["encoding"]),
-                  tuple(developing_warnings(settings, pair.settings, times)))
+                  saturated, str(sensor["encoding"]),
+                  (*developing_warnings(settings, pair.settings, times),
+                   *exposure_warnings(metered, saturated, sensor)))
 
 
 def _on_sensor(light: np.ndarray, camera: StereoCamera, lens: Lens | None) -> np.ndarray:

@@ -213,7 +213,7 @@ def exposure_response(figure: Figure) -> None:
     axes = figure.subplots()
     shown = described("sensors/default", "rigs/guiss")
     response, rig = shown["sensor"], shown["rig"]
-    pitch = rig["sensor_width_mm"] * 1e-3 / rig["width_px"]
+    pitch = photons.pixel_pitch_m(response, rig)
     seconds = np.geomspace(1e-7, 1e-2, 200)
     for name, irradiance in (("Enceladus", 14.82), ("Europa", 50.26)):
         # Level Lambert ground of albedo 0.8, the Sun 30 degrees high.

@@ -7,10 +7,10 @@ import pytest
 from icymoon.errors import IcyMoonError
 from icymoon.physics import brackets
 from icymoon.physics.optics import gaussian_kernel, through_lens
-from icymoon.physics.photons import band_share, electron_rate, planck, total_radiance
+from icymoon.physics.photons import band_share, electron_rate, pixel_pitch_m, planck, total_radiance
 from icymoon.physics.radiation import expected_hits, hits
-from icymoon.physics.sensor import digital_numbers, electrons, noise_generator
-from icymoon.settings import defaults
+from icymoon.physics.sensor import digital_numbers, electrons, exposure_s, exposure_warnings, noise_generator
+from icymoon.settings import defaults, load, merged, preset_path
 
 pytestmark = pytest.mark.filterwarnings("error")
 
@@ -94,6 +94,72 @@ def test_tracks_are_as_long_as_isotropic_particles_make_them():
     assert total == pytest.approx(2 * expected_hits(sensor, (400, 400), 5e-6, 1.0), rel=0.3)
     other = hits(sensor, (400, 400), 5e-6, 1.0, noise_generator(1, "pair", "right"))
     assert not np.array_equal(image, other)
+
+
+def test_electrons_are_those_of_a_photon_budget_by_hand():
+    """Radiance x solid angle x pixel area x exposure x efficiency over the energy of a photon, in a narrow band."""
+    light, sensor = settings(pixel_pitch_um=6.4, f_number=12.0, transmission=0.85, quantum_efficiency=0.45,
+                             band_centre_nm=600.0, band_width_nm=0.1)
+    light = {**light, "irradiance_band": "CAMERA"}
+    radiance, seconds = 12.5, 3e-3
+    # A lens of f/N seen from its image fills sin² of half its angle = 1 / (1 + 4 N²): that times pi is its solid
+    # angle, each direction weighted by its slant. Photons of 600 nm have hc/λ to (0.05 / 600)² within the band.
+    solid_angle_sr = math.pi / (1 + 4 * 12.0**2)
+    joules = radiance * 0.85 * solid_angle_sr * (6.4e-6) ** 2 * seconds
+    by_hand = 0.45 * joules / (6.62607015e-34 * 299792458.0 / 600e-9)
+    pitch_m = pixel_pitch_m(sensor, defaults()["rig"])
+    assert electron_rate(light, sensor, pitch_m) * radiance * seconds == pytest.approx(by_hand, rel=1e-6)
+
+
+def test_the_pixel_is_the_sensors_or_else_the_rigs():
+    rig = defaults()["rig"]
+    assert pixel_pitch_m(settings()[1], rig) == pytest.approx(60e-3 / 640)
+    assert pixel_pitch_m(settings(pixel_pitch_um=12.0)[1], rig) == pytest.approx(12e-6)
+
+
+@pytest.mark.parametrize("name", ["mer_ccd", "mars2020_cmos", "europa_radiation"])
+def test_real_pixels_expose_sunlit_europa_as_long_as_real_cameras_do(name):
+    """Tens of milliseconds and more; the 94 µm that the paper's 60 mm make of 640 columns take a hundredth of it."""
+    described = merged(defaults(), load(preset_path("rigs/guiss")), load(preset_path(f"sensors/{name}")))
+    # Level Lambert ground of albedo 0.6 under the Sun of Europa, 30 degrees high.
+    radiance = np.full((8, 8), 0.6 * 50.26 * 0.5 / math.pi)
+    def auto(sensor):
+        rate = electron_rate(described["light"], sensor, pixel_pitch_m(sensor, described["rig"]))
+        return exposure_s(radiance, rate, sensor)
+    real, wide = auto(described["sensor"]), auto({**described["sensor"], "pixel_pitch_um": 0.0})
+    assert 0.01 < real < 0.5
+    assert wide / real == pytest.approx((described["sensor"]["pixel_pitch_um"] / 93.75) ** 2, rel=1e-6)
+    assert not exposure_warnings(auto(described["sensor"]), 0.0, described["sensor"])
+
+
+def test_particles_of_jupiters_belts_are_seen_in_an_exposure_of_sunlit_ice():
+    """Flux x area x exposure by hand, at the flux of the preset. With auto exposure it is the same for pixels of any
+    size, which gather light and particles alike, but tracks are longer than a small pixel."""
+    described = merged(defaults(), load(preset_path("rigs/guiss")), load(preset_path("sensors/europa_radiation")))
+    sensor = described["sensor"]
+    pitch_m = pixel_pitch_m(sensor, described["rig"])
+    seconds = exposure_s(np.full((8, 8), 0.6 * 50.26 * 0.5 / math.pi),
+                         electron_rate(described["light"], sensor, pitch_m), sensor)
+    by_hand = 1e5 * (640 * 6.5e-4) * (480 * 6.5e-4) * seconds
+    assert expected_hits(sensor, (480, 640), pitch_m, seconds) == pytest.approx(by_hand, rel=1e-9)
+    assert 10 < by_hand < 1000
+    freed = hits(sensor, (480, 640), pitch_m, seconds, random())
+    assert freed.sum() > 0.9 * by_hand * 80 * 10  # each 80 e- per µm over 10 µm at least, less what leaves the image
+    assert np.count_nonzero(freed > 5 * sensor["read_noise_e"]) > 1.5 * by_hand
+    wide = hits(sensor, (480, 640), 93.75e-6, seconds * (6.5 / 93.75) ** 2, random())
+    assert np.count_nonzero(wide) < 1.3 * by_hand
+
+
+@pytest.mark.parametrize(("seconds", "saturated", "changes", "words"), [
+    (1e-6, 0.0, {}, ["shortest time, 1e-06 s"]), (1e3, 0.0, {}, ["longest time"]),
+    (0.01, 0.3, {}, ["more than 2% of the left", "sensor.auto_target"]),
+    (0.01, 0.0199, {}, []),
+    (1e-6, 0.5, {"auto_exposure": False}, ["more than 2% of the left", "sensor.exposure_s"]),
+    (0.01, 0.0, {}, [])], ids=str)
+def test_an_exposure_at_its_end_or_too_long_is_said(seconds, saturated, changes, words):
+    said = exposure_warnings(seconds, saturated, settings(**changes)[1])
+    assert len(said) == bool(words)
+    assert all(word in " ".join(said) for word in words)
 
 
 def test_a_flood_of_particles_is_refused_by_name_and_none_is_none():
