@@ -61,22 +61,32 @@ def _plan(options: argparse.Namespace) -> int:
             print(f"{name:42} {title}. {text}")
         return 0
     with errors_told(options.json):
-        _say(options)
-    return 0
+        return _say(options)
 
 
-def _say(options: argparse.Namespace) -> None:
+def _say(options: argparse.Namespace) -> int:
+    """Say what was asked for, then which pairs cannot be rendered; the exit status, 1 if there are such."""
     plan = read_plan(plan_path(options.plan))
     pairs = plan.pairs()
     if options.dry_run:
         _say_estimate(plan, pairs, options)
-        return
+    else:
+        _say_pairs(plan, pairs, options)
+    return 1 if plan.refused() else 0
+
+
+def _say_pairs(plan: Plan, pairs: Sequence[PlannedPair], options: argparse.Namespace) -> None:
     names = varied(pairs)
     for pair in pairs:
         if options.json:
             emit("planned", id=pair.id, settings={f"{topic}.{key}": pair.settings[topic][key] for topic, key in names})
         else:
             print(described(pair, names))
+    for name, why in plan.refused().items():
+        if options.json:
+            emit("refused", pair=name, message=why)
+        else:
+            print(f"icymoon: pair {name} cannot be rendered and will be set aside: {why}", file=sys.stderr)
 
 
 def _say_estimate(plan: Plan, pairs: Sequence[PlannedPair], options: argparse.Namespace) -> None:
@@ -84,12 +94,11 @@ def _say_estimate(plan: Plan, pairs: Sequence[PlannedPair], options: argparse.Na
     speed = remembered(devices.pop()) if len(devices) == 1 else None
     found, lack = estimate(pairs, options.out.absolute() if options.out else None, speed), _lacking(pairs, options)
     unchecked = plan.unchecked()
+    lines = [*lack, *found.lines(), *_of_refused(plan)]
     if options.json:
-        facts = found.facts()
-        emit("result", plan=str(plan.path), title=plan.title, unchecked=unchecked,
-             **{**facts, "lines": [*lack, *facts["lines"]]})
+        emit("result", plan=str(plan.path), title=plan.title, unchecked=unchecked, **found.facts() | {"lines": lines})
         return
-    for line in (plan.title, *lack, *found.lines()):
+    for line in (plan.title, *lines):
         print(line)
     if unchecked:
         print(unchecked)
@@ -106,3 +115,12 @@ def _lacking(pairs: Sequence[PlannedPair], options: argparse.Namespace) -> list[
     if any(map(special, missing)):
         return ["Not every Blender can render it; name the one that is to with --blender, and it is asked."]
     return []
+
+
+def _of_refused(plan: Plan) -> list[str]:
+    """A line on the pairs that a render will set aside, and why it will the first; none if it will not."""
+    refused = plan.refused()
+    if not refused:
+        return []
+    name, why = next(iter(refused.items()))
+    return [f"{len(refused)} of them cannot be rendered and will be set aside, {name} first: {why}"]

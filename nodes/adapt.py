@@ -9,6 +9,7 @@ import bpy
 
 from .. import changes
 from ..errors import IcyMoonError
+from ..physics import admission
 from ..physics.geometry import rounding_advice
 from ..settings import Settings
 from . import materials, preview, sunlit
@@ -40,7 +41,7 @@ def adapted(built: Built | None, settings: Settings) -> tuple[Built, bool]:
         return opened(settings), False
     built.remember(settings, {})
     warnings = [*materials.advice(settings), *sunlit.advice(settings), *light_advice(described_sky(settings), settings),
-                *rounding_advice(settings["rig"], built.site_m)]
+                *rounding_advice(settings["rig"], built.site_m), *admission.advice(settings)]
     now = find(bpy.context.scene)
     if now is None:
         raise IcyMoonError("A part of the built scene is gone; render the pair again.")

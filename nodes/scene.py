@@ -15,17 +15,16 @@ import numpy as np
 
 from ..errors import IcyMoonError
 from ..labels import TERRAIN_INSTANCE
-from ..physics import blur
+from ..physics import admission, blur
 from ..physics.geometry import rounding_advice
 from ..physics.graded import Graded
 from ..physics.ground import Surface
 from ..physics.rocks import scatter
 from ..physics.shapes import block_shapes
-from ..physics.sizes import size_law
 from ..physics.terrain import Terrain, advice
 from ..physics.terrain import terrain as make_terrain
 from ..settings import Settings, merged
-from . import materials, sunlight, sunlit
+from . import eyes, materials, sunlight, sunlit
 from .built import (
     CONTENT,
     FINGERPRINT,
@@ -126,16 +125,18 @@ def _make(settings: Settings) -> tuple[list[bpy.types.Object], bpy.types.World, 
     """All objects of the scene (terrain, Sun, camera, then others), its sky, warnings, the person's own ground, and
     the height of the ground under the camera."""
     # What can be refused comes first: nothing has been made yet.
-    if settings["rocks"]["coverage"] > 0:
-        size_law(settings["rocks"])
+    if said := admission.of_settings(settings):
+        raise IcyMoonError(" ".join(said))
     hapke_warnings = sunlit.advice(settings)
     sky = described_sky(settings)
     own = own_ground(settings, ground_of) if is_own(settings) else None
     materials.refuse_without_uv(settings, own is not None and own.uv is not None)
     ground: Surface = own.surface if own else as_meshed(ground_of(settings), settings)
     site_m, warnings = _site(settings, ground, own)
-    warnings += [*hapke_warnings, *rounding_advice(settings["rig"], site_m)]
+    warnings += [*hapke_warnings, *rounding_advice(settings["rig"], site_m), *admission.advice(settings)]
     if own is not None:
+        if settings["rocks"]["coverage"] > 0:
+            admission.refuse_no_blocks(settings["rocks"], ground.size_m, "source.file")
         warnings += own.warnings
         mesh = own.build_mesh(f"{NAME} Terrain")
     else:
@@ -253,6 +254,7 @@ def build(scene: bpy.types.Scene, settings: Settings) -> Built:
     collection[SITE] = site_m
     collection[CONTENT] = content(settings)
     built = Built(collection, objects[0], objects[1], objects[2], merged(settings), scene, tuple(warnings))
+    built.warnings += tuple(eyes.of_described(built))
     roughness = measured(measured_patch(built), settings["terrain"])
     collection[ROUGHNESS] = roughness.summary() if roughness else ""
     collection[FINGERPRINT], collection[PREVIEW] = json.dumps(parts(collection)), "{}"

@@ -21,6 +21,8 @@ from .bodies import BODIES, Orbit
 
 #: Seconds between UTC and the time that ephemerides run on; right from 2017 on, 5 s less in 2000.
 _TDB_UTC_S = 69.184
+#: First and last year that the directions are compared with full theories for.
+_YEARS = (2000, 2060)
 _OBLIQUITY = math.radians(23.43928)  # of the ecliptic, J2000
 
 
@@ -56,6 +58,15 @@ def days_since_j2000(date_utc: str) -> float:
         raise IcyMoonError(f"light.date_utc is {shortened(date_utc)!r}; write it as 2035-03-01T12:00:00.")
     return float((date - np.datetime64("2000-01-01T12:00", "ms")) / np.timedelta64(1, "ms")
                  + 1000 * _TDB_UTC_S) / 86.4e6
+
+
+def refuse_unknown_years(date_utc: str) -> None:
+    """Raise IcyMoonError for a date beyond the years that the elements are known to hold for, or for what is none."""
+    days = days_since_j2000(date_utc)
+    if not days_since_j2000(f"{_YEARS[0]}-01-01") <= days < days_since_j2000(f"{_YEARS[1] + 1}-01-01"):
+        raise IcyMoonError(f"light.date_utc is {date_utc}, but without kernels Sun and planet are known only from "
+                           f"{_YEARS[0]} to {_YEARS[1]}; choose a date of these years, or set light.directions_from to "
+                           "KERNELS.")
 
 
 def heliocentric_au(orbit: Orbit, days: float) -> np.ndarray:

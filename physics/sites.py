@@ -86,6 +86,9 @@ class Standing:
         return Eyes(eye - self.heights(x, y), np.array(inside, bool))
 
     def _in_block(self, eye_m: np.ndarray, left_m: tuple[float, float]) -> bool:
+        # The build keeps this circle about the left eye clear; without it blocks need not be drawn.
+        if math.dist(eye_m[:2], left_m) <= self.settings["rocks"]["clear_radius_m"]:
+            return False
         blocks = self.blocks
         if blocks is None:
             return False

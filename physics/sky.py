@@ -126,6 +126,7 @@ def _stars_by_angles(light: Mapping[str, Any]) -> np.ndarray:
 def _positions(light: Mapping[str, Any], blend_folder: str | None) -> Positions:
     site = light["date_utc"], float(light["latitude_deg"]), float(light["longitude_deg"])
     if light["directions_from"] == "DATE":
+        ephemeris.refuse_unknown_years(light["date_utc"])
         return ephemeris.positions(light["body"], *site)
     return spice.positions(absolute_path(light["kernels"], "light.kernels", blend_folder), light["body"],
                            light["parent"], *site)

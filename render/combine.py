@@ -12,7 +12,8 @@ from typing import Any
 
 from ..errors import IcyMoonError
 from ..own_files import content, used_files
-from ..physics import hapke, sky
+from ..physics import admission
+from ..physics.admission import Reason
 from ..physics.blur import identity
 from ..physics.seeds import stream
 from ..physics.sites import Standing, standing
@@ -25,6 +26,8 @@ from .toml_lines import Place
 
 #: Grounds that a plan is checked on before it is rendered.
 MOST_GROUNDS = 200
+#: Topics that ``admission.of_settings`` asks, with terrain.size_m.
+_OF_SETTINGS = ("source", "surface", "rock_surface", "hapke", "textures", "rocks", "light")
 _GEOMETRY = [(topic, s.key) for topic, s in all_settings() if s.effect == "geometry"]
 
 
@@ -88,8 +91,16 @@ class _Grounds:
         return self._known[key]
 
 
-def combined(design: Design) -> list[PlannedPair]:
-    """The pairs of a design, checked. Raises IcyMoonError that names the line at fault."""
+@dataclass(frozen=True)
+class Combined:
+    """The pairs of a design, and of those that cannot be rendered why, by their ids."""
+
+    pairs: list[PlannedPair]
+    refused: dict[str, str]
+
+
+def combined(design: Design) -> Combined:
+    """The pairs of a design, checked. Raises IcyMoonError that names the line at fault if none can be rendered."""
     grounds = _Grounds()
     made = list(_described(design))
     for block in sorted((b for b in design.blocks if b.kind in poses.KINDS), key=lambda b: poses.KINDS.index(b.kind)):
@@ -100,9 +111,12 @@ def combined(design: Design) -> list[PlannedPair]:
     made = [each for whole in made for each in _turned(whole)]
     if design.at_most is not None and design.at_most < len(made):
         made = [made[k * len(made) // design.at_most] for k in range(design.at_most)]
-    _check(made, grounds)
-    return [PlannedPair(digest(each.settings, _content(each) + identity(each.settings)), each.settings, 0.0)
-            for each in made]
+    refusals = _refused(made, grounds)
+    if refusals and all(refusals):
+        raise refusals[0] or AssertionError
+    pairs = [PlannedPair(digest(each.settings, _content(each) + identity(each.settings)), each.settings, 0.0)
+             for each in made]
+    return Combined(pairs, {pair.id: str(error) for pair, error in zip(pairs, refusals, strict=True) if error})
 
 
 def _filed(part: Variation, design: Design) -> Variation:
@@ -204,26 +218,51 @@ def unseen_grounds(settings: Sequence[Settings]) -> int:
     return max(0, len(there) - MOST_GROUNDS)
 
 
-def _check(made: list[_Made], grounds: _Grounds) -> None:
-    """Refuse what can be known to fail before anything is built."""
+def _refused(made: list[_Made], grounds: _Grounds) -> list[IcyMoonError | None]:
+    """Of each description why it cannot be rendered, as is known before anything is built.
+
+    Raises IcyMoonError for a file that is not there and a camera beside the ground.
+    """
     seen: set[str] = set()
-    standing_on: dict[int, tuple[Standing, list[_Made]]] = {}
+    known: dict[str, list[Reason]] = {}
+    standing_on: dict[int, tuple[Standing, list[int]]] = {}
+    found: list[list[Reason]] = []
     looked_at = some_grounds([each.settings for each in made])
-    for each in made:
-        _check_once(each, seen, ("source", "textures", "light"), _check_files)
-        _check_once(each, seen, ("hapke",), lambda m: hapke.from_settings(m.settings["hapke"]), "hapke.filling_factor")
-        _check_once(each, seen, ("light",), _check_sky, "light.date_utc", "light.body")
+    for k, each in enumerate(made):
+        _check_files_once(each, seen)
+        key = json.dumps([each.settings[topic] for topic in _OF_SETTINGS] + [each.settings["terrain"]["size_m"]])
+        if key not in known:
+            known[key] = admission.of_settings(each.settings)
+        found.append(list(known[key]))
         if each.settings["source"]["kind"] == "PROCEDURAL" and _geometry(each.settings) in looked_at:
             try:
                 ground = grounds.of(each.settings)
-                ground.blocks  # noqa: B018  (contradictory sizes are refused when blocks are drawn)
+                standing_on.setdefault(id(ground), (ground, []))[1].append(k)
             except IcyMoonError as error:
-                raise _placed(error, _named_in(error, each)) from None
-            standing_on.setdefault(id(ground), (ground, []))[1].append(each)
+                found[k].append(Reason(str(error)))
     for ground, those in standing_on.values():
-        for each, refusal in zip(those, poses.refusals(ground, [m.settings["rig"] for m in those]), strict=True):
-            if refusal:
-                raise _placed(IcyMoonError(refusal[0]), each.place_of(*refusal[1]))
+        for k, reason in zip(those, _of_eyes(ground, [made[k] for k in those]), strict=True):
+            found[k] += [reason] if reason is not None and reason not in found[k] else []
+    return [_error(each, said) for each, said in zip(made, found, strict=True)]
+
+
+def _of_eyes(ground: Standing, made: list[_Made]) -> list[Reason | None]:
+    try:
+        found = admission.of_eyes(ground, [each.settings["rig"] for each in made])
+    except IcyMoonError as error:  # sizes of blocks that contradict each other
+        return [Reason(str(error)) for _ in made]
+    for each, reason in zip(made, found, strict=True):
+        if reason is not None and reason.names == admission.OUTSIDE:
+            raise _placed(IcyMoonError(reason), each.place_of(*reason.names))
+    return found
+
+
+def _error(made: _Made, said: list[Reason]) -> IcyMoonError | None:
+    """All reasons as one error that names the line at fault of the first."""
+    if not said:
+        return None
+    error = IcyMoonError(" ".join(said))
+    return _placed(error, (made.place_of(*said[0].names) if said[0].names else None) or _named_in(error, made))
 
 
 def _named_in(error: IcyMoonError, made: _Made) -> Place | None:
@@ -232,16 +271,16 @@ def _named_in(error: IcyMoonError, made: _Made) -> Place | None:
     return made.place_of(*named)
 
 
-def _check_once(made: _Made, seen: set[str], topics: tuple[str, ...], check: Any, *names: str) -> None:
-    """Check a description unless another with the same topics has been checked."""
-    key = json.dumps([topics, *(made.settings[topic] for topic in topics)])
+def _check_files_once(made: _Made, seen: set[str]) -> None:
+    """Refuse a file that is not there, unless another description with the same files has been checked."""
+    key = json.dumps([made.settings[topic] for topic in ("source", "textures", "light")])
     if key in seen:
         return
     seen.add(key)
     try:
-        check(made)
+        _check_files(made)
     except IcyMoonError as error:
-        raise _placed(error, _named_in(error, made) or made.place_of(*names)) from None
+        raise _placed(error, _named_in(error, made)) from None
 
 
 def _check_files(made: _Made) -> None:
@@ -251,9 +290,3 @@ def _check_files(made: _Made) -> None:
             raise _placed(IcyMoonError(f"{name}: {path} is not there; put it there, or extend this plan by one of your "
                                        "own that names another or has plan.files, the folder it is in."),
                           made.place_of(name))
-
-
-def _check_sky(made: _Made) -> None:
-    light = made.settings["light"]
-    if light["directions_from"] == "DATE":  # kernels are read where SpiceyPy is: in the Python that renders
-        sky.sky(light)

@@ -13,6 +13,7 @@ from .. import compat
 from ..labels import FIRST_ROCK_INSTANCE, INSTANCE_AOV, SEMANTIC, TERRAIN_INSTANCE
 from ..nodes.scene import Built
 from ..nodes.sunlight import made_of
+from ..physics import admission
 from ..physics.blur import blur_of
 from ..physics.distortion import COEFFICIENTS, coefficients
 from ..physics.requires import left_out
@@ -63,7 +64,7 @@ def facts(built: Built, planned: PlannedPair, poses: dict[str, np.ndarray], towa
         "poses_rectified_to_world": {eye: poses[eye].tolist() for eye in EYES},
         "blur": blur.to_json() if blur else None,
         "light": _light_facts(built, toward_sun),
-        "left_out": left_out(settings, built.sky),
+        "left_out": left_out(settings, built.sky), "advice": admission.advice(settings),
         "channels": _channels(settings["quality"]["truth"] == "DEPTH"),
         "seeds": {"dataset": settings["dataset"]["seed"], "render": planned.render_seed},
         "versions": {"blender": bpy.app.version_string, "python": platform.python_version(),

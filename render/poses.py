@@ -7,22 +7,18 @@ block is refused before anything is built.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
 from ..errors import IcyMoonError
+from ..physics.admission import LOWEST_M
 from ..physics.directions import toward
 from ..physics.sites import Standing
-from ..properties import TOPICS
 from ..settings import Settings
 from .blocks import Block, Variation, checked, known_keys, random_of, whole_number
 from .plan import turned_heading_deg
 from .toml_lines import Place
-
-#: Height above the ground, in metres, that a camera is allowed.
-_LOWEST_M = TOPICS["rig"]["height_m"].minimum
 
 #: Finds the ground of a complete description, or raises IcyMoonError where it is not made up.
 Ground = Callable[[Settings], Standing]
@@ -91,7 +87,7 @@ def _view_sphere(block: Block, base: Settings, ground: Ground) -> list[Variation
                 if not math.isfinite(height):
                     raise IcyMoonError(f"{block.place}: {at}, is beyond the ground; come nearer or raise "
                                        "terrain.size_m.")
-                if height < _LOWEST_M:
+                if height < LOWEST_M:
                     raise IcyMoonError(f"{block.place}: {at}, is {-height:.3g} m under the ground; raise "
                                        "target_height_m, the distance or the elevation, or take other azimuths.")
                 made.append(_rig(block, x_m=x, y_m=y, height_m=height, pitch_deg=elevation,
@@ -130,26 +126,3 @@ def variations(block: Block, base: Settings, ground: Ground) -> list[Variation]:
     Raises IcyMoonError that names the line at fault.
     """
     return _MAKERS[block.kind](block, base, ground)
-
-
-def refusals(standing: Standing, rigs: Sequence[Mapping[str, Any]]) -> list[tuple[str, tuple[str, ...]] | None]:
-    """For each ``rig`` on a ground, why its camera cannot stand there, and the settings at fault; None if it can."""
-    columns = (np.array([rig[key] for rig in rigs], float)
-               for key in ("x_m", "y_m", "height_m", "heading_deg", "baseline_m"))
-    eyes = standing.eyes(*columns)
-    return [_refusal(rig, float(above), bool(inside)) for rig, above, inside in
-            zip(rigs, eyes.above_m, eyes.in_block, strict=True)]
-
-
-def _refusal(rig: Mapping[str, Any], above_m: float, in_block: bool) -> tuple[str, tuple[str, ...]] | None:
-    at = f"the camera at east {rig['x_m']:g} m, north {rig['y_m']:g} m, heading {rig['heading_deg']:g}°"
-    if not math.isfinite(above_m):
-        return (f"{at}, stands outside the ground; change rig.x_m, rig.y_m or terrain.size_m.",
-                ("rig.x_m", "rig.y_m", "terrain.size_m"))
-    pose = ("rig.x_m", "rig.y_m", "rig.height_m", "rig.heading_deg", "rig.baseline_m")
-    if above_m < _LOWEST_M:
-        return (f"{at}, has its right eye {-above_m:.3g} m under the ground; raise rig.height_m or change the site or "
-                "the heading.", pose)
-    if in_block:
-        return f"{at}, has its right eye in a block; change the site or raise rocks.clear_radius_m.", pose
-    return None

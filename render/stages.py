@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from contextlib import ExitStack
 from types import TracebackType
 from typing import Self
@@ -12,9 +12,11 @@ import bpy
 
 from .. import changes
 from ..errors import IcyMoonError
+from ..nodes import eyes
 from ..nodes.adapt import adapted
 from ..nodes.ground import cost_warnings
 from ..nodes.scene import Built
+from ..physics import admission
 from ..physics.blur import identity
 from ..settings import Settings, digest
 from . import quality
@@ -49,6 +51,7 @@ class Standing:
         """Where this pair is rendered."""
         assert self._scene is not None
         quality.check_possible(planned.settings["quality"])
+        _refuse([*admission.of_settings(planned.settings), *eyes.reasons(self._built, planned.turn_deg)])
         return self._built, self._scene, self._seconds
 
 
@@ -75,6 +78,7 @@ class Described:
         start = time.perf_counter()
         before, self._built = self._built, None
         quality.check_possible(planned.settings["quality"])
+        admission.refuse(planned.settings)
         shared = before is not None and _same_surroundings(before.settings, planned.settings)
         if not shared:  # what Cycles keeps is of no use any more
             self._held.close()
@@ -87,6 +91,7 @@ class Described:
             self._scene = self._held.enter_context(studio(built, bpy.context.scene.frame_current))
         assert self._scene is not None
         self._built = built
+        _refuse(eyes.of_described(built))
         return built, self._scene, time.perf_counter() - start
 
     def _say(self, warnings: list[str] | tuple[str, ...]) -> None:
@@ -94,6 +99,12 @@ class Described:
             if warning not in self._warned:
                 self._warned.add(warning)
                 self._warn(warning)
+
+
+def _refuse(reasons: Iterable[str]) -> None:
+    """Raise IcyMoonError with all reasons, if there are any."""
+    if said := " ".join(reasons):
+        raise IcyMoonError(said)
 
 
 def _same_surroundings(one: Settings, other: Settings) -> bool:

@@ -18,7 +18,7 @@ from ..files import is_file, user_path
 from ..settings import PLANS, check, plan_names, read_toml, toml_and_text
 from . import blocks, poses
 from .blocks import Block, Variation, checked, known_keys, nearest, preset
-from .combine import MOST_GROUNDS, Design, combined, unseen_grounds
+from .combine import MOST_GROUNDS, Combined, Design, combined, unseen_grounds
 from .plan import PlannedPair
 from .toml_lines import Place
 
@@ -37,23 +37,34 @@ class Plan:
     designs: tuple[Design, ...]
 
     @cached_property
-    def _pairs(self) -> tuple[PlannedPair, ...]:
+    def _combined(self) -> Combined:
         found: dict[str, PlannedPair] = {}
+        refused: dict[str, str] = {}
         for design in self.designs:
-            for pair in combined(design):
+            made = combined(design)
+            refused |= made.refused
+            for pair in made.pairs:
                 found.setdefault(pair.id, pair)
-        return tuple(found.values())
+        return Combined(list(found.values()), refused)
 
     def pairs(self) -> list[PlannedPair]:
         """The pairs, complete and in the order of the plan; what comes twice is there once, at its first place.
 
-        Raises IcyMoonError if a camera cannot stand where it is planned, or a file is not there.
+        Those of ``refused`` are among them: a render sets them aside. Raises IcyMoonError if none can be rendered, or a
+        file is not there.
         """
-        return list(self._pairs)
+        return list(self._combined.pairs)
+
+    def refused(self) -> dict[str, str]:
+        """Of the pairs that cannot be rendered why, by their ids: sentences with the line at fault.
+
+        Raises IcyMoonError as ``pairs`` does.
+        """
+        return dict(self._combined.refused)
 
     def unchecked(self) -> str:
         """A sentence about the grounds that the pairs were not checked on; empty if there are none."""
-        unseen = unseen_grounds([pair.settings for pair in self._pairs])
+        unseen = unseen_grounds([pair.settings for pair in self._combined.pairs])
         if not unseen:
             return ""
         return (f"Of the grounds {MOST_GROUNDS} were looked at, {unseen} were not: there a camera that cannot stand is "

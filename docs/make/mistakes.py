@@ -138,7 +138,7 @@ MISTAKES: dict[str, tuple[Mistake, ...]] = {
                 "outside 0.001 to 10000 m"),
         Mistake("eye in the ground", "The right eye is in a hill",
                 "has its right eye 4.82 m under the ground",
-                "raise rig.height_m or change the site"),
+                "raise rig.height_m"),
         Mistake("eye in a block", "The right eye is in a block",
                 "has its right eye in a block",
                 "change the site or raise rocks.clear_radius_m"),

@@ -109,9 +109,13 @@ _TOO_MANY_CRATERS = {("coverage", "maximum"), ("smallest_m", "minimum"), ("large
                      ("largest_m", "maximum")}
 
 
-def _built(settings, too_many=False):
-    if too_many:
-        with pytest.raises(IcyMoonError, match=r"craters\.coverage"):
+#: The default ground has not one block of such a size.
+_NO_BLOCKS = {("smallest_m", "maximum")}
+
+
+def _built(settings, refused_for=""):
+    if refused_for:
+        with pytest.raises(IcyMoonError, match=refused_for):
             scenes.build(empty_scene(), settings)
         return
     built = scenes.build(empty_scene(), settings)
@@ -122,8 +126,9 @@ def _built(settings, too_many=False):
 
 @pytest.mark.parametrize(("topic", "setting", "bound"), _limits("geometry", "material", "light", "camera"))
 def test_no_limit_breaks_a_build(topic, setting, bound):
-    _built(description.merged(_alone(topic, setting, bound), GRID),
-           topic == "craters" and (setting.key, bound) in _TOO_MANY_CRATERS)
+    refusals = {"craters": _TOO_MANY_CRATERS, "rocks": _NO_BLOCKS}
+    refused_for = rf"{topic}\.coverage" if (setting.key, bound) in refusals.get(topic, ()) else ""
+    _built(description.merged(_alone(topic, setting, bound), GRID), refused_for)
     if topic in ("mesh", "rig", "terrain"):
         _built(description.merged(_alone(topic, setting, bound), GRADED))
 

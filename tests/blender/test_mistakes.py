@@ -274,7 +274,7 @@ MADE: dict[str, Callable[[Place], str]] = {
         place, "[terrain]\nrms_slope_deg = 40\n[rig]\nheight_m = 0.001\nbaseline_m = 5\n"),
     "eye in a block": lambda place: plan(
         place, "[terrain]\nrms_slope_deg = 0\n[rocks]\ncoverage = 0.5\nsmallest_m = 1\nlargest_m = 1\nheight_ratio = 3"
-        "\nburial = 0\n[rig]\nbaseline_m = 3\nheight_m = 0.5\n[[sweep]]\nkind = 'panorama'\nheadings = 36\n"),
+        "\nburial = 0\n[rig]\nbaseline_m = 3\nheight_m = 0.5\n[[sweep]]\nkind = 'panorama'\nheadings = [10]\n"),
     "impossible sweep": lambda place: plan(place, "[[sweep]]\nkind = 'grid'\nsurface.albedo = []\n"),
     "no room for sites": lambda place: plan(place, "[[sweep]]\nkind = 'sites'\ncount = 9\napart_m = 12\n"),
     "unknown preset": lambda place: command("settings", "--preset", "europe_rough_ice"),

@@ -110,7 +110,7 @@ WRONG = {
     "an eye in a block": (HEAD + '[terrain]\nrms_slope_deg = 0\n'
                           '[rocks]\ncoverage = 0.5\nsmallest_m = 1\nlargest_m = 1\n'
                           'height_ratio = 3\nburial = 0\n[rig]\nbaseline_m = 3\nheight_m = 0.5\n[[sweep]]  # !\n'
-                          'kind = "panorama"\nheadings = 36', ("in a block",)),
+                          'kind = "panorama"\nheadings = [10]', ("in a block",)),
     "contradictory sizes": (HEAD + "[rocks]\ncoverage = 0.1\nlargest_m = 0.05  # !\nsmallest_m = 0.1", ("below",)),
     "a texture that is not there": (HEAD + '[textures]\nset = "OWN"\nalbedo_file = "ice.png"  # !',
                                     ("ice.png", "is not there", "plan.files")),

@@ -50,7 +50,9 @@ def values(pairs, name):
 @pytest.mark.parametrize("form", ["", "_true_sun"])
 @pytest.mark.parametrize("name", TYPES)
 def test_each_type_has_the_papers_factors_and_number_of_pairs(mine, name, form):
-    pairs = mine(f"guiss_{name}{form}").pairs()
+    plan = mine(f"guiss_{name}{form}")
+    pairs = plan.pairs()
+    assert not plan.refused()
     count, factors = TYPES[name]
     assert len(pairs) == len({pair.id for pair in pairs}) == count
     for setting, n in factors.items():

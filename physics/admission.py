@@ -1,0 +1,193 @@
+"""Whether a description can be rendered as it is meant: one check for plans, renders and the window.
+
+What is refused would be silently wrong: an eye in the ground or in a block, which sees black; ice that reflects more
+light than it gets; blocks of which none fits the ground; a sky out of the years that it is known for. ``settings``
+are a complete scene description. Every reason is a sentence that names the settings, their values and the mend.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from functools import lru_cache, partial
+from typing import Any
+
+import numpy as np
+
+from ..errors import IcyMoonError
+from .geometry import coarse_advice, ground_row
+from .hapke import HapkeParameters, bidirectional_reflectance, from_settings
+from .photometry import hemispherical_albedo
+from .requires import surfaces
+from .sites import Standing, standing
+from .sizes import size_law
+from .sky import sky
+
+Settings = Mapping[str, Mapping[str, Any]]
+
+#: Least height of an eye above the ground in metres: ten times the distance at which the lens clips.
+LOWEST_M = 1e-3
+#: Cosines of the incidence at which the light that ice returns is compared with what it gets, to 88.9 degrees.
+_COSINES = np.array([1.0, 0.7, 0.4, 0.2, 0.1, 0.05, 0.02])
+#: What Hapke's law may return too much: grains of w 1 that scatter evenly return 1.040 of the light with the H function
+#: of 1981 and 0.993 with the others, so this is the fault of the approximation and not of parameters. The set published
+#: for Enceladus in 1994 gives 1.016.
+_MOST_RETURNED = {"1981": 1.045, "1993": 1.01, "2002": 1.01}
+
+#: Settings that put a camera beside the ground. A plan refuses that; a render shows the ground from there, and says so.
+OUTSIDE = ("rig.x_m", "rig.y_m", "terrain.size_m")
+_POSE = ("rig.x_m", "rig.y_m", "rig.height_m", "rig.heading_deg", "rig.baseline_m")
+
+
+class Reason(str):
+    """A sentence, and the ``names`` of the settings at fault, ``topic.key``."""
+
+    names: tuple[str, ...]
+
+    def __new__(cls, text: str, *names: str) -> Reason:
+        made = super().__new__(cls, text)
+        made.names = names
+        return made
+
+
+def reasons(settings: Settings) -> list[Reason]:
+    """Why a description is not rendered: all reasons; none if it is."""
+    said = of_settings(settings)
+    if settings["source"]["kind"] == "PROCEDURAL":
+        try:
+            found, = of_eyes(standing(settings), [settings["rig"]])
+        except IcyMoonError as error:
+            found = Reason(str(error))
+        said += [found] if found and found.names != OUTSIDE and found not in said else []
+    return said
+
+
+def refuse(settings: Settings) -> None:
+    """Raise IcyMoonError with all reasons for which a description is not rendered."""
+    if said := reasons(settings):
+        raise IcyMoonError(" ".join(said))
+
+
+def of_settings(settings: Settings) -> list[Reason]:
+    """The reasons that need no ground."""
+    return [*_of_ice(settings), *_of_blocks(settings), *_of_sky(settings)]
+
+
+def advice(settings: Settings) -> list[str]:
+    """What a person should know of a description that is rendered all the same; sentences."""
+    rig, patch = settings["rig"], settings["terrain"]
+    said = []
+    if not math.isfinite(ground_row(rig, float(rig["height_px"])).depth_m):
+        said.append("The whole image is above the horizon and shows but sky where the ground is level; raise "
+                    f"rig.pitch_deg ({rig['pitch_deg']:g}°).")
+    if settings["source"]["kind"] == "PROCEDURAL" and settings["mesh"]["kind"] == "GRID":
+        said += coarse_advice(rig, patch["size_m"] / (patch["resolution"] - 1))
+    return said
+
+
+def returned_share(parameters: HapkeParameters) -> tuple[float, float]:
+    """The largest share of a beam that ice of Hapke's law returns, and the incidence in degrees of that beam."""
+    share = hemispherical_albedo(partial(bidirectional_reflectance, parameters=parameters), np.arccos(_COSINES))
+    k = int(share.argmax())
+    return float(share[k]), math.degrees(math.acos(_COSINES[k]))
+
+
+@lru_cache(maxsize=64)
+def _gain(parameters: HapkeParameters) -> tuple[float, float, float] | None:
+    """What ice returns that is too much (share, incidence in degrees, the largest w of two digits with which it does
+    not), or None."""
+    most = _MOST_RETURNED[parameters.h_function]
+    share, incidence = returned_share(parameters)
+    if share <= most:
+        return None
+    low, high = 0, math.ceil(100 * parameters.w)
+    while high - low > 1:  # the share grows with w
+        middle = (low + high) // 2
+        low, high = (middle, high) if returned_share(replace(parameters, w=middle / 100))[0] <= most else (low, middle)
+    return share, incidence, low / 100
+
+
+def _of_ice(settings: Settings) -> Iterator[Reason]:
+    hapke = settings["hapke"]
+    if not any(settings[topic]["model"] == "HAPKE" for topic in surfaces(settings)):
+        return
+    try:
+        parameters = from_settings(hapke)
+    except IcyMoonError as error:
+        yield Reason(str(error), "hapke.filling_factor", "hapke.c")
+        return
+    # The smoother, the brighter. An image goes to half the range under its mean, if it is one of even greys.
+    varies = math.radians(abs(hapke["theta_bar_range_deg"])) / 2 if settings["textures"]["set"] != "NONE" else 0.0
+    gain = _gain(replace(parameters, theta_bar=max(float(parameters.theta_bar) - varies, 0.0)))
+    if gain is not None:
+        share, incidence, w = gain
+        others = [f" or hapke.{key} ({hapke[key]:g})" for key, width in (
+            ("filling_factor", 1.0), ("b_s0", hapke["h_s"]), ("b_c0", hapke["h_c"])) if hapke[key] > 0 and width > 0.05]
+        yield Reason(f"Hapke: level ice would return {share:.3g} times the sunlight that it gets from {incidence:.0f}° "
+                     f"off the zenith, with hapke.w {hapke['w']:g}; lower hapke.w to {w:g}{''.join(others)}.",
+                     "hapke.filling_factor", "hapke.w")
+
+
+def _of_blocks(settings: Settings) -> Iterator[Reason]:
+    if settings["source"]["kind"] == "PROCEDURAL" and settings["rocks"]["coverage"] > 0:
+        try:
+            refuse_no_blocks(settings["rocks"], float(settings["terrain"]["size_m"]), "terrain.size_m")
+        except IcyMoonError as error:
+            yield Reason(str(error), "rocks.largest_m", "rocks.smallest_m", "rocks.coverage", "terrain.size_m")
+
+
+def refuse_no_blocks(rocks: Mapping[str, Any], size_m: float, size_is: str) -> None:
+    """Raise IcyMoonError if ``rocks`` settings contradict each other, or no block comes of them on a square patch of
+    this side, which ``size_is`` the name of."""
+    number = size_law(rocks).total_per_m2 * size_m**2
+    if round(number) == 0:
+        raise IcyMoonError(
+            f"rocks.coverage is {rocks['coverage']:g}, but a ground of {size_m:g} m ({size_is}) then has "
+            f"{number:.2g} blocks of {rocks['smallest_m']:g} m (rocks.smallest_m) to {rocks['largest_m']:g} m "
+            "(rocks.largest_m), so none; make the blocks smaller or the ground larger, or set rocks.coverage to 0.")
+
+
+def _of_sky(settings: Settings) -> Iterator[Reason]:
+    if settings["light"]["directions_from"] == "DATE":  # kernels are read where SpiceyPy is, and know what they hold
+        try:
+            sky(settings["light"])
+        except IcyMoonError as error:
+            yield Reason(str(error), "light.date_utc", "light.body")
+
+
+def of_eyes(ground: Standing, rigs: Sequence[Mapping[str, Any]]) -> list[Reason | None]:
+    """For each ``rig`` on a ground that is made up, why its camera cannot stand there; None if it can.
+
+    Raises IcyMoonError if the settings of ground or blocks contradict each other.
+    """
+    columns = (np.array([rig[key] for rig in rigs], float)
+               for key in ("x_m", "y_m", "height_m", "heading_deg", "baseline_m"))
+    eyes = ground.eyes(*columns)
+    return [_of_eye(rig, float(above), bool(inside)) for rig, above, inside in
+            zip(rigs, eyes.above_m, eyes.in_block, strict=True)]
+
+
+def _of_eye(rig: Mapping[str, Any], above_m: float, in_block: bool) -> Reason | None:
+    if not math.isfinite(above_m):
+        return Reason(f"{_place(rig)}, stands outside the ground; change rig.x_m, rig.y_m or terrain.size_m.", *OUTSIDE)
+    if above_m < LOWEST_M:
+        return Reason(buried(rig, "right", -above_m), *_POSE)
+    return Reason(in_a_block(rig, "right"), *_POSE) if in_block else None
+
+
+def _place(rig: Mapping[str, Any]) -> str:
+    return f"The camera at east {rig['x_m']:g} m, north {rig['y_m']:g} m, heading {rig['heading_deg']:g}°"
+
+
+def buried(rig: Mapping[str, Any], eye: str, depth_m: float) -> str:
+    """The sentence on an eye so far under the ground, or (below 0) less than ``LOWEST_M`` above it."""
+    where = f"{depth_m:.3g} m under the ground" if depth_m >= 0 else f"{-depth_m:.2g} m above the ground"
+    least = "" if depth_m >= 0 else f", less than {LOWEST_M:g} m"
+    return (f"{_place(rig)}, has its {eye} eye {where}{least}; raise rig.height_m ({rig['height_m']:g} m), or change "
+            "the site, rig.heading_deg or rig.baseline_m.")
+
+
+def in_a_block(rig: Mapping[str, Any], eye: str) -> str:
+    """The sentence on an eye in a block."""
+    return f"{_place(rig)}, has its {eye} eye in a block; change the site or raise rocks.clear_radius_m."

@@ -1,0 +1,176 @@
+"""What is refused since it would be silently wrong, in plans, renders and the window alike."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from icymoon import settings as description
+from icymoon.errors import IcyMoonError
+from icymoon.physics import admission
+from icymoon.physics.hapke import HapkeParameters, bidirectional_reflectance, from_settings
+from icymoon.physics.sites import standing
+from icymoon.physics.terrain import terrain
+from icymoon.render.sweep import read_plan
+from icymoon.version import ROOT
+
+#: The scene of which the right eye was in the ground, and its images black, without a word.
+UNDERGROUND = {"terrain": {"rms_slope_deg": 25.0}, "rig": {"height_m": 0.1, "baseline_m": 0.3}}
+
+
+def complete(*parts):
+    return description.merged(description.defaults(), *(description.check(part, "test") for part in parts))
+
+
+def is_sentence(text):
+    return text.endswith(".") and "\n" not in text and len(text) > 20
+
+
+def test_an_eye_in_the_ground_is_refused_and_admitted_from_where_it_is_above():
+    settings = complete(UNDERGROUND)
+    ground = terrain(settings, int(settings["dataset"]["seed"]))
+    # As the rig is described: the right eye is east of the left one and as high, the left one over the origin.
+    rise = float(ground.heights(0.3, 0.0) - ground.heights(0.0, 0.0))
+    assert rise > 0.1
+    (said,) = admission.reasons(settings)
+    assert is_sentence(said)
+    assert f"right eye {rise - 0.1:.3g} m under the ground" in said
+    assert "rig.height_m (0.1 m)" in said
+    for above_m, admitted in ((0.5e-3, False), (2e-3, True)):  # of the least height, a millimetre
+        near = complete(UNDERGROUND, {"rig": {"height_m": rise + above_m}})
+        assert bool(admission.reasons(near)) != admitted
+
+
+def test_blocks_of_which_none_fits_are_refused():
+    """Of 25 m² 30 % are under blocks of 1963 m²: 0.004 blocks."""
+    none = complete({"terrain": {"size_m": 5.0}, "rocks": {"coverage": 0.3, "smallest_m": 50.0, "largest_m": 50.0}})
+    (said,) = admission.reasons(none)
+    assert is_sentence(said)
+    assert "0.0038 blocks" in said
+    # As many as there are then: those that the build draws.
+    some = complete(none, {"rocks": {"smallest_m": 2.0, "largest_m": 2.0}, "terrain": {"rms_slope_deg": 0.0}})
+    assert not admission.reasons(some)
+    blocks = standing(some).blocks
+    assert blocks is not None
+    assert len(blocks.diameter_m) == round(0.3 * 25 / np.pi)
+
+
+def returned(parameters, incidence_deg):
+    """Share of a beam's light that a surface returns, by even directions of the hemisphere, without our quadrature."""
+    random = np.random.default_rng(1)
+    i, cosines = np.radians(incidence_deg), random.random(100_000)
+    r = bidirectional_reflectance(i, np.arccos(cosines), random.uniform(0, np.pi, cosines.size), parameters)
+    return 2 * np.pi * float((r * cosines).mean()) / np.cos(i)
+
+
+@pytest.mark.parametrize("hapke", [
+    {"w": 1.0, "b_s0": 3.0, "h_s": 10.0, "b_c0": 1.0, "h_c": 10.0, "filling_factor": 0.75, "h_function": "2002"},
+    {"w": 1.0, "b": 0.9, "c": 1.0, "theta_bar_deg": 0.0}, {"filling_factor": 0.75}])
+def test_ice_that_makes_light_is_refused_up_to_the_w_that_is_advised(hapke):
+    settings = complete({"surface": {"model": "HAPKE"}, "hapke": hapke})
+    (said,) = admission.reasons(settings)
+    assert is_sentence(said)
+    parameters = from_settings(settings["hapke"])
+    share, incidence_deg = admission.returned_share(parameters)
+    assert f"{share:.3g} times" in said
+    # 100 000 directions, of which few hold the peak: 2 %.
+    assert returned(parameters, incidence_deg) == pytest.approx(share, rel=0.02)
+    advised = float(said.split("lower hapke.w to ")[1].split()[0].rstrip("."))
+    most = 1.045 if parameters.h_function == "1981" else 1.01
+    for w, admitted in ((advised, True), (advised + 0.01, False)):
+        assert (admission.returned_share(replace(parameters, w=min(w, 1.0)))[0] <= most) == admitted
+    assert not admission.reasons(complete(settings, {"hapke": {"w": advised}}))
+    assert not admission.reasons(complete(settings, {"surface": {"model": "LAMBERT"}}))  # which has no such parameters
+
+
+@pytest.mark.parametrize("parameters", [
+    # Isotropic grains that lose nothing: what is over 1 is the H function's.
+    *(HapkeParameters(1.0, h_function=name) for name in ("1981", "1993", "2002")),
+    # Of Enceladus, Verbiscer and Veverka 1994; calibrated to an albedo and a Bond albedo that were measured.
+    HapkeParameters(0.998, 0.39, 1.0, 0.21, 0.014, theta_bar=np.radians(6), h_function="1981"),
+    HapkeParameters(0.97943, 0.39, 1.0, 1.256, 0.014, theta_bar=np.radians(6))])
+def test_parameters_that_were_published_are_admitted(parameters):
+    assert admission.returned_share(parameters)[0] <= (1.045 if parameters.h_function == "1981" else 1.01)
+
+
+def test_an_image_that_smooths_the_ice_counts():
+    bright = {"surface": {"model": "HAPKE"}, "hapke": {"w": 1.0, "b": 0.3, "c": 1.0, "theta_bar_deg": 25.0,
+                                                       "h_function": "2002"}}
+    smoothing = complete(bright, {"hapke": {"theta_bar_range_deg": 50.0}})
+    assert not admission.reasons(complete(bright))
+    assert not admission.reasons(smoothing)  # without an image
+    assert admission.reasons(complete(smoothing, {"textures": {"set": "FROST"}}))
+
+
+@pytest.mark.parametrize(("date", "admitted"), [
+    ("1999-12-31T23:59:59", False), ("2000-01-01T00:00:00", True), ("2060-12-31T23:59:59", True),
+    ("2061-01-01T00:00:01", False), ("9999-01-01", False)])
+def test_a_date_of_years_that_are_not_known_is_refused(date, admitted):
+    at = complete({"light": {"directions_from": "DATE", "date_utc": date}})
+    said = admission.reasons(at)
+    assert bool(said) != admitted
+    assert all(is_sentence(each) and date in each and "2060" in each for each in said)
+    assert not admission.reasons(complete(at, {"light": {"directions_from": "ANGLES"}}))
+
+
+def test_all_reasons_are_said_at_once():
+    with pytest.raises(IcyMoonError) as caught:
+        admission.refuse(complete(UNDERGROUND, {
+            "light": {"directions_from": "DATE", "date_utc": "1850-01-01"},
+            "rock_surface": {"model": "HAPKE"}, "hapke": {"w": 1.0, "filling_factor": 0.7},
+            "rocks": {"own_surface": True, "coverage": 0.01, "smallest_m": 90.0, "largest_m": 90.0}}))
+    for name in ("light.date_utc", "hapke.w", "rocks.coverage", "rig.height_m"):
+        assert name in str(caught.value)
+
+
+def test_what_may_be_meant_is_told_and_not_refused():
+    up = complete({"rig": {"pitch_deg": -60.0}})
+    assert not admission.reasons(up)
+    assert "above the horizon" in admission.advice(up)[0]
+    wide = complete({"mesh": {"kind": "GRID"}, "terrain": {"resolution": 2, "size_m": 2000.0, "rms_slope_deg": 0.0}})
+    assert "2e+03 m wide" in admission.advice(wide)[0]
+    assert not admission.reasons(wide)
+    assert not admission.advice(complete())
+
+
+@pytest.mark.parametrize("name", description.preset_names())
+def test_every_shipped_preset_is_admitted(name):
+    settings = complete(description.load(description.preset_path(name)))
+    assert not admission.reasons(settings)
+    assert not admission.advice(settings)
+
+
+PLAN = """[plan]
+title = "Around a slope"
+[terrain]
+rms_slope_deg = 25
+[rig]
+height_m = 0.1
+baseline_m = 0.3
+[[sweep]]
+kind = "panorama"
+headings = 6
+"""
+
+
+def test_a_plan_sets_aside_what_is_refused_and_keeps_the_others(tmp_path):
+    file = tmp_path / "plan.toml"
+    file.write_text(PLAN)
+    plan = read_plan(file)
+    pairs, refused = {pair.id: pair for pair in plan.pairs()}, plan.refused()
+    assert len(pairs) == 6
+    assert 0 < len(refused) < 6
+    for name, pair in pairs.items():  # the same as one that renders says of it, with the line
+        assert refused.get(name, "").removeprefix(f"{file}, line 8: ") == " ".join(admission.reasons(pair.settings))
+    for options in ([], ["--dry-run"]):
+        done = subprocess.run([sys.executable, str(ROOT / "__main__.py"), "plan", str(file), *options], text=True,
+                              capture_output=True, timeout=120, check=False)
+        assert done.returncode == 1
+        assert next(iter(refused.values())) in done.stdout + done.stderr
+        assert "Traceback" not in done.stderr
+    file.write_text(PLAN.replace("headings = 6", "headings = [0]"))
+    with pytest.raises(IcyMoonError, match=r"line 8: .*right eye"):
+        read_plan(file).pairs()
