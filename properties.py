@@ -852,6 +852,8 @@ def register() -> None:
         group = _group(f"ICYMOON_PG_{topic.key}", topic.description, members)
         pointers[topic.key] = bpy.props.PointerProperty(type=group, name=topic.label,
                                                         description=topic.description)
+    pointers["results"] = bpy.props.StringProperty(name="Results", options={"HIDDEN"},
+                                                   description="What was measured last, and with which settings")
     pointers["preset"] = bpy.props.StringProperty(name="Preset", description="The scene preset last loaded")
     pointers["live"] = bpy.props.BoolProperty(
         name="Live Preview", default=True, update=lambda group, context: announce(group.id_data, EFFECTS[0]),

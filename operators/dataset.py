@@ -131,8 +131,7 @@ class ICYMOON_OT_plan_dry_run(jobs.JobOperator, bpy.types.Operator):
 
 
 def _hear(message: Message) -> None:
-    """Remember what a running data set says of its pairs, and take up their evaluation."""
-    evaluate.hear(message)
+    """Remember what a running data set says of its pairs."""
     if message["type"] == "pair":
         readout["last"] = Path(message["folder"])
     elif message["type"] == "error" and "pair" in message:
@@ -166,22 +165,29 @@ class _Watching(jobs.JobOperator):
 
     escapes = False
     _process: Detached
+    _keeper: evaluate.Keeper
 
     def watched(self, context: bpy.types.Context) -> None:
         self._process.leave = bool(context.scene.icymoon.dataset.leave_running)
 
-    def _job_of(self, process: Detached) -> jobs.Job:
+    def _job_of(self, process: Detached, context: bpy.types.Context) -> jobs.Job:
         readout.update(set_aside=[], last=None)
         self._process = process
         began = time.monotonic() - (time.time() - process.facts["started"])  # of an earlier Blender's, perhaps long ago
-        job = DatasetJob(_TITLE, process, _hear, lambda: None, began)
+        self._keeper = evaluate.Keeper(context.scene, "DATASET", description.from_group(context.scene.icymoon))
+
+        def hear(message: Message) -> None:
+            self._keeper(message)
+            _hear(message)
+
+        job = DatasetJob(_TITLE, process, hear, lambda: None, began)
         job.evaluates = bool(process.facts.get("evaluate"))
         return job
 
     def succeeded(self, context: bpy.types.Context) -> None:
         self.report({"INFO"}, f"The data set in {self._process.facts['dataset']} is rendered")  # type: ignore[attr-defined]
         if self._process.facts.get("evaluate"):
-            evaluate.told(self, context)  # type: ignore[arg-type]
+            self._keeper.tell(self, context)  # type: ignore[arg-type]
 
 
 class ICYMOON_OT_render_dataset(_Watching, bpy.types.Operator):
@@ -203,7 +209,7 @@ class ICYMOON_OT_render_dataset(_Watching, bpy.types.Operator):
             state_folder() / f"{zlib.crc32(str(folder).encode()):08x}",
             {"title": _TITLE, "dataset": str(folder), "plan": described["plan"], "evaluate": described["evaluate"]},
             clean_environment())
-        return self._job_of(process)
+        return self._job_of(process, context)
 
 
 class ICYMOON_OT_watch_dataset(_Watching, bpy.types.Operator):
@@ -220,7 +226,7 @@ class ICYMOON_OT_watch_dataset(_Watching, bpy.types.Operator):
         group.folder, group.plan, group.evaluate = facts["dataset"], facts["plan"], facts["evaluate"]
         group.leave_running = True
         jobs.push_undo(self.bl_label)
-        return self._job_of(process)
+        return self._job_of(process, context)
 
 
 class ICYMOON_OT_show_last_pair(bpy.types.Operator):

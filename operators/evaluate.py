@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import bpy
@@ -40,18 +41,32 @@ def matcher_arguments(settings: description.Settings, flag: str = "--methods") -
     return [flag, methods, *own_matchers(methods)]
 
 
-def hear(message: Message) -> None:
-    """Take up the report that an evaluation has written."""
-    if message["type"] == "result":
-        results.load(Path(message["report"]).parent)
+class Keeper:
+    """Hears an evaluation of a scene with these settings, and keeps with the scene what it has measured."""
 
+    def __init__(self, scene: bpy.types.Scene, scope: str, settings: description.Settings,
+                 pairs: Sequence[str] = ()) -> None:
+        self._uid = scene.session_uid  # it may get another name, and another place in memory by undo, or go
+        self._scope, self._settings, self._pairs = scope, settings, pairs
 
-def told(operator: bpy.types.Operator, context: bpy.types.Context) -> None:
-    """Tell the person what the evaluation has measured."""
-    for row in results.summary():
-        operator.report({"INFO"}, f"{row['method']}: L1 {results.number(row['l1_m'], 3)} m, "
-                                  f"coverage {results.percent(row['coverage'])}")
-    results.show_error_image(context, open_window=False)
+    @property
+    def scene(self) -> bpy.types.Scene | None:
+        """The scene, if it is still there."""
+        return next((scene for scene in bpy.data.scenes if scene.session_uid == self._uid), None)
+
+    def __call__(self, message: Message) -> None:
+        """Take up the report that was written."""
+        if message["type"] == "result" and self.scene is not None:
+            results.keep(self.scene, self._scope, self._settings, self._pairs)
+
+    def tell(self, operator: bpy.types.Operator, context: bpy.types.Context) -> None:
+        """Tell the person what was measured."""
+        jobs.push_undo("Evaluate")  # or undo would take the results back along with the step before
+        for row in results.summary(self.scene) if self.scene is not None else ():
+            operator.report({"INFO"}, f"{row['method']}: L1 {results.number(row['l1_m'], 3)} m, "
+                                      f"coverage {results.percent(row['coverage'])}")
+        if self.scene == context.scene:
+            results.show_error_image(context, open_window=False)
 
 
 class ICYMOON_OT_evaluate(jobs.JobOperator, bpy.types.Operator):
@@ -64,24 +79,21 @@ class ICYMOON_OT_evaluate(jobs.JobOperator, bpy.types.Operator):
         ("SCENE", "This Scene", "The pairs that the present settings make"),
         ("DATASET", "Whole Data Set", "Every pair in the data set folder")), description="Which pairs to evaluate")
 
-    def _command(self, context: bpy.types.Context) -> list[str]:
-        settings = description.from_group(context.scene.icymoon)
-        dataset = dataset_folder(settings)
-        paths = [dataset] if self.scope == "DATASET" else rendered_pairs(context, settings)
+    def _command(self, settings: description.Settings, paths: Sequence[Path]) -> list[str]:
         return python_command(evaluator_python(), "stereo", "evaluate", *map(str, paths),
                               *matcher_arguments(settings), *response_arguments(settings),
                               *(["--points"] if self.scope == "SCENE" else []),
-                              "--out", str(self._out(dataset)), "--json-lines")
-
-    def _out(self, dataset: Path) -> Path:
-        return dataset / ("evaluation" if self.scope == "DATASET" else "evaluation_scene")
+                              "--out", str(results.folder_of(settings, self.scope)), "--json-lines")
 
     def start(self, context: bpy.types.Context) -> jobs.Job:
-        command = self._command(context)
-        return jobs.Job("Evaluate", Process(command, clean_environment()), hear, lambda: None)
+        settings = description.from_group(context.scene.icymoon)
+        found = [] if self.scope == "DATASET" else rendered_pairs(context, settings)
+        command = self._command(settings, found or [dataset_folder(settings)])
+        self._keeper = Keeper(context.scene, self.scope, settings, [folder.name for folder in found])
+        return jobs.Job("Evaluate", Process(command, clean_environment()), self._keeper, lambda: None)
 
     def succeeded(self, context: bpy.types.Context) -> None:
-        told(self, context)
+        self._keeper.tell(self, context)
 
 
 CLASSES = (ICYMOON_OT_evaluate,)

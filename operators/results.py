@@ -4,44 +4,168 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
 import bpy
 
+from .. import settings as description
 from ..errors import IcyMoonError
 from ..nodes.points import build_points, clear_points, find_points
+from ..properties import TOPICS, Setting, all_settings
+from ..records import NUMBER, TABLE, TEXT, Each, Maybe, fault, parsed, read_record
 from .jobs import push_undo
+from .render import dataset_folder
 
-_report: dict[str, Any] = {}
-_folder: Path | None = None
+#: Of a matcher's row in a report, what is kept with the scene.
+METRICS = ("l1_m", "l1_rate_10", "si_rmse", "dod", "coverage")
+_ROW = {"method": TEXT, **{name: Maybe(NUMBER, null=True) for name in METRICS}}
+_SHAPE = {"made": TEXT, "scope": TEXT, "pairs": Each(TEXT), "settings": Each(TABLE, TEXT), "summary": Each(_ROW)}
+_FILES = Maybe(Each({"method": TEXT, "images": Maybe(Each(TEXT, TEXT))}))
+_REPORT = {"summary": Each(_ROW), "shown": _FILES, "rows": _FILES,
+           "provenance": Maybe({"created": Maybe(TEXT), "response_overrides": Maybe(TABLE)})}
+#: How much of a text of a file is shown, and how many settings are named.
+_LONGEST, _MOST_NAMED = 40, 3
+#: Settings of how to run on which results of each scope hang nevertheless.
+_COUNT_TOO = {"DATASET": ("folder", "methods"), "SCENE": ("folder", "methods", "headings")}
 
 
-def load(folder: Path) -> None:
-    """Take in a finished evaluation: its ``summary.json``, or where there is none its whole ``report.json``."""
-    global _folder
+@dataclass(frozen=True)
+class Kept:
+    """What a scene keeps of its last evaluation: when it was made, of which scope and pairs, with which settings, and
+    a row of ``METRICS`` per matcher. It is what a file says: to be shown, never to be opened or run."""
+
+    made: str
+    scope: str
+    pairs: tuple[str, ...]
+    settings: description.Settings
+    summary: tuple[dict[str, Any], ...]
+
+
+def keep(scene: bpy.types.Scene, scope: str, settings: description.Settings, pairs: Sequence[str] = ()) -> None:
+    """Keep with a scene the evaluation that has just been written to ``folder_of`` these settings.
+
+    ``pairs`` are the ids of those that were asked for; none if it is of a whole data set. Raises IcyMoonError if it
+    cannot be read.
+    """
+    report = _read(folder_of(settings, scope))
+    for name, value in report.get("provenance", {}).get("response_overrides", {}).items():  # as it was measured indeed
+        topic, _, key = name.partition(".")
+        settings = description.merged(settings, description.check({topic: {key: value}}, "report.json"))
+    kept = {"made": _made(report), "scope": scope, "pairs": list(pairs), "settings": settings,
+            "summary": [{key: row.get(key) for key in _ROW} for row in report["summary"]]}
+    scene.icymoon.results = json.dumps(kept)
+
+
+def clear(scene: bpy.types.Scene) -> None:
+    """Forget the last evaluation of a scene."""
+    scene.icymoon.results = ""
+
+
+def kept(scene: bpy.types.Scene) -> Kept | None:
+    """What a scene keeps of its last evaluation; None if there was none, or if it cannot be read."""
+    return _parsed(scene.icymoon.results)
+
+
+@lru_cache(maxsize=8)
+def _parsed(text: str) -> Kept | None:
+    try:
+        found = parsed(text)
+    except ValueError:
+        return None
+    if fault(found, _SHAPE):
+        return None
+    return Kept(_clean(found["made"]), found["scope"], tuple(map(_clean, found["pairs"])), found["settings"],
+                tuple({**row, "method": _clean(row["method"])} for row in found["summary"]))
+
+
+def _clean(text: str) -> str:
+    return "".join(c if c.isprintable() else " " for c in text[:_LONGEST])
+
+
+def folder_of(settings: description.Settings, scope: str) -> Path:
+    """Where the evaluation of a scene ('SCENE') or a whole data set ('DATASET') is written.
+
+    Raises IcyMoonError if the data set's folder cannot be told.
+    """
+    return dataset_folder(settings) / ("evaluation" if scope == "DATASET" else "evaluation_scene")
+
+
+def summary(scene: bpy.types.Scene) -> list[dict[str, Any]]:
+    """One row of metrics per matcher of a scene's last evaluation; empty if there was none."""
+    found = kept(scene)
+    return list(found.summary) if found else []
+
+
+def differences(scene: bpy.types.Scene) -> list[str]:
+    """Labels of the settings that are not what the last evaluation was made with."""
+    found = kept(scene)
+    if found is None:
+        return []
+    present = description.shown(scene.icymoon)
+    return [_label(topic, s) for topic, s in all_settings()
+            if _counts(topic, s, found.scope)
+            and s.key in found.settings.get(topic, {}) and found.settings[topic][s.key] != present[topic][s.key]]
+
+
+def _counts(topic: str, setting: Setting, scope: str) -> bool:
+    """Whether results of a scope hang on a setting: those of a data set on none that pairs are rendered with."""
+    if setting.effect == "run":
+        return topic == "dataset" and setting.key in _COUNT_TOO.get(scope, ())
+    return scope == "SCENE" or setting.effect == "response"
+
+
+def _label(topic: str, setting: Setting) -> str:
+    return f"{TOPICS[topic].label} ▸ {setting.label}"
+
+
+def notes(scene: bpy.types.Scene) -> list[str]:
+    """What the sidebar says of a scene's last evaluation: of what and when it was, then what is not as it was."""
+    found = kept(scene)
+    if found is None:
+        return []
+    of = "Of the data set" if found.scope == "DATASET" else f"Of pair {', '.join(found.pairs[:1])}"
+    more = f" and {len(found.pairs) - 1} more" if len(found.pairs) > 1 else ""
+    said = [f"{of}{more}, {found.made.replace('T', ' ')[:16]} UTC"]
+    other = differences(scene)
+    if other:
+        rest = f" and {len(other) - _MOST_NAMED} more" if len(other) > _MOST_NAMED else ""
+        said.append(f"Measured with other settings than the present ones: {', '.join(other[:_MOST_NAMED])}{rest}. "
+                    "Evaluate again.")
+    return said
+
+
+def _read(folder: Path) -> dict[str, Any]:
+    """A finished evaluation: its ``summary.json``, or where there is none its whole ``report.json``."""
     brief = folder / "summary.json"
-    report = json.loads((brief if brief.is_file() else folder / "report.json").read_text(encoding="utf-8"))
-    _report.clear()
-    _report.update(report)
-    _folder = folder
+    path = brief if brief.is_file() else folder / "report.json"
+    try:
+        return _read_once(path, path.stat().st_mtime_ns)
+    except OSError:
+        raise IcyMoonError(f"There is no report in {folder}; press Evaluate again.") from None
 
 
-def clear() -> None:
-    """Forget the last evaluation."""
-    global _folder
-    _report.clear()
-    _folder = None
+@lru_cache(maxsize=8)
+def _read_once(path: Path, written_ns: int) -> dict[str, Any]:
+    return dict(read_record(path, _REPORT, "press Evaluate again"))
 
 
-def summary() -> list[dict[str, Any]]:
-    """One row of metrics per matcher of the last evaluation; empty if there was none."""
-    return list(_report.get("summary", []))
+def _made(report: Mapping[str, Any]) -> str:
+    return str(report.get("provenance", {}).get("created", ""))
 
 
-def report_page() -> Path | None:
-    """The HTML report of the last evaluation."""
-    return _folder / "report.html" if _folder else None
+def report_folder(scene: bpy.types.Scene) -> Path:
+    """The folder of a scene's last evaluation. Raises IcyMoonError if that is gone, or another has taken its place."""
+    found = kept(scene)
+    if found is None:
+        raise IcyMoonError("Nothing of this scene has been evaluated yet; press Evaluate.")
+    folder = folder_of({"dataset": {"folder": scene.icymoon.dataset.folder}}, found.scope)
+    if _clean(_made(_read(folder))) != found.made:
+        raise IcyMoonError(f"{folder} holds another evaluation than the one that is shown; press Evaluate again.")
+    return folder
 
 
 def number(value: float | None, digits: int) -> str:
@@ -54,41 +178,45 @@ def percent(value: float | None) -> str:
     return "-" if value is None else f"{100 * value:.1f} %"
 
 
-def _files(kind: str) -> list[tuple[str, Path]]:
+def _files(scene: bpy.types.Scene, kind: str) -> list[tuple[str, Path]]:
     """(matcher, file) of the files of a kind that are on disk, those of the best matcher first."""
-    if _folder is None:
+    try:
+        folder = report_folder(scene)
+        report = _read(folder)
+    except IcyMoonError:
         return []
-    l1 = {row["method"]: row["l1_m"] for row in summary()}
-    rows = [row for row in _report.get("shown", _report.get("rows", [])) if kind in row.get("images", {})]
-    rows.sort(key=lambda row: math.inf if l1[row["method"]] is None else l1[row["method"]])
-    paths = [(row["method"], _folder / row["images"][kind]) for row in rows]
-    return [(method, path) for method, path in paths if path.is_file()]
+    l1 = {row["method"]: row.get("l1_m") for row in report["summary"]}
+    found = [(row["method"], folder / row["images"][kind]) for row in report.get("shown", report.get("rows", []))
+             if kind in row.get("images", {}) and row["method"] in l1]
+    found.sort(key=lambda each: math.inf if l1[each[0]] is None else l1[each[0]])
+    return [(method, path) for method, path in found
+            if path.resolve().is_relative_to(folder.resolve()) and path.is_file()]
 
 
-def error_images() -> list[Path]:
+def error_images(scene: bpy.types.Scene) -> list[Path]:
     """The error images of the last evaluation that are on disk, those of the best matcher first."""
-    return [path for _, path in _files("error")]
+    return [path for _, path in _files(scene, "error")]
 
 
-def depth_images() -> list[Path]:
+def depth_images(scene: bpy.types.Scene) -> list[Path]:
     """The measured depth images of the last evaluation that are on disk, those of the best matcher first."""
-    return [path for _, path in _files("depth")]
+    return [path for _, path in _files(scene, "depth")]
 
 
-def point_files(method: str) -> list[Path]:
+def point_files(scene: bpy.types.Scene, method: str) -> list[Path]:
     """The measured surfaces of a matcher, of each pair that was evaluated."""
-    return [path for name, path in _files("points") if name == method]
+    return [path for name, path in _files(scene, "points") if name == method]
 
 
-def methods_with_points() -> list[str]:
+def methods_with_points(scene: bpy.types.Scene) -> list[str]:
     """The matchers whose measured surface can be shown, the best first."""
-    return list(dict.fromkeys(method for method, _ in _files("points")))
+    return list(dict.fromkeys(method for method, _ in _files(scene, "points")))
 
 
 def show_error_image(context: bpy.types.Context, open_window: bool) -> bool:
     """``show_images`` of the error images, with the depth images to choose from too."""
-    errors = error_images()
-    return show_images(context, [*errors, *depth_images()] if errors else [], open_window)
+    errors = error_images(context.scene)
+    return show_images(context, [*errors, *depth_images(context.scene)] if errors else [], open_window)
 
 
 def show_images(context: bpy.types.Context, paths: list[Path], open_window: bool) -> bool:
@@ -124,9 +252,10 @@ class _ResultOperator:
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        if not _report:
-            cls.poll_message_set("Nothing has been evaluated yet")  # type: ignore[attr-defined]
-        return bool(_report)
+        found = kept(context.scene) is not None
+        if not found:
+            cls.poll_message_set("Nothing of this scene has been evaluated yet")  # type: ignore[attr-defined]
+        return found
 
 
 class ICYMOON_OT_show_error(_ResultOperator, bpy.types.Operator):
@@ -136,7 +265,7 @@ class ICYMOON_OT_show_error(_ResultOperator, bpy.types.Operator):
     bl_label = "Show Error Image"
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        if not error_images():
+        if not error_images(context.scene):
             self.report({"ERROR"}, "The error images are gone from the disk; press Evaluate again.")
             return {"CANCELLED"}
         show_error_image(context, open_window=True)
@@ -151,8 +280,8 @@ class ICYMOON_OT_open_report(_ResultOperator, bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         try:
-            page = report_page()
-            if page is None or not page.is_file():
+            page = report_folder(context.scene) / "report.html"
+            if not page.is_file():
                 raise IcyMoonError("The report is gone from the disk; press Evaluate again.")
         except IcyMoonError as error:
             self.report({"ERROR"}, str(error))
@@ -181,9 +310,9 @@ class ICYMOON_OT_show_surface(_ResultOperator, bpy.types.Operator):
     method: bpy.props.StringProperty(name="Matcher", description="Whose surface; empty for the most accurate")  # type: ignore[valid-type]
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        method = self.method or next(iter(methods_with_points()), "")
+        method = self.method or next(iter(methods_with_points(context.scene)), "")
         try:
-            paths = point_files(method)
+            paths = point_files(context.scene, method)
             if not paths:
                 raise IcyMoonError("There are no measured surfaces of this evaluation; press Evaluate, which writes "
                                    "those of the present scene.")

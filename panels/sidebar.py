@@ -71,12 +71,18 @@ class ICYMOON_PT_results(Sidebar, bpy.types.Panel):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        return bool(results.summary())
+        return bool(results.summary(context.scene))
 
     def draw(self, context: bpy.types.Context) -> None:
         layout = self.layout
-        rows = results.summary()
-        grid = layout.grid_flow(row_major=True, columns=len(rows) + 1, even_columns=True, align=True)
+        rows, said = results.summary(context.scene), results.notes(context.scene)
+        first, *rest = said
+        draw_lines(layout, wrapped(first), "TIME")
+        for sentence in rest:
+            draw_lines(layout, wrapped(sentence), "ERROR")
+        table = layout.column()
+        table.active = not rest
+        grid = table.grid_flow(row_major=True, columns=len(rows) + 1, even_columns=True, align=True)
         grid.label(text="")
         for row in rows:
             grid.label(text=row["method"])
@@ -93,10 +99,10 @@ class ICYMOON_PT_results(Sidebar, bpy.types.Panel):
         buttons.operator("icymoon.open_report", icon="URL")
         buttons.operator("icymoon.show_error", text="Error Image", icon="IMAGE_DATA")
         surfaces = layout.row(align=True)
-        for method in results.methods_with_points():
+        methods = results.methods_with_points(context.scene)
+        for method in methods:
             surfaces.operator("icymoon.show_surface", text=f"Surface {method}", icon="MESH_GRID").method = method
-        surfaces.operator("icymoon.hide_surface", text="" if results.methods_with_points() else "Remove Surface",
-                          icon="X")
+        surfaces.operator("icymoon.hide_surface", text="" if methods else "Remove Surface", icon="X")
         column = layout.column(align=True)
         for meaning, icon in points.legend(context.scene):
             column.label(text=meaning, icon=icon)

@@ -35,12 +35,11 @@ def registered() -> Iterator[None]:
 def scene(registered: None) -> Iterator[object]:
     """The scene of a new, empty file, with Icy Moon registered."""
     import bpy
-    from icymoon.operators import jobs, results
+    from icymoon.operators import jobs
 
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     yield bpy.context.scene
     jobs.stop_current()
-    results.clear()
 
 
 @pytest.fixture

@@ -56,7 +56,7 @@ def started(scene, name="icymoon.render_dataset"):
     kind = {"icymoon.render_dataset": dataset.ICYMOON_OT_render_dataset,
             "icymoon.watch_dataset": dataset.ICYMOON_OT_watch_dataset}[name]
     stand_in = SimpleNamespace(bl_label=kind.bl_label)
-    stand_in._job_of = lambda process: kind._job_of(stand_in, process)
+    stand_in._job_of = lambda process, context: kind._job_of(stand_in, process, context)
     return kind.start(stand_in, SimpleNamespace(scene=scene)), stand_in
 
 
@@ -112,7 +112,7 @@ def test_it_is_evaluated_afterwards_if_asked(described, tmp_path, monkeypatch):
     described.icymoon.dataset.workers = 1
     assert bpy.ops.icymoon.render_dataset() == {"FINISHED"}
     assert (tmp_path / "set" / "evaluation" / "report.html").is_file()
-    assert results.summary()[0]["method"] == "sgbm"
+    assert results.summary(described)[0]["method"] == "sgbm"
     shown, looks = [], []
     monkeypatch.setattr(results, "show_images", lambda context, paths, open_window: shown.extend(paths))
     monkeypatch.setattr(bpy.app.timers, "register", lambda look, first_interval: looks.append(look), raising=False)

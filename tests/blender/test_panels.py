@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import json
 import time
 from types import SimpleNamespace
 
 import bpy
 import pytest
+from evaluations import ROW, evaluated
 from icymoon import preferences
 from icymoon.doctor import Finding
-from icymoon.operators import evaluator, jobs, readouts, results
+from icymoon.operators import evaluator, jobs, readouts
 from icymoon.operators.presets import preset_items
 from icymoon.operators.readouts import LINE
 from icymoon.panels import CLASSES, menu, sections, sidebar
@@ -128,13 +128,9 @@ def texts(record: list) -> str:
 
 
 @pytest.fixture
-def evaluated(tmp_path):
+def measured(scene, tmp_path):
     """The results of an evaluation, one metric of which is over no pixels."""
-    row = {"method": "bm", "l1_m": 0.123, "l1_rate_10": 0.5, "si_rmse": None, "dod": 0.25, "coverage": 0.75}
-    (tmp_path / "report.json").write_text(json.dumps({"summary": [row, {**row, "method": "sgbm"}], "rows": []}))
-    results.load(tmp_path)
-    yield
-    results.clear()
+    evaluated(scene, tmp_path, ROW, {**ROW, "method": "sgbm"})
 
 
 @pytest.fixture
@@ -157,7 +153,7 @@ def test_an_empty_file_offers_presets_and_the_three_steps(scene):
     assert drawn(sidebar.ICYMOON_PT_results) == []
 
 
-def test_every_operator_is_on_a_button_or_in_a_menu(small, evaluated, running):
+def test_every_operator_is_on_a_button_or_in_a_menu(small, measured, running):
     bpy.ops.icymoon.build_scene()
     there = {f"icymoon.{name}" for name in dir(bpy.ops.icymoon)}
     assert there - operators([*everything(), *preferences_drawn()[0]]) == set()
@@ -317,7 +313,7 @@ def test_nothing_runs_and_the_status_bar_is_left_alone(scene):
     assert status.layout.record == []
 
 
-def test_results_are_shown_with_their_units_and_a_dash_for_none(scene, evaluated):
+def test_results_are_shown_with_their_units_and_a_dash_for_none(scene, measured):
     record = drawn(sidebar.ICYMOON_PT_results)
     labels = [entry[2]["text"] for entry in record if entry[0] == "label"]
     assert {"bm", "sgbm", "0.123 m", "50.0 %", "25.0 %", "75.0 %", "-"} <= set(labels)

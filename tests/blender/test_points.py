@@ -1,11 +1,10 @@
 """The measured surface back in Blender, beside the true one."""
 
-import json
-from pathlib import Path
 
 import bpy
 import numpy as np
 import pytest
+from evaluations import evaluated
 from icymoon.errors import IcyMoonError
 from icymoon.nodes import points
 from icymoon.operators import results
@@ -158,15 +157,16 @@ def test_files_that_cannot_be_used_change_nothing(shown, tmp_path):
 
 def test_by_operator(shown, tmp_path):
     folder, _ = shown
+    (tmp_path / "evaluation_scene").mkdir()
     for name in ("right", "wrong"):
-        (tmp_path / f"{name}.ply").write_bytes((folder / f"{name}.ply").read_bytes())
+        (tmp_path / "evaluation_scene" / f"{name}.ply").write_bytes((folder / f"{name}.ply").read_bytes())
     summary = [{"method": name, "l1_m": l1, "l1_rate_10": 0, "si_rmse": 0, "dod": 0, "coverage": 1}
                for name, l1 in (("wrong", 0.3), ("right", 0.0))]
     rows = [{"method": name, "pair": "p", "images": {"points": f"{name}.ply"}} for name in ("wrong", "right")]
-    (tmp_path / "summary.json").write_text(json.dumps({"summary": summary, "shown": rows}))
-    results.load(Path(tmp_path))
+    scene = bpy.context.scene
+    evaluated(scene, tmp_path, *summary, shown=rows)
     try:
-        assert results.methods_with_points() == ["right", "wrong"]
+        assert results.methods_with_points(scene) == ["right", "wrong"]
         assert bpy.ops.icymoon.show_surface() == {"FINISHED"}
         assert points.find_points(bpy.context.scene).name.endswith("right")
         assert bpy.ops.icymoon.show_surface(method="wrong") == {"FINISHED"}
@@ -176,4 +176,4 @@ def test_by_operator(shown, tmp_path):
         assert bpy.ops.icymoon.hide_surface() == {"FINISHED"}
         assert not bpy.ops.icymoon.hide_surface.poll()
     finally:
-        results.clear()
+        results.clear(scene)

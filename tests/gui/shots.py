@@ -106,8 +106,12 @@ def built() -> None:
         bpy.ops.icymoon.build_scene()
     area().spaces.active.shading.type = "SOLID"
     row = {"method": "bm", "l1_m": 0.123, "l1_rate_10": 0.5, "si_rmse": None, "dod": 0.25, "coverage": 0.75}
-    (FOLDER / "report.json").write_text(json.dumps({"summary": [row, {**row, "method": "sgbm"}], "rows": []}))
-    module("operators.results").load(FOLDER)
+    settings().dataset.folder = str(FOLDER)
+    (FOLDER / "evaluation_scene").mkdir(exist_ok=True)
+    (FOLDER / "evaluation_scene" / "report.json").write_text(json.dumps({
+        "summary": [row, {**row, "method": "sgbm"}], "rows": [],
+        "provenance": {"created": "2038-06-01T12:00:00+00:00"}}))
+    module("operators.results").keep(bpy.context.scene, "SCENE", module("settings").from_group(settings()), ["0" * 12])
     module("operators.dataset").readout.update(plan=settings().dataset.plan, lines=[
         "12 pairs", "about 3 min and 40 MB on this machine with 1 process"])
     jobs = module("operators.jobs")
@@ -119,7 +123,7 @@ def built() -> None:
 def otherwise() -> None:
     """Other choices than the defaults: a mesh of one's own, images, planet by date, lens faults, landforms."""
     module("operators.jobs").current = None
-    module("operators.results").clear()
+    module("operators.results").clear(bpy.context.scene)
     group = settings()
     for topic, key, value in (
             ("source", "kind", "MESH"), ("source", "detail", True), ("ridges", "height_m", 1.0),

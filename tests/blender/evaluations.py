@@ -1,0 +1,30 @@
+"""Evaluations as the evaluator leaves them, for what Blender does with them."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import bpy
+from icymoon import settings as description
+from icymoon.operators import results
+
+PAIR = "0123456789ab"
+ROW = {"method": "bm", "l1_m": 0.123, "l1_rate_10": 0.5, "si_rmse": None, "dod": 0.25, "coverage": 0.75}
+
+
+def write_evaluation(folder: Path, *rows: dict, shown: list[dict] = (),
+                     created: str = "2038-06-01T12:34:56+00:00") -> None:
+    """Write what the window reads of an evaluation."""
+    folder.mkdir(exist_ok=True)
+    (folder / "report.html").write_text("<html></html>")
+    (folder / "summary.json").write_text(json.dumps({
+        "summary": rows or [ROW], "shown": list(shown), "provenance": {"created": created, "response_overrides": {}}}))
+
+
+def evaluated(scene: bpy.types.Scene, dataset: Path, *rows: dict, scope: str = "SCENE", **facts) -> None:
+    """A scene whose pair of this data set was evaluated."""
+    scene.icymoon.dataset.folder = str(dataset)
+    settings = description.from_group(scene.icymoon)
+    write_evaluation(results.folder_of(settings, scope), *rows, **facts)
+    results.keep(scene, scope, settings, [] if scope == "DATASET" else [PAIR])

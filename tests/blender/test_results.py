@@ -1,0 +1,143 @@
+"""Numbers stay with the scene that they are of, say of what and when they are, and that something is not as it was."""
+
+from __future__ import annotations
+
+import json
+
+import bpy
+import pytest
+from evaluations import PAIR, ROW, evaluated, write_evaluation
+from icymoon import settings as description
+from icymoon.errors import IcyMoonError
+from icymoon.operators import evaluate, results
+from icymoon.panels import sidebar
+
+
+def shown(scene) -> bool:
+    with bpy.context.temp_override(scene=scene):
+        return sidebar.ICYMOON_PT_results.poll(bpy.context)
+
+
+def test_they_survive_saving_and_are_none_of_another_file(scene, tmp_path):
+    evaluated(scene, tmp_path)
+    before = results.kept(scene)
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "a.blend"))
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    assert results.kept(bpy.context.scene) is None
+    assert not shown(bpy.context.scene)
+    assert not bpy.ops.icymoon.open_report.poll()
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "a.blend"))
+    assert results.kept(bpy.context.scene) == before
+    assert shown(bpy.context.scene)
+    assert results.notes(bpy.context.scene) == [f"Of pair {PAIR}, 2038-06-01 12:34 UTC"]
+    assert results.report_folder(bpy.context.scene) == tmp_path / "evaluation_scene"
+
+
+def test_each_scene_has_its_own_and_a_copy_those_of_its_settings(scene, tmp_path):
+    evaluated(scene, tmp_path)
+    other = bpy.data.scenes.new("Other")
+    assert results.kept(other) is None
+    assert not shown(other)
+    copy = scene.copy()
+    assert results.notes(copy) == results.notes(scene)
+    copy.icymoon.light.sun_elevation_deg = 33.0
+    assert len(results.notes(copy)) == 2
+    assert len(results.notes(scene)) == 1
+
+
+@pytest.mark.parametrize(("topic", "key", "value", "of_a_data_set"), [
+    ("light", "sun_elevation_deg", 33.0, False), ("terrain", "size_m", 30.0, False), ("quality", "samples", 5, False),
+    ("rig", "baseline_m", 0.3, False), ("surface", "albedo", 0.2, False), ("dataset", "headings", 2, False),
+    ("dataset", "seed", 9, False), ("sensor", "exposure_s", 0.5, True), ("sensor", "auto_exposure", False, True),
+    ("rig", "distortion_k1", 0.1, True), ("dataset", "methods", "sgbm:window=7", True)])
+def test_what_is_not_as_it_was_measured_is_said_until_it_is_set_back(scene, tmp_path, topic, key, value, of_a_data_set):
+    group = getattr(scene.icymoon, topic)
+    was = getattr(group, key)
+    for scope, counts in (("SCENE", True), ("DATASET", of_a_data_set)):
+        evaluated(scene, tmp_path, scope=scope)
+        assert len(results.notes(scene)) == 1
+        setattr(group, key, value)
+        assert (len(results.notes(scene)) == 2) == counts
+        if counts:
+            assert "Measured with other settings" in results.notes(scene)[1]
+            assert len(results.differences(scene)) == 1
+        setattr(group, key, was)
+        assert len(results.notes(scene)) == 1
+
+
+@pytest.mark.parametrize(("key", "value"), [("threads", 3), ("device", "GPU")])
+def test_how_it_runs_does_not_matter(scene, tmp_path, key, value):
+    evaluated(scene, tmp_path)
+    setattr(scene.icymoon.quality, key, value)
+    assert len(results.notes(scene)) == 1
+
+
+def test_the_response_that_was_measured_with_is_the_reports_own(scene, tmp_path):
+    """As of a data set that another Blender has left being evaluated."""
+    scene.icymoon.dataset.folder = str(tmp_path)
+    settings = description.from_group(scene.icymoon)
+    folder = results.folder_of(settings, "DATASET")
+    write_evaluation(folder)
+    report = json.loads((folder / "summary.json").read_text())
+    report["provenance"]["response_overrides"] = {"sensor.gain": 3.0}
+    (folder / "summary.json").write_text(json.dumps(report))
+    results.keep(scene, "DATASET", settings)
+    assert "Gain" in results.notes(scene)[1]
+    scene.icymoon.sensor.gain = 3.0
+    assert len(results.notes(scene)) == 1
+
+
+def test_files_of_another_evaluation_are_not_shown_as_those_of_this_one(scene, tmp_path):
+    shown_row = {"method": "bm", "images": {"points": "bm.ply", "error": "../../secret.png"}}
+    evaluated(scene, tmp_path, shown=[shown_row])
+    folder = tmp_path / "evaluation_scene"
+    for path in (folder / "bm.ply", tmp_path.parent / "secret.png"):
+        path.write_text("x")
+    assert results.methods_with_points(scene) == ["bm"]
+    assert results.error_images(scene) == []  # what is not in the folder is no image of this evaluation
+    write_evaluation(folder, shown=[shown_row], created="2039-01-01T00:00:00+00:00")
+    assert results.methods_with_points(scene) == []
+    assert results.summary(scene)[0]["l1_m"] == ROW["l1_m"]
+    with pytest.raises(IcyMoonError, match="holds another evaluation"):
+        results.report_folder(scene)
+    with pytest.raises(RuntimeError, match="holds another evaluation"):
+        bpy.ops.icymoon.open_report()
+    (folder / "summary.json").unlink()
+    with pytest.raises(RuntimeError, match="no report"):
+        bpy.ops.icymoon.open_report()
+
+
+@pytest.mark.parametrize("text", [
+    "", "{", "[]", "null", "{}", "[" * 100_000, '{"made": 1}', json.dumps({"summary": [ROW]}), "\x00",
+    json.dumps({"made": "x", "scope": "SCENE", "pairs": [1], "settings": {}, "summary": []}),
+    json.dumps({"made": "x", "scope": "SCENE", "pairs": [], "settings": {}, "summary": [{"method": ["bm"]}]})])
+def test_what_is_no_result_is_none(scene, text):
+    scene.icymoon.results = text
+    assert results.kept(scene) is None
+    assert not shown(scene)
+
+
+def test_what_a_file_says_is_text_and_leads_nowhere(scene, tmp_path):
+    evil = "/usr/bin/evil\n" * 50
+    scene.icymoon.dataset.folder = str(tmp_path)
+    scene.icymoon.results = json.dumps({"made": evil, "scope": evil, "pairs": [evil], "folder": evil, "settings": {
+        "light": {"sun_elevation_deg": evil}}, "summary": [{"method": evil, **dict.fromkeys(results.METRICS, 0.5)}]})
+    assert all(len(line) < 200 and line.isprintable() for line in results.notes(scene))
+    assert len(results.summary(scene)[0]["method"]) <= 40
+    with pytest.raises(IcyMoonError, match="no report"):
+        results.report_folder(scene)
+
+
+def test_a_scene_that_is_renamed_or_gone_meanwhile_is_found_or_left_out(scene, tmp_path):
+    scene.icymoon.dataset.folder = str(tmp_path)
+    settings = description.from_group(scene.icymoon)
+    write_evaluation(tmp_path / "evaluation_scene")
+    other = bpy.data.scenes.new("Other")
+    keepers = [evaluate.Keeper(each, "SCENE", settings, [PAIR]) for each in (scene, other)]
+    scene.name = "Renamed"
+    bpy.data.scenes.remove(other)
+    bpy.data.scenes.new("Other")
+    for keeper in keepers:
+        keeper({"type": "result", "report": "unused"})
+    assert results.kept(bpy.data.scenes["Renamed"]).pairs == (PAIR,)
+    assert results.kept(bpy.data.scenes["Other"]) is None
