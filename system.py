@@ -283,14 +283,21 @@ def run(command: Sequence[str], environment: Mapping[str, str] | None = None,
         timeout_s: float | None = None) -> subprocess.CompletedProcess[str]:
     """Run a program to its end, without a window, and hear what it says.
 
-    Raises OSError if it cannot start, and TimeoutError if it takes longer.
+    It ends, with what it has started, when we are interrupted. Raises OSError if it cannot start, and TimeoutError if
+    it takes longer.
     """
+    process = start(command, environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    begun = time.monotonic()
     try:
-        return subprocess.run(list(command), capture_output=True, encoding="utf-8", errors="replace", check=False,
-                              stdin=subprocess.DEVNULL, env=environment, timeout=timeout_s,
-                              creationflags=_NO_WINDOW if windows() else 0)
-    except subprocess.TimeoutExpired:
-        raise TimeoutError(f"{command[0]} took more than {timeout_s:g} s") from None
+        while True:  # Windows interrupts nobody who waits
+            with suppress(subprocess.TimeoutExpired):
+                said = [text.decode("utf-8", "replace") for text in process.communicate(timeout=_LOOK_S)]
+                return subprocess.CompletedProcess(list(command), process.returncode, *said)
+            if timeout_s is not None and time.monotonic() - begun > timeout_s:
+                raise TimeoutError(f"{command[0]} took more than {timeout_s:g} s")
+    finally:
+        if process.poll() is None:
+            kill_all(process)
 
 
 def start(command: Sequence[str], environment: Mapping[str, str] | None = None,
@@ -365,7 +372,8 @@ def kill_all(process: subprocess.Popen[bytes]) -> None:
     """End a program of ``start`` at once, with all that it has started, and wait until it is gone."""
     with suppress(OSError):
         if windows():
-            run(["taskkill", "/T", "/F", "/PID", str(process.pid)])
+            subprocess.run(["taskkill", "/T", "/F", "/PID", str(process.pid)], capture_output=True, check=False,
+                           creationflags=_NO_WINDOW)
             process.kill()
         else:
             os.killpg(process.pid, signal.SIGKILL)  # its group has its number, and may outlive it

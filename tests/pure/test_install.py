@@ -6,7 +6,6 @@ import hashlib
 import importlib.metadata
 import json
 import re
-import subprocess
 import sys
 import tomllib
 import zipfile
@@ -136,7 +135,7 @@ def test_the_pythons_that_install_look_into_no_current_folder(python, tmp_path):
 def python(monkeypatch):
     """Stands for the programs that are run: what each is to do, in order."""
     acts = []
-    monkeypatch.setattr(subprocess, "run", lambda command, **_: acts.pop(0)(command))
+    monkeypatch.setattr(install.system, "run", lambda command: acts.pop(0)(command))
     return acts
 
 

@@ -276,6 +276,25 @@ def test_a_program_of_ones_own_is_ended_with_all_that_it_has_started(drive):
     wait_until(lambda: not lives(child), 30.0)
 
 
+@pytest.mark.parametrize("gone", [False, True])
+def test_who_is_stopped_while_a_program_runs_ends_it_and_tidies_up(drive, gone):
+    """As an installation does: pip goes on for minutes, and half an environment would be taken for a whole one."""
+    child = "import os, time; open(" + repr(str(drive / "pid")) + ", 'w').write(str(os.getpid())); time.sleep(600)"
+    code = (f"import sys; sys.path[:0] = {sys.path!r}\nfrom icymoon import system\n"
+            f"system.obey_starter()\ntry:\n    system.run([sys.executable, '-c', {child!r}])\n"
+            f"finally:\n    open({str(drive / 'tidy')!r}, 'w').close()")
+    process = Process([sys.executable, "-c", code])
+    wait_until(lambda: (drive / "pid").exists() and bool((drive / "pid").read_text(encoding="utf-8")))
+    if gone:
+        process._process.stdin.close()  # as when we had ended
+    else:
+        process.cancel()
+    heard(process)
+    assert (drive / "tidy").exists()
+    pid = int((drive / "pid").read_text(encoding="utf-8"))
+    wait_until(lambda: not lives(pid), 30.0)
+
+
 def test_a_call_ends_with_who_called(drive):
     code = (f"import sys; sys.path[:0] = {sys.path!r}\nfrom icymoon import system\n"
             f"system.call_ours({[*talks()[:2], 'import os; print(os.getpid(), flush=True)' + chr(10) + talks()[2]]!r})")
