@@ -98,7 +98,7 @@ def main(arguments: list[str]) -> int:
         work, triangles = cost.work_of(settings), cost.triangles_of(settings)
         expected = work.seconds(triangles)
         print(f"{name:32} {triangles / 1e6:6.3f} {build_s:8.2f} {first_s:8.2f} {other_s:8.2f} "
-              f"{expected:8.2f} {size / work.pixels:9.1f} {work.bytes / work.pixels:8.1f}", flush=True)
+              f"{expected:8.2f} {size / work.pixels:9.1f} {cost.bytes_of(settings) / work.pixels:8.1f}", flush=True)
     return 0
 
 

@@ -24,7 +24,7 @@ from ..physics.terrain import terrain
 from ..settings import Settings
 from ..system import processors
 from .order import key, ordered
-from .pair import is_complete, read_pair
+from .pair import StereoCamera, is_complete, read_pair
 from .plan import PlannedPair
 
 if TYPE_CHECKING:
@@ -35,8 +35,16 @@ _START_S = 3.0
 _SCENE_S, _BUILD_S_PER_MTRI, _BLOCKS_BUILD_S = 0.2, 0.7, 0.2
 _PAIR_S, _PAIR_S_PER_MTRI = 0.05, 0.6
 _S_PER_MPX, _TRUTH_S_PER_MPX, _SAMPLE_S_PER_MPX, _DENOISE_S_PER_MPX = 2.1, 1.7, 2.06, 3.5
-#: Bytes of both files per pixel of both eyes, and what the planet's light and the denoised image add.
-_BYTES, _BYTES_PLANET, _BYTES_DENOISED = 21.0, 4.5, 12.0
+#: Bytes of a pass per pixel that shows ground, of images of 160 columns (``benchmarks/disk.py``). Light of ice in
+#: sunlight is the same in three bands, so it takes a third of what it could; samples add values, to the most.
+_DEPTH, _NORMAL, _LIGHT, _DENOISED = 4.0, 11.9, 4.2, 12.0
+_LIGHT_OF_ONE_SAMPLE, _LIGHT_PER_DOUBLING = 2.6, 0.4
+_SUN_GROUP, _PLANET_GROUP = 0.97, 0.7  # of the whole light's
+#: Normals of facets are the same on all pixels of one: with edges of e pixels on the screen they take the share
+#: 1 - exp(-a e^b) of the normals', on a grid the third number; what blocks add, with their labels, and all else takes.
+_FACETS, _FACETS_POWER, _FACETS_GRID, _BLOCK_LABELS, _REST = 10.8, -1.21, 0.9, 1.0, 0.2
+#: Neighbours in larger images are more alike: bytes of twice the columns over those of one.
+_DOUBLE_WIDTH = 0.982
 #: Cost of a sample over that with Lambert's law and shaded relief, without the relief. Bounces count for little: on
 #: open ground most paths end in the sky.
 _MODELS = {"LAMBERT": 0.75, "LOMMEL_SEELIGER": 0.75, "LUNAR_LAMBERT": 0.8, "PRINCIPLED": 0.95, "HAPKE": 2.65}
@@ -60,13 +68,12 @@ _UNKNOWN_DEVICE = math.log(30.0) / 2  # a graphics card
 @dataclass(frozen=True)
 class Work:
     """What a pair asks of the machine: pixels of both eyes, samples, cost of one relative to Lambert's law, whether
-    it is denoised, whether the planet's light is kept apart, and whether truth is a render of its own."""
+    it is denoised, and whether truth is a render of its own."""
 
     pixels: int
     samples: float
     relative: float
     denoised: bool
-    planet: bool
     truth: bool
 
     def seconds(self, triangles: float) -> float:
@@ -76,22 +83,55 @@ class Work:
             _S_PER_MPX + _TRUTH_S_PER_MPX * self.truth + _DENOISE_S_PER_MPX * self.denoised
             + self.samples * self.relative * _SAMPLE_S_PER_MPX)
 
-    @property
-    def bytes(self) -> float:
-        """Bytes of the pair's files."""
-        return self.pixels * (_BYTES + _BYTES_PLANET * self.planet + _BYTES_DENOISED * self.denoised)
 
 
 def work_of(settings: Settings) -> Work:
     """What a pair with these complete settings asks of the machine."""
-    rig, quality = settings["rig"], settings["quality"]
+    quality = settings["quality"]
     topics, share = surfaces(settings), settings["rocks"]["coverage"]
     weights = (1.0,) if len(topics) == 1 else (1.0 - share, share)
     relative = sum(weight * _sample(settings, topic) for weight, topic in zip(weights, topics, strict=True))
     relative += _BLOCKS * (share > 0)
     samples = samples_taken(quality["samples"], quality["noise_threshold"])
-    return Work(2 * rig["width_px"] * rig["height_px"], samples, relative, quality["denoiser"] != "NONE",
-                settings["light"]["planet"], quality["truth"] != "DEPTH")
+    return Work(_pixels(settings), samples, relative, quality["denoiser"] != "NONE", quality["truth"] != "DEPTH")
+
+
+def _pixels(settings: Settings) -> int:
+    """Pixels of both eyes, margins included."""
+    width, height = StereoCamera.from_settings(settings["rig"]).rendered_px
+    return 2 * width * height
+
+
+def bytes_of(settings: Settings) -> float:
+    """Bytes of the files of a pair with these complete settings, before any pair of the scene is known."""
+    quality, light = settings["quality"], settings["light"]
+    samples = samples_taken(quality["samples"], quality["noise_threshold"])
+    noisy = min(_LIGHT, _LIGHT_OF_ONE_SAMPLE + _LIGHT_PER_DOUBLING * math.log2(samples))
+    seen = _DENOISED if quality["denoiser"] != "NONE" else noisy
+    if light["planet"] or light["stars"]:
+        seen += (_SUN_GROUP + _PLANET_GROUP) * noisy
+    copies = 1 + (settings["rig"]["toe_in_deg"] != 0)  # the rectified rig's truth, and that of eyes that are turned
+    truth = _DEPTH if quality["truth"] == "DEPTH" else _DEPTH + _NORMAL + _facets(settings)
+    larger = _DOUBLE_WIDTH ** math.log2(settings["rig"]["width_px"] / 160.0)
+    return _pixels(settings) * (larger * (1.0 - sky_share(settings)) * (seen + copies * truth) + _REST)
+
+
+def _facets(settings: Settings) -> float:
+    """Bytes per pixel of the normals of facets, and of labels."""
+    graded = settings["source"]["kind"] == "PROCEDURAL" and settings["mesh"]["kind"] == "GRADED"
+    share = 1.0 - math.exp(-_FACETS * settings["mesh"]["edge_px"] ** _FACETS_POWER) if graded else _FACETS_GRID
+    return _NORMAL * share + _BLOCK_LABELS * (settings["rocks"]["coverage"] > 0)
+
+
+def sky_share(settings: Settings) -> float:
+    """Share of an image that is above the edge of the ground, were that level: the horizon, or the rim of a patch."""
+    rig, source = settings["rig"], settings["source"]
+    camera = StereoCamera.from_settings(rig)
+    endless = source["kind"] == "PROCEDURAL" and settings["mesh"]["kind"] == "GRADED"
+    down_deg = 0.0 if endless else math.degrees(math.atan2(rig["height_m"], settings["terrain"]["size_m"] / 2))
+    above = math.radians(max(-89.0, min(89.0, rig["pitch_deg"] - down_deg)))  # of the axis, below the edge
+    row = camera.cy_px - camera.focal_px * math.tan(above)
+    return min(1.0, max(0.0, (row + camera.margin_y_px) / camera.rendered_px[1]))
 
 
 def _sample(settings: Settings, topic: str) -> float:
@@ -277,9 +317,16 @@ def _learnt(ratios: Sequence[float], speed: Speed | None, gpu: bool) -> tuple[fl
     return math.exp(mean), weight**-0.5
 
 
+def bytes_left(pairs: Sequence[PlannedPair], dataset: Path, again: bool = False) -> float:
+    """Bytes that rendering these pairs writes, those that are there left out unless ``again``, and learnt from."""
+    there = {pair.id for pair in pairs if is_complete(pair.folder(dataset))}
+    left = [pair for pair in pairs if again or pair.id not in there]
+    return _bytes(pairs, left, dataset, there)
+
+
 def _bytes(pairs: Sequence[PlannedPair], left: Sequence[PlannedPair], dataset: Path | None, there: set[str]) -> float:
     """Bytes that are left to write: as many as expected, times what those that are there had over theirs."""
-    known = [(sum(float(f.get("bytes", 0)) for f in facts.get("files", {}).values()), work_of(pair.settings).bytes)
+    known = [(sum(float(f["bytes"]) for f in facts["files"].values()), bytes_of(pair.settings))
              for pair, facts in (_facts(pairs, dataset, there) if dataset is not None else ())]
-    expected = sum(work_of(pair.settings).bytes for pair in left)
+    expected = sum(bytes_of(pair.settings) for pair in left)
     return expected * sum(a for a, _ in known) / sum(b for _, b in known) if known else expected

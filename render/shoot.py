@@ -28,6 +28,7 @@ from ..nodes.scene import Built
 from ..nodes.sunlight import attune
 from ..physics.blur import Blur, blur_of
 from . import apart, passes, quality
+from .cost import bytes_left, bytes_of
 from .exr_check import is_whole
 from .exr_parts import joined
 from .exr_pixels import without_passes
@@ -40,9 +41,8 @@ from .progress import on_sample
 from .publish import discard, publish
 from .taking import taking, viewer
 
-#: Largest size on disk of one eye, uncompressed 32-bit channels: in all three renders RGBA, value passes and two
-#: light groups, in one of them depth, normals and indices.
-_BYTES_PER_PIXEL = 4 * (3 * (4 + 4 + 1 + 3 + 3) + 1 + 3 + 1 + 1)
+#: What a pair takes while it is made beside what it takes when it is there, over the latter: Blender's own files.
+_IN_PROGRESS = 1.3
 
 
 #: Most triangles that Cycles' data is kept for between two renders: half a gigabyte more than without.
@@ -95,20 +95,19 @@ def _turned(camera: bpy.types.Object, turn_deg: float) -> Iterator[None]:
             setattr(camera, key, value)
 
 
-def check_space(dataset: Path, pairs: list[PlannedPair]) -> None:
-    """Raise IcyMoonError if the folder cannot be made or its disk has no room for the pairs."""
+def check_space(dataset: Path, pairs: list[PlannedPair], again: bool = False) -> None:
+    """Raise IcyMoonError if the folder cannot be made or its disk has no room for what is left of the pairs."""
     with disk_errors("write to", dataset):
         dataset.mkdir(parents=True, exist_ok=True)
         probe = part_of(dataset / ".icymoon")
         probe.write_bytes(b"")
         system.remove(probe)
         free = shutil.disk_usage(dataset).free
-    camera = StereoCamera.from_settings(pairs[0].settings["rig"])
-    width, height = camera.rendered_px
-    needed = len(pairs) * (4 if camera.toe_in_deg else 2) * width * height * _BYTES_PER_PIXEL
+    left = bytes_left(pairs, dataset, again)
+    needed = left + _IN_PROGRESS * max(bytes_of(pair.settings) for pair in pairs) if left else 0.0
     if needed > free:
-        raise IcyMoonError(f"{dataset} has {free / 1e6:.0f} MB free, {len(pairs)} pairs may need "
-                           f"{needed / 1e6:.0f} MB; "
+        pairs_need = "1 pair may need" if len(pairs) == 1 else f"{len(pairs)} pairs may need"
+        raise IcyMoonError(f"{dataset} has {free / 1e6:.0f} MB free, {pairs_need} {needed / 1e6:.0f} MB more; "
                            "free some space, choose another folder or render fewer pixels.")
 
 

@@ -54,7 +54,7 @@ def render_in(stage: Standing | Described, pairs: list[PlannedPair], dataset: Pa
     receives ``error`` messages that name their ``pair``, and what another process is rendering is left to it;
     else IcyMoonError is raised. What the disk refuses is raised always.
     """
-    check_space(dataset, pairs)
+    check_space(dataset, pairs, again)
     claims = Claims(dataset)
     try:
         for k, planned in enumerate(pairs):

@@ -127,12 +127,52 @@ def test_before_anything_is_rendered_another_machine_is_allowed_for():
     assert "another machine" in "".join(found.lines())
 
 
+def test_bytes_are_in_proportion_to_what_is_written():
+    """Laws that hold whatever the coefficients are; ``tests/blender/test_disk.py`` holds them against pairs."""
+    def size(*changes):
+        return cost.bytes_of(described({"rig": {"pitch_deg": 85.0}}, *changes))
+
+    base = size()
+    doubled = size({"rig": {"width_px": 128, "height_px": 96}})
+    assert 3.8 < doubled / base < 4.0  # neighbours are a little more alike
+    assert size({"rig": {"overscan": 0.25}}) == pytest.approx(base * 1.5**2, rel=1e-3)
+    depth, toed = size({"quality": {"truth": "DEPTH"}}), size({"rig": {"toe_in_deg": 1.0}})
+    assert depth < 0.5 * base
+    assert base < toed < 2.0 * base  # another truth, no other light
+    assert size({"quality": {"denoiser": "OIDN"}}) > base
+    assert size({"light": {"planet": True}}) == size({"light": {"stars": True}}) > base
+    samples = [size({"quality": {"samples": n}}) for n in (1, 4, 16, 64, 1024)]
+    assert samples == sorted(samples)
+    assert samples[-1] == samples[-2]  # a value has no more digits than it has
+
+
+@pytest.mark.parametrize(("pitch_deg", "share"), [
+    # The rows above the horizon of a lens of f = 85.33 px at 160 x 120: 60 - 85.33 tan(pitch) of 120.
+    (0.0, 0.5), (10.0, 0.3746), (-20.0, 0.7588), (45.0, 0.0), (-60.0, 1.0)])
+def test_the_share_of_sky_is_that_of_a_level_ground(pitch_deg, share):
+    view = {"rig": {"width_px": 160, "height_px": 120, "pitch_deg": pitch_deg}, "mesh": {"kind": "GRADED"}}
+    assert cost.sky_share(described(view)) == pytest.approx(share, abs=1e-3)
+    patch = cost.sky_share(described(view, {"mesh": {"kind": "GRID"}}))
+    assert patch > share or share in (0.0, 1.0)
+
+
+def test_bytes_that_are_left_are_those_of_the_pairs_that_are_not_there(tmp_path):
+    pairs = pairs_of(*(described({"light": {"sun_elevation_deg": float(e)}}) for e in range(1, 5)))
+    each = cost.bytes_of(pairs[0].settings)
+    assert cost.bytes_left(pairs, tmp_path) == pytest.approx(4 * each)
+    for pair in pairs[:3]:
+        finish(tmp_path, pair, 1.0, size=each)  # twice what is expected, in two files
+    assert cost.bytes_left(pairs, tmp_path) == pytest.approx(2 * each, rel=1e-3)
+    assert cost.bytes_left(pairs, tmp_path, again=True) == pytest.approx(8 * each, rel=1e-3)
+    assert cost.estimate(pairs, tmp_path).left_bytes == cost.bytes_left(pairs, tmp_path)
+
+
 def test_what_is_there_is_learnt_from_and_taken_off(tmp_path):
     pairs = pairs_of(*(described({"light": {"sun_elevation_deg": float(e)}}) for e in range(1, 31)))
     blind = cost.estimate(pairs, tmp_path)
     expected = cost.work_of(pairs[0].settings)
     for pair in pairs[:20]:
-        finish(tmp_path, pair, 7.0 * expected.seconds(2.0 * 128**2), size=5 * expected.bytes / 2)
+        finish(tmp_path, pair, 7.0 * expected.seconds(2.0 * 128**2), size=5 * cost.bytes_of(pair.settings) / 2)
     found = cost.estimate(pairs, tmp_path)
     assert (found.pairs, found.there, found.measured) == (30, 20, 20)
     # Twenty pairs outweigh what was known before: log(7) is met within a twentieth.
@@ -140,7 +180,7 @@ def test_what_is_there_is_learnt_from_and_taken_off(tmp_path):
     assert found.factor < 1.2 < blind.factor
     # Ten pairs of thirty are left: a third, but for the scene and the start, which are paid again.
     assert 0.3 < found.left_s / found.seconds < 0.7
-    assert found.left_bytes == pytest.approx(5 * 10 * expected.bytes)
+    assert found.left_bytes == pytest.approx(5 * 10 * cost.bytes_of(pairs[0].settings), rel=1e-4)
     assert "20 of them there already" in found.lines()[0]
     assert "corrected by 20" in "".join(found.lines())
 

@@ -1,0 +1,103 @@
+"""What a pair takes on the disk, pass by pass, from which ``render/cost.py`` has its coefficients.
+
+    python benchmarks/disk.py              all
+    python benchmarks/disk.py gallery …    those whose name contains a word
+
+``disk.txt`` beside it has what was measured last.
+
+Each row is a pair: bytes of each pass over the pixels of both eyes, margins included; those of the whole pair, and what
+is expected of them. The last line says how far expectations are off. Needs Blender 5 as a module, whose files have a
+part for each pass.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+import tempfile
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+import bpy
+import icymoon
+import numpy as np
+from icymoon import settings as description
+from icymoon.nodes.scene import build
+from icymoon.render import cost
+from icymoon.render.exr_parts import pieces
+from icymoon.render.plan import expand
+from icymoon.render.worker import render_pairs
+
+SMALL: dict[str, Any] = {"rig": {"width_px": 160, "height_px": 120},
+                         "quality": {"samples": 16, "noise_threshold": 0.0, "denoiser": "NONE"}}
+#: What is varied about ``SMALL`` with the default scene, each alone.
+ROWS: dict[str, dict[str, Any]] = {
+    **{f"{n} samples": {"quality": {"samples": n}} for n in (1, 4, 16, 64)},
+    **{f"{w} x {h}": {"rig": {"width_px": w, "height_px": h}, "quality": {"samples": 1}}
+       for w, h in ((320, 240), (640, 480), (1280, 960))},
+    "mesh of 4 px": {"mesh": {"error_px": 2.0, "edge_px": 4.0}},
+    "mesh of 24 px": {"mesh": {"error_px": 4.0, "edge_px": 24.0}},
+    "grid": {"mesh": {"kind": "GRID"}, "terrain": {"resolution": 513}},
+    "denoised": {"quality": {"denoiser": "OIDN"}},
+    "depth alone": {"quality": {"truth": "DEPTH"}},
+    "planet": {"light": {"planet": True, "planet_elevation_deg": 40.0}},
+    "toe-in": {"rig": {"toe_in_deg": 1.0}}, "overscan": {"rig": {"overscan": 0.1}},
+    "depth of field": {"rig": {"focus_distance_m": 3.0}},
+    "no relief": {"surface": {"grain_amplitude_m": 0.0}},
+    "blocks": {"rocks": {"coverage": 0.2}}, "images": {"textures": {"set": "FROST"}},
+    **{f"pitch {pitch:g}": {"rig": {"pitch_deg": pitch}} for pitch in (-60.0, -20.0, 0.0, 10.0)},
+}
+
+
+def measured(settings: description.Settings, folder: Path) -> tuple[Counter[str], float, float]:
+    """Bytes by pass and in all, of a pair, and the share of sky in it."""
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    pair = expand(description.merged(settings, {"dataset": {"headings": 1}}))[0]
+    render_pairs(build(bpy.context.scene, settings), [pair], folder, 1, 0.0, lambda kind, **facts: None)
+    sizes: Counter[str] = Counter()
+    total = 0.0
+    for file in pair.folder(folder).glob("*.exr"):
+        data = file.read_bytes()
+        total += len(data)
+        for piece in pieces(data):
+            sizes[piece.name.split("-")[0]] += sum(map(len, piece.chunks))
+    return sizes, total, _sky(pair.folder(folder))
+
+
+def _sky(folder: Path) -> float:
+    from icymoon.render.pair import read_pair
+    from icymoon.stereo.exr import read_truth
+
+    pair = read_pair(folder)
+    return float(np.mean([np.isnan(read_truth(pair.truth_as_taken(eye)).depth).mean() for eye in ("left", "right")]))
+
+
+def main(arguments: list[str]) -> int:
+    ratios = []
+    rows = {name: (changes,) for name, changes in ROWS.items()}
+    for preset in (*description.preset_names("gallery"), *description.preset_names("scenes")):
+        rows[preset] = (description.load(description.preset_path(preset)), SMALL)  # its own scene, seen small
+    for name, parts in rows.items():
+        if arguments and not any(word.lower() in name.lower() for word in arguments):
+            continue
+        first = () if len(parts) > 1 else (SMALL,)
+        settings = description.merged(description.defaults(), *first, *(
+            description.check(part, "benchmark") for part in parts))
+        with tempfile.TemporaryDirectory() as folder:
+            sizes, total, sky = measured(settings, Path(folder))
+        pixels, expected = cost.work_of(settings).pixels, cost.bytes_of(settings)
+        passes = " ".join(f"{name.split('.')[-1].replace(' ', '')} {size / pixels:.2f}"
+                          for name, size in sorted(sizes.items()))
+        ratios.append(expected / total)
+        print(f"{name:34} {total / pixels:6.2f} {expected / pixels:6.2f} {ratios[-1]:5.2f} "
+              f"sky {sky:.2f} ({cost.sky_share(settings):.2f}) {passes}", flush=True)
+    print(f"expected over measured: {min(ratios):.2f} to {max(ratios):.2f}, mean {np.mean(ratios):.3f}")
+    return 0
+
+
+if __name__ == "__main__":
+    icymoon.register()
+    status = main(sys.argv[1:])
+    sys.stdout.flush()
+    os._exit(status)
