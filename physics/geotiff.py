@@ -72,7 +72,7 @@ def read(path: Path) -> GeoTiff:
     except UnreadError as error:
         raise IcyMoonError(f"{path}: {error}") from None
     except (struct.error, zlib.error, lzma.LZMAError, ElementTree.ParseError, EOFError, KeyError, IndexError,
-            ValueError) as error:
+            ValueError, TypeError, OverflowError) as error:  # the last two of tags of another type than they have
         raise IcyMoonError(f"{path}: is not a whole TIFF file ({error}); copy it again or {MEND}") from None
 
 

@@ -135,7 +135,8 @@ def pixels(data: bytes, image: Directory) -> tuple[np.ndarray, np.dtype[Any]]:
         if len(block) < length:
             raise ValueError(f"a tile or strip of {len(block)} bytes")
         values = _unpredicted(block[:length], (tall, width), number, image.number(317, 1))
-        grid[top:top + height, left:left + width] = values[:rows - top, :columns - left]
+        with np.errstate(invalid="ignore"):  # a number that is none stays none
+            grid[top:top + height, left:left + width] = values[:rows - top, :columns - left]
     return grid, number
 
 

@@ -154,6 +154,20 @@ def test_sizes_beyond_reason_are_refused_before_memory_is_taken(tmp_path, tag):
         geotiff.read(path)
 
 
+@pytest.mark.parametrize("tag", [256, 273, 279, 34735, 34736, 34737, 42112, 42113])
+@pytest.mark.parametrize("kind", [2, 12, 16])
+def test_a_tag_of_another_type_is_a_sentence(tmp_path, tag, kind):
+    """As text, as fractions, or as numbers larger than any place in memory."""
+    data = bytearray((DATA / "scaled.tif").read_bytes())
+    start = int.from_bytes(data[4:8], "little")
+    for at in range(start + 2, start + 2 + 12 * int.from_bytes(data[start:start + 2], "little"), 12):
+        if int.from_bytes(data[at:at + 2], "little") == tag:
+            data[at + 2:at + 4] = kind.to_bytes(2, "little")
+    (tmp_path / "b.tif").write_bytes(data)
+    with contextlib.suppress(IcyMoonError):
+        geotiff.read(tmp_path / "b.tif")
+
+
 def test_directories_in_a_circle_end(tmp_path):
     data = bytearray(small(tmp_path).read_bytes())
     start = int.from_bytes(data[4:8], "little")
