@@ -69,7 +69,7 @@ class TruthOffsets:
     """What makes the truth of both eyes agree: each as if it were the only thing that is wrong."""
 
     shift_px: Estimate = Estimate()  # of the right eye along the rows
-    scale: Estimate = Estimate()  # by how much f·B is too large, relative
+    scale: Estimate = Estimate()  # by how much f·B is too large, as a part of what is stated
     rows_px: Estimate = Estimate()  # of the right eye along the columns
     likeliest: str = "shift_px"  # the one that leaves the least
 

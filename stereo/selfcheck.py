@@ -110,8 +110,7 @@ def _truth_problems(truth: TruthOffsets) -> Iterator[str]:
     if any(getattr(truth, name).exceeds(limit, ERRORS) for name, limit in TRUTH_LIMITS.items()):
         value = getattr(truth, truth.likeliest).value
         yield {"shift_px": f"the depth of the right eye fits that of the left one when shifted by {value:+.2f} px",
-               "scale": f"the depths of the eyes fit each other when f·B is {-100 * value / (1 + value):+.2f} % "
-                        "different",
+               "scale": f"the depths of the eyes fit each other when f·B is {-100 * value:+.2f} % different",
                "rows_px": f"the depth of the right eye fits that of the left one when shifted by {value:+.2f} rows",
                }[truth.likeliest]
 

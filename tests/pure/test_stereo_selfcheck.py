@@ -210,9 +210,9 @@ def test_where_nothing_can_be_told_nothing_is_wrong(level):
 
 
 def test_the_truth_says_what_is_wrong():
-    """Injected faults are read back: f·B to a hundredth of the 1 %, shifts to a hundredth of a pixel."""
+    """Injected faults are read back: f·B to a thousandth of the 1 %, shifts to a hundredth of a pixel."""
     left, right = (eye.depth for eye in eyes(pairs.Scene(slope_x=0.3)))
-    assert truth_offsets(left, right, scaled(1.01)).scale.value == pytest.approx(0.01, abs=2e-4)
+    assert truth_offsets(left, right, scaled(1.01)).scale.value == pytest.approx(1 - 1 / 1.01, abs=1e-5)
     assert truth_offsets(left, half_between(right), RIG).shift_px.value == pytest.approx(0.5, abs=0.01)
     assert truth_offsets(left, np.roll(right, -1, 0), RIG).rows_px.value == pytest.approx(-1.0, abs=0.01)
 
