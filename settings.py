@@ -303,11 +303,13 @@ def header_of(path: Path, name: str) -> tuple[str, str]:
     return str(header.get("title", name)), str(header.get("description", ""))
 
 
-def preset_text(title: str, told: str, settings: Settings) -> str:
-    """A preset file that ``load`` reads back, and that says which version wrote it."""
+def preset_text(title: str, told: str, settings: Settings, sources: Mapping[str, str]) -> str:
+    """A preset file that ``load`` reads back, and that says which version wrote it and, by ``topic.key``, where its
+    values are from."""
     header = {"title": title, "description": told, "made_with": version()}
     lines = ["[preset]", *(f"{key} = {_toml_value(value)}" for key, value in header.items()), ""]
-    return "\n".join(lines) + "\n" + to_toml(settings)
+    told_sources = [f"{_toml_value(name)} = {_toml_value(source)}" for name, source in sources.items()]
+    return "\n".join(lines) + "\n" + to_toml(settings) + "\n".join(["[sources]", *told_sources, ""])
 
 
 def override(text: str) -> Settings:

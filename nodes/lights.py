@@ -12,7 +12,7 @@ from ..physics.geometry import focal_px
 from ..physics.light import sun_colour
 from ..physics.requires import planet_lights
 from ..physics.saturn_rings import rings
-from ..physics.sky import Sky, facts
+from ..physics.sky import Sky, check_body, facts
 from ..physics.sky import sky as sky_of
 from ..physics.stars import stars
 from ..settings import Settings
@@ -27,7 +27,9 @@ ROLES = ("planet", "planetshine", "rings", "stars")
 
 
 def described_sky(settings: Settings) -> Sky:
-    """The sky that settings describe. Raises IcyMoonError if a date or kernels cannot give it."""
+    """The sky that settings describe. Raises IcyMoonError if a date or kernels cannot give it, or give another
+    body's."""
+    check_body(settings)
     return sky_of(settings["light"], str(Path(bpy.data.filepath).parent) if bpy.data.filepath else None)
 
 

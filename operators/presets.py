@@ -15,6 +15,7 @@ from ..files import disk_errors, write_text
 from ..nodes.own_files import with_absolute_files
 from ..preferences import extension_folder
 from ..render.quality import lacking_here
+from ..sources import BY_HAND, DEFAULT, origins
 from ..system import name_fault, remove
 from . import asking
 
@@ -71,6 +72,21 @@ def title_of(name: str) -> str:
     return found or "Choose a Preset"
 
 
+def kept_sources(settings: description.Settings, preset: str) -> dict[str, str]:
+    """The source of each setting by ``topic.key``, as far as one is known: of the person's preset that was loaded last
+    where the value is still its own, else of a shipped preset that states it."""
+    whole = description.merged(description.defaults(), settings)
+    found = {origin.name: origin.source for origin in origins(whole)
+             if origin.preset not in (DEFAULT, BY_HAND) and origin.name.partition(".")[0] in settings}
+    path = own_presets().get(preset)
+    if path is None:
+        return found
+    stated, own = description.load(path), description.read_toml(path).get("sources", {})
+    kept = {f"{topic}.{key}" for topic, values in stated.items() for key, value in values.items()
+            if whole[topic][key] == value}
+    return found | {name: str(source) for name, source in own.items() if name in kept}
+
+
 class ICYMOON_OT_load_preset(asking.Searched, bpy.types.Operator):
     """Load a preset; a scene preset sets everything but the data set, others set their part"""
 
@@ -125,7 +141,8 @@ class ICYMOON_OT_add_preset(bpy.types.Operator):
                 raise IcyMoonError(f"The preset's name is {self.title!r}; give it a name with letters or digits.")
             wanted = with_absolute_files(description.from_group(group))
             wanted.pop("dataset")
-            write_text(own_folder() / f"{stem}.toml", description.preset_text(self.title, "A preset of yours", wanted))
+            write_text(own_folder() / f"{stem}.toml", description.preset_text(
+                self.title, "A preset of yours", wanted, kept_sources(wanted, group.preset)))
         except IcyMoonError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}

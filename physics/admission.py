@@ -22,7 +22,7 @@ from .photometry import hemispherical_albedo
 from .requires import surfaces
 from .sites import Standing, standing
 from .sizes import size_law
-from .sky import sky
+from .sky import check_body, sky
 
 Settings = Mapping[str, Mapping[str, Any]]
 
@@ -149,11 +149,12 @@ def refuse_no_blocks(rocks: Mapping[str, Any], size_m: float, size_is: str) -> N
 
 
 def _of_sky(settings: Settings) -> Iterator[Reason]:
-    if settings["light"]["directions_from"] == "DATE":  # kernels are read where SpiceyPy is, and know what they hold
-        try:
+    try:
+        check_body(settings)
+        if settings["light"]["directions_from"] == "DATE":  # kernels are read where SpiceyPy is
             sky(settings["light"])
-        except IcyMoonError as error:
-            yield Reason(str(error), "light.date_utc", "light.body")
+    except IcyMoonError as error:
+        yield Reason(str(error), "light.date_utc", "light.body", "terrain.body_radius_m")
 
 
 def of_eyes(ground: Standing, rigs: Sequence[Mapping[str, Any]]) -> list[Reason | None]:

@@ -13,8 +13,10 @@ from typing import Any
 
 import numpy as np
 
+from ..errors import IcyMoonError
 from ..files import absolute_path
 from . import ephemeris, spice
+from .bodies import BODIES
 from .directions import toward
 from .eclipse import hidden_share
 from .ephemeris import Positions
@@ -88,6 +90,24 @@ def _above(axis: np.ndarray, direction: np.ndarray) -> float:
 def azimuth_deg(direction: np.ndarray) -> float:
     """Angle of a direction from north over east, 0 to 360."""
     return math.degrees(math.atan2(direction[0], direction[1])) % 360.0
+
+
+#: By how much the mean radius of a described body may be off that of the body whose sky a date gives. No other round
+#: moon is as near: Miranda is 6 % smaller than Enceladus, the Moon 11 % larger than Europa.
+_RADIUS_DOUBT = 0.05
+
+
+def check_body(settings: Mapping[str, Mapping[str, Any]]) -> None:
+    """Raise IcyMoonError if a date would give the ground of one body the sky of another."""
+    light, radius_km = settings["light"], settings["terrain"]["body_radius_m"] / 1000.0
+    body = BODIES.get(light["body"].strip().upper())
+    if light["directions_from"] == "ANGLES" or body is None:
+        return
+    own_km = math.prod(body.radii_km) ** (1 / 3)
+    if abs(radius_km / own_km - 1) > _RADIUS_DOUBT:
+        raise IcyMoonError(f"light.body is {light['body']}, which has a radius of {own_km:.0f} km, but "
+                           f"terrain.body_radius_m is that of a body of {radius_km:.0f} km, which has another sky; set "
+                           "light.body to what this is, with kernels, or light.directions_from to ANGLES.")
 
 
 def sky(light: Mapping[str, Any], blend_folder: str | None = None) -> Sky:

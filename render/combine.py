@@ -26,8 +26,9 @@ from .toml_lines import Place
 
 #: Grounds that a plan is checked on before it is rendered.
 MOST_GROUNDS = 200
-#: Topics that ``admission.of_settings`` asks, with terrain.size_m.
+#: Topics that ``admission.of_settings`` asks, and what it asks of the terrain.
 _OF_SETTINGS = ("source", "surface", "rock_surface", "hapke", "textures", "rocks", "light")
+_OF_TERRAIN = ("size_m", "body_radius_m")
 _GEOMETRY = [(topic, s.key) for topic, s in all_settings() if s.effect == "geometry"]
 
 
@@ -230,7 +231,8 @@ def _refused(made: list[_Made], grounds: _Grounds) -> list[IcyMoonError | None]:
     looked_at = some_grounds([each.settings for each in made])
     for k, each in enumerate(made):
         _check_files_once(each, seen)
-        key = json.dumps([each.settings[topic] for topic in _OF_SETTINGS] + [each.settings["terrain"]["size_m"]])
+        key = json.dumps([each.settings[topic] for topic in _OF_SETTINGS]
+                         + [each.settings["terrain"][name] for name in _OF_TERRAIN])
         if key not in known:
             known[key] = admission.of_settings(each.settings)
         found.append(list(known[key]))

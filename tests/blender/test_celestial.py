@@ -164,8 +164,8 @@ def test_rings_give_the_ground_nothing_and_go_when_they_are_below():
         assert not [item for item in bpy.data.objects if "Rings" in item.name]
         assert not [m for m in bpy.data.materials if "Rings" in m.name]
         assert not built.edited
-    built = scenes.build(empty_scene(), complete({"light": {"directions_from": "DATE", "body": "EUROPA", "planet": True,
-                                                            "planet_rings": True}}))
+    built = scenes.build(empty_scene(), complete({"terrain": {"body_radius_m": 1.5608e6}, "light": {
+        "directions_from": "DATE", "body": "EUROPA", "planet": True, "planet_rings": True}}))
     assert "Only Saturn's rings" in " ".join(built.warnings)
 
 

@@ -41,6 +41,30 @@ def test_a_preset_of_ones_own_comes_back_as_it_was(scene, own):
     assert settings.load(own / "zürich_2nd_try.toml") == before, "the command line reads it too"
 
 
+def test_a_preset_of_ones_own_says_where_its_values_are_from(scene, own):
+    own.mkdir(parents=True, exist_ok=True)
+    (own / "ganymede.toml").write_text("""[preset]
+include = ["bodies/europa"]
+[terrain]
+body_radius_m = 2631200.0
+[rocks]
+coverage = 0.07
+[sources]
+"terrain.body_radius_m" = "Archinal et al. 2018, \\"mean\\""
+"rocks.coverage" = "Counted"
+""", encoding="utf-8")
+    bpy.ops.icymoon.load_preset(preset="own/ganymede")
+    scene.icymoon.rocks.coverage = 0.08  # which the source does not speak of
+    scene.icymoon.light.planet_albedo = 0.123
+    assert bpy.ops.icymoon.add_preset(title="Again") == {"FINISHED"}
+    sources = settings.read_toml(own / "again.toml")["sources"]
+    assert sources["terrain.body_radius_m"] == 'Archinal et al. 2018, "mean"'
+    assert "Celest" not in sources["terrain.body_radius_m"]
+    assert sources["light.sun_irradiance_wm2"].startswith("1361 W/m²")
+    assert not {"rocks.coverage", "light.planet_albedo"} & set(sources)
+    assert settings.load(own / "again.toml")["rocks"]["coverage"] == pytest.approx(0.08)
+
+
 def test_removing_a_preset_of_ones_own(scene, own):
     bpy.ops.icymoon.add_preset(title="Gone")
     assert bpy.ops.icymoon.remove_preset.poll()

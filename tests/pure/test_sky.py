@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from icymoon import settings
+from icymoon.errors import IcyMoonError
 from icymoon.physics.eclipse import hidden_share
 from icymoon.physics.light import apparent_diameter_deg, sun_colour, sun_diameter_deg, sun_irradiance_wm2
 from icymoon.physics.planetshine import (
@@ -17,7 +18,8 @@ from icymoon.physics.planetshine import (
     lambert_phase,
     phase_function,
 )
-from icymoon.physics.sky import azimuth_deg, elevation_deg, facts, sky
+from icymoon.physics.sky import azimuth_deg, check_body, elevation_deg, facts, sky
+from icymoon.render.sweep import read_plan
 
 pytestmark = pytest.mark.filterwarnings("error")
 
@@ -231,3 +233,56 @@ def test_every_scene_preset_has_light():
         shown = sky(settings.merged(settings.defaults(), settings.load(settings.preset_path(name)))["light"])
         assert shown.eclipse == 0.0, name
         assert sum(shown.ground_irradiance_wm2) > (0.05 if name.endswith("shine") else 1.0), name
+
+
+def described(*parts):
+    return settings.merged(settings.defaults(), *parts)
+
+
+@pytest.mark.parametrize("name", ["europa", "enceladus"])
+def test_a_body_has_the_same_planet_in_its_sky_by_angles_and_by_date(name):
+    """But for what the planet swings, twice the eccentricity of the orbit and more (``ephemeris``), and for the lean
+    of the ellipsoid's normal, which angles know not: 1.1° and 0.1° on Europa, 0.8° and 0.7° at 80° south on
+    Enceladus. Of its apparent size the eccentricity, a hundredth and a two-hundredth, is left, and half of the moon."""
+    light = described(settings.load(settings.preset_path(f"bodies/{name}")))["light"]
+    by_angles = facts(sky(light))["planet"]
+    for day in range(0, 400, 9):
+        date = str(np.datetime64("2031-01-01T00:00") + np.timedelta64(day * 1440 + 61 * day, "m"))
+        by_date = facts(sky({**light, "directions_from": "DATE", "date_utc": date}))["planet"]
+        off = math.degrees(math.acos(min(1.0, np.dot(by_date["direction_to_world"], by_angles["direction_to_world"]))))
+        assert off < 1.5
+        assert by_date["angular_diameter_deg"] == pytest.approx(by_angles["angular_diameter_deg"], rel=0.015)
+
+
+GANYMEDE = {"terrain": {"body_radius_m": 2631200.0}}
+
+
+@pytest.mark.parametrize("way", ["DATE", "KERNELS"])
+@pytest.mark.parametrize(("body", "other"), [("europa", "enceladus"), ("enceladus", "europa")])
+def test_ground_of_one_body_gets_no_sky_of_another(way, body, other):
+    dated = {"light": {"directions_from": way}}
+    of_body, of_other = (settings.load(settings.preset_path(f"bodies/{name}")) for name in (body, other))
+    check_body(described(of_body, dated))
+    for ground in (GANYMEDE, {"terrain": of_other["terrain"]}):
+        check_body(described(of_body, ground))  # at angles, the sky is what is stated
+        with pytest.raises(IcyMoonError, match=r"light\.body is E.* another sky; set light\.body to what this is"):
+            check_body(described(of_body, ground, dated))
+    check_body(described(of_body, GANYMEDE, dated, {"light": {"body": "GANYMEDE"}}))  # which kernels know
+
+
+def test_the_manuals_ganymede_has_no_europas_sky(tmp_path):
+    page = (settings.PRESETS.parent / "docs" / "howto" / "another-body.md").read_text(encoding="utf-8")
+    (tmp_path / "ganymede.toml").write_text(page.split("```toml\n")[1].split("```")[0], encoding="utf-8")
+    found = described(settings.load(tmp_path / "ganymede.toml"), {"light": {"directions_from": "DATE"}})
+    check_body(found)
+    with pytest.raises(IcyMoonError, match="'GANYMEDE'; without kernels only ENCELADUS and EUROPA"):
+        sky(found["light"])
+
+
+def test_a_plan_refuses_such_ground_in_each_of_its_sweep(tmp_path):
+    """One description after the other, of which only the radius differs."""
+    (tmp_path / "plan.toml").write_text('[plan]\ninclude = ["bodies/europa"]\n[light]\ndirections_from = "DATE"\n'
+                                        '[[sweep]]\nkind = "grid"\nterrain.body_radius_m = [1.5608e6, 2.6312e6]\n',
+                                        encoding="utf-8")
+    (said,) = read_plan(tmp_path / "plan.toml").refused().values()
+    assert "of a body of 2631 km, which has another sky" in said
