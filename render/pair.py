@@ -174,18 +174,20 @@ class Pair:
 
 
 _MEND = "delete the folder and render the pair again"
+#: What says which settings a pair has, and of which version.
+_STATED = {"settings": Each(TABLE, TEXT), "versions": Maybe(Each(TEXT, TEXT))}
 _FILES = {"files": Each({"bytes": COUNT, "sha256": SHA256}, FILE_NAME, _IMAGES)}
 _BOTH_EYES = Maybe(dict.fromkeys(EYES, MATRIX))
 _NUMBERS = Maybe(Each(NUMBER, TEXT))
 #: What ``pair.json`` holds, as far as anything here reads it; of the settings see ``settings.check``.
 _SHAPE = {
-    "format": TEXT, "version": COUNT, "id": TEXT, "settings": Each(TABLE, TEXT), **_FILES,
+    "format": TEXT, "version": COUNT, "id": TEXT, **_STATED, **_FILES,
     "camera": {"width_px": PIXELS, "height_px": PIXELS, "focal_px": POSITIVE, "cx_px": NUMBER, "cy_px": NUMBER,
                "baseline_m": POSITIVE, "margin_x_px": Maybe(COUNT), "margin_y_px": Maybe(COUNT),
                "toe_in_deg": Maybe(NUMBER)},
     "poses_camera_to_world": _BOTH_EYES, "poses_rectified_to_world": _BOTH_EYES,
     "edited_by_hand": Maybe(FLAG), "own_files_sha256": Maybe(TEXT), "left_out": Maybe(Each(TEXT)),
-    "seeds": Maybe(Each(WHOLE, TEXT)), "versions": Maybe(Each(TEXT, TEXT)),
+    "seeds": Maybe(Each(WHOLE, TEXT)),
     "device": Maybe(TEXT), "denoiser": Maybe(TEXT), "platform": Maybe(TEXT), "osl": Maybe(FLAG),
     "light": Maybe(TABLE), "blur": Maybe(TABLE, null=True), "seconds": _NUMBERS, "cpu_seconds": _NUMBERS,
     "peak_memory_mib": Maybe(NUMBER, null=True)}
@@ -253,7 +255,7 @@ def restate(folder: Path, settings: Settings) -> None:
     """
     path = folder / "pair.json"
     before = _text(path)
-    data = checked(_parsed(path, before), {"settings": Each(TABLE, TEXT)}, path, _MEND)
+    data = checked(_parsed(path, before), _STATED, path, _MEND)
     # As it is read: what came after it was written is no difference.
     stated = restored(data["settings"], str(path), data.get("versions", {}).get("icymoon", ""))
     now = merged(data["settings"], response(settings))
