@@ -17,6 +17,16 @@ from types import TracebackType
 _PROGRAMS = {"stereo": "stereo.cli", "worker": "render.worker", "probe": "render.probe", "install": "install"}
 #: Those that run in Blender.
 _IN_BLENDER = {"worker", "probe"}
+#: Pythons that Blender as a module is made for, see pyproject.toml; the least that anything here runs on.
+_WITH_BLENDER, _LEAST = ((3, 11), (3, 13)), (3, 11)
+
+
+def no_blender() -> str:
+    """What to do in a Python that has no Blender, as a sentence."""
+    if sys.version_info[:2] in _WITH_BLENDER:
+        return f"{sys.executable} has no Blender; give one with --blender, or pip install icymoon[blender]."
+    return (f"{sys.executable} is Python {sys.version_info[0]}.{sys.version_info[1]}, for which there is no Blender as "
+            "a module; give a Blender with --blender, or use Python 3.11 or 3.13 and pip install icymoon[blender].")
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -27,8 +37,7 @@ def main(arguments: list[str] | None = None) -> int:
     system.obey_starter(at_once=arguments[:1] == ["worker"])  # which may be busy for minutes, and leaves nothing
     if arguments and arguments[0] in _PROGRAMS:
         if arguments[0] in _IN_BLENDER and "bpy" not in sys.modules and importlib.util.find_spec("bpy") is None:
-            importlib.import_module("icymoon.render.queue").emit("error", message=(
-                f"{sys.executable} has no Blender; give one with --blender, or pip install icymoon[blender]."))
+            importlib.import_module("icymoon.render.queue").emit("error", message=no_blender())
             return 1
         with system.quiet_interrupts():
             program = importlib.import_module(f"icymoon.{_PROGRAMS[arguments[0]]}")
@@ -65,8 +74,16 @@ def _arguments() -> list[str]:
 
 
 if __name__ == "__main__":
+    if sys.version_info < _LEAST:
+        sys.exit(f"icymoon: needs Python 3.11 or later, this is {sys.version.split()[0]}; run it with a later one.")
     sys.excepthook = _end_quietly
     if not __package__:
         sys.path[:] = [p for p in sys.path if Path(p or ".").resolve() != Path(__file__).resolve().parent]
         _load_package()
-    sys.exit(main(_arguments()))
+    try:
+        sys.exit(main(_arguments()))
+    except ModuleNotFoundError as error:
+        if error.name not in ("numpy", "rich"):
+            raise
+        sys.exit(f"icymoon: {sys.executable} lacks {error.name}; run make, which makes an environment in .venv, or in "
+                 f"the folder of icymoon: {sys.executable} -m pip install .")
