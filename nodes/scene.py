@@ -46,11 +46,12 @@ from .built import (
     measured_roughness,
 )
 from .composition import mark_elevation
-from .fingerprint import NAME, TAG, instanced, parts
+from .fingerprint import NAME, TAG, built_objects, instanced, parts
 from .ground import OwnGround, is_own, own_ground
+from .keep import claim, claimed_elsewhere, claims, keep, succeed
 from .light import build_sky
+from .lights import ROLES, build_lights, described_sky
 from .lights import advice as light_advice
-from .lights import build_lights, described_sky
 from .materials import ground_material, rock_material
 from .own_files import content
 from .probe import heights_of
@@ -62,8 +63,10 @@ from .terrain import as_meshed, build_mesh, grid_heights, measured, patch_height
 #: With what is built here, all that others ask of a scene.
 __all__ = ["NAME", "NOTES", "PREVIEW", "SITE", "Built", "build", "changed_settings", "clear", "extra", "find",
            "find_collection", "free_names", "ground_of", "measured_patch", "measured_roughness", "remove",
-           "site_ground_m", "sun_shines"]
+           "settle", "shares", "site_ground_m", "sun_shines"]
 
+#: The roles of objects that are built into a collection.
+OBJECTS = ("terrain", "sun", "camera", "rock", *ROLES)
 
 
 def ground_of(settings: Settings) -> Terrain:
@@ -164,21 +167,19 @@ def _make(settings: Settings) -> tuple[list[bpy.types.Object], bpy.types.World, 
     return objects, _tagged(build_sky(f"{NAME} Sky"), "sky"), warnings, own, site_m
 
 
-def _adopt_children(collection: bpy.types.Collection, old: list[bpy.types.Object],
-                    new: list[bpy.types.Object]) -> None:
-    """Keep the person's objects attached to the new camera, Sun or ground as they were to the old."""
-    successor = {item[TAG]: item for item in reversed(new)}
+def _adopt_children(gone: list[bpy.types.Object], terrain: bpy.types.Object) -> None:
+    """Attach the person's objects to the ground that were attached to what is not built any more."""
     for item in bpy.data.objects:
-        if item.parent in old and item not in old:
+        if item.parent in gone and item not in gone:
             inverse = item.matrix_parent_inverse.copy()
-            item.parent = successor.get(item.parent[TAG], successor["terrain"])
+            item.parent = terrain
             item.matrix_parent_inverse = inverse
 
 
 def sun_shines(collection: bpy.types.Collection) -> None:
     """Make surfaces, lamps and window agree, after any of them has changed: the surfaces know where Sun and planet are,
     a lamp lights only what does not trace it, and the scenes use Open Shading Language if a surface needs it."""
-    objects = [item for item in collection.all_objects if TAG in item]
+    objects = list(built_objects(collection).values())
     lamp = next(item for item in objects if item[TAG] == "sun")
     shine = next((item for item in objects if item[TAG] == "planetshine"), None)
     used = {item: materials_of(with_parts([item])[0]) for item in objects}
@@ -202,14 +203,113 @@ def sun_shines(collection: bpy.types.Collection) -> None:
             scene.cycles.shading_system = bool(collection.get(PREVIOUS_OSL, False)) or bool(of_osl)
 
 
+def _refuse_editing(ours: list[bpy.types.Object]) -> None:
+    """Raise IcyMoonError if what is to be made anew is being edited."""
+    for item in ours:
+        if item.mode != "OBJECT":
+            raise IcyMoonError(f"{item.name} is being edited; go to Object Mode to build the scene.")
+
+
+def _there(scene: bpy.types.Scene, collection: bpy.types.Collection | None) -> dict[str, Any]:
+    """What was built before, see ``claims``: also without the collection, which a person may have deleted."""
+    if collection is not None:
+        return {**built_objects(collection), **claims(collection)}
+    theirs = {block for other in bpy.data.collections if other.get(TAG) == "scene"
+              for block in (*claims(other).values(), *other.all_objects)}
+    strays = [item for item in bpy.data.objects if item.get(TAG) in OBJECTS and item not in theirs
+              and (item.name in scene.objects or not item.users_collection)]
+    return {item[TAG]: item for item in reversed(strays)}
+
+
+def _new_collection(scene: bpy.types.Scene, ours: list[bpy.types.Object]) -> bpy.types.Collection:
+    """The collection of what is built, which knows what the scene was like before; ``ours`` are taken out of others."""
+    collection = _tagged(bpy.data.collections.new(NAME), "scene")
+    for item in ours:
+        for other in item.users_collection:
+            other.objects.unlink(item)
+    for other in [c for c in scene.collection.children_recursive if c.get(TAG) == "rocks" and not c.all_objects]:
+        bpy.data.collections.remove(other)
+    scene.collection.children.link(collection)
+    world, camera = scene.world, scene.camera
+    collection[PREVIOUS_WORLD] = None if world is None or TAG in world else world
+    collection[PREVIOUS_CAMERA] = None if camera in ours else camera
+    collection[PREVIOUS_VIEW] = [scene.view_settings.exposure, scene.render.resolution_x, scene.render.resolution_y]
+    collection[PREVIOUS_OSL] = scene.cycles.shading_system
+    return collection
+
+
+def _in_place(collection: bpy.types.Collection, there: dict[str, Any],
+              new: list[bpy.types.Object]) -> tuple[list[bpy.types.Object], list[Any]]:
+    """Put new objects in the place of those that are ``there``; the objects that are built now, and the data-blocks
+    among them that keep their names."""
+    claim(collection, {})  # or what is of no use any more would be held
+    old = {role: item for role, item in there.items() if role in OBJECTS}
+    named, objects = list(old.values()), []
+    for item in new:
+        role = item[TAG]
+        successors = {f"{role} data": item.data} | {f"{role} material": material for material in _material(item)}
+        for name, block in successors.items():
+            if name in there and not claimed_elsewhere(collection, there[name]):
+                succeed(there[name], block)
+                named.append(block)
+        objects.append(keep(old.pop(role), item) if role in old else item)
+    _adopt_children(list(old.values()), objects[0])
+    remove(list(old.values()))
+    return objects, named
+
+
+def _material(item: bpy.types.Object) -> list[bpy.types.Material]:
+    """The material of the ground or of the blocks."""
+    meshes = [each.data for each in (item, *instanced(item)) if isinstance(each.data, bpy.types.Mesh)]
+    return [mesh.materials[0] for mesh in meshes if len(mesh.materials)][:1]
+
+
+def _claims(objects: list[bpy.types.Object]) -> dict[str, Any]:
+    """What is built, as ``claim`` takes it: other people's objects may use the mesh of the ground, and surfaces."""
+    found: dict[str, Any] = {item[TAG]: item for item in objects}
+    found["terrain data"] = found["terrain"].data
+    return found | {f"{role} material": material for role in ("terrain", "rock") if role in found
+                    for material in _material(found[role])}
+
+
+def disown_copies(collection: bpy.types.Collection) -> None:
+    """Make copies that a person made of what is built, marks and all, the person's own."""
+    ours = built_objects(collection).values()
+    for item in collection.all_objects:
+        if TAG in item and item not in ours:
+            del item[TAG]
+
+
+def settle(built: Built) -> None:
+    """Make a built scene its own again that a person has copied as a whole or in part."""
+    disown_copies(built.collection)
+    lamps = [item for role, item in built_objects(built.collection).items() if role in ("sun", "planetshine")]
+    exempt = [item for lamp in lamps if lamp.light_linking.receiver_collection is not None
+              and lamp.light_linking.receiver_collection.get(TAG) == sunlight.SHARED
+              for item in lamp.light_linking.receiver_collection.objects]
+    if any(item not in list(built.collection.all_objects) for item in exempt):
+        sun_shines(built.collection)
+
+
+def shares(built: Built) -> str:
+    """Why live settings would change another scene too, in a sentence; empty if they would not."""
+    surfaces = [block for name, block in claims(built.collection).items() if name.endswith(" material")]
+    if any(claimed_elsewhere(built.collection, surface) for surface in surfaces):
+        return "This scene has its surfaces in common with the one it is a copy of; press Build Scene to part them."
+    return ""
+
+
 def build(scene: bpy.types.Scene, settings: Settings) -> Built:
     """Build, or build again, the scene that complete ``settings`` describe.
 
     Sets the scene's camera and world to the built ones unless the person has set others since the
-    first build. Raises IcyMoonError if there is not enough memory, or the ground's file cannot be
-    used; the scene is then unchanged.
+    first build. What was built before stays the same objects, for whatever points to them. Raises IcyMoonError if
+    the ground is being edited, there is not enough memory, or its file cannot be used; the scene is then unchanged.
     """
     collection = find_collection(scene)
+    there = _there(scene, collection)
+    ours = [item for role, item in there.items() if role in OBJECTS]
+    _refuse_editing(ours)
     try:
         objects, sky, warnings, own, site_m = _make(settings)
     except MemoryError:
@@ -219,27 +319,19 @@ def build(scene: bpy.types.Scene, settings: Settings) -> Built:
             raise IcyMoonError("There is not enough memory for the mesh; lower mesh.most.") from None
         n = settings["terrain"]["resolution"]
         raise IcyMoonError(f"There is not enough memory for {n} x {n} vertices; lower terrain.resolution.") from None
+    first = collection is None
     if collection is None:
-        collection = _tagged(bpy.data.collections.new(NAME), "scene")
-        scene.collection.children.link(collection)
-        collection[PREVIOUS_WORLD], collection[PREVIOUS_CAMERA] = scene.world, scene.camera
-        collection[PREVIOUS_VIEW] = [scene.view_settings.exposure, scene.render.resolution_x,
-                                      scene.render.resolution_y]
-        collection[PREVIOUS_OSL] = scene.cycles.shading_system
-        first = True
-    else:
-        first = False
+        collection = _new_collection(scene, ours)
     blocks_collection = next((c for c in collection.children if c.get(TAG) == "rocks"), None)
     if blocks_collection is None:
         blocks_collection = _tagged(bpy.data.collections.new(f"{NAME} Rocks"), "rocks")
         collection.children.link(blocks_collection)
-    old = [item for item in collection.all_objects if TAG in item]
-    takes_camera = first or scene.camera is None or scene.camera in old
+    takes_camera = first or scene.camera is None or scene.camera in ours
     takes_world = first or scene.world is None or TAG in scene.world
-    _adopt_children(collection, old, objects)
-    remove(old)
+    objects, kept = _in_place(collection, there, objects)
     for item in objects:
-        (blocks_collection if item[TAG] == "rock" else collection).objects.link(item)
+        if item not in list(collection.all_objects):
+            (blocks_collection if item[TAG] == "rock" else collection).objects.link(item)
     if takes_camera:
         scene.camera = objects[2]
     if takes_world:
@@ -247,7 +339,9 @@ def build(scene: bpy.types.Scene, settings: Settings) -> Built:
     remove_leftovers()
     made, others = with_parts(objects)
     named = [*made, *(o.data for o in made), *others, *materials_of(made)] + ([sky] if takes_world else [])
-    free_names(named)
+    free_names([block for block in named if block not in kept])
+    claim(collection, _claims(objects))
+    disown_copies(collection)
     sun_shines(collection)
     collection[SETTINGS] = json.dumps(merged(settings))
     collection[GROUND] = json.dumps({"report": own.report, "site_m": site_m} if own else {})
@@ -272,7 +366,7 @@ def clear(scene: bpy.types.Scene) -> bool:
     if collection is None:
         return False
     previous_world, previous_camera = collection.get(PREVIOUS_WORLD), collection.get(PREVIOUS_CAMERA)
-    ours = [item for item in collection.all_objects if TAG in item]
+    ours = [item for role, item in _there(scene, collection).items() if role in OBJECTS]
     scene.view_settings.exposure, *resolution = collection[PREVIOUS_VIEW]
     scene.cycles.shading_system = bool(collection.get(PREVIOUS_OSL, False))
     scene.render.resolution_x, scene.render.resolution_y = (int(n) for n in resolution)
@@ -280,6 +374,7 @@ def clear(scene: bpy.types.Scene) -> bool:
         scene.camera = previous_camera
     if scene.world is None or TAG in scene.world:
         scene.world = previous_world
+    disown_copies(collection)
     for item in [item for item in collection.all_objects if TAG not in item]:
         if item.name not in scene.collection.objects:
             scene.collection.objects.link(item)

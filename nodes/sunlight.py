@@ -150,7 +150,7 @@ def share_lamp(name: str, lamp: bpy.types.Object, tracing: Iterable[bpy.types.Ob
     """Let a lamp light everything but the objects that trace it themselves."""
     linking, tracing = lamp.light_linking, list(tracing)
     if linking.receiver_collection is not None and linking.receiver_collection.get(TAG) == SHARED:
-        bpy.data.collections.remove(linking.receiver_collection)
+        linking.receiver_collection = None  # a full copy of the scene may use it; else it is a leftover
     if tracing:
         collection = linking.receiver_collection = bpy.data.collections.new(name)
         collection[TAG] = SHARED

@@ -92,10 +92,15 @@ def look_through(spaces: list[Any], built: scenes.Built) -> None:
             item.local_view_set(space, True)
 
 
+def leave_edit_mode() -> None:
+    """Go to Object Mode, if something is being edited, as what is built anew must not be."""
+    if bpy.context.mode != "OBJECT":
+        bpy.ops.object.mode_set(mode="OBJECT")
+
+
 def build_and_report(operator: bpy.types.Operator, context: bpy.types.Context) -> set[str]:
     """Build what the scene's settings describe, show it, and let the operator report it; its result."""
-    if context.mode != "OBJECT":
-        bpy.ops.object.mode_set(mode="OBJECT")
+    leave_edit_mode()
     try:
         built = scenes.build(context.scene, description.from_group(context.scene.icymoon))
     except IcyMoonError as error:

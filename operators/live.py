@@ -41,8 +41,9 @@ def update(scene: bpy.types.Scene) -> bool:
     if built is None:
         return False
     settings, before = description.shown(scene.icymoon), description.merged(built.settings, built.preview)
-    if built.outdated:
-        preview.note(built, [built.outdated])
+    scenes.settle(built)
+    if why := built.outdated or scenes.shares(built):
+        preview.note(built, [why])
         return False
     if not scene.icymoon.live:
         stale = _changed(built, settings)

@@ -19,7 +19,7 @@ from ..render.quality import check_possible
 from ..render.queue import Process
 from ..render.worker import render_pairs
 from . import jobs
-from .build import look_through, views_through
+from .build import leave_edit_mode, look_through, views_through
 
 
 def dataset_folder(settings: description.Settings) -> Path:
@@ -36,6 +36,7 @@ def up_to_date(scene: bpy.types.Scene, settings: description.Settings) -> scenes
     built = scenes.find(scene)
     if built is None:
         return _built_anew(scene, settings)
+    scenes.settle(built)
     if built.outdated:
         raise IcyMoonError(built.outdated)
     changed = scenes.changed_settings(built, settings)
@@ -52,6 +53,7 @@ def up_to_date(scene: bpy.types.Scene, settings: description.Settings) -> scenes
 
 
 def _built_anew(scene: bpy.types.Scene, settings: description.Settings) -> scenes.Built:
+    leave_edit_mode()
     built = scenes.build(scene, settings)
     jobs.push_undo("Build Scene")
     return built
@@ -60,6 +62,8 @@ def _built_anew(scene: bpy.types.Scene, settings: description.Settings) -> scene
 def planned_pairs(scene: bpy.types.Scene, settings: description.Settings) -> list[PlannedPair]:
     """The pairs that Render Stereo Pair would make of a scene now."""
     built = scenes.find(scene)
+    if built is not None:
+        scenes.settle(built)
     if built is not None and (built.edited or not scenes.changed_settings(built, settings)):
         return expand(settings, built.extra)
     return expand(settings, scenes.extra(settings))

@@ -18,7 +18,7 @@ import bpy
 
 from .. import properties
 from ..errors import DiskError, IcyMoonError
-from ..nodes.scene import Built, extra, find
+from ..nodes.scene import Built, extra, find, settle
 from ..settings import Settings, check, defaults, merged, restored
 from ..system import end_at_interrupt
 from .claims import Claims
@@ -142,6 +142,7 @@ def _opened(job: dict[str, Any]) -> tuple[Built, int, list[PlannedPair]]:
     built = find(scene) if scene else None
     if scene is None or built is None:
         raise IcyMoonError(f"{job['blend']} holds no built Icy Moon scene; press Build Scene and render again.")
+    settle(built)
     settings = merged(defaults(), check(job["settings"], "job"))
     return built, scene.frame_current, expand(settings, built.extra + _repeat(job))
 

@@ -110,7 +110,8 @@ def asks_the_system(tree: ast.AST) -> list[str]:
             found.append(f"{text} in line {node.lineno}")
         if isinstance(node, ast.Call) and ast.unparse(node.func) == "subprocess.Popen":
             found.append(f"subprocess.Popen in line {node.lineno}")
-        if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and (
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and not ast.unparse(
+                node.func.value).endswith(".objects") and (  # a collection of Blender's, which unlinks objects
                 node.func.attr in ("rename", "unlink", "symlink_to", "hardlink_to")
                 or (node.func.attr == "replace" and len(node.args) == 1)):  # of a path; a text's has two
             found.append(f"{node.func.attr} in line {node.lineno}")
