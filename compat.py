@@ -74,6 +74,11 @@ def plain_light(light: Any) -> None:
         light.use_temperature = False
 
 
+def has_cycles() -> bool:
+    """Whether the add-on that brings Cycles is on."""
+    return hasattr(bpy.types.Scene, "cycles")
+
+
 def has_osl() -> bool:
     """Whether Cycles was built with Open Shading Language; without it script nodes render black."""
     try:

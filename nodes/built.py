@@ -12,7 +12,7 @@ import bpy
 from ..errors import IcyMoonError
 from ..properties import TOPICS
 from ..settings import Settings, merged
-from . import sunlit
+from . import cycles, sunlit
 from .fingerprint import MAKER, TAG, added_objects, built_objects, differing, edited, maker, read, updated
 from .lights import ROLES, SKY
 from .own_files import are_there, content, used_files
@@ -87,6 +87,8 @@ class Built:
     @property
     def outdated(self) -> str:
         """Why nobody can tell whether the scene was edited by hand, in a sentence; empty if that can be told."""
+        if why := cycles.why_not():  # whose settings count
+            return why
         if json.loads(self.collection[FINGERPRINT]).get(MAKER) == maker():
             return ""
         return ("The scene was built by another version of Icy Moon or Blender, so edits by hand cannot be told from "

@@ -24,7 +24,7 @@ from ..physics.shapes import block_shapes
 from ..physics.terrain import Terrain, advice
 from ..physics.terrain import terrain as make_terrain
 from ..settings import Settings, merged
-from . import eyes, materials, sunlight, sunlit
+from . import cycles, eyes, materials, sunlight, sunlit
 from .built import (
     CONTENT,
     FINGERPRINT,
@@ -304,9 +304,11 @@ def build(scene: bpy.types.Scene, settings: Settings) -> Built:
 
     Sets the scene's camera and world to the built ones unless the person has set others since the
     first build. What was built before stays the same objects, for whatever points to them. Raises IcyMoonError if
-    the ground is being edited, there is not enough memory, or its file cannot be used; the scene is then unchanged.
+    Cycles is off, the ground is being edited, there is not enough memory, or the ground's file cannot be used; the
+    scene is then unchanged.
     """
     collection = find_collection(scene)
+    cycles.require()
     there = _there(scene, collection)
     ours = [item for role, item in there.items() if role in OBJECTS]
     _refuse_editing(ours)
@@ -368,7 +370,8 @@ def clear(scene: bpy.types.Scene) -> bool:
     previous_world, previous_camera = collection.get(PREVIOUS_WORLD), collection.get(PREVIOUS_CAMERA)
     ours = [item for role, item in _there(scene, collection).items() if role in OBJECTS]
     scene.view_settings.exposure, *resolution = collection[PREVIOUS_VIEW]
-    scene.cycles.shading_system = bool(collection.get(PREVIOUS_OSL, False))
+    if not cycles.why_not():
+        scene.cycles.shading_system = bool(collection.get(PREVIOUS_OSL, False))
     scene.render.resolution_x, scene.render.resolution_y = (int(n) for n in resolution)
     if scene.camera in ours or scene.camera is None:
         scene.camera = previous_camera

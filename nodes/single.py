@@ -11,6 +11,7 @@ from ..errors import IcyMoonError
 from ..physics.shapes import block_shapes
 from ..physics.terrain import terrain as make_terrain
 from ..settings import Settings
+from . import cycles
 from .composition import mark_elevation
 from .materials import ground_material, rock_material
 from .terrain import build_mesh, mesh_from_arrays
@@ -19,8 +20,9 @@ from .terrain import build_mesh, mesh_from_arrays
 def terrain_object(settings: Settings) -> bpy.types.Object:
     """The procedural ground of the settings as a grid, not yet in a scene.
 
-    Raises IcyMoonError if a texture of its material cannot be had.
+    Raises IcyMoonError if Cycles is off or a texture of its material cannot be had.
     """
+    cycles.require()
     mesh = build_mesh("Icy Terrain", settings["terrain"], make_terrain(settings, int(settings["dataset"]["seed"])))
     mark_elevation(mesh, settings["surface"])
     return _with_material(mesh, lambda: ground_material(settings, mesh))
@@ -29,9 +31,10 @@ def terrain_object(settings: Settings) -> bpy.types.Object:
 def block_object(settings: Settings, diameter_m: float) -> bpy.types.Object:
     """One block of the shape that the settings describe, standing on its origin, not yet in a scene.
 
-    ``diameter_m`` is that of a circle of the same area, seen from above. Raises IcyMoonError if a texture of its
-    material cannot be had.
+    ``diameter_m`` is that of a circle of the same area, seen from above. Raises IcyMoonError if Cycles is
+    off or a texture of its material cannot be had.
     """
+    cycles.require()
     rocks = settings["rocks"]
     shape = block_shapes(rocks["family"], rocks["angularity"], int(settings["dataset"]["seed"]))[0][0]
     long = float(np.sqrt(max(rocks["elongation"], 1.0)))

@@ -3,6 +3,9 @@ copied, renamed, moved or deleted is told from what is built by its mark alone."
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 import bpy
 import numpy as np
 import pytest
@@ -251,3 +254,41 @@ def test_a_ground_that_is_being_edited_is_not_built_anew():
     assert bpy.ops.icymoon.build_scene() == {"FINISHED"}  # which leaves Edit Mode by itself
     assert built.terrain.mode == "OBJECT"
     assert not np.array_equal(positions(built.terrain), before)
+
+
+@contextmanager
+def cycles_off() -> Iterator[None]:
+    import addon_utils  # which is there once Blender is
+    addon_utils.disable("cycles")
+    try:
+        yield
+    finally:
+        addon_utils.enable("cycles")
+
+
+@pytest.mark.parametrize("operator", ["build_scene", "render_pair", "add_terrain", "add_block"])
+def test_without_cycles_nothing_is_made(operator, small):
+    before = everything()
+    with cycles_off(), pytest.raises(RuntimeError, match="enable the add-on Cycles Render Engine"):
+        getattr(bpy.ops.icymoon, operator)()
+    assert everything() == before
+
+
+def test_a_built_scene_outlives_a_while_without_cycles(small, monkeypatch):
+    monkeypatch.setattr(live, "watched", lambda: True)
+    built = render.up_to_date(small, description.from_group(small.icymoon))
+    with cycles_off():
+        before = everything()
+        for operator in ("build_scene", "render_pair", "evaluate"):
+            with pytest.raises(RuntimeError, match="enable the add-on Cycles Render Engine"):
+                getattr(bpy.ops.icymoon, operator)()
+        small.icymoon.light.sun_elevation_deg += 1.0
+        live.update(small)
+        small.icymoon.light.sun_elevation_deg -= 1.0
+        assert "Cycles" in preview.notes(small)[0]
+        assert everything() == before
+    live.update(small)
+    assert preview.notes(small) == []
+    assert not built.edited
+    with cycles_off():
+        assert bpy.ops.icymoon.clear_scene() == {"FINISHED"}
