@@ -33,6 +33,8 @@ PRESETS = Path(__file__).parent / "presets"
 KINDS = {"scenes": "Scenes", "gallery": "Gallery", "bodies": "Bodies", "terrains": "Terrains", "rocks": "Rocks",
          "surfaces": "Surfaces", "lights": "Lights", "rigs": "Stereo Cameras", "sensors": "Camera Responses",
          "qualities": "Qualities"}
+#: Kinds of presets that describe a whole scene, a person's own among them; others describe a part of one.
+WHOLE = ("scenes", "gallery", "own")
 _HEADER = ("title", "description", "include", "made_with")
 #: Shipped plans of data sets, which are more than settings: ``render.sweep`` reads them.
 PLANS = PRESETS / "datasets"
@@ -270,6 +272,11 @@ def preset_names(kind: str = "") -> list[str]:
     """Names such as ``scenes/europa_rough_ice`` of the shipped presets, all or of one kind."""
     return sorted(p.relative_to(PRESETS).with_suffix("").as_posix() for p in (PRESETS / kind).rglob("*.toml")
                   if p.parent != PLANS)
+
+
+def is_whole(name: str) -> bool:
+    """Whether a preset such as ``scenes/europa_rough_ice`` describes a whole scene."""
+    return name.split("/")[0] in WHOLE
 
 
 def plan_names() -> list[str]:

@@ -87,8 +87,22 @@ def kept_sources(settings: description.Settings, preset: str) -> dict[str, str]:
     return found | {name: str(source) for name, source in own.items() if name in kept}
 
 
+def _fresh(group: Any) -> description.Settings:
+    """What a whole scene begins with: defaults, but for the data set, and the quality that the person has chosen.
+
+    What the scene that was loaded before brought of its quality goes with it.
+    """
+    fresh, now = description.defaults(), description.shown(group)["quality"]
+    try:
+        brought = description.load(path_of(group.preset)).get("quality", {}) if group.preset else {}
+    except IcyMoonError:  # a preset of one's own that is gone
+        brought = {}
+    fresh["quality"].update({key: value for key, value in now.items() if brought.get(key) != value})
+    return {topic: values for topic, values in fresh.items() if topic != "dataset"}
+
+
 class ICYMOON_OT_load_preset(asking.Searched, bpy.types.Operator):
-    """Load a preset; a scene preset sets everything but the data set, others set their part"""
+    """Load a preset; one of a whole scene sets everything but the data set and the quality you chose, others set their part"""  # noqa: E501
 
     bl_idname = "icymoon.load_preset"
     bl_label = "Load Preset"
@@ -110,9 +124,8 @@ class ICYMOON_OT_load_preset(asking.Searched, bpy.types.Operator):
         except IcyMoonError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
-        if self.preset.startswith(("scenes/", OWN)):
-            fresh = {t: v for t, v in description.defaults().items() if t not in ("dataset", "quality")}
-            loaded = description.merged(fresh, loaded)
+        if description.is_whole(self.preset):
+            loaded = description.merged(_fresh(group), loaded)
             group.preset = self.preset
         description.to_group(group, loaded)
         if "quality" in loaded and (lack := lacking_here(description.merged(description.defaults(), loaded))):

@@ -8,7 +8,7 @@ import bpy
 import bpy.utils.previews
 
 from ..operators.presets import preset_items
-from ..settings import preview_path
+from ..settings import is_whole, preview_path
 
 #: Property of the window manager, which no file keeps: the scene preset that the sidebar's picture shows.
 CHOICE = "icymoon_scene_preset"
@@ -25,7 +25,7 @@ def _choices(_self: Any = None, _context: Any = None) -> list[tuple[str, str, st
         _items.append((*_NONE, _pictures.load("choose", str(preview_path("choose")), "IMAGE").icon_id, 0))
         for name, title, told in preset_items():
             path = preview_path(name)
-            if name.startswith("scenes/") and path.is_file():
+            if is_whole(name) and path.is_file():
                 picture = _pictures.load(name, str(path), "IMAGE")
                 _items.append((name, title, told, picture.icon_id, len(_items)))
     return _items

@@ -139,3 +139,46 @@ def test_every_shipped_scene_has_a_picture_that_chooses_it(scene):
         assert settings.preview_path(name).stat().st_size < 20_000, "it goes into the zip"
     scene.icymoon.preset = ""
     assert choice() == "NONE"
+
+
+def described(group) -> settings.Settings:
+    return {topic: values for topic, values in settings.from_group(group).items() if topic != "dataset"}
+
+
+def test_a_whole_scene_is_the_same_whatever_was_loaded_before(scene):
+    """After every other preset; but the quality that a person chose by a preset of qualities stays."""
+    names = settings.preset_names()
+    whole = [name for name in names if settings.is_whole(name)]
+    assert {name.split("/")[0] for name in whole} == {"scenes", "gallery"}
+    alone = {}
+    for name in whole:
+        settings.to_group(scene.icymoon, settings.defaults())
+        scene.icymoon.preset = ""
+        bpy.ops.icymoon.load_preset(preset=name)
+        alone[name] = described(scene.icymoon)
+        assert alone[name] == {topic: values for topic, values in settings.merged(
+            settings.defaults(), settings.load(settings.preset_path(name))).items() if topic != "dataset"}
+    for k, before in enumerate(names):  # every one before some whole scene, and each of these after some other
+        name = whole[k % len(whole)]
+        settings.to_group(scene.icymoon, settings.defaults())
+        scene.icymoon.preset = ""
+        bpy.ops.icymoon.load_preset(preset=before)
+        bpy.ops.icymoon.load_preset(preset=name)
+        found, wanted = described(scene.icymoon), alone[name]
+        if before.startswith("qualities/"):
+            own = settings.load(settings.preset_path(name)).get("quality", {})
+            chosen = settings.load(settings.preset_path(before))["quality"]
+            wanted = settings.merged(wanted, {"quality": {**chosen, **own}})
+        assert found == wanted, (before, name)
+        assert scene.icymoon.preset == name
+
+
+def test_a_quality_that_a_person_chose_outlives_the_scenes(scene):
+    bpy.ops.icymoon.load_preset(preset="scenes/europa_chaos")
+    scene.icymoon.quality.samples = 7
+    bpy.ops.icymoon.load_preset(preset="scenes/europa_rough_ice")
+    assert scene.icymoon.quality.samples == 7
+    bpy.ops.icymoon.load_preset(preset="gallery/ridge")
+    assert scene.icymoon.quality.samples == 8, "as the gallery says"
+    bpy.ops.icymoon.load_preset(preset="scenes/europa_rough_ice")
+    assert scene.icymoon.quality.samples == settings.defaults()["quality"]["samples"]
