@@ -200,7 +200,7 @@ def unsaved_paint(built):
     image = bpy.data.images["Decal"]
     image.pixels[0] = 0.9
     image.update()
-    return lambda: (image.pixels.foreach_set(np.full(64, 0.5, np.float32)), image.pack())
+    return image.reload  # as it is packed
 
 
 def muted_link(built):
@@ -794,6 +794,7 @@ def test_every_property_changes_the_mark_or_is_left_out_with_a_reason(registered
     assert len(results[True]) > 400  # of 568 that count in 5.0
 
 
+@pytest.mark.skipif(bpy.app.version < (5, 0, 0), reason="the properties of 5.0 are what is listed")
 def test_nothing_is_left_out_that_no_blender_knows():
     """A misspelt name would leave out nothing."""
     of_other_versions = {
