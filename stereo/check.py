@@ -21,7 +21,7 @@ logging.getLogger("matplotlib").setLevel(logging.ERROR)
 #: Module -> (what pip installs it from, oldest version that will do, first major version that nobody has tested).
 PACKAGES = {"numpy": ("numpy", (1, 26), 3), "cv2": ("opencv-contrib-python-headless", (4, 11), 6),
             "OpenEXR": ("OpenEXR", (3, 3), 4), "jinja2": ("Jinja2", (3, 1), 4),
-            "matplotlib": ("matplotlib", (3, 8), 4), "rich": ("rich", (13, 0), 16)}
+            "matplotlib": ("matplotlib", (3, 8), 4), "rich": ("rich", (15, 0), 16)}
 
 
 def report() -> dict[str, Any]:
