@@ -4,17 +4,48 @@ from __future__ import annotations
 
 import zipfile
 import zlib
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from ..errors import IcyMoonError
+from ..files import disk_errors
 from . import pictures
 from .images import write_disparity, write_png
 from .measure import depth_of
 from .methods import Method
 from .prepare import Prepared
+
+
+#: What an evaluation leaves in its folder beside the pairs' own, and how each of these begins.
+_OPENINGS = {"results.jsonl": b'{"pair": ', "results.csv": b"pair,method,status,", "report.json": b'{\n "format": "icymoon-',
+             "summary.json": b'{\n "format": "icymoon-', "report.html": b"<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n"}
+
+
+def check_place(out: Path, pairs: Iterable[str]) -> None:
+    """Raise IcyMoonError if an evaluation of ``pairs`` into ``out`` would write over what is not of an evaluation.
+
+    A data set may hold links, which lead to what may be anyone's; other programs give results such names too.
+    """
+    folders = [out / "pairs", *(out / "pairs" / name for name in pairs)]
+    for path in (*folders, *(out / name for name in _OPENINGS)):
+        if path.is_symlink():
+            raise IcyMoonError(f"{path} is a link, and results are not written through one; remove it, or choose "
+                               "another folder for them.")
+    if any((folder / "pair.json").exists() for folder in folders):
+        raise IcyMoonError(f"{out} is a data set, whose pairs results would get into; choose another folder for them.")
+    there = [out / name for name in _OPENINGS if (out / name).exists()]
+    if there and not any(_begins_as_ours(path) for path in there):
+        raise IcyMoonError(f"{there[0]} is not of an evaluation and stays as it is; choose another folder for results.")
+
+
+def _begins_as_ours(path: Path) -> bool:
+    """Whether a file is one of an evaluation; also where a run was killed in its first line."""
+    begin = _OPENINGS[path.name]
+    with disk_errors("read", path), path.open("rb") as stream:
+        return begin.startswith(found) if len(found := stream.read(len(begin))) < len(begin) else found == begin
 
 
 def present(entry: Mapping[str, Any], out: Path, pair: str) -> bool:

@@ -30,7 +30,9 @@ STYLE: dict[Any, Any] = {
     "font.size": 9, "axes.edgecolor": _LINE, "axes.labelcolor": _INK, "text.color": _INK, "xtick.color": _INK,
     "ytick.color": _INK, "grid.color": _LINE, "axes.grid": True, "grid.linewidth": 0.8, "axes.spines.top": False,
     "axes.spines.right": False, "legend.frameon": False, "svg.fonttype": "none", "lines.linewidth": 1.8,
-    "lines.markersize": 4, "axes.titlesize": 9.5, "figure.constrained_layout.use": True}
+    "lines.markersize": 4, "axes.titlesize": 9.5, "figure.constrained_layout.use": True,
+    # What a data set says is no formula, and a file called matplotlibrc in the current folder starts no LaTeX.
+    "text.parse_math": False, "text.usetex": False}
 #: Swept settings that are drawn, at most.
 MOST_SWEEPS = 16
 #: Classes with fewer true pixels than this say nothing.

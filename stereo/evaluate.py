@@ -22,7 +22,7 @@ from ..errors import DiskError, sentence
 from ..files import write_json
 from ..version import version
 from . import check
-from .artefacts import present, read_disparity, write_method_pictures, write_pair_pictures
+from .artefacts import check_place, present, read_disparity, write_method_pictures, write_pair_pictures
 from .matchers import complete_options, match
 from .measure import COMMON_NUMBERS, NUMBERS, common_numbers, own_numbers
 from .methods import Method
@@ -52,7 +52,7 @@ def evaluate(paths: Sequence[Path], methods: Sequence[Method], out: Path,
 
     ``on_event`` gets {"type": "progress", "fraction", "done", "total", "message"}, {"type": "error", "message"} per
     failure and {"type": "warning", "message"} per suspect pair and per kind of blur in the images. Raises
-    IcyMoonError if there is no pair or ``out`` cannot be written.
+    IcyMoonError if there is no pair, or ``out`` cannot be written or holds what is not of an evaluation.
 
     The report is {"format", "version", "summary", "differences", "rows", "pairs", "failed", "suspect",
     "provenance"}; what is undefined is null. ``rows`` and ``pairs`` are read from the disk as they are asked for.
@@ -68,6 +68,7 @@ def evaluate(paths: Sequence[Path], methods: Sequence[Method], out: Path,
       ``message``.
     """
     folders = distinct_pairs(paths)
+    check_place(out, (folder.name for folder in folders))
     run = _Run(methods, out, dict(response or {}), on_event, len(folders) * len(methods), points)
     for folder in folders:
         run.pair(folder)
