@@ -13,6 +13,7 @@ from . import properties, trust
 from .doctor import Finding
 from .errors import IcyMoonError
 from .files import user_path
+from .install import is_unfinished
 from .render import machine
 from .stereo.check import PACKAGES
 from .system import venv_python
@@ -58,8 +59,9 @@ def evaluator_python() -> str:
             return str(path)
     if not bpy.app.binary_path:
         return sys.executable
-    if own_evaluator().is_file():
-        return str(own_evaluator())
+    own = own_evaluator()
+    if own.is_file() and not is_unfinished(own.parents[1]):
+        return str(own)
     raise IcyMoonError("There is no evaluator yet; open Preferences > Add-ons > Icy Moon and press Install Evaluator, "
                        f"or give a Python that has {_NEEDED}.")
 

@@ -65,6 +65,9 @@ def test_a_version_that_nobody_tested_is_named(version, usable, monkeypatch):
     assert problem == ("" if usable else f"opencv-contrib-python-headless>=4.11,<6 (it has {version})")
 
 
+CHECK = install._CHECK
+
+
 def wheel(folder, content="VALUE = 1\n"):
     """A package of one module, as a wheel."""
     file = folder / "tiny-1.0-py3-none-any.whl"
@@ -85,6 +88,7 @@ def registry(tmp_path, monkeypatch):
     lock = tmp_path / "evaluator.lock"
     lock.write_text(f"tiny==1.0 --hash=sha256:{hashlib.sha256(file.read_bytes()).hexdigest()}\n", encoding="utf-8")
     monkeypatch.setattr(install, "LOCK", lock)
+    monkeypatch.setattr(install, "_CHECK", ("-c", "import tiny"))
     monkeypatch.setenv("PIP_NO_INDEX", "1")
     monkeypatch.setenv("PIP_FIND_LINKS", str(served))
     theirs = tmp_path / "theirs"
@@ -123,10 +127,10 @@ def test_a_system_without_a_build_is_told_what_to_do(python, tmp_path, capsys):
 
 def test_the_pythons_that_install_look_into_no_current_folder(python, tmp_path):
     seen = []
-    python += [lambda command: seen.append(command) or makes(command), lambda command: seen.append(command) or works(
-        command)]
+    python += [lambda command: seen.append(command) or makes(command),
+               *[lambda command: seen.append(command) or works(command)] * 2]
     install.main([str(tmp_path / "evaluator")])
-    assert [command[1] for command in seen] == ["-I", "-I"]
+    assert [command[1] for command in seen] == ["-I"] * 3
     assert seen[0][0] == sys.executable
     assert {"--require-hashes", "--only-binary=:all:"} <= set(seen[1])
 
@@ -159,11 +163,12 @@ def stopped(command):
 
 
 def test_it_says_how_far_it_is_and_that_it_is_done(python, tmp_path, capsys):
-    python += [makes, works]
+    python += [makes, works, works]
     assert install.main([str(tmp_path / "evaluator")]) == 0
     said = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
-    assert [message["type"] for message in said] == ["progress", "progress", "progress", "done"]
+    assert [message["type"] for message in said] == [*["progress"] * 4, "done"]
     assert (tmp_path / "evaluator" / "python").is_file()
+    assert not install.is_unfinished(tmp_path / "evaluator")
 
 
 def test_a_failure_is_told_and_leaves_no_half_of_an_environment(python, tmp_path, capsys):
@@ -187,3 +192,32 @@ def test_an_environment_that_was_there_stays(python, tmp_path):
     python += [makes, fails]
     assert install.main([str(tmp_path / "evaluator")]) == 1
     assert (tmp_path / "evaluator" / "python").is_file()
+    assert not install.is_unfinished(tmp_path / "evaluator")
+
+
+def test_what_a_killed_process_has_left_is_no_evaluator_and_goes_with_the_next_failure(python, tmp_path):
+    def killed(command):
+        assert install.is_unfinished(tmp_path / "evaluator")
+        raise SystemExit
+
+    python += [makes, killed]
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(install.system, "remove_folder", lambda folder: None)
+        with pytest.raises(SystemExit):
+            install.main([str(tmp_path / "evaluator")])
+    assert install.is_unfinished(tmp_path / "evaluator")
+    python += [makes, fails]
+    assert install.main([str(tmp_path / "evaluator")]) == 1
+    assert not (tmp_path / "evaluator").exists()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("variable", ["PIP_DRY_RUN", "PIP_TARGET"])
+def test_what_pip_did_not_install_there_is_no_evaluator(registry, tmp_path, monkeypatch, capsys, variable):
+    """A person's own pip may be told to do nothing, or to install elsewhere."""
+    monkeypatch.setattr(install, "_CHECK", CHECK)
+    monkeypatch.setenv(variable, str(tmp_path / "elsewhere") if variable == "PIP_TARGET" else "1")
+    assert install.main([str(tmp_path / "evaluator")]) == 1
+    said = json.loads(capsys.readouterr().out.splitlines()[-1])["message"]
+    assert "pip did not install the packages there; look for settings of pip" in said
+    assert not (tmp_path / "evaluator").exists()
