@@ -242,6 +242,8 @@ def pythons(prefix: Path) -> list[Path]:
     version = f"{sys.version_info.major}.{sys.version_info.minor}"
     names = ("python", "py") if windows() else ("python3",)
     found = [Path(path) for name in names if (path := shutil.which(name))]
+    # Windows looks in the current folder first, which may be anyone's.
+    found = [path for path in found if not windows() or path.resolve().parent != Path.cwd()]
     own = ("python.exe", "bin/python.exe") if windows() else (f"bin/python{version}",)
     return [*(prefix / path for path in own), *found]
 
@@ -372,7 +374,9 @@ def kill_all(process: subprocess.Popen[bytes]) -> None:
     """End a program of ``start`` at once, with all that it has started, and wait until it is gone."""
     with suppress(OSError):
         if windows():
-            subprocess.run(["taskkill", "/T", "/F", "/PID", str(process.pid)], capture_output=True, check=False,
+            # By its place: Windows looks for a mere name in the current folder too, which may be anyone's.
+            taskkill = PureWindowsPath(os.environ.get("SYSTEMROOT", "C:/Windows"), "System32", "taskkill.exe")
+            subprocess.run([str(taskkill), "/T", "/F", "/PID", str(process.pid)], capture_output=True, check=False,
                            creationflags=_NO_WINDOW)
             process.kill()
         else:

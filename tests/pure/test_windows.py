@@ -8,7 +8,7 @@ import sys
 import tempfile
 import threading
 import time
-from pathlib import Path
+from pathlib import Path, PureWindowsPath
 
 import pairs
 import pytest
@@ -265,8 +265,8 @@ def test_no_process_shows_a_window_or_hears_our_ctrl_c(layer, drive):
     assert not any(hears for _, _, hears in layer.started)
 
 
-def test_a_program_of_ones_own_is_ended_with_all_that_it_has_started(drive):
-    """Which taskkill does there."""
+def test_a_program_of_ones_own_is_ended_with_all_that_it_has_started(layer, drive):
+    """Which taskkill does there: the system's, not one that lies in the current folder."""
     code = ("import subprocess, sys, time\n"
             "child = subprocess.Popen([sys.executable, '-c', 'import time; time.sleep(600)'])\n"
             "print(child.pid, flush=True); time.sleep(600)")
@@ -274,6 +274,18 @@ def test_a_program_of_ones_own_is_ended_with_all_that_it_has_started(drive):
     child = int(process.stdout.readline())
     system.kill_all(process)
     wait_until(lambda: not lives(child), 30.0)
+    taskkill = PureWindowsPath(next(command[0] for command, *_ in layer.started if "taskkill" in command[0]))
+    assert taskkill.is_absolute()
+    assert taskkill.parent.name == "System32"
+
+
+def test_no_python_of_the_current_folder_is_started(layer, drive, monkeypatch):
+    """Where Windows looks first for a program that has no path."""
+    monkeypatch.chdir(drive)
+    monkeypatch.setattr(system.shutil, "which", lambda name: str(Path.cwd() / f"{name}.exe"))
+    assert Path.cwd() not in {path.parent for path in system.pythons(drive / "prefix")}
+    monkeypatch.setattr(system.shutil, "which", lambda name: str(drive / "elsewhere" / f"{name}.exe"))
+    assert drive / "elsewhere" in {path.parent for path in system.pythons(drive / "prefix")}
 
 
 @pytest.mark.parametrize("gone", [False, True])

@@ -28,7 +28,7 @@ import sys
 import time
 import types
 from collections.abc import Callable, Iterator
-from pathlib import Path
+from pathlib import Path, PureWindowsPath
 from typing import Any
 
 HERE = Path(__file__).resolve().parent
@@ -378,7 +378,7 @@ class Windows:
             command = [os.fspath(arg) for arg in ([args] if isinstance(args, str) else args)]
             layer.started.append((command, not flags & _CREATE_NO_WINDOW,
                                   not flags & (_CREATE_NEW_PROCESS_GROUP | _CREATE_NO_WINDOW)))
-            if command[0] == "taskkill":
+            if PureWindowsPath(command[0]).name in ("taskkill", "taskkill.exe"):
                 layer._taskkill(int(command[command.index("/PID") + 1]))
                 command = [sys.executable, "-I", "-S", "-c", ""]
             layer._check_program(command[0])
