@@ -43,6 +43,11 @@ def is_unfinished(path: Path) -> bool:
     return bool(re.fullmatch(rf".+{_UNFINISHED}", path.name))
 
 
+def is_of_a_pair(path: Path) -> bool:
+    """Whether a name is one that we give to a pair, finished or not."""
+    return bool(_NAMES["pairs"].fullmatch(path.name)) and not path.name.startswith(".")
+
+
 def is_claim(path: Path) -> bool:
     """Whether a name is that of a claim."""
     return bool(_NAMES["claims"].fullmatch(path.name))
@@ -57,6 +62,8 @@ def why_kept(path: Path, dataset: Path) -> str:
     # Links, of the folder or of what holds it, lead to what may be anyone's.
     if path.is_symlink() or path.resolve() != dataset.resolve() / inside / path.name:
         return "it is a link or lies behind one"
+    if path.is_dir() and inside != "pairs":
+        return "it is a folder"
     foreign = _foreign(path) if inside == "pairs" and _ID.fullmatch(path.name) else ""
     return f"{foreign} in it is not Icy Moon's" if foreign else ""
 

@@ -16,7 +16,7 @@ from pathlib import Path
 from ..errors import IcyMoonError
 from ..files import disk_errors, part_of
 from ..system import flush, rename
-from .ours import remove_ours, why_kept
+from .ours import is_of_a_pair, remove_ours, why_kept
 from .pair import is_whole
 
 
@@ -54,8 +54,11 @@ def publish(part: Path, folder: Path, lost: Callable[[], bool], again: bool = Fa
 def settle(part: Path) -> None:
     """End what was left beside a pair's place: a whole pair goes there if the place is free, all else is removed.
 
+    What is not ours stays, and is not looked at.
     Raises OSError where what is there cannot be read; it is left as it is then.
     """
+    if not is_of_a_pair(part):
+        return
     folder = part.with_name(part.name.split(".")[0])
     with suppress(FileNotFoundError):  # another has settled it
         if not is_whole(part) or is_whole(folder):

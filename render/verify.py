@@ -10,7 +10,7 @@ from typing import Any
 from ..errors import IcyMoonError, sentence
 from ..files import read_text, sha256
 from ..physics.blur import identity
-from ..records import parsed
+from ..records import FILE_NAME, SHA256, Each, fault, parsed
 from ..settings import digest
 from .claims import FOLDER, Claims
 from .dataset import PLAN, read
@@ -21,9 +21,11 @@ from .pair import Pair, is_complete, read_pair
 from .plan import PlannedPair
 
 #: What a data set's folder may hold beside its pairs.
-_KNOWN = {"pairs", PLAN, MANIFEST, FOLDER, "evaluation", "slurm"}
+_KNOWN = {"pairs", PLAN, MANIFEST, FOLDER, "evaluation", "evaluation_scene", "slurm"}
 #: What stands for content that the settings do not describe, see ``settings.digest`` and ``nodes.sunlit``.
 _STAND_INS = ("", "Hapke of nodes")
+#: What a pair must say for its files to be held against it: names of files of its own, none of a device or elsewhere.
+_CHECKED = {"files": Each({"sha256": SHA256}, FILE_NAME)}
 
 
 @dataclass(frozen=True)
@@ -102,9 +104,11 @@ def _is_intact(folder: Path) -> bool:
     Raises OSError where that cannot be told.
     """
     try:
-        files = parsed(read_text(folder / "pair.json"))["files"]
-        return bool(files) and all(sha256(folder / name) == fact["sha256"] for name, fact in files.items())
-    except (FileNotFoundError, NotADirectoryError, ValueError, KeyError, TypeError, AttributeError):
+        data = parsed(read_text(folder / "pair.json"))
+        return not fault(data, _CHECKED) and bool(data["files"]) and all(
+            (folder / name).is_file() and sha256(folder / name) == fact["sha256"]
+            for name, fact in data["files"].items())
+    except (FileNotFoundError, NotADirectoryError, ValueError):
         return False
 
 

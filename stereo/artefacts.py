@@ -18,10 +18,10 @@ from .measure import depth_of
 from .methods import Method
 from .prepare import Prepared
 
-
 #: What an evaluation leaves in its folder beside the pairs' own, and how each of these begins.
-_OPENINGS = {"results.jsonl": b'{"pair": ', "results.csv": b"pair,method,status,", "report.json": b'{\n "format": "icymoon-',
-             "summary.json": b'{\n "format": "icymoon-', "report.html": b"<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n"}
+_OPENINGS = {"results.jsonl": b'{"pair": ', "results.csv": b"pair,method,status,",
+             "report.json": b'{\n "format": "icymoon-', "summary.json": b'{\n "format": "icymoon-',
+             "report.html": b'<!DOCTYPE html>\n<html lang="en">\n<head>\n'}
 
 
 def check_place(out: Path, pairs: Iterable[str]) -> None:

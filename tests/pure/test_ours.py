@@ -13,6 +13,7 @@ import pytest
 from icymoon.errors import IcyMoonError
 from icymoon.files import part_of
 from icymoon.render import dataset as datasets
+from icymoon.render import verify as verification
 from icymoon.render.claims import Claims
 from icymoon.render.ours import checked_id, remove_ours, why_kept
 from icymoon.render.pair import read_pair
@@ -180,6 +181,37 @@ def test_a_data_set_that_is_reached_by_a_link_is_ours(dataset, tmp_path):
     (dataset / "pairs" / ID).mkdir(parents=True)
     assert remove_ours(tmp_path / "short" / "pairs" / ID, tmp_path / "short")
     assert not (dataset / "pairs" / ID).exists()
+
+
+def test_a_folder_with_the_name_of_a_file_of_ours_stays(dataset):
+    places = [part_of(dataset / "plan.jsonl"), dataset / "claims" / f"{ID}.1", part_of(dataset / "pairs" / ".clock")]
+    for place in places[:2]:
+        place.mkdir(parents=True)
+        (place / "thesis.txt").write_text("work")
+        os.utime(place, (0, 0))
+    sweep(dataset)
+    assert all((place / "thesis.txt").read_text() == "work" for place in places[:2])
+    assert why_kept(places[0], dataset) == "it is a folder"
+
+
+def test_a_persons_folder_whose_name_ends_as_ours_stops_no_batch(dataset):
+    for name in (".x.part", "mine.part"):
+        (dataset / "pairs" / name).mkdir(parents=True)
+        (dataset / "pairs" / name / "thesis.txt").write_text("work")
+    sweep(dataset)
+    assert {path.name for path in (dataset / "pairs").iterdir()} == {".x.part", "mine.part"}
+
+
+@pytest.mark.parametrize("name", ["../../../victim/thesis.txt", "/dev/zero", "."])
+def test_no_checksum_is_made_of_what_lies_elsewhere(dataset, victim, name, monkeypatch):
+    """Whoever asks learns a file's content by guesses, and one of a device never ends."""
+    folder = dataset / "pairs" / ID
+    folder.mkdir(parents=True)
+    (folder / "pair.json").write_text(json.dumps({"files": {name: {"bytes": 4, "sha256": "0" * 64}}}))
+    read = []
+    monkeypatch.setattr(verification, "sha256", lambda path: read.append(path) or "0" * 64)
+    assert "broken" in {problem.kind for problem in verify(dataset).problems if problem.what == ID}
+    assert not read
 
 
 def test_rows_of_an_evaluation_name_no_folder(tmp_path):
