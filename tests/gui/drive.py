@@ -365,6 +365,7 @@ def show_error() -> Waiting:
 
 def camera_image_follows() -> Waiting:
     """The camera image that is shown is exposed again when the response changes, and the window goes on meanwhile."""
+    settings().sensor.pixel_pitch_um = 5.0  # of so few columns over the rig, no shutter is fast enough
     with in_region("UI"):
         bpy.ops.icymoon.expose("INVOKE_DEFAULT")
     yield from ended()
