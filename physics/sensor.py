@@ -81,12 +81,12 @@ def exposure_warnings(seconds: float, saturated: float, sensor: Mapping[str, Any
     said = []
     if sensor["auto_exposure"] and seconds in (SHORTEST_S, LONGEST_S):
         end = "shortest" if seconds == SHORTEST_S else "longest"
-        said.append(f"auto exposure ended at its {end} time, {seconds:g} s; change sensor.f_number, sensor.gain or "
-                    "sensor.pixel_pitch_um")
+        said.append(f"Auto exposure ended at its {end} time, {seconds:g} s; change sensor.f_number, sensor.gain or "
+                    "sensor.pixel_pitch_um.")
     if saturated > MOST_SATURATED:
         cause = "sensor.auto_target or sensor.auto_percentile" if sensor["auto_exposure"] else "sensor.exposure_s"
-        said.append(f"more than {MOST_SATURATED:.0%} of the left image's pixels are saturated; lower {cause}, or merge "
-                    "exposures with sensor.brackets")
+        said.append(f"More than {MOST_SATURATED:.0%} of the left image's pixels are saturated; lower {cause}, or merge "
+                    "exposures with sensor.brackets.")
     return said
 
 

@@ -152,9 +152,9 @@ def test_particles_of_jupiters_belts_are_seen_in_an_exposure_of_sunlit_ice():
 
 @pytest.mark.parametrize(("seconds", "saturated", "changes", "words"), [
     (1e-6, 0.0, {}, ["shortest time, 1e-06 s"]), (1e3, 0.0, {}, ["longest time"]),
-    (0.01, 0.3, {}, ["more than 2% of the left", "sensor.auto_target"]),
+    (0.01, 0.3, {}, ["More than 2% of the left", "sensor.auto_target"]),
     (0.01, 0.0199, {}, []),
-    (1e-6, 0.5, {"auto_exposure": False}, ["more than 2% of the left", "sensor.exposure_s"]),
+    (1e-6, 0.5, {"auto_exposure": False}, ["More than 2% of the left", "sensor.exposure_s"]),
     (0.01, 0.0, {}, [])], ids=str)
 def test_an_exposure_at_its_end_or_too_long_is_said(seconds, saturated, changes, words):
     said = exposure_warnings(seconds, saturated, settings(**changes)[1])
