@@ -10,7 +10,7 @@ pixel centres and never antialiased. Imports no Blender.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -220,11 +220,22 @@ def read_pair(folder: Path) -> Pair:
                            "use the version that wrote it.")
     checked(data, _SHAPE, path, _MEND)
     settings = restored(data["settings"], str(path), data.get("versions", {}).get("icymoon", ""))
-    pair = Pair(folder, checked_id(data["id"], path), settings, StereoCamera.from_json(data["camera"]), data)
+    camera = StereoCamera.from_json(data["camera"])
+    _check_camera(camera, StereoCamera.from_settings(settings["rig"]), path)
+    pair = Pair(folder, checked_id(data["id"], path), settings, camera, data)
     for eye in EYES:
         if not pair.image(eye).is_file():
             raise IcyMoonError(f"{pair.image(eye)} is missing; {_MEND}.")
     return pair
+
+
+def _check_camera(stated: StereoCamera, described: StereoCamera, path: Path) -> None:
+    """Raise IcyMoonError if the stated calibration is not that of the settings, which it was made of."""
+    for key, value in asdict(stated).items():
+        wanted = getattr(described, key)
+        # Settings have eight digits, and a focal length is made of three.
+        if not math.isclose(value, wanted, rel_tol=1e-6, abs_tol=1e-6):
+            raise IcyMoonError(f"{path}: camera.{key} is {value}, and its settings give {wanted}; {_MEND}.")
 
 
 def is_complete(folder: Path) -> bool:

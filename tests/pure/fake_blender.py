@@ -18,6 +18,14 @@ def say(kind: str, **facts: object) -> None:
     print(json.dumps({"type": kind, **facts}), flush=True)
 
 
+def camera(rig: dict[str, float]) -> dict[str, float]:
+    """The calibration of a rig without margins and toe-in."""
+    width, height = rig["width_px"], rig["height_px"]
+    return {"width_px": width, "height_px": height, "baseline_m": rig["baseline_m"],
+            "focal_px": rig["focal_length_mm"] / rig["sensor_width_mm"] * width,
+            "cx_px": width / 2 + rig["principal_x_px"], "cy_px": height / 2 + rig["principal_y_px"]}
+
+
 def main() -> None:
     here = Path(__file__).resolve().parent
     behave = json.loads((here / "behave.json").read_text())
@@ -58,7 +66,7 @@ def main() -> None:
         size = 5 + (what == "lie")
         (part / "pair.json").write_text(json.dumps({
             "format": "icymoon-pair", "version": 1, "id": name, "settings": pair["settings"], "device": "CPU",
-            "camera": {"width_px": 4, "height_px": 4, "focal_px": 1, "cx_px": 2, "cy_px": 2, "baseline_m": 1},
+            "camera": camera(pair["settings"]["rig"]),
             "seconds": {"render": 0.1}, "versions": {}, "platform": "none", "peak_memory_mib": None,
             "files": {f"{eye}.exr": {"bytes": size, "sha256": "0" * 64} for eye in ("left", "right")}}))
         os.rename(part, folder)

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 import OpenEXR
 from icymoon.render.pair import FORMAT, VERSION, StereoCamera
-from icymoon.settings import defaults
+from icymoon.settings import defaults, merged
 
 SKY_M = 1.0e10
 
@@ -72,12 +72,21 @@ def write_pair(folder: Path, scene: Scene | None = None, rig: StereoCamera | Non
         light = light * (1 + noise * random.standard_normal(light.shape))
         write_exr(folder / f"{eye}.exr", depth, light, instance, layout, eye, planet_share)
     data = {"format": FORMAT, "version": VERSION, "id": id_of(folder.name), "camera": rig.to_json(),
-            "settings": settings or defaults(),
+            "settings": merged(settings or defaults(), {"rig": described(rig)}),
             "files": {f"{eye}.exr": {"bytes": (folder / f"{eye}.exr").stat().st_size,
                                      "sha256": hashlib.sha256((folder / f"{eye}.exr").read_bytes()).hexdigest()}
                       for eye in ("left", "right")}}
     (folder / "pair.json").write_text(json.dumps(data), encoding="utf-8")
     return folder
+
+
+def described(rig: StereoCamera) -> dict[str, Any]:
+    """The ``rig`` settings that this camera is made of."""
+    sensor_width_mm = defaults()["rig"]["sensor_width_mm"]
+    return {"width_px": rig.width_px, "height_px": rig.height_px, "baseline_m": rig.baseline_m,
+            "sensor_width_mm": sensor_width_mm, "focal_length_mm": rig.focal_px * sensor_width_mm / rig.width_px,
+            "principal_x_px": rig.cx_px - rig.width_px / 2, "principal_y_px": rig.cy_px - rig.height_px / 2,
+            "overscan": rig.margin_x_px / rig.width_px, "toe_in_deg": rig.toe_in_deg}
 
 
 def id_of(name: str) -> str:

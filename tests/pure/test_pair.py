@@ -15,6 +15,7 @@ from icymoon.render.launch import Job, absolute_folder, blender_command
 from icymoon.render.pair import StereoCamera, find_pairs, read_pair
 from icymoon.render.plan import expand
 from icymoon.render.queue import Process
+from pairs import camera, write_pair
 
 
 def test_the_papers_camera():
@@ -27,6 +28,21 @@ def test_the_papers_camera():
     depth = np.array([1.0, 85.3333333, math.nan])
     assert camera.disparity(depth)[:2] == pytest.approx([85.3333333, 1.0])
     assert math.isnan(camera.disparity(depth)[2])
+
+
+@pytest.mark.parametrize(("key", "value"), [
+    ("focal_px", 1e300), ("focal_px", 1.01), ("baseline_m", 1e-300), ("baseline_m", 0.99), ("toe_in_deg", 90.0),
+    ("margin_x_px", 40), ("width_px", 95), ("cx_px", 1.01)])
+def test_a_calibration_that_the_settings_do_not_give_is_no_pair(tmp_path, key, value):
+    """One number of it would be in every average, and change it without a word. Numbers near 1 are factors."""
+    path = write_pair(tmp_path / "a", rig=camera(96, 48)) / "pair.json"
+    assert read_pair(path.parent).camera == camera(96, 48)
+    stated = json.loads(path.read_text())
+    there = stated["camera"][key]
+    stated["camera"][key] = there * value if 0.9 < value < 1.1 else value
+    path.write_text(json.dumps(stated))
+    with pytest.raises(IcyMoonError, match=rf"camera\.{key} is .*its settings give {there}"):
+        read_pair(path.parent)
 
 
 def test_headings_are_equal_turns_with_their_own_ids():
