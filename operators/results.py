@@ -102,11 +102,15 @@ def summary(scene: bpy.types.Scene) -> list[dict[str, Any]]:
 
 def differences(scene: bpy.types.Scene) -> list[str]:
     """Labels of the settings that are not what the last evaluation was made with."""
+    return [_label(topic, s) for topic, s in _differing(scene)]
+
+
+def _differing(scene: bpy.types.Scene) -> list[tuple[str, Setting]]:
     found = kept(scene)
     if found is None:
         return []
     present = description.shown(scene.icymoon)
-    return [_label(topic, s) for topic, s in all_settings()
+    return [(topic, s) for topic, s in all_settings()
             if _counts(topic, s, found.scope)
             and s.key in found.settings.get(topic, {}) and found.settings[topic][s.key] != present[topic][s.key]]
 
@@ -130,11 +134,13 @@ def notes(scene: bpy.types.Scene) -> list[str]:
     of = "Of the data set" if found.scope == "DATASET" else f"Of pair {', '.join(found.pairs[:1])}"
     more = f" and {len(found.pairs) - 1} more" if len(found.pairs) > 1 else ""
     said = [f"{of}{more}, {found.made.replace('T', ' ')[:16]} UTC"]
-    other = differences(scene)
+    other = _differing(scene)
     if other:
         rest = f" and {len(other) - _MOST_NAMED} more" if len(other) > _MOST_NAMED else ""
-        said.append(f"Measured with other settings than the present ones: {', '.join(other[:_MOST_NAMED])}{rest}. "
-                    "Evaluate again.")
+        labels = ", ".join(_label(topic, s) for topic, s in other[:_MOST_NAMED])
+        rendered = any(s.effect != "response" and s.key != "methods" for _, s in other)
+        said.append(f"Measured with other settings than the present ones: {labels}{rest}. "
+                    f"{'Render and evaluate' if rendered else 'Evaluate'} again.")
     return said
 
 

@@ -60,6 +60,7 @@ def test_what_is_not_as_it_was_measured_is_said_until_it_is_set_back(scene, tmp_
         assert (len(results.notes(scene)) == 2) == counts
         if counts:
             assert "Measured with other settings" in results.notes(scene)[1]
+            assert ("Render and evaluate again" in results.notes(scene)[1]) == (not of_a_data_set)
             assert len(results.differences(scene)) == 1
         setattr(group, key, was)
         assert len(results.notes(scene)) == 1
