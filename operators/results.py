@@ -14,9 +14,11 @@ import bpy
 
 from .. import settings as description
 from ..errors import IcyMoonError
+from ..files import disk_errors
 from ..nodes.points import build_points, clear_points, find_points
 from ..properties import TOPICS, Setting, all_settings
 from ..records import NUMBER, TABLE, TEXT, Each, Maybe, fault, parsed, read_record
+from . import pages
 from .jobs import push_undo
 from .render import dataset_folder
 
@@ -52,6 +54,7 @@ def keep(scene: bpy.types.Scene, scope: str, settings: description.Settings, pai
     cannot be read.
     """
     report = _read(folder_of(settings, scope))
+    pages.remember(folder_of(settings, scope) / "report.html")
     for name, value in report.get("provenance", {}).get("response_overrides", {}).items():  # as it was measured indeed
         topic, _, key = name.partition(".")
         settings = description.merged(settings, description.check({topic: {key: value}}, "report.json"))
@@ -289,6 +292,10 @@ class ICYMOON_OT_open_report(_ResultOperator, bpy.types.Operator):
             page = report_folder(context.scene) / "report.html"
             if not page.is_file():
                 raise IcyMoonError("The report is gone from the disk; press Evaluate again.")
+            with disk_errors("read", page):
+                if not pages.is_ours(page):
+                    raise IcyMoonError(f"{page} was not made by you here, and a web page runs what its maker wrote; "
+                                       "press Evaluate to make it anew.")
         except IcyMoonError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}

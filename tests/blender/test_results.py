@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import json
+import webbrowser
 
 import bpy
 import pytest
 from evaluations import PAIR, ROW, evaluated, write_evaluation
 from icymoon import settings as description
 from icymoon.errors import IcyMoonError
-from icymoon.operators import evaluate, results
+from icymoon.operators import evaluate, pages, results
 from icymoon.panels import sidebar
 
 
@@ -106,6 +107,27 @@ def test_files_of_another_evaluation_are_not_shown_as_those_of_this_one(scene, t
     (folder / "summary.json").unlink()
     with pytest.raises(RuntimeError, match="no report"):
         bpy.ops.icymoon.open_report()
+
+
+def test_only_a_report_that_was_made_here_is_opened(scene, tmp_path, monkeypatch):
+    """A .blend and a data set may come from the same sender, with the same date in both."""
+    opened = []
+    monkeypatch.setattr(webbrowser, "open", opened.append)
+    evaluated(scene, tmp_path)
+    page = tmp_path / "evaluation_scene" / "report.html"
+    bpy.ops.icymoon.open_report()
+    pages._session.clear()  # as after a new start
+    bpy.ops.icymoon.open_report()
+    assert opened == [page.as_uri()] * 2
+    ours = page.read_text()
+    page.write_text(f"{ours}<script>fetch('https://example.org')</script>")
+    with pytest.raises(RuntimeError, match="was not made by you here"):
+        bpy.ops.icymoon.open_report()
+    page.write_text(ours)
+    monkeypatch.setenv("ICYMOON_CACHE", str(tmp_path / "another's cache"))
+    with pytest.raises(RuntimeError, match="was not made by you here"):
+        bpy.ops.icymoon.open_report()
+    assert len(opened) == 2
 
 
 @pytest.mark.parametrize("text", [
