@@ -45,6 +45,8 @@ _SAME_POINT_PX = 1.0
 _STEP = 0.7
 #: Deviation, px, that single precision and the mesh's edges between two columns make.
 _ROUNDING_PX = 1e-4
+#: Part of a disparity that single precision may be off between the eyes, whatever the image: four roundings.
+_ROUNDING = 4 * 2.0 ** -24
 
 
 @dataclass(frozen=True)
@@ -97,8 +99,9 @@ def truth_offsets(left_depth: np.ndarray, right_depth: np.ndarray, camera: Stere
                  & (np.abs(along) < _STEP) & (np.abs(down) < 3 * _STEP))
     if known.sum() < FEWEST:
         return TruthOffsets()
+    rounding_px = _ROUNDING * _rms(disparity[known])
     # A shift of the right eye by s changes what is fetched by -s times its slope.
-    fits = {name: _robust_fit(np.where(known, slope, 0.0), np.where(known, difference, 0.0), known)
+    fits = {name: _robust_fit(np.where(known, slope, 0.0), np.where(known, difference, 0.0), known, rounding_px)
             for name, slope in (("shift_px", -along), ("scale", -along * disparity), ("rows_px", -down))}
     likeliest = min(fits, key=lambda name: fits[name][1])
     return TruthOffsets(**{name: estimate for name, (estimate, _) in fits.items()}, likeliest=likeliest)
@@ -114,16 +117,28 @@ def _slope(image: np.ndarray, axis: int) -> np.ndarray:
     return slope
 
 
-def _robust_fit(slope: np.ndarray, difference: np.ndarray, known: np.ndarray) -> tuple[Estimate, float]:
-    """What ``difference`` is, times ``slope``, by Tukey's weights, and the median deviation that is left.
+def _rms(values: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(values ** 2)))
 
-    Where an edge falls between two columns the truth of both eyes differs; the weights leave that out.
+
+def _robust_fit(slope: np.ndarray, difference: np.ndarray, known: np.ndarray, rounding_px: float,
+                ) -> tuple[Estimate, float]:
+    """What ``difference`` is, times ``slope``, by Tukey's weights, and the mean deviation that is left.
+
+    Where an edge falls between two columns the truth of both eyes differs; the weights leave that out. What counts
+    as left out is judged by the pixels that can tell, those of at least half the RMS slope or of the steepest
+    hundredth: of a view to the horizon most pixels are far, have neither slope nor difference, and would make
+    outliers of all that is near.
     """
-    value, error, left = 0.0, float("nan"), float("inf")
+    steepness = _rms(slope[known])
+    least = min(steepness / 2, float(np.quantile(np.abs(slope[known]), 0.99)))
+    telling = known & (np.abs(slope) >= least) & (slope != 0)
+    if telling.sum() < FEWEST:
+        return Estimate(), float("inf")
+    value, error = float(np.median(difference[telling] / slope[telling])), float("nan")
     for _ in range(12):
         rest = difference - value * slope
-        left = float(np.median(np.abs(rest[known])))
-        reach = rest / (4.5 * max(left, _ROUNDING_PX))
+        reach = rest / (4.5 * max(float(np.median(np.abs(rest[telling]))), _ROUNDING_PX))
         weight = np.where(known & (np.abs(reach) < 1), (1 - reach ** 2) ** 2, 0.0)
         sums = tile_sums(weight * slope * difference, weight * slope ** 2)
         (new,), (error,) = jackknife(lambda total: total[..., :1] / total[..., 1:], sums)
@@ -131,7 +146,8 @@ def _robust_fit(slope: np.ndarray, difference: np.ndarray, known: np.ndarray) ->
         value = float(new)
         if done:
             break
-    return Estimate(value, float(error)), left
+    left = float(np.mean(np.abs(difference - value * slope)[known]))
+    return Estimate(value, float(np.hypot(error, rounding_px / steepness))), left
 
 
 def light_offsets(left: np.ndarray, right: np.ndarray, column: np.ndarray, visible: np.ndarray) -> LightOffsets:

@@ -217,6 +217,34 @@ def test_the_truth_says_what_is_wrong():
     assert truth_offsets(left, np.roll(right, -1, 0), RIG).rows_px.value == pytest.approx(-1.0, abs=0.01)
 
 
+def to_the_horizon(near, far_rows):
+    """A pair whose upper rows, of each eye, show ground so far away that it has next to no disparity. Each eye meets
+    other facets there."""
+    random = np.random.default_rng(0)
+    far = each(eyes(pairs.Scene(distance_m=3e3, block=False)), lambda eye, _: other(
+        eye, depth=eye.depth * (1 + 1e-3 * random.standard_normal(eye.depth.shape))))
+    rows = np.arange(RIG.height_px)[:, None] < far_rows
+    return tuple(other(one, depth=np.where(rows, beyond.depth, one.depth), grey=np.where(rows, beyond.grey, one.grey))
+                 for one, beyond in zip(near, far, strict=True))
+
+
+@pytest.mark.parametrize("part", [0.0, 0.6, 0.9])
+def test_a_wrong_baseline_is_found_in_what_is_near_however_much_is_far(part):
+    """Far ground fits any baseline; a check that believes the most of the pixels is content with it."""
+    pair = to_the_horizon(eyes(SCENES["steep"]), round(part * RIG.height_px))
+    assert checked(*pair).ok
+    found = truth_offsets(*(eye.depth for eye in pair), dataclasses.replace(RIG, baseline_m=1.01 * RIG.baseline_m))
+    assert found.scale.value == pytest.approx(0.01, rel=0.05)
+    assert found.likeliest == "scale"
+
+
+def test_a_number_that_single_precision_makes_is_none():
+    """At 1e9 m neither slopes nor differences of disparity are more than roundings."""
+    for distance_m in (1e7, 1e9):
+        far = eyes(pairs.Scene(distance_m=distance_m, block=False))
+        assert checked(*each(far, lambda eye, _: other(eye, depth=np.float32(eye.depth).astype(np.float64)))).ok
+
+
 def test_the_error_that_the_light_states_is_the_one_it_makes():
     """Over independent noise, offsets spread by what each of them states, within the chance of 16 draws: the standard
     deviation of 16 has an error of 18 %, and the jackknife over 48 tiles, of which some are empty, errs too."""
