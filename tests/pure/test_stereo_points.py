@@ -5,7 +5,9 @@ import json
 import numpy as np
 import pairs
 import pytest
+from icymoon.errors import IcyMoonError
 from icymoon.physics import ply
+from icymoon.render.pair import read_pair
 from icymoon.stereo.evaluate import evaluate
 from icymoon.stereo.methods import parse_methods
 from icymoon.stereo.points import MOST_POINTS, measured_points, signed_colours, write_points
@@ -19,7 +21,7 @@ POSE = [[1.0, 0.0, 0.0, 1.0], [0.0, 0.0, 1.0, 2.0], [0.0, -1.0, 0.0, 3.0], [0.0,
 
 def with_pose(folder, pose=POSE):
     path = folder / "pair.json"
-    path.write_text(json.dumps(json.loads(path.read_text()) | {"poses_camera_to_world": {"left": pose}}))
+    path.write_text(json.dumps(json.loads(path.read_text()) | {"poses_camera_to_world": {"left": pose, "right": pose}}))
     return folder
 
 
@@ -121,8 +123,15 @@ def test_asked_for_later_they_need_no_matching(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("pose", [None, [], [[1.0]], "north", [[float("nan")] * 4] * 4])
-def test_a_pair_that_does_not_say_where_it_was_is_still_measured(tmp_path, pose):
+def test_a_pair_that_says_it_was_nowhere_is_broken(tmp_path, pose):
     folder = with_pose(pairs.write_pair(tmp_path / "pair", rig=pairs.camera(192, 96)), pose)
+    with pytest.raises(IcyMoonError, match=r"poses_camera_to_world\.left|NaN"):
+        read_pair(folder)
+
+
+def test_a_pair_that_does_not_say_where_it_was_is_still_measured(tmp_path):
+    folder = pairs.write_pair(tmp_path / "pair", rig=pairs.camera(192, 96))
+    assert "poses_camera_to_world" not in json.loads((folder / "pair.json").read_text())
     events = []
     report = evaluate([folder], parse_methods("sgbm"), tmp_path / "out", on_event=events.append, points=True)
     assert report["rows"][0]["status"] == "ok"
