@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager, nullcontext
+
 import bpy
 import numpy as np
 from mathutils import Vector
@@ -17,31 +20,38 @@ _UP = Vector((0.0, 0.0, 1.0))
 _MOST_PASSED = 1000
 
 
-def of_described(built: Built) -> list[str]:
+def of_described(built: Built, scene: bpy.types.Scene | None = None) -> list[str]:
     """The reasons for the eyes of a scene that was only built: those of its description, else of its mesh, where that
-    is not as fine under the camera as the images show."""
+    is not as fine under the camera as the images show. For ``scene`` see ``reasons``."""
     settings = built.settings
     graded = settings["source"]["kind"] == "PROCEDURAL" and settings["mesh"]["kind"] == "GRADED"
-    return list(admission.reasons(settings)) or ([] if graded else reasons(built))
+    return list(admission.reasons(settings)) or ([] if graded else reasons(built, scene=scene))
 
 
-def reasons(built: Built, turn_deg: float = 0.0) -> list[str]:
+def reasons(built: Built, turn_deg: float = 0.0, scene: bpy.types.Scene | None = None) -> list[str]:
     """Why the camera of what is built sees black from where it is, turned so far: sentences, none if it does not.
 
     A ray upward from an eye in the ground or in a block leaves by the outer side of a face; from the open it meets an
-    overhang's other side, or nothing. Asked in a scene of its own, so that nothing is worked out in the person's.
+    overhang's other side, or nothing. Asked in ``scene``, which shows what is built and nothing else, or in one that
+    comes and goes, so that nothing is worked out in the person's.
     """
+    with nullcontext(scene) if scene else _scene_of(built) as asked:
+        layer = asked.view_layers[0]
+        layer.update()
+        poses = eye_poses(built.camera.evaluated_get(layer.depsgraph).matrix_world, built.settings["rig"]["baseline_m"])
+        found = [_of_eye(asked, layer.depsgraph, built, eye, position)
+                 for eye, position in _positions(poses, turn_deg).items()]
+    return [sentence for sentence in found if sentence]
+
+
+@contextmanager
+def _scene_of(built: Built) -> Iterator[bpy.types.Scene]:
     scene = bpy.data.scenes.new("Icy Moon Eyes")
     try:
         scene.collection.children.link(built.collection)
-        layer = scene.view_layers[0]
-        layer.update()
-        poses = eye_poses(built.camera.evaluated_get(layer.depsgraph).matrix_world, built.settings["rig"]["baseline_m"])
-        found = [_of_eye(scene, layer.depsgraph, built, eye, position)
-                 for eye, position in _positions(poses, turn_deg).items()]
+        yield scene
     finally:
         bpy.data.scenes.remove(scene)
-    return [sentence for sentence in found if sentence]
 
 
 def _positions(poses: dict[str, np.ndarray], turn_deg: float) -> dict[str, Vector]:

@@ -51,7 +51,7 @@ class Standing:
         """Where this pair is rendered."""
         assert self._scene is not None
         quality.check_possible(planned.settings["quality"])
-        _refuse([*admission.of_settings(planned.settings), *eyes.reasons(self._built, planned.turn_deg)])
+        _refuse([*admission.of_settings(planned.settings), *eyes.reasons(self._built, planned.turn_deg, self._scene)])
         return self._built, self._scene, self._seconds
 
 
@@ -91,7 +91,8 @@ class Described:
             self._scene = self._held.enter_context(studio(built, bpy.context.scene.frame_current))
         assert self._scene is not None
         self._built = built
-        _refuse(eyes.of_described(built))
+        # Not in a scene that comes and goes, after which Cycles would build its tree of triangles again.
+        _refuse(eyes.of_described(built, self._scene))
         return built, self._scene, time.perf_counter() - start
 
     def _say(self, warnings: list[str] | tuple[str, ...]) -> None:
