@@ -218,10 +218,11 @@ def _against_rays(pair: Pair, view: View, eye: str) -> Iterator[str]:
         way = toward[place]
         hit, at, normal, face, item, matrix = scene.ray_cast(graph, Vector(start), Vector(way).normalized())
         hit = hit and item.get("icymoon") not in ("planet", "rings", "stars")
-        depth[place] = (np.array(at) - start) @ way / (way @ way) if hit else np.nan
         # What the largest coordinate is rounded by, along the ray to the plane that is hit.
         slant = max(abs(np.array(normal) @ way) / np.linalg.norm(way), 1e-3) if hit else 1.0
-        corners = [matrix @ item.data.vertices[k].co for k in item.data.polygons[face].vertices] if hit else []
+        vertices = item.data.polygons[face].vertices if hit else ()
+        corners = [np.array(matrix @ item.data.vertices[k].co) for k in vertices]
+        depth[place] = _met(start, way, np.array(at), corners) if hit else np.nan
         rounded[place] = np.spacing(np.float32(np.abs([*start, *np.ravel(corners)]).max())) / slant
     tried = np.isfinite(rounded) & ~(depth < NEAREST_M)
     shown = np.where(_surface(view), view.depth, np.nan)
@@ -233,6 +234,15 @@ def _against_rays(pair: Pair, view: View, eye: str) -> Iterator[str]:
     off = np.abs(depth - shown)[both] / (5e-4 * shown + 16 * rounded)[both]
     if len(off) and np.quantile(off, 0.95) > 1:
         yield f"depth is {np.quantile(off, 0.95):.2g} tolerances off that of rays at {np.nanmedian(shown):.3g} m"
+
+
+def _met(start: np.ndarray, way: np.ndarray, at: np.ndarray, corners: list[np.ndarray]) -> float:
+    """How many of ``way`` it is to where a ray meets a face. Blender's own answer, ``at``, is off by some hundredths
+    of a metre on triangles of 25 m seen from 0.3 m, so it only says which face; the plane of three corners is exact."""
+    if len(corners) != 3:
+        return float((at - start) @ way / (way @ way))
+    normal = np.cross(corners[1] - corners[0], corners[2] - corners[0])
+    return float((corners[0] - start) @ normal / (way @ normal)) if way @ normal else float("nan")
 
 
 def why_black(built: Built, pair: Pair, view: View, eye: str) -> str:
