@@ -194,6 +194,8 @@ _SHAPE = {
 
 
 def _text(path: Path) -> str:
+    if path.exists() and not path.is_file():  # nobody may ever write to a pipe
+        raise IcyMoonError(f"{path} is no file; {_MEND}.")
     try:
         return read_text(path)
     except FileNotFoundError:
@@ -252,7 +254,10 @@ def is_whole(folder: Path) -> bool:
     Raises OSError where that cannot be told.
     """
     try:
-        data = parsed(read_text(folder / "pair.json"))
+        path = folder / "pair.json"
+        if not path.is_file():  # a pipe would be waited for
+            return False
+        data = parsed(read_text(path))
         return not fault(data, _FILES) and all((folder / name).stat().st_size == fact["bytes"]
                                                for name, fact in data["files"].items())
     except (FileNotFoundError, NotADirectoryError, ValueError):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import os
 import sys
 from pathlib import Path
 
@@ -12,7 +13,7 @@ import pytest
 from icymoon import files, settings
 from icymoon.errors import IcyMoonError
 from icymoon.render.launch import Job, absolute_folder, blender_command
-from icymoon.render.pair import StereoCamera, find_pairs, read_pair
+from icymoon.render.pair import StereoCamera, find_pairs, is_complete, read_pair
 from icymoon.render.plan import expand
 from icymoon.render.queue import Process
 from pairs import camera, write_pair
@@ -141,3 +142,11 @@ def test_removing_a_job_removes_what_a_killed_worker_left(tmp_path):
     job.remove()
     assert not job.folder.exists()
     assert [p.name for p in (tmp_path / "pairs").iterdir()] == ["def"]
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="this system has no named pipes")
+def test_a_pipe_is_no_pair_and_nobody_waits_for_it(tmp_path):
+    os.mkfifo(tmp_path / "pair.json")
+    with pytest.raises(IcyMoonError, match="is no file"):
+        read_pair(tmp_path)
+    assert not is_complete(tmp_path)
