@@ -53,8 +53,9 @@ def keep(scene: bpy.types.Scene, scope: str, settings: description.Settings, pai
     ``pairs`` are the ids of those that were asked for; none if it is of a whole data set. Raises IcyMoonError if it
     cannot be read.
     """
-    report = _read(folder_of(settings, scope))
-    pages.remember(folder_of(settings, scope) / "report.html")
+    folder = folder_of(settings, scope)
+    report = _read(folder)
+    pages.remember(folder / "report.html")
     for name, value in report.get("provenance", {}).get("response_overrides", {}).items():  # as it was measured indeed
         topic, _, key = name.partition(".")
         settings = description.merged(settings, description.check({topic: {key: value}}, "report.json"))
