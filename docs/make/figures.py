@@ -73,8 +73,8 @@ def terrain_profiles(figure: Figure) -> None:
     rows[-1].set_xlabel("East, m")
 
 
-def block_sizes(figure: Figure) -> None:
-    """Blocks per square metre above a diameter: laws of the rock presets, and what is drawn of them."""
+def rock_sizes(figure: Figure) -> None:
+    """Rocks per square metre above a diameter: the laws of the rock presets and the rocks drawn from them."""
     axes = figure.subplots()
     area = 400.0
     for name, colour in zip(settings.preset_names("rocks"), COLOURS, strict=False):
@@ -85,7 +85,7 @@ def block_sizes(figure: Figure) -> None:
         axes.loglog(diameters[::step], (np.arange(len(diameters)) + 1)[::step] / area, "o", ms=3, color=colour)
         d = np.geomspace(law.smallest_m, 0.999 * shown["rocks"]["largest_m"], 80)
         axes.loglog(d, law.per_m2_above(d), "-", color=colour, label=settings.preset_header(name)[0])
-    axes.set(xlabel="Diameter, m", ylabel="Blocks per m² above it", ylim=(1 / area / 2, None))
+    axes.set(xlabel="Diameter, m", ylabel="Rocks per m² above it", ylim=(1 / area / 2, None))
     axes.legend(fontsize=8)
 
 
@@ -285,7 +285,7 @@ def trade_front(figure: Figure) -> None:
 
 
 FIGURES: dict[str, Callable[[Figure], None]] = {f.__name__: f for f in (
-    terrain_law, terrain_profiles, block_sizes, hapke_phase, hapke_error, hapke_roughness, sun_at_distance, europa_day,
+    terrain_law, terrain_profiles, rock_sizes, hapke_phase, hapke_error, hapke_roughness, sun_at_distance, europa_day,
     planet_phase, photon_transfer, exposure_response, depth_error, cautious_matcher, trade_front)}
 
 
