@@ -40,7 +40,7 @@ def block_object(settings: Settings, diameter_m: float) -> bpy.types.Object:
     long = float(np.sqrt(max(rocks["elongation"], 1.0)))
     scale = diameter_m * np.array([long, 1.0 / long, shape.height * rocks["height_ratio"]])
     vertices = (shape.vertices - [0.0, 0.0, shape.vertices[:, 2].min()]) * scale
-    mesh = mesh_from_arrays("Ice Block", vertices.astype(np.float32), shape.triangles)
+    mesh = mesh_from_arrays("Ice Rock", vertices.astype(np.float32), shape.triangles)
     mesh.polygons.foreach_set("use_smooth", ~shape.plane)
     return _with_material(mesh, lambda: rock_material(settings, mesh))
 

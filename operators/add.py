@@ -77,7 +77,7 @@ class ICYMOON_OT_add_block(_AddOperator, bpy.types.Operator):
     """Add an ice block as a mesh of your own, made of the surface that blocks have in the sidebar; put into the collection Icy Moon it is in the images"""  # noqa: E501
 
     bl_idname = "icymoon.add_block"
-    bl_label = "Ice Block"
+    bl_label = "Ice Rock"
     bl_options = {"REGISTER", "UNDO"}
 
     taken = {key: ("rocks", key) for key in ("family", "angularity", "elongation", "height_ratio")} | {
