@@ -100,6 +100,13 @@ def radiance(scene: bpy.types.Scene, emission: float, view_m: float, pixels: int
     scene.camera = camera
     toward = Vector((math.sin(emission), 0.0, math.cos(emission)))
     camera.location, camera.rotation_euler = 50.0 * toward, toward.to_track_quat("Z", "Y").to_euler()
+    values = render_pixels(scene)
+    bpy.data.objects.remove(camera)
+    return values
+
+
+def render_pixels(scene: bpy.types.Scene) -> np.ndarray:
+    """Render a scene as it is set; radiance (rows, columns, 3), row 0 at the bottom."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "furnace.exr"
         settings = scene.render.image_settings
@@ -107,11 +114,11 @@ def radiance(scene: bpy.types.Scene, emission: float, view_m: float, pixels: int
         scene.render.filepath, scene.render.use_file_extension = str(path), False
         bpy.ops.render.render(write_still=True)
         image = bpy.data.images.load(str(path))
+        width, height = image.size
         values = np.empty(len(image.pixels), np.float32)
         image.pixels.foreach_get(values)
         bpy.data.images.remove(image)
-    bpy.data.objects.remove(camera)
-    return values.reshape(pixels, pixels, 4)[..., :3].astype(np.float64)
+    return values.reshape(height, width, 4)[..., :3].astype(np.float64)
 
 
 def principled(**inputs: Any) -> bpy.types.Material:
