@@ -86,6 +86,27 @@ def test_another_machine_is_believed_for_a_minute(tmp_path):
     assert Claims(tmp_path).take(PAIR)
 
 
+def test_a_living_holder_may_miss_two_beats(tmp_path):
+    """Where a share is away for a moment, or the machine is busy: its touches come, but late."""
+    left_by(tmp_path, 1, "another machine", 3 * claims.BEAT_S)
+    assert Claims(tmp_path).others() == {PAIR}
+    assert not Claims(tmp_path).take(PAIR)
+
+
+@pytest.mark.parametrize(("older", "newer", "free"), [(2.0, 0.0, False), (0.0, 2.0, True)])
+def test_of_two_claims_of_a_pair_the_one_made_last_decides(tmp_path, older, newer, free):
+    """Whoever claims anew is killed before it removes the claim that had grown stale; ten comes after nine."""
+    left_by(tmp_path, 1, "another machine", older * claims.STALE_S, f"{PAIR}.9")
+    left_by(tmp_path, 2, "another machine", newer * claims.STALE_S, f"{PAIR}.10")
+    mine = Claims(tmp_path)
+    assert mine.holder(PAIR) == "process 2 on elsewhere"
+    assert mine.others() == (set() if free else {PAIR})
+    assert mine.take(PAIR) == free
+    if free:
+        assert [path.name for path in (tmp_path / claims.FOLDER).iterdir()] == [f"{PAIR}.11"]
+    mine.close()
+
+
 def test_a_claim_that_is_still_being_written_counts(tmp_path):
     (tmp_path / claims.FOLDER).mkdir()
     (tmp_path / claims.FOLDER / f"{PAIR}.1").write_text("")
