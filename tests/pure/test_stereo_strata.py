@@ -82,6 +82,23 @@ def test_cast_and_own_shadows():
     np.testing.assert_array_equal(shadow, expected)
 
 
+@pytest.mark.parametrize("reaches", [0.2, 0.3, 0.4, 0.5])
+@pytest.mark.parametrize("tilted", [0.0, 0.9, 1.3])
+def test_ground_is_in_shadow_below_about_a_third_of_the_light_whichever_way_it_faces(reaches, tilted):
+    """An even Lambertian ground under a Sun overhead, facets from level to 75° steep, half of it in a penumbra.
+
+    What makes a shadow is the part of its own light that a facet gets, however dark its slant makes it.
+    """
+    normal = np.zeros((20, 40, 3))
+    normal[..., 2] = 1.0
+    normal[10:] = [np.sin(tilted), 0.0, np.cos(tilted)]
+    light = 0.7 * normal[..., 2]
+    light[:, 30:] *= reaches
+    shadow = in_shadow(light, normal, [0.0, 0.0, 1.0], np.ones((20, 40), int))
+    assert not shadow[:, :30].any()
+    assert (shadow[:, 30:] == (reaches < 0.35)).all()
+
+
 def test_what_is_not_known_classifies_nothing():
     found = classify(TRUTH, TRUTH > 0, np.ones_like(TRUTH), np.ones_like(TRUTH), None, None, None)
     assert all((found[key] == -1).all() for key in ("slope", "shadow", "material"))
