@@ -85,6 +85,15 @@ def test_a_full_well_stays_full_however_much_light_there_is():
     assert abs(flooded.std() - 15) < 0.2  # read noise only
 
 
+def test_offsets_of_pixels_stay_where_the_well_is_full():
+    """They come with reading, behind the well, so that a flooded image shows them as a dark one does."""
+    settings = sensor(dsnu_e=7.0, **QUIET)
+    pattern = fixed_pattern(3, "left", (50, 40), settings)
+    dark, flooded = (exposed(np.full((50, 40), level), settings, pattern=pattern) for level in (0.0, 1e9))
+    np.testing.assert_allclose(dark, pattern.offset_e)
+    np.testing.assert_allclose(flooded - 20000.0, pattern.offset_e, atol=1e-9)
+
+
 def test_defective_radiance_is_dark():
     assert (exposed([np.nan, -1.0], sensor(read_noise_e=0.0)) == 0).all()
 
