@@ -51,13 +51,38 @@ def test_a_graded_mesh_belongs_to_its_rig_and_a_grid_does_not():
     assert len(scenes(ordered(turned))) == 1
 
 
+PLANS = {"few large scenes": PAIRS, "many scenes of one pair": grid(seeds=30, elevations=(20.0,), headings=(0.0,)),
+         "many scenes of three": grid(seeds=10, elevations=(20.0,), headings=(0.0, 90.0, 180.0)),
+         "of both kinds": [*PAIRS, *grid(seeds=16, elevations=(20.0,), headings=(0.0,))]}
+
+
+@pytest.mark.parametrize("plan", PLANS)
 @pytest.mark.parametrize("workers", [1, 2, 5, 40])
 @pytest.mark.parametrize("most_scenes", [1, 2, 50])
-def test_shards_are_all_pairs_in_order(workers, most_scenes):
-    pairs = ordered(PAIRS)
+def test_shards_are_all_pairs_in_order(plan, workers, most_scenes):
+    pairs = ordered(PLANS[plan])
     found = shards(pairs, workers, most_scenes)
     assert [p.id for shard in found for p in shard] == [p.id for p in pairs]
-    assert all(len(scenes(shard)) <= most_scenes for shard in found)
+    assert all(shard and len(scenes(shard)) <= most_scenes for shard in found)
+
+
+@pytest.mark.parametrize(("most_scenes", "length"), [(1, 1), (2, 2), (5, 5), (8, 8), (50, 8)])
+def test_a_shard_has_as_many_scenes_as_it_may_and_as_its_length_allows(most_scenes, length):
+    """32 scenes of a pair for one worker, who gets four shards if a process may render as many scenes."""
+    pairs = ordered(grid(seeds=32, elevations=(20.0,), headings=(0.0,)))
+    lengths = [len(shard) for shard in shards(pairs, 1, most_scenes)]
+    assert set(lengths[:-1]) == {length}
+    assert sum(lengths) == 32
+
+
+@pytest.mark.parametrize("workers", [1, 2, 3])
+def test_a_scene_is_cut_only_if_it_is_longer_than_two_shards(workers):
+    pairs = ordered(PLANS["of both kinds"])
+    found, length = shards(pairs, workers, 50), -(-len(pairs) // (4 * workers))
+    for scene in scenes(pairs):
+        holders = [shard for shard in found if {p.id for p in shard} & {p.id for p in scene}]
+        assert len(holders) == -(-len(scene) // (2 * length))
+    assert max(map(len, found)) <= 2 * length
 
 
 def test_shards_keep_workers_busy_to_the_end():
