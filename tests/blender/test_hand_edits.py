@@ -99,6 +99,8 @@ def populate() -> None:
     lander.vertex_groups["Legs"].add([0, 1], 0.5, "REPLACE")
     nodes = lander.modifiers.new("Geometry", "NODES")
     geometry = group_of("Geometry", "GeometryNodeTree", 1.0)
+    size = geometry.nodes.new("ShaderNodeVectorMath")
+    size.name, size.mute = "Muted", True
     geometry.interface.new_socket("Amount", in_out="INPUT", socket_type="NodeSocketFloat")
     nodes.node_group = geometry
     shapes = bpy.data.collections.new("Shapes")
@@ -436,6 +438,8 @@ EDITS: dict[str, Callable[[Any], Undo]] = {edit.__name__: edit for edit in (
     "value of an output": on(lambda b: node("RGB").outputs[0], "default_value", (0.1, 0.2, 0.3, 1.0)),
     "group in a group": on(lambda b: bpy.data.node_groups["Inner"].nodes[0].outputs[0], "default_value", 0.5),
     "muted node": on(lambda b: node("RGBCurve"), "mute", True),
+    "value that a muted node passes on": on(
+        lambda b: bpy.data.node_groups["Geometry"].nodes["Muted"].inputs[0], "default_value", (3.0, 1.0, 1.0)),
     "colour space": on(lambda b: bpy.data.images["Decal"].colorspace_settings, "name", "Non-Color"),
     "texture mapping": on(lambda b: node("TexImage").texture_mapping, "scale", (2.0, 1.0, 1.0)),
     "interpolation": on(lambda b: node("TexImage"), "interpolation", "Closest"),
