@@ -1,9 +1,9 @@
-"""What rendered blur and toe-in do to stereo, and what they cost: one scene through other lenses, motions and rigs.
+"""The effect of rendered blur and toe-in on stereo, and their cost: one scene with different lenses, motions and rigs.
 
     python benchmarks/blur.py [WIDTH [SAMPLES]]
 
-Depth error, coverage and bad-1 are of the pixels that both eyes see. Cost is the render's CPU time as a ratio to the
-first row's in the same run.
+Depth error, coverage and bad-1 are measured on the pixels that both eyes see. Cost is the CPU time of the render, as a
+ratio to the first row of the same run.
 """
 
 from __future__ import annotations

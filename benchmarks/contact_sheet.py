@@ -1,9 +1,9 @@
-"""Renders every terrain preset small and puts the images on one sheet, to look at.
+"""Renders a small image of every terrain preset and puts all images on one sheet.
 
     python benchmarks/contact_sheet.py [SHEET.png] [PRESET ...]
 
-Each preset is built and rendered as the worker does it, under a Sun at 25 degrees, and shown at the
-exposure that the evaluator would choose. Without arguments it writes docs/images/terrains.png.
+Each preset is built and rendered as by a worker, under a Sun at 25 degrees, and shown at the exposure
+that the evaluator would choose. Without arguments it writes docs/images/terrains.png.
 """
 
 from __future__ import annotations

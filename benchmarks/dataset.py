@@ -1,11 +1,11 @@
-"""What a data set costs beside the light paths: memory over many scenes, time that is not sampling, processes.
+"""The cost of a data set besides sampling: memory over many scenes, other processor time, processes.
 
     python benchmarks/dataset.py            all three
-    python benchmarks/dataset.py memory     resident memory of a process over 50 scenes of other ground and blocks
-    python benchmarks/dataset.py overhead   processor time of a 64-sample pair of the paper's camera, by where it goes
-    python benchmarks/dataset.py fresh      a data set in one worker against a fresh Blender for each pair
+    python benchmarks/dataset.py memory     resident memory of a process over 50 scenes with different ground and rocks
+    python benchmarks/dataset.py overhead   processor time of a 64-sample pair of the GUISS paper's camera, by stage
+    python benchmarks/dataset.py fresh      a data set in one worker, compared with a new Blender for each pair
 
-Processor seconds of one run, on one thread. Needs Blender as a module.
+Prints processor seconds of one run, on one thread. Needs Blender as a module.
 """
 
 from __future__ import annotations

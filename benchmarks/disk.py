@@ -1,12 +1,12 @@
-"""What a pair takes on the disk, pass by pass, from which ``render/cost.py`` has its coefficients.
+"""The size of a pair on disk, pass by pass. The coefficients in ``render/cost.py`` come from here.
 
     python benchmarks/disk.py              all
     python benchmarks/disk.py gallery …    those whose name contains a word
 
-``disk.txt`` beside it has what was measured last.
+``disk.txt`` beside it contains the last result.
 
-Each row is a pair: bytes of each pass over the pixels of both eyes, margins included; those of the whole pair, and what
-is expected of them. The last line says how far expectations are off. Needs Blender 5 as a module, whose files have a
+Each row is a pair: the bytes of each pass per pixel of both eyes, with margins, those of the whole pair, and the
+estimate. The last line shows the error of the estimates. Needs Blender 5 as a module, whose files have a
 part for each pass.
 """
 

@@ -1,9 +1,9 @@
-"""What the camera does to stereo: matchers against saturation, noise, brackets and particles, and the cost of it.
+"""The effect of the camera on stereo: matchers with saturation, noise, brackets and particles, and their cost.
 
     python benchmarks/exposure.py PAIR_OR_DATASET
 
-Renders nothing: every row exposes the same pair again. Depth error and coverage are of the pixels
-that both eyes see. Without an argument a synthetic pair is used, which needs ``tests/pure/pairs.py``.
+Renders nothing: every row develops the same pair again. Depth error and coverage are measured on the
+pixels that both eyes see. Without an argument it uses a synthetic pair, which needs ``tests/pure/pairs.py``.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ METHODS = ("bm", "sgbm")
 
 
 def synthetic(folder: Path) -> Pair:
-    """A textured plane with a block, 640 x 480."""
+    """A textured plane with a cuboid, 640 x 480."""
     sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "pure"))
     import pairs
 

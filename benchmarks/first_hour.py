@@ -1,13 +1,12 @@
-"""From nothing to the first evaluated pair in Blender's window, by the clock: the steps of docs/tutorial/window.md.
+"""The time from an empty Blender to the first evaluated pair in its window: the steps of docs/tutorial/window.md.
 
     python benchmarks/first_hour.py [4.3 | 5.2 | named] [--keep]
 
-Blender has new, empty settings, and all that a person does there is done by mouse and keys: see
-``first_hour_window.py``. 'named' is the Blender whose path ICYMOON_BLENDER holds, which needs xdotool, ImageMagick
-and, where there is no screen, xvfb. The evaluator is installed by its button, so the network is needed; Debian's
-Blender needs the package python3-venv for it. Screenshots are left in out/first_hour; --keep leaves the settings too.
-Prints the seconds of each step by the clock, and the processor seconds of Blender and what it starts, which tell how
-much of the former was waiting for a machine that others used.
+Blender has new, empty settings. All steps of a user are done with mouse and keys, see ``first_hour_window.py``.
+'named' is the Blender in ICYMOON_BLENDER. It needs xdotool, ImageMagick and, without a screen, xvfb. The evaluator is
+installed by its button, which needs the network; Debian's Blender also needs the package python3-venv. Screenshots stay
+in out/first_hour; with --keep the settings stay too. Prints the seconds of each step, and the processor seconds of
+Blender and of the processes that it starts. Much less processor time than time means that the machine was busy.
 """
 
 from __future__ import annotations
@@ -40,14 +39,14 @@ def main(words: list[str]) -> int:
     subprocess.run([sys.executable, str(ROOT / "tests" / "extension_zip.py"), str(archive)], cwd=ROOT, check=True,
                    stdout=subprocess.DEVNULL)
     steps = [{"step": "make zip", "seconds": time.monotonic() - began, "cpu": sum(os.times()[2:4]) - cpu}]
-    # An evaluator that this shell names would stand in for the one that the button makes.
+    # An evaluator in this shell's environment would replace the one that the button installs.
     done = blender.run("--python-exit-code", "5", "--python", str(Path(__file__).with_name("first_hour_window.py")),
                        "--", str(folder), str(archive), str(time.time()), window=True, timeout_s=TIMEOUT_S,
                        environment={"BLENDER_USER_RESOURCES": str(user), "ICYMOON_EVALUATOR": ""})
     report = folder / "steps.json"
     steps += json.loads(report.read_text()) if report.is_file() else []
     print(" clock s  CPU s")
-    for step in [*steps, {"step": "in all", **{key: sum(step[key] for step in steps) for key in ("seconds", "cpu")}}]:
+    for step in [*steps, {"step": "total", **{key: sum(step[key] for step in steps) for key in ("seconds", "cpu")}}]:
         print(f"{step['seconds']:8.1f} {step['cpu']:6.1f}  {step['step']}{'  FAILED' if step.get('failed') else ''}")
     print(f"Load {os.getloadavg()[0]:.1f} after; screenshots in {folder}")
     if "--keep" in words:

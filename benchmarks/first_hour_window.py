@@ -1,9 +1,9 @@
-"""A newcomer's steps in Blender's window, each by mouse and keys and by the clock; runs inside Blender.
+"""A new user's steps in Blender's window, with mouse and keys, and the time of each; runs inside Blender.
 
     blender --python benchmarks/first_hour_window.py -- FOLDER ZIP STARTED
 
 FOLDER gets steps.json, a screenshot after each step, and the pair. ZIP is the extension, STARTED the Unix time at
-which Blender was started. Buttons are found by passing the mouse over rows, which takes longer than looking.
+which Blender was started. Buttons are found by moving the mouse over rows, which takes longer than a user needs.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ from person import (
 FOLDER, ARCHIVE = Path(sys.argv[-3]), Path(sys.argv[-2])
 STARTED = float(sys.argv[-1])
 PRESET = "scenes/enceladus_fresh_snow"
-#: What the tutorial says for a first look.
+#: The samples of the tutorial for a first look.
 SAMPLES = "8"
 
 steps: list[dict] = []
@@ -210,7 +210,7 @@ def build_scene() -> Waiting:
 
 
 def show_it_solid() -> Waiting:
-    """Z, Solid: what the tutorial says to do where there is no graphics card."""
+    """Z, Solid: as in the tutorial, where there is no graphics card."""
     space = person.area().spaces.active
     yield from away()
     yield from key("z")
@@ -278,7 +278,7 @@ def install_the_evaluator() -> Waiting:
 
 
 def evaluate() -> Waiting:
-    """Evaluate, until the metrics stand in the panel."""
+    """Evaluate, until the panel shows the metrics."""
     yield from press("icymoon.evaluate")
     yield from ended("Evaluating")
     check(module("operators.results").summary(), "there are no metrics")

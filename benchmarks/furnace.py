@@ -1,4 +1,4 @@
-"""A white furnace in Cycles: how much of the light that falls on a flat surface from all sides comes back.
+"""A white furnace in Cycles: the share of light from all sides that a flat surface reflects.
 
     python benchmarks/furnace.py > physics/principled.json
 
@@ -41,7 +41,7 @@ def albedo(make: Callable[[], bpy.types.Material], *, samples: int = 64, view_m:
            size_m: float = 100.0) -> np.ndarray:
     """Bihemispherical reflectance (3,) in red, green and blue of a horizontal plane of the material.
 
-    The sky above and below shines with radiance 1, a black floor catches what is let through. The mean is
+    The sky above and below has radiance 1; a black floor absorbs the light that passes through. The mean is
     over a square of ``view_m`` in the middle of a plane of ``size_m``.
     """
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)

@@ -1,14 +1,14 @@
-"""What a mesh costs and how far it is from the ground it stands for: graded, a uniform grid, Cycles' own dicing.
+"""The cost of a mesh and its distance from the ground that it approximates: graded, uniform grid, Cycles' dicing.
 
     python benchmarks/graded.py [PRESET]
 
-One pair of the paper's camera at one sample, of ground from the preset (terrains/rough). Each way is measured in
-a process of its own: triangles, processor seconds to build and to render (both eyes, beauty and truth), peak
-memory, and the error of the left eye's depth on a sixteenth of the pixels, on the 20 m patch only: off the surface
-(distance from hit point to described ground in pixels) and in disparity (against the first crossing of ray and
-ground, marched in steps of a third of a pixel through a tenth of the depth on both sides). Dicing displaces
-a 65 x 65 grid by an image of the heights, 4.9 mm per pixel, whose making is not counted. Needs Blender 5.0 or
-later as a module.
+One pair of the GUISS paper's camera at one sample, with ground of the preset (terrains/rough). Each mesh is measured in
+a separate process: triangles, processor seconds to build and to render (both eyes, beauty and truth), peak memory, and
+the error of the left eye's depth. The error is measured on a sixteenth of the pixels, on the 20 m patch only. One
+column is the distance in pixels from the hit point to the ground of the height function. The other is the error in
+disparity, compared with the first crossing of ray and ground; this is found in steps of a third of a pixel, within a
+tenth of the depth on both sides. Dicing displaces a 65 x 65 grid by an image of the heights with 4.9 mm per pixel; the
+time to make this image is not counted. Needs Blender 5.0 or later as a module.
 """
 
 from __future__ import annotations

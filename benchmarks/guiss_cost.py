@@ -1,20 +1,21 @@
-"""What a pair of snow costs here and with the settings of the paper's public code, side by side in one run.
+"""The cost of a pair of snow in Icy Moon and with the settings of the GUISS paper's public code, in one run.
 
     python benchmarks/guiss_cost.py [--scale 0.25] [--pairs N] [--reference-samples N] [--out FOLDER]
 
-The paper's snow (Bhaskara et al. 2024) on ground of its terrain function, seen by its camera at 640 x 480 px. The first
-row is rendered as its public code does, made again from the facts: an eye after the other, each a render of its own, 16
-samples, 100 bounces, light under the surface, denoised with all guides cleaned. Each row below changes one thing more,
-down to what Icy Moon would be set to. All rows are of the same ground and material but where a row's name says so.
+The snow of the paper (Ramchander Bhaskara et al., "Icy Moon Surface Simulation and Stereo Depth Estimation for Sampling
+Autonomy", IEEE Aerospace Conference 2024) on ground of its terrain function, seen by its camera at 640 x 480 px. The
+first row has the settings of its public code: a separate render for each eye, 16 samples, 100 bounces, subsurface
+scattering, and a denoiser that cleans all its guides. Each row below changes one more setting, and the last row has the
+settings that we would choose. All rows have the same ground and material, unless the name of a row tells otherwise.
 
-Cost is processor seconds of all threads: ``first`` of a process that renders one pair (start, build, pair), ``more`` of
-each further pair of the same process. The first row pays for nothing but its two images and one depth; all others for
-exact depth, normals and labels of both eyes too. Stereo is of SGBM, StereoBM and JPLV against the exact disparity where
-both eyes see: coverage, mean error, share off by more than 1 px, share off or missing. More coverage is of harder
-pixels, so each row also says what it has more than the first, ± a standard error (jackknife over tiles): mean error of
-the pixels that both rows measure, and share off or missing. Radiance is held against a render of many samples with all
-bounces and the light under the surface: mean, and root mean square of the difference of a pixel over the mean. Needs
-Blender as a module.
+Cost is processor seconds of all threads: ``first`` for a process that renders one pair (start, build, pair), ``more``
+for each further pair of the same process. The first row renders only its two images and one depth. All others also
+render exact depth, normals and labels of both eyes. SGBM, StereoBM and JPLV are compared with the exact disparity where
+both eyes see: coverage, mean error, share wrong by more than 1 px, share wrong or missing. A row with more coverage
+includes harder pixels. So each row also shows its increase over the first, ± a standard error (jackknife over tiles):
+of the mean error of the pixels that both rows measure, and of the share wrong or missing. Radiance is compared with a
+render of many samples with all bounces and subsurface scattering: the mean, and the root mean square of the difference
+of a pixel over the mean. Needs Blender as a module.
 """
 
 from __future__ import annotations
@@ -43,7 +44,7 @@ if TYPE_CHECKING:  # a process that renders pays for no evaluator
 
 METHODS = "sgbm,bm,jplv"
 PRESETS = ("rigs/guiss", "sensors/default", "qualities/guiss", "lights/guiss_enceladus")
-#: The paper's snow: lamp, ground and material of its public code. The mean free path is not in it: of millimetre snow.
+#: The paper's snow: lamp, ground and material of its public code. It states no mean free path: that of millimetre snow.
 SNOW: dict[str, Any] = {
     "light": {"sun_irradiance_wm2": 10.0, "sun_elevation_deg": 24.0, "sun_azimuth_deg": 0.0},
     "terrain": {"size_m": 20.0, "resolution": 258, "rms_slope_deg": 0.0, "layers": [{
@@ -83,11 +84,11 @@ def ladder() -> list[Rung]:
     return [Rung("paper's settings, two renders", {}, PAPER, apart=True),
             Rung("both eyes in one render, geometry kept", {}, PAPER),
             Rung("3 bounces, no clamp", bounces, CLEANED),
-            Rung("no walk under the surface, same albedo", solid, CLEANED),
-            Rung("denoiser's guides as they are", solid, CLASSIC),
+            Rung("no subsurface scattering, same albedo", solid, CLEANED),
+            Rung("the denoiser's guides not cleaned", solid, CLASSIC),
             Rung("blue noise", solid),
             Rung("9 samples", few),
-            Rung("depth alone of the truth", depth),
+            Rung("truth is depth only", depth),
             Rung("Lambert, same albedo", plain),
             Rung("relief for the camera alone", camera),
             Rung("graded mesh of 4 px: finer ground", {
@@ -124,7 +125,7 @@ def render(job: dict[str, Any]) -> list[dict[str, Any]]:
     apart = _Apart()
     if rung.apart:
         shoot._radiance = apart.radiance
-    # Each pair is built as it is described: there is nothing that has to be turned.
+    # Each pair is built anew, so nothing has to be rotated.
     pairs = [PlannedPair(pair.id, pair.settings, 0.0) for pair in expand(job["settings"])]
     with Described(lambda warning: print(warning, file=sys.stderr)) as stage:
         render_in(stage, pairs, Path(job["dataset"]), lambda kind, **_: None)
@@ -132,7 +133,7 @@ def render(job: dict[str, Any]) -> list[dict[str, Any]]:
     for k, pair in enumerate(pairs):
         folder = pair.folder(Path(job["dataset"]))
         cost = json.loads((folder / "pair.json").read_text())["cpu_seconds"]
-        # Truth and files are not the paper's to pay for.
+        # The paper's code writes neither truth nor these files.
         made.append({"folder": str(folder), "before": cost["before"],
                      "pair": apart.costs[k] if rung.apart else cost["pair"]})
     return made
@@ -299,9 +300,10 @@ if __name__ == "__main__":
         sys.stdout.flush()
         os._exit(0)
     parser = argparse.ArgumentParser()
-    parser.add_argument("--scale", type=float, default=1.0, help="share of the image's width and height")
-    parser.add_argument("--pairs", type=int, default=2, help="headings of each row")
-    parser.add_argument("--reference-samples", type=int, default=128, help="of what radiance is held against; 0: none")
+    parser.add_argument("--scale", type=float, default=1.0, help="factor for the width and height of the image")
+    parser.add_argument("--pairs", type=int, default=2, help="pairs per row, each with its own heading")
+    parser.add_argument("--reference-samples", type=int, default=128,
+                        help="samples of the render that radiance is compared with; 0: none")
     parser.add_argument("--only", nargs="*", default=[], help="rows whose name contains one of these")
     parser.add_argument("--out", type=Path)
     given = parser.parse_args()

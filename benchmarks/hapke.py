@@ -1,15 +1,16 @@
-"""What the surface models cost and how near Hapke's law in Cycles is to the double-precision reference.
+"""The cost of the surface models, and the error of Hapke's law in Cycles against the double-precision reference.
 
-    python benchmarks/hapke.py cost         processor seconds over those of Lambert's law
+    python benchmarks/hapke.py cost         processor seconds, divided by those of Lambert's law
     python benchmarks/hapke.py error        percentiles of the relative error of direct sunlight
-    python benchmarks/hapke.py planet       how many directions stand for a planet's lit disc
+    python benchmarks/hapke.py planet       how many directions represent a planet's lit disc
     python benchmarks/hapke.py curve FILE   phase curves of the presets with their opposition surge, as SVG
 
-Costs are of the samples alone (64 minus 1), each the least of three turns that alternate between the
-models, so that a busy machine troubles all alike. ``cost`` and ``error`` need Blender as a module.
+Costs are those of the samples only (64 minus 1). Each is the lowest of three rounds that alternate between
+the models, so that a busy machine affects all equally. ``cost`` and ``error`` need Blender as a module.
 
-``planet`` cuts the lit disc into n x n pieces, each of which a direction in its middle stands for, and compares the
-radiance of Europa's and Enceladus' ice, anyhow inclined and seen, with the integral: median, 95 % and largest error.
+``planet`` divides the lit disc into n x n pieces and represents each by a direction at its centre. It compares the
+radiance of Europa's and Enceladus' ice, at random inclinations and views, with the integral: median, 95 % and largest
+error.
 """
 
 from __future__ import annotations

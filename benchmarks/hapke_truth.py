@@ -1,15 +1,15 @@
-"""Hapke's law with all its interreflections against the path tracer of eradiate-mitsuba, an independent program.
+"""Hapke's law with all interreflections, compared with the path tracer of eradiate-mitsuba, an independent program.
 
     python benchmarks/hapke_truth.py MITSUBA_PYTHON
 
-needs Blender as a module, and a second Python with ``pip install eradiate-mitsuba``. A rough ground of flat facets
-under a low Sun is rendered by both, 12 bounces deep; printed are ratios to mitsuba's radiance in the mean, where
-the Sun shines and in shadow, and the RMS deviation of blocks of 8 x 8 pixels, which holds the noise of both.
+needs Blender as a module, and a second Python with ``pip install eradiate-mitsuba``. Both render a rough ground of flat
+facets under a low Sun with 12 bounces. The output is the ratio to mitsuba's radiance: the mean, in sunlight and in
+shadow. It also prints the RMS deviation of tiles of 8 x 8 pixels, which includes the noise of both.
 
-At the reference level the mean was 0.4 % high on the bright set and shadows 1.1 % low on Europa's as long as only one
-interreflection had the law: the closure that gave the others takes their light, which comes from facing walls, to be
-reflected as that of the whole sky. With three it is 0.03 % low in the mean, and up to 0.5 % in shadows, where 6 % of
-the pixels leave a noise of about as much.
+At the reference level, with the law for one interreflection only, the mean was 0.4 % high on the bright set and shadows
+were 1.1 % low on Europa's. The closure for the other interreflections assumes that their light comes from the whole
+sky, but it comes from facing walls. With the law for three interreflections, the mean is 0.03 % low. Shadows are up to
+0.5 % low; they are 6 % of the pixels, and their noise is about as large.
 """
 
 from __future__ import annotations
@@ -135,7 +135,7 @@ def compare(python: str) -> None:
         for way, image in images.items():
             mean, sunny, shade = (image[part].sum() / truth[part].sum() for part in (ground, lit, dark))
             rms = np.sqrt(np.mean((_blocks(image)[whole] / _blocks(truth)[whole] - 1) ** 2))
-            print(f"  {way:22s} mean {mean:.4f}   lit {sunny:.4f}   shadow {shade:.3f}   blocks {rms:.2%}", flush=True)
+            print(f"  {way:22s} mean {mean:.4f}   lit {sunny:.4f}   shadow {shade:.3f}   tiles {rms:.2%}", flush=True)
 
 
 if __name__ == "__main__":

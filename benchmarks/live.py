@@ -1,12 +1,13 @@
-"""How fast the preview follows a slider: updates a second for every terrain and scene preset.
+"""The speed of the live preview: updates per second for every terrain and scene preset.
 
     python benchmarks/live.py             all
     python benchmarks/live.py chaos …     those whose name contains a word
 
-Each preset is built, then its ruggedness is changed as by dragging the slider: height function, mesh, blocks,
-bookkeeping and Blender's own evaluation, everything but drawing. Milliseconds and rates are of processor time, which
-on an idle machine is the time that passes; ``full`` is a full build over an update of the same run. In the window
-the side is the largest at which an update takes less than ``live.BUDGET_S``. Needs Blender as a module.
+Each preset is built. Then its ruggedness changes as if the slider were dragged. An update includes the height function,
+mesh, rocks, bookkeeping and Blender's own evaluation, everything except drawing. Milliseconds and rates are of
+processor time, which on an idle machine equals real time. ``full`` is the time of a full build divided by that of an
+update of the same run. The window uses the largest side with an update below ``live.BUDGET_S``. Needs Blender as a
+module.
 """
 
 from __future__ import annotations

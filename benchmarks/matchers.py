@@ -1,13 +1,13 @@
-"""What every matcher costs and how well it measures, beside OpenCV's StereoBM as the paper ran it.
+"""The cost and accuracy of every matcher, compared with OpenCV's StereoBM with the GUISS paper's parameters.
 
-    python benchmarks/matchers.py               # those that need no torch
-    python benchmarks/matchers.py --networks    # the networks too, with random parameters; minutes
+    python benchmarks/matchers.py               # matchers without torch
+    python benchmarks/matchers.py --networks    # also the networks, with random parameters; takes minutes
 
-One synthetic 640 x 480 pair with noise. Each runs in a process of its own on one thread: CPU seconds of the fastest
-of three matches (of one for a network), and the most memory that it took beyond the images and the libraries. What
-counts are the ratios. Errors are over the measured pixels; locking is the spread, px, of the mean error over sixteen
-classes of the true disparity's fraction, which a matcher that prefers whole pixels has and others have not.
-Needs Linux for the memory. With a CUDA device the networks run there as well, and are compared with the processor.
+One synthetic 640 x 480 pair with noise. Each matcher runs in a separate process on one thread. The columns are the CPU
+seconds of the fastest of three matches (of one for a network), and the peak memory in addition to images and libraries.
+Compare the ratios. Errors are those of the measured pixels. Locking is the spread, px, of the mean error over sixteen
+classes of the fraction of the true disparity; it is large for a matcher that prefers whole pixels. Memory needs Linux.
+With a CUDA device the networks also run there, and their results are compared with those of the processor.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ ROW = "{:<40}{:>9}{:>8}{:>9}{:>8}{:>10}{:>9}{:>8}{:>9}"
 
 
 def pair() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Left, right and true disparity of a tilted plane with a block before it, noise of 2 levels per eye."""
+    """Left, right and true disparity of a tilted plane with a cuboid in front of it, noise of 2 levels per eye."""
     scene, rig = pairs.Scene(contrast=0.4), pairs.camera(640, 480)
     random = np.random.default_rng(0)
     (depth, left, _), (_, right, _) = pairs.view(scene, rig, "left"), pairs.view(scene, rig, "right")
@@ -89,7 +89,7 @@ def table(labels: tuple[str, ...], folder: Path) -> None:
             options |= {"checkpoint": str(folder / f"{method}.pth"), "device": "cpu"}
         found = in_a_process(str(folder / "images.npz"), label, options, 1 if network else 3)
         reference = reference or found
-        # The errors of a network with random parameters say nothing.
+        # The errors of a network with random parameters mean nothing.
         errors = ["–"] * 4 if network else [f"{100 * found['coverage']:.1f} %", f"{found['epe']:.3f}",
                                            f"{100 * found['bad_1']:.2f} %", f"{found['locking']:.4f}"]
         print(ROW.format(label, f"{found['seconds']:.3f}", f"{found['seconds'] / reference['seconds']:.1f}",

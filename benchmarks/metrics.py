@@ -1,9 +1,9 @@
-"""What measuring costs beside matching: every metric at 640 x 480, as a ratio to StereoBM in the same run.
+"""The cost of metrics compared with matching: every metric at 640 x 480, as a ratio to StereoBM in the same run.
 
     python benchmarks/metrics.py
 
-CPU seconds are the least of three runs in one thread, memory is the peak of what NumPy and Python allocate. One
-synthetic pair; needs ``tests/pure/pairs.py``.
+CPU seconds are the lowest of three runs in one thread. Memory is the peak that NumPy and Python allocate. Uses one
+synthetic pair and needs ``tests/pure/pairs.py``.
 """
 
 from __future__ import annotations

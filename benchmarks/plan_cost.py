@@ -1,10 +1,10 @@
-"""What a pair costs: processor seconds and bytes, from which ``render/cost.py`` has its coefficients.
+"""The cost of a pair: processor seconds and bytes. The coefficients in ``render/cost.py`` come from here.
 
     python benchmarks/plan_cost.py              all
     python benchmarks/plan_cost.py Hapke …      those whose name contains a word
 
-Each row is a scene built from settings and two pairs of it, and what the coefficients expect of a pair. Seconds are
-processor time of the whole process, which hangs little on what else the machine does. Cycles' own lines stand
+Each row is a scene built from settings, two pairs of it, and the estimate of the coefficients for a pair. Seconds are
+processor time of the whole process, which depends little on the load of the machine. Cycles prints its own lines
 between the rows. Needs Blender as a module.
 """
 
@@ -46,7 +46,7 @@ ROWS: dict[str, dict[str, Any]] = {
     **{f"Lambert, 256 samples, threshold {limit:g}": {
         "surface": {"model": "LAMBERT"}, "quality": {"samples": 256, "noise_threshold": limit}}
        for limit in (0.3, 0.1, 0.05, 0.02, 0.01)},
-    "Lambert, blocks": {"surface": {"model": "LAMBERT"}, "rocks": {"coverage": 0.1}},
+    "Lambert, rocks": {"surface": {"model": "LAMBERT"}, "rocks": {"coverage": 0.1}},
     "Principled": {},
     **{f"Principled, {name}walk{text}": {
         "surface": {"subsurface_weight": weight, "subsurface_radius_m": 2.0e-3}, "quality": {"walk_px": limit}}

@@ -1,9 +1,9 @@
-"""What each quality preset costs and how far off it is, for the presets' own ``[measured]`` tables.
+"""The cost and error of each quality preset, for the ``[measured]`` tables of the presets.
 
     python benchmarks/qualities.py [--scale 0.25] [--reference-samples N] [--out FOLDER] [--write]
 
-Each preset renders the same scene twice; errors are against a render of many samples without a denoiser, see
-``icymoon trade``. ``--write`` puts them into ``presets/qualities``.
+Each preset renders the same scene twice. Errors are relative to a render of many samples without a denoiser, see
+``icymoon trade``. ``--write`` writes them to ``presets/qualities``.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ def main(options: argparse.Namespace, out: Path) -> None:
     truth = read_reference(renders(reference(scene, options.reference_samples).settings, out), methods, {})
     rig = scene["rig"]
     where = f"{SCENE} at {rig['width_px']} x {rig['height_px']} px"
-    print(f"{where}; added to the errors on an image without noise ({truth.noise:.2%} noise):")
+    print(f"{where}; increase of the errors over those on an image without noise ({truth.noise:.2%} noise):")
     print(f"{'':12}{'CPU s':>8}" + "".join(f"{method.label + ' px':>10}" for method in methods)
           + f"{'SGBM wrong':>12}{'bias':>8}{'RMS':>8}")
     for name in description.preset_names("qualities"):

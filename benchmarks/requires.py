@@ -1,10 +1,11 @@
-"""What each thing costs that is switched on only where a scene needs it, and what it changes.
+"""The cost and effect of each feature that is switched on only where a scene needs it.
 
     python benchmarks/requires.py           measure all, and write docs/make/requires.json, which the manual shows
-    python benchmarks/requires.py walk …    only these, and write nothing
+    python benchmarks/requires.py walk …    only these, without writing the file
 
-On one thread, on and off in turn, in one run: the ratio of the processor seconds is the result. A first, unmeasured
-pair pays for what is loaded once. Needs Blender as a module, SpiceyPy and PyTorch.
+Each feature is measured on and off in turn, on one thread, in one run. The result is the ratio of the processor
+seconds. A first pair is not measured, because it includes what is loaded only once. Needs Blender as a module, SpiceyPy
+and PyTorch.
 """
 
 from __future__ import annotations

@@ -1,10 +1,10 @@
-"""What ice blocks cost: processor seconds and memory to build and to render, from none to 100 000.
+"""The cost of rocks: processor seconds and memory to build and to render them, from none to 100 000.
 
     python benchmarks/rocks.py             instances, as Icy Moon makes them
-    python benchmarks/rocks.py objects     the same blocks as single objects, for comparison
+    python benchmarks/rocks.py objects     the same rocks as single objects, for comparison
 
-A 20 m patch of 1 M triangles, one 640 x 480 stereo pair with truth at one sample. Each number of
-blocks is measured in a process of its own; ``+`` is against none. Needs Blender as a module.
+A 20 m patch of 1 M triangles and one 640 x 480 pair with truth at one sample. Each number of rocks is
+measured in a separate process; ``+`` is the increase over none. Needs Blender as a module.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ def _as_objects(carrier: object) -> None:
 
 
 def measure(number: int, way: str) -> dict[str, float]:
-    """Build and render with so many blocks, in this process."""
+    """Build and render with this number of rocks, in this process."""
     import resource
 
     import bpy

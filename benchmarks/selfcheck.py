@@ -1,11 +1,11 @@
-"""How often the self-check of a pair raises a false alarm, and which faults it finds.
+"""The rate of false alarms of a pair's self-check, and the faults that it finds.
 
     python benchmarks/selfcheck.py plan PLAN.toml
     python -m icymoon batch PLAN.toml --out DATASET --workers 1
     python benchmarks/selfcheck.py table DATASET [--rows ROWS]    # the table of docs/theory/metrics.md
 
-Each pair is a draw of its own: ground, surface, Sun, toe-in, samples, denoiser, lens. All are sound. Faults are put
-into what was read of a pair, so nothing is rendered for them.
+Each pair is a random draw of ground, surface, Sun, toe-in, samples, denoiser and lens. All pairs are sound. Faults are
+added to the data after a pair was read, so they need no renders.
 """
 
 from __future__ import annotations
@@ -97,7 +97,7 @@ def _toml(value: Any) -> str:
 
 def faults(left: Eye, right: Eye, camera: StereoCamera, foreign: tuple[Eye, Eye] | None,
            positive: bool) -> dict[str, tuple[Eye, Eye, StereoCamera]]:
-    """What a pair is with each fault: its eyes and what the camera is said to be."""
+    """What a pair is with each fault: its eyes and the camera that it states."""
     def scaled(factor: float) -> StereoCamera:
         return replace(camera, baseline_m=factor * camera.baseline_m)
 
@@ -141,7 +141,7 @@ def read_eyes(folder: Path) -> tuple[Eye, Eye, StereoCamera, dict[str, Any]]:
 
 
 def row(folder: Path, other: Path | None, positive: bool) -> dict[str, Any]:
-    """The factors of a pair and what the self-check says of it, sound and with every fault."""
+    """The factors of a pair and the result of its self-check, sound and with every fault."""
     left, right, camera, settings = read_eyes(folder)
     found: dict[str, Any] = {}
     foreign = read_eyes(other)[:2] if other else None
@@ -252,7 +252,7 @@ if __name__ == "__main__":
     verbs.add_parser("plan").add_argument("path", type=Path)
     of = verbs.add_parser("table")
     of.add_argument("dataset", type=Path)
-    of.add_argument("--rows", type=Path, help="where rows are kept, so that what was stopped goes on")
+    of.add_argument("--rows", type=Path, help="file that keeps finished rows, so that an interrupted run continues")
     given = parser.parse_args()
     if given.verb == "plan":
         plan(given.path)

@@ -1,8 +1,8 @@
-"""What an evaluation costs: CPU seconds of matching, of the exact DOD, and of a whole pair.
+"""The cost of an evaluation: CPU seconds for matching, for the exact DOD, and for a whole pair.
 
     python benchmarks/stereo.py
 
-One synthetic 640 x 480 pair, one thread; the least of three runs. Needs ``tests/pure/pairs.py``.
+One synthetic 640 x 480 pair, one thread, the lowest of three runs. Needs ``tests/pure/pairs.py``.
 """
 
 from __future__ import annotations

@@ -1,11 +1,11 @@
-"""What ground costs: processor seconds per million points of every basis, landform and of whole built terrains.
+"""The cost of terrain: processor seconds per million points for every basis, landform and whole built terrain.
 
     python benchmarks/terrain.py
 
-All in one run on one thread, beside what Python loops over ``mathutils.noise`` cost here, which is how
-add-ons usually make terrain (measured on fewer points). ``ratio`` is how many times cheaper a line is
-than the loop over hetero terrain of Voronoi F2, which the code of Bhaskara et al. 2024 runs for the
-ground that the preset Medium 4 describes. The best of three. Needs Blender as a module.
+All in one run on one thread. For comparison it also measures Python loops over ``mathutils.noise``, which is
+how add-ons usually make terrain (on fewer points). ``ratio`` is how many times cheaper a line is than the
+loop over hetero terrain of Voronoi F2, which the code of Bhaskara et al. 2024 runs for the ground of the
+preset Medium 4. The best of three. Needs Blender as a module.
 """
 
 from __future__ import annotations

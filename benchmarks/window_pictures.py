@@ -1,9 +1,9 @@
-"""The pictures of the window in the manual, of those that a real Blender takes of itself.
+"""The pictures of the window in the manual, made from screenshots of a real Blender.
 
     python tests/gui/run.py --manual 4.3
     python benchmarks/window_pictures.py out/shots/4.3-trixie
 
-Made small; written to docs/images.
+Scales them down and writes them to docs/images.
 """
 
 from __future__ import annotations
