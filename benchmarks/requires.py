@@ -51,39 +51,41 @@ class Feature:
 FEATURES = {
     "osl": Feature(
         "Open Shading Language", "a surface by Hapke's law that is not made of nodes",
-        "Nothing, where no surface is made of it; measured by switching it on for Lambert's law",
+        "Nothing, if no surface is made of it; measured by switching it on for Lambert's law",
         {"surface": {"model": "LAMBERT"}}, {"surface": {"model": "LAMBERT"}}, forced=True),
     "walk": Feature(
-        "Walk under the surface", "a mean free path of `quality.walk_px` pixels or more, where the ground is nearest",
-        "Blurs light over the mean free path, here 0.02 of a pixel. Without it the mean radiance is within 3 %; truth "
-        "is the same", {**_SNOW, "quality": {"walk_px": 0.0}}, _SNOW),
+        "Subsurface scattering", "a mean free path of `quality.walk_px` pixels or more, where the ground is nearest",
+        "Blurs light over the mean free path, here 0.02 of a pixel. Without it the mean radiance is within 3 %; the "
+        "truth is the same", {**_SNOW, "quality": {"walk_px": 0.0}}, _SNOW),
     "planet": Feature(
-        "Light of the planet", "a planet that is up, and by day `light.planet_least` of the Sun's light or more",
-        "The planet's part of the light, here under 0.0001 of the Sun's; its disc is in the sky either way; truth is "
-        "the same",
+        "Light of the planet",
+        "a planet above the horizon, and by day `light.planet_least` of the Sun's light or more",
+        "The planet's part of the light, here under 0.0001 of the Sun's. Its disc is in the sky in both cases; the "
+        "truth is the same",
         {**_CRESCENT, "light": {**_CRESCENT["light"], "planet_least": 0.0}}, _CRESCENT),
     "planet_on_ice": Feature(
-        "Light of the planet on Hapke's ice", "the same; Sun and planet are two renders then",
+        "Light of the planet on Hapke's ice", "the same; Sun and planet are then rendered separately",
         "The same", {**_CRESCENT, "surface": {"model": "HAPKE"},
                      "light": {**_CRESCENT["light"], "planet_least": 0.0}},
         {**_CRESCENT, "surface": {"model": "HAPKE"}}),
     "labels": Feature(
         "Normals and labels", "`quality.truth` is FULL",
-        "Normals, semantic and instance labels, from a render of their own; the depth is the same to the bit",
+        "Normals, semantic and instance labels, from a separate render. The depth is identical to the bit",
         {}, {"quality": {"truth": "DEPTH"}}),
     "mesh": Feature(
-        "Ground as fine as near the camera, everywhere", "`mesh.kind` is GRID",
-        "Fineness that no pixel shows far away: vertices every 20 mm on all of 20 m, against rings that are as fine as "
-        "2 pixels ask, out to the horizon, which the grid does not reach; so light and depth differ a little",
+        "Ground as fine everywhere as near the camera", "`mesh.kind` is GRID",
+        "Detail far away that no pixel shows. The grid has vertices every 20 mm on 20 m; the graded mesh has rings as "
+        "fine as 2 pixels need, out to the horizon, which the grid does not reach. Light and depth therefore differ a "
+        "little",
         {"mesh": {"kind": "GRID"}}, {}),
     "far": Feature(
-        "Ground beyond the horizon", "a larger body: the far field ends where `terrain.body_radius_m` hides it",
-        "Nothing: no ray meets it", {"terrain": {"body_radius_m": 1.0e8}}, {}),
+        "Ground beyond the horizon", "a larger body; the ground ends where `terrain.body_radius_m` hides it",
+        "Nothing, because no ray hits it", {"terrain": {"body_radius_m": 1.0e8}}, {}),
     "torch": Feature(
-        "PyTorch", "a network among the matchers", "Nothing of an image",
+        "PyTorch", "a network among the matchers", "Nothing in an image",
         "import icymoon.stereo.evaluate, torch", "import icymoon.stereo.evaluate"),
     "spice": Feature(
-        "SpiceyPy", "`light.directions_from` is KERNELS", "Nothing of a sky by angles or by a date",
+        "SpiceyPy", "`light.directions_from` is KERNELS", "Nothing in a sky from angles or from a date",
         "import icymoon.physics.sky, spiceypy", "import icymoon.physics.sky"),
 }
 

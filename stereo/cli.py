@@ -97,7 +97,7 @@ def _parser() -> argparse.ArgumentParser:
 
     command = commands.add_parser("export", help="write pairs and their truth in another layout")
     command.add_argument("path", type=as_path, nargs="+", metavar="PAIR_OR_DATASET", help="pair folder or data set")
-    command.add_argument("--format", required=True,
+    command.add_argument("--format", required=True, help="layout to write",
                          choices=("png8", "png16", "pfm", "kitti", "middlebury", "coco", "raw"))
     command.add_argument("--set", action="append", default=[], metavar="sensor.KEY=VALUE",
                          help="another camera response than the pairs were rendered for")

@@ -1,4 +1,4 @@
-"""The figures of the manual, each drawn by the code that it is about.
+"""The figures of the manual, each drawn by the code that it illustrates.
 
     python docs/make/figures.py FOLDER      all of them, as SVG
 
@@ -63,7 +63,7 @@ def terrain_law(figure: Figure) -> None:
 
 
 def terrain_profiles(figure: Figure) -> None:
-    """Cuts through the ground for three Hurst exponents at one ruggedness."""
+    """Cuts through the ground for three Hurst exponents with the same RMS slope."""
     rows = figure.subplots(3, sharex=True, sharey=True)
     x = np.linspace(-5, 5, 2001)
     for axes, hurst, colour in zip(rows, (0.5, 0.7, 0.9), COLOURS, strict=False):
@@ -106,7 +106,7 @@ def hapke_phase(figure: Figure) -> None:
 
 
 def hapke_error(figure: Figure) -> None:
-    """Relative error of the double-precision reference against the 50-digit table of the tests."""
+    """Relative error of the double-precision implementation against the 50-digit table of the tests."""
     sys.path.insert(0, str(ROOT / "tests" / "pure"))
     import hapke_table
 
@@ -118,8 +118,8 @@ def hapke_error(figure: Figure) -> None:
         found = float(bidirectional_reflectance(incidence, emission, azimuth, hapke_table.parameters(row)))
         errors.append(abs(found / true - 1) if true else abs(found))
     axes.hist(np.log10(np.maximum(errors, 1e-17)), bins=[k / 4 for k in range(-68, -46)], color=COLOURS[0])
-    axes.axvline(-12, color=COLOURS[1], label="what the test allows")
-    axes.set(xlabel="log10 of the relative error of r (-17: none)", ylabel=f"Rows of {len(errors)}")
+    axes.axvline(-12, color=COLOURS[1], label="limit of the test")
+    axes.set(xlabel="log10 of the relative error of r (-17: none)", ylabel=f"Number of rows (of {len(errors)})")
     axes.legend()
 
 
@@ -157,7 +157,7 @@ def sun_at_distance(figure: Figure) -> None:
 
 
 def europa_day(figure: Figure) -> None:
-    """Sun and Jupiter over one site on Europa through one turn about Jupiter."""
+    """Sun and Jupiter over one site on Europa during one orbit about Jupiter."""
     height, bright = figure.subplots(2, sharex=True)
     hours = np.arange(0, 85.3, 0.5)
     sun, phase = [], []
@@ -187,7 +187,7 @@ def planet_phase(figure: Figure) -> None:
 
 
 def photon_transfer(figure: Figure) -> None:
-    """Signal-to-noise ratio over signal: drawn images beside the formula."""
+    """Signal-to-noise ratio over signal: drawn images and the formula."""
     axes = figure.subplots()
     for k, name in enumerate(settings.preset_names("sensors")):
         response = described(name)["sensor"]
@@ -238,7 +238,7 @@ def depth_error(figure: Figure) -> None:
 
 
 def cautious_matcher(figure: Figure) -> None:
-    """A matcher that leaves out its worst pixels: the error of what it measured falls, that of everything does not."""
+    """A matcher that leaves out its worst pixels: the error of measured pixels falls, that of all pixels does not."""
     axes = figure.subplots()
     random = generator(1, "sensor", 99)
     focal_baseline = 85.333
@@ -264,7 +264,7 @@ def cautious_matcher(figure: Figure) -> None:
 
 
 def trade_front(figure: Figure) -> None:
-    """Extra disparity error over processor seconds, of the variants that ``trade.json`` beside this file holds."""
+    """Extra disparity error over processor seconds, for the variants in ``trade.json`` beside this file."""
     report = json.loads((Path(__file__).parent / "trade.json").read_text(encoding="utf-8"))
     kinds = {row["key"]: row["name"] if row["group"] == "scene" else row["name"].partition(", ")[2] or "not denoised"
              for row in report["rows"]}

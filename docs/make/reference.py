@@ -1,4 +1,4 @@
-"""The reference pages of the manual, written from the code that they are about.
+"""The reference pages of the manual, generated from the code that they document.
 
 ``pages`` returns Markdown by path below ``docs/``: settings and their ranges from ``properties.TOPICS``,
 presets and their sources from the TOML files, both command lines from their parsers, matchers from
@@ -23,7 +23,7 @@ from icymoon.stereo.matchers import METHODS
 from icymoon.version import ROOT
 from mistakes import MISTAKES
 
-#: What a change of a setting forces to be made again, by its effect.
+#: The first step that must be repeated after a change of a setting, by its effect.
 EFFECTS = {"geometry": "build", "material": "render", "light": "render", "camera": "render", "sampling": "render",
            "response": "evaluate", "run": ""}
 
@@ -50,21 +50,22 @@ def _table(heads: tuple[str, ...], rows: Sequence[tuple[str, ...]]) -> str:
 
 def _settings() -> str:
     parts = ["# Settings\n",
-             "Every setting there is, made from `properties.py`, which the sidebar, the TOML files, `--set` and "
-             "`pair.json` are made from too. A value outside the range is refused. Sliders end at the range in "
-             "brackets; type a number to go beyond. Unit 1 is a plain number. *Then* says from which step on things "
-             "are made again after a change: build the scene, render, or only evaluate; empty for none.\n",
+             "This page lists every setting. It is generated from `properties.py`, which also determines the "
+             "sidebar, the TOML files, `--set` and `pair.json`. A value outside the range is refused. Sliders end at "
+             "the range in brackets; type a number to go beyond. Unit 1 is a plain number. *Repeat from* is the first "
+             "step that must be repeated after a change: build the scene, render or evaluate. It is empty if none "
+             "must.\n",
              "Topics: " + ", ".join(f"[{key}](#{key})" for key in TOPICS) + ".\n"]
     for topic in TOPICS.values():
         parts.append(f"## {topic.key}\n\n**{topic.label}.** {topic.description}.\n")
         owner = _owner(topic.key)
         if owner != topic.key:
-            parts.append(f"The same settings as [{owner}](#{owner}).\n")
+            parts.append(f"This topic has the same settings as [{owner}](#{owner}).\n")
             continue
         parts.append(_setting_table(topic.key, topic.settings))
         for setting in topic.settings:
             if setting.entries:
-                parts.append(f"Each table of `{topic.key}.{setting.key}` has:\n")
+                parts.append(f"Each table of `{topic.key}.{setting.key}` has these entries:\n")
                 parts.append(_setting_table(f"{topic.key}.{setting.key}", setting.entries))
     return "\n".join(parts)
 
@@ -75,7 +76,7 @@ def _owner(topic: str) -> str:
 
 
 def _setting_table(prefix: str, listed: tuple[Setting, ...]) -> str:
-    return _table(("Setting", "Default", "Unit", "Range", "What it is", "Then"), [
+    return _table(("Setting", "Default", "Unit", "Range", "Meaning", "Repeat from"), [
         (f'<span id="{prefix}.{s.key}"></span>`{s.key}`', _default(s), s.unit, _range(s), _meaning(s),
          EFFECTS[s.effect]) for s in listed])
 
@@ -99,7 +100,7 @@ def _range(setting: Setting) -> str:
 
 
 def _number(value: Any) -> str:
-    """A number as short as it can be said: 1e6, 2.521e5, 0.001."""
+    """A number in its shortest form: 1e6, 2.521e5, 0.001."""
     plain = f"{value:.10g}"
     if "e" not in plain and len(plain) < 7:
         return plain
@@ -117,9 +118,9 @@ def _meaning(setting: Setting) -> str:
 
 def _presets() -> str:
     parts = ["# Presets\n",
-             "Shipped in `presets/`, each a TOML file whose every number has a source. A scene preset includes others; "
-             "`--preset` may be given again, the later one winning. *Chosen* means that no measurement is known and "
-             "somebody decided.\n"]
+             "These presets are shipped in `presets/`. Each is a TOML file, and every number in it has a source. A "
+             "preset of a scene includes others. `--preset` may be given several times; the later preset wins. "
+             "*Chosen* means that no measurement is known and that the value is a decision.\n"]
     kinds = sorted({name.split("/")[0] for name in settings.preset_names()}, key=[*settings.KINDS].index)
     for kind in kinds:
         parts.append(f"## {settings.KINDS[kind]}\n")
@@ -137,10 +138,11 @@ def _preset(name: str) -> str:
              _cell(sources[f"{topic}.{key}"])) for topic, values in raw.items() for key, value in values.items()]
     text += "\n" + _table(("Setting", "Value", "Source"), rows)
     if measured:
-        text += (f"\nMeasured on {measured['scene']} (`{measured['command']}`): adds {measured['sgbm_px']:.3f} px to "
-                 f"SGBM's mean error and {100 * measured['sgbm_wrong']:.1f} % to what it misses or has wrong; radiance "
-                 f"is off by {100 * measured['radiance_bias']:+.2f} % on the mean, "
-                 f"{100 * measured['radiance_rms']:.1f} % of a pixel (root mean square).\n")
+        text += (f"\nMeasured on {measured['scene']} (`{measured['command']}`). The mean error of SGBM grows by "
+                 f"{measured['sgbm_px']:.3f} px, and its share of wrong or missing pixels by "
+                 f"{100 * measured['sgbm_wrong']:.1f} %. The mean radiance is off by "
+                 f"{100 * measured['radiance_bias']:+.2f} %, a pixel by {100 * measured['radiance_rms']:.1f} % (root "
+                 "mean square).\n")
     return text
 
 
@@ -156,23 +158,24 @@ def _value(value: Any) -> str:
 
 def _errors() -> str:
     parts = ["# When something goes wrong\n",
-             "Every error is one sentence that says what is wrong, where, and how to mend it. In the window it is "
-             "shown in the status bar and in the Info editor, on the command line on standard error with exit status "
-             "1. Nothing half-written is left, and running again goes on where it stopped. A traceback is a defect: "
-             "please report it. These are the usual ones; **Preferences ▸ Add-ons ▸ Icy Moon ▸ Check** and "
-             "`python -m icymoon doctor` say what is missing on this machine.\n"]
+             "Every error is one sentence that reports what is wrong, where, and how to fix it. The window shows it "
+             "in the status bar and in the Info editor. A command prints it on standard error and ends with exit "
+             "status 1. Nothing half-written is left; run the same command again to go on. A traceback is a defect, "
+             "so please report it. This page lists the common errors. **Preferences ▸ Add-ons ▸ Icy Moon ▸ Check** "
+             "and `python -m icymoon doctor` show what is missing on your machine.\n"]
     for title, mistakes in MISTAKES.items():
         parts.append(f"## {title}\n")
-        parts.append(_table(("What happened", "What is said", "What to do"), [
-            (f"{_cell(m.wrong)}.", f"… {_cell(m.says)} …", f"… {_cell(m.mend)}") for m in mistakes]))
+        parts.append(_table(("Cause", "Error", "Fix"), [
+            (f"{_cell(m.wrong)}.", f"… {_cell(m.message)} …", f"… {_cell(m.fix)}") for m in mistakes]))
     return "\n".join(parts)
 
 
 # ---- command lines --------------------------------------------------------------------------------------------------
 
 def _cli() -> str:
-    text = ("# Command lines\n\nStandard output is for results, standard error for people. The exit status is 0 when "
-            "all is done, 1 after a sentence that says what to mend, 2 for a wrong command line, 130 when stopped.\n")
+    text = ("# Command lines\n\nResults are printed on standard output, messages on standard error. The exit status is "
+            "0 for success, 1 after an error, which reports its fix, 2 for a wrong command line, and 130 when "
+            "stopped.\n")
     # The parsers are what the programs themselves use.
     for title, parser in (("python -m icymoon", cli._parser()), ("python -m icymoon.stereo", stereo_cli._parser())):
         text += f"\n## {title}\n\n{parser.description}\n"
@@ -204,11 +207,11 @@ def _options(parser: argparse.ArgumentParser) -> str:
         elif action.nargs in ("?", "*"):
             shape = f"[{shape}]"
         words = " ".join(part for part in ("/".join(action.option_strings), shape) if part)
-        # A default that is a path of the machine that makes the page is not shown; the help says what it is.
+        # A default that is a path of the machine that builds the manual is not shown; the help describes it.
         told = (action.help or "") % {"default": action.default}
         rows.append((f"`{words}`", _cell(_sentence(told)) + (" Required." if action.required and
                                                              action.option_strings else "")))
-    return _table(("Argument", "What it is"), rows) if rows else "It takes no arguments.\n"
+    return _table(("Argument", "Meaning"), rows) if rows else "This command takes no arguments.\n"
 
 
 def _sentence(text: str) -> str:
@@ -219,12 +222,12 @@ def _sentence(text: str) -> str:
 
 def _matchers() -> str:
     parts = ["# Matchers\n",
-             "Names for `--methods`. Options follow a colon, as in `bm:window=21`, or come by `--option "
-             "bm.window=21`.\n"]
+             "These are the names for `--methods`. Give options after a colon, as in `bm:window=21`, or with "
+             "`--option bm.window=21`.\n"]
     for name in METHODS:
         module = importlib.import_module(f"icymoon.stereo.matchers.{name}")
         parts.append(f"## {name}\n\n{(module.__doc__ or '').strip().splitlines()[0]}\n")
-        parts.append(_table(("Option", "Default", "Values", "What it is"), [
+        parts.append(_table(("Option", "Default", "Values", "Meaning"), [
             (f"`{o.key}`", _cell(str(o.default)) or "empty", _cell(o.range), _cell(o.doc)) for o in module.OPTIONS]))
         for preset, chosen in module.PRESETS.items():
             parts.append(f"`preset={preset}`: " + ", ".join(f"{key} {value}" for key, value in chosen.items()) + ".\n")
@@ -235,8 +238,8 @@ def _matchers() -> str:
 
 @dataclass(frozen=True)
 class Operator:
-    """An operator as its source states it: (name, description) of its ``properties`` by key, and the ``choices`` that
-    those have which are enumerations."""
+    """An operator as stated in its source: (name, description) of its ``properties`` by key, and the ``choices`` of
+    those that are enumerations."""
 
     name: str
     label: str
@@ -272,7 +275,7 @@ def _operators_of(path: Path) -> Iterator[Operator]:
 
 
 def _words(call: ast.Call, constants: dict[str, Any]) -> dict[str | None, Any]:
-    """What a property is made with: what its call states, or the setting that it is."""
+    """The arguments of a property: those of its call, or those of the setting that it stands for."""
     words = {word.arg: _literal(word.value, constants) for word in call.keywords}
     if isinstance(call.func, ast.Name) and call.func.id == "setting_property":
         setting = TOPICS[ast.literal_eval(call.args[0])][ast.literal_eval(call.args[1])]
@@ -287,7 +290,7 @@ def _assigned(body: Sequence[ast.stmt], constants: dict[str, Any] | None = None)
 
 
 def _literal(value: ast.expr, constants: dict[str, Any]) -> Any:
-    """The value of a literal or of a constant's name; None of what only a run can tell."""
+    """The value of a literal or of a constant's name; None if only a run can tell it."""
     if isinstance(value, ast.Name):
         return constants.get(value.id)
     try:
@@ -300,9 +303,10 @@ def _operators() -> str:
     rows = [(f"`bpy.ops.{o.name}`", f"**{o.label}.** {_cell(o.description)}." + "".join(
         f"<br>`{key}` {name}: {_cell(text)}" + (f" ({', '.join(o.choices[key])})." if o.choices[key] else ".")
         for key, (name, text) in o.properties.items())) for o in operators()]
-    return ("# Operators\n\nAll are in Render ▸ Icy Moon or Add ▸ Mesh, so F3 finds them. Called from a script they "
-            "run until they are done; pressed in the window, the long ones work in a process of their own. Settings "
-            "are properties of `bpy.context.scene.icymoon`, as `bpy.context.scene.icymoon.rig.baseline_m = 0.3`.\n\n"
+    return ("# Operators\n\nAll operators are in Render ▸ Icy Moon or Add ▸ Mesh, so F3 finds them. Called from a "
+            "script, an operator returns when its work is done. In the window, long work runs in a separate process. "
+            "Settings are properties of `bpy.context.scene.icymoon`, for example "
+            "`bpy.context.scene.icymoon.rig.baseline_m = 0.3`.\n\n"
             + _table(("Operator", "What it does"), rows))
 
 
@@ -314,11 +318,11 @@ def _requires() -> str:
              f"{100 * row['radiance']:+.2f} %" if "radiance" in row else "", row["changes"])
             for row in found["rows"].values()]
     return ("# What a scene requires\n\n"
-            "Each of these is switched on only where something needs it. What the settings describe and the pair "
-            "leaves out stands, with the reason, in the sidebar under Render Quality ▸ Left Out and in `pair.json` "
-            "under `left_out`.\n\n"
-            + _table(("What", "On with", "Cost on", "Cost off", "Ratio", "Mean radiance", "What it changes"), rows)
-            + f"\nMade by `{found['command']}` in Blender {found['blender']}: processor seconds on one thread of a "
-              f"scene and a pair of it ({found['pair']}), the least of {found['repeats']} in one run, or of a Python "
-              "that imports a package. *Mean radiance* is that without over that with, less 1; noise of the light "
-              "paths included.\n")
+            "Icy Moon switches each of these parts on only where a scene needs it. If the settings describe a part "
+            "that a pair leaves out, the sidebar shows the reason under Render Quality ▸ Left Out, and `pair.json` "
+            "contains it under `left_out`.\n\n"
+            + _table(("Part", "On with", "Cost on", "Cost off", "Ratio", "Mean radiance", "What it changes"), rows)
+            + f"\nThe table is made by `{found['command']}` in Blender {found['blender']}. Costs are processor seconds "
+              f"on one thread, for a scene and one pair of it ({found['pair']}), or for a Python that imports a "
+              f"package. Each is the least of {found['repeats']} in one run. *Mean radiance* compares the radiance "
+              "without the part to that with it, as a ratio less 1. It includes the noise of the samples.\n")

@@ -1,6 +1,6 @@
-"""What people do wrong, and the one sentence that each gets: what, where, and how to mend it.
+"""Common mistakes of users: each is reported by one sentence with what is wrong, where, and the fix.
 
-``docs/make/mistakes.py`` lists them for the manual; here each is made, and its sentence held against the list.
+``docs/make/mistakes.py`` lists them for the manual. Each is made here, and its sentence compared with the list.
 """
 
 from __future__ import annotations
@@ -314,11 +314,11 @@ def test_every_mistake_of_the_manual_is_made_here():
 
 
 @pytest.mark.parametrize("mistake", ALL, ids=lambda m: m.key)
-def test_a_mistake_gets_one_sentence_that_says_what_and_how_to_mend_it(scene, tmp_path, monkeypatch, mistake):
+def test_a_mistake_is_reported_by_one_sentence_with_its_fix(scene, tmp_path, monkeypatch, mistake):
     said = MADE[mistake.key](Place(tmp_path, monkeypatch))
     assert "Traceback" not in said
     assert "\n" not in said
     assert said.endswith((".", "?")), said
-    assert mistake.says in said
-    assert mistake.mend in said
-    assert said.index(mistake.says) < said.index(mistake.mend), "what is wrong comes first"
+    assert mistake.message in said
+    assert mistake.fix in said
+    assert said.index(mistake.message) < said.index(mistake.fix), "what is wrong comes first"
