@@ -3,8 +3,10 @@ PYTHON ?= $(shell command -v python3.11 || command -v python3)
 VENV := .venv
 RUN := $(VENV)/bin/python
 ZIP := dist/icymoon.zip
+# A process for each processor, with a Blender of its own: about 2 GiB of memory each.
+PYTEST := $(RUN) -m pytest --numprocesses auto --maxprocesses 4 --dist worksteal
 
-.PHONY: demo env test test-all test-blender test-pure-and-extremes test-lanes lint zip lock docs clean
+.PHONY: demo env test test-all test-lanes lint zip lock docs clean
 
 demo: $(VENV)/.demo
 	$(RUN) -m icymoon demo
@@ -12,18 +14,10 @@ demo: $(VENV)/.demo
 env: $(VENV)/.tests
 
 test: $(VENV)/.tests lint
-	$(RUN) -m pytest -m "not slow"
+	$(PYTEST) -m "not slow"
 
-# Two processes side by side, since each keeps one processor busy: most of what needs Blender, and all else.
 test-all: $(VENV)/.tests lint
-	$(MAKE) --no-print-directory -j 2 test-blender test-pure-and-extremes
-
-test-blender: $(VENV)/.tests
-	$(RUN) -m pytest tests/blender --ignore=tests/blender/test_extremes.py
-
-test-pure-and-extremes: $(VENV)/.tests
-	$(RUN) -m pytest tests/pure
-	$(RUN) -m pytest tests/blender/test_extremes.py
+	$(PYTEST)
 
 # Every Blender that can be had: wheels 4.2, 4.5 and 5.2, real Blenders with their window.
 test-lanes: $(VENV)/.tests zip
