@@ -82,15 +82,20 @@ class Tree:
     def arrange(self) -> None:
         """Lay the nodes out in columns by their distance from the outputs, the same way every time."""
         depth = {node.name: 0 for node in self.tree.nodes}
-        for _ in self.tree.nodes:
-            for link in self.tree.links:
-                source, target = link.from_node.name, link.to_node.name
+        links = [(link.from_node.name, link.to_node.name) for link in self.tree.links]  # read once: Blender is slow
+        for _ in depth:
+            before = dict(depth)
+            for source, target in links:
                 depth[source] = max(depth[source], depth[target] + 1)
+            if depth == before:
+                break
         rows: dict[int, int] = {}
+        places: list[float] = []
         for node in self.tree.nodes:
             column = depth[node.name]
-            node.location = (-COLUMN * column, -ROW * rows.get(column, 0))
-            rows[column] = rows.get(column, 0) + 1
+            row = rows[column] = rows.get(column, -1) + 1
+            places += (-COLUMN * column, -ROW * row)
+        self.tree.nodes.foreach_set("location", places)  # a node placed alone updates its whole tree
 
 
 def _plain(struct: Any) -> dict[str, Any]:
