@@ -1,4 +1,4 @@
-"""What MkDocs runs while it builds the manual: pages and figures that are made, not written; formulas as MathML.
+"""MkDocs hooks of the manual: they add the generated pages and figures, and turn formulas into MathML.
 
 MathML needs no script and no font from elsewhere, so the manual can be read without a network.
 """
@@ -15,12 +15,12 @@ from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
 from mkdocs.structure.pages import Page
 
-#: What pymdownx.arithmatex makes of $…$ and $$…$$.
+#: The HTML that pymdownx.arithmatex makes of $…$ and $$…$$.
 _FORMULA = re.compile(r'<(span|div) class="arithmatex">\\([(\[])(.*?)\\[)\]]</\1>', re.DOTALL)
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
-    """Add the pages and figures that are made."""
+    """Add the generated pages and figures."""
     for path, text in reference.pages().items():
         files.append(File.generated(config, path, content=text))
     for name in figures.FIGURES:
