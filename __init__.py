@@ -12,9 +12,9 @@ import atexit
 
 def register() -> None:
     """Called by Blender when the extension is enabled."""
-    from . import compat, operators, panels, preferences, properties
+    from . import compat, operators, panels, preferences, scene_properties
 
-    properties.register()
+    scene_properties.register()
     preferences.register()
     operators.register()
     panels.register()
@@ -25,10 +25,10 @@ def register() -> None:
 
 def unregister() -> None:
     """Called by Blender when the extension is disabled; undoes ``register`` in reverse."""
-    from . import operators, panels, preferences, properties
+    from . import operators, panels, preferences, scene_properties
 
     atexit.unregister(unregister)
     panels.unregister()
     operators.unregister()
     preferences.unregister()
-    properties.unregister()
+    scene_properties.unregister()

@@ -9,7 +9,7 @@ from typing import Any
 
 import bpy
 
-from . import properties, trust
+from . import scene_properties, trust
 from .doctor import Finding
 from .errors import IcyMoonError
 from .files import user_path
@@ -203,7 +203,7 @@ def register() -> None:
     """Register the preferences; a scene whose sky is to come from kernels gets the preferred ones."""
     bpy.utils.register_class(ICYMOON_PG_matcher)
     bpy.utils.register_class(ICYMOON_AP_preferences)
-    properties.listeners.append(_give_kernels)
+    scene_properties.listeners.append(_give_kernels)
     _choose_cache(_preferences(), bpy.context)
 
 
@@ -215,7 +215,7 @@ def _give_kernels(scene: bpy.types.Scene, effects: frozenset[str]) -> None:
 
 def unregister() -> None:
     """Unregister the preferences."""
-    properties.listeners.remove(_give_kernels)
+    scene_properties.listeners.remove(_give_kernels)
     machine.choose_folder("")
     findings.clear()
     bpy.utils.unregister_class(ICYMOON_AP_preferences)

@@ -2,7 +2,7 @@
 
 ``TOPICS`` is the only list of settings. Blender's property groups (``Scene.icymoon``), the keys of
 presets and TOML files, ``--set topic.key=value``, the documentation and the provenance in
-``pair.json`` are all made from it. The module imports without Blender; only ``register`` needs it.
+``pair.json`` are all made from it. ``scene_properties`` gives Blender its properties.
 
 Units are part of the names (``_m``, ``_deg``, ``_px`` …) and the number is the same everywhere:
 what the sidebar shows is what the TOML file says.
@@ -11,8 +11,6 @@ what the sidebar shows is what the TOML file says.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
@@ -756,120 +754,3 @@ TOPICS: dict[str, Topic] = {t.key: t for t in (
 def all_settings() -> list[tuple[str, Setting]]:
     """Every (topic key, setting) in the order of the sidebar."""
     return [(topic.key, setting) for topic in TOPICS.values() for setting in topic.settings]
-
-
-#: Called with a scene and the effects of the settings that a person or a script has changed in it.
-listeners: list[Callable[[Any, frozenset[str]], None]] = []
-_held: dict[Any, set[str]] | None = None  # what changed in each scene while ``together`` holds it back
-
-
-def announce(scene: Any, effect: str) -> None:
-    """Tell the listeners that a setting with this effect has changed."""
-    if _held is not None:
-        _held.setdefault(scene, set()).add(effect)
-        return
-    for listener in listeners:
-        listener(scene, frozenset({effect}))
-
-
-@contextmanager
-def together() -> Iterator[None]:
-    """Tell the listeners of all changes made inside at once, at the end."""
-    global _held
-    if _held is not None:
-        yield
-        return
-    held: dict[Any, set[str]] = {}
-    _held = held
-    try:
-        yield
-    finally:
-        _held = None
-        for scene, effects in held.items():
-            for listener in listeners:
-                listener(scene, frozenset(effects))
-
-
-def _group(name: str, doc: str, annotations: dict[str, Any]) -> type:
-    """Make and register a property group."""
-    import bpy
-
-    group = type(name, (bpy.types.PropertyGroup,), {"__doc__": doc, "__annotations__": annotations})
-    bpy.utils.register_class(group)
-    _classes.append(group)
-    return group
-
-
-def _blender_property(topic: str, setting: Setting) -> Any:
-    """The property of a setting, which announces its changes."""
-    import bpy
-
-    def update(group: Any, context: Any) -> None:
-        announce(group.id_data, setting.effect)
-
-    if setting.kind == "list":
-        entry = _group(f"ICYMOON_PG_{topic}_{setting.key}", setting.description,
-                       {s.key: _blender_property(topic, s) for s in setting.entries})
-        return bpy.props.CollectionProperty(type=entry, name=setting.label, description=setting.description)
-    common: dict[str, Any] = {"name": setting.label, "description": setting.description,
-                              "default": setting.default, "update": update}
-    if setting.kind == "bool":
-        return bpy.props.BoolProperty(**common)
-    if setting.kind == "choice":
-        return bpy.props.EnumProperty(items=setting.choices, **common)
-    if setting.kind == "text":
-        from .compat import path_options
-        if setting.subtype in ("DIR_PATH", "FILE_PATH"):
-            return bpy.props.StringProperty(subtype=setting.subtype, options=path_options(), **common)
-        return bpy.props.StringProperty(**common)
-    low, high = setting.soft or (setting.minimum, setting.maximum)
-    common |= {"min": setting.minimum, "max": setting.maximum, "soft_min": low, "soft_max": high,
-               "subtype": setting.subtype}
-    if setting.kind == "int":
-        return bpy.props.IntProperty(**common)
-    unit = {"DISTANCE": "LENGTH", "DISTANCE_CAMERA": "CAMERA"}.get(setting.subtype, "NONE")
-    return bpy.props.FloatProperty(precision=setting.precision, unit=unit, **common)
-
-
-_classes: list[type] = []
-
-
-def register() -> None:
-    """Make the property groups from ``TOPICS`` and hang them on ``Scene.icymoon``; what is known of surfaces is from
-    now on what holds for this Blender."""
-    import bpy
-
-    from . import compat
-    from .physics import principled
-
-    principled.use(compat.principled_table())
-    pointers: dict[str, Any] = {}
-    for topic in TOPICS.values():
-        members = {s.key: _blender_property(topic.key, s) for s in topic.settings}
-        members |= {f"{s.key}_active": bpy.props.IntProperty(name=f"Selected of {s.label}", min=0,
-                                                               description="Which one the sidebar shows")
-                    for s in topic.settings if s.kind == "list"}  # which one the sidebar's list shows
-        group = _group(f"ICYMOON_PG_{topic.key}", topic.description, members)
-        pointers[topic.key] = bpy.props.PointerProperty(type=group, name=topic.label,
-                                                        description=topic.description)
-    pointers["results"] = bpy.props.StringProperty(name="Results", options={"HIDDEN"},
-                                                   description="What was measured last, and with which settings")
-    pointers["preset"] = bpy.props.StringProperty(name="Preset", description="The scene preset last loaded")
-    pointers["live"] = bpy.props.BoolProperty(
-        name="Live Preview", default=True, update=lambda group, context: announce(group.id_data, EFFECTS[0]),
-        description="Show changed settings at once in the scene that is built, the ground coarsely until Build Scene")
-    pointers["follow"] = bpy.props.BoolProperty(
-        name="Keep Image Up to Date", default=True,
-        description="Expose the camera image that is shown again whenever the camera response changes")
-    root = _group("ICYMOON_PG_description", "Everything that describes an Icy Moon scene", pointers)
-    bpy.types.Scene.icymoon = bpy.props.PointerProperty(
-        type=root, name="Icy Moon", description="Everything that describes an Icy Moon scene")
-
-
-def unregister() -> None:
-    """Undo ``register``, in reverse order."""
-    import bpy
-
-    del bpy.types.Scene.icymoon
-    while _classes:
-        bpy.utils.unregister_class(_classes.pop())

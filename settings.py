@@ -23,7 +23,7 @@ import numpy as np
 from . import schema, trust
 from .errors import IcyMoonError
 from .files import is_file, read_text, shortened
-from .properties import TOPICS, Setting, Value, announce, together
+from .properties import TOPICS, Setting, Value
 from .version import is_newer, version
 
 Settings = dict[str, dict[str, Any]]
@@ -42,7 +42,7 @@ PLANS = PRESETS / "datasets"
 
 def defaults() -> Settings:
     """The complete description that a new scene has."""
-    return {topic.key: {s.key: _canonical(s, s.default) for s in topic.settings} for topic in TOPICS.values()}
+    return {topic.key: {s.key: canonical(s, s.default) for s in topic.settings} for topic in TOPICS.values()}
 
 
 def _nearest(word: str, known: Iterable[str]) -> str:
@@ -65,11 +65,11 @@ def _single(value: Any) -> float:
         return float(str(np.float32(value)))
 
 
-def _canonical(setting: Setting, value: Any) -> Value:
+def canonical(setting: Setting, value: Any) -> Value:
     if setting.kind == "float":
         return _single(value)
     if setting.kind == "list":
-        return [{s.key: _canonical(s, entry[s.key]) for s in setting.entries} for entry in value]
+        return [{s.key: canonical(s, entry[s.key]) for s in setting.entries} for entry in value]
     return value
 
 
@@ -108,7 +108,7 @@ def _checked(setting: Setting, value: Any, name: str, where: str, stored: bool) 
         raise IcyMoonError(f"{where}: {name} {fault}")
     if setting.kind in ("int", "float"):
         _check_range(setting, value, name, where, stored)
-    return _canonical(setting, value)
+    return canonical(setting, value)
 
 
 def _check_range(setting: Setting, value: float, name: str, where: str, stored: bool) -> None:
@@ -179,7 +179,7 @@ def restored(data: Mapping[str, Any], where: str, written_by: str = "") -> Setti
 
 def _before() -> Settings:
     """The complete description of what was done before anything was added."""
-    return {topic.key: {s.key: _canonical(s, schema.before(f"{topic.key}.{s.key}", s)) for s in topic.settings}
+    return {topic.key: {s.key: canonical(s, schema.before(f"{topic.key}.{s.key}", s)) for s in topic.settings}
             for topic in TOPICS.values()}
 
 
@@ -369,44 +369,3 @@ def digest(settings: Mapping[str, Mapping[str, Value]], extra: str = "") -> str:
     """
     first, *later = schema.counted(settings)
     return hashlib.sha256(json.dumps([first, extra, *later]).encode()).hexdigest()[:12]
-
-
-def from_group(group: Any) -> Settings:
-    """The complete description that a ``Scene.icymoon`` property group holds.
-
-    The scene may be anyone's: IcyMoonError is raised for what a file could not state either.
-    """
-    return check(shown(group), "This scene")
-
-
-def shown(group: Any) -> Settings:
-    """The same, unchecked: to be shown, not to be given to a process."""
-    return {topic: {s.key: _from_property(s, getattr(getattr(group, topic), s.key)) for s in TOPICS[topic].settings}
-            for topic in TOPICS}
-
-
-def _from_property(setting: Setting, value: Any) -> Value:
-    if setting.kind == "list":
-        return [{s.key: _from_property(s, getattr(item, s.key)) for s in setting.entries} for item in value]
-    return _canonical(setting, value)
-
-
-def to_group(group: Any, settings: Mapping[str, Mapping[str, Value]]) -> None:
-    """Write a (partial) description, already checked, into a ``Scene.icymoon`` property group."""
-    with together():
-        for topic, values in settings.items():
-            for key, value in values.items():
-                if isinstance(value, list):
-                    _fill(getattr(getattr(group, topic), key), value)
-                    announce(group.id_data, TOPICS[topic][key].effect)
-                else:
-                    setattr(getattr(group, topic), key, value)
-
-
-def _fill(collection: Any, entries: list[dict[str, Any]]) -> None:
-    """Make a list of property groups hold these tables."""
-    collection.clear()
-    for entry in entries:
-        item = collection.add()
-        for name, value in entry.items():
-            setattr(item, name, value)

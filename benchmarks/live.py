@@ -18,6 +18,7 @@ import time
 
 import bpy
 import icymoon
+from icymoon import scene_properties
 from icymoon import settings as description
 from icymoon.nodes import scene as scenes
 from icymoon.operators import live
@@ -46,9 +47,9 @@ def built(name: str) -> tuple[bpy.types.Scene, float]:
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     scene = bpy.context.scene
     scene.icymoon.live = False
-    description.to_group(scene.icymoon, description.load(description.preset_path(name)))
+    scene_properties.to_group(scene.icymoon, description.load(description.preset_path(name)))
     start = time.process_time()
-    scenes.build(scene, description.from_group(scene.icymoon))
+    scenes.build(scene, scene_properties.from_group(scene.icymoon))
     build = time.process_time() - start
     scene.icymoon.live = True
     return scene, build

@@ -7,6 +7,7 @@ from typing import Any
 
 import bpy
 
+from .. import scene_properties
 from .. import settings as description
 from ..errors import IcyMoonError
 from ..nodes.single import block_object, terrain_object
@@ -38,7 +39,7 @@ class _AddOperator:
 
     def described(self, context: bpy.types.Context) -> description.Settings:
         own = [{topic: {key: getattr(self, name)}} for name, (topic, key) in self.taken.items()]
-        return description.merged(description.from_group(context.scene.icymoon), *own)
+        return description.merged(scene_properties.from_group(context.scene.icymoon), *own)
 
     def add(self, context: bpy.types.Context, make: Callable[[], bpy.types.Object]) -> set[str]:
         try:

@@ -11,6 +11,7 @@ from typing import Any
 
 import bpy
 
+from .. import scene_properties
 from .. import settings as description
 from ..errors import IcyMoonError
 from ..files import absolute_path
@@ -113,7 +114,7 @@ class ICYMOON_OT_plan_dry_run(jobs.JobOperator, bpy.types.Operator):
     bl_label = "Dry Run"
 
     def start(self, context: bpy.types.Context) -> jobs.Job:
-        settings = description.from_group(context.scene.icymoon)
+        settings = scene_properties.from_group(context.scene.icymoon)
         plan = chosen_plan(settings)
         readout.update(plan=settings["dataset"]["plan"], lines=[])
         process = Process(command("plan", plan, "--dry-run", "--json", "--out", str(dataset_folder(settings)),
@@ -174,7 +175,7 @@ class _Watching(jobs.JobOperator):
         readout.update(set_aside=[], last=None)
         self._process = process
         began = time.monotonic() - (time.time() - process.facts["started"])  # of an earlier Blender's, perhaps long ago
-        self._keeper = evaluate.Keeper(context.scene, "DATASET", description.from_group(context.scene.icymoon))
+        self._keeper = evaluate.Keeper(context.scene, "DATASET", scene_properties.from_group(context.scene.icymoon))
 
         def hear(message: Message) -> None:
             self._keeper(message)
@@ -197,7 +198,7 @@ class ICYMOON_OT_render_dataset(_Watching, bpy.types.Operator):
     bl_label = _TITLE
 
     def start(self, context: bpy.types.Context) -> jobs.Job:
-        settings = description.from_group(context.scene.icymoon)
+        settings = scene_properties.from_group(context.scene.icymoon)
         described, folder = settings["dataset"], dataset_folder(settings)
         count = described["workers"] or workers()
         # In the process that may be left alone: what is asked for is done whoever watches.
@@ -242,7 +243,7 @@ class ICYMOON_OT_show_last_pair(bpy.types.Operator):
         return readout["last"] is not None
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        folder, settings = readout["last"], description.from_group(context.scene.icymoon)
+        folder, settings = readout["last"], scene_properties.from_group(context.scene.icymoon)
         try:
             if not is_complete(folder):
                 raise IcyMoonError(f"{folder} is not there any more.")

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import bpy
 
+from .. import scene_properties
 from .. import settings as description
 from ..errors import IcyMoonError
 from ..preferences import evaluator_python, own_matchers
@@ -86,7 +87,7 @@ class ICYMOON_OT_evaluate(jobs.JobOperator, bpy.types.Operator):
                               "--out", str(results.folder_of(settings, self.scope)), "--json-lines")
 
     def start(self, context: bpy.types.Context) -> jobs.Job:
-        settings = description.from_group(context.scene.icymoon)
+        settings = scene_properties.from_group(context.scene.icymoon)
         found = [] if self.scope == "DATASET" else rendered_pairs(context, settings)
         command = self._command(settings, found or [dataset_folder(settings)])
         self._keeper = Keeper(context.scene, self.scope, settings, [folder.name for folder in found])

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import bpy
 
+from .. import scene_properties
 from .. import settings as description
 from ..preferences import evaluator_python
 from ..render.launch import python_command
@@ -30,7 +31,7 @@ class ICYMOON_OT_expose(jobs.JobOperator, bpy.types.Operator):
     bl_label = "Show Camera Image"
 
     def start(self, context: bpy.types.Context) -> jobs.Job:
-        settings = description.from_group(context.scene.icymoon)
+        settings = scene_properties.from_group(context.scene.icymoon)
         self._images: list[Path] = []
         return develop_job(settings, rendered_pairs(context, settings), self._hear)
 

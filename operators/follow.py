@@ -10,8 +10,7 @@ from pathlib import Path
 
 import bpy
 
-from .. import properties
-from .. import settings as description
+from .. import scene_properties
 from ..errors import IcyMoonError
 from ..render.pair import is_complete
 from ..render.queue import Message
@@ -30,7 +29,7 @@ _said: list[str] = []  # what the last development warned of, or why it failed
 
 def exposed_folder(scene: bpy.types.Scene) -> Path:
     """Where the camera images of a scene's data set are. Raises IcyMoonError if that cannot be told."""
-    return dataset_folder(description.from_group(scene.icymoon)) / "exposed"
+    return dataset_folder(scene_properties.from_group(scene.icymoon)) / "exposed"
 
 
 def shown_paths() -> list[Path]:
@@ -79,7 +78,7 @@ def _start() -> jobs.Job | None:
     exposed = exposed_folder(scene)
     names = {path.parent.name for path in shown_paths() if path.parent.parent == exposed}
     pairs = [folder for folder in (exposed.parent / "pairs" / name for name in sorted(names)) if is_complete(folder)]
-    return develop_job(description.from_group(scene.icymoon), pairs, _hear) if pairs else None
+    return develop_job(scene_properties.from_group(scene.icymoon), pairs, _hear) if pairs else None
 
 
 def _hear(message: Message) -> None:
@@ -129,12 +128,12 @@ def _forget(*_: object) -> None:
 
 def register() -> None:
     """Listen."""
-    properties.listeners.append(changed)
+    scene_properties.listeners.append(changed)
     bpy.app.handlers.load_pre.append(_forget)
 
 
 def unregister() -> None:
     """Listen no longer; what runs is stopped."""
-    properties.listeners.remove(changed)
+    scene_properties.listeners.remove(changed)
     bpy.app.handlers.load_pre.remove(_forget)
     _forget()

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import bpy
 
-from .. import settings as description
+from .. import scene_properties
 from ..errors import IcyMoonError
 from ..nodes import ground as grounds
 from ..nodes import scene as scenes
@@ -37,13 +37,13 @@ class ICYMOON_OT_import_ground(asking.Opened, bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         group = context.scene.icymoon
-        before = description.shown(group)["source"]
+        before = scene_properties.unchecked(group)["source"]
         path = Path(bpy.path.abspath(self.filepath))
         try:
-            description.to_group(group, {"source": {"kind": grounds.kind_of(path), "file": str(path)}})
-            dear = grounds.cost_warnings(description.from_group(group))
+            scene_properties.to_group(group, {"source": {"kind": grounds.kind_of(path), "file": str(path)}})
+            dear = grounds.cost_warnings(scene_properties.from_group(group))
         except IcyMoonError as error:
-            description.to_group(group, {"source": before})
+            scene_properties.to_group(group, {"source": before})
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
         if dear and not bpy.app.background:
@@ -51,7 +51,7 @@ class ICYMOON_OT_import_ground(asking.Opened, bpy.types.Operator):
             return {"FINISHED"}
         done = build_and_report(self, context)
         if done == {"CANCELLED"}:
-            description.to_group(group, {"source": before})
+            scene_properties.to_group(group, {"source": before})
         return done
 
 

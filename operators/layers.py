@@ -9,7 +9,8 @@ import bpy
 from .. import settings as description
 from ..nodes import scene as scenes
 from ..nodes.terrain import roughness_table
-from ..properties import TOPICS, announce
+from ..properties import TOPICS
+from ..scene_properties import announce
 
 
 def _announce(context: bpy.types.Context) -> None:

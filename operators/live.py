@@ -11,7 +11,7 @@ import time
 
 import bpy
 
-from .. import properties
+from .. import scene_properties
 from .. import settings as description
 from ..errors import IcyMoonError
 from ..nodes import preview
@@ -40,7 +40,7 @@ def update(scene: bpy.types.Scene) -> bool:
     built = scenes.find(scene)
     if built is None:
         return False
-    settings, before = description.shown(scene.icymoon), description.merged(built.settings, built.preview)
+    settings, before = scene_properties.unchecked(scene.icymoon), description.merged(built.settings, built.preview)
     scenes.settle(built)
     if why := built.outdated or scenes.shares(built):
         preview.note(built, [why])
@@ -106,12 +106,12 @@ def lines(scene: bpy.types.Scene) -> list[str]:
 
 def register() -> None:
     """Listen."""
-    properties.listeners.append(changed)
+    scene_properties.listeners.append(changed)
 
 
 def unregister() -> None:
     """Listen no longer."""
-    properties.listeners.remove(changed)
+    scene_properties.listeners.remove(changed)
     _waiting.clear()
     if bpy.app.timers.is_registered(flush):
         bpy.app.timers.unregister(flush)

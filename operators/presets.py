@@ -9,6 +9,7 @@ from typing import Any
 
 import bpy
 
+from .. import scene_properties
 from .. import settings as description
 from ..errors import IcyMoonError
 from ..files import disk_errors, write_text
@@ -92,7 +93,7 @@ def _fresh(group: Any) -> description.Settings:
 
     What the scene that was loaded before brought of its quality goes with it.
     """
-    fresh, now = description.defaults(), description.shown(group)["quality"]
+    fresh, now = description.defaults(), scene_properties.unchecked(group)["quality"]
     try:
         brought = description.load(path_of(group.preset)).get("quality", {}) if group.preset else {}
     except IcyMoonError:  # a preset of one's own that is gone
@@ -127,7 +128,7 @@ class ICYMOON_OT_load_preset(asking.Searched, bpy.types.Operator):
         if description.is_whole(self.preset):
             loaded = description.merged(_fresh(group), loaded)
             group.preset = self.preset
-        description.to_group(group, loaded)
+        scene_properties.to_group(group, loaded)
         if "quality" in loaded and (lack := lacking_here(description.merged(description.defaults(), loaded))):
             self.report({"WARNING"}, lack)
         return {"FINISHED"}
@@ -152,7 +153,7 @@ class ICYMOON_OT_add_preset(bpy.types.Operator):
         try:
             if not stem:
                 raise IcyMoonError(f"The preset's name is {self.title!r}; give it a name with letters or digits.")
-            wanted = with_absolute_files(description.from_group(group))
+            wanted = with_absolute_files(scene_properties.from_group(group))
             wanted.pop("dataset")
             write_text(own_folder() / f"{stem}.toml", description.preset_text(
                 self.title, "A preset of yours", wanted, kept_sources(wanted, group.preset)))

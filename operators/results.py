@@ -12,6 +12,7 @@ from typing import Any
 
 import bpy
 
+from .. import scene_properties
 from .. import settings as description
 from ..errors import IcyMoonError
 from ..files import disk_errors
@@ -113,7 +114,7 @@ def _differing(scene: bpy.types.Scene) -> list[tuple[str, Setting]]:
     found = kept(scene)
     if found is None:
         return []
-    present = description.shown(scene.icymoon)
+    present = scene_properties.unchecked(scene.icymoon)
     return [(topic, s) for topic, s in all_settings()
             if _counts(topic, s, found.scope)
             and s.key in found.settings.get(topic, {}) and found.settings[topic][s.key] != present[topic][s.key]]

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import bpy
 
+from .. import scene_properties
 from .. import settings as description
 from ..errors import IcyMoonError
 from ..files import write_text
@@ -24,7 +25,7 @@ class ICYMOON_OT_load_settings(asking.OpenedToml, bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         try:
-            description.to_group(context.scene.icymoon, description.load(Path(bpy.path.abspath(self.filepath))))
+            scene_properties.to_group(context.scene.icymoon, description.load(Path(bpy.path.abspath(self.filepath))))
         except IcyMoonError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
@@ -47,7 +48,7 @@ class ICYMOON_OT_save_settings(asking.OpenedToml, bpy.types.Operator):
     def execute(self, context: bpy.types.Context) -> set[str]:
         path = Path(bpy.path.abspath(self.filepath)).with_suffix(".toml")
         try:
-            write_text(path, description.to_toml(description.from_group(context.scene.icymoon)))
+            write_text(path, description.to_toml(scene_properties.from_group(context.scene.icymoon)))
         except IcyMoonError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}

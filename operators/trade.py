@@ -10,7 +10,7 @@ from typing import Any
 
 import bpy
 
-from .. import compat
+from .. import compat, scene_properties
 from .. import settings as description
 from ..errors import IcyMoonError
 from ..files import write_text
@@ -37,7 +37,7 @@ def _folder(settings: description.Settings) -> Path:
 
 def _begin(context: bpy.types.Context, verb: str, title: str, handle: Any, *arguments: str) -> jobs.Job:
     """Start ``icymoon trade`` or ``icymoon auto`` on the settings of the scene. Raises IcyMoonError if it cannot."""
-    settings = with_absolute_files(description.from_group(context.scene.icymoon))
+    settings = with_absolute_files(scene_properties.from_group(context.scene.icymoon))
     built = find(context.scene)
     if built is not None and built.edited:
         raise IcyMoonError("The scene was edited by hand; what is measured is built from the settings alone. Press "
@@ -96,7 +96,7 @@ class ICYMOON_OT_trade(_Measured, jobs.JobOperator, bpy.types.Operator):
     def start(self, context: bpy.types.Context) -> jobs.Job:
         name = context.scene.name
         # Opened later: a page that we know, not what a message names.
-        self._page = _folder(description.from_group(context.scene.icymoon)) / "trade.html"
+        self._page = _folder(scene_properties.from_group(context.scene.icymoon)) / "trade.html"
 
         def hear(message: Message) -> None:
             if message["type"] == "result":
@@ -154,7 +154,7 @@ class ICYMOON_OT_auto_quality(_Measured, jobs.JobOperator, bpy.types.Operator):
                 self._last, self._chosen = message["said"][-1], message["chosen"]
                 said[scene.name] = (*_wrapped([self._last]), *(
                     f"{step['name']}: {step['cpu_s']:.1f} CPU s" for step in message["tried"]))
-                description.to_group(scene.icymoon, message["settings"])
+                scene_properties.to_group(scene.icymoon, message["settings"])
 
         return _begin(context, "auto", self.bl_label, hear, *tolerances, *self._common())
 

@@ -16,7 +16,7 @@ from typing import Any
 
 import bpy
 
-from .. import properties
+from .. import scene_properties
 from ..errors import DiskError, IcyMoonError
 from ..nodes.scene import Built, extra, find, settle
 from ..settings import Settings, check, defaults, merged, restored
@@ -155,7 +155,7 @@ def main(arguments: list[str]) -> int:
     end_at_interrupt()  # what is not finished has no final name
     status, job = 1, {}
     try:
-        properties.register()
+        scene_properties.register()
         job = read_job(Path(arguments[0]))
         run(job)
         status = 0

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from icymoon import scene_properties
 
 BPY = importlib.util.find_spec("bpy") is not None
 
@@ -45,8 +46,7 @@ def scene(registered: None) -> Iterator[object]:
 @pytest.fixture
 def small(scene: object, tmp_path: Path) -> object:
     """That scene with settings that render in a moment, into a folder of the test's own."""
-    from icymoon import settings
     from rendering import SMALL
 
-    settings.to_group(scene.icymoon, {**SMALL, "dataset": {"folder": str(tmp_path / "dataset")}})
+    scene_properties.to_group(scene.icymoon, {**SMALL, "dataset": {"folder": str(tmp_path / "dataset")}})
     return scene

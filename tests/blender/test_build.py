@@ -7,7 +7,7 @@ import math
 import bpy
 import numpy as np
 import pytest
-from icymoon import compat
+from icymoon import compat, scene_properties
 from icymoon import settings as description
 from icymoon.errors import IcyMoonError
 from icymoon.nodes import scene as scenes
@@ -163,8 +163,8 @@ def test_property_groups_hold_a_description_and_give_it_back():
     scene = empty_scene()
     loaded = description.merged(description.defaults(),
                                 description.load(description.preset_path("scenes/europa_rough_ice")))
-    description.to_group(scene.icymoon, loaded)
-    assert description.from_group(scene.icymoon) == loaded
+    scene_properties.to_group(scene.icymoon, loaded)
+    assert scene_properties.from_group(scene.icymoon) == loaded
 
 
 def test_too_little_memory_is_a_sentence_and_changes_nothing(monkeypatch):

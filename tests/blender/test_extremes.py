@@ -11,6 +11,7 @@ import extremes
 import numpy as np
 import pytest
 from extremes import SHORT_AND_LONG, SWITCHED_ON_BY, complete, drawn, faults, is_sentence, numbers, rays, shot, story
+from icymoon import scene_properties
 from icymoon import settings as description
 from icymoon.errors import IcyMoonError
 from icymoon.labels import PLANET, TERRAIN
@@ -82,8 +83,8 @@ def test_blender_holds_every_limit_as_it_is_stated():
                 value = getattr(setting, bound)
                 limits.setdefault(topic, {})[setting.key] = int(value) if setting.kind == "int" else value
         stated = description.check(limits, "test")
-        description.to_group(group, stated)
-        held = description.from_group(group)
+        scene_properties.to_group(group, stated)
+        held = scene_properties.from_group(group)
         assert {topic: {key: held[topic][key] for key in values} for topic, values in stated.items()} == stated
 
 

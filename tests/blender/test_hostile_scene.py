@@ -8,8 +8,7 @@ from types import SimpleNamespace
 
 import bpy
 import pytest
-from icymoon import preferences
-from icymoon import settings as description
+from icymoon import preferences, scene_properties
 from icymoon.operators import dataset
 
 ICYMOON = bpy.ops.icymoon
@@ -52,9 +51,9 @@ def test_neither_do_settings_loaded_into_one(scene, tmp_path):
 
 
 def test_such_a_scene_can_still_be_looked_at_and_mended(hostile):
-    assert description.shown(hostile.icymoon)["dataset"]["methods"].startswith("bm,external")
+    assert scene_properties.unchecked(hostile.icymoon)["dataset"]["methods"].startswith("bm,external")
     hostile.icymoon.dataset.methods = "bm"
-    assert description.from_group(hostile.icymoon)["dataset"]["methods"] == "bm"
+    assert scene_properties.from_group(hostile.icymoon)["dataset"]["methods"] == "bm"
 
 
 @pytest.fixture

@@ -18,7 +18,7 @@ from typing import Any
 import bpy
 import numpy as np
 import pytest
-from icymoon import cli, compat, doctor, files, preferences, system
+from icymoon import cli, compat, doctor, files, preferences, scene_properties, system
 from icymoon import settings as description
 from icymoon.errors import IcyMoonError
 from icymoon.nodes import scene as scenes
@@ -149,9 +149,9 @@ def plan(place: Place, text: str) -> str:
 
 def edited(place: Place) -> str:
     settings = complete()
-    description.to_group(place.scene.icymoon, settings)
-    description.to_group(place.scene.icymoon, {"dataset": {"folder": str(place.folder)}})
-    built = scenes.build(place.scene, description.from_group(place.scene.icymoon))
+    scene_properties.to_group(place.scene.icymoon, settings)
+    scene_properties.to_group(place.scene.icymoon, {"dataset": {"folder": str(place.folder)}})
+    built = scenes.build(place.scene, scene_properties.from_group(place.scene.icymoon))
     built.terrain.data.vertices[0].co.z += 1.0
     place.scene.icymoon.terrain.hurst = 0.6
     return reported(bpy.ops.icymoon.render_pair)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import bpy
 import pytest
-from icymoon import settings
+from icymoon import scene_properties, settings
 from icymoon.errors import IcyMoonError
 from icymoon.operators import presets
 from icymoon.panels import previews
@@ -26,7 +26,7 @@ def choice() -> str:
 def test_a_preset_of_ones_own_comes_back_as_it_was(scene, own):
     scene.icymoon.terrain.hurst, scene.icymoon.dataset.seed = 0.55, 7
     scene.icymoon.terrain.layers.add().amplitude_m = 0.3
-    before = settings.from_group(scene.icymoon)
+    before = scene_properties.from_group(scene.icymoon)
     assert bpy.ops.icymoon.add_preset(title="Zürich, 2nd try") == {"FINISHED"}
     name = scene.icymoon.preset
     assert name == "own/zürich_2nd_try"
@@ -34,7 +34,7 @@ def test_a_preset_of_ones_own_comes_back_as_it_was(scene, own):
     bpy.ops.icymoon.load_preset(preset="scenes/europa_chaos")
     scene.icymoon.dataset.seed = 9
     assert bpy.ops.icymoon.load_preset(preset=name) == {"FINISHED"}
-    after = settings.from_group(scene.icymoon)
+    after = scene_properties.from_group(scene.icymoon)
     assert after.pop("dataset")["seed"] == 9, "a preset is not of the data set"
     before.pop("dataset")
     assert after == before
@@ -86,11 +86,11 @@ def test_removing_a_preset_of_ones_own(scene, own):
 def test_a_preset_that_cannot_be_read_is_one_sentence_and_changes_nothing(scene, own, text, said):
     own.mkdir()
     (own / "bad.toml").write_text(text)
-    before = settings.from_group(scene.icymoon)
+    before = scene_properties.from_group(scene.icymoon)
     with pytest.raises(RuntimeError, match=r"bad\.toml") as raised:
         bpy.ops.icymoon.load_preset(preset="own/bad")
     assert said in str(raised.value)
-    assert settings.from_group(scene.icymoon) == before
+    assert scene_properties.from_group(scene.icymoon) == before
     assert scene.icymoon.preset == ""
 
 
@@ -142,7 +142,7 @@ def test_every_shipped_scene_has_a_picture_that_chooses_it(scene):
 
 
 def described(group) -> settings.Settings:
-    return {topic: values for topic, values in settings.from_group(group).items() if topic != "dataset"}
+    return {topic: values for topic, values in scene_properties.from_group(group).items() if topic != "dataset"}
 
 
 def test_a_whole_scene_is_the_same_whatever_was_loaded_before(scene):
@@ -152,7 +152,7 @@ def test_a_whole_scene_is_the_same_whatever_was_loaded_before(scene):
     assert {name.split("/")[0] for name in whole} == {"scenes", "gallery"}
     alone = {}
     for name in whole:
-        settings.to_group(scene.icymoon, settings.defaults())
+        scene_properties.to_group(scene.icymoon, settings.defaults())
         scene.icymoon.preset = ""
         bpy.ops.icymoon.load_preset(preset=name)
         alone[name] = described(scene.icymoon)
@@ -160,7 +160,7 @@ def test_a_whole_scene_is_the_same_whatever_was_loaded_before(scene):
             settings.defaults(), settings.load(settings.preset_path(name))).items() if topic != "dataset"}
     for k, before in enumerate(names):  # every one before some whole scene, and each of these after some other
         name = whole[k % len(whole)]
-        settings.to_group(scene.icymoon, settings.defaults())
+        scene_properties.to_group(scene.icymoon, settings.defaults())
         scene.icymoon.preset = ""
         bpy.ops.icymoon.load_preset(preset=before)
         bpy.ops.icymoon.load_preset(preset=name)

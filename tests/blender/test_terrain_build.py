@@ -7,6 +7,7 @@ import math
 import bpy
 import numpy as np
 import pytest
+from icymoon import scene_properties
 from icymoon import settings as description
 from icymoon.nodes import scene as scenes
 from icymoon.nodes.terrain import grid_heights, measured, roughness_table, shortest_wavelength_m, vertex_spacing_m
@@ -55,7 +56,7 @@ def test_the_built_mesh_has_the_stated_roughness(hurst, multifractality):
 
 def test_what_the_panel_says_is_what_is_measured():
     empty = empty_scene()
-    description.to_group(empty.icymoon, description.check(
+    scene_properties.to_group(empty.icymoon, description.check(
         {"mesh": {"kind": "GRID"}, "terrain": {**LAW["terrain"], "rms_slope_deg": 9.0}}, "test"))
     assert not bpy.ops.icymoon.show_roughness.poll()
     assert bpy.ops.icymoon.build_scene() == {"FINISHED"}

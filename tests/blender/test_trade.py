@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from icymoon import scene_properties
 from icymoon import settings as description
 from icymoon.operators import jobs, readouts, trade
 from icymoon.render import machine
@@ -80,7 +81,7 @@ def test_the_button_sets_what_the_search_finds(tmp_path):
     import bpy
 
     scene = bpy.data.scenes.new("Trade")
-    description.to_group(scene.icymoon, description.merged(
+    scene_properties.to_group(scene.icymoon, description.merged(
         description.load(description.preset_path("europa_rough_ice")),
         {"mesh": {"most": 20000}, "dataset": {"folder": str(tmp_path), "methods": "sgbm"}}))
     with bpy.context.temp_override(scene=scene):

@@ -111,7 +111,8 @@ def built() -> None:
     (FOLDER / "evaluation_scene" / "report.json").write_text(json.dumps({
         "summary": [row, {**row, "method": "sgbm"}], "rows": [],
         "provenance": {"created": "2038-06-01T12:00:00+00:00"}}))
-    module("operators.results").keep(bpy.context.scene, "SCENE", module("settings").from_group(settings()), ["0" * 12])
+    module("operators.results").keep(
+        bpy.context.scene, "SCENE", module("scene_properties").from_group(settings()), ["0" * 12])
     module("operators.dataset").readout.update(plan=settings().dataset.plan, lines=[
         "12 pairs", "about 3 min and 40 MB on this machine with 1 process"])
     jobs = module("operators.jobs")
