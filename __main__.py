@@ -14,7 +14,8 @@ from pathlib import Path
 from types import TracebackType
 
 #: Verbs that are programs of their own: what they import must not be needed by the others.
-_PROGRAMS = {"stereo": "stereo.cli", "worker": "render.worker", "probe": "render.probe", "install": "install"}
+_PROGRAMS = {"stereo": "stereo.cli", "worker": "render.worker", "probe": "render.probe_blender",
+             "install": "stereo.environment.install"}
 #: Those that run in Blender.
 _IN_BLENDER = {"worker", "probe"}
 #: Pythons that Blender as a module is made for, see pyproject.toml; the least that anything here runs on.
@@ -37,13 +38,13 @@ def main(arguments: list[str] | None = None) -> int:
     system.obey_starter(at_once=arguments[:1] == ["worker"])  # which may be busy for minutes, and leaves nothing
     if arguments and arguments[0] in _PROGRAMS:
         if arguments[0] in _IN_BLENDER and "bpy" not in sys.modules and importlib.util.find_spec("bpy") is None:
-            importlib.import_module("icymoon.render.queue").emit("error", message=no_blender())
+            importlib.import_module("icymoon.render.workers.process").emit("error", message=no_blender())
             return 1
         with system.quiet_interrupts():
             program = importlib.import_module(f"icymoon.{_PROGRAMS[arguments[0]]}")
         return int(program.main(arguments[1:]))
     with system.quiet_interrupts():
-        program = importlib.import_module("icymoon.cli")
+        program = importlib.import_module("icymoon.commands.cli")
     return int(program.main(arguments))
 
 

@@ -9,13 +9,14 @@ from typing import Any
 
 import bpy
 
-from . import scene_properties, trust
-from .doctor import Finding
+from . import scene_properties
+from .commands.doctor import Finding
 from .errors import IcyMoonError
 from .files import user_path
-from .install import is_unfinished
-from .render import machine
-from .stereo.check import PACKAGES
+from .render.cost import speed
+from .settings import trust
+from .stereo.environment.install import is_unfinished
+from .stereo.environment.packages import PACKAGES
 from .system import venv_python
 
 #: What the evaluator's Python needs, for people to read.
@@ -103,7 +104,7 @@ def _matcher_texts(item: Any) -> list[str]:
 
 
 def _choose_cache(preferences: Any, context: bpy.types.Context) -> None:
-    machine.choose_folder(bpy.path.abspath(preferences.cache) if preferences and preferences.cache else "")
+    speed.choose_folder(bpy.path.abspath(preferences.cache) if preferences and preferences.cache else "")
 
 
 #: What Check has found in this session; the page of the preferences shows it.
@@ -216,7 +217,7 @@ def _give_kernels(scene: bpy.types.Scene, effects: frozenset[str]) -> None:
 def unregister() -> None:
     """Unregister the preferences."""
     scene_properties.listeners.remove(_give_kernels)
-    machine.choose_folder("")
+    speed.choose_folder("")
     findings.clear()
     bpy.utils.unregister_class(ICYMOON_AP_preferences)
     bpy.utils.unregister_class(ICYMOON_PG_matcher)

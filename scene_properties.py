@@ -12,9 +12,9 @@ from typing import Any
 import bpy
 
 from . import compat
-from .physics import principled
-from .properties import EFFECTS, TOPICS, Setting, Value
-from .settings import Settings, canonical, check
+from .physics.surfaces import principled
+from .settings.description import Settings, canonical, check
+from .settings.table import EFFECTS, TOPICS, Setting, Value
 
 #: Called with a scene and the effects of the settings that a person or a script has changed in it.
 listeners: list[Callable[[Any, frozenset[str]], None]] = []

@@ -18,12 +18,12 @@ from typing import Any
 import bpy
 import icymoon
 import numpy as np
-from icymoon import settings as description
 from icymoon.nodes.scene import build
-from icymoon.render.plan import expand
+from icymoon.render.plans.planned_pair import expand
 from icymoon.render.worker import render_pairs
+from icymoon.settings import description
 from icymoon.stereo.matchers import match
-from icymoon.stereo.prepare import load
+from icymoon.stereo.measure.prepare import load
 
 METHODS = ("bm", "sgbm")
 SECONDS = 0.01

@@ -17,12 +17,12 @@ import bpy
 import cv2
 import icymoon
 import numpy as np
-from icymoon import settings as description
 from icymoon.nodes.scene import build
-from icymoon.render.plan import expand
+from icymoon.render.plans.planned_pair import expand
 from icymoon.render.worker import render_pairs
-from icymoon.stereo.develop import grey
-from icymoon.stereo.exr import read_view
+from icymoon.settings import description
+from icymoon.stereo.images.develop import grey
+from icymoon.stereo.images.exr import read_view
 
 SHEET = Path(__file__).resolve().parents[1] / "docs" / "images" / "terrains.png"
 #: From the edge of the patch over all of it.

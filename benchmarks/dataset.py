@@ -20,10 +20,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from icymoon import settings as description
-from icymoon.render import dataset as datasets
-from icymoon.render.order import ordered
-from icymoon.render.plan import PlannedPair
+from icymoon.render.plans import frozen_plan as datasets
+from icymoon.render.plans.order import ordered
+from icymoon.render.plans.planned_pair import PlannedPair
+from icymoon.settings import description
 
 SCENES, WARM_UP = 50, 5
 SAMPLES = 64
@@ -47,7 +47,7 @@ def resident_mib() -> float:
 
 def rendered(pairs: list[PlannedPair], folder: Path, after: Any = lambda: None) -> list[float]:
     """Render pairs in this process as a worker does, calling ``after`` after each; processor seconds of each."""
-    from icymoon.render.stages import Described
+    from icymoon.render.scene_source import Described
     from icymoon.render.worker import render_in
 
     taken = [time.process_time()]

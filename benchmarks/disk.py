@@ -1,4 +1,4 @@
-"""The size of a pair on disk, pass by pass. The coefficients in ``render/cost.py`` come from here.
+"""The size of a pair on disk, pass by pass. The coefficients in ``render/cost/estimate.py`` come from here.
 
     python benchmarks/disk.py              all
     python benchmarks/disk.py gallery …    those whose name contains a word
@@ -22,12 +22,12 @@ from typing import Any
 import bpy
 import icymoon
 import numpy as np
-from icymoon import settings as description
+from icymoon.formats.exr_parts import pieces
 from icymoon.nodes.scene import build
-from icymoon.render import cost
-from icymoon.render.exr_parts import pieces
-from icymoon.render.plan import expand
+from icymoon.render.cost import estimate
+from icymoon.render.plans.planned_pair import expand
 from icymoon.render.worker import render_pairs
+from icymoon.settings import description
 
 SMALL: dict[str, Any] = {"rig": {"width_px": 160, "height_px": 120},
                          "quality": {"samples": 16, "noise_threshold": 0.0, "denoiser": "NONE"}}
@@ -66,8 +66,8 @@ def measured(settings: description.Settings, folder: Path) -> tuple[Counter[str]
 
 
 def _sky(folder: Path) -> float:
-    from icymoon.render.pair import read_pair
-    from icymoon.stereo.exr import read_truth
+    from icymoon.render.pairs.pair_folder import read_pair
+    from icymoon.stereo.images.exr import read_truth
 
     pair = read_pair(folder)
     return float(np.mean([np.isnan(read_truth(pair.truth_as_taken(eye)).depth).mean() for eye in ("left", "right")]))
@@ -86,12 +86,12 @@ def main(arguments: list[str]) -> int:
             description.check(part, "benchmark") for part in parts))
         with tempfile.TemporaryDirectory() as folder:
             sizes, total, sky = measured(settings, Path(folder))
-        pixels, expected = cost.work_of(settings).pixels, cost.bytes_of(settings)
+        pixels, expected = estimate.work_of(settings).pixels, estimate.bytes_of(settings)
         passes = " ".join(f"{name.split('.')[-1].replace(' ', '')} {size / pixels:.2f}"
                           for name, size in sorted(sizes.items()))
         ratios.append(expected / total)
         print(f"{name:34} {total / pixels:6.2f} {expected / pixels:6.2f} {ratios[-1]:5.2f} "
-              f"sky {sky:.2f} ({cost.sky_share(settings):.2f}) {passes}", flush=True)
+              f"sky {sky:.2f} ({estimate.sky_share(settings):.2f}) {passes}", flush=True)
     print(f"expected over measured: {min(ratios):.2f} to {max(ratios):.2f}, mean {np.mean(ratios):.3f}")
     return 0
 

@@ -16,13 +16,13 @@ from typing import Any
 
 import cv2
 import numpy as np
-from icymoon.render.pair import EYES, Pair, find_pairs
-from icymoon.settings import defaults, merged
-from icymoon.stereo.develop import develop
-from icymoon.stereo.exr import View, read_light, read_view
-from icymoon.stereo.images import encoded
+from icymoon.render.pairs.pair_folder import EYES, Pair, find_pairs
+from icymoon.settings.description import defaults, merged
+from icymoon.stereo.images.develop import develop
+from icymoon.stereo.images.disparity_and_occlusion import scene_depth, visible_in_right
+from icymoon.stereo.images.exr import View, read_light, read_view
+from icymoon.stereo.images.image_files import encoded
 from icymoon.stereo.matchers import match
-from icymoon.stereo.truth import scene_depth, visible_in_right
 
 METHODS = ("bm", "sgbm")
 

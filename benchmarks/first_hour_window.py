@@ -226,7 +226,7 @@ def lower_the_samples() -> Waiting:
     panels = [cls for cls in module("panels").CLASSES if issubclass(cls, bpy.types.Panel)]
     titles = [cls.bl_label for cls in sorted(panels, key=lambda cls: getattr(cls, "bl_order", 0))
               if not hasattr(cls, "bl_parent_id")]
-    told = 22 * len(module("operators.live").lines(person.window().scene))  # above the closed headers
+    told = 22 * len(module("operators.live_preview").lines(person.window().scene))  # above the closed headers
     yield from person.to(x, y - 134 - told - 28 * (titles.index("Render Quality") - 1))
     xdotool("click", 1)
     yield 5 * TICK_S

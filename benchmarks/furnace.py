@@ -1,8 +1,8 @@
 """A white furnace in Cycles: the share of light from all sides that a flat surface reflects.
 
-    python benchmarks/furnace.py > physics/principled.json
+    python benchmarks/furnace.py > physics/surfaces/principled.json
 
-measures the Principled surface over its settings; ``physics/principled.py`` reads the table. The tests put
+measures the Principled surface over its settings; ``physics/surfaces/principled.py`` reads the table. The tests put
 materials into the same furnace.
 """
 
@@ -20,9 +20,9 @@ from typing import Any
 import bpy
 import numpy as np
 from icymoon import compat
-from icymoon.nodes.builder import Tree
-from icymoon.nodes.composition import grain
-from icymoon.nodes.surface import WHITE, bump_of
+from icymoon.nodes.surface.material import WHITE, bump_of
+from icymoon.nodes.surface.patches_and_grain import grain
+from icymoon.nodes.tree.builder import Tree
 from mathutils import Vector
 
 #: Settings that the table is measured at.
@@ -135,7 +135,7 @@ def principled(**inputs: Any) -> bpy.types.Material:
 
 
 def bumpy(steepness: float) -> bpy.types.Material:
-    """A white matt surface with bumps as ``nodes/surface.py`` makes them."""
+    """A white matt surface with bumps as ``nodes/surface/material.py`` makes them."""
     material = principled(Base_Color=WHITE, Specular_IOR_Level=0.0)
     tree, wavelength_m = Tree(material.node_tree, keep=True), 0.02
     where = tree.node("ShaderNodeNewGeometry", "Geometry").outputs["Position"]
@@ -146,7 +146,7 @@ def bumpy(steepness: float) -> bpy.types.Material:
 
 
 def table() -> dict[str, Any]:
-    """The reflectances that ``physics/principled.py`` interpolates."""
+    """The reflectances that ``physics/surfaces/principled.py`` interpolates."""
     def measured(base: float, root_f0: float, roughness: float, **inputs: Any) -> float:
         index = (1 + root_f0) / (1 - root_f0)
         found = albedo(lambda: principled(Base_Color=(base,) * 3 + (1,), IOR=index, Roughness=roughness,

@@ -73,7 +73,7 @@ def _flattened(terrain: Any) -> None:
 
 def _errors(pair: Any, ground: Any) -> dict[str, float]:
     """Error percentiles in pixels of a pair's left depth, against the height function."""
-    from icymoon.stereo.exr import read_view
+    from icymoon.stereo.images.exr import read_view
 
     depth = read_view(pair.image("left")).depth[PIXELS // 2::PIXELS, PIXELS // 2::PIXELS]
     camera, pose = pair.camera, np.array(pair.data["poses_camera_to_world"]["left"])
@@ -117,11 +117,11 @@ def measure(way: str, preset: str) -> dict[str, Any]:
 
     import bpy
     import icymoon
-    from icymoon import settings as description
     from icymoon.nodes import scene as scenes
-    from icymoon.render.pair import read_pair
-    from icymoon.render.plan import expand
+    from icymoon.render.pairs.pair_folder import read_pair
+    from icymoon.render.plans.planned_pair import expand
     from icymoon.render.worker import render_pairs
+    from icymoon.settings import description
 
     icymoon.register()
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)

@@ -33,14 +33,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from icymoon import settings as description
-from icymoon.render import launch
-from icymoon.render.variants import reference
-from icymoon.settings import Settings
-from icymoon.trade import scaled
+from icymoon.render.cost.variants import reference
+from icymoon.render.workers import job
+from icymoon.settings import description
+from icymoon.settings.description import Settings
+from icymoon.stereo.trade.measure_variants import scaled
 
 if TYPE_CHECKING:  # a process that renders pays for no evaluator
-    from icymoon.stereo.methods import Method
+    from icymoon.stereo.matchers.methods import Method
 
 METHODS = "sgbm,bm,jplv"
 PRESETS = ("rigs/guiss", "sensors/default", "qualities/guiss", "lights/guiss_enceladus")
@@ -107,24 +107,24 @@ def snow(scale: float) -> Settings:
 def render(job: dict[str, Any]) -> list[dict[str, Any]]:
     """Render the pairs of a row: of each its folder, its processor seconds, and those of the process before it."""
     import icymoon
-    from icymoon.render import quality, shoot
-    from icymoon.render.plan import PlannedPair, expand
-    from icymoon.render.stages import Described
+    from icymoon.render import cycles_settings, render_pair
+    from icymoon.render.plans.planned_pair import PlannedPair, expand
+    from icymoon.render.scene_source import Described
     from icymoon.render.worker import render_in
 
     icymoon.register()
     rung = Rung(**job["rung"])
-    apply = quality.apply
+    apply = cycles_settings.apply
 
     def applied(scene: Any, *given: Any) -> None:
         apply(scene, *given)
         for name, value in rung.cycles.items():
             setattr(scene.cycles, name, value)
 
-    quality.apply = applied
+    cycles_settings.apply = applied
     apart = _Apart()
     if rung.apart:
-        shoot._radiance = apart.radiance
+        render_pair._radiance = apart.radiance
     # Each pair is built anew, so nothing has to be rotated.
     pairs = [PlannedPair(pair.id, pair.settings, 0.0) for pair in expand(job["settings"])]
     with Described(lambda warning: print(warning, file=sys.stderr)) as stage:
@@ -194,9 +194,9 @@ class Errors:
 def errors(folder: Path, methods: Sequence[Method]) -> Errors:
     """Of a rendered pair, on images as its own camera exposes and reads them."""
     from icymoon.stereo.matchers import match
-    from icymoon.stereo.metrics import usable
-    from icymoon.stereo.prepare import load
-    from icymoon.stereo.trade import tally
+    from icymoon.stereo.measure.metrics import usable
+    from icymoon.stereo.measure.prepare import load
+    from icymoon.stereo.trade.losses import tally
 
     pair = load(folder, {})
     camera = pair.pair.camera
@@ -210,7 +210,7 @@ def errors(folder: Path, methods: Sequence[Method]) -> Errors:
 def against(pairs: Sequence[Errors], first: Sequence[Errors], label: str) -> dict[str, list[float]]:
     """How much more error a row has than the first, and its standard error: of the pixels that both measure, px, and
     of the share that is off or missing."""
-    from icymoon.stereo.tiles import jackknife, tile_sums
+    from icymoon.stereo.measure.jackknife import jackknife, tile_sums
 
     tiles = []
     for one, other in zip(pairs, first, strict=True):
@@ -226,7 +226,7 @@ def against(pairs: Sequence[Errors], first: Sequence[Errors], label: str) -> dic
 def measured(pairs: Sequence[Mapping[str, Any]], found: Sequence[Errors], first: Sequence[Errors],
              best: Any) -> dict[str, Any]:
     """Costs and errors of a row; ``best`` is the render of many samples of its first pair."""
-    from icymoon.stereo.trade import STEREO, measure, numbers
+    from icymoon.stereo.trade.losses import STEREO, measure, numbers
 
     costs = [pair["pair"] for pair in pairs]
     row: dict[str, Any] = {
@@ -263,8 +263,8 @@ def shown(name: str, row: Mapping[str, Any], most: float | None) -> str:
 
 def main(options: argparse.Namespace, out: Path) -> None:
     """Render and print the table."""
-    from icymoon.stereo.methods import parse_methods
-    from icymoon.stereo.trade import read_reference
+    from icymoon.stereo.matchers.methods import parse_methods
+    from icymoon.stereo.trade.losses import read_reference
 
     methods, scene = parse_methods(METHODS), snow(options.scale)
     rows: dict[str, Any] = {}
@@ -273,7 +273,7 @@ def main(options: argparse.Namespace, out: Path) -> None:
     best = None
     if options.reference_samples:
         many = reference(scene, options.reference_samples)
-        folders = [launch.rendered(launch.Job(out / "many", many.settings, repeat=k), sys.executable,
+        folders = [job.rendered(job.Job(out / "many", many.settings, repeat=k), sys.executable,
                                    lambda message: None)[0] for k in range(many.repeats)]
         best = read_reference(folders, methods, {})
         print(f"{many.name}, no denoiser: {best.noise:.2%} noise, SGBM {best.stereo['sgbm']['epe_px']:.3f} px",

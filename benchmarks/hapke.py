@@ -50,8 +50,8 @@ def _seconds(surface: dict, hapke: dict, textures: dict | None = None) -> float:
     """Processor seconds of 63 samples a pixel of an open ground under a low Sun."""
     import bpy
     from icymoon.nodes.scene import build
-    from icymoon.nodes.sunlight import attune
-    from icymoon.render import quality
+    from icymoon.nodes.surface.sun_inputs import attune
+    from icymoon.render import cycles_settings
     from rendering import complete, empty_scene
 
     settings = complete({"terrain": {"resolution": 257}, "light": {"sun_elevation_deg": 30.0}, "hapke": hapke,
@@ -61,7 +61,7 @@ def _seconds(surface: dict, hapke: dict, textures: dict | None = None) -> float:
     built = build(scene, settings)
     spent = []
     for samples in (1, 64):
-        quality.apply(scene, {**settings["quality"], "samples": samples}, 1)
+        cycles_settings.apply(scene, {**settings["quality"], "samples": samples}, 1)
         attune(scene, built.materials, built.sun, built.planetshine)
         scene.render.resolution_x, scene.render.resolution_y, scene.render.threads = 160, 120, 1
         start = time.process_time()
@@ -100,9 +100,9 @@ def error() -> None:
 
 def planet() -> None:
     """Print the errors of few directions."""
-    from icymoon import settings as description
-    from icymoon.physics import surfaces
-    from icymoon.physics.planetshine import Planet, arriving
+    from icymoon.physics.light.planetshine import Planet, arriving
+    from icymoon.physics.surfaces import albedos
+    from icymoon.settings import description
     from test_hapke_render import angles
 
     random = np.random.default_rng(1)
@@ -110,7 +110,7 @@ def planet() -> None:
     for name, preset, diameter, flattening in (("Jupiter", "surfaces/hapke_europa_global", 12.23, 0.065),
                                                ("Saturn", "surfaces/hapke_enceladus_global", 29.33, 0.098)):
         shown = description.merged(description.defaults(), description.load(description.preset_path(preset)))
-        law = surfaces.law_of(shown["surface"], shown["hapke"])
+        law = albedos.law_of(shown["surface"], shown["hapke"])
         errors: dict[int, list[float]] = {}
         for _ in range(100):
             sun = random.normal(size=3)
@@ -138,8 +138,8 @@ def planet() -> None:
 
 def curve(path: Path) -> None:
     """Draw brightness over phase angle, the last degrees before opposition apart."""
-    from icymoon import settings as description
-    from icymoon.physics import photometry, surfaces
+    from icymoon.physics.surfaces import albedos, photometry
+    from icymoon.settings import description
 
     presets = [name for name in description.preset_names("surfaces") if "hapke" in name]
     colours = ("#1b6ca8", "#3fa7d6", "#7a6fc2", "#c25b8f", "#8c2f39", "#2a9d5c", "#8ac926", "#777777")
@@ -157,7 +157,7 @@ def curve(path: Path) -> None:
         phase = np.radians(last) * np.linspace(0, 1, 121) ** 2
         for name, colour in zip(presets, colours, strict=True):
             shown = description.merged(description.defaults(), description.load(description.preset_path(name)))
-            law = surfaces.law_of(shown["surface"], shown["hapke"])
+            law = albedos.law_of(shown["surface"], shown["hapke"])
             bright = photometry.disc_brightness(law, phase)
             points = " ".join(f"{left + width * a / np.radians(last):.2f},{460 - 420 * value / top:.2f}"
                               for a, value in zip(phase, bright, strict=True))

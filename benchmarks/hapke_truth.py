@@ -71,10 +71,10 @@ def of_cycles(folder: Path, hapke: dict[str, Any], surface: dict[str, Any]) -> n
     """Radiance of the left eye; leaves the scene's description in ``folder``."""
     import bpy
     from icymoon.nodes.scene import build
-    from icymoon.physics.hapke import from_settings
-    from icymoon.render.plan import expand
+    from icymoon.physics.surfaces.hapke import from_settings
+    from icymoon.render.plans.planned_pair import expand
     from icymoon.render.worker import render_pairs
-    from icymoon.stereo.exr import read_view
+    from icymoon.stereo.images.exr import read_view
     from rendering import complete, empty_scene
 
     settings = complete({
@@ -116,7 +116,7 @@ def _inside(part: np.ndarray) -> np.ndarray:
 
 def compare(python: str) -> None:
     """Print the ratios."""
-    from icymoon.physics.surfaces import albedos
+    from icymoon.physics.surfaces.albedos import albedos
     from rendering import complete
 
     for name, hapke in SETS.items():

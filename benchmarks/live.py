@@ -19,11 +19,11 @@ import time
 import bpy
 import icymoon
 from icymoon import scene_properties
-from icymoon import settings as description
 from icymoon.nodes import scene as scenes
-from icymoon.operators import live
+from icymoon.operators import live_preview
+from icymoon.settings import description
 
-SIDES = live.SIDES[0], live.SIDES[-1]
+SIDES = live_preview.SIDES[0], live_preview.SIDES[-1]
 WARM_UP, UPDATES = 2, 12
 
 
@@ -35,7 +35,7 @@ def seconds(scene: bpy.types.Scene, topic: str, key: str) -> float:
         if k == WARM_UP:
             start = time.process_time()
         setattr(group, key, middle + 0.01 * (k + 1))
-        live.update(scene)
+        live_preview.update(scene)
         bpy.context.view_layer.update()
         mesh = scenes.find(scene).terrain.evaluated_get(bpy.context.evaluated_depsgraph_get()).data
         mesh.corner_normals[0].vector  # noqa: B018  (drawing asks for them)
@@ -65,7 +65,7 @@ def drag(name: str) -> str:
     scene, build = built(name)
     row = f"{name:40}"
     for side in SIDES:
-        live.SIDES, live._side = (side,), side
+        live_preview.SIDES, live_preview._side = (side,), side
         row += cell(seconds(scene, "terrain", "rms_slope_deg"), build)
     return row
 

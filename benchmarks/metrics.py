@@ -19,16 +19,22 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "pure"))
 import pairs
-from icymoon.stereo.bootstrap import intervals
-from icymoon.stereo.dod import depth_order_disagreement, sampled_disagreement
-from icymoon.stereo.guiss import reference_metrics
+from icymoon.stereo.export.points import measured_points
+from icymoon.stereo.images.disparity_and_occlusion import visible_in_right
 from icymoon.stereo.matchers import match
-from icymoon.stereo.measure import common_numbers, depth_of, own_numbers
-from icymoon.stereo.metrics import depth_metrics, disparity_metrics, error_curve, sparsification, total_metrics
-from icymoon.stereo.points import measured_points
-from icymoon.stereo.prepare import load, prepare
-from icymoon.stereo.strata import stratified, texture
-from icymoon.stereo.truth import visible_in_right
+from icymoon.stereo.measure.by_pixel_class import stratified, texture
+from icymoon.stereo.measure.depth_order import depth_order_disagreement, sampled_disagreement
+from icymoon.stereo.measure.guiss_metrics import reference_metrics
+from icymoon.stereo.measure.metrics import (
+    depth_metrics,
+    disparity_metrics,
+    error_curve,
+    sparsification,
+    total_metrics,
+)
+from icymoon.stereo.measure.prepare import load, prepare
+from icymoon.stereo.measure.row import common_numbers, depth_of, own_numbers
+from icymoon.stereo.report.bootstrap import intervals
 
 
 def cost(work: Callable[[], object]) -> tuple[float, float]:

@@ -1,4 +1,4 @@
-"""The cost of a pair: processor seconds and bytes. The coefficients in ``render/cost.py`` come from here.
+"""The cost of a pair: processor seconds and bytes. The coefficients in ``render/cost/estimate.py`` come from here.
 
     python benchmarks/plan_cost.py              all
     python benchmarks/plan_cost.py Hapke …      those whose name contains a word
@@ -20,11 +20,11 @@ from typing import Any
 import bpy
 import icymoon
 import numpy as np
-from icymoon import settings as description
 from icymoon.nodes.scene import build
-from icymoon.render import cost
-from icymoon.render.plan import expand
+from icymoon.render.cost import estimate
+from icymoon.render.plans.planned_pair import expand
 from icymoon.render.worker import render_pairs
+from icymoon.settings import description
 
 SMALL: dict[str, Any] = {"rig": {"width_px": 160, "height_px": 120}, "mesh": {"error_px": 4.0, "edge_px": 24.0},
                          "quality": {"samples": 8}}
@@ -95,10 +95,10 @@ def main(arguments: list[str]) -> int:
         settings = description.merged(description.defaults(), SMALL, description.check(changes, "benchmark"))
         with tempfile.TemporaryDirectory() as folder:
             build_s, first_s, other_s, size = measured(settings, Path(folder))
-        work, triangles = cost.work_of(settings), cost.triangles_of(settings)
+        work, triangles = estimate.work_of(settings), estimate.triangles_of(settings)
         expected = work.seconds(triangles)
         print(f"{name:32} {triangles / 1e6:6.3f} {build_s:8.2f} {first_s:8.2f} {other_s:8.2f} "
-              f"{expected:8.2f} {size / work.pixels:9.1f} {cost.bytes_of(settings) / work.pixels:8.1f}", flush=True)
+              f"{expected:8.2f} {size / work.pixels:9.1f} {estimate.bytes_of(settings) / work.pixels:8.1f}", flush=True)
     return 0
 
 

@@ -14,12 +14,12 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
-from icymoon import settings as description
-from icymoon.render.launch import Job, rendered
-from icymoon.render.variants import reference
-from icymoon.stereo.methods import parse_methods
-from icymoon.stereo.trade import measure, read_reference
-from icymoon.trade import scaled
+from icymoon.render.cost.variants import reference
+from icymoon.render.workers.job import Job, rendered
+from icymoon.settings import description
+from icymoon.stereo.matchers.methods import parse_methods
+from icymoon.stereo.trade.losses import measure, read_reference
+from icymoon.stereo.trade.measure_variants import scaled
 
 SCENE = "scenes/europa_rough_ice"
 METHODS = "sgbm,bm,jplv"

@@ -23,8 +23,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from icymoon import settings as description
-from icymoon.render.plan import PlannedPair
+from icymoon.render.plans.planned_pair import PlannedPair
+from icymoon.settings import description
 from icymoon.version import ROOT
 
 RESULT = ROOT / "docs" / "make" / "requires.json"
@@ -86,33 +86,33 @@ FEATURES = {
         "import icymoon.stereo.evaluate, torch", "import icymoon.stereo.evaluate"),
     "spice": Feature(
         "SpiceyPy", "`light.directions_from` is KERNELS", "Nothing in a sky from angles or from a date",
-        "import icymoon.physics.sky, spiceypy", "import icymoon.physics.sky"),
+        "import icymoon.physics.light.sky, spiceypy", "import icymoon.physics.light.sky"),
 }
 
 
 @contextmanager
 def _forced_osl(on: bool) -> Iterator[None]:
     """Cycles uses Open Shading Language for whatever there is."""
-    from icymoon.render import quality
+    from icymoon.render import cycles_settings
 
-    original = quality.apply
+    original = cycles_settings.apply
 
     def apply(scene: Any, *arguments: Any) -> None:
         original(scene, *arguments)
         scene.cycles.shading_system = on
 
-    quality.apply = apply
+    cycles_settings.apply = apply
     try:
         yield
     finally:
-        quality.apply = original
+        cycles_settings.apply = original
 
 
 def rendered(changes: dict[str, Any], folder: Path) -> tuple[float, float, np.ndarray]:
     """Processor seconds of a scene and a pair of it, mean radiance and depth of its left image."""
-    from icymoon.render.stages import Described
+    from icymoon.render.scene_source import Described
     from icymoon.render.worker import render_in
-    from icymoon.stereo.exr import read_view
+    from icymoon.stereo.images.exr import read_view
 
     settings = description.merged(description.defaults(), SMALL, description.check(changes, "benchmark"))
     planned = PlannedPair(description.digest(settings), settings, 0.0)

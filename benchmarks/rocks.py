@@ -47,10 +47,10 @@ def measure(number: int, way: str) -> dict[str, float]:
 
     import bpy
     import icymoon
-    from icymoon import settings as description
     from icymoon.nodes import scene as scenes
-    from icymoon.render.plan import expand
+    from icymoon.render.plans.planned_pair import expand
     from icymoon.render.worker import render_pairs
+    from icymoon.settings import description
 
     icymoon.register()
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)

@@ -20,10 +20,10 @@ from typing import Any
 
 import cv2
 import numpy as np
-from icymoon.render.pair import EYES, StereoCamera, pair_folders, read_pair
-from icymoon.stereo.prepare import checked, eyes_of
-from icymoon.stereo.selfcheck import Eye, self_check, visibility
-from icymoon.stereo.views import read_eye
+from icymoon.render.pairs.pair_folder import EYES, StereoCamera, pair_folders, read_pair
+from icymoon.stereo.images.views import read_eye
+from icymoon.stereo.measure.prepare import checked, eyes_of
+from icymoon.stereo.measure.self_check import Eye, self_check, visibility
 
 #: Kinds of ground, and how many headings from each. All of the scenes and the gallery, and the paper's terrains.
 GROUNDS = {

@@ -17,11 +17,11 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "pure"))
 import pairs
-from icymoon.stereo.dod import depth_order_disagreement
 from icymoon.stereo.evaluate import evaluate
 from icymoon.stereo.matchers import match
-from icymoon.stereo.methods import parse_methods
-from icymoon.stereo.prepare import prepare
+from icymoon.stereo.matchers.methods import parse_methods
+from icymoon.stereo.measure.depth_order import depth_order_disagreement
+from icymoon.stereo.measure.prepare import prepare
 
 
 def cost(work: Callable[[], object]) -> float:

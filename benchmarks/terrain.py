@@ -18,12 +18,12 @@ from typing import Any
 
 import bpy
 import numpy as np
-from icymoon import settings as description
-from icymoon.nodes.terrain import build_mesh
-from icymoon.physics.bases import BASES
-from icymoon.physics.detail import relief
-from icymoon.physics.landforms import MAKERS
-from icymoon.physics.terrain import terrain
+from icymoon.nodes.ground.terrain_mesh import build_mesh
+from icymoon.physics.terrain.fine_detail import relief
+from icymoon.physics.terrain.landforms import MAKERS
+from icymoon.physics.terrain.noise.bases import BASES
+from icymoon.physics.terrain.terrain import terrain
+from icymoon.settings import description
 from mathutils import Vector, noise
 
 SIZE, SIDE, OCTAVES, LOOPED = 20.0, 1000, 8, 200

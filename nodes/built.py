@@ -10,14 +10,15 @@ from typing import Any
 import bpy
 
 from ..errors import IcyMoonError
-from ..properties import TOPICS
-from ..settings import Settings, merged
-from . import cycles, sunlit
-from .fingerprint import MAKER, TAG, added_objects, built_objects, differing, edited, maker, read, updated
-from .lights import ROLES, SKY
-from .own_files import are_there, content, used_files
-from .removal import materials_of, with_parts
-from .walk import hashed
+from ..settings.description import Settings, merged
+from ..settings.table import TOPICS
+from . import engine
+from .datablocks.fingerprint import MAKER, TAG, added_objects, built_objects, differing, edited, maker, read, updated
+from .datablocks.marks import hashed
+from .datablocks.user_files import are_there, content, used_files
+from .light.lights import ROLES, SKY
+from .remove import materials_of, with_parts
+from .surface import reflectance_laws
 
 # Properties of the built collection.
 SETTINGS, FINGERPRINT, PREVIOUS_WORLD, PREVIOUS_CAMERA, PREVIOUS_VIEW, GROUND = (
@@ -64,7 +65,7 @@ class Built:
 
         Raises IcyMoonError if there are edits that no mark would tell from others.
         """
-        return self.content + sunlit.stand_in(self.settings) + self._edits()
+        return self.content + reflectance_laws.stand_in(self.settings) + self._edits()
 
     def _edits(self) -> str:
         """The mark of what was edited and added by hand, and of the frame if that matters; empty without any."""
@@ -87,7 +88,7 @@ class Built:
     @property
     def outdated(self) -> str:
         """Why nobody can tell whether the scene was edited by hand, in a sentence; empty if that can be told."""
-        if why := cycles.why_not():  # whose settings count
+        if why := engine.why_not():  # whose settings count
             return why
         if json.loads(self.collection[FINGERPRINT]).get(MAKER) == maker():
             return ""
@@ -189,7 +190,7 @@ def measured_roughness(scene: bpy.types.Scene) -> str:
 
 def extra(settings: Settings) -> str:
     """``Built.extra`` of the scene that settings would build."""
-    return content(settings) + sunlit.stand_in(settings)
+    return content(settings) + reflectance_laws.stand_in(settings)
 
 
 def changed_settings(built: Built, settings: Mapping[str, Mapping[str, Any]]) -> list[str]:

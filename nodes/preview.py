@@ -15,28 +15,28 @@ from dataclasses import replace
 import bpy
 import numpy as np
 
-from .. import changes
-from ..changes import geometry
 from ..errors import IcyMoonError
-from ..physics.grading import OF_THE_RIG
-from ..physics.ground import Surface
-from ..physics.heightmap import HeightMap
-from ..physics.horizon import drop_m
-from ..physics.rocks import LEVEL_RANKS, Rocks, scatter
-from ..physics.shapes import Shape, block_shapes
-from ..settings import Settings, merged
+from ..physics.mesh.grading import OF_THE_RIG
+from ..physics.mesh.height_map import HeightMap
+from ..physics.mesh.height_surface import Surface
+from ..physics.mesh.horizon import drop_m
+from ..physics.rocks.rocks import LEVEL_RANKS, Rocks, scatter
+from ..physics.rocks.shapes import Shape, block_shapes
+from ..settings import changes
+from ..settings.changes import geometry
+from ..settings.description import Settings, merged
 from . import scene as scenes
-from .builder import take_values
-from .composition import mark_elevation
-from .fingerprint import TAG, instanced
-from .ground import is_own
-from .images import remove_unused_images
-from .lights import ROLES, change_lights, described_sky, made_from
-from .materials import ground_material, rock_material
-from .probe import heights_of
+from .datablocks.fingerprint import TAG, instanced
+from .ground.heights_under import heights_of
+from .ground.rocks import build_blocks, parts_of
+from .ground.terrain_mesh import fill_mesh, grid
+from .ground.user_ground import is_own
+from .light.lights import ROLES, change_lights, described_sky, made_from
 from .rig import place_rig
-from .rocks import build_blocks, parts_of
-from .terrain import fill_mesh, grid
+from .surface.images import remove_unused_images
+from .surface.materials import ground_material, rock_material
+from .surface.patches_and_grain import mark_elevation
+from .tree.builder import take_values
 
 #: Most blocks that a preview shows; the smallest are left out.
 MOST_BLOCKS = 1000

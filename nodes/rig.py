@@ -9,7 +9,7 @@ import bpy
 import numpy as np
 from mathutils import Matrix
 
-from ..physics.directions import camera_axes
+from ..physics.light.directions import camera_axes
 
 #: Blender's camera looks along -z with y up; OpenCV's along +z with y down.
 OPENCV_FROM_BLENDER = np.diag([1.0, -1.0, -1.0])

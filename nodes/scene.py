@@ -15,16 +15,17 @@ import numpy as np
 
 from ..errors import IcyMoonError
 from ..labels import TERRAIN_INSTANCE
-from ..physics import admission, blur
-from ..physics.geometry import rounding_advice
-from ..physics.graded import Graded
-from ..physics.ground import Surface
-from ..physics.rocks import scatter
-from ..physics.shapes import block_shapes
-from ..physics.terrain import Terrain, advice
-from ..physics.terrain import terrain as make_terrain
-from ..settings import Settings, merged
-from . import cycles, eyes, materials, sunlight, sunlit
+from ..physics import admission
+from ..physics.camera import blur
+from ..physics.camera.stereo_geometry import rounding_advice
+from ..physics.mesh.graded_ground import Graded
+from ..physics.mesh.height_surface import Surface
+from ..physics.rocks.rocks import scatter
+from ..physics.rocks.shapes import block_shapes
+from ..physics.terrain.terrain import Terrain, advice
+from ..physics.terrain.terrain import terrain as make_terrain
+from ..settings.description import Settings, merged
+from . import engine, eyes_above_ground
 from .built import (
     CONTENT,
     FINGERPRINT,
@@ -45,20 +46,21 @@ from .built import (
     find_collection,
     measured_roughness,
 )
-from .composition import mark_elevation
-from .fingerprint import NAME, TAG, built_objects, instanced, parts
-from .ground import OwnGround, is_own, own_ground
-from .keep import claim, claimed_elsewhere, claims, keep, succeed
-from .light import build_sky
-from .lights import ROLES, build_lights, described_sky
-from .lights import advice as light_advice
-from .materials import ground_material, rock_material
-from .own_files import content
-from .probe import heights_of
-from .removal import free_names, materials_of, remove, remove_leftovers, remove_unused, with_parts
+from .datablocks.fingerprint import NAME, TAG, built_objects, instanced, parts
+from .datablocks.user_files import content
+from .ground.heights_under import heights_of
+from .ground.rocks import build_blocks
+from .ground.terrain_mesh import as_meshed, build_mesh, grid_heights, measured, patch_heights, site_wavelength_m
+from .ground.user_ground import OwnGround, is_own, own_ground
+from .keep_references import claim, claimed_elsewhere, claims, keep, succeed
+from .light.lights import ROLES, build_lights, described_sky
+from .light.lights import advice as light_advice
+from .light.sun import build_sky
+from .remove import free_names, materials_of, remove, remove_leftovers, remove_unused, with_parts
 from .rig import build_rig
-from .rocks import build_blocks
-from .terrain import as_meshed, build_mesh, grid_heights, measured, patch_heights, site_wavelength_m
+from .surface import materials, reflectance_laws, sun_inputs
+from .surface.materials import ground_material, rock_material
+from .surface.patches_and_grain import mark_elevation
 
 #: With what is built here, all that others ask of a scene.
 __all__ = ["NAME", "NOTES", "PREVIEW", "SITE", "Built", "build", "changed_settings", "clear", "extra", "find",
@@ -130,7 +132,7 @@ def _make(settings: Settings) -> tuple[list[bpy.types.Object], bpy.types.World, 
     # What can be refused comes first: nothing has been made yet.
     if said := admission.of_settings(settings):
         raise IcyMoonError(" ".join(said))
-    hapke_warnings = sunlit.advice(settings)
+    hapke_warnings = reflectance_laws.advice(settings)
     sky = described_sky(settings)
     own = own_ground(settings, ground_of) if is_own(settings) else None
     materials.refuse_without_uv(settings, own is not None and own.uv is not None)
@@ -185,11 +187,11 @@ def sun_shines(collection: bpy.types.Collection) -> None:
     used = {item: materials_of(with_parts([item])[0]) for item in objects}
     every = set().union(*used.values())
     # As the lamp has it, in single precision, so that aiming again at render time changes nothing.
-    sunlight.aim(every, sunlight.Sun.from_lamp(lamp, lamp.matrix_basis), shine)
-    of_osl = [item for item in objects if any(map(sunlight.is_osl, used[item]))]
-    sunlight.share_lamp(f"{NAME} Traced Sun", lamp, [i for i in of_osl if any(map(sunlight.traces, used[i]))])
+    sun_inputs.aim(every, sun_inputs.Sun.from_lamp(lamp, lamp.matrix_basis), shine)
+    of_osl = [item for item in objects if any(map(sun_inputs.is_osl, used[item]))]
+    sun_inputs.share_lamp(f"{NAME} Traced Sun", lamp, [i for i in of_osl if any(map(sun_inputs.traces, used[i]))])
     if shine is not None:
-        sunlight.share_lamp(f"{NAME} Traced Planet", shine, of_osl)
+        sun_inputs.share_lamp(f"{NAME} Traced Planet", shine, of_osl)
     for item in objects:
         if item[TAG] in ("terrain", "rock"):
             # Hapke's law in OSL gives all of the planet's light, and all or part of the Sun's, as if it shone by
@@ -285,7 +287,7 @@ def settle(built: Built) -> None:
     disown_copies(built.collection)
     lamps = [item for role, item in built_objects(built.collection).items() if role in ("sun", "planetshine")]
     exempt = [item for lamp in lamps if lamp.light_linking.receiver_collection is not None
-              and lamp.light_linking.receiver_collection.get(TAG) == sunlight.SHARED
+              and lamp.light_linking.receiver_collection.get(TAG) == sun_inputs.SHARED
               for item in lamp.light_linking.receiver_collection.objects]
     if any(item not in list(built.collection.all_objects) for item in exempt):
         sun_shines(built.collection)
@@ -308,7 +310,7 @@ def build(scene: bpy.types.Scene, settings: Settings) -> Built:
     scene is then unchanged.
     """
     collection = find_collection(scene)
-    cycles.require()
+    engine.require()
     there = _there(scene, collection)
     ours = [item for role, item in there.items() if role in OBJECTS]
     _refuse_editing(ours)
@@ -350,7 +352,7 @@ def build(scene: bpy.types.Scene, settings: Settings) -> Built:
     collection[SITE] = site_m
     collection[CONTENT] = content(settings)
     built = Built(collection, objects[0], objects[1], objects[2], merged(settings), scene, tuple(warnings))
-    built.warnings += tuple(eyes.of_described(built))
+    built.warnings += tuple(eyes_above_ground.of_described(built))
     roughness = measured(measured_patch(built), settings["terrain"])
     collection[ROUGHNESS] = roughness.summary() if roughness else ""
     collection[FINGERPRINT], collection[PREVIEW] = json.dumps(parts(collection)), "{}"
@@ -370,7 +372,7 @@ def clear(scene: bpy.types.Scene) -> bool:
     previous_world, previous_camera = collection.get(PREVIOUS_WORLD), collection.get(PREVIOUS_CAMERA)
     ours = [item for role, item in _there(scene, collection).items() if role in OBJECTS]
     scene.view_settings.exposure, *resolution = collection[PREVIOUS_VIEW]
-    if not cycles.why_not():
+    if not engine.why_not():
         scene.cycles.shading_system = bool(collection.get(PREVIOUS_OSL, False))
     scene.render.resolution_x, scene.render.resolution_y = (int(n) for n in resolution)
     if scene.camera in ours or scene.camera is None:

@@ -11,11 +11,11 @@ from . import (
     evaluate,
     evaluator,
     expose,
-    follow,
     ground,
     jobs,
     layers,
-    live,
+    live_exposure,
+    live_preview,
     presets,
     render,
     results,
@@ -35,14 +35,14 @@ def register() -> None:
     _register()
     jobs.register()
     dataset.register()
-    live.register()
-    follow.register()
+    live_preview.register()
+    live_exposure.register()
 
 
 def unregister() -> None:
     """Unregister them; a running worker is stopped."""
-    follow.unregister()
-    live.unregister()
+    live_exposure.unregister()
+    live_preview.unregister()
     dataset.unregister()
     jobs.unregister()
     _unregister()

@@ -8,10 +8,10 @@ from typing import Any
 import bpy
 
 from .. import scene_properties
-from .. import settings as description
 from ..errors import IcyMoonError
-from ..nodes.single import block_object, terrain_object
-from ..properties import TOPICS
+from ..nodes.add_objects import block_object, terrain_object
+from ..settings import description
+from ..settings.table import TOPICS
 
 
 def setting_property(topic: str, key: str, **other: Any) -> Any:

@@ -8,13 +8,13 @@ from typing import Any
 import bpy
 
 from .. import scene_properties
-from .. import settings as description
 from ..errors import IcyMoonError
 from ..nodes import scene as scenes
-from ..nodes.ground import cost_warnings
-from ..nodes.points import clear_points
-from ..physics import surfaces
-from . import readouts
+from ..nodes.ground.user_ground import cost_warnings
+from ..nodes.measured_surface import clear_points
+from ..physics.surfaces import albedos as surfaces
+from ..settings import description
+from . import sidebar_text
 
 _BRIGHTNESS = 0.5  # of sunlit ground in the view, before the view transform
 
@@ -23,7 +23,7 @@ def _view(settings: description.Settings) -> tuple[int, int, float | None]:
     """The stereo camera's frame, and an exposure at which sunlit ground is not white; None if nothing is lit."""
     rig = settings["rig"]
     albedos = surfaces.albedos(settings["surface"], settings["hapke"])
-    radiance = (readouts.brightness_wm2(settings["light"])
+    radiance = (sidebar_text.brightness_wm2(settings["light"])
                 * max(albedos.bond if albedos else settings["surface"]["albedo"], 0.02) / math.pi)
     exposure = max(-10.0, min(10.0, math.log2(_BRIGHTNESS / radiance))) if radiance > 0 else None
     return rig["width_px"], rig["height_px"], exposure

@@ -12,18 +12,18 @@ from typing import Any
 import bpy
 
 from .. import scene_properties
-from .. import settings as description
 from ..errors import IcyMoonError
 from ..files import absolute_path
 from ..preferences import evaluator_python, extension_folder, workers
-from ..render.detached import Detached, left_running
-from ..render.launch import blender_command, python_command
-from ..render.pair import is_complete
-from ..render.queue import Message, Process, clean_environment
-from ..render.sweep import plan_header, plan_path
-from ..settings import plan_names
+from ..render.pairs.pair_folder import is_complete
+from ..render.plans.plan_file import plan_header, plan_path
+from ..render.workers.detached import Detached, left_running
+from ..render.workers.job import blender_command, python_command
+from ..render.workers.process import Message, Process, clean_environment
+from ..settings import description
+from ..settings.description import plan_names
 from ..system import user
-from . import asking, evaluate, jobs, results
+from . import choosers, evaluate, jobs, results
 from .render import dataset_folder
 
 _TITLE = "Render Data Set"
@@ -71,7 +71,7 @@ def command(*arguments: str) -> list[str]:
     return blender_command(jobs.this_blender(), *arguments)
 
 
-class ICYMOON_OT_choose_plan(asking.Searched, bpy.types.Operator):
+class ICYMOON_OT_choose_plan(choosers.Searched, bpy.types.Operator):
     """Choose one of the shipped plans of data sets"""
 
     bl_idname = "icymoon.choose_plan"
@@ -87,7 +87,7 @@ class ICYMOON_OT_choose_plan(asking.Searched, bpy.types.Operator):
         return {"FINISHED"}
 
 
-class ICYMOON_OT_open_plan(asking.OpenedToml, bpy.types.Operator):
+class ICYMOON_OT_open_plan(choosers.OpenedToml, bpy.types.Operator):
     """Choose a plan of your own, a TOML file"""
 
     bl_idname = "icymoon.open_plan"

@@ -8,13 +8,13 @@ from pathlib import Path
 import bpy
 
 from .. import scene_properties
-from .. import settings as description
 from ..errors import IcyMoonError
 from ..preferences import evaluator_python, own_matchers
-from ..properties import all_settings
-from ..render.launch import python_command
-from ..render.pair import is_complete
-from ..render.queue import Message, Process, clean_environment
+from ..render.pairs.pair_folder import is_complete
+from ..render.workers.job import python_command
+from ..render.workers.process import Message, Process, clean_environment
+from ..settings import description
+from ..settings.table import all_settings
 from . import jobs, results
 from .render import dataset_folder, planned_pairs
 

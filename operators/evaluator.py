@@ -7,11 +7,11 @@ from pathlib import Path
 
 import bpy
 
-from ..doctor import Finding, blender_findings, evaluator_findings, kernels_findings
+from ..commands.doctor import Finding, blender_findings, evaluator_findings, kernels_findings
 from ..errors import IcyMoonError
 from ..preferences import evaluator_python, kernels, matchers, own_evaluator, remember
-from ..render.launch import python_command
-from ..render.queue import Process, clean_environment
+from ..render.workers.job import python_command
+from ..render.workers.process import Process, clean_environment
 from ..system import is_python, pythons, run
 from . import jobs
 

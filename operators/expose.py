@@ -8,10 +8,10 @@ from pathlib import Path
 import bpy
 
 from .. import scene_properties
-from .. import settings as description
 from ..preferences import evaluator_python
-from ..render.launch import python_command
-from ..render.queue import Message, Process, clean_environment
+from ..render.workers.job import python_command
+from ..render.workers.process import Message, Process, clean_environment
+from ..settings import description
 from . import jobs, results
 from .evaluate import rendered_pairs, response_arguments
 from .render import dataset_folder

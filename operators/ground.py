@@ -9,11 +9,11 @@ import bpy
 
 from .. import scene_properties
 from ..errors import IcyMoonError
-from ..nodes import ground as grounds
 from ..nodes import scene as scenes
-from . import asking
+from ..nodes.ground import user_ground as grounds
+from . import choosers
 from .build import build_and_report
-from .readouts import LINE
+from .sidebar_text import LINE
 
 
 def report(scene: bpy.types.Scene) -> list[str]:
@@ -23,7 +23,7 @@ def report(scene: bpy.types.Scene) -> list[str]:
     return [line for text in found for line in textwrap.wrap(text, LINE, subsequent_indent="   ")]
 
 
-class ICYMOON_OT_import_ground(asking.Opened, bpy.types.Operator):
+class ICYMOON_OT_import_ground(choosers.Opened, bpy.types.Operator):
     """Stand on your own ground: a reconstructed mesh (OBJ, PLY, STL, glTF, USD, FBX) or a height map (GeoTIFF, NPY, EXR, grey PNG); the scene is built on it"""  # noqa: E501
 
     bl_idname = "icymoon.import_ground"

@@ -11,8 +11,8 @@ from typing import Any
 import bpy
 
 from ..errors import IcyMoonError
-from ..render.detached import Detached
-from ..render.queue import Message, Process
+from ..render.workers.detached import Detached
+from ..render.workers.process import Message, Process
 
 _INTERVAL_S = 0.1
 

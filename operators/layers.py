@@ -6,11 +6,11 @@ from typing import Any
 
 import bpy
 
-from .. import settings as description
 from ..nodes import scene as scenes
-from ..nodes.terrain import roughness_table
-from ..properties import TOPICS
+from ..nodes.ground.terrain_mesh import roughness_table
 from ..scene_properties import announce
+from ..settings import description
+from ..settings.table import TOPICS
 
 
 def _announce(context: bpy.types.Context) -> None:

@@ -10,15 +10,15 @@ from typing import Any
 import bpy
 
 from .. import scene_properties
-from .. import settings as description
+from ..commands.sources import BY_HAND, DEFAULT, origins
 from ..errors import IcyMoonError
 from ..files import disk_errors, write_text
-from ..nodes.own_files import with_absolute_files
+from ..nodes.datablocks.user_files import with_absolute_files
 from ..preferences import extension_folder
-from ..render.quality import lacking_here
-from ..sources import BY_HAND, DEFAULT, origins
+from ..render.cycles_settings import lacking_here
+from ..settings import description
 from ..system import name_fault, remove
-from . import asking
+from . import choosers
 
 #: Begins the names of the person's own presets.
 OWN = "own/"
@@ -102,7 +102,7 @@ def _fresh(group: Any) -> description.Settings:
     return {topic: values for topic, values in fresh.items() if topic != "dataset"}
 
 
-class ICYMOON_OT_load_preset(asking.Searched, bpy.types.Operator):
+class ICYMOON_OT_load_preset(choosers.Searched, bpy.types.Operator):
     """Load a preset; one of a whole scene sets everything but the data set and the quality you chose, others set their part"""  # noqa: E501
 
     bl_idname = "icymoon.load_preset"

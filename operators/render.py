@@ -9,16 +9,16 @@ from pathlib import Path
 import bpy
 
 from .. import scene_properties
-from .. import settings as description
 from ..errors import IcyMoonError
 from ..nodes import scene as scenes
-from ..nodes.own_files import with_absolute_files
-from ..render.launch import Job as JobFiles
-from ..render.launch import absolute_folder, blender_command
-from ..render.plan import PlannedPair, expand
-from ..render.quality import check_possible
-from ..render.queue import Process
+from ..nodes.datablocks.user_files import with_absolute_files
+from ..render.cycles_settings import check_possible
+from ..render.plans.planned_pair import PlannedPair, expand
 from ..render.worker import render_pairs
+from ..render.workers.job import Job as JobFiles
+from ..render.workers.job import absolute_folder, blender_command
+from ..render.workers.process import Process
+from ..settings import description
 from . import jobs
 from .build import leave_edit_mode, look_through, views_through
 

@@ -13,13 +13,13 @@ from typing import Any
 import bpy
 
 from .. import scene_properties
-from .. import settings as description
 from ..errors import IcyMoonError
 from ..files import disk_errors
-from ..nodes.points import build_points, clear_points, find_points
-from ..properties import TOPICS, Setting, all_settings
+from ..nodes.measured_surface import build_points, clear_points, find_points
 from ..records import NUMBER, TABLE, TEXT, Each, Maybe, fault, parsed, read_record
-from . import pages
+from ..settings import description
+from ..settings.table import TOPICS, Setting, all_settings
+from . import own_reports
 from .jobs import push_undo
 from .render import dataset_folder
 
@@ -56,7 +56,7 @@ def keep(scene: bpy.types.Scene, scope: str, settings: description.Settings, pai
     """
     folder = folder_of(settings, scope)
     report = _read(folder)
-    pages.remember(folder / "report.html")
+    own_reports.remember(folder / "report.html")
     for name, value in report.get("provenance", {}).get("response_overrides", {}).items():  # as it was measured indeed
         topic, _, key = name.partition(".")
         settings = description.merged(settings, description.check({topic: {key: value}}, "report.json"))
@@ -295,7 +295,7 @@ class ICYMOON_OT_open_report(_ResultOperator, bpy.types.Operator):
             if not page.is_file():
                 raise IcyMoonError("The report is gone from the disk; press Evaluate again.")
             with disk_errors("read", page):
-                if not pages.is_ours(page):
+                if not own_reports.is_ours(page):
                     raise IcyMoonError(f"{page} was not made by you here, and a web page runs what its maker wrote; "
                                        "press Evaluate to make it anew.")
         except IcyMoonError as error:

@@ -7,13 +7,13 @@ from pathlib import Path
 import bpy
 
 from .. import scene_properties
-from .. import settings as description
 from ..errors import IcyMoonError
 from ..files import write_text
-from . import asking
+from ..settings import description
+from . import choosers
 
 
-class ICYMOON_OT_load_settings(asking.OpenedToml, bpy.types.Operator):
+class ICYMOON_OT_load_settings(choosers.OpenedToml, bpy.types.Operator):
     """Load settings from a TOML file; what the file does not state stays as it is"""
 
     bl_idname = "icymoon.load_settings"
@@ -32,7 +32,7 @@ class ICYMOON_OT_load_settings(asking.OpenedToml, bpy.types.Operator):
         return {"FINISHED"}
 
 
-class ICYMOON_OT_save_settings(asking.OpenedToml, bpy.types.Operator):
+class ICYMOON_OT_save_settings(choosers.OpenedToml, bpy.types.Operator):
     """Save all settings to a TOML file"""
 
     bl_idname = "icymoon.save_settings"

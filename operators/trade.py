@@ -11,18 +11,18 @@ from typing import Any
 import bpy
 
 from .. import compat, scene_properties
-from .. import settings as description
 from ..errors import IcyMoonError
 from ..files import write_text
-from ..nodes.own_files import with_absolute_files
+from ..nodes.datablocks.user_files import with_absolute_files
 from ..nodes.scene import find
 from ..preferences import evaluator_python
-from ..render import machine, tolerance
-from ..render.launch import Job, blender_command, python_command
-from ..render.queue import Message, Process, clean_environment
+from ..render.cost import speed, tolerance
+from ..render.workers.job import Job, blender_command, python_command
+from ..render.workers.process import Message, Process, clean_environment
 from ..scratch import make_scratch
+from ..settings import description
 from ..system import remove_folder
-from . import jobs, readouts
+from . import jobs, sidebar_text
 from .evaluate import matcher_arguments
 from .render import dataset_folder
 
@@ -58,7 +58,7 @@ def _begin(context: bpy.types.Context, verb: str, title: str, handle: Any, *argu
 
 def _wrapped(sentences: Sequence[str]) -> tuple[str, ...]:
     """As lines that fit the sidebar."""
-    return tuple(line for sentence in sentences for line in textwrap.wrap(sentence, readouts.LINE,
+    return tuple(line for sentence in sentences for line in textwrap.wrap(sentence, sidebar_text.LINE,
                                                                           subsequent_indent="    "))
 
 
@@ -174,11 +174,11 @@ class ICYMOON_OT_measure_machine(jobs.JobOperator, bpy.types.Operator):
     def start(self, context: bpy.types.Context) -> jobs.Job:
         self._device = str(context.scene.icymoon.quality.device)
         folder = make_scratch()
-        job = Job(folder, machine.probe(self._device, compat.has_oidn()))
+        job = Job(folder, speed.probe(self._device, compat.has_oidn()))
 
         def hear(message: Message) -> None:
             if message["type"] == "done":
-                self._speed = machine.speed_of([Path(pair) for pair in message["folders"]], self._device,
+                self._speed = speed.speed_of([Path(pair) for pair in message["folders"]], self._device,
                                                compat.has_oidn())
 
         def clean() -> None:
@@ -193,13 +193,13 @@ class ICYMOON_OT_measure_machine(jobs.JobOperator, bpy.types.Operator):
         return jobs.Job(self.bl_label, process, hear, clean)
 
     def succeeded(self, context: bpy.types.Context) -> None:
-        machine.remember(self._speed)
-        readouts.forget_speed()
+        speed.remember(self._speed)
+        sidebar_text.forget_speed()
         self.report({"INFO"}, f"This machine takes {self._speed.factor:.2g} times the seconds of the one that the "
                     "estimates were made on")
 
     _device: str = "CPU"
-    _speed: machine.Speed
+    _speed: speed.Speed
 
 
 CLASSES = (ICYMOON_OT_trade, ICYMOON_OT_auto_quality, ICYMOON_OT_measure_machine)

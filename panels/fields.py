@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
-from ..operators.readouts import wrapped
-from ..properties import TOPICS, Setting
-from .matters import matters, shown
+from ..operators.sidebar_text import wrapped
+from ..settings.table import TOPICS, Setting
+from .relevance import matters, shown
 
 #: Choices whose cost and shortcomings stand in the panel, not only in the tooltip.
 _EXPLAINED = {("surface", "model"), ("rock_surface", "model"), ("hapke", "accuracy")}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ..properties import TOPICS
+from ..settings.table import TOPICS
 
 
 @dataclass(frozen=True)

@@ -7,9 +7,9 @@ from typing import Any
 import bpy
 
 from .. import scene_properties
-from ..nodes import points
-from ..operators import dataset, ground, jobs, layers, live, presets, readouts, results
-from ..operators.readouts import wrapped
+from ..nodes import measured_surface
+from ..operators import dataset, ground, jobs, layers, live_preview, presets, results, sidebar_text
+from ..operators.sidebar_text import wrapped
 from . import previews
 from .fields import draw_lines, draw_settings
 
@@ -58,7 +58,7 @@ class ICYMOON_PT_main(Sidebar, bpy.types.Panel):
         column.operator("icymoon.render_pair", icon="RENDER_STILL")
         column.operator("icymoon.evaluate", icon="VIEWZOOM").scope = "SCENE"
         layout.prop(group, "live")
-        draw_lines(layout, tuple(live.lines(context.scene)), "INFO")
+        draw_lines(layout, tuple(live_preview.lines(context.scene)), "INFO")
         _draw_job(layout)
 
 
@@ -104,7 +104,7 @@ class ICYMOON_PT_results(Sidebar, bpy.types.Panel):
             surfaces.operator("icymoon.show_surface", text=f"Surface {method}", icon="MESH_GRID").method = method
         surfaces.operator("icymoon.hide_surface", text="" if methods else "Remove Surface", icon="X")
         column = layout.column(align=True)
-        for meaning, icon in points.legend(context.scene):
+        for meaning, icon in measured_surface.legend(context.scene):
             column.label(text=meaning, icon=icon)
 
 
@@ -132,7 +132,7 @@ class ICYMOON_PT_sky(Sidebar, bpy.types.Panel):
     bl_parent_id = "ICYMOON_PT_light"
 
     def draw(self, context: bpy.types.Context) -> None:
-        draw_lines(self.layout, readouts.sky_lines(scene_properties.unchecked(context.scene.icymoon)["light"]))
+        draw_lines(self.layout, sidebar_text.sky_lines(scene_properties.unchecked(context.scene.icymoon)["light"]))
 
 
 class ICYMOON_PT_resolution(Sidebar, bpy.types.Panel):
@@ -143,7 +143,7 @@ class ICYMOON_PT_resolution(Sidebar, bpy.types.Panel):
     bl_parent_id = "ICYMOON_PT_rig"
 
     def draw(self, context: bpy.types.Context) -> None:
-        draw_lines(self.layout, readouts.rig_lines(scene_properties.unchecked(context.scene.icymoon)["rig"]))
+        draw_lines(self.layout, sidebar_text.rig_lines(scene_properties.unchecked(context.scene.icymoon)["rig"]))
 
 
 class ICYMOON_PT_left_out(Sidebar, bpy.types.Panel):
@@ -155,10 +155,10 @@ class ICYMOON_PT_left_out(Sidebar, bpy.types.Panel):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        return bool(readouts.left_out(scene_properties.unchecked(context.scene.icymoon)))
+        return bool(sidebar_text.left_out(scene_properties.unchecked(context.scene.icymoon)))
 
     def draw(self, context: bpy.types.Context) -> None:
-        for sentence in readouts.left_out(scene_properties.unchecked(context.scene.icymoon)):
+        for sentence in sidebar_text.left_out(scene_properties.unchecked(context.scene.icymoon)):
             draw_lines(self.layout, wrapped(sentence), "INFO")
 
 

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import bpy
 
-from ..operators.readouts import wrapped
-from ..properties import LANDFORMS, TOPICS, Topic
-from .extras import AFTER, BEFORE
+from ..operators.sidebar_text import wrapped
+from ..settings.table import LANDFORMS, TOPICS, Topic
 from .fields import draw_lines, draw_settings
-from .matters import shown
+from .relevance import shown
 from .sections import ELSEWHERE, INSIDE, SECTIONS, Section, main_settings
 from .sidebar import FIRST, Sidebar
+from .topic_extras import AFTER, BEFORE
 
 
 class _TopicPanel(Sidebar):

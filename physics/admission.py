@@ -16,13 +16,13 @@ from typing import Any
 import numpy as np
 
 from ..errors import IcyMoonError
-from .geometry import coarse_advice, ground_row
-from .hapke import HapkeParameters, bidirectional_reflectance, from_settings
-from .photometry import hemispherical_albedo
-from .requires import surfaces
-from .sites import Standing, standing
-from .sizes import size_law
-from .sky import check_body, sky
+from .camera.stereo_geometry import coarse_advice, ground_row
+from .left_out import surfaces
+from .light.sky import check_body, sky
+from .rocks.size_laws import size_law
+from .surfaces.hapke import HapkeParameters, bidirectional_reflectance, from_settings
+from .surfaces.photometry import hemispherical_albedo
+from .terrain.sites import Standing, standing
 
 Settings = Mapping[str, Mapping[str, Any]]
 

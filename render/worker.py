@@ -19,17 +19,17 @@ import bpy
 from .. import scene_properties
 from ..errors import DiskError, IcyMoonError
 from ..nodes.scene import Built, extra, find, settle
-from ..settings import Settings, check, defaults, merged, restored
+from ..settings.description import Settings, check, defaults, merged, restored
 from ..system import end_at_interrupt
-from .claims import Claims
-from .launch import read_job
-from .ours import checked_id
-from .pair import is_complete
-from .plan import PlannedPair, expand
-from .queue import emit
-from .room import shortage
-from .shoot import check_space, first_line, shoot
-from .stages import Described, Standing
+from .pairs.our_files import checked_id
+from .pairs.pair_folder import is_complete
+from .plans.planned_pair import PlannedPair, expand
+from .render_pair import check_space, first_line, shoot
+from .scene_source import Described, Standing
+from .workers.claims import Claims
+from .workers.job import read_job
+from .workers.memory import shortage
+from .workers.process import emit
 
 Emit = Callable[..., None]
 

@@ -12,11 +12,11 @@ import numpy as np
 
 from ..errors import IcyMoonError
 from ..files import disk_errors
-from . import pictures
-from .images import write_disparity, write_png
-from .measure import depth_of
-from .methods import Method
-from .prepare import Prepared
+from .images import colours
+from .images.image_files import write_disparity, write_png
+from .matchers.methods import Method
+from .measure.prepare import Prepared
+from .measure.row import depth_of
 
 #: What an evaluation leaves in its folder beside the pairs' own, and how each of these begins.
 _OPENINGS = {"results.jsonl": b'{"pair": ', "results.csv": b"pair,method,status,",
@@ -66,9 +66,9 @@ def read_disparity(path: Path, shape: tuple[int, ...]) -> np.ndarray | None:
 
 def write_pair_pictures(prepared: Prepared, out: Path) -> dict[str, str]:
     """Left and right image and true depth; their paths relative to ``out``."""
-    depth = pictures.true_depth_picture(prepared.truth, prepared.scale)
+    depth = colours.true_depth_picture(prepared.truth, prepared.scale)
     images = {"left": prepared.left, "right": prepared.right,
-              "true_depth": pictures.with_bar(depth, prepared.scale)}
+              "true_depth": colours.with_bar(depth, prepared.scale)}
     return {key: _write_picture(prepared, out, f"{key}.png", image) for key, image in images.items()}
 
 
@@ -81,10 +81,10 @@ def write_method_pictures(prepared: Prepared, method: Method, disparity: np.ndar
     depth = depth_of(prepared, disparity)
     npz = _folder(prepared, out) / f"{method.file_name}.npz"
     write_disparity(npz, disparity, info["arrays"], focal_baseline_px_m=prepared.pair.camera.focal_baseline_px_m)
-    written = {"depth": pictures.with_bar(pictures.depth_picture(depth, prepared.scale), prepared.scale),
-               "error": pictures.with_bar(pictures.error_picture(depth, prepared.truth), pictures.ERROR)}
+    written = {"depth": colours.with_bar(colours.depth_picture(depth, prepared.scale), prepared.scale),
+               "error": colours.with_bar(colours.error_picture(depth, prepared.truth), colours.ERROR)}
     if "flags" in info["arrays"]:
-        written["flags"] = pictures.outcome_picture(info["arrays"]["flags"], disparity.shape)
+        written["flags"] = colours.outcome_picture(info["arrays"]["flags"], disparity.shape)
     return {**{key: _write_picture(prepared, out, f"{method.file_name}_{key}.png", image)
                for key, image in written.items()},
             "disparity": npz.relative_to(out).as_posix()}

@@ -13,7 +13,7 @@ from typing import Any
 
 from ..errors import IcyMoonError
 from ..terminal import as_path, tell_end
-from . import check
+from .environment import packages
 
 PROGRAM = "icymoon.stereo"
 
@@ -118,7 +118,7 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _check(parsed: argparse.Namespace) -> int:
-    report = check.report()
+    report = packages.report()
     _json_line(report)
     if report["ok"]:
         return 0
@@ -127,7 +127,7 @@ def _check(parsed: argparse.Namespace) -> int:
 
 
 def _methods(parsed: argparse.Namespace) -> int:
-    check.require("numpy", "cv2")
+    packages.require("numpy", "cv2")
     from .matchers import METHODS, described
 
     print("\n\n".join(described(method) for method in ([parsed.method] if parsed.method else METHODS)))
@@ -135,11 +135,11 @@ def _methods(parsed: argparse.Namespace) -> int:
 
 
 def _match(parsed: argparse.Namespace) -> int:
-    check.require("numpy", "cv2")
-    from ..render.pair import read_pair
-    from .images import read_png, write_disparity
+    packages.require("numpy", "cv2")
+    from ..render.pairs.pair_folder import read_pair
+    from .images.image_files import read_png, write_disparity
     from .matchers import match
-    from .methods import key_value
+    from .matchers.methods import key_value
 
     options = dict(key_value(text, "--option") for part in parsed.option for text in part)
     camera = read_pair(parsed.camera).camera if parsed.camera else None
@@ -149,8 +149,8 @@ def _match(parsed: argparse.Namespace) -> int:
 
 
 def _metrics(parsed: argparse.Namespace) -> int:
-    check.require("numpy")
-    from .single import measure_files
+    packages.require("numpy")
+    from .measure.of_files import measure_files
 
     numbers = measure_files(parsed.prediction, parsed.disparity, parsed.truth, parsed.focal_baseline, parsed.guiss)
     _json_line({key: value if math.isfinite(value) else None for key, value in numbers.items()})
@@ -158,9 +158,9 @@ def _metrics(parsed: argparse.Namespace) -> int:
 
 
 def _evaluate(parsed: argparse.Namespace) -> int:
-    check.require(*check.PACKAGES)
+    packages.require(*packages.PACKAGES)
     from .evaluate import evaluate
-    from .methods import parse_methods
+    from .matchers.methods import parse_methods
 
     methods = parse_methods(parsed.methods, parsed.option, parsed.own)
     response = _response([], parsed.set)
@@ -182,8 +182,8 @@ def _evaluate(parsed: argparse.Namespace) -> int:
 
 
 def _truth(parsed: argparse.Namespace) -> int:
-    check.require("numpy", "cv2", "OpenEXR")
-    from .export import write_truth
+    packages.require("numpy", "cv2", "OpenEXR")
+    from .export.layouts import write_truth
 
     bad = []
     for found in write_truth(parsed.path, parsed.out):
@@ -196,8 +196,8 @@ def _truth(parsed: argparse.Namespace) -> int:
 
 
 def _export(parsed: argparse.Namespace) -> int:
-    check.require("numpy", "cv2", "OpenEXR", "rich")
-    from .export import export
+    packages.require("numpy", "cv2", "OpenEXR", "rich")
+    from .export.layouts import export
 
     response = _response([], parsed.set)
     with _progress_bar("Exporting") as on_event:
@@ -209,7 +209,7 @@ def _export(parsed: argparse.Namespace) -> int:
 
 
 def _develop(parsed: argparse.Namespace) -> int:
-    check.require("numpy", "cv2", "OpenEXR")
+    packages.require("numpy", "cv2", "OpenEXR")
     from .reexpose import reexpose
 
     response = _response(parsed.preset, parsed.set)
@@ -225,8 +225,8 @@ def _develop(parsed: argparse.Namespace) -> int:
 
 def _response(presets: Sequence[str], overrides: Sequence[str]) -> dict[str, dict[str, Any]]:
     """Settings that need no new render, from presets and ``--set``. Raises IcyMoonError for others."""
-    from ..properties import TOPICS
-    from ..settings import load, merged, override, preset_path
+    from ..settings.description import load, merged, override, preset_path
+    from ..settings.table import TOPICS
 
     settings = merged(*(load(preset_path(name)) for name in presets), *(override(text) for text in overrides))
     for topic, values in settings.items():

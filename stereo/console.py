@@ -10,7 +10,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
-from .columns import SUMMARY, shown
+from .report.table_columns import SUMMARY, shown
 
 
 @contextmanager

@@ -21,15 +21,15 @@ import numpy as np
 from ..errors import DiskError, sentence
 from ..files import write_json
 from ..version import version
-from . import check
 from .artefacts import check_place, present, read_disparity, write_method_pictures, write_pair_pictures
+from .environment import packages
+from .export.points import images_with_points, pose_of
 from .matchers import complete_options, match
-from .measure import COMMON_NUMBERS, NUMBERS, common_numbers, own_numbers
-from .methods import Method
-from .points import images_with_points, pose_of
-from .prepare import Prepared, distinct_pairs, prepare
-from .results import ROW, known_facts, write_results
-from .rowlog import Row, RowLog
+from .matchers.methods import Method
+from .measure.prepare import Prepared, distinct_pairs, prepare
+from .measure.row import COMMON_NUMBERS, NUMBERS, common_numbers, own_numbers
+from .report.results import ROW, known_facts, write_results
+from .report.row_log import Row, RowLog
 
 Event = Callable[[dict[str, Any]], None]
 
@@ -206,7 +206,7 @@ def _setup(method: Method) -> list[Any]:
     options = complete_options(method.name, method.options)
     files = {key: _content(Path(value)) for key, value in options.items()
              if isinstance(value, str) and os.path.isfile(value)}
-    versions = check.versions()
+    versions = packages.versions()
     return [method.name, options, files, {name: versions[name] for name in ("numpy", "cv2", "torch")}]
 
 

@@ -12,16 +12,16 @@ import numpy as np
 from ..errors import IcyMoonError, sentence
 from ..files import write_json
 from ..labels import LIGHT_GROUPS
-from ..physics.distortion import COEFFICIENTS, coefficients
-from ..render.pair import EYES, pair_folders
-from ..settings import merged
+from ..physics.camera.lens_distortion import COEFFICIENTS, coefficients
+from ..render.pairs.pair_folder import EYES, pair_folders
+from ..settings.description import merged
 from ..system import remove
-from .develop import Images, develop, exposure_facts
 from .evaluate import Event
-from .exr import read_light
-from .images import write_npy, write_png
-from .prepare import checked
-from .views import sensor_depth
+from .images.develop import Images, develop, exposure_facts
+from .images.exr import read_light
+from .images.image_files import write_npy, write_png
+from .images.views import sensor_depth
+from .measure.prepare import checked
 
 #: What is there of some settings and not of others.
 _STALE = re.compile(r"(left|right)_(\d+\.png|distorted\.png|distorted_depth\.npy)")

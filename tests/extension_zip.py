@@ -15,7 +15,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGES = ("nodes", "operators", "panels", "physics", "render", "stereo")
-NEEDED = ("blender_manifest.toml", "LICENSE", "stereo/report.html.j2", "stereo/evaluator.lock",
+NEEDED = ("blender_manifest.toml", "LICENSE", "stereo/report/report.html.j2", "stereo/environment/evaluator.lock",
           "presets/scenes/europa_rough_ice.toml")
 
 
@@ -34,7 +34,7 @@ def shipped() -> set[str]:
     for package in PACKAGES:
         files += (ROOT / package).rglob("*.py")
     data = ("presets/**/*.toml", "presets/previews/*.jpg", "stereo/*.j2", "stereo/*.js", "stereo/*.css",
-            "stereo/*.lock", "nodes/*.osl", "schema.json", "physics/*.json", "physics/*.csv")
+            "stereo/*.lock", "nodes/*.osl", "settings/pair_ids.json", "physics/*.json", "physics/*.csv")
     files += [path for pattern in data for path in ROOT.glob(pattern)]
     return {path.relative_to(ROOT).as_posix() for path in files}
 

@@ -1,6 +1,6 @@
 """Write the lock file that Install Evaluator installs from: one version of each package, with the hashes of its wheels.
 
-    python tests/lock.py             write stereo/evaluator.lock
+    python tests/lock.py             write stereo/environment/evaluator.lock
     python tests/lock.py NAME==X …   the same, with these versions
 
 pip itself resolves, for every Python and platform that Blender brings, within the bounds of ``stereo.check.PACKAGES``;
@@ -18,8 +18,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from icymoon.install import LOCK
-from icymoon.stereo.check import PACKAGES, wanted
+from icymoon.stereo.environment.install import LOCK
+from icymoon.stereo.environment.packages import PACKAGES, wanted
 
 #: Pythons of the Blenders from 4.2 on and of the systems they run on; platforms as pip names them.
 PYTHONS = ("3.11", "3.12", "3.13", "3.14")

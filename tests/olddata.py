@@ -6,8 +6,8 @@ import shutil
 from dataclasses import replace
 from pathlib import Path
 
-from icymoon import schema
-from icymoon.properties import TOPICS, Setting
+from icymoon.settings import pair_ids
+from icymoon.settings.table import TOPICS, Setting
 
 DATA = Path(__file__).parent / "data"
 OLD = [folder.name for folder in sorted(DATA.glob("v*"))]
@@ -22,14 +22,14 @@ def copied(name: str, to: Path) -> Path:
 def upgrade(monkeypatch, topic: str, *settings: Setting, before: object = None) -> None:
     """Have a version with more settings in a topic, which stand first, the others in reversed order."""
     for setting in settings:
-        monkeypatch.setitem(schema.SCHEMA["later"], f"{topic}.{setting.key}",
+        monkeypatch.setitem(pair_ids.SCHEMA["later"], f"{topic}.{setting.key}",
                             setting.default if before is None else before)
     monkeypatch.setitem(TOPICS, topic, replace(TOPICS[topic], settings=(*settings, *TOPICS[topic].settings[::-1])))
 
 
 def upgrade_entries(monkeypatch, topic: str, key: str, part: Setting, before: object) -> None:
     """Have a version whose tables of a list have one setting more."""
-    monkeypatch.setitem(schema.SCHEMA["later"], f"{topic}.{key}.{part.key}", before)
+    monkeypatch.setitem(pair_ids.SCHEMA["later"], f"{topic}.{key}.{part.key}", before)
     lists = replace(TOPICS[topic][key], entries=(part, *TOPICS[topic][key].entries))
     monkeypatch.setitem(TOPICS, topic, replace(TOPICS[topic], settings=tuple(
         lists if setting.key == key else setting for setting in TOPICS[topic].settings)))

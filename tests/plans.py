@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from icymoon import settings as description
-from icymoon.physics.blur import identity
-from icymoon.render.plan import PlannedPair
+from icymoon.physics.camera.blur import identity
+from icymoon.render.plans.planned_pair import PlannedPair
+from icymoon.settings import description
 
 TINY = {"terrain": {"resolution": 33}, "mesh": {"kind": "GRID"}, "rig": {"width_px": 32, "height_px": 24},
         "quality": {"samples": 2, "threads": 1}}

@@ -16,8 +16,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from icymoon import cli, settings
-from icymoon.properties import TOPICS, Setting
+from icymoon.commands import cli
+from icymoon.settings import description
+from icymoon.settings.table import TOPICS, Setting
 from icymoon.stereo import cli as stereo_cli
 from icymoon.stereo.matchers import METHODS
 from icymoon.version import ROOT
@@ -121,15 +122,15 @@ def _presets() -> str:
              "These presets are shipped in `presets/`. Each is a TOML file, and every number in it has a source. A "
              "preset of a scene includes others. `--preset` may be given several times; the later preset wins. "
              "*Chosen* means that no measurement is known and that the value is a decision.\n"]
-    kinds = sorted({name.split("/")[0] for name in settings.preset_names()}, key=[*settings.KINDS].index)
+    kinds = sorted({name.split("/")[0] for name in description.preset_names()}, key=[*description.KINDS].index)
     for kind in kinds:
-        parts.append(f"## {settings.KINDS[kind]}\n")
-        parts += [_preset(name) for name in settings.preset_names(kind)]
+        parts.append(f"## {description.KINDS[kind]}\n")
+        parts += [_preset(name) for name in description.preset_names(kind)]
     return "\n".join(parts)
 
 
 def _preset(name: str) -> str:
-    raw = settings.read_toml(settings.preset_path(name))
+    raw = description.read_toml(description.preset_path(name))
     header, sources, measured = raw.pop("preset"), raw.pop("sources"), raw.pop("measured", None)
     text = f"### {name}\n\n**{header['title']}.** {header['description']}.\n"
     if included := header.get("include"):

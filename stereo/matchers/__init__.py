@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from ...errors import IcyMoonError
-from ...render.pair import StereoCamera
+from ...render.pairs.pair_folder import StereoCamera
 from .options import nearest, resolve
 from .result import Result
 

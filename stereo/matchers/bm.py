@@ -13,7 +13,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from ...render.pair import StereoCamera
+from ...render.pairs.pair_folder import StereoCamera
 from .opencv import extended, inside_right, require_room, run
 from .options import Option
 from .result import Result

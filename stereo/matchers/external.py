@@ -22,10 +22,10 @@ from typing import Any
 import numpy as np
 
 from ...errors import IcyMoonError
-from ...render.pair import StereoCamera
+from ...render.pairs.pair_folder import StereoCamera
 from ...scratch import scratch
 from ...system import kill_all, split_command, start
-from ..images import read_pfm, read_png, write_png
+from ..images.image_files import read_pfm, read_png, write_png
 from .options import Option, nearest
 from .result import Result
 

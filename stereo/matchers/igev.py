@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...errors import IcyMoonError
-from ...render.pair import StereoCamera
+from ...render.pairs.pair_folder import StereoCamera
 from . import learned
 from .options import Option
 from .result import Result

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from ...errors import IcyMoonError
-from ...trust import LOADS
+from ...settings.trust import LOADS
 
 
 @dataclass(frozen=True)

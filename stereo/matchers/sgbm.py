@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 
 from ...errors import IcyMoonError
-from ...render.pair import StereoCamera
+from ...render.pairs.pair_folder import StereoCamera
 from .opencv import SUBPIXELS, extended, inside_right, require_room, run
 from .options import Option
 from .result import Result

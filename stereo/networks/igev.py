@@ -9,7 +9,17 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional as F  # noqa: N812, its usual name
 
-from .igev_layers import HIDDEN, BasicConv, Context, FeatureAtt, Features, Hourglass, InstanceConv, UpConv, UpdateBlock
+from .igev_layers import (
+    HIDDEN,
+    BasicConv,
+    Context,
+    FeatureAtt,
+    Features,
+    Hourglass,
+    InstanceConv,
+    UpConv,
+    UpdateBlock,
+)
 
 GROUPS = 8  # of channels, correlated each by itself
 LEVELS = 2  # of the volumes that are looked up in

@@ -9,19 +9,19 @@ from typing import Any
 
 import bpy
 import numpy as np
-from icymoon import settings as description
 from icymoon.labels import ROCK, TERRAIN
-from icymoon.nodes.composition import ELEVATION
 from icymoon.nodes.scene import Built, build
-from icymoon.physics.geometry import rounding_m
-from icymoon.properties import TOPICS, Setting
-from icymoon.render.pair import EYES, Pair, read_pair
-from icymoon.render.plan import expand
+from icymoon.nodes.surface.patches_and_grain import ELEVATION
+from icymoon.physics.camera.stereo_geometry import rounding_m
+from icymoon.render.pairs.pair_folder import EYES, Pair, read_pair
+from icymoon.render.plans.planned_pair import expand
 from icymoon.render.worker import render_pairs
+from icymoon.settings import description
+from icymoon.settings.table import TOPICS, Setting
 from icymoon.stereo.evaluate import evaluate
-from icymoon.stereo.exr import Light, View
-from icymoon.stereo.methods import parse_methods
-from icymoon.stereo.views import read_eye
+from icymoon.stereo.images.exr import Light, View
+from icymoon.stereo.images.views import read_eye
+from icymoon.stereo.matchers.methods import parse_methods
 from mathutils import Vector
 from rendering import empty_scene
 

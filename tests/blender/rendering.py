@@ -7,11 +7,11 @@ from pathlib import Path
 
 import bpy
 import numpy as np
-from icymoon import settings as description
 from icymoon.nodes.scene import Built, build
-from icymoon.render.pair import Pair, read_pair
-from icymoon.render.plan import expand
+from icymoon.render.pairs.pair_folder import Pair, read_pair
+from icymoon.render.plans.planned_pair import expand
 from icymoon.render.worker import render_pairs
+from icymoon.settings import description
 
 SMALL = {"terrain": {"resolution": 65}, "mesh": {"kind": "GRID"}, "quality": {"samples": 2, "threads": 2},
          "rig": {"width_px": 96, "height_px": 72}}

@@ -17,13 +17,13 @@ from typing import Any
 import bpy
 import icymoon
 import numpy as np
-from icymoon import settings as description
 from icymoon.labels import ROCK
 from icymoon.nodes.scene import Built, build
-from icymoon.render.pair import EYES, read_pair
-from icymoon.render.plan import expand
+from icymoon.render.pairs.pair_folder import EYES, read_pair
+from icymoon.render.plans.planned_pair import expand
 from icymoon.render.worker import render_pairs
-from icymoon.stereo.exr import read_view
+from icymoon.settings import description
+from icymoon.stereo.images.exr import read_view
 from rendering import empty_scene
 
 TABLE = Path(__file__).with_name("stability.json")

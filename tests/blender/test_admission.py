@@ -5,11 +5,11 @@ from __future__ import annotations
 import bpy
 import pytest
 from icymoon.errors import IcyMoonError
-from icymoon.nodes import eyes
+from icymoon.nodes import eyes_above_ground
 from icymoon.nodes import scene as scenes
-from icymoon.render.pair import read_pair
-from icymoon.render.plan import PlannedPair, expand
-from icymoon.render.stages import Described
+from icymoon.render.pairs.pair_folder import read_pair
+from icymoon.render.plans.planned_pair import PlannedPair, expand
+from icymoon.render.scene_source import Described
 from icymoon.render.worker import render_in, render_pairs
 from rendering import complete, empty_scene
 
@@ -52,22 +52,22 @@ def test_one_bad_pair_is_set_aside_and_the_others_are_rendered(tmp_path):
 
 def test_eyes_that_were_moved_by_hand_are_asked_of_the_scene():
     built = scenes.build(empty_scene(), complete(TALL))
-    assert not eyes.reasons(built)
+    assert not eyes_above_ground.reasons(built)
     camera = built.camera
     start = camera.location.copy()
     block = max((item for item in bpy.data.objects if item.get("icymoon") == "rock"),
                 key=lambda item: len(item.data.vertices))
     camera.location = block.data.vertices[0].co  # the middle of the largest block
-    assert any("left eye in a block" in text for text in eyes.reasons(built))
+    assert any("left eye in a block" in text for text in eyes_above_ground.reasons(built))
     camera.location = start
     camera.location.z = -0.2
-    assert len(eyes.reasons(built)) == 2
+    assert len(eyes_above_ground.reasons(built)) == 2
     camera.location.z = 3e-4
-    assert any("0.0003 m above the ground" in text for text in eyes.reasons(built))
+    assert any("0.0003 m above the ground" in text for text in eyes_above_ground.reasons(built))
     # An object of the person's own is none of the ground: a lander's mast may hold the camera.
     camera.location = start
     bpy.ops.mesh.primitive_cube_add(size=1.0, location=start)
-    assert not eyes.reasons(built)
+    assert not eyes_above_ground.reasons(built)
 
 
 def test_turned_with_the_headings_of_a_standing_scene():
@@ -79,7 +79,7 @@ def test_turned_with_the_headings_of_a_standing_scene():
     # A ramp that rises to the west of the left eye, 45 degrees.
     mesh.from_pydata([(-4, -4, 4), (0, -4, 0), (4, -4, 0), (-4, 4, 4), (0, 4, 0), (4, 4, 0)], [],
                      [(0, 1, 4, 3), (1, 2, 5, 4)])
-    found = [bool(eyes.reasons(built, turn)) for turn in (0.0, 90.0, 180.0, 270.0)]
+    found = [bool(eyes_above_ground.reasons(built, turn)) for turn in (0.0, 90.0, 180.0, 270.0)]
     assert found == [False, False, True, False]
 
 
@@ -100,7 +100,7 @@ def test_a_roof_over_the_eyes_is_open_and_a_cliff_about_one_is_not(low, high, ad
     corners, faces = box(low, high)
     built.terrain.data.clear_geometry()
     built.terrain.data.from_pydata([*ground, *corners], [], [(0, 1, 2, 3), *(tuple(4 + k for k in f) for f in faces)])
-    assert bool(eyes.reasons(built)) != admitted
+    assert bool(eyes_above_ground.reasons(built)) != admitted
 
 
 @pytest.mark.parametrize(("parts", "names"), [

@@ -8,12 +8,12 @@ import bpy
 import numpy as np
 import pytest
 from icymoon import compat, scene_properties
-from icymoon import settings as description
 from icymoon.errors import IcyMoonError
 from icymoon.nodes import scene as scenes
-from icymoon.nodes.builder import Tree
-from icymoon.nodes.fingerprint import TAG, fingerprint
-from icymoon.physics.directions import toward
+from icymoon.nodes.datablocks.fingerprint import TAG, fingerprint
+from icymoon.nodes.tree.builder import Tree
+from icymoon.physics.light.directions import toward
+from icymoon.settings import description
 from rendering import complete, empty_scene
 
 

@@ -10,20 +10,20 @@ import numpy as np
 import pytest
 from icymoon.errors import IcyMoonError
 from icymoon.nodes.scene import build
-from icymoon.operators import readouts
-from icymoon.physics.blur import blur_of, confusion_px, motion_px
-from icymoon.physics.distortion import overscan_needed
-from icymoon.render.pair import EYES
-from icymoon.render.plan import expand
+from icymoon.operators import sidebar_text
+from icymoon.physics.camera.blur import blur_of, confusion_px, motion_px
+from icymoon.physics.camera.lens_distortion import overscan_needed
+from icymoon.render.pairs.pair_folder import EYES
+from icymoon.render.plans.planned_pair import expand
 from icymoon.render.progress import SampleCounter
-from icymoon.render.shoot import check_camera
+from icymoon.render.render_pair import check_camera
 from icymoon.render.worker import render_pairs
 from icymoon.stereo.evaluate import evaluate
-from icymoon.stereo.export import export
-from icymoon.stereo.exr import read_light, read_truth
+from icymoon.stereo.export.layouts import export
+from icymoon.stereo.images.exr import read_light, read_truth
 from icymoon.stereo.matchers import match
-from icymoon.stereo.methods import parse_methods
-from icymoon.stereo.prepare import load
+from icymoon.stereo.matchers.methods import parse_methods
+from icymoon.stereo.measure.prepare import load
 from icymoon.stereo.reexpose import reexpose
 from rendering import complete, empty_scene, render
 
@@ -273,20 +273,20 @@ def test_at_the_extremes_there_is_an_image_without_nan_and_the_truth_is_that_of_
 
 def test_panel_and_build_say_what_truth_is_of_and_the_panel_how_blurred_and_how_dark():
     size = {"rig": {"width_px": 640, "height_px": 480}}
-    assert readouts.camera_notes(complete(size)) == ()
+    assert sidebar_text.camera_notes(complete(size)) == ()
     moving = complete(size, FOCUS, {"rig": {"focus_distance_m": 2.0, "speed_right_m_s": 1.0, "motion_exposure_s": 0.01,
                                             "distortion_k1": -0.1}})
-    lines = readouts.camera_notes(moving)
+    lines = sidebar_text.camera_notes(moving)
     assert "truth is sharp" in " ".join(lines)
     # 2.23 m deep in the middle: 341.3 px x 0.032 m / 1.6 x (1/2 - 1/2.23) and 341.3 px x 0.01 m / 2.23 m.
     assert "Middle focus 0.352 px, motion 1.53 px" in lines
     assert lines[-1].startswith("The lens needs an overscan of 0.")
     enough = complete({"rig": {"distortion_k1": -0.1, "overscan": 0.4}})
-    assert readouts.camera_notes(enough)[-1].endswith("has it")
+    assert sidebar_text.camera_notes(enough)[-1].endswith("has it")
     assert max(map(len, lines)) <= 45
     assert any("pinhole in the middle" in text for text in build(empty_scene(), moving).warnings)
     unknown = complete({"rig": {"roll_deg_s": 1.0}})
-    assert "Stereo Camera > Motion Exposure" in " ".join(readouts.camera_notes(unknown))
+    assert "Stereo Camera > Motion Exposure" in " ".join(sidebar_text.camera_notes(unknown))
     with pytest.raises(IcyMoonError, match="motion_exposure_s"):
         expand(unknown)
 

@@ -8,12 +8,12 @@ import pytest
 from icymoon.labels import PLANET
 from icymoon.nodes import preview
 from icymoon.nodes import scene as scenes
-from icymoon.operators import readouts
-from icymoon.physics.saturn_rings import RINGS, brightness
-from icymoon.physics.sky import sky
-from icymoon.physics.stars import stars
-from icymoon.stereo.exr import read_view
-from icymoon.stereo.truth import scene_depth
+from icymoon.operators import sidebar_text
+from icymoon.physics.light.saturn_rings import RINGS, brightness
+from icymoon.physics.light.sky import sky
+from icymoon.physics.light.stars import stars
+from icymoon.stereo.images.disparity_and_occlusion import scene_depth
+from icymoon.stereo.images.exr import read_view
 from rendering import complete, empty_scene, render
 
 LAMBERT = {"terrain": {"rms_slope_deg": 0.0, "size_m": 40.0}, "mesh": {"kind": "GRID"},
@@ -171,8 +171,8 @@ def test_rings_give_the_ground_nothing_and_go_when_they_are_below():
 
 def test_the_panel_says_how_the_rings_stand_and_that_there_is_an_eclipse():
     light = complete({"light": SATURN})["light"]
-    assert "Rings 30° from edge-on, seen from north" in readouts.sky_lines(light)
-    assert "Rings exactly edge-on: not seen" in readouts.sky_lines(light | {"planet_elevation_deg": 10.0})
+    assert "Rings 30° from edge-on, seen from north" in sidebar_text.sky_lines(light)
+    assert "Rings exactly edge-on: not seen" in sidebar_text.sky_lines(light | {"planet_elevation_deg": 10.0})
     eclipsed = light | {"sun_elevation_deg": 40.0, "sun_azimuth_deg": 0.0}
-    assert "Eclipse: planet hides 100 % of Sun" in readouts.sky_lines(eclipsed)
-    assert max(map(len, readouts.sky_lines(eclipsed))) <= 42
+    assert "Eclipse: planet hides 100 % of Sun" in sidebar_text.sky_lines(eclipsed)
+    assert max(map(len, sidebar_text.sky_lines(eclipsed))) <= 42

@@ -11,7 +11,7 @@ import bpy
 import pytest
 from icymoon.files import PART
 from icymoon.operators import dataset, jobs, results
-from icymoon.render.pair import find_pairs
+from icymoon.render.pairs.pair_folder import find_pairs
 
 TINY = """
 [mesh]

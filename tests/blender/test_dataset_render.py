@@ -19,14 +19,14 @@ import time
 from pathlib import Path
 
 import pytest
-from icymoon.nodes.adapt import adapted, opened
-from icymoon.nodes.fingerprint import parts
-from icymoon.render import dataset as datasets
-from icymoon.render.order import ordered
-from icymoon.render.plan import PlannedPair
-from icymoon.render.stages import Described
-from icymoon.render.verify import verify
+from icymoon.nodes.datablocks.fingerprint import parts
+from icymoon.nodes.next_scene import adapted, opened
+from icymoon.render.plans import frozen_plan as datasets
+from icymoon.render.plans.order import ordered
+from icymoon.render.plans.planned_pair import PlannedPair
+from icymoon.render.scene_source import Described
 from icymoon.render.worker import render_in
+from icymoon.render.workers.verify import verify
 from plans import grid, planned
 
 #: Descriptions that differ in each kind of setting, and whether one may be made out of the first.

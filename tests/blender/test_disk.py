@@ -7,8 +7,9 @@ from types import SimpleNamespace
 
 import pytest
 from icymoon.errors import IcyMoonError
-from icymoon.render import cost, shoot
-from icymoon.render.plan import expand
+from icymoon.render import render_pair
+from icymoon.render.cost import estimate
+from icymoon.render.plans.planned_pair import expand
 from rendering import complete, render
 
 VIEW = {"rig": {"width_px": 160, "height_px": 120}, "quality": {"samples": 16}, "mesh": {"kind": "GRADED"}}
@@ -22,17 +23,17 @@ def test_a_pair_takes_what_is_expected_within_a_tenth(registered, tmp_path: Path
     """The tenth is what the manual promises; how far each pass varies over scenes stands in benchmarks/disk.txt."""
     pair, _ = render(tmp_path, VIEW, change)
     found = sum(fact["bytes"] for fact in pair.data["files"].values())
-    assert cost.bytes_of(pair.settings) == pytest.approx(found, rel=0.1)
+    assert estimate.bytes_of(pair.settings) == pytest.approx(found, rel=0.1)
     assert found == sum(file.stat().st_size for file in pair.folder.glob("*.exr"))
 
 
 def test_a_disk_that_holds_the_pairs_is_not_refused(tmp_path: Path, monkeypatch):
     pairs = expand(complete(VIEW, {"dataset": {"headings": 20}}))
-    expected = cost.bytes_left(pairs, tmp_path)
+    expected = estimate.bytes_left(pairs, tmp_path)
     for free, fits in ((1.1 * expected, True), (0.95 * expected, False)):
-        monkeypatch.setattr(shoot.shutil, "disk_usage", lambda path, free=free: SimpleNamespace(free=free))
+        monkeypatch.setattr(render_pair.shutil, "disk_usage", lambda path, free=free: SimpleNamespace(free=free))
         if fits:
-            shoot.check_space(tmp_path, pairs)
+            render_pair.check_space(tmp_path, pairs)
         else:
             with pytest.raises(IcyMoonError, match=r"20 pairs may need \d+ MB more"):
-                shoot.check_space(tmp_path, pairs)
+                render_pair.check_space(tmp_path, pairs)

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from icymoon.benchmarks.furnace import plane, radiance
 from icymoon.labels import TERRAIN
-from icymoon.nodes.builder import Tree, held
-from icymoon.nodes.surface import build_material
-from icymoon.render import quality
-from icymoon.stereo.exr import read_truth, read_view
+from icymoon.nodes.surface.material import build_material
+from icymoon.nodes.tree.builder import Tree, held
+from icymoon.render import cycles_settings
+from icymoon.stereo.images.exr import read_truth, read_view
 from rendering import complete, empty_scene, png, render
 
 ALL, CAMERA = ({"quality": {"fine_relief": choice}} for choice in ("ALL", "CAMERA"))
@@ -23,13 +23,13 @@ LAWS = [{"model": "LAMBERT"}, {"model": "PRINCIPLED"}]
 @pytest.fixture
 def one_seed(monkeypatch):
     """Light paths are drawn alike, whatever the description."""
-    apply = quality.apply
+    apply = cycles_settings.apply
 
     def applied(scene, *given):
         apply(scene, *given)
         scene.cycles.seed = 1
 
-    monkeypatch.setattr(quality, "apply", applied)
+    monkeypatch.setattr(cycles_settings, "apply", applied)
 
 
 def tree_of(*changes):
@@ -68,7 +68,7 @@ def test_direct_light_is_the_same_to_rounding(law, tmp_path, one_seed):
 
 @pytest.mark.parametrize("law", LAWS, ids=lambda law: law["model"])
 def test_with_bounces_the_mean_is_the_same(law, tmp_path, one_seed):
-    """Bumps turn what ground reflects and take little of it: of steepness 0.04 0.02 % (``physics/principled.json``),
+    """Bumps turn what ground reflects and take little of it: of steepness 0.04 0.02 % (``principled.json``),
     under a low Sun a few times that, of what other ground sends, which is a tenth of the light. The rest is noise:
     light paths that part at the first bounce, of 64 samples of 7000 pixels."""
     scene = (BUMPY, {"surface": law}, {"quality": {"samples": 64}})

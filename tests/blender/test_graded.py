@@ -6,13 +6,13 @@ import bpy
 import numpy as np
 import pytest
 from icymoon.nodes import scene as scenes
-from icymoon.nodes.probe import heights_of
-from icymoon.nodes.terrain import measured
-from icymoon.physics.horizon import drop_m, horizon_m
-from icymoon.render.pair import read_pair
-from icymoon.render.plan import expand
+from icymoon.nodes.ground.heights_under import heights_of
+from icymoon.nodes.ground.terrain_mesh import measured
+from icymoon.physics.mesh.horizon import drop_m, horizon_m
+from icymoon.render.pairs.pair_folder import read_pair
+from icymoon.render.plans.planned_pair import expand
 from icymoon.render.worker import render_pairs
-from icymoon.stereo.exr import read_view
+from icymoon.stereo.images.exr import read_view
 from rendering import complete, empty_scene, render
 
 GRADED = {"mesh": {"kind": "GRADED"}, "quality": {"samples": 1}}

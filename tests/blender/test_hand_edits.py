@@ -14,11 +14,11 @@ import bpy
 import numpy as np
 import pytest
 from icymoon.errors import IcyMoonError
-from icymoon.nodes import fingerprint
 from icymoon.nodes import scene as scenes
-from icymoon.nodes.arrays import mark
-from icymoon.nodes.stored import LEFT_OUT, OF_THE_VIEW, left_out
-from icymoon.nodes.walk import Walk
+from icymoon.nodes.datablocks import fingerprint
+from icymoon.nodes.datablocks.array_marks import mark
+from icymoon.nodes.datablocks.marks import Walk
+from icymoon.nodes.datablocks.stored_properties import LEFT_OUT, OF_THE_VIEW, left_out
 from rendering import complete, empty_scene
 
 Undo = Callable[[], Any]

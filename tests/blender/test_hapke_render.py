@@ -10,14 +10,14 @@ import pytest
 from icymoon import compat
 from icymoon.errors import IcyMoonError
 from icymoon.nodes import scene as scenes
-from icymoon.nodes import sunlight, sunlit
-from icymoon.physics import photometry
-from icymoon.physics.hapke import bidirectional_reflectance, from_settings
-from icymoon.render import quality
-from icymoon.render.pair import Pair, read_pair
-from icymoon.render.plan import expand
+from icymoon.nodes.surface import reflectance_laws, sun_inputs
+from icymoon.physics.surfaces import photometry
+from icymoon.physics.surfaces.hapke import bidirectional_reflectance, from_settings
+from icymoon.render import cycles_settings
+from icymoon.render.pairs.pair_folder import Pair, read_pair
+from icymoon.render.plans.planned_pair import expand
 from icymoon.render.worker import render_pairs
-from icymoon.stereo.exr import read_view
+from icymoon.stereo.images.exr import read_view
 from rendering import complete, empty_scene
 
 FLAT = {"rms_slope_deg": 0.0, "multifractality": 0.0, "resolution": 129, "size_m": 60.0}
@@ -171,13 +171,13 @@ def test_seen_at_a_slant_osl_is_as_bright_as_nodes_near_and_far(tmp_path, monkey
 
     The same rays draw both, so that nothing but single precision and what OSL traces itself tells them apart.
     """
-    apply = quality.apply
+    apply = cycles_settings.apply
 
     def applied(scene, *given):
         apply(scene, *given)
         scene.cycles.seed = 1
 
-    monkeypatch.setattr(quality, "apply", applied)
+    monkeypatch.setattr(cycles_settings, "apply", applied)
     rolling = {"terrain": {"rms_slope_deg": 15.0, "size_m": 100.0, "resolution": 65, "inner_scale_m": 1.0},
                "quality": {"samples": 4}, "light": {"sun_elevation_deg": 30.0, "sun_azimuth_deg": 180.0},
                "rig": {"height_m": 0.5, "pitch_deg": 0.0}}
@@ -326,15 +326,15 @@ def test_what_lights_itself_leaves_the_lamp_to_the_persons_objects(tmp_path):
 
 def test_without_osl_and_on_a_gpu_nodes_are_taken_and_it_is_said(monkeypatch):
     hapke = complete({"hapke": {"accuracy": "REFERENCE"}})["hapke"]
-    assert sunlit.choose(hapke, "CPU") == (True, "REFERENCE", "")
-    use_osl, level, message = sunlit.choose(hapke, "GPU")
+    assert reflectance_laws.choose(hapke, "CPU") == (True, "REFERENCE", "")
+    use_osl, level, message = reflectance_laws.choose(hapke, "GPU")
     assert (use_osl, level) == (False, "FAST")
     assert "CPU" in message
     monkeypatch.setattr(compat, "has_osl", lambda: False)
     settings = complete({"surface": BARE, "hapke": {"accuracy": "REFERENCE"}, "terrain": FLAT})
     built = scenes.build(empty_scene(), settings)
     assert any("without Open Shading Language" in warning for warning in built.warnings)
-    assert not any(sunlight.is_osl(material) for material in built.materials)
+    assert not any(sun_inputs.is_osl(material) for material in built.materials)
     assert built.extra == scenes.extra(settings) != ""  # a pair of nodes is another than one of OSL
     refused = complete({"surface": BARE, "hapke": {"backend": "OSL"}, "terrain": FLAT})
     with pytest.raises(IcyMoonError, match=r"hapke\.backend"):

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from icymoon import compat
 from icymoon.nodes import scene as scenes
-from icymoon.nodes import sunlit
-from icymoon.physics.hapke import bidirectional_reflectance, from_settings
-from icymoon.physics.photometry import hemispherical_albedo
-from icymoon.stereo.exr import read_view
+from icymoon.nodes.surface import reflectance_laws
+from icymoon.physics.surfaces.hapke import bidirectional_reflectance, from_settings
+from icymoon.physics.surfaces.photometry import hemispherical_albedo
+from icymoon.stereo.images.exr import read_view
 from rendering import complete, empty_scene, png
 from test_hapke_render import BARE, FLAT, SMOOTH, expected, picture, rays
 from test_uv import obj
@@ -97,7 +97,7 @@ def test_the_albedo_for_the_sky_follows_the_roughness(w, span_deg, within):
     """The polynomial against the integral, at slopes and angles between those that it was fitted to."""
     q = from_settings(complete({"hapke": {"w": w}})["hapke"])
     low, high = np.radians(span_deg)
-    coefficients = sunlit._fit(q, 0.5, (float(low), float(high)))
+    coefficients = reflectance_laws._fit(q, 0.5, (float(low), float(high)))
     mu = np.linspace(0.05, 1.0, 9)
     for share in (0.0, 0.13, 0.5, 0.8, 1.0):
         for grey in (1.0, 0.7):

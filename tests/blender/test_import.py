@@ -15,16 +15,16 @@ import numpy as np
 import OpenEXR
 import pytest
 from icymoon import compat
-from icymoon import settings as description
 from icymoon.errors import IcyMoonError
-from icymoon.nodes import ground as grounds
-from icymoon.nodes import import_heights
 from icymoon.nodes import scene as scenes
-from icymoon.nodes.import_heights import read_heights
-from icymoon.nodes.import_mesh import read_mesh
-from icymoon.physics.meshcheck import check
-from icymoon.render.plan import expand
-from icymoon.stereo.exr import read_view
+from icymoon.nodes.ground import import_heights
+from icymoon.nodes.ground import user_ground as grounds
+from icymoon.nodes.ground.import_heights import read_heights
+from icymoon.nodes.ground.import_mesh import read_mesh
+from icymoon.physics.mesh.check import check
+from icymoon.render.plans.planned_pair import expand
+from icymoon.settings import description
+from icymoon.stereo.images.exr import read_view
 from mathutils.bvhtree import BVHTree
 from rendering import complete, empty_scene, render
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 import bpy
 import numpy as np
 import pytest
-from icymoon.nodes.adapt import adapted, opened
+from icymoon.nodes.next_scene import adapted, opened
 from icymoon.nodes.scene import build
-from icymoon.nodes.sunlight import is_osl
-from icymoon.stereo.exr import read_truth, read_view
-from icymoon.stereo.prepare import prepare
+from icymoon.nodes.surface.sun_inputs import is_osl
+from icymoon.stereo.images.exr import read_truth, read_view
+from icymoon.stereo.measure.prepare import prepare
 from rendering import complete, empty_scene, render
 
 SNOW = {"surface": {"subsurface_weight": 1.0, "subsurface_radius_m": 4.0e-4, "albedo": 0.8}}
@@ -59,11 +59,11 @@ def test_the_planet_lights_the_ground_only_if_it_can_be_seen(light, lamp, said, 
 
 
 def test_without_labels_there_is_one_render_and_the_same_depth(tmp_path, monkeypatch):
-    from icymoon.render import shoot
+    from icymoon.render import render_pair
 
     calls = []
-    original = shoot._render
-    monkeypatch.setattr(shoot, "_render", lambda *a: (calls.append(1), original(*a))[1])
+    original = render_pair._render
+    monkeypatch.setattr(render_pair, "_render", lambda *a: (calls.append(1), original(*a))[1])
     rocks = {"rocks": {"coverage": 0.05}, "quality": {"samples": 8}}
     full, _ = render(tmp_path / "full", rocks)
     assert len(calls) == 2
@@ -91,11 +91,11 @@ def test_blurred_images_without_labels_have_sharp_depth(tmp_path):
 @pytest.mark.parametrize(("model", "needed"), [("PRINCIPLED", False), ("LAMBERT", False), ("LUNAR_LAMBERT", False),
                                                ("HAPKE", True)])
 def test_open_shading_language_is_on_only_for_what_is_made_of_it(model, needed, tmp_path, monkeypatch):
-    from icymoon.render import shoot
+    from icymoon.render import render_pair
 
     on = []
-    original = shoot._render
-    monkeypatch.setattr(shoot, "_render", lambda scene, *a: (on.append(scene.cycles.shading_system),
+    original = render_pair._render
+    monkeypatch.setattr(render_pair, "_render", lambda scene, *a: (on.append(scene.cycles.shading_system),
                                                              original(scene, *a))[1])
     _, built = render(tmp_path, {"surface": {"model": model}, "quality": {"samples": 1}})
     assert any(map(is_osl, built.materials)) == needed

@@ -8,13 +8,13 @@ from icymoon.errors import IcyMoonError
 from icymoon.labels import PLANET, TERRAIN
 from icymoon.nodes import preview
 from icymoon.nodes import scene as scenes
-from icymoon.physics.planetshine import irradiance_wm2
-from icymoon.physics.sky import facts, sky
-from icymoon.render.pair import read_pair
-from icymoon.render.plan import expand
+from icymoon.physics.light.planetshine import irradiance_wm2
+from icymoon.physics.light.sky import facts, sky
+from icymoon.render.pairs.pair_folder import read_pair
+from icymoon.render.plans.planned_pair import expand
 from icymoon.render.worker import render_pairs
-from icymoon.stereo.exr import read_view
-from icymoon.stereo.truth import scene_depth
+from icymoon.stereo.images.disparity_and_occlusion import scene_depth
+from icymoon.stereo.images.exr import read_view
 from rendering import complete, empty_scene, render
 
 LAMBERT = {"terrain": {"rms_slope_deg": 0.0, "size_m": 40.0},
@@ -223,20 +223,20 @@ def test_planet_and_world_are_replaced_and_cleared():
 
 
 def test_the_panel_says_what_is_in_the_sky_and_what_the_camera_resolves():
-    from icymoon.operators import readouts
+    from icymoon.operators import sidebar_text
 
     light = complete({"light": SATURN | {"sun_elevation_deg": 20.0}})["light"]
-    text = "\n".join(readouts.sky_lines(light))
+    text = "\n".join(sidebar_text.sky_lines(light))
     assert "Sun 20.00° high, azimuth 60.00°\n    0.0556° wide\n    14.8 W/m², 5.07 on flat ground" in text
     assert "Planet 50.00° high, azimuth 20.00°\n    29.3° wide, phase" in text
-    assert "Light > Date" in readouts.sky_lines({**light, "directions_from": "DATE", "date_utc": "soon"})[0]
-    assert max(map(len, readouts.sky_lines(light))) <= 40
+    assert "Light > Date" in sidebar_text.sky_lines({**light, "directions_from": "DATE", "date_utc": "soon"})[0]
+    assert max(map(len, sidebar_text.sky_lines(light))) <= 40
     rig = complete()["rig"] | {"width_px": 640, "height_px": 480}
-    lines = readouts.rig_lines(rig)
+    lines = sidebar_text.rig_lines(rig)
     assert lines[:2] == ("Field of view 86.3° x 70.2°", "f 341.3 px, f·B 85.33 px·m")
     # 1.6 m above the ground, 45.84° down: 2.23 m deep in the middle, 2.23² x 0.25 / 85.333 = 1.5 cm.
     assert "Middle 2.23 m ± 1.5 cm" in lines
-    assert "Far edge above the horizon" in readouts.rig_lines(rig | {"pitch_deg": 10.0})
+    assert "Far edge above the horizon" in sidebar_text.rig_lines(rig | {"pitch_deg": 10.0})
 
 
 def test_a_camera_that_was_toed_in_or_focused_by_hand_is_refused(tmp_path):
@@ -282,7 +282,7 @@ def test_the_preview_moves_the_planet_and_takes_it_away():
 
 
 def test_a_pair_is_named_by_what_its_kernels_hold(tmp_path):
-    from icymoon.nodes.own_files import content, with_absolute_files
+    from icymoon.nodes.datablocks.user_files import content, with_absolute_files
 
     described = complete({"light": {"directions_from": "KERNELS", "kernels": str(tmp_path)}})
     (tmp_path / "a.tls").write_text("one")

@@ -8,16 +8,16 @@ from types import SimpleNamespace
 import bpy
 import numpy as np
 import pytest
-from icymoon import properties, scene_properties
-from icymoon import settings as description
+from icymoon import scene_properties
 from icymoon.errors import IcyMoonError
 from icymoon.nodes import preview
 from icymoon.nodes import scene as scenes
-from icymoon.nodes.fingerprint import TAG, fingerprint, parts
-from icymoon.operators import live
+from icymoon.nodes.datablocks.fingerprint import TAG, fingerprint, parts
+from icymoon.operators import live_preview
 from icymoon.operators.render import planned_pairs, up_to_date
 from icymoon.panels import sidebar
 from icymoon.render.worker import render_pairs
+from icymoon.settings import description, table
 from test_build import everything, positions
 from test_panels import drawn, texts
 
@@ -27,9 +27,9 @@ SIDE = 33
 @pytest.fixture
 def watched(small, monkeypatch):
     """The small scene, built, as in a window: changes are shown at once and coarsely."""
-    monkeypatch.setattr(live, "watched", lambda: True)
-    monkeypatch.setattr(live, "SIDES", (SIDE,))
-    monkeypatch.setattr(live, "_side", SIDE)
+    monkeypatch.setattr(live_preview, "watched", lambda: True)
+    monkeypatch.setattr(live_preview, "SIDES", (SIDE,))
+    monkeypatch.setattr(live_preview, "_side", SIDE)
     small.icymoon.rocks.coverage = 0.05
     assert bpy.ops.icymoon.build_scene() == {"FINISHED"}
     _turn()
@@ -40,9 +40,9 @@ def watched(small, monkeypatch):
 
 def _turn() -> None:
     """What the event loop does after the change: let the timer show what waits."""
-    if bpy.app.timers.is_registered(live.flush):
-        bpy.app.timers.unregister(live.flush)
-    live.flush()
+    if bpy.app.timers.is_registered(live_preview.flush):
+        bpy.app.timers.unregister(live_preview.flush)
+    live_preview.flush()
 
 
 def change(scene: bpy.types.Scene, name: str, value: object) -> scenes.Built:
@@ -154,17 +154,17 @@ def test_a_new_seed_shows_ground_blocks_and_grain_of_that_seed(watched):
 
 def test_a_preset_is_one_update(watched, monkeypatch):
     updates = []
-    monkeypatch.setattr(live, "update", lambda scene: updates.append(scene))
+    monkeypatch.setattr(live_preview, "update", lambda scene: updates.append(scene))
     assert bpy.ops.icymoon.load_preset(preset="scenes/europa_rough_ice") == {"FINISHED"}
     assert updates == [watched]
 
 
 def test_changes_of_a_script_are_two_updates(watched, monkeypatch):
     updates = []
-    monkeypatch.setattr(live, "update", lambda scene: updates.append(scene) or False)
+    monkeypatch.setattr(live_preview, "update", lambda scene: updates.append(scene) or False)
     for degrees in range(10):
         watched.icymoon.terrain.rms_slope_deg = degrees
-    assert bpy.app.timers.is_registered(live.flush)
+    assert bpy.app.timers.is_registered(live_preview.flush)
     assert len(updates) == 1
     _turn()
     assert len(updates) == 2
@@ -184,7 +184,7 @@ def test_what_changes_no_picture_changes_nothing(watched):
     built = change(watched, "quality.samples", 7)
     change(watched, "sensor.bits", 10)
     assert built.collection["icymoon_settings"] == before
-    assert not bpy.app.timers.is_registered(live.flush)
+    assert not bpy.app.timers.is_registered(live_preview.flush)
 
 
 def test_without_a_window_nothing_is_previewed(small):
@@ -192,7 +192,7 @@ def test_without_a_window_nothing_is_previewed(small):
     mark = fingerprint(scenes.find_collection(small))
     small.icymoon.terrain.rms_slope_deg = 30.0
     assert fingerprint(scenes.find_collection(small)) == mark
-    assert not bpy.app.timers.is_registered(live.flush)
+    assert not bpy.app.timers.is_registered(live_preview.flush)
 
 
 def test_switched_off_the_panel_says_that_settings_have_changed(watched):
@@ -211,7 +211,7 @@ def test_switched_off_the_panel_says_that_settings_have_changed(watched):
 
 
 def test_settings_out_of_sense_are_a_sentence_and_keep_the_picture(watched):
-    assert len(live.lines(watched)) == 1
+    assert len(live_preview.lines(watched)) == 1
     change(watched, "terrain.rms_slope_deg", 20.0)
     before = state(scenes.find(watched))
     built = change(watched, "terrain.inner_scale_m", 9.0)  # longer than the outer scale, 8 m
@@ -222,7 +222,7 @@ def test_settings_out_of_sense_are_a_sentence_and_keep_the_picture(watched):
     assert built.settings["light"]["sun_elevation_deg"] == 60.0
     assert any("inner_scale_m" in sentence for sentence in preview.notes(watched))
     built = change(watched, "terrain.inner_scale_m", 0.02)
-    assert len(live.lines(watched)) == 1
+    assert len(live_preview.lines(watched)) == 1
     assert preview.notes(watched) == ["Preview: press Build Scene"]
     with pytest.raises(IcyMoonError):
         up_to_date(watched, description.merged(current(watched), {"rocks": {"smallest_m": 5.0}}))
@@ -338,7 +338,7 @@ def test_a_ground_in_sculpt_mode_waits(watched, monkeypatch):
     assert np.array_equal(positions(built.terrain), before)
     assert any("Sculpt Mode" in sentence for sentence in preview.notes(watched))
     bpy.ops.object.mode_set(mode="OBJECT")
-    live.update(watched)
+    live_preview.update(watched)
     assert len(scenes.find(watched).terrain.data.vertices) == SIDE**2
 
 
@@ -352,7 +352,7 @@ def test_a_preview_survives_saving_and_loading(watched, tmp_path):
     assert state(built) == before
     assert not built.edited
     assert preview.notes(scene) == ["Preview: press Build Scene"]
-    assert not bpy.app.timers.is_registered(live.flush)  # loading a file changes no setting
+    assert not bpy.app.timers.is_registered(live_preview.flush)  # loading a file changes no setting
 
 
 def test_undo_and_redo_bring_back_what_was_shown(watched):
@@ -372,7 +372,7 @@ def test_undo_and_redo_bring_back_what_was_shown(watched):
         built = scenes.find(scene)
         assert not built.edited
         before = state(built)
-        live.update(scene)
+        live_preview.update(scene)
         assert state(built) == before, "the preview was not what the settings say"
         return before, built
 
@@ -385,7 +385,7 @@ def test_undo_and_redo_bring_back_what_was_shown(watched):
 
 
 def test_the_view_follows_unless_a_person_has_set_it(watched):
-    live.frame_and_expose(watched, current(watched))
+    live_preview.frame_and_expose(watched, current(watched))
     change(watched, "light.sun_irradiance_wm2", 29.64)  # twice 14.82
     change(watched, "rig.width_px", 200)
     assert watched.render.resolution_x == 200
@@ -398,18 +398,18 @@ def test_the_view_follows_unless_a_person_has_set_it(watched):
 
 
 def test_the_grid_is_as_fine_as_the_time_allows():
-    sides = live.SIDES
-    assert live.next_side(sides[-1], 10 * live.BUDGET_S) == sides[-2]
-    assert live.next_side(sides[0], 10 * live.BUDGET_S) == sides[0]
-    assert live.next_side(sides[0], 0.01 * live.BUDGET_S) == sides[1]
-    assert live.next_side(sides[-1], 0.01 * live.BUDGET_S) == sides[-1]
+    sides = live_preview.SIDES
+    assert live_preview.next_side(sides[-1], 10 * live_preview.BUDGET_S) == sides[-2]
+    assert live_preview.next_side(sides[0], 10 * live_preview.BUDGET_S) == sides[0]
+    assert live_preview.next_side(sides[0], 0.01 * live_preview.BUDGET_S) == sides[1]
+    assert live_preview.next_side(sides[-1], 0.01 * live_preview.BUDGET_S) == sides[-1]
     # A step up that would be taken back at once is not taken.
-    assert live.next_side(sides[0], 0.79 * live.BUDGET_S) == sides[0]
+    assert live_preview.next_side(sides[0], 0.79 * live_preview.BUDGET_S) == sides[0]
 
 
 def test_a_failing_listener_does_not_hold_back_the_next_changes(scene, monkeypatch):
     heard = []
-    monkeypatch.setattr(properties, "listeners", [lambda scene, effects: heard.append(effects)])
+    monkeypatch.setattr(table, "listeners", [lambda scene, effects: heard.append(effects)])
 
     def fail() -> None:
         with scene_properties.together():

@@ -11,8 +11,8 @@ import bpy
 import numpy as np
 import OpenEXR
 from icymoon.render.passes import UNWANTED
-from icymoon.stereo.exr import read_view
-from icymoon.stereo.truth import scene_depth
+from icymoon.stereo.images.disparity_and_occlusion import scene_depth
+from icymoon.stereo.images.exr import read_view
 from icymoon.version import ROOT
 from rendering import render
 

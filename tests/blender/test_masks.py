@@ -10,14 +10,14 @@ import bpy
 import numpy as np
 import pytest
 from icymoon.labels import FIRST_OBJECT_INSTANCE, FIRST_ROCK_INSTANCE, LANDER, ROCK, TERRAIN, TERRAIN_INSTANCE
+from icymoon.nodes.ground.terrain_mesh import mesh_from_arrays
 from icymoon.nodes.scene import Built, build
-from icymoon.nodes.terrain import mesh_from_arrays
-from icymoon.physics.shapes import icosphere
-from icymoon.render.pair import EYES, Pair, read_pair
-from icymoon.render.plan import expand
+from icymoon.physics.rocks.shapes import icosphere
+from icymoon.render.pairs.pair_folder import EYES, Pair, read_pair
+from icymoon.render.plans.planned_pair import expand
 from icymoon.render.worker import render_pairs
-from icymoon.stereo.exr import View, read_view
-from icymoon.stereo.truth import visible_in_right
+from icymoon.stereo.images.disparity_and_occlusion import visible_in_right
+from icymoon.stereo.images.exr import View, read_view
 from rendering import complete, empty_scene
 
 FLAT = {"terrain": {"rms_slope_deg": 0.0}, "quality": {"samples": 1}}

@@ -18,15 +18,16 @@ from typing import Any
 import bpy
 import numpy as np
 import pytest
-from icymoon import cli, compat, doctor, files, preferences, scene_properties, system
-from icymoon import settings as description
+from icymoon import compat, files, preferences, scene_properties, system
+from icymoon.commands import cli, doctor
 from icymoon.errors import IcyMoonError
 from icymoon.nodes import scene as scenes
 from icymoon.operators import presets
-from icymoon.physics.blur import blur_of
-from icymoon.render import shoot
-from icymoon.render.launch import python_command
-from icymoon.render.quality import check_possible
+from icymoon.physics.camera.blur import blur_of
+from icymoon.render import render_pair
+from icymoon.render.cycles_settings import check_possible
+from icymoon.render.workers.job import python_command
+from icymoon.settings import description
 from rendering import complete
 
 ROOT = Path(description.__file__).parent
@@ -142,7 +143,7 @@ def newer_preset(place: Place) -> str:
 
 
 def plan(place: Place, text: str) -> str:
-    from icymoon.render.sweep import read_plan
+    from icymoon.render.plans.plan_file import read_plan
     path = place.file("plan.toml", f'[plan]\ntitle = "Test"\n{text}')
     return raised(lambda: read_plan(path).pairs())
 
@@ -158,17 +159,17 @@ def edited(place: Place) -> str:
 
 
 def little_room(place: Place) -> str:
-    from icymoon.render.plan import expand
-    place.patch.setattr(shoot.shutil, "disk_usage", lambda path: SimpleNamespace(free=1000))
-    return raised(lambda: shoot.check_space(place.folder, expand(complete())))
+    from icymoon.render.plans.planned_pair import expand
+    place.patch.setattr(render_pair.shutil, "disk_usage", lambda path: SimpleNamespace(free=1000))
+    return raised(lambda: render_pair.check_space(place.folder, expand(complete())))
 
 
 def unwritable(place: Place) -> str:
     def refuse(*_: Any, **__: Any) -> None:
         raise OSError(errno.EROFS, "Read-only file system")
-    from icymoon.render.plan import expand
+    from icymoon.render.plans.planned_pair import expand
     place.patch.setattr(Path, "write_bytes", refuse)
-    return raised(lambda: shoot.check_space(place.folder, expand(complete())))
+    return raised(lambda: render_pair.check_space(place.folder, expand(complete())))
 
 
 def own_texture(place: Place, text: str | None) -> str:
@@ -233,7 +234,7 @@ def centimetres(place: Place) -> str:
 
 def network(place: Place) -> str:
     left = place.folder / "left.png"
-    from icymoon.stereo.images import write_png
+    from icymoon.stereo.images.image_files import write_png
     write_png(left, np.zeros((64, 96), np.uint8))
     return stereo("match", "--method", "igev", "--left", str(left), "--right", str(left), "--out",
                   str(place.folder / "d.npz"))

@@ -7,9 +7,9 @@ import subprocess
 import sys
 
 import pytest
-from icymoon.render import dataset as datasets
-from icymoon.render.pair import read_pair
-from icymoon.render.verify import verify
+from icymoon.render.pairs.pair_folder import read_pair
+from icymoon.render.plans import frozen_plan as datasets
+from icymoon.render.workers.verify import verify
 from olddata import DATA, OLD, copied
 
 

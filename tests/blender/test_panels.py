@@ -9,12 +9,12 @@ import bpy
 import pytest
 from evaluations import ROW, evaluated
 from icymoon import preferences
-from icymoon.doctor import Finding
-from icymoon.operators import evaluator, jobs, readouts
+from icymoon.commands.doctor import Finding
+from icymoon.operators import evaluator, jobs, sidebar_text
 from icymoon.operators.presets import preset_items
-from icymoon.operators.readouts import LINE
+from icymoon.operators.sidebar_text import LINE
 from icymoon.panels import CLASSES, menu, sections, sidebar
-from icymoon.properties import TOPICS, all_settings
+from icymoon.settings.table import TOPICS, all_settings
 
 
 class Layout:
@@ -211,7 +211,7 @@ def test_a_panel_begins_with_what_turns_the_others_on():
     ("the file a.toml is not there.", "The file a.toml is not there."),
     ("Settings that rig.no_such is of stay.", "Settings that rig.no_such is of stay.")])
 def test_the_sidebar_names_settings_as_it_shows_them(sentence, said):
-    assert readouts.plain(sentence) == said
+    assert sidebar_text.plain(sentence) == said
 
 
 def test_what_is_left_out_is_said_where_it_is_chosen_and_only_then(scene):
@@ -280,7 +280,7 @@ def test_a_built_scene_draws_its_preset(small):
 
 
 def test_every_preset_is_in_the_menu(scene):
-    from icymoon.settings import preset_header, preset_names
+    from icymoon.settings.description import preset_header, preset_names
 
     shown = texts(drawn(menu.ICYMOON_MT_presets))
     assert all(preset_header(name)[0] in shown for name in preset_names())

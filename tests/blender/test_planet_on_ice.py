@@ -7,11 +7,11 @@ from functools import partial
 import numpy as np
 import pytest
 from icymoon.labels import TERRAIN
-from icymoon.physics.hapke import bidirectional_reflectance, from_settings
-from icymoon.physics.planetshine import arriving
-from icymoon.physics.sky import sky
-from icymoon.render.pair import Pair
-from icymoon.stereo.exr import View, read_view
+from icymoon.physics.light.planetshine import arriving
+from icymoon.physics.light.sky import sky
+from icymoon.physics.surfaces.hapke import bidirectional_reflectance, from_settings
+from icymoon.render.pairs.pair_folder import Pair
+from icymoon.stereo.images.exr import View, read_view
 from test_hapke_render import BARE, FLAT, angles, picture, rays, slow
 from test_light import JUPITER, NIGHT, SATURN
 

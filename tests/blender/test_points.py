@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from evaluations import evaluated
 from icymoon.errors import IcyMoonError
-from icymoon.nodes import points
+from icymoon.nodes import measured_surface
 from icymoon.operators import results
-from icymoon.stereo.points import write_points
-from icymoon.stereo.prepare import prepare
+from icymoon.stereo.export.points import write_points
+from icymoon.stereo.measure.prepare import prepare
 from mathutils import Vector
 from mathutils.bvhtree import BVHTree
 from rendering import render
@@ -37,7 +37,7 @@ def corners(item: bpy.types.Object) -> np.ndarray:
 
 def test_a_perfect_measurement_lies_on_the_ground_that_was_built(shown):
     folder, built = shown
-    item = points.build_points(bpy.context.scene, [folder / "right.ply"], "right")
+    item = measured_surface.build_points(bpy.context.scene, [folder / "right.ply"], "right")
     ground = BVHTree.FromObject(built.terrain, bpy.context.evaluated_depsgraph_get())
     centres = corners(item).mean(axis=1)
     away = np.array([ground.find_nearest(Vector(c))[3] for c in centres.tolist()])
@@ -45,15 +45,15 @@ def test_a_perfect_measurement_lies_on_the_ground_that_was_built(shown):
     assert built.block_count == 0
     assert np.median(away) < 1e-3
     assert np.quantile(away, 0.99) < 1e-2
-    wrong = points.build_points(bpy.context.scene, [folder / "wrong.ply"], "wrong")
+    wrong = measured_surface.build_points(bpy.context.scene, [folder / "wrong.ply"], "wrong")
     away = [ground.find_nearest(Vector(c))[3] for c in corners(wrong).mean(axis=1)[::50].tolist()]
     assert np.median(away) > 0.02
 
 
 def test_squares_face_the_camera_and_keep_their_colour(shown):
     folder, built = shown
-    item = points.build_points(bpy.context.scene, [folder / "wrong.ply"], "wrong")
-    position, _, colour, width, _ = points.read_points(folder / "wrong.ply")
+    item = measured_surface.build_points(bpy.context.scene, [folder / "wrong.ply"], "wrong")
+    position, _, colour, width, _ = measured_surface.read_points(folder / "wrong.ply")
     quads = corners(item)
     np.testing.assert_allclose(quads.mean(axis=1), position, atol=1e-4)
     normals = np.empty(len(item.data.polygons) * 3, np.float32)
@@ -73,11 +73,11 @@ def test_errors_of_either_sign_are_seen(shown):
     folder, built = shown
     scene = bpy.context.scene
     before = built.terrain.hide_viewport, built.terrain.display_type, built.terrain.show_in_front
-    item = points.build_points(scene, [folder / "quarters.ply"], "quarters")
+    item = measured_surface.build_points(scene, [folder / "quarters.ply"], "quarters")
     assert item.show_in_front
     assert not item.hide_viewport
     assert item.display_type == "TEXTURED"
-    _, _, colour, _, error = points.read_points(folder / "quarters.ply")
+    _, _, colour, _, error = measured_surface.read_points(folder / "quarters.ply")
     ground = BVHTree.FromObject(built.terrain, bpy.context.evaluated_depsgraph_get())
     eye = Vector(built.camera.matrix_world.translation)
     centres = corners(item).mean(axis=1)
@@ -90,16 +90,16 @@ def test_errors_of_either_sign_are_seen(shown):
         assert np.mean(met) == pytest.approx(hidden, abs=0.05)  # the ground is before it, seen from the camera
     assert (built.terrain.hide_viewport, built.terrain.display_type, built.terrain.show_in_front) == before
     assert not built.edited
-    shares = dict(line.split(": ") for line, _ in points.legend(scene) if ": " in line)
+    shares = dict(line.split(": ") for line, _ in measured_surface.legend(scene) if ": " in line)
     assert set(shares) == {"Too far, red", "Too near, blue", "Within 1 cm, white", "Missing, no point"}
     assert sum(float(share.removesuffix(" %")) for share in shares.values()) == pytest.approx(100, abs=0.2)
     assert float(shares["Missing, no point"].removesuffix(" %")) == pytest.approx(25, abs=5)
     icons = bpy.types.UILayout.bl_rna.functions["label"].parameters["icon"].enum_items.keys()
-    assert {icon for _, icon in points.legend(scene)} <= set(icons)
+    assert {icon for _, icon in measured_surface.legend(scene)} <= set(icons)
     item["icymoon_points"] = "of a file that someone made"
-    assert points.legend(scene) == ()
-    points.clear_points(scene)
-    assert points.legend(scene) == ()
+    assert measured_surface.legend(scene) == ()
+    measured_surface.clear_points(scene)
+    assert measured_surface.legend(scene) == ()
 
 
 def test_a_surface_of_an_older_evaluation_does_not_say_what_is_missing(shown, tmp_path):
@@ -108,17 +108,17 @@ def test_a_surface_of_an_older_evaluation_does_not_say_what_is_missing(shown, tm
     old = tmp_path / "old.ply"
     old.write_bytes(b"\n".join(line for line in content[:5] if not line.startswith(b"comment missing"))
                     + b"\n" + b"\n".join(content[5:]))
-    points.build_points(bpy.context.scene, [old], "old")
-    assert not any("Missing" in line for line, _ in points.legend(bpy.context.scene))
-    assert any("Too far" in line for line, _ in points.legend(bpy.context.scene))
-    points.clear_points(bpy.context.scene)
+    measured_surface.build_points(bpy.context.scene, [old], "old")
+    assert not any("Missing" in line for line, _ in measured_surface.legend(bpy.context.scene))
+    assert any("Too far" in line for line, _ in measured_surface.legend(bpy.context.scene))
+    measured_surface.clear_points(bpy.context.scene)
 
 
 def test_squares_of_any_line_of_sight():
     random = np.random.default_rng(0)
     toward = random.standard_normal((200, 3))
     toward = np.concatenate([toward / np.linalg.norm(toward, axis=1, keepdims=True), [[0, 0, 1], [0, 0, -1]]])
-    quads = points.squares(np.zeros((202, 3)), toward, np.full(202, 2.0))
+    quads = measured_surface.squares(np.zeros((202, 3)), toward, np.full(202, 2.0))
     sides = np.linalg.norm(np.roll(quads, -1, axis=1) - quads, axis=2)
     np.testing.assert_allclose(sides, 2.0)
     normal = np.cross(quads[:, 1] - quads[:, 0], quads[:, 2] - quads[:, 1]) / 4
@@ -128,31 +128,31 @@ def test_squares_of_any_line_of_sight():
 def test_it_is_not_rendered_not_part_of_the_scene_and_goes_without_a_trace(shown):
     folder, built = shown
     scene = bpy.context.scene
-    points.clear_points(scene)
+    measured_surface.clear_points(scene)
     before = {len(data) for data in (bpy.data.objects, bpy.data.meshes)}, len(bpy.data.materials)
-    item = points.build_points(scene, [folder / "right.ply"], "right")
+    item = measured_surface.build_points(scene, [folder / "right.ply"], "right")
     assert item.hide_render
     assert not built.edited
     assert item.name not in built.collection.all_objects
-    points.build_points(scene, [folder / "right.ply", folder / "wrong.ply"], "again")
-    assert len([o for o in bpy.data.objects if o.name.startswith(points.NAME)]) == 1
-    assert points.clear_points(scene)
-    assert not points.clear_points(scene)
+    measured_surface.build_points(scene, [folder / "right.ply", folder / "wrong.ply"], "again")
+    assert len([o for o in bpy.data.objects if o.name.startswith(measured_surface.NAME)]) == 1
+    assert measured_surface.clear_points(scene)
+    assert not measured_surface.clear_points(scene)
     assert ({len(data) for data in (bpy.data.objects, bpy.data.meshes)}, len(bpy.data.materials)) == before
 
 
 def test_files_that_cannot_be_used_change_nothing(shown, tmp_path):
     folder, _ = shown
     scene = bpy.context.scene
-    item = points.build_points(scene, [folder / "right.ply"], "right")
+    item = measured_surface.build_points(scene, [folder / "right.ply"], "right")
     content = (folder / "right.ply").read_bytes()
     (tmp_path / "cut.ply").write_bytes(content[:-100])
     for paths, reason in (([tmp_path / "none.ply"], "gone or damaged"), ([tmp_path / "cut.ply"], "gone or damaged"),
                           ([folder / "blind.ply"], "measured nothing")):
         with pytest.raises(IcyMoonError, match=reason):
-            points.build_points(scene, paths, "bad")
-    assert points.find_points(scene) == item
-    points.clear_points(scene)
+            measured_surface.build_points(scene, paths, "bad")
+    assert measured_surface.find_points(scene) == item
+    measured_surface.clear_points(scene)
 
 
 def test_by_operator(shown, tmp_path):
@@ -168,9 +168,9 @@ def test_by_operator(shown, tmp_path):
     try:
         assert results.methods_with_points(scene) == ["right", "wrong"]
         assert bpy.ops.icymoon.show_surface() == {"FINISHED"}
-        assert points.find_points(bpy.context.scene).name.endswith("right")
+        assert measured_surface.find_points(bpy.context.scene).name.endswith("right")
         assert bpy.ops.icymoon.show_surface(method="wrong") == {"FINISHED"}
-        assert points.find_points(bpy.context.scene).name.endswith("wrong")
+        assert measured_surface.find_points(bpy.context.scene).name.endswith("wrong")
         with pytest.raises(RuntimeError, match="no measured surfaces"):
             bpy.ops.icymoon.show_surface(method="sgbm")
         assert bpy.ops.icymoon.hide_surface() == {"FINISHED"}

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import bpy
 import pytest
-from icymoon import scene_properties, settings
+from icymoon import scene_properties
 from icymoon.errors import IcyMoonError
 from icymoon.operators import presets
 from icymoon.panels import previews
+from icymoon.settings import description
 
 NEWER = "9.0.0"
 
@@ -38,7 +39,7 @@ def test_a_preset_of_ones_own_comes_back_as_it_was(scene, own):
     assert after.pop("dataset")["seed"] == 9, "a preset is not of the data set"
     before.pop("dataset")
     assert after == before
-    assert settings.load(own / "zürich_2nd_try.toml") == before, "the command line reads it too"
+    assert description.load(own / "zürich_2nd_try.toml") == before, "the command line reads it too"
 
 
 def test_a_preset_of_ones_own_says_where_its_values_are_from(scene, own):
@@ -57,12 +58,12 @@ coverage = 0.07
     scene.icymoon.rocks.coverage = 0.08  # which the source does not speak of
     scene.icymoon.light.planet_albedo = 0.123
     assert bpy.ops.icymoon.add_preset(title="Again") == {"FINISHED"}
-    sources = settings.read_toml(own / "again.toml")["sources"]
+    sources = description.read_toml(own / "again.toml")["sources"]
     assert sources["terrain.body_radius_m"] == 'Archinal et al. 2018, "mean"'
     assert "Celest" not in sources["terrain.body_radius_m"]
     assert sources["light.sun_irradiance_wm2"].startswith("1361 W/m²")
     assert not {"rocks.coverage", "light.planet_albedo"} & set(sources)
-    assert settings.load(own / "again.toml")["rocks"]["coverage"] == pytest.approx(0.08)
+    assert description.load(own / "again.toml")["rocks"]["coverage"] == pytest.approx(0.08)
 
 
 def test_removing_a_preset_of_ones_own(scene, own):
@@ -130,45 +131,45 @@ def test_without_an_installed_extension_there_is_no_place_for_presets(scene):
 
 def test_every_shipped_scene_has_a_picture_that_chooses_it(scene):
     pictures = [item[0] for item in previews._choices()][1:]
-    assert pictures == settings.preset_names("scenes")
+    assert pictures == description.preset_names("scenes")
     assert choice() == "NONE"
     for name in pictures:
         setattr(bpy.context.window_manager, previews.CHOICE, name)
         assert scene.icymoon.preset == name
         assert choice() == name
-        assert settings.preview_path(name).stat().st_size < 20_000, "it goes into the zip"
+        assert description.preview_path(name).stat().st_size < 20_000, "it goes into the zip"
     scene.icymoon.preset = ""
     assert choice() == "NONE"
 
 
-def described(group) -> settings.Settings:
+def described(group) -> description.Settings:
     return {topic: values for topic, values in scene_properties.from_group(group).items() if topic != "dataset"}
 
 
 def test_a_whole_scene_is_the_same_whatever_was_loaded_before(scene):
     """After every other preset; but the quality that a person chose by a preset of qualities stays."""
-    names = settings.preset_names()
-    whole = [name for name in names if settings.is_whole(name)]
+    names = description.preset_names()
+    whole = [name for name in names if description.is_whole(name)]
     assert {name.split("/")[0] for name in whole} == {"scenes", "gallery"}
     alone = {}
     for name in whole:
-        scene_properties.to_group(scene.icymoon, settings.defaults())
+        scene_properties.to_group(scene.icymoon, description.defaults())
         scene.icymoon.preset = ""
         bpy.ops.icymoon.load_preset(preset=name)
         alone[name] = described(scene.icymoon)
-        assert alone[name] == {topic: values for topic, values in settings.merged(
-            settings.defaults(), settings.load(settings.preset_path(name))).items() if topic != "dataset"}
+        assert alone[name] == {topic: values for topic, values in description.merged(
+            description.defaults(), description.load(description.preset_path(name))).items() if topic != "dataset"}
     for k, before in enumerate(names):  # every one before some whole scene, and each of these after some other
         name = whole[k % len(whole)]
-        scene_properties.to_group(scene.icymoon, settings.defaults())
+        scene_properties.to_group(scene.icymoon, description.defaults())
         scene.icymoon.preset = ""
         bpy.ops.icymoon.load_preset(preset=before)
         bpy.ops.icymoon.load_preset(preset=name)
         found, wanted = described(scene.icymoon), alone[name]
         if before.startswith("qualities/"):
-            own = settings.load(settings.preset_path(name)).get("quality", {})
-            chosen = settings.load(settings.preset_path(before))["quality"]
-            wanted = settings.merged(wanted, {"quality": {**chosen, **own}})
+            own = description.load(description.preset_path(name)).get("quality", {})
+            chosen = description.load(description.preset_path(before))["quality"]
+            wanted = description.merged(wanted, {"quality": {**chosen, **own}})
         assert found == wanted, (before, name)
         assert scene.icymoon.preset == name
 
@@ -181,4 +182,4 @@ def test_a_quality_that_a_person_chose_outlives_the_scenes(scene):
     bpy.ops.icymoon.load_preset(preset="gallery/ridge")
     assert scene.icymoon.quality.samples == 8, "as the gallery says"
     bpy.ops.icymoon.load_preset(preset="scenes/europa_rough_ice")
-    assert scene.icymoon.quality.samples == settings.defaults()["quality"]["samples"]
+    assert scene.icymoon.quality.samples == description.defaults()["quality"]["samples"]

@@ -10,12 +10,12 @@ import bpy
 import numpy as np
 import pytest
 from icymoon import scene_properties
-from icymoon import settings as description
 from icymoon.errors import IcyMoonError
 from icymoon.nodes import preview
 from icymoon.nodes import scene as scenes
-from icymoon.nodes.fingerprint import TAG, parts
-from icymoon.operators import live, render
+from icymoon.nodes.datablocks.fingerprint import TAG, parts
+from icymoon.operators import live_preview, render
+from icymoon.settings import description
 from rendering import SMALL, complete, empty_scene
 from test_build import everything, positions
 from test_hand_edits import EDITS, TINY, populate
@@ -196,7 +196,7 @@ def test_the_full_copy_of_a_scene_is_a_built_scene_of_its_own(settings):
 
 
 def test_live_settings_of_a_full_copy_change_no_other_scene(monkeypatch):
-    monkeypatch.setattr(live, "watched", lambda: True)
+    monkeypatch.setattr(live_preview, "watched", lambda: True)
     scene = empty_scene()
     scene_properties.to_group(scene.icymoon, description.merged(description.check(SMALL, "x"), TINY))
     first = scenes.build(scene, scene_properties.from_group(scene.icymoon))
@@ -204,8 +204,8 @@ def test_live_settings_of_a_full_copy_change_no_other_scene(monkeypatch):
     bpy.ops.scene.new(type="FULL_COPY")
     copy = bpy.context.scene
     copy.icymoon.surface.albedo = 0.2
-    live.update(copy)
-    live.flush()
+    live_preview.update(copy)
+    live_preview.flush()
     assert any("press Build Scene" in line for line in preview.notes(copy))
     assert parts(scenes.find(scene).collection) == marks
 
@@ -276,7 +276,7 @@ def test_without_cycles_nothing_is_made(operator, small):
 
 
 def test_a_built_scene_outlives_a_while_without_cycles(small, monkeypatch):
-    monkeypatch.setattr(live, "watched", lambda: True)
+    monkeypatch.setattr(live_preview, "watched", lambda: True)
     built = render.up_to_date(small, scene_properties.from_group(small.icymoon))
     with cycles_off():
         before = everything()
@@ -284,11 +284,11 @@ def test_a_built_scene_outlives_a_while_without_cycles(small, monkeypatch):
             with pytest.raises(RuntimeError, match="enable the add-on Cycles Render Engine"):
                 getattr(bpy.ops.icymoon, operator)()
         small.icymoon.light.sun_elevation_deg += 1.0
-        live.update(small)
+        live_preview.update(small)
         small.icymoon.light.sun_elevation_deg -= 1.0
         assert "Cycles" in preview.notes(small)[0]
         assert everything() == before
-    live.update(small)
+    live_preview.update(small)
     assert preview.notes(small) == []
     assert not built.edited
     with cycles_off():

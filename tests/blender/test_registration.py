@@ -9,7 +9,7 @@ import textwrap
 import bpy
 import pytest
 from icymoon import preferences
-from icymoon.properties import TOPICS, Setting, all_settings
+from icymoon.settings.table import TOPICS, Setting, all_settings
 
 
 def run(program: str) -> str:
@@ -32,14 +32,14 @@ def test_python_ends_well_with_the_extension_still_registered():
 def test_registering_twice_leaves_no_trace():
     run("""
         import os, sys
-        import bpy, icymoon, icymoon.properties
+        import bpy, icymoon, icymoon.settings.table
 
         def traces():
             handlers = {name: len(found) for name in dir(bpy.app.handlers)
                         if isinstance(found := getattr(bpy.app.handlers, name), list)}
             menu = [len(getattr(getattr(bpy.types, name).draw, "_draw_funcs", ()))
                     for name in ("TOPBAR_MT_render", "VIEW3D_MT_mesh_add", "STATUSBAR_HT_header")]
-            groups = {name for name in ("description", *icymoon.properties.TOPICS)
+            groups = {name for name in ("description", *icymoon.settings.table.TOPICS)
                       if bpy.types.PropertyGroup.bl_rna_get_subclass_py(f"ICYMOON_PG_{name}")}
             return (set(dir(bpy.types)) | groups, set(dir(bpy.ops.icymoon)), handlers, menu,
                     set(bpy.types.Scene.bl_rna.properties.keys()),

@@ -6,9 +6,9 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from icymoon.panels.matters import matters
-from icymoon.physics.hapke import bidirectional_reflectance, from_settings
-from icymoon.settings import defaults
+from icymoon.panels.relevance import matters
+from icymoon.physics.surfaces.hapke import bidirectional_reflectance, from_settings
+from icymoon.settings.description import defaults
 
 #: Other values of the numbers of Hapke's law.
 OTHERS = {"w": 0.5, "b": 0.2, "c": 0.6, "b_s0": 0.9, "h_s": 0.05, "b_c0": 0.7, "h_c": 0.03, "theta_bar_deg": 20.0,

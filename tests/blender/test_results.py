@@ -10,7 +10,7 @@ import pytest
 from evaluations import PAIR, ROW, evaluated, write_evaluation
 from icymoon import scene_properties
 from icymoon.errors import IcyMoonError
-from icymoon.operators import evaluate, pages, results
+from icymoon.operators import evaluate, own_reports, results
 from icymoon.panels import sidebar
 
 
@@ -116,7 +116,7 @@ def test_only_a_report_that_was_made_here_is_opened(scene, tmp_path, monkeypatch
     evaluated(scene, tmp_path)
     page = tmp_path / "evaluation_scene" / "report.html"
     bpy.ops.icymoon.open_report()
-    pages._session.clear()  # as after a new start
+    own_reports._session.clear()  # as after a new start
     bpy.ops.icymoon.open_report()
     assert opened == [page.as_uri()] * 2
     ours = page.read_text()

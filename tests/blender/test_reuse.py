@@ -8,8 +8,8 @@ from pathlib import Path
 
 import bpy
 import pytest
-from icymoon.render.plan import PlannedPair
-from icymoon.render.stages import Described
+from icymoon.render.plans.planned_pair import PlannedPair
+from icymoon.render.scene_source import Described
 from icymoon.render.worker import render_in
 from plans import planned
 

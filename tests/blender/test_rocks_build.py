@@ -8,9 +8,9 @@ import pytest
 from icymoon.errors import IcyMoonError
 from icymoon.labels import FIRST_ROCK_INSTANCE, INSTANCE_ATTRIBUTE
 from icymoon.nodes import scene as scenes
-from icymoon.nodes.fingerprint import TAG, fingerprint
-from icymoon.nodes.probe import heights_of
-from icymoon.physics.principled import base_colour
+from icymoon.nodes.datablocks.fingerprint import TAG, fingerprint
+from icymoon.nodes.ground.heights_under import heights_of
+from icymoon.physics.surfaces.principled import base_colour
 from rendering import complete, empty_scene
 
 STREWN = {"rocks": {"coverage": 0.1, "smallest_m": 0.15}}

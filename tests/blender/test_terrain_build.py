@@ -8,11 +8,17 @@ import bpy
 import numpy as np
 import pytest
 from icymoon import scene_properties
-from icymoon import settings as description
 from icymoon.nodes import scene as scenes
-from icymoon.nodes.terrain import grid_heights, measured, roughness_table, shortest_wavelength_m, vertex_spacing_m
+from icymoon.nodes.ground.terrain_mesh import (
+    grid_heights,
+    measured,
+    roughness_table,
+    shortest_wavelength_m,
+    vertex_spacing_m,
+)
 from icymoon.panels import CLASSES
-from icymoon.physics.statistics import measure
+from icymoon.physics.terrain.roughness.statistics import measure
+from icymoon.settings import description
 from rendering import complete, empty_scene
 from test_panels import drawn
 

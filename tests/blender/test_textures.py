@@ -10,12 +10,12 @@ from icymoon.benchmarks.furnace import plane, radiance
 from icymoon.errors import IcyMoonError
 from icymoon.labels import TERRAIN
 from icymoon.nodes import scene as scenes
-from icymoon.nodes.images import load_maps
-from icymoon.nodes.surface import build_material
-from icymoon.nodes.textures import Textured
-from icymoon.physics.textures import SETS, SIZE, maps
-from icymoon.render.plan import expand
-from icymoon.settings import check, defaults
+from icymoon.nodes.surface.images import load_maps
+from icymoon.nodes.surface.material import build_material
+from icymoon.nodes.surface.textures import Textured
+from icymoon.physics.surfaces.textures import SETS, SIZE, maps
+from icymoon.render.plans.planned_pair import expand
+from icymoon.settings.description import check, defaults
 from rendering import complete, empty_scene, png
 
 

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 from icymoon import scene_properties
-from icymoon import settings as description
-from icymoon.operators import jobs, readouts, trade
-from icymoon.render import machine
-from icymoon.render.launch import python_command
+from icymoon.operators import jobs, sidebar_text, trade
+from icymoon.render.cost import speed
+from icymoon.render.workers.job import python_command
+from icymoon.settings import description
 
 pytestmark = pytest.mark.slow
 SCENE = ("--preset", "europa_rough_ice", "--scale", "0.15", "--reference-samples", "32", "--methods", "sgbm",
@@ -107,13 +107,13 @@ def test_a_dialog_that_is_closed_has_nothing_to_stop():
 def test_this_machine_is_measured_by_a_button_and_shown(tmp_path, monkeypatch):
     import bpy
 
-    monkeypatch.setenv(machine.FOLDER_VARIABLE, str(tmp_path))
-    readouts.forget_speed()
+    monkeypatch.setenv(speed.FOLDER_VARIABLE, str(tmp_path))
+    sidebar_text.forget_speed()
     settings = description.defaults()
-    assert "another machine" in " ".join(readouts.quality_lines(settings))
+    assert "another machine" in " ".join(sidebar_text.quality_lines(settings))
     assert bpy.ops.icymoon.measure_machine() == {"FINISHED"}
-    found = machine.remembered("CPU", bpy.app.version_string)
+    found = speed.remembered("CPU", bpy.app.version_string)
     # A renderer on this planet's processors is within a factor of 30 of the one that the estimates were made on.
     assert 1 / 30 < found.factor < 30
-    assert "this machine" in " ".join(readouts.quality_lines(settings))
-    readouts.forget_speed()
+    assert "this machine" in " ".join(sidebar_text.quality_lines(settings))
+    sidebar_text.forget_speed()

@@ -10,17 +10,18 @@ from pathlib import Path
 import bpy
 import numpy as np
 import pytest
-from icymoon import settings as description
 from icymoon.benchmarks.furnace import radiance
 from icymoon.errors import IcyMoonError
 from icymoon.labels import UV_LAYER
-from icymoon.nodes import images, preview
+from icymoon.nodes import preview
 from icymoon.nodes import scene as scenes
-from icymoon.nodes.fingerprint import TAG, instanced
-from icymoon.nodes.import_mesh import read_mesh
-from icymoon.panels.matters import matters, shown
-from icymoon.properties import TOPICS
-from icymoon.render.plan import expand
+from icymoon.nodes.datablocks.fingerprint import TAG, instanced
+from icymoon.nodes.ground.import_mesh import read_mesh
+from icymoon.nodes.surface import images
+from icymoon.panels.relevance import matters, shown
+from icymoon.render.plans.planned_pair import expand
+from icymoon.settings import description
+from icymoon.settings.table import TOPICS
 from rendering import complete, empty_scene, png
 from test_import import FORMATS, export
 
@@ -414,7 +415,7 @@ def test_of_two_layers_the_rendered_one_counts(tmp_path):
     mesh.uv_layers["Baked"].active_render = True
     item = bpy.data.objects.new("Two", mesh)
     scene.collection.objects.link(item)
-    from icymoon.nodes import import_mesh
+    from icymoon.nodes.ground import import_mesh
 
     _, triangles, found = import_mesh._geometry()
     assert np.array_equal(triangles, faces)

@@ -6,7 +6,7 @@ import bpy
 import pytest
 from icymoon import compat
 from icymoon.nodes.scene import find
-from icymoon.operators import readouts
+from icymoon.operators import sidebar_text
 from icymoon.scene_properties import unchecked
 
 
@@ -24,7 +24,7 @@ def test_a_quality_that_this_blender_cannot_render_is_told_of_at_once(without, c
 
 
 def test_the_panel_shows_which_qualities_cannot_be_had(without):
-    lines = " ".join(readouts.quality_lines(unchecked(without.icymoon)))
+    lines = " ".join(sidebar_text.quality_lines(unchecked(without.icymoon)))
     assert lines.count("OpenImageDenoise") == 2  # Draft, and the paper's
 
 

@@ -13,8 +13,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from icymoon.render.pair import find_pairs
-from icymoon.stereo.exr import read_view
+from icymoon.render.pairs.pair_folder import find_pairs
+from icymoon.stereo.images.exr import read_view
 
 SMALL = ("terrain.resolution=65", "quality.samples=2", "rig.width_px=96", "rig.height_px=72", "quality.threads=1")
 

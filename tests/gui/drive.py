@@ -103,7 +103,7 @@ def heights() -> list[float]:
 
 def shown() -> bool:
     """Whether what is built shows the settings, be it coarsely."""
-    preview, description = module("nodes.preview"), module("settings")
+    preview, description = module("nodes.preview"), module("settings.description")
     there, wanted = module("nodes.scene").find(window().scene), module("scene_properties").from_group(settings())
     before = description.merged(there.settings, there.preview)
     return (not there.edited and preview.geometry(before) == preview.geometry(wanted)
@@ -222,7 +222,7 @@ def undo_and_redo() -> Waiting:
 
 def slide_by_mouse() -> Waiting:
     """Drag the ruggedness, type another, undo both: the ground follows every time. Leaves a preview."""
-    live, scene, spans, work = module("operators.live"), window().scene, [], []
+    live, scene, spans, work = module("operators.live_preview"), window().scene, [], []
     update = live.update
 
     def timed(scene: bpy.types.Scene) -> bool:
@@ -370,7 +370,7 @@ def camera_image_follows() -> Waiting:
         bpy.ops.icymoon.expose("INVOKE_DEFAULT")
     yield from ended()
     yield from until(lambda: len(manager().windows) == 2, "Opening an Image Editor")
-    follow, image = module("operators.follow"), manager().windows[1].screen.areas[0].spaces.active.image
+    follow, image = module("operators.live_exposure"), manager().windows[1].screen.areas[0].spaces.active.image
     yield from screenshot("camera_image")
     before, work, spans = sum(image.pixels[:][::4]), follow.work, []
 

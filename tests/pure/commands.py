@@ -11,11 +11,12 @@ from collections.abc import Iterator
 from contextlib import redirect_stderr
 from typing import Any
 
-from icymoon import cli, settings
-from icymoon.properties import TOPICS
+from icymoon.commands import cli
+from icymoon.settings import description
+from icymoon.settings.table import TOPICS
 from icymoon.stereo import cli as stereo_cli
 from icymoon.stereo.matchers import complete_options
-from icymoon.stereo.methods import key_value, own_matchers
+from icymoon.stereo.matchers.methods import key_value, own_matchers
 from icymoon.version import ROOT
 from manual import reference
 
@@ -103,10 +104,10 @@ def _parsed(program: str, words: list[str]) -> str:
     except SystemExit:
         return said.getvalue().strip().splitlines()[-1]
     for name in options.get("preset") or ():
-        settings.preset_path(name)
+        description.preset_path(name)
     changed = options.get("overrides", options.get("set")) or ()
     for text in changed:
-        settings.override(text)
+        description.override(text)
     if program == "icymoon.stereo":
         stereo_cli._response([], changed)
     owned = own_matchers(options.get("own") or ())
@@ -149,7 +150,7 @@ def _call_fault(call: ast.Call, names: dict[str, str]) -> str:
     for word in call.keywords:
         if word.arg not in operator.properties:
             return f"icymoon.{call.func.attr} has no {word.arg}"
-        if word.arg == "preset" and ast.literal_eval(word.value) not in settings.preset_names():
+        if word.arg == "preset" and ast.literal_eval(word.value) not in description.preset_names():
             return f"there is no preset {ast.unparse(word.value)}"
     return ""
 
@@ -159,7 +160,7 @@ def _setting_fault(node: ast.Assign, names: dict[str, str]) -> str:
     if len(parts) != 3 or names.get(parts[0]) != "bpy.context.scene.icymoon":
         return ""
     values: dict[str, Any] = {parts[1]: {parts[2]: ast.literal_eval(node.value)}}
-    settings.check(values, "the page")
+    description.check(values, "the page")
     return ""
 
 

@@ -6,7 +6,7 @@ import csv
 from pathlib import Path
 
 import numpy as np
-from icymoon.physics.hapke import HapkeParameters
+from icymoon.physics.surfaces.hapke import HapkeParameters
 
 _NAMES = {"w": "w", "b": "b", "c": "c", "BS0": "b_s0", "hS": "h_s", "BC0": "b_c0", "hC": "h_c", "phi": "filling_factor"}
 

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 from icymoon.stereo.evaluate import evaluate
-from icymoon.stereo.methods import Method
-from icymoon.stereo.results import write_results
-from icymoon.stereo.rowlog import RowLog
+from icymoon.stereo.matchers.methods import Method
+from icymoon.stereo.report.results import write_results
+from icymoon.stereo.report.row_log import RowLog
 
 VARIED = ("l1_m", "common_l1_m", "total_bad_1", "coverage", "epe_px", "common_epe_px")
 

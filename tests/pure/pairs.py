@@ -16,8 +16,8 @@ from typing import Any
 
 import numpy as np
 import OpenEXR
-from icymoon.render.pair import FORMAT, VERSION, StereoCamera
-from icymoon.settings import defaults, merged
+from icymoon.render.pairs.pair_folder import FORMAT, VERSION, StereoCamera
+from icymoon.settings.description import defaults, merged
 
 SKY_M = 1.0e10
 

@@ -6,14 +6,15 @@ import json
 import os
 
 import pytest
-from icymoon import batch, cli, trade
+from icymoon.commands import batch, cli
 from icymoon.errors import IcyMoonError
-from icymoon.render import abilities, machine
-from icymoon.render.abilities import Abilities, lacking, lacking_of, special
-from icymoon.render.cost import triangles_of, work_of
-from icymoon.render.qualities import qualities
-from icymoon.render.variants import candidates, variants
-from icymoon.settings import check, defaults, merged
+from icymoon.render.cost import abilities, speed
+from icymoon.render.cost.abilities import Abilities, lacking, lacking_of, special
+from icymoon.render.cost.estimate import triangles_of, work_of
+from icymoon.render.cost.quality_presets import qualities
+from icymoon.render.cost.variants import candidates, variants
+from icymoon.settings.description import check, defaults, merged
+from icymoon.stereo.trade import measure_variants
 
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="the stand-in for Blender is a script of a shell")
 PLAIN = Abilities(osl=False, denoiser=False, gpu=False)
@@ -111,12 +112,12 @@ def test_a_search_and_a_trade_leave_out_what_is_denoised(blender, tmp_path):
         assert {variant.settings["quality"]["denoiser"] for variant in found} == {"NONE"}
     assert {variant.settings["quality"]["denoiser"] for variant in candidates(scene())} == {"NONE", "OIDN"}
     told = []
-    bench = trade.Bench(scene(), tmp_path, str(blender), "bm", 2, 1, told.append)
-    assert trade.abilities(bench, bench.settings) == PLAIN
+    bench = measure_variants.Bench(scene(), tmp_path, str(blender), "bm", 2, 1, told.append)
+    assert measure_variants.abilities(bench, bench.settings) == PLAIN
     assert [event["type"] for event in told] == ["warning"]
     assert "is left out: this Blender was built without OpenImageDenoise" in told[0]["message"]
     with pytest.raises(IcyMoonError, match=r"set quality\.denoiser to NONE"):
-        trade.abilities(bench, scene(DENOISED))
+        measure_variants.abilities(bench, scene(DENOISED))
 
 
 def test_a_quality_that_cannot_be_had_shows_why_in_place_of_its_cost():
@@ -127,7 +128,7 @@ def test_a_quality_that_cannot_be_had_shows_why_in_place_of_its_cost():
 
 
 def test_a_machine_is_measured_without_the_denoiser_that_it_lacks(tmp_path):
-    settings = machine.probe("CPU", denoiser=False)
+    settings = speed.probe("CPU", denoiser=False)
     assert settings["quality"]["denoiser"] == "NONE"
     folders = [tmp_path / str(k) for k in range(2)]
     expected = work_of(settings).seconds(triangles_of(settings))
@@ -136,7 +137,7 @@ def test_a_machine_is_measured_without_the_denoiser_that_it_lacks(tmp_path):
         (folder / "pair.json").write_text(json.dumps({
             "seconds": {"render": 3.0 * expected, "write": 0.0}, "cpu_seconds": {"pair": 1.5 * expected},
             "versions": {"blender": "4.3.2"}}))
-    assert machine.speed_of(folders, "CPU", denoiser=False).factor == pytest.approx(3.0)
+    assert speed.speed_of(folders, "CPU", denoiser=False).factor == pytest.approx(3.0)
 
 
 def test_a_blender_that_cannot_be_asked_is_told_of(tmp_path):

@@ -8,13 +8,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from icymoon import settings as description
 from icymoon.errors import IcyMoonError
 from icymoon.physics import admission
-from icymoon.physics.hapke import HapkeParameters, bidirectional_reflectance, from_settings
-from icymoon.physics.sites import standing
-from icymoon.physics.terrain import terrain
-from icymoon.render.sweep import read_plan
+from icymoon.physics.surfaces.hapke import HapkeParameters, bidirectional_reflectance, from_settings
+from icymoon.physics.terrain.sites import standing
+from icymoon.physics.terrain.terrain import terrain
+from icymoon.render.plans.plan_file import read_plan
+from icymoon.settings import description
 from icymoon.version import ROOT
 
 #: The scene of which the right eye was in the ground, and its images black, without a word.

@@ -1,14 +1,14 @@
 """The search for the cheapest quality, with renders and measurements that are made up."""
 
 import pytest
-from icymoon import auto as search
-from icymoon import settings as description
 from icymoon.errors import IcyMoonError
-from icymoon.render.abilities import Abilities
-from icymoon.render.cost import work_of
-from icymoon.render.tolerance import tolerance
-from icymoon.stereo import trade as measuring
-from icymoon.trade import Bench
+from icymoon.render.cost.abilities import Abilities
+from icymoon.render.cost.estimate import work_of
+from icymoon.render.cost.tolerance import tolerance
+from icymoon.settings import description
+from icymoon.stereo.trade import cheapest_quality as search
+from icymoon.stereo.trade import losses as measuring
+from icymoon.stereo.trade.measure_variants import Bench
 
 
 class Truth:

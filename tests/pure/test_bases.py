@@ -7,10 +7,10 @@ import math
 import noise_reference as reference
 import numpy as np
 import pytest
-from icymoon.physics.bases import BASES, FRACTALS
-from icymoon.physics.layers import Layer, layer
-from icymoon.physics.statistics import power_spectrum, rms_deviation
-from icymoon.properties import LAYER
+from icymoon.physics.terrain.layers import Layer, layer
+from icymoon.physics.terrain.noise.bases import BASES, FRACTALS
+from icymoon.physics.terrain.roughness.statistics import power_spectrum, rms_deviation
+from icymoon.settings.table import LAYER
 
 DEFAULTS = {setting.key: setting.default for setting in LAYER}
 

@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from icymoon.errors import IcyMoonError
-from icymoon.physics.blur import MOTION, advice, blur_of, confusion_px, motion_px, moved
-from icymoon.render.pair import StereoCamera
-from icymoon.render.plan import expand
-from icymoon.settings import check, defaults, merged
+from icymoon.physics.camera.blur import MOTION, advice, blur_of, confusion_px, motion_px, moved
+from icymoon.render.pairs.pair_folder import StereoCamera
+from icymoon.render.plans.planned_pair import expand
+from icymoon.settings.description import check, defaults, merged
 from icymoon.stereo.cli import main
 
 pytestmark = pytest.mark.filterwarnings("error")

@@ -5,12 +5,12 @@ import math
 import numpy as np
 import pytest
 from icymoon.errors import IcyMoonError
-from icymoon.physics import brackets
-from icymoon.physics.optics import gaussian_kernel, through_lens
-from icymoon.physics.photons import band_share, electron_rate, pixel_pitch_m, planck, total_radiance
-from icymoon.physics.radiation import expected_hits, hits
-from icymoon.physics.sensor import digital_numbers, electrons, exposure_s, exposure_warnings, noise_generator
-from icymoon.settings import defaults, load, merged, preset_path
+from icymoon.physics.camera import brackets
+from icymoon.physics.camera.particle_hits import expected_hits, hits
+from icymoon.physics.camera.point_spread import gaussian_kernel, through_lens
+from icymoon.physics.camera.sensor import digital_numbers, electrons, exposure_s, exposure_warnings, noise_generator
+from icymoon.physics.light.photons import band_share, electron_rate, pixel_pitch_m, planck, total_radiance
+from icymoon.settings.description import defaults, load, merged, preset_path
 
 pytestmark = pytest.mark.filterwarnings("error")
 

@@ -14,8 +14,8 @@ from types import SimpleNamespace
 import pytest
 from icymoon import system
 from icymoon.errors import IcyMoonError
-from icymoon.render import claims
-from icymoon.render.claims import Claims
+from icymoon.render.workers import claims
+from icymoon.render.workers.claims import Claims
 
 PAIR = "0123456789ab"
 

@@ -10,10 +10,10 @@ from pathlib import Path
 
 import pytest
 from icymoon.errors import IcyMoonError
-from icymoon.render import cluster
-from icymoon.render import dataset as datasets
-from icymoon.render.order import ordered
-from icymoon.render.runner import Workers
+from icymoon.render.plans import frozen_plan as datasets
+from icymoon.render.plans.order import ordered
+from icymoon.render.workers import dask_cluster
+from icymoon.render.workers.runner import Workers
 from plans import grid
 from test_runner import Stand
 
@@ -29,7 +29,7 @@ def stand(tmp_path):
 
 
 def run(stand: Stand, address: str = "local:2") -> dict[str, str]:
-    return cluster.run(address, stand.dataset, PAIRS, Workers(1, 1, str(stand.blender)),
+    return dask_cluster.run(address, stand.dataset, PAIRS, Workers(1, 1, str(stand.blender)),
                        lambda kind, **facts: stand.said.append({"type": kind, **facts}))
 
 

@@ -12,11 +12,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from icymoon import cli
-from icymoon.physics.sites import standing
-from icymoon.render import combine, sweep
-from icymoon.render.room import shortage
-from icymoon.settings import defaults, merged
+from icymoon.commands import cli
+from icymoon.physics.terrain.sites import standing
+from icymoon.render.plans import combine, plan_file
+from icymoon.render.workers.memory import shortage
+from icymoon.settings.description import defaults, merged
 from icymoon.stereo import cli as stereo
 from pairs import write_pair
 
@@ -184,14 +184,14 @@ def test_a_plan_of_many_grounds_is_looked_at_on_some_and_says_so(place, monkeypa
     looked, level = [], standing(merged(defaults(), {"terrain": {"rms_slope_deg": 0.0}}))
     monkeypatch.setattr(combine, "standing", lambda settings: looked.append(settings["dataset"]["seed"]) or level)
     (place / "many.toml").write_text(PLAN)
-    many = sweep.read_plan(place / "many.toml")
+    many = plan_file.read_plan(place / "many.toml")
     assert len(many.pairs()) == 1000
     assert len(set(looked)) == combine.MOST_GROUNDS
     seeds = [pair.settings["dataset"]["seed"] for pair in many.pairs()]
     assert np.ptp([seeds.index(seed) for seed in looked]) > 900  # from the first to the last
     assert f"{combine.MOST_GROUNDS} were looked at, {1000 - combine.MOST_GROUNDS} were not" in many.unchecked()
     (place / "few.toml").write_text(PLAN.replace("1000", "3"))
-    assert sweep.read_plan(place / "few.toml").unchecked() == ""
+    assert plan_file.read_plan(place / "few.toml").unchecked() == ""
 
 
 @pytest.mark.parametrize(("part", "word"), [

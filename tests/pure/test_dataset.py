@@ -7,9 +7,9 @@ import shutil
 
 import pytest
 from icymoon.errors import IcyMoonError
-from icymoon.render import dataset as datasets
-from icymoon.render.manifest import write_manifest
-from icymoon.render.verify import verify
+from icymoon.render.plans import frozen_plan as datasets
+from icymoon.render.workers.manifest import write_manifest
+from icymoon.render.workers.verify import verify
 from pairs import Scene, camera, write_pair
 from plans import grid, planned
 

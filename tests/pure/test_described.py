@@ -6,8 +6,8 @@ import ast
 import math
 
 import pytest
-from icymoon import settings
-from icymoon.properties import TOPICS, Setting, all_settings
+from icymoon.settings import description
+from icymoon.settings.table import TOPICS, Setting, all_settings
 from icymoon.version import ROOT
 
 ALL = [(topic, s) for topic, setting in all_settings() for s in (setting, *setting.entries)]
@@ -69,13 +69,13 @@ def test_a_panel_says_what_it_is_and_names_nothing_twice(topic):
         assert len(set(labels)) == len(labels)
 
 
-@pytest.mark.parametrize("name", settings.preset_names())
+@pytest.mark.parametrize("name", description.preset_names())
 def test_a_preset_says_what_it_is(name):
-    header = settings.read_toml(settings.preset_path(name))["preset"]
+    header = description.read_toml(description.preset_path(name))["preset"]
     assert header["title"].strip()
     assert len(header["description"]) > 15
-    same = [other for other in settings.preset_names(name.split("/")[0])
-            if settings.preset_header(other)[0] == header["title"]]
+    same = [other for other in description.preset_names(name.split("/")[0])
+            if description.preset_header(other)[0] == header["title"]]
     assert same == [name], "two presets of one menu have one title"
 
 

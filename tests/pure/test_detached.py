@@ -8,7 +8,7 @@ import time
 
 import pytest
 from icymoon.errors import IcyMoonError
-from icymoon.render.detached import Detached, left_running
+from icymoon.render.workers.detached import Detached, left_running
 
 TALKS = ("import json, sys, time\n"
          "for k in range(int(sys.argv[1])):\n"
@@ -59,7 +59,7 @@ def test_it_goes_on_without_its_watcher_and_is_heard_again(tmp_path):
 def test_it_outlives_the_python_that_started_it(tmp_path):
     starter = (f"import sys; sys.path[:0] = {sys.path!r}\n"
                "from pathlib import Path\n"
-               "from icymoon.render.detached import Detached\n"
+               "from icymoon.render.workers.detached import Detached\n"
                f"Detached.start([sys.executable, '-c', {TALKS!r}, '40'], Path({str(tmp_path / 'one')!r}), {FACTS!r})\n"
                "import os; os._exit(1)")
     subprocess.run([sys.executable, "-c", starter], check=False, timeout=60)

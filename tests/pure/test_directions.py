@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from icymoon.physics.directions import camera_axes, toward
+from icymoon.physics.light.directions import camera_axes, toward
 
 
 @given(st.floats(-360, 360), st.floats(-90, 90))

@@ -8,12 +8,13 @@ import importlib.util
 import re
 import tomllib
 
-import commands
 import manual
 import pytest
-from icymoon import settings
-from icymoon.render.sweep import read_plan
+from icymoon.render.plans.plan_file import read_plan
+from icymoon.settings import description
 from icymoon.version import ROOT, version
+
+import commands
 
 PAGES = sorted(manual.pages())
 WRITTEN = sorted(manual.written())
@@ -126,7 +127,7 @@ def test_every_settings_file_loads(block, tmp_path):
     if "plan" in raw:
         assert block.code.startswith("# not counted") or read_plan(file).pairs()
         return
-    assert settings.load(file) or not raw
+    assert description.load(file) or not raw
     for name in set(raw.get("sources", {})):
         topic, _, key = name.partition(".")
         assert key in raw[topic], f"{block}: a source of {name}, which it does not set"

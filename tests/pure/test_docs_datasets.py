@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 
 import pytest
-from icymoon.render import blocks, poses, sweep
+from icymoon.render.plans import plan_file, poses, sweeps
 from icymoon.version import ROOT
 
 TEXT = (ROOT / "docs" / "datasets.md").read_text(encoding="utf-8")
@@ -16,7 +16,7 @@ EXAMPLES = re.findall(r"```toml\n(# .*?)```", TEXT, re.DOTALL)
 def test_an_example_has_as_many_pairs_as_it_says(text, tmp_path):
     file = tmp_path / "plan.toml"
     file.write_text(text, encoding="utf-8")
-    plan = sweep.read_plan(file)
+    plan = plan_file.read_plan(file)
     count = re.match(r"# (\d+) pairs", text)
     if count:
         assert len(plan.pairs()) == int(count[1])
@@ -34,5 +34,5 @@ def test_every_kind_and_key_of_plans_is_documented():
             "headings", "pitches_deg", "elevations_deg", "azimuths_deg", "distances_m", "target_height_m",
             "clearance_m", "margin_m", "apart_m", "random_headings"}
     inside = {key for example in EXAMPLES for key in re.findall(r"[a-z_]+", example)}
-    assert set(blocks.KINDS) | set(poses.KINDS) | set(sweep.HEADER) | keys <= named | inside
-    assert set(blocks.KINDS) | set(poses.KINDS) <= named
+    assert set(sweeps.KINDS) | set(poses.KINDS) | set(plan_file.HEADER) | keys <= named | inside
+    assert set(sweeps.KINDS) | set(poses.KINDS) <= named

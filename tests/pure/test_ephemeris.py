@@ -6,12 +6,12 @@ import sys
 
 import numpy as np
 import pytest
-from icymoon import settings
 from icymoon.errors import IcyMoonError
-from icymoon.physics import ephemeris, spice
-from icymoon.physics.bodies import BODIES
-from icymoon.physics.light import AU_KM
-from icymoon.physics.sky import azimuth_deg, elevation_deg, sky
+from icymoon.physics.light import ephemeris, spice
+from icymoon.physics.light.bodies import BODIES
+from icymoon.physics.light.sky import azimuth_deg, elevation_deg, sky
+from icymoon.physics.light.sunlight import AU_KM
+from icymoon.settings import description
 
 pytestmark = pytest.mark.filterwarnings("error")
 
@@ -193,7 +193,8 @@ def test_spice_and_the_elements_agree(kernels):
 
 
 def test_the_sky_of_a_date_and_of_kernels(kernels):
-    light = settings.merged(settings.defaults(), settings.load(settings.preset_path("bodies/enceladus")))["light"]
+    light = description.merged(
+        description.defaults(), description.load(description.preset_path("bodies/enceladus")))["light"]
     dated = sky(light | {"directions_from": "DATE", "date_utc": DATE})
     exact = sky(light | {"directions_from": "KERNELS", "date_utc": DATE, "kernels": str(kernels)})
     for shown in (dated, exact):
@@ -206,7 +207,7 @@ def test_the_sky_of_a_date_and_of_kernels(kernels):
 
 def test_the_planet_eclipses_the_sun_once_an_orbit(tmp_path):
     """Shown or not; for as long as the Sun takes to pass behind an ellipse, which it does not in the solstices."""
-    light = settings.defaults()["light"] | {"body": "ENCELADUS", "latitude_deg": 0.0, "longitude_deg": 0.0}
+    light = description.defaults()["light"] | {"body": "ENCELADUS", "latitude_deg": 0.0, "longitude_deg": 0.0}
     date = "2038-06-01T12:00:00"
     kernels = written_kernels(tmp_path, date)
 
@@ -248,7 +249,7 @@ def test_missing_kernels_and_a_missing_package_are_sentences(tmp_path, monkeypat
 
 
 def test_spice_is_loaded_for_kernels_only():
-    program = ("import sys\nfrom icymoon import settings\nfrom icymoon.physics.sky import sky\n"
+    program = ("import sys\nfrom icymoon import settings\nfrom icymoon.physics.light.sky import sky\n"
                "light = settings.defaults()['light']\nsky(light)\nsky(light | {'directions_from': 'DATE'})\n"
                "assert 'spiceypy' not in sys.modules")
     subprocess.run([sys.executable, "-c", program], check=True, timeout=240)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import OpenEXR
 import pytest
-from icymoon.render.exr_check import is_whole
-from icymoon.render.exr_parts import assembled, joined, pieces
+from icymoon.formats.exr_layout import is_whole
+from icymoon.formats.exr_parts import assembled, joined, pieces
 
 COMPRESSIONS = ("NO_COMPRESSION", "RLE_COMPRESSION", "ZIPS_COMPRESSION", "ZIP_COMPRESSION", "PIZ_COMPRESSION")
 

@@ -7,11 +7,11 @@ from functools import partial
 import numpy as np
 import OpenEXR
 import pytest
-from icymoon.render.exr_check import is_whole
-from icymoon.render.exr_parts import joined, pieces
-from icymoon.render.exr_pixels import without_passes
-from icymoon.render.exr_sum import with_planet
-from icymoon.stereo.exr import read_light
+from icymoon.formats.exr_layout import is_whole
+from icymoon.formats.exr_parts import joined, pieces
+from icymoon.formats.exr_pixels import without_passes
+from icymoon.formats.exr_sum import with_planet
+from icymoon.stereo.images.exr import read_light
 
 LIGHT = ("Combined", "Combined_Sun", "Combined_Planet")
 

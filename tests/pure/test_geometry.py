@@ -4,9 +4,9 @@ import math
 
 import numpy as np
 import pytest
-from icymoon.physics.geometry import depth_error_m, focal_px, ground_row, shared_width_px
-from icymoon.render.pair import StereoCamera
-from icymoon.settings import defaults, load, merged, preset_path
+from icymoon.physics.camera.stereo_geometry import depth_error_m, focal_px, ground_row, shared_width_px
+from icymoon.render.pairs.pair_folder import StereoCamera
+from icymoon.settings.description import defaults, load, merged, preset_path
 
 RIG = defaults()["rig"]
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from icymoon.errors import IcyMoonError
-from icymoon.physics import geotiff, tiff
+from icymoon.formats import geotiff, tiff
 from tiffs import write_tiff
 
 DATA = Path(__file__).parents[1] / "data" / "heights"

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from icymoon.physics.graded import graded
-from icymoon.physics.grading import EDGE_OVER_SPACING, view
-from icymoon.physics.horizon import drop_m, horizon_m
-from icymoon.physics.rings import Rings
-from icymoon.physics.terrain import terrain
-from icymoon.settings import check, defaults, merged
+from icymoon.physics.mesh.graded_ground import graded
+from icymoon.physics.mesh.grading import EDGE_OVER_SPACING, view
+from icymoon.physics.mesh.horizon import drop_m, horizon_m
+from icymoon.physics.mesh.vertex_rings import Rings
+from icymoon.physics.terrain.terrain import terrain
+from icymoon.settings.description import check, defaults, merged
 
 #: Small images, so that meshes are small.
 SMALL = {"rig": {"width_px": 96, "height_px": 72}}

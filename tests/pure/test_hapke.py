@@ -11,10 +11,10 @@ import pytest
 from hapke_table import angles, parameters, rows
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from icymoon import settings as description
 from icymoon.errors import IcyMoonError
-from icymoon.physics import hapke, photometry, surfaces
-from icymoon.physics.hapke import HapkeParameters, bidirectional_reflectance
+from icymoon.physics.surfaces import albedos, hapke, photometry
+from icymoon.physics.surfaces.hapke import HapkeParameters, bidirectional_reflectance
+from icymoon.settings import description
 
 EUROPA = {"w": 0.964, "b": 0.429, "c": 0.113, "b_s0": 0.5, "h_s": 0.0016, "theta_bar": math.radians(10.0)}
 HALF_PI = math.pi / 2
@@ -253,7 +253,7 @@ def _preset(name: str) -> dict:
     ("lunar_like", "geometric", 0.12)])
 def test_presets_have_the_albedos_that_their_sources_state(name, quantity, value):
     settings = _preset(name)
-    found = surfaces.albedos(settings["surface"], settings["hapke"])
+    found = albedos.albedos(settings["surface"], settings["hapke"])
     assert getattr(found, quantity) == pytest.approx(value, abs=0.003)  # sources state two or three digits
 
 
@@ -262,7 +262,7 @@ def test_europas_terrains_are_as_bright_beside_each_other_as_stated():
 
     def radiance_factor(name):
         settings = _preset(f"europa_{name}")
-        return math.pi * float(surfaces.law_of(settings["surface"], settings["hapke"])(0.0, five, 0.0))
+        return math.pi * float(albedos.law_of(settings["surface"], settings["hapke"])(0.0, five, 0.0))
 
     plains, ridges, bands, dark = (radiance_factor(n) for n in ("bright_plains", "ridges", "bands", "dark_lineae"))
     assert dark == pytest.approx(0.17, abs=0.001)
@@ -274,7 +274,7 @@ def test_the_laws_of_settings():
     settings = description.defaults()
     for model, share in (("LAMBERT", 0.0), ("LOMMEL_SEELIGER", 1.0), ("LUNAR_LAMBERT", 0.7)):
         surface = {**settings["surface"], "model": model, "albedo": 0.4}
-        assert surfaces.albedos(surface, settings["hapke"]).bond == pytest.approx(0.4)
-        law_here, plain = surfaces.law_of(surface, settings["hapke"]), photometry.lunar_lambert(0.4, share)
+        assert albedos.albedos(surface, settings["hapke"]).bond == pytest.approx(0.4)
+        law_here, plain = albedos.law_of(surface, settings["hapke"]), photometry.lunar_lambert(0.4, share)
         assert float(law_here(0.3, 1.2, 0.5)) == pytest.approx(float(plain(0.3, 1.2, 0.5)))
-    assert surfaces.albedos({**settings["surface"], "model": "PRINCIPLED"}, settings["hapke"]) is None
+    assert albedos.albedos({**settings["surface"], "model": "PRINCIPLED"}, settings["hapke"]) is None

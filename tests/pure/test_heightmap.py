@@ -9,8 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from icymoon.errors import IcyMoonError
-from icymoon.physics import geotiff, heightmap
-from icymoon.physics.heightmap import HeightMap, fill_holes, placed
+from icymoon.formats import geotiff
+from icymoon.physics.mesh import height_map
+from icymoon.physics.mesh.height_map import HeightMap, fill_holes, placed
 from tiffs import write_tiff
 
 
@@ -88,7 +89,7 @@ class Waves:
 
 
 def test_added_roughness_keeps_to_wavelengths_below_the_pixels():
-    ground = heightmap.with_roughness(HeightMap(np.ones((21, 21)), (1.0, 1.0), -10.0, -10.0, 20.0), Waves())
+    ground = height_map.with_roughness(HeightMap(np.ones((21, 21)), (1.0, 1.0), -10.0, -10.0, 20.0), Waves())
     x, y = np.random.default_rng(0).uniform(-9, 9, (2, 500))
     assert np.allclose(ground.heights(x, y, 0.3), 1.0 + np.sin(4 * np.pi * x))
     assert np.array_equal(ground.heights(x, y, 2.0), np.ones(500))  # the mesh carries nothing finer

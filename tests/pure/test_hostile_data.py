@@ -9,7 +9,7 @@ from html.parser import HTMLParser
 import pairs
 import pytest
 from icymoon.stereo.evaluate import evaluate
-from icymoon.stereo.methods import parse_methods
+from icymoon.stereo.matchers.methods import parse_methods
 
 #: Text that closes an attribute, an element, a script, a comment; and a formula that no drawing can set.
 EVIL = """'"></pre></script>--><script>alert(1)</script><img src=x onerror=alert(1)> $\\frac{$ {{ 7 * 7 }}"""

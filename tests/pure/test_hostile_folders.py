@@ -13,7 +13,7 @@ import pairs
 import pytest
 from icymoon.errors import IcyMoonError
 from icymoon.stereo.evaluate import evaluate
-from icymoon.stereo.methods import parse_methods
+from icymoon.stereo.matchers.methods import parse_methods
 
 
 @pytest.fixture

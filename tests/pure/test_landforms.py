@@ -7,10 +7,10 @@ import math
 import numpy as np
 import pytest
 from icymoon.errors import IcyMoonError
-from icymoon.physics.landforms import MAKERS, Landform, craters, ridges
-from icymoon.physics.mantle import fill
-from icymoon.physics.terrain import terrain
-from icymoon.settings import defaults, merged
+from icymoon.physics.terrain.landforms import MAKERS, Landform, craters, ridges
+from icymoon.physics.terrain.mantle import fill
+from icymoon.physics.terrain.terrain import terrain
+from icymoon.settings.description import defaults, merged
 
 
 def _made(topic: str, seed: int = 1, size_m: float = 20.0, **changes: object) -> Landform:

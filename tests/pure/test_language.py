@@ -11,8 +11,8 @@ from pathlib import Path
 
 import manual
 import pytest
-from icymoon.properties import TOPICS
-from icymoon.settings import read_toml
+from icymoon.settings.description import read_toml
+from icymoon.settings.table import TOPICS
 from icymoon.version import ROOT
 
 #: What still uses other words, by kind and by the beginning of its path. An entry that is no longer needed fails.

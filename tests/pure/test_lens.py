@@ -8,13 +8,13 @@ import numpy as np
 import pairs
 import pytest
 from icymoon.errors import IcyMoonError
-from icymoon.physics.distortion import check, distorted, overscan_needed, undistorted
-from icymoon.render.pair import StereoCamera, read_pair
-from icymoon.settings import defaults, merged
+from icymoon.physics.camera.lens_distortion import check, distorted, overscan_needed, undistorted
+from icymoon.render.pairs.pair_folder import StereoCamera, read_pair
+from icymoon.settings.description import defaults, merged
 from icymoon.stereo.cli import main
-from icymoon.stereo.develop import develop
-from icymoon.stereo.exr import read_view
-from icymoon.stereo.lens import lens_of
+from icymoon.stereo.images.develop import develop
+from icymoon.stereo.images.exr import read_view
+from icymoon.stereo.images.lens import lens_of
 from icymoon.stereo.matchers import match
 
 pytestmark = pytest.mark.filterwarnings("error")

@@ -11,21 +11,23 @@ from hypothesis import given
 from hypothesis import settings as hypothesis
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
-from icymoon import settings as description
 from icymoon.errors import IcyMoonError
-from icymoon.physics import brackets, geometry, hapke, photometry, principled
-from icymoon.physics.blur import blur_of, moved
-from icymoon.physics.grading import View
-from icymoon.physics.optics import through_lens
-from icymoon.physics.photons import electron_rate
-from icymoon.physics.sensor import digital_numbers, electrons, exposure_s, top_dn
-from icymoon.physics.sizes import drawn, size_law
-from icymoon.physics.sky import facts, sky
-from icymoon.physics.terrain import terrain
-from icymoon.properties import TOPICS
-from icymoon.render.pair import StereoCamera
-from icymoon.stereo.lens import lens_of
-from icymoon.stereo.metrics import (
+from icymoon.physics.camera import brackets, stereo_geometry
+from icymoon.physics.camera.blur import blur_of, moved
+from icymoon.physics.camera.point_spread import through_lens
+from icymoon.physics.camera.sensor import digital_numbers, electrons, exposure_s, top_dn
+from icymoon.physics.light.photons import electron_rate
+from icymoon.physics.light.sky import facts, sky
+from icymoon.physics.mesh.grading import View
+from icymoon.physics.rocks.size_laws import drawn, size_law
+from icymoon.physics.surfaces import hapke, photometry, principled
+from icymoon.physics.terrain.terrain import terrain
+from icymoon.render.pairs.pair_folder import StereoCamera
+from icymoon.settings import description
+from icymoon.settings.table import TOPICS
+from icymoon.stereo.images.disparity_and_occlusion import visible_in_left, visible_in_right
+from icymoon.stereo.images.lens import lens_of
+from icymoon.stereo.measure.metrics import (
     depth_metrics,
     disparity_metrics,
     error_curve,
@@ -33,7 +35,6 @@ from icymoon.stereo.metrics import (
     total_metrics,
     usable,
 )
-from icymoon.stereo.truth import visible_in_left, visible_in_right
 
 pytestmark = pytest.mark.filterwarnings("error")
 _ODD = (0.0, -0.0, -1.0, 1e-38, 1e38, math.nan, math.inf, -math.inf)
@@ -198,24 +199,24 @@ def test_a_sky_is_of_numbers(settings):
 @given(topic("rig"), st.floats(-1e4, 1e4))
 def test_what_a_camera_can_measure_is_positive_or_nothing(settings, row):
     rig = settings["rig"]
-    found = geometry.ground_row(rig, row)
+    found = stereo_geometry.ground_row(rig, row)
     assert found.depth_m > 0
     assert found.width_m > 0
     assert found.across_m > 0
     assert found.along_m > 0
-    assert geometry.depth_error_m(1.0, rig, 0.1) > 0
-    assert geometry.shared_width_px(rig, 1.0) <= rig["width_px"] + 1e-9
-    assert geometry.rounding_px(rig, 0.0) > 0
-    assert all(text.endswith(".") for text in geometry.rounding_advice(rig, 0.0))
+    assert stereo_geometry.depth_error_m(1.0, rig, 0.1) > 0
+    assert stereo_geometry.shared_width_px(rig, 1.0) <= rig["width_px"] + 1e-9
+    assert stereo_geometry.rounding_px(rig, 0.0) > 0
+    assert all(text.endswith(".") for text in stereo_geometry.rounding_advice(rig, 0.0))
 
 
 @pytest.mark.parametrize(("x_m", "step_m"), [(0.0, 1.2e-7), (1000.0, 6.1e-5), (5e4, 3.9e-3)])
 def test_rounding_is_that_of_single_precision(x_m, step_m):
     """24 bits: 2^-23 of the power of two under the number."""
     rig = description.defaults()["rig"] | {"x_m": x_m}
-    assert geometry.rounding_m(x_m, 0.0, 1.6) == pytest.approx(step_m, rel=0.03)
-    assert geometry.rounding_px(rig, 0.0) == pytest.approx(341.33 * step_m / 2 / 1.6, rel=0.03)
-    assert bool(geometry.rounding_advice(rig, 0.0)) == (x_m == 5e4)
+    assert stereo_geometry.rounding_m(x_m, 0.0, 1.6) == pytest.approx(step_m, rel=0.03)
+    assert stereo_geometry.rounding_px(rig, 0.0) == pytest.approx(341.33 * step_m / 2 / 1.6, rel=0.03)
+    assert bool(stereo_geometry.rounding_advice(rig, 0.0)) == (x_m == 5e4)
 
 
 @given(topic("rig"))

@@ -5,12 +5,14 @@ from __future__ import annotations
 import json
 
 import pytest
-from icymoon import cli, system
-from icymoon import settings as description
+from icymoon import system
+from icymoon.commands import cli
 from icymoon.errors import IcyMoonError
-from icymoon.render import cost, machine
-from icymoon.render.plan import expand
-from icymoon.render.qualities import qualities, seconds_of
+from icymoon.render.cost import estimate
+from icymoon.render.cost import speed as machine
+from icymoon.render.cost.quality_presets import qualities, seconds_of
+from icymoon.render.plans.planned_pair import expand
+from icymoon.settings import description
 
 
 @pytest.fixture(autouse=True)
@@ -67,7 +69,7 @@ def rendered(folder, seconds, cpu_s=1e3):
 def test_the_fastest_pair_but_the_first_counts(tmp_path):
     found = machine.speed_of(rendered(tmp_path, (30.0, 4.0, 3.0)), "CPU")
     settings = machine.probe("CPU")
-    expected = cost.work_of(settings).seconds(cost.triangles_of(settings))
+    expected = estimate.work_of(settings).seconds(estimate.triangles_of(settings))
     assert found.factor == pytest.approx(system.processors() * 3.0 / expected)
     assert found.blender == "5.0.1"
 
@@ -75,7 +77,7 @@ def test_the_fastest_pair_but_the_first_counts(tmp_path):
 def test_other_work_makes_a_machine_no_slower_than_half_used(tmp_path):
     busy = machine.speed_of(rendered(tmp_path, (900.0, 800.0), cpu_s=3.0), "CPU")
     settings = machine.probe("CPU")
-    assert busy.factor == pytest.approx(6.0 / cost.work_of(settings).seconds(cost.triangles_of(settings)))
+    assert busy.factor == pytest.approx(6.0 / estimate.work_of(settings).seconds(estimate.triangles_of(settings)))
     card = machine.speed_of([tmp_path / "0", tmp_path / "1"], "GPU")
     assert card.factor > 100 * busy.factor
 
@@ -87,14 +89,14 @@ def test_a_probe_that_says_nothing_is_an_error(tmp_path):
 
 def test_the_probe_is_small_and_has_all_that_a_pair_has():
     settings = machine.probe("GPU")
-    assert 1.0 < cost.work_of(settings).seconds(cost.triangles_of(settings)) < 6.0
+    assert 1.0 < estimate.work_of(settings).seconds(estimate.triangles_of(settings)) < 6.0
     assert (settings["quality"]["device"], settings["quality"]["denoiser"]) == ("GPU", "OIDN")
     assert settings["dataset"]["headings"] > 1
 
 
 def test_plans_take_as_much_longer_as_the_machine_is_slower():
     pairs = expand(description.merged(description.defaults(), {"mesh": {"kind": "GRID"}}))
-    blind, known = cost.estimate(pairs), cost.estimate(pairs, speed=speed(3.0))
+    blind, known = estimate.estimate(pairs), estimate.estimate(pairs, speed=speed(3.0))
     assert known.seconds == pytest.approx(3.0 * blind.seconds)
     assert known.factor < blind.factor
     assert "Blender 5.0.1" in "".join(known.lines())
@@ -122,7 +124,7 @@ def test_a_better_quality_costs_more_and_errs_less():
 
 def test_the_seconds_are_of_all_processors_and_of_this_machine():
     settings = description.defaults()
-    work = cost.work_of(settings).seconds(1e6)
+    work = estimate.work_of(settings).seconds(1e6)
     assert seconds_of(settings, 1e6, speed(2.0))[0] == pytest.approx(2.0 * work / system.processors())
     assert seconds_of(settings, 1e6, None)[0] == pytest.approx(work / system.processors())
     assert seconds_of(settings, 1e6, speed(2.0))[1] < seconds_of(settings, 1e6, None)[1]

@@ -8,10 +8,10 @@ import struct
 import numpy as np
 import pytest
 from icymoon.errors import IcyMoonError
-from icymoon.physics import meshfile
-from icymoon.physics.meshcheck import check, components, face_normals, repaired
-from icymoon.physics.meshdetail import edge_length_m, halved, levels, vertex_normals
-from icymoon.physics.meshground import MeshGround
+from icymoon.formats import mesh_file
+from icymoon.physics.mesh.check import check, components, face_normals, repaired
+from icymoon.physics.mesh.mesh_heights import MeshGround
+from icymoon.physics.mesh.subdivide import edge_length_m, halved, levels, vertex_normals
 
 CUBE = np.array([(x, y, z) for z in (0, 1) for y in (0, 1) for x in (0, 1)], float)
 #: Outward triangles: bottom, top, front, back, left, right.
@@ -147,34 +147,34 @@ def test_the_axis_that_the_ground_faces_is_named():
 def test_costs_come_from_the_header_or_the_size(tmp_path):
     ply = tmp_path / "a.ply"
     ply.write_bytes(b"ply\nformat binary_little_endian 1.0\nelement vertex 9\nelement face 12345678\nend_header\n")
-    cost = meshfile.cost(ply)
+    cost = mesh_file.cost(ply)
     assert (cost.triangles, cost.exact, cost.dear) == (12345678, True, True)
     assert "12 million triangles" in cost.sentence(ply)
     stl = tmp_path / "a.stl"
     stl.write_bytes(b"x" * 80 + struct.pack("<I", 2) + bytes(100))
-    assert meshfile.cost(stl).triangles == 2
+    assert mesh_file.cost(stl).triangles == 2
     document = {"accessors": [{"count": 30}], "meshes": [{"primitives": [{"indices": 0}]}],
                 "buffers": [{"uri": "a%20b.bin"}]}
     (tmp_path / "a.gltf").write_text(json.dumps(document))
-    assert meshfile.cost(tmp_path / "a.gltf").triangles == 10
-    assert meshfile.parts(tmp_path / "a.gltf") == [tmp_path / "a.gltf", tmp_path / "a b.bin"]
+    assert mesh_file.cost(tmp_path / "a.gltf").triangles == 10
+    assert mesh_file.parts(tmp_path / "a.gltf") == [tmp_path / "a.gltf", tmp_path / "a b.bin"]
     (tmp_path / "a.obj").write_text("v 0 0 0\n" * 1000)
-    assert not meshfile.cost(tmp_path / "a.obj").exact
+    assert not mesh_file.cost(tmp_path / "a.obj").exact
 
 
-@pytest.mark.parametrize("suffix", sorted(meshfile.FORMATS))
+@pytest.mark.parametrize("suffix", sorted(mesh_file.FORMATS))
 def test_files_that_are_not_what_they_say_are_sentences(tmp_path, suffix):
     path = tmp_path / f"a{suffix}"
     with pytest.raises(IcyMoonError, match="cannot be read"):
-        meshfile.cost(path)
+        mesh_file.cost(path)
     path.write_bytes(b"")
     with pytest.raises(IcyMoonError, match="is empty"):
-        meshfile.cost(path)
+        mesh_file.cost(path)
     path.write_bytes(b"\xff\xd8\xff\xe0 a picture")
     with pytest.raises(IcyMoonError, match="whatever its name says"):
-        meshfile.cost(path)
+        mesh_file.cost(path)
     with pytest.raises(IcyMoonError, match="not a mesh"):
-        meshfile.kind_of(path.with_suffix(".jpg"))
+        mesh_file.kind_of(path.with_suffix(".jpg"))
 
 
 @pytest.mark.parametrize("text", ["{", "{]", '{"meshes": [{"primitives": [{"indices": 7}]}]}', '{"meshes": 3}'])
@@ -182,17 +182,17 @@ def test_a_malformed_gltf_is_a_sentence(tmp_path, text):
     path = tmp_path / "a.gltf"
     path.write_text(text)
     with pytest.raises(IcyMoonError, match=r"a\.gltf: is not a whole"):
-        meshfile.cost(path)
+        mesh_file.cost(path)
     path.write_text('{"buffers": 3}')
     with pytest.raises(IcyMoonError, match=r"a\.gltf: is not a whole"):
-        meshfile.parts(path)
+        mesh_file.parts(path)
 
 
 def test_a_gltf_that_is_nested_without_end_is_a_sentence(tmp_path):
     path = tmp_path / "a.gltf"
     path.write_text('{"a":' + "[" * 100000)
     with pytest.raises(IcyMoonError, match=r"a\.gltf: is not a whole"):
-        meshfile.parts(path)
+        mesh_file.parts(path)
 
 
 def test_the_height_of_a_mesh_is_that_of_its_highest_triangle():

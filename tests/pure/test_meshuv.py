@@ -11,10 +11,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from icymoon.errors import IcyMoonError
-from icymoon.physics import meshimages, meshuv
-from icymoon.physics.meshcheck import repaired
-from icymoon.physics.meshdetail import halved
-from icymoon.physics.ply import texture_coordinates
+from icymoon.formats import mesh_images
+from icymoon.formats.ply import texture_coordinates
+from icymoon.physics.mesh import texture_coordinates as meshuv
+from icymoon.physics.mesh.check import repaired
+from icymoon.physics.mesh.subdivide import halved
 from test_meshcheck import sheet
 
 
@@ -157,10 +158,10 @@ def test_a_ply_has_coordinates_of_corners_or_of_vertices(tmp_path, encoding):
 
 def test_a_ply_names_its_image(tmp_path):
     path = ply(tmp_path / "a.ply", "ascii", None)
-    assert meshimages.chosen(path)["albedo"].file == tmp_path / "a b.png"
+    assert mesh_images.chosen(path)["albedo"].file == tmp_path / "a b.png"
     path.write_bytes(path.read_bytes().replace(b"element face", b"comment TextureFile c.png\nelement face", 1))
     with pytest.raises(IcyMoonError, match="has 2 albedo images"):
-        meshimages.chosen(path)
+        mesh_images.chosen(path)
 
 
 LIBRARY = """newmtl a
@@ -178,26 +179,26 @@ Kd 1 1 1
 def test_an_obj_names_its_images_in_its_library(tmp_path):
     path = tmp_path / "a.obj"
     path.write_text("# a\nmtllib my mesh.mtl\nv 0 0 0\n")
-    assert meshimages.chosen(path) == {}
-    assert meshimages.images(path).files() == [tmp_path / "my mesh.mtl"]  # its coming will change what is shown
+    assert mesh_images.chosen(path) == {}
+    assert mesh_images.images(path).files() == [tmp_path / "my mesh.mtl"]  # its coming will change what is shown
     (tmp_path / "my mesh.mtl").write_text(LIBRARY)
-    found = meshimages.chosen(path)
+    found = mesh_images.chosen(path)
     assert {kind: image.file for kind, image in found.items()} == {
         "albedo": tmp_path / "textures/my rock.png", "roughness": tmp_path / "r.png", "normal": tmp_path / "n.png"}
     (tmp_path / "my rock.png").write_bytes(b"moved here")
-    assert meshimages.chosen(path)["albedo"].file == tmp_path / "my rock.png"
+    assert mesh_images.chosen(path)["albedo"].file == tmp_path / "my rock.png"
     (tmp_path / "my mesh.mtl").write_text(LIBRARY.replace("-s 1 1 1", "-s 2 2").replace(
         "map_Kd textures/my rock.png\n", ""))
     with pytest.raises(IcyMoonError, match=r"albedo image is shifted or scaled by -s 2 2.*textures\.set"):
-        meshimages.chosen(path)
+        mesh_images.chosen(path)
     (tmp_path / "my mesh.mtl").write_text(LIBRARY + "map_Kd other.png\n")
     with pytest.raises(IcyMoonError, match="has 2 albedo images"):
-        meshimages.chosen(path)
+        mesh_images.chosen(path)
     # Without a library of its own, the one of its name.
     path.write_text("v 0 0 0\n")
-    assert meshimages.images(path).files() == []
+    assert mesh_images.images(path).files() == []
     (tmp_path / "a.mtl").write_text("map_Kd x.png\n")
-    assert meshimages.chosen(path)["albedo"].file == tmp_path / "x.png"
+    assert mesh_images.chosen(path)["albedo"].file == tmp_path / "x.png"
 
 
 def gltf(folder: Path, binary: bytes, images: list[dict], **changed) -> dict:
@@ -217,17 +218,17 @@ def test_a_gltf_holds_or_names_its_images(tmp_path):
     document = gltf(tmp_path, b"012data789", [{"bufferView": 0}, {"uri": "my%20map.png"}, held])
     path = tmp_path / "a.gltf"
     path.write_text(json.dumps(document))
-    found = meshimages.chosen(path)
+    found = mesh_images.chosen(path)
     assert found["albedo"].data() == b"data"
     assert (found["roughness"].file, found["roughness"].channel) == (tmp_path / "my map.png", 1)
     assert found["normal"].data() == b"inside"
-    assert set(meshimages.images(path).files()) == {tmp_path / "a.bin", tmp_path / "my map.png", path}
+    assert set(mesh_images.images(path).files()) == {tmp_path / "a.bin", tmp_path / "my map.png", path}
     del document["buffers"][0]["uri"]
     text = json.dumps(document).encode()
     text += b" " * (-len(text) % 4)
     (tmp_path / "a.glb").write_bytes(b"glTF" + struct.pack("<II", 2, 0) + struct.pack("<I4s", len(text), b"JSON")
                                      + text + struct.pack("<I4s", 10, b"BIN\0") + b"012data789")
-    assert meshimages.chosen(tmp_path / "a.glb")["albedo"].data() == b"data"
+    assert mesh_images.chosen(tmp_path / "a.glb")["albedo"].data() == b"data"
 
 
 @pytest.mark.parametrize(("changed", "words"), [
@@ -239,13 +240,13 @@ def test_what_cannot_be_followed_is_said(tmp_path, changed, words):
     path.write_text(json.dumps(gltf(tmp_path, b"012data789", [{"uri": f"{k}.png"} for k in range(3)], **changed)))
     if words:
         with pytest.raises(IcyMoonError, match=f"albedo image .*{words}.*OWN"):
-            meshimages.chosen(path)
+            mesh_images.chosen(path)
     else:
-        assert meshimages.chosen(path)["albedo"].file == tmp_path / "0.png"
+        assert mesh_images.chosen(path)["albedo"].file == tmp_path / "0.png"
 
 
 def test_a_gltf_without_what_it_names_is_a_sentence(tmp_path):
     path = tmp_path / "a.gltf"
     path.write_text(json.dumps(gltf(tmp_path, b"", [])))
     with pytest.raises(IcyMoonError, match="not a whole glTF"):
-        meshimages.chosen(path)
+        mesh_images.chosen(path)

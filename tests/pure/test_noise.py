@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from icymoon.physics import noise, voronoi
-from icymoon.physics.bases import BASES
-from icymoon.physics.structure import NOISE_DEVIATION, structure
+from icymoon.physics.terrain.noise import lattice_noise, voronoi
+from icymoon.physics.terrain.noise.bases import BASES
+from icymoon.physics.terrain.roughness.structure_function import NOISE_DEVIATION, structure
 
 COORDINATE = st.floats(-1e6, 1e6) | st.integers(-1000, 1000).map(float)
 KEY = st.integers(0, 2**32 - 1)
@@ -46,7 +46,7 @@ def test_looking_cells_up_and_hashing_each_point_give_the_same_bits(basis, monke
     x, y = np.random.default_rng(0).uniform(-40, 40, (2, 5000))
     made = []
     for per_point in (0, 10**9):
-        monkeypatch.setattr(noise, "_TABLE_PER_POINT", per_point)
+        monkeypatch.setattr(lattice_noise, "_TABLE_PER_POINT", per_point)
         cells = voronoi.voronoi(x, y, 5)
         made.append((BASES[basis](x, y, 5), cells.f1, cells.edge_distance(3.0, 0.5), cells.random(1)))
     for hashed, looked_up in zip(*made, strict=True):
@@ -88,9 +88,9 @@ def test_the_distance_to_the_edge_has_no_steps_where_three_cells_meet():
 def test_noise_vanishes_on_the_lattice_and_is_bounded():
     lattice = np.arange(-50, 50, dtype=float)
     x, y = np.meshgrid(lattice, lattice)
-    assert np.abs(noise.gradient_noise(x, y, 7)).max() == 0.0
+    assert np.abs(lattice_noise.gradient_noise(x, y, 7)).max() == 0.0
     x, y = np.random.default_rng(0).uniform(-1000, 1000, (2, 200_000))
-    values = noise.gradient_noise(x, y, 7)
+    values = lattice_noise.gradient_noise(x, y, 7)
     # Zero mean: the standard error of 2e5 values of deviation about 0.3, correlated or not, is below 1e-2.
     assert abs(values.mean()) < 1e-2
     assert np.abs(values).max() <= 1.0
@@ -100,7 +100,7 @@ def test_noise_is_smooth_across_lattice_lines():
     y = np.linspace(-3, 3, 301)
     for line in (-2.0, 0.0, 5.0):
         step = 1e-6
-        left, right = (noise.gradient_noise(np.full_like(y, line + side * step), y, 3) for side in (-1, 1))
+        left, right = (lattice_noise.gradient_noise(np.full_like(y, line + side * step), y, 3) for side in (-1, 1))
         # The slope is at most about 4 per unit, so a jump would stand out against 2 steps of 1e-6.
         assert np.abs(left - right).max() < 2e-5
 
@@ -108,8 +108,8 @@ def test_noise_is_smooth_across_lattice_lines():
 def test_known_variances():
     """Uniform values have 1/3; bilinear weights have a mean square of 2/3 per axis, which leaves 4/27."""
     x, y = np.random.default_rng(3).uniform(-2000, 2000, (2, 300_000))
-    for made, variance in ((noise.cell_noise(x, y, 1), 1 / 3), (noise.value_noise(x, y, 1), 4 / 27),
-                           (noise.gradient_noise(x, y, 1), NOISE_DEVIATION**2)):
+    for made, variance in ((lattice_noise.cell_noise(x, y, 1), 1 / 3), (lattice_noise.value_noise(x, y, 1), 4 / 27),
+                           (lattice_noise.gradient_noise(x, y, 1), NOISE_DEVIATION**2)):
         # The standard error of a variance of 3e5 nearly independent values is 0.3 %.
         assert made.var() == pytest.approx(variance, rel=0.015)
 
@@ -119,15 +119,15 @@ def test_the_closed_form_of_the_structure_function(distance):
     random = np.random.default_rng(5)
     x, y = random.uniform(-3000, 3000, (2, 300_000))
     angle = random.uniform(0, 2 * math.pi, x.size)
-    there = noise.gradient_noise(x + distance * np.cos(angle), y + distance * np.sin(angle), 11)
-    measured = np.mean((there - noise.gradient_noise(x, y, 11)) ** 2)
+    there = lattice_noise.gradient_noise(x + distance * np.cos(angle), y + distance * np.sin(angle), 11)
+    measured = np.mean((there - lattice_noise.gradient_noise(x, y, 11)) ** 2)
     # Five standard errors of a mean of 3e5 squares, and the table's interpolation.
     assert float(structure(np.array(distance))) == pytest.approx(measured, rel=0.015)
 
 
 def test_hash_bits_are_even():
     ix, iy = np.meshgrid(np.arange(-256, 256), np.arange(-256, 256))
-    bits = (noise.hashed(ix, iy, 99)[..., None] >> np.arange(32, dtype=np.uint32)) & 1
+    bits = (lattice_noise.hashed(ix, iy, 99)[..., None] >> np.arange(32, dtype=np.uint32)) & 1
     # 2^18 fair coins: standard deviation of the mean 0.001; five of them.
     assert np.abs(bits.reshape(-1, 32).mean(axis=0) - 0.5).max() < 0.005
 
@@ -135,10 +135,10 @@ def test_hash_bits_are_even():
 def test_noise_in_space_is_bounded_smooth_and_zero_on_the_lattice():
     random = np.random.default_rng(6)
     points = random.uniform(-100, 100, (50_000, 3))
-    values = noise.gradient_noise_3d(points, 4)
+    values = lattice_noise.gradient_noise_3d(points, 4)
     # The largest value of 3-D gradient noise with gradients of length √2 is about 1.04.
     assert np.abs(values).max() < 1.04
     assert abs(values.mean()) < 0.01
-    assert np.abs(noise.gradient_noise_3d(np.rint(points), 4)).max() == 0.0
-    moved = noise.gradient_noise_3d(points + 1e-6, 4)
+    assert np.abs(lattice_noise.gradient_noise_3d(np.rint(points), 4)).max() == 0.0
+    moved = lattice_noise.gradient_noise_3d(points + 1e-6, 4)
     assert np.abs(moved - values).max() < 2e-5

@@ -8,16 +8,16 @@ import sys
 from dataclasses import replace
 
 import pytest
-from icymoon import settings as description
-from icymoon.cli import main
+from icymoon.commands.cli import main
 from icymoon.errors import IcyMoonError
-from icymoon.physics.blur import identity
-from icymoon.properties import TOPICS
-from icymoon.render import dataset as datasets
-from icymoon.render.pair import find_pairs
-from icymoon.render.plan import PlannedPair
-from icymoon.render.sweep import read_plan
-from icymoon.render.verify import verify
+from icymoon.physics.camera.blur import identity
+from icymoon.render.pairs.pair_folder import find_pairs
+from icymoon.render.plans import frozen_plan as datasets
+from icymoon.render.plans.plan_file import read_plan
+from icymoon.render.plans.planned_pair import PlannedPair
+from icymoon.render.workers.verify import verify
+from icymoon.settings import description
+from icymoon.settings.table import TOPICS
 from icymoon.stereo.cli import main as stereo
 from olddata import DATA, OLD, copied, upgrade_all
 

@@ -8,8 +8,8 @@ from itertools import pairwise
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from icymoon import changes
-from icymoon.render.order import key, ordered, scenes, shards, share
+from icymoon.render.plans.order import key, ordered, scenes, shards, share
+from icymoon.settings import changes
 from plans import grid, planned
 
 PAIRS = grid(seeds=3, elevations=(10.0, 20.0), headings=(0.0, 90.0, 180.0))
@@ -113,6 +113,6 @@ def test_what_decides_the_order_is_every_setting_but_response_and_run():
     settings = PAIRS[0].settings
     listed = {(topic, name) for part in (changes.scene, changes.look, changes.light, changes.camera, changes.sampling)
               for topic, values in part(settings).items() for name in values}
-    from icymoon.properties import all_settings
+    from icymoon.settings.table import all_settings
     needed = {(topic, s.key) for topic, s in all_settings() if s.effect not in ("response", "run")}
     assert needed <= listed

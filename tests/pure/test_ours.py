@@ -12,14 +12,14 @@ import icymoon
 import pytest
 from icymoon.errors import IcyMoonError
 from icymoon.files import part_of
-from icymoon.render import dataset as datasets
-from icymoon.render import verify as verification
-from icymoon.render.claims import Claims
-from icymoon.render.ours import checked_id, remove_ours, why_kept
-from icymoon.render.pair import read_pair
-from icymoon.render.publish import publish
-from icymoon.render.verify import verify
-from icymoon.stereo.rowlog import RowLog
+from icymoon.render.pairs.our_files import checked_id, remove_ours, why_kept
+from icymoon.render.pairs.pair_folder import read_pair
+from icymoon.render.pairs.publish import publish
+from icymoon.render.plans import frozen_plan as datasets
+from icymoon.render.workers import verify as verification
+from icymoon.render.workers.claims import Claims
+from icymoon.render.workers.verify import verify
+from icymoon.stereo.report.row_log import RowLog
 from pairs import Scene, camera, write_pair
 from plans import grid
 
@@ -226,9 +226,10 @@ def test_rows_of_an_evaluation_name_no_folder(tmp_path):
 
 #: Who else removes something, and why it may: what the same process has made a moment before under a name of its own,
 #: and files that a person asks to be replaced or deleted by name.
-REMOVES = {"render/ours.py": "the one way", "system.py": "how it is done", "files.py": "its own part",
-           "render/launch.py": "its own temporary folder", "render/shoot.py": "what it wrote into its own part",
-           "render/claims.py": "its own claim and probe",
+REMOVES = {"render/pairs/our_files.py": "the one way", "system.py": "how it is done", "files.py": "its own part",
+           "render/workers/job.py": "its own temporary folder",
+           "render/render_pair.py": "what it wrote into its own part",
+           "render/workers/claims.py": "its own claim and probe",
            "install.py": "the folder that it has made", "stereo/reexpose.py": "what it writes again",
            "operators/trade.py": "its own temporary folder",
            "scratch.py": "its own temporary folder, and those marked by processes of this user that are gone",

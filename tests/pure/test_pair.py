@@ -10,17 +10,18 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from icymoon import files, settings
+from icymoon import files
 from icymoon.errors import IcyMoonError
-from icymoon.render.launch import Job, absolute_folder, blender_command
-from icymoon.render.pair import StereoCamera, find_pairs, is_complete, read_pair
-from icymoon.render.plan import expand
-from icymoon.render.queue import Process
+from icymoon.render.pairs.pair_folder import StereoCamera, find_pairs, is_complete, read_pair
+from icymoon.render.plans.planned_pair import expand
+from icymoon.render.workers.job import Job, absolute_folder, blender_command
+from icymoon.render.workers.process import Process
+from icymoon.settings import description
 from pairs import camera, write_pair
 
 
 def test_the_papers_camera():
-    camera = StereoCamera.from_settings(settings.defaults()["rig"])
+    camera = StereoCamera.from_settings(description.defaults()["rig"])
     assert camera.focal_px == pytest.approx(640 * 32 / 60)
     assert camera.focal_baseline_px_m == pytest.approx(85.3333333)  # not 80, which is 6.25 % off
     assert camera.field_of_view_deg == pytest.approx((86.3, 70.2), abs=0.1)
@@ -47,14 +48,14 @@ def test_a_calibration_that_the_settings_do_not_give_is_no_pair(tmp_path, key, v
 
 
 def test_headings_are_equal_turns_with_their_own_ids():
-    base = settings.merged(settings.defaults(), {"dataset": {"headings": 4}, "rig": {"heading_deg": 100.0}})
+    base = description.merged(description.defaults(), {"dataset": {"headings": 4}, "rig": {"heading_deg": 100.0}})
     pairs = expand(base)
     assert [p.turn_deg for p in pairs] == [0, 90, 180, 270]
     assert [p.settings["rig"]["heading_deg"] for p in pairs] == [100, -170, -80, 10]
     assert len({p.id for p in pairs}) == 4
     assert len({p.render_seed for p in pairs}) == 4
     assert [p.id for p in expand(base)] == [p.id for p in pairs]
-    alone = expand(settings.merged(base, {"dataset": {"headings": 1}}))[0]
+    alone = expand(description.merged(base, {"dataset": {"headings": 1}}))[0]
     assert alone.id == pairs[0].id
 
 
@@ -136,7 +137,7 @@ def test_dataset_folders(tmp_path):
 
 
 def test_removing_a_job_removes_what_a_killed_worker_left(tmp_path):
-    job = Job(tmp_path, settings.defaults())
+    job = Job(tmp_path, description.defaults())
     files.part_of(tmp_path / "pairs" / ("0" * 12)).mkdir(parents=True)
     (tmp_path / "pairs" / "def").mkdir()
     job.remove()

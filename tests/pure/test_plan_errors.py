@@ -10,9 +10,9 @@ from hypothesis import given
 from hypothesis import settings as trials
 from hypothesis import strategies as st
 from icymoon.errors import IcyMoonError
-from icymoon.properties import TOPICS, all_settings
-from icymoon.render.sweep import plan_path, read_plan
-from icymoon.render.toml_lines import Place, line_of
+from icymoon.formats.toml_lines import Place, line_of
+from icymoon.render.plans.plan_file import plan_path, read_plan
+from icymoon.settings.table import TOPICS, all_settings
 
 HEAD = '[plan]\ntitle = "Test"\n'
 

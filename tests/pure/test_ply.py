@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from icymoon.physics.ply import vertices
+from icymoon.formats.ply import vertices
 
 POINTS = np.array([(500000.0625, -4.5e6, 3.25), (math.nan, 1.0, 2.0), (0.1, math.inf, -7.0)])
 

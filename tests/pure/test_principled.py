@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from icymoon.physics import principled
-from icymoon.settings import defaults
+from icymoon.physics.surfaces import principled
+from icymoon.settings.description import defaults
 
 
 @pytest.fixture(autouse=True, scope="module", params=principled.TABLES)

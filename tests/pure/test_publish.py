@@ -13,10 +13,10 @@ from pathlib import Path
 import pytest
 from icymoon.errors import IcyMoonError
 from icymoon.files import PART, part_of
-from icymoon.render.claims import FOLDER, Claims
-from icymoon.render.pair import is_complete, restate
-from icymoon.render.publish import discard, publish
-from icymoon.settings import defaults, merged
+from icymoon.render.pairs.pair_folder import is_complete, restate
+from icymoon.render.pairs.publish import discard, publish
+from icymoon.render.workers.claims import FOLDER, Claims
+from icymoon.settings.description import defaults, merged
 
 PAIR = "0123456789ab"
 #: All that the publication asks of the system; what pathlib, shutil and open() do goes through these.

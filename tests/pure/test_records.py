@@ -13,26 +13,27 @@ from pathlib import Path
 
 import pytest
 from icymoon import files, records, system
+from icymoon.commands.sources import settings_of
 from icymoon.errors import IcyMoonError
-from icymoon.render import cost, machine
-from icymoon.render import dataset as datasets
-from icymoon.render.claims import FOLDER, Claims
-from icymoon.render.detached import Detached
-from icymoon.render.launch import Job, read_job
-from icymoon.render.manifest import write_manifest
-from icymoon.render.pair import is_complete, read_pair, restate
-from icymoon.render.runner import Runner, Workers
-from icymoon.render.verify import verify
-from icymoon.settings import check
-from icymoon.sources import settings_of
-from icymoon.stereo import develop as stereo_develop
-from icymoon.stereo import results
+from icymoon.render.cost import estimate
+from icymoon.render.cost import speed as machine
+from icymoon.render.pairs.pair_folder import is_complete, read_pair, restate
+from icymoon.render.plans import frozen_plan as datasets
+from icymoon.render.workers.claims import FOLDER, Claims
+from icymoon.render.workers.detached import Detached
+from icymoon.render.workers.job import Job, read_job
+from icymoon.render.workers.manifest import write_manifest
+from icymoon.render.workers.runner import Runner, Workers
+from icymoon.render.workers.verify import verify
+from icymoon.settings.description import check
 from icymoon.stereo.evaluate import evaluate
-from icymoon.stereo.export import export, write_truth
-from icymoon.stereo.methods import parse_methods
-from icymoon.stereo.prepare import load
+from icymoon.stereo.export.layouts import export, write_truth
+from icymoon.stereo.images import develop as stereo_develop
+from icymoon.stereo.matchers.methods import parse_methods
+from icymoon.stereo.measure.prepare import load
 from icymoon.stereo.reexpose import reexpose
-from icymoon.stereo.rowlog import RowLog
+from icymoon.stereo.report import results
+from icymoon.stereo.report.row_log import RowLog
 from pairs import Scene, camera, write_pair
 from plans import grid
 
@@ -245,7 +246,7 @@ def test_a_bad_pair_stops_no_other_and_is_counted(broken_set, tmp_path):
     found = verify(broken_set)
     assert {problem.what for problem in found.problems if "not a table" in problem.text} == {bad}
     assert write_manifest(broken_set, {})["set_aside"].keys() == {bad}
-    assert cost.estimate(PAIRS, broken_set).there == len(PAIRS)
+    assert estimate.estimate(PAIRS, broken_set).there == len(PAIRS)
     said = []
     runner = Runner(broken_set, PAIRS, Workers(1, 1, "no Blender"), lambda kind, **facts: said.append((kind, facts)))
     assert runner.run().keys() == {bad}
@@ -260,8 +261,8 @@ def test_an_exception_of_any_kind_costs_one_pair_only(broken_set, tmp_path, monk
             raise error
         return original(pair, *arguments, **options)
 
-    from icymoon.stereo import prepare
     from icymoon.stereo import reexpose as again
+    from icymoon.stereo.measure import prepare
 
     original = stereo_develop.develop
     for module in (prepare, again):
@@ -274,7 +275,7 @@ def test_an_exception_of_any_kind_costs_one_pair_only(broken_set, tmp_path, monk
 
 
 def test_a_pair_that_cannot_be_written_in_a_layout_stops_no_other(broken_set, tmp_path, monkeypatch):
-    from icymoon.stereo import export as module
+    from icymoon.stereo.export import layouts as module
 
     def broken(pair, eye):
         if pair.pair.folder.name == PAIRS[1].id:

@@ -9,10 +9,9 @@ import subprocess
 import sys
 
 import pytest
-from icymoon import changes
-from icymoon import settings as description
-from icymoon.physics import requires
-from icymoon.physics.sky import facts, sky
+from icymoon.physics import left_out
+from icymoon.physics.light.sky import facts, sky
+from icymoon.settings import changes, description
 from icymoon.version import ROOT
 
 
@@ -26,34 +25,34 @@ SNOW = {"surface": {"subsurface_weight": 1.0, "subsurface_radius_m": 0.005}}
 def test_the_nearest_ground_is_at_the_foot_of_the_image():
     rig = described({"rig": {"height_m": 2.0, "pitch_deg": 30.0, "focal_length_mm": 30.0, "sensor_width_mm": 60.0,
                              "width_px": 640, "height_px": 640}})["rig"]
-    assert requires.nearest_m(rig) == pytest.approx(2.0 / math.sin(math.radians(30.0 + 45.0)))
-    assert requires.nearest_m({**rig, "pitch_deg": 80.0}) == 2.0  # straight down is in the image
-    assert requires.nearest_m({**rig, "pitch_deg": -60.0}) == 2.0  # no level ground is: be careful
-    assert requires.nearest_m({**rig, "overscan": 1.0}) < requires.nearest_m(rig)
+    assert left_out.nearest_m(rig) == pytest.approx(2.0 / math.sin(math.radians(30.0 + 45.0)))
+    assert left_out.nearest_m({**rig, "pitch_deg": 80.0}) == 2.0  # straight down is in the image
+    assert left_out.nearest_m({**rig, "pitch_deg": -60.0}) == 2.0  # no level ground is: be careful
+    assert left_out.nearest_m({**rig, "overscan": 1.0}) < left_out.nearest_m(rig)
 
 
 def test_a_walk_is_worth_it_where_a_pixel_is_as_small():
     """5 mm at 1.6 m: 341 px of focal length make it 1.07 px, a tenth at ten times the height."""
     settings = described(SNOW)
-    assert requires.walk_px(settings, "surface") == pytest.approx(0.005 * 341.33 / 1.6, rel=0.02)
-    assert requires.walks(settings, "surface")
+    assert left_out.walk_px(settings, "surface") == pytest.approx(0.005 * 341.33 / 1.6, rel=0.02)
+    assert left_out.walks(settings, "surface")
     high = described(SNOW, {"rig": {"height_m": 20.0}})
-    assert not requires.walks(high, "surface")
-    assert requires.shown_surface(high, "surface") == {**high["surface"], "subsurface_weight": 0.0}
-    assert requires.walks(described(SNOW, {"rig": {"height_m": 20.0}, "quality": {"walk_px": 0.0}}), "surface")
-    assert not requires.walks(described({"quality": {"walk_px": 0.0}}), "surface")
-    assert not requires.walks(described(SNOW, {"surface": {"model": "LAMBERT"}}), "surface")
+    assert not left_out.walks(high, "surface")
+    assert left_out.shown_surface(high, "surface") == {**high["surface"], "subsurface_weight": 0.0}
+    assert left_out.walks(described(SNOW, {"rig": {"height_m": 20.0}, "quality": {"walk_px": 0.0}}), "surface")
+    assert not left_out.walks(described({"quality": {"walk_px": 0.0}}), "surface")
+    assert not left_out.walks(described(SNOW, {"surface": {"model": "LAMBERT"}}), "surface")
     assert changes.look(high) != changes.look(settings)
     assert changes.look(described(SNOW, {"rig": {"pitch_deg": 50.0}})) == changes.look(settings)
 
 
 def test_what_is_left_out_is_told_with_its_reason():
     plain = described()
-    assert requires.left_out(plain, facts(sky(plain["light"]))) == []
+    assert left_out.left_out(plain, facts(sky(plain["light"]))) == []
     own = described({"rocks": {"own_surface": True, "coverage": 0.1}, "rock_surface": SNOW["surface"],
                      "rig": {"height_m": 50.0}, "light": {"planet": True, "planet_elevation_deg": -50.0},
                      "quality": {"truth": "DEPTH"}})
-    said = requires.left_out(own, facts(sky(own["light"])))
+    said = left_out.left_out(own, facts(sky(own["light"])))
     assert [line.split(":")[0] for line in said] == ["rock_surface", "light", "truth"]
     assert "5 mm is 0.03" in said[0]
 
@@ -71,7 +70,7 @@ def test_the_planet_counts_against_the_sun_of_the_ground_that_it_lights():
 
 def test_torch_is_loaded_for_networks_only():
     program = ("import sys\nimport numpy as np\nimport icymoon.stereo.cli\nimport icymoon.stereo.evaluate\n"
-               "from icymoon.stereo.methods import parse_methods\nprint(parse_methods('bm,sgbm'))\n"
+               "from icymoon.stereo.matchers.methods import parse_methods\nprint(parse_methods('bm,sgbm'))\n"
                "assert 'torch' not in sys.modules")
     subprocess.run([sys.executable, "-c", program], check=True, timeout=240, stdout=subprocess.DEVNULL)
 

@@ -10,10 +10,10 @@ from hypothesis import given
 from hypothesis import settings as budget
 from hypothesis import strategies as st
 from icymoon.errors import IcyMoonError
-from icymoon.physics.rocks import euler_xyz, places, scatter
-from icymoon.physics.shapes import FAMILIES, LEVELS, block_shapes, corners_of, icosphere
-from icymoon.physics.sizes import Golombek, PowerLaw, drawn, size_law
-from icymoon.settings import defaults, merged
+from icymoon.physics.rocks.rocks import euler_xyz, places, scatter
+from icymoon.physics.rocks.shapes import FAMILIES, LEVELS, block_shapes, corners_of, icosphere
+from icymoon.physics.rocks.size_laws import Golombek, PowerLaw, drawn, size_law
+from icymoon.settings.description import defaults, merged
 
 SIZE_M = 20.0
 

@@ -7,11 +7,11 @@ import math
 import numpy as np
 import pytest
 from icymoon.errors import IcyMoonError
-from icymoon.physics.roughness import amplitudes, wavelengths_m
-from icymoon.physics.statistics import detrended, lags, measure, power_spectrum, rms_deviation
-from icymoon.physics.structure import structure
-from icymoon.physics.terrain import advice, law_range_m, terrain
-from icymoon.settings import defaults, merged
+from icymoon.physics.terrain.roughness.roughness import amplitudes, wavelengths_m
+from icymoon.physics.terrain.roughness.statistics import detrended, lags, measure, power_spectrum, rms_deviation
+from icymoon.physics.terrain.roughness.structure_function import structure
+from icymoon.physics.terrain.terrain import advice, law_range_m, terrain
+from icymoon.settings.description import defaults, merged
 
 SIZE, N = 20.0, 1025
 SPACING = SIZE / (N - 1)

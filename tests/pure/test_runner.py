@@ -12,13 +12,14 @@ import time
 from pathlib import Path
 
 import pytest
-from icymoon import batch, system
+from icymoon import system
+from icymoon.commands import batch
 from icymoon.errors import IcyMoonError
-from icymoon.render import dataset as datasets
-from icymoon.render import runner
-from icymoon.render.claims import FOLDER, Claims
-from icymoon.render.manifest import MANIFEST
-from icymoon.render.runner import Runner, Workers
+from icymoon.render.plans import frozen_plan as datasets
+from icymoon.render.workers import runner
+from icymoon.render.workers.claims import FOLDER, Claims
+from icymoon.render.workers.manifest import MANIFEST
+from icymoon.render.workers.runner import Runner, Workers
 from plans import grid
 
 PAIRS = grid(seeds=3)  # of two lights and two headings each

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from icymoon.physics import sampling
-from icymoon.physics.seeds import generator
+from icymoon.physics.random_numbers import sampling
+from icymoon.physics.random_numbers.seeds import generator
 
 
 def randoms(dimensions, seed=1):

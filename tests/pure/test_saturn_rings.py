@@ -5,14 +5,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from icymoon import settings
-from icymoon.physics.planetshine import Planet, Ring, disc, irradiance_wm2, unshaded_share
-from icymoon.physics.saturn_rings import RINGS, brightness, phase_function, rings, shadow_half_angle
-from icymoon.physics.sky import sky
+from icymoon.physics.light.planetshine import Planet, Ring, disc, irradiance_wm2, unshaded_share
+from icymoon.physics.light.saturn_rings import RINGS, brightness, phase_function, rings, shadow_half_angle
+from icymoon.physics.light.sky import sky
+from icymoon.settings import description
 
 pytestmark = pytest.mark.filterwarnings("error")
 
-ENCELADUS = settings.merged(settings.defaults(), settings.load(settings.preset_path("bodies/enceladus")))["light"]
+ENCELADUS = description.merged(
+    description.defaults(), description.load(description.preset_path("bodies/enceladus")))["light"]
 
 
 def dated(date, latitude):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from icymoon.physics.seeds import STREAMS, generator, stream
+from icymoon.physics.random_numbers.seeds import STREAMS, generator, stream
 
 
 def test_streams_are_the_spawned_children_of_the_seed():

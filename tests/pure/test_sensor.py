@@ -2,8 +2,7 @@
 
 import numpy as np
 import pytest
-from icymoon.physics.photons import electron_rate
-from icymoon.physics.sensor import (
+from icymoon.physics.camera.sensor import (
     LONGEST_S,
     SHORTEST_S,
     bloomed,
@@ -16,8 +15,9 @@ from icymoon.physics.sensor import (
     gain_dn_per_e,
     noise_generator,
 )
-from icymoon.properties import SENSOR
-from icymoon.settings import defaults
+from icymoon.physics.light.photons import electron_rate
+from icymoon.settings.description import defaults
+from icymoon.settings.table import SENSOR
 
 pytestmark = pytest.mark.filterwarnings("error")
 

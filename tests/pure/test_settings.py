@@ -13,9 +13,10 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from icymoon import schema, settings
 from icymoon.errors import IcyMoonError
-from icymoon.properties import EFFECTS, TOPICS, all_settings
+from icymoon.settings import description as settings
+from icymoon.settings import pair_ids
+from icymoon.settings.table import EFFECTS, TOPICS, all_settings
 from olddata import upgrade_all
 
 
@@ -203,26 +204,26 @@ FIRST = "70cd178c3f77f6c77093317a1089032e8c3a876736ebd893c4ed2f8ff4c3b24f"
 
 
 def schema_faults() -> list[str]:
-    """Where the table of settings and ``schema.json`` do not agree, each with the mend."""
-    table = schema.SCHEMA
+    """Where the table of settings and ``settings/pair_ids.json`` do not agree, each with the mend."""
+    table = pair_ids.SCHEMA
     first = {table["renamed"].get(name, name): name in table["counted"]
              for name in (*table["counted"], *table["not_counted"])}
     there = {f"{topic}.{setting.key}": setting for topic, setting in all_settings()}
     parts = {f"{name}.{part.key}": part for name, setting in there.items() for part in setting.entries}
     known = {*first, *table["later"], *(f"{name}.{part}" for name, keys in table["entries"].items() for part in keys)}
     return [
-        *(f'{name} is new: add it to schema.json under "later", with the value that renders what was rendered before '
+        *(f'{name} is new: add it to pair_ids.json under "later", with the value that renders what was rendered before '
           "there was it, and if it is a list its keys under entries." for name in sorted({*there, *parts} - known)),
-        *(f'{name} is no setting any more: add it to schema.json under "renamed" or "gone".'
+        *(f'{name} is no setting any more: add it to settings/pair_ids.json under "renamed" or "gone".'
           for name in sorted(known - there.keys() - parts.keys() - table["gone"].keys())),
         *(f"{name} counted in ids: {counted}; its effect may not change that." for name, counted in first.items()
-          if name in there and schema.counts(there[name]) != counted),
-        *(f"{name}: its value in schema.json is {value!r}, which is not canonical." for name, value in
+          if name in there and pair_ids.counts(there[name]) != counted),
+        *(f"{name}: its value in settings/pair_ids.json is {value!r}, which is not canonical." for name, value in
           table["later"].items() if not _is_canonical(name, {**there, **parts}.get(name), value))]
 
 
 def _is_canonical(name, setting, value) -> bool:
-    return setting is None or settings._checked(setting, value, name, "schema.json", False) == value
+    return setting is None or settings._checked(setting, value, name, "settings/pair_ids.json", False) == value
 
 
 def test_every_setting_says_what_was_done_before_there_was_it():
@@ -230,14 +231,14 @@ def test_every_setting_says_what_was_done_before_there_was_it():
 
 
 def test_what_ids_are_made_of_has_not_changed_since_the_first_version():
-    frozen = json.dumps([schema.SCHEMA["counted"], schema.SCHEMA["not_counted"],
-                         schema.SCHEMA["entries"]["terrain.layers"]])
+    frozen = json.dumps([pair_ids.SCHEMA["counted"], pair_ids.SCHEMA["not_counted"],
+                         pair_ids.SCHEMA["entries"]["terrain.layers"]])
     assert hashlib.sha256(frozen.encode()).hexdigest() == FIRST
 
 
 def _of_the_first_version(described, extra: str) -> str:
     """The id as version 0.1.0 made it."""
-    counted = [[name, described[name.split(".")[0]][name.split(".")[1]]] for name in schema.SCHEMA["counted"]]
+    counted = [[name, described[name.split(".")[0]][name.split(".")[1]]] for name in pair_ids.SCHEMA["counted"]]
     return hashlib.sha256(json.dumps([counted, extra]).encode()).hexdigest()[:12]
 
 
@@ -294,7 +295,7 @@ def test_a_setting_may_get_another_name_and_no_id_changes(monkeypatch):
     surface = TOPICS["surface"]
     monkeypatch.setitem(TOPICS, "surface", replace(surface, settings=tuple(
         replace(s, key="whiteness") if s.key == "albedo" else s for s in surface.settings)))
-    monkeypatch.setitem(schema.SCHEMA["renamed"], "surface.albedo", "surface.whiteness")
+    monkeypatch.setitem(pair_ids.SCHEMA["renamed"], "surface.albedo", "surface.whiteness")
     assert schema_faults() == []
     now = settings.restored(old, "pair.json")
     assert now["surface"]["whiteness"] == 0.5
@@ -310,7 +311,7 @@ def test_a_setting_may_go_and_no_id_changes(monkeypatch):
     hollows = TOPICS["hollows"]
     monkeypatch.setitem(TOPICS, "hollows", replace(hollows, settings=tuple(
         s for s in hollows.settings if s.key != "elongation")))
-    monkeypatch.setitem(schema.SCHEMA["gone"], "hollows.elongation", 1.0)
+    monkeypatch.setitem(pair_ids.SCHEMA["gone"], "hollows.elongation", 1.0)
     assert schema_faults() == []
     assert settings.digest(settings.defaults()) == ids[0]
     assert settings.digest(settings.restored(old, "pair.json")) == ids[1]

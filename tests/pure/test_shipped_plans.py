@@ -7,9 +7,9 @@ from collections import Counter
 
 import pytest
 from icymoon.errors import IcyMoonError
-from icymoon.properties import TOPICS
-from icymoon.render.sweep import Plan, plan_header, plan_path, read_plan
-from icymoon.settings import plan_names, preset_names, read_toml
+from icymoon.render.plans.plan_file import Plan, plan_header, plan_path, read_plan
+from icymoon.settings.description import plan_names, preset_names, read_toml
+from icymoon.settings.table import TOPICS
 
 #: Pairs of each type, and how many values of each factor, as counted in the public configuration (Bhaskara et al.
 #: 2024: 3060 of reconstructions and 1960 synthetic pairs).

@@ -11,9 +11,9 @@ from dataclasses import replace
 
 import pytest
 from icymoon.errors import IcyMoonError
-from icymoon.render import dataset as datasets
-from icymoon.render.order import ordered, share
-from icymoon.render.slurm import Request, ranges, write_script
+from icymoon.render.plans import frozen_plan as datasets
+from icymoon.render.plans.order import ordered, share
+from icymoon.render.workers.slurm_scripts import Request, ranges, write_script
 from plans import grid
 from test_runner import Stand
 

@@ -11,10 +11,10 @@ from pathlib import Path
 
 import pytest
 import slurm
-from icymoon.render import dataset as datasets
-from icymoon.render.order import ordered
-from icymoon.render.slurm import Request, write_script
-from icymoon.render.verify import verify
+from icymoon.render.plans import frozen_plan as datasets
+from icymoon.render.plans.order import ordered
+from icymoon.render.workers.slurm_scripts import Request, write_script
+from icymoon.render.workers.verify import verify
 from plans import grid
 from test_runner import Stand
 

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import pytest
-from icymoon import settings as description
+from icymoon.commands.sources import BY_HAND, DEFAULT, origins
 from icymoon.errors import IcyMoonError
-from icymoon.sources import BY_HAND, DEFAULT, origins
+from icymoon.settings import description
 
 
 def described(*presets: str, **changes: dict) -> description.Settings:

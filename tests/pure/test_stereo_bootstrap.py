@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from icymoon.stereo.bootstrap import clusters_of, intervals
+from icymoon.stereo.report.bootstrap import clusters_of, intervals
 
 pytestmark = pytest.mark.filterwarnings("error")
 

@@ -7,12 +7,12 @@ import numpy as np
 import pairs
 import pytest
 from icymoon.errors import IcyMoonError
-from icymoon.render.pair import read_pair
-from icymoon.settings import defaults, merged
+from icymoon.render.pairs.pair_folder import read_pair
+from icymoon.settings.description import defaults, merged
 from icymoon.stereo.cli import main
-from icymoon.stereo.develop import develop, grey, to_8_bit, weighted
-from icymoon.stereo.exr import read_light, read_view
-from icymoon.stereo.exr_parts import only_passes
+from icymoon.stereo.images.develop import develop, grey, to_8_bit, weighted
+from icymoon.stereo.images.exr import read_light, read_view
+from icymoon.stereo.images.exr_passes import only_passes
 
 pytestmark = pytest.mark.filterwarnings("error")
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from icymoon.stereo.dod import depth_order_disagreement, sampled_disagreement
+from icymoon.stereo.measure.depth_order import depth_order_disagreement, sampled_disagreement
 
 pytestmark = pytest.mark.filterwarnings("error")
 

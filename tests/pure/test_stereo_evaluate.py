@@ -13,9 +13,9 @@ import pairs
 import pytest
 from icymoon.errors import IcyMoonError
 from icymoon.stereo.evaluate import evaluate
-from icymoon.stereo.methods import parse_methods
-from icymoon.stereo.pictures import INVALID_GREY, SKY_GREY, depth_scale, error_picture, with_bar
-from icymoon.stereo.rowlog import RowLog
+from icymoon.stereo.images.colours import INVALID_GREY, SKY_GREY, depth_scale, error_picture, with_bar
+from icymoon.stereo.matchers.methods import parse_methods
+from icymoon.stereo.report.row_log import RowLog
 
 pytestmark = pytest.mark.filterwarnings("error")
 

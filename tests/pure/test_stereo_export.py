@@ -13,9 +13,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from icymoon.errors import IcyMoonError
-from icymoon.stereo.export import FORMATS, export, things, write_truth
-from icymoon.stereo.exr import read_view
-from icymoon.stereo.formats import read_pfm, run_lengths, scaled, write_pfm, write_scaled
+from icymoon.stereo.export.encodings import read_pfm, run_lengths, scaled, write_pfm, write_scaled
+from icymoon.stereo.export.layouts import FORMATS, export, things, write_truth
+from icymoon.stereo.images.exr import read_view
 
 pytestmark = pytest.mark.filterwarnings("error")
 

@@ -5,7 +5,7 @@ import OpenEXR
 import pairs
 import pytest
 from icymoon.errors import IcyMoonError
-from icymoon.stereo.exr import read_view
+from icymoon.stereo.images.exr import read_view
 
 SCENE = pairs.Scene(sky_rows=12)
 LAYOUTS = ["4.x", "4.x view", "5.x"]

@@ -7,9 +7,9 @@ import numpy as np
 import pairs
 import pytest
 from icymoon.stereo.evaluate import evaluate
-from icymoon.stereo.measure import NUMBERS, common_numbers, own_numbers
-from icymoon.stereo.methods import parse_methods
-from icymoon.stereo.prepare import prepare
+from icymoon.stereo.matchers.methods import parse_methods
+from icymoon.stereo.measure.prepare import prepare
+from icymoon.stereo.measure.row import NUMBERS, common_numbers, own_numbers
 
 pytestmark = pytest.mark.filterwarnings("error")
 

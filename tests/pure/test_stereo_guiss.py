@@ -4,8 +4,8 @@ import math
 
 import numpy as np
 import pytest
-from icymoon.stereo.guiss import depth_map_metrics, lattice, reference_metrics
-from icymoon.stereo.metrics import depth_metrics
+from icymoon.stereo.measure.guiss_metrics import depth_map_metrics, lattice, reference_metrics
+from icymoon.stereo.measure.metrics import depth_metrics
 
 pytestmark = pytest.mark.filterwarnings("error")
 

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
-from icymoon.stereo.metrics import (
+from icymoon.stereo.measure.metrics import (
     DEPTH_METRICS,
     DISPARITY_METRICS,
     ERROR_STEPS_M,

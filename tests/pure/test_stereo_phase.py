@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from icymoon.settings import defaults, load, merged, preset_path
-from icymoon.stereo.charts import charts
-from icymoon.stereo.phase import MOST, PHASE_DEG, curves
+from icymoon.settings.description import defaults, load, merged, preset_path
+from icymoon.stereo.report.charts import charts
+from icymoon.stereo.report.phase_curves import MOST, PHASE_DEG, curves
 
 
 def facts(*parts: dict) -> dict:

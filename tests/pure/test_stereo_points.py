@@ -6,12 +6,12 @@ import numpy as np
 import pairs
 import pytest
 from icymoon.errors import IcyMoonError
-from icymoon.physics import ply
-from icymoon.render.pair import read_pair
+from icymoon.formats import ply
+from icymoon.render.pairs.pair_folder import read_pair
 from icymoon.stereo.evaluate import evaluate
-from icymoon.stereo.methods import parse_methods
-from icymoon.stereo.points import MOST_POINTS, measured_points, signed_colours, write_points
-from icymoon.stereo.prepare import prepare
+from icymoon.stereo.export.points import MOST_POINTS, measured_points, signed_colours, write_points
+from icymoon.stereo.matchers.methods import parse_methods
+from icymoon.stereo.measure.prepare import prepare
 
 pytestmark = pytest.mark.filterwarnings("error")
 

@@ -12,11 +12,11 @@ import numpy as np
 import pairs
 import pytest
 from icymoon.stereo.evaluate import evaluate
-from icymoon.stereo.factors import MOST_LEVELS, Sweep, effect, scene_of, swept_settings
-from icymoon.stereo.measure import NUMBERS
-from icymoon.stereo.methods import parse_methods
-from icymoon.stereo.report import MOST_PAIRS, choose_pairs
-from icymoon.stereo.summary import Table, summary
+from icymoon.stereo.matchers.methods import parse_methods
+from icymoon.stereo.measure.row import NUMBERS
+from icymoon.stereo.report.by_setting import MOST_LEVELS, Sweep, effect, scene_of, swept_settings
+from icymoon.stereo.report.html import MOST_PAIRS, choose_pairs
+from icymoon.stereo.report.summary import Table, summary
 
 pytestmark = pytest.mark.filterwarnings("error")
 

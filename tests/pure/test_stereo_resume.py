@@ -13,8 +13,8 @@ import pytest
 from icymoon.errors import IcyMoonError
 from icymoon.stereo import evaluate as module
 from icymoon.stereo.evaluate import evaluate
-from icymoon.stereo.methods import parse_methods
-from icymoon.stereo.rowlog import Lazy, RowLog
+from icymoon.stereo.matchers.methods import parse_methods
+from icymoon.stereo.report.row_log import Lazy, RowLog
 
 pytestmark = pytest.mark.filterwarnings("error")
 

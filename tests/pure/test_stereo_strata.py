@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from icymoon.stereo.strata import (
+from icymoon.stereo.measure.by_pixel_class import (
     FACTORS,
     RANGE,
     SUMS,

@@ -8,13 +8,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from icymoon.errors import IcyMoonError
-from icymoon.render.tolerance import share, tolerance
-from icymoon.render.variants import GROUPS
-from icymoon.stereo.methods import parse_methods
-from icymoon.stereo.tiles import jackknife, tile_sums
-from icymoon.stereo.trade import front, measure, number, read_reference
-from icymoon.stereo.trade_advice import advice, fronts, steps
-from icymoon.stereo.trade_report import write_trade
+from icymoon.render.cost.tolerance import share, tolerance
+from icymoon.render.cost.variants import GROUPS
+from icymoon.stereo.matchers.methods import parse_methods
+from icymoon.stereo.measure.jackknife import jackknife, tile_sums
+from icymoon.stereo.trade.advice import advice, fronts, steps
+from icymoon.stereo.trade.losses import front, measure, number, read_reference
+from icymoon.stereo.trade.report import write_trade
 
 METHODS = parse_methods("sgbm,bm")
 SCENE = pairs.Scene(contrast=0.4)
@@ -220,8 +220,8 @@ def test_what_noise_may_change_is_what_it_does_change(truth, tmp_path):
 
 
 def test_numbers_are_those_of_the_metrics(truth):
-    from icymoon.stereo.metrics import disparity_metrics
-    from icymoon.stereo.trade import numbers, tally
+    from icymoon.stereo.measure.metrics import disparity_metrics
+    from icymoon.stereo.trade.losses import numbers, tally
 
     random = np.random.default_rng(1)
     true = np.where(random.random((37, 53)) < 0.2, np.nan, 20.0)

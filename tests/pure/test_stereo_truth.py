@@ -5,8 +5,8 @@ import dataclasses
 import numpy as np
 import pairs
 import pytest
-from icymoon.stereo.exr import read_view
-from icymoon.stereo.truth import scene_depth, visible_in_left, visible_in_right
+from icymoon.stereo.images.disparity_and_occlusion import scene_depth, visible_in_left, visible_in_right
+from icymoon.stereo.images.exr import read_view
 
 pytestmark = pytest.mark.filterwarnings("error")
 

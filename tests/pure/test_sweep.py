@@ -11,11 +11,11 @@ import pytest
 from hypothesis import given
 from hypothesis import settings as trials
 from hypothesis import strategies as st
-from icymoon import settings
-from icymoon.physics.directions import camera_axes
-from icymoon.physics.sites import standing
-from icymoon.render.plan import expand
-from icymoon.render.sweep import read_plan
+from icymoon.physics.light.directions import camera_axes
+from icymoon.physics.terrain.sites import standing
+from icymoon.render.plans.plan_file import read_plan
+from icymoon.render.plans.planned_pair import expand
+from icymoon.settings import description
 
 HEAD = '[plan]\ntitle = "Test"\n'
 
@@ -37,14 +37,15 @@ def taken(pairs, name):
 
 def test_a_plan_without_sweeps_is_the_pair_that_its_settings_make(plan):
     (pair,) = plan(HEAD + 'include = ["rigs/mer_navcam"]\n[terrain]\nrms_slope_deg = 5').pairs()
-    described = settings.merged(settings.defaults(), settings.load(settings.preset_path("rigs/mer_navcam")),
+    described = description.merged(description.defaults(), description.load(description.preset_path("rigs/mer_navcam")),
                                 {"terrain": {"rms_slope_deg": 5.0}})
     assert pair == expand(described)[0]
 
 
 def test_headings_of_the_data_set_are_pairs_of_their_own(plan):
     pairs = plan("[dataset]\nheadings = 4\n[rig]\nheading_deg = 123.456").pairs()
-    described = settings.merged(settings.defaults(), {"dataset": {"headings": 4}, "rig": {"heading_deg": 123.456}})
+    described = description.merged(description.defaults(), {
+        "dataset": {"headings": 4}, "rig": {"heading_deg": 123.456}})
     assert [p.id for p in pairs] == [p.id for p in expand(described)]
     assert [p.turn_deg for p in pairs] == [0.0] * 4
     # What a pair says of itself makes that pair, and no other.

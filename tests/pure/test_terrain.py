@@ -10,10 +10,10 @@ import pytest
 from hypothesis import given
 from hypothesis import settings as hypothesis
 from hypothesis import strategies as st
-from icymoon.physics.landforms import MAKERS
-from icymoon.physics.terrain import Terrain, advice, terrain
-from icymoon.properties import TOPICS
-from icymoon.settings import Settings, check, defaults, load, merged, preset_names, preset_path
+from icymoon.physics.terrain.landforms import MAKERS
+from icymoon.physics.terrain.terrain import Terrain, advice, terrain
+from icymoon.settings.description import Settings, check, defaults, load, merged, preset_names, preset_path
+from icymoon.settings.table import TOPICS
 
 #: Every landform at once, two layers, snow and a slope.
 EVERYTHING = check({

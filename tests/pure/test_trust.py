@@ -8,14 +8,14 @@ import json
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from icymoon import settings, trust
 from icymoon.errors import IcyMoonError
-from icymoon.properties import Setting, all_settings
-from icymoon.render import dataset
-from icymoon.render.sweep import read_plan
+from icymoon.render.plans import frozen_plan
+from icymoon.render.plans.plan_file import read_plan
+from icymoon.settings import description, trust
+from icymoon.settings.table import Setting, all_settings
 from icymoon.stereo.matchers import METHODS
+from icymoon.stereo.matchers.methods import parse_methods
 from icymoon.stereo.matchers.options import Option
-from icymoon.stereo.methods import parse_methods
 from icymoon.version import ROOT
 
 MODULES = {name: importlib.import_module(f"icymoon.stereo.matchers.{name}") for name in METHODS}
@@ -47,24 +47,24 @@ def test_a_description_may_set_an_option_exactly_if_it_names_no_program(name, op
     described = {"dataset": {"methods": f"bm, {name}:{option.key}={option.default or 'x'}"}}
     if option.range == "text":
         with pytest.raises(IcyMoonError, match=REFUSED):
-            settings.check(described, "scene.toml")
+            description.check(described, "scene.toml")
     else:
-        assert settings.check(described, "scene.toml") == described
+        assert description.check(described, "scene.toml") == described
 
 
 def _in_a_settings_file(folder):
-    (folder / "scene.toml").write_text(settings.to_toml({"dataset": {"methods": EVIL}}), encoding="utf-8")
-    settings.load(folder / "scene.toml")
+    (folder / "scene.toml").write_text(description.to_toml({"dataset": {"methods": EVIL}}), encoding="utf-8")
+    description.load(folder / "scene.toml")
 
 
 def _in_a_plan(folder):
-    (folder / "plan.toml").write_text('[plan]\ntitle = "Evil"\n' + settings.to_toml({"dataset": {"methods": EVIL}}),
+    (folder / "plan.toml").write_text('[plan]\ntitle = "Evil"\n' + description.to_toml({"dataset": {"methods": EVIL}}),
                                       encoding="utf-8")
     read_plan(folder / "plan.toml").pairs()
 
 
 def _in_an_override(folder):
-    settings.override(f"dataset.methods={EVIL}")
+    description.override(f"dataset.methods={EVIL}")
 
 
 @pytest.mark.parametrize("read", [_in_a_settings_file, _in_a_plan, _in_an_override])
@@ -75,13 +75,13 @@ def test_it_is_refused_wherever_it_comes_from(read, tmp_path):
 
 def test_it_is_left_out_of_what_an_earlier_version_has_stored(tmp_path):
     """A data set with it can still be rendered and measured, as everything in it but how to run."""
-    stored = settings.merged(settings.defaults(), {"dataset": {"methods": EVIL}})
-    header = {"format": dataset.FORMAT, "version": dataset.VERSION, "pairs": 1, "plan": "", "icymoon": "0.1.0",
+    stored = description.merged(description.defaults(), {"dataset": {"methods": EVIL}})
+    header = {"format": frozen_plan.FORMAT, "version": frozen_plan.VERSION, "pairs": 1, "plan": "", "icymoon": "0.1.0",
               "settings": stored}
     line = {"id": "0" * 12, "changes": {"dataset": {"methods": EVIL}}}
-    (tmp_path / dataset.PLAN).write_text(json.dumps(header) + "\n" + json.dumps(line) + "\n", encoding="utf-8")
-    assert dataset.read(tmp_path).pairs[0].settings == settings.defaults()
-    assert settings.restored(stored, "pair.json") == settings.defaults()
+    (tmp_path / frozen_plan.PLAN).write_text(json.dumps(header) + "\n" + json.dumps(line) + "\n", encoding="utf-8")
+    assert frozen_plan.read(tmp_path).pairs[0].settings == description.defaults()
+    assert description.restored(stored, "pair.json") == description.defaults()
 
 
 _pieces = st.sampled_from(["external", "igev", "own", "mine", "bm", ":", ",", "=", " ", "\t", "\u00a0", "command",
@@ -92,7 +92,7 @@ _pieces = st.sampled_from(["external", "igev", "own", "mine", "bm", ":", ",", "=
 def test_what_passes_the_gate_gives_the_evaluator_no_program(text):
     """The gate and the evaluator must split a list alike, or what one passes over the other would run."""
     try:
-        settings.check({"dataset": {"methods": text}}, "test")
+        description.check({"dataset": {"methods": text}}, "test")
     except IcyMoonError:
         return
     try:
@@ -106,7 +106,7 @@ def test_what_passes_the_gate_gives_the_evaluator_no_program(text):
 
 def test_one_s_own_matcher_is_named_and_takes_harmless_options_from_a_description():
     own = [r"mine:external:command=sh C:\run,me.sh {left} {right} {out}", "mine:external:format=pfm"]
-    described = settings.check({"dataset": {"methods": "bm,own:mine:timeout_s=5"}}, "scene.toml")
+    described = description.check({"dataset": {"methods": "bm,own:mine:timeout_s=5"}}, "scene.toml")
     bm, mine = parse_methods(described["dataset"]["methods"], own=own)
     assert (bm.name, bm.options) == ("bm", {})
     assert (mine.label, mine.name) == ("own:mine:timeout_s=5", "external")

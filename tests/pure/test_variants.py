@@ -1,10 +1,10 @@
 """The ways to compute a scene: each differs from it in what its group names, and in nothing else."""
 
 import pytest
-from icymoon import settings as description
 from icymoon.errors import IcyMoonError
-from icymoon.render.cost import work_of
-from icymoon.render.variants import GROUPS, SHAPES, candidates, leaner, reference, variants
+from icymoon.render.cost.estimate import work_of
+from icymoon.render.cost.variants import GROUPS, SHAPES, candidates, leaner, reference, variants
+from icymoon.settings import description
 
 SCENES = ("enceladus_fresh_snow", "europa_rough_ice", "europa_ridged_plain_hapke")
 #: Settings that each group may change.
@@ -105,8 +105,8 @@ def test_hapkes_ice_is_as_bright_as_the_snow_that_it_stands_for():
     (hapke,) = (v for v in variants(base, ["subsurface"]) if v.name == "Hapke")
     from math import radians
 
-    from icymoon.physics.hapke import bidirectional_reflectance, from_settings
-    from icymoon.physics.photometry import hemispherical_albedo
+    from icymoon.physics.surfaces.hapke import bidirectional_reflectance, from_settings
+    from icymoon.physics.surfaces.photometry import hemispherical_albedo
     parameters = from_settings(hapke.settings["hapke"])
     assert float(hemispherical_albedo(lambda i, e, psi: bidirectional_reflectance(i, e, psi, parameters),
                                       radians(60))) == pytest.approx(0.8, abs=1e-6)

@@ -14,15 +14,15 @@ import pairs
 import pytest
 from icymoon import files, system
 from icymoon.errors import IcyMoonError
-from icymoon.render import dataset as datasets
-from icymoon.render import runner as running
-from icymoon.render.claims import Claims
-from icymoon.render.detached import Detached, left_running
-from icymoon.render.pair import is_complete
-from icymoon.render.publish import publish
-from icymoon.render.queue import Process
-from icymoon.render.runner import Runner, Workers
-from icymoon.render.verify import verify
+from icymoon.render.pairs.pair_folder import is_complete
+from icymoon.render.pairs.publish import publish
+from icymoon.render.plans import frozen_plan as datasets
+from icymoon.render.workers import runner as running
+from icymoon.render.workers.claims import Claims
+from icymoon.render.workers.detached import Detached, left_running
+from icymoon.render.workers.process import Process
+from icymoon.render.workers.runner import Runner, Workers
+from icymoon.render.workers.verify import verify
 from icymoon.version import ROOT
 from plans import grid
 from windows import Windows, wait_until
@@ -197,7 +197,7 @@ def test_what_is_said_is_utf8_also_into_a_pipe(drive):
 
 TALKS = ("import sys; sys.path[:0] = {path!r}\n"
          "from icymoon import system\n"
-         "from icymoon.render.queue import emit\n"
+         "from icymoon.render.workers.process import emit\n"
          "import time\n"
          "system.obey_starter({at_once})\n"
          "emit('progress', fraction=0)\n"
@@ -237,7 +237,7 @@ def test_a_process_that_does_not_listen_is_ended(drive):
 
 
 def test_a_process_ends_with_the_one_that_started_it(drive):
-    starter = (f"import sys; sys.path[:0] = {sys.path!r}\nfrom icymoon.render.queue import Process\n"
+    starter = (f"import sys; sys.path[:0] = {sys.path!r}\nfrom icymoon.render.workers.process import Process\n"
                f"process = Process({talks()!r})\nprint(process.pid, flush=True)\nimport os, time; time.sleep(600)")
     parent = subprocess.Popen([sys.executable, "-c", starter], stdout=subprocess.PIPE)
     child = int(parent.stdout.readline())
@@ -413,7 +413,8 @@ def test_a_batch_that_is_stopped_leaves_nothing_but_pairs_and_the_next_one_goes_
 
 def test_the_claim_of_a_process_that_was_ended_is_given_to_the_next_at_once(drive):
     program = (f"import sys; sys.path[:0] = {sys.path!r}\nfrom pathlib import Path\n"
-               f"from icymoon.render.claims import Claims\nClaims(Path({str(drive / 'set')!r})).take({PAIRS[0].id!r})\n"
+               f"from icymoon.render.workers.claims import Claims\n"
+               f"Claims(Path({str(drive / 'set')!r})).take({PAIRS[0].id!r})\n"
                "print(flush=True); import time; time.sleep(600)")
     process = subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE)
     process.stdout.readline()

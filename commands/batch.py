@@ -1,0 +1,238 @@
+"""The verbs that make whole data sets: ``batch``, ``work`` (a share of one) and ``verify``."""
+
+from __future__ import annotations
+
+import argparse
+import re
+import shlex
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any
+
+from ..errors import IcyMoonError
+from ..files import shortened
+from ..render.cost.abilities import require
+from ..render.pairs.pair_folder import is_complete
+from ..render.plans import frozen_plan as datasets
+from ..render.plans.order import ordered, share
+from ..render.plans.planned_pair import PlannedPair
+from ..render.workers.job import python_command
+from ..render.workers.manifest import write_manifest
+from ..render.workers.process import clean_environment, emit, errors_told
+from ..render.workers.runner import Runner, Workers
+from ..render.workers.slurm_scripts import Request, write_script
+from ..render.workers.verify import verify
+from ..system import call_ours, processors, stop_by
+from ..terminal import as_path, shown
+
+Say = Callable[..., None]
+#: Threads that a worker has, where the machine has that many: sampling scales well up to there.
+_THREADS = 4
+
+
+def add_verbs(verbs: Any) -> None:
+    """Add the verbs to the command line's parser."""
+    batch = verbs.add_parser("batch", help="render the data set that a plan describes, and go on where it stopped")
+    batch.add_argument("plan", help="plan of the data set: a TOML file, or the name of a shipped one")
+    batch.add_argument("--out", type=as_path, required=True, metavar="DATASET", help="folder of the data set")
+    batch.add_argument("--evaluate", metavar="METHODS", help="then match its pairs with these, separated by commas")
+    batch.add_argument("--own", action="append", default=[], metavar="NAME:METHOD:KEY=VALUE",
+                       help="option of a matcher of your own, which --evaluate then names as own:NAME; may repeat")
+    batch.add_argument("--evaluator", metavar="PYTHON", help="Python that matches them (this Python)")
+    batch.add_argument("--set", action="append", default=[], metavar="sensor.KEY=VALUE",
+                       help="another camera response to match them with than they were rendered for")
+    batch.add_argument("--dask", metavar="ADDRESS", help="render on the Dask cluster whose scheduler is there, as in "
+                       "tcp://host:8786, or on N of its processes here with local:N")
+    _how(batch)
+    batch.set_defaults(run=_batch)
+
+    work = verbs.add_parser("work", help="render a share of a data set that icymoon batch or slurm has planned")
+    work.add_argument("dataset", type=as_path, metavar="DATASET", help="folder of the data set")
+    work.add_argument("--shard", default="1/1", metavar="I/N", help="share I of N, counted from 1 (%(default)s)")
+    _how(work)
+    work.set_defaults(run=_work)
+
+    slurm = verbs.add_parser("slurm", help="write the job script that renders a data set on a cluster with SLURM")
+    slurm.add_argument("plan", help="plan of the data set: a TOML file, or the name of a shipped one")
+    slurm.add_argument("--out", type=as_path, required=True, metavar="DATASET", help="folder that all machines see")
+    slurm.add_argument("--shards", type=int, required=True, metavar="N", help="shares, each a job of the array")
+    slurm.add_argument("--at-once", type=int, default=0, metavar="N", help="shares that run at the same time (all)")
+    slurm.add_argument("--cpus", type=int, default=8, metavar="N", help="processors of each (%(default)s)")
+    slurm.add_argument("--memory", default="8G", help="memory of each (%(default)s)")
+    slurm.add_argument("--time", default="04:00:00", help="time of each; what is left then is requeued (%(default)s)")
+    slurm.add_argument("--sbatch", action="append", default=[], metavar="OPTION",
+                       help="further option of sbatch, as in --sbatch=--partition=long; may repeat")
+    slurm.add_argument("--python", default=sys.executable, help="Python on the cluster's machines (this Python)")
+    slurm.add_argument("--blender", default=sys.executable, help="Blender there, or a Python with bpy (this Python)")
+    slurm.set_defaults(run=_slurm)
+
+    check = verbs.add_parser("verify", help="check every file of a data set, and say what is missing or wrong")
+    check.add_argument("dataset", type=as_path, metavar="DATASET", help="folder of the data set")
+    check.add_argument("--remove", action="store_true",
+                       help="remove broken pairs and leftovers, so that icymoon batch makes them again")
+    check.add_argument("--json", action="store_true", help="say it in JSON lines")
+    check.set_defaults(run=_verify)
+
+
+def _how(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--workers", type=int, metavar="N", help="processes that render (one for four processors)")
+    parser.add_argument("--threads-per-worker", type=int, metavar="N", help="threads of each (all, divided evenly)")
+    parser.add_argument("--scenes-per-worker", type=int, default=50, metavar="N",
+                        help="scenes after which a process is replaced by a fresh one (%(default)s)")
+    parser.add_argument("--blender", default=sys.executable, help="Blender, or a Python with bpy (this Python)")
+    parser.add_argument("--json", action="store_true", help="say what happens in JSON lines")
+
+
+def workers(options: argparse.Namespace) -> Workers:
+    """How to render, from the options of ``_how``. Raises IcyMoonError for what cannot be."""
+    for name in ("workers", "threads_per_worker", "scenes_per_worker"):
+        value = getattr(options, name)
+        if value is not None and value < 1:
+            raise IcyMoonError(f"--{name.replace('_', '-')} is {value}; give 1 or more.")
+    count = options.workers or max(1, processors() // _THREADS)
+    threads = options.threads_per_worker or max(1, processors() // count)
+    return Workers(count, threads, options.blender, options.scenes_per_worker)
+
+
+@contextmanager
+def _voice(as_json: bool) -> Iterator[Say]:
+    """Where messages go: standard output as JSON lines, or a progress bar for a person."""
+    if as_json:
+        yield emit
+        return
+    with shown("Starting Blender") as show:
+        yield lambda kind, **facts: show({"type": kind, **facts})
+
+
+def _stop(number: int, frame: Any) -> None:
+    raise KeyboardInterrupt
+
+
+def render(dataset: Path, pairs: list[PlannedPair], how: Workers, say: Say, dask: str | None = None) -> int:
+    """Render what is missing of these pairs; the exit status: 0, or 1 if some were set aside."""
+    stop_by(_stop)
+    failed: dict[str, str] = {}
+    try:
+        if dask:
+            from ..render.workers import dask_cluster
+
+            failed = dask_cluster.run(dask, dataset, pairs, how, say)
+        else:
+            runner = Runner(dataset, pairs, how, say)
+            failed = runner.failed
+            runner.run()
+    except BaseException:
+        with suppress(IcyMoonError):  # what ended the run is the cause to tell
+            write_manifest(dataset, failed)
+        raise
+    write_manifest(dataset, failed)
+    say("done", pairs=len(pairs) - len(failed), failed=failed)
+    return 1 if failed else 0
+
+
+def _frozen(plan: str, dataset: Path, blender: str = "") -> datasets.Frozen:
+    """The data set that a plan asks for, frozen into its folder with its pairs in the order to render them in.
+
+    Where a ``blender`` is named that is to render them, IcyMoonError is raised before if it cannot.
+    """
+    from ..render.plans.plan_file import plan_path, read_plan
+
+    read = read_plan(plan_path(plan))
+    if unchecked := read.unchecked():
+        print(f"icymoon: {unchecked}", file=sys.stderr)
+    pairs = ordered(read.pairs())
+    if blender and not (dataset / datasets.PLAN).exists():
+        require((pair.settings for pair in pairs), blender)
+    frozen = datasets.freeze(dataset, pairs, read.text)
+    if blender:
+        require((pair.settings for pair in frozen.missing(dataset)), blender)
+    return frozen
+
+
+def _batch(options: argparse.Namespace) -> int:
+    dataset = options.out.absolute()
+    with errors_told(options.json):
+        how = workers(options)
+        frozen = _frozen(options.plan, dataset, "" if options.dask else options.blender)
+        with _voice(options.json) as say:
+            if frozen.note:
+                say("warning", message=frozen.note)
+            status = render(dataset, list(frozen.pairs), how, say, options.dask)
+    some = len(frozen.missing(dataset)) < len(frozen.pairs)
+    failed = _evaluate(dataset, options) if options.evaluate and some else 0
+    return _told(status, dataset, options.json) or failed
+
+
+def _evaluate(dataset: Path, options: argparse.Namespace) -> int:
+    """Match the pairs in another process, which says itself what it does; its exit status."""
+    words = [word for flag in ("set", "own") for text in getattr(options, flag) for word in (f"--{flag}", text)]
+    words += ["--json-lines"] if options.json else []
+    return call_ours(
+        python_command(options.evaluator or sys.executable, "stereo", "evaluate", str(dataset), "--methods",
+                       options.evaluate, "--out", str(dataset / "evaluation"), *words),
+        clean_environment() if options.evaluator else None)
+
+
+def _told(status: int, dataset: Path, as_json: bool) -> int:
+    if status:
+        print(f"icymoon: some pairs of {dataset} were set aside, named above and in its manifest.json; run the same "
+              "command again to try them once more.", file=sys.stderr)
+    elif not as_json:
+        print(dataset)
+    return status
+
+
+def numbered(text: str) -> tuple[int, int]:
+    """I and N of ``I/N``. Raises IcyMoonError if it is not that."""
+    stated = re.fullmatch(r"([0-9]{1,9})/([0-9]{1,9})", text)
+    if not stated or not 1 <= int(stated[1]) <= int(stated[2]):
+        raise IcyMoonError(f"--shard is {shortened(text)!r}; write it as I/N with I from 1 to N, as in 3/8.")
+    return int(stated[1]), int(stated[2])
+
+
+def _work(options: argparse.Namespace) -> int:
+    dataset = options.dataset.absolute()
+    with errors_told(options.json):
+        number, count = numbered(options.shard)
+        how = workers(options)
+        pairs = share(datasets.read(dataset).pairs, number, count)
+        require((pair.settings for pair in pairs if not is_complete(pair.folder(dataset))), options.blender)
+        with _voice(options.json) as say:
+            status = render(dataset, pairs, how, say)
+    return _told(status, dataset, options.json)
+
+
+def _slurm(options: argparse.Namespace) -> int:
+    for name in ("shards", "cpus"):
+        if getattr(options, name) < 1:
+            raise IcyMoonError(f"--{name} is {getattr(options, name)}; give 1 or more.")
+    dataset = options.out.absolute()
+    frozen = _frozen(options.plan, dataset)
+    request = Request(options.shards, options.at_once, options.cpus, options.memory, options.time,
+                      tuple(options.sbatch))
+    if frozen.note:
+        print(f"icymoon: {frozen.note}", file=sys.stderr)
+    script = write_script(dataset, frozen, request, options.python, options.blender)
+    print(f"sbatch {shlex.quote(str(script))}" if script else f"All {len(frozen.pairs)} pairs of {dataset} are there.")
+    return 0
+
+
+def _verify(options: argparse.Namespace) -> int:
+    found = verify(options.dataset.absolute(), options.remove)
+    for problem in found.problems:
+        if options.json:
+            emit("problem", **problem.facts())
+        else:
+            print(problem.text)
+    if options.json:
+        emit("result", pairs=found.pairs, complete=found.complete, problems=len(found.problems))
+    elif not found.problems:
+        print(f"{found.complete} pairs, all whole and as planned.")
+    if found.problems:
+        raise IcyMoonError(f"{options.dataset}: {len(found.problems)} things are wrong, {found.complete} of "
+                           f"{found.pairs} pairs are whole and as planned"
+                           + ("; run icymoon batch to make the others." if options.remove else
+                              "; icymoon verify --remove takes away what is broken, icymoon batch makes it again."))
+    return 0

@@ -1,0 +1,328 @@
+"""The command line: the same verbs as the operators, for headless use.
+
+This process never loads Blender; the worker that it starts does. So a crash of Blender is an
+error message here, and Ctrl-C stops at once and leaves nothing half-written.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Callable
+from contextlib import nullcontext
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ..errors import IcyMoonError
+from ..render.cost.abilities import Abilities, ask, require
+from ..render.cost.tolerance import PX, share, tolerance
+from ..render.workers.job import Job, absolute_folder, rendered
+from ..render.workers.process import Message, emit, errors_told
+from ..scratch import scratch
+from ..settings import description
+from ..terminal import as_path, shown, tell_end
+from ..version import version
+from . import batch, plan
+
+if TYPE_CHECKING:
+    from ..stereo.trade.measure_variants import Bench
+
+_DEMO_PRESETS = ("enceladus_fresh_snow", "europa_rough_ice")
+
+
+def main(arguments: list[str]) -> int:
+    """Run a verb and return the exit status: 0 done, 1 an error that stderr states, 130 stopped."""
+    options = _parser().parse_args(arguments)
+    try:
+        status = int(options.run(options))
+        sys.stdout.flush()
+        return status
+    except (IcyMoonError, OSError, KeyboardInterrupt) as error:
+        return tell_end(error, "icymoon", "stopped; finished pairs are kept, run the same command to go on.")
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="icymoon", description="Icy-moon landing sites seen by a stereo camera.")
+    parser.add_argument("--version", action="version", version=version())
+    verbs = parser.add_subparsers(required=True, metavar="VERB")
+
+    demo = verbs.add_parser("demo", help="build two scenes, render a pair of each, evaluate them, show the report")
+    demo.add_argument("--out", type=as_path, default=Path("out/demo"), help="folder for pairs and report (%(default)s)")
+    demo.set_defaults(run=_demo)
+
+    render = verbs.add_parser("render", help="build the described scene and render its stereo pairs")
+    _describe(render)
+    render.add_argument("--out", type=as_path, help="data set folder, instead of dataset.folder")
+    render.add_argument("--again", action="store_true", help="render pairs that are already complete once more")
+    render.set_defaults(run=_render)
+
+    evaluate = verbs.add_parser("evaluate", help="match the pairs of a data set and write a report")
+    evaluate.add_argument("path", type=as_path, nargs="+", help="pair or data set folder")
+    evaluate.add_argument("--methods", default="bm,sgbm", help="matchers, separated by commas (%(default)s)")
+    evaluate.add_argument("--out", type=as_path, help="report folder (evaluation in the data set)")
+    evaluate.add_argument("--guiss", action="store_true", help="show what the GUISS reference code would report too")
+    evaluate.add_argument("--points", action="store_true", help="write the measured surfaces too, as point clouds")
+    evaluate.set_defaults(run=_evaluate)
+
+    settings = verbs.add_parser("settings", help="print the described scene as TOML, every setting stated")
+    _describe(settings)
+    settings.set_defaults(run=lambda options: print(description.to_toml(_described(options)), end="") or 0)
+
+    presets = verbs.add_parser("presets", help="list the shipped presets")
+    presets.set_defaults(run=_presets)
+
+    sources = verbs.add_parser("sources", help="say which preset and source each number of a pair is from")
+    sources.add_argument("path", type=as_path, help="pair folder, or a data set of one pair")
+    sources.add_argument("names", nargs="*", metavar="NAME", help="topic such as light, or setting such as "
+                         "light.planet_albedo (all that are not defaults)")
+    sources.set_defaults(run=_sources)
+
+    quality = verbs.add_parser("quality", help="say what each quality costs on this machine and what error it leaves")
+    _describe(quality)
+    quality.add_argument("--measure", action="store_true",
+                         help="measure this machine again by a small render, not only the first time")
+    quality.add_argument("--json", action="store_true", help="say it in JSON lines")
+    quality.set_defaults(run=_quality)
+
+    trade = verbs.add_parser("trade", help="measure how much accuracy each way to save time costs, on one scene")
+    _describe(trade)
+    _bench(trade)
+    trade.add_argument("--groups", default="", help="what to vary, separated by commas: samples, bounces, threshold, "
+                       "subsurface, mesh, relief, hapke (all that the scene has)")
+    trade.add_argument("--repeats", type=int, default=2, help="renders of each variant (%(default)s)")
+    trade.add_argument("--json-lines", action="store_true", help="progress and result as JSON lines on stdout")
+    trade.set_defaults(run=_trade)
+
+    auto = verbs.add_parser("auto", help="find the cheapest quality whose stereo error is tolerable, on one scene")
+    _describe(auto)
+    _bench(auto)
+    auto.add_argument("--tolerance-px", type=float, metavar="PX",
+                      help=f"mean disparity error that may be added ({PX:g}, or any if --tolerance-bad-1 is given)")
+    auto.add_argument("--tolerance-bad-1", type=share, metavar="SHARE",
+                      help="share of pixels that may be added to those missing or off by more than 1 px, as 0.5%% or "
+                      "0.005 (any)")
+    auto.add_argument("--json-lines", action="store_true", help="progress and result as JSON lines on stdout")
+    auto.set_defaults(run=_auto)
+
+    gallery = verbs.add_parser("gallery", help="render the scenes of the gallery, as pictures and all on one sheet")
+    gallery.add_argument("--only", action="append", default=[], metavar="NAME", help="one scene; may repeat (all)")
+    gallery.add_argument("--scale", type=float, default=1.0, help="share of the images' width and height (%(default)s)")
+    gallery.add_argument("--out", type=as_path, default=Path("out/gallery"), help="folder for the pairs, a picture of "
+                         "each and the sheet gallery.jpg (%(default)s)")
+    gallery.add_argument("--blender", default=sys.executable, help="Blender, or a Python with bpy (this Python)")
+    gallery.set_defaults(run=_gallery)
+
+    plan.add_verbs(verbs)
+    batch.add_verbs(verbs)
+
+    doctor = verbs.add_parser("doctor", help="say what is here, what is missing and what to do about it")
+    doctor.add_argument("--blender", default=sys.executable, help="Blender, or a Python with bpy (this Python)")
+    doctor.add_argument("--evaluator", default=sys.executable, help="Python of the evaluator (this Python)")
+    doctor.set_defaults(run=_doctor)
+    return parser
+
+
+def _bench(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--methods", default="sgbm,bm,jplv", help="matchers, separated by commas (%(default)s)")
+    parser.add_argument("--own", action="append", default=[], metavar="NAME:METHOD:KEY=VALUE",
+                        help="option of a matcher of your own, which --methods then names as own:NAME; may repeat")
+    parser.add_argument("--reference-samples", type=int, default=1024,
+                        help="light paths per pixel of the reference (%(default)s)")
+    parser.add_argument("--scale", type=float, default=1.0, help="share of the image's width and height (%(default)s)")
+    parser.add_argument("--out", type=as_path, required=True, help="folder for renders and report")
+
+
+def _describe(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--preset", action="append", default=[], help="shipped preset, see icymoon presets; may repeat")
+    parser.add_argument("--settings", type=as_path, action="append", default=[], help="TOML file; may repeat")
+    parser.add_argument("--set", action="append", default=[], metavar="TOPIC.KEY=VALUE", dest="overrides",
+                        help="one setting; may repeat")
+    parser.add_argument("--blender", default=sys.executable, help="Blender, or a Python with bpy (this Python)")
+
+
+def _described(options: argparse.Namespace) -> description.Settings:
+    return description.merged(
+        description.defaults(),
+        *(description.load(description.preset_path(name)) for name in options.preset),
+        *(description.load(path) for path in options.settings),
+        *(description.override(text) for text in options.overrides))
+
+
+def render_described(settings: description.Settings, dataset: Path, blender: str, *, again: bool = False) -> list[Path]:
+    """Render the pairs of a complete description in a worker, showing its progress; their folders.
+
+    Raises IcyMoonError with the worker's own words if it fails.
+    """
+    with shown("Starting Blender") as show:
+        return rendered(Job(dataset, settings, again=again), blender, show)
+
+
+def _render(options: argparse.Namespace) -> int:
+    settings = _described(options)
+    if settings["source"]["file"] and settings["source"]["kind"] == "PROCEDURAL":
+        print("icymoon: source.file is not used: source.kind is PROCEDURAL; set it to MESH or HEIGHT_MAP.",
+              file=sys.stderr)
+    dataset = options.out.absolute() if options.out else absolute_folder(str(settings["dataset"]["folder"]))
+    render_described(settings, dataset, options.blender, again=options.again)
+    print(dataset)
+    return 0
+
+
+def _evaluate(options: argparse.Namespace) -> int:
+    from ..stereo.cli import main as stereo
+
+    out = options.out or options.path[0] / "evaluation"
+    flags = [f"--{name}" for name in ("guiss", "points") if getattr(options, name)]
+    return stereo(["evaluate", *map(str, options.path), "--methods", options.methods, "--out", str(out), *flags])
+
+
+def _demo(options: argparse.Namespace) -> int:
+    dataset = options.out.absolute()
+    for name in _DEMO_PRESETS:
+        path = description.preset_path(name)
+        print(f"{description.preset_header(name)[0]}")
+        settings = description.merged(description.defaults(), description.load(path),
+                                      description.load(description.preset_path("qualities/draft")))
+        render_described(settings, dataset, sys.executable)
+    from ..stereo.cli import main as stereo
+
+    return stereo(["evaluate", str(dataset), "--methods", "bm,sgbm", "--out", str(dataset / "evaluation")])
+
+
+def _emitted(event: Message) -> None:
+    emit(event["type"], **{key: value for key, value in event.items() if key != "type"})
+
+
+def _gallery(options: argparse.Namespace) -> int:
+    from ..stereo.environment import packages
+
+    packages.require(*packages.PACKAGES)
+    from ..stereo.images.gallery import write_picture, write_sheet
+    from ..stereo.trade.measure_variants import scaled
+
+    known, out = [name.removeprefix("gallery/") for name in description.preset_names("gallery")], options.out.absolute()
+    if unknown := sorted(set(options.only) - set(known)):
+        raise IcyMoonError(f"--only: no scene of the gallery is called {unknown[0]!r}; there are {', '.join(known)}.")
+    chosen, shown_on_sheet = options.only or known, []
+    described = {name: description.merged(description.defaults(), description.load(
+        description.preset_path(f"gallery/{name}"))) for name in chosen}
+    require(described.values(), options.blender)
+    for name in known:
+        preset, picture = f"gallery/{name}", out / f"{name}.jpg"
+        title, text = description.preset_header(preset)
+        command = f"icymoon render --preset {preset}"
+        if name in chosen:
+            print(f"{title}. {text}: python -m {command} --out DATASET", flush=True)
+            pair, = render_described(scaled(described[name], options.scale), out, options.blender)
+            write_picture(pair, picture)
+        if picture.is_file():
+            shown_on_sheet.append((picture, title, command))
+    write_sheet(shown_on_sheet, out / "gallery.jpg")
+    print(out / "gallery.jpg")
+    return 0
+
+
+def _run_bench(options: argparse.Namespace, title: str, work: Callable[[Bench], dict[str, Any]],
+               show: Callable[[dict[str, Any]], None], repeats: int = 1) -> int:
+    """Do ``work`` with a bench as the options describe it, showing progress, then ``show`` its result."""
+    from ..stereo.console import progress_bar
+    from ..stereo.trade.measure_variants import Bench, scaled
+
+    told = nullcontext(_emitted) if options.json_lines else progress_bar(title)
+    with errors_told(options.json_lines), told as on_event:
+        view = description.merged(_described(options), {"dataset": {"headings": 1}})
+        found = work(Bench(scaled(view, options.scale), options.out.absolute(), options.blender, options.methods,
+                           options.reference_samples, repeats, on_event, tuple(options.own)))
+    if options.json_lines:
+        emit("result", **found)
+    else:
+        show(found)
+    return 0
+
+
+def _trade(options: argparse.Namespace) -> int:
+    from ..stereo.trade.measure_variants import trade
+
+    if options.repeats < 1:
+        raise IcyMoonError(f"--repeats is {options.repeats}; give 1, or 2 to tell noise from the rest.")
+    page = options.out.absolute() / "trade.html"
+
+    def show(report: dict[str, Any]) -> None:
+        print("\n".join(report["advice"]))
+        print(page)
+
+    groups = [group for group in options.groups.split(",") if group]
+    return _run_bench(options, "Measuring", lambda bench: {**trade(bench, groups), "report": str(page)}, show,
+                      options.repeats)
+
+
+def _auto(options: argparse.Namespace) -> int:
+    from ..stereo.trade.cheapest_quality import auto
+
+    allowed = tolerance(options.tolerance_px, options.tolerance_bad_1)
+
+    def show(found: dict[str, Any]) -> None:
+        *tried, last = found["said"]
+        print("\n".join(tried))
+        if found["chosen"] is None:
+            raise IcyMoonError(last)
+        print(f"{last} Add --settings {found['file']} to a command to use it:")
+        print(description.to_toml(found["settings"]), end="")
+
+    return _run_bench(options, "Trying", lambda bench: auto(bench, allowed), show)
+
+
+def _presets(options: argparse.Namespace) -> int:
+    for name in description.preset_names():
+        title, text = description.preset_header(name)
+        print(f"{name:32} {title}. {text}")
+    return 0
+
+
+def _sources(options: argparse.Namespace) -> int:
+    from .sources import origins, settings_of
+
+    for origin in origins(settings_of(options.path), options.names):
+        print(origin.shown)
+    return 0
+
+
+def _quality(options: argparse.Namespace) -> int:
+    from ..render.cost.estimate import triangles_of
+    from ..render.cost.quality_presets import qualities
+    from ..render.cost.speed import measure, remembered
+
+    with errors_told(options.json):
+        settings = _described(options)
+        device = str(settings["quality"]["device"])
+        speed = None if options.measure else remembered(device)
+        if speed is None:
+            with scratch() as folder, shown("Measuring this machine") as show:
+                speed = measure(options.blender, device, folder,
+                                lambda message: show(message) if message["type"] == "progress" else None)
+        found = qualities(settings, triangles_of(settings), speed, _abilities(options.blender))
+    if options.json:
+        emit("result", speed=asdict(speed), qualities=[asdict(each) for each in found])
+        return 0
+    print(f"A pair of this scene takes ({speed.basis}, {speed.processors} processors):")
+    for each in found:
+        print(f"  {each.name or each.title.lower():22} {each.cost:28} {'' if each.lacks else each.error}".rstrip())
+    measured = next((each.errors for each in found if each.errors), None)
+    if measured:
+        print(f"Errors are those of {measured['scene']}; of this scene: icymoon auto, icymoon trade.")
+    return 0
+
+
+def _abilities(blender: str) -> Abilities:
+    """What a Blender can do; all, where there is none to ask, which a render will say."""
+    try:
+        return ask(blender)
+    except IcyMoonError:
+        return Abilities()
+
+
+def _doctor(options: argparse.Namespace) -> int:
+    from .doctor import examine
+
+    return examine(options.blender, options.evaluator)

@@ -1,0 +1,103 @@
+"""What is here, what is missing, and what to do about what is missing."""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import shutil
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from ..errors import IcyMoonError
+from ..render.cost.abilities import probe
+from ..render.workers.job import python_command
+from ..render.workers.process import clean_environment
+from ..system import run
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One line of the examination: ``state`` is 'ok', 'missing' or 'limited'."""
+
+    subject: str
+    state: str
+    fact: str
+    mend: str = ""
+
+
+def _check(python: str) -> dict[str, Any]:
+    """What the evaluator says of a Python. Raises IcyMoonError if it cannot even be asked."""
+    try:
+        done = run(python_command(python, "stereo", "check"), clean_environment(), timeout_s=120.0)
+        return dict(json.loads(done.stdout))
+    except OSError as error:
+        raise IcyMoonError(f"{python} cannot be run ({error})") from None
+    except ValueError:
+        words = (done.stderr.strip().splitlines() or ["it says nothing"])[-1]
+        raise IcyMoonError(f"{python}: {words}") from None
+
+
+def blender_findings(executable: str) -> list[Finding]:
+    """What a Blender, or a Python with ``bpy``, can do."""
+    found = shutil.which(executable)
+    if not found:
+        return [Finding("Blender", "missing", f"{executable} is not there", "Give its path with --blender.")]
+    try:
+        facts = probe(executable)
+    except IcyMoonError as error:
+        return [Finding("Blender", "missing", str(error), "Install the bpy package or give a Blender with --blender.")]
+    version = tuple(int(part) for part in facts["blender"].split()[0].split(".")[:2])
+    supported = version >= (4, 2)
+    devices = ", ".join(facts["devices"])
+    return [
+        Finding("Blender", "ok" if supported else "missing", f"{facts['blender']}, Python {facts['python']}",
+                "" if supported else "Use Blender 4.2 LTS or later."),
+        Finding("Open Shading Language", "ok" if facts["osl"] else "limited", "built in" if facts["osl"] else "absent",
+                "" if facts["osl"] else "Not needed by the Principled surface; official builds have it."),
+        Finding("OpenImageDenoise", "ok" if facts["denoiser"] else "limited",
+                "built in" if facts["denoiser"] else "absent",
+                "" if facts["denoiser"] else "Leave quality.denoiser at NONE, or use an official build."),
+        Finding("Graphics card", "ok" if devices else "limited", devices or "none that Cycles can use",
+                "" if devices else "Leave quality.device at CPU."),
+    ]
+
+
+def evaluator_findings(python: str) -> list[Finding]:
+    """What the Python of the evaluator can do."""
+    try:
+        facts = _check(python)
+    except IcyMoonError as error:
+        return [Finding("Evaluator", "missing", str(error), "Install Python 3.11 or later and give its path.")]
+    names = {"python": "Python", "cv2": "OpenCV", "numpy": "numpy", "OpenEXR": "OpenEXR", "jinja2": "jinja2",
+             "torch": "torch"}
+    found = [f"{text} {facts[name]}" for name, text in names.items() if facts.get(name)]
+    return [Finding("Evaluator", "ok" if facts["ok"] else "missing", ", ".join(found), facts["message"])]
+
+
+def kernels_findings(kernels: str) -> list[Finding]:
+    """Whether SPICE kernels that are named are there; nothing if none are, since few scenes need them."""
+    if not kernels:
+        return []
+    folder = Path(kernels)
+    if not folder.exists() or (folder.is_dir() and not any(folder.iterdir())):
+        return [Finding("SPICE kernels", "missing", f"{kernels} is not there or empty",
+                        "Give a meta-kernel or a folder of kernels, or leave it empty.")]
+    if importlib.util.find_spec("spiceypy") is None:
+        return [Finding("SPICE kernels", "limited", f"{kernels}, but this Python has no SpiceyPy",
+                        "Install icymoon[ephemeris] in the Python that renders.")]
+    return [Finding("SPICE kernels", "ok", kernels)]
+
+
+def examine(blender: str, evaluator: str) -> int:
+    """Print all findings as a table; 1 if something that is needed is missing."""
+    from rich.console import Console
+    from rich.table import Table
+
+    findings = blender_findings(blender) + evaluator_findings(evaluator)
+    table = Table("", "found", "what to do")
+    colours = {"ok": "green", "limited": "yellow", "missing": "red"}
+    for finding in findings:
+        table.add_row(f"[{colours[finding.state]}]{finding.subject}[/]", finding.fact, finding.mend)
+    Console().print(table)
+    return int(any(finding.state == "missing" for finding in findings))

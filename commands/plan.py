@@ -1,0 +1,126 @@
+"""The verb ``plan``: what a data set will be, and what it will take, before anything starts."""
+
+from __future__ import annotations
+
+import argparse
+import importlib.util
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from ..render.cost.abilities import lacking_of, special
+from ..render.cost.estimate import estimate
+from ..render.cost.speed import remembered
+from ..render.pairs.pair_folder import is_complete
+from ..render.plans.plan_file import Plan, plan_header, plan_path, read_plan
+from ..render.plans.planned_pair import PlannedPair
+from ..render.workers.process import emit, errors_told
+from ..settings.description import plan_names
+from ..settings.table import all_settings
+from ..terminal import as_path
+
+
+def add_verbs(verbs: Any) -> None:
+    """Add the verb to the command line's parser."""
+    plan = verbs.add_parser("plan", help="list the pairs that a plan of a data set asks for, or what they will take")
+    plan.add_argument("plan", nargs="?", help="TOML file, or the name of a shipped plan; without one these are listed")
+    plan.add_argument("--dry-run", action="store_true", help="say how many pairs there are and what they will take")
+    plan.add_argument("--out", type=as_path, metavar="DATASET",
+                      help="folder of the data set; its pairs are counted, and what they took is learnt from")
+    plan.add_argument("--blender", help="Blender, or a Python with bpy, that is to render it: a dry run asks it "
+                      "whether it can (this Python, if it has bpy)")
+    plan.add_argument("--json", action="store_true", help="say it in JSON lines")
+    plan.set_defaults(run=_plan)
+
+
+def varied(pairs: Sequence[PlannedPair]) -> list[tuple[str, str]]:
+    """(topic, key) of the settings that are not the same in all pairs."""
+    return [(topic, s.key) for topic, s in all_settings()
+            if any(pair.settings[topic][s.key] != pairs[0].settings[topic][s.key] for pair in pairs)]
+
+
+def described(pair: PlannedPair, names: Sequence[tuple[str, str]]) -> str:
+    """A pair in a line: its id and what it has of the settings that vary."""
+    values = (f"{topic}.{key}={_short(pair.settings[topic][key])}" for topic, key in names)
+    return "  ".join((pair.id, *values))
+
+
+def _short(value: Any) -> str:
+    if isinstance(value, float):
+        return f"{value:g}"
+    if isinstance(value, list):
+        return f"[{len(value)}]"
+    return Path(value).name if isinstance(value, str) and "/" in value else str(value)
+
+
+def _plan(options: argparse.Namespace) -> int:
+    if options.plan is None:
+        for name in plan_names():
+            title, text = plan_header(plan_path(name))
+            print(f"{name:42} {title}. {text}")
+        return 0
+    with errors_told(options.json):
+        return _say(options)
+
+
+def _say(options: argparse.Namespace) -> int:
+    """Say what was asked for, then which pairs cannot be rendered; the exit status, 1 if there are such."""
+    plan = read_plan(plan_path(options.plan))
+    pairs = plan.pairs()
+    if options.dry_run:
+        _say_estimate(plan, pairs, options)
+    else:
+        _say_pairs(plan, pairs, options)
+    return 1 if plan.refused() else 0
+
+
+def _say_pairs(plan: Plan, pairs: Sequence[PlannedPair], options: argparse.Namespace) -> None:
+    names = varied(pairs)
+    for pair in pairs:
+        if options.json:
+            emit("planned", id=pair.id, settings={f"{topic}.{key}": pair.settings[topic][key] for topic, key in names})
+        else:
+            print(described(pair, names))
+    for name, why in plan.refused().items():
+        if options.json:
+            emit("refused", pair=name, message=why)
+        else:
+            print(f"icymoon: pair {name} cannot be rendered and will be set aside: {why}", file=sys.stderr)
+
+
+def _say_estimate(plan: Plan, pairs: Sequence[PlannedPair], options: argparse.Namespace) -> None:
+    devices = {str(pair.settings["quality"]["device"]) for pair in pairs}
+    speed = remembered(devices.pop()) if len(devices) == 1 else None
+    found, lack = estimate(pairs, options.out.absolute() if options.out else None, speed), _lacking(pairs, options)
+    unchecked = plan.unchecked()
+    lines = [*lack, *found.lines(), *_of_refused(plan)]
+    if options.json:
+        emit("result", plan=str(plan.path), title=plan.title, unchecked=unchecked, **found.facts() | {"lines": lines})
+        return
+    for line in (plan.title, *lines):
+        print(line)
+    if unchecked:
+        print(unchecked)
+
+
+def _lacking(pairs: Sequence[PlannedPair], options: argparse.Namespace) -> list[str]:
+    """Why the Blender that is to render the pairs cannot, as a list of no or one sentence."""
+    own = sys.executable if importlib.util.find_spec("bpy") else ""
+    missing = [pair.settings for pair in pairs
+               if not (options.out and is_complete(pair.folder(options.out.absolute())))]
+    blender = options.blender or own
+    if blender:
+        return [lack for lack in (lacking_of(missing, blender),) if lack]
+    if any(map(special, missing)):
+        return ["Not every Blender can render it; name the one that is to with --blender, and it is asked."]
+    return []
+
+
+def _of_refused(plan: Plan) -> list[str]:
+    """A line on the pairs that a render will set aside, and why it will the first; none if it will not."""
+    refused = plan.refused()
+    if not refused:
+        return []
+    name, why = next(iter(refused.items()))
+    return [f"{len(refused)} of them cannot be rendered and will be set aside, {name} first: {why}"]

@@ -1,0 +1,115 @@
+"""Where the numbers of a scene come from: the preset that states each, and the source that it gives.
+
+A description holds values only, whoever set them. So a value is traced by what it is: to a shipped preset that states
+the same one. A preset counts if the description has at least half of those of its values that are not defaults. Of
+several, those come first that the most alike preset includes, then those with the largest share.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from ..errors import IcyMoonError
+from ..render.pairs.pair_folder import pair_folders, read_pair
+from ..settings import description
+from ..settings.table import TOPICS, Setting, Value, all_settings
+
+#: What stands for a preset where none states the value.
+DEFAULT, BY_HAND = "default", "stated"
+
+
+@dataclass(frozen=True)
+class Origin:
+    """A setting's value and where it is from: ``preset`` is its name, ``DEFAULT`` or ``BY_HAND``."""
+
+    name: str
+    value: Value
+    unit: str
+    preset: str
+    source: str
+
+    @property
+    def shown(self) -> str:
+        """One line: value with unit, preset, source."""
+        value = f"{self.value:g}" if isinstance(self.value, float) else str(self.value)
+        unit = "" if self.unit in ("", "1") else f" {self.unit}"
+        return f"{self.name} = {value}{unit}\n    {self.preset}: {self.source}"
+
+
+@dataclass(frozen=True)
+class _Preset:
+    name: str
+    stated: description.Settings
+    sources: dict[str, str]
+    included: tuple[str, ...]
+
+
+def _read(name: str) -> _Preset:
+    """A shipped preset without what it includes."""
+    path = description.preset_path(name)
+    raw = description.read_toml(path)
+    stated = {topic: values for topic, values in raw.items() if topic in TOPICS}
+    return _Preset(name, description.check(stated, str(path)), raw.get("sources", {}),
+                   tuple(raw["preset"].get("include", ())))
+
+
+def _likeness(stated: description.Settings, settings: description.Settings,
+              defaults: description.Settings) -> tuple[float, int]:
+    """The share of the stated values that are in the settings, and their number; defaults count if all are such."""
+    listed = [(topic, key, value) for topic, values in stated.items() for key, value in values.items()]
+    telling = [each for each in listed if defaults[each[0]][each[1]] != each[2]] or listed
+    met = sum(settings[topic][key] == value for topic, key, value in telling)
+    return met / max(len(telling), 1), met
+
+
+def _presets(settings: description.Settings) -> list[_Preset]:
+    """The presets that count: first those of the preset that is most like the settings with all that it includes."""
+    defaults, known = description.defaults(), {name: _read(name) for name in description.preset_names()}
+    whole = {name: description.load(description.preset_path(name)) for name in known}
+    family = [max(known, key=lambda name: _likeness(whole[name], settings, defaults))]
+    for name in family:  # which grows by what is included
+        family += known[name].included
+    likeness = {name: _likeness(preset.stated, settings, defaults) for name, preset in known.items()}
+    order = sorted(known, key=lambda name: (name in family, likeness[name]), reverse=True)
+    return [known[name] for name in order if likeness[name][0] >= 0.5]
+
+
+def _origin(topic: str, setting: Setting, value: Value, default: Value, presets: list[_Preset]) -> Origin:
+    name = f"{topic}.{setting.key}"
+    for preset in presets:
+        if preset.stated.get(topic, {}).get(setting.key) == value:
+            return Origin(name, value, setting.unit, preset.name, preset.sources.get(name, "no source is given"))
+    if value == default:
+        return Origin(name, value, setting.unit, DEFAULT, setting.description)
+    return Origin(name, value, setting.unit, BY_HAND, "in no such preset; from the window, a plan, a file or --set")
+
+
+def origins(settings: description.Settings, asked: Iterable[str] = ()) -> Iterator[Origin]:
+    """The origin of each setting of a complete description, in the order of the sidebar.
+
+    ``asked`` are topics (``light``) or settings (``light.planet``) to tell of; none for all but defaults.
+    Raises IcyMoonError for one that is not known.
+    """
+    wanted, defaults = list(asked), description.defaults()
+    names = {f"{topic}.{setting.key}" for topic, setting in all_settings()} | set(TOPICS)
+    for word in wanted:
+        if word not in names:
+            raise IcyMoonError(f"{word!r} is no topic and no setting; say for example light, or light.planet_albedo.")
+    presets = _presets(settings)
+    for topic, setting in all_settings():
+        if wanted and topic not in wanted and f"{topic}.{setting.key}" not in wanted:
+            continue
+        value = settings[topic][setting.key]
+        origin = _origin(topic, setting, value, defaults[topic][setting.key], presets)
+        if wanted or origin.preset != DEFAULT:
+            yield origin
+
+
+def settings_of(path: Path) -> description.Settings:
+    """The complete settings of the pair at ``path``. Raises IcyMoonError if there is not exactly one."""
+    folders = pair_folders(path)
+    if len(folders) != 1:
+        raise IcyMoonError(f"{path} has {len(folders)} pairs; name one of them, such as {folders[0]}.")
+    return read_pair(folders[0]).settings

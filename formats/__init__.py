@@ -1,0 +1,1 @@
+"""File formats, read and written from their bytes: meshes, GeoTIFF, OpenEXR, lines of TOML."""

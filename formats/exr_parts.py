@@ -1,0 +1,109 @@
+"""OpenEXR files taken apart and put together, without an OpenEXR library and without decoding a pixel.
+
+Blender 5 writes a part for each pass, Blender 4 one part for all of a render. A pair's image is made of
+two renders, radiance and truth; it holds the parts of both. What changes from run to run (dates,
+times, memory) is left out of the headers, so that the same pixels are the same file.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from .exr_layout import MAGIC, MULTIPART, Part, read_parts
+
+_START = struct.Struct("<2i")
+_VERSION, _LONG_NAMES = 2, 0x400
+#: Attributes of what made the image, beside those of the form ``cycles.LAYER.render_time``.
+_PASSING = {b"Date", b"Time", b"RenderTime", b"Memory", b"File", b"Hostname", b"Frame", b"Scene", b"Camera"}
+
+
+@dataclass(frozen=True)
+class Piece:
+    """A part of a file: its header's attributes by name, each as it stands in the file, and its chunks, each from its
+    first line on."""
+
+    attributes: dict[bytes, bytes]
+    chunks: list[bytes]
+
+    @property
+    def name(self) -> str:
+        """Name of the part, that of its pass in Blender 5; empty in a file of one part."""
+        return self.value(b"name").decode() if b"name" in self.attributes else ""
+
+    def value(self, name: bytes) -> bytes:
+        """The value of an attribute, without its name, type and size. Raises KeyError if there is none."""
+        stated = self.attributes[name]
+        return stated[stated.index(b"\0", len(name) + 1) + 5:]
+
+
+def pieces(data: bytes) -> list[Piece]:
+    """The parts of an EXR file. Raises ValueError, IndexError, KeyError or struct.error for what is none."""
+    parts, several, table = read_parts(data)
+    first = np.cumsum([0, *(part.chunks for part in parts)])
+    offsets = np.frombuffer(data, "<u8", int(first[-1]), table)
+    # A chunk is its part's number (if there are several), its first line, the size of its data, its data.
+    skip = 4 if several else 0
+    found = []
+    for k, part in enumerate(parts):
+        chunks = []
+        for offset in offsets[first[k]:first[k + 1]].tolist():
+            start = offset + skip
+            (size,) = struct.unpack_from("<i", data, start + 4)
+            chunks.append(data[start:start + 8 + size])
+        found.append(Piece(_stated(data, part), chunks))
+    return found
+
+
+def _stated(data: bytes, part: Part) -> dict[bytes, bytes]:
+    """Attributes of a part as they stand in the file: name, type, size, value."""
+    at, found = part.header.start, {}
+    for name, value in part.attributes.items():
+        end = data.index(b"\0", at + len(name) + 1) + 5 + len(value)
+        found[name] = data[at:end]
+        at = end
+    return found
+
+
+def assembled(parts: Sequence[Piece]) -> bytes:
+    """An EXR file of these parts, whose names differ."""
+    headers = b"".join(b"".join(part.attributes.values()) + b"\0" for part in parts) + b"\0"
+    long_names = any(len(name) > 31 for part in parts for name in part.attributes)
+    place = _START.size + len(headers) + 8 * sum(len(part.chunks) for part in parts)
+    places, chunks = [], []
+    for number, part in enumerate(parts):
+        for chunk in part.chunks:
+            places.append(place)
+            chunks += [struct.pack("<i", number), chunk]
+            place += 4 + len(chunk)
+    start = _START.pack(MAGIC, _VERSION | MULTIPART | (_LONG_NAMES if long_names else 0))
+    return b"".join((start, headers, np.array(places, "<u8").tobytes(), *chunks))
+
+
+def lasting(piece: Piece, name: str) -> Piece:
+    """A part without what passes, and with what a file of several needs of each: ``name``, if it has none."""
+    kept = {key: value for key, value in piece.attributes.items()
+            if key not in _PASSING and not key.startswith(b"cycles.")}
+    kept.setdefault(b"name", attribute("name", "string", name.encode()))
+    kept.setdefault(b"type", attribute("type", "string", b"scanlineimage"))
+    kept.setdefault(b"chunkCount", attribute("chunkCount", "int", struct.pack("<i", len(piece.chunks))))
+    return Piece(kept, piece.chunks)
+
+
+def attribute(name: str, kind: str, value: bytes) -> bytes:
+    """An attribute as it stands in a file."""
+    return name.encode() + b"\0" + kind.encode() + b"\0" + struct.pack("<i", len(value)) + value
+
+
+def joined(files: Mapping[str, bytes], less: Callable[[Piece], Piece | None] = lambda piece: piece) -> bytes:
+    """One EXR file of the parts of several, each as ``less`` leaves it (None: not at all).
+
+    The part of a file that has only one, without a name, gets the file's key as name.
+
+    Raises ValueError, IndexError, KeyError or struct.error for what is no EXR file.
+    """
+    return assembled([lasting(left, name) for name, data in files.items() for piece in pieces(data)
+                      if (left := less(piece)) is not None])

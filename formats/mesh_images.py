@@ -1,0 +1,210 @@
+"""The images that a mesh file brings for its surface: what they are for, and where they lie.
+
+OBJ names them in its material library, glTF in its materials, PLY in a comment of its header (``TextureFile``, as
+VCGlib writes it). Formats: Wavefront MTL with the extension of Clara.io for physical materials, Khronos glTF 2.0.
+"""
+
+from __future__ import annotations
+
+import base64
+import re
+import struct
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+from urllib.parse import unquote
+
+from ..errors import IcyMoonError
+from .mesh_file import from_gltf, opening
+
+#: Kinds of mesh whose images are found.
+KINDS = (".obj", ".gltf", ".glb", ".ply")
+#: Statements of a material library, by the kind of image. ``map_Bump`` is not among them: it is a height in some
+#: files and a normal map in others.
+_MTL = {"map_kd": "albedo", "map_pr": "roughness", "norm": "normal"}
+#: Numbers that follow an option of such a statement; -o, -s and -t have one to three.
+_OPTIONS = {"-blendu": 1, "-blendv": 1, "-cc": 1, "-clamp": 1, "-imfchan": 1, "-texres": 1, "-bm": 1, "-boost": 1,
+            "-type": 1, "-mm": 2}
+#: Where the glTF material has an image: its kind, the path to it, the channel that counts, and the factor on it.
+_GLTF = (("albedo", ("pbrMetallicRoughness", "baseColorTexture"), 0, None),
+         ("roughness", ("pbrMetallicRoughness", "metallicRoughnessTexture"), 1, "roughnessFactor"),
+         ("normal", ("normalTexture",), 0, None))
+
+
+@dataclass(frozen=True)
+class MeshImage:
+    """An image in ``file``: the whole file, or what ``data`` gives of it. ``channel`` counts where one does, and
+    ``not_followed`` says what the mesh asks for beside it that cannot be done. Two are equal if they are one image."""
+
+    file: Path
+    place: str = ""
+    channel: int = 0
+    not_followed: str = ""
+    data: Callable[[], bytes] | None = field(default=None, compare=False)
+
+
+@dataclass(frozen=True)
+class MeshImages:
+    """Images by their kind (albedo, roughness, normal), each as often as different ones are named, and the
+    files beside the mesh's own that say so (``named_in``)."""
+
+    by_kind: dict[str, list[MeshImage]]
+    named_in: tuple[Path, ...] = ()
+
+    def files(self) -> list[Path]:
+        """Every file that the images depend on beside the mesh's own, whether it is there or not."""
+        found = [image.file for images in self.by_kind.values() for image in images]
+        return list(dict.fromkeys([*self.named_in, *found]))
+
+
+def images(path: Path) -> MeshImages:
+    """The images that a mesh file brings. Raises IcyMoonError if it cannot be read."""
+    suffix = path.suffix.lower()
+    if suffix == ".obj":
+        return _of_obj(path)
+    if suffix == ".ply":
+        named = re.findall(rb"^comment TextureFile[ \t]+([^\r\n]+)", opening(path).partition(b"end_header")[0], re.M)
+        return _sorted(("albedo", MeshImage(_beside(path, _text(name)))) for name in named)
+    if suffix in (".gltf", ".glb"):
+        return _sorted(from_gltf(path, lambda document: list(_of_gltf(path, document))))
+    return MeshImages({})
+
+
+def chosen(path: Path) -> dict[str, MeshImage]:
+    """The one image of each kind that a mesh file brings, none if it brings none.
+
+    Raises IcyMoonError if there are several of a kind, or one is to be used in a way that is not followed.
+    """
+    found = {}
+    for kind, several in images(path).by_kind.items():
+        mend = "bake one plain image for the whole mesh, or name images with textures.set = OWN."
+        if len(several) > 1:
+            raise IcyMoonError(f"{path}: has {len(several)} {kind} images, and a ground has one; {mend}")
+        if several[0].not_followed:
+            raise IcyMoonError(f"{path}: its {kind} image {several[0].not_followed}, which is not followed; {mend}")
+        found[kind] = several[0]
+    return found
+
+
+def _sorted(found: Iterator[tuple[str, MeshImage]] | list[tuple[str, MeshImage]],
+            named_in: tuple[Path, ...] = ()) -> MeshImages:
+    by_kind: dict[str, list[MeshImage]] = {}
+    for kind, image in found:
+        if image not in by_kind.setdefault(kind, []):
+            by_kind[kind].append(image)
+    return MeshImages(by_kind, named_in)
+
+
+def _text(raw: bytes) -> str:
+    return raw.decode("utf-8", "replace").strip().strip('"')
+
+
+def _beside(path: Path, name: str) -> Path:
+    """The file that another names: as it says, or of that name in the same folder, where it was moved to."""
+    stated = path.parent / name.replace("\\", "/")
+    moved = path.parent / stated.name
+    return moved if moved.is_file() and not stated.is_file() else stated
+
+
+def _of_obj(path: Path) -> MeshImages:
+    named = re.findall(rb"^[ \t]*mtllib[ \t]+([^\r\n]+)", opening(path), re.M)
+    libraries = tuple(_beside(path, _text(name)) for name in named) or (path.with_suffix(".mtl"),)
+    there = tuple(library for library in libraries if named or library.is_file())
+    return _sorted((image for library in there if library.is_file() for image in _of_library(library)), there)
+
+
+def _of_library(path: Path) -> Iterator[tuple[str, MeshImage]]:
+    try:
+        lines = path.read_bytes().splitlines()
+    except OSError as error:
+        raise IcyMoonError(f"{path}: cannot be read ({error.strerror}); check source.file.") from None
+    for line in lines:
+        statement, _, rest = _text(line).partition(" ")
+        if statement.lower() not in _MTL:
+            continue
+        words, moved = rest.split(), ""
+        while words and words[0].startswith("-"):
+            option = words.pop(0)
+            if option in ("-o", "-s", "-t"):
+                given = [words.pop(0) for _ in range(3) if len(words) > 1 and re.fullmatch(r"[-+.\deE]+", words[0])]
+                if any(float(number) != (option == "-s") for number in given):
+                    moved = f"is shifted or scaled by {option} {' '.join(given)}"
+            else:
+                del words[:min(_OPTIONS.get(option, 0), len(words) - 1)]
+        if words:
+            # The name may hold spaces, of which split() would keep one each.
+            yield _MTL[statement.lower()], MeshImage(_beside(path, rest[rest.index(words[0]):]), not_followed=moved)
+
+
+def _of_gltf(path: Path, document: dict[str, Any]) -> Iterator[tuple[str, MeshImage]]:
+    materials = document.get("materials", [])
+    used = {part["material"] for mesh in document.get("meshes", ()) for part in mesh["primitives"]
+            if "material" in part}
+    for index in sorted(used):
+        material = materials[index]
+        for kind, where, channel, factor in _GLTF:
+            holder: dict[str, Any] = material
+            for step in where[:-1]:
+                holder = holder.get(step, {})
+            stated = holder.get(where[-1])
+            if stated is None:
+                continue
+            texture = document["textures"][stated["index"]]
+            webp = texture.get("extensions", {}).get("EXT_texture_webp", {})
+            source = webp.get("source", texture.get("source"))
+            odd = _odd(stated, holder.get(factor, 1.0) if factor else stated.get("scale", 1.0))
+            if source is None:
+                yield kind, MeshImage(path, f"texture {stated['index']}", not_followed="is of no usual kind")
+            else:
+                yield kind, _gltf_image(path, document, source, channel, odd)
+
+
+def _odd(stated: dict[str, Any], factor: float) -> str:
+    """What a glTF material asks for beside its image."""
+    transform = stated.get("extensions", {}).get("KHR_texture_transform", {})
+    if stated.get("texCoord", 0) != 0 or transform.get("texCoord", 0) != 0:
+        return "has UV coordinates of its own"
+    if any(value != plain for key, plain in (("offset", [0, 0]), ("scale", [1, 1]), ("rotation", 0))
+           if (value := transform.get(key, plain))):
+        return "is shifted, scaled or turned (KHR_texture_transform)"
+    return "" if factor == 1.0 else f"is scaled by {factor:g}"
+
+
+def _gltf_image(path: Path, document: dict[str, Any], number: int, channel: int, odd: str) -> MeshImage:
+    stated, place = document["images"][number], f"image {number}"
+    if "bufferView" not in stated:
+        uri = stated["uri"]
+        if uri.startswith("data:"):
+            return MeshImage(path, place, channel, odd, lambda: _decoded(path, uri))
+        return MeshImage(_beside(path, unquote(uri)), "", channel, odd)
+    view = document["bufferViews"][stated["bufferView"]]
+    begin, length = int(view.get("byteOffset", 0)), int(view["byteLength"])
+    uri = document["buffers"][view["buffer"]].get("uri")
+    if uri is None:
+        return MeshImage(path, place, channel, odd, lambda: _bytes(path, _binary_start(path) + begin, length))
+    if uri.startswith("data:"):
+        return MeshImage(path, place, channel, odd, lambda: _decoded(path, uri)[begin:begin + length])
+    file = path.parent / unquote(uri)
+    return MeshImage(file, place, channel, odd, lambda: _bytes(file, begin, length))
+
+
+def _binary_start(path: Path) -> int:
+    """Where the binary chunk of a .glb has its first byte, after the JSON and the headers of both."""
+    return 28 + int(struct.unpack_from("<I", opening(path), 12)[0])
+
+
+def _bytes(path: Path, begin: int, length: int) -> bytes:
+    try:
+        with path.open("rb") as stream:
+            stream.seek(begin)
+            return stream.read(length)
+    except OSError as error:
+        raise IcyMoonError(f"{path}: cannot be read ({error.strerror}); check source.file.") from None
+
+
+def _decoded(path: Path, uri: str) -> bytes:
+    try:
+        return base64.b64decode(unquote(uri.partition(",")[2]))
+    except ValueError as error:
+        raise IcyMoonError(f"{path}: an image inside it is torn ({error}); export the mesh again.") from None

@@ -1,0 +1,54 @@
+"""A patch of ground or a block as a plain mesh object of the person's own, which Build and Clear Scene leave alone."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import bpy
+import numpy as np
+
+from ..errors import IcyMoonError
+from ..physics.rocks.shapes import block_shapes
+from ..physics.terrain.terrain import terrain as make_terrain
+from ..settings.description import Settings
+from . import engine
+from .ground.terrain_mesh import build_mesh, mesh_from_arrays
+from .surface.materials import ground_material, rock_material
+from .surface.patches_and_grain import mark_elevation
+
+
+def terrain_object(settings: Settings) -> bpy.types.Object:
+    """The procedural ground of the settings as a grid, not yet in a scene.
+
+    Raises IcyMoonError if Cycles is off or a texture of its material cannot be had.
+    """
+    engine.require()
+    mesh = build_mesh("Icy Terrain", settings["terrain"], make_terrain(settings, int(settings["dataset"]["seed"])))
+    mark_elevation(mesh, settings["surface"])
+    return _with_material(mesh, lambda: ground_material(settings, mesh))
+
+
+def block_object(settings: Settings, diameter_m: float) -> bpy.types.Object:
+    """One block of the shape that the settings describe, standing on its origin, not yet in a scene.
+
+    ``diameter_m`` is that of a circle of the same area, seen from above. Raises IcyMoonError if Cycles is
+    off or a texture of its material cannot be had.
+    """
+    engine.require()
+    rocks = settings["rocks"]
+    shape = block_shapes(rocks["family"], rocks["angularity"], int(settings["dataset"]["seed"]))[0][0]
+    long = float(np.sqrt(max(rocks["elongation"], 1.0)))
+    scale = diameter_m * np.array([long, 1.0 / long, shape.height * rocks["height_ratio"]])
+    vertices = (shape.vertices - [0.0, 0.0, shape.vertices[:, 2].min()]) * scale
+    mesh = mesh_from_arrays("Ice Rock", vertices.astype(np.float32), shape.triangles)
+    mesh.polygons.foreach_set("use_smooth", ~shape.plane)
+    return _with_material(mesh, lambda: rock_material(settings, mesh))
+
+
+def _with_material(mesh: bpy.types.Mesh, make: Callable[[], bpy.types.Material]) -> bpy.types.Object:
+    try:
+        mesh.materials.append(make())
+    except IcyMoonError:  # an image that cannot be read
+        bpy.data.meshes.remove(mesh)
+        raise
+    return bpy.data.objects.new(mesh.name, mesh)

@@ -1,0 +1,1 @@
+"""Whether Blender's data-blocks are still what was built."""

@@ -1,0 +1,329 @@
+"""Marks of data-blocks: of all that Blender stores of them and of what they refer to, as far as a render can show it.
+
+They are equal in every process that loads the file, whatever the data-blocks are called. What cannot be
+marked, since Blender keeps it elsewhere or it changes by itself, is refused in a sentence.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Collection, Mapping
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import bpy
+
+from ... import compat
+from ...files import sha256
+from .array_marks import attributes, mark, mesh_arrays, read
+from .stored_properties import OF_THE_VIEW, stored
+
+#: Modifiers whose result is kept in a cache, or comes from particles.
+_SIMULATED = {"PARTICLE_SYSTEM", "PARTICLE_INSTANCE", "EXPLODE", "CLOTH", "SOFT_BODY", "FLUID", "DYNAMIC_PAINT"}
+_OF_TIME = {"WAVE", "BUILD", "OCEAN", "MESH_CACHE", "MESH_SEQUENCE_CACHE"}
+_OF_CLIPS = {"CAMERA_SOLVER", "OBJECT_SOLVER", "FOLLOW_TRACK"}
+#: Inputs that ``sunlight.aim`` sets for every render: by name and kind of the node, how their identifiers begin.
+_AIMED = {("Sun Direction", "ShaderNodeCombineXYZ"): ("X", "Y", "Z"), ("Surge Blur", "ShaderNodeMath"): ("Value",),
+          ("Hapke", "ShaderNodeScript"): ("Sun", "Planet")}
+_CACHED_NODES = ("GeometryNodeSimulationOutput", "GeometryNodeBake")
+#: What a picture does not show of a data-block that refers to it.
+_ELSEWHERE = (bpy.types.Scene, bpy.types.World, bpy.types.Screen, bpy.types.WindowManager, bpy.types.WorkSpace,
+              bpy.types.Library)
+
+
+class Walk:
+    """One reading of data-blocks. Those of ``known`` count as their names there, without what is in them."""
+
+    def __init__(self, known: Mapping[Any, str], aimed: Collection[Any] = ()) -> None:
+        """``aimed`` are the node trees with inputs that are set anew for every render."""
+        self.refused: list[str] = []
+        self.changes_with_time = False
+        self.known = known
+        self._aimed = aimed
+        self._marks: dict[Any, str] = {}
+        self._open: dict[Any, int] = {}
+        self._lowest = 0
+        self._structs: list[tuple[int, type]] = []
+
+    def mark(self, block: Any) -> str:
+        """The mark of a data-block and of what it refers to. One that is being read counts by how far up it is."""
+        if isinstance(block, _ELSEWHERE):
+            return "elsewhere"
+        found = self.known.get(block) or self._marks.get(block)
+        if found:
+            return found
+        depth = len(self._open)
+        if block in self._open:
+            self._lowest = min(self._lowest, self._open[block])
+            return f"up {depth - self._open[block]}"
+        self._open[block], outside, self._lowest = depth, self._lowest, depth
+        found = hashed(self.content(block))
+        del self._open[block]
+        if self._lowest >= depth:  # it depends on nothing that is still being read
+            self._marks[block] = found
+        self._lowest = min(outside, self._lowest)
+        return found
+
+    def content(self, block: Any, omit: tuple[str, ...] = ()) -> list[Any]:
+        """What a data-block holds, without the properties to ``omit``."""
+        if getattr(block, "is_missing", False):
+            self._refuse(block, "is missing in the library it is linked from; bring the library back, or remove it.")
+        if isinstance(block, bpy.types.Material) and compat.shown_by_nodes(block):
+            omit = (*omit, *OF_THE_VIEW)
+        if getattr(block, "use_auto_texspace", False):  # which Blender computes when it is asked for
+            omit = (*omit, "texspace_location", "texspace_size")
+        return [*self._struct(block, omit), *self._custom(block), *self._beside(_BLOCKS, block)]
+
+    def _beside(self, readers: tuple[tuple[Any, Any], ...], struct: Any) -> list[Any]:
+        read = next((read for kind, read in readers if isinstance(struct, kind)), None)
+        return read(self, struct) if read else []
+
+    def _refuse(self, struct: Any, why: str) -> None:
+        self.refused.append(f"{_named(struct)} {why}")
+
+    def _struct(self, struct: Any, omit: tuple[str, ...] = ()) -> list[Any]:
+        kind: Any = type(struct)
+        key = (struct.as_pointer(), kind)
+        if key in self._structs:
+            return ["up"]
+        self._structs.append(key)
+        found: list[Any] = [kind.bl_rna.identifier]
+        for name, how in stored(kind):
+            if name not in omit:
+                found.append((name, self._property(struct, name, how)))
+        self._structs.pop()
+        return found
+
+    def _property(self, struct: Any, name: str, how: str) -> Any:
+        value = getattr(struct, name)
+        if how == "value":
+            return _plain(value)
+        if how == "file":
+            return self._file(struct, value)
+        if how == "name":
+            return value.name if value else None
+        if how == "items":
+            return [self.value(item) for item in value]
+        return self.ordered(value) if isinstance(struct, bpy.types.PropertyGroup) else self.value(value)
+
+    def value(self, value: Any) -> Any:
+        """What a pointer, a socket or a custom property refers to, or its value."""
+        if isinstance(value, bpy.types.ID):
+            return self.mark(value)
+        if isinstance(value, bpy.types.bpy_struct):
+            return [*self._struct(value), *self._beside(_STRUCTS, value)]
+        return _plain(value)
+
+    def _custom(self, block: Any) -> list[Any]:
+        """Custom properties, which attribute nodes and geometry nodes read; groups are other add-ons'."""
+        values = [(key, block[key]) for key in sorted(set(compat.custom_properties(block)) - {"icymoon", "_RNA_UI"})]
+        return [(key, self.ordered(value)) for key, value in values
+                if isinstance(value, bpy.types.ID) or not hasattr(value, "keys")]
+
+    def ordered(self, value: Any) -> Any:
+        """As ``value``, of a collection also the order of names, by which geometry nodes pick its items."""
+        if not isinstance(value, bpy.types.Collection):
+            return self.value(value)
+        items = sorted([*value.children, *value.objects], key=lambda item: item.name)
+        return [self.mark(value), [self.ordered(item) for item in items]]
+
+    def _file(self, struct: Any, path: str) -> Any:
+        """The mark of a file's content; where it lies does not count."""
+        packed = getattr(struct, "packed_file", None)
+        if packed or not path or path == "<builtin>" or getattr(struct, "mode", "") == "INTERNAL":
+            return self.packed(packed)
+        if getattr(struct, "is_sequence", False) or getattr(struct, "is_cached", False):
+            self._refuse(struct, "is read from many files; use a single one.")
+        owner = struct.id_data
+        file = Path(bpy.path.abspath(path, library=owner.library))
+        if file.is_dir():  # an empty path, which Blender has made relative
+            return ""
+        if file.is_file():
+            state = file.stat()
+            return _content(str(file), state.st_size, state.st_mtime_ns)
+        if not isinstance(struct, bpy.types.OceanModifier):  # which names one before it is there
+            self.refused.append(f"{file}: there is no such file, which {_named(owner)} names; bring it back or choose "
+                                "another.")
+        return "missing"
+
+    def packed(self, packed: Any) -> str:
+        """The mark of a file that is packed into the .blend."""
+        return hashlib.sha256(packed.data).hexdigest() if packed else ""
+
+    def random(self, tree: Any) -> bool:
+        """Whether a node tree gives each object a number of its own, which Cycles makes of the object's name."""
+        return tree is not None and any(
+            node.outputs["Random"].is_linked if node.bl_idname == "ShaderNodeObjectInfo" else
+            self.random(getattr(node, "node_tree", None)) for node in tree.nodes)
+
+    # How kinds of data-blocks and structures are read beside their properties.
+
+    def of_object(self, item: Any) -> list[Any]:
+        """Names where they count, weights of vertex groups, and what is refused of an object."""
+        for modifier in item.modifiers:
+            if modifier.type in _SIMULATED and modifier.show_render:
+                self._refuse(item, f"has the modifier {modifier.name!r}, whose result is kept in a cache; apply it, "
+                                   "convert it to a mesh or curves, or switch it off for renders.")
+            self.changes_with_time |= modifier.type in _OF_TIME
+        for constraint in item.constraints:
+            if constraint.type in _OF_CLIPS:
+                self._refuse(item, f"follows a movie clip by the constraint {constraint.name!r}; apply it.")
+        if item.rigid_body:
+            self._refuse(item, "is a rigid body, and simulations are not rendered; apply its place and remove the "
+                               "rigid body.")
+        if item.type in ("GREASEPENCIL", "GPENCIL"):
+            self._refuse(item, "is made of Grease Pencil strokes; convert it to curves or a mesh.")
+        if item.mode == "SCULPT" and item.use_dynamic_topology_sculpting:
+            self._refuse(item, "is being sculpted with dynamic topology; leave Sculpt Mode first.")
+        slots = [slot.material for slot in item.material_slots if slot.material]
+        counts = item.type == "META" or any(self.random(material.node_tree) for material in slots)
+        key = [item.active_shape_key_index] if item.show_only_shape_key else []
+        weights = [[(g.group, g.weight) for g in vertex.groups] for vertex in item.data.vertices] if (
+            item.type == "MESH" and item.vertex_groups and item.modifiers) else []
+        return [item.name if counts else "", key, weights]
+
+    def of_mesh(self, mesh: Any) -> list[Any]:
+        """All arrays of a mesh; one that is being edited is read from a copy, since Blender keeps it back."""
+        if not mesh.is_editmode:
+            return mesh_arrays(mesh)
+        for item in bpy.data.objects:
+            if item.data == mesh and item.mode == "EDIT":
+                item.update_from_editmode()
+        copy = mesh.copy()
+        try:
+            return mesh_arrays(copy)
+        finally:
+            bpy.data.meshes.remove(copy)
+
+    def of_image(self, image: Any) -> list[Any]:
+        """The content of an image's files, which are as many as it has tiles."""
+        if image.source in ("MOVIE", "SEQUENCE", "VIEWER"):
+            self._refuse(image, f"is a {image.source.lower()}, of which no picture can be told from another; use a "
+                                "single image.")
+            return []
+        if image.is_dirty:
+            self._refuse(image, "was painted on and not saved; save or pack it.")
+        if image.packed_files:
+            return [(each.view, each.tile_number, self.packed(each.packed_file)) for each in image.packed_files]
+        if image.source == "GENERATED":
+            return []
+        return [self._file(image, _of_tile(image.filepath, tile.number)) for tile in image.tiles] if (
+            image.source == "TILED") else [self._file(image, image.filepath or f"//{image.name}")]
+
+    def of_tree(self, tree: Any) -> list[Any]:
+        """Nodes by their names, which the builders' own are found by, with the values of their sockets, and links."""
+        nodes = []
+        for node in sorted(tree.nodes, key=lambda n: n.name):
+            if node.bl_idname == "NodeFrame":
+                continue
+            if node.bl_idname in _CACHED_NODES or node.bl_idname.startswith("GeometryNodeImport"):
+                self._refuse(tree, f"has the node {node.name!r}, whose result is kept outside of the scene; apply the "
+                                   "modifier or remove the node.")
+            self.changes_with_time |= node.bl_idname == "GeometryNodeInputSceneTime"
+            nodes.append([node.bl_idname, self._struct(node), self._sockets(node, tree in self._aimed)])
+        links = [(k.from_node.name, k.from_socket.identifier, k.to_node.name, k.to_socket.identifier, k.is_muted,
+                  getattr(k, "multi_input_sort_id", 0)) for k in tree.links]
+        return [nodes, sorted(links)]
+
+    def _sockets(self, node: Any, aimed: bool) -> list[Any]:
+        return [(socket.identifier, socket.bl_idname, self.ordered(getattr(socket, "default_value", None)))
+                for side in (node.inputs, node.outputs) for socket in side
+                if not (aimed and not socket.is_output and is_aimed(node, socket.identifier))]
+
+    def of_collection(self, collection: Any) -> list[Any]:
+        """What is in a collection, in no order."""
+        items = [(self.mark(item), each.light_linking.link_state)
+                 for item, each in zip(collection.objects, collection.collection_objects, strict=True)]
+        children = [(self.mark(item), each.light_linking.link_state)
+                    for item, each in zip(collection.children, collection.collection_children, strict=True)]
+        return [sorted(items), sorted(children)]
+
+    def of_driver(self, driver: Any) -> list[Any]:
+        """Refuses what only this window computes."""
+        self.changes_with_time = True
+        if driver.type == "SCRIPTED" and not driver.is_simple_expression:
+            self._refuse(driver.id_data, f"has the driver {driver.expression!r}, which runs Python, and renders run "
+                                         "none that a file brings; use a simple expression.")
+        if any(variable.type == "CONTEXT_PROP" for variable in driver.variables):
+            self._refuse(driver.id_data, "has a driver that reads the active scene, which in a render is another; let "
+                                         "it read an object.")
+        return []
+
+    def of_target(self, target: Any) -> list[Any]:
+        """What a driver reads."""
+        try:
+            return [_plain(target.id.path_resolve(target.data_path)) if target.id and target.data_path else None]
+        except (ValueError, TypeError):
+            return ["?"]
+
+    def of_nodes(self, modifier: Any) -> list[Any]:
+        """Inputs of a modifier of nodes, which it may not have yet where they are as its group says; from 5.2 on they
+        are properties like others."""
+        items = modifier.node_group.interface.items_tree if modifier.node_group else ()
+        given = {key: modifier[key] for key in compat.custom_properties(modifier)}
+        return [
+            (item.identifier, self.ordered(given.get(item.identifier, getattr(item, "default_value", None))),
+             bool(given.get(f"{item.identifier}_use_attribute", False)),
+             given.get(f"{item.identifier}_attribute_name", "")) for item in items if item.item_type == "SOCKET"]
+
+    def of_shape(self, key: Any) -> list[Any]:
+        """Where a shape puts its points."""
+        if len(key.data) and type(key.data[0]).bl_rna.identifier == "ShapeKeyPoint":
+            return [mark(read(key.data, "co", width=3))]
+        return [self.value(item) for item in key.data]
+
+    def of_animation(self, animation: Any) -> list[Any]:
+        """Where there are keys, the frame counts."""
+        self.changes_with_time |= bool(animation.action or animation.nla_tracks)
+        return []
+
+
+_BLOCKS: tuple[tuple[Any, Callable[[Walk, Any], list[Any]]], ...] = (
+    (bpy.types.Object, Walk.of_object), (bpy.types.Mesh, Walk.of_mesh), (bpy.types.Image, Walk.of_image),
+    (bpy.types.NodeTree, Walk.of_tree), (bpy.types.Collection, Walk.of_collection),
+    (bpy.types.Text, lambda walk, text: [text.as_string()]),
+    (bpy.types.Curves, lambda walk, curves: [attributes(curves), [item.first_point_index for item in curves.curves]]),
+    (bpy.types.PointCloud, lambda walk, points: attributes(points)),
+)
+_STRUCTS: tuple[tuple[Any, Callable[[Walk, Any], list[Any]]], ...] = (
+    (bpy.types.Driver, Walk.of_driver), (bpy.types.DriverTarget, Walk.of_target),
+    (bpy.types.AnimData, Walk.of_animation), (bpy.types.ShapeKey, Walk.of_shape),
+    (bpy.types.NodesModifier, Walk.of_nodes),
+    (bpy.types.PoseBone, lambda walk, bone: walk._custom(bone)),
+)
+
+
+def hashed(content: Any) -> str:
+    """SHA-256 of what ``Walk.content`` gives."""
+    return hashlib.sha256(repr(content).encode()).hexdigest()
+
+
+def is_aimed(node: Any, socket: str) -> bool:
+    """Whether an input of a node knows the Sun or the planet, and is set anew for every render."""
+    prefixes = _AIMED.get((node.name, node.bl_idname))
+    return prefixes is not None and socket.startswith(prefixes)
+
+
+def _named(block: Any) -> str:
+    return f"{type(block).bl_rna.identifier} {block.name!r}"
+
+
+def _of_tile(path: str, number: int) -> str:
+    return path.replace("<UDIM>", str(number)).replace(
+        "<UVTILE>", f"u{(number - 1001) % 10 + 1}_v{(number - 1001) // 10 + 1}")
+
+
+@lru_cache(maxsize=4096)
+def _content(file: str, size: int, modified_ns: int) -> str:
+    """SHA-256 of a file, read once in each state."""
+    return sha256(Path(file))
+
+
+def _plain(value: Any) -> Any:
+    """A number, a text, or tuples of them."""
+    if isinstance(value, (str, int, float, bytes)) or value is None:
+        return value
+    if isinstance(value, (set, frozenset)):
+        return tuple(sorted(value))
+    return tuple(_plain(item) for item in value)  # arrays, also of mathutils

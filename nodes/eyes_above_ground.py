@@ -1,0 +1,87 @@
+"""Whether the eyes of a built scene are in its ground or in a block, asked of what is rendered itself."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager, nullcontext
+
+import bpy
+import numpy as np
+from mathutils import Vector
+
+from ..physics import admission
+from ..physics.admission import LOWEST_M, buried, in_a_block
+from .built import Built
+from .datablocks.fingerprint import TAG
+from .rig import eye_poses
+
+_UP = Vector((0.0, 0.0, 1.0))
+#: Faces that a ray may pass before it is given up, of objects that are the person's own.
+_MOST_PASSED = 1000
+
+
+def of_described(built: Built, scene: bpy.types.Scene | None = None) -> list[str]:
+    """The reasons for the eyes of a scene that was only built: those of its description, else of its mesh, where that
+    is not as fine under the camera as the images show. For ``scene`` see ``reasons``."""
+    settings = built.settings
+    graded = settings["source"]["kind"] == "PROCEDURAL" and settings["mesh"]["kind"] == "GRADED"
+    return list(admission.reasons(settings)) or ([] if graded else reasons(built, scene=scene))
+
+
+def reasons(built: Built, turn_deg: float = 0.0, scene: bpy.types.Scene | None = None) -> list[str]:
+    """Why the camera of what is built sees black from where it is, turned so far: sentences, none if it does not.
+
+    A ray upward from an eye in the ground or in a block leaves by the outer side of a face; from the open it meets an
+    overhang's other side, or nothing. Asked in ``scene``, which shows what is built and nothing else, or in one that
+    comes and goes, so that nothing is worked out in the person's.
+    """
+    with nullcontext(scene) if scene else _scene_of(built) as asked:
+        layer = asked.view_layers[0]
+        layer.update()
+        poses = eye_poses(built.camera.evaluated_get(layer.depsgraph).matrix_world, built.settings["rig"]["baseline_m"])
+        found = [_of_eye(asked, layer.depsgraph, built, eye, position)
+                 for eye, position in _positions(poses, turn_deg).items()]
+    return [sentence for sentence in found if sentence]
+
+
+@contextmanager
+def _scene_of(built: Built) -> Iterator[bpy.types.Scene]:
+    scene = bpy.data.scenes.new("Icy Moon Eyes")
+    try:
+        scene.collection.children.link(built.collection)
+        yield scene
+    finally:
+        bpy.data.scenes.remove(scene)
+
+
+def _positions(poses: dict[str, np.ndarray], turn_deg: float) -> dict[str, Vector]:
+    """Where the eyes are when the rig is turned clockwise about the vertical through the left one."""
+    left, turn = poses["left"][:3, 3], np.radians(-turn_deg)
+    x, y, z = poses["right"][:3, 3] - left
+    right = left + np.array([x * np.cos(turn) - y * np.sin(turn), x * np.sin(turn) + y * np.cos(turn), z])
+    return {"left": Vector(left.tolist()), "right": Vector(right.tolist())}
+
+
+def _of_eye(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph, built: Built, eye: str, position: Vector) -> str:
+    rig = built.settings["rig"]
+    role, distance, leaves = _met(scene, depsgraph, position, _UP)
+    if role and leaves:
+        return buried(rig, eye, distance) if role == "terrain" else in_a_block(rig, eye)
+    role, distance, _ = _met(scene, depsgraph, position, -_UP)
+    return buried(rig, eye, -distance) if role == "terrain" and distance < LOWEST_M / 2 else ""
+
+
+def _met(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph, start: Vector,
+         toward: Vector) -> tuple[str, float, bool]:
+    """The role of the ground or block that a ray meets first, empty for none, how far that is in metres, and whether
+    the ray leaves it there; what is the person's own is passed."""
+    at = start
+    for _ in range(_MOST_PASSED):
+        hit, place, normal, _, item, _ = scene.ray_cast(depsgraph, at, toward)
+        if not hit:
+            break
+        role = item.original.get(TAG, "")
+        if role in ("terrain", "rock", "rock shape"):
+            return role, (place - start).length, normal.dot(toward) > 0
+        at = place + toward * 1e-4 * max(1.0, (place - start).length)
+    return "", 0.0, False

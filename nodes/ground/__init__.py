@@ -1,0 +1,1 @@
+"""The ground and its rocks as meshes."""

@@ -1,0 +1,142 @@
+"""Geometry of a mesh file, read by this Blender's own importers into a scratch scene.
+
+Only vertices, faces and texture coordinates are kept. Whatever else an importer makes (materials, images, cameras,
+collections) is removed again, also when it fails half-way, and the person's scene is never the
+one imported into.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import addon_utils
+import bpy
+import numpy as np
+
+from ... import compat
+from ...errors import IcyMoonError
+from ...formats import ply
+from ...formats.mesh_file import kind_of
+
+
+def _data_blocks() -> set[Any]:
+    """Every data-block of the file."""
+    return {block for prop in bpy.data.bl_rna.properties if prop.type == "COLLECTION"
+            for block in getattr(bpy.data, prop.identifier)}
+
+
+@contextlib.contextmanager
+def scratch_scene() -> Iterator[bpy.types.Scene]:
+    """A scene of its own as the context; it and all data made meanwhile are removed at the end."""
+    before = _data_blocks()
+    scene = bpy.data.scenes.new("Icy Moon Import")
+    layer = scene.view_layers[0]
+    try:
+        with bpy.context.temp_override(scene=scene, view_layer=layer, collection=scene.collection,
+                                       layer_collection=layer.layer_collection, active_object=None, object=None):
+            yield scene
+    finally:
+        bpy.data.batch_remove(_data_blocks() - before)
+
+
+@contextlib.contextmanager
+def _importer(kind: str, path: Path) -> Iterator[Any]:
+    """The operator and its options; a switched-off add-on is on meanwhile. Raises IcyMoonError if there is none."""
+    found, name = compat.mesh_importer(kind), compat.IMPORT_ADD_ONS.get(kind)
+    enabled = False
+    if found is None and name is not None:
+        enabled = addon_utils.enable(name, default_set=False) is not None
+        found = compat.mesh_importer(kind)
+    try:
+        if found is None:
+            raise IcyMoonError(f"{path}: this Blender {bpy.app.version_string} reads no {kind}; "
+                               "use an official build or export the mesh as PLY.")
+        yield found
+    finally:
+        if enabled:
+            addon_utils.disable(name, default_set=False)
+
+
+def read_mesh(path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
+    """Vertices (n, 3) float64, triangles (m, 3) int32 of all meshes in a file, and their corners' UV coordinates.
+
+    These are (m, 3, 2) float32 of the layer that is rendered where there are several, NaN where a mesh has none;
+    None if no mesh has any.
+    Coordinates are the file's own for OBJ, PLY and STL; glTF, USD and FBX are turned z up and scaled
+    to metres as their headers say. Raises IcyMoonError if the file is absent, of the wrong kind,
+    unreadable or holds no face.
+    """
+    kind = kind_of(path)
+    with _importer(kind, path) as (operator, options), scratch_scene():
+        try:
+            operator("EXEC_DEFAULT", filepath=str(path), **options)
+        except RuntimeError as error:
+            raise IcyMoonError(f"{path}: Blender cannot read it as {kind} ({_last_line(error)}); "
+                               "export it again.") from None
+        positions, faces, uv = _geometry()
+    if kind == "PLY":
+        positions, uv = _as_written(path, positions, faces, uv)
+    if not len(faces):
+        what = f"is a point cloud of {len(positions)} points" if len(positions) else "holds no mesh"
+        raise IcyMoonError(f"{path}: {what}; give a mesh with faces.")
+    return positions, faces, uv
+
+
+def _as_written(path: Path, positions: np.ndarray, faces: np.ndarray,
+                uv: np.ndarray | None) -> tuple[np.ndarray, np.ndarray | None]:
+    """Vertices and UV coordinates of a PLY file as they stand in it, where the vertices are those that Blender gave."""
+    try:
+        written = ply.vertices(path)
+        if written is None or written.shape != positions.shape:
+            return positions, uv
+        stated = ply.texture_coordinates(path, faces)
+    except (OSError, ValueError, IndexError):
+        return positions, uv
+    return written, uv if stated is None else stated.astype(np.float32)
+
+
+def _last_line(error: Exception) -> str:
+    lines = [line.removeprefix("Error: ").strip() for line in str(error).splitlines() if line.strip()]
+    return lines[-1].rstrip(".") if lines else type(error).__name__
+
+
+def _corners_uv(mesh: bpy.types.Mesh, loops: np.ndarray) -> np.ndarray | None:
+    """UV coordinates (m, 3, 2) of triangles' corners (m, 3) by the layer that is rendered, None without one."""
+    layer = next((each for each in mesh.uv_layers if each.active_render), None)
+    if layer is None:
+        return None
+    values = np.empty(2 * len(mesh.loops), np.float32)
+    mesh.attributes[layer.name].data.foreach_get("vector", values)
+    return values.reshape(-1, 2)[loops]
+
+
+def _geometry() -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
+    """All visible meshes of the context's scene as one, instances and transforms applied; see ``read_mesh``."""
+    bpy.context.view_layer.update()
+    positions, faces, offset = [np.empty((0, 3))], [np.empty((0, 3), np.int32)], 0
+    uvs: list[tuple[int, np.ndarray | None]] = []
+    for instance in bpy.context.evaluated_depsgraph_get().object_instances:
+        if instance.object.type != "MESH":
+            continue
+        mesh, matrix = instance.object.data, np.array(instance.matrix_world, np.float64)
+        points = np.empty(len(mesh.vertices) * 3, np.float32)
+        mesh.vertices.foreach_get("co", points)
+        mesh.calc_loop_triangles()
+        corners = np.empty(len(mesh.loop_triangles) * 3, np.int32)
+        mesh.loop_triangles.foreach_get("vertices", corners)
+        triangles, loops = corners.reshape(-1, 3), np.empty_like(corners)
+        mesh.loop_triangles.foreach_get("loops", loops)
+        loops = loops.reshape(-1, 3)
+        if np.linalg.det(matrix[:3, :3]) < 0:
+            triangles, loops = triangles[:, ::-1], loops[:, ::-1]  # a mirrored instance shows its other side
+        uvs.append((len(triangles), _corners_uv(mesh, loops)))
+        positions.append(points.reshape(-1, 3).astype(np.float64) @ matrix[:3, :3].T + matrix[:3, 3])
+        faces.append(triangles + np.int32(offset))
+        offset += len(mesh.vertices)
+    uv = None
+    if any(each is not None for _, each in uvs):
+        uv = np.concatenate([np.full((n, 3, 2), np.nan, np.float32) if each is None else each for n, each in uvs])
+    return np.concatenate(positions), np.concatenate(faces), uv

@@ -1,0 +1,118 @@
+"""Ice blocks as instances: one object of points, one node group, a few meshes.
+
+A hundred thousand objects take half a minute and five gigabytes to render; as many instances take
+three seconds and 0.2 (``benchmarks/rocks.py``). Each instance carries its label as an attribute of
+its own, which the blocks' material writes into a value pass.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import bpy
+import numpy as np
+
+from ...labels import FIRST_ROCK_INSTANCE, INSTANCE_AOV, INSTANCE_ATTRIBUTE
+from ...physics.rocks.rocks import Rocks
+from ...physics.rocks.shapes import Shape
+from ..tree.builder import Tree
+from .terrain_mesh import mesh_from_arrays
+
+_SHAPE, _ROTATION, _SCALE = "shape", "rotation", "scale"
+
+
+def label_instances(material: bpy.types.Material) -> None:
+    """Make a material write the label of the instance it is on into the value pass ``INSTANCE_AOV``."""
+    tree = Tree(material.node_tree, keep=True)
+    label = tree.node("ShaderNodeAttribute", "Instance", attribute_type="INSTANCER",
+                      attribute_name=INSTANCE_ATTRIBUTE)
+    # The Vector output is exact; Factor is the mean of three equal numbers, which rounding changes above 2^23.
+    exact = tree.node("ShaderNodeSeparateXYZ", "Exact", {"Vector": label.outputs["Vector"]})
+    tree.node("ShaderNodeOutputAOV", "Instance Label", {"Color": (0.0, 0.0, 0.0, 1.0), "Value": exact.outputs["X"]},
+              aov_name=INSTANCE_AOV)
+    tree.arrange()
+
+
+def build_shapes(name: str, shapes: Sequence[Sequence[Shape]], used: np.ndarray,
+                 material: bpy.types.Material) -> list[bpy.types.Object]:
+    """An object for each shape of ``shapes[level][shape]`` whose number (level times the number of
+    shapes, plus shape) is in ``used``, in the order of the names, which is the order of the numbers."""
+    objects = []
+    for number in used.tolist():
+        level, shape = divmod(number, len(shapes[0]))
+        mesh = mesh_from_arrays(f"{name} Shape {number:03d}", shapes[level][shape].vertices,
+                                shapes[level][shape].triangles)
+        mesh.polygons.foreach_set("use_smooth", ~shapes[level][shape].plane)
+        mesh.materials.append(material)
+        objects.append(bpy.data.objects.new(mesh.name, mesh))
+    return objects
+
+
+def _named(tree: Tree, label: str, attribute: str, data_type: str) -> bpy.types.NodeSocket:
+    """Output socket of the value that each point has of an attribute."""
+    node = tree.node("GeometryNodeInputNamedAttribute", label, {"Name": attribute}, data_type=data_type)
+    return next(socket for socket in node.outputs if socket.enabled)
+
+
+def _build_group(name: str, shapes: bpy.types.Collection) -> bpy.types.NodeTree:
+    """The node group that puts the shape, turned and scaled as its attributes say, on each point."""
+    group = bpy.data.node_groups.new(name, "GeometryNodeTree")
+    _, result = (group.interface.new_socket("Geometry", in_out=direction, socket_type="NodeSocketGeometry").identifier
+                 for direction in ("INPUT", "OUTPUT"))
+    tree = Tree(group)
+    points = tree.node("NodeGroupInput", "Points")
+    library = tree.node("GeometryNodeCollectionInfo", "Shapes",
+                        {"Collection": shapes, "Separate Children": True, "Reset Children": True},
+                        transform_space="ORIGINAL")
+    blocks = tree.node("GeometryNodeInstanceOnPoints", "Blocks", {
+        "Points": points.outputs[0], "Selection": True, "Instance": library.outputs[0], "Pick Instance": True,
+        "Instance Index": _named(tree, "Shape", _SHAPE, "INT"),
+        "Rotation": _named(tree, "Rotation", _ROTATION, "FLOAT_VECTOR"),
+        "Scale": _named(tree, "Scale", _SCALE, "FLOAT_VECTOR")})
+    tree.node("NodeGroupOutput", "Geometry", {result: blocks.outputs[0]}, leave=("__extend__",))
+    tree.arrange()
+    return group
+
+
+def _set(mesh: bpy.types.Mesh, name: str, data_type: str, values: np.ndarray) -> None:
+    """Give a mesh's points an attribute."""
+    attribute = mesh.attributes.new(name, data_type, "POINT")
+    kind, key = (np.int32, "value") if data_type == "INT" else (np.float32, "value" if values.ndim == 1 else "vector")
+    attribute.data.foreach_set(key, np.ascontiguousarray(values, kind).ravel())
+
+
+def build_blocks(name: str, rocks: Rocks, shapes: Sequence[Sequence[Shape]], material: bpy.types.Material,
+                 tag: str) -> bpy.types.Object:
+    """The object whose points carry the blocks; ``parts_of`` gives what else it needs.
+
+    A block's label is its place in the order of size, largest first. Everything but the object
+    itself is marked with the custom property ``tag``.
+    """
+    number = rocks.level * len(shapes[0]) + rocks.shape
+    used, pick = np.unique(number, return_inverse=True)
+    library = bpy.data.collections.new(f"{name} Shapes")
+    for item in build_shapes(name, shapes, used, material):
+        item[tag] = "rock shape"
+        library.objects.link(item)
+    group = _build_group(name, library)
+    library[tag] = group[tag] = "rock shapes"
+
+    mesh = bpy.data.meshes.new(name)
+    mesh.vertices.add(len(pick))
+    mesh.vertices.foreach_set("co", rocks.position_m.astype(np.float32).ravel())
+    _set(mesh, INSTANCE_ATTRIBUTE, "FLOAT", FIRST_ROCK_INSTANCE + np.arange(len(pick)))
+    _set(mesh, _SHAPE, "INT", pick)
+    _set(mesh, _ROTATION, "FLOAT_VECTOR", rocks.rotation)
+    _set(mesh, _SCALE, "FLOAT_VECTOR", rocks.scale_m)
+    blocks = bpy.data.objects.new(name, mesh)
+    blocks.modifiers.new("Blocks", "NODES").node_group = group
+    return blocks
+
+
+def parts_of(item: bpy.types.Object, tag: str) -> list[Any]:
+    """Node groups, collections and shape objects that the blocks of an object are made with; of others, none."""
+    groups = [m.node_group for m in item.modifiers if m.type == "NODES" and m.node_group and tag in m.node_group]
+    libraries = [socket.default_value for group in groups for node in group.nodes for socket in node.inputs
+                 if socket.type == "COLLECTION" and socket.default_value]
+    return [*groups, *libraries, *(shape for library in libraries for shape in library.objects if tag in shape)]

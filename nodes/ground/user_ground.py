@@ -1,0 +1,268 @@
+"""The person's own ground: a mesh or height map from a file, placed where the settings say."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import bpy
+import numpy as np
+
+from ... import compat
+from ...errors import IcyMoonError
+from ...formats import mesh_file, mesh_images
+from ...physics.mesh import check, height_map, subdivide, texture_coordinates
+from ...physics.mesh.height_map import HeightMap
+from ...physics.mesh.height_surface import Surface
+from ...physics.mesh.mesh_heights import MeshGround
+from ...physics.surfaces.textures import by_uv
+from ...physics.terrain.fine_detail import displaced
+from ...settings.description import Settings
+from ..datablocks.user_files import used_files
+from . import import_heights
+from .import_mesh import read_mesh
+from .terrain_mesh import mesh_from_arrays, shortest_wavelength_m
+
+#: Extents in metres beyond which a ground is not a landing site in any unit.
+_SMALLEST_M, _LARGEST_M = 1e-3, 1e5
+#: Extents that are possible but look like a forgotten unit.
+_UNLIKELY_M = (0.2, 2e4)
+#: Relief, of the width, above which a unit was probably forgotten.
+_UNLIKELY_RELIEF = 2.0
+#: Most triangles that a mesh is cut into to carry roughness.
+_MOST_TRIANGLES = 8_000_000
+#: Rows of the matrix that turns file coordinates z up, each the file axis (and sign) that it takes.
+_TURNS = {"X": ((1, 1), (2, 1), (0, 1)), "Y": ((0, 1), (2, -1), (1, 1)), "Z": ((0, 1), (1, 1), (2, 1)),
+          "-X": ((2, 1), (1, 1), (0, -1)), "-Y": ((0, 1), (2, 1), (1, -1)), "-Z": ((0, 1), (1, -1), (2, -1))}
+
+
+#: Suffixes of the files that can be a ground.
+SUFFIXES = (*mesh_file.FORMATS, *import_heights.SUFFIXES)
+
+
+@dataclass(frozen=True)
+class OwnGround:
+    """A ground from a file: vertices (n, 3) and faces (m, 3 or 4), the surface to stand on, what was
+    found (``report``), what a person should know (``warnings``), and the UV coordinates (m, 3, 2) of the
+    corners, if it has any."""
+
+    positions: np.ndarray
+    faces: np.ndarray
+    surface: HeightMap | MeshGround
+    report: tuple[str, ...]
+    warnings: tuple[str, ...]
+    uv: np.ndarray | None = None
+
+    def build_mesh(self, name: str) -> bpy.types.Mesh:
+        """A smooth-shaded mesh of it."""
+        return mesh_from_arrays(name, self.positions, self.faces, self.uv)
+
+    def nearest_height_m(self, x_m: float, y_m: float) -> float:
+        """Height of the vertex that is nearest on the map."""
+        nearest = np.argmin(np.hypot(self.positions[:, 0] - x_m, self.positions[:, 1] - y_m))
+        return float(self.positions[nearest, 2])
+
+
+def is_own(settings: Mapping[str, Mapping[str, Any]]) -> bool:
+    """Whether the ground comes from a file."""
+    return bool(settings["source"]["kind"] != "PROCEDURAL")
+
+
+def kind_of(path: Path) -> str:
+    """``source.kind`` of a file by its suffix. Raises IcyMoonError if it can be none."""
+    suffix = path.suffix.lower()
+    if suffix not in SUFFIXES:
+        raise IcyMoonError(f"{path}: is no ground that Icy Moon reads; give one of {', '.join(SUFFIXES)}.")
+    return "MESH" if suffix in mesh_file.FORMATS else "HEIGHT_MAP"
+
+
+def file_of(settings: Mapping[str, Mapping[str, Any]]) -> Path:
+    """The ground's file, absolute. Raises IcyMoonError if none is stated."""
+    return used_files(settings)["source.file"]
+
+
+def cost_warnings(settings: Mapping[str, Mapping[str, Any]]) -> list[str]:
+    """What a person should hear before the ground is loaded, because it takes long or much memory."""
+    if settings["source"]["kind"] != "MESH":
+        return []
+    path = file_of(settings)
+    cost = mesh_file.cost(path)
+    return [f"{cost.sentence(path)}."] if cost.dear else []
+
+
+def own_ground(settings: Settings, made_up: Callable[[Settings], Surface]) -> OwnGround:
+    """Load the ground that ``source`` settings name.
+
+    ``made_up`` makes the procedural ground that ``source.detail`` adds below the file's resolution.
+    Raises IcyMoonError if the file is not a usable ground; nothing of it stays in Blender.
+    """
+    path = file_of(settings)
+    try:
+        if settings["source"]["kind"] == "MESH":
+            return _mesh_ground(path, settings)
+        return _height_ground(path, settings, made_up)
+    except MemoryError:
+        raise IcyMoonError(f"{path}: is too large for the memory of this machine; cut out the part that you need, "
+                           "or make it coarser.") from None
+
+
+def _metres(values: Any) -> str:
+    return ", ".join(f"{float(v):.6g}" for v in values)
+
+
+def _check_size(path: Path, extents_m: np.ndarray, mend: str, mend_height: str) -> list[str]:
+    """Refuse absurd extents; warn of unlikely ones."""
+    widest, relief = float(max(extents_m[:2])), float(extents_m[2])
+    if not _SMALLEST_M <= widest <= _LARGEST_M:
+        raise IcyMoonError(f"{path}: is {widest:.3g} m wide, which is no landing site ({_SMALLEST_M:g} to "
+                           f"{_LARGEST_M:g} m); {mend}")
+    if not relief <= _LARGEST_M:
+        raise IcyMoonError(f"{path}: has a relief of {relief:.3g} m, which is no landing site ({_LARGEST_M:g} m at "
+                           f"most); {mend_height}")
+    warnings = []
+    if not _UNLIKELY_M[0] <= widest <= _UNLIKELY_M[1]:
+        warnings.append(f"{path.name} is {widest:.3g} m wide; if its unit is not what you meant, {mend}")
+    if relief > _UNLIKELY_RELIEF * widest:
+        warnings.append(f"{path.name} has a relief of {relief:.3g} m on {widest:.3g} m; if its unit is not what you "
+                        f"meant, {mend_height}")
+    return warnings
+
+
+def turned_up(positions: np.ndarray, kind: str, up_axis: str) -> tuple[np.ndarray, str]:
+    """Vertices as ``read_mesh`` gives them, turned so that ``up_axis`` of the file is z, and that axis."""
+    usual = "Y" if kind in ("OBJ", "glTF") else "Z"
+    axis = usual if up_axis == "AUTO" else up_axis
+    if kind == "glTF":
+        if axis == "Y":
+            return positions, axis
+        positions = positions[:, [0, 2, 1]] * np.array([1.0, 1.0, -1.0])  # back to the file's y up
+    return np.stack([sign * positions[:, k] for k, sign in _TURNS[axis]], axis=1), axis
+
+
+def _mesh_ground(path: Path, settings: Settings) -> OwnGround:
+    source = settings["source"]
+    kind = mesh_file.kind_of(path)
+    positions, faces, uv = read_mesh(path)
+    if not np.isfinite(positions).all(axis=1).any():
+        raise IcyMoonError(f"{path}: none of its {len(positions)} vertices is a number; export the mesh again.")
+    warnings = _coarse_coordinates(path, positions)
+    if kind == "USD" and not compat.usd_unit_applied():
+        warnings.append(f"This Blender takes the units of {path.name} for metres, whatever the file says; set "
+                        "source.scale if they are not.")
+    positions, axis = turned_up(positions * source["scale"], kind, source["up_axis"])
+    before = check.check(positions, faces)
+    warnings += _check_size(path, np.array(before.extents_m), "set source.scale (0.001 for millimetres).",
+                            "mend the vertices that stand out.")
+    if before.area_m2 <= 0.0 or before.degenerate_faces == before.triangles:
+        raise IcyMoonError(f"{path}: all its {before.triangles} faces are without area; export the mesh again.")
+    if before.non_finite_vertices and not source["repair"]:
+        raise IcyMoonError(f"{path}: {before.non_finite_vertices} vertices are not numbers; set source.repair or mend "
+                           "the mesh.")
+    report = [f"{kind}, {axis} up, {source['scale']:g} m per unit", *before.lines()]
+    if source["repair"]:
+        positions, faces, uv = check.repaired(positions, faces, uv)
+        after = check.check(positions, faces)
+        report.append("Repaired: " + "; ".join(after.lines()))
+    else:
+        after = before
+    if after.up != "Z":
+        warnings.append(f"Most of {path.name} faces along {after.up}, it may stand on edge; set source.up_axis.")
+    shift = _shift(positions, source)
+    positions = positions + shift
+    report.append(f"Moved by {_metres(shift)} m")
+    if uv is not None:
+        uv, found = texture_coordinates.mended(uv)
+        report += found
+        if by_uv(settings["textures"]):
+            warnings += [f"{path.name}: {sentence}." for sentence in found[1:]]
+    if (brought := ", ".join(mesh_images.images(path).by_kind)):
+        report.append(f"Brings images ({brought}), which textures.set = MESH shows")
+    if source["detail"]:
+        positions, faces, uv, sentence = _with_roughness(positions, faces, uv, settings)
+        report.append(sentence)
+    positions = positions.astype(np.float32)
+    return OwnGround(positions, faces, MeshGround(positions, faces), tuple(report), tuple(warnings), uv)
+
+
+def _with_roughness(positions: np.ndarray, faces: np.ndarray, uv: np.ndarray | None,
+                    settings: Settings) -> tuple[np.ndarray, np.ndarray, np.ndarray | None, str]:
+    """The mesh cut as finely as the terrain's vertices and roughened along its normals, and what was done."""
+    edge = subdivide.edge_length_m(positions, faces)
+    wanted = shortest_wavelength_m(settings["terrain"]) / 2
+    cuts = subdivide.levels(edge, wanted, len(faces), _MOST_TRIANGLES)
+    for _ in range(cuts):
+        positions, faces = subdivide.halved(positions, faces)
+        uv = None if uv is None else texture_coordinates.halved(uv)
+    finest = edge / 2**cuts
+    roughened = displaced(positions, subdivide.vertex_normals(positions, faces), settings,
+                          int(settings["dataset"]["seed"]), 2 * edge, 2 * finest)
+    limit = f", not {wanted:.3g} m, to keep to {_MOST_TRIANGLES} triangles" if finest > 1.01 * wanted else ""
+    return roughened, faces, uv, (f"Roughness of {2 * finest:.3g} to {2 * edge:.3g} m added on {len(faces)} "
+                                  f"triangles, edges of {finest:.3g} m{limit}")
+
+
+def _coarse_coordinates(path: Path, positions: np.ndarray) -> list[str]:
+    """A warning if the coordinates are so large that single precision rounds them by a per mille of the spacing."""
+    positions = positions[np.isfinite(positions).all(axis=1)]
+    if not np.array_equal(positions, positions.astype(np.float32)):
+        return []  # double precision
+    step = float(np.spacing(np.float32(np.abs(positions).max())))
+    spacing = float(np.ptp(positions, axis=0).max()) / math.sqrt(len(positions))
+    if step < 1e-3 * spacing:
+        return []
+    return [f"The coordinates of {path.name} are so large that they are rounded to {step:.2g} units where vertices are "
+            f"{spacing:.2g} apart; subtract an offset before exporting it, or write a PLY in double precision."]
+
+
+def _shift(positions: np.ndarray, source: Mapping[str, Any]) -> np.ndarray:
+    """What to add to the vertices so that the site's origin is where the settings say."""
+    shift = np.array([-source["origin_x_m"], -source["origin_y_m"], 0.0])
+    if source["centre"]:
+        low, high = positions.min(axis=0), positions.max(axis=0)
+        shift += [-(low[0] + high[0]) / 2, -(low[1] + high[1]) / 2, -float(np.median(positions[:, 2]))]
+    return shift
+
+
+def _height_ground(path: Path, settings: Settings, made_up: Callable[[Settings], Surface]) -> OwnGround:
+    source, terrain = settings["source"], settings["terrain"]
+    read = import_heights.read_heights(path)
+    known = np.isfinite(read.values)
+    if not known.any():
+        raise IcyMoonError(f"{path}: none of its {known.size} pixels is a height; check its missing-value mark.")
+    pixel = _pixel_size(path, read, source)
+    warnings = [f"{path.name}: {sentence}." for sentence in read.warnings]
+    if not known.all():
+        warnings.append(f"{1 - known.mean():.2%} of {path.name} has no height and was filled in smoothly from around.")
+    heights = height_map.fill_holes(read.values) * source["height_scale_m"]
+    rows, columns = heights.shape
+    extents = np.array([(columns - 1) * pixel[0], (rows - 1) * pixel[1], float(np.ptp(heights))])
+    warnings += _check_size(path, extents, "set source.metres_per_pixel.",
+                            "set source.height_scale_m, or mark the heights that are missing.")
+    surface, shift = height_map.placed(heights, pixel, read.corner_m or (0.0, 0.0), centre=bool(source["centre"]),
+                                      origin_m=(source["origin_x_m"], source["origin_y_m"]),
+                                      size_m=float(terrain["size_m"]))
+    west, east, south, north = surface.bounds_m
+    if east <= west or north <= south:
+        raise IcyMoonError(f"{path}: has no height within terrain.size_m = {terrain['size_m']:g} m of the origin; set "
+                           "source.centre, source.origin_x_m or source.origin_y_m.")
+    if source["detail"]:
+        surface = height_map.with_roughness(surface, made_up(settings))
+    spacing = shortest_wavelength_m(terrain) / 2
+    x, y = (np.linspace(a, b, max(2, round((b - a) / spacing) + 1)) for a, b in ((west, east), (south, north)))
+    positions, faces = height_map.grid(surface.heights(x[None, :], y[:, None], 2 * spacing), x, y)
+    report = (f"{columns} x {rows} pixels of {pixel[0]:.4g} x {pixel[1]:.4g} m, {_metres(extents)} m", *read.report,
+              f"Ground of {east - west:.4g} x {north - south:.4g} m, moved by {_metres(shift)} m",
+              "Procedural roughness below the pixel" if source["detail"] else "Nothing finer than the pixel")
+    return OwnGround(positions, faces, surface, report, tuple(warnings))
+
+
+def _pixel_size(path: Path, read: import_heights.Heights, source: Mapping[str, Any]) -> tuple[float, float]:
+    """Metres per pixel (east, north): what the settings say, or else the file."""
+    if source["metres_per_pixel"] > 0:
+        return (source["metres_per_pixel"],) * 2
+    if read.pixel_m is None:
+        raise IcyMoonError(f"{path}: {read.unplaced}; set source.metres_per_pixel.")
+    return read.pixel_m

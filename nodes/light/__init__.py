@@ -1,0 +1,1 @@
+"""Sun, planet, rings, stars and sky as lamps and world."""

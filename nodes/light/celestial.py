@@ -1,0 +1,122 @@
+"""What the camera sees in the sky beside the Sun: planet, rings and stars, as far meshes that shine.
+
+They have a depth and a label (but for what lets more than half of the light behind it through), and give no
+light and no shadow: the ground is lit by lamps.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import bmesh
+import bpy
+import numpy as np
+
+from ... import compat
+from ...labels import PLANET
+from ...physics.light.planetshine import Planet, disc
+from ...physics.light.saturn_rings import RingMesh
+from ...physics.light.stars import Stars
+from ..tree.builder import Tree, output
+
+#: Where the planet stands, in metres from the camera, which it follows: so far that both eyes see it in the same
+#: direction. Its size and its distances are in proportion, so it looks as the planet does.
+DISTANCE_M = 1.0e5
+STARS_M = 9.0e5  # behind planet and rings, before the camera's far end
+#: Attributes of the vertices: W/(m² sr), a number or one for R, G and B, and the share of light that passes.
+RADIANCE, TRANSMISSION = "radiance", "transmission"
+#: Radius of a star's image in pixels. Cycles' filter is narrower than a pixel, so that of a point its pixels
+#: would get 3.5 times its light or none of it, by where it falls; of a cone this wide they get all of it
+#: to within 2 %, in the middle of the image, and to within 5 % where it looks larger.
+STAR_PX = 1.0
+
+
+def build_planet(name: str, planet: Planet, colour: np.ndarray) -> bpy.types.Object:
+    """The part of the planet that is above the horizon (z > 0), in true proportion."""
+    shown = disc(planet)
+    faces = [tuple(dict.fromkeys(face)) for face in shown.faces.tolist()]
+    return _far(name, DISTANCE_M * shown.vertices, faces, {RADIANCE: shown.radiance}, colour)
+
+
+def build_rings(name: str, rings: RingMesh, colour: np.ndarray) -> bpy.types.Object:
+    """The part of the rings that is above the horizon."""
+    return _far(name, DISTANCE_M * rings.vertices, rings.faces.tolist(),
+                {RADIANCE: rings.radiance, TRANSMISSION: rings.transmission}, colour)
+
+
+def build_stars(name: str, stars: Stars, pixel_rad: float) -> bpy.types.Object:
+    """A cone of radiance for each star, as wide as ``STAR_PX`` pixels of an angle; it hides nothing.
+
+    A hexagon of circumradius ρ has the area 3√3/2 ρ², and a cone a third of its height on average.
+    """
+    radius = STAR_PX * pixel_rad
+    peak = 3 * stars.irradiance_wm2 / (1.5 * np.sqrt(3.0) * radius**2)
+    side = np.eye(3)[np.abs(stars.direction).argmin(axis=1)]
+    x = np.cross(side, stars.direction)
+    x /= np.linalg.norm(x, axis=1, keepdims=True)
+    y = np.cross(stars.direction, x)
+    angle = np.arange(6) * np.pi / 3
+    round_about = np.cos(angle)[:, None] * x[:, None] + np.sin(angle)[:, None] * y[:, None]
+    rim = stars.direction[:, None] + radius * round_about
+    n = len(stars.direction)
+    vertices = np.concatenate([stars.direction[:, None], rim], axis=1).reshape(-1, 3)
+    radiance = np.concatenate([peak[:, None], np.zeros((n, 6, 3))], axis=1).reshape(-1, 3)
+    corner = np.arange(6)
+    triangles = np.stack([0 * corner, 1 + corner, 1 + (corner + 1) % 6], axis=1)
+    faces = (7 * np.arange(n)[:, None, None] + triangles).reshape(-1, 3)
+    return _far(name, STARS_M * vertices, faces.tolist(), {RADIANCE: radiance, TRANSMISSION: np.ones(7 * n)},
+                np.ones(3))
+
+
+def _far(name: str, vertices: np.ndarray, faces: list[Any], attributes: Mapping[str, np.ndarray],
+         colour: np.ndarray) -> bpy.types.Object:
+    """A mesh that only the camera sees, with attributes of its vertices, cut at the horizon."""
+    mesh = bpy.data.meshes.new(name)
+    mesh.from_pydata(vertices.tolist(), [], faces)
+    for key, values in attributes.items():
+        kind, field = ("FLOAT", "value") if values.ndim == 1 else ("FLOAT_VECTOR", "vector")
+        mesh.attributes.new(key, kind, "POINT").data.foreach_set(field, values.ravel().astype(np.float32))
+    mesh.materials.append(_shining(name, colour, attributes))
+    if len(vertices) and vertices[:, 2].min() < 0:
+        _cut_below_horizon(mesh)
+    item = bpy.data.objects.new(name, mesh)
+    item.visible_diffuse = item.visible_glossy = item.visible_transmission = False
+    item.visible_volume_scatter = item.visible_shadow = False
+    return item
+
+
+def _cut_below_horizon(mesh: bpy.types.Mesh) -> None:
+    """Remove what is below z = 0, which the body hides; the ground is only a patch of it."""
+    edited = bmesh.new()
+    edited.from_mesh(mesh)
+    bmesh.ops.bisect_plane(edited, geom=[*edited.verts, *edited.edges, *edited.faces], plane_co=(0.0, 0.0, 0.0),
+                           plane_no=(0.0, 0.0, 1.0), clear_inner=True)
+    edited.to_mesh(mesh)
+    edited.free()
+
+
+def _shining(name: str, colour: np.ndarray, attributes: Mapping[str, np.ndarray]) -> bpy.types.Material:
+    """Radiance, a colour times an attribute, and behind it what lets light through, if there is an attribute for it."""
+    material = bpy.data.materials.new(name)
+    tree = Tree(compat.ensure_nodes(material))
+
+    def attribute(label: str, key: str, identifier: str) -> Any:
+        node = tree.node("ShaderNodeAttribute", label, attribute_type="GEOMETRY", attribute_name=key)
+        return output(node, identifier)
+
+    if attributes[RADIANCE].ndim == 1:
+        light = {"Color": (*map(float, colour), 1.0), "Strength": attribute("Radiance", RADIANCE, "Fac")}
+    else:
+        light = {"Color": attribute("Radiance", RADIANCE, "Color"), "Strength": 1.0}
+    surface = tree.node("ShaderNodeEmission", "Shine", light, if_present={"Weight": 0.0}).outputs[0]
+    if TRANSMISSION in attributes:
+        behind = tree.node("ShaderNodeBsdfTransparent", "Behind", {
+            "Color": attribute("Transmission", TRANSMISSION, "Fac")}, if_present={"Weight": 0.0}).outputs[0]
+        surface = tree.node("ShaderNodeAddShader", "Both", {"Shader": surface, "Shader_001": behind}).outputs[0]
+    tree.node("ShaderNodeOutputMaterial", "Surface", {"Surface": surface},
+              leave=("Volume", "Displacement", "Thickness"), target="ALL")
+    tree.arrange()
+    material.cycles.emission_sampling = "NONE"
+    material.pass_index = PLANET
+    return material

@@ -1,0 +1,108 @@
+"""The lights of a scene: the Sun and, if it is up, the planet with its light, each in a light group; and stars."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import bpy
+
+from ...physics.camera.stereo_geometry import focal_px
+from ...physics.left_out import planet_lights
+from ...physics.light.saturn_rings import rings
+from ...physics.light.sky import Sky, check_body, facts
+from ...physics.light.sky import sky as sky_of
+from ...physics.light.stars import stars
+from ...physics.light.sunlight import sun_colour
+from ...settings.description import Settings
+from ..datablocks.fingerprint import NAME, TAG
+from .celestial import build_planet, build_rings, build_stars
+from .planet import build_planet_light
+from .sun import build_sun, place_sun
+
+SKY = "icymoon_sky"  # of the Sun: where the lights stand and how bright they are
+#: Roles of what shines beside the Sun.
+ROLES = ("planet", "planetshine", "rings", "stars")
+
+
+def described_sky(settings: Settings) -> Sky:
+    """The sky that settings describe. Raises IcyMoonError if a date or kernels cannot give it, or give another
+    body's."""
+    check_body(settings)
+    return sky_of(settings["light"], str(Path(bpy.data.filepath).parent) if bpy.data.filepath else None)
+
+
+def made_from(settings: Settings) -> list[Any]:
+    """The settings that the lights are made from."""
+    of_stars = [focal_px(settings["rig"]), settings["dataset"]["seed"]] if settings["light"]["stars"] else []
+    return [settings["light"], *of_stars]
+
+
+def build_lights(settings: Settings, sky: Sky, camera: bpy.types.Object) -> list[bpy.types.Object]:
+    """The Sun, and what else shines: in the sky of a camera."""
+    sun = build_sun(f"{NAME} Sun")
+    sun[TAG], sun.lightgroup = "sun", "Sun"
+    _place(sun, settings, sky)
+    return [sun, *_others(settings, sky, camera)]
+
+
+def advice(sky: Sky, settings: Settings) -> list[str]:
+    """What a person should know of a dark sky, and of what is not in it."""
+    light, said = settings["light"], []
+    if sky.planet is not None and light["planet_rings"] and not sky.planet.rings:
+        said.append("Only Saturn's rings are bright enough to be seen; light.planet_rings has no effect here.")
+    if light["stars"] and light["irradiance_band"] == "CAMERA":
+        said.append("Stars count all wavelengths, the Sun only the camera's; set light.irradiance_band to BOLOMETRIC "
+                    "for stars of the right brightness.")
+    if sum(sky.ground_irradiance_wm2) > 0 or (sky.sun_irradiance_wm2 > 0 and sky.sun_is_up and sky.eclipse < 1):
+        return said
+    if sky.sun_is_up and sky.eclipse >= 1:
+        mend = "move one of them" if light["directions_from"] == "ANGLES" else "choose another light.date_utc"
+        return [*said, f"The planet hides the Sun, which gives no light; {mend}."]
+    return [*said, "Neither Sun nor planet gives light; raise light.sun_elevation_deg or light.sun_irradiance_wm2."
+            if light["directions_from"] == "ANGLES" else
+            "Neither Sun nor planet gives light; choose another light.date_utc or site."]
+
+
+def change_lights(sun: bpy.types.Object, collection: bpy.types.Collection, settings: Settings,
+                  sky: Sky) -> list[bpy.types.Object]:
+    """Give an existing Sun and the rest of the lights what settings say.
+
+    Returns the objects in ``collection`` that are to be removed; what replaces them is in it.
+    """
+    _place(sun, settings, sky)
+    old = [item for item in collection.all_objects if item.get(TAG) in ROLES]
+    camera = next(item for item in collection.all_objects if item.get(TAG) == "camera")
+    for item in _others(settings, sky, camera):
+        collection.objects.link(item)
+    return old
+
+
+def _place(sun: bpy.types.Object, settings: Settings, sky: Sky) -> None:
+    place_sun(sun, sky, sun_colour(settings["light"]["sun_temperature_k"]))
+    sun[SKY] = json.dumps(facts(sky))
+
+
+def _others(settings: Settings, sky: Sky, camera: bpy.types.Object) -> list[bpy.types.Object]:
+    light, made = settings["light"], {}
+    colour = sun_colour(light["sun_temperature_k"])
+    if sky.planet is not None and sky.planet_is_up:
+        made["planet"] = build_planet(f"{NAME} Planet", sky.planet, colour)
+        if planet_lights(settings, sky):
+            made["planetshine"] = build_planet_light(f"{NAME} Planetshine", sky.planet, colour)
+    around = rings(sky.planet) if sky.planet is not None else None
+    if around is not None and around.vertices[:, 2].max() > 0:
+        made["rings"] = build_rings(f"{NAME} Rings", around, colour)
+    for item in made.values():
+        item.lightgroup = "Planet"
+    if light["stars"]:
+        shown = stars(float(light["stars_faintest_mag"]), int(settings["dataset"]["seed"]), sky.from_j2000)
+        made["stars"] = build_stars(f"{NAME} Stars", shown, 1 / focal_px(settings["rig"]))
+    for role, item in made.items():
+        item[TAG] = role
+        if role != "planetshine":
+            item.data.materials[0][TAG] = "material"
+            # As far away as it really is, it looks the same from everywhere on the ground.
+            item.constraints.new("COPY_LOCATION").target = camera
+    return list(made.values())

@@ -1,0 +1,102 @@
+"""The planet as a lamp; ``celestial`` has what the camera sees of it.
+
+Cycles loses up to a fifth of the light of a far mesh (how it samples a triangle depends on the
+triangle's size in metres), so the ground is lit by a Sun lamp of the planet's size, which is at
+infinity, and whose radiance follows from the direction by the formula itself.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from typing import Any
+
+import bpy
+import numpy as np
+from mathutils import Vector
+
+from ... import compat
+from ...physics.light.planetshine import Planet, ellipsoid, lit_chords, mean_direction, unshaded_share
+from ..tree.builder import Tree
+
+SHAPE = "icymoon_shape"  # of the lamp: what ``hapke.osl`` has to know of the planet beside its radiance
+MEAN = "icymoon_mean"  # of the lamp: the direction that its light comes from in the mean
+
+
+def build_planet_light(name: str, planet: Planet, colour: np.ndarray) -> bpy.types.Object:
+    """The lamp that the planet is: a disc of its equator's size that shines where the planet does.
+
+    A Sun lamp of energy E and half its angle r has the radiance E / (π sin² r) times what its shader emits. What
+    the shadow of rings takes is taken from all of the disc alike.
+    """
+    lamp = bpy.data.lights.new(name, "SUN")
+    lamp.color = tuple(map(float, colour))
+    compat.plain_light(lamp)
+    lamp.angle = math.radians(planet.angular_diameter_deg)
+    lamp.energy = (ellipsoid(planet).full_radiance * unshaded_share(planet) * math.pi
+                   * math.sin(lamp.angle / 2) ** 2)
+    tree = Tree(compat.ensure_light_nodes(lamp))
+    light = tree.node("ShaderNodeEmission", "Planet", {
+        "Color": (1.0, 1.0, 1.0, 1.0), "Strength": _sunlit(tree, planet)}, if_present={"Weight": 0.0})
+    tree.node("ShaderNodeOutputLight", "Light", {"Surface": light.outputs[0]}, target="ALL")
+    tree.arrange()
+    item = bpy.data.objects.new(name, lamp)
+    item.rotation_euler = Vector(planet.direction).to_track_quat("Z", "Y").to_euler()
+    item.location = planet.direction * 10.0  # where the symbol is drawn
+    across, lit = lit_chords(planet)
+    item[SHAPE] = json.dumps({
+        "PlanetAcross": across.tolist(), "PlanetLit": lit,
+        "PlanetDirection": planet.direction.tolist(), "PlanetRadius": lamp.angle / 2,
+        "PlanetObserver": ellipsoid(planet).observer.tolist(), "PlanetPole": planet.pole.tolist(),
+        "PlanetStretch": 1 / (1 - planet.flattening) - 1, "PlanetSun": planet.sun.tolist()})
+    item[MEAN] = mean_direction(planet).tolist()
+    return item
+
+
+def planet_inputs(shine: bpy.types.Object | None) -> dict[str, Any]:
+    """Inputs of ``hapke.osl`` that the planet's lamp decides; dark without one."""
+    if shine is None or shine.hide_render:
+        return {"PlanetRadiance": (0.0, 0.0, 0.0, 1.0), "PlanetDirection": (0.0, 0.0, 1.0), "PlanetRadius": 0.0,
+                "PlanetObserver": (0.0, 0.0, -2.0), "PlanetPole": (0.0, 0.0, 1.0), "PlanetStretch": 0.0,
+                "PlanetSun": (0.0, 0.0, 1.0), "PlanetAcross": (1.0, 0.0, 0.0), "PlanetLit": 1.0}
+    full = shine.data.energy / (math.pi * math.sin(shine.data.angle / 2) ** 2)
+    return {"PlanetRadiance": (*(full * band for band in shine.data.color), 1.0), **json.loads(shine[SHAPE])}
+
+
+def _sunlit(tree: Tree, planet: Planet) -> Any:
+    """Output socket: cosine of the Sun's zenith distance on the planet in the direction that is asked for.
+
+    The ray o + t w meets the ellipsoid that is the unit sphere once space is stretched along the pole.
+    """
+    shape = ellipsoid(planet)
+
+    def vector(operation: str, label: str, a: Any, b: Any = (0.0, 0.0, 0.0), output: str = "Vector") -> Any:
+        inputs = {"Vector": a} if operation == "NORMALIZE" else {"Vector": a, "Vector_001": b}
+        if operation == "SCALE":
+            inputs = {"Vector": a, "Scale": b}
+        return tree.node("ShaderNodeVectorMath", label, inputs, operation=operation).outputs[output]
+
+    def dot(label: str, a: Any, b: Any) -> Any:
+        return vector("DOT_PRODUCT", label, a, b, "Value")
+
+    def stretched(label: str, a: Any) -> Any:
+        along = dot(f"{label} along Pole", a, tuple(planet.pole))
+        more = vector("SCALE", f"{label} Stretch", tuple(planet.pole * (1 / (1 - planet.flattening) - 1)), along)
+        return vector("ADD", f"{label} Stretched", a, more)
+
+    observer = tuple(shape.observer)
+    back = tree.node("ShaderNodeNewGeometry", "From the Planet").outputs["Incoming"]
+    view = vector("SCALE", "Direction", back, -1.0)
+    ray = vector("SCALE", "Ray", stretched("Direction", view), 1 / shape.radius)
+    a, b = dot("a", ray, ray), dot("b", ray, observer)
+    c = float(shape.observer @ shape.observer) - 1
+    inside = tree.math("SUBTRACT", "b² - a c", tree.math("MULTIPLY", "b²", b, b), tree.math("MULTIPLY", "a c", a, c))
+    root = tree.math("POWER", "Root", tree.math("MAXIMUM", "Real", inside, 0.0), 0.5)
+    time = tree.math("DIVIDE", "t", tree.math("SUBTRACT", "-b - Root", tree.math("MULTIPLY", "-b", b, -1.0), root), a)
+    point = vector("ADD", "Point", vector("SCALE", "Way", ray, time), observer)
+    normal = vector("NORMALIZE", "Normal", stretched("Point", point))
+    sunlit = tree.math("MAXIMUM", "Sunlit", dot("cos i", normal, tuple(planet.sun)), 0.0)
+    hit = tree.math("MULTIPLY", "Hit", tree.math("GREATER_THAN", "Meets", inside, 0.0),
+                    tree.math("LESS_THAN", "Ahead", b, 0.0))
+    up = tree.math("GREATER_THAN", "Above Horizon", dot("Height", view, (0.0, 0.0, 1.0)), 0.0)
+    return tree.math("MULTIPLY", "Seen and Sunlit", tree.math("MULTIPLY", "Seen", hit, up), sunlit)

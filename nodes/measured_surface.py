@@ -1,0 +1,157 @@
+"""The surface that a matcher measured, over the true one: each point a small square in the colour of its error.
+
+Squares, not a point cloud: every Blender and every shading of the viewport shows a mesh's colours. They are drawn in
+front of everything, since what is too far lies under the true ground: half of the errors would be hidden by it, and
+those that are seen would all be too near. So the ground itself is left as it is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import bpy
+import numpy as np
+
+from .. import compat
+from ..errors import IcyMoonError
+from ..formats import ply
+from .datablocks.fingerprint import TAG
+from .tree.builder import Tree
+
+NAME = "Icy Moon Measured Surface"
+ROLE = "measured surface"  # value of the custom property that marks what is made here
+_COLOUR = "error"  # colour attribute
+_COUNTS = "icymoon_points"  # custom property, see _counts
+#: Depth errors, m, at the ends of the colours: white up to the first, full from the second on, as the evaluator's
+#: scale has them.
+RIGHT_M, FULL_M = 0.01, 1.0
+_CORNERS = np.array([(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)])
+
+
+def read_points(path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Positions (n, 3) m, unit vectors to the camera (n, 3), sRGB colours (n, 3) 0 to 1, widths (n,) m and errors (n,)
+    m, NaN without a true depth, of a file that the evaluator wrote. Raises IcyMoonError if it is gone or damaged."""
+    try:
+        table = ply.properties(path, "x", "y", "z", "nx", "ny", "nz", "red", "green", "blue", "size_m", "error_m")
+    except (OSError, ValueError):
+        table = None
+    if table is None or not np.isfinite(table[:, :10]).all():
+        raise IcyMoonError(f"{path} is gone or damaged; press Evaluate again.")
+    return table[:, :3], table[:, 3:6], table[:, 6:9] / 255.0, table[:, 9], table[:, 10]
+
+
+def squares(position: np.ndarray, toward: np.ndarray, width: np.ndarray) -> np.ndarray:
+    """Corners (n, 4, 3), counter-clockwise seen from the camera, of squares of ``width`` that face it."""
+    # Two axes across the line of sight; the second start serves where a line of sight is vertical.
+    up = np.where(np.abs(toward[:, 2:]) < 0.99, [[0.0, 0.0, 1.0]], [[0.0, 1.0, 0.0]])
+    right = np.cross(up, toward)
+    right /= np.linalg.norm(right, axis=1, keepdims=True)
+    axes = np.stack([right, np.cross(toward, right)], axis=1)
+    return np.asarray(position[:, None] + np.einsum("ck,nkx->ncx", _CORNERS, axes) * width[:, None, None])
+
+
+def build_points(scene: bpy.types.Scene, paths: Iterable[Path], title: str) -> bpy.types.Object:
+    """Show the points of the files as one object, in a collection of their own, instead of earlier ones.
+
+    The object is drawn in front of others and never rendered, and is no part of the built scene. Raises IcyMoonError,
+    changing nothing, if a file cannot be used or all are empty.
+    """
+    paths = list(paths)
+    position, toward, colour, width, error = (np.concatenate(parts)
+                                              for parts in zip(*map(read_points, paths), strict=True))
+    if not len(position):
+        raise IcyMoonError(f"{title} measured nothing here; choose another matcher.")
+    clear_points(scene)
+    mesh = _mesh(squares(position, toward, width), colour)
+    mesh.materials.append(_material())
+    item = bpy.data.objects.new(f"{NAME}: {title}", mesh)
+    item[TAG] = ROLE
+    item[_COUNTS] = _counts(error, [ply.noted(path, "missing") for path in paths])
+    item.hide_render = True
+    item.show_in_front = True
+    collection = bpy.data.collections.new(NAME)
+    collection[TAG] = ROLE
+    collection.hide_render = True
+    scene.collection.children.link(collection)
+    collection.objects.link(item)
+    return item
+
+
+def _counts(error_m: np.ndarray, missing: list[int | None]) -> dict[str, int]:
+    """Points by what became of them; ``missing`` is left out where a file of an older version does not say it."""
+    counts = {"far": int((error_m > RIGHT_M).sum()), "near": int((error_m < -RIGHT_M).sum()),
+              "right": int((np.abs(error_m) <= RIGHT_M).sum()), "unknown": int(np.isnan(error_m).sum())}
+    return counts if None in missing else counts | {"missing": sum(count or 0 for count in missing)}
+
+
+def legend(scene: bpy.types.Scene) -> tuple[tuple[str, str], ...]:
+    """What the colours of the shown surface mean and how many points have them: lines of text, each with an icon."""
+    item = find_points(scene)
+    held: Any = item.get(_COUNTS) if item else None
+    counts = {key: number for key, number in held.items() if isinstance(number, int)} if hasattr(held, "items") else {}
+    true = sum(counts.get(key, 0) for key in ("far", "near", "right", "missing"))
+    if not true:
+        return ()
+    lines = [("Depth error of the surface shown", "NONE")]
+    for key, text, icon in (("far", "Too far, red", "COLORSET_01_VEC"), ("near", "Too near, blue", "COLORSET_04_VEC"),
+                            ("right", f"Within {100 * RIGHT_M:g} cm, white", "BLANK1"),
+                            ("missing", "Missing, no point", "BLANK1")):
+        if key in counts:
+            lines.append((f"{text}: {100 * counts[key] / true:.1f} %", icon))
+    if counts.get("unknown"):
+        lines.append((f"No true depth, grey: {counts['unknown']} points", "BLANK1"))
+    return (*lines, (f"Full colour at {FULL_M:g} m, log scale", "BLANK1"))
+
+
+def _mesh(corners: np.ndarray, colour: np.ndarray) -> bpy.types.Mesh:
+    count = len(corners)
+    mesh = bpy.data.meshes.new(NAME)
+    mesh.vertices.add(4 * count)
+    mesh.vertices.foreach_set("co", corners.astype(np.float32).ravel())
+    mesh.loops.add(4 * count)
+    mesh.loops.foreach_set("vertex_index", np.arange(4 * count, dtype=np.int32))
+    mesh.polygons.add(count)
+    mesh.polygons.foreach_set("loop_start", np.arange(0, 4 * count, 4, dtype=np.int32))
+    attribute = mesh.color_attributes.new(_COLOUR, "BYTE_COLOR", "POINT")
+    rgba = np.ones((count, 4, 4), np.float32)
+    rgba[..., :3] = colour[:, None]
+    attribute.data.foreach_set("color_srgb", rgba.ravel())
+    mesh.color_attributes.active_color = attribute
+    mesh.update(calc_edges=True)
+    mesh.validate()
+    return mesh
+
+
+def _material() -> bpy.types.Material:
+    """The squares' own colours, whatever the light."""
+    material = bpy.data.materials.new(NAME)
+    material[TAG] = ROLE
+    tree = Tree(compat.ensure_nodes(material))
+    colour = tree.node("ShaderNodeVertexColor", "Error", layer_name=_COLOUR)
+    glow = tree.node("ShaderNodeEmission", "Unlit", {"Color": colour.outputs["Color"], "Strength": 1.0},
+                     leave=("Weight",))
+    tree.node("ShaderNodeOutputMaterial", "Output", {"Surface": glow.outputs[0]},
+              leave=("Volume", "Displacement", "Thickness"))
+    tree.arrange()
+    return material
+
+
+def find_points(scene: bpy.types.Scene) -> bpy.types.Object | None:
+    """The measured surface that is shown in this scene, if any."""
+    collection = next((c for c in scene.collection.children if c.get(TAG) == ROLE), None)
+    return next((item for item in collection.objects if item.get(TAG) == ROLE), None) if collection else None
+
+
+def clear_points(scene: bpy.types.Scene) -> bool:
+    """Remove what ``build_points`` made in this scene, all of it; whether there was anything."""
+    collections = [c for c in scene.collection.children if c.get(TAG) == ROLE]
+    for collection in collections:
+        items = [item for item in collection.objects if item.get(TAG) == ROLE]
+        meshes = {item.data for item in items}
+        materials = {slot.material for item in items for slot in item.material_slots if slot.material}
+        for other in [item for item in collection.objects if item not in items]:
+            scene.collection.objects.link(other)  # a person's own
+        bpy.data.batch_remove([*items, *meshes, *(m for m in materials if m.get(TAG) == ROLE), collection])
+    return bool(collections)

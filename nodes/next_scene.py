@@ -1,0 +1,50 @@
+"""From one description to the next with the least work, for a program that renders many.
+
+The result is the scene that Build Scene would make of the description in an empty file.
+"""
+
+from __future__ import annotations
+
+import bpy
+
+from ..errors import IcyMoonError
+from ..physics import admission
+from ..physics.camera.stereo_geometry import rounding_advice
+from ..settings import changes
+from ..settings.description import Settings
+from . import preview
+from .built import SETTINGS, Built, find
+from .datablocks.user_files import content
+from .light.lights import advice as light_advice
+from .light.lights import described_sky
+from .scene import build
+from .surface import materials, reflectance_laws
+
+
+def opened(settings: Settings) -> Built:
+    """Build a described scene in a new, empty file; what was open is gone, with all that it held in memory."""
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    return build(bpy.context.scene, settings)
+
+
+def adapted(built: Built | None, settings: Settings) -> tuple[Built, bool]:
+    """The built scene of complete ``settings``, and whether it was made out of ``built``, which nobody has edited.
+
+    Surfaces, lights and camera are made anew where their settings differ. Where more differs, or
+    without a scene, a new file is opened. Raises IcyMoonError as ``build`` does; there is no scene then.
+    """
+    if built is None or SETTINGS not in built.collection or changes.scene(settings) != changes.scene(built.settings):
+        return opened(settings), False
+    if content(settings) != built.content:
+        return opened(settings), False
+    preview.show(built, settings, int(settings["terrain"]["resolution"]))
+    if preview.notes(bpy.context.scene) or built.preview:  # what cannot be shown is refused, or takes a new scene
+        return opened(settings), False
+    built.remember(settings, {})
+    warnings = [*materials.advice(settings), *reflectance_laws.advice(settings),
+                *light_advice(described_sky(settings), settings),
+                *rounding_advice(settings["rig"], built.site_m), *admission.advice(settings)]
+    now = find(bpy.context.scene)
+    if now is None:
+        raise IcyMoonError("A part of the built scene is gone; render the pair again.")
+    return Built(now.collection, now.terrain, now.sun, now.camera, now.settings, now.scene, tuple(warnings)), True

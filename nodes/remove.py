@@ -1,0 +1,81 @@
+"""Removing what was built, with all that only it uses."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+import bpy
+
+from .datablocks.fingerprint import OWN, TAG
+from .ground.rocks import parts_of
+from .surface import sun_inputs
+from .surface.images import remove_unused_images
+
+
+def with_parts(objects: list[bpy.types.Object]) -> tuple[list[bpy.types.Object], list[Any]]:
+    """Objects with those that others among them are made with, and the other data-blocks of that kind."""
+    others = [part for item in objects for part in parts_of(item, TAG)]
+    return ([*objects, *(part for part in others if isinstance(part, bpy.types.Object))],
+            [part for part in others if not isinstance(part, bpy.types.Object)])
+
+
+def materials_of(objects: list[bpy.types.Object]) -> set[bpy.types.Material]:
+    meshes = {item.data for item in objects if isinstance(item.data, bpy.types.Mesh)}
+    return {material for mesh in meshes for material in mesh.materials if material is not None}
+
+
+def remove_unused(meshes: Iterable[Any], others: Iterable[Any]) -> None:
+    """Remove data-blocks that nothing uses: an orphaned mesh would stay in memory for good."""
+    for blocks in (meshes, others):
+        unused = [block for block in blocks if block is not None and block.users == 0]
+        if unused:
+            bpy.data.batch_remove(unused)
+
+
+def remove_leftovers() -> None:
+    """Remove built worlds, lamps' collections and shapes of blocks that are no longer used."""
+    parts = [block for kind in (bpy.data.node_groups, bpy.data.collections, bpy.data.objects) for block in kind
+             if block.get(TAG) in ("rock shapes", "rock shape")]
+    sweep((parts, {item.data for item in parts if isinstance(item, bpy.types.Object)}, set()))
+    remove_unused([], [w for w in bpy.data.worlds if TAG in w])
+    remove_unused([], [c for c in bpy.data.collections if c.get(TAG) == sun_inputs.SHARED])
+
+
+def leftovers(objects: list[bpy.types.Object]) -> tuple[list[Any], set[Any], set[Any]]:
+    """What may be of no use once objects are gone: what they are made with, their data and their materials."""
+    every, others = with_parts(objects)
+    parts = [*others, *(item for item in every if item not in objects)]
+    return (parts, {item.data for item in every if item.data is not None},
+            {m for m in materials_of(every) if TAG in m})
+
+
+def sweep(found: tuple[list[Any], set[Any], set[Any]]) -> None:
+    """Remove of ``leftovers`` what nothing uses now; copies of a scene may use the rest."""
+    parts, data, materials = found
+    for kind in (bpy.types.NodeTree, bpy.types.Collection, bpy.types.Object):  # each is held by the one before
+        remove_unused([], [part for part in parts if isinstance(part, kind)])
+    remove_unused(data, materials)
+    remove_unused_images()
+
+
+def remove(objects: list[bpy.types.Object]) -> None:
+    """Remove objects with the meshes, lamps, cameras, materials and node groups that only they use."""
+    found = leftovers(objects)
+    _release([*objects, *found[1], *found[2]])
+    bpy.data.batch_remove(objects)
+    sweep(found)
+
+
+def _release(blocks: list[Any]) -> None:
+    """Let no built collection hold data-blocks that are to go."""
+    for collection in bpy.data.collections:
+        for key in [key for key in collection.keys() if key.startswith(OWN)]:  # noqa: SIM118 - no mapping
+            if collection[key] in blocks:
+                del collection[key]
+
+
+def free_names(blocks: Iterable[Any]) -> None:
+    """Give data-blocks the names that were taken by those which they replace."""
+    for block in blocks:
+        block.name = block.name.split(".")[0]

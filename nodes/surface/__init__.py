@@ -1,0 +1,1 @@
+"""Materials: the laws of reflection as shader nodes and OSL."""

@@ -1,0 +1,55 @@
+"""The script node of ``hapke.osl``, made without Blender's Python for script nodes.
+
+Blender's own way needs ``oslquery``, which the wheels from 4.5 on do not have. Cycles' compiler is in
+all of them; the sockets are read from what it writes.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from collections.abc import Mapping
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import bpy
+
+from ... import compat
+from ...scratch import scratch
+from ..tree.builder import Tree
+
+SOURCE = Path(__file__).parent / "hapke.osl"
+_SOCKETS = {"float": "NodeSocketFloat", "int": "NodeSocketInt", "color": "NodeSocketColor",
+            "vector": "NodeSocketVector", "normal": "NodeSocketVector", "closure color": "NodeSocketShader"}
+_PARAMETER = re.compile(r"^(o?param)\t(closure color|\w+)\t(\w+)", re.MULTILINE)
+
+
+@lru_cache(maxsize=1)
+def compiled() -> str:
+    """The byte code of ``hapke.osl``. Raises RuntimeError if it does not compile."""
+    with scratch() as folder:
+        target = folder / "hapke.oso"
+        if not compat.compile_osl(SOURCE, target):
+            raise RuntimeError(f"Cycles could not compile {SOURCE.name}.")
+        return target.read_text(encoding="utf-8")
+
+
+def script_node(tree: Tree, label: str, inputs: Mapping[str, Any]) -> Any:
+    """Add the script node with every input set, and return it."""
+    code = compiled()
+    node = tree.tree.nodes.new("ShaderNodeScript")
+    node.name = node.label = label
+    node.mode = "INTERNAL"
+    for kind, type_name, name in _PARAMETER.findall(code):
+        (node.inputs if kind == "param" else node.outputs).new(_SOCKETS[type_name], name)
+    node.bytecode = code
+    node.bytecode_hash = hashlib.md5(code.encode(), usedforsecurity=False).hexdigest()
+    if missing := {s.name for s in node.inputs} ^ set(inputs):
+        raise ValueError(f"{SOURCE.name}: inputs not set or not there: {sorted(missing)}")
+    for name, value in inputs.items():
+        if isinstance(value, bpy.types.NodeSocket):
+            tree.tree.links.new(value, node.inputs[name])
+        else:
+            node.inputs[name].default_value = value
+    return node

@@ -1,0 +1,170 @@
+"""Images for surfaces: a person's own files, those that a mesh brings, and made-up sets.
+
+An image is loaded once, and found again by what it was made for.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import bpy
+import numpy as np
+
+from ...errors import IcyMoonError
+from ...formats.mesh_images import MeshImage
+from ...labels import UV_LAYER
+from ...physics.mesh import texture_coordinates
+from ...physics.surfaces.textures import SIZE, maps
+
+_KEY, _MEAN = "icymoon_key", "icymoon_mean"  # what an image was made for, and the mean of its linear values
+_SHOWN, _SHOWN_MEAN = "icymoon_shown", "icymoon_shown_mean"  # a mark of what a ground shows of it, and the mean of that
+#: Numbers of an image that are worked on at once: a baked image may have a thousand million.
+_AT_ONCE = 1 << 24
+
+
+@dataclass(frozen=True)
+class Map:
+    """An image of one kind, the mean (3,) of its linear values, and the channel that counts where one does."""
+
+    image: bpy.types.Image
+    mean: tuple[float, float, float]
+    channel: int = 0
+
+
+def load_maps(textures: Mapping[str, Any], files: Mapping[str, Path | MeshImage]) -> dict[str, Map]:
+    """The maps that ``textures`` settings name, by kind; none if there is no texture.
+
+    ``files`` has the image of each kind of the person's own set, or of the mesh's. An image that is there already
+    is taken again. Raises IcyMoonError if one cannot be read.
+    """
+    if textures["set"] == "NONE":
+        return {}
+    if textures["set"] == "OWN":
+        if not files:
+            raise IcyMoonError("textures.set is OWN, but no image is named; name one, such as textures.albedo_file, or "
+                               "set textures.set to MESH for the images that a mesh brings.")
+    elif textures["set"] != "MESH":
+        return {kind: _made(textures["set"], kind) for kind in ("albedo", "roughness", "height")}
+    return {kind: _loaded(kind, file if isinstance(file, MeshImage) else MeshImage(file),
+                          f"textures.{kind}_file" if textures["set"] == "OWN" else f"the {kind} image of the mesh")
+            for kind, file in files.items()}
+
+
+def remove_unused_images() -> None:
+    """Remove the images of textures that nothing shows."""
+    unused = [image for image in bpy.data.images if _KEY in image and image.users == 0]
+    if unused:
+        bpy.data.batch_remove(unused)
+
+
+def means_on(mesh: bpy.types.Mesh, found: Mapping[str, Map]) -> dict[str, Map]:
+    """The maps with the means of what a mesh shows of them by its UV coordinates.
+
+    Less than half of a baked image may lie on the surface, and what lies between the pieces is often black.
+    """
+    positions, uv = (np.empty(size, np.float32) for size in (3 * len(mesh.vertices), 2 * len(mesh.loops)))
+    mesh.attributes["position"].data.foreach_get("vector", positions)
+    mesh.attributes[UV_LAYER].data.foreach_get("vector", uv)
+    vertices = np.empty(len(mesh.loops), np.int32)
+    mesh.attributes[".corner_vert"].data.foreach_get("value", vertices)
+    corners = np.arange(len(vertices), dtype=np.int32)
+    if len(vertices) != 3 * len(mesh.polygons):  # edited by hand; asking for triangles costs four times as much
+        mesh.calc_loop_triangles()
+        corners = np.empty(3 * len(mesh.loop_triangles), np.int32)
+        mesh.loop_triangles.foreach_get("loops", corners)
+    points, weight = texture_coordinates.shown(positions.reshape(-1, 3), vertices[corners].reshape(-1, 3),
+                                  uv.reshape(-1, 2)[corners].reshape(-1, 3, 2))
+    mark = hashlib.sha256(points.tobytes() + weight.tobytes()).hexdigest()
+    for each in found.values():
+        if each.image.get(_SHOWN) != mark:
+            pixels = _pixels(each.image)
+            values = _linear(each.image, pixels[texture_coordinates.pixels_at(points, *pixels.shape[:2])])
+            each.image[_SHOWN], each.image[_SHOWN_MEAN] = mark, (weight @ values).tolist()
+    return {kind: replace(each, mean=tuple(each.image[_SHOWN_MEAN])) for kind, each in found.items()}
+
+
+def _there(key: str) -> Map | None:
+    """The map whose image was made for the same ``key`` before."""
+    image = next((image for image in bpy.data.images if image.get(_KEY) == key), None)
+    return Map(image, tuple(image[_MEAN])) if image else None
+
+
+def _kept(key: str, image: bpy.types.Image, mean: np.ndarray) -> Map:
+    """A map of an image with the ``mean`` (3,) of its linear values, to be found again."""
+    image[_KEY], image[_MEAN] = key, mean.tolist()
+    return Map(image, tuple(mean.tolist()))
+
+
+def _made(name: str, kind: str) -> Map:
+    key = f"{name} {kind}"
+    there = _there(key)
+    if there is not None:
+        return there
+    values = getattr(maps(name), kind)
+    image = bpy.data.images.new(f"Icy Moon {key.title()}", SIZE, SIZE, float_buffer=True, is_data=True)
+    pixels = np.ones((SIZE, SIZE, 4), np.float32)
+    pixels[..., :3] = values[..., None]
+    image.pixels.foreach_set(pixels.ravel())
+    image.pack()  # else it is lost when the file is saved
+    return _kept(key, image, pixels[..., :3].reshape(-1, 3).mean(axis=0, dtype=np.float64))
+
+
+def _loaded(kind: str, source: MeshImage, name: str) -> Map:
+    path = source.file
+    if not path.is_file():
+        raise IcyMoonError(f"{path}: there is no such file; check {name}.")
+    state = path.stat()
+    key = f"{path} {state.st_size} {state.st_mtime_ns} {source.place} {kind}"
+    there = _there(key)
+    if there is None:
+        image = _unpacked(source) if source.data else bpy.data.images.load(str(path), check_existing=False)
+        if kind != "albedo" and not image.is_float:
+            image.colorspace_settings.name = "Non-Color"
+        try:
+            there = _kept(key, image, _mean(path, name, image))
+        except IcyMoonError:
+            bpy.data.images.remove(image)
+            raise
+    return replace(there, channel=source.channel)
+
+
+def _unpacked(source: MeshImage) -> bpy.types.Image:
+    """An image from bytes within a file, which stay with the .blend."""
+    data = source.data() if source.data else b""
+    image = bpy.data.images.new(f"{source.file.name} {source.place}", 1, 1)
+    image.pack(data=data, data_len=len(data))
+    image.source = "FILE"
+    return image
+
+
+def _mean(path: Path, name: str, image: bpy.types.Image) -> np.ndarray:
+    """Mean (3,) of an image's linear values. Raises IcyMoonError if it has none or some are not numbers."""
+    if image.size[0] * image.size[1] == 0:
+        raise IcyMoonError(f"{path}: is not an image that Blender reads; give a PNG, JPEG, TIFF or EXR as {name}.")
+    pixels, total = _pixels(image), np.zeros(3)
+    for some in np.array_split(pixels, 1 + pixels.size // _AT_ONCE):
+        values = _linear(image, some)
+        if not np.isfinite(values).all():
+            raise IcyMoonError(f"{path}: has pixels that are not numbers; mend the image or choose another for {name}.")
+        total += values.sum(axis=(0, 1), dtype=np.float64)
+    return total / (pixels.shape[0] * pixels.shape[1])
+
+
+def _pixels(image: bpy.types.Image) -> np.ndarray:
+    """Pixels (rows, columns, channels) of an image as they are stored, row 0 at the bottom."""
+    width, height = image.size
+    pixels = np.empty(width * height * image.channels, np.float32)
+    image.pixels.foreach_get(pixels)
+    return pixels.reshape(height, width, image.channels)
+
+
+def _linear(image: bpy.types.Image, pixels: np.ndarray) -> np.ndarray:
+    """Linear values (..., 3) of pixels (..., channels) of an image."""
+    values = pixels[..., :3] if image.channels >= 3 else np.repeat(pixels[..., :1], 3, axis=-1)
+    if image.colorspace_settings.name == "sRGB" and not image.is_float:
+        values = np.where(values <= 0.04045, values / 12.92, ((values + 0.055) / 1.055) ** 2.4)
+    return values

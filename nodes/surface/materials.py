@@ -1,0 +1,110 @@
+"""What ground and blocks are made of, from the whole description."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import bpy
+
+from ...errors import IcyMoonError
+from ...formats import mesh_images
+from ...formats.mesh_images import MeshImage
+from ...labels import ROCK, TERRAIN, UV_LAYER
+from ...physics.left_out import shown_surface, surfaces
+from ...physics.surfaces import principled
+from ...physics.surfaces.textures import by_uv
+from ...settings.description import Settings
+from ..datablocks.fingerprint import NAME, TAG
+from ..datablocks.user_files import used_files
+from ..ground.rocks import label_instances
+from .images import load_maps, means_on
+from .material import build_material
+from .textures import Textured
+
+
+def advice(settings: Settings) -> list[str]:
+    """What a person should know about the surfaces that the scene shows: sentences, none if all is well."""
+    shown = [shown_surface(settings, topic) for topic in surfaces(settings)]
+    told = [principled.advice(surface) for surface in shown if surface["model"] == "PRINCIPLED"]
+    textures = settings["textures"]
+    if (settings["hapke"]["theta_bar_range_deg"] != 0.0 and any(surface["model"] == "HAPKE" for surface in shown) and (
+            textures["set"] == "NONE" or (textures["set"] == "OWN" and not textures["roughness_file"]))):
+        told.append("hapke.theta_bar_range_deg has no effect, since textures brings no roughness image.")
+    return [sentence for sentence in told if sentence]
+
+
+def refuse_without_uv(settings: Settings, has_uv: bool) -> None:
+    """Raise IcyMoonError if images are to lie by UV coordinates on a ground that has none."""
+    textures, kind = settings["textures"], settings["source"]["kind"]
+    if not by_uv(textures) or (has_uv and kind == "MESH"):
+        return
+    which, mend = (("textures.set is MESH", "choose another textures.set") if textures["set"] == "MESH" else
+                   ("textures.mapping is UV", "set textures.mapping to OBJECT"))
+    if kind == "MESH":
+        raise IcyMoonError(f"{used_files(settings)['source.file']}: has no UV coordinates that show an image, but "
+                           f"{which}; export it with them, or {mend}.")
+    ground = "a height map" if kind == "HEIGHT_MAP" else "procedural ground"
+    raise IcyMoonError(f"{which}, but {ground} has no UV coordinates; {mend}, or stand on a mesh that has them "
+                       "(source.kind).")
+
+
+def _files(settings: Settings) -> dict[str, Path | MeshImage]:
+    """The images that the settings or the mesh name, by kind. Raises IcyMoonError if the mesh names none."""
+    used = used_files(settings)
+    if settings["textures"]["set"] != "MESH":
+        return {name.removeprefix("textures.").removesuffix("_file"): path
+                for name, path in used.items() if name.startswith("textures.")}
+    path = used["source.file"]
+    found = mesh_images.chosen(path)
+    if not found:
+        what = (f"Icy Moon finds images in {', '.join(mesh_images.KINDS)} files only"
+                if path.suffix.lower() not in mesh_images.KINDS else "its materials name no image that is there")
+        raise IcyMoonError(f"{path}: brings no images, since {what}; set textures.set to OWN and name them, such as "
+                           "textures.albedo_file.")
+    return dict(found)
+
+
+def _textured(settings: Settings, mesh: bpy.types.Mesh) -> Textured | None:
+    """The textures of a ground's mesh, or None if there are none."""
+    textures = settings["textures"]
+    if textures["set"] == "NONE":
+        return None
+    if not by_uv(textures):
+        return Textured(textures, load_maps(textures, _files(settings)))
+    if mesh.is_editmode:  # which keeps the coordinates to itself
+        raise IcyMoonError("The ground is being edited; leave Edit Mode to see changes of surfaces with images by UV.")
+    refuse_without_uv(settings, UV_LAYER in mesh.attributes)
+    return Textured(textures, means_on(mesh, load_maps(textures, _files(settings))), "UV")
+
+
+def _of_blocks(settings: Settings, mesh: bpy.types.Mesh) -> Textured | None:
+    """The textures of blocks, which have no UV coordinates: in place of an image made for the ground they take its
+    mean over the ground, if they are made of the same."""
+    textured = _textured(settings, mesh)
+    if textured is None or textured.lie != "UV":
+        return textured
+    if settings["rocks"]["own_surface"]:
+        return None
+    return Textured(textured.settings, {kind: of for kind, of in textured.maps.items()
+                                        if kind not in ("normal", "height")}, "MEAN")
+
+
+def _material(name: str, settings: Settings, topic: str, semantic: int,
+              textured: Textured | None) -> bpy.types.Material:
+    made = build_material(f"{NAME} {name}", shown_surface(settings, topic), int(settings["dataset"]["seed"]), semantic,
+                          textured, settings)
+    made[TAG] = "material"
+    return made
+
+
+def ground_material(settings: Settings, mesh: bpy.types.Mesh) -> bpy.types.Material:
+    """What the ground is made of that has this mesh. Raises IcyMoonError if a texture cannot be had."""
+    return _material("Surface", settings, "surface", TERRAIN, _textured(settings, mesh))
+
+
+def rock_material(settings: Settings, mesh: bpy.types.Mesh) -> bpy.types.Material:
+    """What the blocks on the ground of this mesh are made of. Raises IcyMoonError if a texture cannot be had."""
+    ice = _material("Rock Surface", settings, "rock_surface" if settings["rocks"]["own_surface"] else "surface", ROCK,
+                    _of_blocks(settings, mesh))
+    label_instances(ice)
+    return ice

@@ -1,0 +1,139 @@
+"""What the ice is made of, place by place: dark patches, dirty troughs and slopes, salt.
+
+All of them darken clean ice, so that no place is brighter than its albedo. What is switched off costs
+no node.
+"""
+
+from __future__ import annotations
+
+import math
+import statistics
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import bpy
+import numpy as np
+
+from ..tree.builder import Tree, output
+
+ELEVATION = "icymoon_elevation"  # attribute: height above the mean plane in standard deviations
+#: Mean and standard deviation of Blender's normalised noise of four octaves, and the width of a stain's edge.
+_NOISE_MEAN, _NOISE_DEVIATION, _EDGE = 0.5, 0.093, 0.02
+GRAIN_OCTAVES = 3.0
+#: Wavelengths that a field of grain lies from the origin at most, on each axis. There single precision rounds to 1e-6
+#: wavelengths; where the pixel is so fine that 500 show one, a tenth of it is 2e-4, and slopes are right within 1 %.
+GRAIN_FARTHEST = 32.0
+#: Brings three-dimensional noise to the heights (0.068) and slopes (0.33) RMS of four-dimensional, within 5 % of both:
+#: of span 1 they are 0.080 and 0.36 at a wavelength of 1.
+_GRAIN_SPAN = 0.88
+#: Normal of the mirror that turns level ground into the plane of the noise's lattice which has equal parts of all three
+#: axes: z - (1, 1, 1) / 3^0.5. Along two of them a level cut shows the lattice as a weave.
+_OFF_LATTICE = (-3 ** -0.5, -3 ** -0.5, 1.0 - 3 ** -0.5)
+_STEEP = 1.0 - math.cos(math.radians(45.0))
+#: Elevations beyond this many standard deviations are not told apart.
+_MOST_ELEVATION = 3.0
+
+
+def noise(tree: Tree, label: str, where: Any, wavelength_m: float, fourth: float, octaves: float) -> Any:
+    """Output socket of Blender's noise, about 0.5, of a longest wavelength; ``fourth`` tells fields apart."""
+    return tree.node("ShaderNodeTexNoise", label, {
+        "Vector": where, "W": fourth, "Scale": 1.0 / wavelength_m, "Detail": octaves, "Roughness": 0.5,
+        "Lacunarity": 2.0, "Distortion": 0.0}, noise_dimensions="4D", noise_type="FBM", normalize=True).outputs[0]
+
+
+def grain(tree: Tree, where: Any, wavelength_m: float, place: Sequence[float]) -> Any:
+    """Output socket of the height of grain about 0, of a longest wavelength; ``place`` (3), wavelengths, tells fields
+    apart.
+
+    Bump asks for it three times at every hit, and in three dimensions Blender's noise has half the corners of that in
+    four. Fields are then told apart by where in the noise they lie, which must not be far (``GRAIN_FARTHEST``): bump
+    takes differences of a tenth of a pixel.
+    """
+    there = tree.node("ShaderNodeVectorMath", "Grain Place", {
+        "Vector": where, "Vector_001": (1.0 / wavelength_m,) * 3, "Vector_002": place},
+        operation="MULTIPLY_ADD").outputs[0]
+    askew = tree.node("ShaderNodeVectorMath", "Off the Lattice", {"Vector": there, "Vector_001": _OFF_LATTICE},
+                      operation="REFLECT").outputs[0]
+    field = tree.node("ShaderNodeTexNoise", "Grain", {
+        "Vector": askew, "Scale": 1.0, "Detail": GRAIN_OCTAVES, "Roughness": 0.5, "Lacunarity": 2.0,
+        "Distortion": 0.0}, noise_dimensions="3D", noise_type="FBM", normalize=True).outputs[0]
+    centred = tree.math("SUBTRACT", "Grain About 0", field, _NOISE_MEAN)
+    return tree.math("MULTIPLY", "Grain of Span 1", centred, _GRAIN_SPAN)
+
+
+def mark_elevation(mesh: bpy.types.Mesh, surface: Mapping[str, Any],
+                   drop_m: Callable[[np.ndarray, np.ndarray], np.ndarray] | None = None) -> None:
+    """Give the vertices of a mesh their height above its mean plane in standard deviations, if ``surface``
+    settings ask for it; else take it from them. ``drop_m`` says by how much round ground falls at coordinates."""
+    there = mesh.attributes.get(ELEVATION)
+    if surface["trough_dirt"] == 0.0:
+        if there is not None:
+            mesh.attributes.remove(there)
+        return
+    position = np.empty(3 * len(mesh.vertices), np.float32)
+    mesh.attributes["position"].data.foreach_get("vector", position)
+    x, y, z = position.reshape(-1, 3).T.astype(np.float64)
+    if drop_m is not None:
+        z = z + drop_m(x, y)
+    plane = np.stack([x, y, np.ones_like(x)], axis=1)
+    above = z - plane @ np.linalg.lstsq(plane, z, rcond=None)[0]
+    deviation = float(above.std())
+    elevation = above / deviation if deviation > 0.0 else above
+    attribute = there or mesh.attributes.new(ELEVATION, "FLOAT", "POINT")
+    attribute.data.foreach_set("value", np.clip(elevation, -_MOST_ELEVATION, _MOST_ELEVATION).astype(np.float32))
+
+
+def _kept(tree: Tree, label: str, share: Any, dirt: float) -> Any:
+    """1 - dirt x share."""
+    return tree.math("SUBTRACT", f"{label} Kept", 1.0, tree.math("MULTIPLY", f"{label} Darkening", share, dirt))
+
+
+def _share(tree: Tree, label: str, value: Any, clean: float, dirty: float, smooth: bool = False) -> Any:
+    """0 where ``value`` is ``clean``, 1 where it is ``dirty``, held to that range."""
+    return tree.node("ShaderNodeMapRange", label, {
+        "Value": value, "From Min": clean, "From Max": dirty, "To Min": 0.0, "To Max": 1.0},
+        data_type="FLOAT", interpolation_type="SMOOTHSTEP" if smooth else "LINEAR", clamp=True).outputs[0]
+
+
+def brightness(tree: Tree, surface: Mapping[str, Any], geometry: Any, fourth: float, elevated: bool) -> Any:
+    """Grey factor on the clean ice's albedo, an output socket, or 1.0 if it is the same everywhere.
+
+    ``elevated`` says whether the mesh has elevations (blocks have none).
+    """
+    factors: list[Any] = []
+    if surface["albedo_variation"] > 0.0:
+        patches = noise(tree, "Patches", geometry.outputs["Position"], surface["albedo_patch_m"], fourth, 4.0)
+        factors.append(_kept(tree, "Patches", patches, surface["albedo_variation"]))
+    if surface["trough_dirt"] != 0.0 and elevated:
+        height = tree.node("ShaderNodeAttribute", "Elevation", attribute_type="GEOMETRY", attribute_name=ELEVATION)
+        clean = math.copysign(1.0, surface["trough_dirt"])
+        troughs = _share(tree, "Trough Share", output(height, "Fac"), clean, -clean)
+        factors.append(_kept(tree, "Trough", troughs, abs(surface["trough_dirt"])))
+    if surface["slope_dirt"] != 0.0:
+        normal = tree.node("ShaderNodeSeparateXYZ", "Upright", {"Vector": geometry.outputs["True Normal"]})
+        ends = (1.0, 1.0 - _STEEP) if surface["slope_dirt"] > 0 else (1.0 - _STEEP, 1.0)
+        slopes = _share(tree, "Slope Share", normal.outputs["Z"], *ends)
+        factors.append(_kept(tree, "Slope", slopes, abs(surface["slope_dirt"])))
+    product: Any = 1.0
+    for k, factor in enumerate(factors):
+        product = factor if k == 0 else tree.math("MULTIPLY", "Brightness", product, factor)
+    return product
+
+
+def darkest(surface: Mapping[str, Any]) -> float:
+    """The least that ``brightness`` can be."""
+    return float(math.prod(1.0 - abs(surface[key]) for key in ("albedo_variation", "trough_dirt", "slope_dirt")))
+
+
+def stain(tree: Tree, surface: Mapping[str, Any], geometry: Any, fourth: float) -> Any:
+    """Colour factor on the albedo that salt makes, an output socket, or None if there is none."""
+    share = surface["salt_share"]
+    if share == 0.0:
+        return None
+    field = noise(tree, "Salt", geometry.outputs["Position"], surface["salt_patch_m"], fourth, 4.0)
+    threshold = _NOISE_MEAN + _NOISE_DEVIATION * statistics.NormalDist().inv_cdf(min(max(1.0 - share, 1e-4), 1 - 1e-4))
+    stained = _share(tree, "Stained", field, threshold - _EDGE, threshold + _EDGE, smooth=True)
+    colour = tuple(surface[f"salt_{band}"] for band in ("red", "green", "blue"))
+    return output(tree.node("ShaderNodeMix", "Salt Colour", {
+        "Factor_Float": stained, "A_Color": (1.0, 1.0, 1.0, 1.0), "B_Color": (*colour, 1.0)},
+        data_type="RGBA", blend_type="MIX", clamp_factor=True, clamp_result=False), "Result_Color")

@@ -1,0 +1,203 @@
+"""Images on the ground: by its UV coordinates where they were baked, or by place and without visible repeats.
+
+By place the plane is cut into hexagons that each take their piece from another place of the image, turned by
+another angle, and the three nearest pieces are blended so that contrast stays what it was in the image
+(Heitz and Neyret, "High-Performance By-Example Noise using a Histogram-Preserving Blending Operator", HPG 2018:
+mean + sum of weights x (piece - mean) / root of the sum of squared weights; the hexagons after Deliot and Heitz,
+"Procedural Stochastic Textures by Tiling and Blending", GPU Zen 2, 2019).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+from ... import compat
+from ...labels import UV_LAYER
+from ..tree.builder import Tree, output
+from .images import Map
+
+#: Hexagons per image width: each shows about half of the image.
+_HEXAGONS = 2.0
+_ROOT_3 = math.sqrt(3.0)
+#: Slope above which a wall is seen from the side: the height of its normal is under this.
+_WALL = 0.5
+
+
+@dataclass(frozen=True)
+class Textured:
+    """``textures`` settings with the maps that they name, and how these lie on the surface: by PLACE, by UV, or
+    everywhere with their MEAN, for what has no UV coordinates beside a ground that has."""
+
+    settings: Mapping[str, Any]
+    maps: Mapping[str, Map]
+    lie: str = "PLACE"
+
+    def on(self, tree: Tree, geometry: Any, offset: tuple[float, float]) -> Lying:
+        """What gives the maps' values; ``offset`` in image widths shifts those that lie by place."""
+        if self.lie == "UV":
+            return ByUV(tree, geometry)
+        return Mean(tree) if self.lie == "MEAN" else Pieces(tree, self.settings, geometry, offset)
+
+
+class Lying:
+    """How images lie on a surface: at each point, places on the image with a weight and an angle of each."""
+
+    def __init__(self, tree: Tree) -> None:
+        self.tree = tree
+        self.pieces: list[tuple[Any, Any, Any]] = []
+
+    def vector(self, operation: str, label: str, a: Any, b: Any = None, *, scale: Any = None) -> Any:
+        """Output socket of a Vector Math node."""
+        inputs = {"Vector": a}
+        if scale is not None:
+            inputs["Scale"] = scale
+        elif b is not None:
+            inputs["Vector_001"] = b
+        node = self.tree.node("ShaderNodeVectorMath", label, inputs, operation=operation)
+        return output(node, "Value" if operation in ("DOT_PRODUCT", "LENGTH") else "Vector")
+
+    def combined(self, label: str, x: Any, y: Any, z: Any = 0.0) -> Any:
+        """Output socket of a vector of three numbers."""
+        return self.tree.node("ShaderNodeCombineXYZ", label, {"X": x, "Y": y, "Z": z}).outputs[0]
+
+    def separated(self, label: str, vector: Any) -> tuple[Any, Any, Any]:
+        """Output sockets of a vector's three numbers."""
+        node = self.tree.node("ShaderNodeSeparateXYZ", label, {"Vector": vector})
+        return node.outputs[0], node.outputs[1], node.outputs[2]
+
+    def _images(self, kind: str, of: Map) -> list[Any]:
+        """Output sockets of the image's colour at each piece."""
+        return [self.tree.node("ShaderNodeTexImage", f"{kind.title()} {k}", {"Vector": place}, image=of.image,
+                               interpolation="Linear", extension="REPEAT").outputs[0]
+                for k, (place, _, _) in enumerate(self.pieces)]
+
+    def _blended(self, kind: str, values: list[Any], mean: tuple[float, float, float]) -> Any:
+        """mean + sum of share x (value - mean)."""
+        if len(values) == 1:
+            return values[0]
+        total: Any = mean
+        for k, (value, (_, share, _)) in enumerate(zip(values, self.pieces, strict=True)):
+            apart = self.vector("SUBTRACT", f"{kind.title()} {k} Apart", value, mean)
+            total = self.vector("ADD", f"{kind.title()} Sum {k}", total,
+                                self.vector("SCALE", f"{kind.title()} {k} Part", apart, scale=share))
+        return total
+
+    def sample(self, kind: str, of: Map) -> Any:
+        """Output socket of the blended colour of a map."""
+        return self._blended(kind, self._images(kind, of), of.mean)
+
+    def sample_normal(self, of: Map) -> Any:
+        """Output socket of the surface's normal tilted as a normal map says (x right, y up, z out; OpenGL)."""
+        raise NotImplementedError
+
+
+class Mean(Lying):
+    """The same everywhere: what an image has in the mean."""
+
+    def sample(self, kind: str, of: Map) -> Any:
+        return self.combined(f"Mean {kind.title()}", *of.mean)
+
+
+class ByUV(Lying):
+    """One plain repeat, where the mesh's UV coordinates say."""
+
+    _TANGENT: ClassVar[dict[str, Any]] = {"space": "TANGENT", "uv_map": UV_LAYER, **compat.NORMAL_MAP}
+
+    def __init__(self, tree: Tree, geometry: Any) -> None:
+        super().__init__(tree)
+        self.normal = geometry.outputs["Normal"]
+        self.pieces = [(tree.node("ShaderNodeUVMap", "UV", uv_map=UV_LAYER, from_instancer=False).outputs[0], 1.0, 0.0)]
+
+    def sample_normal(self, of: Map) -> Any:
+        # The node knows the mesh before displacement only, so what it adds to that normal is added to the true one.
+        mapped, level = (self.tree.node("ShaderNodeNormalMap", label, {"Strength": 1.0, "Color": colour},
+                                        **self._TANGENT).outputs[0]
+                         for label, colour in (("Normal Map", self._images("normal", of)[0]),
+                                               ("Level Map", (0.5, 0.5, 1.0, 1.0))))
+        tilt = self.vector("SUBTRACT", "Tilt", mapped, level)
+        return self.vector("NORMALIZE", "Mapped Normal", self.vector("ADD", "Tilted", self.normal, tilt))
+
+
+class Pieces(Lying):
+    """By place: one piece of a plain repeat, or three."""
+
+    def __init__(self, tree: Tree, textures: Mapping[str, Any], geometry: Any, offset: tuple[float, float]) -> None:
+        super().__init__(tree)
+        self._place(geometry, textures, offset)
+        if textures["repeat"] == "PLAIN":
+            self.pieces = [(self.plane, 1.0, 0.0)]
+        else:
+            self._hexagons(turned=textures["repeat"] == "TURNED")
+
+    def chosen(self, label: str, share: Any, a: Any, b: Any) -> Any:
+        """Output socket of vector ``a`` where ``share`` is 0 and ``b`` where it is 1."""
+        return output(self.tree.node("ShaderNodeMix", label, {"Factor_Float": share, "A_Vector": a, "B_Vector": b},
+                                     data_type="VECTOR", factor_mode="UNIFORM", clamp_factor=True), "Result_Vector")
+
+    def _place(self, geometry: Any, textures: Mapping[str, Any], offset: tuple[float, float]) -> None:
+        """``plane``: place in image widths, seen from above, or from the side on walls."""
+        math_ = self.tree.math
+        at = self.vector("SCALE", "Image Widths", geometry.outputs["Position"], scale=1.0 / textures["width_m"])
+        x, y, z = self.separated("Place", self.vector("ADD", "Shifted", at, (*offset, 0.0)))
+        self.normal = geometry.outputs["Normal"]
+        size = self.vector("ABSOLUTE", "Normal Size", geometry.outputs["True Normal"])
+        east, north, up = self.separated("Facing", size)
+        self.is_wall = math_("LESS_THAN", "Wall", up, _WALL)
+        self.faces_east = math_("GREATER_THAN", "Faces East", east, north)
+        side = self.chosen("Side", self.faces_east, self.combined("From South", x, z), self.combined("From East", y, z))
+        self.plane = self.chosen("Seen From", self.is_wall, self.combined("From Above", x, y), side)
+
+    def _hexagons(self, turned: bool) -> None:
+        math_, k = self.tree.math, _HEXAGONS
+        skewed = self.combined("Skewed", self.vector("DOT_PRODUCT", "Skewed X", self.plane, (k, -k / _ROOT_3, 0.0)),
+                               self.vector("DOT_PRODUCT", "Skewed Y", self.plane, (0.0, 2 * k / _ROOT_3, 0.0)))
+        base = self.vector("FLOOR", "Rhombus", skewed)
+        x, y, _ = self.separated("In Rhombus", self.vector("FRACTION", "Rest", skewed))
+        rest = math_("SUBTRACT", "Below Diagonal", 1.0, math_("ADD", "Sum", x, y))
+        upper = math_("LESS_THAN", "Upper Triangle", rest, 0.0)
+        beyond = math_("MULTIPLY", "Beyond Diagonal", upper, rest)
+        corners = (
+            ("A", self.combined("Corner A", upper, upper), math_("ABSOLUTE", "Weight A", rest)),
+            ("B", (0.0, 1.0, 0.0), math_("ADD", "Weight B", y, beyond)),
+            ("C", (1.0, 0.0, 0.0), math_("ADD", "Weight C", x, beyond)))
+        total = self.vector("LENGTH", "Root of Squares", self.combined("Weights", *(w for _, _, w in corners)))
+        for name, step, weight in corners:
+            corner = self.vector("ADD", f"Corner {name} At", base, step)
+            middle = self.combined(f"Middle {name}", *(
+                self.vector("DOT_PRODUCT", f"Middle {name} {axis}", corner, row)
+                for axis, row in (("X", (1 / k, 0.5 / k, 0.0)), ("Y", (0.0, _ROOT_3 / (2 * k), 0.0)))))
+            random = self.tree.node("ShaderNodeTexWhiteNoise", f"Random {name}", {"Vector": corner},
+                                    noise_dimensions="2D")
+            angle: Any = 0.0
+            place = self.plane
+            if turned:
+                angle = math_("MULTIPLY", f"Angle {name}", output(random, "Value"), 2 * math.pi)
+                place = self.rotated(f"Turned {name}", place, angle, middle)
+            moved = self.vector("ADD", f"Piece {name}", place, output(random, "Color"))
+            self.pieces.append((moved, math_("DIVIDE", f"Share {name}", weight, total), angle))
+
+    def rotated(self, label: str, vector: Any, angle: Any, centre: Any = (0.0, 0.0, 0.0), back: bool = False) -> Any:
+        """Output socket of a vector turned about the third axis."""
+        return self.tree.node("ShaderNodeVectorRotate", label, {"Vector": vector, "Center": centre, "Angle": angle},
+                              rotation_type="Z_AXIS", invert=back).outputs[0]
+
+    def sample_normal(self, of: Map) -> Any:
+        """Output socket of the surface's normal tilted as a normal map says (x right, y up, z out; OpenGL)."""
+        slopes = []
+        for k, colour in enumerate(self._images("normal", of)):
+            scaled = self.vector("SCALE", f"Normal {k} Doubled", colour, scale=2.0)
+            x, y, z = self.separated(f"Normal {k} Axes", self.vector("SUBTRACT", f"Normal {k}", scaled, (1.0,) * 3))
+            level = self.tree.math("MAXIMUM", f"Normal {k} Out", z, 0.05)
+            slope = self.combined(f"Slope {k}", self.tree.math("DIVIDE", f"Slope {k} X", x, level),
+                                  self.tree.math("DIVIDE", f"Slope {k} Y", y, level))
+            angle = self.pieces[k][2]
+            slopes.append(slope if isinstance(angle, float) else self.rotated(f"Slope {k} Turned", slope, angle,
+                                                                              back=True))
+        x, y, _ = self.separated("Slopes", self._blended("normal", slopes, (0.0, 0.0, 0.0)))
+        side = self.chosen("Side Slopes", self.faces_east, self.combined("South Slopes", x, 0.0, y),
+                           self.combined("East Slopes", 0.0, x, y))
+        tilt = self.chosen("Tilt", self.is_wall, self.combined("Top Slopes", x, y), side)
+        return self.vector("NORMALIZE", "Mapped Normal", self.vector("ADD", "Tilted", self.normal, tilt))

@@ -1,0 +1,139 @@
+"""The shown camera image follows the camera response: it is developed again when a setting of that changes.
+
+The evaluator's own process does it, after the hand has rested for a moment; a timer hears it, so the window never
+waits. What changes meanwhile is developed when it has ended.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import bpy
+
+from .. import scene_properties
+from ..errors import IcyMoonError
+from ..render.pairs.pair_folder import is_complete
+from ..render.workers.process import Message
+from . import jobs, live_preview
+from .expose import develop_job
+from .render import dataset_folder
+from .sidebar_text import wrapped
+
+#: How long the hand rests before an image is developed.
+REST_S = 0.3
+_INTERVAL_S = 0.1
+_waiting: set[str] = set()  # names of scenes whose images are to be developed
+_job: jobs.Job | None = None
+_said: list[str] = []  # what the last development warned of, or why it failed
+
+
+def exposed_folder(scene: bpy.types.Scene) -> Path:
+    """Where the camera images of a scene's data set are. Raises IcyMoonError if that cannot be told."""
+    return dataset_folder(scene_properties.from_group(scene.icymoon)) / "exposed"
+
+
+def shown_paths() -> list[Path]:
+    """The files that are shown in Image Editors."""
+    spaces = [area.spaces.active for window in bpy.context.window_manager.windows for area in window.screen.areas
+              if area.type == "IMAGE_EDITOR"]
+    return [Path(bpy.path.abspath(space.image.filepath)) for space in spaces if space.image and space.image.filepath]
+
+
+def changed(scene: bpy.types.Scene, effects: frozenset[str]) -> None:
+    """Listen to changes of settings."""
+    if "response" not in effects or scene is None or not live_preview.watched() or not scene.icymoon.follow:
+        return
+    _waiting.add(scene.name)
+    if _job is None:
+        _call_again(REST_S)
+
+
+def _call_again(seconds: float) -> None:
+    if bpy.app.timers.is_registered(work):
+        bpy.app.timers.unregister(work)
+    bpy.app.timers.register(work, first_interval=seconds)
+
+
+def work() -> float | None:
+    """Start what waits, or hear what runs; the timer calls it until there is neither."""
+    global _job
+    try:
+        if _job is None:
+            _job = _start()
+        elif not _job.advance():
+            _finish(_job)
+    except IcyMoonError as error:
+        _stop()
+        _say([str(error)])
+    return _INTERVAL_S if _job is not None or _waiting else None
+
+
+def _start() -> jobs.Job | None:
+    """A process that develops what is shown of a waiting scene's; None if nothing is, or another job runs."""
+    if jobs.current is not None:
+        return None  # which may be writing these very images; they wait
+    scene = bpy.data.scenes.get(_waiting.pop()) if _waiting else None
+    if scene is None or not scene.icymoon.follow:
+        return None
+    exposed = exposed_folder(scene)
+    names = {path.parent.name for path in shown_paths() if path.parent.parent == exposed}
+    pairs = [folder for folder in (exposed.parent / "pairs" / name for name in sorted(names)) if is_complete(folder)]
+    return develop_job(scene_properties.from_group(scene.icymoon), pairs, _hear) if pairs else None
+
+
+def _hear(message: Message) -> None:
+    if message["type"] == "result":
+        folders = {Path(folder) for folder in message["folders"]}
+        for image in bpy.data.images:
+            if image.filepath and Path(bpy.path.abspath(image.filepath)).parent in folders:
+                image.reload()
+
+
+def _finish(job: jobs.Job) -> None:
+    _stop()
+    _say([job.failure] if job.failure else job.warnings)
+    for window in bpy.context.window_manager.windows:
+        for area in window.screen.areas:
+            if area.type == "IMAGE_EDITOR":
+                area.tag_redraw()
+
+
+def _say(sentences: list[str]) -> None:
+    _said[:] = sentences
+    jobs.redraw()
+
+
+def lines() -> list[str]:
+    """What the sidebar says of the last development by itself: warnings or why it failed, in lines that fit it."""
+    return [line for sentence in _said for line in wrapped(sentence)]
+
+
+def _stop() -> None:
+    global _job
+    if _job is not None:
+        _job.process.stop()
+        _job.clean_up()
+        _job = None
+
+
+@bpy.app.handlers.persistent
+def _forget(*_: object) -> None:
+    """Another file is about to be opened."""
+    _stop()
+    _waiting.clear()
+    _said.clear()
+    if bpy.app.timers.is_registered(work):
+        bpy.app.timers.unregister(work)
+
+
+def register() -> None:
+    """Listen."""
+    scene_properties.listeners.append(changed)
+    bpy.app.handlers.load_pre.append(_forget)
+
+
+def unregister() -> None:
+    """Listen no longer; what runs is stopped."""
+    scene_properties.listeners.remove(changed)
+    bpy.app.handlers.load_pre.remove(_forget)
+    _forget()

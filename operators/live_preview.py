@@ -1,0 +1,117 @@
+"""Live preview: what is built follows the settings while they change.
+
+The first change in a turn of Blender's event loop is shown before the property's callback returns,
+so that the undo step which the window then takes holds both. Further changes in the same turn are a
+script's; a timer shows them together. Without a window nothing is previewed.
+"""
+
+from __future__ import annotations
+
+import time
+
+import bpy
+
+from .. import scene_properties
+from ..errors import IcyMoonError
+from ..nodes import preview
+from ..nodes import scene as scenes
+from ..settings import description
+from .build import frame_and_expose
+from .jobs import push_undo
+from .sidebar_text import wrapped
+
+#: What an update of the ground may take, so that there are ten a second and time to draw them.
+BUDGET_S = 0.08
+#: Vertices per side of the previewed ground.
+SIDES = (129, 193, 257)
+_SHOWN = {"geometry", "material", "light", "camera"}
+_side = SIDES[1]
+_waiting: set[str] = set()  # names of scenes with changes that the timer is to show
+
+
+def watched() -> bool:
+    """Whether there is a window to preview in."""
+    return not bpy.app.background
+
+
+def update(scene: bpy.types.Scene) -> bool:
+    """Show a scene's settings in what is built of it, or note why not; whether anything looks otherwise now."""
+    global _side
+    built = scenes.find(scene)
+    if built is None:
+        return False
+    settings, before = scene_properties.unchecked(scene.icymoon), description.merged(built.settings, built.preview)
+    scenes.settle(built)
+    if why := built.outdated or scenes.shares(built):
+        preview.note(built, [why])
+        return False
+    if not scene.icymoon.live:
+        stale = _changed(built, settings)
+        preview.note(built, ["Settings have changed; press Build Scene to show them."] if stale else [])
+        return False
+    start = time.perf_counter()
+    if preview.show(built, settings, _side):
+        _side = next_side(_side, time.perf_counter() - start)
+    now = description.merged(built.settings, built.preview)
+    frame_and_expose(scene, now, before)
+    return now != before
+
+
+def next_side(side: int, seconds: float) -> int:
+    """Vertices per side for the next update, when one with ``side`` of them took ``seconds``."""
+    if seconds > BUDGET_S:
+        return max((n for n in SIDES if n < side), default=side)
+    finer = min((n for n in SIDES if n > side), default=side)
+    return finer if seconds * (finer / side) ** 2 < 0.8 * BUDGET_S else side
+
+
+def _changed(built: scenes.Built, settings: description.Settings) -> bool:
+    try:
+        return bool(scenes.changed_settings(built, settings))
+    except IcyMoonError:
+        return True  # the file of a ground of one's own is gone: Build Scene says so
+
+
+def changed(scene: bpy.types.Scene, effects: frozenset[str]) -> None:
+    """Listen to changes of settings."""
+    if not watched() or not effects & _SHOWN or scene is None:
+        return
+    if bpy.app.timers.is_registered(flush):
+        _waiting.add(scene.name)
+        return
+    bpy.app.timers.register(flush, first_interval=0.0)
+    update(scene)
+
+
+def flush() -> None:
+    """Show the changes that wait; the timer calls it in the next turn of the event loop."""
+    names, shown = sorted(_waiting), False
+    _waiting.clear()
+    for scene in (bpy.data.scenes.get(name) for name in names):
+        shown |= scene is not None and update(scene)
+    if shown:
+        push_undo("Live Preview")
+
+
+def lines(scene: bpy.types.Scene) -> list[str]:
+    """What the sidebar says about how the scene shows its settings, in lines that fit it; none before it is built.
+
+    Always a line, or the fields below would move away from under the mouse that drags one of them.
+    """
+    if scenes.find_collection(scene) is None:
+        return []
+    said = preview.notes(scene) or ["Shown at full resolution"]
+    return [line for sentence in said for line in wrapped(sentence)]
+
+
+def register() -> None:
+    """Listen."""
+    scene_properties.listeners.append(changed)
+
+
+def unregister() -> None:
+    """Listen no longer."""
+    scene_properties.listeners.remove(changed)
+    _waiting.clear()
+    if bpy.app.timers.is_registered(flush):
+        bpy.app.timers.unregister(flush)

@@ -1,0 +1,201 @@
+"""Lines that the sidebar shows of what follows from the settings; worked out once for each change."""
+
+from __future__ import annotations
+
+import math
+import re
+import textwrap
+from collections.abc import Mapping
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import bpy
+
+from .. import compat
+from ..errors import IcyMoonError
+from ..physics import left_out as requires
+from ..physics.camera.blur import advice, blur_of, confusion_px, motion_px
+from ..physics.camera.lens_distortion import coefficients, overscan_needed
+from ..physics.camera.stereo_geometry import GroundRow, depth_error_m, focal_px, ground_row, shared_width_px
+from ..physics.light.sky import facts, sky
+from ..render.cost.abilities import Abilities
+from ..render.cost.quality_presets import qualities
+from ..render.cost.speed import Speed, remembered
+from ..settings.description import Settings
+from ..settings.table import TOPICS
+
+#: Disparity error, px, that the depth error is stated for: what good matchers leave on textured ground.
+DISPARITY_ERROR_PX = 0.25
+LINE = 36  # characters that fit the sidebar as Blender opens it
+_NAME = re.compile(r"\b([a-z_]+)[.]([a-z]\w*)(?: is ([A-Z]\w*))?")  # 'quality.truth', 'quality.truth is DEPTH'
+_UNIT = re.compile(r" [(][^)]*[)]$")
+
+
+def plain(sentence: str) -> str:
+    """A sentence with the settings in it as the sidebar names them: 'Render Quality > Truth is Depth Alone' for
+    'quality.truth is DEPTH', and 'Rock Surface: ' for the topic that it begins with."""
+    about, colon, rest = sentence.partition(": ")
+    if colon and about in TOPICS:
+        return f"{TOPICS[about].label}: {_NAME.sub(_named, rest)}"
+    said = _NAME.sub(_named, sentence)
+    return said[:1].upper() + said[1:]
+
+
+def _named(found: re.Match[str]) -> str:
+    topic, key, chosen = found.groups()
+    for setting in TOPICS[topic].settings if topic in TOPICS else ():
+        if setting.key == key:
+            told = {choice[0]: choice[1] for choice in setting.choices}.get(chosen, chosen)
+            return f"{TOPICS[topic].label} > {_UNIT.sub('', setting.label)}" + (f" is {told}" if told else "")
+    return found[0]
+
+
+def wrapped(sentence: str) -> tuple[str, ...]:
+    """A sentence as the sidebar says it, in lines of its width."""
+    return tuple(textwrap.wrap(plain(sentence), LINE))
+
+
+def left_out(settings: Settings) -> tuple[str, ...]:
+    """What the settings describe and a render would leave out, as ``pair.json`` says it; nothing of the planet while
+    the sky cannot be."""
+    try:
+        lights = _facts(tuple(settings["light"].items()), bpy.data.filepath)
+    except IcyMoonError:
+        lights = {"planet": None}
+    return tuple(requires.left_out(settings, lights))
+
+
+def sky_lines(light: Mapping[str, Any]) -> tuple[str, ...]:
+    """Elevation, azimuth, apparent size and irradiance of Sun and planet, or why there are none."""
+    return _sky_lines(tuple(light.items()), bpy.data.filepath)
+
+
+def rig_lines(rig: Mapping[str, Any]) -> tuple[str, ...]:
+    """Field of view, and for the near edge, middle and far edge of the image: distance, sampling, depth error."""
+    return _rig_lines(tuple(rig.items()))
+
+
+def camera_notes(settings: Mapping[str, Mapping[str, Any]]) -> tuple[str, ...]:
+    """What blurs the images and what truth then is of, and the overscan that distortion needs, in short lines."""
+    return _camera_notes(tuple(settings["rig"].items()), tuple(settings["sensor"].items()))
+
+
+@lru_cache(maxsize=8)
+def _camera_notes(*parts: tuple[tuple[str, Any], ...]) -> tuple[str, ...]:
+    rig, sensor = map(dict, parts)
+    settings = {"rig": rig, "sensor": sensor}
+    said = [line for sentence in advice(settings) for line in wrapped(sentence)]
+    try:
+        found = blur_of(settings)
+    except IcyMoonError:
+        found = None
+    for name, row in (("Near edge", float(rig["height_px"])), ("Middle", rig["height_px"] / 2), ("Far edge", 0.0)):
+        depth = ground_row(rig, row).depth_m
+        if found is not None and math.isfinite(depth):
+            below = row - rig["height_px"] / 2 - float(rig["principal_y_px"])
+            said.append(f"{name} focus {confusion_px(depth, rig, found):.3g} px, motion "
+                        f"{motion_px(0.0, below, depth, rig, found):.3g} px")
+    if any(coefficients(rig)):
+        said.append(_overscan_line(overscan_needed(rig), float(rig["overscan"])))
+    return tuple(said)
+
+
+def _overscan_line(needed: float | None, given: float) -> str:
+    if needed is None:
+        return "No overscan reaches what the lens sees"
+    if needed == 0:
+        return "The lens sees no more than is rendered"
+    share = math.ceil(1000 * needed) / 1000
+    return f"The lens needs an overscan of {share:.3f}" + (", has it" if given >= needed else "")
+
+
+def brightness_wm2(light: Mapping[str, Any]) -> float:
+    """Irradiance of sunlit ground, or else of ground under the planet; 0 in the dark or for a sky that cannot be."""
+    try:
+        found = _facts(tuple(light.items()), bpy.data.filepath)
+    except IcyMoonError:
+        return 0.0
+    sun, planet = found["sun"], found["planet"] or {}
+    slope = 0.02 * sun["irradiance_wm2"] * (1 - sun["eclipse"]) * (sun["elevation_deg"] > -1)  # which sees a low Sun
+    return float(max(slope, sun["ground_irradiance_wm2"] + planet.get("ground_irradiance_wm2", 0.0)))
+
+
+@lru_cache(maxsize=8)
+def _facts(light: tuple[tuple[str, Any], ...], blend: str) -> dict[str, Any]:
+    return facts(sky(dict(light), str(Path(blend).parent) if blend else None))
+
+
+def _sky_lines(light: tuple[tuple[str, Any], ...], blend: str) -> tuple[str, ...]:
+    try:
+        found = _facts(light, blend)
+    except IcyMoonError as error:
+        return wrapped(str(error))
+    lines = []
+    for name, body in (("Sun", found["sun"]), ("Planet", found["planet"])):
+        if body is not None:
+            phase = f", phase {body['phase_deg']:.1f}°" if "phase_deg" in body else ""
+            lines += [f"{name} {body['elevation_deg']:.2f}° high, azimuth {body['azimuth_deg']:.2f}°",
+                      f"    {body['angular_diameter_deg']:.3g}° wide{phase}",
+                      f"    {body['irradiance_wm2']:.3g} W/m², {body['ground_irradiance_wm2']:.3g} on flat ground"]
+    if found["sun"]["eclipse"] > 0:
+        lines.append(f"Eclipse: planet hides {100 * found['sun']['eclipse']:.0f} % of Sun")
+    above = (found["planet"] or {}).get("above_ring_plane_deg")
+    if above is not None:
+        lines.append(f"Rings {abs(above):.2g}° from edge-on, seen from {'north' if above > 0 else 'south'}"
+                     if abs(above) > 1e-4 else "Rings exactly edge-on: not seen")
+    return tuple(lines)
+
+
+@lru_cache(maxsize=8)
+def _rig_lines(rig: tuple[tuple[str, Any], ...]) -> tuple[str, ...]:
+    described = dict(rig)
+    width, height = int(described["width_px"]), int(described["height_px"])
+    focal = focal_px(described)
+    fields = [2 * math.degrees(math.atan(n / 2 / focal)) for n in (width, height)]
+    lines = [f"Field of view {fields[0]:.1f}° x {fields[1]:.1f}°",
+             f"f {focal:.1f} px, f·B {focal * described['baseline_m']:.2f} px·m",
+             f"Level ground, disparity ± {DISPARITY_ERROR_PX:g} px:"]
+    for name, row in (("Near edge", float(height)), ("Middle", height / 2), ("Far edge", 0.0)):
+        lines += _row_lines(name, ground_row(described, row), described)
+    return tuple(lines)
+
+
+def _row_lines(name: str, row: GroundRow, rig: Mapping[str, Any]) -> list[str]:
+    if math.isinf(row.depth_m):
+        return [f"{name} above the horizon"]
+    shared = 100 * shared_width_px(rig, row.depth_m) / int(rig["width_px"])
+    return [f"{name} {row.depth_m:.2f} m ± {100 * depth_error_m(row.depth_m, rig, DISPARITY_ERROR_PX):.2g} cm",
+            f"    {row.width_m:.3g} m wide, {shared:.0f} % in both eyes",
+            f"    {_two_digits(1000 * row.across_m)} x {_two_digits(1000 * row.along_m)} mm per pixel"]
+
+
+def _two_digits(value: float) -> str:
+    """A number to two significant digits, without an exponent."""
+    return f"{float(f'{value:.2g}'):,.10g}".replace(",", " ")
+
+
+#: Triangles of a ground that is not built yet, for an estimate: they count for little beside the light.
+_TRIANGLES = 1e6
+
+
+def quality_lines(settings: Settings) -> tuple[str, ...]:
+    """Seconds of a pair of the described scene at each quality, and the error that was measured of it."""
+    speed = _speed(str(settings["quality"]["device"]))
+    lines: list[str] = []
+    for quality in qualities(settings, _TRIANGLES, speed, Abilities(compat.has_osl(), compat.has_oidn())):
+        lines += wrapped(f"{quality.title}: {quality.cost}")
+        lines += [f"    {quality.error}"] if quality.error and not quality.lacks else []
+    basis = f"Seconds of {speed.basis}" if speed else "Seconds of another machine; measure this one"
+    return (*lines, *textwrap.wrap(basis, LINE))
+
+
+@lru_cache(maxsize=2)
+def _speed(device: str) -> Speed | None:
+    """The speed of this machine with this Blender, read once."""
+    return remembered(device, bpy.app.version_string)
+
+
+def forget_speed() -> None:
+    """Read the speed again, which was measured anew."""
+    _speed.cache_clear()

@@ -1,0 +1,117 @@
+"""Which settings have an effect beside the others: what a choice rules out is hidden, what a number or a tick turns
+off is grey, so that it is seen where it would be and fields do not move while a number is dragged."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ..physics.camera.blur import MOTION
+from ..physics.surfaces.textures import by_uv
+from ..settings.table import LANDFORMS, TOPICS
+
+_PRINCIPLED_ONLY = {"subsurface_weight", "subsurface_radius_m", "transmission", "roughness", "specular",
+                    "refractive_index"}
+#: Surface settings that have an effect only beside another that is above 0.
+_SURFACE_NEEDS = {"albedo_patch_m": "albedo_variation", "subsurface_radius_m": "subsurface_weight",
+                  "grain_size_m": "grain_amplitude_m", "relief": "grain_amplitude_m",
+                  **{f"salt_{key}": "salt_share" for key in ("patch_m", "red", "green", "blue")}}
+#: Laws of reflection that ``quality.fine_relief`` is about.
+_WITH_NORMAL = ("LAMBERT", "PRINCIPLED")
+_SKY_ANGLES = ("_elevation_deg", "_azimuth_deg", "_diameter_deg", "_wm2", "_flattening")
+
+
+def shown(topic: str, key: str, root: Any) -> bool:
+    """Whether the choices that are made leave a setting a meaning; ``root`` is ``Scene.icymoon``."""
+    group = getattr(root, topic)
+    if topic == "terrain":
+        return _terrain_shown(key, root)
+    if topic == "mesh":
+        return bool(key == "kind" or group.kind == "GRADED")
+    if topic == "source" and key != "kind":
+        only = {"scale": "MESH", "up_axis": "MESH", "repair": "MESH", "metres_per_pixel": "HEIGHT_MAP",
+                "height_scale_m": "HEIGHT_MAP"}
+        return bool(group.kind == only[key] if key in only else group.kind != "PROCEDURAL")
+    if topic in ("surface", "rock_surface"):
+        models = {"albedo": group.model != "HAPKE", "lommel_seeliger_share": group.model == "LUNAR_LAMBERT"}
+        return models.get(key, key not in _PRINCIPLED_ONLY or group.model == "PRINCIPLED")
+    if topic == "textures" and key != "set":
+        return bool(group.set == "OWN" if key.endswith("_file") else group.set != "NONE")
+    if topic == "light":
+        return _light_shown(key, group)
+    if topic == "rocks" and key == "power_index":
+        return bool(group.law == "POWER")
+    if topic == "dataset" and key == "plan":
+        return str(group.plan).endswith(".toml")  # a shipped one has its title on the button
+    if topic == "quality" and key == "fine_relief":
+        return root.surface.model in _WITH_NORMAL or bool(root.rocks.own_surface
+                                                          and root.rock_surface.model in _WITH_NORMAL)
+    return True
+
+
+def _terrain_shown(key: str, root: Any) -> bool:
+    source = root.source
+    graded = source.kind == "PROCEDURAL" and root.mesh.kind == "GRADED"
+    return bool((source.kind == "PROCEDURAL" and key != ("resolution" if graded else "body_radius_m"))
+                or (source.kind != "PROCEDURAL" and source.detail and key != "body_radius_m")
+                or (source.kind == "HEIGHT_MAP" and key in ("size_m", "resolution")))
+
+
+def _light_shown(key: str, group: Any) -> bool:
+    """What a date gives is not asked for."""
+    dated = group.directions_from != "ANGLES"
+    if key in ("body", "date_utc", "longitude_deg"):
+        return dated
+    if key in ("parent", "kernels"):
+        return bool(group.directions_from == "KERNELS")
+    return not (dated and key.endswith(_SKY_ANGLES))
+
+
+def matters(topic: str, key: str, root: Any) -> bool:
+    """Whether a setting that is shown has an effect beside the numbers and ticks around it."""
+    group = getattr(root, topic)
+    if TOPICS[topic].parent == LANDFORMS:
+        # The first setting of a landform, its height, depth or coverage, turns it on.
+        first = TOPICS[topic].settings[0].key
+        return key == first or getattr(group, first) > 0
+    if topic == "rocks" and key != "coverage":
+        return bool(group.coverage > 0
+                    and (key not in ("cluster_blocks", "cluster_radius_m") or group.clustering > 0))
+    if topic in ("surface", "rock_surface"):
+        return bool(key not in _SURFACE_NEEDS or getattr(group, _SURFACE_NEEDS[key]) > 0)
+    if topic == "textures" and key in ("width_m", "repeat"):
+        return not by_uv({"set": group.set, "mapping": group.mapping})
+    if topic == "textures" and key != "set":
+        return bool(key.endswith("_file") or group.set != "MESH")
+    return _OFF.get(topic, _always)(key, group)
+
+
+def _always(key: str, group: Any) -> bool:
+    return True
+
+
+def _hapke(key: str, group: Any) -> bool:
+    off = {"c": group.b == 0.0, "h_s": group.b_s0 == 0.0, "h_c": group.b_c0 == 0.0,
+           "accuracy": group.backend == "NODES"}
+    return not off.get(key, False)
+
+
+def _light(key: str, group: Any) -> bool:
+    if key == "stars_faintest_mag":
+        return bool(group.stars)
+    if key == "latitude_deg":
+        return bool(group.directions_from != "ANGLES" or group.planet or group.stars)
+    return bool(not key.startswith("planet_") or group.planet)
+
+
+def _sensor(key: str, group: Any) -> bool:
+    on = {"auto_percentile": group.auto_exposure, "auto_target": group.auto_exposure,
+          "exposure_s": not group.auto_exposure, "bracket_stops": group.brackets > 1,
+          "radiation_depth_um": group.radiation_flux_cm2_s > 0, "radiation_e_per_um": group.radiation_flux_cm2_s > 0}
+    return bool(on.get(key, True))
+
+
+def _rig(key: str, group: Any) -> bool:
+    return key != "motion_exposure_s" or any(getattr(group, moving) != 0 for moving in MOTION)
+
+
+_OFF = {"hapke": _hapke, "light": _light, "sensor": _sensor, "rig": _rig}

@@ -1,0 +1,76 @@
+"""What stands in a topic's panel beside its settings: buttons before them, what follows from them after them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import bpy
+
+from .. import scene_properties
+from ..nodes import scene as scenes
+from ..operators import live_exposure, sidebar_text
+from ..operators.sidebar_text import wrapped
+from ..physics.surfaces import albedos, principled
+from ..settings.table import TOPICS
+from .fields import draw_lines
+
+Extra = Callable[[Any, bpy.types.Context], None]
+
+
+def _import(layout: Any, context: bpy.types.Context) -> None:
+    layout.operator("icymoon.import_ground", text="Import Ground…", icon="IMPORT")
+
+
+def _seed(layout: Any, context: bpy.types.Context) -> None:
+    root = context.scene.icymoon
+    layout.prop(root.dataset, "seed")
+    if root.source.kind != "PROCEDURAL" and not root.source.detail:
+        draw_lines(layout, wrapped("The ground is a file's; Ground > Add Roughness adds to it what is here."), "INFO")
+
+
+def _roughness(layout: Any, context: bpy.types.Context) -> None:
+    measured = scenes.measured_roughness(context.scene)
+    if measured:
+        layout.operator("icymoon.show_roughness", text=f"Measured: {measured}", icon="DRIVER_DISTANCE")
+
+
+def _expose(layout: Any, context: bpy.types.Context) -> None:
+    layout.operator("icymoon.expose", icon="IMAGE_DATA")
+    layout.prop(context.scene.icymoon, "follow")
+    draw_lines(layout, tuple(live_exposure.lines()), "INFO")
+
+
+def _camera_notes(layout: Any, context: bpy.types.Context) -> None:
+    draw_lines(layout, sidebar_text.camera_notes(scene_properties.unchecked(context.scene.icymoon)), "INFO")
+
+
+def _surface(topic: str) -> Extra:
+    def draw(layout: Any, context: bpy.types.Context) -> None:
+        group = getattr(context.scene.icymoon, topic)
+        told = principled.advice({s.key: getattr(group, s.key) for s in TOPICS[topic].settings})
+        if told and group.model == "PRINCIPLED":
+            draw_lines(layout, wrapped(told), "INFO")
+        values = scene_properties.unchecked(context.scene.icymoon)
+        _draw_albedos(layout, values[topic], values["hapke"])
+    return draw
+
+
+def _hapke(layout: Any, context: bpy.types.Context) -> None:
+    values = scene_properties.unchecked(context.scene.icymoon)
+    _draw_albedos(layout, {**values["surface"], "model": "HAPKE"}, values["hapke"])
+
+
+def _draw_albedos(layout: Any, surface: dict[str, Any], hapke: dict[str, Any]) -> None:
+    """The albedos that follow from the settings of a surface."""
+    found = albedos.albedos(surface, hapke)
+    if found is not None:
+        column = layout.column(align=True)
+        for label, value in (("Normal", found.normal), ("Geometric", found.geometric), ("Bond", found.bond)):
+            column.label(text=f"{label} albedo {value:.3f}")
+
+
+#: By topic.
+BEFORE: dict[str, Extra] = {"source": _import, "terrain": _seed, "sensor": _expose}
+AFTER: dict[str, Extra] = {"terrain": _roughness, "surface": _surface("surface"),
+                           "rock_surface": _surface("rock_surface"), "hapke": _hapke, "rig": _camera_notes}

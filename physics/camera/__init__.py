@@ -1,0 +1,1 @@
+"""Lenses, exposure and sensors of a stereo camera."""

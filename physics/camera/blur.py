@@ -1,0 +1,161 @@
+"""Blur that is in the rendered light itself: depth of field and the rig's motion during the exposure.
+
+Both depend on settings of the camera response (aperture, exposure time), which otherwise need no new render. What a
+render was made for is noted with it, and developing it as another camera is warned of.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ...errors import IcyMoonError
+from .stereo_geometry import focal_px
+
+#: Relative difference of exposure or aperture that is told.
+_DIFFERENT = 0.01
+#: Turn, degrees, during an exposure beyond which a path cannot be told from its ends and middle.
+_MOST_TURN_DEG = 90.0
+_SPEEDS = ("speed_right_m_s", "speed_down_m_s", "speed_forward_m_s")
+_TURNS = ("turn_right_deg_s", "turn_down_deg_s", "roll_deg_s")
+
+#: The ``rig`` settings of which any that is not 0 blurs by motion.
+MOTION = (*_SPEEDS, *_TURNS)
+PINHOLE = "The images are blurred, truth is sharp: that of a pinhole{}."
+
+
+@dataclass(frozen=True)
+class Blur:
+    """What an image is blurred by. ``focus_m`` is None without depth of field, ``exposure_s`` without motion.
+
+    Axes are the left eye's: x right, y down, z forward. ``turn_deg_s`` is a rotation vector.
+    """
+
+    focus_m: float | None
+    f_number: float
+    exposure_s: float | None
+    velocity_m_s: np.ndarray  # (3,)
+    turn_deg_s: np.ndarray  # (3,)
+
+    def to_json(self) -> dict[str, Any]:
+        """The ``blur`` table of ``pair.json``: what was rendered."""
+        found: dict[str, Any] = {"truth": self.warning}
+        if self.focus_m is not None:
+            found |= {"focus_distance_m": self.focus_m, "f_number": self.f_number}
+        if self.exposure_s is not None:
+            found |= {"exposure_s": self.exposure_s, "velocity_m_s": self.velocity_m_s.tolist(),
+                      "turn_deg_s": self.turn_deg_s.tolist()}
+        return found
+
+    @property
+    def warning(self) -> str:
+        """What truth is of, in a sentence."""
+        return PINHOLE.format("" if self.exposure_s is None else " in the middle of the exposure")
+
+
+def blur_of(settings: Mapping[str, Mapping[str, Any]]) -> Blur | None:
+    """The blur that complete settings describe; None if they describe none.
+
+    Raises IcyMoonError for a focus nearer than the focal length, a motion whose exposure is not known, and a turn of
+    more than a quarter during it.
+    """
+    rig, sensor = settings["rig"], settings["sensor"]
+    focus, velocity, turn = float(rig["focus_distance_m"]), _vector(rig, _SPEEDS), _vector(rig, _TURNS)
+    turn = np.array([-turn[1], turn[0], turn[2]])
+    moves = bool(velocity.any() or turn.any())
+    if focus == 0 and not moves:
+        return None
+    if 0 < focus <= 1e-3 * float(rig["focal_length_mm"]):
+        raise IcyMoonError(f"rig.focus_distance_m is {focus:g} m, and a lens of {rig['focal_length_mm']:g} mm focuses "
+                           "beyond its focal length only; raise it, or set it to 0 for everything sharp.")
+    seconds = float(rig["motion_exposure_s"]) or float(sensor["exposure_s"])
+    if moves and rig["motion_exposure_s"] == 0 and sensor["auto_exposure"]:
+        raise IcyMoonError("The camera moves, and how long it exposes is not known before the render; set "
+                           "rig.motion_exposure_s, or switch sensor.auto_exposure off.")
+    if moves and np.linalg.norm(turn) * seconds > _MOST_TURN_DEG:
+        raise IcyMoonError(f"The rig turns by {np.linalg.norm(turn) * seconds:.4g}° during an exposure of {seconds:g} "
+                           f"s; motion blur is made for {_MOST_TURN_DEG:g}° at most.")
+    return Blur(focus or None, float(sensor["f_number"]), seconds if moves else None, velocity, turn)
+
+
+def _vector(rig: Mapping[str, Any], keys: tuple[str, ...]) -> np.ndarray:
+    return np.array([float(rig[key]) for key in keys])
+
+
+def advice(settings: Mapping[str, Mapping[str, Any]]) -> list[str]:
+    """What a person should know before a render: what truth is of, or why the blur cannot be rendered; sentences."""
+    try:
+        blur = blur_of(settings)
+    except IcyMoonError as error:
+        return [str(error)]
+    return [blur.warning] if blur else []
+
+
+def identity(settings: Mapping[str, Mapping[str, Any]]) -> str:
+    """What of the camera response is in the rendered light, for the name of the pair; empty without blur."""
+    blur = blur_of(settings)
+    if blur is None:
+        return ""
+    return f"f/{blur.f_number if blur.focus_m is not None else None} {blur.exposure_s} s"
+
+
+def developing_warnings(settings: Mapping[str, Mapping[str, Any]], rendered: Mapping[str, Mapping[str, Any]],
+                        exposures_s: list[float]) -> list[str]:
+    """What does not fit together where a pair ``rendered`` with blur is developed with ``settings``: sentences."""
+    blur = blur_of(rendered)
+    if blur is None:
+        return []
+    said = [blur.warning]
+    f_number = float(settings["sensor"]["f_number"])
+    if blur.focus_m is not None and abs(f_number / blur.f_number - 1) > _DIFFERENT:
+        said.append(f"Depth of field is that of f/{blur.f_number:g}, at which the pair was rendered, its light that of "
+                    f"f/{f_number:g}; render it again.")
+    far = [t for t in exposures_s if blur.exposure_s and abs(t / blur.exposure_s - 1) > _DIFFERENT]
+    if far:
+        said.append(f"Motion blur is that of {blur.exposure_s:.4g} s, for which the pair was rendered, its exposure "
+                    f"{', '.join(f'{t:.4g} s' for t in far)}; set the one to the other and render it again.")
+    return said
+
+
+def confusion_px(depth_m: float, rig: Mapping[str, Any], blur: Blur) -> float:
+    """Diameter in px of the disc that a point at a planar depth becomes; 0 without depth of field.
+
+    Of the thin lens: the aperture, F/N wide, times the difference of inverse depths to the plane in focus.
+    """
+    if blur.focus_m is None:
+        return 0.0
+    aperture_m = 1e-3 * float(rig["focal_length_mm"]) / blur.f_number
+    return focal_px(rig) * aperture_m * abs(1 / blur.focus_m - 1 / depth_m)
+
+
+def motion_px(column_px: float, row_px: float, depth_m: float, rig: Mapping[str, Any], blur: Blur) -> float:
+    """Distance in px between where a point of the scene is seen when the left eye's exposure begins and when it ends.
+
+    The point is seen ``column_px`` right of and ``row_px`` below the principal point in the middle of the exposure.
+    Infinite if it is passed by; 0 without motion.
+    """
+    if blur.exposure_s is None:
+        return 0.0
+    focal = focal_px(rig)
+    point = depth_m * np.array([column_px / focal, row_px / focal, 1.0])
+    ends = [moved(blur, side * blur.exposure_s / 2) for side in (-1, 1)]
+    seen = [pose[:3, :3].T @ (point - pose[:3, 3]) for pose in ends]
+    if min(p[2] for p in seen) <= 0:
+        return math.inf
+    return float(np.linalg.norm(np.subtract(*(focal * p[:2] / p[2] for p in seen))))
+
+
+def moved(blur: Blur, seconds: float) -> np.ndarray:
+    """Pose (4, 4) of the left eye some time after the middle of the exposure, in its axes then: x right, y down."""
+    pose = np.eye(4)
+    angle = math.radians(float(np.linalg.norm(blur.turn_deg_s))) * seconds
+    if angle:
+        x, y, z = blur.turn_deg_s / np.linalg.norm(blur.turn_deg_s)
+        cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+        pose[:3, :3] += math.sin(angle) * cross + (1 - math.cos(angle)) * cross @ cross  # Rodrigues
+    pose[:3, 3] = blur.velocity_m_s * seconds
+    return pose

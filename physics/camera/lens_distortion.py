@@ -1,0 +1,96 @@
+"""Lens distortion: Brown and Conrady's model with OpenCV's coefficients k1, k2, p1, p2, k3.
+
+Coordinates are normalised: tangents of the angle to the optical axis, x right, y down.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from ...errors import IcyMoonError
+
+COEFFICIENTS = ("k1", "k2", "p1", "p2", "k3")  # in OpenCV's order
+
+
+def coefficients(rig: Mapping[str, Any]) -> tuple[float, ...]:
+    """k1, k2, p1, p2, k3 of a ``rig`` topic."""
+    return tuple(float(rig[f"distortion_{name}"]) for name in COEFFICIENTS)
+
+
+def distorted(points: np.ndarray, k: tuple[float, ...]) -> np.ndarray:
+    """Where points (..., 2) of a pinhole image appear through the lens."""
+    k1, k2, p1, p2, k3 = k
+    x, y = points[..., 0], points[..., 1]
+    r2 = x**2 + y**2
+    radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3))
+    return np.stack([x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x**2),
+                     y * radial + p1 * (r2 + 2 * y**2) + 2 * p2 * x * y], axis=-1)
+
+
+def _slope(points: np.ndarray, k: tuple[float, ...]) -> np.ndarray:
+    """Jacobian (..., 2, 2) of ``distorted``."""
+    k1, k2, p1, p2, k3 = k
+    x, y = points[..., 0], points[..., 1]
+    r2 = x**2 + y**2
+    radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3))
+    growth = 2 * (k1 + r2 * (2 * k2 + r2 * 3 * k3))  # of the radial factor by r², times 2
+    mixed = growth * x * y + 2 * p1 * x + 2 * p2 * y
+    return np.stack([np.stack([radial + growth * x**2 + 2 * p1 * y + 6 * p2 * x, mixed], axis=-1),
+                     np.stack([mixed, radial + growth * y**2 + 6 * p1 * y + 2 * p2 * x], axis=-1)], axis=-2)
+
+
+def undistorted(points: np.ndarray, k: tuple[float, ...]) -> np.ndarray:
+    """Where points (..., 2) that are seen through the lens are in a pinhole image, to 1e-9; NaN where nowhere.
+
+    Newton's method from the point itself. A point beyond the fold of a polynomial that turns back has
+    no answer that a lens could give.
+    """
+    found = points.copy()
+    if not any(k):
+        return found
+    with np.errstate(all="ignore"):
+        for _ in range(25):
+            slope = _slope(found, k)
+            step = distorted(found, k) - points
+            if np.nan_to_num(np.abs(step)).max(initial=0.0) < 1e-13:
+                break
+            determinant = slope[..., 0, 0] * slope[..., 1, 1] - slope[..., 0, 1] * slope[..., 1, 0]
+            found[..., 0] -= (slope[..., 1, 1] * step[..., 0] - slope[..., 0, 1] * step[..., 1]) / determinant
+            found[..., 1] -= (slope[..., 0, 0] * step[..., 1] - slope[..., 1, 0] * step[..., 0]) / determinant
+        slope = _slope(found, k)
+        wrong = (np.abs(distorted(found, k) - points).max(axis=-1) > 1e-9) | (np.linalg.det(np.nan_to_num(slope)) <= 0)
+        # A root on the far side of a fold is not on the way from the axis.
+        wrong |= (found * points).sum(axis=-1) < 0
+    found[wrong | ~np.isfinite(found).all(axis=-1)] = np.nan
+    return found
+
+
+def overscan_needed(rig: Mapping[str, Any]) -> float | None:
+    """Share of width and height that has to be rendered beyond each border for every pixel of the sensor to be lit.
+
+    Of the borders' pixels, which see farthest. None if the lens sees what no pinhole image has.
+    """
+    width, height = int(rig["width_px"]), int(rig["height_px"])
+    focal = float(rig["focal_length_mm"]) / float(rig["sensor_width_mm"]) * width
+    columns, rows = np.arange(width) + 0.5, np.arange(height) + 0.5
+    border = np.concatenate([*([[column, edge] for column in columns] for edge in (rows[0], rows[-1])),
+                             *([[edge, row] for row in rows] for edge in (columns[0], columns[-1]))])
+    size, shift = np.array([width, height]), np.array([float(rig["principal_x_px"]), float(rig["principal_y_px"])])
+    principal = size / 2 + shift
+    seen = undistorted((border - principal) / focal, coefficients(rig)) * focal + principal
+    if not np.isfinite(seen).all():
+        return None
+    # Pixels are interpolated between rendered centres, so the outermost must lie at or beyond what is seen.
+    beyond = np.maximum(0.5 - seen.min(axis=0), seen.max(axis=0) - (size - 0.5))
+    return float(np.max(np.maximum(beyond - 1e-6, 0) / size))
+
+
+def check(points: np.ndarray, k: tuple[float, ...]) -> None:
+    """Raise IcyMoonError if the lens would show two of the points (..., 2) of a pinhole image in one place."""
+    slope = _slope(points, k)
+    if (np.linalg.det(slope) <= 0).any():
+        raise IcyMoonError("rig.distortion_k1, k2, p1, p2 and k3 fold the image over itself within the field of view; "
+                           "lower them or narrow the field.")

@@ -1,0 +1,61 @@
+"""Charged particles that hit the sensor: straight tracks of electrons, as in images from Jupiter's belts."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from ...errors import IcyMoonError
+
+MOST_HITS = 1_000_000
+
+
+def expected_hits(sensor: Mapping[str, Any], shape: tuple[int, int], pitch_m: float, seconds: float) -> float:
+    """Mean number of particles through an image (H, W) of pixels of side ``pitch_m`` in an exposure.
+
+    ``sensor.radiation_flux_cm2_s`` counts particles per cm² of the sensor's plane and second, of all
+    directions, that get through the shield.
+    """
+    area_cm2 = shape[0] * shape[1] * (pitch_m * 100) ** 2
+    return float(sensor["radiation_flux_cm2_s"]) * area_cm2 * seconds
+
+
+def hits(sensor: Mapping[str, Any], shape: tuple[int, int], pitch_m: float, seconds: float,
+         random: np.random.Generator) -> np.ndarray:
+    """Electrons (H, W) that particles leave in one exposure.
+
+    Their number is Poisson. An isotropic flux crosses a plane with cos² θ even between 0 and 1. A
+    particle crosses the sensitive depth d (``radiation_depth_um``) on a straight line of length
+    d / cos θ, d tan θ of it along the plane, and frees ``radiation_e_per_um`` electrons per
+    micrometre. Raises IcyMoonError beyond a million hits: no pixel would be without one.
+    """
+    mean = expected_hits(sensor, shape, pitch_m, seconds)
+    if mean > MOST_HITS:
+        raise IcyMoonError(f"sensor.radiation_flux_cm2_s gives {mean:.3g} hits in {seconds:.3g} s, more than "
+                           f"{MOST_HITS}; lower it or sensor.exposure_s.")
+    count = int(random.poisson(mean))
+    cos2 = 1.0 - random.random(count)  # above 0
+    depth_um = float(sensor["radiation_depth_um"])
+    electrons = float(sensor["radiation_e_per_um"]) * depth_um / np.sqrt(cos2)
+    length_px = depth_um * 1e-6 * np.sqrt(1 / cos2 - 1) / pitch_m
+    direction = random.random(count) * 2 * np.pi
+    start = random.random((2, count)) * np.array(shape)[:, None]
+    # What a very flat track leaves outside the image need not be walked along.
+    kept = np.minimum(1.0, (shape[0] + shape[1]) / np.maximum(length_px, 1e-300))
+    return _drawn(start, direction, length_px * kept, electrons * kept, shape)
+
+
+def _drawn(start: np.ndarray, direction: np.ndarray, length_px: np.ndarray, electrons: np.ndarray,
+           shape: tuple[int, int]) -> np.ndarray:
+    """Tracks cut into steps of at most half a pixel, each step's electrons given to the pixel of its middle."""
+    steps = np.ceil(2 * length_px).astype(np.intp) + 1
+    track = np.repeat(np.arange(len(steps)), steps)
+    along = (np.arange(len(track)) - np.repeat(np.cumsum(steps) - steps, steps) + 0.5) / steps[track]
+    row = np.floor(start[0, track] + along * length_px[track] * np.sin(direction[track])).astype(np.intp)
+    column = np.floor(start[1, track] + along * length_px[track] * np.cos(direction[track])).astype(np.intp)
+    inside = (row >= 0) & (row < shape[0]) & (column >= 0) & (column < shape[1])
+    place = row[inside] * shape[1] + column[inside]
+    charge = (electrons / steps)[track[inside]]
+    return np.bincount(place, charge, shape[0] * shape[1]).reshape(shape)

@@ -1,0 +1,178 @@
+"""A camera's sensor: from the light on a pixel to the number that is read out of it.
+
+The chain is that of EMVA 1288: photo-electrons proportional to light and exposure time, dark
+current, their Poisson noise, a well that overflows, fixed patterns, the noise of reading, an
+analogue-digital converter with a black level. All of it happens after rendering, so a change of
+exposure or gain never needs a new render.
+
+``sensor`` is the ``sensor`` topic of a scene description throughout (see ``properties.SENSOR``);
+``rate`` is what ``photons.electron_rate`` gives.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..random_numbers.seeds import generator
+
+EYE_STREAMS = {"left": 0, "right": 1}
+
+#: Exposure times in seconds between which auto exposure chooses.
+SHORTEST_S, LONGEST_S = 1.0e-6, 1.0e3
+
+#: Share of saturated pixels above which a person is told.
+MOST_SATURATED = 0.02
+
+#: Electrons beyond which Poisson noise cannot bring any well (at most 1e7) back below full.
+_DROWNED_E = 1.0e9
+
+
+def gain_dn_per_e(sensor: Mapping[str, Any]) -> float:
+    """System gain K in digital numbers per electron; at ``gain`` 1 a full well is the converter's top."""
+    return float(sensor["gain"]) * (top_dn(sensor) - black_dn(sensor)) / float(sensor["full_well_e"])
+
+
+def top_dn(sensor: Mapping[str, Any]) -> int:
+    """The converter's largest number."""
+    return int(2 ** int(sensor["bits"]) - 1)
+
+
+def black_dn(sensor: Mapping[str, Any]) -> float:
+    """Digital number of no light, which ``black_level`` states as a share of the converter's range."""
+    return float(sensor["black_level"]) * top_dn(sensor)
+
+
+def capacity_e(sensor: Mapping[str, Any]) -> float:
+    """Electrons at which a pixel's number stops to rise: a full well or the converter's end."""
+    return float(sensor["full_well_e"]) / max(1.0, float(sensor["gain"]))
+
+
+def exposure_s(left_light: np.ndarray, rate: float, sensor: Mapping[str, Any]) -> float:
+    """Exposure time in seconds of both eyes.
+
+    ``left_light`` is the left eye's grey radiance, any shape. With auto exposure its
+    ``auto_percentile`` quantile is put at ``auto_target`` of the capacity; where that quantile is
+    black the brightest pixel stands in, and a wholly black image is exposed as if auto exposure
+    were off, since nothing in it says how. The time keeps between SHORTEST_S and LONGEST_S.
+    """
+    fixed = float(sensor["exposure_s"])
+    if not sensor["auto_exposure"]:
+        return fixed
+    light = _sane(left_light)
+    light = light[np.isfinite(light)]
+    if light.size == 0:
+        return fixed
+    level = float(np.quantile(light, float(sensor["auto_percentile"]))) or float(light.max())
+    if level * rate <= 0:
+        return fixed
+    return float(np.clip(float(sensor["auto_target"]) * capacity_e(sensor) / (level * rate), SHORTEST_S, LONGEST_S))
+
+
+def exposure_warnings(seconds: float, saturated: float, sensor: Mapping[str, Any]) -> list[str]:
+    """What a person should know of an exposure: where auto exposure ended at an end, and where much is saturated.
+
+    ``saturated`` is the share of the left pixels that are at the converter's top.
+    """
+    said = []
+    if sensor["auto_exposure"] and seconds in (SHORTEST_S, LONGEST_S):
+        end = "shortest" if seconds == SHORTEST_S else "longest"
+        said.append(f"Auto exposure ended at its {end} time, {seconds:g} s; change sensor.f_number, sensor.gain or "
+                    "sensor.pixel_pitch_um.")
+    if saturated > MOST_SATURATED:
+        cause = "sensor.auto_target or sensor.auto_percentile" if sensor["auto_exposure"] else "sensor.exposure_s"
+        said.append(f"More than {MOST_SATURATED:.0%} of the left image's pixels are saturated; lower {cause}, or merge "
+                    "exposures with sensor.brackets.")
+    return said
+
+
+def dark_current_e_s(sensor: Mapping[str, Any]) -> float:
+    """Dark current of a pixel at ``temperature_k``: it doubles every ``dark_doubling_k`` (EMVA 1288)."""
+    steps = (float(sensor["temperature_k"]) - float(sensor["dark_reference_k"])) / float(sensor["dark_doubling_k"])
+    return float(sensor["dark_current_e_s"]) * 2.0 ** min(steps, 100.0)
+
+
+@dataclass(frozen=True)
+class Pattern:
+    """What differs from pixel to pixel of one sensor for good, (H, W) or the neutral number."""
+
+    response: np.ndarray | float = 1.0  # factor on photo-electrons (PRNU)
+    offset_e: np.ndarray | float = 0.0  # electrons added to the dark signal (DSNU)
+
+
+def fixed_pattern(seed: int, eye: str, shape: tuple[int, int], sensor: Mapping[str, Any]) -> Pattern:
+    """The pattern of one eye's sensor: Gaussian, the same in all images of the data set."""
+    random = generator(seed, "sensor", EYE_STREAMS[eye])
+    prnu, dsnu = float(sensor["prnu"]), float(sensor["dsnu_e"])
+    response = np.maximum(1 + prnu * random.standard_normal(shape), 0.0) if prnu > 0 else 1.0
+    return Pattern(response, dsnu * random.standard_normal(shape) if dsnu > 0 else 0.0)
+
+
+def electrons(light: np.ndarray, seconds: float, rate: float, sensor: Mapping[str, Any],
+              random: np.random.Generator, pattern: Pattern | None = None,
+              hits_e: np.ndarray | float = 0.0) -> np.ndarray:
+    """Electrons, float64 and of the shape of ``light``, that are read from each pixel.
+
+    ``light`` is radiance in W/(m² sr) behind the lens, ``hits_e`` what particles freed. NaN and
+    negative radiance (defects of a render) count as dark. Shot noise comes before the well is full,
+    read noise after, so that a saturated pixel shows read noise only. The result can be slightly
+    negative: the converter, not the well, has a floor.
+    """
+    pattern = pattern or Pattern()
+    full_well = float(sensor["full_well_e"])
+    with np.errstate(over="ignore", invalid="ignore"):  # a firefly may overflow; infinity is full as well
+        charge = _sane(light) * (rate * seconds) * pattern.response
+        charge = np.minimum(np.nan_to_num(charge, nan=0.0, posinf=_DROWNED_E) + dark_current_e_s(sensor) * seconds,
+                            _DROWNED_E)
+    if sensor["shot_noise"]:
+        charge = random.poisson(charge).astype(np.float64)
+    charge = charge + hits_e
+    if float(sensor["blooming"]) > 0:
+        charge = bloomed(charge, full_well, float(sensor["blooming"]))
+    charge = np.minimum(charge, full_well) + pattern.offset_e
+    read_noise = float(sensor["read_noise_e"])
+    return charge + random.normal(0.0, read_noise, charge.shape) if read_noise > 0 else charge
+
+
+def bloomed(charge: np.ndarray, full_well_e: float, share: float) -> np.ndarray:
+    """Electrons (H, W) after overflow along the columns.
+
+    ``share`` of what a pixel has above ``full_well_e`` runs over, half of it up and half down, and
+    fills pixels on its way until it is used up or leaves the image; the rest is drained.
+    """
+    excess = np.maximum(charge - full_well_e, 0.0) * (share / 2)
+    result = np.minimum(charge, full_well_e)
+    if not excess.any():
+        return result
+    for rows in (range(len(result)), range(len(result) - 1, -1, -1)):
+        carried = np.zeros_like(result[0])
+        for row in rows:
+            taken = np.minimum(carried, full_well_e - result[row])
+            result[row] += taken
+            carried += excess[row] - taken
+    return result
+
+
+def digital_numbers(charge: np.ndarray, sensor: Mapping[str, Any]) -> np.ndarray:
+    """The converter's output, uint16 and of the shape of ``charge`` (electrons).
+
+    Linear above the black level with ``gain_dn_per_e``, rounded to the nearest number and held at
+    both ends.
+    """
+    numbers = np.rint(charge * gain_dn_per_e(sensor) + black_dn(sensor))
+    return np.clip(numbers, 0, top_dn(sensor)).astype(np.uint16)
+
+
+def noise_generator(seed: int, pair_id: str, eye: str, *index: int) -> np.random.Generator:
+    """The random stream of one eye of one pair (and of one of its exposures, ``index``): the same for the
+    same data set seed, pair and eye, independent between eyes and between pairs."""
+    digest = int.from_bytes(hashlib.sha256(pair_id.encode()).digest()[:8], "big")
+    return generator(seed, "sensor", digest, EYE_STREAMS[eye], *index)
+
+
+def _sane(radiance: np.ndarray) -> np.ndarray:
+    return np.maximum(np.nan_to_num(np.asarray(radiance, np.float64), nan=0.0, posinf=np.inf), 0.0)

@@ -1,0 +1,1 @@
+"""The Sun, the planet, its rings and the stars, as seen from a place at a time."""

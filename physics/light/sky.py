@@ -1,0 +1,182 @@
+"""What stands in the sky of the site: the Sun and, if the scene has one, the planet.
+
+``light`` is the ``light`` topic of a scene description (see ``properties.LIGHT``). The local frame is
+x east, y north, z up, along the normal of the body's ellipsoid.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ...errors import IcyMoonError
+from ...files import absolute_path
+from . import ephemeris, spice
+from .bodies import BODIES
+from .directions import toward
+from .eclipse import hidden_share
+from .ephemeris import Positions
+from .planetshine import Planet, Ring, irradiance_wm2
+from .saturn_rings import RINGS
+from .sunlight import apparent_diameter_deg, sun_diameter_deg, sun_irradiance_wm2
+
+
+@dataclass(frozen=True)
+class Sky:
+    """The lights of a scene."""
+
+    sun: np.ndarray  # unit vector (3,) toward it
+    sun_irradiance_wm2: float  # on a facing surface
+    sun_diameter_deg: float
+    planet: Planet | None
+    eclipse: float  # share of the Sun's disc that the planet hides, shown or not
+    from_j2000: np.ndarray  # (3, 3) from the J2000 equatorial to the local frame
+
+    @property
+    def sun_elevation_deg(self) -> float:
+        """Height of the Sun's centre above the horizon."""
+        return elevation_deg(self.sun)
+
+    @property
+    def sun_is_up(self) -> bool:
+        """Whether any of the Sun's disc is above the horizon; the body itself hides what is below."""
+        return self.sun_elevation_deg + self.sun_diameter_deg / 2 > 0
+
+    @property
+    def planet_is_up(self) -> bool:
+        """Whether any of the planet is above the horizon."""
+        return (self.planet is not None and self.planet.angular_diameter_deg > 0
+                and elevation_deg(self.planet.direction) + self.planet.angular_diameter_deg / 2 > 0)
+
+    @property
+    def above_ring_plane_deg(self) -> float | None:
+        """How far north of the plane of Saturn's rings the site is, seen from the planet; None without rings."""
+        if self.planet is None or not self.planet.rings:
+            return None
+        return _above(self.planet.pole, -self.planet.direction)
+
+    @property
+    def ground_irradiance_wm2(self) -> tuple[float, float]:
+        """Irradiance of level ground from the Sun and from the planet, without shadows."""
+        sun = self.sun_irradiance_wm2 * max(float(self.sun[2]), 0.0) * (1.0 - self.eclipse)
+        planet = irradiance_wm2(self.planet, np.array([0.0, 0.0, 1.0])) if self.planet and self.planet_is_up else 0.0
+        return sun, planet
+
+    @property
+    def planet_over_sun(self) -> float:
+        """Light of the planet over that of the Sun, on level ground or on ground that faces them, whichever is more;
+        infinite by night, 0 without a planet that is up and lit."""
+        planet = irradiance_wm2(self.planet) if self.planet and self.planet_is_up else 0.0
+        if planet <= 0:
+            return 0.0
+        (sun_level, planet_level), sun = self.ground_irradiance_wm2, self.sun_irradiance_wm2 * (1.0 - self.eclipse)
+        return max(planet_level / sun_level, planet / sun) if sun_level > 0 else math.inf
+
+
+def elevation_deg(direction: np.ndarray) -> float:
+    """Angle of a direction above the horizon."""
+    return _above(np.array([0.0, 0.0, 1.0]), direction)
+
+
+def _above(axis: np.ndarray, direction: np.ndarray) -> float:
+    """Angle of a direction above the plane that an axis is normal to."""
+    return math.degrees(math.asin(float(np.clip(axis @ direction, -1, 1))))
+
+
+def azimuth_deg(direction: np.ndarray) -> float:
+    """Angle of a direction from north over east, 0 to 360."""
+    return math.degrees(math.atan2(direction[0], direction[1])) % 360.0
+
+
+#: By how much the mean radius of a described body may be off that of the body whose sky a date gives. No other round
+#: moon is as near: Miranda is 6 % smaller than Enceladus, the Moon 11 % larger than Europa.
+_RADIUS_DOUBT = 0.05
+
+
+def check_body(settings: Mapping[str, Mapping[str, Any]]) -> None:
+    """Raise IcyMoonError if a date would give the ground of one body the sky of another."""
+    light, radius_km = settings["light"], settings["terrain"]["body_radius_m"] / 1000.0
+    body = BODIES.get(light["body"].strip().upper())
+    if light["directions_from"] == "ANGLES" or body is None:
+        return
+    own_km = math.prod(body.radii_km) ** (1 / 3)
+    if abs(radius_km / own_km - 1) > _RADIUS_DOUBT:
+        raise IcyMoonError(f"light.body is {light['body']}, which has a radius of {own_km:.0f} km, but "
+                           f"terrain.body_radius_m is that of a body of {radius_km:.0f} km, which has another sky; set "
+                           "light.body to what this is, with kernels, or light.directions_from to ANGLES.")
+
+
+def sky(light: Mapping[str, Any], blend_folder: str | None = None) -> Sky:
+    """The sky that ``light`` settings describe; ``blend_folder`` is what // means in ``kernels``.
+
+    Raises IcyMoonError if it is to come from a date or from kernels and cannot.
+    """
+    if light["directions_from"] != "ANGLES":
+        return _sky_at_date(light, blend_folder)
+    sun = toward(light["sun_azimuth_deg"], light["sun_elevation_deg"])
+    irradiance = float(light["sun_irradiance_wm2"])
+    planet = Planet(
+        toward(light["planet_azimuth_deg"], light["planet_elevation_deg"]),
+        float(light["planet_angular_diameter_deg"]), float(light["planet_flattening"]),
+        # Moon and planet turn about axes within a degree of each other.
+        toward(0.0, light["latitude_deg"]), sun, irradiance, float(light["planet_albedo"]),
+        light["planet_phase_law"], _rings(light)) if light["planet"] else None
+    diameter = float(light["sun_angular_diameter_deg"])
+    return Sky(sun, irradiance, diameter, planet, hidden_share(planet, diameter) if planet else 0.0,
+               _stars_by_angles(light))
+
+
+def _rings(light: Mapping[str, Any]) -> tuple[Ring, ...]:
+    return tuple(RINGS.values()) if light["planet_rings"] else ()
+
+
+def _stars_by_angles(light: Mapping[str, Any]) -> np.ndarray:
+    """The J2000 equatorial frame over a site without a date: its pole where that of the body is, right
+    ascension 0 h on the meridian, in the south where the pole is up in the north."""
+    latitude = math.radians(light["latitude_deg"])
+    pole = toward(0.0, light["latitude_deg"])
+    culminates = np.array([0.0, -math.sin(latitude), math.cos(latitude)])
+    return np.stack([culminates, np.cross(pole, culminates), pole], axis=1)
+
+
+def _positions(light: Mapping[str, Any], blend_folder: str | None) -> Positions:
+    site = light["date_utc"], float(light["latitude_deg"]), float(light["longitude_deg"])
+    if light["directions_from"] == "DATE":
+        ephemeris.refuse_unknown_years(light["date_utc"])
+        return ephemeris.positions(light["body"], *site)
+    return spice.positions(absolute_path(light["kernels"], "light.kernels", blend_folder), light["body"],
+                           light["parent"], *site)
+
+
+def _sky_at_date(light: Mapping[str, Any], blend_folder: str | None) -> Sky:
+    at = _positions(light, blend_folder)
+    irradiance = sun_irradiance_wm2(at.sun_distance_au)
+    planet = Planet(at.planet, apparent_diameter_deg(at.planet_equator_km, at.planet_distance_km),
+                    1 - at.planet_pole_km / at.planet_equator_km, at.planet_axis, at.sun, irradiance,
+                    float(light["planet_albedo"]), light["planet_phase_law"],
+                    _rings(light) if at.planet_name in ("SATURN", "699") else ())
+    diameter = sun_diameter_deg(at.sun_distance_au)
+    return Sky(at.sun, irradiance, diameter, planet if light["planet"] else None, hidden_share(planet, diameter),
+               at.from_j2000)
+
+
+def facts(shown: Sky) -> dict[str, Any]:
+    """The ``light`` table of ``pair.json``."""
+    planet, on_ground = shown.planet, shown.ground_irradiance_wm2
+    return {"sun": {"direction_to_world": shown.sun.tolist(), "elevation_deg": shown.sun_elevation_deg,
+                    "azimuth_deg": azimuth_deg(shown.sun), "irradiance_wm2": shown.sun_irradiance_wm2,
+                    "angular_diameter_deg": shown.sun_diameter_deg,
+                    "ground_irradiance_wm2": on_ground[0], "eclipse": shown.eclipse},
+            "j2000_to_world": shown.from_j2000.tolist(),
+            "planet": None if planet is None else {
+                "direction_to_world": planet.direction.tolist(), "elevation_deg": elevation_deg(planet.direction),
+                "azimuth_deg": azimuth_deg(planet.direction), "phase_deg": planet.phase_deg,
+                "angular_diameter_deg": planet.angular_diameter_deg,
+                "irradiance_wm2": irradiance_wm2(planet),
+                "ground_irradiance_wm2": on_ground[1],
+                "over_sun": None if math.isinf(shown.planet_over_sun) else shown.planet_over_sun,
+                "above_ring_plane_deg": shown.above_ring_plane_deg}}

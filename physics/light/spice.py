@@ -1,0 +1,73 @@
+"""Where Sun and planet stand over a site at a date, from the person's SPICE kernels.
+
+Needs SpiceyPy (``pip install icymoon[ephemeris]``), which Blender's Python does not have; it is loaded
+only when kernels are asked for. Kernels: leap seconds (naif0012.tls), constants (pck00011.tpc), the
+planets (de440s.bsp) and the moon's system (sat441.bsp, jup365.bsp).
+"""
+
+from __future__ import annotations
+
+import importlib
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...errors import IcyMoonError
+from .ephemeris import Positions, days_since_j2000, local_axes
+from .sunlight import AU_KM
+
+
+def available() -> bool:
+    """Whether this Python has SpiceyPy."""
+    return importlib.util.find_spec("spiceypy") is not None
+
+
+def positions(kernels: Path, body: str, parent: str, date_utc: str, latitude_deg: float,
+              longitude_deg: float) -> Positions:
+    """Sun and planet over a site, with light time and stellar aberration.
+
+    ``kernels`` is a meta-kernel, or a folder whose kernels are all loaded. ``body`` and ``parent`` are
+    names that SPICE knows. Raises IcyMoonError if SpiceyPy, a kernel or data for the date is missing.
+    """
+    if not available():
+        raise IcyMoonError("This Python has no SpiceyPy, which light.kernels needs; install icymoon[ephemeris] in it "
+                           "or set light.directions_from to DATE.")
+    if not kernels.exists():
+        raise IcyMoonError(f"light.kernels names {kernels}, which is not there; give a meta-kernel or a folder of "
+                           "kernels.")
+    days_since_j2000(date_utc)  # for a better word than SPICE's if it is no date
+    spice = importlib.import_module("spiceypy")
+    try:
+        # Both orders of loading work: which kernel wins matters only where two hold the same.
+        for path in sorted(kernels.iterdir()) if kernels.is_dir() else [kernels]:
+            spice.furnsh(str(path))
+        return _positions(spice, body.strip().upper(), parent.strip().upper(), date_utc, latitude_deg, longitude_deg)
+    except spice.utils.exceptions.SpiceyError as error:
+        said = " ".join((getattr(error, "long", "") or str(error)).split(". ")[0].split()).rstrip(".")
+        raise IcyMoonError(f"{kernels} cannot give the sky of {body} at {date_utc}: {said}; add kernels "
+                           "that cover body and date, or set light.directions_from to DATE.") from None
+    finally:
+        spice.kclear()
+
+
+def _positions(spice: Any, body: str, parent: str, date_utc: str, latitude_deg: float,
+               longitude_deg: float) -> Positions:
+    time = spice.str2et(date_utc.strip().removesuffix("Z"))
+    frame = f"IAU_{body}"
+    latitude, longitude = math.radians(latitude_deg), math.radians(longitude_deg)
+    site = spice.srfrec(spice.bods2c(body), longitude, latitude)
+    radii = spice.bodvrd(body, "RADII", 3)[1]
+    axes = local_axes(np.asarray(spice.surfnm(*radii, site)), longitude)
+
+    def seen(target: str) -> np.ndarray:
+        state, _ = spice.spkcpo(target, time, frame, "OBSERVER", "LT+S", site, body, frame)
+        return axes @ state[:3]
+
+    sun, planet = seen("SUN"), seen(parent)
+    planet_radii = spice.bodvrd(parent, "RADII", 3)[1]
+    axis = np.asarray(spice.pxform(f"IAU_{parent}", frame, time))[:, 2]
+    sun_km, planet_km = float(np.linalg.norm(sun)), float(np.linalg.norm(planet))
+    return Positions(sun / sun_km, sun_km / AU_KM, parent, planet / planet_km, planet_km, float(planet_radii[0]),
+                     float(planet_radii[2]), axes @ axis, axes @ np.asarray(spice.pxform("J2000", frame, time)))

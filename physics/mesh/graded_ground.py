@@ -1,0 +1,79 @@
+"""Procedural ground as the cameras need it: graded in fineness, and round like the body."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..terrain.terrain import Terrain
+from .grading import CARRIED, Grading, grade
+from .horizon import drop_m
+
+#: Vertices worked on at a time: neighbouring rings, whose noise is then looked up in one small table.
+_BLOCK = 16384
+
+
+@dataclass(frozen=True)
+class Graded:
+    """Ground on a sphere that touches the map at the site, and the grading of its mesh."""
+
+    ground: Terrain
+    grading: Grading
+    body_radius_m: float
+
+    @property
+    def size_m(self) -> float:
+        """Side in metres of the patch that rocks lie on."""
+        return self.ground.size_m
+
+    @property
+    def site_wavelength_m(self) -> float:
+        """Shortest wavelength in metres that the mesh carries at the site."""
+        return CARRIED * self.grading.finest_m
+
+    def heights(self, x_m: Any, y_m: Any, shortest_m: Any = 0.0) -> np.ndarray:
+        """Heights in metres over the tangent plane, as ``Surface`` has them."""
+        return self.ground.heights(x_m, y_m, shortest_m) - self.drop_m(x_m, y_m)
+
+    def drop_m(self, x_m: Any, y_m: Any) -> Any:
+        """How far the body's roundness takes the ground under the tangent plane there, in metres."""
+        at = self.grading.view
+        return drop_m(np.hypot(np.asarray(x_m, np.float64) - at.x_m, np.asarray(y_m, np.float64) - at.y_m),
+                      self.body_radius_m)
+
+    def mesh(self) -> tuple[np.ndarray, np.ndarray]:
+        """Vertices (n, 3) in metres and triangles (m, 3) int32, counter-clockwise from above.
+
+        Wavelengths much shorter than the spacing at a vertex are left out there. Vertex 0 is under the left eye.
+        """
+        rings = self.grading.rings
+        x, y = rings.map_positions()
+        shortest = _single(CARRIED * rings.of_vertices(self.grading.spacing_at(rings.radius_m), self.grading.finest_m))
+        positions = np.stack([_single(x + self.grading.view.x_m), _single(y + self.grading.view.y_m), 0.0 * x], axis=1)
+        for start in range(0, len(x), _BLOCK):
+            some = slice(start, start + _BLOCK)
+            positions[some, 2] = self.heights(positions[some, 0], positions[some, 1], shortest[some])
+        return positions, rings.faces()
+
+    def advice(self, settings: Mapping[str, Mapping[str, Any]]) -> list[str]:
+        """What a person should know about the mesh, in sentences; none if it is as the settings ask."""
+        wanted, mesh = self.grading.wanted_vertices, settings["mesh"]
+        if self.grading.error_px <= mesh["error_px"] and wanted <= mesh["most"]:
+            return []
+        many = f"{wanted / 1e6:.3g} million" if wanted >= 1e5 else f"{wanted:.0f}"
+        return [f"A mesh within {mesh['error_px']:g} px would take {many} vertices; this one keeps to mesh.most "
+                f"({mesh['most']}) and is within {self.grading.error_px:.2g} px. Raise mesh.most, or mesh.error_px and "
+                "mesh.edge_px."]
+
+
+def _single(values: np.ndarray) -> np.ndarray:
+    """Values as Blender stores them. Sines and powers differ between machines in the last bit; these do not."""
+    return values.astype(np.float32).astype(np.float64)
+
+
+def graded(ground: Terrain, settings: Mapping[str, Mapping[str, Any]]) -> Graded:
+    """The graded ground that complete ``settings`` ask for."""
+    return Graded(ground, grade(ground, settings), float(settings["terrain"]["body_radius_m"]))

@@ -1,0 +1,142 @@
+"""Measured heights on a grid as ground: coordinates, interpolation, holes.
+
+A height map stores the height at the centre of each pixel, rows from north to south, as images and
+GeoTIFF do. Between centres heights are bilinear, as a mesh of quadrilaterals has them, and below the
+pixel the procedural roughness of another ground may be added.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from .height_surface import Surface, fine_part
+
+#: Magnitude from which a value is no height: the most negative float32 is a usual mark of missing ones.
+NO_HEIGHT = 1e30
+
+
+@dataclass(frozen=True)
+class HeightMap:
+    """Ground on a grid of measured heights.
+
+    ``heights_m`` (rows, columns) is finite, row 0 northernmost; ``pixel_m`` is the size of a pixel
+    (east, north); ``west_m`` and ``south_m`` are the coordinates of the centre of the lower left
+    pixel. The ground is the part of it within ``size_m``/2 of the origin; beyond it heights are NaN.
+    """
+
+    heights_m: np.ndarray
+    pixel_m: tuple[float, float]
+    west_m: float
+    south_m: float
+    size_m: float
+    roughness: Surface | None = None
+
+    @property
+    def bounds_m(self) -> tuple[float, float, float, float]:
+        """West, east, south and north edge of the ground; west > east or south > north if there is none."""
+        rows, columns = self.heights_m.shape
+        half = self.size_m / 2
+        return (max(self.west_m, -half), min(self.west_m + (columns - 1) * self.pixel_m[0], half),
+                max(self.south_m, -half), min(self.south_m + (rows - 1) * self.pixel_m[1], half))
+
+    @property
+    def resolution_m(self) -> float:
+        """Shortest wavelength that the measured heights carry: two pixels of the finer axis."""
+        return 2.0 * min(self.pixel_m)
+
+    def heights(self, x_m: Any, y_m: Any, shortest_m: float = 0.0) -> np.ndarray:
+        """Heights in metres at east and north coordinates (arrays that broadcast); NaN beyond the ground.
+
+        ``shortest_m`` limits the added roughness only: measured heights are taken as they are.
+        """
+        x, y = np.broadcast_arrays(np.asarray(x_m, np.float64), np.asarray(y_m, np.float64))
+        west, east, south, north = self.bounds_m
+        slack = 1e-9 * max(self.size_m, 1.0)  # a vertex on the edge is on the ground, whatever its last bit
+        inside = (x >= west - slack) & (x <= east + slack) & (y >= south - slack) & (y <= north + slack)
+        total = np.where(inside, self._bilinear(x, y), np.nan)
+        if self.roughness is not None:
+            total = total + fine_part(self.roughness, x, y, self.resolution_m, shortest_m)
+        return total
+
+    def _bilinear(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        rows, columns = self.heights_m.shape
+        column = np.clip((x - self.west_m) / self.pixel_m[0], 0.0, columns - 1.0)
+        row = np.clip((rows - 1) - (y - self.south_m) / self.pixel_m[1], 0.0, rows - 1.0)
+        left, top = (np.minimum(a.astype(np.int64), n - 2) for a, n in ((column, columns), (row, rows)))
+        u, v = column - left, row - top
+        h = self.heights_m
+        above = h[top, left] * (1.0 - u) + h[top, left + 1] * u
+        below = h[top + 1, left] * (1.0 - u) + h[top + 1, left + 1] * u
+        return above * (1.0 - v) + below * v
+
+
+def placed(heights_m: np.ndarray, pixel_m: tuple[float, float], corner_m: tuple[float, float], *, centre: bool,
+           origin_m: tuple[float, float], size_m: float) -> tuple[HeightMap, tuple[float, float, float]]:
+    """A height map with its origin where the settings put it, and the shift (3,) that was added.
+
+    ``corner_m`` are the file's own coordinates of the lower left pixel centre. With ``centre`` the
+    origin is ``origin_m`` from the middle of the map, at the map's median height; without, it is
+    ``origin_m`` in the file's coordinates and heights stay.
+    """
+    rows, columns = heights_m.shape
+    middle = (corner_m[0] + (columns - 1) * pixel_m[0] / 2, corner_m[1] + (rows - 1) * pixel_m[1] / 2)
+    reference = middle if centre else (0.0, 0.0)
+    shift = (-reference[0] - origin_m[0], -reference[1] - origin_m[1],
+             -float(np.median(heights_m)) if centre else 0.0)
+    moved = HeightMap(heights_m + shift[2], pixel_m, corner_m[0] + shift[0], corner_m[1] + shift[1], size_m)
+    return moved, shift
+
+
+def with_roughness(ground: HeightMap, roughness: Surface) -> HeightMap:
+    """The same ground with procedural roughness below its resolution."""
+    return replace(ground, roughness=roughness)
+
+
+def fill_holes(heights_m: np.ndarray) -> np.ndarray:
+    """Heights with the NaN pixels filled smoothly from their surroundings; known pixels are untouched.
+
+    Push-pull (Gortler et al., "The Lumigraph", SIGGRAPH 1996): averages over ever larger squares,
+    then each hole takes the finest average that there is, bilinearly. Raises ValueError if no pixel
+    is finite.
+    """
+    known = np.isfinite(heights_m)
+    if not known.any():
+        raise ValueError("no finite height")
+    return _fill(np.where(known, heights_m, 0.0).astype(np.float64), known.astype(np.float64))
+
+
+def _fill(total: np.ndarray, weight: np.ndarray) -> np.ndarray:
+    """Averages ``total`` where ``weight`` is 1, filled where it is 0."""
+    if weight.all():
+        return total
+    rows, columns = total.shape
+    even = ((0, rows % 2), (0, columns % 2))
+    blocks = [np.pad(a, even).reshape(math.ceil(rows / 2), 2, math.ceil(columns / 2), 2).sum(axis=(1, 3))
+              for a in (total * weight, weight)]
+    coarse = _fill(blocks[0] / np.maximum(blocks[1], 1.0), np.minimum(blocks[1], 1.0))
+    return np.where(weight > 0, total, _doubled(coarse, total.shape))
+
+
+def _doubled(coarse: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
+    """A grid of twice the resolution, bilinear between the centres of the coarse squares."""
+    for axis in (0, 1):
+        at = np.clip((np.arange(shape[axis]) - 0.5) / 2, 0, coarse.shape[axis] - 1)
+        low = np.minimum(at.astype(np.int64), max(coarse.shape[axis] - 2, 0))
+        high = np.minimum(low + 1, coarse.shape[axis] - 1)
+        part = (at - low).reshape((-1, 1) if axis == 0 else (1, -1))
+        coarse = np.take(coarse, low, axis) * (1 - part) + np.take(coarse, high, axis) * part
+    return coarse
+
+
+def grid(heights_m: np.ndarray, x_m: np.ndarray, y_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Vertices (n, 3) float32 and quadrilaterals (m, 4) int32 of heights (rows, columns) at ``x_m`` and ``y_m``."""
+    rows, columns = heights_m.shape
+    positions = np.empty((rows, columns, 3), np.float32)
+    positions[..., 0], positions[..., 1], positions[..., 2] = x_m[None, :], y_m[:, None], heights_m
+    corner = (np.arange(rows - 1)[:, None] * columns + np.arange(columns - 1)[None, :]).ravel()
+    faces = np.stack([corner, corner + 1, corner + columns + 1, corner + columns], axis=1)
+    return positions.reshape(-1, 3), faces.astype(np.int32)

@@ -1,0 +1,1 @@
+"""Random numbers that follow from one seed."""

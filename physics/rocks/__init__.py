@@ -1,0 +1,1 @@
+"""Rocks: how many of which size, their shapes, where they lie."""

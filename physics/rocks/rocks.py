@@ -1,0 +1,168 @@
+"""Where ice blocks lie and how: sizes, places, poses, and resting on the ground.
+
+Each of the three is drawn from a random stream of its own, so that changing how blocks are buried
+moves none of them. Nothing here knows Blender: the ground is a function of position.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..random_numbers.seeds import generator
+from .shapes import Shape
+from .size_laws import drawn, size_law
+
+#: Height of the ground in metres at arrays of east and north coordinates; NaN where there is none.
+HeightAt = Callable[[np.ndarray, np.ndarray], np.ndarray]
+
+#: Blocks with a lower rank in size than this have the finest level of their shape, and so on.
+LEVEL_RANKS = (500, 5000)
+_SIZES, _PLACES, _POSES = 1, 2, 3  # children of the "rocks" stream; 0 is the shapes'
+_VARIATION = 0.15  # standard deviation of ln(elongation) and ln(height), between blocks
+_BURIAL_VARIATION = 0.1
+
+
+@dataclass(frozen=True)
+class Rocks:
+    """``n`` blocks, largest first.
+
+    ``position_m`` (n, 3) of the centres, ``rotation`` (n, 3) Euler angles XYZ in radians,
+    ``scale_m`` (n, 3) of a shape of unit size, ``level`` and ``shape`` (n,) which shape,
+    ``diameter_m`` (n,) of a circle that covers as much ground, ``reach_m`` (n,) how far a block goes
+    from its centre to any side. ``smallest_m`` is the smallest diameter that could be drawn, above the
+    setting when the number of blocks was limited.
+    """
+
+    position_m: np.ndarray
+    rotation: np.ndarray
+    scale_m: np.ndarray
+    level: np.ndarray
+    shape: np.ndarray
+    diameter_m: np.ndarray
+    reach_m: np.ndarray
+    smallest_m: float
+
+
+def places(rocks: Mapping[str, Any], n: int, size_m: float, random: np.random.Generator) -> np.ndarray:
+    """Positions (n, 2) in metres on a square patch centred on the origin.
+
+    A share ``clustering`` of the blocks belongs to a Thomas process: clusters at random places, each
+    block at a normally distributed distance from a random one of them (Thomas 1949, Biometrika 36).
+    What falls off one side of the patch comes in on the other, so the density is even.
+    """
+    where = random.uniform(-size_m / 2, size_m / 2, (n, 2))
+    clusters = max(1, round(n * rocks["clustering"] / rocks["cluster_blocks"]))
+    centres = random.uniform(-size_m / 2, size_m / 2, (clusters, 2))
+    member = random.random(n) < rocks["clustering"]
+    of = centres[random.integers(0, clusters, n)] + random.normal(0.0, rocks["cluster_radius_m"], (n, 2))
+    return np.mod(np.where(member[:, None], of, where) + size_m / 2, size_m) - size_m / 2
+
+
+def _turn(axis: int, angle: np.ndarray) -> np.ndarray:
+    """Rotation matrices (n, 3, 3) about a coordinate axis."""
+    turned = np.zeros((len(angle), 3, 3))
+    a, b = (axis + 1) % 3, (axis + 2) % 3
+    turned[:, axis, axis] = 1.0
+    turned[:, a, a] = turned[:, b, b] = np.cos(angle)
+    turned[:, b, a] = np.sin(angle)
+    turned[:, a, b] = -turned[:, b, a]
+    return turned
+
+
+def _upright_to(normal: np.ndarray) -> np.ndarray:
+    """The least rotations (n, 3, 3) that take the vertical to unit vectors (n, 3) above the horizon."""
+    nx, ny, nz = normal.T
+    k = 1.0 / (1.0 + nz)
+    rows = [[1.0 - k * nx * nx, -k * nx * ny, nx], [-k * nx * ny, 1.0 - k * ny * ny, ny], [-nx, -ny, nz]]
+    return np.stack([np.stack(row, axis=1) for row in rows], axis=1)
+
+
+def euler_xyz(rotation: np.ndarray) -> np.ndarray:
+    """Angles (n, 3) in radians of rotation matrices (n, 3, 3) that turn about x, then y, then z."""
+    # Copies: of a strided view numpy takes now one, now another routine, as the result happens to lie in memory,
+    # and they differ in the last bit.
+    r = np.ascontiguousarray(np.moveaxis(rotation, 0, -1))
+    return np.stack([np.arctan2(r[2, 1], r[2, 2]), np.arcsin(np.clip(-r[2, 0], -1.0, 1.0)),
+                     np.arctan2(r[1, 0], r[0, 0])], axis=1)
+
+
+def euler_matrices(angles: np.ndarray) -> np.ndarray:
+    """Rotation matrices (n, 3, 3) that turn by angles (n, 3) in radians about x, then y, then z."""
+    return _turn(2, angles[:, 2]) @ _turn(1, angles[:, 1]) @ _turn(0, angles[:, 0])
+
+
+def _lie_of_the_ground(xy: np.ndarray, radius: np.ndarray, surface: HeightAt) -> tuple[np.ndarray, np.ndarray]:
+    """Unit normals (n, 3) of the ground under footprints, and its height (n,) at their centres where the
+    deepest of the sampled points would lie on a plane with that normal; NaN if the centre is off the ground."""
+    ring = np.linspace(0, 2 * np.pi, 8, endpoint=False)
+    dx, dy = (np.append(f(ring), 0.0) * radius[:, None] for f in (np.cos, np.sin))
+    z = surface(xy[:, :1] + dx, xy[:, 1:] + dy)
+    z = np.where(np.isnan(z), z[:, -1:], z)  # beyond the edge of the ground: level
+    # Least squares on a ring is a projection: sum(cos²) over its eight points is 4.
+    east, north = ((z * d).sum(axis=1) / (4 * radius**2) for d in (dx, dy))
+    normal = np.stack([-east, -north, np.ones_like(east)], axis=1)
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    normal[np.isnan(normal[:, 2])] = [0.0, 0.0, 1.0]
+    return normal, (z - east[:, None] * dx - north[:, None] * dy).min(axis=1)
+
+
+def _extent(rotation: np.ndarray, scale: np.ndarray, level: np.ndarray, shape: np.ndarray, normal: np.ndarray,
+            shapes: Sequence[Sequence[Shape]]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Of turned blocks: the vertex (n, 3) deepest along the ground's normal, relative to the centre,
+    the thickness (n,) along the normal, and the reach (n,) to any side, all in metres."""
+    deepest, thickness, reach = np.empty((len(shape), 3)), np.empty(len(shape)), np.empty(len(shape))
+    for kind in np.unique(np.stack([level, shape], 1), axis=0):
+        these = np.flatnonzero((level == kind[0]) & (shape == kind[1]))
+        points = (rotation[these] * scale[these, None, :]) @ shapes[kind[0]][kind[1]].vertices.T
+        along = np.einsum("nk,nkv->nv", normal[these], points)
+        lowest = along.argmin(axis=1)
+        deepest[these] = points[np.arange(len(these)), :, lowest]
+        thickness[these] = along.max(axis=1) - along.min(axis=1)
+        reach[these] = np.sqrt((points[:, :2] ** 2).sum(axis=1).max(axis=1))
+    return deepest, thickness, reach
+
+
+def scatter(rocks: Mapping[str, Any], size_m: float, seed: int, surface: HeightAt,
+            shapes: Sequence[Sequence[Shape]], clear_m: tuple[float, float, float]) -> Rocks:
+    """The blocks that ``rocks`` settings describe on a square patch of side ``size_m`` about the origin.
+
+    ``shapes[level][shape]`` are what to choose from; ``clear_m`` is a circle (east, north, radius)
+    that no block may reach into. A block lies along the slope under it, and its deepest vertex is at
+    or under the deepest ground of its footprint and at or under the ground beneath it: none floats.
+    Raises IcyMoonError if the settings contradict each other.
+    """
+    diameter, smallest = drawn(size_law(rocks), size_m**2, int(rocks["most"]), generator(seed, "rocks", _SIZES))
+    n = len(diameter)
+    # Blocks stay on the patch: places are drawn on all of it, then drawn in by half a diameter.
+    xy = places(rocks, n, size_m, generator(seed, "rocks", _PLACES))
+    xy *= np.maximum(1.0 - diameter / size_m, 0.0)[:, None]
+
+    random = generator(seed, "rocks", _POSES)
+    level = np.searchsorted(LEVEL_RANKS, np.arange(n), side="right")
+    shape = random.integers(0, len(shapes[0]), n)
+    elongation = np.maximum(1.0, rocks["elongation"] * np.exp(random.normal(0, _VARIATION, n)))
+    height = np.array([s.height for s in shapes[0]])[shape]
+    height *= rocks["height_ratio"] * np.exp(random.normal(0, _VARIATION, n))
+    scale = diameter[:, None] * np.stack([np.sqrt(elongation), 1.0 / np.sqrt(elongation), height], axis=1)
+    tilt = math.radians(rocks["tilt_deg"])
+    loose = _turn(0, random.normal(0, 1, n) * tilt) @ _turn(1, random.normal(0, 1, n) * tilt)
+    loose = loose @ _turn(2, random.uniform(0, 2 * np.pi, n))
+    burial = np.clip(rocks["burial"] + random.normal(0, _BURIAL_VARIATION, n) * (rocks["burial"] > 0), 0.0, 0.95)
+
+    normal, ground = _lie_of_the_ground(xy, 0.45 * diameter, surface)
+    rotation = _upright_to(normal) @ loose
+    deepest, thickness, reach = _extent(rotation, scale, level, shape, normal, shapes)
+    # The depth below the ground is measured along its normal, the block moved along the vertical.
+    sunk = np.einsum("nk,nk->n", normal, deepest) + burial * thickness
+    z = ground - sunk / normal[:, 2]
+    beneath = surface(xy[:, 0] + deepest[:, 0], xy[:, 1] + deepest[:, 1])
+    z -= np.maximum(np.nan_to_num(z + deepest[:, 2] - beneath, nan=0.0), 0.0)
+
+    kept = np.isfinite(z) & (np.hypot(xy[:, 0] - clear_m[0], xy[:, 1] - clear_m[1]) > clear_m[2] + reach)
+    return Rocks(np.column_stack([xy, z])[kept], euler_xyz(rotation)[kept], scale[kept], level[kept], shape[kept],
+                 diameter[kept], reach[kept], smallest)

@@ -1,0 +1,170 @@
+"""Shapes of ice blocks, as closed triangle meshes.
+
+Fracture leaves convex polyhedra: a block is the part of space behind a number of planes. Wear
+(sublimation, sputtering, rolling) rounds their edges: the polyhedron is worn back by a radius and a
+ball of that radius rolled around it, which is exact and needs no smoothing. A vanishing radius is
+broken ice, one as large as the block a ball.
+
+A shape has unit size: seen from above it covers pi/4 square metres (a circle of diameter 1) and it
+is 1 m high, so that a block's diameter and height are its scale.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from itertools import combinations
+
+import numpy as np
+
+from ..random_numbers.seeds import generator
+
+FAMILIES = ("FRAGMENTS", "BOULDERS", "SLABS")
+PER_FAMILY = 6
+#: Subdivisions of the sphere that a shape is sampled on, finest first: 5120, 1280 and 320 triangles.
+LEVELS = (4, 3, 2)
+#: Height of a slab over that of the other blocks of its width.
+SLAB_HEIGHT = 0.45
+_SHARPEST, _ROUNDEST = 0.03, 0.9  # radius of wear over that of the largest ball in the block
+
+
+@dataclass(frozen=True)
+class Shape:
+    """A block of unit size: ``vertices`` (n, 3), ``triangles`` (m, 3) int32 counter-clockwise from
+    outside, ``plane`` (m,) whether a triangle is part of a plane face, and not rounded, ``height`` a
+    factor on the height of blocks of this family."""
+
+    vertices: np.ndarray
+    triangles: np.ndarray
+    plane: np.ndarray
+    height: float
+
+
+@lru_cache(maxsize=8)
+def icosphere(subdivisions: int) -> tuple[np.ndarray, np.ndarray]:
+    """Unit directions (n, 3) and triangles (20·4^subdivisions, 3) of a subdivided icosahedron."""
+    golden = (1 + 5**0.5) / 2
+    points = [(a, b * golden, 0.0) for a in (-1.0, 1.0) for b in (-1.0, 1.0)]
+    vertices = np.array([np.roll(p, k) for k in range(3) for p in points])
+    # The 20 triples of mutually neighbouring corners; neighbours are 2 apart.
+    near = np.abs(np.linalg.norm(vertices[:, None] - vertices, axis=2) - 2.0) < 1e-9
+    triangles = np.array([t for t in combinations(range(12), 3) if all(near[a, b] for a, b in combinations(t, 2))])
+    corners = vertices[triangles]
+    inward = np.einsum("ij,ij->i", np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]),
+                       corners.sum(axis=1)) < 0
+    triangles[inward] = triangles[inward][:, ::-1]
+    for _ in range(subdivisions):
+        edges = np.sort(triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
+        unique, which = np.unique(edges, axis=0, return_inverse=True)
+        ab, bc, ca = (which.reshape(-1, 3) + len(vertices)).T
+        vertices = np.concatenate([vertices, vertices[unique].mean(axis=1)])
+        a, b, c = triangles.T
+        triangles = np.concatenate([np.stack(t, 1) for t in ((a, ab, ca), (b, bc, ab), (c, ca, bc), (ab, bc, ca))])
+    return vertices / np.linalg.norm(vertices, axis=1, keepdims=True), triangles.astype(np.int32)
+
+
+def corners_of(normals: np.ndarray, depths: np.ndarray) -> np.ndarray:
+    """Corners (n, 3) of the polyhedron of points p with p·normals (k, 3) <= depths (k,), which is bounded."""
+    triples = np.array(list(combinations(range(len(normals)), 3)))
+    systems = normals[triples]
+    solvable = np.abs(np.linalg.det(systems)) > 1e-6
+    points = np.linalg.solve(systems[solvable], depths[triples[solvable]][..., None])[..., 0]
+    return points[(points @ normals.T <= depths + 1e-9).all(axis=1)]
+
+
+def _planes(family: str, random: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+    """Unit normals and distances from the centre of the planes that bound a block."""
+    if family == "SLABS":
+        sides = random.integers(5, 8)
+        around = 2 * np.pi * (np.arange(sides) + random.uniform(-0.3, 0.3, sides)) / sides
+        normals = np.stack([np.cos(around), np.sin(around), random.uniform(-0.3, 0.3, sides)], axis=1)
+        depths = random.uniform(0.65, 1.0, sides)
+        faces = np.array([[0, 0, 1.0], [0, 0, -1.0]]) + random.normal(0, 0.08, (2, 3)) * [1, 1, 0]
+        normals, depths = np.concatenate([normals, faces]), np.append(depths, [0.4, 0.4])
+    else:
+        normals = random.normal(size=(11 if family == "FRAGMENTS" else 16, 3))
+        depths = random.uniform(0.55, 1.0, len(normals))
+    # A box about all of it, for the directions that chance leaves open.
+    normals = np.concatenate([normals, np.eye(3), -np.eye(3)])
+    depths = np.append(depths, np.ones(6))
+    return normals / np.linalg.norm(normals, axis=1, keepdims=True), depths
+
+
+def _hull_area(points: np.ndarray) -> float:
+    """Area of the convex hull of points (n, 2), by Andrew's monotone chain."""
+    # Points inside the polygon of those farthest out in 32 directions are not on the hull (Akl and Toussaint 1978).
+    angles = np.linspace(0, 2 * np.pi, 32, endpoint=False)
+    far = points[np.argmax(points @ np.stack([np.cos(angles), np.sin(angles)]), axis=0)]
+    far = far[np.any(far != np.roll(far, -1, axis=0), axis=1)]
+    inward = (np.roll(far, -1, axis=0) - far) @ np.array([[0.0, 1.0], [-1.0, 0.0]])
+    points = points[~(points @ inward.T - (far * inward).sum(axis=1) > 1e-9).all(axis=1)]
+    ordered = points[np.lexsort(points.T)][:, ::-1].tolist()
+
+    def chain(sequence: list[list[float]]) -> list[list[float]]:
+        hull: list[list[float]] = []
+        for p in sequence:
+            while len(hull) > 1 and ((hull[-1][0] - hull[-2][0]) * (p[1] - hull[-2][1])
+                                     - (hull[-1][1] - hull[-2][1]) * (p[0] - hull[-2][0])) <= 0:
+                hull.pop()
+            hull.append(p)
+        return hull[:-1]
+
+    x, y = np.array(chain(ordered) + chain(ordered[::-1])).T
+    return abs(float(np.dot(x, np.roll(y, -1)) - np.dot(y, np.roll(x, -1)))) / 2
+
+
+def _broken(normals: np.ndarray, depths: np.ndarray, wear: float) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Vertices at every level, and which triangles are plane faces, of a polyhedron whose edges are worn round."""
+    radius = wear * depths.min()
+    corners = corners_of(normals, depths - radius)
+    levels = []
+    for subdivisions in LEVELS:
+        directions, triangles = icosphere(subdivisions)
+        farthest = np.argmax(directions @ corners.T, axis=1)
+        a, b, c = farthest[triangles].T
+        # One corner: part of a ball. Two: of the cylinder along an edge. Three: of a face.
+        levels.append((corners[farthest] + radius * directions, (a != b) & (b != c) & (c != a)))
+    return levels
+
+
+def _lumpy(normals: np.ndarray, depths: np.ndarray, angularity: float,
+           random: np.random.Generator) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Vertices at every level of a boulder: planes blended smoothly, with low lumps; no plane faces."""
+    power = 4.0 + 8.0 * angularity
+    waves, phases = random.normal(0, 2.0, (5, 3)), random.uniform(0, 2 * np.pi, 5)
+    levels = []
+    for subdivisions in LEVELS:
+        directions, triangles = icosphere(subdivisions)
+        blend = (np.maximum(directions @ normals.T / depths, 0.0) ** power).sum(axis=1) ** (-1.0 / power)
+        swell = 1.0 + 0.03 * np.sin(directions @ waves.T + phases).sum(axis=1)
+        levels.append((directions * (blend * swell)[:, None], np.zeros(len(triangles), bool)))
+    return levels
+
+
+def _block(family: str, angularity: float, random: np.random.Generator) -> list[Shape]:
+    """One block at every level, of unit size."""
+    normals, depths = _planes(family, random)
+    if family == "BOULDERS":
+        levels = _lumpy(normals, depths, angularity, random)
+    else:
+        levels = _broken(normals, depths, _SHARPEST + (_ROUNDEST - _SHARPEST) * (1.0 - angularity))
+    finest = levels[0][0]
+    low, high = finest.min(axis=0), finest.max(axis=0)
+    across = np.sqrt(np.pi / 4 / _hull_area(finest[:, :2]))
+    scale = np.array([across, across, 1.0 / (high[2] - low[2])])
+    height = SLAB_HEIGHT if family == "SLABS" else 1.0
+    return [Shape((vertices - (low + high) / 2) * scale, icosphere(subdivisions)[1], plane, height)
+            for subdivisions, (vertices, plane) in zip(LEVELS, levels, strict=True)]
+
+
+@lru_cache(maxsize=4)
+def block_shapes(family: str, angularity: float, seed: int) -> tuple[tuple[Shape, ...], ...]:
+    """The shapes to choose from, ``[level][shape]``: the same shapes at every level, finest first.
+
+    ``family`` is one of ``FAMILIES`` or "MIXED" for all of them; ``angularity`` from 0, worn round,
+    to 1, freshly broken.
+    """
+    families = FAMILIES if family == "MIXED" else (family,)
+    blocks = [_block(kind, angularity, generator(seed, "rocks", 0, FAMILIES.index(kind), k))
+              for k in range(PER_FAMILY) for kind in families]
+    return tuple(zip(*blocks, strict=True))

@@ -1,0 +1,162 @@
+"""Size-frequency laws of ice blocks: how many per square metre are larger than a diameter.
+
+Two laws, both cut at a smallest and a largest diameter:
+
+* a power law N(>D) ~ D^-a, as fitted to block counts on Enceladus (Pajola et al. 2021, Universe 7,
+  82). The exponent is a setting, because no metre-scale value is known for ice;
+* Golombek's exponential F(>D) = k exp(-q D) for the share of the ground covered by rocks larger
+  than D, with q = 1.79 + 0.152 / k per metre (Golombek and Rapp 1997, JGR 102 E2). It was fitted to
+  rocks on Mars; for ice it is an analogue. Rocks per square metre follow from it since each rock
+  of diameter D covers pi D²/4.
+
+Blocks are counted from the largest down, so that "the n largest of the law" is a range of densities.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Protocol
+
+import numpy as np
+
+from ...errors import IcyMoonError
+
+_TABLE = 8192  # nodes of Golombek's law; the trapezoidal rule is then within 1e-6
+
+
+class SizeLaw(Protocol):
+    """Blocks per square metre by diameter."""
+
+    @property
+    def smallest_m(self) -> float:
+        """Diameter in metres at which the law starts."""
+        ...
+
+    @property
+    def total_per_m2(self) -> float:
+        """Blocks per square metre of all sizes of the law."""
+        ...
+
+    def per_m2_above(self, diameter_m: np.ndarray) -> np.ndarray:
+        """Blocks per square metre that are larger than diameters in metres."""
+        ...
+
+    def diameter_m(self, per_m2: np.ndarray) -> np.ndarray:
+        """The diameters in metres above which there are so many blocks per square metre."""
+        ...
+
+
+@dataclass(frozen=True)
+class PowerLaw:
+    """N(>D) ~ D^-index between two diameters in metres, covering a share of the ground."""
+
+    coverage: float
+    smallest_m: float
+    largest_m: float
+    index: float
+
+    @property
+    def mean_footprint_m2(self) -> float:
+        """Mean of pi D²/4."""
+        log_ratio = math.log(self.largest_m / self.smallest_m)
+        if log_ratio == 0.0:
+            return math.pi / 4 * self.smallest_m**2
+        norm = -math.expm1(-self.index * log_ratio) / self.index  # integral of D^(-index-1), times smallest^index
+        power = 2.0 - self.index
+        second = log_ratio if abs(power) < 1e-9 else math.expm1(power * log_ratio) / power
+        return math.pi / 4 * self.smallest_m**2 * second / norm
+
+    @property
+    def total_per_m2(self) -> float:
+        """Blocks per square metre of all sizes."""
+        return self.coverage / self.mean_footprint_m2
+
+    @property
+    def _rest(self) -> float:
+        """Share that the law without an upper end would have above the largest diameter."""
+        return (self.smallest_m / self.largest_m) ** self.index
+
+    def per_m2_above(self, diameter_m: np.ndarray) -> np.ndarray:
+        """Blocks per square metre larger than diameters in metres; NaN if there is but one size."""
+        d = np.clip(diameter_m, self.smallest_m, self.largest_m)
+        with np.errstate(invalid="ignore"):
+            return self.total_per_m2 * ((self.smallest_m / d) ** self.index - self._rest) / (1.0 - self._rest)
+
+    def diameter_m(self, per_m2: np.ndarray) -> np.ndarray:
+        """The diameters in metres above which there are ``per_m2`` blocks per square metre."""
+        share = np.asarray(per_m2) / self.total_per_m2
+        return self.smallest_m * (share * (1.0 - self._rest) + self._rest) ** (-1.0 / self.index)
+
+
+@dataclass(frozen=True)
+class Golombek:
+    """Golombek's law for a rock abundance ``k``, between two diameters in metres."""
+
+    k: float
+    smallest_m: float
+    largest_m: float
+
+    @property
+    def q_per_m(self) -> float:
+        """Decay of the covered share with diameter, per metre."""
+        return 1.79 + 0.152 / self.k
+
+    def cover_above(self, diameter_m: np.ndarray) -> np.ndarray:
+        """Share of the ground under blocks larger than diameters in metres, without an upper end."""
+        return self.k * np.exp(-self.q_per_m * np.asarray(diameter_m))
+
+    @cached_property
+    def _table(self) -> tuple[np.ndarray, np.ndarray]:
+        """Diameters from the largest down, and the blocks per square metre above each."""
+        log_d = np.linspace(math.log(self.largest_m), math.log(self.smallest_m), _TABLE)
+        d = np.exp(log_d)
+        # -dN/d(ln D) = (-dF/dD) D / (pi D²/4)
+        slope = self.q_per_m * self.cover_above(d) * 4.0 / (math.pi * d)
+        steps = (slope[1:] + slope[:-1]) / 2 * -np.diff(log_d)
+        return d, np.append(0.0, np.cumsum(steps))
+
+    @property
+    def total_per_m2(self) -> float:
+        """Blocks per square metre of all sizes."""
+        return float(self._table[1][-1])
+
+    def per_m2_above(self, diameter_m: np.ndarray) -> np.ndarray:
+        """Blocks per square metre larger than diameters in metres."""
+        d, above = self._table
+        return np.interp(np.log(diameter_m), np.log(d[::-1]), above[::-1])
+
+    def diameter_m(self, per_m2: np.ndarray) -> np.ndarray:
+        """The diameters in metres above which there are ``per_m2`` blocks per square metre."""
+        d, above = self._table
+        return np.exp(np.interp(per_m2, above, np.log(d)))
+
+
+def size_law(rocks: Mapping[str, Any]) -> SizeLaw:
+    """The law that ``rocks`` settings describe; their coverage must be above 0.
+
+    Raises IcyMoonError if the largest diameter is below the smallest.
+    """
+    smallest, largest = float(rocks["smallest_m"]), float(rocks["largest_m"])
+    if largest < smallest:
+        raise IcyMoonError(f"rocks.largest_m ({largest:g} m) is below rocks.smallest_m ({smallest:g} m); "
+                           "raise the one or lower the other.")
+    if rocks["law"] == "GOLOMBEK":
+        return Golombek(float(rocks["coverage"]), smallest, largest)
+    return PowerLaw(float(rocks["coverage"]), smallest, largest, float(rocks["power_index"]))
+
+
+def drawn(law: SizeLaw, area_m2: float, most: int, random: np.random.Generator) -> tuple[np.ndarray, float]:
+    """Diameters in metres of the blocks on an area, largest first, and the smallest that could be drawn.
+
+    The number is the law's, at most ``most``: then the largest ones are drawn, as many as the whole
+    law has of them. One diameter is drawn from each of n equal parts of the law, so that the sizes
+    and the covered share keep to the law as closely as n blocks can.
+    """
+    total = law.total_per_m2 * area_m2
+    n = round(min(total, most))
+    reached = min(total, float(most)) / area_m2
+    diameters = law.diameter_m((np.arange(n) + random.random(n)) / max(n, 1) * reached)
+    return diameters, float(law.diameter_m(np.array(reached))) if total > most else law.smallest_m

@@ -1,0 +1,1 @@
+"""How ice and snow reflect light: laws, albedos, texture maps."""

@@ -1,0 +1,97 @@
+"""Small texture sets of ice that the code makes itself: maps that fit together at their edges.
+
+Each set is made from one height map, in texture widths; the other maps follow from it, so that bright
+crests, rough hollows and normals belong together. Made up: they stand in where no photograph is at hand.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..random_numbers.seeds import generator
+
+SETS = ("FROST", "GRAINS", "CRACKS")
+#: Pixels along a side of every map.
+SIZE = 512
+_SEED = 0  # the sets are the same in every data set; where they lie is not
+
+
+@dataclass(frozen=True)
+class Maps:
+    """Maps (SIZE, SIZE) of one set, row 0 at the bottom: ``albedo`` with a mean of 1, ``roughness`` (0 to 1),
+    ``height`` from 0 to 1."""
+
+    albedo: np.ndarray
+    roughness: np.ndarray
+    height: np.ndarray
+
+
+def _waves(random: np.random.Generator, slope: float, shortest: float, longest: float) -> np.ndarray:
+    """A periodic random field of unit standard deviation whose amplitude falls as wave number^-slope between
+    two wavelengths in texture widths."""
+    k_x, k_y = np.fft.rfftfreq(SIZE, 1 / SIZE), np.fft.fftfreq(SIZE, 1 / SIZE)
+    k = np.hypot(k_x[None, :], k_y[:, None])
+    amplitude = np.where((k >= 1 / longest) & (k <= 1 / shortest), np.maximum(k, 1.0) ** -slope, 0.0)
+    field = np.fft.irfft2(amplitude * np.fft.rfft2(random.standard_normal((SIZE, SIZE))), (SIZE, SIZE))
+    return np.asarray(field / field.std())
+
+
+def _cells(random: np.random.Generator, across: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Distances to the nearest and second nearest of across² points, one in each square of a periodic grid,
+    in squares, and a random number for each cell."""
+    jitter, values = random.random((across, across, 2)), random.random((across, across))
+    axis = (np.arange(SIZE) + 0.5) * across / SIZE
+    x, y = axis[None, :], axis[:, None]
+    first = np.full((SIZE, SIZE), np.inf)
+    second, value = first.copy(), first.copy()
+    column, row = np.floor(x).astype(int), np.floor(y).astype(int)
+    for j in range(-2, 3):
+        for i in range(-2, 3):
+            where = (row + j) % across, (column + i) % across
+            distance = np.hypot(column + i + jitter[where][..., 0] - x, row + j + jitter[where][..., 1] - y)
+            nearer = distance < first
+            second = np.where(nearer, first, np.minimum(second, distance))
+            value = np.where(nearer, values[where], value)
+            first = np.where(nearer, distance, first)
+    return first, second, value
+
+
+def _stretched(field: np.ndarray) -> np.ndarray:
+    return (field - field.min()) / np.ptp(field)
+
+
+def _maps(height: np.ndarray, albedo: np.ndarray, roughness: np.ndarray) -> Maps:
+    return Maps(*(np.ascontiguousarray(a, np.float32) for a in (albedo / albedo.mean(), np.clip(roughness, 0, 1),
+                                                                _stretched(height))))
+
+
+@functools.cache
+def maps(name: str) -> Maps:
+    """The maps of one of ``SETS``. Raises ValueError for another name."""
+    random = generator(_SEED, "surface", SETS.index(name))
+    if name == "FROST":
+        # Crystals of hoar: fine relief, brightest on the tips.
+        height = _waves(random, 1.2, 1 / 128, 1 / 3)
+        return _maps(height, 1.0 + 0.06 * height + 0.04 * _waves(random, 1.5, 1 / 64, 1 / 2), 0.65 + 0.1 * height)
+    if name == "GRAINS":
+        # Rounded grains, each with a brightness of its own, dark in the gaps.
+        first, second, value = _cells(random, 24)
+        gap = np.clip((second - first) / 0.25, 0.0, 1.0)
+        height = np.sqrt(np.clip(1.0 - first**2, 0.0, 1.0)) * (0.7 + 0.3 * value)
+        return _maps(height, (0.85 + 0.15 * gap) * (0.9 + 0.2 * value), 0.6 - 0.2 * gap + 0.1 * value)
+    # Old crust in plates, with dark cracks between.
+    first, second, value = _cells(random, 7)
+    crack = np.clip((second - first) / 0.06, 0.0, 1.0)
+    fine = _waves(random, 1.3, 1 / 128, 1 / 4)
+    height = 0.25 * value + 0.5 * crack + 0.06 * fine
+    return _maps(height, (0.7 + 0.3 * crack) * (0.92 + 0.16 * value) + 0.03 * fine, 0.4 + 0.2 * value + 0.05 * fine)
+
+
+def by_uv(textures: Mapping[str, Any]) -> bool:
+    """Whether ``textures`` settings lay images on the ground by its UV coordinates; a mesh's own always are."""
+    return bool(textures["set"] == "MESH" or (textures["set"] != "NONE" and textures["mapping"] == "UV"))

@@ -1,0 +1,1 @@
+"""The ground as a random surface with stated statistics, and the landforms on it."""

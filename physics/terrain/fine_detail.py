@@ -1,0 +1,70 @@
+"""Fine relief on the vertices of any mesh, imported or sculpted: noise in space, along the normals.
+
+The octaves and their amplitudes are those of the ground's random surface (``roughness``), solved for
+noise in three dimensions cut by a surface, so that a flat mesh gets the same RMS deviation against
+distance as flat ground does. Landforms and layers are height fields and have no place here.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from ..random_numbers.seeds import generator
+from .noise.lattice_noise import gradient_noise_3d
+from .roughness.roughness import RELIEF_SPAN, amplitudes, carried_share, wavelengths_m
+from .roughness.structure_function import structure
+
+_DIMENSIONS = 3
+
+
+def relief(points_m: np.ndarray, settings: Any, seed: int, longest_m: float = math.inf,
+           shortest_m: Any = 0.0) -> np.ndarray:
+    """Heights (n,) in metres of the described roughness at points (n, 3) in metres, any order.
+
+    ``longest_m`` leaves out what the mesh has already (about two of the lengths that it resolves),
+    ``shortest_m`` (a number, or one per point) what its vertices cannot carry.
+    Raises IcyMoonError where the cut-offs make no sense.
+    """
+    ground = settings["terrain"]
+    wavelength = wavelengths_m(ground)
+    random = generator(seed, "terrain", 4)
+    keys = [int(k) for k in random.integers(0, 2**32, len(wavelength))]
+    offsets = random.uniform(0.0, 1024.0, (len(wavelength), 3))
+    baseline, hurst = float(ground["slope_baseline_m"]), float(ground["hurst"])
+    amplitude = amplitudes(wavelength, hurst, _DIMENSIONS)
+    at_baseline = math.tan(math.radians(ground["rms_slope_deg"])) * baseline
+    amplitude *= at_baseline / math.sqrt(float(structure(baseline / wavelength, _DIMENSIONS) @ amplitude**2))
+    total, weight, variance = np.zeros(len(points_m)), np.ones(len(points_m)), 0.0
+    mixing, unit_variance = float(ground["multifractality"]), float(structure(np.array(9.0), _DIMENSIONS)) / 2
+    for k in np.flatnonzero((wavelength <= longest_m) & (amplitude > 0)):
+        share = carried_share(wavelength[k], shortest_m)
+        if not np.any(share):
+            break
+        signal = gradient_noise_3d(np.asarray(points_m, np.float64) / wavelength[k] + offsets[k], keys[k])
+        total += weight * share * amplitude[k] * signal
+        if mixing:
+            variance += amplitude[k] ** 2 * unit_variance
+            weight = 1.0 - mixing * (1.0 - np.clip(0.5 + total / (RELIEF_SPAN * math.sqrt(variance)), 0.0, 1.0))
+            weight /= _expected_weight(mixing)
+    return total
+
+
+def _expected_weight(mixing: float) -> float:
+    """RMS of the multifractal weight over a normal distribution of relief."""
+    # The relief over its span is normal with a deviation of 1/4 about 1/2, cut at 2 deviations.
+    mean_square = 1.0 - mixing + mixing**2 * (0.25 + _CUT_VARIANCE)
+    return math.sqrt(mean_square)
+
+
+#: Variance of a normal variable of mean 1/2 and deviation 1/4 that is held between 0 and 1.
+_CUT_VARIANCE = (1.0 - 2.0 * 2.0 * math.exp(-2.0) / math.sqrt(2 * math.pi) + 3.0 * math.erfc(math.sqrt(2.0))) / 16.0
+
+
+def displaced(points_m: np.ndarray, normals: np.ndarray, settings: Any, seed: int, longest_m: float = math.inf,
+              shortest_m: Any = 0.0) -> np.ndarray:
+    """Points (n, 3) moved by ``relief`` along their unit ``normals`` (n, 3)."""
+    heights = relief(points_m, settings, seed, longest_m, shortest_m)
+    return np.asarray(points_m, np.float64) + heights[:, None] * normals

@@ -1,0 +1,118 @@
+"""Small craters: parabolic bowls with raised rims, their sizes a truncated power law.
+
+Most small craters on Europa are secondaries with a steep size law (Bierhaus et al. 2005, Nature 437,
+1125). Fresh simple craters are about 0.2 times as deep as wide, from rim to floor, with rims of about 0.04 of
+the width (Pike 1977, for the Moon; a hypothesis for metres on ice). Age makes them shallower.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from ....errors import IcyMoonError
+from ...rocks.size_laws import PowerLaw
+from ..roughness.roughness import carried_share
+from .common import Landform, smooth
+
+#: Radii at which the ejecta end.
+_REACH = 3.0
+#: A crater is a wave of this share of its diameter to a mesh.
+_CARRIED = 0.5
+#: Radii out to which older relief is gone; it is whole again at 1.5.
+_WIPED = 0.8
+
+
+def law(settings: Mapping[str, Any], random: np.random.Generator, size_m: float) -> np.ndarray:
+    """Centres x, y, diameters and freshness (4, n) of the craters, largest first.
+
+    The patch and a border as wide as the largest crater's ejecta are covered to the stated share.
+    Raises IcyMoonError where there would be more than ``most``, or the smallest were the larger.
+    """
+    smallest, largest, index = (float(settings[k]) for k in ("smallest_m", "largest_m", "power_index"))
+    if smallest > largest:
+        raise IcyMoonError(f"craters.smallest_m ({smallest:g} m) is larger than craters.largest_m ({largest:g} m); "
+                           "lower the one or raise the other.")
+    side = size_m + _REACH * largest
+    sizes = PowerLaw(float(settings["coverage"]), smallest, largest, index)
+    count = sizes.total_per_m2 * side**2
+    if count > settings["most"]:
+        raise IcyMoonError(f"The craters settings ask for {count:.0f} craters, more than craters.most "
+                           f"({settings['most']}); raise craters.smallest_m or lower craters.coverage or "
+                           "craters.largest_m.")
+    n = round(count)
+    size = np.sort(sizes.diameter_m(random.random(n) * sizes.total_per_m2))[::-1]
+    x, y = random.uniform(-side / 2, side / 2, (2, n))
+    return np.stack([x, y, size, random.uniform(settings["freshness"], 1.0, n)])
+
+
+def profile(r: np.ndarray, depth: Any, rim: Any) -> np.ndarray:
+    """Height against the distance from the centre in radii; ``depth`` is from rim to floor."""
+    beyond = 1.0 / np.maximum(r, 1.0) ** 3
+    end = 1.0 / _REACH**3
+    outside = rim * np.maximum(beyond - end, 0.0) / (1.0 - end)
+    return np.where(r < 1.0, rim - depth * (1.0 - r * r), outside)
+
+
+def make(settings: Mapping[str, Any], random: np.random.Generator, size_m: float) -> Landform | None:
+    """Craters on the patch, the smaller ones on the larger ones, whose relief they wipe out."""
+    if settings["coverage"] == 0.0:
+        return None
+    x, y, size, fresh = law(settings, random, size_m)
+    depths, rims = (settings[k] * size * fresh for k in ("depth_ratio", "rim_ratio"))
+    reach = _REACH * size / 2
+    # Beyond the patch its craters come again; the border is so wide that none reaches round onto the patch.
+    period = size_m + _REACH * float(settings["largest_m"])
+
+    def heights(x_m: np.ndarray, y_m: np.ndarray, shortest_m: Any) -> np.ndarray:
+        x_m, y_m, shortest_m = np.broadcast_arrays(x_m, y_m, shortest_m)
+        if max(np.abs(x_m).max(), np.abs(y_m).max()) > size_m / 2:
+            return beyond(x_m.ravel(), y_m.ravel(), shortest_m.ravel()).reshape(x_m.shape)
+        total = np.zeros(x_m.shape)
+        near = ((x + reach > x_m.min()) & (x - reach < x_m.max()) & (y + reach > y_m.min())
+                & (y - reach < y_m.max()) & (_CARRIED * size > shortest_m.min()))
+        for k in np.flatnonzero(near):
+            window = _window(x_m, y_m, x[k], y[k], reach[k])
+            dx, dy = x_m[window] - x[k], y_m[window] - y[k]
+            total[window] += change(k, dx, dy, total[window], shortest_m[window])
+        return total
+
+    def change(k: int, dx: np.ndarray, dy: np.ndarray, before: np.ndarray, shortest_m: np.ndarray) -> np.ndarray:
+        r = np.sqrt(dx * dx + dy * dy) * (2.0 / size[k])
+        made = profile(r, depths[k], rims[k]) - before * (1.0 - smooth((r - _WIPED) / (1.5 - _WIPED)))
+        return made * carried_share(_CARRIED * size[k], shortest_m)
+
+    def beyond(x_m: np.ndarray, y_m: np.ndarray, shortest_m: np.ndarray) -> np.ndarray:
+        u, v = (np.where(np.abs(a) > size_m / 2, (a + period / 2) % period - period / 2, a) for a in (x_m, y_m))
+        order = np.argsort(u, kind="stable")
+        u, v, shortest = u[order], v[order], shortest_m[order]
+        total = np.zeros(len(u))
+        for k in np.flatnonzero(_CARRIED * size > shortest.min()):
+            for shift in (-period, 0.0, period):
+                first, last = np.searchsorted(u, x[k] + shift + np.array([-reach[k], reach[k]]))
+                if first < last:
+                    dy = v[first:last] - y[k]
+                    dy = np.where(np.abs(dy) > period / 2, dy - np.copysign(period, dy), dy)
+                    near = np.flatnonzero(np.abs(dy) < reach[k]) + first
+                    total[near] += change(k, u[near] - (x[k] + shift), dy[near - first], total[near], shortest[near])
+        result = np.empty(len(u))
+        result[order] = total
+        return result
+
+    return Landform(math.inf, heights)
+
+
+def _window(x_m: np.ndarray, y_m: np.ndarray, x: float, y: float, reach: float) -> Any:
+    """Index of the points within a square about a centre: of slices, where a grid is seen from its strides."""
+    if x_m.ndim == 2 and x_m.strides[0] == 0 and y_m.strides[1] == 0:
+        return _span(y_m[:, 0], y - reach, y + reach), _span(x_m[0], x - reach, x + reach)
+    return (np.abs(x_m - x) < reach) & (np.abs(y_m - y) < reach)
+
+
+def _span(axis: np.ndarray, low: float, high: float) -> slice:
+    """The slice that holds all values of ``axis``, in any order, between two bounds."""
+    inside = np.flatnonzero((axis > low) & (axis < high))
+    return slice(inside[0], inside[-1] + 1) if inside.size else slice(0)

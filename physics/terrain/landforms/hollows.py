@@ -1,0 +1,40 @@
+"""Hollows: cups with sharp rims that sublimation leaves where no wind blows.
+
+Suncups and scallops on snow fields; light reflected within a hollow deepens it (Betterton 2001, Phys.
+Rev. E 63, 056129). Elongated, they stand in for sastrugi, which need wind and so cannot be expected
+on an airless moon.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from ..noise.voronoi import voronoi
+from .common import Landform, key_of, turned, wandering
+
+#: Bending of the rims, in hollows, and its wavelength in hollows.
+_BEND, _BEND_LENGTH = 0.15, 0.8
+#: The shallowest hollow, as a share of the deepest.
+_SHALLOWEST = 0.6
+
+
+def make(settings: Mapping[str, Any], random: np.random.Generator, size_m: float) -> Landform | None:
+    """Hollows between rims at the level of the ground, the deepest ``depth_m`` deep."""
+    keys = [key_of(random) for _ in range(4)]
+    depth, diameter = settings["depth_m"], settings["diameter_m"]
+    if depth == 0.0:
+        return None
+
+    def heights(x_m: np.ndarray, y_m: np.ndarray, shortest_m: Any) -> np.ndarray:
+        along, across = turned(x_m, y_m, settings["azimuth_deg"])
+        u, v = along / (diameter * settings["elongation"]), across / diameter
+        bend_u, bend_v = (_BEND * wandering(u / _BEND_LENGTH, v / _BEND_LENGTH, k) for k in keys[2:])
+        cells = voronoi(u + bend_u, v + bend_v, keys[0])
+        deep = depth * (_SHALLOWEST + (1.0 - _SHALLOWEST) * cells.random(keys[1]))
+        # The square of F1 / F2 is 0 at a cell's point and 1 on all its edges.
+        return -deep * (1.0 - cells.f1**2 / np.maximum(cells.f2, 1e-12) ** 2)
+
+    return Landform(diameter / 2, heights)

@@ -1,0 +1,78 @@
+"""Penitentes: blades of ice left between troughs that sublimation deepens under a high Sun.
+
+Blades stand in rows along the Sun's path, concave between sharp crests, and lean toward the noon Sun.
+Measured on Earth in the Andes; the theory of their spacing: Claudin et al. 2015 (Phys. Rev. E 92,
+033015). For Europa, Hobley et al. 2018 (Nat. Geosci. 11, 901) predict up to 15 m of depth at 7.5 m of
+spacing within 23 degrees of the equator; that is disputed (Matters Arising and correction, 2019), so this is a
+hypothesis. A height field cannot overhang: the lean is held to what leaves the steep side a slope.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from ..noise.lattice_noise import hashed, uniform
+from .common import Landform, key_of, smooth, turned, wandering
+
+#: Sideways wandering of the rows, in spacings, over wavelengths of so many blade lengths.
+_WANDER, _WANDER_LENGTH = 0.5, 1.2
+#: Furthest a row's crest is beside the middle between its troughs by chance, and with its lean, in spacings.
+_ASTRAY, _MOST_LEAN = 0.12, 0.35
+#: How much lower the lowest blade is than the tallest, as a share of the variation.
+_LOWER = 0.5
+#: How much shallower the shallowest notch between two blades is than the deepest.
+_SHALLOWER = 0.6
+#: Teeth of a crest: how deep, as a share of the variation, and how long, in blade lengths.
+_TEETH, _TOOTH = 0.4, 0.25
+
+
+def make(settings: Mapping[str, Any], random: np.random.Generator, size_m: float) -> Landform | None:
+    """Penitentes of the stated height, crest to trough, above the ground."""
+    keys = [key_of(random) for _ in range(7)]
+    height, spacing = settings["height_m"], settings["spacing_m"]
+    if height == 0.0:
+        return None
+    length = spacing * settings["elongation"]
+    sharpness, variation = settings["sharpness"], settings["variation"]
+    lean = math.tan(math.radians(settings["lean_deg"])) * height / spacing
+    lean = min(lean, _MOST_LEAN - _ASTRAY)
+
+    def chance(place: np.ndarray, row: np.ndarray, key: int) -> np.ndarray:
+        """Random numbers in [0, 1] along each row, linear between whole places: ice breaks to points."""
+        first = np.floor(place)
+        index = first.astype(np.int64)
+        low, high = (uniform(hashed(index + k, row, key)) for k in (0, 1))
+        return low + (place - first) * (high - low)
+
+    def crest(along: np.ndarray, row: np.ndarray) -> np.ndarray:
+        """Height of the crest line, 0 to 1: blades of random height, toothed, with a notch where one ends."""
+        place = along / length + 17.0 * uniform(hashed(row, np.int64(0) * row, keys[0]))
+        tall = 1.0 - _LOWER * variation * chance(place, row, keys[1])
+        toothed = 1.0 - _TEETH * variation * chance(place / _TOOTH, row, keys[2])
+        # Blades end at whole places, in notches of random depth, and are highest half way between.
+        end = np.floor(place + 0.5)
+        notch = 1.0 - _SHALLOWER * uniform(hashed(end.astype(np.int64), row, keys[3]))
+        return tall * toothed * (1.0 - variation * notch * (1.0 - 2.0 * np.abs(place - end)))
+
+    def heights(x_m: np.ndarray, y_m: np.ndarray, shortest_m: Any) -> np.ndarray:
+        across, along = turned(x_m, y_m, settings["noon_azimuth_deg"])
+        u, v = along / (_WANDER_LENGTH * length), across / (_WANDER_LENGTH * length)
+        place = across / spacing + _WANDER * wandering(u, v, keys[4]) + 0.5 * _WANDER * wandering(
+            2.3 * u, 2.3 * v, keys[5])
+        row = np.floor(place + 0.5)
+        index = row.astype(np.int64)
+        middle = lean + _ASTRAY * (2.0 * uniform(hashed(index, np.int64(0) * index, keys[6])) - 1.0)
+        offset = place - row - middle
+        distance = np.where(offset > 0.0, offset / (0.5 - middle), -offset / (0.5 + middle))  # 0 crest, 1 trough
+        # A mesh cannot carry an edge: it is as round as the mesh is coarse, or it would show as a saw.
+        edge = np.asarray(shortest_m) / spacing
+        distance = (np.hypot(distance, edge) - edge) / (np.hypot(1.0, edge) - edge)
+        rounded = 1.0 - smooth(distance)
+        blade = rounded + sharpness * ((1.0 - distance) ** 2 - rounded)
+        return height * blade * crest(along, index)
+
+    return Landform(spacing / 2, heights)

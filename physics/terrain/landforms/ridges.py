@@ -1,0 +1,65 @@
+"""Ridges: the double ridges with a trough between that cross Europa's plains, young ones over old ones.
+
+On Europa: hundreds of metres wide on average (to 5 km), up to a few hundred metres high, a V-shaped trough
+shallower than the ridge is high, flanks mostly under 20 degrees (Encyclopedia of Planetary Landforms).
+Images resolve no narrower ones, so ridges of metres are a hypothesis of scale.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from ..noise.lattice_noise import hashed, uniform
+from .common import Landform, key_of, smooth, turned, wandering
+
+#: Where the crests are, as a share of half the width.
+_CREST = 0.4
+#: Sideways wandering of a ridge, in spacings, over wavelengths of so many spacings.
+_WANDER, _WANDER_LENGTH = 0.12, 2.5
+
+
+def profile(place: np.ndarray, trough: float) -> np.ndarray:
+    """Height across a ridge, 1 at the crests, against the distance from its middle in half widths."""
+    place = np.abs(place)
+    inner = 1.0 - trough * (1.0 - place / _CREST)
+    down = np.clip((1.0 - place) / (1.0 - _CREST), 0.0, 1.0)
+    return np.where(place < _CREST, inner, 0.5 * (down + smooth(down)))
+
+
+def make(settings: Mapping[str, Any], random: np.random.Generator, size_m: float) -> Landform | None:
+    """Sets of parallel ridges in different directions, each crossing the sets before it."""
+    most = 6
+    keys = [key_of(random) for _ in range(2 * most)]
+    turns = random.uniform(-1.0, 1.0, most)
+    height, width, spacing = settings["height_m"], settings["width_m"], settings["spacing_m"]
+    sets = int(settings["sets"])
+    if height == 0.0:
+        return None
+    # Ridges of a set must not overlap: their middles keep a width between them.
+    spacing = max(spacing, 1.2 * width)
+    loose = 1.0 - width / spacing
+
+    def one_set(k: int, x_m: np.ndarray, y_m: np.ndarray) -> np.ndarray:
+        """Distance to the ridge of the set's strip, in half widths."""
+        along, across = turned(x_m, y_m, settings["azimuth_deg"] + turns[k] * settings["spread_deg"])
+        place = across / spacing + _WANDER * wandering(along / (_WANDER_LENGTH * spacing), across / (4 * spacing),
+                                                       keys[2 * k])
+        strip = np.floor(place)
+        index = strip.astype(np.int64)
+        middle = strip + 0.5 + loose * (uniform(hashed(index, np.int64(0) * index, keys[2 * k + 1])) - 0.5)
+        return (place - middle) * (2.0 * spacing / width)
+
+    def heights(x_m: np.ndarray, y_m: np.ndarray, shortest_m: Any) -> np.ndarray:
+        total = np.zeros(np.broadcast_shapes(np.shape(x_m), np.shape(y_m)))
+        for k in range(sets):
+            place = one_set(k, x_m, y_m)
+            # A younger ridge buries what was there, from its foot inward.
+            total *= 1.0 - smooth(2.0 * (1.0 - np.abs(place)))
+            total += height * profile(place, settings["trough"])
+        return total
+
+    return Landform(width * min(_CREST, 1 - _CREST) / 2, heights)
+

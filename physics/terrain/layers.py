@@ -1,0 +1,95 @@
+"""Extra layers of fractal noise on the ground, each of a stated RMS height.
+
+A layer is a fractal sum (``bases.FRACTALS``) over octaves of a noise (``bases.BASES``), optionally with
+its domain warped. Sum and noise have their own mean and range, so a layer is brought to zero mean and
+unit RMS on points of its own, which depend neither on the patch nor on the mesh.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from .noise.bases import BASES, FRACTALS
+from .noise.lattice_noise import gradient_noise
+from .roughness.roughness import carried_share
+from .roughness.structure_function import NOISE_DEVIATION
+
+#: Points on which a layer's mean and RMS are taken, over a square of this many wavelengths.
+_POINTS, _SPAN = 8192, 64.0
+_MOST_OCTAVES = 16
+_TURN = math.radians(37.0)
+
+
+@dataclass(frozen=True)
+class Layer:
+    """One layer; build it with :func:`layer`. ``signal_mean`` is what an octave is held at that is left out;
+    ``centre`` and ``factor`` bring the sum to metres."""
+
+    basis: str
+    fractal: str
+    scale_m: float
+    octaves: int
+    lacunarity: float
+    roughness: float
+    warp_m: float
+    keys: tuple[int, ...]
+    offsets: np.ndarray
+    signal_mean: float = 0.0
+    centre: float = 0.0
+    factor: float = 1.0
+
+    def heights(self, x_m: np.ndarray, y_m: np.ndarray, shortest_m: Any = 0.0) -> np.ndarray:
+        """Heights in metres; ``x_m`` and ``y_m`` broadcast, ``shortest_m`` is a number or one per point.
+
+        Octaves fade out between 1.5 and 1 times ``shortest_m``.
+        """
+        shape = np.broadcast_shapes(np.shape(x_m), np.shape(y_m), np.shape(shortest_m))
+        if self.warp_m:
+            x_m, y_m = self._warped(x_m, y_m)
+
+        def signal(k: int) -> Any:
+            share = carried_share(self.scale_m / self.lacunarity**k, shortest_m)
+            if not np.any(share):
+                return self.signal_mean
+            return self.signal_mean + share * (self.signal(k, x_m, y_m) - self.signal_mean)
+
+        total = FRACTALS[self.fractal].of(signal, self.octaves, self.roughness)
+        return np.broadcast_to((total - self.centre) * self.factor, shape)
+
+    def signal(self, k: int, x_m: np.ndarray, y_m: np.ndarray) -> np.ndarray:
+        """What the fractal makes of octave k of the noise."""
+        wavelength = self.scale_m / self.lacunarity**k
+        cos, sin = math.cos(k * _TURN) / wavelength, math.sin(k * _TURN) / wavelength
+        noise = BASES[self.basis]((cos * x_m + self.offsets[k, 0]) - sin * y_m,
+                                  (sin * x_m + self.offsets[k, 1]) + cos * y_m, self.keys[k])
+        return FRACTALS[self.fractal].signal(noise)
+
+    def _warped(self, x_m: np.ndarray, y_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The points moved sideways by noise of the layer's scale and RMS ``warp_m``."""
+        x_m, y_m = np.broadcast_arrays(x_m, y_m)
+        east, north = (gradient_noise(x_m / self.scale_m + self.offsets[k, 0], y_m / self.scale_m + self.offsets[k, 1],
+                                      self.keys[k]) for k in (-1, -2))
+        return x_m + self.warp_m / NOISE_DEVIATION * east, y_m + self.warp_m / NOISE_DEVIATION * north
+
+
+def layer(settings: Mapping[str, Any], random: np.random.Generator) -> Layer | None:
+    """The layer that one entry of ``terrain.layers`` describes, or None if it has no height."""
+    keys = tuple(int(k) for k in random.integers(0, 2**32, _MOST_OCTAVES + 2))
+    offsets = random.uniform(0.0, 1024.0, (_MOST_OCTAVES + 2, 2))
+    if settings["amplitude_m"] == 0.0:
+        return None
+    parts = {k: settings[k] for k in ("basis", "fractal", "scale_m", "octaves", "lacunarity", "roughness", "warp_m")}
+    raw = Layer(**parts, keys=keys, offsets=offsets)
+    x, y = random.uniform(-0.5, 0.5, (2, _POINTS)) * (_SPAN * raw.scale_m)
+    mean = float(f"{raw.signal(0, x, y).mean():.9e}")
+    sample = raw.heights(x, y)
+    deviation = float(sample.std())
+    factor = settings["amplitude_m"] / deviation if deviation > 1e-12 else 0.0
+    # Ten digits, as sums differ between machines in the last ones.
+    return Layer(**parts, keys=keys, offsets=offsets, signal_mean=mean, centre=float(f"{sample.mean():.9e}"),
+                 factor=float(f"{factor:.9e}"))

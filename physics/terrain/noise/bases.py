@@ -1,0 +1,106 @@
+"""Noise bases and the fractal sums over their octaves.
+
+The sums are Musgrave's (Ebert et al., "Texturing and Modeling", 3rd ed. 2003, ch. 16), with his offset
+and gain of 1. Each makes a signal of the noise, in about [-1, 1], and sums the signals of the octaves;
+``signal(k)`` is that of octave k at the points and ``roughness`` the ratio of the amplitudes of successive
+octaves. A signal that is held at its mean leaves an octave out, without moving the mean height.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from .lattice_noise import cell_noise, gradient_noise, value_noise
+from .voronoi import distances
+
+Noise = Callable[[np.ndarray, np.ndarray, int], np.ndarray]
+Octaves = Callable[[int], Any]
+
+
+def _of_distances(function: Callable[[np.ndarray, np.ndarray], np.ndarray]) -> Noise:
+    return lambda x, y, key: 2.0 * function(*distances(x, y, key)) - 1.0
+
+
+#: Noises of unit wavelength, ``noise(x, y, key)`` in lattice units.
+BASES: dict[str, Noise] = {
+    "GRADIENT": gradient_noise,
+    "MIDPOINT": value_noise,
+    "CELLS": cell_noise,
+    "VORONOI_F1": _of_distances(lambda f1, f2: f1),
+    "VORONOI_F2": _of_distances(lambda f1, f2: f2),
+    "VORONOI_F2_F1": _of_distances(lambda f1, f2: f2 - f1),
+    "CRACKLE": _of_distances(lambda f1, f2: np.minimum(10.0 * (f2 - f1), 1.0)),
+}
+
+
+@dataclass(frozen=True)
+class Fractal:
+    """A fractal sum: the signal made of an octave's noise, and the sum ``of(signal, octaves, roughness)``."""
+
+    signal: Callable[[np.ndarray], np.ndarray]
+    of: Callable[[Octaves, int, float], Any]
+
+
+def _plain(noise: np.ndarray) -> np.ndarray:
+    return noise
+
+
+def _raised(noise: np.ndarray) -> np.ndarray:
+    return 1.0 + noise
+
+
+def _crested(noise: np.ndarray) -> np.ndarray:
+    return (1.0 - np.abs(noise)) ** 2
+
+
+def added(signal: Octaves, octaves: int, roughness: float) -> Any:
+    """The plain sum: fractional Brownian motion of noise, turbulence of its magnitude."""
+    total = signal(0)
+    for k in range(1, octaves):
+        total = total + roughness**k * signal(k)
+    return total
+
+
+def multifractal(signal: Octaves, octaves: int, roughness: float) -> Any:
+    """The product of (1 + octave): smooth plains between rough heights."""
+    total = 1.0 + signal(0)
+    for k in range(1, octaves):
+        total = total * (1.0 + roughness**k * signal(k))
+    return total
+
+
+def hetero(signal: Octaves, octaves: int, roughness: float) -> Any:
+    """Hetero terrain: each octave scaled by the height so far, so that low ground is smooth."""
+    total = signal(0)
+    for k in range(1, octaves):
+        total = total + roughness**k * signal(k) * total
+    return total
+
+
+def hybrid(signal: Octaves, octaves: int, roughness: float) -> Any:
+    """Hybrid multifractal: each octave scaled by the one before, so that valleys are smooth at all heights."""
+    total = weight = signal(0)
+    for k in range(1, octaves):
+        weight = np.minimum(weight, 1.0)
+        part = roughness**k * signal(k)
+        total = total + weight * part
+        weight = weight * part
+    return total
+
+
+def ridged(signal: Octaves, octaves: int, roughness: float) -> Any:
+    """Ridged multifractal: sharp crests where the noise passes zero, rough near crests only."""
+    total = part = signal(0)
+    for k in range(1, octaves):
+        part = signal(k) * np.clip(part, 0.0, 1.0)
+        total = total + roughness**k * part
+    return total
+
+
+FRACTALS: dict[str, Fractal] = {
+    "FBM": Fractal(_plain, added), "MULTIFRACTAL": Fractal(_plain, multifractal), "HYBRID": Fractal(_raised, hybrid),
+    "RIDGED": Fractal(_crested, ridged), "HETERO": Fractal(_raised, hetero), "TURBULENCE": Fractal(np.abs, added)}

@@ -1,0 +1,1 @@
+"""Roughness that is stated: slopes over distances, and surfaces that have them."""

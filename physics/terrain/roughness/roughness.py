@@ -1,0 +1,275 @@
+"""The random surface with a stated RMS deviation: nu(dx) = C dx^H between two cut-offs.
+
+The surface is a sum of noise octaves, whose amplitudes are a power of their wavelengths, so that the power
+spectrum falls as k^-(2H + 2). The waves missing beyond the cut-offs would bend the law near them, so
+the octaves at the ends are larger, by non-negative fitting of the octaves' structure functions,
+which are known in closed form: the sum is then within 6 % of the law from half the shortest wavelength to 0.3
+of the longest for H from 0.5 to 0.9, within 11 % for H from 0.2 to 1. (Spectral synthesis of a
+periodic patch is not: with a target of 0.9 it gives 0.74, because periodicity flattens the long lags.)
+
+One patch holds only a few of the longest waves, whose height may be anything by chance; the long
+octaves are therefore measured on the patch, about its mean plane, and the fit is made to what they are.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ....errors import IcyMoonError
+from ..noise.lattice_noise import gradient_noise
+from .statistics import detrended
+from .structure_function import NOISE_DEVIATION, structure
+
+#: The power law holds from this share of the shortest wavelength to this share of the longest.
+LAW_FROM, LAW_TO = 0.5, 0.3
+MOST_OCTAVES = 48
+#: Rotation between octaves, so that their lattices do not line up and show as a grid.
+_TURN = math.radians(37.0)
+_LAGS_PER_OCTAVE = 6
+_FIT_STEPS = 400
+#: Logarithm of the range of wavelengths, to either side, that counts as all of them.
+_ALL = 40.0
+#: The patch is measured on a grid of this many points per side.
+_SAMPLES = 129
+#: How far an octave's amplitude may be moved to make up for chance in a patch.
+_MOST_CORRECTION = 3.0
+#: So many wavelengths fit into a patch on which an octave's amplitude may be moved by a factor of 2.
+_WAVES = 3.0
+#: Relief, in standard deviations of the ground so far, over which multifractal weights go from 0 to 1.
+RELIEF_SPAN = 4.0
+#: Octaves that add less than this share to the variance no longer change the weights.
+_RELIEF_SHARE = 0.01
+
+
+def wavelengths_m(terrain: Mapping[str, Any]) -> np.ndarray:
+    """Wavelengths of the octaves, longest first, from one cut-off to the other: evenly spaced in the logarithm
+    and no further apart than the lacunarity. Raises IcyMoonError where the cut-offs make no sense."""
+    outer, inner, lacunarity = (float(terrain[k]) for k in ("outer_scale_m", "inner_scale_m", "lacunarity"))
+    if inner > outer:
+        raise IcyMoonError(f"terrain.inner_scale_m ({inner:g} m) is longer than terrain.outer_scale_m ({outer:g} m); "
+                           "lower the one or raise the other.")
+    steps = math.ceil(math.log(outer / inner) / math.log(lacunarity) - 1e-6)
+    if steps >= MOST_OCTAVES:
+        raise IcyMoonError(f"From terrain.inner_scale_m ({inner:g} m) to terrain.outer_scale_m ({outer:g} m) it takes "
+                           f"{steps + 1} octaves, more than {MOST_OCTAVES}; raise terrain.lacunarity or inner_scale_m.")
+    return _rounded(outer * (inner / outer) ** (np.arange(steps + 1) / max(steps, 1)))
+
+
+def _fitted(squares: np.ndarray, target: np.ndarray, model: np.ndarray, low: np.ndarray, high: np.ndarray,
+            cross: np.ndarray | None = None) -> np.ndarray:
+    """Squared amplitudes between ``low`` and ``high`` that make ``model @ squares`` (plus the cross terms
+    of the first octaves) follow ``target`` in ratio; ``squares`` is the start. Multiplicative updates
+    keep every amplitude positive."""
+    long = 0 if cross is None else cross.shape[1]
+    for _ in range(_FIT_STEPS):
+        made = model @ squares
+        if cross is not None:
+            amplitude = np.sqrt(squares[:long])
+            made = np.maximum(made + np.einsum("kij,i,j->k", cross, amplitude, amplitude), 0.05 * made)
+        share = model / made[:, None]
+        squares = np.clip(squares * (share.T @ (target / made)) / share.sum(axis=0), low, high)
+    return squares
+
+
+def _level(hurst: float, lacunarity: float, dimensions: int) -> float:
+    """Square of the factor c for which octaves of amplitude c wavelength^H, none missing, sum to nu(dx) = dx^H."""
+    octaves = lacunarity ** np.arange(-1, 2 * math.ceil(_ALL / math.log(lacunarity)), dtype=np.float64)
+    octaves /= math.exp(_ALL)
+    lag = lacunarity ** ((np.arange(8) + 0.5) / 8)
+    made = structure(lag[:, None] / octaves, dimensions) @ octaves ** (2 * hurst)
+    return float(np.mean(lag ** (2 * hurst) / made))
+
+
+def amplitudes(wavelength_m: np.ndarray, hurst: float, dimensions: int = 2) -> np.ndarray:
+    """Amplitudes of octaves whose sum has nu(dx) = dx^H, for independent octaves of unit noise.
+
+    They are a power of the wavelength, which is what gives the power spectrum its slope of -(2H + 2); but the first two
+    and the last also stand for the waves that are missing beyond them, and are fitted to the law.
+    """
+    wavelength_m = np.asarray(wavelength_m, np.float64)
+    first, last = LAW_FROM * wavelength_m[-1], max(LAW_TO * wavelength_m[0], LAW_FROM * wavelength_m[-1] * 1.01)
+    lag = np.geomspace(first, last, max(2, math.ceil(_LAGS_PER_OCTAVE * math.log2(last / first))))
+    lacunarity = float(wavelength_m[0] / wavelength_m[1]) if len(wavelength_m) > 1 else 2.0
+    squares = _level(hurst, lacunarity, dimensions) * wavelength_m ** (2 * hurst)
+    most = squares.copy()
+    most[[0, min(1, len(most) - 1), -1]] = np.inf
+    target, model = lag ** (2 * hurst), structure(lag[:, None] / wavelength_m, dimensions)
+    return np.sqrt(_fitted(squares, target, model, squares, most))
+
+
+@dataclass(frozen=True)
+class Rough:
+    """A random surface: its octaves, longest first. Build it with :func:`rough`.
+
+    Octave k is amplitude_m[k] times unit noise of wavelength_m[k], times a weight between
+    1 - multifractality in hollows and 1 on heights, over ``level[k]``, the weight's RMS, so that the weights
+    move roughness about and leave its mean square as it is.
+    """
+
+    wavelength_m: np.ndarray
+    amplitude_m: np.ndarray
+    keys: tuple[int, ...]
+    offsets: np.ndarray
+    multifractality: float
+    level: np.ndarray
+    mean_m: float = 0.0
+
+    def octave(self, k: int, x_m: np.ndarray, y_m: np.ndarray) -> np.ndarray:
+        """Unit noise of octave k."""
+        cos, sin = math.cos(k * _TURN) / self.wavelength_m[k], math.sin(k * _TURN) / self.wavelength_m[k]
+        # In this order a grid's rows and columns cost nothing until they meet.
+        return gradient_noise((cos * x_m + self.offsets[k, 0]) - sin * y_m,
+                              (sin * x_m + self.offsets[k, 1]) + cos * y_m, self.keys[k])
+
+    def weight(self, k: int, total_m: np.ndarray, variance: float) -> np.ndarray:
+        """Multifractal weight of the octave after k, from the relief so far, before its level is taken out."""
+        relief = total_m * (1.0 / (RELIEF_SPAN * math.sqrt(variance)))
+        relief += 0.5
+        np.clip(relief, 0.0, 1.0, out=relief)
+        relief *= self.multifractality
+        relief += 1.0 - self.multifractality
+        return relief
+
+    def heights(self, x_m: np.ndarray, y_m: np.ndarray, shortest_m: Any = 0.0) -> np.ndarray:
+        """Heights in metres; ``x_m`` and ``y_m`` broadcast, ``shortest_m`` is a number or one per point.
+
+        Octaves fade out between 1.5 and 1 times ``shortest_m``.
+        """
+        shape = np.broadcast_shapes(np.shape(x_m), np.shape(y_m))
+        total = np.zeros(shape)
+        weight: np.ndarray | None = None
+        variance = 0.0
+        varies = np.ndim(shortest_m) > 0
+        for k, wavelength in enumerate(self.wavelength_m):
+            carried = carried_share(wavelength, shortest_m)
+            if not np.any(carried):
+                break
+            if self.amplitude_m[k] == 0.0:
+                continue
+            signal = self.octave(k, x_m, y_m)
+            signal *= self.amplitude_m[k] / self.level[k] if varies else carried * self.amplitude_m[k] / self.level[k]
+            if varies:
+                signal *= carried
+            if weight is not None:
+                signal *= weight
+            total += signal
+            if self.multifractality:
+                added = (self.amplitude_m[k] * NOISE_DEVIATION) ** 2
+                variance += added
+                if added > _RELIEF_SHARE * variance:
+                    weight = self.weight(k, total, variance)
+        total -= self.mean_m
+        return total
+
+
+def carried_share(wavelength_m: Any, shortest_m: Any) -> Any:
+    """How much of a wave a mesh carries: 1 down to 1.5 times its shortest wavelength, 0 below that wavelength."""
+    shortest_m = np.maximum(shortest_m, 1e-300)
+    share = np.clip(2.0 * (wavelength_m / shortest_m) - 2.0, 0.0, 1.0)
+    return share if np.ndim(share) else float(share)
+
+
+def _rounded(values: np.ndarray) -> np.ndarray:
+    """To ten digits: sums and powers differ between machines in the last ones, heights shall not."""
+    return np.array([float(f"{v:.9e}") for v in values])
+
+
+def rough(terrain: Mapping[str, Any], size_m: float, random: np.random.Generator) -> Rough:
+    """The random surface that ``terrain`` settings state, on a patch of side ``size_m``.
+
+    Raises IcyMoonError where the cut-offs make no sense.
+    """
+    wavelength = wavelengths_m(terrain)
+    n = len(wavelength)
+    keys = tuple(int(k) for k in random.integers(0, 2**32, MOST_OCTAVES)[:n])
+    offsets = random.uniform(0.0, 1024.0, (MOST_OCTAVES, 2))[:n]
+    baseline, hurst = float(terrain["slope_baseline_m"]), float(terrain["hurst"])
+    at_baseline = math.tan(math.radians(terrain["rms_slope_deg"])) * baseline
+    unit = amplitudes(wavelength, hurst)
+    # The deviation at the baseline is what is stated, also where the baseline is outside the cut-offs.
+    unit *= at_baseline / math.sqrt(float(structure(baseline / wavelength) @ unit**2))
+    plain = Rough(wavelength, _rounded(unit), keys, offsets, float(terrain["multifractality"]), np.ones(n))
+    if at_baseline == 0.0:
+        return plain
+    return _adjusted(plain, size_m, baseline, at_baseline, hurst)
+
+
+def _long_octaves(surface: Rough, size_m: float) -> tuple[np.ndarray, np.ndarray]:
+    """The weighted unit octaves (long, n, n) that a coarse grid over the patch carries, and the RMS of the
+    weight of every octave."""
+    axis = np.linspace(-size_m / 2, size_m / 2, _SAMPLES)
+    x, y = axis[None, :], axis[:, None]
+    long = int(np.sum(surface.wavelength_m >= 4 * (axis[1] - axis[0])))
+    level = np.ones(len(surface.wavelength_m))
+    fields: list[np.ndarray] = []
+    total, variance, weight = np.zeros((_SAMPLES, _SAMPLES)), 0.0, None
+    for k in range(len(level)):
+        if weight is not None:
+            level[k] = math.sqrt(np.mean(weight**2)) or 1.0
+        if k >= long and not surface.multifractality:
+            break
+        added = (surface.amplitude_m[k] * NOISE_DEVIATION) ** 2
+        if k >= long and added <= _RELIEF_SHARE * (variance + added):
+            level[k:] = level[k]
+            break
+        field = surface.octave(k, x, y) / level[k]
+        if weight is not None:
+            field *= weight
+        if k < long:
+            fields.append(field)
+        total += surface.amplitude_m[k] * field
+        variance += added
+        if surface.multifractality and added > _RELIEF_SHARE * variance:
+            weight = surface.weight(k, total, variance)
+    return np.array(fields).reshape(len(fields), _SAMPLES, _SAMPLES), level
+
+
+def _adjusted(surface: Rough, size_m: float, baseline: float, at_baseline: float, hurst: float) -> Rough:
+    """The surface with the amplitudes of its octaves fitted to what the long ones are on the patch."""
+    fields, level = _long_octaves(surface, size_m)
+    wavelength, long = surface.wavelength_m, len(fields)
+    means = fields.mean(axis=(1, 2))
+    # Roughness is about the mean plane, as it is measured.
+    fields = np.array([detrended(field) for field in fields]).reshape(fields.shape)
+    spacing = size_m / (_SAMPLES - 1)
+    first, last = LAW_FROM * wavelength[-1], min(LAW_TO * wavelength[0], size_m / 4)
+    squares: np.ndarray = surface.amplitude_m**2
+    if long and last > max(first, spacing):
+        shortest_measured = max(1, math.ceil(first / spacing))
+        whole = np.unique(np.geomspace(shortest_measured, last / spacing, 16).astype(int))
+        lag = np.concatenate([np.geomspace(first, spacing, 24, endpoint=False) if first < spacing else [],
+                              whole * spacing])
+        measured = np.array([_products(fields, int(k)) for k in whole])
+        # Below the coarse grid's spacing the long octaves are planes: their squares go as distance².
+        planes = np.minimum(lag / lag[-len(whole)], 1.0)[:, None, None] ** 2
+        cross = planes * measured[np.maximum(np.arange(len(lag)) - (len(lag) - len(whole)), 0)]
+        model = structure(lag[:, None] / wavelength)
+        own = np.einsum("kii->ki", cross).copy()
+        model[:, :long] = own
+        np.einsum("kii->ki", cross)[...] = 0.0
+        target = (at_baseline * (lag / baseline) ** hurst) ** 2
+        # The shorter the waves, the more of them are on the patch and the less is left to chance.
+        free = np.minimum(1.0 + _WAVES * wavelength / size_m, _MOST_CORRECTION) ** 2
+        free[long:] = 1.0
+        low, high = squares / free, squares * free
+        squares = _fitted(squares, target, model, low, high, cross)
+        if lag[0] <= baseline <= lag[-1]:
+            amplitude = np.sqrt(squares[:long])
+            made = model @ squares + np.einsum("kij,i,j->k", cross, amplitude, amplitude)
+            squares = squares * math.exp(np.interp(math.log(baseline), np.log(lag), np.log(target / made)))
+    amplitude = _rounded(np.sqrt(squares))
+    mean = float(amplitude[:long] @ means)
+    return Rough(wavelength, amplitude, surface.keys, surface.offsets, surface.multifractality, _rounded(level),
+                 float(f"{mean:.9e}"))
+
+
+def _products(fields: np.ndarray, lag: int) -> np.ndarray:
+    """Mean products (long, long) of the octaves' differences at a whole lag, over both axes."""
+    along_x = (fields[:, :, lag:] - fields[:, :, :-lag]).reshape(len(fields), -1)
+    along_y = (fields[:, lag:, :] - fields[:, :-lag, :]).reshape(len(fields), -1)
+    return (along_x @ along_x.T / along_x.shape[1] + along_y @ along_y.T / along_y.shape[1]) / 2

@@ -1,0 +1,187 @@
+"""The ground: heights of position, composed of what the settings name.
+
+A random surface of stated roughness (``roughness``), extra layers of noise (``layers``), landforms
+(``landforms``), snow in the hollows (``mantle``), on a regional slope. Any points, any order: the
+height of a place does not depend on the mesh, but for the wavelengths that the mesh cannot carry.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from ..random_numbers.seeds import generator
+from .landforms import MAKERS, Landform
+from .layers import Layer, layer
+from .mantle import fill
+from .roughness.roughness import LAW_FROM, LAW_TO, Rough, amplitudes, carried_share, rough, wavelengths_m
+from .roughness.structure_function import structure
+
+#: Points worked on at a time, so that what is in hand stays in the processor's cache.
+_TILE = 128
+#: Points per side of the grid on which mean heights of the patch are taken.
+_SAMPLES = 65
+#: RMS slope above which extrapolated roughness is called absurd, degrees.
+_ABSURD_DEG = 50.0
+#: Share of the RMS deviation that a mesh may lose without a word.
+_MOST_LOST = 0.1
+
+
+@dataclass(frozen=True)
+class Terrain:
+    """A patch of ground. All lengths in metres; build it with :func:`terrain`."""
+
+    size_m: float
+    base: Rough
+    layers: tuple[Layer, ...] = ()
+    landforms: tuple[Landform, ...] = ()
+    slope_east: float = 0.0
+    slope_north: float = 0.0
+    mantle_thickness_m: float = 0.0
+    mantle_length_m: float = 0.0
+    mantle_level_m: float = field(default=0.0, repr=False)
+
+    def heights(self, x_m: Any, y_m: Any, shortest_m: Any = 0.0) -> np.ndarray:
+        """Heights in metres at east and north coordinates (arrays that broadcast).
+
+        Waves shorter than ``shortest_m`` (a number, or one per point) are left out: a mesh with
+        vertices d apart cannot carry wavelengths below 2 d, and would show them as noise of other
+        statistics.
+        """
+        x, y = np.asarray(x_m, np.float64), np.asarray(y_m, np.float64)
+        shape = np.broadcast_shapes(x.shape, y.shape, np.shape(shortest_m))
+        if len(shape) == 2 and x.shape == (1, shape[1]) and y.shape == (shape[0], 1) and np.ndim(shortest_m) == 0:
+            result = np.empty(shape)
+            for rows, columns in _tiles(*shape):
+                result[rows, columns] = self._tile(x[:, columns], y[rows], shortest_m)
+            return result
+        x, y = (np.broadcast_to(a, shape).reshape(-1) for a in (x, y))
+        shortest = np.broadcast_to(shortest_m, shape).reshape(-1) if np.ndim(shortest_m) else None
+        order = _neighbours_together(x, y)
+        result = np.empty(x.size)
+        for start in range(0, x.size, _TILE**2):
+            some = order[start:start + _TILE**2]
+            result[some] = self._tile(x[some], y[some], shortest_m if shortest is None else shortest[some])
+        return result.reshape(shape)
+
+    def _tile(self, x: np.ndarray, y: np.ndarray, shortest_m: Any) -> np.ndarray:
+        total = self._ground(x, y, shortest_m)
+        for landform in self.landforms:
+            # Only a mesh of one spacing leaves out what it is too coarse for; the error of a graded one is bounded.
+            share = landform.carried(shortest_m) if np.ndim(shortest_m) == 0 else 1.0
+            if share:
+                total += share * landform.heights(x, y, shortest_m)
+        if self.mantle_thickness_m:
+            smooth = self._ground(x, y, np.maximum(shortest_m, self.mantle_length_m))
+            total += fill(smooth + (self.mantle_level_m - total), self.mantle_thickness_m)
+        if self.slope_east or self.slope_north:
+            total += self._regional(x, y)
+        return total
+
+    def _regional(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        """The regional slope: a plane on the patch, levelling out beyond it to a flank of twice the patch's height."""
+        rise = self.slope_east * x + self.slope_north * y
+        end = math.hypot(self.slope_east, self.slope_north) * self.size_m * math.sqrt(0.5)
+        beyond = np.maximum(np.abs(rise) - end, 0.0)
+        return rise if not np.any(beyond) else rise - np.sign(rise) * (beyond + end * np.expm1(-beyond / end))
+
+    def _ground(self, x: np.ndarray, y: np.ndarray, shortest_m: Any) -> np.ndarray:
+        """The random surface and the layers on it."""
+        total = self.base.heights(x, y, shortest_m)
+        for each in self.layers:
+            total += each.heights(x, y, shortest_m)
+        return total
+
+
+def _tiles(rows: int, columns: int) -> Iterator[tuple[slice, slice]]:
+    for j in range(0, rows, _TILE):
+        for i in range(0, columns, _TILE):
+            yield slice(j, j + _TILE), slice(i, i + _TILE)
+
+
+def _neighbours_together(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """An order of scattered points in which neighbours are near each other, so that they share lattice cells."""
+    if x.size <= _TILE**2:
+        return np.arange(x.size)
+    squares = max(1, round(math.sqrt(x.size) / _TILE))
+    column, row = (np.minimum(((a - a.min()) * (squares / max(float(np.ptp(a)), 1e-300))).astype(np.int64), squares - 1)
+                   for a in (x, y))
+    return np.argsort(row * squares + column, kind="stable")
+
+
+def terrain(settings: Any, seed: int) -> Terrain:
+    """The ground that a complete scene description and its data set's seed describe.
+
+    Raises IcyMoonError where lengths contradict each other.
+    """
+    ground = settings["terrain"]
+    size = float(ground["size_m"])
+    layers = [layer(entry, generator(seed, "terrain", 2, k)) for k, entry in enumerate(ground["layers"])]
+    landforms = [make(settings[topic], generator(seed, "terrain", 3, k), size)
+                 for k, (topic, make) in enumerate(MAKERS.items())]
+    fall, azimuth = (math.radians(ground[k]) for k in ("regional_slope_deg", "regional_slope_azimuth_deg"))
+    mantle = settings["mantle"]
+    made = Terrain(size, rough(ground, size, generator(seed, "terrain", 0)), tuple(a for a in layers if a),
+                   tuple(a for a in landforms if a), -math.tan(fall) * math.sin(azimuth),
+                   -math.tan(fall) * math.cos(azimuth), mantle["thickness_m"], mantle["length_m"])
+    if mantle["thickness_m"] and made.landforms:
+        return _level(made)
+    return made
+
+
+def _level(made: Terrain) -> Terrain:
+    """The terrain with its mantle lying at the mean height of the landforms on the patch."""
+    axis = np.linspace(-made.size_m / 2, made.size_m / 2, _SAMPLES)
+    x, y = axis[None, :], axis[:, None]
+    mean = sum(float(np.mean(landform.heights(x, y, 0.0))) for landform in made.landforms)
+    return Terrain(made.size_m, made.base, made.layers, made.landforms, made.slope_east, made.slope_north,
+                   made.mantle_thickness_m, made.mantle_length_m, float(f"{mean:.9e}"))
+
+
+def law_range_m(ground: Any) -> tuple[float, float]:
+    """Shortest and longest distance over which ``terrain`` settings ask for the power law."""
+    return LAW_FROM * ground["inner_scale_m"], LAW_TO * ground["outer_scale_m"]
+
+
+def _lost(ground: Any, shortest_m: float) -> float:
+    """Share of the stated RMS deviation at three times the shortest wavelength that a mesh carries which it loses."""
+    wavelength = wavelengths_m(ground)
+    lag = 3 * shortest_m
+    if not LAW_FROM * wavelength[-1] <= lag <= LAW_TO * wavelength[0]:
+        return 0.0
+    squares = amplitudes(wavelength, ground["hurst"]) ** 2 * structure(lag / wavelength)
+    return 1.0 - math.sqrt(carried_share(wavelength, shortest_m) ** 2 @ squares / squares.sum())
+
+
+def advice(settings: Any, shortest_m: float) -> list[str]:
+    """What a person should know about described ground on a mesh whose shortest wavelength is ``shortest_m``.
+
+    Sentences; none if all is well.
+    """
+    ground, notes = settings["terrain"], []
+    finer = "raise terrain.resolution" if settings["mesh"]["kind"] == "GRID" else "lower mesh.edge_px"
+    finest = max(ground["inner_scale_m"], shortest_m)
+    slope = math.tan(math.radians(ground["rms_slope_deg"]))
+    steep = math.degrees(math.atan(slope * (finest / ground["slope_baseline_m"]) ** (ground["hurst"] - 1.0)))
+    if ground["hurst"] < 0.5 and steep > _ABSURD_DEG:
+        notes.append(f"With a Hurst exponent of {ground['hurst']:g}, {ground['rms_slope_deg']:g} degrees at "
+                     f"{ground['slope_baseline_m']:g} m become {steep:.0f} degrees at {finest:.2g} m, which no ice "
+                     "holds; raise terrain.hurst or terrain.inner_scale_m.")
+    lost = _lost(ground, shortest_m)
+    if slope and lost > _MOST_LOST:
+        notes.append(f"The mesh carries no wave under {shortest_m:.2g} m, so that the ground is {lost:.0%} smoother "
+                     f"than stated at {3 * shortest_m:.2g} m; {finer} or raise terrain.inner_scale_m.")
+    if slope and ground["outer_scale_m"] <= shortest_m:
+        notes.append(f"The mesh carries no wave under {shortest_m:.3g} m, and the longest is terrain.outer_scale_m, "
+                     f"{ground['outer_scale_m']:g} m: the ground is flat; {finer}.")
+    for topic, make in MAKERS.items():
+        landform = make(settings[topic], np.random.default_rng(0), ground["size_m"])
+        share = landform.carried(shortest_m) if landform else 1.0
+        if landform and share < 1.0:
+            notes.append(f"The mesh is too coarse for the {topic} (they need vertices {landform.finest_m / 1.5:.2g} m "
+                         f"apart), so they are {f'{share:.0%} of their height' if share else 'left out'}; {finer}.")
+    return notes

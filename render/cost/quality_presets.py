@@ -1,0 +1,73 @@
+"""The quality presets with what each costs here and what error it leaves. Imports no Blender."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+from ...settings.description import Settings, load, merged, preset_header, preset_names, preset_path, read_toml
+from ...system import processors
+from .abilities import Abilities, lacking
+from .estimate import duration, spread_before, work_of
+from .speed import Speed
+
+
+@dataclass(frozen=True)
+class Quality:
+    """A way to compute the light of a scene: wall seconds of a further pair, between ``seconds`` divided and
+    multiplied by ``factor`` in 19 of 20 cases, and what was measured of its error, see ``errors``."""
+
+    name: str
+    title: str
+    seconds: float
+    factor: float
+    errors: Mapping[str, Any]
+    lacks: str = ""  # what the Blender lacks for it, with the mend
+
+    @property
+    def cost(self) -> str:
+        """Such as '12 s (8 s to 18 s)', or what the Blender lacks for it."""
+        if self.lacks:
+            return self.lacks
+        low, high = duration(self.seconds / self.factor), duration(self.seconds * self.factor)
+        return f"{duration(self.seconds)} ({low} to {high})"
+
+    @property
+    def error(self) -> str:
+        """Such as 'SGBM +0.031 px, radiance 4.1 %'; empty if none was measured."""
+        if not self.errors:
+            return ""
+        return f"SGBM {self.errors['sgbm_px']:+.3f} px, radiance {100 * self.errors['radiance_rms']:.1f} %"
+
+
+def seconds_of(settings: Settings, triangles: float, speed: Speed | None) -> tuple[float, float]:
+    """Wall seconds of a further pair of a scene of so many triangles, and the factor that they may be off by."""
+    seconds = work_of(settings).seconds(triangles) * (speed.factor if speed else 1.0) / processors()
+    return seconds, math.exp(2.0 * spread_before(speed, settings["quality"]["device"] == "GPU"))
+
+
+def qualities(settings: Settings, triangles: float, speed: Speed | None,
+              able: Abilities = Abilities()) -> list[Quality]:  # noqa: B008, it is frozen
+    """The shipped qualities for a described scene, cheapest first, then the one that it has; those that a Blender that
+    is no more than ``able`` lacks something for say so.
+
+    ``errors`` are those of the preset's file: ``sgbm_px`` added to the mean error of SGBM, ``radiance_rms`` and
+    ``radiance_bias`` as fractions of the mean radiance, the ``scene`` and the ``command`` that measured them.
+    """
+    found = []
+    for name in preset_names("qualities"):
+        title, preset, errors = _shipped(name)
+        whole = merged(settings, preset)
+        found.append(Quality(name, title, *seconds_of(whole, triangles, speed), errors, lacking(whole, able)))
+    own = Quality("", "As described", *seconds_of(settings, triangles, speed), {}, lacking(settings, able))
+    return [*sorted(found, key=lambda quality: quality.seconds), own]
+
+
+@cache
+def _shipped(name: str) -> tuple[str, Settings, Mapping[str, Any]]:
+    """Title, settings and measured errors of a preset; read once, since the window asks at every redraw."""
+    path = preset_path(name)
+    return preset_header(name)[0], load(path), read_toml(path).get("measured", {})

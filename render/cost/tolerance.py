@@ -1,0 +1,75 @@
+"""How much stereo error may be added to what an image without noise would have. Imports no Blender.
+
+The one place that says what may be asked for: by the command line, and by the window.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+from ...errors import IcyMoonError
+
+#: Mean disparity error, px: what is asked for if nothing is, the least and the most.
+PX, PX_LEAST, PX_MOST = 0.02, 1e-4, 10.0
+#: Share of the pixels that are missing or off by more than 1 px, a fraction: the same.
+BAD_1, BAD_1_LEAST, BAD_1_MOST = 0.005, 1e-5, 0.5
+
+
+@dataclass(frozen=True)
+class Tolerance:
+    """What may be added at most, None for anything: the mean disparity error in px, and the share of the pixels that
+    are missing or off by more than 1 px, a fraction."""
+
+    epe_px: float | None
+    wrong_or_missing: float | None
+
+    @property
+    def limits(self) -> dict[str, float]:
+        """Those that there are, by the key of ``stereo.trade``'s losses."""
+        return {key: value for key, value in (("epe_px", self.epe_px), ("wrong_or_missing", self.wrong_or_missing))
+                if value is not None}
+
+    def __str__(self) -> str:
+        px = [] if self.epe_px is None else [f"{self.epe_px:g} px"]
+        bad = [] if self.wrong_or_missing is None else [f"{100 * self.wrong_or_missing:g} % bad-1"]
+        return " and ".join(px + bad)
+
+    def keeps(self, loss: Mapping[str, float | None], doubt: Mapping[str, float | None]) -> bool | None:
+        """Whether a matcher's ``loss`` is within the tolerance, whatever its ``doubt``; None if that cannot be told."""
+        return every(_under(loss[key], doubt[key], limit) for key, limit in self.limits.items())
+
+
+def every(verdicts: Iterable[bool | None]) -> bool | None:
+    """Whether all hold; None if that cannot be told."""
+    found = list(verdicts)
+    return False if False in found else None if None in found else True
+
+
+def _under(value: float | None, doubt: float | None, limit: float) -> bool | None:
+    if value is None:
+        return False
+    return None if doubt is None or abs(value - limit) < doubt else value <= limit
+
+
+def tolerance(epe_px: float | None, bad_1: float | None) -> Tolerance:
+    """What may be added; PX where neither is given.
+
+    Raises IcyMoonError unless both are between their least and most: below nothing can be told from noise, and above
+    it is not stereo any more.
+    """
+    if epe_px is None and bad_1 is None:
+        epe_px = PX
+    if epe_px is not None and not (math.isfinite(epe_px) and PX_LEAST <= epe_px <= PX_MOST):
+        raise IcyMoonError(f"A tolerance of {epe_px:g} px cannot be searched for; give {PX_LEAST:g} to {PX_MOST:g} px.")
+    if bad_1 is not None and not (math.isfinite(bad_1) and BAD_1_LEAST <= bad_1 <= BAD_1_MOST):
+        raise IcyMoonError(f"A tolerance of {100 * bad_1:g} % bad-1 cannot be searched for; give {100 * BAD_1_LEAST:g} "
+                           f"% to {100 * BAD_1_MOST:g} %, as in 0.5% or 0.005.")
+    return Tolerance(epe_px, bad_1)
+
+
+def share(text: str) -> float:
+    """0.005 of "0.5%" or "0.005". Raises ValueError for anything else."""
+    number = text.strip()
+    return float(number[:-1]) / 100 if number.endswith("%") else float(number)

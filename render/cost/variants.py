@@ -1,0 +1,223 @@
+"""The ways to compute one described scene, from the roughest to the most accurate. Imports no Blender.
+
+A variant differs from the scene as it is described in one respect, and only in respects that this scene has: no
+subsurface model is varied where no light goes under the surface, no mesh error where the ground is a file.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from ...errors import IcyMoonError
+from ...physics.left_out import relief_of_camera_alone, surfaces, walk_px, walks
+from ...physics.surfaces.hapke import HapkeParameters, bidirectional_reflectance
+from ...physics.surfaces.photometry import hemispherical_albedo
+from ...settings.description import Settings, merged
+from .abilities import Abilities, lacking
+from .estimate import work_of
+
+_ALL = Abilities()
+#: What may be varied, and what it is about.
+GROUPS = {
+    "samples": "light paths per pixel, with and without a denoiser",
+    "bounces": "interreflections followed",
+    "threshold": "light paths only where a pixel is still noisy",
+    "shortcuts": "what may be left out: light's way under the surface, fine relief for all light but the camera's, "
+                 "labels and normals",
+    "subsurface": "how light under the surface is computed",
+    "mesh": "how finely the ground is meshed",
+    "relief": "fine relief shaded or real",
+    "hapke": "which terms of Hapke's law, and how exactly",
+}
+#: Groups that vary the shape of the ground, to be held against a reference of finer shape.
+SHAPES = ("mesh", "relief")
+SAMPLES = (1, 2, 4, 8, 16, 32, 64, 128, 256)
+#: Beyond this a denoiser costs more than it could remove.
+_MOST_DENOISED = 64
+_BOUNCES = (0, 1, 2, 3, 4, 8, 16)
+_THRESHOLDS = (0.2, 0.1, 0.05, 0.02, 0.01)
+#: Light paths that a noise threshold may spend at most, as a multiple of the scene's own.
+_THRESHOLD_ROOM = 4
+_MESH_ERRORS_PX = (0.5, 1.0, 2.0, 4.0, 8.0, 16.0)
+_DENOISERS = {"NONE": "", "OIDN": ", denoised", "OIDN_COLOUR": ", denoised by colour"}
+#: More than that ``quality.walk_px`` cannot leave out.
+_LONGEST_WALK_PX = 100.0
+#: Of the reference: bounces, and the mesh error that no matcher sees.
+_REFERENCE_BOUNCES = 32
+_REFERENCE_MOST = 2 * 65536  # light paths, of two renders
+_REFERENCE_ERROR_PX = 0.25
+
+
+@dataclass(frozen=True)
+class Variant:
+    """One way to compute the scene: what is varied, a name for people, complete settings, and how often to render."""
+
+    group: str
+    name: str
+    settings: Settings
+    repeats: int = 2
+
+    @property
+    def key(self) -> str:
+        """Tells it from all others of a scene."""
+        return f"{self.group}: {self.name}"
+
+
+def reference(settings: Settings, samples: int = 1024, fine: bool = False) -> Variant:
+    """The scene's light as accurately as it can be: no denoiser, no threshold, all bounces that matter, fine relief
+    for all light, the most exact Hapke; with ``fine`` its shape too: the finest mesh, real relief. Two renders of half
+    the ``samples``, so that the noise that is left is known.
+
+    Raises IcyMoonError under two samples and over what two renders can have.
+    """
+    if not 2 <= samples <= _REFERENCE_MOST:
+        raise IcyMoonError(f"A reference cannot have {samples} samples, half of them in each of two renders; give 2 to "
+                           f"{_REFERENCE_MOST}.")
+    parts: list[dict[str, dict[str, Any]]] = [{"quality": {
+        "samples": samples // 2, "denoiser": "NONE", "noise_threshold": 0.0, "fine_relief": "ALL",
+        "diffuse_bounces": max(_REFERENCE_BOUNCES, int(settings["quality"]["diffuse_bounces"]))}}]
+    if settings["surface"]["model"] == "HAPKE":
+        parts.append({"hapke": {"accuracy": "REFERENCE"}})
+    if fine and _meshed(settings):
+        parts.append({"mesh": {"error_px": min(_REFERENCE_ERROR_PX, settings["mesh"]["error_px"])}})
+    if fine:
+        parts.append({"surface": {"relief": "DISPLACEMENT"}})
+    return Variant("reference", f"{samples} samples{', fine' * fine}", merged(settings, *parts))
+
+
+def variants(settings: Settings, groups: Sequence[str] = (), able: Abilities = _ALL) -> list[Variant]:
+    """The variants of a complete description in the named ``groups`` (all that matter to the scene if empty), each
+    once per kind of reference (see ``SHAPES``), the scene as it is described first. Left out are those that a Blender
+    that is no more than ``able`` cannot render.
+
+    Raises IcyMoonError for a group that there is not, or that this scene has nothing of.
+    """
+    unknown = [group for group in groups if group not in GROUPS]
+    if unknown:
+        raise IcyMoonError(f"There is no group {unknown[0]!r} to vary; there are {', '.join(GROUPS)}.")
+    found = [Variant("scene", "as described", settings)]
+    for group in groups or GROUPS:
+        own = [variant for variant in _of_group(group, settings) if not lacking(variant.settings, able)]
+        if not own and group in groups:
+            raise IcyMoonError(f"This scene has nothing to vary in {group} ({GROUPS[group]}); leave it out.")
+        alike = [variant.settings for variant in found if (variant.group in SHAPES) == (group in SHAPES)]
+        found += [variant for variant in own if variant.settings not in alike]
+    return found
+
+
+def _of_group(group: str, settings: Settings) -> list[Variant]:
+    samples = int(settings["quality"]["samples"])
+
+    def made(name: str, part: Mapping[str, Mapping[str, Any]]) -> Variant:
+        return Variant(group, name, merged(settings, part))
+
+    if group == "samples":
+        return [made(f"{_count(n, 'sample')}{text}", {"quality": {"samples": n, "denoiser": denoiser}})
+                for denoiser, text in _DENOISERS.items() for n in SAMPLES if denoiser == "NONE" or n <= _MOST_DENOISED]
+    if group == "bounces":
+        return [made(_count(n, "bounce"), {"quality": {"diffuse_bounces": n}}) for n in _BOUNCES]
+    if group == "threshold":
+        return [made(f"until {limit:g}", {"quality": {"noise_threshold": limit, "samples": _THRESHOLD_ROOM * samples}})
+                for limit in _THRESHOLDS]
+    if group == "mesh":
+        return [made(f"{error:g} px", {"mesh": {"error_px": error}})
+                for error in _MESH_ERRORS_PX] if _meshed(settings) else []
+    if group == "shortcuts":
+        quality = settings["quality"]
+        return [made(*((part.whole, {"quality": {part.key: part.full}}) if quality[part.key] == part.lean else
+                       (part.without, {"quality": {part.key: part.lean}}))) for part in _parts(settings)]
+    if group == "relief":
+        surface = settings["surface"]
+        return [made("shaded", {"surface": {"relief": "BUMP"}}), made("real", {"surface": {"relief": "DISPLACEMENT"}})
+                ] if surface["model"] == "PRINCIPLED" and surface["grain_amplitude_m"] > 0 else []
+    return _surface_models(group, settings)
+
+
+@dataclass(frozen=True)
+class _Part:
+    """What may be computed or left out: the setting of quality, its values without and with it, names of both."""
+
+    key: str
+    lean: Any
+    full: Any
+    without: str
+    whole: str
+
+
+def _parts(settings: Settings) -> list[_Part]:
+    """Those that the scene has: shaded relief, a surface that light can walk under, labels and normals."""
+    found = []
+    topics = surfaces(settings)
+    if any(relief_of_camera_alone(merged(settings, {"quality": {"fine_relief": "CAMERA"}}), each) for each in topics):
+        found.append(_Part("fine_relief", "CAMERA", "ALL", "fine relief for the camera alone",
+                           "fine relief for all light"))
+    walk = max(walk_px(settings, each) for each in topics)
+    if 0 < walk < _LONGEST_WALK_PX:
+        least = settings["quality"]["walk_px"]
+        lean = least if least > walk else _LONGEST_WALK_PX
+        found.append(_Part("walk_px", lean, 0.0, "no walk under the surface", "walk under the surface"))
+    return [*found, _Part("truth", "DEPTH", "FULL", "depth alone", "normals and labels")]
+
+
+def leaner(settings: Settings) -> dict[str, dict[str, dict[str, Any]]]:
+    """By name what of the scene's light may still be left out, each alone: for a search that tries one by one."""
+    return {part.without: {"quality": {part.key: part.lean}} for part in _parts(settings)
+            if part.key != "truth" and settings["quality"][part.key] != part.lean}
+
+
+def _surface_models(group: str, settings: Settings) -> list[Variant]:
+    surface = settings["surface"]
+    parts: dict[str, dict[str, dict[str, Any]]] = {}
+    if group == "subsurface" and surface["model"] == "PRINCIPLED" and surface["subsurface_weight"] > 0:
+        parts = {**({"none": {"surface": {"subsurface_weight": 0.0}}} if walks(settings, "surface") else {}),
+                 "Hapke": {"surface": {"model": "HAPKE"}, "hapke": _isotropic_hapke(settings)},
+                 "Lambert": {"surface": {"model": "LAMBERT"}}}
+    if group == "hapke" and surface["model"] == "HAPKE":
+        parts = {
+            "fast": {"hapke": {"accuracy": "FAST"}}, "accurate": {"hapke": {"accuracy": "ACCURATE"}},
+            "reference": {"hapke": {"accuracy": "REFERENCE"}},
+            "as nodes": {"hapke": {"backend": "NODES"}},
+            "smooth": {"hapke": {"theta_bar_deg": 0.0}},
+            "without opposition": {"hapke": {"b_s0": 0.0, "b_c0": 0.0}},
+            "Lommel-Seeliger": {"surface": {"model": "LOMMEL_SEELIGER"}}, "Lambert": {"surface": {"model": "LAMBERT"}}}
+    return [Variant(group, name, merged(settings, part)) for name, part in parts.items()]
+
+
+def _isotropic_hapke(settings: Settings) -> dict[str, Any]:
+    """Hapke settings that reflect the surface's albedo of sunlight on level ground, with nothing else known: isotropic
+    grains, no opposition surge, smooth."""
+    incidence = math.radians(90.0 - min(max(settings["light"]["sun_elevation_deg"], 1.0), 90.0))
+
+    def albedo(w: float) -> float:
+        def law(i: Any, e: Any, psi: Any) -> Any:
+            return bidirectional_reflectance(i, e, psi, HapkeParameters(w, h_function="2002"))
+        return float(hemispherical_albedo(law, incidence))
+
+    low, high = 0.0, 1.0
+    for _ in range(30):
+        middle = (low + high) / 2
+        low, high = (middle, high) if albedo(middle) < settings["surface"]["albedo"] else (low, middle)
+    return {"w": high, "b": 0.0, "c": 0.0, "b_s0": 0.0, "h_s": 0.0, "b_c0": 0.0, "h_c": 0.0, "theta_bar_deg": 0.0,
+            "filling_factor": 0.0, "h_function": "2002", "accuracy": "FAST"}
+
+
+def candidates(settings: Settings, able: Abilities = _ALL) -> list[Variant]:
+    """Ways to compute the light, cheapest first by what each is expected to cost: for a search that stops at the first
+    one that is good enough. Left out are those that a Blender that is no more than ``able`` cannot render."""
+    found = [Variant("auto", f"{_count(n, 'sample')}{text}", merged(settings, {"quality": {
+        "samples": n, "denoiser": denoiser, "noise_threshold": 0.0}}))
+        for denoiser, text in _DENOISERS.items() if denoiser != "OIDN_COLOUR"
+        for n in SAMPLES if denoiser == "NONE" or n <= _MOST_DENOISED]
+    return sorted((variant for variant in found if not lacking(variant.settings, able)),
+                  key=lambda variant: work_of(variant.settings).seconds(0.0))
+
+
+def _count(number: int, what: str) -> str:
+    return f"{number} {what}{'s' * (number != 1)}"
+
+
+def _meshed(settings: Settings) -> bool:
+    return settings["source"]["kind"] == "PROCEDURAL" and settings["mesh"]["kind"] == "GRADED"

@@ -1,0 +1,93 @@
+"""Labels for what a person put into the scene, for the time of a render.
+
+A lander that a person puts into the collection "Icy Moon" has neither an instance nor a semantic
+label unless they gave it or its materials a pass index. Both are lent to it, and taken back.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from typing import Any
+
+import bpy
+
+from .. import compat
+from ..errors import IcyMoonError
+from ..labels import FIRST_OBJECT_INSTANCE, LANDER, LAST_OBJECT_INSTANCE
+from ..nodes.datablocks.fingerprint import TAG
+
+
+def _materials(item: bpy.types.Object) -> set[bpy.types.Material]:
+    slots = [slot.material for slot in item.material_slots]
+    return {m.original for m in (*slots, *item.data.materials) if m is not None}
+
+
+def _persons_objects(scene: bpy.types.Scene) -> dict[bpy.types.Object, set[bpy.types.Material]]:
+    """The objects with a surface that the builders did not make, by name, with all their materials.
+
+    Those count that a collection instance or a geometry node brings in, and the materials that a
+    modifier sets.
+    """
+    layer = scene.view_layers[0]
+    layer.update()
+    found: dict[bpy.types.Object, set[bpy.types.Material]] = {}
+
+    def note(item: bpy.types.Object) -> None:
+        if TAG not in item.original and hasattr(item.data, "materials"):
+            found.setdefault(item.original, set()).update(_materials(item))
+
+    for instance in layer.depsgraph.object_instances:
+        note(instance.object)  # gone at the next turn: Blender crashes if it is kept
+    for item in scene.objects:
+        note(item)
+    return dict(sorted(found.items(), key=lambda entry: entry[0].name))
+
+
+def _grey() -> bpy.types.Material:
+    """What Cycles shows of a surface without a material: diffuse, 0.8."""
+    material = bpy.data.materials.new("Icy Moon Unlabelled")
+    tree = compat.ensure_nodes(material)
+    tree.nodes.clear()
+    surface, output = tree.nodes.new("ShaderNodeBsdfDiffuse"), tree.nodes.new("ShaderNodeOutputMaterial")
+    surface.inputs["Color"].default_value = (0.8, 0.8, 0.8, 1.0)
+    surface.inputs["Roughness"].default_value = 0.0
+    tree.links.new(surface.outputs[0], output.inputs["Surface"])
+    material.pass_index = LANDER
+    return material
+
+
+@contextmanager
+def labelled(scene: bpy.types.Scene) -> Iterator[None]:
+    """Every surface in the scene has a semantic label, and every object an instance label of its own.
+
+    Pass indices that a person set are kept. Raises IcyMoonError if there are more objects than labels.
+    """
+    objects = _persons_objects(scene)
+    taken = {item.pass_index for item in (*scene.objects, *objects)}
+    free = (label for label in range(FIRST_OBJECT_INSTANCE, LAST_OBJECT_INSTANCE + 1) if label not in taken)
+    with ExitStack() as undo:
+        grey = _grey()
+        undo.callback(bpy.data.materials.remove, grey)
+
+        def lend(block: Any, name: str, value: Any) -> None:
+            undo.callback(setattr, block, name, getattr(block, name))
+            setattr(block, name, value)
+
+        for item, materials in objects.items():
+            if item.pass_index == 0:
+                label = next(free, None)
+                if label is None:
+                    raise IcyMoonError(f"The collection Icy Moon holds more than {LAST_OBJECT_INSTANCE} objects of "
+                                       "yours, which is as many as there are instance labels; join some.")
+                lend(item, "pass_index", label)
+            for material in materials:
+                if material.pass_index == 0:
+                    lend(material, "pass_index", LANDER)
+            for slot in item.material_slots:
+                if slot.material is None:
+                    lend(slot, "material", grey)
+            if not materials and not item.material_slots:
+                item.data.materials.append(grey)
+                undo.callback(item.data.materials.pop)
+        yield

@@ -1,0 +1,77 @@
+"""What is known of a rendered pair: the content of its ``pair.json``."""
+
+from __future__ import annotations
+
+import math
+import platform
+from typing import Any
+
+import bpy
+import numpy as np
+
+from .. import compat
+from ..labels import FIRST_ROCK_INSTANCE, INSTANCE_AOV, SEMANTIC, TERRAIN_INSTANCE
+from ..nodes.scene import Built
+from ..nodes.surface.sun_inputs import made_of
+from ..physics import admission
+from ..physics.camera.blur import blur_of
+from ..physics.camera.lens_distortion import COEFFICIENTS, coefficients
+from ..physics.left_out import left_out
+from ..system import peak_memory_mib
+from ..version import version
+from .pairs.pair_folder import EYES, FORMAT, VERSION, StereoCamera
+from .plans.planned_pair import PlannedPair
+
+
+def _light_facts(built: Built, toward_sun: np.ndarray) -> dict[str, Any]:
+    """The sky that was described, but for the Sun as it stands, which a person may have turned."""
+    described = built.sky
+    described["sun"] |= {"direction_to_world": toward_sun.tolist(), "irradiance_wm2": built.sun.data.energy,
+                         "angular_diameter_deg": math.degrees(built.sun.data.angle)}
+    return described
+
+
+def _as_taken(pose: np.ndarray, rotation: np.ndarray) -> np.ndarray:
+    """The camera-to-world matrix (4, 4) of an eye of the parallel rig that is turned by ``rotation`` (3, 3)."""
+    turned = pose.copy()
+    turned[:3, :3] = pose[:3, :3] @ rotation.T
+    return turned
+
+
+def _channels(depth_alone: bool) -> dict[str, Any]:
+    """What the images hold, in words."""
+    light: dict[str, Any] = {"radiance": "W/(m² sr) per band, linear",
+                             "depth": "planar Z in m at pixel centres, sky 1e10"}
+    return light if depth_alone else {
+        **light, "normal": "unit, world axes, of the facet", "semantic": {str(k): v for k, v in SEMANTIC.items()},
+        "instance": f"{INSTANCE_AOV} where it is above 0 (blocks, from {FIRST_ROCK_INSTANCE}), else the "
+                    f"object index ({TERRAIN_INSTANCE} terrain, others objects); 0 sky"}
+
+
+def facts(built: Built, planned: PlannedPair, poses: dict[str, np.ndarray], toward_sun: np.ndarray,
+           files: dict[str, Any], seconds: dict[str, float]) -> dict[str, Any]:
+    """The content of ``pair.json``, but for what is known only when it is finished."""
+    settings = planned.settings
+    camera, blur = StereoCamera.from_settings(settings["rig"]), blur_of(settings)
+    eyes = camera.eyes_json()
+    for eye in EYES:
+        eyes[eye]["distortion"] = dict(zip(COEFFICIENTS, coefficients(settings["rig"]), strict=True))
+    return {
+        "format": FORMAT, "version": VERSION, "id": planned.id, "settings": settings,
+        "edited_by_hand": built.edited, "ground": built.ground, "own_files_sha256": built.content,
+        "camera": camera.to_json(), "eyes": eyes,
+        "poses_camera_to_world": {eye: _as_taken(poses[eye], camera.eye_rotation(eye)).tolist() for eye in EYES},
+        "poses_rectified_to_world": {eye: poses[eye].tolist() for eye in EYES},
+        "blur": blur.to_json() if blur else None,
+        "light": _light_facts(built, toward_sun),
+        "left_out": left_out(settings, built.sky), "advice": admission.advice(settings),
+        "channels": _channels(settings["quality"]["truth"] == "DEPTH"),
+        "seeds": {"dataset": settings["dataset"]["seed"], "render": planned.render_seed},
+        "versions": {"blender": bpy.app.version_string, "python": platform.python_version(),
+                     "numpy": np.__version__, "icymoon": version()},
+        "device": settings["quality"]["device"], "osl": compat.has_osl(),
+        "hapke": made_of(built.materials), "denoiser": settings["quality"]["denoiser"],
+        "platform": platform.platform(),
+        "seconds": seconds, "peak_memory_mib": peak_memory_mib(),
+        "files": files,
+    }

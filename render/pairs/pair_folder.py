@@ -1,0 +1,304 @@
+"""The pair folder: the contract between rendering and everything that measures.
+
+``<dataset>/pairs/<id>/`` holds ``left.exr``, ``right.exr`` and ``pair.json``, of images that are blurred or of eyes
+that are toed in also the truth in files of its own. A pair is written as
+``<id>.part`` and renamed when ``pair.json`` is in it, so a folder without the suffix that has a
+``pair.json`` is complete. Images are linear radiance in W/(m² sr) per band; truth is sampled at
+pixel centres and never antialiased. Imports no Blender.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...errors import IcyMoonError
+from ...files import PART, json_text, read_text, replaced, sha256
+from ...records import (
+    COUNT,
+    FILE_NAME,
+    FLAG,
+    MATRIX,
+    NUMBER,
+    PIXELS,
+    POSITIVE,
+    SHA256,
+    TABLE,
+    TEXT,
+    WHOLE,
+    Each,
+    Maybe,
+    checked,
+    fault,
+    parsed,
+)
+from ...settings.changes import response
+from ...settings.description import Settings, merged, restored
+from .our_files import checked_id
+
+FORMAT = "icymoon-pair"
+VERSION = 1
+EYES = ("left", "right")
+_IMAGES = tuple(f"{eye}.exr" for eye in EYES)
+TRUTH_FILE, TOED_TRUTH_FILE = "{}_truth.exr", "{}_toed_truth.exr"
+
+
+@dataclass(frozen=True)
+class StereoCamera:
+    """Two identical, parallel pinhole cameras, the right one ``baseline_m`` along the left one's x.
+
+    The principal point is in pixel-corner coordinates: pixel (column u, row v) has its centre at
+    (u + 0.5, v + 0.5), so a ray through it is ((u + 0.5 - cx) / f, (v + 0.5 - cy) / f, 1).
+
+    This is the rig that truth and rectified images are of. Images were taken with eyes that may be turned in, by
+    ``toe_in_deg`` each, and rendered with so many pixels more beyond each border as the margins say.
+    """
+
+    width_px: int
+    height_px: int
+    focal_px: float
+    cx_px: float
+    cy_px: float
+    baseline_m: float
+    margin_x_px: int = 0
+    margin_y_px: int = 0
+    toe_in_deg: float = 0.0
+
+    @classmethod
+    def from_settings(cls, rig: dict[str, Any]) -> StereoCamera:
+        """From the ``rig`` settings; the sensor width spans the image width, pixels are square."""
+        focal = rig["focal_length_mm"] / rig["sensor_width_mm"] * rig["width_px"]
+        return cls(rig["width_px"], rig["height_px"], focal, rig["width_px"] / 2 + rig["principal_x_px"],
+                   rig["height_px"] / 2 + rig["principal_y_px"], rig["baseline_m"],
+                   math.ceil(rig["overscan"] * rig["width_px"]), math.ceil(rig["overscan"] * rig["height_px"]),
+                   rig["toe_in_deg"])
+
+    @property
+    def focal_baseline_px_m(self) -> float:
+        """f·B in px·m: disparity (px) times planar depth (m)."""
+        return self.focal_px * self.baseline_m
+
+    @property
+    def matrix(self) -> list[list[float]]:
+        """The 3x3 calibration matrix K, pixel-corner coordinates."""
+        return [[self.focal_px, 0.0, self.cx_px], [0.0, self.focal_px, self.cy_px], [0.0, 0.0, 1.0]]
+
+    @property
+    def rectified(self) -> StereoCamera:
+        """The parallel rig by itself, whatever the images were taken with."""
+        return replace(self, margin_x_px=0, margin_y_px=0, toe_in_deg=0.0)
+
+    @property
+    def rendered_px(self) -> tuple[int, int]:
+        """Columns and rows of the rendered images, margins included."""
+        return self.width_px + 2 * self.margin_x_px, self.height_px + 2 * self.margin_y_px
+
+    def eye_rotation(self, eye: str) -> np.ndarray:
+        """Rotation (3, 3) from the axes of the parallel rig into those of the eye, which is turned toward the other."""
+        angle = math.radians(self.toe_in_deg) * (1 if eye == "left" else -1)
+        return np.array([[math.cos(angle), 0.0, -math.sin(angle)], [0.0, 1.0, 0.0],
+                         [math.sin(angle), 0.0, math.cos(angle)]])
+
+    def cropped(self, image: np.ndarray) -> np.ndarray:
+        """A rendered image (H + margins, W + margins, …) without its margins."""
+        return image[self.margin_y_px:self.margin_y_px + self.height_px,
+                     self.margin_x_px:self.margin_x_px + self.width_px]
+
+    @property
+    def field_of_view_deg(self) -> tuple[float, float]:
+        """Horizontal and vertical field of view in degrees."""
+        return (math.degrees(2 * math.atan(self.width_px / 2 / self.focal_px)),
+                math.degrees(2 * math.atan(self.height_px / 2 / self.focal_px)))
+
+    def disparity(self, depth_m: np.ndarray) -> np.ndarray:
+        """Disparity in px of planar depths in metres; NaN stays NaN (sky)."""
+        return self.focal_baseline_px_m / np.asarray(depth_m, np.float64)
+
+    def to_json(self) -> dict[str, Any]:
+        """The ``camera`` table of ``pair.json``."""
+        return {"width_px": self.width_px, "height_px": self.height_px, "focal_px": self.focal_px,
+                "cx_px": self.cx_px, "cy_px": self.cy_px, "baseline_m": self.baseline_m,
+                "K": self.matrix, "focal_baseline_px_m": self.focal_baseline_px_m,
+                "margin_x_px": self.margin_x_px, "margin_y_px": self.margin_y_px, "toe_in_deg": self.toe_in_deg,
+                "pixel_centre": "(u + 0.5, v + 0.5)"}
+
+    def eyes_json(self) -> dict[str, Any]:
+        """The calibration of each eye: K, and R and t of x = R X + t from the left eye's rectified axes, metres."""
+        found = {}
+        for eye, along in (("left", 0.0), ("right", self.baseline_m)):
+            rotation = self.eye_rotation(eye)
+            found[eye] = {"K": self.matrix, "R": rotation.tolist(), "t": (-along * rotation[:, 0]).tolist()}
+        return found
+
+    @classmethod
+    def from_json(cls, data: dict[str, Any]) -> StereoCamera:
+        """Back from the ``camera`` table of ``pair.json``."""
+        own = ("width_px", "height_px", "focal_px", "cx_px", "cy_px", "baseline_m")
+        return cls(**{key: data[key] for key in own},
+                   **{key: data.get(key, 0) for key in ("margin_x_px", "margin_y_px", "toe_in_deg")})
+
+
+@dataclass(frozen=True)
+class Pair:
+    """A complete pair on disk."""
+
+    folder: Path
+    id: str
+    settings: Settings  # complete; ``data`` has them as they were written
+    camera: StereoCamera
+    data: dict[str, Any]  # the whole of pair.json
+
+    def image(self, eye: str) -> Path:
+        """Path of ``left.exr`` or ``right.exr``, the light."""
+        return self.folder / f"{eye}.exr"
+
+    def truth(self, eye: str) -> Path:
+        """The file with the truth of the parallel rig's eye: a file of its own unless that is what took the image."""
+        return self._or_image(eye, TRUTH_FILE)
+
+    def truth_as_taken(self, eye: str) -> Path:
+        """The file with the truth of the rendered image's own pixels, which differ where eyes are toed in."""
+        return self._or_image(eye, TOED_TRUTH_FILE) if self.camera.toe_in_deg else self.truth(eye)
+
+    @property
+    def rectified_poses(self) -> dict[str, Any] | None:
+        """Camera-to-world matrices of the eyes of the parallel rig; None if the pair does not say where it was."""
+        return self.data.get("poses_rectified_to_world") or self.data.get("poses_camera_to_world")
+
+    def _or_image(self, eye: str, name: str) -> Path:
+        return self.folder / name.format(eye) if name.format(eye) in self.data["files"] else self.image(eye)
+
+
+_MEND = "delete the folder and render the pair again"
+#: What says which settings a pair has, and of which version.
+_STATED = {"settings": Each(TABLE, TEXT), "versions": Maybe(Each(TEXT, TEXT))}
+_FILES = {"files": Each({"bytes": COUNT, "sha256": SHA256}, FILE_NAME, _IMAGES)}
+_BOTH_EYES = Maybe(dict.fromkeys(EYES, MATRIX))
+_NUMBERS = Maybe(Each(NUMBER, TEXT))
+#: What ``pair.json`` holds, as far as anything here reads it; of the settings see ``settings.check``.
+_SHAPE = {
+    "format": TEXT, "version": COUNT, "id": TEXT, **_STATED, **_FILES,
+    "camera": {"width_px": PIXELS, "height_px": PIXELS, "focal_px": POSITIVE, "cx_px": NUMBER, "cy_px": NUMBER,
+               "baseline_m": POSITIVE, "margin_x_px": Maybe(COUNT), "margin_y_px": Maybe(COUNT),
+               "toe_in_deg": Maybe(NUMBER)},
+    "poses_camera_to_world": _BOTH_EYES, "poses_rectified_to_world": _BOTH_EYES,
+    "edited_by_hand": Maybe(FLAG), "own_files_sha256": Maybe(TEXT), "left_out": Maybe(Each(TEXT)),
+    "seeds": Maybe(Each(WHOLE, TEXT)),
+    "device": Maybe(TEXT), "denoiser": Maybe(TEXT), "platform": Maybe(TEXT), "osl": Maybe(FLAG),
+    "light": Maybe(TABLE), "blur": Maybe(TABLE, null=True), "seconds": _NUMBERS, "cpu_seconds": _NUMBERS,
+    "peak_memory_mib": Maybe(NUMBER, null=True)}
+
+
+def _text(path: Path) -> str:
+    if path.exists() and not path.is_file():  # nobody may ever write to a pipe
+        raise IcyMoonError(f"{path} is no file; {_MEND}.")
+    try:
+        return read_text(path)
+    except FileNotFoundError:
+        raise IcyMoonError(f"{path.parent} is not a complete stereo pair (no pair.json); render it again.") from None
+    except (OSError, ValueError) as error:
+        raise IcyMoonError(f"{path} cannot be read ({error}); {_MEND}.") from None
+
+
+def _parsed(path: Path, text: str) -> Any:
+    try:
+        return parsed(text)
+    except ValueError as error:
+        raise IcyMoonError(f"{path} cannot be read ({error}); {_MEND}.") from None
+
+
+def read_pair(folder: Path) -> Pair:
+    """Read ``pair.json`` of one pair. Raises IcyMoonError if it is missing, foreign or incomplete."""
+    path = folder / "pair.json"
+    data = _parsed(path, _text(path))
+    if not isinstance(data, dict) or data.get("format") != FORMAT:
+        raise IcyMoonError(f"{path} is not an Icy Moon pair; choose a folder that Render Stereo Pair wrote.")
+    if data.get("version") != VERSION:
+        raise IcyMoonError(f"{path} has format version {data.get('version')!r}, this Icy Moon reads {VERSION}; "
+                           "use the version that wrote it.")
+    checked(data, _SHAPE, path, _MEND)
+    settings = restored(data["settings"], str(path), data.get("versions", {}).get("icymoon", ""))
+    camera = StereoCamera.from_json(data["camera"])
+    _check_camera(camera, StereoCamera.from_settings(settings["rig"]), path)
+    pair = Pair(folder, checked_id(data["id"], path), settings, camera, data)
+    for eye in EYES:
+        if not pair.image(eye).is_file():
+            raise IcyMoonError(f"{pair.image(eye)} is missing; {_MEND}.")
+    return pair
+
+
+def _check_camera(stated: StereoCamera, described: StereoCamera, path: Path) -> None:
+    """Raise IcyMoonError if the stated calibration is not that of the settings, which it was made of."""
+    for key, value in asdict(stated).items():
+        wanted = getattr(described, key)
+        # Settings have eight digits, and a focal length is made of three.
+        if not math.isclose(value, wanted, rel_tol=1e-6, abs_tol=1e-6):
+            raise IcyMoonError(f"{path}: camera.{key} is {value}, and its settings give {wanted}; {_MEND}.")
+
+
+def is_complete(folder: Path) -> bool:
+    """Whether a pair is there and can be read, see ``is_whole``."""
+    try:
+        return is_whole(folder)
+    except OSError:
+        return False
+
+
+def is_whole(folder: Path) -> bool:
+    """Whether a pair is there: ``pair.json``, which is written last, and images of the sizes that it states.
+
+    Raises OSError where that cannot be told.
+    """
+    try:
+        path = folder / "pair.json"
+        if not path.is_file():  # a pipe would be waited for
+            return False
+        data = parsed(read_text(path))
+        return not fault(data, _FILES) and all((folder / name).stat().st_size == fact["bytes"]
+                                               for name, fact in data["files"].items())
+    except (FileNotFoundError, NotADirectoryError, ValueError):
+        return False
+
+
+def restate(folder: Path, settings: Settings) -> None:
+    """Let a complete pair state these settings of the camera response, which need no new render.
+
+    If another pair takes its place meanwhile, that one states them. Raises IcyMoonError when the disk refuses.
+    """
+    path = folder / "pair.json"
+    before = _text(path)
+    data = checked(_parsed(path, before), _STATED, path, _MEND)
+    # As it is read: what came after it was written is no difference.
+    stated = restored(data["settings"], str(path), data.get("versions", {}).get("icymoon", ""))
+    now = merged(data["settings"], response(settings))
+    if response(stated) != response(settings) and not replaced(path, before, json_text({**data, "settings": now})):
+        restate(folder, settings)
+
+
+def pair_folders(path: Path) -> list[Path]:
+    """Folders of the complete pairs at ``path``: a pair folder, a ``pairs`` folder or a data set.
+
+    Raises IcyMoonError if there is none.
+    """
+    if (path / "pair.json").is_file():
+        return [path.resolve()]
+    root = path / "pairs" if (path / "pairs").is_dir() else path
+    folders = sorted(p.parent for p in root.glob("*/pair.json") if not p.parent.name.endswith(PART))
+    if not folders:
+        raise IcyMoonError(f"{path} holds no complete stereo pair; render one first or choose another folder.")
+    return folders
+
+
+def find_pairs(path: Path) -> list[Pair]:
+    """The complete pairs at ``path``, read; see ``pair_folders`` and ``read_pair``."""
+    return [read_pair(folder) for folder in pair_folders(path)]
+
+
+def changed_files(pair: Pair) -> list[str]:
+    """Names of the pair's files whose content is no longer what was rendered."""
+    return [name for name, fact in pair.data["files"].items()
+            if not (pair.folder / name).is_file() or sha256(pair.folder / name) != fact["sha256"]]

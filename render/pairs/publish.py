@@ -1,0 +1,98 @@
+"""A pair takes its place, whatever other processes do meanwhile and at whatever moment this one ends.
+
+A folder gets its final name by one rename, which fails where something is. Nothing is removed under a name that
+another may have given it: what is in the way is renamed to a name of our own first and looked at there, for it may
+have been finished just now by a process that took this one for dead. So a pair that is there stays there, or lies
+whole beside its place, from where ``settle`` puts it back. Imports no Blender.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+
+from ...errors import IcyMoonError
+from ...files import disk_errors, part_of
+from ...system import flush, rename
+from .our_files import is_of_a_pair, remove_ours, why_kept
+from .pair_folder import is_whole
+
+
+def publish(part: Path, folder: Path, lost: Callable[[], bool], again: bool = False) -> None:
+    """Make the pair in ``part`` the one at ``folder``, unless a whole one is there; ``again`` replaces that too.
+
+    ``lost`` says whether another process has claimed the pair since, whose pair then stays. Raises IcyMoonError
+    if the disk refuses, what is in the way is not ours, or what was rendered is of no use any more and no pair is
+    there.
+    """
+    aside: list[Path] = []
+    with disk_errors("write", folder):
+        try:
+            flush(part)
+            while not lost() and is_whole(part) and not _moved(part, folder):
+                if not again and is_whole(folder):
+                    return  # another has finished it meanwhile
+                _check_ours(folder)
+                aside.append(part_of(folder))
+                with suppress(FileNotFoundError):
+                    _moved(folder, aside[-1])
+                if not again:
+                    settle(aside[-1])  # which is back in its place if it was finished just now
+        except FileNotFoundError:
+            pass  # a process that took this one for dead has put the part into its place, or cleared it away
+        finally:
+            for old in aside:
+                settle(old)
+        flush(folder.parent)
+        if not is_whole(folder):
+            raise IcyMoonError(f"Pair {folder.name} was taken over by another process while this one stood still; "
+                               "wait for it, or render the pair again.")
+
+
+def settle(part: Path) -> None:
+    """End what was left beside a pair's place: a whole pair goes there if the place is free, all else is removed.
+
+    What is not ours stays, and is not looked at.
+    Raises OSError where what is there cannot be read; it is left as it is then.
+    """
+    if not is_of_a_pair(part):
+        return
+    folder = part.with_name(part.name.split(".")[0])
+    with suppress(FileNotFoundError):  # another has settled it
+        if not is_whole(part) or is_whole(folder):
+            discard(part)
+        else:
+            _moved(part, folder)  # and stays where it is if something broken is in its place
+
+
+def discard(part: Path) -> None:
+    """Remove an unfinished folder. Whoever still writes to it loses it at one moment, not file by file.
+
+    What cannot be removed is left for whoever sweeps next.
+    """
+    doomed, dataset = part_of(part.with_name(part.name.split(".")[0])), part.parent.parent
+    with suppress(OSError):
+        if not why_kept(part, dataset):
+            rename(part, doomed)
+            remove_ours(doomed, dataset)
+
+
+def _check_ours(folder: Path) -> None:
+    """Raise IcyMoonError if what is in the place of a pair is not ours to move."""
+    if why := why_kept(folder, folder.parent.parent):
+        raise IcyMoonError(f"{folder} is in the way and stays as it is: {why}; move it, or choose another folder.")
+
+
+def _moved(source: Path, target: Path) -> bool:
+    """Rename a folder; False where the target is something already. Raises FileNotFoundError if there is no source."""
+    try:
+        rename(source, target)
+    except FileNotFoundError:
+        raise
+    except OSError:
+        if not os.path.lexists(target):  # systems differ in the number of the error
+            raise
+        return False
+    return True

@@ -1,0 +1,1 @@
+"""Plans of data sets: from what a plan states to its pairs and their order."""

@@ -1,0 +1,294 @@
+"""From what a plan states to its pairs: every variation of every sweep with every other. Imports no Blender."""
+
+from __future__ import annotations
+
+import itertools
+import json
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from ...errors import IcyMoonError
+from ...formats.toml_lines import Place
+from ...physics import admission
+from ...physics.admission import Reason
+from ...physics.camera.blur import identity
+from ...physics.random_numbers.seeds import stream
+from ...physics.terrain.sites import Standing, standing
+from ...settings.description import Settings, beside, defaults, digest, merged
+from ...settings.table import TOPICS, all_settings
+from ...settings.user_files import content, used_files
+from . import poses, sweeps
+from .planned_pair import PlannedPair, turned_heading_deg
+from .sweeps import Block, Variation, check_number
+
+#: Grounds that a plan is checked on before it is rendered.
+MOST_GROUNDS = 200
+#: Topics that ``admission.of_settings`` asks, and what it asks of the terrain.
+_OF_SETTINGS = ("source", "surface", "rock_surface", "hapke", "textures", "rocks", "light")
+_OF_TERRAIN = ("size_m", "body_radius_m")
+_GEOMETRY = [(topic, s.key) for topic, s in all_settings() if s.effect == "geometry"]
+
+
+@dataclass(frozen=True)
+class Design:
+    """What a plan combines: ``base`` descriptions, the later over the earlier, sweeps, ``seeds`` and their place,
+    the number of pairs that it is thinned to, and the folder of the person's own files."""
+
+    base: tuple[Variation, ...] = ()
+    blocks: tuple[Block, ...] = ()
+    seeds: tuple[int | list[int], Place] | None = None
+    at_most: int | None = None
+    files: Path | None = None
+
+
+@dataclass(frozen=True)
+class _Made:
+    """A complete description, and the parts that it was made of, the later over the earlier."""
+
+    settings: Settings
+    parts: tuple[Variation, ...]
+
+    def over(self, part: Variation) -> _Made:
+        """This one with a part over it; what the part does not touch is shared, for there may be many."""
+        settings = self.settings | {topic: self.settings[topic] | values for topic, values in part.settings.items()}
+        return _Made(settings, (*self.parts, part))
+
+    def place_of(self, *names: str) -> Place | None:
+        """Where the last one stated of these settings (``topic.key``) stands, or else of others of their topics."""
+        keys = [(topic, key) for topic, _, key in (name.partition(".") for name in names)]
+        for part in reversed(self.parts):
+            for topic, key in keys:
+                if key in part.settings.get(topic, {}):
+                    return part.place.at(topic, key)
+        for part in reversed(self.parts):
+            for topic, _ in keys:
+                if topic in part.settings:
+                    return part.place.at(topic, list(part.settings[topic])[-1])
+        return self.parts[-1].place if self.parts else None
+
+
+def _geometry(settings: Mapping[str, Mapping[str, Any]]) -> str:
+    """What made-up ground and its blocks hang on."""
+    return json.dumps([settings[topic][key] for topic, key in _GEOMETRY])
+
+
+class _Grounds:
+    """The made-up grounds of a plan, each made once."""
+
+    def __init__(self) -> None:
+        self._known: dict[str, Standing] = {}
+
+    def of(self, settings: Settings) -> Standing:
+        """The ground of a complete description. Raises IcyMoonError if it is not made up, or contradicts itself."""
+        if settings["source"]["kind"] != "PROCEDURAL":
+            raise IcyMoonError("the ground is a file of your own, whose heights are not known here; state rig.x_m, "
+                               "rig.y_m and the pose in a cases block")
+        key = _geometry(settings)
+        if key not in self._known:
+            self._known[key] = standing(settings)
+        return self._known[key]
+
+
+@dataclass(frozen=True)
+class Combined:
+    """The pairs of a design, and of those that cannot be rendered why, by their ids."""
+
+    pairs: list[PlannedPair]
+    refused: dict[str, str]
+
+
+def combined(design: Design) -> Combined:
+    """The pairs of a design, checked. Raises IcyMoonError that names the line at fault if none can be rendered."""
+    grounds = _Grounds()
+    made = list(_described(design))
+    for block in sorted((b for b in design.blocks if b.kind in poses.KINDS), key=lambda b: poses.KINDS.index(b.kind)):
+        known: dict[str, list[Variation]] = {}
+        made = [each.over(_filed(part, design)) for each in made for part in _posed(block, each, grounds, known)]
+        check_number(len(made), block.place)
+    _check_headings(made)
+    made = [each for whole in made for each in _turned(whole)]
+    if design.at_most is not None and design.at_most < len(made):
+        made = [made[k * len(made) // design.at_most] for k in range(design.at_most)]
+    refusals = _refused(made, grounds)
+    if refusals and all(refusals):
+        raise refusals[0] or AssertionError
+    pairs = [PlannedPair(digest(each.settings, _content(each) + identity(each.settings)), each.settings, 0.0)
+             for each in made]
+    return Combined(pairs, {pair.id: str(error) for pair, error in zip(pairs, refusals, strict=True) if error})
+
+
+def _filed(part: Variation, design: Design) -> Variation:
+    """A part whose relative files are in the plan's folder of files, or beside the plan that names them."""
+    if not part.settings:
+        return part
+    return replace(part, settings=beside(design.files or part.place.file.parent, merged(part.settings)))
+
+
+def _described(design: Design) -> Iterator[_Made]:
+    """The descriptions that the sweeps of settings combine to; the camera is not placed yet."""
+    base = _Made(defaults(), ())
+    for part in design.base:
+        base = base.over(_filed(part, design))
+    factors = [[_filed(part, design) for part in sweeps.variations(block, base.settings)]
+               for block in design.blocks if block.kind in sweeps.KINDS]
+    place = design.blocks[0].place if design.blocks else None
+    if design.seeds is not None:
+        stated, place = design.seeds
+        drawn = seeds_of(stated, int(base.settings["dataset"]["seed"]))
+        factors.insert(0, [Variation({"dataset": {"seed": seed}}, place) for seed in drawn])
+    if place is not None:
+        check_number(math.prod(map(len, factors)), place)
+    for chosen in itertools.product(*factors):
+        made = base
+        for part in chosen:
+            made = made.over(part)
+        yield made
+
+
+def seeds_of(stated: int | list[int], seed: int) -> list[int]:
+    """Seeds of scenes: those stated, or so many children of the data set's seed, the first the same for any number."""
+    if isinstance(stated, list):
+        return stated
+    return [int(stream(seed, "plan", k).generate_state(1)[0] >> 1) for k in range(stated)]
+
+
+def _posed(block: Block, made: _Made, grounds: _Grounds, known: dict[str, list[Variation]]) -> list[Variation]:
+    """The cameras of a block in a description; those of the same ground and rig are worked out once."""
+    rig = made.settings["rig"]
+    key = _geometry(made.settings) + json.dumps([rig[s.key] for s in TOPICS["rig"].settings])
+    if key not in known:
+        try:
+            known[key] = poses.variations(block, made.settings, grounds.of)
+        except IcyMoonError as error:
+            raise _placed(error, block.place) from None
+    return known[key]
+
+
+def _placed(error: IcyMoonError, place: Place | None) -> IcyMoonError:
+    """An error with the line at fault before it, if it does not name one."""
+    text = str(error)
+    if place is None or text.startswith(str(place.file)):
+        return error
+    return IcyMoonError(f"{place}: {text}" + ("" if text.endswith(".") else "."))
+
+
+def _check_headings(made: list[_Made]) -> None:
+    """Refuse more pairs than a plan may have before they are made."""
+    pairs = sum(int(each.settings["dataset"]["headings"]) for each in made)
+    place = made[0].place_of("dataset.headings") if made else None
+    if place is not None:
+        check_number(pairs, place)
+
+
+def _turned(made: _Made) -> Iterator[_Made]:
+    """A description at each of its ``dataset.headings``, which is 1 in what comes of it."""
+    headings = int(made.settings["dataset"]["headings"])
+    if headings == 1:
+        yield made
+        return
+    place = made.place_of("dataset.headings")
+    assert place is not None
+    for k in range(headings):
+        yield made.over(Variation({"dataset": {"headings": 1},
+                                   "rig": {"heading_deg": turned_heading_deg(made.settings, k, headings)}}, place))
+
+
+def _content(made: _Made) -> str:
+    try:
+        return content(made.settings)
+    except IcyMoonError as error:
+        raise _placed(error, made.place_of("source.file", "textures.albedo_file")) from None
+
+
+def some_grounds(settings: Sequence[Settings]) -> set[str]:
+    """Those of the made-up grounds of descriptions that a plan is checked on, by what they hang on: all, or
+    ``MOST_GROUNDS`` evenly among more, each of which takes some hundredths of a second."""
+    there = list(dict.fromkeys(_geometry(each) for each in settings if each["source"]["kind"] == "PROCEDURAL"))
+    return {there[k * len(there) // MOST_GROUNDS] for k in range(MOST_GROUNDS)} if len(there) > MOST_GROUNDS else {
+        *there}
+
+
+def unseen_grounds(settings: Sequence[Settings]) -> int:
+    """The number of made-up grounds that a plan of these descriptions was not checked on."""
+    if len(settings) <= MOST_GROUNDS:
+        return 0
+    there = {_geometry(each) for each in settings if each["source"]["kind"] == "PROCEDURAL"}
+    return max(0, len(there) - MOST_GROUNDS)
+
+
+def _refused(made: list[_Made], grounds: _Grounds) -> list[IcyMoonError | None]:
+    """Of each description why it cannot be rendered, as is known before anything is built.
+
+    Raises IcyMoonError for a file that is not there and a camera beside the ground.
+    """
+    seen: set[str] = set()
+    known: dict[str, list[Reason]] = {}
+    standing_on: dict[int, tuple[Standing, list[int]]] = {}
+    found: list[list[Reason]] = []
+    looked_at = some_grounds([each.settings for each in made])
+    for k, each in enumerate(made):
+        _check_files_once(each, seen)
+        key = json.dumps([each.settings[topic] for topic in _OF_SETTINGS]
+                         + [each.settings["terrain"][name] for name in _OF_TERRAIN])
+        if key not in known:
+            known[key] = admission.of_settings(each.settings)
+        found.append(list(known[key]))
+        if each.settings["source"]["kind"] == "PROCEDURAL" and _geometry(each.settings) in looked_at:
+            try:
+                ground = grounds.of(each.settings)
+                standing_on.setdefault(id(ground), (ground, []))[1].append(k)
+            except IcyMoonError as error:
+                found[k].append(Reason(str(error)))
+    for ground, those in standing_on.values():
+        for k, reason in zip(those, _of_eyes(ground, [made[k] for k in those]), strict=True):
+            found[k] += [reason] if reason is not None and reason not in found[k] else []
+    return [_error(each, said) for each, said in zip(made, found, strict=True)]
+
+
+def _of_eyes(ground: Standing, made: list[_Made]) -> list[Reason | None]:
+    try:
+        found = admission.of_eyes(ground, [each.settings["rig"] for each in made])
+    except IcyMoonError as error:  # sizes of blocks that contradict each other
+        return [Reason(str(error)) for _ in made]
+    for each, reason in zip(made, found, strict=True):
+        if reason is not None and reason.names == admission.OUTSIDE:
+            raise _placed(IcyMoonError(reason), each.place_of(*reason.names))
+    return found
+
+
+def _error(made: _Made, said: list[Reason]) -> IcyMoonError | None:
+    """All reasons as one error that names the line at fault of the first."""
+    if not said:
+        return None
+    error = IcyMoonError(" ".join(said))
+    return _placed(error, (made.place_of(*said[0].names) if said[0].names else None) or _named_in(error, made))
+
+
+def _named_in(error: IcyMoonError, made: _Made) -> Place | None:
+    """Where the settings stand that an error names."""
+    named = [word.strip(",;:().") for word in str(error).split() if word.count(".") and word.split(".")[0] in TOPICS]
+    return made.place_of(*named)
+
+
+def _check_files_once(made: _Made, seen: set[str]) -> None:
+    """Refuse a file that is not there, unless another description with the same files has been checked."""
+    key = json.dumps([made.settings[topic] for topic in ("source", "textures", "light")])
+    if key in seen:
+        return
+    seen.add(key)
+    try:
+        _check_files(made)
+    except IcyMoonError as error:
+        raise _placed(error, _named_in(error, made)) from None
+
+
+def _check_files(made: _Made) -> None:
+    """Refuse a file that is not there."""
+    for name, path in used_files(made.settings).items():
+        if not (path.is_file() or (name == "light.kernels" and path.is_dir())):
+            raise _placed(IcyMoonError(f"{name}: {path} is not there; put it there, or extend this plan by one of your "
+                                       "own that names another or has plan.files, the folder it is in."),
+                          made.place_of(name))

@@ -1,0 +1,128 @@
+"""A data set's plan, frozen into its folder, and what there is of it. Imports no Blender.
+
+``plan.jsonl`` is written once, before the first render: a header, then a line for each pair. What is to be
+done depends on nothing else, so that any process on any machine can do any part of it.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from ...errors import IcyMoonError
+from ...files import disk_errors, read_text, write_text
+from ...records import COUNT, TABLE, TEXT, Each, checked, parsed
+from ...settings.description import Settings, changed, check, merged, restored, told_to_update
+from ...settings.pair_ids import counts
+from ...settings.table import all_settings
+from ...version import version
+from ..pairs.our_files import checked_id
+from ..pairs.pair_folder import is_complete
+from .planned_pair import PlannedPair
+
+PLAN = "plan.jsonl"
+FORMAT = "icymoon-dataset"
+VERSION = 1
+_MEND = "delete it and run icymoon batch again, which keeps what is rendered"
+#: The first line of a plan, of any version and of this one, and the others.
+_KIND = {"format": TEXT, "version": COUNT}
+_HEADER = {**_KIND, "settings": Each(TABLE, TEXT), "pairs": COUNT, "plan": TEXT, "icymoon": TEXT}
+_LINE = {"id": TEXT, "changes": Each(TABLE, TEXT)}
+#: How many settings are named in which a plan differs from what was planned.
+_MOST_SAID = 5
+
+
+@dataclass(frozen=True)
+class Frozen:
+    """What a data set is to hold: its pairs in the order in which they are rendered, the plan's text, the version of
+    Icy Moon that froze it, and what a person should know of it."""
+
+    pairs: tuple[PlannedPair, ...]
+    text: str
+    version: str
+    note: str = ""
+
+    def missing(self, dataset: Path) -> list[PlannedPair]:
+        """The pairs that are not there, or not whole."""
+        return [pair for pair in self.pairs if not is_complete(pair.folder(dataset))]
+
+
+def freeze(dataset: Path, pairs: Sequence[PlannedPair], text: str) -> Frozen:
+    """Write the plan of a data set, or check it against the one that is there, and return it.
+
+    A data set may be extended: a plan that has all pairs of the one that is there takes its place. What an earlier
+    version planned of the same text stays as it was planned, whatever the presets and defaults of this one.
+    Raises IcyMoonError for a plan that lacks some, or that has none.
+    """
+    if not pairs:
+        raise IcyMoonError("The plan has no pair; give it values to vary, or none of them an empty list.")
+    path = dataset / PLAN
+    if path.exists():
+        known = read(dataset)
+        there = {pair.id for pair in pairs}
+        lacking = [pair for pair in known.pairs if pair.id not in there]
+        if lacking and known.text == text and known.version != version():
+            return replace(known, note=f"{dataset} goes on as Icy Moon {known.version} planned it. {version()} makes "
+                                       f"other pairs of the same plan: {_difference(lacking[0], pairs)}. For those "
+                                       "choose another folder.")
+        if lacking:
+            raise IcyMoonError(f"{dataset} holds another data set: {len(lacking)} of its {len(known.pairs)} pairs are "
+                               f"not in this plan: {_difference(lacking[0], pairs)}. To go on with what was planned "
+                               "there use icymoon work; for this plan choose another folder, or let it extend that "
+                               "one.")
+        if [p.id for p in known.pairs] == [p.id for p in pairs] and known.text == text:
+            return known
+    base = pairs[0].settings
+    header = {"format": FORMAT, "version": VERSION, "icymoon": version(), "pairs": len(pairs),
+              "seeds": sorted({int(pair.settings["dataset"]["seed"]) for pair in pairs}), "settings": base,
+              "plan": text}
+    lines = [header, *({"id": pair.id, "changes": changed(pair.settings, base)} for pair in pairs)]
+    write_text(path, "".join(json.dumps(line, allow_nan=False) + "\n" for line in lines))
+    return read(dataset)
+
+
+def _difference(pair: PlannedPair, pairs: Sequence[PlannedPair]) -> str:
+    """In what a pair differs from the nearest of others, in words."""
+    names = [(topic, s.key) for topic, s in all_settings() if counts(s)]
+
+    def differing(other: PlannedPair) -> list[tuple[str, str]]:
+        return [(topic, key) for topic, key in names if other.settings[topic][key] != pair.settings[topic][key]]
+
+    nearest = min(pairs, key=lambda other: len(differing(other)))
+    found = differing(nearest)
+    said = [f"{topic}.{key} was {pair.settings[topic][key]!r} and is {nearest.settings[topic][key]!r}"
+            for topic, key in found[:_MOST_SAID]]
+    if len(found) > _MOST_SAID:
+        said.append(f"{len(found) - _MOST_SAID} settings more")
+    return f"for pair {pair.id} {', '.join(said) or 'a file of yours has another content'}"
+
+
+def read(dataset: Path) -> Frozen:
+    """The frozen plan of a data set. Raises IcyMoonError if there is none or it cannot be read."""
+    path = dataset / PLAN
+    if not path.is_file():
+        raise IcyMoonError(f"{dataset} has no {PLAN}; make the data set with icymoon batch.")
+    try:
+        with disk_errors("read", path):
+            header, *lines = [parsed(line) for line in read_text(path).split("\n") if line]
+    except ValueError as error:
+        raise IcyMoonError(f"{path} cannot be read ({error}); {_MEND}.") from None
+    checked(header, _KIND, path, _MEND)
+    if header["format"] != FORMAT or header["version"] != VERSION:
+        raise IcyMoonError(f"{path} has version {header['version']} of {header['format']}, this Icy Moon reads "
+                           f"{VERSION} of {FORMAT}; use the version that wrote it.")
+    checked(header, _HEADER, path, _MEND)
+    base = restored(header["settings"], str(path), header["icymoon"])
+    with told_to_update(str(path), header["icymoon"]):
+        pairs = tuple(_pair(line, base, path) for line in lines)
+    if len({pair.id for pair in pairs}) != header["pairs"]:
+        raise IcyMoonError(f"{path} holds {len({pair.id for pair in pairs})} of {header['pairs']} pairs; {_MEND}.")
+    return Frozen(pairs, header["plan"], header["icymoon"])
+
+
+def _pair(line: Mapping[str, Any], base: Settings, path: Path) -> PlannedPair:
+    checked(line, _LINE, path, _MEND)
+    return PlannedPair(checked_id(line["id"], path), merged(base, check(line["changes"], str(path), stored=True)), 0.0)

@@ -1,0 +1,81 @@
+"""In which order pairs are rendered, so that little is made again between them. Imports no Blender.
+
+Dearest first: another scene builds ground and blocks and Cycles' tree of triangles; another surface
+or light builds that tree; another camera nothing.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Sequence
+from itertools import groupby, pairwise
+
+from ...settings import changes
+from ...settings.description import Settings
+from .planned_pair import PlannedPair
+
+_STAGES: tuple[Callable[[Settings], Settings], ...] = (
+    changes.scene, changes.look, changes.light, changes.camera, changes.sampling)
+#: Shards per worker that a data set is cut into, so that the last ones of all workers end at about the same time.
+_SHARDS_PER_WORKER = 4
+
+
+def key(part: Callable[[Settings], Settings], pair: PlannedPair) -> str:
+    """A text that is equal for pairs that agree in a part of their settings, such as ``changes.scene``."""
+    return json.dumps(part(pair.settings))
+
+
+def ordered(pairs: Sequence[PlannedPair]) -> list[PlannedPair]:
+    """The same pairs, each once, so that scenes change least, then surfaces, then lights, then cameras.
+
+    Whatever was planned first comes first, at each of these stages; the order does not depend on which
+    pairs are already there.
+    """
+    pairs = list({pair.id: pair for pair in pairs}.values())
+    keys = [tuple(key(stage, pair) for stage in _STAGES) for pair in pairs]
+    ranks = [{text: rank for rank, text in enumerate(dict.fromkeys(column))} for column in zip(*keys, strict=True)]
+    places = [tuple(rank[text] for rank, text in zip(ranks, texts, strict=True)) for texts in keys]
+    return [pairs[k] for k in sorted(range(len(pairs)), key=places.__getitem__)]
+
+
+def scenes(pairs: Sequence[PlannedPair]) -> list[list[PlannedPair]]:
+    """Ordered pairs, in runs that share a scene."""
+    return [list(run) for _, run in groupby(pairs, lambda pair: key(changes.scene, pair))]
+
+
+def shards(pairs: Sequence[PlannedPair], workers: int, most_scenes: int) -> list[list[PlannedPair]]:
+    """Ordered pairs, in runs of similar length that each go to one process.
+
+    A run ends with a scene, unless the scene has so many pairs that several workers should share it.
+    A process renders at most ``most_scenes`` scenes.
+    """
+    length = max(1, -(-len(pairs) // (workers * _SHARDS_PER_WORKER)))
+    found: list[list[PlannedPair]] = []
+    held = 0  # scenes in the last run
+    for scene in scenes(pairs):
+        for start in range(0, len(scene), 2 * length):
+            piece = scene[start:start + 2 * length]
+            if found and held < most_scenes and len(found[-1]) + len(piece) <= length:
+                found[-1] += piece
+                held += 1
+            else:
+                found.append(piece)
+                held = 1
+    return found
+
+
+def share(pairs: Sequence[PlannedPair], number: int, count: int) -> list[PlannedPair]:
+    """Ordered pairs of share ``number`` (from 1) of ``count``: runs of about equal length.
+
+    Whole scenes where there are enough of them; the shares of all numbers together are all pairs.
+    """
+    units = scenes(pairs)
+    if len(units) < count:
+        units = [[pair] for pair in pairs]
+    ends = [0]
+    for unit in units:
+        ends.append(ends[-1] + len(unit))
+    # A scene belongs to the share that its middle falls into.
+    middles = [(a + b) / 2 / max(1, len(pairs)) for a, b in pairwise(ends)]
+    return [pair for unit, middle in zip(units, middles, strict=True) if int(middle * count) == number - 1
+            for pair in unit]

@@ -1,0 +1,215 @@
+"""A plan of a data set: a TOML file, and the pairs that it asks for. Imports no Blender.
+
+A plan is a settings file with ``[plan]`` for ``[preset]``, and ``[[sweep]]`` tables whose variations are
+combined. It is checked as strictly as settings are, before anything is built: an error names the file,
+the line and the mend. ``docs/datasets.md`` describes the format.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from ...errors import IcyMoonError
+from ...files import is_file, user_path
+from ...formats.toml_lines import Place
+from ...settings.description import PLANS, check, plan_names, read_toml, toml_and_text
+from . import poses, sweeps
+from .combine import MOST_GROUNDS, Combined, Design, combined, unseen_grounds
+from .planned_pair import PlannedPair
+from .sweeps import Block, Variation, checked, known_keys, nearest, preset
+
+HEADER = ("title", "description", "extends", "include", "seeds", "at_most", "files", "without")
+_SEEDS_MOST = 100000
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A plan as read: ``text`` is its TOML, ``designs`` what it combines (several where it extends several)."""
+
+    path: Path
+    title: str
+    description: str
+    text: str
+    designs: tuple[Design, ...]
+
+    @cached_property
+    def _combined(self) -> Combined:
+        found: dict[str, PlannedPair] = {}
+        refused: dict[str, str] = {}
+        for design in self.designs:
+            made = combined(design)
+            refused |= made.refused
+            for pair in made.pairs:
+                found.setdefault(pair.id, pair)
+        return Combined(list(found.values()), refused)
+
+    def pairs(self) -> list[PlannedPair]:
+        """The pairs, complete and in the order of the plan; what comes twice is there once, at its first place.
+
+        Those of ``refused`` are among them: a render sets them aside. Raises IcyMoonError if none can be rendered, or a
+        file is not there.
+        """
+        return list(self._combined.pairs)
+
+    def refused(self) -> dict[str, str]:
+        """Of the pairs that cannot be rendered why, by their ids: sentences with the line at fault.
+
+        Raises IcyMoonError as ``pairs`` does.
+        """
+        return dict(self._combined.refused)
+
+    def unchecked(self) -> str:
+        """A sentence about the grounds that the pairs were not checked on; empty if there are none."""
+        unseen = unseen_grounds([pair.settings for pair in self._combined.pairs])
+        if not unseen:
+            return ""
+        return (f"Of the grounds {MOST_GROUNDS} were looked at, {unseen} were not: there a camera that cannot stand is "
+                "found when its pair is rendered, which is then set aside.")
+
+
+def plan_path(name: str) -> Path:
+    """The file of a plan: of a shipped one its name, ``datasets/…`` or without that, else a path.
+
+    Raises IcyMoonError if there is neither.
+    """
+    shipped = PLANS / f"{name.removeprefix('datasets/')}.toml"
+    if ".." not in name and is_file(shipped):
+        return shipped
+    path = user_path(name, "The plan")
+    if path.suffix == ".toml" or path.is_file():
+        return path
+    raise IcyMoonError(f"Unknown plan {name!r}, {nearest(name, plan_names())}")
+
+
+def plan_header(path: Path) -> tuple[str, str]:
+    """(title, description) of a plan, without reading more of it."""
+    header = read_toml(path).get("plan", {})
+    return str(header.get("title", path.stem)), str(header.get("description", ""))
+
+
+def read_plan(path: Path) -> Plan:
+    """Read and check a plan. Raises IcyMoonError that names the file, the line and the mend."""
+    return _read(path, ())
+
+
+def _read(path: Path, readers: tuple[Path, ...]) -> Plan:
+    data, text = toml_and_text(path)
+    whole = Place(path, text)
+    header = data.pop("plan", None)
+    if not isinstance(header, Mapping):
+        raise IcyMoonError(f"{path}: has no [plan] table, so it is no plan of a data set; give it one with a title.")
+    data.pop("sources", None)
+    place = whole.at("plan")
+    known_keys(header, HEADER, place, "[plan]")
+    sweeps = data.pop("sweep", [])
+    if not isinstance(sweeps, list) or not all(isinstance(table, Mapping) for table in sweeps):
+        raise IcyMoonError(f"{whole.at('sweep')}: sweeps are tables of a list; write [[sweep]] with two brackets.")
+    designs = _parents(header, place, (*readers, path.resolve()))
+    for k, table in enumerate(sweeps):
+        designs = _with_block(designs, table, whole.at("sweep", k))
+    return Plan(path, _text(header, "title", place) or path.stem, _text(header, "description", place), text,
+                tuple(_with_header(_with_settings(design, header, data, whole), header, place) for design in designs))
+
+
+def _text(header: Mapping[str, Any], key: str, place: Place) -> str:
+    if not isinstance(header.get(key, ""), str):
+        raise IcyMoonError(f"{place.at(key)}: {key} must be a text in quotes, not {header[key]!r}.")
+    return str(header.get(key, ""))
+
+
+def _names(header: Mapping[str, Any], key: str, place: Place) -> list[tuple[str, Place]]:
+    """The names that a key lists, or the one that it is, each with its place."""
+    value = header.get(key, [])
+    if not isinstance(value, list):
+        value = [value]
+    if not all(isinstance(name, str) for name in value):
+        raise IcyMoonError(f"{place.at(key)}: {key} must be a name in quotes or a list of them, not {value!r}.")
+    return [(name, place.at(key, k) if isinstance(header[key], list) else place.at(key))
+            for k, name in enumerate(value)]
+
+
+def _parents(header: Mapping[str, Any], place: Place, readers: tuple[Path, ...]) -> list[Design]:
+    """The designs that a plan begins with: those of the plans it extends, or an empty one."""
+    designs: list[Design] = []
+    for name, at in _names(header, "extends", place):
+        try:
+            path = at.file.parent / user_path(name, "The plan") if name.endswith(".toml") else plan_path(name)
+            if path.resolve() in readers:
+                raise IcyMoonError(f"{path} extends this plan in turn; leave one of the two out.")
+            designs += _read(path, readers).designs
+        except IcyMoonError as error:
+            raise IcyMoonError(f"{at}: {error}") from None
+    designs = designs or [Design()]
+    for name, at in _names(header, "without", place):
+        if not any(name == block.name for design in designs for block in design.blocks):
+            known = sorted({block.name for design in designs for block in design.blocks})
+            raise IcyMoonError(f"{at}: there is no sweep {name!r} to leave out, {nearest(name, known)}")
+        designs = [replace(design, blocks=tuple(b for b in design.blocks if b.name != name)) for design in designs]
+    return designs
+
+
+def _with_settings(design: Design, header: Mapping[str, Any], data: Mapping[str, Any], whole: Place) -> Design:
+    """A design with the presets and settings of a plan over its own."""
+    place = whole.at("plan")
+    parts = [Variation(preset(name, at), at) for name, at in _names(header, "include", place)]
+    return replace(design, base=(*design.base, *parts, Variation(checked(data, whole), whole)))
+
+
+def _with_header(design: Design, header: Mapping[str, Any], place: Place) -> Design:
+    """A design with the seeds, the limit and the folder of files that a plan states."""
+    if "seeds" in header:
+        design = replace(design, seeds=_seeds(header["seeds"], place.at("seeds")))
+    if "at_most" in header:
+        most, at = header["at_most"], place.at("at_most")
+        if not isinstance(most, int) or isinstance(most, bool) or most < 1:
+            raise IcyMoonError(f"{at}: at_most is {most!r}, it must be a whole number of pairs from 1 up.")
+        design = replace(design, at_most=most)
+    if "files" in header:
+        folder = user_path(_text(header, "files", place), f"{place.at('files')}: files")
+        design = replace(design, files=place.file.parent.absolute() / folder)
+    return design
+
+
+def _seeds(value: Any, place: Place) -> tuple[int | list[int], Place]:
+    """A number of seeds to draw, or the seeds themselves."""
+    whole = [v for v in (value if isinstance(value, list) else [value])
+             if isinstance(v, int) and not isinstance(v, bool)]
+    if isinstance(value, list) and value and len(whole) == len(value):
+        for seed in value:
+            check({"dataset": {"seed": seed}}, str(place))
+        return value, place
+    if isinstance(value, list) or not whole or not 1 <= value <= _SEEDS_MOST:
+        raise IcyMoonError(f"{place}: seeds is {value!r}, it must be how many there are (1 to {_SEEDS_MOST}) or list "
+                           "them.")
+    return value, place
+
+
+def _with_block(designs: Sequence[Design], table: Mapping[str, Any], place: Place) -> list[Design]:
+    """Designs with one more sweep, or with one in place of the sweep that it replaces."""
+    kinds = (*sweeps.KINDS, *poses.KINDS)
+    kind, replaces = table.get("kind"), _text(table, "replaces", place) or None
+    if kind not in kinds:
+        said = "lacks its kind" if kind is None else f"is of kind {kind!r}"
+        raise IcyMoonError(f"{place.at('kind')}: this sweep {said}, {nearest(str(kind), kinds)}")
+    known = {block.name for design in designs for block in design.blocks}
+    if replaces is not None and replaces not in known:
+        raise IcyMoonError(f"{place.at('replaces')}: there is no sweep {replaces!r} to replace, "
+                           f"{nearest(replaces, sorted(known))}")
+    # Random numbers hang on the name; a made-up one counts the sweeps of its kind in this file.
+    name = replaces or _text(table, "name", place) or _made_up(kind, known)
+    if replaces is None and name in known:
+        raise IcyMoonError(f"{place.at('name')}: there is a sweep {name!r} already; write replaces = {name!r} or "
+                           "choose another name.")
+    block = Block(kind, name, {key: v for key, v in table.items() if key not in ("kind", "name", "replaces")}, place)
+    if replaces is None:
+        return [replace(design, blocks=(*design.blocks, block)) for design in designs]
+    return [replace(design, blocks=tuple(block if b.name == name else b for b in design.blocks))
+            for design in designs]
+
+
+def _made_up(kind: str, known: set[str]) -> str:
+    return next(name for k in range(len(known) + 1) if (name := f"{kind} {k + 1}") not in known)

@@ -1,0 +1,299 @@
+"""The ``[[sweep]]`` blocks of a plan that vary settings: what each of their variations sets. Imports no Blender."""
+
+from __future__ import annotations
+
+import difflib
+import itertools
+import math
+import zlib
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ...errors import IcyMoonError
+from ...files import user_path
+from ...formats.toml_lines import Place
+from ...physics.random_numbers import sampling
+from ...physics.random_numbers.seeds import generator
+from ...settings.description import Settings, check, load, merged, preset_path
+from ...settings.table import TOPICS, Setting
+
+#: Kinds of blocks that vary settings; ``poses.KINDS`` are the others.
+KINDS = ("grid", "one_at_a_time", "cases", "random", "sobol", "latin_hypercube")
+_DRAWN = {"random": sampling.independent, "sobol": sampling.sobol, "latin_hypercube": sampling.latin_hypercube}
+_PRESET = "preset"
+#: Pairs above which a plan is a mistake, or more than one data set.
+MOST_PAIRS = 100000
+#: What no sweep may vary, and what to do instead.
+_NOT_SWEPT = {"response": "is applied when images are evaluated and needs no other render; state it there with --set",
+              "run": "changes no pair; state it once, outside the sweeps"}
+
+
+@dataclass(frozen=True)
+class Block:
+    """A ``[[sweep]]`` table: its kind, its name (of its own or made up), its other keys and where it stands."""
+
+    kind: str
+    name: str
+    table: Mapping[str, Any]
+    place: Place
+
+
+@dataclass(frozen=True)
+class Variation:
+    """What one variation of a block sets, and where that stands."""
+
+    settings: Settings
+    place: Place
+
+
+def nearest(word: str, known: Iterable[str]) -> str:
+    """'did you mean …?' or what there is."""
+    names = list(known)
+    close = difflib.get_close_matches(word, names, n=1, cutoff=0.5)
+    return f"did you mean {close[0]!r}?" if close else f"known are {', '.join(names) or 'none'}."
+
+
+def known_keys(table: Mapping[str, Any], known: Sequence[str], place: Place, what: str) -> None:
+    """Raise IcyMoonError if a table has a key that it cannot have."""
+    for key in table:
+        if key not in known:
+            raise IcyMoonError(f"{place.at(key)}: {what} has no {key}, {nearest(key, known)}")
+
+
+def checked(data: Mapping[str, Any], place: Place) -> Settings:
+    """A partial description that stands at ``place``, checked.
+
+    Raises IcyMoonError that names the line of the setting at fault.
+    """
+    parts = []
+    for topic, values in data.items():
+        if topic not in TOPICS or not isinstance(values, Mapping):
+            check({topic: values}, str(place.at(topic)))
+        for key, value in values.items():
+            try:
+                parts.append(check({topic: {key: value}}, "plan"))
+            except IcyMoonError:
+                check({topic: {key: value}}, str(place.at(topic, key)))  # once more, now that the line is worth finding
+    return merged(*parts)
+
+
+def preset(name: Any, place: Place) -> Settings:
+    """The settings of a shipped preset, or of a settings file whose name ends in .toml, beside the plan."""
+    if not isinstance(name, str):
+        raise IcyMoonError(f"{place}: a preset is named by a text in quotes, not {name!r}.")
+    try:
+        return load(place.file.parent / user_path(name, "The preset") if name.endswith(".toml") else preset_path(name))
+    except IcyMoonError as error:
+        raise IcyMoonError(f"{place}: {error}") from None
+
+
+def random_of(block: Block, axis: str, seed: int) -> np.random.Generator:
+    """The random of one axis of a block. It hangs on names, so that moving or adding others changes nothing."""
+    return generator(seed, "plan", zlib.crc32(block.name.encode()), zlib.crc32(axis.encode()))
+
+
+def whole_number(block: Block, key: str, least: int = 1) -> int:
+    """A count that a block must state."""
+    value = block.table.get(key)
+    if not isinstance(value, int) or isinstance(value, bool) or value < least:
+        said = "is missing" if value is None else f"is {value!r}"
+        raise IcyMoonError(f"{block.place.at(key)}: {key} {said}, it must be a whole number from {least} up.")
+    check_number(value, block.place.at(key))
+    return value
+
+
+def check_number(pairs: int, place: Place) -> None:
+    """Raise IcyMoonError if there are more pairs than a plan may have."""
+    if pairs > MOST_PAIRS:
+        raise IcyMoonError(f"{place}: the sweeps combine to {pairs} pairs, more than {MOST_PAIRS}; list fewer values, "
+                           "or draw fewer with a random, sobol or latin_hypercube block.")
+
+
+def _setting(topic: str, key: str, place: Place) -> Setting:
+    """The setting that a factor names."""
+    if topic not in TOPICS:
+        raise IcyMoonError(f"{place}: unknown topic {topic}, {nearest(topic, TOPICS)}")
+    known = {s.key: s for s in TOPICS[topic].settings}
+    if key not in known:
+        raise IcyMoonError(f"{place}: unknown setting {topic}.{key}, {nearest(key, known)}")
+    if known[key].effect in _NOT_SWEPT:
+        raise IcyMoonError(f"{place}: {topic}.{key} {_NOT_SWEPT[known[key].effect]}.")
+    return known[key]
+
+
+def _factors(block: Block, also: Sequence[str]) -> list[tuple[str, Setting | None, Any, Place]]:
+    """(name, setting or None for presets, what is stated, place) of what a block varies."""
+    found: list[tuple[str, Setting | None, Any, Place]] = []
+    for topic, values in block.table.items():
+        if topic in also:
+            continue
+        place = block.place.at(topic)
+        if topic == _PRESET:
+            found.append((_PRESET, None, values, place))
+            continue
+        if topic not in TOPICS:
+            raise IcyMoonError(f"{place}: a {block.kind} block has no {topic}, {nearest(topic, [*also, *TOPICS])}")
+        if not isinstance(values, Mapping):
+            raise IcyMoonError(f"{place}: {topic} is a topic; name a setting of it, such as {topic}."
+                               f"{TOPICS[topic].settings[0].key}.")
+        found += [(f"{topic}.{key}", _setting(topic, key, place.at(key)), stated, place.at(key))
+                  for key, stated in values.items()]
+    if not found:
+        raise IcyMoonError(f"{block.place}: this {block.kind} block varies nothing; name a setting, such as "
+                           "light.sun_elevation_deg.")
+    return found
+
+
+def _part(name: str, value: Any, place: Place) -> Settings:
+    """What a factor's value sets."""
+    if name == _PRESET:
+        return preset(value, place)
+    topic, key = name.split(".")
+    return checked({topic: {key: value}}, Place(place.file, place.text, place.key[:-2]))
+
+
+def _listed(block: Block) -> list[list[Variation]]:
+    """For each factor of a block that lists values, its variations."""
+    factors = []
+    for name, setting, values, place in _factors(block, ()):
+        if not isinstance(values, list) or not values:
+            raise IcyMoonError(f"{place}: {name} must list the values that it takes in turn, as in "
+                               f"[{getattr(setting, 'default', 'a preset')!r}, …], not {values!r}.")
+        factors.append([Variation(_part(name, value, place), place) for value in values])
+    return factors
+
+
+def _joined(parts: Iterable[Variation], place: Place) -> Variation:
+    return Variation(merged(*(part.settings for part in parts)), place)
+
+
+def _grid(block: Block, base: Settings) -> list[Variation]:
+    factors = _listed(block)
+    check_number(math.prod(map(len, factors)), block.place)
+    return [_joined(chosen, block.place) for chosen in itertools.product(*factors)]
+
+
+def _one_at_a_time(block: Block, base: Settings) -> list[Variation]:
+    each = [v for factor in _listed(block) for v in factor]
+    other = [v for v in each if any(base[t][k] != x for t, values in v.settings.items() for k, x in values.items())]
+    return [Variation({}, block.place), *other]
+
+
+def _cases(block: Block, base: Settings) -> list[Variation]:
+    known_keys(block.table, ("case",), block.place, "a cases block")
+    cases, place = block.table.get("case"), block.place.at("case")
+    if not isinstance(cases, list) or not cases or not all(isinstance(case, Mapping) for case in cases):
+        raise IcyMoonError(f"{place}: a cases block lists what goes together: case = [{{ light.sun_elevation_deg = 30, "
+                           "light.sun_azimuth_deg = 90 }, …].")
+    made = []
+    for k, case in enumerate(cases):
+        if not case:
+            raise IcyMoonError(f"{place.at(k)}: this case sets nothing; name a setting or a preset.")
+        presets = case.get(_PRESET, [])
+        presets = presets if isinstance(presets, list) else [presets]
+        stated = {topic: values for topic, values in case.items() if topic != _PRESET}
+        for topic, values in stated.items():
+            for key in values if isinstance(values, Mapping) else ():
+                _setting(topic, key, place.at(k))
+        made.append(Variation(merged(*(preset(name, place.at(k, _PRESET)) for name in presets),
+                                     checked(stated, place.at(k))), place.at(k)))
+    return made
+
+
+def _values(name: str, setting: Setting | None, law: Any, place: Place,
+            kind: str) -> Callable[[np.ndarray], list[Any]]:
+    """What turns shares (0 to 1) into values of a factor, from the distribution that is stated."""
+    stated = dict(law) if isinstance(law, Mapping) else {}
+    within = stated.pop("within", None)
+    if len(stated) != 1 or (within is not None and "normal" not in stated):
+        raise IcyMoonError(f"{place}: {name} in a {kind} block is drawn from a distribution, one of "
+                           "{ uniform = [low, high] }, { log_uniform = [low, high] }, "
+                           "{ normal = [mean, deviation], within = [low, high] } or { choice = [values] }.")
+    [(law_name, numbers)] = stated.items()
+    if law_name == "choice":
+        if not isinstance(numbers, list) or not numbers:
+            raise IcyMoonError(f"{place}: choice of {name} must list values, not {numbers!r}.")
+        return lambda share: [numbers[k] for k in sampling.whole(share, 0, len(numbers) - 1)]
+    if law_name not in ("uniform", "log_uniform", "normal"):
+        raise IcyMoonError(f"{place}: there is no distribution {law_name}, "
+                           f"{nearest(law_name, ('uniform', 'log_uniform', 'normal', 'choice'))}")
+    if setting is None or setting.kind not in ("int", "float"):
+        raise IcyMoonError(f"{place}: {name} is no number; draw it with {{ choice = [values] }}.")
+    first, second = _pair(numbers, f"{law_name} of {name}", place)
+    if law_name == "normal":
+        low, high = (setting.minimum, setting.maximum) if within is None else _pair(within, f"within of {name}", place)
+        return _normal(setting, name, (first, second), (low, high), place)
+    _ordered(setting, name, first, second, place)
+    if law_name == "log_uniform" and first <= 0:
+        raise IcyMoonError(f"{place}: log_uniform of {name} begins at {first:g}, it must be above 0.")
+    if setting.kind == "int" and law_name == "uniform":
+        return lambda share: [int(v) for v in sampling.whole(share, int(first), int(second))]
+    draw = sampling.uniform if law_name == "uniform" else sampling.log_uniform
+    return lambda share: _rounded(setting, draw(share, first, second))
+
+
+def _normal(setting: Setting, name: str, law: tuple[float, float], limits: tuple[float, float],
+            place: Place) -> Callable[[np.ndarray], list[Any]]:
+    _ordered(setting, name, *limits, place)
+    if law[1] <= 0:
+        raise IcyMoonError(f"{place}: the deviation of {name} is {law[1]:g}, it must be above 0.")
+    try:
+        sampling.normal(np.array([0.5]), *law, *limits)
+    except ValueError:
+        raise IcyMoonError(f"{place}: the normal distribution of {name} has next to nothing within {limits[0]:g} to "
+                           f"{limits[1]:g}; widen within.") from None
+    return lambda share: _rounded(setting, sampling.normal(share, *law, *limits))
+
+
+def _rounded(setting: Setting, values: np.ndarray) -> list[Any]:
+    """Values as the setting takes them: whole, or to the six digits that a description needs to be legible."""
+    if setting.kind == "int":
+        return [round(v) for v in values.tolist()]
+    return [float(f"{v:.6g}") for v in values.tolist()]
+
+
+def _pair(numbers: Any, what: str, place: Place) -> tuple[float, float]:
+    if (not isinstance(numbers, list) or len(numbers) != 2
+            or not all(isinstance(v, (int, float)) and not isinstance(v, bool) for v in numbers)):
+        raise IcyMoonError(f"{place}: {what} must be two numbers, not {numbers!r}.")
+    return float(numbers[0]), float(numbers[1])
+
+
+def _ordered(setting: Setting, name: str, low: float, high: float, place: Place) -> None:
+    if not low < high:
+        raise IcyMoonError(f"{place}: {name} goes from {low:g} to {high:g}; the first must be below the second.")
+    for end in (low, high):
+        if not setting.minimum <= end <= setting.maximum:
+            unit = f" {setting.unit}" if setting.unit not in ("", "1") else ""
+            raise IcyMoonError(f"{place}: {name} goes from {low:g} to {high:g}{unit}, outside {setting.minimum:g} to "
+                               f"{setting.maximum:g}{unit}.")
+
+
+def _drawn(block: Block, base: Settings) -> list[Variation]:
+    count = whole_number(block, "count")
+    factors = _factors(block, ("count",))
+    if block.kind == "sobol" and len(factors) > sampling.MOST_DIMENSIONS:
+        raise IcyMoonError(f"{block.place}: a sobol block varies up to {sampling.MOST_DIMENSIONS} settings, not "
+                           f"{len(factors)}; use latin_hypercube.")
+    seed = int(base["dataset"]["seed"])
+    shares = _DRAWN[block.kind](count, [random_of(block, name, seed) for name, *_ in factors])
+    columns = []
+    for axis, (name, setting, law, place) in enumerate(factors):
+        values = _values(name, setting, law, place, block.kind)(shares[:, axis])
+        columns.append([Variation(_part(name, value, place), place) for value in values])
+    return [_joined(row, block.place) for row in zip(*columns, strict=True)]
+
+
+_MAKERS: dict[str, Callable[[Block, Settings], list[Variation]]] = {
+    "grid": _grid, "one_at_a_time": _one_at_a_time, "cases": _cases, **dict.fromkeys(_DRAWN, _drawn)}
+
+
+def variations(block: Block, base: Settings) -> list[Variation]:
+    """What the variations of a block of one of ``KINDS`` set on a complete description.
+
+    Raises IcyMoonError that names the line at fault.
+    """
+    return _MAKERS[block.kind](block, base)

@@ -1,0 +1,20 @@
+"""What the Blender that runs this can do, as one JSON line."""
+
+from __future__ import annotations
+
+import os
+import platform
+import sys
+
+import bpy
+
+from .. import compat
+from .workers.process import emit
+
+
+def main(arguments: list[str]) -> int:
+    """Say version and abilities; ends the process, as the Blender module may hang when it ends."""
+    emit("probe", blender=bpy.app.version_string, python=platform.python_version(), osl=compat.has_osl(),
+         denoiser=compat.has_oidn(), devices=compat.gpu_devices(), module=not bpy.app.binary_path)
+    sys.stdout.flush()
+    os._exit(0)

@@ -1,0 +1,134 @@
+"""The camera that images are taken with: a copy of the built one.
+
+The built camera is the parallel rig without blur, and stays that. What its lens cannot be left with while a person
+works in the scene is given to the copy: where Cycles samples a pixel, overscan, toe-in, depth of field and motion.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import bpy
+import numpy as np
+from mathutils import Matrix
+
+from ..errors import IcyMoonError
+from ..nodes.rig import OPENCV_FROM_BLENDER
+from ..physics.camera.blur import Blur, moved
+from .pairs.pair_folder import StereoCamera
+
+#: Where Cycles takes the first sample of a pixel, right of and above its centre, with the pixel filter
+#: that ``quality`` sets: half a bin of the filter's table. Measured the same in 4.3, 5.0 and 5.2.
+_SAMPLE_OFFSET_PX = 5.4e-4
+#: Parts of a lens; what it has of Cycles' own is a part until 4.5.
+_PARTS = ("stereo", "dof", "cycles")
+_OF_ANY_BLOCK = {prop.identifier for prop in bpy.types.ID.bl_rna.properties}
+
+
+@contextmanager
+def viewer(scene: bpy.types.Scene, built: bpy.types.Object) -> Iterator[None]:
+    """Give ``scene`` a camera of its own, for ``taking`` to turn into copies of the ``built`` one.
+
+    One for all takes: when an object comes or goes Cycles builds its scene again, when one changes it does not.
+    """
+    lens = bpy.data.cameras.new(built.data.name)
+    item = bpy.data.objects.new(built.name, lens)
+    scene.collection.objects.link(item)
+    scene.camera = item
+    try:
+        yield
+    finally:
+        bpy.data.objects.remove(item)
+        bpy.data.cameras.remove(lens)
+
+
+@contextmanager
+def taking(scene: bpy.types.Scene, built: bpy.types.Object, camera: StereoCamera, blur: Blur | None,
+           toed: bool) -> Iterator[None]:
+    """Let the camera of ``scene``, see ``viewer``, be a copy of the ``built`` one, in its frame.
+
+    With ``toed`` eyes are turned in as ``camera`` says, else they are parallel. ``blur`` is given to the copy's lens
+    and movement, the scene's present frame being the middle of the exposure.
+    """
+    item, pose, baseline = scene.camera, built.matrix_world.copy(), built.data.stereo.interocular_distance
+    _copy(built.data, item.data)
+    _frame(scene, item.data, camera)
+    if toed and camera.toe_in_deg:
+        # Blender turns both eyes about the middle between them.
+        stereo = item.data.stereo
+        stereo.convergence_mode, stereo.pivot = "TOE", "CENTER"
+        stereo.convergence_distance = baseline / 2 / math.tan(math.radians(camera.toe_in_deg))
+        middle = baseline / 2
+    else:
+        middle = 0.0
+    item.matrix_world = pose @ Matrix.Translation((middle, 0.0, 0.0))
+    if blur is not None:
+        _focus(item.data, blur)
+    if blur is None or blur.exposure_s is None:
+        yield
+        return
+    _move(scene, item, pose, middle, blur, blur.exposure_s)
+    try:
+        yield
+    finally:
+        action = item.animation_data.action
+        item.animation_data_clear()
+        item.rotation_mode = "XYZ"
+        bpy.data.actions.remove(action)
+
+
+def _copy(source: Any, target: Any) -> None:
+    """Give a lens, or a part of it, all that makes another what it is."""
+    for prop in source.bl_rna.properties:
+        name = prop.identifier
+        if name in _OF_ANY_BLOCK or name.startswith("angle"):  # another way to say focal length and sensor
+            continue
+        if name in _PARTS:
+            _copy(getattr(source, name), getattr(target, name))
+        elif not prop.is_readonly and getattr(target, name) != getattr(source, name):
+            setattr(target, name, getattr(source, name))
+
+
+def _frame(scene: bpy.types.Scene, lens: bpy.types.Camera, camera: StereoCamera) -> None:
+    """Widen the frame by the overscan, pixels keeping their size and the axis its pixel."""
+    width, height = camera.rendered_px
+    scene.render.resolution_x, scene.render.resolution_y = width, height
+    if (scene.render.resolution_x, scene.render.resolution_y) != (width, height):
+        raise IcyMoonError(f"With its overscan an image is {width} x {height} px, more than Blender renders; lower "
+                           "rig.overscan.")
+    wider = width / camera.width_px
+    lens.sensor_width *= wider
+    # Shifted by what Cycles' sampling is off the pixel centre, so that truth is exact.
+    lens.shift_x, lens.shift_y = (shift / wider - _SAMPLE_OFFSET_PX / width for shift in (lens.shift_x, lens.shift_y))
+
+
+def _focus(lens: bpy.types.Camera, blur: Blur) -> None:
+    if blur.focus_m is None:
+        return
+    dof = lens.dof
+    dof.use_dof, dof.focus_object, dof.focus_distance = True, None, blur.focus_m
+    dof.aperture_fstop = blur.f_number
+    dof.aperture_blades, dof.aperture_rotation, dof.aperture_ratio = 0, 0.0, 1.0
+
+
+def _move(scene: bpy.types.Scene, item: bpy.types.Object, pose: Matrix, middle: float, blur: Blur,
+          exposure_s: float) -> None:
+    """Let the camera move while the shutter is open, one frame long.
+
+    Cycles takes the camera's pose at the beginning, in the middle and at the end of the exposure, and keys are at
+    exactly these, so how Blender goes from one key to the next makes no difference.
+    """
+    render = scene.render
+    render.use_motion_blur, render.motion_blur_shutter, render.motion_blur_position = True, 1.0, "CENTER"
+    item.cycles.use_motion_blur, item.cycles.motion_steps = True, 1
+    turned = np.eye(4)
+    turned[:3, :3] = OPENCV_FROM_BLENDER
+    item.rotation_mode = "QUATERNION"
+    for side in (-0.5, 0.5, 0.0):
+        step = Matrix((turned @ moved(blur, side * exposure_s) @ turned).tolist())
+        item.matrix_world = pose @ step @ Matrix.Translation((middle, 0.0, 0.0))
+        for path in ("location", "rotation_quaternion"):
+            item.keyframe_insert(path, frame=scene.frame_current + side)

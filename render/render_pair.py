@@ -1,0 +1,276 @@
+"""Rendering one pair of a built scene into its folder."""
+
+from __future__ import annotations
+
+import math
+import shutil
+import struct
+import time
+import zlib
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import bpy
+import numpy as np
+from mathutils import Matrix
+
+from .. import system
+from ..errors import DiskError, IcyMoonError
+from ..files import disk_errors, part_of, sha256, write_json
+from ..formats.exr_layout import is_whole
+from ..formats.exr_parts import joined
+from ..formats.exr_pixels import without_passes
+from ..formats.exr_sum import with_planet
+from ..labels import BEAUTY, TRUTH
+from ..nodes.light.sun import build_sky
+from ..nodes.rig import eye_poses, lens_values
+from ..nodes.scene import Built
+from ..nodes.surface.sun_inputs import attune
+from ..physics.camera.blur import Blur, blur_of
+from . import cycles_settings, passes, separate_lights
+from .cost.estimate import bytes_left, bytes_of
+from .object_labels import labelled
+from .pair_record import facts
+from .pairs.pair_folder import TOED_TRUTH_FILE, TRUTH_FILE, StereoCamera
+from .pairs.publish import discard, publish
+from .plans.planned_pair import PlannedPair
+from .progress import on_sample
+from .render_camera import taking, viewer
+
+#: What a pair takes while it is made beside what it takes when it is there, over the latter: Blender's own files.
+_IN_PROGRESS = 1.3
+
+
+#: Most triangles that Cycles' data is kept for between two renders: half a gigabyte more than without.
+MOST_KEPT_TRIANGLES = 8_000_000
+
+
+@contextmanager
+def studio(built: Built, frame: int) -> Iterator[bpy.types.Scene]:
+    """A scene of its own that shows the built collection under a black sky, for any number of pairs.
+
+    The person's scene is never changed for a render, so there is nothing to put back; this one is
+    removed at the end whatever happens. As long as no object comes or goes in it, Cycles keeps its tree of triangles
+    from one render to the next, unless there are too many: for the truth that follows the radiance of a pair.
+    """
+    scene = bpy.data.scenes.new("Icy Moon Render")
+    sky = build_sky("Icy Moon Render Sky")
+    try:
+        scene.collection.children.link(built.collection)
+        scene.world = sky
+        scene.frame_set(frame)
+        passes.prepare(scene, built.several_lights)
+        with viewer(scene, built.camera), labelled(scene):
+            yield scene
+    finally:
+        scene.render.use_persistent_data = False  # which frees what is kept
+        bpy.data.scenes.remove(scene)
+        bpy.data.worlds.remove(sky)
+
+
+def _triangles(built: Built) -> int:
+    """Triangles of the collection's meshes; those of instances once."""
+    meshes = {item.data for item in built.collection.all_objects if isinstance(item.data, bpy.types.Mesh)}
+    return sum(len(mesh.loops) - 2 * len(mesh.polygons) for mesh in meshes)
+
+
+@contextmanager
+def _turned(camera: bpy.types.Object, turn_deg: float) -> Iterator[None]:
+    """Turn the camera clockwise about the vertical through its left eye, and back at the end."""
+    # A matrix put back is taken apart into other numbers, by a rounding error, and would pass for an edit.
+    pose = {key: tuple(getattr(camera, key)) for key in ("location", "rotation_euler", "rotation_quaternion",
+                                                         "rotation_axis_angle", "scale")}
+    if turn_deg:
+        turn = Matrix.Rotation(-math.radians(turn_deg), 4, "Z")
+        camera.matrix_world = Matrix.Translation(camera.matrix_world.translation) @ turn @ Matrix.Translation(
+            -camera.matrix_world.translation) @ camera.matrix_world
+    try:
+        yield
+    finally:
+        for key, value in pose.items():
+            setattr(camera, key, value)
+
+
+def check_space(dataset: Path, pairs: list[PlannedPair], again: bool = False) -> None:
+    """Raise IcyMoonError if the folder cannot be made or its disk has no room for what is left of the pairs."""
+    with disk_errors("write to", dataset):
+        dataset.mkdir(parents=True, exist_ok=True)
+        probe = part_of(dataset / ".icymoon")
+        probe.write_bytes(b"")
+        system.remove(probe)
+        free = shutil.disk_usage(dataset).free
+    left = bytes_left(pairs, dataset, again)
+    needed = left + _IN_PROGRESS * max(bytes_of(pair.settings) for pair in pairs) if left else 0.0
+    if needed > free:
+        pairs_need = "1 pair may need" if len(pairs) == 1 else f"{len(pairs)} pairs may need"
+        raise IcyMoonError(f"{dataset} has {free / 1e6:.0f} MB free, {pairs_need} {needed / 1e6:.0f} MB more; "
+                           "free some space, choose another folder or render fewer pixels.")
+
+
+def shoot(built: Built, scene: bpy.types.Scene, planned: PlannedPair, dataset: Path, seconds_build: float,
+          report: Callable[[float], None], lost: Callable[[], bool], again: bool = False) -> Path:
+    """Render one pair of the scene that ``studio`` made and return its folder.
+
+    ``report`` receives the fraction done; for ``lost`` and ``again`` see ``publish``. Raises IcyMoonError when the
+    render or the disk fails; nothing half-written stays.
+    """
+    folder = planned.folder(dataset)
+    part = part_of(folder)
+    spent = time.process_time()
+    with disk_errors("write", folder):
+        part.mkdir(parents=True)
+    try:
+        found = _render_into(part, built, scene, planned, report)
+        found["seconds"]["build"] = round(seconds_build, 3)
+        # Of all threads; "before" is what this process had spent: its start, the build, other pairs.
+        found["cpu_seconds"] = {"before": round(spent, 3), "pair": round(time.process_time() - spent, 3)}
+        write_json(part / "pair.json", found)
+        publish(part, folder, lost, again)
+    finally:
+        discard(part)
+    return folder
+
+
+def check_camera(built: Built) -> None:
+    """Raise IcyMoonError if the camera was made, by hand, into one that the settings do not describe."""
+    stereo = built.camera.data.stereo
+    if (stereo.convergence_mode, stereo.pivot) != ("PARALLEL", "LEFT"):
+        raise IcyMoonError(f"The stereo camera's eyes are set to {stereo.convergence_mode.lower()} about "
+                           f"{stereo.pivot.lower()}; set its convergence to Parallel and its pivot to Left, and "
+                           "rig.toe_in_deg to turn the eyes in.")
+    if built.camera.data.dof.use_dof:
+        raise IcyMoonError("The stereo camera has depth of field of its own, which would blur the true depth too; "
+                           "switch it off, and set rig.focus_distance_m instead.")
+    rig = built.settings["rig"]
+    wanted = {**lens_values(rig), "interocular_distance": ("rig.baseline_m", rig["baseline_m"])}
+    for name, (setting, value) in wanted.items():
+        there = getattr(stereo if name == "interocular_distance" else built.camera.data, name)
+        if there != value and (isinstance(value, str) or abs(there - value) > 1e-5 * max(1e-3, abs(value))):
+            raise IcyMoonError(f"The stereo camera's {name.replace('_', ' ')} was changed by hand to {there}, which "
+                               f"the calibration would not say; set it back, and set {setting} instead.")
+
+
+@dataclass(frozen=True)
+class _Take:
+    """Renders with one camera: which layers, and what the file of each is called, with {} for the eye."""
+
+    blur: Blur | None
+    toed: bool
+    images: tuple[tuple[str, str], ...]
+
+
+def _depth_alone(planned: PlannedPair) -> bool:
+    return bool(planned.settings["quality"]["truth"] == "DEPTH")
+
+
+def _takes(camera: StereoCamera, blur: Blur | None, depth_alone: bool) -> list[_Take]:
+    """What to render: radiance and truth with one camera, unless truth is of another camera than the light."""
+    toed = camera.toe_in_deg != 0
+    if blur is None and not toed:
+        images = ((BEAUTY, "{}.exr"),) if depth_alone else ((BEAUTY, "{}.exr"), (TRUTH, "{}.exr"))
+        return [_Take(None, False, images)]
+    takes = [_Take(blur, toed, ((BEAUTY, "{}.exr"),)), _Take(None, False, ((TRUTH, TRUTH_FILE),))]
+    return [*takes, _Take(None, True, ((TRUTH, TOED_TRUTH_FILE),))] if toed else takes
+
+
+def _render_into(part: Path, built: Built, scene: bpy.types.Scene, planned: PlannedPair,
+                 report: Callable[[float], None]) -> dict[str, Any]:
+    settings = planned.settings
+    camera, blur = StereoCamera.from_settings(settings["rig"]), blur_of(settings)
+    takes = _takes(camera, blur, _depth_alone(planned))
+    files: dict[str, dict[str, Path]] = {}
+    start = time.perf_counter()
+    with _turned(built.camera, planned.turn_deg):
+        cycles_settings.apply(scene, settings["quality"], planned.render_seed, blur is not None)
+        attune(scene, built.materials, built.sun, built.planetshine)
+        lights = separate_lights.lights(scene, built)
+        # What moves during a render is not kept from one to the next, nor are surfaces that change between them.
+        scene.render.use_persistent_data = (blur is None and len(lights) == 1 and not scene.cycles.shading_system
+                                            and _triangles(built) <= MOST_KEPT_TRIANGLES)
+        truths = sum(layer == TRUTH for take in takes for layer, _ in take.images)
+        with on_sample(len(lights) * int(settings["quality"]["samples"]), truths, report) as sampling:
+            for k, take in enumerate(takes):
+                with taking(scene, built.camera, camera, take.blur, take.toed):
+                    scene.render.use_motion_blur = take.blur is not None and take.blur.exposure_s is not None
+                    for layer, name in take.images:
+                        stem = part / f"{layer}{k}"
+                        made = (_truth(scene, stem, planned) if layer == TRUTH else
+                                _radiance(scene, built, lights, stem, planned))
+                        for eye, file in made.items():
+                            files.setdefault(name.format(eye), {})[layer] = file
+        poses = eye_poses(built.camera.matrix_world, built.camera.data.stereo.interocular_distance)
+        toward_sun = np.array(built.sun.matrix_world.to_3x3().col[2])
+    rendered = time.perf_counter() - start
+    start = time.perf_counter()
+    written = {name: _finish(layers, part / name) for name, layers in sorted(files.items())}
+    return facts(built, planned, poses, toward_sun, written, {
+        "render": round(rendered, 3), "sampling": round(sampling.seconds, 3),
+        "write": round(time.perf_counter() - start, 3)})
+
+
+def _radiance(scene: bpy.types.Scene, built: Built, lights: list[separate_lights.Light], stem: Path,
+              planned: PlannedPair) -> dict[str, Path]:
+    """Render radiance into files of their own, by eye; lights that need it one after the other, and added up."""
+    files: dict[str, Path] = {}
+    for number, light in enumerate(lights):
+        made = passes.choose(scene, BEAUTY, stem.with_name(f"{stem.name}-{number}"), _depth_alone(planned))
+        with separate_lights.only(built, light):
+            _render(scene, made, planned)
+        for eye, file in made.items():
+            if eye in files:
+                with disk_errors("write", file), _unreadable(planned):
+                    files[eye].write_bytes(with_planet(files[eye].read_bytes(), file.read_bytes()))
+                    system.remove(file)
+            files.setdefault(eye, file)
+    return files
+
+
+def _truth(scene: bpy.types.Scene, stem: Path, planned: PlannedPair) -> dict[str, Path]:
+    """Render truth into files of its own, by eye."""
+    files = passes.choose(scene, TRUTH, stem, _depth_alone(planned))
+    with separate_lights.without_osl(scene):
+        _render(scene, files, planned)
+    return files
+
+
+@contextmanager
+def _unreadable(planned: PlannedPair) -> Iterator[None]:
+    """Say it in a sentence if Blender wrote an image that cannot be taken apart."""
+    try:
+        yield
+    except (ValueError, IndexError, KeyError, struct.error, zlib.error) as error:
+        raise IcyMoonError(f"The images that Blender wrote of pair {planned.id} cannot be put together ({error}); "
+                           "render the pair again.") from None
+
+
+def _render(scene: bpy.types.Scene, files: dict[str, Path], planned: PlannedPair) -> None:
+    """Let Cycles render into these files. Raises IcyMoonError if it fails, DiskError if they are not whole."""
+    try:
+        bpy.ops.render.render(write_still=True, scene=scene.name)
+    except RuntimeError as error:
+        raise IcyMoonError(f"Cycles could not render pair {planned.id}: {first_line(error)}") from None
+    for file in files.values():
+        if not is_whole(file):
+            raise DiskError(f"Blender could not write the whole image of pair {planned.id} to {file.parent.parent}; "
+                            "the disk is full or the folder may not be written to.")
+
+
+def first_line(error: Exception) -> str:
+    """What an operator of Blender's failed for."""
+    lines = [line.removeprefix("Error: ").strip() for line in str(error).splitlines() if line.strip()]
+    return lines[0] if lines else type(error).__name__
+
+
+def _finish(written: dict[str, Path], final: Path) -> dict[str, Any]:
+    """Put the layers that Blender wrote into one file, flush it and return its size and checksum."""
+    less = partial(without_passes, unwanted=passes.UNWANTED)
+    with disk_errors("write", final):
+        final.write_bytes(joined({name: file.read_bytes() for name, file in written.items()}, less))
+        for file in written.values():
+            system.remove(file)
+        system.flush(final)
+        return {"bytes": final.stat().st_size, "sha256": sha256(final)}

@@ -1,0 +1,121 @@
+"""The scene that the next pair is rendered in: one that stands, or one made of each pair's description."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable
+from contextlib import ExitStack
+from types import TracebackType
+from typing import Self
+
+import bpy
+
+from ..errors import IcyMoonError
+from ..nodes import eyes_above_ground
+from ..nodes.ground.user_ground import cost_warnings
+from ..nodes.next_scene import adapted
+from ..nodes.scene import Built
+from ..physics import admission
+from ..physics.camera.blur import identity
+from ..settings import changes
+from ..settings.description import Settings, digest
+from . import cycles_settings
+from .plans.planned_pair import PlannedPair
+from .render_pair import check_camera, studio
+
+#: What a pair is rendered in: what is built, the scene to render, the seconds that it took to build.
+Set = tuple[Built, bpy.types.Scene, float]
+
+
+class Standing:
+    """A built scene that is rendered as it is, whatever a person has done to it."""
+
+    def __init__(self, built: Built, frame: int, seconds_build: float) -> None:
+        """Raises IcyMoonError if the scene shows a preview or its camera is none for stereo."""
+        if built.preview:
+            raise IcyMoonError("The scene shows a preview; press Build Scene and render again.")
+        check_camera(built)
+        self._built, self._frame, self._seconds = built, frame, seconds_build
+        self._held = ExitStack()
+        self._scene: bpy.types.Scene | None = None
+
+    def __enter__(self) -> Self:
+        self._scene = self._held.enter_context(studio(self._built, self._frame))
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None,
+                 trace: TracebackType | None) -> None:
+        self._held.close()
+
+    def set_for(self, planned: PlannedPair) -> Set:
+        """Where this pair is rendered."""
+        assert self._scene is not None
+        cycles_settings.check_possible(planned.settings["quality"])
+        _refuse([*admission.of_settings(planned.settings),
+                 *eyes_above_ground.reasons(self._built, planned.turn_deg, self._scene)])
+        return self._built, self._scene, self._seconds
+
+
+class Described:
+    """Scenes built from settings, each made out of the one before with the least work."""
+
+    def __init__(self, warn: Callable[[str], None], extra: str = "") -> None:
+        """``warn`` is told each warning once; ``extra`` counts for the pairs' ids beside their description."""
+        self._warn, self._extra = warn, extra
+        self._warned: set[str] = set()
+        self._built: Built | None = None
+        self._scene: bpy.types.Scene | None = None
+        self._held = ExitStack()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None,
+                 trace: TracebackType | None) -> None:
+        self._held.close()
+
+    def set_for(self, planned: PlannedPair) -> Set:
+        """Where this pair is rendered. Raises IcyMoonError if its scene cannot be built; the next one may."""
+        start = time.perf_counter()
+        before, self._built = self._built, None
+        cycles_settings.check_possible(planned.settings["quality"])
+        admission.refuse(planned.settings)
+        shared = before is not None and _same_surroundings(before.settings, planned.settings)
+        if not shared:  # what Cycles keeps is of no use any more
+            self._held.close()
+            self._say(cost_warnings(planned.settings))
+        built, kept = adapted(before, planned.settings)
+        self._say(built.warnings)
+        _check_id(planned, built, self._extra)
+        if not shared or not kept:
+            self._held.close()
+            self._scene = self._held.enter_context(studio(built, bpy.context.scene.frame_current))
+        assert self._scene is not None
+        self._built = built
+        # Not in a scene that comes and goes, after which Cycles would build its tree of triangles again.
+        _refuse(eyes_above_ground.of_described(built, self._scene))
+        return built, self._scene, time.perf_counter() - start
+
+    def _say(self, warnings: list[str] | tuple[str, ...]) -> None:
+        for warning in warnings:
+            if warning not in self._warned:
+                self._warned.add(warning)
+                self._warn(warning)
+
+
+def _refuse(reasons: Iterable[str]) -> None:
+    """Raise IcyMoonError with all reasons, if there are any."""
+    if said := " ".join(reasons):
+        raise IcyMoonError(said)
+
+
+def _same_surroundings(one: Settings, other: Settings) -> bool:
+    """Whether two descriptions differ in nothing but camera, sampling, response and run."""
+    return all(part(one) == part(other) for part in (changes.scene, changes.look, changes.light))
+
+
+def _check_id(planned: PlannedPair, built: Built, extra: str) -> None:
+    if digest(planned.settings, built.extra + extra + identity(planned.settings)) != planned.id:
+        why = ("a file that its description names has another content than when it was planned" if built.content else
+               "nodes stand in for OSL here (set hapke.backend to NODES), or another version planned it")
+        raise IcyMoonError(f"Pair {planned.id} would not be what was planned: {why}; plan the data set again.")

@@ -1,0 +1,95 @@
+"""What has to be rendered by itself, and the scene as it is then.
+
+With Open Shading Language Cycles writes no value passes, so truth is rendered without it. And a surface that
+asks where the light comes from has its law for one source, and one light group for what it gives by itself; so by day
+Sun and planet are rendered one after the other, and their sum is the image.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, replace
+from typing import Any
+
+import bpy
+
+from ..nodes.datablocks.fingerprint import TAG, instanced
+from ..nodes.light.lights import ROLES
+from ..nodes.scene import Built
+from ..nodes.surface import sun_inputs
+
+
+@dataclass(frozen=True)
+class Light:
+    """What gives light in one of the renders of an image: the roles that are left out, and the light group of what
+    surfaces give by themselves; None for as the scene has it."""
+
+    dark: tuple[str, ...] = ()
+    group: str | None = None
+
+
+def _asking(built: Built) -> list[bpy.types.Material]:
+    """The materials that ask where the light comes from."""
+    return [material for material in built.materials if sun_inputs.asks(material)]
+
+
+def lights(scene: bpy.types.Scene, built: Built) -> list[Light]:
+    """What to render one after the other and add up.
+
+    A denoised image is rendered at once: its parts would be denoised apart.
+    """
+    if (not scene.view_layers[0].lightgroups or built.planetshine is None or scene.cycles.use_denoising
+            or not _asking(built)):
+        return [Light()]
+    if built.sun.data.energy > 0:
+        return [Light(("planetshine",), "Sun"),
+                Light(("sun", *(role for role in ROLES if role != "planetshine")), "Planet")]
+    return [Light((), "Planet")]
+
+
+@contextmanager
+def only(built: Built, light: Light) -> Iterator[None]:
+    """The scene has this light."""
+    if light.group is None:
+        yield
+        return
+    sun = sun_inputs.Sun.from_lamp(built.sun, built.sun.matrix_world)
+    with ExitStack() as undo:
+        def lend(block: Any, name: str, value: Any) -> None:
+            undo.callback(setattr, block, name, getattr(block, name))
+            setattr(block, name, value)
+
+        undo.callback(lambda: sun_inputs.aim(_asking(built), sun, built.planetshine))
+        for item in list(built.collection.all_objects):
+            if item.get(TAG) in light.dark:
+                lend(item, "hide_render", True)
+            for each in (item, *instanced(item)) if item.get(TAG) in ("terrain", "rock") else ():
+                if each.lightgroup:
+                    lend(each, "lightgroup", light.group)
+        sun_inputs.aim(_asking(built), replace(sun, irradiance_wm2=(0.0, 0.0, 0.0)) if "sun" in light.dark else sun,
+                     built.planetshine)
+        yield
+
+
+@contextmanager
+def without_osl(scene: bpy.types.Scene) -> Iterator[None]:
+    """Open Shading Language is off, as truth needs it; what is made of it, which rays would pass through then, is a
+    plain surface."""
+    if not scene.cycles.shading_system:
+        yield
+        return
+    with ExitStack() as undo:
+        for material in bpy.data.materials:
+            tree = material.node_tree
+            if tree is None or not any(node.bl_idname == "ShaderNodeScript" for node in tree.nodes):
+                continue
+            output = tree.get_output_node("CYCLES")
+            if output is not None and output.inputs["Surface"].links:
+                undo.callback(tree.links.new, output.inputs["Surface"].links[0].from_socket, output.inputs["Surface"])
+                plain = tree.nodes.new("ShaderNodeBsdfDiffuse")
+                undo.callback(tree.nodes.remove, plain)
+                tree.links.new(plain.outputs[0], output.inputs["Surface"])
+        scene.cycles.shading_system = False
+        undo.callback(setattr, scene.cycles, "shading_system", True)
+        yield

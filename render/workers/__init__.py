@@ -1,0 +1,1 @@
+"""The processes that render a data set, and what they share."""

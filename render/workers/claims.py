@@ -1,0 +1,215 @@
+"""Who renders which pair, among processes and machines that share nothing but a folder. Imports no Blender.
+
+A claim is a file ``claims/<pair>.<n>`` that only one can make. Its maker touches it again and again; when
+that stops, or the maker is known to be gone, the pair may be claimed anew as n + 1, which again only one can.
+So nothing is ever taken out of a living hand, and whoever was wrongly held for dead does no harm: what it
+writes has names of its own until it is whole, and a pair that is there is not written again.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import secrets
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any
+
+from ... import system
+from ...files import PART, disk_errors, part_of, read_text
+from ...records import PROCESS, TEXT, Maybe, fault, parsed
+from ..pairs.our_files import is_claim, remove_ours
+from ..pairs.publish import settle
+
+FOLDER = "claims"
+#: How often a claim is touched, and how long after the last touch it counts for nothing.
+BEAT_S, STALE_S = 10.0, 60.0
+#: How long a claim is touched for a holder that does not say that it goes on, see ``goes_on``: it hangs then.
+SILENCE_S = 3600.0
+#: What a claim says of its holder.
+_SHAPE = {"pid": PROCESS, "place": TEXT, "host": TEXT, "key": Maybe(TEXT)}
+
+
+class Claims:
+    """The claims of this process in a data set; a thread keeps them fresh while any is held.
+
+    Raises IcyMoonError where the folder cannot be written to.
+    """
+
+    def __init__(self, dataset: Path) -> None:
+        self._dataset = dataset
+        self._folder = dataset / FOLDER
+        self._pairs = dataset / "pairs"
+        self._key = secrets.token_hex(8)  # what tells a claim of ours from another's that got the same name later
+        self._held: dict[str, Path] = {}
+        self._heard = time.monotonic()
+        self._stop = threading.Event()
+        self._thread: threading.Thread | None = None
+
+    def take(self, pair: str) -> bool:
+        """Claim a pair; False while another holds it. Raises IcyMoonError where it could not be written."""
+        folder = part_of(self._pairs / pair)
+        system.check_path(self._pairs.parent, part_of(folder / "pair.json"))  # the longest name of what is in a pair
+        with disk_errors("write to", self._folder):
+            self._folder.mkdir(parents=True, exist_ok=True)
+            claims = self._of(pair)
+            if claims and not self._stale(claims[max(claims)]):
+                return False
+            number = max(claims, default=0) + 1
+            path = self._folder / f"{pair}.{number}"
+            try:
+                handle = system.patiently(lambda: os.open(path, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
+            except FileExistsError:
+                return False  # another was faster
+            with os.fdopen(handle, "w", encoding="utf-8") as stream:
+                json.dump({"pid": os.getpid(), "place": system.place(), "host": system.computer(), "key": self._key},
+                          stream)
+        for old in claims.values():
+            self._remove(old)
+        if claims:
+            self._clear(pair)
+        self._held[pair] = path
+        self.goes_on()
+        if self._thread is None:
+            self._thread = threading.Thread(target=self._beat, daemon=True)
+            self._thread.start()
+        return True
+
+    def goes_on(self) -> None:
+        """Say that whoever holds these claims still gets somewhere with them."""
+        self._heard = time.monotonic()
+
+    def release(self, pair: str) -> None:
+        """Give a claim back."""
+        path = self._held.pop(pair, None)
+        if path is not None and self._mine(path):
+            system.remove(path)
+
+    def lost(self, pair: str) -> bool:
+        """Whether a pair that was claimed here has been claimed anew, since this process was taken for dead."""
+        path = self._held.get(pair)
+        return path is not None and not self._mine(path)
+
+    @contextmanager
+    def held(self, pair: str) -> Iterator[bool]:
+        """Claim a pair for the block; says whether it could be had."""
+        taken = self.take(pair)
+        try:
+            yield taken
+        finally:
+            if taken:
+                self.release(pair)
+
+    def others(self) -> set[str]:
+        """The pairs that living processes hold, this one aside."""
+        found: dict[str, Path] = {}
+        for path in sorted(self._all(), key=_number):
+            found[path.name.split(".")[0]] = path
+        return {pair for pair, path in found.items() if not self._mine(path) and not self._stale(path)}
+
+    def holder(self, pair: str) -> str:
+        """Who holds a pair, for people."""
+        claims = self._of(pair)
+        said = _read(claims[max(claims)]) if claims else {}
+        return f"process {said['pid']} on {said['host']}" if said else "another process"
+
+    def forget(self, pid: int) -> None:
+        """Drop the claims of a process of this machine that has ended, and what it left half-written."""
+        for part in self._pairs.glob(f"*.{system.computer()}-{pid}-*{PART}"):
+            self._settle(part)
+        for path in self._all():
+            holder = _read(path)
+            if holder.get("pid") == pid and holder.get("host") == system.computer():
+                self._remove(path)
+
+    def sweep(self) -> None:
+        """Settle what processes that are gone have left unfinished, and remove the folder if nothing is claimed."""
+        # Whoever has begun to write has claimed before: what is there now and has no claim afterwards is left over.
+        parts = list(self._pairs.glob(f"*{PART}"))
+        claimed = self.others() | self._held.keys()
+        for part in parts:
+            if part.name.split(".")[0] not in claimed:
+                self._settle(part)
+        # Such as the manifest's, the clock's and that of a pair.json that was to state other settings.
+        for where, pattern in ((self._dataset, "*"), (self._pairs, ".clock"), (self._pairs, "*/*")):
+            for file in where.glob(f"{pattern}.{system.computer()}-*-*{PART}"):
+                writer = file.name.removesuffix(PART).rsplit("-", 2)[1]
+                if writer.isdecimal() and system.is_gone(int(writer), system.place()):
+                    self._remove(file)
+        for path in self._all():
+            if not self._mine(path) and self._stale(path):
+                self._remove(path)
+        with suppress(OSError):  # absent, or in use
+            self._folder.rmdir()
+
+    def close(self) -> None:
+        """Give all claims back and stop the thread."""
+        self._stop.set()
+        for pair in list(self._held):
+            self.release(pair)
+
+    def _of(self, pair: str) -> dict[int, Path]:
+        return {_number(path): path for path in self._all() if path.name.startswith(f"{pair}.")}
+
+    def _all(self) -> list[Path]:
+        return [path for path in self._folder.glob("*.*") if is_claim(path)]
+
+    def _remove(self, path: Path) -> None:
+        remove_ours(path, self._dataset)
+
+    def _clear(self, pair: str) -> None:
+        for part in self._pairs.glob(f"{pair}.*{PART}"):
+            self._settle(part)
+
+    @staticmethod
+    def _settle(part: Path) -> None:
+        if part.is_dir():  # a file is another's affair, such as a clock
+            with suppress(OSError):  # which leaves it for another time
+                settle(part)
+
+    def _mine(self, claim: Path) -> bool:
+        return _read(claim).get("key") == self._key
+
+    def _stale(self, claim: Path) -> bool:
+        try:
+            touched = claim.stat().st_mtime
+        except FileNotFoundError:
+            return True
+        holder = _read(claim)
+        if holder and system.is_gone(holder["pid"], holder["place"]):
+            return True
+        return self._now() - touched > STALE_S
+
+    def _now(self) -> float:
+        """The time by the clock that stamps the files of this folder, which may be another machine's."""
+        probe = part_of(self._pairs / ".clock")
+        with disk_errors("write to", probe.parent):
+            probe.parent.mkdir(parents=True, exist_ok=True)
+            try:
+                probe.write_bytes(b"")
+                return probe.stat().st_mtime
+            finally:
+                system.remove(probe)
+
+    def _beat(self) -> None:
+        while not self._stop.wait(BEAT_S):
+            for path in list(self._held.values()) if time.monotonic() - self._heard < SILENCE_S else ():
+                with suppress(OSError):  # released just now, or the share is away for a while
+                    if self._mine(path):
+                        os.utime(path)
+
+
+def _number(path: Path) -> int:
+    text = path.name.rpartition(".")[2]
+    return int(text) if text.isdecimal() else 0
+
+
+def _read(claim: Path) -> dict[str, Any]:
+    try:
+        holder = parsed(read_text(claim))
+    except (OSError, ValueError):
+        return {}  # gone, or being written
+    return {} if fault(holder, _SHAPE) else dict(holder)

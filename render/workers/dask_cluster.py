@@ -1,0 +1,106 @@
+"""A data set rendered by the workers of a Dask cluster. Imports no Blender.
+
+A task is a run of pairs; it does what ``icymoon work`` does, so that it may be killed, repeated or run twice at
+any moment. Dask decides where it runs and starts it again where a machine is lost.
+"""
+
+from __future__ import annotations
+
+import re
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from ...errors import IcyMoonError
+from ..pairs.pair_folder import is_complete
+from ..plans import frozen_plan as datasets
+from ..plans.order import shards
+from ..plans.planned_pair import PlannedPair
+from .runner import MOST_CRASHES, Runner, Workers
+
+_LOOK_S = 1.0
+
+
+def do_shard(dataset: str, names: Sequence[str], workers: Workers) -> dict[str, str]:
+    """A task: render these pairs of a frozen data set, and return why some were set aside."""
+    wanted = set(names)
+    pairs = [pair for pair in datasets.read(Path(dataset)).pairs if pair.id in wanted]
+    return Runner(Path(dataset), pairs, workers, lambda *a, **k: None).run()
+
+
+@contextmanager
+def _client(address: str) -> Iterator[Any]:
+    """A connection to the scheduler at an address, or to workers of this machine (``local:N``)."""
+    try:
+        import distributed
+    except ImportError:
+        raise IcyMoonError("--dask needs Dask's scheduler; install it with: pip install icymoon[scale]") from None
+    kind, _, number = address.partition(":")
+    if kind == "local":
+        if not re.fullmatch(r"[0-9]{1,6}", number) or int(number) == 0:
+            raise IcyMoonError(f"--dask is {address!r}; write local:N with N processes, or a scheduler's address.")
+        with (distributed.LocalCluster(n_workers=int(number), threads_per_worker=1, processes=True,
+                                       dashboard_address=None) as cluster, distributed.Client(cluster) as client):
+            yield client
+        return
+    try:
+        client = distributed.Client(address, timeout=20)
+    except (OSError, ValueError) as error:
+        raise IcyMoonError(f"There is no Dask scheduler at {address} ({error}); check --dask.") from None
+    with client:
+        yield client
+
+
+def run(address: str, dataset: Path, pairs: Sequence[PlannedPair], workers: Workers,
+        say: Callable[..., None]) -> dict[str, str]:
+    """Render what is missing of ``pairs`` on a cluster; as ``Runner.run``, with each worker a Dask worker's task.
+
+    Every Dask worker needs this package, the Blender that ``workers`` names and the folder at the same path.
+    """
+    with _client(address) as client:
+        there = {pair.id for pair in pairs if is_complete(pair.folder(dataset))}
+        missing = [pair for pair in pairs if pair.id not in there]
+        slots = max(1, len(client.scheduler_info(n_workers=-1)["workers"]))
+        jobs = [[pair.id for pair in shard] for shard in shards(missing, slots, workers.most_scenes)]
+        futures = [client.submit(do_shard, str(dataset), names, Workers(1, workers.threads, workers.blender,
+                                                                       workers.most_scenes),
+                                 retries=MOST_CRASHES - 1, pure=False) for names in jobs]
+        try:
+            while True:
+                ended = all(future.done() for future in futures)
+                for pair in missing:
+                    if pair.id not in there and is_complete(pair.folder(dataset)):
+                        there.add(pair.id)
+                        say("pair", id=pair.id, folder=str(pair.folder(dataset)), rendered=True, done=len(there),
+                            total=len(pairs), seconds=_seconds(pair.folder(dataset)))
+                say("progress", fraction=len(there) / max(1, len(pairs)), done=len(there), total=len(pairs),
+                    message=f"{len(there)} of {len(pairs)} pairs on {slots} workers")
+                if ended:
+                    break
+                time.sleep(_LOOK_S)
+        finally:
+            client.cancel(futures)
+    return _failed(jobs, futures, there, say)
+
+
+def _seconds(folder: Path) -> float:
+    from ..pairs.pair_folder import read_pair
+
+    return float(sum(read_pair(folder).data["seconds"].get(step, 0.0) for step in ("build", "render", "write")))
+
+
+def _failed(jobs: list[list[str]], futures: list[Any], there: set[str], say: Callable[..., None]) -> dict[str, str]:
+    """Why pairs are not there, by id."""
+    failed: dict[str, str] = {}
+    for names, future in zip(jobs, futures, strict=True):
+        if future.status == "finished":
+            failed |= future.result()
+        else:
+            why = f"its task ended: {future.exception()}" if future.status == "error" else "its task was cancelled"
+            failed |= dict.fromkeys(names, why)
+    failed = {name: why for name, why in failed.items() if name not in there}
+    for name, why in failed.items():
+        say("error", message=f"Pair {name}: {why}", pair=name)
+    return failed

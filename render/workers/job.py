@@ -1,0 +1,113 @@
+"""How to start our own code in another Python or Blender. Imports no Blender."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from ...errors import IcyMoonError
+from ...files import absolute_path, disk_errors
+from ...records import COUNT, FLAG, PATH, TABLE, TEXT, WHOLE, Each, Maybe, read_record
+from ...scratch import make_scratch
+from ...settings.description import Settings
+from ...system import is_python, remove_folder
+from ...version import ROOT
+from ..plans.planned_pair import PlannedPair
+from .claims import Claims
+from .process import Message, Process
+
+
+def python_command(python: str, *arguments: str) -> list[str]:
+    """Command that runs ``icymoon`` verbs in a Python interpreter."""
+    return [python, str(ROOT / "__main__.py"), *arguments]
+
+
+def blender_command(executable: str, *arguments: str) -> list[str]:
+    """Command that runs ``icymoon`` verbs in a Blender, or in a Python that has ``bpy``."""
+    if is_python(executable):
+        return python_command(executable, *arguments)
+    return [executable, "-b", "--factory-startup", "--python-exit-code", "1",
+            "--python", str(ROOT / "__main__.py"), "--", *arguments]
+
+
+#: A job, as a worker reads it.
+JOB = {"settings": Maybe(Each(TABLE, TEXT), null=True), "dataset": PATH, "again": Maybe(FLAG), "repeat": Maybe(WHOLE),
+       "blend": Maybe(PATH, null=True), "scene": Maybe(TEXT, null=True), "threads": Maybe(COUNT, null=True),
+       "pairs": Maybe(Each({"id": TEXT, "settings": Each(TABLE, TEXT)}))}
+
+
+def read_job(file: Path) -> dict[str, Any]:
+    """A job as it was written. Raises IcyMoonError if it is none."""
+    mend = "write it with Render Stereo Pair or icymoon render"
+    try:
+        job = dict(read_record(file, JOB, mend))
+    except FileNotFoundError:
+        raise IcyMoonError(f"There is no job {file}; {mend}.") from None
+    if not job.get("pairs") and job.get("settings") is None:
+        raise IcyMoonError(f"{file}: settings is missing; {mend}.")
+    if job.get("blend") and not job.get("scene"):
+        raise IcyMoonError(f"{file}: scene is missing; {mend}.")
+    return job
+
+
+class Job:
+    """A render job on disk, for the worker to read; ``remove`` it when the worker has ended."""
+
+    def __init__(self, dataset: Path, settings: Settings | None = None, *, pairs: Sequence[PlannedPair] = (),
+                 scene: str | None = None, again: bool = False, threads: int | None = None, repeat: int = 0) -> None:
+        """Write the job file: the pairs of a description, or planned ones, of which any may fail.
+
+        With ``scene`` the caller saves the .blend to ``blend``. ``threads`` takes the place of quality.threads. Pairs
+        of another ``repeat`` are the same but for their name and the noise of their light paths.
+        """
+        self.dataset = dataset
+        self.folder = make_scratch()
+        self.blend = self.folder / "scene.blend"
+        self.file = self.folder / "job.json"
+        with disk_errors("write a job to", self.folder):
+            job: Mapping[str, Any] = {"settings": settings, "dataset": str(dataset), "again": again, "repeat": repeat,
+                                      "blend": str(self.blend) if scene else None, "scene": scene, "threads": threads,
+                                      "pairs": [{"id": pair.id, "settings": pair.settings} for pair in pairs]}
+            self.file.write_text(json.dumps(job), encoding="utf-8")
+
+    def discard(self) -> None:
+        """Delete the job's own files."""
+        remove_folder(self.folder)
+
+    def remove(self) -> None:
+        """Delete the job's own files, and what a stopped worker left unfinished."""
+        self.discard()
+        Claims(self.dataset).sweep()
+
+
+def rendered(job: Job, blender: str, hear: Callable[[Message], None]) -> list[Path]:
+    """The pair folders that a worker has made of a job; ``hear`` gets all that it says.
+
+    The job is removed, however it ends. Raises IcyMoonError with the worker's own words if it fails.
+    """
+    folders: list[Path] = []
+    failure = ""
+    try:
+        process = Process(blender_command(blender, "worker", str(job.file)))
+        try:
+            for message in process.messages():
+                hear(message)
+                if message["type"] == "error":
+                    failure = message["message"]
+                elif message["type"] == "done":
+                    folders = [Path(folder) for folder in message["folders"]]
+        finally:
+            process.stop()
+    finally:
+        job.remove()
+    if failure or not folders:
+        raise IcyMoonError(failure or f"Blender ended without a result (status {process.returncode}): "
+                           f"{process.last_words}")
+    return folders
+
+
+def absolute_folder(text: str, blend_folder: str | None = None) -> Path:
+    """The folder that ``dataset.folder`` names, as ``absolute_path`` reads it."""
+    return absolute_path(text, "dataset.folder", blend_folder)

@@ -1,0 +1,61 @@
+"""``manifest.json``: what a data set holds, what made it and what that took. Imports no Blender.
+
+Made from the pairs' own files at the end of every run, so that it says what is there, whoever rendered it.
+"""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from ...errors import IcyMoonError
+from ...files import write_json
+from ...version import version
+from ..pairs.pair_folder import is_complete, read_pair
+from ..plans.frozen_plan import FORMAT, PLAN, VERSION, Frozen, read
+
+MANIFEST = "manifest.json"
+
+
+def _counted(values: list[str]) -> dict[str, int]:
+    return dict(sorted(Counter(values).items()))
+
+
+def _read(frozen: Frozen, dataset: Path) -> tuple[dict[str, dict[str, Any]], dict[str, str]]:
+    """What the pairs that are there say of themselves, and why others that are there cannot be read, by id."""
+    there, unreadable = {}, {}
+    for pair in frozen.pairs:
+        if is_complete(pair.folder(dataset)):
+            try:
+                there[pair.id] = read_pair(pair.folder(dataset)).data
+            except IcyMoonError as error:
+                unreadable[pair.id] = str(error)
+    return there, unreadable
+
+
+def write_manifest(dataset: Path, failed: Mapping[str, str]) -> dict[str, Any]:
+    """Write the manifest of a data set and return it; ``failed`` says why pairs were set aside in this run."""
+    frozen = read(dataset)
+    there, unreadable = _read(frozen, dataset)
+    taken = [facts.get("seconds", {}) for facts in there.values()]
+    manifest = {
+        "format": FORMAT, "version": VERSION, "icymoon": version(), "planned_by": frozen.version, "plan": frozen.text,
+        "plan_file": PLAN, "pairs": len(frozen.pairs), "complete": len(there),
+        "missing": [pair.id for pair in frozen.pairs if pair.id not in there],
+        "set_aside": unreadable | {name: why for name, why in failed.items() if name not in there},
+        "seeds": sorted({int(pair.settings["dataset"]["seed"]) for pair in frozen.pairs}),
+        "versions": _counted([json.dumps(facts.get("versions")) for facts in there.values()]),
+        "devices": _counted([facts.get("device", "") for facts in there.values()]),
+        "platforms": _counted([facts.get("platform", "") for facts in there.values()]),
+        "seconds": {step: round(sum(each.get(step, 0.0) for each in taken), 3)
+                    for step in sorted({step for each in taken for step in each})},
+        "bytes": sum(file["bytes"] for facts in there.values() for file in facts["files"].values()),
+        "peak_memory_mib": max((facts.get("peak_memory_mib") or 0.0 for facts in there.values()), default=None),
+        "checksums_sha256": {f"pairs/{name}/{file}": fact["sha256"] for name, facts in there.items()
+                             for file, fact in facts["files"].items()},
+    }
+    write_json(dataset / MANIFEST, manifest)
+    return manifest

@@ -1,0 +1,155 @@
+"""The other process: starting it, hearing it, stopping it. Imports no Blender.
+
+A worker says what it does in JSON lines on its standard output; other lines (Cycles talks a lot)
+are kept as a tail for the case that it dies. It may be killed at any moment: nothing it has not
+finished is ever under a final name.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import queue
+import subprocess
+import threading
+import time
+from collections import deque
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from typing import IO, Any
+
+from ... import system
+from ...errors import IcyMoonError
+from ...records import TEXT, fault, parsed
+
+Message = dict[str, Any]
+_GRACE_S = 3.0
+
+
+def emit(kind: str, **facts: Any) -> None:
+    """Say one thing to whoever started this process: a JSON line with its ``type``."""
+    print(json.dumps({"type": kind, **facts}), flush=True)
+
+
+class Listener:
+    """Sorts what a process says: messages, and the last of its other lines.
+
+    ``cancelled`` and ``left`` say whether it was made to stop, or left to itself.
+    """
+
+    def __init__(self) -> None:
+        self._tail: deque[str] = deque(maxlen=30)
+        self.cancelled = self.left = False
+
+    def _take(self, line: str) -> Message | None:
+        """The message that a line is; what is none is kept as a tail."""
+        message = _parsed(line)
+        if message is None:
+            self._tail.append(line.rstrip())
+        return message
+
+    @property
+    def last_words(self) -> str:
+        """The last line that was not a message, for an error that the process could not state."""
+        return next((line for line in reversed(self._tail) if line.strip()), "it said nothing")
+
+
+@contextmanager
+def errors_told(as_json: bool) -> Iterator[None]:
+    """Say an error that ends the program as a JSON line too, if that is asked for."""
+    try:
+        yield
+    except IcyMoonError as error:
+        if as_json:
+            emit("error", message=str(error))
+        raise
+
+
+class Process(Listener):
+    """A running worker. ``poll`` never blocks, so a modal operator can call it on a timer."""
+
+    def __init__(self, command: Sequence[str], environment: Mapping[str, str] | None = None) -> None:
+        """Start ``command`` (a list, never a shell line). Raises IcyMoonError if it cannot start."""
+        super().__init__()
+        try:
+            self._process = system.start_ours(command, environment)
+        except OSError as error:
+            raise IcyMoonError(f"Cannot start {command[0]}: {error.strerror or error}; "
+                               "check its path.") from None
+        self._lines: queue.SimpleQueue[str | None] = queue.SimpleQueue()
+        self._reader = threading.Thread(target=self._read, args=(self._process.stdout,), daemon=True)
+        self._reader.start()
+        self._ended = False
+
+    def _read(self, stream: IO[bytes]) -> None:
+        for line in stream:
+            self._lines.put(line.decode("utf-8", "replace"))
+        self._lines.put(None)
+
+    def poll(self) -> list[Message]:
+        """The messages since the last call."""
+        messages = []
+        while not self._lines.empty():
+            line = self._lines.get()
+            if line is None:
+                self._ended = True
+                self._process.wait()
+            elif (message := self._take(line)) is not None:
+                messages.append(message)
+        return messages
+
+    @property
+    def pid(self) -> int:
+        """Number of the process."""
+        return self._process.pid
+
+    @property
+    def running(self) -> bool:
+        """Whether there may be more to hear."""
+        return not self._ended
+
+    @property
+    def returncode(self) -> int:
+        """Exit status after the end; negative for a signal."""
+        return self._process.wait()
+
+    def messages(self) -> Iterator[Message]:
+        """All messages until the end, waiting for them."""
+        while self.running:
+            yield from self.poll()
+            time.sleep(0.05)
+        yield from self.poll()
+
+    def cancel(self) -> None:
+        """Ask it to stop, and make it stop if it does not within a few seconds."""
+        self.cancelled = True
+        system.interrupt(self._process)
+        threading.Thread(target=self._insist, daemon=True).start()
+
+    def _insist(self) -> None:
+        try:
+            self._process.wait(_GRACE_S)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+
+    def stop(self) -> None:
+        """End it at once, if it has not ended, and wait until it is gone."""
+        if self._process.poll() is None:
+            self.cancelled = True
+            self._process.kill()
+        self._process.wait()
+
+
+def _parsed(line: str) -> Message | None:
+    if not line.startswith("{"):
+        return None
+    try:
+        message = parsed(line)
+    except ValueError:
+        return None
+    return None if fault(message, {"type": TEXT}) else dict(message)
+
+
+def clean_environment() -> dict[str, str]:
+    """Our environment without what would make another Python load Blender's modules."""
+    return {k: v for k, v in os.environ.items() if k not in ("PYTHONPATH", "PYTHONHOME", "PYTHONSTARTUP")}

@@ -1,0 +1,251 @@
+"""A data set's pairs, rendered by several worker processes, whatever becomes of any of them. Imports no Blender.
+
+This process holds nothing that could be lost: which pairs there are stands in the data set, which are done
+is asked of the disk, and a pair in progress belongs to whoever holds its claim.
+"""
+
+from __future__ import annotations
+
+import time
+from collections import Counter, deque
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from ...errors import IcyMoonError
+from ...records import FLAG, NUMBER, TABLE, TEXT, Maybe, Shape, fault
+from ..pairs.pair_folder import is_complete, restate
+from ..plans.order import shards
+from ..plans.planned_pair import PlannedPair
+from .claims import Claims
+from .job import Job, blender_command
+from .process import Message, Process
+
+Say = Callable[..., None]
+#: How often a pair may take its worker with it before it is set aside.
+MOST_CRASHES = 3
+#: A worker that has said that it is done is ended after this; the Blender module may hang when it ends.
+_FAREWELL_S = 10.0
+#: A worker that has said nothing for so long may hang: what is left of its pairs is given to others that have time.
+_DOUBT_S = 300.0
+_TURN_S, _WAIT_S = 0.05, 1.0
+#: What workers say, as far as it is heard here.
+_SAID: dict[str, Shape] = {
+    "progress": {"pair": Maybe(TEXT), "of_pair": Maybe(NUMBER)}, "pair": {"id": TEXT}, "warning": {"message": TEXT},
+    "error": {"message": TEXT, "pair": Maybe(TEXT), "crash": Maybe(FLAG)}, "done": {}}
+
+
+@dataclass(frozen=True)
+class Workers:
+    """How many processes render, how many threads each has (0: all), in which Blender; how many scenes a process
+    may render before another takes its place, and the seconds after which one that says nothing is ended."""
+
+    count: int
+    threads: int
+    blender: str
+    most_scenes: int = 50
+    silence_s: float = 3600.0
+
+
+@dataclass
+class _Worker:
+    """A process and the pairs that it was given."""
+
+    job: Job
+    process: Process
+    pairs: list[PlannedPair]
+    heard: float = field(default_factory=time.monotonic)
+    current: str = ""  # the pair in progress
+    fraction: float = 0.0  # of it
+    said: str = ""  # why it failed, in its own words
+    fatal: bool = False
+    spoke: bool = False
+    done: bool = False
+
+    def close(self) -> None:
+        """End the process and remove what it left."""
+        self.process.stop()
+        self.job.discard()
+
+
+class Runner:
+    """Renders what is missing of ``pairs`` into a data set.
+
+    ``say(type, **facts)`` receives ``progress`` (``fraction``, ``message``, ``done``, ``total``), ``pair``, ``warning``
+    and ``error`` messages (of a pair that is set aside, with ``pair``).
+    """
+
+    def __init__(self, dataset: Path, pairs: Sequence[PlannedPair], workers: Workers, say: Say) -> None:
+        self._dataset, self._pairs, self._options, self._say = dataset, list(pairs), workers, say
+        self._claims = Claims(dataset)
+        self._running: list[_Worker] = []
+        self._queue: deque[list[PlannedPair]] = deque()
+        self._crashes: Counter[str] = Counter()
+        self._still = 0  # workers that ended without a word, one after the other
+        self._complete: set[str] = set()
+        self._warned: set[str] = set()
+        self._known = {None, *(pair.id for pair in self._pairs)}
+        self.failed: dict[str, str] = {}
+
+    def run(self) -> dict[str, str]:
+        """Render until every pair is there or set aside; return why those were, by id.
+
+        Raises IcyMoonError when nothing can be rendered (the disk is full, Blender does not start). However
+        it ends, no worker is left.
+        """
+        try:
+            self._claims.sweep()
+            for pair in self._pairs:
+                if is_complete(pair.folder(self._dataset)):
+                    self._restate(pair)
+            self._report()
+            while missing := self._open():
+                self._enqueue(missing)
+                while self._queue or self._running:
+                    self._turn()
+                    time.sleep(_TURN_S)
+                if missing == self._open():  # all of them are other runners'
+                    self._report(missing)
+                    time.sleep(_WAIT_S)
+        finally:
+            for worker in self._running:
+                worker.close()
+            self._claims.sweep()
+        return self.failed
+
+    def _restate(self, pair: PlannedPair) -> None:
+        """Count a pair that is there, and let it state the camera response of this plan."""
+        try:
+            restate(pair.folder(self._dataset), pair.settings)
+            self._complete.add(pair.id)
+        except IcyMoonError as error:
+            self.failed[pair.id] = str(error)
+            self._say("error", message=str(error), pair=pair.id)
+
+    def _open(self) -> list[PlannedPair]:
+        """The pairs that are neither there nor set aside."""
+        for pair in self._pairs:
+            if pair.id not in self._complete and is_complete(pair.folder(self._dataset)):
+                self._found(pair.id)
+        return [pair for pair in self._pairs if pair.id not in self._complete and pair.id not in self.failed]
+
+    def _enqueue(self, missing: list[PlannedPair]) -> None:
+        """Cut what is missing into jobs; what nobody else is at comes first."""
+        busy = self._claims.others()
+        jobs = shards([pair for pair in missing if pair.id not in busy], self._options.count,
+                      self._options.most_scenes)
+        self._queue.extend(jobs)
+
+    def _turn(self) -> None:
+        """Start what can be started, hear what was said, see who has ended."""
+        while self._queue and len(self._running) < self._options.count:
+            self._start(self._queue.popleft())
+        for worker in list(self._running):
+            for message in worker.process.poll():
+                worker.heard, worker.spoke = time.monotonic(), True
+                self._hear(worker, message)
+            silent = time.monotonic() - worker.heard
+            if silent > self._patience_s(worker, silent):
+                worker.said = worker.said or f"it said nothing for {silent:.0f} s"
+                worker.process.stop()
+            elif silent > _DOUBT_S and len(self._running) < self._options.count and not self._queue:
+                self._relieve(worker)
+            if not worker.process.running:
+                self._running.remove(worker)
+                self._ended(worker)
+
+    def _patience_s(self, worker: _Worker, silent: float) -> float:
+        """For how long a worker may say nothing: not long if all that it was to do is done, perhaps by others."""
+        idle = worker.done or (silent > _FAREWELL_S and not self._left(worker))
+        return _FAREWELL_S if idle else self._options.silence_s
+
+    def _left(self, worker: _Worker) -> list[PlannedPair]:
+        """What a worker was given that is neither there nor set aside."""
+        return [pair for pair in worker.pairs if pair.id not in self.failed
+                and not is_complete(pair.folder(self._dataset))]
+
+    def _relieve(self, worker: _Worker) -> None:
+        """Give what a worker has not begun to another; if it goes on after all, it finds that done, or claimed."""
+        waiting = [pair for pair in self._left(worker) if pair.id != worker.current]
+        if waiting:
+            worker.pairs = [pair for pair in worker.pairs if pair not in waiting]
+            self._queue.append(waiting)
+
+    def _start(self, pairs: list[PlannedPair]) -> None:
+        job = Job(self._dataset, pairs=pairs, threads=self._options.threads)
+        try:
+            process = Process(blender_command(self._options.blender, "worker", str(job.file)))
+        except IcyMoonError:
+            job.discard()
+            raise
+        self._running.append(_Worker(job, process, pairs))
+
+    def _hear(self, worker: _Worker, message: Message) -> None:
+        kind = message["type"]
+        if fault(message, _SAID.get(kind, TABLE)) or not self._known >= {message.get("pair"), message.get("id")}:
+            return  # something that other code in that process has printed
+        if kind == "progress" and "pair" in message:
+            worker.current, worker.fraction = message["pair"], message.get("of_pair", 0.0)
+            self._report()
+        elif kind == "pair":
+            worker.current, worker.fraction = "", 0.0
+            if is_complete(self._dataset / "pairs" / message["id"]):
+                self._found(message["id"], message)
+            else:
+                self._crashed(message["id"], "its files are not what was written")
+        elif kind == "warning" and message["message"] not in self._warned:
+            self._warned.add(message["message"])
+            self._say("warning", message=message["message"])
+        elif kind == "error" and "pair" in message:
+            worker.current = ""
+            self._set_aside(message["pair"], message["message"])
+        elif kind == "error":
+            worker.said, worker.fatal = message["message"], not message.get("crash")
+        elif kind == "done":
+            worker.done = True
+
+    def _ended(self, worker: _Worker) -> None:
+        """Judge by the disk what a worker has done, and give the rest to another."""
+        worker.close()
+        self._claims.forget(worker.process.pid)
+        if worker.fatal:
+            raise IcyMoonError(worker.said)
+        self._still = 0 if worker.spoke else self._still + 1
+        why = worker.said or f"Blender ended (status {worker.process.returncode}): {worker.process.last_words}"
+        if self._still >= MOST_CRASHES:
+            raise IcyMoonError(f"The worker does not start: {why}.")
+        if worker.current and not is_complete(self._dataset / "pairs" / worker.current):
+            self._crashed(worker.current, why)
+        left = self._left(worker)
+        if left and not worker.done:
+            self._queue.append(left)
+
+    def _found(self, name: str, message: dict[str, Any] | None = None) -> None:
+        if name not in self._complete:
+            self._complete.add(name)
+            facts = {"folder": str(self._dataset / "pairs" / name), "rendered": False, **(message or {}), "id": name,
+                     "done": len(self._complete), "total": len(self._pairs)}
+            facts.pop("type", None)
+            self._say("pair", **facts)
+            self._report()
+
+    def _crashed(self, name: str, why: str) -> None:
+        self._crashes[name] += 1
+        if self._crashes[name] >= MOST_CRASHES:
+            self._set_aside(name, f"Pair {name} failed {MOST_CRASHES} times: {why.rstrip('.')}.")
+
+    def _set_aside(self, name: str, why: str) -> None:
+        if not is_complete(self._dataset / "pairs" / name):
+            self.failed[name] = why
+            self._say("error", message=why, pair=name)
+
+    def _report(self, waiting: Sequence[PlannedPair] = ()) -> None:
+        """Say how far it is, and what it is ``waiting`` for."""
+        total = max(1, len(self._pairs))
+        fraction = (len(self._complete) + sum(w.fraction for w in self._running if w.current)) / total
+        text = f"{len(self._complete)} of {len(self._pairs)} pairs"
+        if waiting:
+            text += f"; {len(waiting)} are others', such as {waiting[0].id} of {self._claims.holder(waiting[0].id)}"
+        self._say("progress", fraction=round(min(1.0, fraction), 6), done=len(self._complete), total=len(self._pairs),
+                  message=text)

@@ -1,0 +1,127 @@
+"""Job scripts for a cluster with SLURM, where nothing is installed but this folder and Blender. Imports no Blender."""
+
+from __future__ import annotations
+
+import re
+import shlex
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from ...errors import IcyMoonError
+from ...files import write_text
+from ..plans.frozen_plan import Frozen
+from ..plans.order import share
+from .job import python_command
+
+FOLDER = "slurm"
+_CONTROL = re.compile(r"[\x00-\x1f\x7f]")
+
+
+@dataclass(frozen=True)
+class Request:
+    """What the script asks of SLURM: shares of the data set, how many at once (0: all), processors and memory of each,
+    wall time, and further options as sbatch has them."""
+
+    shards: int
+    at_once: int
+    cpus: int
+    memory: str
+    time: str
+    options: tuple[str, ...]
+
+
+_SCRIPT = """#!/bin/bash
+# {pairs} pairs of {dataset} in {shards} shares.
+# Submit it with: sbatch {file}
+# A share may be killed, requeued or run twice at any moment: finished pairs are kept and none is rendered twice.
+#SBATCH --job-name=icymoon
+#SBATCH --array={array}
+#SBATCH --ntasks=1
+#SBATCH --cpus-per-task={cpus}
+#SBATCH --mem={memory}
+#SBATCH --time={time}
+#SBATCH --requeue
+#SBATCH --open-mode=append
+#SBATCH --signal=B:USR1@60
+#SBATCH --output={log}
+{options}
+most_restarts={restarts}
+
+requeue() {{
+    echo "icymoon: $1; the share is requeued"
+    exec scontrol requeue "${{SLURM_ARRAY_JOB_ID}}_${{SLURM_ARRAY_TASK_ID}}"
+}}
+
+stop() {{
+    kill -TERM "$child" 2>/dev/null
+    wait "$child"
+    requeue "the time is nearly up"
+}}
+trap stop USR1
+
+{command} &
+child=$!
+wait "$child"
+status=$?
+[ "$status" -eq 0 ] && exit 0
+[ "${{SLURM_RESTART_COUNT:-0}}" -lt "$most_restarts" ] && requeue "the share ended with status $status"
+exit "$status"
+"""
+
+#: How often a share may have been started again and still is after it failed. When its time is up it always is.
+MOST_RESTARTS = 3
+
+
+def ranges(numbers: Sequence[int]) -> str:
+    """Rising numbers as SLURM writes them: ``1-3,7``."""
+    runs: list[list[int]] = []
+    for number in numbers:
+        if runs and number == runs[-1][1] + 1:
+            runs[-1][1] = number
+        else:
+            runs.append([number, number])
+    return ",".join(str(a) if a == b else f"{a}-{b}" for a, b in runs)
+
+
+def _refuse_lines(text: str) -> None:
+    """Raise IcyMoonError if a text would end the line of the script that it stands in, and what follows be run."""
+    if _CONTROL.search(text):
+        raise IcyMoonError(f"{text!r} holds a line break or another control character, which no line of a job script "
+                           "can; choose another path or option.")
+
+
+def _quoted(folder: Path) -> str:
+    """A folder as sbatch reads it in an option: one word, nothing in it an escape or one of its % patterns."""
+    if "\\" in str(folder):
+        raise IcyMoonError(f"{folder} has a backslash, after which SLURM puts in no numbers of jobs; choose another "
+                           "folder.")
+    return '"' + str(folder).replace('"', '\\"').replace("%", "%%") + '"'
+
+
+def write_script(dataset: Path, frozen: Frozen, request: Request, python: str, blender: str) -> Path | None:
+    """Write the script of a job array for the shares that lack pairs; None if none does.
+
+    ``python`` runs this package on the cluster's machines, ``blender`` is their Blender. Raises IcyMoonError for a path
+    or an option that no line of such a script can hold.
+    """
+    for text in (str(dataset), python, blender, request.memory, request.time, *request.options):
+        _refuse_lines(text)
+    missing = {pair.id for pair in frozen.missing(dataset)}
+    open_shares = [number for number in range(1, request.shards + 1)
+                   if any(pair.id in missing for pair in share(frozen.pairs, number, request.shards))]
+    if not open_shares:
+        return None
+    folder = dataset / FOLDER
+    file = folder / "job.sh"
+    quoted = [shlex.quote(word) for word in python_command(python, "work", str(dataset), "--blender", blender, "--json",
+                                                           "--workers", "1")]
+    command = [*quoted, "--threads-per-worker", '"${SLURM_CPUS_PER_TASK:-1}"', "--shard",
+               f'"${{SLURM_ARRAY_TASK_ID}}/{request.shards}"']
+    limit = f"%{request.at_once}" if request.at_once else ""
+    write_text(file, _SCRIPT.format(
+        pairs=len(missing), dataset=dataset, shards=request.shards, file=shlex.quote(str(file)),
+        array=ranges(open_shares) + limit, cpus=request.cpus, memory=request.memory, time=request.time,
+        log=f"{_quoted(folder)}/%A_%a.log", options="".join(f"#SBATCH {option}\n" for option in request.options),
+        restarts=MOST_RESTARTS, command=" ".join(command)))
+    return file

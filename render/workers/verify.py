@@ -1,0 +1,171 @@
+"""Whether a data set is what its plan says, file by file. Imports no Blender."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from ...errors import IcyMoonError, sentence
+from ...files import read_text, sha256
+from ...formats.exr_layout import is_whole
+from ...physics.camera.blur import identity
+from ...records import FILE_NAME, SHA256, Each, fault, parsed
+from ...settings.description import digest
+from ..pairs.our_files import is_claim, is_unfinished, remove_ours, why_kept
+from ..pairs.pair_folder import Pair, is_complete, read_pair
+from ..plans.frozen_plan import PLAN, read
+from ..plans.planned_pair import PlannedPair
+from .claims import FOLDER, Claims
+from .manifest import MANIFEST
+
+#: What a data set's folder may hold beside its pairs.
+_KNOWN = {"pairs", PLAN, MANIFEST, FOLDER, "evaluation", "evaluation_scene", "slurm"}
+#: What stands for content that the settings do not describe, see ``settings.digest`` and ``nodes.sunlit``.
+_STAND_INS = ("", "Hapke of nodes")
+#: What a pair must say for its files to be held against it: names of files of its own, none of a device or elsewhere.
+_CHECKED = {"files": Each({"sha256": SHA256}, FILE_NAME)}
+
+
+@dataclass(frozen=True)
+class Problem:
+    """Something wrong: of which kind, with what (a pair's id or a path), in a sentence; ``path`` is what may go."""
+
+    kind: str  # "unreadable", "missing", "broken", "foreign", "leftover" or "kept"
+    what: str
+    text: str
+    path: Path | None = None
+
+    def facts(self) -> dict[str, Any]:
+        """As a message says it."""
+        return {"kind": self.kind, "what": self.what, "message": self.text}
+
+
+@dataclass(frozen=True)
+class Findings:
+    """What ``verify`` found: how many pairs are planned and whole, and what is wrong."""
+
+    pairs: int
+    complete: int
+    problems: tuple[Problem, ...]
+
+
+def verify(dataset: Path, remove_broken: bool = False) -> Findings:
+    """Check every file of a data set against the plan and the checksums.
+
+    With ``remove_broken`` broken pairs and leftovers are taken away, never what is not ours, nor a pair whose files
+    are as they were rendered. Raises IcyMoonError if there is no plan.
+    """
+    frozen = read(dataset)
+    working = Claims(dataset).others()
+    problems: list[Problem] = []
+    complete = 0
+    for planned in frozen.pairs:
+        try:
+            found = list(_of_pair(dataset, planned, planned.id in working))
+        except Exception as error:  # such as a disk that cannot be read: nothing to take away
+            found = [Problem("unreadable", planned.id, sentence(error, planned.folder(dataset)))]
+        complete += not found
+        problems += found
+    problems += _others(dataset, {pair.id for pair in frozen.pairs}, working)
+    for path in dict.fromkeys(problem.path for problem in problems if problem.path) if remove_broken else ():
+        if not remove_ours(path, dataset):
+            why = why_kept(path, dataset) or "the disk does not allow it"
+            problems.append(Problem("kept", path.name, f"{path} is not removed: {why}; look at it yourself."))
+    return Findings(len(frozen.pairs), complete, tuple(problems))
+
+
+def _of_pair(dataset: Path, planned: PlannedPair, working: bool) -> Iterator[Problem]:
+    folder = planned.folder(dataset)
+    if not (folder / "pair.json").is_file():
+        if folder.exists():
+            yield Problem("broken", planned.id, f"{folder} has no pair.json.", folder)
+        else:
+            yield Problem("missing", planned.id, f"Pair {planned.id} is {'being rendered' if working else 'missing'}.")
+        return
+    intact = _is_intact(folder)
+    try:
+        pair = read_pair(folder)
+        said = [*(() if intact else _damages(pair)), *_contradictions(pair, planned)]
+    except IcyMoonError as error:
+        said = [str(error)]
+    for text in said:
+        if intact:
+            yield Problem("foreign", planned.id, f"{text} Its files are as they were rendered, so it stays; move it "
+                          "away to have the pair made again.")
+        else:
+            yield Problem("broken", planned.id, text, folder)
+
+
+def _is_intact(folder: Path) -> bool:
+    """Whether all files of a pair are as they were rendered, whatever else is wrong with it.
+
+    Raises OSError where that cannot be told.
+    """
+    try:
+        data = parsed(read_text(folder / "pair.json"))
+        return not fault(data, _CHECKED) and bool(data["files"]) and all(
+            (folder / name).is_file() and sha256(folder / name) == fact["sha256"]
+            for name, fact in data["files"].items())
+    except (FileNotFoundError, NotADirectoryError, ValueError):
+        return False
+
+
+def _may_be_intact(folder: Path) -> bool:
+    try:
+        return _is_intact(folder)
+    except OSError:
+        return True
+
+
+def _damages(pair: Pair) -> Iterator[str]:
+    """Which files are not as they were rendered, in sentences."""
+    for name, fact in pair.data["files"].items():
+        file = pair.folder / name
+        if not file.is_file():
+            yield f"{file} is missing."
+        elif file.stat().st_size != fact["bytes"]:
+            yield f"{file} has {file.stat().st_size} bytes, not {fact['bytes']}."
+        elif sha256(file) != fact["sha256"]:
+            yield f"{file} is not what was rendered: its checksum differs."
+
+
+def _contradictions(pair: Pair, planned: PlannedPair) -> Iterator[str]:
+    """In what a pair that can be read is not what was planned, in sentences."""
+    path = pair.folder / "pair.json"
+    if pair.id != planned.id:
+        yield f"{path} is of pair {pair.id}, not {planned.id}."
+    own, blur = str(pair.data.get("own_files_sha256", "")), identity(pair.settings)
+    ids = {digest(pair.settings, own + each + blur) for each in _STAND_INS}
+    if not pair.data.get("edited_by_hand") and pair.id not in ids:
+        yield f"{path}: its settings do not give the id {pair.id}."
+    seed = pair.data.get("seeds", {}).get("render")
+    if seed != planned.render_seed:
+        yield f"{path}: was rendered with the seed {seed}, not {planned.render_seed}."
+    yield from (f"{pair.folder / name} is no whole EXR image." for name in pair.data["files"]
+                if not is_whole(pair.folder / name))
+
+
+def _others(dataset: Path, planned: set[str], working: set[str]) -> Iterator[Problem]:
+    """What lies in the folder and belongs to no planned pair."""
+    for path in sorted((dataset / "pairs").glob("*")):
+        name = path.name.split(".")[0]
+        if is_unfinished(path):
+            aside = _may_be_intact(path) and not is_complete(path.with_name(name))
+            if aside and name not in working:
+                yield Problem("leftover", path.name, f"{path} is a whole pair; icymoon batch puts it into its place.")
+            elif name not in working:
+                yield Problem("leftover", path.name, f"{path} was left unfinished.", path)
+        elif name not in planned or path.name != name:
+            yield Problem("foreign", path.name, f"{path} is not of this plan.")
+    for path in sorted((dataset / FOLDER).glob("*")):
+        if not is_claim(path):
+            yield Problem("foreign", path.name, f"{path} is no claim.")
+        elif path.name.split(".")[0] not in working:
+            yield Problem("leftover", path.name, f"{path} is the claim of a process that is gone.", path)
+    for path in sorted(dataset.glob("*")):
+        if is_unfinished(path):
+            yield Problem("leftover", path.name, f"{path} was left unfinished.", path)
+        elif path.name not in _KNOWN:
+            yield Problem("foreign", path.name, f"{path} is not of this data set.")

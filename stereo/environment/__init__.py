@@ -1,0 +1,1 @@
+"""The evaluator's Python: what it needs, and how it is installed."""

@@ -1,0 +1,89 @@
+"""What the evaluation needs from the Python it runs in, found out without needing any of it."""
+
+from __future__ import annotations
+
+import importlib
+import importlib.metadata
+import io
+import logging
+import platform
+import sys
+from contextlib import redirect_stderr, redirect_stdout
+from typing import Any
+
+from ...errors import IcyMoonError
+
+PYTHON = (3, 11)
+
+# The first time it runs it says on stderr, which is for our one sentence, that it looks for fonts.
+logging.getLogger("matplotlib").setLevel(logging.ERROR)
+
+#: Module -> (what pip installs it from, oldest version that will do, first major version that nobody has tested).
+PACKAGES = {"numpy": ("numpy", (1, 26), 3), "cv2": ("opencv-contrib-python-headless", (4, 11), 6),
+            "OpenEXR": ("OpenEXR", (3, 3), 4), "jinja2": ("Jinja2", (3, 1), 4),
+            "matplotlib": ("matplotlib", (3, 8), 4), "rich": ("rich", (15, 0), 16)}
+
+
+def report() -> dict[str, Any]:
+    """``versions``, whether all is ``ok``, and what is ``missing`` with a ``message`` that says the mend."""
+    missing = [problem for _, problem in map(_package, PACKAGES) if problem]
+    if sys.version_info < PYTHON:
+        missing.insert(0, f"Python {'.'.join(map(str, PYTHON))} or newer")
+    message = f"{sys.executable} cannot evaluate: it lacks {', '.join(missing)}; {_mend()}" if missing else ""
+    return {**versions(), "ok": not missing, "missing": missing, "message": message}
+
+
+def versions() -> dict[str, str | None]:
+    """Versions of Python and of all that matters; None for what is absent or does not load.
+
+    The required packages are imported, since an installed package that does not load is of no use;
+    torch only serves learned matchers, is slow to load, and is looked up without importing it.
+    """
+    return {"python": platform.python_version(), **{module: _package(module)[0] for module in PACKAGES},
+            "torch": _installed("torch")}
+
+
+def require(*modules: str) -> None:
+    """Raise IcyMoonError with the mend unless all of ``modules`` load in this Python."""
+    problems = [problem for _, problem in map(_package, modules) if problem]
+    if problems:
+        raise IcyMoonError(f"{sys.executable} lacks {', '.join(problems)}; {_mend()}")
+
+
+def wanted(module: str) -> str:
+    """A package with its bounds, as pip takes it."""
+    distribution, oldest, untested = PACKAGES[module]
+    return f"{distribution}>={'.'.join(map(str, oldest))},<{untested}"
+
+
+def _package(module: str) -> tuple[str | None, str]:
+    """(version or None, what is wrong with it or nothing)."""
+    distribution, oldest, untested = PACKAGES[module]
+    try:
+        # Packages that miss each other print whole essays about it.
+        with redirect_stdout(io.StringIO()), redirect_stderr(io.StringIO()):
+            loaded = importlib.import_module(module)
+    except Exception as error:  # a broken binary package raises whatever it likes
+        reason = f" ({error})" if importlib.util.find_spec(module) else ""
+        return None, f"{wanted(module)}{reason}"
+    # OpenEXR's module states the version of its C++ library only through the package's metadata.
+    version = getattr(loaded, "__version__", None) or _installed(distribution)
+    if version and not oldest <= _numbers(version) < (untested,):
+        return version, f"{wanted(module)} (it has {version})"
+    return version, ""
+
+
+def _installed(distribution: str) -> str | None:
+    try:
+        return importlib.metadata.version(distribution)
+    except importlib.metadata.PackageNotFoundError:
+        return None
+
+
+def _numbers(version: str) -> tuple[int, ...]:
+    return tuple(int(part) for part in version.split(".")[:2] if part.isdecimal())
+
+
+def _mend() -> str:
+    names = " ".join(f'"{wanted(module)}"' for module in PACKAGES)
+    return f"run {sys.executable} -m pip install {names}, or choose another Python."

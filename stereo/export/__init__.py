@@ -1,0 +1,1 @@
+"""Pairs in the layouts of other data sets."""

@@ -1,0 +1,75 @@
+"""Encodings of other people's data sets: PFM, KITTI's disparities, COCO's masks."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from ...errors import IcyMoonError
+from ..images.image_files import write_bytes, write_png
+
+#: KITTI and others store 256 times the disparity as 16-bit PNG; 0 is no value.
+KITTI_SCALE = 256.0
+MILLIMETRES = 1000.0
+
+
+def write_pfm(path: Path, values: np.ndarray) -> None:
+    """Write (H, W) or (H, W, 3; R, G, B) as a portable float map: float32, rows from below, little-endian.
+
+    What is not finite is written as infinity, Middlebury's mark of an unknown value.
+    """
+    single = np.where(np.isfinite(values), values, np.inf).astype("<f4")
+    kind = "PF" if single.ndim == 3 else "Pf"
+    header = f"{kind}\n{single.shape[1]} {single.shape[0]}\n-1.0\n".encode("ascii")
+    write_bytes(path, header + np.ascontiguousarray(single[::-1]).tobytes())
+
+
+def read_pfm(path: Path) -> np.ndarray:
+    """A portable float map as float32, (H, W) or (H, W, 3; R, G, B), either byte order, infinity as NaN.
+
+    Raises IcyMoonError if it is missing, none, or not of the size it says.
+    """
+    try:
+        content = path.read_bytes()
+    except OSError as error:
+        raise IcyMoonError(f"{path} cannot be read ({error.strerror}); give an existing PFM file.") from None
+    try:
+        kind, size, scale = (line.decode("ascii").strip() for line in content.split(b"\n", 3)[:3])
+        width, height = (int(word) for word in size.split())
+        bands = {"Pf": 1, "PF": 3}[kind]
+        order = "<" if float(scale) < 0 else ">"
+    except (ValueError, KeyError):
+        raise IcyMoonError(f"{path} is not a portable float map; give a PFM file.") from None
+    body = content.split(b"\n", 3)[3] if content.count(b"\n") >= 3 else b""
+    if width < 1 or height < 1 or len(body) != 4 * width * height * bands:
+        raise IcyMoonError(f"{path} is damaged or incomplete; make it again.")
+    values = np.frombuffer(body, f"{order}f4").astype(np.float32)
+    values = values.reshape(height, width, bands)[::-1] if bands == 3 else values.reshape(height, width)[::-1]
+    return np.where(np.isinf(values), np.float32(np.nan), values)
+
+
+def write_scaled(path: Path, values: np.ndarray, scale: float) -> None:
+    """Write (H, W) times ``scale`` as 16-bit PNG, 0 where undefined or outside 1 / scale to 65535 / scale."""
+    with np.errstate(invalid="ignore", over="ignore"):
+        steps = np.rint(values * scale)
+        fits = (steps >= 1) & (steps <= 65535)  # False for NaN
+    write_png(path, np.where(fits, steps, 0).astype(np.uint16))
+
+
+def scaled(steps: np.ndarray, scale: float) -> np.ndarray:
+    """What ``write_scaled`` wrote, float64, NaN where it is 0."""
+    return np.where(steps > 0, steps / scale, np.nan)
+
+
+def run_lengths(pixels: np.ndarray, count: int) -> list[int]:
+    """COCO's uncompressed run lengths of a mask: of zeros, of ones, in turn, down the columns.
+
+    ``pixels`` are the ascending indices of the mask's pixels in an image of ``count`` pixels, column by column.
+    """
+    breaks = np.flatnonzero(np.diff(pixels) != 1)
+    first = pixels[np.concatenate([[0], breaks + 1])]
+    end = pixels[np.concatenate([breaks, [len(pixels) - 1]])] + 1
+    edges = np.stack([first, end], axis=1).ravel()
+    runs = np.diff(edges, prepend=0).tolist()
+    return [*runs, count - int(end[-1])] if end[-1] < count else runs

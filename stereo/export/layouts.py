@@ -1,0 +1,299 @@
+"""Pairs in the layouts of other people's data sets, with their truth.
+
+* ``png8``, ``png16``, ``pfm``: a folder per pair with ``left`` and ``right``, and of each eye ``disparity``, ``depth``,
+  labels and ``visible`` (255 where the other eye sees it too) as far as the format can hold them, and
+  ``calibration.json``.
+* ``kitti``: KITTI 2015, ``training/image_2/000000_10.png`` and so on; which pair has which number is in
+  ``pairs.csv``.
+* ``middlebury``: Middlebury 2014, ``<pair>/im0.png``, ``disp0.pfm``, ``mask0nocc.png``, ``calib.txt``.
+* ``coco``: left and right images and ``annotations.json`` with a mask for each block and each object of one's own.
+* ``raw``: images, depth and calibration of the sensors as they are, distorted and toed in; see ``raw.write_raw``.
+
+But for ``raw``, images are developed as for the matchers, rectified; ``pfm`` holds the radiance itself. An unknown
+value (sky, or what a toed-in eye does not see) is infinity in PFM and 0 in 16-bit PNG.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...errors import DiskError, IcyMoonError, sentence
+from ...files import cell, write_atomically, write_json, write_text
+from ...labels import LANDER, NOT_SEEN, ROCK, SEMANTIC
+from ...render.pairs.pair_folder import EYES
+from ..images.develop import exposure_facts, to_8_bit
+from ..images.image_files import write_bytes, write_png
+from ..measure.prepare import Loaded, distinct_pairs, load
+from .encodings import KITTI_SCALE, MILLIMETRES, run_lengths, write_pfm, write_scaled
+from .raw import write_raw
+
+Event = Callable[[dict[str, Any]], None]
+#: Calls a function with each pair, and a layout: what writes them with it.
+Each = Callable[[Callable[[Loaded], None]], None]
+Format = Callable[[Each, Path], None]
+#: Semantic values that have instances worth counting; ground and sky are no things.
+THINGS = (ROCK, LANDER)
+_VISIBLE, _HIDDEN = 255, 128
+
+
+def export(paths: Sequence[Path], kind: str, out: Path,
+           response: Mapping[str, Mapping[str, Any]] | None = None, on_event: Event = lambda event: None) -> list[str]:
+    """Write all pairs at ``paths`` in the layout ``kind``, a key of FORMATS, to ``out``; return what failed.
+
+    ``response`` overrides settings that need no new render. A pair that cannot be used is told as an event {"type":
+    "error", "message"} and left out; one that fails its self-check as {"type": "warning", "message"}. Raises
+    IcyMoonError if there is no pair or ``out`` cannot be written.
+    """
+    pairs = _Pairs(distinct_pairs(paths), response or {}, on_event)
+    FORMATS[kind](pairs.each, out)
+    return pairs.failed
+
+
+class _Pairs:
+    """Pairs that are read and written one after the other; one that cannot be stops none of the others."""
+
+    def __init__(self, folders: Sequence[Path], response: Mapping[str, Mapping[str, Any]], on_event: Event) -> None:
+        self._folders, self._response, self._tell = folders, response, on_event
+        self.failed: list[str] = []
+
+    def each(self, write: Callable[[Loaded], None]) -> None:
+        """Let ``write`` write each pair. Raises DiskError if it cannot."""
+        for done, folder in enumerate(self._folders, 1):
+            try:
+                pair = load(folder, self._response)
+            except Exception as error:
+                self._fail(error, folder)
+                continue
+            if not pair.check.ok:
+                problems = "; ".join(pair.check.problems)
+                self._tell({"type": "warning", "message": f"{folder} fails its self-check: {problems}."})
+            try:
+                write(pair)
+            except DiskError:
+                raise
+            except Exception as error:
+                self._fail(error, folder)
+                continue
+            self._tell({"type": "progress", "fraction": done / len(self._folders), "done": done,
+                        "total": len(self._folders), "message": folder.name})
+
+    def _fail(self, error: Exception, folder: Path) -> None:
+        self.failed.append(sentence(error, folder))
+        self._tell({"type": "error", "message": self.failed[-1]})
+
+
+def _disparity(pair: Loaded, eye: str) -> np.ndarray:
+    return pair.pair.camera.disparity(pair.depth[eye])
+
+
+def _image(pair: Loaded, eye: str) -> np.ndarray:
+    return pair.images.left if eye == "left" else pair.images.right
+
+
+def _write_8_bit(path: Path, pair: Loaded, eye: str) -> None:
+    write_png(path, to_8_bit(_image(pair, eye), pair.images.bits, pair.images.encoding))
+
+
+def _calibration(pair: Loaded) -> dict[str, Any]:
+    return {"pair": pair.pair.id, "camera": pair.pair.camera.rectified.to_json(),
+            "poses_camera_to_world": pair.pair.rectified_poses, "sensor": pair.settings["sensor"],
+            **exposure_facts(pair.images), "self_check": pair.check.to_json()}
+
+
+def _png8(pair: Loaded, out: Path) -> None:
+    folder = out / pair.pair.folder.name
+    for eye in EYES:
+        _write_8_bit(folder / f"{eye}.png", pair, eye)
+        write_png(folder / f"visible_{eye}.png", pair.visible[eye].astype(np.uint8) * _VISIBLE)
+        semantic = pair.views[eye].semantic
+        if semantic is not None:
+            write_png(folder / f"semantic_{eye}.png", semantic.astype(np.uint8))
+    write_json(folder / "calibration.json", _calibration(pair) | {"semantic": SEMANTIC | {NOT_SEEN: "not seen"}})
+
+
+def _png16(pair: Loaded, out: Path) -> None:
+    folder = out / pair.pair.folder.name
+    labels = _instance_labels(pair)
+    for eye in EYES:
+        write_png(folder / f"{eye}.png", _16_bit(pair, eye))
+        write_scaled(folder / f"disparity_{eye}.png", _disparity(pair, eye), KITTI_SCALE)
+        write_scaled(folder / f"depth_{eye}.png", pair.depth[eye], MILLIMETRES)
+        instance = pair.views[eye].instance
+        if instance is not None:
+            write_png(folder / f"instance_{eye}.png", np.searchsorted(labels, instance).astype(np.uint16))
+    write_json(folder / "calibration.json", _calibration(pair) | {
+        "disparity_steps_per_px": KITTI_SCALE, "depth_steps_per_m": MILLIMETRES,
+        "instance_labels": {str(k): int(label) for k, label in enumerate(labels)}})
+
+
+def _16_bit(pair: Loaded, eye: str) -> np.ndarray:
+    """The same image as the 8-bit one, in finer steps."""
+    level = _image(pair, eye) / (2.0 ** pair.images.bits - 1)
+    level = np.sqrt(level) if pair.images.encoding == "SQUARE_ROOT" else level
+    return np.asarray(np.rint(65535 * level).astype(np.uint16))
+
+
+def _instance_labels(pair: Loaded) -> np.ndarray:
+    """The instance labels of both eyes in ascending order; their places in it fit 16 bits, 0 stays 0."""
+    found = [np.unique(view.instance) for view in pair.views.values() if view.instance is not None]
+    labels = np.unique(np.concatenate([[0], *found]))
+    if len(labels) > 65536:
+        raise IcyMoonError(f"{pair.pair.folder} shows {len(labels)} instances, 16-bit images hold 65536; use coco.")
+    return labels
+
+
+def _pfm(pair: Loaded, out: Path) -> None:
+    folder = out / pair.pair.folder.name
+    for eye in EYES:
+        write_pfm(folder / f"{eye}.pfm", pair.views[eye].radiance)
+        write_pfm(folder / f"disparity_{eye}.pfm", _disparity(pair, eye))
+        write_pfm(folder / f"depth_{eye}.pfm", pair.depth[eye])
+    write_json(folder / "calibration.json", _calibration(pair))
+
+
+def _kitti(each: Each, out: Path) -> None:
+    """``disp_occ_0`` has all true disparities of the left eye, ``disp_noc_0`` those that the right eye sees too."""
+    root = out / "training"
+    numbers = [("number", "pair")]
+
+    def write(pair: Loaded) -> None:
+        number = f"{len(numbers) - 1:06d}"
+        frame = f"{number}_10.png"
+        _write_8_bit(root / "image_2" / frame, pair, "left")
+        _write_8_bit(root / "image_3" / frame, pair, "right")
+        disparity = _disparity(pair, "left")
+        write_scaled(root / "disp_occ_0" / frame, disparity, KITTI_SCALE)
+        write_scaled(root / "disp_noc_0" / frame, np.where(pair.visible["left"], disparity, np.nan), KITTI_SCALE)
+        write_text(root / "calib_cam_to_cam" / f"{number}.txt", _kitti_calibration(pair))
+        numbers.append((number, cell(pair.pair.folder.name)))
+
+    each(write)
+    table = io.StringIO()
+    csv.writer(table, lineterminator="\n").writerows(numbers)
+    write_text(out / "pairs.csv", table.getvalue())
+
+
+def _kitti_calibration(pair: Loaded) -> str:
+    camera = pair.pair.camera
+    lines = []
+    # KITTI counts pixels from the centre of the first one, half a pixel beside our corner.
+    for name, shift in (("02", 0.0), ("03", -camera.focal_baseline_px_m)):
+        matrix = (camera.focal_px, 0, camera.cx_px - 0.5, shift, 0, camera.focal_px, camera.cy_px - 0.5, 0, 0, 0, 1, 0)
+        lines.append(f"S_rect_{name}: {camera.width_px:.6e} {camera.height_px:.6e}\n")
+        lines.append(f"P_rect_{name}: {' '.join(f'{value:.12e}' for value in matrix)}\n")
+    return "".join(lines)
+
+
+def _middlebury(pair: Loaded, out: Path) -> None:
+    folder = out / pair.pair.folder.name
+    for k, eye in enumerate(EYES):
+        _write_8_bit(folder / f"im{k}.png", pair, eye)
+        write_pfm(folder / f"disp{k}.pfm", _disparity(pair, eye))
+        known = np.where(np.isfinite(pair.depth[eye]), _HIDDEN, 0)
+        write_png(folder / f"mask{k}nocc.png", np.where(pair.visible[eye], _VISIBLE, known).astype(np.uint8))
+    write_text(folder / "calib.txt", _middlebury_calibration(pair))
+
+
+def _middlebury_calibration(pair: Loaded) -> str:
+    """Middlebury 2014: baseline in mm, ``ndisp`` a safe number of disparities, ``vmin`` and ``vmax`` their range."""
+    camera = pair.pair.camera
+    matrix = (f"[{camera.focal_px:.9g} 0 {camera.cx_px - 0.5:.9g}; 0 {camera.focal_px:.9g} {camera.cy_px - 0.5:.9g}; "
+              "0 0 1]")
+    disparity = _disparity(pair, "left")
+    known = disparity[np.isfinite(disparity)]
+    low, high = (int(np.floor(known.min())), int(np.ceil(known.max()))) if known.size else (0, 0)
+    return (f"cam0={matrix}\ncam1={matrix}\ndoffs=0\nbaseline={1000 * camera.baseline_m:.9g}\n"
+            f"width={camera.width_px}\nheight={camera.height_px}\nndisp={high + 1}\nisint=0\n"
+            f"vmin={low}\nvmax={high}\ndyavg=0\ndymax=0\n")
+
+
+def _coco(each: Each, out: Path) -> None:
+    categories = [{"id": k, "name": SEMANTIC[k], "supercategory": "thing"} for k in THINGS]
+    images: list[dict[str, Any]] = []
+
+    def fill(part: Path) -> None:
+        # Masks go to the disk pair by pair, so that no number of them fills the memory.
+        with part.open("w", encoding="utf-8", newline="\n") as stream:
+            stream.write(f'{{"info": {json.dumps({"description": "Icy Moon"})},\n"categories": '
+                         f'{json.dumps(categories)},\n"annotations": [')
+            count = 0
+
+            def write(pair: Loaded) -> None:
+                nonlocal count
+                for eye in EYES:
+                    name = f"{pair.pair.folder.name}_{eye}.png"
+                    _write_8_bit(out / "images" / name, pair, eye)
+                    found = list(things(pair.views[eye].instance, pair.views[eye].semantic))
+                    camera = pair.pair.camera
+                    images.append({"id": len(images) + 1, "file_name": name, "width": camera.width_px,
+                                   "height": camera.height_px, "pair": pair.pair.folder.name, "eye": eye})
+                    for annotation in found:
+                        count += 1
+                        stream.write(("," if count > 1 else "") + "\n" + json.dumps(
+                            {"id": count, "image_id": len(images), **annotation}))
+
+            each(write)
+            stream.write(f'\n],\n"images": {json.dumps(images)}}}\n')
+
+    write_atomically(out / "annotations.json", fill)
+
+
+def things(instance: np.ndarray | None, semantic: np.ndarray | None) -> Iterator[dict[str, Any]]:
+    """COCO annotations of the THINGS in an image: exact masks as run lengths, box (x, y, width, height), area.
+
+    ``instance`` and ``semantic`` are labels (H, W). The category is that of most pixels of the instance. ``label`` is
+    the instance's own number, the same in both eyes and in every pair of the scene.
+    """
+    if instance is None or semantic is None:
+        return
+    height, width = instance.shape
+    flat, kinds = instance.ravel(order="F"), semantic.ravel(order="F")
+    order = np.argsort(flat, kind="stable")
+    labels, starts = np.unique(flat[order], return_index=True)
+    for label, pixels in zip(labels.tolist(), np.split(order, starts[1:]), strict=True):
+        category = int(np.bincount(np.maximum(kinds[pixels], 0)).argmax())
+        if label == 0 or category not in THINGS:
+            continue
+        columns, rows = pixels // height, pixels % height
+        left, top = int(columns.min()), int(rows.min())
+        yield {"category_id": category, "label": label, "iscrowd": 0, "area": len(pixels),
+               "bbox": [left, top, int(columns.max()) - left + 1, int(rows.max()) - top + 1],
+               "segmentation": {"size": [height, width], "counts": run_lengths(pixels, height * width)}}
+
+
+def _alone(write: Callable[[Loaded, Path], None]) -> Format:
+    """A layout in which no pair needs to know of the others."""
+    return lambda each, out: each(lambda pair: write(pair, out))
+
+
+FORMATS: dict[str, Format] = {
+    "png8": _alone(_png8), "png16": _alone(_png16), "pfm": _alone(_pfm), "kitti": _kitti,
+    "middlebury": _alone(_middlebury), "coco": _coco, "raw": _alone(write_raw)}
+
+
+def write_truth(paths: Sequence[Path], out: Path) -> Iterator[dict[str, Any]]:
+    """Write ``<out>/<pair>/truth.npz`` of all pairs, and give the self-check of each as it is done, with ``pair``.
+
+    Each npz has, of both eyes, ``disparity_left`` (px) and ``depth_left`` (m), float32, NaN for sky and for
+    what the sensor does not see, and ``visible_left``, bool: seen by the other eye too. A pair that cannot be used
+    gives its ``problems`` only.
+    """
+    for folder in distinct_pairs(paths):
+        try:
+            pair = load(folder, {})
+        except Exception as error:
+            yield {"pair": folder.name, "ok": False, "problems": [sentence(error, folder)]}
+            continue
+        stream = io.BytesIO()
+        np.savez_compressed(stream, **{f"{name}_{eye}": values for eye in EYES for name, values in (
+            ("disparity", _disparity(pair, eye).astype(np.float32)),
+            ("depth", pair.depth[eye].astype(np.float32)), ("visible", pair.visible[eye]))})
+        write_bytes(out / folder.name / "truth.npz", stream.getvalue())
+        yield {"pair": folder.name, **pair.check.to_json()}

@@ -1,0 +1,99 @@
+"""The surface that a matcher measured, as a point cloud coloured by how far off it is."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..images.colours import ERROR
+from ..images.image_files import write_bytes
+from ..measure.prepare import Prepared
+from ..measure.row import depth_of
+
+#: Points of one pair, at most; of more pixels every second, third and so on is taken along rows and columns.
+MOST_POINTS = 60_000
+_TOO_NEAR, _TOO_FAR, _RIGHT = (0x2B, 0x5F, 0xC4), (0xC4, 0x2B, 0x2B), (0xF4, 0xF4, 0xF4)
+_UNKNOWN = (0x96, 0x96, 0x96)
+_LAYOUT = np.dtype([("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("nx", "<f4"), ("ny", "<f4"), ("nz", "<f4"),
+                    ("red", "u1"), ("green", "u1"), ("blue", "u1"), ("error_m", "<f4"), ("size_m", "<f4")])
+_KINDS = {"f4": "float", "u1": "uchar"}
+
+
+def write_points(path: Path, prepared: Prepared, disparity: np.ndarray) -> None:
+    """Write the measured points in world axes, metres, as binary PLY.
+
+    Normals point to the camera; ``error_m`` is measured minus true depth, NaN where there is no true one;
+    ``size_m`` is how wide the pixels are that a point stands for. A comment ``missing N`` says how many points there
+    are not, since nothing was measured. The pair must have a ``pose_of``.
+    """
+    points = measured_points(prepared, disparity)
+    properties = [f"property {_KINDS[_LAYOUT[name].str[1:]]} {name}" for name in _LAYOUT.names or ()]
+    header = ["ply", "format binary_little_endian 1.0", "comment Icy Moon: error_m is measured minus true depth",
+              f"comment missing {missing_points(prepared, disparity)}",
+              f"element vertex {len(points)}", *properties, "end_header"]
+    write_bytes(path, "".join(f"{line}\n" for line in header).encode("ascii") + points.tobytes())
+
+
+def measured_points(prepared: Prepared, disparity: np.ndarray) -> np.ndarray:
+    """The points as a structured array of _LAYOUT; see ``write_points``."""
+    camera = prepared.pair.camera
+    pose = pose_of(prepared)
+    assert pose is not None
+    step = _step(disparity)
+    rows, columns = (grid[::step, ::step] for grid in np.indices(disparity.shape))
+    depth, truth = (values[::step, ::step] for values in (depth_of(prepared, disparity), prepared.truth))
+    known = np.isfinite(depth)
+    depth, truth = depth[known], truth[known]
+    # Pixel centres, in OpenCV's axes: x right, y down, z along the optical axis.
+    rays = np.stack([(columns[known] + 0.5 - camera.cx_px) / camera.focal_px,
+                     (rows[known] + 0.5 - camera.cy_px) / camera.focal_px, np.ones(depth.size)], axis=1)
+    position = (rays * depth[:, None]) @ pose[:3, :3].T + pose[:3, 3]
+    toward = -(rays / np.linalg.norm(rays, axis=1, keepdims=True)) @ pose[:3, :3].T
+    points = np.zeros(depth.size, _LAYOUT)
+    for k, axis in enumerate("xyz"):
+        points[axis], points[f"n{axis}"] = position[:, k], toward[:, k]
+    points["error_m"] = depth - truth
+    points["size_m"] = step * depth / camera.focal_px
+    points["red"], points["green"], points["blue"] = signed_colours(depth - truth).T
+    return points
+
+
+def missing_points(prepared: Prepared, disparity: np.ndarray) -> int:
+    """How many of the places that ``measured_points`` takes have a true depth and no measured one."""
+    step = _step(disparity)
+    depth, truth = (values[::step, ::step] for values in (depth_of(prepared, disparity), prepared.truth))
+    return int((np.isfinite(truth) & ~np.isfinite(depth)).sum())
+
+
+def _step(disparity: np.ndarray) -> int:
+    """Of so many rows and columns one is taken."""
+    return max(1, int(np.ceil(np.sqrt(disparity.size / MOST_POINTS))))
+
+
+def signed_colours(error_m: np.ndarray) -> np.ndarray:
+    """RGB uint8 (n, 3): blue for too near, red for too far, by the logarithmic scale of the error pictures; white
+    below its 1 cm, grey for NaN."""
+    amount = ERROR.position(np.nan_to_num(np.abs(error_m)))[:, None]
+    end = np.where(np.nan_to_num(error_m)[:, None] < 0, _TOO_NEAR, _TOO_FAR)
+    colours = np.rint(_RIGHT + amount * (end - np.array(_RIGHT)))
+    return np.where(np.isnan(error_m)[:, None], _UNKNOWN, colours).astype(np.uint8)
+
+
+def pose_of(prepared: Prepared) -> np.ndarray | None:
+    """The matrix (4, 4) from the rectified left camera, in OpenCV's axes, to the world; None if the pair says none."""
+    try:
+        pose = np.array(prepared.pair.rectified_poses["left"], np.float64)  # type: ignore[index]
+    except (KeyError, TypeError, ValueError):
+        return None
+    return pose if pose.shape == (4, 4) and np.isfinite(pose).all() else None
+
+
+def images_with_points(images: dict[str, Any], out: Path, prepared: Prepared, disparity: np.ndarray) -> dict[str, Any]:
+    """``images`` of a row with its ``points``, which are written beside its disparity unless they are there."""
+    if "points" in images:
+        return images
+    path = (out / images["disparity"]).with_suffix(".ply")
+    write_points(path, prepared, disparity)
+    return images | {"points": path.relative_to(out).as_posix()}

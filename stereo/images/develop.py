@@ -1,0 +1,166 @@
+"""Developing a pair: linear radiance to the grey images that stereo matchers are given."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ...errors import IcyMoonError
+from ...labels import LIGHT_GROUPS
+from ...physics.camera import brackets
+from ...physics.camera.blur import developing_warnings
+from ...physics.camera.particle_hits import hits
+from ...physics.camera.point_spread import through_lens
+from ...physics.camera.sensor import (
+    capacity_e,
+    digital_numbers,
+    electrons,
+    exposure_s,
+    exposure_warnings,
+    fixed_pattern,
+    gain_dn_per_e,
+    noise_generator,
+    top_dn,
+)
+from ...physics.light.photons import electron_rate, pixel_pitch_m
+from ...render.pairs.pair_folder import EYES, Pair, StereoCamera
+from ...settings.description import Settings
+from .exr import Light
+from .lens import Lens, lens_of
+
+
+@dataclass(frozen=True)
+class Frame:
+    """One exposure of both eyes: uint16 (H, W) digital numbers of the sensor's bits."""
+
+    seconds: float
+    left: np.ndarray
+    right: np.ndarray
+
+
+@dataclass(frozen=True)
+class Images:
+    """A developed pair, uint16 (H, W) digital numbers of ``bits`` bits: the one exposure, or all merged."""
+
+    left: np.ndarray  # rectified, on the truth
+    right: np.ndarray
+    detected_left: np.ndarray  # as the sensor has them, the same unless the lens distorts or eyes are toed in
+    detected_right: np.ndarray
+    bits: int
+    frames: tuple[Frame, ...]  # the exposures, longest first
+    exposure_s: float  # of the metered exposure
+    gain_dn_per_e: float
+    electron_rate: float  # electrons per second per W/(m² sr)
+    saturation_radiance: float  # W/(m² sr) at the top of the images; infinite if none reaches it
+    saturated: float  # share of the left pixels at the converter's top, in the shortest exposure
+    encoding: str
+    warnings: tuple[str, ...]  # what to know of blur in the render and of the exposure
+
+    def for_matchers(self) -> tuple[np.ndarray, np.ndarray]:
+        """Left and right as uint8: OpenCV's matchers take nothing finer, so more bits are scaled down."""
+        return to_8_bit(self.left, self.bits, self.encoding), to_8_bit(self.right, self.bits, self.encoding)
+
+
+def grey(radiance: np.ndarray) -> np.ndarray:
+    """Mean of the bands, float64 (H, W), of radiance (H, W, 3).
+
+    A panchromatic camera weighs the bands alike; luminance weights are a property of eyes. Icy
+    surfaces here are grey, so the choice matters only for coloured additions.
+    """
+    # Twice as fast as mean(), which adds up the short last axis one pixel at a time.
+    return (radiance[..., 0].astype(np.float64) + radiance[..., 1] + radiance[..., 2]) / 3
+
+
+def weighted(view: Light, pair: Pair, light: Mapping[str, Any]) -> np.ndarray:
+    """Radiance (H, W, 3) with the Sun and the planet as bright as ``sun_scale`` and ``planet_scale`` say.
+
+    Light is linear, so this is what a render would give. A pair without light groups has one light,
+    the Sun. Raises IcyMoonError where the groups are not what the image is made of.
+    """
+    scales = {group: float(light[key]) for group, key in LIGHT_GROUPS.items()}
+    if not view.groups:
+        return view.radiance * np.float32(scales["Sun"]) if scales["Sun"] != 1 else view.radiance
+    changed = {group: scale for group, scale in scales.items() if scale != 1 and group in view.groups}
+    if changed and pair.settings["quality"]["denoiser"] != "NONE":
+        raise IcyMoonError(f"{pair.folder} was denoised, its light groups were not; render it with quality.denoiser "
+                           f"NONE to change light.{LIGHT_GROUPS[next(iter(changed))]}.")
+    radiance = view.radiance
+    for group, scale in changed.items():
+        radiance = radiance + np.float32(scale - 1) * view.groups[group]
+    return radiance
+
+
+def develop(pair: Pair, left: Light, right: Light, settings: Settings) -> Images:
+    """Both eyes through one camera response with one exposure and independent noise.
+
+    ``left`` and ``right`` are the light as it falls into the eyes, see ``views.read_eye``. ``settings`` need not have
+    the camera response that the pair was rendered with. The noise is the same for the same pair, data set seed and
+    noise seed, however often it is developed.
+    """
+    sensor, rig = settings["sensor"], settings["rig"]
+    pitch_m = pixel_pitch_m(sensor, rig)
+    rate = electron_rate(settings["light"], sensor, pitch_m)
+    lenses = {eye: lens_of(pair.camera, rig, eye) for eye in EYES}
+    light = {eye: through_lens(_on_sensor(grey(weighted(view, pair, settings["light"])), pair.camera, lenses[eye]),
+                               sensor) for eye, view in (("left", left), ("right", right))}
+    metered = exposure_s(light["left"], rate, sensor)
+    times = brackets.exposure_times(metered, sensor)
+    seed = int(pair.settings["dataset"]["seed"])
+    image = {eye: _exposures(light[eye], times, rate, settings, (seed, pair.id, eye), pitch_m) for eye in EYES}
+    frames = tuple(Frame(*each) for each in zip(times, image["left"], image["right"], strict=True))
+    full_s = capacity_e(sensor) / times[-1]  # electrons per second
+    if len(frames) == 1:
+        bits, final = int(sensor["bits"]), {eye: image[eye][0] for eye in EYES}
+    else:
+        merged = {eye: brackets.merged(image[eye], times, sensor) for eye in EYES}
+        full_s = brackets.full_rate(merged["left"], times[-1], sensor)
+        bits, final = brackets.MERGED_BITS, {eye: brackets.as_numbers(merged[eye], full_s) for eye in EYES}
+    saturated = float(np.mean(image["left"][-1] == top_dn(sensor)))
+    detected = final
+    final = {eye: numbers if (lens := lenses[eye]) is None else lens.rectify(numbers)
+             for eye, numbers in detected.items()}
+    return Images(final["left"], final["right"], detected["left"], detected["right"], bits, frames, metered,
+                  gain_dn_per_e(sensor), rate, full_s / rate if rate else float("inf"),
+                  saturated, str(sensor["encoding"]),
+                  (*developing_warnings(settings, pair.settings, times),
+                   *exposure_warnings(metered, saturated, sensor)))
+
+
+def _on_sensor(light: np.ndarray, camera: StereoCamera, lens: Lens | None) -> np.ndarray:
+    return camera.cropped(light) if lens is None else lens.distort(light)
+
+
+def _exposures(light: np.ndarray, times: list[float], rate: float, settings: Settings,
+               stream: tuple[int, str, str], pitch_m: float) -> list[np.ndarray]:
+    """Digital numbers of one eye, exposed for each of ``times``."""
+    sensor, seed = settings["sensor"], int(settings["sensor"]["noise_seed"])
+    shape = light.shape[0], light.shape[1]
+    pattern = fixed_pattern(stream[0], stream[2], shape, sensor)
+    numbers = []
+    for k, seconds in enumerate(times):
+        freed = hits(sensor, shape, pitch_m, seconds, noise_generator(
+            *stream, seed, k, 1)) if sensor["radiation_flux_cm2_s"] > 0 else 0.0
+        charge = electrons(light, seconds, rate, sensor, noise_generator(*stream, seed, k, 0), pattern, freed)
+        numbers.append(digital_numbers(charge, sensor))
+    return numbers
+
+
+def exposure_facts(images: Images) -> Mapping[str, Any]:
+    """What a report says of how a pair was exposed; None for what is infinite."""
+    return {"exposure_s": images.exposure_s, "exposures_s": [frame.seconds for frame in images.frames],
+            "gain_dn_per_e": images.gain_dn_per_e, "electrons_per_s_per_radiance": images.electron_rate,
+            "saturation_radiance": images.saturation_radiance if math.isfinite(images.saturation_radiance) else None,
+            "saturated": images.saturated,
+            "image_bits": images.bits, "warnings": list(images.warnings)}
+
+
+def to_8_bit(numbers: np.ndarray, bits: int, encoding: str = "LINEAR") -> np.ndarray:
+    """uint8 of digital numbers of ``bits`` bits, both ends of the range kept at the ends."""
+    if bits == 8 and encoding == "LINEAR":
+        return numbers.astype(np.uint8)
+    level = numbers / (2.0 ** bits - 1)
+    return np.rint(255.0 * (np.sqrt(level) if encoding == "SQUARE_ROOT" else level)).astype(np.uint8)

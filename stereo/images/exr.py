@@ -1,0 +1,177 @@
+"""Reading the multilayer EXR files of a pair, whichever Blender wrote them.
+
+Blender 4.x puts every pass into one part, as ``Truth.Depth.Z`` or, with the view's name inside,
+``Truth.Depth.left.Z``; Blender 5.x writes one part per pass with the same channel names and keeps
+the view in the part's header. So a channel is found by its layer (first word), its pass (second
+word) and its component (last word), and the view by either of the two ways.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Collection, Iterator
+from contextlib import contextmanager, redirect_stdout
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ...errors import IcyMoonError
+from ...labels import BEAUTY, INSTANCE_AOV, LIGHT_GROUPS, NORMAL_AOV, TRUTH
+from ...render.pairs.pair_folder import EYES
+from ...scratch import scratch
+from .exr_passes import only_passes
+
+SKY_DEPTH_M = 1.0e10  # what Cycles writes where a ray hits nothing
+
+_Channels = dict[tuple[str, str, str], np.ndarray]  # (layer, pass, component) -> (height, width)
+
+
+@dataclass(frozen=True)
+class Light:
+    """What one eye's EXR holds of light: (H, W, 3) float32, linear, W/(m² sr) in the bands R, G, B."""
+
+    radiance: np.ndarray
+    groups: dict[str, np.ndarray]  # parts of it by the light they come from, see labels.LIGHT_GROUPS; may be empty
+
+
+@dataclass(frozen=True)
+class Truth:
+    """What one eye's EXR holds of the scene. Height H, width W; sampled at pixel centres."""
+
+    depth: np.ndarray  # (H, W) float64, planar metres, NaN for sky
+    normal: np.ndarray | None  # (H, W, 3) float32, world axes: of the facet, else the shading normal
+    instance: np.ndarray | None  # (H, W) int32, see labels
+    semantic: np.ndarray | None  # (H, W) int32, see labels.SEMANTIC
+
+
+@dataclass(frozen=True)
+class View(Truth, Light):
+    """Both, of one camera: radiance, groups, then the truth."""
+
+
+def read_view(path: Path, eye: str | None = None) -> View:
+    """Read ``left.exr`` or ``right.exr`` where it holds both. ``eye`` picks the view where a file holds two.
+
+    Raises IcyMoonError if the file is missing, damaged or lacks radiance or depth.
+    """
+    channels = _read_channels(path, eye)
+    truth = _truth(channels, path)
+    return View(*_light(channels, path), truth.depth, truth.normal, truth.instance, truth.semantic)
+
+
+def read_truth(path: Path, eye: str | None = None) -> Truth:
+    """The truth alone. Raises IcyMoonError if the file is missing, damaged or lacks depth."""
+    return _truth(_read_channels(path, eye), path)
+
+
+def _truth(channels: _Channels, path: Path) -> Truth:
+    with_light = (BEAUTY, "Depth", "Z") in channels  # of a pair that has no other truth
+    depth = _find(channels, BEAUTY if with_light else TRUTH, "Depth", "Z", path).astype(np.float64)
+    depth[~(depth < SKY_DEPTH_M) | (depth <= 0)] = np.nan
+    return Truth(depth, _normal(channels, path), _instances(channels), _labels(channels, ("Material Index", "IndexMA")))
+
+
+def read_light(path: Path, eye: str | None = None, groups: bool = True) -> Light:
+    """The light alone, with its ``groups`` or without, for a fraction of the cost of ``read_view`` where the file
+    has a part for each pass."""
+    passes = [f"{BEAUTY}.Combined", *(f"{BEAUTY}.Combined_{group}" for group in LIGHT_GROUPS if groups)]
+    radiance, found = _light(_read_channels(path, eye, passes), path)
+    return Light(radiance, found if groups else {})
+
+
+def _light(channels: _Channels, path: Path) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+    return _radiance(channels, "Combined", path), {
+        group: _radiance(channels, f"Combined_{group}", path) for group in LIGHT_GROUPS
+        if (BEAUTY, f"Combined_{group}", "R") in channels}
+
+
+def _radiance(channels: _Channels, pass_name: str, path: Path) -> np.ndarray:
+    bands = [_find(channels, BEAUTY, pass_name, band, path) for band in "RGB"]
+    return np.stack(bands, axis=-1).astype(np.float32, copy=False)
+
+
+def _read_channels(path: Path, eye: str | None, passes: Collection[str] = ()) -> _Channels:
+    """Channels of an eye, all or (where that saves something) those of ``passes`` (``LAYER.PASS``)."""
+    import OpenEXR
+
+    if not path.is_file():
+        raise IcyMoonError(f"{path} is missing; render the pair again.")
+    try:
+        with _silenced(), _less(path, passes) as file:
+            parts_announced = len(OpenEXR.File(file, separate_channels=True, header_only=True).parts)
+            parts = OpenEXR.File(file, separate_channels=True).parts
+    except Exception as error:  # the binding raises RuntimeError, ValueError and its own types alike
+        raise IcyMoonError(f"{path} is not a readable EXR file ({error}); render the pair again.") from None
+    # OpenEXR leaves a part that it cannot decode out of the list and says so only on stdout.
+    if len(parts) < parts_announced:
+        raise IcyMoonError(f"{path} is damaged or incomplete; render the pair again.")
+    channels: _Channels = {}
+    for part in parts:
+        for name, channel in part.channels.items():
+            words = name.split(".")
+            view = part.header.get("view") or next((word for word in words if word in EYES), None)
+            if len(words) < 3 or (eye and view and view != eye):
+                continue
+            channels[words[0], words[1], words[-1]] = channel.pixels
+    return channels
+
+
+@contextmanager
+def _less(path: Path, passes: Collection[str]) -> Iterator[str]:
+    """Name of a file with what ``path`` holds of ``passes``, or of ``path`` itself."""
+    if not passes:
+        yield str(path)
+        return
+    # A file and not a stream, which older versions of the OpenEXR package do not read.
+    with scratch() as folder:
+        file = folder / path.name
+        file.write_bytes(only_passes(path.read_bytes(), passes))
+        yield str(file)
+
+
+def _find(channels: _Channels, layer: str, pass_name: str, component: str, path: Path) -> np.ndarray:
+    try:
+        return channels[layer, pass_name, component]
+    except KeyError:
+        raise IcyMoonError(f"{path} has no channel {layer}.{pass_name}.{component}; "
+                           "render the pair again.") from None
+
+
+def _normal(channels: _Channels, path: Path) -> np.ndarray | None:
+    """Normals of facets; of a person's own objects, whose material does not tell, those that they are shaded with."""
+    normals = [np.stack([_find(channels, TRUTH, name, axis, path) for axis in components], axis=-1)
+               for name, components in ((NORMAL_AOV, "RGB"), (NORMAL_AOV, "XYZ"), ("Normal", "XYZ"))
+               if (TRUTH, name, components[0]) in channels]
+    if len(normals) == 2:
+        return np.where((normals[0] == 0.0).all(axis=-1, keepdims=True), normals[1], normals[0])
+    return normals[0] if normals else None
+
+
+def _instances(channels: _Channels) -> np.ndarray | None:
+    """Labels of objects, and where a block is, its own: a block has no object index."""
+    objects, blocks = _labels(channels, ("Object Index", "IndexOB")), _labels(channels, (INSTANCE_AOV,))
+    return objects if blocks is None or objects is None else np.where(blocks > 0, blocks, objects)
+
+
+def _labels(channels: _Channels, passes: tuple[str, ...]) -> np.ndarray | None:
+    for name in passes:
+        if (TRUTH, name, "X") in channels:
+            return np.rint(np.nan_to_num(channels[TRUTH, name, "X"])).astype(np.int32)
+    return None
+
+
+@contextmanager
+def _silenced() -> Iterator[None]:
+    """Send what OpenEXR says about a damaged file nowhere: its Python part prints on standard output,
+    which carries our own lines, its C++ part on standard error."""
+    sys.stderr.flush()
+    kept = os.dup(2)
+    try:
+        with open(os.devnull, "w", encoding="utf-8") as nowhere, redirect_stdout(nowhere):
+            os.dup2(nowhere.fileno(), 2)
+            yield
+    finally:
+        os.dup2(kept, 2)
+        os.close(kept)

@@ -1,0 +1,61 @@
+"""Rendered pairs as pictures for people, and many of them on one sheet with a caption each."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from ...errors import IcyMoonError
+from ...render.pairs.pair_folder import read_pair
+from .develop import grey
+from .exr import read_light
+from .image_files import encoded, write_bytes
+
+_SCREEN_GAMMA = 1 / 2.2
+#: JPEG qualities of a sheet, from which the first is taken that keeps to the most bytes.
+_QUALITIES = range(90, 20, -5)
+_COLUMNS, _CELL_PX, _CAPTION_PX = 3, 480, 48
+
+
+def write_picture(pair_folder: Path, file: Path) -> None:
+    """Write what the left eye of a pair saw as a JPEG for screens, in colour, at the camera's automatic exposure.
+
+    A sensor is linear and a screen is not, so it is brighter than what matchers are given, and it has no noise.
+    """
+    pair = read_pair(pair_folder)
+    radiance, sensor = read_light(pair.image("left"), "left", groups=False).radiance, pair.settings["sensor"]
+    full = float(np.quantile(grey(radiance), sensor["auto_percentile"])) / sensor["auto_target"]
+    shown = np.clip(radiance / max(full, 1e-30), 0.0, 1.0) ** _SCREEN_GAMMA
+    write_bytes(file, encoded(np.rint(255 * shown[..., ::-1]).astype(np.uint8), ".jpg", 92))
+
+
+def write_sheet(pictures: Sequence[tuple[Path, str, str]], file: Path, most_bytes: int = 400_000) -> None:
+    """Write pictures, each with a title and a line below it, side by side as one JPEG of at most so many bytes.
+
+    Raises IcyMoonError if a picture cannot be read.
+    """
+    cells = [_cell(*picture) for picture in pictures]
+    columns = min(_COLUMNS, len(cells))
+    height = max(cell.shape[0] for cell in cells)
+    cells = [np.pad(cell, ((0, height - cell.shape[0]), (0, 0), (0, 0))) for cell in cells]
+    cells += [np.zeros_like(cells[0])] * (-len(cells) % columns)
+    sheet = np.vstack([np.hstack(cells[k:k + columns]) for k in range(0, len(cells), columns)])
+    for quality in _QUALITIES:
+        content = encoded(sheet, ".jpg", quality)
+        if len(content) <= most_bytes:
+            break
+    write_bytes(file, content)
+
+
+def _cell(picture: Path, title: str, line: str) -> np.ndarray:
+    image = cv2.imread(str(picture))
+    if image is None:
+        raise IcyMoonError(f"{picture}: is not an image; remove it and run the command again.")
+    height = max(1, round(image.shape[0] * _CELL_PX / image.shape[1]))
+    caption = np.zeros((_CAPTION_PX, _CELL_PX, 3), np.uint8)
+    for text, row, size in ((title, 18, 0.5), (line, 38, 0.4)):
+        cv2.putText(caption, text, (6, row), cv2.FONT_HERSHEY_SIMPLEX, size, (235, 235, 235), 1, cv2.LINE_AA)
+    return np.vstack([cv2.resize(image, (_CELL_PX, height), interpolation=cv2.INTER_AREA), caption])

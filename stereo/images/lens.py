@@ -1,0 +1,107 @@
+"""What a lens with distortion and an eye that is turned in do to an image, and rectification, which undoes it.
+
+Three images: the rendered one, a pinhole's with margins, of the eye as it is turned; the sensor's, distorted; and the
+rectified one, of the parallel rig. Matchers are given what rectification makes of the sensor's numbers, which lies on
+the truth of the parallel rig.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import cv2
+import numpy as np
+
+from ...physics.camera.lens_distortion import check, coefficients, distorted, undistorted
+from ...render.pairs.pair_folder import StereoCamera
+
+
+@dataclass(frozen=True)
+class Lens:
+    """Where the pixels of one image are in another; maps (H, W, 2) float32, column and row, NaN where nowhere."""
+
+    sensor_in_rendered: np.ndarray
+    rectified_in_sensor: np.ndarray
+    rectified_in_rendered: np.ndarray
+    rendered_px: tuple[int, int]  # columns and rows of the rendered image
+
+    def distort(self, radiance: np.ndarray) -> np.ndarray:
+        """What falls on the sensor, of rendered radiance; dark where the render does not reach."""
+        seen = _remapped(radiance, self.sensor_in_rendered, cv2.INTER_CUBIC)
+        return np.maximum(np.nan_to_num(seen), 0.0)
+
+    def rectify(self, numbers: np.ndarray) -> np.ndarray:
+        """The rectified image of the sensor's numbers (H, W), of their type; 0 where it has none."""
+        seen = _remapped(numbers.astype(np.float32), self.rectified_in_sensor, cv2.INTER_LINEAR)
+        return np.rint(np.nan_to_num(seen)).astype(numbers.dtype)
+
+    def rectify_radiance(self, radiance: np.ndarray) -> np.ndarray:
+        """Rendered radiance, any number of bands, on the rectified image's pixels; 0 where there is none."""
+        return np.nan_to_num(_remapped(radiance, self.rectified_in_rendered, cv2.INTER_LINEAR))
+
+    def truth_of_sensor(self, values: np.ndarray) -> np.ndarray:
+        """Truth for the sensor's pixels: that of the nearest rendered pixel, never a mean; NaN outside."""
+        height, width = values.shape
+        inside = _inside(self.sensor_in_rendered, (width, height), 0.5)
+        column, row = np.rint(np.where(inside[..., None], self.sensor_in_rendered, 0)).astype(np.intp).transpose(
+            2, 0, 1)
+        return np.where(inside, values[np.clip(row, 0, height - 1), np.clip(column, 0, width - 1)], np.nan)
+
+    @property
+    def sees(self) -> np.ndarray:
+        """Which pixels (H, W) of the rectified image the sensor sees."""
+        height, width = self.sensor_in_rendered.shape[:2]
+        return (_inside(self.rectified_in_sensor, (width, height), 0.0)
+                & _inside(self.rectified_in_rendered, self.rendered_px, 0.0))
+
+
+def lens_of(camera: StereoCamera, rig: Mapping[str, Any], eye: str) -> Lens | None:
+    """The lens of an eye, as ``rig`` settings describe its distortion; None where all three images are one, but for
+    margins.
+
+    Raises IcyMoonError if the coefficients fold the image.
+    """
+    k = coefficients(rig)
+    return _lens(camera, k, eye) if any(k) or camera.toe_in_deg else None
+
+
+@lru_cache(maxsize=2)  # both eyes: maps are large
+def _lens(camera: StereoCamera, k: tuple[float, ...], eye: str) -> Lens:
+    pixels = np.stack(np.meshgrid(np.arange(camera.width_px) + 0.5, np.arange(camera.height_px) + 0.5), axis=-1)
+    principal, margin = np.array([camera.cx_px, camera.cy_px]), np.array([camera.margin_x_px, camera.margin_y_px])
+    points = (pixels - principal) / camera.focal_px
+    check(points, k)
+
+    def columns_and_rows(normalised: np.ndarray, beside: np.ndarray | float = 0.0) -> np.ndarray:
+        return (normalised * camera.focal_px + principal - 0.5 + beside).astype(np.float32)
+
+    rectified = _turned(points, camera.eye_rotation(eye), k) if camera.toe_in_deg else points
+    return Lens(columns_and_rows(undistorted(points, k), margin), columns_and_rows(distorted(rectified, k)),
+                columns_and_rows(rectified, margin), camera.rendered_px)
+
+
+def _turned(points: np.ndarray, rotation: np.ndarray, k: tuple[float, ...]) -> np.ndarray:
+    """Normalised points (H, W, 2) of the parallel rig as the turned eye's pinhole sees them; NaN for those behind it
+    and beyond the fold of its lens."""
+    rays = np.concatenate([points, np.ones_like(points[..., :1])], axis=-1) @ rotation.T
+    ahead = rays[..., 2:] > 1e-6
+    seen = np.where(ahead, rays[..., :2] / np.where(ahead, rays[..., 2:], 1.0), np.nan)
+    back = undistorted(distorted(seen, k), k)
+    return np.where(np.abs(back - seen) < 1e-6 * (1 + np.abs(seen)), seen, np.nan)
+
+
+def _inside(where: np.ndarray, size: tuple[int, int], reach: float) -> np.ndarray:
+    """Which places of a map lie in an image of (columns, rows), up to ``reach`` beyond its outermost pixel centres."""
+    return np.asarray(((where >= -reach) & (where <= np.array(size) - 1 + reach)).all(axis=-1))
+
+
+def _remapped(image: np.ndarray, where: np.ndarray, method: int) -> np.ndarray:
+    """``image`` (H, W) or (H, W, bands) at the places of a map; NaN beyond its outermost pixel centres."""
+    height, width = image.shape[:2]
+    at = np.nan_to_num(where, nan=-1.0)
+    found = cv2.remap(image.astype(np.float32), at[..., 0], at[..., 1], method, borderMode=cv2.BORDER_REPLICATE)
+    found[~_inside(where, (width, height), 0.0)] = np.nan
+    return np.asarray(found)

@@ -1,0 +1,67 @@
+"""What the files of a pair hold, as the cameras took it and on the parallel rig that truth and matchers are of."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import fields, replace
+from typing import Any, TypeVar
+
+import numpy as np
+
+from ...errors import IcyMoonError
+from ...render.pairs.pair_folder import Pair
+from .disparity_and_occlusion import scene_depth
+from .exr import Light, Truth, View, read_light, read_truth, read_view
+from .lens import lens_of
+
+_Images = TypeVar("_Images", Light, Truth, View)
+
+
+def read_eye(pair: Pair, eye: str) -> tuple[Light, View]:
+    """The light as it falls into an eye, with margins and toe-in, and light and truth on the parallel rig.
+
+    Raises IcyMoonError, naming the file, if it is damaged or of another size than its camera.
+    """
+    image, truth = pair.image(eye), pair.truth(eye)
+    if image == truth:
+        view = read_view(image, eye)
+        _check_size(pair, image, view.depth)
+        return view, _cropped(view, pair)
+    light, real = read_light(image, eye), read_truth(truth, eye)
+    _check_size(pair, image, light.radiance)
+    _check_size(pair, truth, real.depth)
+    real = _cropped(real, pair)
+    return light, View(*_on_parallel_rig(light, pair, eye), real.depth, real.normal, real.instance, real.semantic)
+
+
+def sensor_depth(pair: Pair, eye: str, rig: Mapping[str, Any]) -> np.ndarray:
+    """Planar depth in metres, float32 (H, W), along an eye's own axis of each pixel of its sensor; NaN for none."""
+    path = pair.truth_as_taken(eye)
+    depth = scene_depth(read_truth(path, eye))
+    _check_size(pair, path, depth)
+    lens = lens_of(pair.camera, rig, eye)
+    seen = pair.camera.cropped(depth) if lens is None else lens.truth_of_sensor(depth)
+    return np.asarray(seen.astype(np.float32))
+
+
+def _on_parallel_rig(light: Light, pair: Pair, eye: str) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+    lens = lens_of(pair.camera, {f"distortion_{name}": 0.0 for name in ("k1", "k2", "p1", "p2", "k3")}, eye)
+    turn = pair.camera.cropped if lens is None else lens.rectify_radiance
+    return turn(light.radiance), {group: turn(radiance) for group, radiance in light.groups.items()}
+
+
+def _cropped(images: _Images, pair: Pair) -> _Images:
+    """Without the margins, all arrays of it."""
+    def crop(value: Any) -> Any:
+        if isinstance(value, dict):
+            return {key: crop(each) for key, each in value.items()}
+        return value if value is None else pair.camera.cropped(value)
+
+    return replace(images, **{field.name: crop(getattr(images, field.name)) for field in fields(images)})
+
+
+def _check_size(pair: Pair, path: Any, image: np.ndarray) -> None:
+    height, width = image.shape[:2]
+    if (width, height) != pair.camera.rendered_px:
+        raise IcyMoonError(f"{path} is {width} x {height} px, its camera {pair.camera.rendered_px[0]} x "
+                           f"{pair.camera.rendered_px[1]} px; render the pair again.")

@@ -1,0 +1,104 @@
+"""Which matchers to run, from what a person writes: ``bm,sgbm:window=7`` and ``--option bm.window=21``."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+from ...errors import IcyMoonError
+from ...settings.trust import OWN, OWN_NAME, listed
+from . import METHODS, check_options
+from .options import nearest
+
+
+@dataclass(frozen=True)
+class Method:
+    """A matcher with options, under the label it has in the report."""
+
+    label: str
+    name: str
+    options: dict[str, str] = field(default_factory=dict)
+
+    @property
+    def file_name(self) -> str:
+        """The label with nothing in it that a file system could mind."""
+        return re.sub(r"[^A-Za-z0-9._-]+", "_", self.label)
+
+
+def key_value(text: str, where: str) -> tuple[str, str]:
+    """('a', 'b') of 'a=b'. Raises IcyMoonError, naming ``where``, for anything else."""
+    key, equals, value = (part.strip() for part in text.partition("="))
+    if not (key and equals and value):
+        raise IcyMoonError(f"{where} {text}: write it as key=value, as in window=21.")
+    return key, value
+
+
+def own_matchers(texts: Sequence[str]) -> dict[str, Method]:
+    """The person's own matchers by name, from ``NAME:METHOD:KEY=VALUE`` of each option of theirs, or ``NAME:METHOD``.
+
+    Raises IcyMoonError for what is none.
+    """
+    found: dict[str, Method] = {}
+    for text in texts:
+        name, method, option = (*text.split(":", 2), "", "")[:3]
+        if not (OWN_NAME.fullmatch(name) and method in METHODS):
+            raise IcyMoonError(f"--own {text}: write it as NAME:METHOD:KEY=VALUE, as in "
+                               "mine:external:command=PROGRAM; a name has letters, digits, - and _.")
+        known = found.setdefault(name, Method(f"{OWN}:{name}", method))
+        if known.name != method:
+            raise IcyMoonError(f"--own {text}: {name} is {known.name} already; give it one method.")
+        if option:
+            key, value = key_value(option, f"--own {name}:{method}:")
+            known.options[key] = value
+    return found
+
+
+def parse_methods(text: str, options: Sequence[str] = (), own: Sequence[str] = ()) -> list[Method]:
+    """The methods of a comma-separated list, checked before anything runs.
+
+    A method may carry options of its own, ``bm:window=21:disparities=128``, so that one matcher can
+    be compared with itself; ``options`` are ``method.key=value`` for every use of that method. ``own:NAME`` is one of
+    ``own``, see ``own_matchers``. Raises IcyMoonError for an unknown method or option, a bad value, or a method given
+    twice.
+    """
+    shared = _shared(options)
+    owned = own_matchers(own)
+    methods: list[Method] = []
+    for name, given in listed(text):
+        label = ":".join((name, *given))
+        base = _owned(given.pop(0) if given else "", owned) if name == OWN else Method(name, name, shared.get(name, {}))
+        chosen = base.options | dict(key_value(part, "--methods") for part in given)
+        check_options(base.name, chosen)
+        if label in (method.label for method in methods):
+            raise IcyMoonError(f"--methods names {label} twice; leave one out.")
+        methods.append(Method(label, base.name, chosen))
+    if not methods:
+        raise IcyMoonError(f"--methods is empty; choose from {', '.join(METHODS)}.")
+    unused = sorted(set(shared) - {method.name for method in methods})
+    if unused:
+        raise IcyMoonError(f"--option is given for {unused[0]}, which --methods does not name; add it or drop the "
+                           "option.")
+    return methods
+
+
+def _shared(options: Sequence[str]) -> dict[str, dict[str, str]]:
+    """Options for every use of a method, from ``method.key=value`` of each."""
+    shared: dict[str, dict[str, str]] = {}
+    for option in options:
+        name, value = key_value(option, "--option")
+        method, dot, key = name.partition(".")
+        if not dot:
+            raise IcyMoonError(f"--option {option}: name the method too, as in bm.{key or name}={value}.")
+        if method not in METHODS:
+            raise IcyMoonError(f"--option {option}: unknown stereo method {method!r}, {nearest(method, METHODS)}")
+        shared.setdefault(method, {})[key] = value
+    return shared
+
+
+def _owned(name: str, owned: Mapping[str, Method]) -> Method:
+    if name not in owned:
+        known = f"known are {', '.join(owned)}" if owned else "none is set up"
+        raise IcyMoonError(f"There is no matcher {OWN}:{name} on this machine, {known}; add it under Own Matchers in "
+                           "the preferences of Icy Moon, or with --own.")
+    return owned[name]

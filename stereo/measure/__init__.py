@@ -1,0 +1,1 @@
+"""Measuring a disparity map against a pair's truth."""

@@ -1,0 +1,144 @@
+"""Where a matcher fails: its errors split by what the truth and the image say of each pixel.
+
+Per class of pixels only sums are kept, so that those of many pairs simply add up.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import cv2
+import numpy as np
+
+from ...labels import LANDER, ROCK, TERRAIN
+from .metrics import usable
+
+#: Sums over the pixels of a class: how many have a true depth, how many of those are measured, and over the
+#: measured ones |depth error| (m), |disparity error| (px), how many are off by more than 1 px and 10 cm, metres of
+#: depth per px of disparity Z² / (f·B); then the number of those within 1 px and their |disparity error|.
+SUMS = ("true", "n", "l1_m", "epe_px", "bad_1", "l1_rate_10", "m_per_px", "fine", "fine_epe_px")
+
+TEXTURE_WINDOW_PX = 9
+#: A pixel is in shadow if it sends less than this part of what the lit ground of its material would.
+_SHADOW_PART = 0.35
+_LIT_QUANTILE = 0.9
+#: A facet lit more obliquely than this cosine is no measure of how bright lit ground is.
+_OBLIQUE = 0.2
+
+
+@dataclass(frozen=True)
+class Factor:
+    """What pixels are classified by: bounds between classes of a number, or the names of the classes."""
+
+    key: str
+    title: str
+    bounds: tuple[float, ...] = ()
+    names: tuple[str, ...] = ()
+
+    @property
+    def classes(self) -> tuple[str, ...]:
+        """Names of all classes; those of numbers are open at both ends."""
+        if self.names:
+            return self.names
+        inner = (f"{a:g}–{b:g}" for a, b in zip(self.bounds, self.bounds[1:], strict=False))
+        return (f"< {self.bounds[0]:g}", *inner, f"> {self.bounds[-1]:g}")
+
+    def of(self, values: np.ndarray) -> np.ndarray:
+        """Class of each number, -1 for NaN."""
+        return np.where(np.isnan(values), -1, np.searchsorted(self.bounds, values, side="right"))
+
+
+RANGE = Factor("range", "True depth (m)",
+               (0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 16.0, 24.0, 32.0, 48.0, 64.0, 96.0))
+SLOPE = Factor("slope", "Slope (°)", (5.0, 10.0, 15.0, 20.0, 30.0, 45.0, 60.0))
+TEXTURE = Factor("texture", "Texture (grey levels per px)",
+                 (0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0))
+SHADOW = Factor("shadow", "Light", names=("sunlit", "shadow"))
+OCCLUSION = Factor("occlusion", "Visibility", names=("both eyes", "left only"))
+MATERIAL = Factor("material", "Material", names=("terrain", "rock", "lander"))
+FACTORS = (RANGE, SLOPE, TEXTURE, SHADOW, OCCLUSION, MATERIAL)
+
+
+def texture(grey: np.ndarray) -> np.ndarray:
+    """Root mean square of the gradient along the rows, grey levels per px, around each pixel, float64 (H, W).
+
+    That gradient is what a matcher works with: the variance of a disparity is at least 2 σ² / Σ gradient², σ the
+    noise of the grey levels (Matthies, Kanade and Szeliski 1989).
+    """
+    if grey.shape[1] < 2:
+        return np.zeros(grey.shape)
+    gradient = np.gradient(grey.astype(np.float64), axis=1)
+    window = (TEXTURE_WINDOW_PX, TEXTURE_WINDOW_PX)
+    mean = cv2.boxFilter(gradient ** 2, -1, window, borderType=cv2.BORDER_REPLICATE)
+    return np.sqrt(np.maximum(mean, 0.0))  # running sums may end a rounding below zero
+
+
+def in_shadow(grey: np.ndarray, normal: np.ndarray, toward_sun: Sequence[float], semantic: np.ndarray) -> np.ndarray:
+    """Boolean (H, W): no sunlight reaches the pixel.
+
+    Facets turned from the Sun are in shadow; others if they send less than _SHADOW_PART of the radiance that lit
+    ground of their material sends under the same incidence (Lambert), which is taken from the brighter pixels. So
+    a cast shadow is found from the image itself, and penumbrae count by how dark they are.
+    """
+    cosine = np.nan_to_num(normal.astype(np.float64) @ np.asarray(toward_sun, np.float64))
+    shadow = cosine <= 0
+    for material in np.unique(semantic):
+        facing = (semantic == material) & (cosine > 0)
+        square = facing & (cosine >= _OBLIQUE)
+        if square.any():
+            lit = float(np.quantile(grey[square] / cosine[square], _LIT_QUANTILE))
+            shadow |= facing & (grey < _SHADOW_PART * lit * cosine)
+    return np.asarray(shadow)
+
+
+def classify(truth: np.ndarray, visible: np.ndarray, gradient: np.ndarray, grey: np.ndarray, normal: np.ndarray | None,
+             semantic: np.ndarray | None, toward_sun: Sequence[float] | None) -> dict[str, np.ndarray]:
+    """The class of every pixel by every factor, int (H, W), -1 where it has none; what is None classifies nothing.
+
+    ``gradient`` is ``texture`` of the left image that matchers get, ``grey`` its radiance, ``normal`` in world axes.
+    """
+    nowhere = np.full(truth.shape, -1)
+    found = {RANGE.key: RANGE.of(truth), TEXTURE.key: TEXTURE.of(gradient),
+             OCCLUSION.key: np.where(visible, 0, 1),
+             SLOPE.key: nowhere, SHADOW.key: nowhere, MATERIAL.key: nowhere}
+    if normal is not None:
+        found[SLOPE.key] = SLOPE.of(np.degrees(np.arccos(np.clip(normal[..., 2].astype(np.float64), -1, 1))))
+    if semantic is not None:
+        found[MATERIAL.key] = np.select([semantic == k for k in (TERRAIN, ROCK, LANDER)], [0, 1, 2], -1)
+    if normal is not None and semantic is not None and toward_sun is not None:
+        found[SHADOW.key] = in_shadow(grey, normal, toward_sun, semantic).astype(int)
+    return found
+
+
+def stratified(classes: Mapping[str, np.ndarray], depth: np.ndarray, truth: np.ndarray, disparity: np.ndarray,
+               true_disparity: np.ndarray) -> dict[str, dict[str, list[float]]]:
+    """SUMS per class of every factor of ``classify``: {factor: {sum: a number per class}}."""
+    known = usable(truth)
+    measured = usable(depth[known])
+    true, error_m = truth[known], np.where(measured, np.abs(depth[known] - truth[known]), 0.0)
+    error_px = np.where(measured, np.abs(disparity[known].astype(np.float64) - true_disparity[known]), 0.0)
+    fine = measured & (error_px <= 1)
+    weights = {"true": np.ones_like(true), "n": measured, "l1_m": error_m, "epe_px": error_px, "bad_1": error_px > 1,
+               "l1_rate_10": error_m > 0.1, "m_per_px": np.where(measured, true / true_disparity[known], 0.0),
+               "fine": fine, "fine_epe_px": error_px * fine}
+    result: dict[str, dict[str, list[float]]] = {}
+    for factor in FACTORS:
+        bins = classes[factor.key][known] + 1
+        sums = {key: np.bincount(bins, weights[key], len(factor.classes) + 1)[1:] for key in SUMS}
+        result[factor.key] = {key: [float(f"{value:.7g}") for value in values] for key, values in sums.items()}
+    return result
+
+
+def added(one: Mapping[str, Any] | None, other: Mapping[str, Any]) -> dict[str, Any]:
+    """The sums of two sets of pixels together; ``one`` may be None for no pixels."""
+    if one is None:
+        return {factor: {key: list(values) for key, values in sums.items()} for factor, sums in other.items()}
+    return {factor: {key: [a + b for a, b in zip(sums[key], other[factor][key], strict=True)] for key in SUMS}
+            for factor, sums in one.items()}
+
+
+def mean(sums: Mapping[str, Sequence[float]], key: str, over: str = "n") -> list[float | None]:
+    """Per class the mean of ``key`` over the pixels that the sum ``over`` counts; None for no pixel."""
+    return [part / whole if whole else None for part, whole in zip(sums[key], sums[over], strict=True)]

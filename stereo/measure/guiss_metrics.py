@@ -1,0 +1,74 @@
+"""What the GUISS reference code would report for a disparity map, to compare with published tables.
+
+It differs from the metrics here in ways that matter (nasa-jpl/guiss: ``stereoBM_eval.py``, ``IGEV_eval.py``,
+``utils.calc_metrics``, ``gen_res.calc_metrics_offline``, ``get_pairs``):
+
+* depth is 80 / disparity, "scaled by 10", where f·B is 85.333 px·m: every depth is 6.25 % short;
+* 1e-4 px is added to disparities, and StereoBM's mark of a failed match, one less than its least disparity, is taken
+  for a disparity;
+* what counts is predicted depth in [0.01, 100] m and true depth in (0.05, 100] m, in rows 48 to 432 of 480 and, for
+  StereoBM, in columns 125 to 600 of 640;
+* the order of depths is compared on a lattice of places in the list of those pixels; fewer than about 10 100 pixels
+  give no pair;
+* all of it is in single precision, where the scale-invariant error of a nearly perfect map may come out as NaN.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .depth_order import pair_disagreement
+
+CONSTANT_PX_M = 80.0
+METRICS = ("guiss_l1_m", "guiss_l1_rate_10", "guiss_l1_rate_30", "guiss_l1_rate_100", "guiss_rmse_m",
+           "guiss_si_rmse", "guiss_dod", "guiss_n")
+_EDGE, _STEP, _COARSE_STEP = 5000, 100, 1000  # of the lattice
+
+
+def reference_metrics(disparity: np.ndarray, truth: np.ndarray, bm_min_disparity: int | None = None
+                      ) -> dict[str, float | int]:
+    """The reference code's numbers, keys METRICS, of a disparity map (px) and true depth (m), both (H, W).
+
+    For StereoBM give its least disparity, ``bm_min_disparity``: failed matches (NaN) get its mark for them, and the
+    columns are cut as it does for that matcher. The cuts are those of 640 x 480 px in proportion.
+    """
+    height, width = truth.shape
+    rows, columns = slice(height * 48 // 480, height * 432 // 480), slice(None)
+    if bm_min_disparity is not None:
+        disparity = np.where(np.isnan(disparity), bm_min_disparity - 1, disparity)
+        columns = slice(width * 125 // 640, width * 600 // 640)
+    shift = disparity[rows, columns].astype(np.float32) + np.float32(1e-4)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return depth_map_metrics(np.float32(CONSTANT_PX_M) / shift, truth[rows, columns])
+
+
+def depth_map_metrics(prediction: np.ndarray, truth: np.ndarray) -> dict[str, float | int]:
+    """The same of a depth map as it is, without its constant and cuts."""
+    prediction, truth = prediction.astype(np.float32), truth.astype(np.float32)
+    counted = (prediction >= 0.01) & (prediction <= 100) & (truth > 0.05) & (truth <= 100)  # False for NaN
+    predicted, true = prediction[counted], truth[counted]
+    n = int(counted.sum())
+    result: dict[str, float | int] = dict.fromkeys(METRICS, float("nan")) | {"guiss_n": n}
+    if n == 0:
+        return result
+    distance = np.abs(predicted - true)
+    ratio = np.log(predicted) - np.log(true)
+    with np.errstate(invalid="ignore"):
+        si_rmse = float(np.sqrt(np.mean(ratio ** 2) - np.mean(ratio) ** 2))
+    return result | {
+        "guiss_l1_m": float(distance.mean()), "guiss_rmse_m": float(np.sqrt(np.mean(distance ** 2))),
+        **{f"guiss_l1_rate_{cm}": float(np.mean(distance > np.float32(cm / 100))) for cm in (10, 30, 100)},
+        "guiss_si_rmse": si_rmse, "guiss_dod": pair_disagreement(predicted, true, *lattice(n)), "guiss_n": n}
+
+
+def lattice(count: int) -> tuple[np.ndarray, np.ndarray]:
+    """The pairs i < j that are compared among ``count`` listed pixels: one of the two is a multiple of 1000 beyond
+    the edge of 5000, the other of 100."""
+    fine = np.arange(_EDGE, count - _EDGE, _STEP)
+    coarse = np.arange(_EDGE, count - _EDGE, _COARSE_STEP)
+    first, second = (places.ravel() for places in np.meshgrid(fine, coarse, indexing="ij"))
+    low, high = np.minimum(first, second), np.maximum(first, second)
+    # A pair of two coarse places is met from both sides; only once does it count.
+    once = (first < second) | ((first - _EDGE) % _COARSE_STEP != 0)
+    keep = (low != high) & once
+    return low[keep], high[keep]

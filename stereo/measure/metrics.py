@@ -1,0 +1,161 @@
+"""How far a predicted depth is from the true one. Everything is float64, masked before it is computed.
+
+The pixels that count, V, are those where both depths are finite and positive; an invalid prediction
+is never a depth. Coverage says how many of the true pixels V is. Rates and coverage are fractions.
+Anything that is not defined (no pixel, order of one pixel) is NaN, never a flattering zero.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .depth_order import depth_order_disagreement
+
+DEPTH_METRICS = ("l1_m", "l1_rate_10", "si_mse", "si_rmse", "dod", "coverage", "n", "rmse_m", "median_m", "bias_m",
+                 "abs_rel", "l1_rate_30", "l1_rate_100")
+#: Key of a rate -> the depth error, m, that it counts beyond.
+L1_RATES = {"l1_rate_10": 0.10, "l1_rate_30": 0.30, "l1_rate_100": 1.00}
+#: Errors, m, of the cumulative curve: one centimetre to ten metres, ten steps per decade.
+ERROR_STEPS_M = tuple(float(f"{step:.4g}") for step in np.geomspace(0.01, 10.0, 31))
+#: Shares of the measurements that a sparsification curve keeps.
+SHARES = tuple(k / 20 for k in range(1, 21))
+#: Key of a rate -> the disparity error, px, that it counts beyond.
+BAD = {"bad_0_5": 0.5, "bad_1": 1.0, "bad_2": 2.0, "bad_3": 3.0}
+#: Key of a quantile of the disparity error (Middlebury's A50 and so on) -> the share of pixels below it.
+QUANTILES = {"a50_px": 0.50, "a90_px": 0.90, "a95_px": 0.95, "a99_px": 0.99}
+DISPARITY_METRICS = ("epe_px", *BAD, "d1", *QUANTILES)
+#: Metrics that have a meaning when a missing measurement is taken for a wrong one, however large.
+TOTAL_METRICS = ("median_m", "l1_rate_10", "l1_rate_30", "l1_rate_100", "dod", *BAD, "d1", *QUANTILES)
+
+
+def usable(depth: np.ndarray) -> np.ndarray:
+    """Where a depth or disparity is one: finite and positive. Boolean, of the same shape."""
+    return np.isfinite(depth) & (depth > 0)
+
+
+def depth_metrics(prediction: np.ndarray, truth: np.ndarray) -> dict[str, float | int]:
+    """Metrics of planar depths in metres, two arrays of one shape, NaN where there is none.
+
+    With e = prediction - truth and d = ln prediction - ln truth on V, N = |V|:
+
+    * ``l1_m`` mean |e|, ``median_m`` median |e|, ``rmse_m`` root of mean e², ``bias_m`` mean e,
+      ``abs_rel`` mean |e| / truth; ``l1_rate_10``, ``_30``, ``_100`` share of |e| > 0.10, 0.30, 1.00 m;
+    * ``si_mse`` mean d² - (mean d)² (Eigen et al. 2014 with λ = 1; the GUISS paper's formula), taken
+      as the variance of d in two passes so that a prediction right up to scale gives 0, not rounding
+      noise; ``si_rmse`` its root (what the paper's code prints);
+    * ``dod`` depth order disagreement, see ``dod``;
+    * ``coverage`` N / number of true pixels, ``n`` N.
+    """
+    prediction, truth = np.asarray(prediction, np.float64), np.asarray(truth, np.float64)
+    known = usable(truth)
+    both = known & usable(prediction)
+    n, total = int(both.sum()), int(known.sum())
+    result: dict[str, float | int] = dict.fromkeys(DEPTH_METRICS, float("nan"))
+    result |= {"n": n, "coverage": n / total if total else float("nan")}
+    if n == 0:
+        return result
+    predicted, true = prediction[both], truth[both]
+    with np.errstate(over="ignore"):  # absurd depths may square to infinity, which is then the answer
+        error = predicted - true
+        distance = np.abs(error)
+        ratio = np.log(predicted) - np.log(true)
+        si_mse = float(np.mean((ratio - ratio.mean()) ** 2))
+        result |= {
+            "l1_m": float(distance.mean()),
+            **{key: float(np.mean(distance > step)) for key, step in L1_RATES.items()},
+            "si_mse": si_mse,
+            "si_rmse": si_mse ** 0.5,
+            "dod": depth_order_disagreement(predicted, true),
+            "rmse_m": float(np.mean(error ** 2)) ** 0.5,
+            "median_m": float(np.median(distance)),
+            "bias_m": float(error.mean()),
+            "abs_rel": float(np.mean(distance / true)),
+        }
+    return result
+
+
+def disparity_metrics(prediction: np.ndarray, truth: np.ndarray) -> dict[str, float]:
+    """Metrics of disparities in px, two arrays of one shape. With e = prediction - truth on V:
+
+    ``epe_px`` mean |e|; ``bad_0_5``, ``bad_1``, ``_2``, ``_3`` share of |e| > 0.5, 1, 2, 3 px; ``d1`` share of
+    |e| > 3 px and > 5 % of the true disparity (KITTI 2015); ``a50_px``, ``a90_px``, ``a95_px``, ``a99_px`` quantiles
+    of |e|: that many per cent of the pixels have no larger error (Middlebury).
+    """
+    distance, true = _disparity_errors(prediction, truth)
+    if not distance.size:
+        return dict.fromkeys(DISPARITY_METRICS, float("nan"))
+    return {"epe_px": float(distance.mean()),
+            **{key: float(np.mean(distance > step)) for key, step in BAD.items()},
+            "d1": float(np.mean((distance > 3) & (distance > 0.05 * true))),
+            **{key: _quantile(distance, share, distance.size) for key, share in QUANTILES.items()}}
+
+
+def total_metrics(depth: np.ndarray, true_depth: np.ndarray, disparity: np.ndarray, true_disparity: np.ndarray,
+                  dod: float) -> dict[str, float]:
+    """TOTAL_METRICS over all true pixels, a missing measurement counted as wrong (Middlebury's "totbad").
+
+    Rates are (wrong + missing) / true. A quantile (``median_m`` is one) is that of the errors with the missing ones
+    infinite, so it is infinite where too much is missing. In ``dod`` every pair of pixels with a missing one
+    disagrees; the argument ``dod`` is that among the measured pixels. NaN without a true pixel.
+    """
+    known = usable(true_depth)
+    total = int(known.sum())
+    if not total:
+        return dict.fromkeys(TOTAL_METRICS, float("nan"))
+    both = known & usable(depth)
+    error_m = np.abs(np.asarray(depth, np.float64)[both] - np.asarray(true_depth, np.float64)[both])
+    error_px, true_px = _disparity_errors(disparity, true_disparity)
+    right = {key: np.sum(error_m <= step) for key, step in L1_RATES.items()}
+    right |= {key: np.sum(error_px <= step) for key, step in BAD.items()}
+    right["d1"] = np.sum((error_px <= 3) | (error_px <= 0.05 * true_px))
+    measured = error_m.size
+    agreeing = (1 - dod) * measured * (measured - 1) if measured > 1 else 0.0
+    return {"median_m": _quantile(error_m, 0.5, total),
+            **{key: 1 - float(count) / total for key, count in right.items()},
+            "dod": 1 - agreeing / (total * (total - 1)) if total > 1 else float("nan"),
+            **{key: _quantile(error_px, share, total) for key, share in QUANTILES.items()}}
+
+
+def _disparity_errors(prediction: np.ndarray, truth: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    both = usable(truth) & usable(prediction)
+    true = np.asarray(truth, np.float64)[both]
+    return np.abs(np.asarray(prediction, np.float64)[both] - true), true
+
+
+def _quantile(errors: np.ndarray, share: float, total: int) -> float:
+    """The smallest error that at least ``share`` of ``total`` pixels do not exceed; infinite if too few have one.
+
+    An error that occurred, never a mean of two: the same rule then holds with infinite errors too.
+    """
+    rank = max(1, int(np.ceil(share * total - 1e-9)))
+    return float(np.partition(errors, rank - 1)[rank - 1]) if rank <= errors.size else float("inf")
+
+
+def error_curve(prediction: np.ndarray, truth: np.ndarray) -> list[float]:
+    """Share of all true pixels that are measured to within each of ERROR_STEPS_M; NaN without truth.
+
+    It shows coverage and accuracy at once: it ends at the coverage, and a missing measurement is
+    never within anything.
+    """
+    known = usable(truth)
+    if not known.any():
+        return [float("nan")] * len(ERROR_STEPS_M)
+    both = known & usable(prediction)
+    distance = np.sort(np.abs(prediction[both].astype(np.float64) - truth[both]))
+    return [float(count) / int(known.sum()) for count in np.searchsorted(distance, ERROR_STEPS_M, side="right")]
+
+
+def sparsification(error_px: np.ndarray, confidence: np.ndarray) -> list[float]:
+    """Mean |error| of the most confident measurements, for each share of SHARES that is kept; NaN without any.
+
+    Both arrays have one shape; ``error_px`` is NaN where nothing was measured. With ``confidence`` = -``error_px``
+    it is the best curve that any confidence could give.
+    """
+    measured = np.isfinite(error_px)
+    errors = error_px[measured]
+    if not errors.size:
+        return [float("nan")] * len(SHARES)
+    # Stable, so that pixels of equal confidence keep their order in the image.
+    ordered = errors[np.argsort(-confidence[measured], kind="stable")]
+    kept = [max(1, round(share * errors.size)) for share in SHARES]
+    return [float(total) / count for total, count in zip(np.cumsum(ordered)[np.array(kept) - 1], kept, strict=True)]

@@ -1,0 +1,78 @@
+"""Measuring one depth or disparity map from a file, without a pair folder."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+
+from ...errors import IcyMoonError
+from ...physics.random_numbers.seeds import generator
+from .depth_order import depth_order_disagreement, sampled_disagreement
+from .guiss_metrics import depth_map_metrics, reference_metrics
+from .metrics import depth_metrics, disparity_metrics, total_metrics, usable
+
+SAMPLED_PAIRS = 300_000
+
+
+def measure_files(prediction: Path | None, disparity: Path | None, truth: Path, focal_baseline: float | None,
+                  guiss: bool) -> dict[str, float]:
+    """All metrics of the file ``prediction`` (npy, depth in m) or ``disparity`` (npy or npz, px) against ``truth``.
+
+    With ``focal_baseline`` (px·m), which a disparity needs, also those of disparities and ``total_``; ``dod`` in its
+    variants ``dod_antisymmetric`` and ``dod_sampled``; with ``guiss`` the reference code's numbers, of a
+    disparity by its own constant and cuts, of a depth as it is. Raises IcyMoonError for files that do not fit.
+    """
+    path = prediction or disparity
+    assert path is not None
+    if focal_baseline is not None and not (math.isfinite(focal_baseline) and focal_baseline > 0):
+        raise IcyMoonError(f"--focal-baseline is {focal_baseline}; give a positive number in px·m.")
+    if disparity is not None and focal_baseline is None:
+        raise IcyMoonError("--disparity needs --focal-baseline, the camera's focal length in px times its baseline in "
+                           "m.")
+    given, true = read_map(path), read_map(truth)
+    if given.shape != true.shape:
+        raise IcyMoonError(f"{path} has the shape {given.shape}, {truth} {true.shape}; give two arrays of one shape.")
+    if guiss and true.ndim != 2:
+        raise IcyMoonError(f"{truth} has the shape {true.shape}; --guiss needs images, rows and columns.")
+    depth = given if focal_baseline is None or disparity is None else _turned(given, focal_baseline)
+    result: dict[str, float] = dict(depth_metrics(depth, true))
+    both = usable(depth) & usable(true)
+    result |= {"dod_antisymmetric": depth_order_disagreement(depth[both], true[both], antisymmetric=True),
+               "dod_sampled": sampled_disagreement(depth[both], true[both], SAMPLED_PAIRS,
+                                                   generator(0, "statistics"))}
+    if focal_baseline is not None:
+        pixels = given if disparity is not None else _turned(given, focal_baseline)
+        true_pixels = _turned(true, focal_baseline)
+        result |= disparity_metrics(pixels, true_pixels)
+        totals = total_metrics(depth, true, pixels, true_pixels, result["dod"])
+        result |= {f"total_{key}": value for key, value in totals.items()}
+    if guiss:
+        result |= reference_metrics(given, true) if disparity is not None else depth_map_metrics(given, true)
+    return result
+
+
+def _turned(values: np.ndarray, focal_baseline: float) -> np.ndarray:
+    """Depth of disparity or disparity of depth; NaN for what is neither."""
+    good = usable(values)
+    return np.where(good, focal_baseline / np.where(good, values, 1.0), np.nan)
+
+
+def read_map(path: Path) -> np.ndarray:
+    """An array of numbers from an npy file, float64, or of ``disparity`` from an npz. Raises IcyMoonError otherwise."""
+    try:
+        loaded = np.load(path, allow_pickle=False)
+        if isinstance(loaded, np.lib.npyio.NpzFile) and "disparity" in loaded.files:
+            loaded = loaded["disparity"]
+    except OSError as error:
+        raise IcyMoonError(f"{path} cannot be read ({error.strerror or error}); give an existing npy file.") from None
+    except (ValueError, EOFError) as error:
+        raise IcyMoonError(f"{path} is not a npy file of numbers ({error}).") from None
+    except Exception as error:  # a damaged header makes numpy raise whatever its parser meets
+        raise IcyMoonError(f"{path} is damaged ({error}); make it again.") from None
+    if not isinstance(loaded, np.ndarray):
+        raise IcyMoonError(f"{path} holds several arrays; give an npy file with one.")
+    if loaded.dtype.kind not in "fiu":
+        raise IcyMoonError(f"{path} holds values of type {loaded.dtype}; give depths in metres as numbers.")
+    return loaded.astype(np.float64)

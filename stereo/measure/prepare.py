@@ -1,0 +1,157 @@
+"""A pair made ready for matching and measuring: checked, read, developed, its truth worked out."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...errors import IcyMoonError
+from ...labels import NOT_SEEN
+from ...render.pairs.pair_folder import EYES, Pair, changed_files, pair_folders, read_pair
+from ...settings.description import Settings, merged
+from ..images import colours
+from ..images.develop import Images, develop, exposure_facts, grey
+from ..images.disparity_and_occlusion import scene_depth
+from ..images.exr import Light, View
+from ..images.lens import lens_of
+from ..images.views import read_eye
+from .by_pixel_class import classify, texture
+from .self_check import Eye, SelfCheck, self_check, visibility
+
+#: Entries of pair.json, on how the pair was rendered, that the report repeats.
+_REPEATED = ("versions", "device", "denoiser", "osl", "platform", "edited_by_hand", "seeds")
+
+
+@dataclass(frozen=True)
+class Loaded:
+    """A pair checked, read and developed, with its truth; the dicts have an entry per eye."""
+
+    pair: Pair
+    settings: Settings
+    light: dict[str, Light]  # as it falls into the eyes, see views.read_eye
+    views: dict[str, View]  # on the parallel rig, labels NOT_SEEN where its sensor sees nothing
+    images: Images
+    depth: dict[str, np.ndarray]  # float64 (H, W), planar metres, NaN for sky and for what the sensor does not see
+    visible: dict[str, np.ndarray]  # bool (H, W), seen by the other eye too
+    check: SelfCheck
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """What all methods on a pair share."""
+
+    pair: Pair
+    left: np.ndarray  # uint8 (H, W), for the matchers
+    right: np.ndarray
+    truth: np.ndarray  # float64 (H, W), planar metres, NaN for sky and for what the sensor does not see
+    visible: np.ndarray  # bool (H, W), seen by the right eye too
+    gradient: np.ndarray  # float64 (H, W), see strata.texture
+    classes: dict[str, np.ndarray]  # of every pixel by every factor, see strata.classify
+    check: SelfCheck
+    scale: colours.Scale  # for pictures of depth
+    facts: dict[str, Any]  # what the report says of the pair
+
+
+def distinct_pairs(paths: Sequence[Path]) -> list[Path]:
+    """The folders of all pairs at ``paths``, each pair once.
+
+    Raises IcyMoonError where there is none, or where two different pairs have one name.
+    """
+    found: dict[str, Path] = {}
+    for folder in (folder for path in paths for folder in pair_folders(path)):
+        same = found.setdefault(folder.name, folder)
+        if same != folder and read_pair(same).id != read_pair(folder).id:
+            raise IcyMoonError(f"{same} and {folder} are different pairs of one name; give one of them at a time.")
+    return list(found.values())
+
+
+def load(folder: Path, response: Mapping[str, Mapping[str, Any]]) -> Loaded:
+    """Check, read and develop one pair; ``response`` overrides settings that need no new render.
+
+    Raises IcyMoonError, naming the file, if anything in the folder is not as it was rendered.
+    """
+    pair, settings = checked(folder)
+    eyes = {eye: read_eye(pair, eye) for eye in EYES}
+    settings = merged(settings, response)
+    light, views = ({eye: taken for eye, (taken, _) in eyes.items()}, {eye: flat for eye, (_, flat) in eyes.items()})
+    images = develop(pair, light["left"], light["right"], settings)
+    left, right = eyes_of(pair, settings, views)
+    views = {name: _labelled(views[name], eye.seen) for name, eye in (("left", left), ("right", right))}
+    depth = {name: np.where(eye.seen, eye.depth, np.nan) for name, eye in (("left", left), ("right", right))}
+    visible = visibility(left, right, pair.camera)
+    check = self_check(left, right, visible, pair.camera)
+    return Loaded(pair, settings, light, views, images, depth, visible, check)
+
+
+def prepare(folder: Path, response: Mapping[str, Mapping[str, Any]]) -> Prepared:
+    """One pair for matchers and metrics; see ``load``."""
+    loaded = load(folder, response)
+    view, truth, visible = loaded.views["left"], loaded.depth["left"], loaded.visible["left"]
+    left, right = loaded.images.for_matchers()
+    gradient = texture(left)
+    classes = classify(truth, visible, gradient, grey(view.radiance), view.normal, view.semantic,
+                       _toward_sun(loaded.pair))
+    scale = colours.depth_scale(truth)
+    facts = _facts(loaded.pair, loaded.settings, loaded.images, truth, visible)
+    facts |= {"depth_scale_m": [scale.low, scale.high], "self_check": loaded.check.to_json()}
+    return Prepared(loaded.pair, left, right, truth, visible, gradient, classes, loaded.check, scale, facts)
+
+
+def none_for_nan(value: float) -> float | None:
+    """The number, or None, which is JSON's null, where it is not finite."""
+    return value if math.isfinite(value) else None
+
+
+def checked(folder: Path) -> tuple[Pair, Settings]:
+    """A pair whose files are as they were rendered, and its complete settings. Raises IcyMoonError otherwise."""
+    pair = read_pair(folder)
+    changed = changed_files(pair)
+    if changed:
+        raise IcyMoonError(f"{folder / changed[0]} is not the file that was rendered (its checksum differs); delete "
+                           "the folder and render the pair again.")
+    return pair, pair.settings
+
+
+def eyes_of(pair: Pair, settings: Settings, views: Mapping[str, View]) -> tuple[Eye, Eye]:
+    """The left and the right eye of a pair as its self-check takes them, from what ``views.read_eye`` gives."""
+    left, right = (Eye(grey(views[eye].radiance), scene_depth(views[eye]), _sees(pair, settings, eye)) for eye in EYES)
+    return left, right
+
+
+def _sees(pair: Pair, settings: Settings, eye: str) -> np.ndarray:
+    """Where (H, W) the sensor sees something: a toed-in eye does not see all that a parallel one does."""
+    lens = lens_of(pair.camera, settings["rig"], eye) if pair.camera.toe_in_deg else None
+    return np.ones((pair.camera.height_px, pair.camera.width_px), bool) if lens is None else lens.sees
+
+
+def _labelled(view: View, seen: np.ndarray) -> View:
+    """With labels where something is seen only."""
+    if seen.all():
+        return view
+    return replace(view, instance=None if view.instance is None else np.where(seen, view.instance, 0),
+                   semantic=None if view.semantic is None else np.where(seen, view.semantic, NOT_SEEN))
+
+
+def _toward_sun(pair: Pair) -> list[float] | None:
+    """Unit vector to the Sun in world axes, where the pair says it."""
+    try:
+        x, y, z = (float(value) for value in pair.data["light"]["sun"]["direction_to_world"])
+    except (KeyError, TypeError, ValueError):
+        return None
+    return [x, y, z]
+
+
+def _facts(pair: Pair, settings: Settings, images: Images, truth: np.ndarray, visible: np.ndarray) -> dict[str, Any]:
+    known = np.isfinite(truth)
+    some = bool(known.any())
+    return {"pair": pair.folder.name, "width_px": pair.camera.width_px, "height_px": pair.camera.height_px,
+            "focal_baseline_px_m": pair.camera.focal_baseline_px_m, "baseline_m": pair.camera.baseline_m,
+            **exposure_facts(images),
+            "true": float(known.mean()), "visible": float(visible.sum() / known.sum()) if some else None,
+            "depth_m": [float(q) for q in np.quantile(truth[known], (0, 0.5, 1))] if some else None,
+            "settings": settings, "rendered": {key: pair.data[key] for key in _REPEATED if key in pair.data}}

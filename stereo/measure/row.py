@@ -1,0 +1,89 @@
+"""One disparity map measured against the truth of its pair: the numbers of a row."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from .by_pixel_class import stratified
+from .guiss_metrics import METRICS as GUISS_METRICS
+from .guiss_metrics import reference_metrics
+from .metrics import (
+    DEPTH_METRICS,
+    DISPARITY_METRICS,
+    TOTAL_METRICS,
+    depth_metrics,
+    disparity_metrics,
+    error_curve,
+    sparsification,
+    total_metrics,
+    usable,
+)
+from .prepare import Prepared, none_for_nan
+
+METRICS = (*DEPTH_METRICS, *DISPARITY_METRICS)
+#: Prefixes of the metrics -> the pixels that they are over, for people to read.
+REGIONS = {"": "all pixels with a true depth; a missing measurement lowers the coverage and is no error",
+           "total_": "all pixels with a true depth; a missing measurement counts as wrong",
+           "visible_": "pixels that the right eye sees too: neither occluded nor outside its image",
+           "common_": "pixels that every method measured, the only ones on which their errors compare like with like"}
+#: Prefix -> the metrics that rows have with it.
+REGION_METRICS = {prefix: TOTAL_METRICS if prefix == "total_" else METRICS for prefix in REGIONS}
+OWN_NUMBERS = (*(prefix + key for prefix in ("", "total_", "visible_") for key in REGION_METRICS[prefix]),
+               *GUISS_METRICS, "true_pixels", "seconds")
+COMMON_NUMBERS = tuple(f"common_{key}" for key in METRICS)
+#: Everything in a row that is a number, or None where it is undefined.
+NUMBERS = (*OWN_NUMBERS, *COMMON_NUMBERS)
+
+
+def depth_of(prepared: Prepared, disparity: np.ndarray) -> np.ndarray:
+    """Planar depth in m, float64, of a disparity map; what is no disparity is NaN."""
+    with np.errstate(over="ignore"):
+        return np.where(usable(disparity), prepared.pair.camera.focal_baseline_px_m
+                        / np.where(usable(disparity), disparity, 1).astype(np.float64), np.nan)
+
+
+def own_numbers(prepared: Prepared, disparity: np.ndarray, bm_min_disparity: int | None = None) -> dict[str, Any]:
+    """OWN_NUMBERS but ``seconds``, ``error_curve``, ``sparsification`` and ``strata`` of a disparity map.
+
+    ``bm_min_disparity``: see ``guiss.reference_metrics``.
+    """
+    disparity = np.where(usable(disparity), disparity, np.nan)
+    depth, truth = depth_of(prepared, disparity), prepared.truth
+    true_disparity = prepared.pair.camera.disparity(truth)
+    everywhere = _numbers(prepared, disparity, depth, np.ones_like(prepared.visible))
+    result = everywhere | {f"total_{key}": value for key, value in total_metrics(
+        depth, truth, disparity, true_disparity, everywhere["dod"]).items()}
+    result |= {f"visible_{key}": value
+               for key, value in _numbers(prepared, disparity, depth, prepared.visible).items()}
+    result |= reference_metrics(disparity, truth, bm_min_disparity)
+    error = np.abs(np.where(prepared.visible, disparity - true_disparity, np.nan))
+    return _json(result) | {
+        "true_pixels": int(usable(truth).sum()), "error_curve": _list(error_curve(depth, truth)),
+        "sparsification": {"texture": _list(sparsification(error, prepared.gradient)),
+                           "best": _list(sparsification(error, -error))},
+        "strata": stratified(prepared.classes, depth, truth, disparity, true_disparity)}
+
+
+def common_numbers(prepared: Prepared, disparity: np.ndarray, common: np.ndarray) -> dict[str, Any]:
+    """COMMON_NUMBERS: the metrics on the pixels that all methods measured, ``common`` (H, W)."""
+    numbers = _numbers(prepared, disparity, depth_of(prepared, disparity), common)
+    # Of the common pixels all are covered; what tells something is how many there are.
+    total = int(usable(prepared.truth).sum())
+    numbers["coverage"] = numbers["n"] / total if total else float("nan")
+    return {f"common_{key}": value for key, value in _json(numbers).items()}
+
+
+def _numbers(prepared: Prepared, disparity: np.ndarray, depth: np.ndarray, mask: np.ndarray) -> dict[str, float]:
+    truth = np.where(mask, prepared.truth, np.nan)
+    return depth_metrics(depth, truth) | disparity_metrics(disparity, prepared.pair.camera.disparity(truth))
+
+
+def _json(numbers: Mapping[str, float]) -> dict[str, float | None]:
+    return {key: none_for_nan(value) for key, value in numbers.items()}
+
+
+def _list(numbers: list[float]) -> list[float | None]:
+    return [None if (value := none_for_nan(number)) is None else float(f"{value:.7g}") for number in numbers]

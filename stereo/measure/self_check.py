@@ -1,0 +1,184 @@
+"""Whether the two eyes of a pair agree with each other and with the truth, before anything is measured by it.
+
+A pair that fails counts in no average, so a sound pair must never fail, however hard it is: a pair fails only by what
+is beyond its own uncertainty. What a pixel may be is three things: seen, sky, or not seen at all, as a toed-in eye
+does not see all that a parallel one does. What is not seen is no witness. ``benchmarks/selfcheck.py`` measures how
+often a sound pair fails and which faults are found.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from ...render.pairs.pair_folder import StereoCamera
+from ..images.disparity_and_occlusion import matching_column, visible_in_left, visible_in_right, warped
+from .eye_offsets import (
+    FEWEST,
+    FEWEST_TILES,
+    Estimate,
+    LightOffsets,
+    TruthOffsets,
+    foreign_share,
+    light_correlation,
+    light_offsets,
+    truth_offsets,
+)
+
+#: Beyond these the truth of one eye is not that of the other: px, f·B relative, rows. Of sound pairs they are below
+#: 1e-4 px.
+TRUTH_LIMITS = {"shift_px": 0.02, "scale": 0.001, "rows_px": 0.02}
+#: Standard errors that any number must be from what it should be. Five, although one in a million would do for normal
+#: errors: highlights and shadows' edges of neighbouring tiles are not independent.
+ERRORS = 5.0
+#: And so many that its correlation there must be from that without a shift: a wide highlight has its peak elsewhere,
+#: but so flat that it hardly gains.
+GAIN_ERRORS = 3.0
+#: Shift of the light, px, beyond which a pair is not to be trusted.
+LIGHT_LIMIT_PX = 0.25
+#: Correlation of the light below which an image cannot tell.
+LEAST_CORRELATION = 0.3
+#: Correlation of the light from which images do belong to their depth.
+FITTING = 0.6
+#: Share of the places found in both images that may be elsewhere than the truth has them.
+FOREIGN_LIMIT = 0.05
+#: Share of pixels seen through from which a pair is not to be trusted. Thin blocks, met between two columns, make
+#: single ones.
+CONTRADICTION_LIMIT = 0.02
+#: Disparity, px, by which a surface must be farther than the one in front of it to count as seen through.
+_CONTRADICTION_PX = 1.0
+
+
+@dataclass(frozen=True)
+class Eye:
+    """What there is of one eye on the parallel rig, all (H, W)."""
+
+    grey: np.ndarray  # radiance
+    depth: np.ndarray  # planar, m, NaN for sky
+    seen: np.ndarray  # bool, whether its sensor sees the pixel
+
+
+@dataclass(frozen=True)
+class SelfCheck:
+    """What was found. None where the pair cannot tell: no common pixel, no relief, no light, no texture."""
+
+    photometric_disagreement: float | None  # median relative difference of left and fetched right radiance
+    photometric_offset_px: float | None  # shift of the right image that fits best; 0 if all is right
+    photometric_error_px: float | None  # standard error of that
+    truth_offset_px: float | None  # shift of the right eye's truth that fits best
+    contradictions: float | None  # share of an eye's pixels whose point the other eye sees through
+    problems: tuple[str, ...]
+
+    @property
+    def ok(self) -> bool:
+        """Whether the pair may be averaged with others."""
+        return not self.problems
+
+    def to_json(self) -> dict[str, Any]:
+        """For pair facts and rows."""
+        return {"ok": self.ok, **asdict(self), "problems": list(self.problems)}
+
+
+def visibility(left: Eye, right: Eye, camera: StereoCamera) -> dict[str, np.ndarray]:
+    """Per eye where (H, W) it sees a point that the other eye sees too."""
+    first, second = (np.where(eye.seen, eye.depth, np.nan) for eye in (left, right))
+    found = {"left": visible_in_right(first, second, camera), "right": visible_in_left(first, second, camera)}
+    for name, own, other in (("left", first, right), ("right", second, left)):
+        if not other.seen.all():
+            found[name] &= warped(other.seen, matching_column(camera.disparity(own), name)) == 1
+    return found
+
+
+def self_check(left: Eye, right: Eye, visible: dict[str, np.ndarray], camera: StereoCamera) -> SelfCheck:
+    """Check a pair; ``visible``: see ``visibility``."""
+    column = matching_column(camera.disparity(left.depth))
+    truth = truth_offsets(left.depth, right.depth, camera)
+    light = light_offsets(left.grey, right.grey, column, visible["left"])
+    contradictions = _contradictions(left, right, camera)
+    problems = *_truth_problems(truth), *_contradicting(contradictions)
+    if not problems:  # of a wrong truth the light cannot say more
+        problems = tuple(_light_problems(left, right, visible, camera, column, light))
+    offset = light.shift_px if _tells(light) else Estimate()
+    return SelfCheck(_disagreement(left, right, column, visible["left"]), offset.number,
+                     None if offset.number is None else offset.error, truth.shift_px.number, contradictions, problems)
+
+
+def _truth_problems(truth: TruthOffsets) -> Iterator[str]:
+    if any(getattr(truth, name).exceeds(limit, ERRORS) for name, limit in TRUTH_LIMITS.items()):
+        value = getattr(truth, truth.likeliest).value
+        yield {"shift_px": f"the depth of the right eye fits that of the left one when shifted by {value:+.2f} px",
+               "scale": f"the depths of the eyes fit each other when f·B is {-100 * value:+.2f} % different",
+               "rows_px": f"the depth of the right eye fits that of the left one when shifted by {value:+.2f} rows",
+               }[truth.likeliest]
+
+
+def _contradicting(share: float | None) -> Iterator[str]:
+    if share is not None and share > CONTRADICTION_LIMIT:
+        yield f"at {100 * share:.1f} % of the pixels one eye sees through what the other one sees"
+
+
+def _light_problems(left: Eye, right: Eye, visible: dict[str, np.ndarray], camera: StereoCamera, column: np.ndarray,
+                    light: LightOffsets) -> Iterator[str]:
+    """At most one: of images that are exchanged nothing else can be told."""
+    shifts = [f"the images fit best when the right one is shifted by {estimate.value:+.2f} {unit}"
+              for estimate, gain, unit in ((light.shift_px, light.gain, "px"), (light.rows_px, light.rows_gain, "rows"))
+              if _tells(light) and estimate.exceeds(LIGHT_LIMIT_PX, ERRORS) and gain.exceeds(0.0, GAIN_ERRORS)]
+    if light.correlation > FITTING and not shifts:
+        return
+    here = light_correlation(left.grey, right.grey, column, visible["left"])
+    mirrored = light_correlation(left.grey, right.grey, matching_column(camera.disparity(right.depth), "right"),
+                                 visible["right"])
+    if mirrored.value > LEAST_CORRELATION and mirrored.value - here.value > ERRORS * np.hypot(mirrored.error,
+                                                                                             here.error):
+        yield "the images fit best with left and right exchanged"
+        return
+    foreign = foreign_share(left.grey, right.grey, camera.disparity(left.depth), visible["left"])
+    if foreign.value - ERRORS * foreign.error > FOREIGN_LIMIT:
+        yield (f"{100 * foreign.value:.0f} % of the places that are found in both images are not where the depth has "
+               "them")
+    else:
+        yield from shifts
+
+
+def _tells(light: LightOffsets) -> bool:
+    """Whether the light says where it fits."""
+    return light.correlation > LEAST_CORRELATION and light.tiles >= FEWEST_TILES
+
+
+def _disagreement(left: Eye, right: Eye, column: np.ndarray, visible: np.ndarray) -> float | None:
+    """Median relative difference of left radiance and right radiance fetched by the true disparity.
+
+    A good pair differs by its render noise and by how far the surface is from Lambertian, a wrong f·B or swapped eyes
+    by its whole texture contrast.
+    """
+    if not visible.any():
+        return None
+    own = left.grey[visible].astype(np.float64)
+    with np.errstate(invalid="ignore"):  # a path of light may have ended in no number
+        other = warped(right.grey.astype(np.float64), column)[visible]
+    brightness = (own + other) / 2
+    lit = np.isfinite(brightness) & (brightness > 0)
+    return float(np.median(np.abs(own - other)[lit] / brightness[lit])) if lit.any() else 0.0
+
+
+def _contradictions(left: Eye, right: Eye, camera: StereoCamera) -> float | None:
+    """The larger share, of both eyes, of pixels that the other eye sees through."""
+    disparity, other = camera.disparity(left.depth), camera.disparity(right.depth)
+    shares = [_seen_through(disparity, other, matching_column(disparity)),
+              _seen_through(other, disparity, matching_column(other, "right"))]
+    return max((share for share in shares if share is not None), default=None)
+
+
+def _seen_through(disparity: np.ndarray, other: np.ndarray, column: np.ndarray) -> float | None:
+    """Share of the pixels, of those that land in the other image, where both columns around the point show
+    something farther."""
+    with np.errstate(invalid="ignore"):
+        inside = (column >= 0) & (column <= column.shape[1] - 1)
+    if inside.sum() < FEWEST:
+        return None
+    behind, place = np.nan_to_num(other, nan=0.0), np.nan_to_num(column)  # sky is behind everything
+    nearest = np.maximum(warped(behind, np.floor(place)), warped(behind, np.ceil(place)))
+    return float(np.mean(nearest[inside] < disparity[inside] - _CONTRADICTION_PX))

@@ -1,0 +1,1 @@
+"""The tables, the charts and the page of an evaluation."""

@@ -1,0 +1,129 @@
+"""What was varied over the pairs of an evaluation, and what it did to the error."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from ...settings.description import Settings
+from ...settings.table import TOPICS, all_settings
+from .bootstrap import clusters_of, intervals
+from .summary import Table
+
+#: Settings, as topic.key, that make the ground; pairs that share them share a scene, whatever its light or camera.
+_GROUND = {f"{topic}.{setting.key}" for topic, setting in all_settings() if setting.effect == "geometry"}
+#: Settings that say where and how fast, and the seed, whose number means nothing.
+_NO_FACTORS = {f"{topic}.{setting.key}" for topic, setting in all_settings() if setting.effect == "run"
+               } | {"dataset.seed"}
+#: Values that a curve shows one by one; more are put into as many groups of equal size.
+MOST_LEVELS = 10
+_RESAMPLES = 400
+
+
+def scene_of(settings: Settings) -> str:
+    """A name for the ground of a pair: the same for pairs that see the same ground."""
+    ground = {f"{topic}.{key}": value for topic, values in settings.items() for key, value in values.items()
+              if f"{topic}.{key}" in _GROUND}
+    return json.dumps(ground, sort_keys=True)
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """A setting that differs between pairs."""
+
+    name: str  # topic.key
+    title: str
+    values: np.ndarray  # per pair, numbers or text; NaN or "" for pairs without facts
+    together: tuple[str, ...] = ()  # titles of other settings that split the pairs in the very same way
+
+    @property
+    def numeric(self) -> bool:
+        """Whether the values have an order and a distance."""
+        return self.values.dtype.kind == "f"
+
+    def levels(self) -> tuple[list[str], np.ndarray, np.ndarray]:
+        """(name of each level, its place on an axis, level of each pair or -1)."""
+        known = ~np.isnan(self.values) if self.numeric else self.values != ""
+        distinct = np.unique(self.values[known])
+        level = np.full(len(self.values), -1)
+        if self.numeric and len(distinct) > MOST_LEVELS:
+            bounds = np.quantile(self.values[known], np.linspace(0, 1, MOST_LEVELS + 1)[1:-1])
+            level[known] = np.searchsorted(np.unique(bounds), self.values[known], side="right")
+            used = np.unique(level[known])
+            places = np.array([self.values[level == k].mean() for k in used])
+            level[known] = np.searchsorted(used, level[known])
+            return [f"{place:.3g}" for place in places], places, level
+        level[known] = np.searchsorted(distinct, self.values[known])
+        if self.numeric:
+            return [f"{value:g}" for value in distinct], distinct, level
+        return [str(value) for value in distinct], np.arange(len(distinct), dtype=float), level
+
+
+def swept_settings(facts: Iterable[Mapping[str, Any]], places: Mapping[str, int]) -> list[Sweep]:
+    """The settings that are not alike in all pairs, most often set by hand first: fewest distinct values first.
+
+    ``places`` gives the number of each pair by name. Reads ``facts`` twice, so that only what differs is kept.
+    """
+    first: dict[str, Any] = {}
+    differing: set[str] = set()
+    for pair in facts:
+        flat = _flat(pair["settings"])
+        first = first or flat
+        differing |= {name for name in flat.keys() | first.keys() if flat.get(name) != first.get(name)}
+    columns: dict[str, list[Any]] = {name: [None] * len(places) for name in differing}
+    for pair in facts if differing else ():
+        flat = _flat(pair["settings"])
+        for name in differing:
+            columns[name][places[pair["pair"]]] = flat.get(name)
+    sweeps = [Sweep(name, _title(name), _array(values)) for name, values in columns.items()]
+    return _joined(sorted(sweeps, key=lambda sweep: (len(np.unique(sweep.values.astype(str))), sweep.name)))
+
+
+def _joined(sweeps: list[Sweep]) -> list[Sweep]:
+    """One sweep for all that cannot be told apart, as the settings of two presets cannot."""
+    groups: dict[tuple[int, ...], list[Sweep]] = {}
+    for sweep in sweeps:
+        seen: dict[str, int] = {}
+        split = tuple(seen.setdefault(value, len(seen)) for value in sweep.values.astype(str).tolist())
+        groups.setdefault(split, []).append(sweep)
+    return [replace(first, together=tuple(sweep.title for sweep in others)) for first, *others in groups.values()]
+
+
+def effect(sweep: Sweep, table: Table, method: int, metric: str, seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """Mean of a metric (levels,) of the pairs at each level of a setting, and its 95 % bounds (levels, 2)."""
+    names, _, level = sweep.levels()
+    numbers = table.column(method, metric)
+    known = ~np.isnan(numbers)
+    means, bounds = np.full(len(names), np.nan), np.full((len(names), 2), np.nan)
+    for k in range(len(names)):
+        at = (level == k) & known
+        if at.any():
+            means[k] = numbers[at].mean()
+            bounds[k] = intervals(numbers[at, None], clusters_of(table.scenes[at]), seed, _RESAMPLES)[0]
+    return means, bounds
+
+
+def _flat(settings: Settings) -> dict[str, Any]:
+    return {f"{topic}.{key}": value for topic, values in settings.items() for key, value in values.items()
+            if f"{topic}.{key}" not in _NO_FACTORS and isinstance(value, (bool, int, float, str))}
+
+
+def _array(values: list[Any]) -> np.ndarray:
+    known = [value for value in values if value is not None]
+    if all(isinstance(value, (int, float)) and not isinstance(value, bool) for value in known):
+        return np.array([np.nan if value is None else float(value) for value in values])
+    return np.array(["" if value is None else str(value) for value in values])
+
+
+def _title(name: str) -> str:
+    topic, key = name.split(".")
+    try:
+        setting = TOPICS[topic][key]
+    except KeyError:
+        return name  # of another version of the settings
+    unit = "" if setting.unit in ("", "1") or "(" in setting.label else f" ({setting.unit})"
+    return f"{TOPICS[topic].label}: {setting.label}{unit}"

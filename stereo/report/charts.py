@@ -1,0 +1,252 @@
+"""The report's charts as SVG text, drawn by Matplotlib, in the colours of the page they stand in."""
+
+from __future__ import annotations
+
+import io
+import itertools
+import math
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+import matplotlib
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_svg import FigureCanvasSVG
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+from ..measure import by_pixel_class
+from ..measure.metrics import ERROR_STEPS_M, SHARES
+from .by_setting import Sweep, effect
+from .phase_curves import PHASE_DEG
+from .summary import Table
+
+#: After Okabe and Ito, told apart by colour-blind eyes; in lightness between white and black paper.
+COLOURS = ("#2a86c8", "#d55e00", "#009e73", "#c0699a", "#c98a00", "#6f7f8f")
+_MARKS = ("o", "s", "^", "D", "v", "P")
+_INK, _LINE = "#010203", "#040506"  # stand for the page's own colours, which the browser puts in
+STYLE: dict[Any, Any] = {
+    "font.size": 9, "axes.edgecolor": _LINE, "axes.labelcolor": _INK, "text.color": _INK, "xtick.color": _INK,
+    "ytick.color": _INK, "grid.color": _LINE, "axes.grid": True, "grid.linewidth": 0.8, "axes.spines.top": False,
+    "axes.spines.right": False, "legend.frameon": False, "svg.fonttype": "none", "lines.linewidth": 1.8,
+    "lines.markersize": 4, "axes.titlesize": 9.5, "figure.constrained_layout.use": True,
+    # What a data set says is no formula, and a file called matplotlibrc in the current folder starts no LaTeX.
+    "text.parse_math": False, "text.usetex": False}
+#: Swept settings that are drawn, at most.
+MOST_SWEEPS = 16
+#: Classes with fewer true pixels than this say nothing.
+_FEWEST = 200
+
+Summary = Sequence[Mapping[str, Any]]
+
+
+def _methods(summary: Summary) -> Iterator[tuple[int, Mapping[str, Any], dict[str, Any]]]:
+    """(number, entry, how its curve looks) of each method."""
+    for k, (entry, colour, mark) in enumerate(zip(summary, itertools.cycle(COLOURS), itertools.cycle(_MARKS))):
+        yield k, entry, {"color": colour, "marker": mark, "label": entry["method"]}
+
+
+def drawing(columns: int, rows: int = 1, width: float = 10.4, height: float = 3.1) -> tuple[Figure, np.ndarray]:
+    """A figure of axes (rows, columns) without a background, inches wide and ``height`` per row."""
+    figure = Figure(figsize=(width, height * rows), facecolor="none")
+    FigureCanvasSVG(figure)
+    axes = figure.subplots(rows, columns, squeeze=False)
+    for axis in axes.flat:
+        axis.set_facecolor("none")
+    return figure, axes
+
+
+def svg(figure: Figure, name: str, title: str) -> str:
+    """The figure for an HTML page: no prologue, as wide as its place, the page's text and line colours."""
+    stream = io.StringIO()
+    with matplotlib.rc_context({"svg.hashsalt": name, "svg.fonttype": "none"}):
+        figure.savefig(stream, format="svg", metadata={"Date": None, "Creator": None, "Format": None, "Type": None})
+    text = stream.getvalue()
+    text = re.sub(r"<metadata>.*?</metadata>", "", text[text.index("<svg"):], flags=re.DOTALL)
+    text = re.sub(r'(<svg [^>]*?)width="[^"]*"', rf'\1class="chart" role="img" aria-label="{title}"', text, count=1)
+    text = re.sub(r'(<svg [^>]*?)height="[^"]*"', r"\1", text, count=1)
+    text = re.sub(r"font: ([\d.]+)px [^;\"]*", r"font: \1px var(--sans)", text)
+    text = re.sub(r'\bid="(figure|axes|patch|line2d|text|xtick|ytick|matplotlib\.axis|LineCollection|legend|'
+                  r'PathCollection|FillBetweenPolyCollection|PolyCollection)_\d+"', "", text)
+    return text.replace(_INK, "var(--soft)").replace(_LINE, "var(--line)")
+
+
+def legend(figure: Figure, axis: Axes, count: int) -> None:
+    """One legend above the figure, of what ``axis`` shows."""
+    handles, labels = axis.get_legend_handles_labels()
+    if handles:
+        figure.legend(handles, labels, loc="outside upper left", ncols=min(5, max(1, count)), handlelength=1.6)
+
+
+def _percent(axis: Axes, label: str) -> None:
+    axis.set_ylim(-2, 102)
+    axis.set_ylabel(label)
+
+
+def logarithmic(axis: Axes, which: str) -> None:
+    """Make the axis ``which`` ("x" or "y") logarithmic, if there is anything above zero on it."""
+    if not any((np.asarray(getattr(line, f"get_{which}data")()) > 0).any() for line in axis.lines):
+        return  # Matplotlib cannot draw a logarithmic axis without a place on it
+    getattr(axis, f"set_{which}scale")("log")
+    along = getattr(axis, f"{which}axis")
+    along.set_major_locator(LogLocator(subs=(1, 2, 5), numticks=12))
+    along.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    along.set_minor_formatter(NullFormatter())
+
+
+def charts(summary: Summary, table: Table, sweeps: Sequence[Sweep], laws: Mapping[str, np.ndarray],
+           seed: int) -> dict[str, str]:
+    """SVG text by name: ``errors``, ``range``, ``strata``, ``sweeps``, ``phase`` (of ``phase.curves``); empty where
+    there is nothing to draw."""
+    with matplotlib.rc_context(STYLE):
+        return {"errors": _errors(summary), "range": _range(summary), "strata": _strata(summary),
+                "sweeps": _sweeps(summary, table, sweeps[:MOST_SWEEPS], seed), "phase": _phase(laws)}
+
+
+def _phase(laws: Mapping[str, np.ndarray]) -> str:
+    """Phase curves: all of them, and the last degrees before opposition."""
+    if not laws:
+        return ""
+    figure, ((near, all_),) = drawing(2, height=3.4 + 0.22 * (len(laws) - 1))  # a line of the legend for each
+    for (name, bright), colour in zip(laws.items(), itertools.cycle(COLOURS)):
+        for axis, last in ((near, 8.0), (all_, PHASE_DEG[-1])):
+            shown = last >= PHASE_DEG
+            axis.plot(PHASE_DEG[shown], bright[shown], color=colour, label=name)
+    for axis, title in ((near, "Opposition"), (all_, "All phases")):
+        axis.set_xlabel("phase angle (°)")
+        axis.set_title(title, loc="left")
+    near.set_ylabel("disc brightness over that at 0°")
+    all_.set_ylim(bottom=0)
+    handles, labels = near.get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside upper left", ncols=1, handlelength=1.6)
+    return svg(figure, "phase", "Phase curves of the surfaces")
+
+
+def _errors(summary: Summary) -> str:
+    """Cumulative error, and what leaving out pixels of little texture gains."""
+    if not any(entry["error_curve"] for entry in summary):
+        return ""
+    figure, ((left, right),) = drawing(2, height=3.4)
+    for _, entry, look in _methods(summary):
+        line = look | {"marker": ""}
+        if entry["error_curve"]:
+            left.plot(ERROR_STEPS_M, 100 * np.array(entry["error_curve"]), **line)
+        if entry["sparsification"]["texture"]:
+            right.plot(100 * np.array(SHARES), entry["sparsification"]["texture"], **line)
+            right.plot(100 * np.array(SHARES), entry["sparsification"]["best"], **line | {"label": "_"}, linestyle=":")
+    logarithmic(left, "x")
+    _percent(left, "% of all true pixels within it")
+    left.set_xlabel("depth error (m)")
+    left.set_title("Cumulative error; ends at the coverage", loc="left")
+    right.set_xlabel("% of measurements kept, the most textured first")
+    right.set_ylabel("mean disparity error (px)")
+    right.set_ylim(bottom=0)
+    right.set_title("Coverage against error; dotted: best possible order", loc="left")
+    legend(figure, left, len(summary))
+    return svg(figure, "errors", "Cumulative error, and error against coverage")
+
+
+def _classes(sums: Mapping[str, Any]) -> np.ndarray:
+    return np.array(sums["true"]) >= _FEWEST
+
+
+def _wrong(sums: Mapping[str, Any]) -> np.ndarray:
+    """% of the true pixels of each class that are missing or off by more than 1 px."""
+    true = np.maximum(np.array(sums["true"]), 1)
+    return np.asarray(100 * (true - np.array(sums["n"]) + np.array(sums["bad_1"])) / true)
+
+
+def _range(summary: Summary) -> str:
+    """Error against range beside the law Z² / (f·B) · σ, coverage against range."""
+    entries = [entry for entry in summary if "range" in entry["strata"] and _classes(entry["strata"]["range"]).any()]
+    if not entries:
+        return ""
+    bounds = by_pixel_class.RANGE.bounds
+    middle = np.array([bounds[0] / 1.2, *np.sqrt(np.multiply(bounds[1:], bounds[:-1])), bounds[-1] * 1.2])
+    figure, ((error, coverage, wrong),) = drawing(3, height=3.3)
+    for _, entry, look in _methods(summary):
+        sums = entry["strata"].get("range")
+        if sums is None:
+            continue
+        known = _classes(sums) & (np.array(sums["n"]) > 0)
+        n = np.maximum(np.array(sums["n"]), 1)
+        error.plot(middle[known], (np.array(sums["l1_m"]) / n)[known], **look)
+        fine = sum(sums["fine"])
+        if fine:
+            sigma = sum(sums["fine_epe_px"]) / fine
+            error.plot(middle[known], (sigma * np.array(sums["m_per_px"]) / n)[known], color=look["color"],
+                       linestyle="--", linewidth=1.1)
+        known = _classes(sums)
+        coverage.plot(middle[known], 100 * (np.array(sums["n"]) / np.maximum(sums["true"], 1))[known], **look)
+        wrong.plot(middle[known], _wrong(sums)[known], **look)
+    for axis in (error, coverage, wrong):
+        logarithmic(axis, "x")
+        axis.set_xlabel("true depth (m)")
+    logarithmic(error, "y")
+    error.set_ylabel("mean depth error (m)")
+    error.set_title("Error; dashed: Z² / (f·B) · σ", loc="left")
+    _percent(coverage, "% measured")
+    coverage.set_title("Coverage", loc="left")
+    _percent(wrong, "% missing or off by > 1 px")
+    wrong.set_title("Wrong or missing", loc="left")
+    legend(figure, error, len(summary))
+    return svg(figure, "range", "Error, coverage and wrong pixels against range")
+
+
+def _strata(summary: Summary) -> str:
+    """Wrong or missing pixels by what else is known of them."""
+    factors = [factor for factor in by_pixel_class.FACTORS if factor.key != "range" and any(
+        _classes(entry["strata"][factor.key]).sum() > 1 for entry in summary if factor.key in entry["strata"])]
+    if not factors:
+        return ""
+    columns = min(3, len(factors))
+    rows = math.ceil(len(factors) / columns)
+    figure, axes = drawing(columns, rows, height=2.8)
+    for factor, axis in itertools.zip_longest(factors, axes.flat):
+        if factor is None:
+            axis.set_visible(False)
+            continue
+        places = np.arange(len(factor.classes))
+        shown = np.zeros(len(places), bool)
+        for k, entry, look in _methods(summary):
+            sums = entry["strata"].get(factor.key)
+            if sums is not None:
+                known = _classes(sums)
+                shown |= known
+                aside = (k - (len(summary) - 1) / 2) * 0.12 if factor.names else 0.0
+                axis.plot(places[known] + aside, _wrong(sums)[known], **look, linestyle="" if factor.names else "-")
+        axis.set_xticks(places[shown], np.array(factor.classes)[shown], rotation=0 if factor.names else 35)
+        axis.set_xlim(places[shown].min() - 0.4, places[shown].max() + 0.4)
+        axis.set_ylim(bottom=-1)
+        axis.set_title(factor.title, loc="left")
+        axis.set_ylabel("% missing or > 1 px")
+    legend(figure, axes.flat[0], len(summary))
+    return svg(figure, "strata", "Wrong or missing pixels by slope, texture, light, visibility and material")
+
+
+def _sweeps(summary: Summary, table: Table, sweeps: Sequence[Sweep], seed: int) -> str:
+    """Mean error and wrong pixels against each setting that was varied, with 95 % intervals."""
+    if not sweeps:
+        return ""
+    figure, axes = drawing(2, len(sweeps), height=2.7)
+    for sweep, (left, right) in zip(sweeps, axes, strict=True):
+        names, places, _ = sweep.levels()
+        for axis, metric, factor in ((left, "l1_m", 1.0), (right, "total_bad_1", 100.0)):
+            step = 0.012 * float(np.ptp(places)) or 0.1
+            for k, _, look in _methods(summary):
+                mean, bounds = effect(sweep, table, k, metric, seed)
+                bars = np.abs(bounds.T - mean)
+                aside = (k - (len(summary) - 1) / 2) * step
+                axis.errorbar(places + aside, factor * mean, factor * np.nan_to_num(bars), capsize=2.5, elinewidth=1,
+                              linestyle="-" if sweep.numeric else "", **look)
+            if not sweep.numeric or len(names) <= 6:
+                axis.set_xticks(places, [name if len(name) < 16 else f"{name[:14]}…" for name in names])
+            axis.margins(x=0.08)
+            axis.set_ylim(bottom=0)
+            others = f", and {len(sweep.together)} more that vary with it" if sweep.together else ""
+            axis.set_xlabel(sweep.title + others)
+        left.set_ylabel("L1 (m)")
+        right.set_ylabel("% missing or > 1 px")
+    legend(figure, axes[0][0], len(summary))
+    return svg(figure, "sweeps", "Error against each setting that was varied")

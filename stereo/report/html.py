@@ -1,0 +1,173 @@
+"""The HTML report: one file with everything in it, which opens without a network.
+
+It stays readable and of bounded size for any number of pairs: a choice of them is in it with pictures, all are in a
+table that is shown page by page, and a click there loads a pair's pictures from the folder beside the report.
+"""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import cv2
+import jinja2
+import numpy as np
+
+from ...files import write_text
+from ...settings.description import to_toml
+from ..images import colours
+from ..images.image_files import encoded, read_png
+from ..matchers.methods import Method
+from ..measure.row import REGION_METRICS, REGIONS
+from .by_setting import Sweep
+from .charts import MOST_SWEEPS, charts
+from .phase_curves import curves
+from .summary import Table
+from .table_columns import COMPARED_COLUMNS, GUISS, METRIC_NAMES, SUMMARY, shown, shown_interval
+
+#: Pairs shown with pictures, at most; half of them are the worst ones. The CSV has all.
+MOST_PAIRS = 24
+#: Pictures in the file, at most: at 480 px and JPEG they take about 25 kB each, as text a third more.
+MOST_PICTURES = 300
+_WIDTH_PX = 480  # of embedded pictures
+_JPEG_QUALITY = 80
+_SCREEN_GAMMA = 1 / 2.2
+#: Pictures of a pair, and of each method on it.
+_OWN, _PER_METHOD = 2, 3
+#: What the page's table shows of every pair and method: key, heading, decimals, factor.
+_PAGED = (("l1_m", "L1 (m)", 3, 1.0), ("total_bad_1", "wrong or missing (%)", 1, 100.0),
+          ("coverage", "cov. (%)", 1, 100.0))
+#: Facts about pairs of which the report lists the distinct values.
+_MIXED = {"image (px)": lambda facts: f"{facts['width_px']} × {facts['height_px']}",
+          "f·B (px·m)": lambda facts: f"{facts['focal_baseline_px_m']:.6g}",
+          "Blender": lambda facts: str(facts["rendered"].get("versions", {}).get("blender", "unknown")),
+          "samples per pixel": lambda facts: str(facts["settings"].get("quality", {}).get("samples", "unknown")),
+          "denoiser": lambda facts: str(facts["rendered"].get("denoiser", "unknown")),
+          "device": lambda facts: str(facts["rendered"].get("device", "unknown")),
+          "bits": lambda facts: str(facts["settings"].get("sensor", {}).get("bits", "unknown")),
+          "edited by hand": lambda facts: "yes" if facts["rendered"].get("edited_by_hand") else "no"}
+
+
+def write_report(report: Mapping[str, Any], chosen: Sequence[str], table: Table, sweeps: Sequence[Sweep],
+                 methods: Sequence[Method], out: Path, seed: int, guiss: bool) -> None:
+    """Write ``out/report.html`` from what ``evaluate`` returns and the pictures it wrote to ``out``, those of the
+    pairs ``chosen`` in it."""
+    here = Path(__file__).parent
+    environment = jinja2.Environment(loader=jinja2.FileSystemLoader(here), autoescape=True,
+                                     undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    script = (here / "report.js").read_text(encoding="utf-8").strip()
+    names = set(chosen)
+    html = environment.get_template("report.html.j2").render(
+        report=report, regions=REGIONS, region_metrics=REGION_METRICS, metric_names=METRIC_NAMES, columns=SUMMARY,
+        compared=_compared(report["differences"]), compared_columns=COMPARED_COLUMNS, shown=shown,
+        shown_interval=shown_interval, guiss=GUISS if guiss else (),
+        charts=charts(report["summary"], table, sweeps, curves(report["pairs"]), seed),
+        other_sweeps=[sweep.title for sweep in sweeps[MOST_SWEEPS:]],
+        joined=[sweep for sweep in sweeps[:MOST_SWEEPS] if sweep.together], mixed=mixed(report["pairs"]),
+        warned=warned(report["pairs"]),
+        error_bar=_bar(colours.ERROR), invalid=colours.INVALID_GREY, sky=colours.SKY_GREY,
+        pairs=[_pair(facts, report, table, out) for facts in report["pairs"] if facts["pair"] in names],
+        data=_data(table, methods), script=script, script_hash=_hash(script))
+    write_text(out / "report.html", html)
+
+
+def choose_pairs(table: Table, names: Sequence[str]) -> list[str]:
+    """Names of the pairs to show: all, or if there are too many the worst half and an even choice.
+
+    Worst by mean depth error of the worst method; a pair that counts in no average, or on which a method measured
+    nothing, is worst of all.
+    """
+    most = max(2, min(MOST_PAIRS, MOST_PICTURES // (_OWN + _PER_METHOD * len(table.methods))))
+    if len(names) <= most:
+        return list(names)
+    errors = np.stack([table.column(k, "l1_m") for k in range(len(table.methods))])
+    badness = dict(zip(table.pairs, np.where(np.isnan(errors), np.inf, errors).max(axis=0).tolist(), strict=True))
+    worst = sorted(names, key=badness.__getitem__, reverse=True)[:most // 2]
+    rest = [name for name in names if name not in set(worst)]
+    even = np.linspace(0, len(rest) - 1, most - len(worst)).round().astype(int)
+    return [*worst, *(rest[i] for i in even)]
+
+
+def mixed(facts: Iterable[Mapping[str, Any]]) -> dict[str, list[tuple[str, int]]]:
+    """How the pairs were made: of each of _MIXED the distinct values and how many pairs have them."""
+    found: dict[str, dict[str, int]] = {name: {} for name in _MIXED}
+    for pair in facts:
+        for name, get in _MIXED.items():
+            value = get(pair)
+            found[name][value] = found[name].get(value, 0) + 1
+    return {name: sorted(counts.items(), key=lambda entry: -entry[1])[:8] for name, counts in found.items()}
+
+
+def warned(facts: Iterable[Mapping[str, Any]]) -> list[tuple[str, int]]:
+    """What to know of the pairs' images, and of how many pairs each."""
+    found: dict[str, int] = {}
+    for text in (text for pair in facts for text in pair.get("warnings", ())):
+        found[text] = found.get(text, 0) + 1
+    return sorted(found.items(), key=lambda entry: -entry[1])
+
+
+def _compared(differences: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """A row per two methods, with the difference in each metric."""
+    rows: dict[tuple[str, str], dict[str, Any]] = {}
+    for entry in differences:
+        rows.setdefault((entry["a"], entry["b"]), {"a": entry["a"], "b": entry["b"], "metrics": {}})[
+            "metrics"][entry["metric"]] = entry
+    return list(rows.values())
+
+
+def _data(table: Table, methods: Sequence[Method]) -> str:
+    """What the page's script knows of all pairs: JSON that may stand inside a script element."""
+    columns = [[table.column(k, key) * factor for key, _, _, factor in _PAGED] for k in range(len(methods))]
+    counted, failed = table.counts.any(axis=0), table.failed.any(axis=0)
+    rows = []
+    for p, name in enumerate(table.pairs):
+        status = "failed" if failed[p] else "" if counted[p] else "suspect"
+        rows.append([name, status, *(None if np.isnan(column[p]) else round(float(column[p]), decimals)
+                                     for own in columns
+                                     for column, (_, _, decimals, _) in zip(own, _PAGED, strict=True))])
+    text = json.dumps({"methods": [[method.label, method.file_name] for method in methods],
+                       "columns": [[heading, decimals] for _, heading, decimals, _ in _PAGED], "pairs": rows},
+                      separators=(",", ":"), allow_nan=False)
+    return text.replace("<", "\\u003c")
+
+
+def _hash(script: str) -> str:
+    """What the page's security policy names its one script by."""
+    return base64.b64encode(hashlib.sha256(script.encode()).digest()).decode("ascii")
+
+
+def _pair(facts: Mapping[str, Any], report: Mapping[str, Any], table: Table, out: Path) -> dict[str, Any]:
+    height = facts["height_px"]
+    scale = colours.Scale(*facts["depth_scale_m"])
+    start = table.pairs.index(facts["pair"]) * len(table.methods)
+    rows = report["rows"][start:start + len(table.methods)]
+    return {"facts": facts, "left": _embedded(out / facts["images"]["left"], height, linear=True),
+            "true_depth": _embedded(out / facts["images"]["true_depth"], height), "depth_bar": _bar(scale),
+            "settings": to_toml(facts["settings"]),
+            "methods": [{"row": row, "outcomes": colours.outcome_legend(row["counts"]),
+                         **{kind: _embedded(out / row["images"][kind], height)
+                            for kind in ("depth", "error", "flags") if kind in row["images"]}} for row in rows]}
+
+
+def _embedded(path: Path, height: int, linear: bool = False) -> str:
+    """A picture as a data URL, without the colour bar below its ``height`` rows, which HTML draws better.
+
+    ``linear`` grey values, as a sensor gives them, are brightened to what screens expect.
+    """
+    image = read_png(path)[:height]
+    if linear:
+        image = (255 * (image / 255.0) ** _SCREEN_GAMMA).astype(np.uint8)
+    if image.shape[1] > _WIDTH_PX:
+        size = (_WIDTH_PX, max(1, round(image.shape[0] * _WIDTH_PX / image.shape[1])))
+        image = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
+    content = base64.b64encode(encoded(image, ".jpg", _JPEG_QUALITY)).decode("ascii")
+    return f"data:image/jpeg;base64,{content}"
+
+
+def _bar(scale: colours.Scale) -> dict[str, Any]:
+    ticks: Sequence[tuple[float, str]] = [(100 * float(scale.position(tick)), f"{tick:g}") for tick in scale.ticks]
+    return {"title": scale.title, "gradient": ", ".join(scale.gradient()), "ticks": ticks}

@@ -1,0 +1,43 @@
+"""The phase curves of the surfaces that an evaluation's pairs show, where their law of reflection has one."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+import numpy as np
+
+from ...physics import left_out
+from ...physics.surfaces import albedos, photometry
+
+#: Laws that are drawn, at most.
+MOST = 6
+#: Phase angles in degrees, densest near 0, where the opposition surge is.
+PHASE_DEG = 160.0 * np.linspace(0.0, 1.0, 121) ** 3
+
+
+def curves(pairs: Iterable[Mapping[str, Any]]) -> dict[str, np.ndarray]:
+    """Brightness (n,) at ``PHASE_DEG`` over that at opposition, by a name, of each law among the pairs' facts."""
+    found: dict[str, np.ndarray] = {}
+    for pair in pairs:
+        for topic in left_out.surfaces(pair["settings"]):
+            surface, hapke = pair["settings"][topic], pair["settings"]["hapke"]
+            name = _name(surface, hapke)
+            if len(found) == MOST:
+                return found
+            if name and name not in found:
+                law = albedos.law_of(surface, hapke)
+                assert law is not None
+                found[name] = photometry.phase_curve(law, np.radians(PHASE_DEG))
+    return found
+
+
+def _name(surface: Mapping[str, Any], hapke: Mapping[str, Any]) -> str:
+    """What tells a law from others; empty where there is no closed form, or nothing that is reflected."""
+    if surface["model"] == "PRINCIPLED" or (hapke["w"] if surface["model"] == "HAPKE" else surface["albedo"]) == 0:
+        return ""
+    if surface["model"] != "HAPKE":
+        share = f", {surface['lommel_seeliger_share']:g} Lommel-Seeliger" if surface["model"] == "LUNAR_LAMBERT" else ""
+        return surface["model"].replace("_", "-").title() + share
+    keys = ("w", "b", "c", "b_s0", "h_s", "b_c0", "h_c", "theta_bar_deg")
+    return "Hapke " + ", ".join(f"{key} {hapke[key]:g}" for key in keys if key == "w" or hapke[key] != 0.0)

@@ -1,0 +1,148 @@
+"""What an evaluation found, written for people and programs: CSV, JSON and the HTML report."""
+
+from __future__ import annotations
+
+import csv
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any, TextIO
+
+import numpy as np
+
+from ...errors import IcyMoonError
+from ...files import cell, write_atomically, write_json
+from ...records import ANYTHING, COUNT, FLAG, NUMBER, PIXELS, TABLE, TEXT, Each, Maybe, Shape, read_record
+from ..environment import packages
+from ..matchers import complete_options
+from ..matchers.methods import Method
+from ..measure.metrics import ERROR_STEPS_M, SHARES
+from ..measure.row import NUMBERS, REGIONS
+from .by_setting import scene_of, swept_settings
+from .html import choose_pairs, write_report
+from .row_log import Lazy, Row, RowLog
+from .summary import Table, differences, summary
+
+FORMAT = "icymoon-report"
+VERSION = 1
+#: What rows have in ``results.jsonl`` only: what the summary has the sums of, and what serves going on.
+_LONG = ("strata", "sparsification", "common")
+
+
+#: What is written of a pair, see ``prepare``, as far as anything reads it again.
+FACTS: dict[str, Shape] = {"pair": TEXT, "key": TEXT, "images": Each(TEXT, TEXT), "settings": Each(TABLE, TEXT),
+         "self_check": {"ok": FLAG, "problems": Each(TEXT)}, "warnings": Maybe(Each(TEXT)), "rendered": TABLE,
+         "width_px": PIXELS, "height_px": PIXELS, "true": NUMBER, "visible": Maybe(NUMBER, null=True),
+         "exposure_s": NUMBER}
+_KNOWN = Maybe(NUMBER, null=True)
+#: What is written of a method on a pair, see ``evaluate.evaluate``.
+ROW: dict[str, Shape] = {
+    "status": TEXT, "error": TEXT, "common": TEXT, "images": Each(TEXT, TEXT), "options": TABLE, "facts": TABLE,
+    "counts": Each(COUNT, TEXT), "strata": TABLE, "sparsification": TABLE, "error_curve": Each(ANYTHING),
+    **dict.fromkeys(NUMBERS, _KNOWN)}
+#: What ``summary.json`` leaves out of the report: what grows with the number of pairs.
+_MANY = ("rows", "pairs")
+
+
+def write_results(log: RowLog, names: Sequence[str], methods: Sequence[Method], out: Path,
+                  failed: list[dict[str, Any]], suspect: list[dict[str, Any]], source: Mapping[str, Any],
+                  seed: int, guiss: bool) -> dict[str, Any]:
+    """Write ``results.csv``, ``report.json``, ``summary.json`` and ``report.html`` of the pairs ``names``; return the
+    report. ``summary.json`` is the report without its rows and pairs, but with ``shown``: the rows of the pairs whose
+    pictures are in the HTML report, for who has no use for thousands."""
+    labels = [method.label for method in methods]
+    rows = Lazy(len(names) * len(labels), lambda k: _short(log.read(names[k // len(labels)], labels[k % len(labels)])))
+    usable = [name for name in names if known_facts(out, name) is not None
+              and not _all_failed(log, name, labels)]
+    facts = Lazy(len(usable), lambda k: read_facts(out, usable[k]))
+    table = Table(labels, names)
+    places = {name: k for k, name in enumerate(names)}
+    scenes: dict[str, int] = {}
+    for pair in facts:
+        table.scenes[places[pair["pair"]]] = scenes.setdefault(scene_of(pair["settings"]), len(scenes))
+    ran_on: dict[str, list[Any]] = {label: [] for label in labels}
+    for k, name in enumerate(names):
+        for label in labels:
+            row = log.read(name, label)
+            table.add(k, row)
+            if row["facts"] and row["facts"] not in ran_on[label]:
+                ran_on[label].append(row["facts"])
+    report = {"format": FORMAT, "version": VERSION,
+              "summary": [summary(table, k, seed) for k in range(len(labels))],
+              "differences": differences(table, seed), "rows": rows, "pairs": facts, "failed": failed,
+              "suspect": suspect, "provenance": _provenance(
+                  methods, ran_on, source, seed, len(np.unique(table.scenes[table.counts.any(axis=0)])))}
+    write_atomically(out / "results.csv", lambda part: _write_csv(part, rows))
+    write_atomically(out / "report.json", lambda part: _write_report_json(part, report))
+    chosen = choose_pairs(table, usable)
+    shown = [rows[places[name] * len(labels) + k] for name in chosen for k in range(len(labels))]
+    write_json(out / "summary.json", {key: value for key, value in report.items() if key not in _MANY}
+               | {"shown": shown})
+    write_report(report, chosen, table, swept_settings(facts, places), methods, out, seed, guiss)
+    return report
+
+
+def known_facts(out: Path, pair: str) -> dict[str, Any] | None:
+    """What was found about a pair; None if that is not there, or not what is written there."""
+    with suppress(OSError, IcyMoonError):
+        return dict(read_facts(out, pair))
+    return None
+
+
+def read_facts(out: Path, pair: str) -> dict[str, Any]:
+    """What was found about a pair. Raises IcyMoonError if it cannot be read."""
+    facts: dict[str, Any] = read_record(out / "pairs" / pair / "facts.json", FACTS, "evaluate again")
+    return facts
+
+
+def _all_failed(log: RowLog, pair: str, labels: Sequence[str]) -> bool:
+    return all(log.read(pair, label)["status"] == "failed" and not log.read(pair, label)["images"] for label in labels)
+
+
+def _short(row: Row) -> Row:
+    return {key: value for key, value in row.items() if key not in _LONG}
+
+
+def _write_csv(part: Path, rows: Iterable[Row]) -> None:
+    """All rows as CSV with a header line; undefined numbers are empty."""
+    with part.open("w", encoding="utf-8", newline="") as stream:
+        writer = csv.DictWriter(stream, ("pair", "method", "status", *NUMBERS, "error"), extrasaction="ignore",
+                                lineterminator="\n")
+        writer.writeheader()
+        writer.writerows({**row, **{key: cell(row[key]) for key in ("pair", "method", "error")}} for row in rows)
+
+
+def _write_report_json(part: Path, report: Mapping[str, Any]) -> None:
+    """The report as JSON, row by row; NaN is refused, since JSON has none."""
+    with part.open("w", encoding="utf-8", newline="\n") as stream:
+        for k, (key, value) in enumerate(report.items()):
+            stream.write(f"{',' if k else '{'}\n {json.dumps(key)}: ")
+            if isinstance(value, Lazy):
+                _write_list(stream, value)
+            else:
+                stream.write(json.dumps(value, allow_nan=False))
+        stream.write("\n}\n")
+
+
+def _write_list(stream: TextIO, entries: Iterable[Row]) -> None:
+    stream.write("[")
+    for k, entry in enumerate(entries):
+        stream.write(("," if k else "") + "\n  " + json.dumps(entry, allow_nan=False))
+    stream.write("\n ]")
+
+
+def _provenance(methods: Sequence[Method], facts: Mapping[str, list[Any]], source: Mapping[str, Any], seed: int,
+                scenes: int) -> dict[str, Any]:
+    return {"created": datetime.now(UTC).isoformat(timespec="seconds"), **source,
+            "methods": [{"label": method.label, "name": method.name,
+                         "options": complete_options(method.name, method.options), "facts": facts[method.label]}
+                        for method in methods],
+            "versions": packages.versions(), "error_curve_steps_m": list(ERROR_STEPS_M),
+            "sparsification_shares": list(SHARES),
+            "averages": "mean over pairs, each pair counting alike; pooled_* over the pixels of all pairs",
+            "intervals": f"95 %, percentile bootstrap of {scenes} scenes, seed {seed}" if scenes > 1 else
+                         f"95 %, percentile bootstrap of the pairs of one scene, seed {seed}; other scenes may differ",
+            "pixels": REGIONS,
+            "seconds": "CPU seconds of matching, one thread"}

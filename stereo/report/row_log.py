@@ -1,0 +1,115 @@
+"""A log of rows that is whole at every moment, and from which an evaluation goes on."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any, BinaryIO
+
+from ...errors import IcyMoonError
+from ...files import disk_errors, write_atomically
+from ...records import FILE_NAME, TEXT, Shape, fault, parsed
+from ...system import flush_handle
+
+Row = dict[str, Any]
+#: What any row has.
+NAMES: dict[str, Shape] = {"pair": FILE_NAME, "method": TEXT, "key": TEXT}
+
+
+class RowLog:
+    """A JSON-lines file with a row per (pair, method); of several the last one counts.
+
+    Rows are on the disk once appended. In memory are only the place and the ``key`` of each. What an interrupted
+    run left of a row is removed; lines that are no rows of ``shape`` are passed over. Raises IcyMoonError when the
+    disk refuses.
+    """
+
+    def __init__(self, path: Path, shape: Mapping[str, Shape] = NAMES) -> None:
+        self._path, self._shape = path, {**NAMES, **shape}
+        self._rows: dict[tuple[str, str], tuple[int, str]] = {}
+        with disk_errors("write", path):
+            path.parent.mkdir(parents=True, exist_ok=True)
+            with path.open("a+b") as stream:
+                stream.seek(0)
+                self._index(stream)
+
+    def _index(self, stream: BinaryIO) -> None:
+        start = 0
+        for line in stream:
+            if not line.endswith(b"\n"):
+                stream.truncate(start)
+                break
+            row = self._parsed(line)
+            if row is not None:
+                self._rows[row["pair"], row["method"]] = start, row["key"]
+            start += len(line)
+
+    def find(self, pair: str, method: str, key: str) -> Row | None:
+        """The row of a pair and method if it was made under this ``key``."""
+        known = self._rows.get((pair, method), (0, ""))[1] == key
+        return self.read(pair, method) if known else None
+
+    def read(self, pair: str, method: str) -> Row:
+        """The row of a pair and method, which there must be. Raises IcyMoonError if another program took it away."""
+        with disk_errors("read", self._path), self._path.open("rb") as stream:
+            stream.seek(self._rows[pair, method][0])
+            row = self._parsed(stream.readline())
+        if row is None or (row["pair"], row["method"]) != (pair, method):
+            raise IcyMoonError(f"{self._path} was changed by another program while it was in use; evaluate again.")
+        return row
+
+    def append(self, row: Mapping[str, Any]) -> None:
+        """Add one row. A disk that takes only a part of it is made to give that part back."""
+        rest = memoryview((json.dumps(row, allow_nan=False) + "\n").encode())
+        with disk_errors("write", self._path), self._path.open("ab", buffering=0) as stream:
+            end = stream.tell()
+            try:
+                while rest:
+                    rest = rest[stream.write(rest):]
+                flush_handle(stream.fileno())
+            except OSError:
+                stream.truncate(end)
+                raise
+        self._rows[row["pair"], row["method"]] = end, row["key"]
+
+    def compact(self, first: Iterable[tuple[str, str]]) -> None:
+        """Keep one line per (pair, method), those of ``first`` first and in its order."""
+        order = dict.fromkeys(first)
+        order |= dict.fromkeys(self._rows)
+        places = {}
+
+        def fill(part: Path) -> None:
+            with self._path.open("rb") as old, part.open("wb") as new:
+                for name in order:
+                    start, key = self._rows[name]
+                    old.seek(start)
+                    places[name] = new.tell(), key
+                    new.write(old.readline())
+
+        write_atomically(self._path, fill)
+        self._rows = places
+
+    def _parsed(self, line: bytes) -> Row | None:
+        try:
+            row = parsed(line)
+        except ValueError:
+            return None
+        return None if fault(row, self._shape) else row
+
+
+class Lazy(Sequence[Row]):
+    """Rows that are read from the disk one by one, so that no number of them fills the memory."""
+
+    def __init__(self, count: int, read: Callable[[int], Row]) -> None:
+        self._count, self._get = count, read
+
+    def __len__(self) -> int:
+        return self._count
+
+    def __iter__(self) -> Iterator[Row]:
+        return map(self._get, range(self._count))
+
+    def __getitem__(self, index: Any) -> Any:
+        places = range(self._count)[index]
+        return self._get(places) if isinstance(places, int) else [self._get(place) for place in places]

@@ -1,0 +1,120 @@
+"""What a trade found: CSV, JSON, and a page with Pareto fronts that says in words which setting to use."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import jinja2
+import matplotlib
+import numpy as np
+from matplotlib.ticker import FuncFormatter
+
+from ...files import write_json, write_text
+from ...render.cost.variants import SHAPES
+from ..report.charts import COLOURS, STYLE, drawing, legend, logarithmic, svg
+from ..report.table_columns import Column, shown
+from .advice import advice, fronts, loss_text, steps
+from .losses import STEREO, number
+
+FORMAT = "icymoon-trade"
+VERSION = 2
+COLUMNS = (Column("cpu_s", "CPU", "s", 1, "processor seconds of a pair: build, both eyes, truth, files"),
+           Column("wall_s", "Wall", "s", 1, "seconds of a pair on this machine"),
+           Column("memory_mib", "Memory", "MiB", 0, "most memory of the rendering process"),
+           Column("bias", "Bias", "%", 2, "mean radiance against the reference"),
+           Column("rmse", "RMSE", "%", 2, "root mean square difference of a pixel, over the mean radiance"),
+           Column("noise", "Noise", "%", 2, "its random part, between renders of other seeds"),
+           Column("structure", "Structure", "%", 2, "its other part: what is there in every render"),
+           Column("depth_px", "Depth", "px", 3, "95 % of the true depths are this near to the reference's"))
+STEREO_COLUMNS = {"coverage": Column("coverage", "coverage", "%", 1), "epe_px": Column("epe_px", "EPE", "px", 3),
+                  "bad_1": Column("bad_1", "bad-1", "%", 1)}
+
+
+def write_trade(rows: Sequence[Mapping[str, Any]], methods: Sequence[str], references: Sequence[Mapping[str, Any]],
+                groups: Mapping[str, str], provenance: Mapping[str, Any], out: Path) -> dict[str, Any]:
+    """Write ``trade.json``, ``trade.csv`` and ``trade.html`` to ``out``; return what is in the JSON.
+
+    ``rows``: per variant ``group``, ``name``, ``changed`` (settings by topic.key) and what ``trade.measure`` found.
+    ``references``: ``name``, ``noise``, ``cpu_s``, ``stereo`` and ``own`` of each. ``groups``: what each is about.
+    """
+    best = fronts(rows, methods)
+    report = {"format": FORMAT, "version": VERSION, "methods": list(methods), "references": list(references),
+              "rows": [dict(row) for row in rows], "advice": advice(rows, methods),
+              "fronts": {label: [row["name"] for row in found] for label, found in best.items()},
+              "provenance": dict(provenance)}
+    write_json(out / "trade.json", report)
+    write_text(out / "trade.csv", _csv(rows, methods))
+    here = Path(__file__).parent
+    environment = jinja2.Environment(loader=jinja2.FileSystemLoader([here, here.parent / "report"]), autoescape=True,
+                                     undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    used = [group for group in groups if any(row["group"] == group for row in rows)]
+    scene = [row for row in rows if row["group"] == "scene"]
+    html = environment.get_template("trade.html.j2").render(
+        report=report, columns=COLUMNS, stereo_columns=STEREO_COLUMNS, shown=shown, chart=_chart(rows, methods, best),
+        lost=_lost, fronts={label: steps(found, label) for label, found in best.items()},
+        best={row["key"] for found in best.values() for row in found},
+        tables=[(group, groups[group], (scene if group not in SHAPES else []) + [
+            row for row in rows if row["group"] == group]) for group in used],
+        settings=json.dumps(provenance, indent=1))
+    write_text(out / "trade.html", html)
+    return report
+
+
+def _errors(methods: Sequence[str]) -> list[tuple[str, tuple[str, ...]]]:
+    """The errors that are drawn: their names and where they stand in a row."""
+    return [("radiance", ("rmse",)), *((method, ("loss", method, "epe_px")) for method in methods)]
+
+
+def _lost(row: Mapping[str, Any], label: str) -> str:
+    """What a variant of a front is off by: the RMSE of the radiance, or what a matcher loses."""
+    return f"{100 * row['rmse']:.1f} %" if label == "radiance" else loss_text(row, label)
+
+
+def _csv(rows: Sequence[Mapping[str, Any]], methods: Sequence[str]) -> str:
+    text = io.StringIO()
+    table = csv.writer(text, lineterminator="\n")
+    table.writerow(["group", "name", *(column.key for column in COLUMNS), "depth_m",
+                    *(f"{method} {key}" for method in methods for key in STEREO),
+                    *(f"{method} {what} {key}" for what in ("loss", "loss ±") for method in methods for key in STEREO),
+                    "bias ±", "changed"])
+    for row in rows:
+        table.writerow([row["group"], row["name"], *(row[column.key] for column in COLUMNS), row["depth_m"],
+                        *(row[kind][method][key] for kind in ("stereo", "loss", "loss_doubt") for method in methods
+                          for key in STEREO), row["bias_doubt"], json.dumps(row["changed"])])
+    return text.getvalue()
+
+
+def _chart(rows: Sequence[Mapping[str, Any]], methods: Sequence[str],
+           best: Mapping[str, Sequence[Mapping[str, Any]]]) -> str:
+    """Every variant by cost and error, with what it may be off by, the front joined by a line."""
+    groups = list(dict.fromkeys(row["group"] for row in rows))
+    errors = _errors(methods)
+    with matplotlib.rc_context(STYLE):
+        figure, axes = drawing(2, (len(errors) + 1) // 2, height=3.4)
+        for axis in axes.flat[len(errors):]:
+            axis.set_visible(False)
+        for (label, path), axis in zip(errors, axes.flat, strict=False):
+            for k, group in enumerate(groups):
+                own = [(row["cpu_s"], number(row, *path), number(row, "loss_doubt", *path[1:]) or 0.0)
+                       for row in rows if row["group"] == group]
+                known = [point for point in own if None not in point[:2]]
+                look = {"color": COLOURS[k % len(COLOURS)], "marker": "osD^vPX*"[k % 8], "label": group}
+                axis.errorbar(*np.array(known, float).T.reshape(3, -1), linestyle="", elinewidth=0.8, **look)
+            axis.plot([row["cpu_s"] for row in best[label]], [number(row, *path) for row in best[label]],
+                      color="#6f7f8f", linewidth=1.1, zorder=0)
+            logarithmic(axis, "x")
+            if label == "radiance":
+                logarithmic(axis, "y")
+            else:  # linear near zero, where losses may be gains, logarithmic beyond
+                axis.set_yscale("symlog", linthresh=0.01)
+                axis.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+            axis.set_xlabel("CPU seconds per pair")
+            axis.set_ylabel("RMSE of the radiance" if label == "radiance" else "more disparity error (px)")
+            axis.set_title("Radiance" if label == "radiance" else label, loc="left")
+        legend(figure, axes.flat[0], len(groups))
+        return svg(figure, "trade", "Cost against error of every variant")
