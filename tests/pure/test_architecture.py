@@ -11,28 +11,37 @@ import icymoon
 import pytest
 
 ROOT = Path(icymoon.__file__).parent
-PACKAGES = ("nodes", "operators", "panels", "physics", "render", "stereo")
-SOURCES = sorted([*ROOT.glob("*.py"), *(path for package in PACKAGES for path in (ROOT / package).rglob("*.py"))])
+#: Folders of the checkout that are no part of the package.
+APART = ("tests", "benchmarks", "docs", "build", "dist", "out")
+SOURCES = sorted(path for path in ROOT.rglob("*.py") if not path.relative_to(ROOT).parts[0].startswith((".", *APART)))
 IDS = [path.relative_to(ROOT).as_posix() for path in SOURCES]
 
-#: What works in any Python, without Blender.
-PURE = ("settings", "schema", "properties", "changes", "labels", "system", "files", "own_files", "version", "errors",
-        "cli", "batch", "sources", "terminal", "trade", "doctor", "install", "render.pair", "render.plan",
-        "render.queue",
-        "render.launch", "render.exr_check", "render.exr_parts", "render.exr_pixels", "render.sweep", "render.combine",
-        "render.blocks",
-        "render.poses", "render.ours", "render.publish", "records", "scratch",
-        "render.toml_lines", "render.order", "render.claims", "render.dataset", "render.manifest", "render.verify",
-        "render.runner", "render.cluster", "render.slurm", "render.variants", "render.cost", "render.detached",
-        "render.machine", "render.room", "render.qualities", "render.tolerance", "render.abilities", "auto", "trust",
-        "planning",
-        *(f"{package}.{path.stem}" for package in ("physics", "stereo") for path in (ROOT / package).glob("*.py")
-          if path.stem not in ("__init__", "__main__")))
-#: Layers from the top down; each may import what is below it.
-LAYERS = {"panels": 4, "operators": 3, "render": 2, "nodes": 1, "physics": 0}
-#: Parts of render that are data and processes, and know no Blender; anyone may use them.
-SHARED = {"render.pair", "render.plan", "render.queue", "render.launch", "render.exr_check", "render.exr_parts",
-          "render.tolerance", "render.variants"}
+#: The rooms from the ground up. A module imports from its own room and from those below it, wherever in the file the
+#: import stands. A room is a folder; a module at the root is a room by itself. All that is above has a place here.
+PURE = (
+    "errors", "labels", "system", "files", "records", "scratch", "version", "terminal",
+    "physics/random_numbers", "physics/rocks", "physics/terrain/noise", "physics/terrain/roughness",
+    "physics/terrain/landforms", "physics/terrain", "physics/mesh",
+    "physics/surfaces", "physics/light", "physics/camera", "physics",
+    "formats", "settings",
+    "render/pairs", "render/plans", "render/workers", "render/cost",
+    "stereo/environment", "stereo/images", "stereo/measure", "stereo/networks", "stereo/matchers",
+    "stereo/export", "stereo/report", "stereo/trade", "stereo",
+    "commands")
+WITH_BLENDER = (
+    "compat", "scene_properties",
+    "nodes/tree", "nodes/datablocks", "nodes/light", "nodes/ground", "nodes/surface", "nodes",
+    "render", "preferences", "operators", "panels", "__init__", "__main__")
+FLOORS = {room: floor for floor, room in enumerate((*PURE, *WITH_BLENDER))}
+#: What only Blender has.
+BLENDERS = {"bpy", "mathutils", "bmesh", "gpu", "bl_ui", "idprop", "_cycles", "_bpy"}
+
+
+def room_of(module: str) -> str:
+    """The room that a module such as ``physics.rocks.shapes`` or ``errors`` is in, as its folder's path."""
+    path = ROOT.joinpath(*module.split(".")) if module else ROOT
+    parts = module.split(".") if path.is_dir() else module.split(".")[:-1]
+    return "/".join(parts) or module or "__init__"
 
 
 def imported(path: Path) -> set[str]:
@@ -50,17 +59,69 @@ def imported(path: Path) -> set[str]:
     return found
 
 
+def name_of(path: Path) -> str:
+    """The module of a source file, without the package's name; the package itself is ''."""
+    parts = path.relative_to(ROOT).with_suffix("").parts
+    return ".".join(parts[:-1] if parts[-1] == "__init__" and len(parts) > 1 else parts)
+
+
+MODULES = {name_of(path) for path in SOURCES}
+
+
 def ours(path: Path) -> set[str]:
-    """Our modules that a file imports, without the package's name."""
-    known = {".".join(p.relative_to(ROOT).with_suffix("").parts) for p in SOURCES} | set(PACKAGES)
-    return {name.removeprefix("icymoon.") for name in imported(path)} & known
+    """Our modules that a file imports, without the package's name; of a package only what it defines itself."""
+    return {name.removeprefix("icymoon.") for name in imported(path)} & MODULES
 
 
-def test_imports_without_blender():
+def upward(module: str, used: set[str]) -> list[str]:
+    """Those of the modules used that are in a room above that of the module."""
+    floor = FLOORS[room_of(module)]
+    # A package that holds others is named by every import from a room inside it; what counts is the room.
+    leaves = {name for name in used if not any(other.startswith(f"{name}.") for other in used)}
+    return sorted(name for name in leaves if FLOORS[room_of(name)] > floor)
+
+
+def test_every_module_has_a_floor():
+    assert set(FLOORS) == {room_of(module) for module in MODULES}
+
+
+@pytest.mark.parametrize("path", SOURCES, ids=IDS)
+def test_imports_go_down(path):
+    assert not upward(name_of(path), ours(path))
+
+
+@pytest.mark.parametrize(("module", "used"), [
+    ("physics.camera.point_spread", {"stereo.trade.measure_variants", "commands.cli"}),
+    ("physics.camera.point_spread", {"settings", "settings.table"}), ("errors", {"files"}),
+    ("render.plans.order", {"render.workers.claims"}), ("nodes.scene", {"render.worker"}),
+    ("stereo.measure.metrics", {"stereo.report.html"}), ("physics.light.sky", {"physics.left_out"})])
+def test_an_import_upwards_is_found(module, used):
+    assert upward(module, used) == sorted(used - {"settings"})
+
+
+@pytest.mark.parametrize(("module", "used"), [
+    ("operators.trade", {"render.cost.speed", "commands.doctor"}), ("physics.light.sky", {"physics.light.bodies"}),
+    ("files", {"errors"}), ("__main__", {"commands.cli"}), ("stereo.cli", {"stereo.trade.advice", "stereo"})])
+def test_an_import_downwards_is_none(module, used):
+    assert not upward(module, used)
+
+
+def in_a_pure_room(path: Path) -> bool:
+    return room_of(name_of(path)) in PURE
+
+
+@pytest.mark.parametrize("path", [path for path in SOURCES if in_a_pure_room(path)],
+                         ids=lambda p: p.relative_to(ROOT).as_posix())
+def test_pure_rooms_know_no_blender(path):
+    assert not {name.split(".")[0] for name in imported(path)} & BLENDERS
+
+
+def test_pure_rooms_import_without_blender():
+    modules = [name_of(path) for path in SOURCES if in_a_pure_room(path) and path.stem != "__main__"]
     program = ("import importlib, sys\n"
                "sys.modules['bpy'] = sys.modules['mathutils'] = sys.modules['_cycles'] = None\n"
                "for name in sys.argv[1:]:\n    print(name)\n    importlib.import_module('icymoon.' + name)")
-    ended = subprocess.run([sys.executable, "-c", program, *PURE], capture_output=True, text=True, timeout=240,
+    ended = subprocess.run([sys.executable, "-c", program, *modules], capture_output=True, text=True, timeout=240,
                            check=False)
     assert ended.returncode == 0, f"icymoon.{ended.stdout.split()[-1]}: {ended.stderr}"
 
@@ -69,20 +130,6 @@ def test_imports_without_blender():
 def test_only_the_evaluator_uses_its_packages(path):
     used = {name.split(".")[0] for name in imported(path)} & {"cv2", "torch", "OpenEXR", "Imath", "jinja2"}
     assert path.is_relative_to(ROOT / "stereo") or not used
-
-
-@pytest.mark.parametrize("path", SOURCES, ids=IDS)
-def test_imports_go_one_way(path):
-    part, used = path.relative_to(ROOT).parts[0], ours(path)
-    if part in LAYERS:
-        for name in used - SHARED:
-            other = name.split(".")[0]
-            assert LAYERS.get(other, -1) <= LAYERS[part], f"{part} imports {name}"
-            assert other != "stereo", f"{part} imports {name}, which is for the evaluator's Python"
-    if part == "stereo":
-        foreign = {name for name in used if name.split(".")[0] in LAYERS} - SHARED
-        assert {name for name in foreign if not name.startswith("physics")} <= {"render"}
-        assert not any(name.split(".")[0] == "bpy" for name in imported(path))
 
 
 @pytest.mark.parametrize("path", SOURCES, ids=IDS)
@@ -171,8 +218,7 @@ def test_texts_without_encoding_are_found(code, found):
 
 
 DRAWN = [path for path in SOURCES if path.relative_to(ROOT).parts[0] in ("physics", "nodes")
-         or path.relative_to(ROOT).as_posix() in ("render/plan.py", "render/shoot.py", "render/sweep.py",
-                                                    "render/combine.py", "render/blocks.py", "render/poses.py")]
+         or path.is_relative_to(ROOT / "render" / "plans") or path == ROOT / "render" / "render_pair.py"]
 
 
 @pytest.mark.parametrize("path", DRAWN, ids=lambda p: p.relative_to(ROOT).as_posix())
