@@ -14,7 +14,7 @@ from collections import Counter
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
-PACKAGES = ("nodes", "operators", "panels", "physics", "render", "stereo")
+PACKAGES = ("commands", "formats", "nodes", "operators", "panels", "physics", "render", "settings", "stereo")
 NEEDED = ("blender_manifest.toml", "LICENSE", "stereo/report/report.html.j2", "stereo/environment/evaluator.lock",
           "presets/scenes/europa_rough_ice.toml")
 
@@ -33,8 +33,8 @@ def shipped() -> set[str]:
     files = [ROOT / name for name in ("blender_manifest.toml", "LICENSE")] + list(ROOT.glob("*.py"))
     for package in PACKAGES:
         files += (ROOT / package).rglob("*.py")
-    data = ("presets/**/*.toml", "presets/previews/*.jpg", "stereo/*.j2", "stereo/*.js", "stereo/*.css",
-            "stereo/*.lock", "nodes/*.osl", "settings/pair_ids.json", "physics/*.json", "physics/*.csv")
+    data = ("presets/**/*.toml", "presets/previews/*.jpg", "stereo/*/*.j2", "stereo/*/*.js", "stereo/*/*.css",
+            "stereo/*/*.lock", "nodes/*/*.osl", "settings/*.json", "physics/*/*.json", "physics/*/*.csv")
     files += [path for pattern in data for path in ROOT.glob(pattern)]
     return {path.relative_to(ROOT).as_posix() for path in files}
 
