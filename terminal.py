@@ -47,7 +47,7 @@ def tell_end(error: BaseException, program: str, stopped: str) -> int:
 
 
 @contextmanager
-def shown(title: str) -> Iterator[Callable[[dict[str, Any]], None]]:
+def show_progress(title: str) -> Iterator[Callable[[dict[str, Any]], None]]:
     """A progress bar; messages that are given to it move it or become lines above it."""
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 

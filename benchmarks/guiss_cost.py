@@ -273,7 +273,7 @@ def main(options: argparse.Namespace, out: Path) -> None:
     best = None
     if options.reference_samples:
         many = reference(scene, options.reference_samples)
-        folders = [job.rendered(job.Job(out / "many", many.settings, repeat=k), sys.executable,
+        folders = [job.render_job(job.Job(out / "many", many.settings, repeat=k), sys.executable,
                                    lambda message: None)[0] for k in range(many.repeats)]
         best = read_reference(folders, methods, {})
         print(f"{many.name}, no denoiser: {best.noise:.2%} noise, SGBM {best.stereo['sgbm']['epe_px']:.3f} px",

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from icymoon.render.cost.variants import reference
-from icymoon.render.workers.job import Job, rendered
+from icymoon.render.workers.job import Job, render_job
 from icymoon.settings import description
 from icymoon.stereo.matchers.methods import parse_methods
 from icymoon.stereo.trade.losses import measure, read_reference
@@ -27,7 +27,7 @@ METHODS = "sgbm,bm,jplv"
 
 def renders(settings: description.Settings, folder: Path, repeats: int = 2) -> list[Path]:
     """Pair folders of so many renders, each by a process of its own."""
-    return [rendered(Job(folder, settings, repeat=k), sys.executable, lambda message: None)[0] for k in range(repeats)]
+    return [render_job(Job(folder, settings, repeat=k), sys.executable, lambda message: None)[0] for k in range(repeats)]
 
 
 def written(path: Path, table: dict[str, Any]) -> None:

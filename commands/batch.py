@@ -25,7 +25,7 @@ from ..render.workers.runner import Runner, Workers
 from ..render.workers.slurm_scripts import Request, write_script
 from ..render.workers.verify import verify
 from ..system import call_ours, processors, stop_by
-from ..terminal import as_path, shown
+from ..terminal import as_path, show_progress
 
 Say = Callable[..., None]
 #: Threads that a worker has, where the machine has that many: sampling scales well up to there.
@@ -102,7 +102,7 @@ def _voice(as_json: bool) -> Iterator[Say]:
     if as_json:
         yield emit
         return
-    with shown("Starting Blender") as show:
+    with show_progress("Starting Blender") as show:
         yield lambda kind, **facts: show({"type": kind, **facts})
 
 

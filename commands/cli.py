@@ -17,11 +17,11 @@ from typing import TYPE_CHECKING, Any
 from ..errors import IcyMoonError
 from ..render.cost.abilities import Abilities, ask, require
 from ..render.cost.tolerance import PX, share, tolerance
-from ..render.workers.job import Job, absolute_folder, rendered
+from ..render.workers.job import Job, absolute_folder, render_job
 from ..render.workers.process import Message, emit, errors_told
 from ..scratch import scratch
 from ..settings import description
-from ..terminal import as_path, shown, tell_end
+from ..terminal import as_path, show_progress, tell_end
 from ..version import version
 from . import batch, plan
 
@@ -154,8 +154,8 @@ def render_described(settings: description.Settings, dataset: Path, blender: str
 
     Raises IcyMoonError with the worker's own words if it fails.
     """
-    with shown("Starting Blender") as show:
-        return rendered(Job(dataset, settings, again=again), blender, show)
+    with show_progress("Starting Blender") as show:
+        return render_job(Job(dataset, settings, again=again), blender, show)
 
 
 def _render(options: argparse.Namespace) -> int:
@@ -298,7 +298,7 @@ def _quality(options: argparse.Namespace) -> int:
         device = str(settings["quality"]["device"])
         speed = None if options.measure else remembered(device)
         if speed is None:
-            with scratch() as folder, shown("Measuring this machine") as show:
+            with scratch() as folder, show_progress("Measuring this machine") as show:
                 speed = measure(options.blender, device, folder,
                                 lambda message: show(message) if message["type"] == "progress" else None)
         found = qualities(settings, triangles_of(settings), speed, _abilities(options.blender))

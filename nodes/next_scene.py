@@ -21,7 +21,7 @@ from .scene import build
 from .surface import materials, reflectance_laws
 
 
-def opened(settings: Settings) -> Built:
+def open_empty_scene(settings: Settings) -> Built:
     """Build a described scene in a new, empty file; what was open is gone, with all that it held in memory."""
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     return build(bpy.context.scene, settings)
@@ -34,12 +34,12 @@ def adapted(built: Built | None, settings: Settings) -> tuple[Built, bool]:
     without a scene, a new file is opened. Raises IcyMoonError as ``build`` does; there is no scene then.
     """
     if built is None or SETTINGS not in built.collection or changes.scene(settings) != changes.scene(built.settings):
-        return opened(settings), False
+        return open_empty_scene(settings), False
     if content(settings) != built.content:
-        return opened(settings), False
+        return open_empty_scene(settings), False
     preview.show(built, settings, int(settings["terrain"]["resolution"]))
     if preview.notes(bpy.context.scene) or built.preview:  # what cannot be shown is refused, or takes a new scene
-        return opened(settings), False
+        return open_empty_scene(settings), False
     built.remember(settings, {})
     warnings = [*materials.advice(settings), *reflectance_laws.advice(settings),
                 *light_advice(described_sky(settings), settings),

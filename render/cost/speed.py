@@ -19,7 +19,7 @@ from ...files import user_path, write_json
 from ...records import COUNT, NUMBER, POSITIVE, TABLE, TEXT, fault, read_record
 from ...settings.description import Settings, defaults, merged
 from ...system import cache_folder, processors
-from ..workers.job import Job, rendered
+from ..workers.job import Job, render_job
 from ..workers.process import Message
 from .abilities import ask
 from .estimate import triangles_of, work_of
@@ -133,6 +133,6 @@ def measure(blender: str, device: str, scratch: Path, hear: Callable[[Message], 
     Raises IcyMoonError if the render or the disk fails.
     """
     denoiser = ask(blender).denoiser
-    speed = speed_of(rendered(Job(scratch, probe(device, denoiser)), blender, hear), device, denoiser)
+    speed = speed_of(render_job(Job(scratch, probe(device, denoiser)), blender, hear), device, denoiser)
     remember(speed)
     return speed

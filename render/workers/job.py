@@ -82,7 +82,7 @@ class Job:
         Claims(self.dataset).sweep()
 
 
-def rendered(job: Job, blender: str, hear: Callable[[Message], None]) -> list[Path]:
+def render_job(job: Job, blender: str, hear: Callable[[Message], None]) -> list[Path]:
     """The pair folders that a worker has made of a job; ``hear`` gets all that it says.
 
     The job is removed, however it ends. Raises IcyMoonError with the worker's own words if it fails.

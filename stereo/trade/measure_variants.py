@@ -16,7 +16,7 @@ from typing import Any
 from ...errors import IcyMoonError
 from ...render.cost.abilities import Abilities, ask, lacking
 from ...render.cost.variants import GROUPS, SHAPES, Variant, reference, variants
-from ...render.workers.job import Job, rendered
+from ...render.workers.job import Job, render_job
 from ...render.workers.process import Message
 from ...settings.description import Settings, changed, defaults, merged
 from ...version import version
@@ -123,7 +123,7 @@ def render(variant: Variant, repeat: int, bench: Bench, counter: Counter) -> lis
             counter.tell(message)
 
     try:
-        folders = rendered(Job(bench.out / "data", variant.settings, repeat=repeat), bench.blender, hear)
+        folders = render_job(Job(bench.out / "data", variant.settings, repeat=repeat), bench.blender, hear)
     except IcyMoonError as error:
         raise IcyMoonError(f"{variant.key}: {error}") from None
     counter.done += 1

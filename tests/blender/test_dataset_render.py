@@ -20,7 +20,7 @@ from pathlib import Path
 
 import pytest
 from icymoon.nodes.datablocks.fingerprint import parts
-from icymoon.nodes.next_scene import adapted, opened
+from icymoon.nodes.next_scene import adapted, open_empty_scene
 from icymoon.render.plans import frozen_plan as datasets
 from icymoon.render.plans.order import ordered
 from icymoon.render.plans.planned_pair import PlannedPair
@@ -90,8 +90,8 @@ def test_a_scene_made_out_of_another_is_the_scene_built_anew(kind, scene):
     change, reuse = CHANGES[kind]
     first, second = planned(ROCKS).settings, planned(ROCKS, change).settings
     for one, other in ((first, second), (second, first)):
-        wanted = parts(opened(other).collection)
-        built, kept = adapted(opened(one), other)
+        wanted = parts(open_empty_scene(other).collection)
+        built, kept = adapted(open_empty_scene(one), other)
         assert kept == reuse
         assert parts(built.collection) == wanted
         assert built.settings == other
