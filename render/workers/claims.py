@@ -203,8 +203,7 @@ class Claims:
 
 
 def _number(path: Path) -> int:
-    text = path.name.rpartition(".")[2]
-    return int(text) if text.isdecimal() else 0
+    return int(path.name.rpartition(".")[2])
 
 
 def _read(claim: Path) -> dict[str, Any]:

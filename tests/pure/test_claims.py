@@ -48,6 +48,26 @@ def test_one_holder_at_a_time(tmp_path):
     assert not Claims(tmp_path).others()
 
 
+def test_a_claim_is_a_file_like_others_of_its_name_even_in_a_new_data_set(tmp_path):
+    dataset = tmp_path / "new" / "dataset"
+    Claims(dataset).take(PAIR)
+    (tmp_path / "other").touch()
+    claim, = (dataset / claims.FOLDER).iterdir()
+    assert claim.name == f"{PAIR}.1"
+    assert claim.stat().st_mode == (tmp_path / "other").stat().st_mode  # so others may touch and remove it
+
+
+def test_a_claim_that_is_given_back_while_it_is_read_holds_nothing(tmp_path, monkeypatch):
+    left_by(tmp_path, 1, "another machine", 0.0)
+
+    def listed(path) -> bool:
+        path.unlink()
+        return True
+
+    monkeypatch.setattr(claims, "is_claim", listed)
+    assert Claims(tmp_path).others() == set()
+
+
 def test_of_many_that_try_at_once_one_gets_it(tmp_path):
     for left in (False, True):
         folder = tmp_path / str(left)
@@ -204,6 +224,16 @@ def test_forgetting_a_process_leaves_what_others_write_of_the_same_pair(tmp_path
     assert ours.exists()
     assert not theirs.exists()
     assert not path.exists()
+
+
+def test_forgetting_a_process_leaves_its_namesake_elsewhere_and_its_neighbours(tmp_path):
+    pid = dead_process()
+    left_by(tmp_path, pid, system.place(), 0.0)  # "host": "elsewhere"
+    neighbour = Claims(tmp_path)
+    neighbour.take("ffffffffffff")
+    Claims(tmp_path).forget(pid)
+    assert {path.name for path in (tmp_path / claims.FOLDER).iterdir()} == {f"{PAIR}.1", "ffffffffffff.1"}
+    neighbour.close()
 
 
 def test_sweeping_leaves_the_living_alone(tmp_path):
