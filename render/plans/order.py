@@ -49,7 +49,7 @@ def shards(pairs: Sequence[PlannedPair], workers: int, most_scenes: int) -> list
     A run ends with a scene, unless the scene has so many pairs that several workers should share it.
     A process renders at most ``most_scenes`` scenes.
     """
-    length = max(1, -(-len(pairs) // (workers * _SHARDS_PER_WORKER)))
+    length = -(-len(pairs) // (workers * _SHARDS_PER_WORKER))
     found: list[list[PlannedPair]] = []
     held = 0  # scenes in the last run
     for scene in scenes(pairs):
@@ -76,6 +76,6 @@ def share(pairs: Sequence[PlannedPair], number: int, count: int) -> list[Planned
     for unit in units:
         ends.append(ends[-1] + len(unit))
     # A scene belongs to the share that its middle falls into.
-    middles = [(a + b) / 2 / max(1, len(pairs)) for a, b in pairwise(ends)]
+    middles = [(a + b) / 2 / len(pairs) for a, b in pairwise(ends)]
     return [pair for unit, middle in zip(units, middles, strict=True) if int(middle * count) == number - 1
             for pair in unit]

@@ -103,10 +103,24 @@ def test_shares_are_all_pairs_each_once(count):
     pairs = ordered(PAIRS)
     found = [share(pairs, number, count) for number in range(1, count + 1)]
     assert [p.id for part in found for p in part] == [p.id for p in pairs]
-    if count <= 3:
-        assert all(len(part) == len(pairs) // count for part in found if count != 2)
     if count <= len(pairs):
         assert sum(map(bool, found)) >= min(count, 3)
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 5, 6, 10, 15, 30])
+def test_shares_of_scenes_of_a_pair_are_equal(count):
+    pairs = ordered(PLANS["many scenes of one pair"])
+    assert {len(share(pairs, number, count)) for number in range(1, count + 1)} == {30 // count}
+
+
+@pytest.mark.parametrize("count", [2, 5, 8, 9])
+def test_shares_are_whole_scenes_if_there_are_as_many(count):
+    """A scene of 12 pairs and eight of one; more shares than scenes have pairs of their own."""
+    pairs = ordered([*grid(seeds=1, elevations=(10.0,), headings=tuple(30.0 * k for k in range(12))),
+                     *grid(seeds=9, elevations=(20.0,), headings=(0.0,))[1:]])
+    found = [{p.id for p in share(pairs, number, count)} for number in range(1, count + 1)]
+    assert sum(1 for part in found if part & {p.id for p in pairs[:12]}) == 1
+    assert max(len(part) for part in (share(pairs, number, 20) for number in range(1, 21))) == 1
 
 
 def test_what_decides_the_order_is_every_setting_but_response_and_run():
