@@ -11,6 +11,7 @@ from icymoon.physics.camera.sensor import (
     digital_numbers,
     electrons,
     exposure_s,
+    exposure_warnings,
     fixed_pattern,
     gain_dn_per_e,
     noise_generator,
@@ -132,6 +133,37 @@ def test_overflow_fills_the_column_and_is_kept_or_drained():
     assert (flooded == 2.0).all()
 
 
+@pytest.mark.parametrize(("row", "filled"), [(0, [2, 2, 1.5, 0, 0]), (4, [0, 0, 1.5, 2, 2]), (2, [1.5, 2, 2, 2, 1.5])])
+def test_half_of_an_overflow_runs_up_and_half_down_and_out_of_the_image(row, filled):
+    charge = np.zeros((5, 1))
+    charge[row] = 9.0
+    np.testing.assert_allclose(bloomed(charge, 2.0, 1.0)[:, 0], filled)
+    np.testing.assert_allclose(exposed(charge, sensor(**QUIET, full_well_e=2.0, blooming=1.0))[:, 0], filled)
+    assert (exposed(charge, sensor(**QUIET, full_well_e=2.0))[:, 0] == np.minimum(charge[:, 0], 2.0)).all()
+
+
+@pytest.mark.parametrize("auto", [True, False])
+def test_what_is_wrong_with_an_exposure_is_told_with_what_to_change(auto):
+    def told(seconds, saturated):
+        return exposure_warnings(seconds, saturated, sensor(auto_exposure=auto))
+
+    assert told(0.1, 0.0) == told(0.1, 0.02) == []
+    much, = told(0.1, 0.021)
+    assert "More than 2%" in much
+    assert ("sensor.auto_target" in much) == auto
+    assert ("sensor.exposure_s" in much) != auto
+    for seconds, end in ((SHORTEST_S, "shortest"), (LONGEST_S, "longest")):
+        assert [end in line for line in told(seconds, 0.0)] == [True] * auto
+        assert len(told(seconds, 0.5)) == 1 + auto
+
+
+def test_the_noise_of_a_pair_is_that_of_the_first_release():
+    """Or images would differ that are developed anew."""
+    drawn = [noise_generator(1, "0123456789ab", eye, *index).integers(1 << 30) for eye in ("left", "right")
+             for index in ((), (1,))]
+    assert drawn == [398687802, 777532168, 928075206, 716836773]
+
+
 @pytest.mark.parametrize("bits", [8, 10, 12, 16])
 def test_the_converter_is_linear_and_ends_at_both_ends(bits):
     top = 2**bits - 1
@@ -148,6 +180,7 @@ def test_gain_above_one_fills_the_converter_before_the_well():
     assert digital_numbers(np.array([5000.0, 2520.0]), settings).tolist() == [255, 129]
     assert exposure_s(np.full(9, 2.0), 10.0, sensor(gain=4.0, auto_target=0.5)) == pytest.approx(5000 / 2 / 20)
     assert digital_numbers(np.array([19900.0]), sensor(gain=0.5)).tolist() == [127]
+    assert capacity_e(sensor(gain=0.5)) == capacity_e(sensor(gain=1.0)) == 20000
 
 
 def test_auto_exposure_puts_the_percentile_at_the_target():
