@@ -2,9 +2,15 @@
 
 import numpy as np
 import pytest
+from icymoon.labels import LANDER, ROCK, TERRAIN
+from icymoon.stereo.measure import by_pixel_class
 from icymoon.stereo.measure.by_pixel_class import (
     FACTORS,
+    MATERIAL,
+    OCCLUSION,
     RANGE,
+    SHADOW,
+    SLOPE,
     SUMS,
     TEXTURE,
     added,
@@ -29,6 +35,41 @@ def test_classes_lie_between_their_bounds():
     assert RANGE.classes[7] == "4–6"
     for factor in FACTORS:
         assert CLASSES[factor.key].max() < len(factor.classes)
+
+
+def test_classes_are_those_of_every_evaluation_so_far():
+    """Or sums that are kept with old and new pairs would not add up."""
+    assert RANGE.bounds[:2] == (0.5, 0.75)
+    assert RANGE.bounds[2:] == tuple(2 * bound for bound in RANGE.bounds[:-2])  # two to a doubling
+    assert RANGE.bounds[-1] == 96.0
+    assert TEXTURE.bounds == tuple(2.0 ** k for k in range(-1, 6))
+    assert SLOPE.classes == ("< 5", "5–10", "10–15", "15–20", "20–30", "30–45", "45–60", "> 60")
+
+
+def test_pixels_are_of_the_class_that_truth_and_image_say():
+    """One row of pixels; ground tilted by 0, 25 and 95 degrees, the last turned from a Sun overhead."""
+    tilt = np.radians([[0.0, 25.0, 95.0]])
+    normal = np.stack([np.sin(tilt), 0 * tilt, np.cos(tilt)], -1)
+    found = classify(np.array([[0.4, 5.0, 100.0]]), np.array([[True, False, True]]), np.array([[0.1, 3.0, 40.0]]),
+                     np.maximum(normal[..., 2], 0.0), normal, np.array([[TERRAIN, ROCK, LANDER]]), [0.0, 0.0, 1.0])
+    for factor, wanted in ((RANGE, ("< 0.5", "4–6", "> 96")), (TEXTURE, ("< 0.5", "2–4", "> 32")),
+                           (SLOPE, ("< 5", "20–30", "> 60")), (OCCLUSION, ("both eyes", "left only", "both eyes")),
+                           (MATERIAL, ("terrain", "rock", "lander")), (SHADOW, ("sunlit", "sunlit", "shadow"))):
+        assert tuple(factor.classes[k] for k in found[factor.key][0]) == wanted
+    nothing = classify(np.ones((1, 1)), np.ones((1, 1), bool), np.ones((1, 1)), np.ones((1, 1)), None,
+                       np.array([[99]]), [0.0, 0.0, 1.0])
+    assert nothing["material"].tolist() == nothing["shadow"].tolist() == [[-1]]  # a label of no class; no normals
+
+
+def test_an_error_of_exactly_a_pixel_or_ten_centimetres_is_within_it():
+    truth, depth = np.array([[2.0, 4.0, 8.0, 0.5]]), np.array([[2.125, 4.25, 8.0, 0.5 + 0.1]])
+    true, disparity = np.array([[20.0, 10.0, 5.0, 80.0]]), np.array([[19.0, 8.5, 5.5, 80.0]])
+    classes = {factor.key: np.zeros((1, 4), int) for factor in FACTORS}
+    found = {key: sums[0] for key, sums in stratified(classes, depth, truth, disparity, true)["range"].items()}
+    assert (found["n"], found["bad_1"], found["fine"]) == (4, 1, 3)
+    assert found["fine_epe_px"] == pytest.approx(1.0 + 0.5)
+    assert found["l1_rate_10"] == 2
+    assert found["m_per_px"] == pytest.approx(2 / 20 + 4 / 10 + 8 / 5 + 0.5 / 80)
 
 
 def test_sums_are_those_of_the_pixels_of_each_class():
@@ -64,6 +105,21 @@ def test_texture_is_the_gradient_along_the_row():
     assert texture(np.zeros((1, 1), np.uint8)).tolist() == [[0]]
     assert texture(np.array([[0, 8]], np.uint8)).tolist() == [[8, 8]]
     assert TEXTURE.of(texture(ramp)).max() == 4
+
+
+def test_texture_is_a_mean_over_nine_pixels_each_way():
+    step = np.zeros((31, 31), np.uint8)
+    step[15:, 15:] = 8  # whose gradient is 4 in two columns of its lower half
+    found = texture(step)
+    assert found[25, 15] == pytest.approx(np.sqrt(2 * 16 / 9))
+    assert (found[25, [9, 20]] == 0).all()
+    assert (found[25, [10, 19]] > 0).all()
+    assert found[15, 15] == pytest.approx(np.sqrt(2 * 16 / 9 * 5 / 9))
+
+
+def test_texture_of_an_even_image_is_a_number_though_its_sums_are_rounded(monkeypatch):
+    monkeypatch.setattr(by_pixel_class.cv2, "boxFilter", lambda image, *_, **__: np.full_like(image, -1e-17))
+    assert (texture(np.full((5, 5), 255, np.uint8)) == 0).all()
 
 
 def test_cast_and_own_shadows():
