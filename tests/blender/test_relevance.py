@@ -6,9 +6,14 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from icymoon.panels.relevance import matters
+from icymoon.panels.relevance import matters, shown
+from icymoon.physics.camera.blur import MOTION, blur_of
+from icymoon.physics.camera.brackets import exposure_times
+from icymoon.physics.camera.particle_hits import hits
+from icymoon.physics.camera.sensor import exposure_s
 from icymoon.physics.surfaces.hapke import bidirectional_reflectance, from_settings
-from icymoon.settings.description import defaults
+from icymoon.settings.description import defaults, merged
+from icymoon.settings.topics import LANDFORMS, TOPICS
 
 #: Other values of the numbers of Hapke's law.
 OTHERS = {"w": 0.5, "b": 0.2, "c": 0.6, "b_s0": 0.9, "h_s": 0.05, "b_c0": 0.7, "h_c": 0.03, "theta_bar_deg": 20.0,
@@ -19,6 +24,13 @@ def root(**topics: dict) -> SimpleNamespace:
     """Stands in for ``Scene.icymoon``: the defaults with changes."""
     return SimpleNamespace(**{topic: SimpleNamespace(**values) for topic, values in (
         (topic, {**group, **topics.get(topic, {})}) for topic, group in defaults().items())})
+
+
+def relevant(topic: str, state: dict[str, dict] | None = None) -> set[str]:
+    """The settings of a topic that are neither hidden nor grey."""
+    of_scene = root(**(state or {}))
+    return {setting.key for setting in TOPICS[topic].settings
+            if shown(topic, setting.key, of_scene) and matters(topic, setting.key, of_scene)}
 
 
 @pytest.mark.parametrize("state", [
@@ -33,3 +45,100 @@ def test_a_number_of_hapke_s_law_is_grey_where_another_changes_no_brightness(sta
 
     acts = bool(np.any(brightness(**{key: OTHERS[key]}) != brightness()))
     assert matters("hapke", key, root(hapke=state)) == acts
+
+
+@pytest.mark.parametrize("state", [
+    {}, {"auto_exposure": False}, {"brackets": 3}, {"radiation_flux_cm2_s": 1e5}], ids=str)
+@pytest.mark.parametrize(("key", "other"), [
+    ("auto_percentile", 0.5), ("auto_target", 0.3), ("exposure_s", 0.7), ("bracket_stops", 5.0),
+    ("radiation_depth_um", 99.0), ("radiation_e_per_um", 9.0)])
+def test_a_setting_of_exposure_or_radiation_is_grey_where_it_changes_no_exposure(state, key, other):
+    def exposures(**changes):
+        response = {**defaults()["sensor"], **state, **changes}
+        times = exposure_times(exposure_s(np.linspace(0.0, 1.0, 99), 1e4, response), response)
+        return [*times, hits(response, (30, 40), 1e-5, 10.0, np.random.default_rng(0)).sum()]
+
+    assert matters("sensor", key, root(sensor=state)) == (exposures(**{key: other}) != exposures())
+
+
+def test_the_exposure_of_a_motion_is_grey_unless_something_moves():
+    assert not matters("rig", "motion_exposure_s", root())
+    for moving in MOTION:
+        for speed in (-0.5, 0.5):
+            assert matters("rig", "motion_exposure_s", root(rig={moving: speed}))
+            assert blur_of(merged(defaults(), {"rig": {moving: speed, "motion_exposure_s": 0.1}})) is not None
+
+
+@pytest.mark.parametrize("topic", [name for name, topic in TOPICS.items() if topic.parent == LANDFORMS])
+def test_a_landform_that_there_is_none_of_has_but_the_setting_that_makes_some(topic):
+    keys = [setting.key for setting in TOPICS[topic].settings]
+    assert relevant(topic) == set(keys[:1])
+    assert relevant(topic, {topic: {keys[0]: 0.001}}) == set(keys)
+
+
+PRINCIPLED = {"subsurface_weight", "transmission", "roughness", "specular", "refractive_index"}
+IDLE = {"albedo_patch_m", "subsurface_radius_m", "salt_patch_m", "salt_red", "salt_green", "salt_blue"}
+#: What a state of the settings leaves of a topic: all keys but those named, or those named alone.
+CASES = [
+    ("terrain", {}, "but", {"resolution"}), ("terrain", {"mesh": {"kind": "GRID"}}, "but", {"body_radius_m"}),
+    ("terrain", {"source": {"kind": "MESH"}}, "only", set()),
+    ("terrain", {"source": {"kind": "HEIGHT_MAP"}}, "only", {"size_m", "resolution"}),
+    ("terrain", {"source": {"kind": "MESH", "detail": True}}, "but", {"body_radius_m"}),
+    ("terrain", {"source": {"kind": "HEIGHT_MAP", "detail": True}}, "but", {"body_radius_m"}),
+    ("mesh", {}, "but", set()), ("mesh", {"mesh": {"kind": "GRID"}}, "only", {"kind"}),
+    ("source", {}, "only", {"kind"}),
+    ("source", {"source": {"kind": "MESH"}}, "but", {"metres_per_pixel", "height_scale_m"}),
+    ("source", {"source": {"kind": "HEIGHT_MAP"}}, "but", {"scale", "up_axis", "repair"}),
+    ("surface", {}, "but", {"lommel_seeliger_share", *IDLE}),
+    ("surface", {"surface": {"subsurface_weight": 0.1, "salt_share": 0.1, "albedo_variation": 0.1}}, "but",
+     {"lommel_seeliger_share"}),
+    ("surface", {"surface": {"grain_amplitude_m": 0.0}}, "but",
+     {"lommel_seeliger_share", "grain_size_m", "relief", *IDLE}),
+    ("surface", {"surface": {"model": "LAMBERT"}}, "but", {"lommel_seeliger_share", *PRINCIPLED, *IDLE}),
+    ("surface", {"surface": {"model": "LUNAR_LAMBERT"}}, "but", {*PRINCIPLED, *IDLE}),
+    ("rock_surface", {"rock_surface": {"model": "HAPKE"}}, "but",
+     {"albedo", "lommel_seeliger_share", *PRINCIPLED, *IDLE}),
+    ("hapke", {"hapke": {"backend": "NODES"}}, "but", {"accuracy", "h_c"}),
+    ("rocks", {}, "only", {"coverage"}),
+    ("rocks", {"rocks": {"coverage": 0.01}}, "but", {"cluster_blocks", "cluster_radius_m"}),
+    ("rocks", {"rocks": {"coverage": 0.01, "clustering": 0.1}}, "but", set()),
+    ("rocks", {"rocks": {"coverage": 0.01, "clustering": 0.1, "law": "GOLOMBEK"}}, "but", {"power_index"}),
+    ("rig", {}, "but", {"motion_exposure_s"}),
+    ("dataset", {}, "but", {"plan"}), ("dataset", {"dataset": {"plan": "mine.toml"}}, "but", set()),
+    ("quality", {}, "but", set()), ("quality", {"surface": {"model": "HAPKE"}}, "but", {"fine_relief"}),
+    ("quality", {"surface": {"model": "LAMBERT"}}, "but", set()),
+    ("quality", {"surface": {"model": "HAPKE"}, "rocks": {"own_surface": True}}, "but", set()),
+    ("quality", {"surface": {"model": "HAPKE"}, "rocks": {"own_surface": True}, "rock_surface": {"model": "HAPKE"}},
+     "but", {"fine_relief"}),
+    ("textures", {}, "only", {"set"}),
+    ("textures", {"textures": {"set": "FROST"}}, "only", {"set", "mapping", "width_m", "repeat", "height_m"}),
+    ("textures", {"textures": {"set": "FROST", "mapping": "UV"}}, "only", {"set", "mapping", "height_m"}),
+    ("textures", {"textures": {"set": "OWN"}}, "but", set()),
+    ("textures", {"textures": {"set": "OWN", "mapping": "UV"}}, "but", {"width_m", "repeat"}),
+    ("textures", {"textures": {"set": "MESH"}}, "only", {"set"}),
+]
+
+
+@pytest.mark.parametrize(("topic", "state", "how", "keys"), CASES, ids=lambda value: str(value)[:70])
+def test_what_choices_and_other_numbers_leave_of_a_topic(topic, state, how, keys):
+    every = {setting.key for setting in TOPICS[topic].settings}
+    assert keys <= every
+    assert relevant(topic, state) == (keys if how == "only" else every - keys)
+
+
+def of_light(**state) -> set[str]:
+    return relevant("light", {"light": state})
+
+
+def test_what_a_date_gives_is_not_asked_for_and_a_planet_or_stars_that_are_not_there_have_no_settings():
+    every = {setting.key for setting in TOPICS["light"].settings}
+    dated = {"body", "date_utc", "longitude_deg"}
+    given = {key for key in every if key.startswith(("sun_", "planet_")) and key.endswith((
+        "elevation_deg", "azimuth_deg", "diameter_deg", "irradiance_wm2", "flattening"))}
+    planet = {key for key in every if key.startswith("planet_")}
+    stars = {"stars_faintest_mag"}
+    assert of_light() == every - dated - {"parent", "kernels", "latitude_deg"} - planet - stars
+    assert of_light(planet=True) == every - dated - {"parent", "kernels"} - stars
+    assert of_light(stars=True) == every - dated - {"parent", "kernels"} - planet
+    assert of_light(directions_from="ELEMENTS") == every - given - {"parent", "kernels"} - planet - stars
+    assert of_light(directions_from="KERNELS", planet=True, stars=True) == every - given
