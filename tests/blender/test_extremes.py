@@ -63,12 +63,14 @@ def some(seeds, folder):
     assert len(without) <= MOST_REFUSED * len(seeds), without
 
 
+@pytest.mark.timeout(600)
 @pytest.mark.parametrize("first", range(0, FEW, 8))
 def test_random_settings_at_their_limits(tmp_path, first):
     some(range(first, first + 8), tmp_path)
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(900)
 @pytest.mark.parametrize("first", range(FEW, MANY, 16))
 def test_many_random_settings_at_their_limits(tmp_path, first):
     some(range(first, first + 16), tmp_path)
@@ -355,17 +357,20 @@ def test_no_rocks(tmp_path, rocks):
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(600)
 def test_a_hundred_thousand_rocks(tmp_path):
     settings = complete(GRID, {"rocks": {"coverage": 0.3, "smallest_m": 0.02, "most": 100_000}})
     assert fine(settings, tmp_path)[1].block_count == 100_000
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(600)
 def test_the_finest_grid():
     _built(complete(GRID, {"terrain": {"resolution": 4097}}))
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(600)
 @pytest.mark.parametrize("parts", [
     {"rig": {"overscan": 2.0}}, {"quality": {"samples": 4096}}, {"quality": {"diffuse_bounces": 128}},
     {"light": {"stars": True, "stars_faintest_mag": 8.0}, "rig": {"pitch_deg": -45.0}},

@@ -90,6 +90,7 @@ CASES = {
 _SLOW = ("steep and patchy", "smooth", "low Hurst", "penitentes", "flank with cracks and craters")
 
 
+@pytest.mark.timeout(600)
 @pytest.mark.parametrize("case", [pytest.param(c, marks=pytest.mark.slow if c in _SLOW else ()) for c in CASES])
 def test_the_bound_holds_in_every_heading_and_both_eyes(tmp_path, case):
     settings = complete(GRADED, CASES[case], {"dataset": {"headings": 4}})

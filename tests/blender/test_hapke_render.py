@@ -410,6 +410,7 @@ def reflected(place: np.ndarray, eye: np.ndarray, sun: np.ndarray, law, often: i
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(600)
 def test_the_reference_level_has_the_law_at_every_end_of_three_interreflections(tmp_path):
     """Light between a wall and the ground, against paths in double precision."""
     pair, _ = picture(tmp_path, {

@@ -13,7 +13,7 @@ from icymoon.physics.camera.particle_hits import hits
 from icymoon.physics.camera.sensor import exposure_s
 from icymoon.physics.surfaces.hapke import bidirectional_reflectance, from_settings
 from icymoon.settings.description import defaults, merged
-from icymoon.settings.topics import LANDFORMS, TOPICS
+from icymoon.settings.table import LANDFORMS, TOPICS
 
 #: Other values of the numbers of Hapke's law.
 OTHERS = {"w": 0.5, "b": 0.2, "c": 0.6, "b_s0": 0.9, "h_s": 0.05, "b_c0": 0.7, "h_c": 0.03, "theta_bar_deg": 20.0,

@@ -12,7 +12,7 @@ from icymoon.render.cost import speed
 from icymoon.render.workers.job import python_command
 from icymoon.settings import description
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(900)]
 SCENE = ("--preset", "europa_rough_ice", "--scale", "0.15", "--reference-samples", "32", "--methods", "sgbm",
          "--set", "mesh.most=20000")
 

@@ -13,7 +13,7 @@ from icymoon.version import ROOT
 pytest.importorskip("mkdocs", reason="`make docs` and `make test` install MkDocs")
 pytest.importorskip("latex2mathml")
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(600)]  # building the pages counts for the first test
 
 
 @pytest.fixture(scope="module")
