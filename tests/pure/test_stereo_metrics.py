@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from icymoon.stereo.measure import metrics
 from icymoon.stereo.measure.metrics import (
     DEPTH_METRICS,
     DISPARITY_METRICS,
@@ -219,3 +220,29 @@ def test_sparsification_drops_the_least_confident_first():
     assert sparsification(errors, errors)[-1] == falling[-1] == pytest.approx(errors.mean())
     assert all(math.isnan(value) for value in sparsification(np.full(3, NAN), np.ones(3)))
     assert sparsification(np.array([NAN, 2.0]), np.array([9.0, 1.0])) == [2.0] * len(SHARES)
+
+
+def test_an_error_of_exactly_a_limit_is_within_it():
+    """Limits that binary numbers hold: one metre, whole pixels, 5 % of 80 and of 160 px."""
+    assert depth_metrics(np.array([3.0, 3.0]), np.array([2.0, 1.875]))["l1_rate_100"] == 0.5
+    true = np.array([80.0, 80.0, 160.0, 40.0, 40.0, 40.0])
+    found = np.array([84.0, 84.5, 168.0, 43.0, 43.5, 42.0])
+    rates = disparity_metrics(found, true)
+    assert [rates[key] * 6 for key in ("bad_0_5", "bad_1", "bad_2", "bad_3", "d1")] == pytest.approx([6, 6, 5, 4, 2])
+    total = total_metrics(1 / true, 1 / true, found, true, 0.0)
+    assert [total[key] * 6 for key in ("bad_2", "bad_3", "d1")] == pytest.approx([5, 4, 2])
+
+
+def test_each_rate_counts_beyond_the_limit_that_its_name_says():
+    for key, limit in metrics.BAD.items():
+        assert limit == float(key.removeprefix("bad_").replace("_", "."))
+    for key, limit in metrics.L1_RATES.items():
+        assert limit == float(key.removeprefix("l1_rate_")) / 100
+    for key, share in metrics.QUANTILES.items():
+        assert share == float(key[1:3]) / 100
+
+
+def test_without_truth_there_is_a_curve_of_no_numbers():
+    nothing = np.full((2, 3), np.nan)
+    assert np.isnan(error_curve(np.ones((2, 3)), nothing)).tolist() == [True] * len(metrics.ERROR_STEPS_M)
+    assert np.isnan(sparsification(nothing, nothing)).tolist() == [True] * len(metrics.SHARES)
