@@ -6,7 +6,7 @@ ZIP := dist/icymoon.zip
 # A process for each processor, with a Blender of its own: about 2 GiB of memory each.
 PYTEST := $(RUN) -m pytest --numprocesses auto --maxprocesses 4 --dist worksteal
 
-.PHONY: demo env test test-all test-lanes lint zip lock docs clean
+.PHONY: demo env test test-all test-lanes mutants lint zip lock docs clean
 
 demo: $(VENV)/.demo
 	$(RUN) -m icymoon demo
@@ -22,6 +22,11 @@ test-all: $(VENV)/.tests lint
 # Every Blender that can be had: wheels 4.2, 4.5 and 5.2, real Blenders with their window.
 test-lanes: $(VENV)/.tests zip
 	$(RUN) tests/lanes.py
+
+# Makes small defects in the modules that matter and lists those that no test notices. One module: `make mutants
+# OF=render.workers.claims`.
+mutants: $(VENV)/.mutants
+	$(RUN) tests/mutants.py $(OF)
 
 lint: $(VENV)/.tests
 	$(VENV)/bin/ruff check .
@@ -50,6 +55,10 @@ $(VENV)/.demo: pyproject.toml $(VENV)/bin/python
 
 $(VENV)/.tests: pyproject.toml $(VENV)/.demo
 	PYTHONWARNINGS=ignore $(RUN) -m pip install --disable-pip-version-check -e ".[blender,evaluate,networks,ephemeris,docs,develop]"
+	touch $@
+
+$(VENV)/.mutants: $(VENV)/.tests
+	PYTHONWARNINGS=ignore $(RUN) -m pip install --disable-pip-version-check -e ".[mutants]"
 	touch $@
 
 # Only what the manual needs: no Blender.
