@@ -290,8 +290,9 @@ def _sources(options: argparse.Namespace) -> int:
 
 def _quality(options: argparse.Namespace) -> int:
     from ..render.cost.estimate import triangles_of
+    from ..render.cost.measure_speed import measure
     from ..render.cost.quality_presets import qualities
-    from ..render.cost.speed import measure, remembered
+    from ..render.cost.speed import remembered
 
     with errors_told(options.json):
         settings = _described(options)

@@ -16,7 +16,7 @@ from ..files import write_text
 from ..nodes.datablocks.user_files import with_absolute_files
 from ..nodes.scene import find
 from ..preferences import evaluator_python
-from ..render.cost import speed, tolerance
+from ..render.cost import measure_speed, speed, tolerance
 from ..render.workers.job import Job, blender_command, python_command
 from ..render.workers.process import Message, Process, clean_environment
 from ..scratch import make_scratch
@@ -174,11 +174,11 @@ class ICYMOON_OT_measure_machine(jobs.JobOperator, bpy.types.Operator):
     def start(self, context: bpy.types.Context) -> jobs.Job:
         self._device = str(context.scene.icymoon.quality.device)
         folder = make_scratch()
-        job = Job(folder, speed.probe(self._device, compat.has_oidn()))
+        job = Job(folder, measure_speed.probe(self._device, compat.has_oidn()))
 
         def hear(message: Message) -> None:
             if message["type"] == "done":
-                self._speed = speed.speed_of([Path(pair) for pair in message["folders"]], self._device,
+                self._speed = measure_speed.speed_of([Path(pair) for pair in message["folders"]], self._device,
                                                compat.has_oidn())
 
         def clean() -> None:

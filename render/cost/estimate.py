@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ...errors import IcyMoonError
 from ...formats import mesh_file
@@ -26,9 +26,7 @@ from ...system import processors
 from ..pairs.pair_folder import StereoCamera, is_complete, read_pair
 from ..plans.order import key, ordered
 from ..plans.planned_pair import PlannedPair
-
-if TYPE_CHECKING:
-    from .speed import Speed
+from .speed import Speed
 
 #: Processor seconds, 2-core x86 server, Blender 5.0 (``benchmarks/plan_cost.py``): a worker, a build, a pair.
 _START_S = 3.0

@@ -1,36 +1,24 @@
-"""How fast this machine is, measured once with a small render and remembered. Imports no Blender.
+"""How fast this machine is: the number that ``measure_speed`` found, and the file that keeps it. Imports no Blender.
 
-What a machine took of the seconds that ``cost`` expects is one number, kept per computer, device, version of Blender
-and number of processors in a file of the person's cache folder, so that window and command line share it.
+One number per computer, device, version of Blender and number of processors: the seconds that a pair took over those
+that ``estimate`` expects. The file is in the user's cache folder, so that the window and the command line share it.
 """
 
 from __future__ import annotations
 
 import os
 import platform
-from collections.abc import Callable
 from dataclasses import asdict, dataclass
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 from ...errors import IcyMoonError
 from ...files import user_path, write_json
-from ...records import COUNT, NUMBER, POSITIVE, TABLE, TEXT, fault, read_record
-from ...settings.description import Settings, defaults, merged
+from ...records import COUNT, POSITIVE, TABLE, TEXT, fault, read_record
 from ...system import cache_folder, processors
-from ..workers.job import Job, render_job
-from ..workers.process import Message
-from .abilities import ask
-from .estimate import triangles_of, work_of
 
 #: Names another cache folder, for tests and for people who keep theirs elsewhere.
 FOLDER_VARIABLE = "ICYMOON_CACHE"
-#: What is rendered: all that a pair has (both eyes, interreflection, denoiser, truth, files), in some 4 processor
-#: seconds. The first pair of a process pays for what a graphics card compiles, so only the others count.
-_PROBE: dict[str, dict[str, Any]] = {
-    "rig": {"width_px": 320, "height_px": 240}, "mesh": {"error_px": 4.0, "edge_px": 24.0},
-    "surface": {"model": "LAMBERT"}, "quality": {"samples": 8, "denoiser": "OIDN"}, "dataset": {"headings": 3}}
 
 
 @dataclass(frozen=True)
@@ -51,9 +39,6 @@ class Speed:
 
 #: How that is kept.
 _SPEED = {"factor": POSITIVE, "device": TEXT, "blender": TEXT, "processors": COUNT, "measured": TEXT}
-
-#: What is read of a rendered pair.
-_PAIR = {"seconds": {"render": NUMBER, "write": NUMBER}, "cpu_seconds": {"pair": NUMBER}, "versions": {"blender": TEXT}}
 
 _chosen = ""
 
@@ -100,39 +85,3 @@ def remembered(device: str, blender: str = "") -> Speed | None:
 def remember(speed: Speed) -> None:
     """Keep a speed for all later estimates. Raises IcyMoonError if the disk refuses."""
     write_json(_file(), {**_kept(), _key(speed.device, speed.blender, speed.processors): asdict(speed)})
-
-
-def probe(device: str, denoiser: bool = True) -> Settings:
-    """Complete settings of the small render, for a Blender that has a denoiser or not."""
-    return merged(defaults(), _PROBE, {"quality": {"device": device, **({} if denoiser else {"denoiser": "NONE"})}})
-
-
-def speed_of(pairs: list[Path], device: str, denoiser: bool = True) -> Speed:
-    """What rendered pairs of ``probe`` say: the fastest but the first, for other work may slow any of them down.
-
-    All processors are taken to be at work half the time at least: where a pair took longer, other work had them, or
-    the pair is too small for so many. Raises IcyMoonError if they cannot be read.
-    """
-    settings = probe(device, denoiser)
-    expected = work_of(settings).seconds(triangles_of(settings))
-    try:
-        facts = [read_record(pair / "pair.json", _PAIR, "measure again") for pair in pairs]
-        taken = [processors() * (each["seconds"]["render"] + each["seconds"]["write"]) for each in facts[1:]]
-        if device == "CPU":
-            taken += [2.0 * each["cpu_seconds"]["pair"] for each in facts[1:]]
-        return Speed(min(taken) / expected, device, facts[0]["versions"]["blender"], processors(),
-                     datetime.now(UTC).isoformat(timespec="minutes"))
-    except (OSError, IcyMoonError, ValueError, IndexError) as error:
-        raise IcyMoonError(f"The small render that measures this machine cannot be read ({error}); try "
-                           "again.") from None
-
-
-def measure(blender: str, device: str, scratch: Path, hear: Callable[[Message], None]) -> Speed:
-    """Render the probe with a Blender (or a Python with bpy) into ``scratch``, and remember how fast that was.
-
-    Raises IcyMoonError if the render or the disk fails.
-    """
-    denoiser = ask(blender).denoiser
-    speed = speed_of(render_job(Job(scratch, probe(device, denoiser)), blender, hear), device, denoiser)
-    remember(speed)
-    return speed

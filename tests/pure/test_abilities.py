@@ -8,7 +8,7 @@ import os
 import pytest
 from icymoon.commands import batch, cli
 from icymoon.errors import IcyMoonError
-from icymoon.render.cost import abilities, speed
+from icymoon.render.cost import abilities, measure_speed
 from icymoon.render.cost.abilities import Abilities, lacking, lacking_of, special
 from icymoon.render.cost.estimate import triangles_of, work_of
 from icymoon.render.cost.quality_presets import qualities
@@ -128,7 +128,7 @@ def test_a_quality_that_cannot_be_had_shows_why_in_place_of_its_cost():
 
 
 def test_a_machine_is_measured_without_the_denoiser_that_it_lacks(tmp_path):
-    settings = speed.probe("CPU", denoiser=False)
+    settings = measure_speed.probe("CPU", denoiser=False)
     assert settings["quality"]["denoiser"] == "NONE"
     folders = [tmp_path / str(k) for k in range(2)]
     expected = work_of(settings).seconds(triangles_of(settings))
@@ -137,7 +137,7 @@ def test_a_machine_is_measured_without_the_denoiser_that_it_lacks(tmp_path):
         (folder / "pair.json").write_text(json.dumps({
             "seconds": {"render": 3.0 * expected, "write": 0.0}, "cpu_seconds": {"pair": 1.5 * expected},
             "versions": {"blender": "4.3.2"}}))
-    assert speed.speed_of(folders, "CPU", denoiser=False).factor == pytest.approx(3.0)
+    assert measure_speed.speed_of(folders, "CPU", denoiser=False).factor == pytest.approx(3.0)
 
 
 def test_a_blender_that_cannot_be_asked_is_told_of(tmp_path):

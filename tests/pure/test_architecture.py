@@ -106,6 +106,38 @@ def test_an_import_downwards_is_none(module, used):
     assert not upward(module, used)
 
 
+def uses_of(path: Path) -> set[str]:
+    """Our modules that a file imports: of ``from package import module`` the module, not the package around it."""
+    found = ours(path)
+    return {name for name in found if not any(other.startswith(f"{name}.") for other in found)} - {name_of(path)}
+
+
+def circle(uses: dict[str, set[str]]) -> list[str]:
+    """Modules that import each other in a circle, of any length; empty if there are none."""
+    left = {module: set(used) for module, used in uses.items()}
+    while done := [module for module, used in left.items() if not used & left.keys()]:
+        for module in done:
+            del left[module]
+    if not left:
+        return []
+    path = [next(iter(left))]
+    while path.count(path[-1]) == 1:  # what is left imports something that is left
+        path.append(min(left[path[-1]] & left.keys()))
+    return path[path.index(path[-1]):]
+
+
+def test_no_modules_import_each_other_in_a_circle():
+    assert not circle({name_of(path): uses_of(path) for path in SOURCES})
+
+
+@pytest.mark.parametrize(("uses", "found"), [
+    ({"a": {"b"}, "b": {"a"}}, ["a", "b", "a"]), ({"a": {"b"}, "b": {"c"}, "c": {"b"}}, ["b", "c", "b"]),
+    ({"a": {"b", "d"}, "b": {"c"}, "c": {"d"}, "d": {"b"}}, ["b", "c", "d", "b"]),
+    ({"a": {"b", "c"}, "b": {"c"}, "c": set()}, [])])
+def test_a_circle_is_found(uses, found):
+    assert circle(uses) == found
+
+
 def in_a_pure_room(path: Path) -> bool:
     return room_of(name_of(path)) in PURE
 

@@ -8,7 +8,7 @@ import pytest
 from icymoon import system
 from icymoon.commands import cli
 from icymoon.errors import IcyMoonError
-from icymoon.render.cost import estimate
+from icymoon.render.cost import estimate, measure_speed
 from icymoon.render.cost import speed as machine
 from icymoon.render.cost.quality_presets import qualities, seconds_of
 from icymoon.render.plans.planned_pair import expand
@@ -67,28 +67,28 @@ def rendered(folder, seconds, cpu_s=1e3):
 
 
 def test_the_fastest_pair_but_the_first_counts(tmp_path):
-    found = machine.speed_of(rendered(tmp_path, (30.0, 4.0, 3.0)), "CPU")
-    settings = machine.probe("CPU")
+    found = measure_speed.speed_of(rendered(tmp_path, (30.0, 4.0, 3.0)), "CPU")
+    settings = measure_speed.probe("CPU")
     expected = estimate.work_of(settings).seconds(estimate.triangles_of(settings))
     assert found.factor == pytest.approx(system.processors() * 3.0 / expected)
     assert found.blender == "5.0.1"
 
 
 def test_other_work_makes_a_machine_no_slower_than_half_used(tmp_path):
-    busy = machine.speed_of(rendered(tmp_path, (900.0, 800.0), cpu_s=3.0), "CPU")
-    settings = machine.probe("CPU")
+    busy = measure_speed.speed_of(rendered(tmp_path, (900.0, 800.0), cpu_s=3.0), "CPU")
+    settings = measure_speed.probe("CPU")
     assert busy.factor == pytest.approx(6.0 / estimate.work_of(settings).seconds(estimate.triangles_of(settings)))
-    card = machine.speed_of([tmp_path / "0", tmp_path / "1"], "GPU")
+    card = measure_speed.speed_of([tmp_path / "0", tmp_path / "1"], "GPU")
     assert card.factor > 100 * busy.factor
 
 
 def test_a_probe_that_says_nothing_is_an_error(tmp_path):
     with pytest.raises(IcyMoonError, match="small render"):
-        machine.speed_of([tmp_path, tmp_path], "CPU")
+        measure_speed.speed_of([tmp_path, tmp_path], "CPU")
 
 
 def test_the_probe_is_small_and_has_all_that_a_pair_has():
-    settings = machine.probe("GPU")
+    settings = measure_speed.probe("GPU")
     assert 1.0 < estimate.work_of(settings).seconds(estimate.triangles_of(settings)) < 6.0
     assert (settings["quality"]["device"], settings["quality"]["denoiser"]) == ("GPU", "OIDN")
     assert settings["dataset"]["headings"] > 1

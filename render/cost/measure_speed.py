@@ -1,0 +1,62 @@
+"""How fast this machine is, measured with a small render. Imports no Blender."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from ...errors import IcyMoonError
+from ...records import NUMBER, TEXT, read_record
+from ...settings.description import Settings, defaults, merged
+from ...system import processors
+from ..workers.job import Job, render_job
+from ..workers.process import Message
+from .abilities import ask
+from .estimate import triangles_of, work_of
+from .speed import Speed, remember
+
+#: What is rendered: all that a pair has (both eyes, interreflection, denoiser, truth, files), in some 4 processor
+#: seconds. The first pair of a process pays for what a graphics card compiles, so only the others count.
+_PROBE: dict[str, dict[str, Any]] = {
+    "rig": {"width_px": 320, "height_px": 240}, "mesh": {"error_px": 4.0, "edge_px": 24.0},
+    "surface": {"model": "LAMBERT"}, "quality": {"samples": 8, "denoiser": "OIDN"}, "dataset": {"headings": 3}}
+#: What is read of a rendered pair.
+_PAIR = {"seconds": {"render": NUMBER, "write": NUMBER}, "cpu_seconds": {"pair": NUMBER}, "versions": {"blender": TEXT}}
+
+
+def probe(device: str, denoiser: bool = True) -> Settings:
+    """Complete settings of the small render, for a Blender that has a denoiser or not."""
+    return merged(defaults(), _PROBE, {"quality": {"device": device, **({} if denoiser else {"denoiser": "NONE"})}})
+
+
+def speed_of(pairs: list[Path], device: str, denoiser: bool = True) -> Speed:
+    """What rendered pairs of ``probe`` say: the fastest but the first, for other work may slow any of them down.
+
+    All processors are taken to be at work half the time at least: where a pair took longer, other work had them, or
+    the pair is too small for so many. Raises IcyMoonError if they cannot be read.
+    """
+    settings = probe(device, denoiser)
+    expected = work_of(settings).seconds(triangles_of(settings))
+    try:
+        facts = [read_record(pair / "pair.json", _PAIR, "measure again") for pair in pairs]
+        taken = [processors() * (each["seconds"]["render"] + each["seconds"]["write"]) for each in facts[1:]]
+        if device == "CPU":
+            taken += [2.0 * each["cpu_seconds"]["pair"] for each in facts[1:]]
+        return Speed(min(taken) / expected, device, facts[0]["versions"]["blender"], processors(),
+                     datetime.now(UTC).isoformat(timespec="minutes"))
+    except (OSError, IcyMoonError, ValueError, IndexError) as error:
+        raise IcyMoonError(f"The small render that measures this machine cannot be read ({error}); try "
+                           "again.") from None
+
+
+def measure(blender: str, device: str, scratch: Path, hear: Callable[[Message], None]) -> Speed:
+    """Render the probe with a Blender (or a Python with bpy) into ``scratch``, and remember how fast that was.
+
+    Raises IcyMoonError if the render or the disk fails.
+    """
+    denoiser = ask(blender).denoiser
+    speed = speed_of(render_job(Job(scratch, probe(device, denoiser)), blender, hear), device, denoiser)
+    remember(speed)
+    return speed
