@@ -3,7 +3,7 @@
     python benchmarks/exposure.py PAIR_OR_DATASET
 
 Renders nothing: every row develops the same pair again. Depth error and coverage are measured on the
-pixels that both eyes see. Without an argument it uses a synthetic pair, which needs ``tests/pure/pairs.py``.
+pixels that both eyes see. Without an argument it uses a synthetic pair, which needs ``tests/support/pairs.py``.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ METHODS = ("bm", "sgbm")
 
 def synthetic(folder: Path) -> Pair:
     """A textured plane with a cuboid, 640 x 480."""
-    sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "pure"))
+    sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "support"))
     import pairs
 
     return find_pairs(pairs.write_pair(folder / "pair", pairs.Scene(), pairs.camera(640, 480), noise=0.005))[0]

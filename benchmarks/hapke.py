@@ -23,7 +23,7 @@ from pathlib import Path
 
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "blender"))
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "support"))
 
 HAPKE = {"model": "HAPKE"}
 #: Without relief, so that what an image costs beside it is not counted.

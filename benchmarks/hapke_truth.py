@@ -142,7 +142,7 @@ if __name__ == "__main__":
     if len(sys.argv) == 3 and sys.argv[1] == "--mitsuba":
         of_mitsuba(Path(sys.argv[2]))
     elif len(sys.argv) == 2:
-        sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "blender"))
+        sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "support"))
         import icymoon
         icymoon.register()
         compare(sys.argv[1])

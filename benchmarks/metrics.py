@@ -3,7 +3,7 @@
     python benchmarks/metrics.py
 
 CPU seconds are the lowest of three runs in one thread. Memory is the peak that NumPy and Python allocate. Uses one
-synthetic pair and needs ``tests/pure/pairs.py``.
+synthetic pair and needs ``tests/support/pairs.py``.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "pure"))
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "support"))
 import pairs
 from icymoon.stereo.export.points import measured_points
 from icymoon.stereo.images.disparity_and_occlusion import visible_in_right

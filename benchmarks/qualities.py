@@ -27,7 +27,8 @@ METHODS = "sgbm,bm,jplv"
 
 def renders(settings: description.Settings, folder: Path, repeats: int = 2) -> list[Path]:
     """Pair folders of so many renders, each by a process of its own."""
-    return [render_job(Job(folder, settings, repeat=k), sys.executable, lambda message: None)[0] for k in range(repeats)]
+    return [render_job(Job(folder, settings, repeat=k), sys.executable, lambda message: None)[0]
+            for k in range(repeats)]
 
 
 def written(path: Path, table: dict[str, Any]) -> None:

@@ -2,7 +2,7 @@
 
     python benchmarks/stereo.py
 
-One synthetic 640 x 480 pair, one thread, the lowest of three runs. Needs ``tests/pure/pairs.py``.
+One synthetic 640 x 480 pair, one thread, the lowest of three runs. Needs ``tests/support/pairs.py``.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "pure"))
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "support"))
 import pairs
 from icymoon.stereo.evaluate import evaluate
 from icymoon.stereo.matchers import match

@@ -1,15 +1,26 @@
-"""For all tests: Blender leaves the person's settings alone, and the process ends cleanly."""
+"""For all tests: Blender leaves the user's settings alone, and the process ends cleanly.
+
+The folders are those of the source; ``whole_program`` tests what no room does alone. Tests of the rooms that need
+Blender as a Python module are skipped where there is none.
+"""
 
 from __future__ import annotations
 
+import importlib.util
 import os
 import shutil
 import signal
 import sys
 import tempfile
+from collections.abc import Iterator
+from pathlib import Path
 
 import hypothesis
 import pytest
+
+HAS_BLENDER = importlib.util.find_spec("bpy") is not None
+#: Rooms of the source that need Blender, and all in them; of ``render`` only what stands at its top does.
+WITH_BLENDER = ("nodes", "operators", "panels", "whole_program")
 
 _resources = tempfile.mkdtemp(prefix="icymoon-blender-")
 os.environ["BLENDER_USER_RESOURCES"] = _resources  # before the first import of bpy
@@ -38,3 +49,56 @@ def pytest_unconfigure(config: pytest.Config) -> None:
         sys.stdout.flush()
         sys.stderr.flush()
         os._exit(config.stash[_status])
+
+
+def needs_blender(path: Path) -> bool:
+    """Whether a test file is of a room that needs Blender."""
+    folder = path.relative_to(Path(__file__).parent).parent
+    return folder.parts[:1] in {(room,) for room in WITH_BLENDER} or folder == Path("render")
+
+
+class _WithoutBlender(pytest.Module):
+    def collect(self) -> list[pytest.Item]:
+        pytest.skip("this Python has no bpy (Blender as a module); `make env` installs it", allow_module_level=True)
+
+
+def pytest_pycollect_makemodule(module_path: Path, parent: pytest.Collector) -> pytest.Module | None:
+    """Skip a module that needs Blender with a reason, instead of failing to import it."""
+    return None if HAS_BLENDER or not needs_blender(module_path) else _WithoutBlender.from_parent(parent,
+                                                                                                  path=module_path)
+
+
+def pytest_itemcollected(item: pytest.Item) -> None:
+    if needs_blender(item.path):
+        item.add_marker(pytest.mark.usefixtures("registered"))
+
+
+@pytest.fixture(scope="session")
+def registered() -> Iterator[None]:
+    """Icy Moon registered in Blender, once for all tests of a process."""
+    import icymoon
+
+    icymoon.register()
+    yield
+    icymoon.unregister()
+
+
+@pytest.fixture
+def scene(registered: None) -> Iterator[object]:
+    """The scene of a new, empty file, with Icy Moon registered."""
+    import bpy
+    from icymoon.operators import jobs
+
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    yield bpy.context.scene
+    jobs.stop_current()
+
+
+@pytest.fixture
+def small(scene: object, tmp_path: Path) -> object:
+    """That scene with settings that render in a moment, into a folder of the test's own."""
+    from icymoon import scene_properties
+    from rendering import SMALL
+
+    scene_properties.to_group(scene.icymoon, {**SMALL, "dataset": {"folder": str(tmp_path / "dataset")}})
+    return scene

@@ -28,8 +28,8 @@ from run import drive
 ENVIRONMENTS = ROOT / ".venvs"
 LOGS = ROOT / "out" / "lanes"
 # The networks know no Blender, and torch is large: they are tested in the main environment only.
-PYTEST = ("-m", "pytest", "tests/pure", "tests/blender", "-m", "not slow", "-p", "no:cacheprovider",
-          "--ignore=tests/pure/test_stereo_networks.py")
+PYTEST = ("-m", "pytest", "-m", "not slow", "-p", "no:cacheprovider",
+          "--ignore=tests/stereo/networks/test_networks.py")
 PYTEST_S = 7200.0
 #: After which a real Blender's command is taken for stuck; each takes some seconds.
 STUCK_S = 900.0

@@ -112,7 +112,7 @@ def hapke_phase(figure: Figure) -> None:
 
 def hapke_error(figure: Figure) -> None:
     """Relative error of the double-precision implementation against the 50-digit table of the tests."""
-    sys.path.insert(0, str(ROOT / "tests" / "pure"))
+    sys.path.insert(0, str(ROOT / "tests" / "support"))
     import hapke_table
 
     axes = figure.subplots()

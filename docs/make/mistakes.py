@@ -1,6 +1,6 @@
 """Common mistakes of users and the errors that report them, for the page "When something goes wrong".
 
-``tests/blender/test_mistakes.py`` makes each mistake and compares the error with this list.
+``tests/whole_program/test_mistakes.py`` makes each mistake and compares the error with this list.
 """
 
 from __future__ import annotations

@@ -24,7 +24,7 @@ WEST_M, NORTH_M, EAST_STEP_M, SOUTH_STEP_M = 1000.0, -500.0, 2.0, 3.0  # corner 
 
 
 def hill(east_m: np.ndarray, north_m: np.ndarray) -> np.ndarray:
-    """The height in metres: the same in tests/pure/test_geotiff.py."""
+    """The height in metres: the same in tests/formats/test_geotiff.py."""
     return 40.0 + 0.5 * (east_m - 1000.0) + 0.25 * (north_m + 500.0) + 0.01 * (east_m - 1000.0) * (north_m + 500.0)
 
 

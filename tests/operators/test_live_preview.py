@@ -1,0 +1,436 @@
+"""Live preview: what is built follows the settings, and nothing that is rendered, or a person's, is lost by it."""
+
+from __future__ import annotations
+
+import json
+from types import SimpleNamespace
+
+import bpy
+import numpy as np
+import pytest
+from built_scenes import everything, positions
+from icymoon import scene_properties
+from icymoon.errors import IcyMoonError
+from icymoon.nodes import preview
+from icymoon.nodes import scene as scenes
+from icymoon.nodes.datablocks.fingerprint import TAG, fingerprint, parts
+from icymoon.operators import live_preview
+from icymoon.operators.render import planned_pairs, up_to_date
+from icymoon.panels import sidebar
+from icymoon.render.worker import render_pairs
+from icymoon.settings import description, table
+from panel_drawing import drawn, texts
+
+SIDE = 33
+
+
+@pytest.fixture
+def watched(small, monkeypatch):
+    """The small scene, built, as in a window: changes are shown at once and coarsely."""
+    monkeypatch.setattr(live_preview, "watched", lambda: True)
+    monkeypatch.setattr(live_preview, "SIDES", (SIDE,))
+    monkeypatch.setattr(live_preview, "_side", SIDE)
+    small.icymoon.rocks.coverage = 0.05
+    assert bpy.ops.icymoon.build_scene() == {"FINISHED"}
+    _turn()
+    yield small
+    monkeypatch.undo()
+    _turn()
+
+
+def _turn() -> None:
+    """What the event loop does after the change: let the timer show what waits."""
+    if bpy.app.timers.is_registered(live_preview.flush):
+        bpy.app.timers.unregister(live_preview.flush)
+    live_preview.flush()
+
+
+def change(scene: bpy.types.Scene, name: str, value: object) -> scenes.Built:
+    """Change one setting as a slider does, and what is built then."""
+    topic, key = name.split(".")
+    setattr(getattr(scene.icymoon, topic), key, value)
+    _turn()
+    return scenes.find(scene)
+
+
+def current(scene: bpy.types.Scene) -> description.Settings:
+    return scene_properties.from_group(scene.icymoon)
+
+
+def state(built: scenes.Built) -> dict[str, str]:
+    """Hashes of everything that is built."""
+    return parts(built.collection)
+
+
+def blocks(built: scenes.Built) -> bpy.types.Object | None:
+    return next((item for item in built.collection.all_objects if item.get(TAG) == "rock"), None)
+
+
+def fresh(scene: bpy.types.Scene, settings: description.Settings) -> dict[str, str]:
+    """What Build Scene makes of settings where nothing was built before."""
+    scenes.clear(scene)
+    return state(scenes.build(scene, settings))
+
+
+def test_a_terrain_slider_shows_the_height_function_on_a_coarse_grid(watched):
+    mesh = scenes.find(watched).terrain.data
+    built = change(watched, "terrain.rms_slope_deg", 25.0)
+    assert built.terrain.data == mesh
+    assert len(mesh.vertices) == SIDE**2
+    grid = positions(built.terrain).reshape(SIDE, SIDE, 3)
+    settings = current(watched)
+    spacing = settings["terrain"]["size_m"] / (SIDE - 1)
+    expected = scenes.ground_of(settings).heights(grid[..., 0], grid[..., 1], 2 * spacing)
+    assert np.allclose(grid[..., 2], expected, atol=1e-5)  # metres: float32 coordinates move the points by 1e-6 m
+    assert built.preview["terrain"]["rms_slope_deg"] == 25.0
+    assert built.settings["terrain"]["rms_slope_deg"] == 12.0
+    assert not built.edited
+    faces = mesh.polygons[0].as_pointer()
+    built = change(watched, "terrain.rms_slope_deg", 5.0)
+    assert mesh.polygons[0].as_pointer() == faces  # only the heights are new
+    assert np.ptp(positions(built.terrain)[:, 2]) < np.ptp(grid[..., 2]) / 2
+
+
+def test_the_previewed_blocks_lie_on_the_previewed_ground(watched):
+    mark = next(iter(preview.instanced(blocks(scenes.find(watched))))).data.materials[0]
+    built = change(watched, "rocks.coverage", 0.1)
+    settings, carrier = current(watched), blocks(built)
+    assert len(carrier.data.vertices) > 10
+    assert next(iter(preview.instanced(carrier))).data.materials[0] == mark
+    shapes = {len(shape.data.polygons) for shape in preview.instanced(carrier)}
+    assert shapes == {320}  # triangles of the coarsest shapes
+    where = positions(carrier)
+    ground = scenes.ground_of(settings).heights(where[:, 0], where[:, 1], 2 * settings["terrain"]["size_m"] / SIDE)
+    # A block's centre is within its own size of the ground, and blocks are at most largest_m wide.
+    assert np.all(np.abs(where[:, 2] - ground) < settings["rocks"]["largest_m"])
+    assert not built.edited
+    assert blocks(change(watched, "rocks.coverage", 0.0)) is None
+    assert blocks(change(watched, "rocks.coverage", 0.02)) is not None
+    assert not scenes.find(watched).edited
+
+
+@pytest.mark.parametrize(("name", "value"), [
+    ("light.sun_elevation_deg", 3.0), ("light.sun_irradiance_wm2", 50.26), ("light.sun_angular_diameter_deg", 5.0),
+    ("rig.heading_deg", 40.0), ("rig.focal_length_mm", 20.0), ("rig.baseline_m", 0.5), ("rig.x_m", 2.5),
+    ("surface.albedo", 0.4), ("surface.albedo_variation", 0.5), ("surface.grain_amplitude_m", 0.0),
+    ("rocks.own_surface", True), ("surface.trough_dirt", 0.5), ("surface.salt_share", 0.2), ("textures.set", "CRACKS")])
+def test_light_camera_and_surface_become_what_build_scene_makes(watched, name, value):
+    before = positions(scenes.find(watched).terrain)
+    built = change(watched, name, value)
+    shown, names = state(built), sorted(o.name for o in built.collection.all_objects)
+    assert not built.edited
+    assert built.preview == {}
+    assert scenes.changed_settings(built, current(watched)) == []
+    assert preview.notes(watched) == []
+    assert np.array_equal(positions(built.terrain), before)  # at full resolution
+    assert up_to_date(watched, current(watched)).collection == built.collection
+    assert shown == fresh(watched, current(watched))
+    assert names == sorted(o.name for o in scenes.find(watched).collection.all_objects)
+
+
+def test_build_after_previews_is_build_without(watched):
+    counts = everything()
+    for name, value in (("terrain.hurst", 0.6), ("rocks.angularity", 0.2), ("dataset.seed", 7), ("cracks.depth_m", 0.3),
+                        ("surface.albedo_variation", 0.4), ("rig.x_m", 1.0), ("light.sun_azimuth_deg", 200.0)):
+        built = change(watched, name, value)
+        assert not built.edited, name
+    assert built.preview
+    assert bpy.ops.icymoon.build_scene() == {"FINISHED"}
+    built = scenes.find(watched)
+    after = state(built)
+    assert built.preview == {}
+    assert preview.notes(watched) == []
+    assert everything() == counts
+    assert not any("." in block.name for kind in (bpy.data.objects, bpy.data.meshes, bpy.data.materials)
+                   for block in kind)
+    assert after == fresh(watched, current(watched))
+
+
+def test_a_new_seed_shows_ground_blocks_and_grain_of_that_seed(watched):
+    built = change(watched, "dataset.seed", 5)
+    assert built.preview["dataset"]["seed"] == 5
+    assert state(built)["terrain materials"] == fresh(watched, current(watched))["terrain materials"]
+
+
+def test_a_preset_is_one_update(watched, monkeypatch):
+    updates = []
+    monkeypatch.setattr(live_preview, "update", lambda scene: updates.append(scene))
+    assert bpy.ops.icymoon.load_preset(preset="scenes/europa_rough_ice") == {"FINISHED"}
+    assert updates == [watched]
+
+
+def test_changes_of_a_script_are_two_updates(watched, monkeypatch):
+    updates = []
+    monkeypatch.setattr(live_preview, "update", lambda scene: updates.append(scene) or False)
+    for degrees in range(10):
+        watched.icymoon.terrain.rms_slope_deg = degrees
+    assert bpy.app.timers.is_registered(live_preview.flush)
+    assert len(updates) == 1
+    _turn()
+    assert len(updates) == 2
+
+
+def test_a_list_of_layers_is_listened_to(watched):
+    assert bpy.ops.icymoon.layer_add() == {"FINISHED"}
+    _turn()
+    assert len(scenes.find(watched).preview["terrain"]["layers"]) == 1
+    assert bpy.ops.icymoon.layer_remove() == {"FINISHED"}
+    _turn()
+    assert scenes.find(watched).preview["terrain"]["layers"] == []
+
+
+def test_what_changes_no_picture_changes_nothing(watched):
+    before = scenes.find(watched).collection["icymoon_settings"]
+    built = change(watched, "quality.samples", 7)
+    change(watched, "sensor.bits", 10)
+    assert built.collection["icymoon_settings"] == before
+    assert not bpy.app.timers.is_registered(live_preview.flush)
+
+
+def test_without_a_window_nothing_is_previewed(small):
+    bpy.ops.icymoon.build_scene()
+    mark = fingerprint(scenes.find_collection(small))
+    small.icymoon.terrain.rms_slope_deg = 30.0
+    assert fingerprint(scenes.find_collection(small)) == mark
+    assert not bpy.app.timers.is_registered(live_preview.flush)
+
+
+def test_switched_off_the_panel_says_that_settings_have_changed(watched):
+    watched.icymoon.live = False
+    before = state(scenes.find(watched))
+    built = change(watched, "light.sun_elevation_deg", 50.0)
+    assert state(built) == before
+    assert "Settings have changed" in texts(drawn(sidebar.ICYMOON_PT_main))
+    built = change(watched, "light.sun_elevation_deg", 20.0)
+    assert "Settings have changed" not in texts(drawn(sidebar.ICYMOON_PT_main))
+    change(watched, "light.sun_elevation_deg", 50.0)
+    watched.icymoon.live = True
+    _turn()
+    assert state(scenes.find(watched)) != before
+    assert preview.notes(watched) == []
+
+
+def test_settings_out_of_sense_are_a_sentence_and_keep_the_picture(watched):
+    assert len(live_preview.lines(watched)) == 1
+    change(watched, "terrain.rms_slope_deg", 20.0)
+    before = state(scenes.find(watched))
+    built = change(watched, "terrain.inner_scale_m", 9.0)  # longer than the outer scale, 8 m
+    assert state(built) == before
+    assert any("inner_scale_m" in sentence for sentence in preview.notes(watched))
+    assert "Terrain > Smallest Feature" in texts(drawn(sidebar.ICYMOON_PT_main))  # as the sidebar names it
+    built = change(watched, "light.sun_elevation_deg", 60.0)  # what makes sense is still shown
+    assert built.settings["light"]["sun_elevation_deg"] == 60.0
+    assert any("inner_scale_m" in sentence for sentence in preview.notes(watched))
+    built = change(watched, "terrain.inner_scale_m", 0.02)
+    assert len(live_preview.lines(watched)) == 1
+    assert preview.notes(watched) == ["Preview: press Build Scene"]
+    with pytest.raises(IcyMoonError):
+        up_to_date(watched, description.merged(current(watched), {"rocks": {"smallest_m": 5.0}}))
+
+
+def test_edits_by_hand_stay(watched):
+    built = scenes.find(watched)
+    built.terrain.data.vertices[7].co.z += 0.5
+    before = positions(built.terrain)
+    built = change(watched, "terrain.rms_slope_deg", 30.0)
+    assert np.array_equal(positions(built.terrain), before)
+    assert built.edited
+    assert any("ground was edited by hand" in sentence for sentence in preview.notes(watched))
+    built = change(watched, "light.sun_elevation_deg", 60.0)  # of the rest, the settings still decide
+    assert built.edited_parts() == {"terrain data"}
+    change(watched, "terrain.rms_slope_deg", 12.0)
+    assert preview.notes(watched) == []
+    assert up_to_date(watched, current(watched)).edited  # the sculpted ground under the new Sun is what is rendered
+    built.sun.rotation_euler.x += 0.1
+    turned = built.sun.matrix_basis.copy()
+    built = change(watched, "light.sun_elevation_deg", 10.0)
+    assert built.sun.matrix_basis == turned
+    assert any("Sun was edited" in sentence for sentence in preview.notes(watched))
+
+
+@pytest.mark.parametrize(("edit", "name", "value", "said"), [
+    (lambda b: setattr(b.camera.location, "x", 3.0), "rig.height_m", 2.0, "camera was edited"),
+    (lambda b: setattr(b.terrain.data.materials[0].node_tree.nodes["Snow"].inputs["Roughness"], "default_value", 0.1),
+     "surface.albedo", 0.3, "surface of the ground"),
+    (lambda b: setattr(blocks(b).data.vertices[0].co, "z", 3.0), "rocks.coverage", 0.1, "field of blocks")])
+def test_each_edited_part_says_so_and_stays(watched, edit, name, value, said):
+    built = scenes.find(watched)
+    edit(built)
+    role = built.edited_parts()
+    before = {part: mark for part, mark in state(built).items() if part in role}
+    built = change(watched, name, value)
+    assert {part: mark for part, mark in state(built).items() if part in role} == before
+    assert built.edited_parts() == role
+    assert any(said in sentence for sentence in preview.notes(watched))
+
+
+def test_a_preview_is_never_rendered(watched, tmp_path):
+    built = change(watched, "terrain.rms_slope_deg", 25.0)
+    settings = current(watched)
+    with pytest.raises(IcyMoonError, match="preview"):
+        render_pairs(built, planned_pairs(watched, settings), tmp_path, 1, 0.0, lambda *a, **k: None)
+    change(watched, "terrain.rms_slope_deg", 12.0)  # as it was built: still a coarse grid
+    assert scenes.changed_settings(scenes.find(watched), current(watched)) == []
+    planned = [pair.id for pair in planned_pairs(watched, current(watched))]
+    assert bpy.ops.icymoon.render_pair() == {"FINISHED"}
+    built = scenes.find(watched)
+    assert built.preview == {}
+    assert len(built.terrain.data.vertices) == current(watched)["terrain"]["resolution"] ** 2
+    pairs = list((tmp_path / "dataset" / "pairs").iterdir())
+    assert [pair.name for pair in pairs] == planned
+    assert not json.loads((pairs[0] / "pair.json").read_text())["edited_by_hand"]
+
+
+def test_an_edited_preview_is_not_rendered(watched):
+    built = change(watched, "terrain.rms_slope_deg", 25.0)
+    built.terrain.data.vertices[7].co.z += 0.5
+    with pytest.raises(IcyMoonError, match="preview"):
+        up_to_date(watched, current(watched))
+    before = positions(built.terrain)
+    assert np.array_equal(positions(change(watched, "terrain.rms_slope_deg", 5.0).terrain), before)
+
+
+def test_a_lander_does_not_keep_a_preview_from_being_built(watched):
+    lander = bpy.data.objects.new("Lander", None)
+    scenes.find(watched).collection.objects.link(lander)
+    change(watched, "terrain.rms_slope_deg", 25.0)
+    built = up_to_date(watched, current(watched))
+    assert built.preview == {}
+    assert lander.name in built.collection.objects
+    assert built.edited
+
+
+def test_a_ground_of_ones_own_is_left_but_light_and_camera_follow(watched, tmp_path):
+    heights = np.add.outer(np.linspace(0, 1, 50), np.linspace(0, 2, 50))
+    np.save(tmp_path / "dem.npy", heights)
+    scene_properties.to_group(watched.icymoon, {"source": {"kind": "HEIGHT_MAP", "file": str(tmp_path / "dem.npy"),
+                                                      "metres_per_pixel": 0.2}})
+    _turn()
+    assert any("Your own ground" in sentence for sentence in preview.notes(watched))
+    assert bpy.ops.icymoon.build_scene() == {"FINISHED"}
+    before = positions(scenes.find(watched).terrain)
+    built = change(watched, "source.height_scale_m", 3.0)
+    assert np.array_equal(positions(built.terrain), before)
+    assert any("Your own ground" in sentence for sentence in preview.notes(watched))
+    change(watched, "source.height_scale_m", 1.0)
+    change(watched, "light.sun_elevation_deg", 50.0)
+    built = change(watched, "rig.height_m", 2.5)
+    assert built.preview == {}
+    shown = state(built)
+    assert shown == fresh(watched, current(watched))
+    built = change(watched, "rig.x_m", 3.0)
+    assert built.preview == {"rig": {"x_m": 3.0, "y_m": 0.0}}
+    near = built.camera.location.z
+    assert not built.edited
+    assert scenes.changed_settings(built, current(watched)) == ["rig.x_m"]
+    built = up_to_date(watched, current(watched))
+    assert built.preview == {}
+    # The mesh is bilinear between vertices as the height map is, but for the diagonal of each square.
+    assert built.camera.location.z == pytest.approx(near, abs=1e-3)
+
+
+def test_a_ground_in_sculpt_mode_waits(watched, monkeypatch):
+    built = scenes.find(watched)
+    bpy.context.view_layer.objects.active = built.terrain
+    bpy.ops.object.mode_set(mode="SCULPT")
+    before = positions(built.terrain)
+    built = change(watched, "terrain.rms_slope_deg", 30.0)
+    assert np.array_equal(positions(built.terrain), before)
+    assert any("Sculpt Mode" in sentence for sentence in preview.notes(watched))
+    bpy.ops.object.mode_set(mode="OBJECT")
+    live_preview.update(watched)
+    assert len(scenes.find(watched).terrain.data.vertices) == SIDE**2
+
+
+def test_a_preview_survives_saving_and_loading(watched, tmp_path):
+    before = state(change(watched, "terrain.rms_slope_deg", 25.0))
+    _turn()
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "a.blend"))
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "a.blend"))
+    scene = bpy.context.scene
+    built = scenes.find(scene)
+    assert state(built) == before
+    assert not built.edited
+    assert preview.notes(scene) == ["Preview: press Build Scene"]
+    assert not bpy.app.timers.is_registered(live_preview.flush)  # loading a file changes no setting
+
+
+def test_undo_and_redo_bring_back_what_was_shown(watched):
+    bpy.context.preferences.edit.use_global_undo = True
+    name = watched.name
+    bpy.ops.ed.undo_push(message="Built")
+    first = state(scenes.find(watched))
+    change(watched, "terrain.rms_slope_deg", 25.0)
+    bpy.ops.ed.undo_push(message="Slope")
+    second = state(scenes.find(watched))
+    change(watched, "light.sun_elevation_deg", 50.0)
+    bpy.ops.ed.undo_push(message="Sun")
+    third = state(scenes.find(watched))
+
+    def there() -> tuple[dict[str, str], scenes.Built]:
+        scene = bpy.data.scenes[name]
+        built = scenes.find(scene)
+        assert not built.edited
+        before = state(built)
+        live_preview.update(scene)
+        assert state(built) == before, "the preview was not what the settings say"
+        return before, built
+
+    for operator, expected in ((bpy.ops.ed.undo, second), (bpy.ops.ed.undo, first), (bpy.ops.ed.redo, second),
+                               (bpy.ops.ed.redo, third)):
+        assert operator() == {"FINISHED"}
+        found, built = there()
+        assert found == expected
+    assert built.preview["terrain"]["rms_slope_deg"] == 25.0
+
+
+def test_the_view_follows_unless_a_person_has_set_it(watched):
+    live_preview.frame_and_expose(watched, current(watched))
+    change(watched, "light.sun_irradiance_wm2", 29.64)  # twice 14.82
+    change(watched, "rig.width_px", 200)
+    assert watched.render.resolution_x == 200
+    dimmed = watched.view_settings.exposure
+    change(watched, "light.sun_irradiance_wm2", 14.82)
+    assert watched.view_settings.exposure == pytest.approx(dimmed + 1.0, abs=1e-5)
+    watched.view_settings.exposure = 0.5
+    change(watched, "light.sun_irradiance_wm2", 29.64)
+    assert watched.view_settings.exposure == 0.5
+
+
+def test_the_grid_is_as_fine_as_the_time_allows():
+    sides = live_preview.SIDES
+    assert live_preview.next_side(sides[-1], 10 * live_preview.BUDGET_S) == sides[-2]
+    assert live_preview.next_side(sides[0], 10 * live_preview.BUDGET_S) == sides[0]
+    assert live_preview.next_side(sides[0], 0.01 * live_preview.BUDGET_S) == sides[1]
+    assert live_preview.next_side(sides[-1], 0.01 * live_preview.BUDGET_S) == sides[-1]
+    # A step up that would be taken back at once is not taken.
+    assert live_preview.next_side(sides[0], 0.79 * live_preview.BUDGET_S) == sides[0]
+
+
+def test_a_failing_listener_does_not_hold_back_the_next_changes(scene, monkeypatch):
+    heard = []
+    monkeypatch.setattr(table, "listeners", [lambda scene, effects: heard.append(effects)])
+
+    def fail() -> None:
+        with scene_properties.together():
+            scene_properties.announce(scene, "light")
+            raise RuntimeError
+
+    with pytest.raises(RuntimeError):
+        fail()
+    scene_properties.announce(SimpleNamespace(), "camera")
+    assert heard == [frozenset({"light"}), frozenset({"camera"})]
+
+
+def test_a_surface_that_knows_the_sun_follows_light_and_accuracy(watched):
+    for name, value, traced in (
+            ("surface.model", "HAPKE", False), ("light.sun_azimuth_deg", 10.0, False),
+            ("hapke.accuracy", "ACCURATE", True), ("hapke.w", 0.5, True), ("light.sun_elevation_deg", 50.0, True),
+            ("hapke.backend", "NODES", False), ("light.sun_angular_diameter_deg", 1.0, False),
+            ("surface.model", "LUNAR_LAMBERT", False), ("light.sun_azimuth_deg", 70.0, False)):
+        built = change(watched, name, value)
+        assert not built.edited
+        assert (built.sun.light_linking.receiver_collection is not None) == traced
+        shown = state(built)
+        assert shown == fresh(watched, current(watched)), name
+    assert not watched.cycles.shading_system

@@ -1,0 +1,274 @@
+"""Every panel and menu, drawn on a layout that writes down what is put on it."""
+
+from __future__ import annotations
+
+import time
+from types import SimpleNamespace
+
+import bpy
+import pytest
+from evaluations import ROW, evaluated
+from icymoon import preferences
+from icymoon.commands.doctor import Finding
+from icymoon.operators import evaluator, jobs, sidebar_text
+from icymoon.operators.presets import preset_items
+from icymoon.operators.sidebar_text import LINE
+from icymoon.panels import CLASSES, menu, sections, sidebar
+from icymoon.settings.table import TOPICS, all_settings
+from panel_drawing import Layout, drawn, texts
+
+
+def everything() -> list:
+    """What all panels and menus draw now."""
+    record = [entry for cls in CLASSES
+              if issubclass(cls, bpy.types.Panel | bpy.types.Menu) for entry in drawn(cls)]
+    top = SimpleNamespace(layout=Layout(record))
+    menu._draw(top, bpy.context)
+    menu._draw_meshes(top, bpy.context)
+    return record
+
+
+def operators(record: list) -> set[str]:
+    return {entry[1] for entry in record if entry[0] == "operator"}
+
+
+def preferences_drawn() -> tuple[list, list[str]]:
+    """What the preferences draw with one matcher of the person's own, and the properties among it."""
+    written: list[str] = []
+
+    class Preferences(Layout):
+        def prop(self, data: object, key: str, **options: object) -> None:
+            written.append(key)
+
+        def __getattr__(self, name: str) -> object:
+            call = super().__getattr__(name)
+            return lambda *arguments, **options: (call(*arguments, **options), Preferences(self.record))[1]
+
+    layout = Preferences()
+    preferences.ICYMOON_AP_preferences.draw(SimpleNamespace(layout=layout, matchers=[object()]), bpy.context)
+    return layout.record, written
+
+
+@pytest.fixture
+def measured(scene, tmp_path):
+    """The results of an evaluation, one metric of which is over no pixels."""
+    evaluated(scene, tmp_path, ROW, {**ROW, "method": "sgbm"})
+
+
+@pytest.fixture
+def running():
+    """A job that is a third done."""
+    process = SimpleNamespace(running=True, cancelled=False, stop=lambda: None, cancel=lambda: None)
+    job = jobs.Job("Render Stereo Pair", process, lambda message: None, lambda: None)
+    job.fraction, job.text, job.started = 1 / 3, "Pair 1 of 3", time.monotonic() - 30
+    jobs.current = job
+    yield job
+    jobs.current = None
+
+
+def test_an_empty_file_offers_presets_and_the_three_steps(scene):
+    record = drawn(sidebar.ICYMOON_PT_main)
+    assert ("menu", "ICYMOON_MT_presets") in [entry[:2] for entry in record]
+    assert "Choose a Preset" in texts(record)
+    assert {"icymoon.build_scene", "icymoon.render_pair", "icymoon.evaluate"} <= operators(record)
+    assert "icymoon.cancel" not in operators(record)
+    assert drawn(sidebar.ICYMOON_PT_results) == []
+
+
+def test_every_operator_is_on_a_button_or_in_a_menu(small, measured, running):
+    bpy.ops.icymoon.build_scene()
+    there = {f"icymoon.{name}" for name in dir(bpy.ops.icymoon)}
+    assert there - operators([*everything(), *preferences_drawn()[0]]) == set()
+
+
+#: Choices that between them leave every setting a meaning.
+CHOICES = ({}, {"source.kind": "MESH", "source.detail": True}, {"source.kind": "HEIGHT_MAP"}, {"mesh.kind": "GRID"},
+           {"surface.model": "LUNAR_LAMBERT", "rock_surface.model": "LUNAR_LAMBERT"}, {"surface.model": "HAPKE"},
+           {"textures.set": "OWN"}, {"light.directions_from": "KERNELS"}, {"dataset.plan": "//plan.toml"})
+
+
+def set_choices(root: object, chosen: dict) -> None:
+    for name, value in chosen.items():
+        topic, key = name.split(".")
+        setattr(getattr(root, topic), key, value)
+
+
+def paths_drawn() -> list[str]:
+    return [entry[1] for entry in everything() if entry[0] == "prop"]
+
+
+def test_every_setting_is_drawn_where_it_has_a_meaning(scene):
+    paths = []
+    for chosen in CHOICES:
+        for topic, setting in all_settings():
+            if setting.kind == "choice":
+                getattr(scene.icymoon, topic).property_unset(setting.key)
+        set_choices(scene.icymoon, chosen)
+        paths += paths_drawn()
+    assert {f"icymoon.{topic}.{s.key}" for topic, s in all_settings()} - set(paths) == set()
+
+
+@pytest.mark.parametrize(("chosen", "hidden", "there"), [
+    ({}, {"source.file", "light.date_utc", "textures.albedo_file", "hapke.w", "terrain.resolution"}, {"mesh.error_px"}),
+    ({"source.kind": "MESH"}, {"mesh.kind", "terrain.hurst", "source.metres_per_pixel"}, {"source.scale"}),
+    ({"surface.model": "HAPKE"}, {"surface.albedo", "surface.roughness"}, {"hapke.w", "surface.grain_size_m"}),
+    ({"light.directions_from": "DATE"}, {"light.sun_elevation_deg", "light.kernels"}, {"light.latitude_deg"}),
+    ({"dataset.plan": "datasets/guiss_smoke"}, {"dataset.plan"}, {"dataset.workers"})])
+def test_what_a_choice_rules_out_is_not_shown(scene, chosen, hidden, there):
+    set_choices(scene.icymoon, chosen)
+    paths = set(paths_drawn())
+    assert {f"icymoon.{name}" for name in hidden} & paths == set()
+    assert {f"icymoon.{name}" for name in there} <= paths
+
+
+def test_a_panel_begins_with_what_turns_the_others_on():
+    assert sections.main_settings("rocks")[0] == "coverage"
+    assert sections.main_settings("light")[:3] == ("directions_from", "sun_elevation_deg", "sun_azimuth_deg")
+
+
+@pytest.mark.parametrize(("sentence", "said"), [
+    ("light.kernels is empty; choose a path.", "Light > Kernels is empty; choose a path."),
+    ("truth: none, since quality.truth is DEPTH.", "Truth: none, since Render Quality > Truth is Depth Alone."),
+    ("rock_surface: under quality.walk_px.", "Rock Surface: under Render Quality > Shortest Walk."),
+    ("the file a.toml is not there.", "The file a.toml is not there."),
+    ("Settings that rig.no_such is of stay.", "Settings that rig.no_such is of stay.")])
+def test_the_sidebar_names_settings_as_it_shows_them(sentence, said):
+    assert sidebar_text.plain(sentence) == said
+
+
+def test_what_is_left_out_is_said_where_it_is_chosen_and_only_then(scene):
+    group = scene.icymoon
+    assert drawn(sidebar.ICYMOON_PT_left_out) == []
+    group.quality.truth, group.light.planet, group.light.planet_elevation_deg = "DEPTH", True, -40.0
+    said = " ".join(entry[2]["text"] for entry in drawn(sidebar.ICYMOON_PT_left_out) if entry[0] == "label")
+    assert "Light: the planet gives no light, since it is below the horizon or unlit." in said
+    assert "Truth: no normals and no labels, since Render Quality > Truth is Depth Alone." in said
+    assert sidebar.ICYMOON_PT_left_out.bl_parent_id == "ICYMOON_PT_quality"
+    group.light.directions_from = "KERNELS"  # of which none are given, so there is no sky to speak of
+    said = texts(drawn(sidebar.ICYMOON_PT_left_out))
+    assert "Truth" in said
+    assert "planet" not in said
+
+
+def test_the_matchers_there_are_stand_in_the_tooltip():
+    from icymoon.stereo.matchers import METHODS
+
+    told = TOPICS["dataset"]["methods"].description
+    assert ", ".join(name for name in METHODS if name != "external") in told
+    assert "own:NAME" in told  # by which a scene names an external one
+
+
+def test_the_panels_follow_the_work_from_top_to_bottom():
+    tops = [cls for cls in CLASSES if issubclass(cls, bpy.types.Panel) and not hasattr(cls, "bl_parent_id")]
+    assert [cls.bl_label for cls in sorted(tops, key=lambda cls: getattr(cls, "bl_order", 0))] == [
+        "Icy Moon", "Ground", "Terrain", "Landforms", "Surface", "Rocks", "Light", "Stereo Camera", "Camera Response",
+        "Render Quality", "Data Set", "Evaluation"]
+
+
+def test_a_setting_has_one_place():
+    for topic in TOPICS.values():
+        parts = [sections.main_settings(topic.key), sections.ELSEWHERE.get(topic.key, ()),
+                 *((*s.settings, *([s.switch] if s.switch else [])) for s in sections.SECTIONS if s.topic == topic.key)]
+        assert sorted(key for part in parts for key in part) == sorted(s.key for s in topic.settings)
+
+
+def test_only_the_first_panel_is_open_when_the_tab_is(scene):
+    tops = [cls for cls in CLASSES if issubclass(cls, bpy.types.Panel) and not hasattr(cls, "bl_parent_id")]
+    assert [cls.bl_label for cls in tops if "DEFAULT_CLOSED" not in getattr(cls, "bl_options", ())] == ["Icy Moon"]
+
+
+def test_no_name_is_cut_in_the_sidebar_as_blender_opens_it():
+    every = [s for _, setting in all_settings() for s in (setting, *setting.entries)]
+    # Half a line for a choice's name and half for what is chosen, as screenshots show them; ten for a number's value.
+    assert [s.key for s in every if s.choices and max(map(len, (s.label, *(c[1] for c in s.choices)))) > LINE / 2] == []
+    assert [s.key for s in every if len(s.label) > LINE - 10] == []
+    # What is under a picture of a scene, in a popup of eight a row that fits a screen 1280 pixels wide.
+    assert [title for name, title, _ in preset_items() if name.startswith("scenes/") and len(title) > LINE - 11] == []
+
+
+def test_every_setting_of_an_entry_in_a_list_is_drawn(scene):
+    for topic, setting in all_settings():
+        if setting.kind == "list":
+            getattr(getattr(scene.icymoon, topic), setting.key).add()
+            paths = [entry[1] for entry in everything() if entry[0] == "prop"]
+            assert {f"icymoon.{topic}.{setting.key}[0].{s.key}" for s in setting.entries} - set(paths) == set()
+
+
+def test_a_built_scene_draws_its_preset(small):
+    bpy.ops.icymoon.load_preset(preset="scenes/europa_rough_ice")
+    small.icymoon.terrain.resolution = 65
+    assert bpy.ops.icymoon.build_scene() == {"FINISHED"}
+    assert "Europa rough ice" in texts(everything())
+
+
+def test_every_preset_is_in_the_menu(scene):
+    from icymoon.settings.description import preset_header, preset_names
+
+    shown = texts(drawn(menu.ICYMOON_MT_presets))
+    assert all(preset_header(name)[0] in shown for name in preset_names())
+
+
+def test_a_running_job_shows_how_far_it_is_and_can_be_cancelled(scene, running):
+    record = everything()
+    assert "icymoon.cancel" in operators(drawn(sidebar.ICYMOON_PT_main))
+    assert "Pair 1 of 3  33 %" in texts(record)
+    assert "1:00 left" in texts(record) or "0:59 left" in texts(record)
+    status = SimpleNamespace(layout=Layout())
+    menu._draw_status(status, bpy.context)
+    assert "Render Stereo Pair  33 %  1:00 left" in texts(status.layout.record).replace("0:59", "1:00")
+    assert operators(status.layout.record) == {"icymoon.cancel"}
+    running.process.cancelled = True
+    assert "Stopping  33 %" in texts(drawn(sidebar.ICYMOON_PT_main))
+    running.fraction = 0.0
+    assert "left" not in texts(drawn(sidebar.ICYMOON_PT_main))
+
+
+@pytest.mark.parametrize(("seconds", "said"), [
+    (None, ""), (0.4, "0:00 left"), (65.0, "1:05 left"), (3599.9, "59:59 left"), (7400.0, "2:03:20 left")])
+def test_the_time_that_is_left_is_told_in_hours_minutes_and_seconds(seconds, said):
+    assert jobs.remaining_text(seconds) == said
+
+
+def test_nothing_runs_and_the_status_bar_is_left_alone(scene):
+    status = SimpleNamespace(layout=Layout())
+    menu._draw_status(status, bpy.context)
+    assert status.layout.record == []
+
+
+def test_results_are_shown_with_their_units_and_a_dash_for_none(scene, measured):
+    record = drawn(sidebar.ICYMOON_PT_results)
+    labels = [entry[2]["text"] for entry in record if entry[0] == "label"]
+    assert {"bm", "sgbm", "0.123 m", "50.0 %", "25.0 %", "75.0 %", "-"} <= set(labels)
+    assert {"icymoon.open_report", "icymoon.show_error"} <= operators(record)
+
+
+def test_the_preferences_are_drawn(scene):
+    preferences.remember([Finding("Graphics card", "limited", "none", "Leave quality.device at CPU.")])
+    record, written = preferences_drawn()
+    preferences.remember([])
+    assert written == ["evaluator", "kernels", "cache", "workers", "name", "method", "program", "options"]
+    assert {"icymoon.check_evaluator", "icymoon.install_evaluator"} <= operators(record)
+    assert "Graphics card: none" in texts(record)
+    assert "Leave quality.device at CPU." in texts(record)
+
+
+def test_check_says_what_doctor_says_and_what_of_the_kernels(scene, tmp_path, monkeypatch):
+    monkeypatch.setattr(evaluator, "kernels", lambda: str(tmp_path / "none.tm"))
+    with pytest.raises(RuntimeError, match=r"SPICE kernels: .*none\.tm is not there.*Give a meta-kernel"):
+        bpy.ops.icymoon.check_evaluator()
+    monkeypatch.setattr(evaluator, "kernels", lambda: "")
+    assert bpy.ops.icymoon.check_evaluator() == {"FINISHED"}
+    assert {"Blender", "Evaluator", "Graphics card"} <= {finding.subject for finding in preferences.findings}
+    preferences.remember([])
+
+
+def test_a_scene_that_asks_for_kernels_gets_the_preferred_ones(scene, monkeypatch):
+    monkeypatch.setattr(preferences, "kernels", lambda: "/kernels/cassini.tm")
+    light = scene.icymoon.light
+    light.directions_from = "DATE"
+    assert light.kernels == ""
+    light.directions_from = "KERNELS"
+    assert light.kernels == "/kernels/cassini.tm"
+    light.kernels = "/mine.tm"
+    light.date_utc = "2030-01-01T00:00:00"
+    assert light.kernels == "/mine.tm"

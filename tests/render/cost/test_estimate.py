@@ -1,0 +1,236 @@
+"""What a plan is expected to take: in proportion, additive, and corrected by what was measured."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from icymoon.render.cost import estimate
+from icymoon.render.pairs.pair_folder import StereoCamera
+from icymoon.render.plans.planned_pair import PlannedPair, expand
+from icymoon.settings import description
+
+SMALL = {"terrain": {"resolution": 129}, "mesh": {"kind": "GRID"}, "rig": {"width_px": 64, "height_px": 48}}
+
+
+def described(*changes):
+    return description.merged(description.defaults(), SMALL, *(description.check(c, "test") for c in changes))
+
+
+def pairs_of(*settings):
+    return [pair for each in settings for pair in expand(each)]
+
+
+def finish(dataset, pair, seconds, size=1000):
+    """A pair that is there and says that it took so long, with one thread."""
+    folder = pair.folder(dataset)
+    folder.mkdir(parents=True)
+    for eye in ("left.exr", "right.exr"):
+        (folder / eye).write_bytes(bytes(int(size)))
+    settings = description.merged(pair.settings, {"quality": {"threads": 1}})
+    (folder / "pair.json").write_text(json.dumps({
+        "format": "icymoon-pair", "version": 1, "id": pair.id, "settings": settings,
+        "camera": StereoCamera.from_settings(settings["rig"]).to_json(),
+        "seconds": {"render": seconds, "write": 0.0, "build": 0.0},
+        "files": {f"{eye}.exr": {"bytes": int(size), "sha256": "0" * 64} for eye in ("left", "right")}}))
+
+
+@pytest.mark.parametrize(("change", "dearer"), [
+    ({"quality": {"samples": 64}}, True), ({"rig": {"width_px": 640}}, True), ({"quality": {"denoiser": "OIDN"}}, True),
+    ({"surface": {"subsurface_weight": 0.5, "subsurface_radius_m": 0.1}}, True),
+    ({"surface": {"model": "LAMBERT"}}, False),
+    ({"rocks": {"coverage": 0.1}}, True), ({"textures": {"set": "FROST"}}, True),
+    ({"surface": {"model": "HAPKE"}}, True), ({"quality": {"truth": "DEPTH"}}, False),
+])
+def test_what_costs_more_is_expected_to(change, dearer):
+    base, other = (estimate.work_of(described(*c)).seconds(1e5) for c in ((), (change,)))
+    assert (other > base) == dearer
+
+
+SNOW = {"surface": {"subsurface_weight": 0.8, "subsurface_radius_m": 1.0e-3}}
+
+
+@given(st.builds(dict, surface=st.fixed_dictionaries({
+    "model": st.sampled_from(["LAMBERT", "PRINCIPLED", "HAPKE", "LUNAR_LAMBERT"]),
+    "subsurface_weight": st.sampled_from([0.0, 0.3, 1.0]), "subsurface_radius_m": st.sampled_from([1e-5, 1e-2, 1.0]),
+    "relief": st.sampled_from(["BUMP", "DISPLACEMENT"]), "grain_amplitude_m": st.sampled_from([0.0, 0.004])}),
+    rocks=st.fixed_dictionaries({"coverage": st.sampled_from([0.0, 0.1]), "own_surface": st.booleans()}),
+    quality=st.fixed_dictionaries({"samples": st.integers(1, 512), "walk_px": st.sampled_from([0.0, 0.1, 100.0])})))
+def test_what_is_left_out_never_costs(scene):
+    """More left out is never expected to take longer, and what is never seen is expected to cost as if it were off."""
+    def seconds(*changes):
+        return estimate.work_of(described(scene, *changes)).seconds(1e5)
+
+    full = seconds()
+    for lean in ({"fine_relief": "CAMERA"}, {"walk_px": 100.0}, {"truth": "DEPTH"}):
+        assert seconds({"quality": lean}) <= full
+    assert seconds({"surface": {"grain_amplitude_m": 0.0}}) <= full
+    assert seconds({"surface": {"subsurface_weight": 0.0}}) <= full
+
+
+@pytest.mark.parametrize(("off", "never_on"), [
+    # A mean free path far under a pixel is not walked, as if there were none.
+    (SNOW, {"surface": {"subsurface_weight": 0.0}}),
+    # Relief that is not there is left to nobody.
+    ({"surface": {"grain_amplitude_m": 0.0}, "quality": {"fine_relief": "CAMERA"}},
+     {"surface": {"grain_amplitude_m": 0.0}}),
+    # Hapke's law shades relief for all light.
+    ({"surface": {"model": "HAPKE"}, "quality": {"fine_relief": "CAMERA"}}, {"surface": {"model": "HAPKE"}})])
+def test_off_costs_what_never_on_does(off, never_on):
+    assert estimate.work_of(described(off)) == estimate.work_of(described(never_on))
+
+
+def test_a_walk_costs_where_it_is_walked():
+    out, walked = (estimate.work_of(described(SNOW, {"quality": {"walk_px": limit}})) for limit in (0.1, 0.0))
+    # 8.0 samples of Lambert's law more in benchmarks/plan_cost.py at weight 1, so more than 4 at any large weight.
+    assert walked.relative - out.relative > 4
+
+
+def test_samples_and_pixels_count_in_proportion():
+    """Once what a pair costs anyhow is taken off, twice the samples or pixels cost twice as much."""
+    def of(samples, width):
+        return estimate.work_of(described({"quality": {"samples": samples}, "rig": {"width_px": width}})).seconds(0.0)
+
+    per_sample = of(11, 64) - of(10, 64)
+    assert of(40, 64) - of(20, 64) == pytest.approx(20 * per_sample)
+    assert of(11, 128) - of(10, 128) == pytest.approx(2 * per_sample)
+
+
+def test_a_scene_is_built_once_for_all_its_pairs():
+    one = described()
+    others = [described({"light": {"sun_elevation_deg": e}}) for e in (10.0, 20.0, 30.0)]
+    grounds = [described({"terrain": {"hurst": h}}) for h in (0.5, 0.6, 0.7)]
+    single, lights, terrains = (estimate.estimate(pairs_of(*s)) for s in ([one], others, grounds))
+    assert (lights.scenes, lights.geometries, lights.lights, lights.surfaces) == (1, 1, 3, 1)
+    assert (terrains.scenes, terrains.geometries, terrains.lights, terrains.surfaces) == (3, 3, 1, 1)
+    triangles = 2.0 * 128**2
+    assert terrains.seconds - lights.seconds == pytest.approx(2 * estimate.scene_seconds(one, triangles))
+    assert lights.seconds - single.seconds == pytest.approx(2 * estimate.work_of(one).seconds(triangles))
+
+
+def test_the_triangles_are_those_of_the_ground():
+    assert estimate.triangles_of(described()) == 2 * 128**2
+    graded = described({"mesh": {"kind": "GRADED", "error_px": 4, "edge_px": 24}})
+    from icymoon.physics.mesh.graded_ground import graded as make
+    from icymoon.physics.terrain.terrain import terrain
+    faces = make(terrain(graded, 1), graded).mesh()[1]
+    # Euler: of a disc, as many triangles as twice the vertices but for those on its rim.
+    assert estimate.triangles_of(graded) == pytest.approx(len(faces), rel=0.05)
+
+
+def test_before_anything_is_rendered_another_machine_is_allowed_for():
+    found = estimate.estimate(pairs_of(described()))
+    assert found.measured == 0
+    assert found.factor == pytest.approx(3.0)
+    assert "another machine" in "".join(found.lines())
+
+
+def test_bytes_are_in_proportion_to_what_is_written():
+    """Laws that hold whatever the coefficients are; ``tests/render/test_disk.py`` holds them against pairs."""
+    def size(*changes):
+        return estimate.bytes_of(described({"rig": {"pitch_deg": 85.0}}, *changes))
+
+    base = size()
+    doubled = size({"rig": {"width_px": 128, "height_px": 96}})
+    assert 3.8 < doubled / base < 4.0  # neighbours are a little more alike
+    assert size({"rig": {"overscan": 0.25}}) == pytest.approx(base * 1.5**2, rel=1e-3)
+    depth, toed = size({"quality": {"truth": "DEPTH"}}), size({"rig": {"toe_in_deg": 1.0}})
+    assert depth < 0.5 * base
+    assert base < toed < 2.0 * base  # another truth, no other light
+    assert size({"quality": {"denoiser": "OIDN"}}) > base
+    assert size({"light": {"planet": True}}) == size({"light": {"stars": True}}) > base
+    samples = [size({"quality": {"samples": n}}) for n in (1, 4, 16, 64, 1024)]
+    assert samples == sorted(samples)
+    assert samples[-1] == samples[-2]  # a value has no more digits than it has
+
+
+@pytest.mark.parametrize(("pitch_deg", "share"), [
+    # The rows above the horizon of a lens of f = 85.33 px at 160 x 120: 60 - 85.33 tan(pitch) of 120.
+    (0.0, 0.5), (10.0, 0.3746), (-20.0, 0.7588), (45.0, 0.0), (-60.0, 1.0)])
+def test_the_share_of_sky_is_that_of_a_level_ground(pitch_deg, share):
+    view = {"rig": {"width_px": 160, "height_px": 120, "pitch_deg": pitch_deg}, "mesh": {"kind": "GRADED"}}
+    assert estimate.sky_share(described(view)) == pytest.approx(share, abs=1e-3)
+    patch = estimate.sky_share(described(view, {"mesh": {"kind": "GRID"}}))
+    assert patch > share or share in (0.0, 1.0)
+
+
+def test_bytes_that_are_left_are_those_of_the_pairs_that_are_not_there(tmp_path):
+    pairs = pairs_of(*(described({"light": {"sun_elevation_deg": float(e)}}) for e in range(1, 5)))
+    each = estimate.bytes_of(pairs[0].settings)
+    assert estimate.bytes_left(pairs, tmp_path) == pytest.approx(4 * each)
+    for pair in pairs[:3]:
+        finish(tmp_path, pair, 1.0, size=each)  # twice what is expected, in two files
+    assert estimate.bytes_left(pairs, tmp_path) == pytest.approx(2 * each, rel=1e-3)
+    assert estimate.bytes_left(pairs, tmp_path, again=True) == pytest.approx(8 * each, rel=1e-3)
+    assert estimate.estimate(pairs, tmp_path).left_bytes == estimate.bytes_left(pairs, tmp_path)
+
+
+def test_what_is_there_is_learnt_from_and_taken_off(tmp_path):
+    pairs = pairs_of(*(described({"light": {"sun_elevation_deg": float(e)}}) for e in range(1, 31)))
+    blind = estimate.estimate(pairs, tmp_path)
+    expected = estimate.work_of(pairs[0].settings)
+    for pair in pairs[:20]:
+        finish(tmp_path, pair, 7.0 * expected.seconds(2.0 * 128**2), size=5 * estimate.bytes_of(pair.settings) / 2)
+    found = estimate.estimate(pairs, tmp_path)
+    assert (found.pairs, found.there, found.measured) == (30, 20, 20)
+    # Twenty pairs outweigh what was known before: log(7) is met within a twentieth.
+    assert found.seconds / blind.seconds == pytest.approx(7.0, rel=0.1)
+    assert found.factor < 1.2 < blind.factor
+    # Ten pairs of thirty are left: a third, but for the scene and the start, which are paid again.
+    assert 0.3 < found.left_s / found.seconds < 0.7
+    assert found.left_bytes == pytest.approx(5 * 10 * estimate.bytes_of(pairs[0].settings), rel=1e-4)
+    assert "20 of them there already" in found.lines()[0]
+    assert "corrected by 20" in "".join(found.lines())
+
+
+def test_more_pairs_make_it_surer(tmp_path):
+    pairs = pairs_of(*(described({"light": {"sun_elevation_deg": float(e)}}) for e in range(1, 10)))
+    factors = [estimate.estimate(pairs, tmp_path).factor]
+    for pair in pairs[:4]:
+        finish(tmp_path, pair, 1.0)
+        factors.append(estimate.estimate(pairs, tmp_path).factor)
+    assert factors == sorted(factors, reverse=True)
+
+
+def test_a_broken_pair_teaches_nothing(tmp_path):
+    pairs = pairs_of(described())
+    finish(tmp_path, pairs[0], 1.0)
+    (pairs[0].folder(tmp_path) / "pair.json").write_text("{")
+    assert estimate.estimate(pairs, tmp_path).measured == 0
+
+
+def test_a_done_data_set_takes_nothing(tmp_path):
+    pairs = pairs_of(described())
+    finish(tmp_path, pairs[0], 1.0)
+    found = estimate.estimate(pairs, tmp_path)
+    assert (found.left_s, found.left_bytes) == (0.0, 0.0)
+    assert len(found.lines()) == 2
+
+
+def test_a_mesh_that_cannot_be_counted_is_left_to_the_build(tmp_path):
+    settings = described({"source": {"kind": "MESH", "file": str(tmp_path / "absent.ply")}})
+    assert estimate.estimate([PlannedPair("0" * 12, settings, 0.0)]).pairs == 1
+
+
+@pytest.mark.parametrize(("seconds", "text"), [(3.2, "3.2 s"), (99, "99 s"), (120, "2 min"), (5400, "90 min"),
+                                               (20000, "5.6 h"), (259200, "3 days")])
+def test_durations_are_legible(seconds, text):
+    assert estimate.duration(seconds) == text
+
+
+def test_sizes_are_legible():
+    assert (estimate.size(12.34e6), estimate.size(3.4567e9)) == ("12.3 MB", "3.46 GB")
+
+
+def test_a_noise_threshold_saves_samples_beyond_the_least_that_cycles_takes():
+    """Cycles takes 16 t^-0.3 samples at least (a count of the samples of renders, see benchmarks/plan_cost.py)."""
+    assert estimate.samples_taken(16, 0.01) == 16
+    assert estimate.samples_taken(256, 0.0) == 256
+    assert estimate.samples_taken(256, 0.1) == pytest.approx(32, abs=1)
+    taken = [estimate.samples_taken(256, limit) for limit in (0.3, 0.1, 0.05, 0.02, 0.005)]
+    assert taken == sorted(taken)
+    assert taken[-1] == 256
+    few, all_of_them = (described({"quality": {"samples": 256, "noise_threshold": t}}) for t in (0.1, 0.0))
+    assert estimate.work_of(few).seconds(0.0) < estimate.work_of(all_of_them).seconds(0.0) / 4

@@ -1,0 +1,230 @@
+"""The runner with a Blender that only pretends: whatever workers do, every pair is there or named."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import threading
+import time
+
+import pytest
+from icymoon import system
+from icymoon.commands import batch
+from icymoon.errors import IcyMoonError
+from icymoon.render.plans import frozen_plan as datasets
+from icymoon.render.workers import runner
+from icymoon.render.workers.claims import Claims
+from icymoon.render.workers.manifest import MANIFEST
+from icymoon.render.workers.runner import Runner, Workers
+from stand import PAIRS, Stand
+
+
+@pytest.fixture
+def stand(tmp_path, monkeypatch):
+    if os.name == "nt":
+        pytest.skip("the false Blender is a script with a #! line")
+    monkeypatch.setattr(runner, "_FAREWELL_S", 0.3)
+    monkeypatch.setattr(runner, "_WAIT_S", 0.05)
+    return Stand(tmp_path)
+
+
+@pytest.mark.parametrize("workers", [1, 3])
+def test_every_pair_is_rendered_once_and_said_once(stand, workers):
+    assert stand.run(workers=workers) == {}
+    stand.assert_done()
+    assert sorted(stand.rendered) == sorted(p.id for p in PAIRS)
+    pairs = [m for m in stand.said if m["type"] == "pair"]
+    assert sorted(m["id"] for m in pairs) == sorted(p.id for p in PAIRS)
+    assert [m["done"] for m in pairs] == list(range(1, len(PAIRS) + 1))
+    fractions = [m["fraction"] for m in stand.said if m["type"] == "progress"]
+    assert fractions[-1] == 1.0
+    stand.run()
+    assert len(stand.rendered) == len(PAIRS)  # nothing again
+
+
+def test_a_worker_that_dies_costs_one_attempt_at_one_pair(stand):
+    stand.behave(**{PAIRS[4].id: "crash once"})
+    assert stand.run() == {}
+    stand.assert_done()
+    counts = {p.id: stand.rendered.count(p.id) for p in PAIRS}
+    assert counts.pop(PAIRS[4].id) == 2
+    assert set(counts.values()) == {1}
+
+
+def test_a_pair_that_kills_three_workers_is_set_aside_and_named(stand):
+    bad = PAIRS[4].id
+    stand.behave(**{bad: "crash"})
+    failed = stand.run()
+    assert list(failed) == [bad]
+    assert "139" in failed[bad]
+    assert stand.rendered.count(bad) == 3
+    stand.assert_done(bad)
+    assert [m["pair"] for m in stand.said if m["type"] == "error"] == [bad]
+    stand.behave()
+    assert stand.run() == {}  # another run tries again
+    stand.assert_done()
+
+
+def test_a_pair_that_cannot_be_built_is_not_tried_again_and_the_others_go_on(stand):
+    bad = PAIRS[0].id
+    stand.behave(**{bad: "refuse"})
+    assert stand.run() == {bad: "The ground cannot be built."}
+    assert stand.rendered.count(bad) == 1
+    stand.assert_done(bad)
+
+
+def test_the_disk_is_believed_and_not_the_worker(stand):
+    bad = PAIRS[5].id
+    stand.behave(**{bad: "lie"})  # says that it is rendered, but its files are not whole
+    failed = stand.run()
+    assert list(failed) == [bad]
+
+
+def test_a_worker_that_hangs_after_its_work_is_ended(stand):
+    stand.behave(**{"hang at the end": ""})
+    start = time.monotonic()
+    assert stand.run(workers=1) == {}
+    assert time.monotonic() - start < 60
+    stand.assert_done()
+
+
+def test_a_worker_that_says_nothing_is_ended(stand):
+    bad = PAIRS[2].id
+    stand.behave(**{bad: "hang"})
+    failed = stand.run(silence_s=0.5)
+    assert list(failed) == [bad]
+    assert "said nothing" in failed[bad]
+    stand.assert_done(bad)
+
+
+def test_what_keeps_all_pairs_from_rendering_ends_the_run(stand):
+    stand.behave(fatal="")
+    with pytest.raises(IcyMoonError, match="disk is full"):
+        stand.run()
+    stand.behave(mute="")
+    with pytest.raises(IcyMoonError, match="does not start"):
+        stand.run()
+    stand.blender.unlink()
+    with pytest.raises(IcyMoonError, match="Cannot start"):
+        stand.run()
+
+
+def test_two_runners_share_the_work_and_both_end_when_it_is_done(stand):
+    threads = [threading.Thread(target=stand.run) for _ in range(2)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join(60)
+        assert not thread.is_alive()
+    stand.assert_done()
+
+
+def test_what_another_runner_is_at_is_waited_for_and_done_if_it_vanishes(stand):
+    other = Claims(stand.dataset)
+    assert other.take(PAIRS[3].id)
+    thread = threading.Thread(target=stand.run)
+    thread.start()
+    deadline = time.monotonic() + 60
+    while len(list((stand.dataset / "pairs").glob("*/pair.json"))) < len(PAIRS) - 1:
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+    time.sleep(0.3)
+    assert thread.is_alive()
+    assert PAIRS[3].id not in stand.rendered
+    last = [m for m in stand.said if m["type"] == "progress"][-1]["message"]
+    assert last.endswith(f"; 1 are others', such as {PAIRS[3].id} of process {os.getpid()} on {system.computer()}")
+    other.close()
+    thread.join(60)
+    stand.assert_done()
+
+
+def wait_for(condition) -> None:
+    deadline = time.monotonic() + 60
+    while not condition():
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+
+
+def test_a_worker_that_hangs_is_not_waited_for_when_another_runner_has_done_its_pairs(stand):
+    stand.behave(**{PAIRS[2].id: "hang"})
+    hanging = threading.Thread(target=stand.run, kwargs={"workers": 1})  # which would wait for an hour
+    hanging.start()
+    wait_for(lambda: (stand.folder / "log").exists() and PAIRS[2].id in stand.rendered)
+    stand.behave()
+    assert stand.run(workers=1) == {}
+    hanging.join(60)
+    assert not hanging.is_alive()
+    stand.assert_done()
+
+
+def test_what_a_silent_worker_has_not_begun_is_given_to_another(stand, monkeypatch):
+    monkeypatch.setattr(runner, "_DOUBT_S", 0.5)
+    bad = PAIRS[2].id
+    stand.behave(**{bad: "hang"})
+    hanging = threading.Thread(target=stand.run)
+    hanging.start()
+    wait_for(lambda: all((pair.folder(stand.dataset) / "pair.json").exists() for pair in PAIRS if pair.id != bad))
+    assert hanging.is_alive()
+    stand.behave()
+    assert stand.run(workers=1) == {}
+    hanging.join(60)
+    assert not hanging.is_alive()
+    stand.assert_done()
+
+
+def test_lines_that_are_no_messages_of_a_worker_do_no_harm(stand):
+    stand.behave(babble="")
+    assert stand.run() == {}
+    stand.assert_done()
+
+
+@pytest.mark.parametrize("end", ["error", "interrupt", "set aside"])
+def test_the_manifest_says_what_is_there_however_a_run_ends(stand, monkeypatch, end):
+    monkeypatch.setattr(batch, "stop_by", lambda handler: None)
+    datasets.freeze(stand.dataset, PAIRS, "")
+    if end == "error":
+        stand.behave(fatal="")
+    elif end == "set aside":
+        stand.behave(**{PAIRS[0].id: "refuse"})
+
+    def say(kind: str, **facts) -> None:
+        if end == "interrupt" and kind == "pair":
+            raise KeyboardInterrupt
+
+    options = stand.dataset, PAIRS, Workers(1, 1, str(stand.blender)), say
+    if end == "set aside":
+        assert batch.render(*options) == 1
+    else:
+        with pytest.raises(IcyMoonError if end == "error" else KeyboardInterrupt):
+            batch.render(*options)
+    manifest = json.loads((stand.dataset / MANIFEST).read_text())
+    there = {path.parent.name for path in (stand.dataset / "pairs").glob("*/pair.json")}
+    assert manifest["complete"] == len(there)
+    assert set(manifest["missing"]) == {pair.id for pair in PAIRS} - there
+    assert list(manifest["set_aside"]) == [PAIRS[0].id] * (end == "set aside")
+
+
+def test_damaged_pairs_are_missing_and_made_again(stand):
+    stand.run()
+    folders = [pair.folder(stand.dataset) for pair in PAIRS]
+    (folders[0] / "pair.json").unlink()
+    (folders[1] / "pair.json").write_text("{")
+    (folders[2] / "left.exr").write_bytes(b"im")
+    (folders[3] / "right.exr").unlink()
+    shutil.rmtree(folders[4])
+    assert stand.runner()._open() == PAIRS[:5]
+    for folder in folders[:4]:
+        shutil.rmtree(folder)  # the false Blender, unlike ours, replaces nothing
+    stand.run()
+    stand.assert_done()
+
+
+def test_another_camera_response_is_stated_without_a_render(stand):
+    stand.run()
+    changed = [type(p)(p.id, {**p.settings, "sensor": {**p.settings["sensor"], "gain": 2.5}}, 0.0) for p in PAIRS]
+    Runner(stand.dataset, changed, Workers(1, 1, str(stand.blender)), lambda *a, **k: None).run()
+    assert len(stand.rendered) == len(PAIRS)
+    for pair in changed:
+        data = json.loads((pair.folder(stand.dataset) / "pair.json").read_text())
+        assert data["settings"]["sensor"]["gain"] == 2.5

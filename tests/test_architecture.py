@@ -1,0 +1,279 @@
+"""What may import what, and what nothing may use; read from the source."""
+
+from __future__ import annotations
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+import icymoon
+import pytest
+
+ROOT = Path(icymoon.__file__).parent
+#: Folders of the checkout that are no part of the package.
+APART = ("tests", "benchmarks", "docs", "build", "dist", "out")
+SOURCES = sorted(path for path in ROOT.rglob("*.py") if not path.relative_to(ROOT).parts[0].startswith((".", *APART)))
+IDS = [path.relative_to(ROOT).as_posix() for path in SOURCES]
+
+#: The rooms from the ground up. A module imports from its own room and from those below it, wherever in the file the
+#: import stands. A room is a folder; a module at the root is a room by itself. All that is above has a place here.
+PURE = (
+    "errors", "labels", "system", "files", "records", "scratch", "version", "terminal",
+    "physics/random_numbers", "physics/rocks", "physics/terrain/noise", "physics/terrain/roughness",
+    "physics/terrain/landforms", "physics/terrain", "physics/mesh",
+    "physics/surfaces", "physics/light", "physics/camera", "physics",
+    "formats", "settings",
+    "render/pairs", "render/plans", "render/workers", "render/cost",
+    "stereo/environment", "stereo/images", "stereo/measure", "stereo/networks", "stereo/matchers",
+    "stereo/export", "stereo/report", "stereo/trade", "stereo",
+    "commands")
+WITH_BLENDER = (
+    "compat", "scene_properties",
+    "nodes/tree", "nodes/datablocks", "nodes/light", "nodes/ground", "nodes/surface", "nodes",
+    "render", "preferences", "operators", "panels", "__init__", "__main__")
+FLOORS = {room: floor for floor, room in enumerate((*PURE, *WITH_BLENDER))}
+#: What only Blender has.
+BLENDERS = {"bpy", "mathutils", "bmesh", "gpu", "bl_ui", "idprop", "_cycles", "_bpy"}
+
+
+def room_of(module: str) -> str:
+    """The room that a module such as ``physics.rocks.shapes`` or ``errors`` is in, as its folder's path."""
+    path = ROOT.joinpath(*module.split(".")) if module else ROOT
+    parts = module.split(".") if path.is_dir() else module.split(".")[:-1]
+    return "/".join(parts) or module or "__init__"
+
+
+def imported(path: Path) -> set[str]:
+    """Absolute names of the modules that a source file imports, ours as ``icymoon.…``, anywhere in it."""
+    package = ["icymoon", *path.relative_to(ROOT).parts[:-1]]
+    found = set()
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            base = ".".join([*package[:len(package) - node.level + 1]] if node.level else [])
+            module = ".".join(part for part in (base, node.module or "") if part)
+            found.add(module)
+            found |= {f"{module}.{alias.name}" for alias in node.names}
+    return found
+
+
+def name_of(path: Path) -> str:
+    """The module of a source file, without the package's name; the package itself is ''."""
+    parts = path.relative_to(ROOT).with_suffix("").parts
+    return ".".join(parts[:-1] if parts[-1] == "__init__" and len(parts) > 1 else parts)
+
+
+MODULES = {name_of(path) for path in SOURCES}
+
+
+def ours(path: Path) -> set[str]:
+    """Our modules that a file imports, without the package's name; of a package only what it defines itself."""
+    return {name.removeprefix("icymoon.") for name in imported(path)} & MODULES
+
+
+def upward(module: str, used: set[str]) -> list[str]:
+    """Those of the modules used that are in a room above that of the module."""
+    floor = FLOORS[room_of(module)]
+    # A package that holds others is named by every import from a room inside it; what counts is the room.
+    leaves = {name for name in used if not any(other.startswith(f"{name}.") for other in used)}
+    return sorted(name for name in leaves if FLOORS[room_of(name)] > floor)
+
+
+def test_every_module_has_a_floor():
+    assert set(FLOORS) == {room_of(module) for module in MODULES}
+
+
+#: Folders of tests that are no rooms: the manual, the program as a whole, a real window, and what tests use.
+NO_ROOMS = ("docs", "whole_program", "gui", "support", "data")
+
+
+def test_tests_are_in_the_rooms_of_what_they_test():
+    tests = ROOT / "tests"
+    folders = {path.parent.relative_to(tests).as_posix() for path in tests.rglob("test_*.py")}
+    assert {folder for folder in folders if folder.split("/")[0] not in NO_ROOMS} <= {".", *FLOORS}
+
+
+@pytest.mark.parametrize("path", SOURCES, ids=IDS)
+def test_imports_go_down(path):
+    assert not upward(name_of(path), ours(path))
+
+
+@pytest.mark.parametrize(("module", "used"), [
+    ("physics.camera.point_spread", {"stereo.trade.measure_variants", "commands.cli"}),
+    ("physics.camera.point_spread", {"settings", "settings.table"}), ("errors", {"files"}),
+    ("render.plans.order", {"render.workers.claims"}), ("nodes.scene", {"render.worker"}),
+    ("stereo.measure.metrics", {"stereo.report.html"}), ("physics.light.sky", {"physics.left_out"})])
+def test_an_import_upwards_is_found(module, used):
+    assert upward(module, used) == sorted(used - {"settings"})
+
+
+@pytest.mark.parametrize(("module", "used"), [
+    ("operators.trade", {"render.cost.speed", "commands.doctor"}), ("physics.light.sky", {"physics.light.bodies"}),
+    ("files", {"errors"}), ("__main__", {"commands.cli"}), ("stereo.cli", {"stereo.trade.advice", "stereo"})])
+def test_an_import_downwards_is_none(module, used):
+    assert not upward(module, used)
+
+
+def uses_of(path: Path) -> set[str]:
+    """Our modules that a file imports: of ``from package import module`` the module, not the package around it."""
+    found = ours(path)
+    return {name for name in found if not any(other.startswith(f"{name}.") for other in found)} - {name_of(path)}
+
+
+def circle(uses: dict[str, set[str]]) -> list[str]:
+    """Modules that import each other in a circle, of any length; empty if there are none."""
+    left = {module: set(used) for module, used in uses.items()}
+    while done := [module for module, used in left.items() if not used & left.keys()]:
+        for module in done:
+            del left[module]
+    if not left:
+        return []
+    path = [next(iter(left))]
+    while path.count(path[-1]) == 1:  # what is left imports something that is left
+        path.append(min(left[path[-1]] & left.keys()))
+    return path[path.index(path[-1]):]
+
+
+def test_no_modules_import_each_other_in_a_circle():
+    assert not circle({name_of(path): uses_of(path) for path in SOURCES})
+
+
+@pytest.mark.parametrize(("uses", "found"), [
+    ({"a": {"b"}, "b": {"a"}}, ["a", "b", "a"]), ({"a": {"b"}, "b": {"c"}, "c": {"b"}}, ["b", "c", "b"]),
+    ({"a": {"b", "d"}, "b": {"c"}, "c": {"d"}, "d": {"b"}}, ["b", "c", "d", "b"]),
+    ({"a": {"b", "c"}, "b": {"c"}, "c": set()}, [])])
+def test_a_circle_is_found(uses, found):
+    assert circle(uses) == found
+
+
+def in_a_pure_room(path: Path) -> bool:
+    return room_of(name_of(path)) in PURE
+
+
+@pytest.mark.parametrize("path", [path for path in SOURCES if in_a_pure_room(path)],
+                         ids=lambda p: p.relative_to(ROOT).as_posix())
+def test_pure_rooms_know_no_blender(path):
+    assert not {name.split(".")[0] for name in imported(path)} & BLENDERS
+
+
+def test_pure_rooms_import_without_blender():
+    modules = [name_of(path) for path in SOURCES if in_a_pure_room(path) and path.stem != "__main__"]
+    program = ("import importlib, sys\n"
+               "sys.modules['bpy'] = sys.modules['mathutils'] = sys.modules['_cycles'] = None\n"
+               "for name in sys.argv[1:]:\n    print(name)\n    importlib.import_module('icymoon.' + name)")
+    ended = subprocess.run([sys.executable, "-c", program, *modules], capture_output=True, text=True, timeout=240,
+                           check=False)
+    assert ended.returncode == 0, f"icymoon.{ended.stdout.split()[-1]}: {ended.stderr}"
+
+
+@pytest.mark.parametrize("path", SOURCES, ids=IDS)
+def test_only_the_evaluator_uses_its_packages(path):
+    used = {name.split(".")[0] for name in imported(path)} & {"cv2", "torch", "OpenEXR", "Imath", "jinja2"}
+    assert path.is_relative_to(ROOT / "stereo") or not used
+
+
+@pytest.mark.parametrize("path", SOURCES, ids=IDS)
+def test_only_compat_asks_for_blenders_version(path):
+    text = path.read_text(encoding="utf-8")
+    assert path.name == "compat.py" or "app.version" not in text.replace("app.version_string", "")
+
+
+#: What differs between Windows, macOS and Linux, whether one sees it or not: a handle that is open for reading cannot
+#: be flushed on Windows, what is open cannot be renamed or removed, os.kill ends what it is to look at.
+OF_SYSTEMS = {"sys.platform", "os.name", "os.uname", "os.kill", "os.killpg", "os.getuid", "os.getppid", "os.fork",
+              "os.fsync", "os.sync", "os.replace", "os.rename", "os.remove", "os.unlink", "os.symlink", "os.link",
+              "os.sched_getaffinity", "os.cpu_count", "os.setsid", "os.startfile", "shutil.rmtree", "shutil.move",
+              "socket.gethostname", "platform.system", "subprocess.run", "subprocess.call", "subprocess.check_call",
+              "subprocess.check_output", "shlex.split"}
+MODULES_OF_SYSTEMS = {"signal", "fcntl", "msvcrt", "resource", "ctypes", "winreg", "pwd", "_thread", "multiprocessing"}
+
+
+def asks_the_system(tree: ast.AST) -> list[str]:
+    """What a source uses that only ``system`` may, with its lines."""
+    found = []
+    for node in ast.walk(tree):
+        text = ast.unparse(node) if isinstance(node, ast.Attribute) else ""
+        if text in OF_SYSTEMS:
+            found.append(f"{text} in line {node.lineno}")
+        if isinstance(node, ast.Call) and ast.unparse(node.func) == "subprocess.Popen":
+            found.append(f"subprocess.Popen in line {node.lineno}")
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and not ast.unparse(
+                node.func.value).endswith(".objects") and (  # a collection of Blender's, which unlinks objects
+                node.func.attr in ("rename", "unlink", "symlink_to", "hardlink_to")
+                or (node.func.attr == "replace" and len(node.args) == 1)):  # of a path; a text's has two
+            found.append(f"{node.func.attr} in line {node.lineno}")
+    return found
+
+
+@pytest.mark.parametrize("path", SOURCES, ids=IDS)
+def test_only_system_knows_what_differs_between_systems(path):
+    if path == ROOT / "system.py":
+        return
+    assert not {name.split(".")[0] for name in imported(path)} & MODULES_OF_SYSTEMS
+    assert not asks_the_system(ast.parse(path.read_text(encoding="utf-8")))
+
+
+@pytest.mark.parametrize("code", ["os.fsync(f)", "x = sys.platform", "subprocess.Popen(['a'])", "path.unlink()",
+                                  "Path('a').replace('b')", "os.kill(1, 0)", "shutil.rmtree(a, ignore_errors=True)"])
+def test_what_asks_the_system_is_found(code):
+    assert asks_the_system(ast.parse(code))
+
+
+def test_what_does_not_is_not():
+    assert not asks_the_system(ast.parse("'a'.replace('b', 'c'); p: subprocess.Popen[bytes]; os.path.join('a', 'b')"))
+
+
+def texts_without_encoding(tree: ast.AST) -> list[str]:
+    """Calls that read or write text and state no encoding, which is then the system's: on Windows seldom UTF-8."""
+    found = []
+    for node in ast.walk(tree):
+        if not isinstance(node, ast.Call) or any(word.arg == "encoding" for word in node.keywords):
+            continue
+        name = node.func.attr if isinstance(node.func, ast.Attribute) else ast.unparse(node.func)
+        modes = [a.value for a in [*node.args, *(w.value for w in node.keywords if w.arg == "mode")]
+                 if isinstance(a, ast.Constant) and isinstance(a.value, str)]
+        binary = any(set(mode) <= set("rwxab+t") and "b" in mode for mode in modes)
+        text = any(word.arg in ("text", "universal_newlines") and ast.unparse(word.value) == "True"
+                   for word in node.keywords)
+        if name in ("read_text", "write_text") and len(node.args) < (1 if name == "read_text" else 2):
+            found.append(f"{name} in line {node.lineno}")
+        if (name in ("open", "fdopen", "NamedTemporaryFile") and not binary
+                and ast.unparse(node.func) not in ("os.open", "webbrowser.open")) or text:
+            found.append(f"{name} in line {node.lineno}")
+    return found
+
+
+@pytest.mark.parametrize("path", SOURCES, ids=IDS)
+def test_every_text_states_its_encoding(path):
+    # Our own write_text of files writes UTF-8 and takes the text second.
+    assert not texts_without_encoding(ast.parse(path.read_text(encoding="utf-8")))
+
+
+@pytest.mark.parametrize(("code", "found"), [
+    ("path.read_text()", True), ("path.read_text(encoding='utf-8')", False), ("path.write_text(text)", True),
+    ("open('a')", True), ("path.open('rb')", False), ("os.fdopen(3, 'w')", True), ("path.open(mode='w')", True),
+    ("write_text(path, text)", False), ("run(['a'], text=True)", True)])
+def test_texts_without_encoding_are_found(code, found):
+    assert bool(texts_without_encoding(ast.parse(code))) == found
+
+
+DRAWN = [path for path in SOURCES if path.relative_to(ROOT).parts[0] in ("physics", "nodes")
+         or path.is_relative_to(ROOT / "render" / "plans") or path == ROOT / "render" / "render_pair.py"]
+
+
+@pytest.mark.parametrize("path", DRAWN, ids=lambda p: p.relative_to(ROOT).as_posix())
+def test_nothing_random_but_from_the_seed(path):
+    """No random, uuid, secrets, global numpy generator, wall clock or hash() decides what is made."""
+    assert not {name.split(".")[0] for name in imported(path)} & {"random", "uuid", "secrets"}
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if not isinstance(node, ast.Attribute | ast.Call):
+            continue
+        text = ast.unparse(node)
+        if isinstance(node, ast.Attribute) and text.startswith(("np.random.", "numpy.random.")):
+            allowed = ("Generator", "SeedSequence", "PCG64", "Philox", "default_rng", "BitGenerator")
+            assert text.split(".")[2] in allowed, f"{text} in line {node.lineno}"
+        if isinstance(node, ast.Call):
+            assert text not in ("np.random.default_rng()", "default_rng()", "SeedSequence()"), f"line {node.lineno}"
+            assert not text.startswith(("time.time(", "time.time_ns(", "datetime.", "hash(")), f"line {node.lineno}"
