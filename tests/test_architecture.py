@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -83,6 +84,13 @@ def upward(module: str, used: set[str]) -> list[str]:
 
 def test_every_module_has_a_floor():
     assert set(FLOORS) == {room_of(module) for module in MODULES}
+
+
+def test_the_manual_lists_the_rooms_in_this_order():
+    page = (ROOT / "docs" / "extend.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| (`.*?) \|", page[page.index("## The rooms"):], re.MULTILINE)
+    listed = [re.sub(r"/$|\.py$", "", name) for row in rows for name in re.findall(r"`([^`]+)`", row)]
+    assert listed == [*reversed(FLOORS)]
 
 
 #: Folders of tests that are no rooms: the manual, the program as a whole, a real window, and what tests use.
