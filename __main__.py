@@ -34,16 +34,16 @@ def main(arguments: list[str] | None = None) -> int:
     """Run the verb that the arguments begin with and return its exit status."""
     arguments = sys.argv[1:] if arguments is None else arguments
     system = importlib.import_module("icymoon.system")
-    system.write_utf8()
+    system.set_utf8_output()
     system.obey_starter(at_once=arguments[:1] == ["worker"])  # which may be busy for minutes, and leaves nothing
     if arguments and arguments[0] in _PROGRAMS:
         if arguments[0] in _IN_BLENDER and "bpy" not in sys.modules and importlib.util.find_spec("bpy") is None:
             importlib.import_module("icymoon.render.workers.process").emit("error", message=no_blender())
             return 1
-        with system.quiet_interrupts():
+        with system.silence_interrupts():
             program = importlib.import_module(f"icymoon.{_PROGRAMS[arguments[0]]}")
         return int(program.main(arguments[1:]))
-    with system.quiet_interrupts():
+    with system.silence_interrupts():
         program = importlib.import_module("icymoon.commands.cli")
     return int(program.main(arguments))
 

@@ -23,7 +23,7 @@ def principled_table() -> str:
     return "5.2" if bpy.app.version >= (5, 2, 0) else "5.0"
 
 
-def series() -> str:
+def blender_series() -> str:
     """The Blenders that have the same properties as this one, such as 5.0."""
     return f"{bpy.app.version[0]}.{bpy.app.version[1]}"
 
@@ -48,7 +48,7 @@ def ensure_nodes(data_block: Any) -> Any:
     return data_block.node_tree
 
 
-def shown_by_nodes(material: Any) -> bool:
+def uses_nodes(material: Any) -> bool:
     """Whether Cycles shows a material's nodes, which from 5.0 on it always does."""
     return bpy.app.version >= (5, 0, 0) or bool(material.use_nodes)
 
@@ -66,7 +66,7 @@ def use_multilayer_exr(image_settings: Any) -> None:
     image_settings.file_format = "OPEN_EXR_MULTILAYER"
 
 
-def plain_light(light: Any) -> None:
+def disable_light_factors(light: Any) -> None:
     """Switch off what later Blenders multiply a lamp's energy with (exposure, temperature)."""
     if hasattr(light, "exposure"):
         light.exposure = 0.0
@@ -104,7 +104,7 @@ def has_oidn() -> bool:
     return bool(getattr(_cycles, "with_openimagedenoise", False))
 
 
-def gpu_devices() -> list[str]:
+def select_gpu_devices() -> list[str]:
     """Names of the graphics cards that Cycles can render on, of the first backend that has any.
 
     Selects that backend and its cards in this session's preferences, which are not saved.
@@ -127,7 +127,7 @@ def gpu_devices() -> list[str]:
     return []
 
 
-def mesh_importer(kind: str) -> tuple[Any, dict[str, Any]] | None:
+def find_mesh_importer(kind: str) -> tuple[Any, dict[str, Any]] | None:
     """The operator that reads a kind of mesh file and its options, or None if this Blender has none.
 
     OBJ, PLY and STL are read as their coordinates are, the others as their own header says. Nothing
@@ -152,9 +152,9 @@ def mesh_importer(kind: str) -> tuple[Any, dict[str, Any]] | None:
     return None
 
 
-def usd_unit_applied() -> bool:
+def applies_usd_unit() -> bool:
     """Whether the USD importer turns the unit that the file states into metres (from 4.5 on)."""
-    found = mesh_importer("USD")
+    found = find_mesh_importer("USD")
     return found is not None and "apply_unit_conversion_scale" in found[0].get_rna_type().properties
 
 

@@ -11,7 +11,7 @@ class IcyMoonError(Exception):
     """
 
 
-def sentence(error: Exception, where: object) -> str:
+def describe_error(error: Exception, where: object) -> str:
     """What to tell of an error that keeps one of many things from being done, whatever it is."""
     if isinstance(error, IcyMoonError):
         return str(error)

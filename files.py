@@ -36,11 +36,11 @@ _numbers = itertools.count(1)
 def part_of(path: Path) -> Path:
     """Where to write what is to become ``path``: a name that no other process uses, on any machine, and that ends
     in ``PART``."""
-    return path.with_name(f"{path.name}.{system.computer()}-{os.getpid()}-{next(_numbers)}{PART}")
+    return path.with_name(f"{path.name}.{system.computer_name()}-{os.getpid()}-{next(_numbers)}{PART}")
 
 
 @contextmanager
-def disk_errors(what: str, where: Path) -> Iterator[None]:
+def explain_disk_errors(what: str, where: Path) -> Iterator[None]:
     """Turn an OSError inside the block into a sentence a person can act on."""
     system.check_path(where)
     try:
@@ -57,7 +57,7 @@ def write_atomically(path: Path, write: Callable[[Path], None]) -> None:
     """
     part = part_of(path)
     system.check_path(path, part)
-    with disk_errors("write", path):
+    with explain_disk_errors("write", path):
         path.parent.mkdir(parents=True, exist_ok=True)
         try:
             write(part)
@@ -73,7 +73,7 @@ def read_text(path: Path) -> str:
 
     Raises OSError as opening it does, ValueError where it is no such text.
     """
-    data = system.patiently(path.read_bytes)
+    data = system.retry(path.read_bytes)
     encoding = next((name for mark, name in _MARKS.items() if data.startswith(mark)), "utf-8")
     try:
         text = data.decode(encoding)
@@ -96,7 +96,7 @@ def json_text(data: Any) -> str:
     return json.dumps(data, indent=1, allow_nan=False) + "\n"
 
 
-def cell(text: str) -> str:
+def escape_cell(text: str) -> str:
     """A text for a table: what a spreadsheet would take for a formula gets an apostrophe before it."""
     return f"'{text}" if text.startswith(("=", "+", "-", "@", "\t", "\r")) else text
 
@@ -106,7 +106,7 @@ def write_json(path: Path, data: Any) -> None:
     write_text(path, json_text(data))
 
 
-def replaced(path: Path, before: str, text: str) -> bool:
+def replace_if_unchanged(path: Path, before: str, text: str) -> bool:
     """Put ``text`` atomically in the place of a text file that has the content ``before``; False if it has another.
 
     That holds also where another process renames the file's folder at any moment, and puts another in its place: the
@@ -144,13 +144,13 @@ def absolute_path(text: str, name: str, blend_folder: str | None = None) -> Path
     """
     if text.startswith("//"):
         if not blend_folder:
-            raise IcyMoonError(f"{name} is {shortened(text)!r}, beside a .blend file that is not saved; "
+            raise IcyMoonError(f"{name} is {shorten(text)!r}, beside a .blend file that is not saved; "
                                "save it or choose a path that does not begin with //.")
-        return Path(os.path.normpath(os.path.join(blend_folder, user_path(text[2:], name))))
-    return Path(os.path.abspath(user_path(text, name)))
+        return Path(os.path.normpath(os.path.join(blend_folder, parse_path(text[2:], name))))
+    return Path(os.path.abspath(parse_path(text, name)))
 
 
-def user_path(text: str, name: str) -> Path:
+def parse_path(text: str, name: str) -> Path:
     """The path that a person wrote for ``name``, which may begin with ``~``, a home folder.
 
     Raises IcyMoonError if it is empty or no path that a system could have.
@@ -159,21 +159,21 @@ def user_path(text: str, name: str) -> Path:
         raise IcyMoonError(f"{name} is empty; choose a path.")
     path = os.path.expanduser(text)
     if text.startswith("~") and path == text:
-        raise IcyMoonError(f"{name} is {shortened(text)!r}, but there is no such home folder; write the whole path, or "
+        raise IcyMoonError(f"{name} is {shorten(text)!r}, but there is no such home folder; write the whole path, or "
                            "./~ for a name that begins so.")
     try:
         longest = max(map(len, os.fsencode(path).split(os.sep.encode())))
     except ValueError:
         longest = 0
     if longest == 0 or "\0" in path:
-        raise IcyMoonError(f"{name} is {shortened(text)!r}, with characters that no path can have; write another.")
+        raise IcyMoonError(f"{name} is {shorten(text)!r}, with characters that no path can have; write another.")
     if longest > _LONGEST_NAME or len(path) > _LONGEST_PATH:
-        raise IcyMoonError(f"{name} is {shortened(text)!r}, longer than file systems take ({_LONGEST_NAME} bytes for a "
+        raise IcyMoonError(f"{name} is {shorten(text)!r}, longer than file systems take ({_LONGEST_NAME} bytes for a "
                            f"name, {_LONGEST_PATH} for a path); choose a shorter one.")
     return Path(path)
 
 
-def shortened(text: str) -> str:
+def shorten(text: str) -> str:
     """A text for a sentence: its beginning, if it is long."""
     return text if len(text) <= 80 else text[:60] + "…"
 

@@ -12,7 +12,7 @@ import bpy
 from . import scene_properties
 from .commands.doctor import Finding
 from .errors import IcyMoonError
-from .files import user_path
+from .files import parse_path
 from .render.cost import speed
 from .settings import trust
 from .stereo.environment.install import is_unfinished
@@ -32,7 +32,7 @@ def extension_folder() -> Path:
                            "ICYMOON_EVALUATOR.") from None
 
 
-def own_evaluator() -> Path:
+def own_evaluator_python() -> Path:
     """The Python of the evaluator that the Install button makes."""
     return venv_python(extension_folder() / "evaluator")
 
@@ -42,7 +42,7 @@ def _preferences() -> Any:
     return add_on.preferences if add_on else None
 
 
-def evaluator_python() -> str:
+def find_evaluator_python() -> str:
     """Path of the Python that evaluates: the preference, ``ICYMOON_EVALUATOR``, the one that the
     Install button made, or this Python where Blender is itself a module of it.
 
@@ -53,14 +53,14 @@ def evaluator_python() -> str:
     for candidate, origin in ((chosen, "the preferences"), (os.environ.get("ICYMOON_EVALUATOR", ""),
                                                             "ICYMOON_EVALUATOR")):
         if candidate:
-            path = user_path(candidate, f"The evaluator's Python, named by {origin},")
+            path = parse_path(candidate, f"The evaluator's Python, named by {origin},")
             if not path.is_file():
                 raise IcyMoonError(f"The evaluator's Python {path}, named by {origin}, is not there; "
                                    "correct the path or install the evaluator in the preferences.")
             return str(path)
     if not bpy.app.binary_path:
         return sys.executable
-    own = own_evaluator()
+    own = own_evaluator_python()
     if own.is_file() and not is_unfinished(own.parents[1]):
         return str(own)
     raise IcyMoonError("There is no evaluator yet; open Preferences > Add-ons > Icy Moon and press Install Evaluator, "
@@ -79,7 +79,7 @@ def kernels() -> str:
     return bpy.path.abspath(preferences.kernels) if preferences and preferences.kernels else ""
 
 
-def own_matchers(methods: str) -> list[str]:
+def own_matcher_arguments(methods: str) -> list[str]:
     """The person's own matchers that a list of matchers names, as arguments of the evaluator.
 
     Raises IcyMoonError if one is not set up here.
@@ -164,8 +164,8 @@ class ICYMOON_AP_preferences(bpy.types.AddonPreferences):
         for finding in findings:
             column = layout.column(align=True)
             column.label(text=f"{finding.subject}: {finding.fact}", icon=_ICONS[finding.state])
-            if finding.mend:
-                column.label(text=finding.mend, icon="BLANK1")
+            if finding.fix:
+                column.label(text=finding.fix, icon="BLANK1")
         layout.prop(self, "evaluator")
         layout.prop(self, "kernels")
         layout.prop(self, "cache")
@@ -195,7 +195,7 @@ def matchers() -> Any:
     return preferences.matchers
 
 
-def remember(found: list[Finding]) -> None:
+def show_findings(found: list[Finding]) -> None:
     """Show what a check found in the preferences."""
     findings[:] = found
 

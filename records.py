@@ -22,9 +22,9 @@ from .system import name_fault
 
 @dataclass(frozen=True)
 class Kind:
-    """A kind of value: in words, and whether one is of it."""
+    """A kind of value: its name in words, and whether a value is of it."""
 
-    says: str
+    name: str
     fits: Callable[[Any], bool]
 
 
@@ -91,59 +91,60 @@ SHA256 = Kind("64 digits of 0-9 and a-f", lambda value: isinstance(value, str)
               and re.fullmatch("[0-9a-f]{64}", value) is not None)
 
 
-def fault(data: Any, shape: Shape, name: str = "it") -> str:
+def find_fault(data: Any, shape: Shape, name: str = "it") -> str:
     """What is wrong with ``data``, called ``name``, the first of it, in words; empty if nothing."""
     if isinstance(shape, Maybe):
-        return "" if data is None and shape.null else fault(data, shape.shape, name)
+        return "" if data is None and shape.null else find_fault(data, shape.shape, name)
     if isinstance(shape, Kind):
-        return "" if shape.fits(data) else _not(data, name, shape.says)
+        return "" if shape.fits(data) else _mismatch(data, name, shape.name)
     if isinstance(shape, Each) and shape.keys is None:
         if not isinstance(data, list):
-            return _not(data, name, "a list")
-        return _first(fault(value, shape.shape, f"{name}[{k}]") for k, value in enumerate(data))
+            return _mismatch(data, name, "a list")
+        return _first_fault(find_fault(value, shape.shape, f"{name}[{k}]") for k, value in enumerate(data))
     if not isinstance(data, dict):
-        return _not(data, name, "a table")
+        return _mismatch(data, name, "a table")
     needed = shape.needed if isinstance(shape, Each) else [k for k, v in shape.items() if not isinstance(v, Maybe)]
     for key in needed:
         if key not in data:
-            return f"{_inside(name, key)} is missing"
+            return f"{_key_path(name, key)} is missing"
     if isinstance(shape, Each):
         keys = shape.keys or TEXT
-        return _first(_not(key, f"a name in {name}", keys.says) if not keys.fits(key) else
-                      fault(value, shape.shape, _inside(name, key)) for key, value in data.items())
-    return _first(fault(data[key], inner, _inside(name, key)) for key, inner in shape.items() if key in data)
+        return _first_fault(_mismatch(key, f"a name in {name}", keys.name) if not keys.fits(key) else
+                            find_fault(value, shape.shape, _key_path(name, key)) for key, value in data.items())
+    return _first_fault(find_fault(data[key], inner, _key_path(name, key))
+                        for key, inner in shape.items() if key in data)
 
 
-def _inside(name: str, key: str) -> str:
+def _key_path(name: str, key: str) -> str:
     return key if name == "it" else f"{name}.{key}"
 
 
-def _not(value: Any, name: str, says: str) -> str:
+def _mismatch(value: Any, name: str, wanted: str) -> str:
     shown = "a table" if isinstance(value, dict) else "a list" if isinstance(value, list) else repr(value)
-    return f"{name} is {shown if len(shown) < 60 else shown[:56] + ' …'}, not {says}"
+    return f"{name} is {shown if len(shown) < 60 else shown[:56] + ' …'}, not {wanted}"
 
 
-def _first(faults: Iterable[str]) -> str:
+def _first_fault(faults: Iterable[str]) -> str:
     return next(filter(None, faults), "")
 
 
-def checked(data: Any, shape: Shape, where: object, mend: str) -> Any:
+def check_record(data: Any, shape: Shape, where: object, mend: str) -> Any:
     """``data`` if it has this shape. Raises IcyMoonError with the place, what is wrong and how to mend it."""
-    wrong = fault(data, shape)
+    wrong = find_fault(data, shape)
     if wrong:
         raise IcyMoonError(f"{where}: {wrong}; {mend}.")
     return data
 
 
-def parsed(text: str | bytes) -> Any:
+def parse_json(text: str | bytes) -> Any:
     """What a JSON text holds. Raises ValueError where it is none, or has a number that no double holds."""
     try:
-        return json.loads(text, parse_float=_finite, parse_constant=_finite)
+        return json.loads(text, parse_float=_parse_finite, parse_constant=_parse_finite)
     except RecursionError:
         raise ValueError("too deep") from None
 
 
-def _finite(text: str) -> float:
+def _parse_finite(text: str) -> float:
     if not math.isfinite(float(text)):
         raise ValueError(f"{text} is no number")
     return float(text)
@@ -152,9 +153,9 @@ def _finite(text: str) -> float:
 def read_record(path: Path, shape: Shape, mend: str) -> Any:
     """The content of a JSON file of this shape. Raises IcyMoonError, FileNotFoundError where there is none."""
     try:
-        data = parsed(read_text(path))
+        data = parse_json(read_text(path))
     except FileNotFoundError:
         raise
     except (OSError, ValueError) as error:
         raise IcyMoonError(f"{path} cannot be read ({error}); {mend}.") from None
-    return checked(data, shape, path, mend)
+    return check_record(data, shape, path, mend)

@@ -18,7 +18,7 @@ from .settings.table import EFFECTS, TOPICS, Setting, Value
 
 #: Called with a scene and the effects of the settings that a person or a script has changed in it.
 listeners: list[Callable[[Any, frozenset[str]], None]] = []
-_held: dict[Any, set[str]] | None = None  # what changed in each scene while ``together`` holds it back
+_held: dict[Any, set[str]] | None = None  # what changed in each scene while ``batch_changes`` holds it back
 
 
 def announce(scene: Any, effect: str) -> None:
@@ -31,7 +31,7 @@ def announce(scene: Any, effect: str) -> None:
 
 
 @contextmanager
-def together() -> Iterator[None]:
+def batch_changes() -> Iterator[None]:
     """Tell the listeners of all changes made inside at once, at the end."""
     global _held
     if _held is not None:
@@ -48,7 +48,7 @@ def together() -> Iterator[None]:
                 listener(scene, frozenset(effects))
 
 
-def _group(name: str, doc: str, annotations: dict[str, Any]) -> type:
+def _register_group(name: str, doc: str, annotations: dict[str, Any]) -> type:
     """Make and register a property group."""
     group = type(name, (bpy.types.PropertyGroup,), {"__doc__": doc, "__annotations__": annotations})
     bpy.utils.register_class(group)
@@ -56,14 +56,14 @@ def _group(name: str, doc: str, annotations: dict[str, Any]) -> type:
     return group
 
 
-def _blender_property(topic: str, setting: Setting) -> Any:
+def _make_property(topic: str, setting: Setting) -> Any:
     """The property of a setting, which announces its changes."""
     def update(group: Any, context: Any) -> None:
         announce(group.id_data, setting.effect)
 
     if setting.kind == "list":
-        entry = _group(f"ICYMOON_PG_{topic}_{setting.key}", setting.description,
-                       {s.key: _blender_property(topic, s) for s in setting.entries})
+        entry = _register_group(f"ICYMOON_PG_{topic}_{setting.key}", setting.description,
+                                {s.key: _make_property(topic, s) for s in setting.entries})
         return bpy.props.CollectionProperty(type=entry, name=setting.label, description=setting.description)
     common: dict[str, Any] = {"name": setting.label, "description": setting.description,
                               "default": setting.default, "update": update}
@@ -93,11 +93,11 @@ def register() -> None:
     principled.use(compat.principled_table())
     pointers: dict[str, Any] = {}
     for topic in TOPICS.values():
-        members = {s.key: _blender_property(topic.key, s) for s in topic.settings}
+        members = {s.key: _make_property(topic.key, s) for s in topic.settings}
         members |= {f"{s.key}_active": bpy.props.IntProperty(name=f"Selected of {s.label}", min=0,
                                                                description="Which one the sidebar shows")
                     for s in topic.settings if s.kind == "list"}  # which one the sidebar's list shows
-        group = _group(f"ICYMOON_PG_{topic.key}", topic.description, members)
+        group = _register_group(f"ICYMOON_PG_{topic.key}", topic.description, members)
         pointers[topic.key] = bpy.props.PointerProperty(type=group, name=topic.label,
                                                         description=topic.description)
     pointers["results"] = bpy.props.StringProperty(name="Results", options={"HIDDEN"},
@@ -109,7 +109,7 @@ def register() -> None:
     pointers["follow"] = bpy.props.BoolProperty(
         name="Keep Image Up to Date", default=True,
         description="Expose the camera image that is shown again whenever the camera response changes")
-    root = _group("ICYMOON_PG_description", "Everything that describes an Icy Moon scene", pointers)
+    root = _register_group("ICYMOON_PG_description", "Everything that describes an Icy Moon scene", pointers)
     bpy.types.Scene.icymoon = bpy.props.PointerProperty(
         type=root, name="Icy Moon", description="Everything that describes an Icy Moon scene")
 
@@ -121,29 +121,29 @@ def unregister() -> None:
         bpy.utils.unregister_class(_classes.pop())
 
 
-def from_group(group: Any) -> Settings:
+def read_settings(group: Any) -> Settings:
     """The complete description that a ``Scene.icymoon`` property group holds.
 
     The scene may be anyone's: IcyMoonError is raised for what a file could not state either.
     """
-    return check(unchecked(group), "This scene")
+    return check(read_unchecked(group), "This scene")
 
 
-def unchecked(group: Any) -> Settings:
+def read_unchecked(group: Any) -> Settings:
     """The same, unchecked: to be shown, not to be given to a process."""
-    return {topic: {s.key: _from_property(s, getattr(getattr(group, topic), s.key)) for s in TOPICS[topic].settings}
+    return {topic: {s.key: _read_property(s, getattr(getattr(group, topic), s.key)) for s in TOPICS[topic].settings}
             for topic in TOPICS}
 
 
-def _from_property(setting: Setting, value: Any) -> Value:
+def _read_property(setting: Setting, value: Any) -> Value:
     if setting.kind == "list":
-        return [{s.key: _from_property(s, getattr(item, s.key)) for s in setting.entries} for item in value]
+        return [{s.key: _read_property(s, getattr(item, s.key)) for s in setting.entries} for item in value]
     return canonical(setting, value)
 
 
-def to_group(group: Any, settings: Mapping[str, Mapping[str, Value]]) -> None:
+def write_settings(group: Any, settings: Mapping[str, Mapping[str, Value]]) -> None:
     """Write a (partial) description, already checked, into a ``Scene.icymoon`` property group."""
-    with together():
+    with batch_changes():
         for topic, values in settings.items():
             for key, value in values.items():
                 if isinstance(value, list):

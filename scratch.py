@@ -13,7 +13,7 @@ from typing import Any
 
 from . import system
 from .errors import IcyMoonError
-from .files import disk_errors
+from .files import explain_disk_errors
 from .records import PROCESS, TEXT, read_record
 
 _PREFIX = "icymoon-"
@@ -22,20 +22,20 @@ _OWNER = ".icymoon.json"
 _SHAPE = {"pid": PROCESS, "place": TEXT, "computer": TEXT}
 
 
-def make_scratch() -> Path:
+def make_scratch_folder() -> Path:
     """A new temporary folder, after sweeping what killed processes of ours have left. Raises IcyMoonError."""
     _sweep()
-    with disk_errors("write to", Path(tempfile.gettempdir())):
+    with explain_disk_errors("write to", Path(tempfile.gettempdir())):
         folder = Path(tempfile.mkdtemp(prefix=_PREFIX))
-        owner = {"pid": os.getpid(), "place": system.place(), "computer": system.computer()}
+        owner = {"pid": os.getpid(), "place": system.process_scope(), "computer": system.computer_name()}
         (folder / _OWNER).write_text(json.dumps(owner), encoding="utf-8")
     return folder
 
 
 @contextmanager
-def scratch() -> Iterator[Path]:
+def scratch_folder() -> Iterator[Path]:
     """A temporary folder for a block. Raises IcyMoonError if there can be none."""
-    folder = make_scratch()
+    folder = make_scratch_folder()
     try:
         yield folder
     finally:
@@ -46,7 +46,7 @@ def scratch() -> Iterator[Path]:
 def _sweep() -> None:
     for folder in Path(tempfile.gettempdir()).glob(f"{_PREFIX}*"):
         with suppress(OSError, IcyMoonError):  # another user's, or not one of these
-            if _is_ours(folder) and _is_left(read_record(folder / _OWNER, _SHAPE, "delete it")):
+            if _is_ours(folder) and _is_abandoned(read_record(folder / _OWNER, _SHAPE, "delete it")):
                 system.remove_folder(folder)
 
 
@@ -56,8 +56,8 @@ def _is_ours(folder: Path) -> bool:
             and system.is_users(folder))
 
 
-def _is_left(owner: dict[str, Any]) -> bool:
+def _is_abandoned(owner: dict[str, Any]) -> bool:
     """Whether the process that made a folder is no more, for certain."""
-    here = system.place()
-    rebooted = owner["computer"] == system.computer() and owner["place"].split(" ")[0] != here.split(" ")[0]
+    here = system.process_scope()
+    rebooted = owner["computer"] == system.computer_name() and owner["place"].split(" ")[0] != here.split(" ")[0]
     return bool(here and owner["place"]) and (rebooted or system.is_gone(owner["pid"], owner["place"]))

@@ -43,7 +43,7 @@ _LOOK_S, _GRACE_S = 0.25, 3.0
 _Result = TypeVar("_Result")
 
 
-def windows() -> bool:
+def is_windows() -> bool:
     """Whether this is Windows."""
     return PLATFORM == "win32"
 
@@ -54,7 +54,7 @@ def windows() -> bool:
 def flush(path: Path) -> None:
     """Flush a file, or the entries of a folder, to the disk."""
     folder = path.is_dir()
-    if folder and windows():
+    if folder and is_windows():
         return  # there is no handle on a folder to flush
     handle = os.open(path, os.O_RDONLY if folder else os.O_RDWR)  # Windows flushes only what may be written to
     try:
@@ -77,7 +77,7 @@ def flush_handle(handle: int) -> None:
     os.fsync(handle)
 
 
-def patiently(act: Callable[[], _Result]) -> _Result:
+def retry(act: Callable[[], _Result]) -> _Result:
     """What ``act`` returns, tried again for some seconds if an error meets it that passes by itself."""
     for n, wait_s in enumerate(_WAITS_S):
         try:
@@ -94,42 +94,43 @@ def may_be_open(error: OSError) -> bool:
 
     Windows has one error for it and for what may not be written to.
     """
-    return windows() and isinstance(error, PermissionError)
+    return is_windows() and isinstance(error, PermissionError)
 
 
 def rename(source: Path, target: Path) -> None:
     """Rename a file or a folder."""
-    patiently(lambda: os.rename(source, target))
+    retry(lambda: os.rename(source, target))
 
 
 def replace(source: Path, target: Path) -> None:
     """Rename a file to ``target``, in place of a file that is there."""
-    patiently(lambda: os.replace(source, target))
+    retry(lambda: os.replace(source, target))
 
 
 def remove(path: Path) -> None:
     """Remove a file, if it is there."""
-    patiently(lambda: path.unlink(missing_ok=True))
+    retry(lambda: path.unlink(missing_ok=True))
 
 
 def remove_folder(path: Path) -> None:
     """Remove a folder and all in it, if it is there; what cannot be removed stays."""
     with suppress(OSError):
-        patiently(lambda: shutil.rmtree(path))
+        retry(lambda: shutil.rmtree(path))
         return
     shutil.rmtree(path, ignore_errors=True)
 
 
 def is_broken_pipe(error: OSError) -> bool:
     """Whether nobody reads any more what is printed; Windows says that an argument is invalid."""
-    return isinstance(error, BrokenPipeError) or (windows() and error.errno == errno.EINVAL and error.filename is None)
+    return isinstance(error, BrokenPipeError) or (
+        is_windows() and error.errno == errno.EINVAL and error.filename is None)
 
 
 def lock(path: Path) -> IO[bytes] | None:
     """The file, made if need be, opened and locked for this process; None if another has it locked."""
     stream = path.open("a+b")
     try:
-        if windows():
+        if is_windows():
             import msvcrt
 
             stream.seek(0)
@@ -144,16 +145,16 @@ def lock(path: Path) -> IO[bytes] | None:
     return stream
 
 
-def heritable_lock(path: Path) -> IO[bytes] | None:
+def lock_for_child(path: Path) -> IO[bytes] | None:
     """As ``lock``, to be the standard input of another process, which then holds it until it ends."""
-    if not windows():
+    if not is_windows():
         return lock(path)
-    return None if is_held(path) else path.open("a+b")
+    return None if is_lock_held(path) else path.open("a+b")
 
 
-def is_held(path: Path) -> bool:
-    """Whether a process lives that has this ``heritable_lock``."""
-    if windows():  # locks are not inherited there, but what is open cannot be renamed
+def is_lock_held(path: Path) -> bool:
+    """Whether a process lives that has a lock of ``lock_for_child``."""
+    if is_windows():  # locks are not inherited there, but what is open cannot be renamed
         try:
             path.rename(path)
         except FileNotFoundError:
@@ -173,14 +174,14 @@ def is_held(path: Path) -> bool:
 
 def check_path(path: Path, deepest: Path | None = None) -> None:
     """Raise IcyMoonError if Windows, where this is Windows, takes no such path, or not the ``deepest`` in it."""
-    if not windows():
+    if not is_windows():
         return
     whole = PureWindowsPath(os.path.abspath(path))
     for name in whole.parts[1:]:
         if fault := name_fault(name):
             raise IcyMoonError(f"{path}: Windows takes no name such as {name!r} ({fault}); choose another one.")
     length = len(os.path.abspath(deepest or path))
-    if length > LONGEST_PATH and not _long_paths():
+    if length > LONGEST_PATH and not _allows_long_paths():
         raise IcyMoonError(f"{path}: a path of {length} characters would be written, and Windows takes {LONGEST_PATH}; "
                            "choose a folder with a shorter path.")
 
@@ -196,7 +197,7 @@ def name_fault(name: str) -> str:
     return ""
 
 
-def _long_paths() -> bool:
+def _allows_long_paths() -> bool:
     """Whether Windows lets this program use long paths."""
     import ctypes
 
@@ -206,12 +207,12 @@ def _long_paths() -> bool:
         return False
 
 
-def computer() -> str:
+def computer_name() -> str:
     """Name of this computer."""
     return socket.gethostname()
 
 
-def user() -> str:
+def user_key() -> str:
     """What tells the users of this computer apart in a folder that they share."""
     return str(os.getuid()) if hasattr(os, "getuid") else "user"
 
@@ -234,17 +235,17 @@ def cache_folder() -> Path:
 
 def venv_python(folder: Path) -> Path:
     """The Python of a virtual environment."""
-    return folder / ("Scripts/python.exe" if windows() else "bin/python")
+    return folder / ("Scripts/python.exe" if is_windows() else "bin/python")
 
 
-def pythons(prefix: Path) -> list[Path]:
+def find_pythons(prefix: Path) -> list[Path]:
     """Where there may be a Python outside Blender: of an installation, and on the search path."""
     version = f"{sys.version_info.major}.{sys.version_info.minor}"
-    names = ("python", "py") if windows() else ("python3",)
+    names = ("python", "py") if is_windows() else ("python3",)
     found = [Path(path) for name in names if (path := shutil.which(name))]
     # Windows looks in the current folder first, which may be anyone's.
-    found = [path for path in found if not windows() or path.resolve().parent != Path.cwd()]
-    own = ("python.exe", "bin/python.exe") if windows() else (f"bin/python{version}",)
+    found = [path for path in found if not is_windows() or path.resolve().parent != Path.cwd()]
+    own = ("python.exe", "bin/python.exe") if is_windows() else (f"bin/python{version}",)
     return [*(prefix / path for path in own), *found]
 
 
@@ -258,7 +259,7 @@ def split_command(text: str) -> list[str]:
     """A command as one would type it, as its arguments. Raises ValueError for quotes that are not closed."""
     words = shlex.shlex(text, posix=True)
     words.whitespace_split, words.commenters = True, ""
-    if windows():
+    if is_windows():
         words.escape = ""  # a backslash stands in paths there
     return list(words)
 
@@ -266,7 +267,7 @@ def split_command(text: str) -> list[str]:
 # Processes
 
 
-def processors() -> int:
+def count_processors() -> int:
     """Processors that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
@@ -308,30 +309,30 @@ def start(command: Sequence[str], environment: Mapping[str, str] | None = None,
 
     Raises OSError if it cannot start.
     """
-    apart: dict[str, Any] = {"creationflags": _NEW_GROUP | _NO_WINDOW} if windows() else {"start_new_session": True}
+    apart: dict[str, Any] = {"creationflags": _NEW_GROUP | _NO_WINDOW} if is_windows() else {"start_new_session": True}
     return subprocess.Popen(list(command), env=environment, **{"stdin": subprocess.DEVNULL, **streams, **apart})
 
 
 def start_ours(command: Sequence[str], environment: Mapping[str, str] | None = None) -> subprocess.Popen[bytes]:
     """As ``start``, of a program that ``obey_starter``: it ends when we do. All that it says is its output."""
-    return start(command, _told_to_stop(environment, "-"), stdin=subprocess.PIPE, stdout=subprocess.PIPE,
+    return start(command, _stop_environment(environment, "-"), stdin=subprocess.PIPE, stdout=subprocess.PIPE,
                  stderr=subprocess.STDOUT)
 
 
-def start_to_stay(command: Sequence[str], environment: Mapping[str, str] | None, held: IO[bytes],
-                  log: IO[bytes], stop: Path) -> subprocess.Popen[bytes]:
-    """As ``start``, of a program that may outlive us: it holds a ``heritable_lock`` and says all into ``log``.
+def start_detached(command: Sequence[str], environment: Mapping[str, str] | None, held: IO[bytes],
+                   log: IO[bytes], stop: Path) -> subprocess.Popen[bytes]:
+    """As ``start``, of a program that may outlive us. It holds a lock of ``lock_for_child`` and writes to ``log``.
 
     ``stop`` names a file that is for ``interrupt_other``.
     """
     remove(stop)
-    told = _told_to_stop(environment, str(stop)) if windows() else environment
+    told = _stop_environment(environment, str(stop)) if is_windows() else environment
     return start(command, told, stdin=held, stdout=log, stderr=subprocess.STDOUT)
 
 
 def call_ours(command: Sequence[str], environment: Mapping[str, str] | None = None) -> int:
     """Run a program that ``obey_starter`` to its end, with our own output; its exit status."""
-    with subprocess.Popen(list(command), stdin=subprocess.PIPE, env=_told_to_stop(environment, "-")) as process:
+    with subprocess.Popen(list(command), stdin=subprocess.PIPE, env=_stop_environment(environment, "-")) as process:
         try:
             return process.wait()
         except BaseException:
@@ -339,23 +340,23 @@ def call_ours(command: Sequence[str], environment: Mapping[str, str] | None = No
             raise
 
 
-def _told_to_stop(environment: Mapping[str, str] | None, how: str) -> dict[str, str]:
+def _stop_environment(environment: Mapping[str, str] | None, how: str) -> dict[str, str]:
     return {**(os.environ if environment is None else environment), _STOP: how}
 
 
 def interrupt(process: subprocess.Popen[bytes]) -> None:
     """Ask a program that ``start_ours`` began to stop."""
     with suppress(OSError):  # it has ended just now
-        if not windows():
+        if not is_windows():
             process.send_signal(signal.SIGINT)
         elif process.stdin is not None:
             process.stdin.close()  # no signal reaches a process without our console
 
 
 def interrupt_other(pid: int, stop: Path) -> None:
-    """Ask a program that ``start_to_stay`` began, perhaps of an earlier process, to stop; and what it has started."""
+    """Ask a program that ``start_detached`` began, perhaps of an earlier process, to stop; and what it has started."""
     with suppress(OSError):
-        if windows():
+        if is_windows():
             stop.touch()
         else:
             os.killpg(pid, signal.SIGINT)
@@ -364,7 +365,7 @@ def interrupt_other(pid: int, stop: Path) -> None:
 def kill_other(pid: int) -> None:
     """End such a program at once; what it has started ends with it."""
     with suppress(OSError):
-        if windows():
+        if is_windows():
             os.kill(pid, signal.SIGTERM)  # which is TerminateProcess there
         else:
             os.killpg(pid, signal.SIGKILL)
@@ -373,7 +374,7 @@ def kill_other(pid: int) -> None:
 def kill_all(process: subprocess.Popen[bytes]) -> None:
     """End a program of ``start`` at once, with all that it has started, and wait until it is gone."""
     with suppress(OSError):
-        if windows():
+        if is_windows():
             # By its place: Windows looks for a mere name in the current folder too, which may be anyone's.
             taskkill = PureWindowsPath(os.environ.get("SYSTEMROOT", "C:/Windows"), "System32", "taskkill.exe")
             subprocess.run([str(taskkill), "/T", "/F", "/PID", str(process.pid)], capture_output=True, check=False,
@@ -397,14 +398,14 @@ def obey_starter(at_once: bool = False) -> None:
 def _obey(how: str, at_once: bool) -> None:
     try:
         if how == "-":
-            _until_input_ends()
+            _wait_for_input_end()
         else:
             while not os.path.exists(how):
                 time.sleep(_LOOK_S)
     except OSError:  # there is no such input
         return
     if not at_once:
-        if windows():
+        if is_windows():
             signal.raise_signal(signal.SIGINT)
         else:
             os.kill(os.getpid(), signal.SIGINT)  # which the main thread hears also while it waits
@@ -412,9 +413,9 @@ def _obey(how: str, at_once: bool) -> None:
     os._exit(1)
 
 
-def _until_input_ends() -> None:
+def _wait_for_input_end() -> None:
     """Wait for the end of the standard input, a pipe into which nothing is written."""
-    if not windows():
+    if not is_windows():
         while os.read(0, 1):
             pass
         return
@@ -428,7 +429,7 @@ def _until_input_ends() -> None:
             time.sleep(_LOOK_S)
 
 
-def stop_by(handler: Callable[[int, Any], None]) -> None:
+def set_stop_handler(handler: Callable[[int, Any], None]) -> None:
     """Have ``handler`` called at Ctrl-C and when a scheduler or the system asks us to stop."""
     # A shell that starts a program in the background lets it ignore SIGINT; a scheduler sends SIGTERM.
     for name in ("SIGINT", "SIGTERM", "SIGBREAK"):
@@ -447,7 +448,7 @@ def end_at_interrupt() -> None:
 
 
 @contextmanager
-def quiet_interrupts() -> Iterator[None]:
+def silence_interrupts() -> Iterator[None]:
     """While modules load, have Ctrl-C end this process at once and without a word: nothing is begun yet, and some
     modules make another error of a KeyboardInterrupt."""
     before = signal.getsignal(signal.SIGINT)
@@ -458,7 +459,7 @@ def quiet_interrupts() -> Iterator[None]:
         signal.signal(signal.SIGINT, before)
 
 
-def place() -> str:
+def process_scope() -> str:
     """What names the processes among which a process number means one process; empty if unknown."""
     if PLATFORM == "linux":
         try:
@@ -466,15 +467,15 @@ def place() -> str:
             return f"{boot} {os.readlink('/proc/self/ns/pid')}"
         except OSError:
             return ""
-    return computer()
+    return computer_name()
 
 
 def is_gone(pid: int, where: str) -> bool:
-    """Whether a process of a ``place`` certainly is no more."""
-    if not where or where != place() or not 0 < pid < 2**31:
+    """Whether a process of a ``process_scope`` certainly is no more."""
+    if not where or where != process_scope() or not 0 < pid < 2**31:
         return False
-    if windows():
-        return _gone_from_windows(pid)
+    if is_windows():
+        return _is_gone_on_windows(pid)
     try:
         os.kill(pid, 0)
     except ProcessLookupError:
@@ -487,7 +488,7 @@ def is_gone(pid: int, where: str) -> bool:
         return False
 
 
-def _gone_from_windows(pid: int) -> bool:
+def _is_gone_on_windows(pid: int) -> bool:
     import _winapi  # type: ignore[import-not-found,unused-ignore]
 
     try:  # os.kill with 0, which only looks elsewhere, would end it
@@ -501,8 +502,8 @@ def _gone_from_windows(pid: int) -> bool:
         _winapi.CloseHandle(handle)  # type: ignore[attr-defined,unused-ignore]
 
 
-def write_utf8() -> None:
+def set_utf8_output() -> None:
     """Have what this program prints be UTF-8, also into a file or a pipe on Windows, so that nothing fails there."""
     for stream in (sys.stdout, sys.stderr):
-        if windows() and stream is not None and not stream.isatty() and hasattr(stream, "reconfigure"):
+        if is_windows() and stream is not None and not stream.isatty() and hasattr(stream, "reconfigure"):
             stream.reconfigure(encoding="utf-8", errors="backslashreplace")

@@ -11,19 +11,19 @@ from pathlib import Path
 from typing import Any
 
 from .errors import IcyMoonError
-from .files import shortened, user_path
+from .files import parse_path, shorten
 from .system import is_broken_pipe
 
 
 def as_path(text: str) -> Path:
     """A path of the command line, for argparse."""
     try:
-        return user_path(text, "the path")
+        return parse_path(text, "the path")
     except IcyMoonError as error:
         raise argparse.ArgumentTypeError(str(error)) from None
 
 
-def tell_end(error: BaseException, program: str, stopped: str) -> int:
+def report_end(error: BaseException, program: str, stopped: str) -> int:
     """Say on standard error what has ended a command, and return its exit status.
 
     Whatever is neither a person's to mend nor the system's is raised again: it is a defect of ours.
@@ -39,7 +39,7 @@ def tell_end(error: BaseException, program: str, stopped: str) -> int:
         print(f"{program}: {' '.join(str(error).split())}", file=sys.stderr)
         return 1
     if isinstance(error, OSError):
-        where = f"{shortened(str(error.filename))}: " if error.filename is not None else ""
+        where = f"{shorten(str(error.filename))}: " if error.filename is not None else ""
         print(f"{program}: {where}the system refuses it ({error.strerror or error}); mend that or choose another "
               "place.", file=sys.stderr)
         return 1

@@ -47,9 +47,9 @@ def built(name: str) -> tuple[bpy.types.Scene, float]:
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     scene = bpy.context.scene
     scene.icymoon.live = False
-    scene_properties.to_group(scene.icymoon, description.load(description.preset_path(name)))
+    scene_properties.write_settings(scene.icymoon, description.load(description.preset_path(name)))
     start = time.process_time()
-    scenes.build(scene, scene_properties.from_group(scene.icymoon))
+    scenes.build(scene, scene_properties.read_settings(scene.icymoon))
     build = time.process_time() - start
     scene.icymoon.live = True
     return scene, build

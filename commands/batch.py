@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import IcyMoonError
-from ..files import shortened
+from ..files import shorten
 from ..render.cost.abilities import require
 from ..render.pairs.pair_folder import is_complete
 from ..render.plans import frozen_plan as datasets
@@ -24,7 +24,7 @@ from ..render.workers.process import clean_environment, emit, errors_told
 from ..render.workers.runner import Runner, Workers
 from ..render.workers.slurm_scripts import Request, write_script
 from ..render.workers.verify import verify
-from ..system import call_ours, processors, stop_by
+from ..system import call_ours, count_processors, set_stop_handler
 from ..terminal import as_path, show_progress
 
 Say = Callable[..., None]
@@ -45,14 +45,14 @@ def add_verbs(verbs: Any) -> None:
                        help="another camera response to match them with than they were rendered for")
     batch.add_argument("--dask", metavar="ADDRESS", help="render on the Dask cluster whose scheduler is there, as in "
                        "tcp://host:8786, or on N of its processes here with local:N")
-    _how(batch)
-    batch.set_defaults(run=_batch)
+    _add_worker_options(batch)
+    batch.set_defaults(run=_run_batch)
 
     work = verbs.add_parser("work", help="render a share of a data set that icymoon batch or slurm has planned")
     work.add_argument("dataset", type=as_path, metavar="DATASET", help="folder of the data set")
     work.add_argument("--shard", default="1/1", metavar="I/N", help="share I of N, counted from 1 (%(default)s)")
-    _how(work)
-    work.set_defaults(run=_work)
+    _add_worker_options(work)
+    work.set_defaults(run=_run_work)
 
     slurm = verbs.add_parser("slurm", help="write the job script that renders a data set on a cluster with SLURM")
     slurm.add_argument("plan", help="plan of the data set: a TOML file, or the name of a shipped one")
@@ -66,17 +66,17 @@ def add_verbs(verbs: Any) -> None:
                        help="further option of sbatch, as in --sbatch=--partition=long; may repeat")
     slurm.add_argument("--python", default=sys.executable, help="Python on the cluster's machines (this Python)")
     slurm.add_argument("--blender", default=sys.executable, help="Blender there, or a Python with bpy (this Python)")
-    slurm.set_defaults(run=_slurm)
+    slurm.set_defaults(run=_run_slurm)
 
     check = verbs.add_parser("verify", help="check every file of a data set, and say what is missing or wrong")
     check.add_argument("dataset", type=as_path, metavar="DATASET", help="folder of the data set")
     check.add_argument("--remove", action="store_true",
                        help="remove broken pairs and leftovers, so that icymoon batch makes them again")
     check.add_argument("--json", action="store_true", help="say it in JSON lines")
-    check.set_defaults(run=_verify)
+    check.set_defaults(run=_run_verify)
 
 
-def _how(parser: argparse.ArgumentParser) -> None:
+def _add_worker_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--workers", type=int, metavar="N", help="processes that render (one for four processors)")
     parser.add_argument("--threads-per-worker", type=int, metavar="N", help="threads of each (all, divided evenly)")
     parser.add_argument("--scenes-per-worker", type=int, default=50, metavar="N",
@@ -85,19 +85,19 @@ def _how(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--json", action="store_true", help="say what happens in JSON lines")
 
 
-def workers(options: argparse.Namespace) -> Workers:
-    """How to render, from the options of ``_how``. Raises IcyMoonError for what cannot be."""
+def parse_workers(options: argparse.Namespace) -> Workers:
+    """How to render, from the options of ``_add_worker_options``. Raises IcyMoonError for what cannot be."""
     for name in ("workers", "threads_per_worker", "scenes_per_worker"):
         value = getattr(options, name)
         if value is not None and value < 1:
             raise IcyMoonError(f"--{name.replace('_', '-')} is {value}; give 1 or more.")
-    count = options.workers or max(1, processors() // _THREADS)
-    threads = options.threads_per_worker or max(1, processors() // count)
+    count = options.workers or max(1, count_processors() // _THREADS)
+    threads = options.threads_per_worker or max(1, count_processors() // count)
     return Workers(count, threads, options.blender, options.scenes_per_worker)
 
 
 @contextmanager
-def _voice(as_json: bool) -> Iterator[Say]:
+def _open_output(as_json: bool) -> Iterator[Say]:
     """Where messages go: standard output as JSON lines, or a progress bar for a person."""
     if as_json:
         yield emit
@@ -112,7 +112,7 @@ def _stop(number: int, frame: Any) -> None:
 
 def render(dataset: Path, pairs: list[PlannedPair], how: Workers, say: Say, dask: str | None = None) -> int:
     """Render what is missing of these pairs; the exit status: 0, or 1 if some were set aside."""
-    stop_by(_stop)
+    set_stop_handler(_stop)
     failed: dict[str, str] = {}
     try:
         if dask:
@@ -132,7 +132,7 @@ def render(dataset: Path, pairs: list[PlannedPair], how: Workers, say: Say, dask
     return 1 if failed else 0
 
 
-def _frozen(plan: str, dataset: Path, blender: str = "") -> datasets.Frozen:
+def _freeze_plan(plan: str, dataset: Path, blender: str = "") -> datasets.Frozen:
     """The data set that a plan asks for, frozen into its folder with its pairs in the order to render them in.
 
     Where a ``blender`` is named that is to render them, IcyMoonError is raised before if it cannot.
@@ -151,18 +151,18 @@ def _frozen(plan: str, dataset: Path, blender: str = "") -> datasets.Frozen:
     return frozen
 
 
-def _batch(options: argparse.Namespace) -> int:
+def _run_batch(options: argparse.Namespace) -> int:
     dataset = options.out.absolute()
     with errors_told(options.json):
-        how = workers(options)
-        frozen = _frozen(options.plan, dataset, "" if options.dask else options.blender)
-        with _voice(options.json) as say:
+        how = parse_workers(options)
+        frozen = _freeze_plan(options.plan, dataset, "" if options.dask else options.blender)
+        with _open_output(options.json) as say:
             if frozen.note:
                 say("warning", message=frozen.note)
             status = render(dataset, list(frozen.pairs), how, say, options.dask)
     some = len(frozen.missing(dataset)) < len(frozen.pairs)
     failed = _evaluate(dataset, options) if options.evaluate and some else 0
-    return _told(status, dataset, options.json) or failed
+    return _report_status(status, dataset, options.json) or failed
 
 
 def _evaluate(dataset: Path, options: argparse.Namespace) -> int:
@@ -175,7 +175,7 @@ def _evaluate(dataset: Path, options: argparse.Namespace) -> int:
         clean_environment() if options.evaluator else None)
 
 
-def _told(status: int, dataset: Path, as_json: bool) -> int:
+def _report_status(status: int, dataset: Path, as_json: bool) -> int:
     if status:
         print(f"icymoon: some pairs of {dataset} were set aside, named above and in its manifest.json; run the same "
               "command again to try them once more.", file=sys.stderr)
@@ -184,32 +184,32 @@ def _told(status: int, dataset: Path, as_json: bool) -> int:
     return status
 
 
-def numbered(text: str) -> tuple[int, int]:
+def parse_shard(text: str) -> tuple[int, int]:
     """I and N of ``I/N``. Raises IcyMoonError if it is not that."""
     stated = re.fullmatch(r"([0-9]{1,9})/([0-9]{1,9})", text)
     if not stated or not 1 <= int(stated[1]) <= int(stated[2]):
-        raise IcyMoonError(f"--shard is {shortened(text)!r}; write it as I/N with I from 1 to N, as in 3/8.")
+        raise IcyMoonError(f"--shard is {shorten(text)!r}; write it as I/N with I from 1 to N, as in 3/8.")
     return int(stated[1]), int(stated[2])
 
 
-def _work(options: argparse.Namespace) -> int:
+def _run_work(options: argparse.Namespace) -> int:
     dataset = options.dataset.absolute()
     with errors_told(options.json):
-        number, count = numbered(options.shard)
-        how = workers(options)
+        number, count = parse_shard(options.shard)
+        how = parse_workers(options)
         pairs = share(datasets.read(dataset).pairs, number, count)
         require((pair.settings for pair in pairs if not is_complete(pair.folder(dataset))), options.blender)
-        with _voice(options.json) as say:
+        with _open_output(options.json) as say:
             status = render(dataset, pairs, how, say)
-    return _told(status, dataset, options.json)
+    return _report_status(status, dataset, options.json)
 
 
-def _slurm(options: argparse.Namespace) -> int:
+def _run_slurm(options: argparse.Namespace) -> int:
     for name in ("shards", "cpus"):
         if getattr(options, name) < 1:
             raise IcyMoonError(f"--{name} is {getattr(options, name)}; give 1 or more.")
     dataset = options.out.absolute()
-    frozen = _frozen(options.plan, dataset)
+    frozen = _freeze_plan(options.plan, dataset)
     request = Request(options.shards, options.at_once, options.cpus, options.memory, options.time,
                       tuple(options.sbatch))
     if frozen.note:
@@ -219,7 +219,7 @@ def _slurm(options: argparse.Namespace) -> int:
     return 0
 
 
-def _verify(options: argparse.Namespace) -> int:
+def _run_verify(options: argparse.Namespace) -> int:
     found = verify(options.dataset.absolute(), options.remove)
     for problem in found.problems:
         if options.json:

@@ -19,9 +19,9 @@ from ..render.cost.abilities import Abilities, ask, require
 from ..render.cost.tolerance import PX, share, tolerance
 from ..render.workers.job import Job, absolute_folder, render_job
 from ..render.workers.process import Message, emit, errors_told
-from ..scratch import scratch
+from ..scratch import scratch_folder
 from ..settings import description
-from ..terminal import as_path, show_progress, tell_end
+from ..terminal import as_path, report_end, show_progress
 from ..version import version
 from . import batch, plan
 
@@ -33,29 +33,29 @@ _DEMO_PRESETS = ("enceladus_fresh_snow", "europa_rough_ice")
 
 def main(arguments: list[str]) -> int:
     """Run a verb and return the exit status: 0 done, 1 an error that stderr states, 130 stopped."""
-    options = _parser().parse_args(arguments)
+    options = _make_parser().parse_args(arguments)
     try:
         status = int(options.run(options))
         sys.stdout.flush()
         return status
     except (IcyMoonError, OSError, KeyboardInterrupt) as error:
-        return tell_end(error, "icymoon", "stopped; finished pairs are kept, run the same command to go on.")
+        return report_end(error, "icymoon", "stopped; finished pairs are kept, run the same command to go on.")
 
 
-def _parser() -> argparse.ArgumentParser:
+def _make_parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="icymoon", description="Icy-moon landing sites seen by a stereo camera.")
     parser.add_argument("--version", action="version", version=version())
     verbs = parser.add_subparsers(required=True, metavar="VERB")
 
     demo = verbs.add_parser("demo", help="build two scenes, render a pair of each, evaluate them, show the report")
     demo.add_argument("--out", type=as_path, default=Path("out/demo"), help="folder for pairs and report (%(default)s)")
-    demo.set_defaults(run=_demo)
+    demo.set_defaults(run=_run_demo)
 
     render = verbs.add_parser("render", help="build the described scene and render its stereo pairs")
-    _describe(render)
+    _add_scene_options(render)
     render.add_argument("--out", type=as_path, help="data set folder, instead of dataset.folder")
     render.add_argument("--again", action="store_true", help="render pairs that are already complete once more")
-    render.set_defaults(run=_render)
+    render.set_defaults(run=_run_render)
 
     evaluate = verbs.add_parser("evaluate", help="match the pairs of a data set and write a report")
     evaluate.add_argument("path", type=as_path, nargs="+", help="pair or data set folder")
@@ -63,47 +63,47 @@ def _parser() -> argparse.ArgumentParser:
     evaluate.add_argument("--out", type=as_path, help="report folder (evaluation in the data set)")
     evaluate.add_argument("--guiss", action="store_true", help="show what the GUISS reference code would report too")
     evaluate.add_argument("--points", action="store_true", help="write the measured surfaces too, as point clouds")
-    evaluate.set_defaults(run=_evaluate)
+    evaluate.set_defaults(run=_run_evaluate)
 
     settings = verbs.add_parser("settings", help="print the described scene as TOML, every setting stated")
-    _describe(settings)
-    settings.set_defaults(run=lambda options: print(description.to_toml(_described(options)), end="") or 0)
+    _add_scene_options(settings)
+    settings.set_defaults(run=lambda options: print(description.to_toml(_read_settings(options)), end="") or 0)
 
     presets = verbs.add_parser("presets", help="list the shipped presets")
-    presets.set_defaults(run=_presets)
+    presets.set_defaults(run=_run_presets)
 
     sources = verbs.add_parser("sources", help="say which preset and source each number of a pair is from")
     sources.add_argument("path", type=as_path, help="pair folder, or a data set of one pair")
     sources.add_argument("names", nargs="*", metavar="NAME", help="topic such as light, or setting such as "
                          "light.planet_albedo (all that are not defaults)")
-    sources.set_defaults(run=_sources)
+    sources.set_defaults(run=_run_sources)
 
     quality = verbs.add_parser("quality", help="say what each quality costs on this machine and what error it leaves")
-    _describe(quality)
+    _add_scene_options(quality)
     quality.add_argument("--measure", action="store_true",
                          help="measure this machine again by a small render, not only the first time")
     quality.add_argument("--json", action="store_true", help="say it in JSON lines")
-    quality.set_defaults(run=_quality)
+    quality.set_defaults(run=_run_quality)
 
     trade = verbs.add_parser("trade", help="measure how much accuracy each way to save time costs, on one scene")
-    _describe(trade)
-    _bench(trade)
+    _add_scene_options(trade)
+    _add_bench_options(trade)
     trade.add_argument("--groups", default="", help="what to vary, separated by commas: samples, bounces, threshold, "
                        "subsurface, mesh, relief, hapke (all that the scene has)")
     trade.add_argument("--repeats", type=int, default=2, help="renders of each variant (%(default)s)")
     trade.add_argument("--json-lines", action="store_true", help="progress and result as JSON lines on stdout")
-    trade.set_defaults(run=_trade)
+    trade.set_defaults(run=_run_trade)
 
     auto = verbs.add_parser("auto", help="find the cheapest quality whose stereo error is tolerable, on one scene")
-    _describe(auto)
-    _bench(auto)
+    _add_scene_options(auto)
+    _add_bench_options(auto)
     auto.add_argument("--tolerance-px", type=float, metavar="PX",
                       help=f"mean disparity error that may be added ({PX:g}, or any if --tolerance-bad-1 is given)")
     auto.add_argument("--tolerance-bad-1", type=share, metavar="SHARE",
                       help="share of pixels that may be added to those missing or off by more than 1 px, as 0.5%% or "
                       "0.005 (any)")
     auto.add_argument("--json-lines", action="store_true", help="progress and result as JSON lines on stdout")
-    auto.set_defaults(run=_auto)
+    auto.set_defaults(run=_run_auto)
 
     gallery = verbs.add_parser("gallery", help="render the scenes of the gallery, as pictures and all on one sheet")
     gallery.add_argument("--only", action="append", default=[], metavar="NAME", help="one scene; may repeat (all)")
@@ -111,7 +111,7 @@ def _parser() -> argparse.ArgumentParser:
     gallery.add_argument("--out", type=as_path, default=Path("out/gallery"), help="folder for the pairs, a picture of "
                          "each and the sheet gallery.jpg (%(default)s)")
     gallery.add_argument("--blender", default=sys.executable, help="Blender, or a Python with bpy (this Python)")
-    gallery.set_defaults(run=_gallery)
+    gallery.set_defaults(run=_run_gallery)
 
     plan.add_verbs(verbs)
     batch.add_verbs(verbs)
@@ -119,11 +119,11 @@ def _parser() -> argparse.ArgumentParser:
     doctor = verbs.add_parser("doctor", help="say what is here, what is missing and what to do about it")
     doctor.add_argument("--blender", default=sys.executable, help="Blender, or a Python with bpy (this Python)")
     doctor.add_argument("--evaluator", default=sys.executable, help="Python of the evaluator (this Python)")
-    doctor.set_defaults(run=_doctor)
+    doctor.set_defaults(run=_run_doctor)
     return parser
 
 
-def _bench(parser: argparse.ArgumentParser) -> None:
+def _add_bench_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--methods", default="sgbm,bm,jplv", help="matchers, separated by commas (%(default)s)")
     parser.add_argument("--own", action="append", default=[], metavar="NAME:METHOD:KEY=VALUE",
                         help="option of a matcher of your own, which --methods then names as own:NAME; may repeat")
@@ -133,7 +133,7 @@ def _bench(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--out", type=as_path, required=True, help="folder for renders and report")
 
 
-def _describe(parser: argparse.ArgumentParser) -> None:
+def _add_scene_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--preset", action="append", default=[], help="shipped preset, see icymoon presets; may repeat")
     parser.add_argument("--settings", type=as_path, action="append", default=[], help="TOML file; may repeat")
     parser.add_argument("--set", action="append", default=[], metavar="TOPIC.KEY=VALUE", dest="overrides",
@@ -141,7 +141,7 @@ def _describe(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--blender", default=sys.executable, help="Blender, or a Python with bpy (this Python)")
 
 
-def _described(options: argparse.Namespace) -> description.Settings:
+def _read_settings(options: argparse.Namespace) -> description.Settings:
     return description.merged(
         description.defaults(),
         *(description.load(description.preset_path(name)) for name in options.preset),
@@ -149,7 +149,7 @@ def _described(options: argparse.Namespace) -> description.Settings:
         *(description.override(text) for text in options.overrides))
 
 
-def render_described(settings: description.Settings, dataset: Path, blender: str, *, again: bool = False) -> list[Path]:
+def render_settings(settings: description.Settings, dataset: Path, blender: str, *, again: bool = False) -> list[Path]:
     """Render the pairs of a complete description in a worker, showing its progress; their folders.
 
     Raises IcyMoonError with the worker's own words if it fails.
@@ -158,18 +158,18 @@ def render_described(settings: description.Settings, dataset: Path, blender: str
         return render_job(Job(dataset, settings, again=again), blender, show)
 
 
-def _render(options: argparse.Namespace) -> int:
-    settings = _described(options)
+def _run_render(options: argparse.Namespace) -> int:
+    settings = _read_settings(options)
     if settings["source"]["file"] and settings["source"]["kind"] == "PROCEDURAL":
         print("icymoon: source.file is not used: source.kind is PROCEDURAL; set it to MESH or HEIGHT_MAP.",
               file=sys.stderr)
     dataset = options.out.absolute() if options.out else absolute_folder(str(settings["dataset"]["folder"]))
-    render_described(settings, dataset, options.blender, again=options.again)
+    render_settings(settings, dataset, options.blender, again=options.again)
     print(dataset)
     return 0
 
 
-def _evaluate(options: argparse.Namespace) -> int:
+def _run_evaluate(options: argparse.Namespace) -> int:
     from ..stereo.cli import main as stereo
 
     out = options.out or options.path[0] / "evaluation"
@@ -177,24 +177,24 @@ def _evaluate(options: argparse.Namespace) -> int:
     return stereo(["evaluate", *map(str, options.path), "--methods", options.methods, "--out", str(out), *flags])
 
 
-def _demo(options: argparse.Namespace) -> int:
+def _run_demo(options: argparse.Namespace) -> int:
     dataset = options.out.absolute()
     for name in _DEMO_PRESETS:
         path = description.preset_path(name)
         print(f"{description.preset_header(name)[0]}")
         settings = description.merged(description.defaults(), description.load(path),
                                       description.load(description.preset_path("qualities/draft")))
-        render_described(settings, dataset, sys.executable)
+        render_settings(settings, dataset, sys.executable)
     from ..stereo.cli import main as stereo
 
     return stereo(["evaluate", str(dataset), "--methods", "bm,sgbm", "--out", str(dataset / "evaluation")])
 
 
-def _emitted(event: Message) -> None:
+def _emit_event(event: Message) -> None:
     emit(event["type"], **{key: value for key, value in event.items() if key != "type"})
 
 
-def _gallery(options: argparse.Namespace) -> int:
+def _run_gallery(options: argparse.Namespace) -> int:
     from ..stereo.environment import packages
 
     packages.require(*packages.PACKAGES)
@@ -214,7 +214,7 @@ def _gallery(options: argparse.Namespace) -> int:
         command = f"icymoon render --preset {preset}"
         if name in chosen:
             print(f"{title}. {text}: python -m {command} --out DATASET", flush=True)
-            pair, = render_described(scaled(described[name], options.scale), out, options.blender)
+            pair, = render_settings(scaled(described[name], options.scale), out, options.blender)
             write_picture(pair, picture)
         if picture.is_file():
             shown_on_sheet.append((picture, title, command))
@@ -229,9 +229,9 @@ def _run_bench(options: argparse.Namespace, title: str, work: Callable[[Bench], 
     from ..stereo.console import progress_bar
     from ..stereo.trade.measure_variants import Bench, scaled
 
-    told = nullcontext(_emitted) if options.json_lines else progress_bar(title)
+    told = nullcontext(_emit_event) if options.json_lines else progress_bar(title)
     with errors_told(options.json_lines), told as on_event:
-        view = description.merged(_described(options), {"dataset": {"headings": 1}})
+        view = description.merged(_read_settings(options), {"dataset": {"headings": 1}})
         found = work(Bench(scaled(view, options.scale), options.out.absolute(), options.blender, options.methods,
                            options.reference_samples, repeats, on_event, tuple(options.own)))
     if options.json_lines:
@@ -241,7 +241,7 @@ def _run_bench(options: argparse.Namespace, title: str, work: Callable[[Bench], 
     return 0
 
 
-def _trade(options: argparse.Namespace) -> int:
+def _run_trade(options: argparse.Namespace) -> int:
     from ..stereo.trade.measure_variants import trade
 
     if options.repeats < 1:
@@ -257,7 +257,7 @@ def _trade(options: argparse.Namespace) -> int:
                       options.repeats)
 
 
-def _auto(options: argparse.Namespace) -> int:
+def _run_auto(options: argparse.Namespace) -> int:
     from ..stereo.trade.cheapest_quality import auto
 
     allowed = tolerance(options.tolerance_px, options.tolerance_bad_1)
@@ -273,36 +273,36 @@ def _auto(options: argparse.Namespace) -> int:
     return _run_bench(options, "Trying", lambda bench: auto(bench, allowed), show)
 
 
-def _presets(options: argparse.Namespace) -> int:
+def _run_presets(options: argparse.Namespace) -> int:
     for name in description.preset_names():
         title, text = description.preset_header(name)
         print(f"{name:32} {title}. {text}")
     return 0
 
 
-def _sources(options: argparse.Namespace) -> int:
-    from .sources import origins, settings_of
+def _run_sources(options: argparse.Namespace) -> int:
+    from .sources import find_origins, read_pair_settings
 
-    for origin in origins(settings_of(options.path), options.names):
-        print(origin.shown)
+    for origin in find_origins(read_pair_settings(options.path), options.names):
+        print(origin.lines)
     return 0
 
 
-def _quality(options: argparse.Namespace) -> int:
+def _run_quality(options: argparse.Namespace) -> int:
     from ..render.cost.estimate import triangles_of
     from ..render.cost.measure_speed import measure
     from ..render.cost.quality_presets import qualities
     from ..render.cost.speed import remembered
 
     with errors_told(options.json):
-        settings = _described(options)
+        settings = _read_settings(options)
         device = str(settings["quality"]["device"])
         speed = None if options.measure else remembered(device)
         if speed is None:
-            with scratch() as folder, show_progress("Measuring this machine") as show:
+            with scratch_folder() as folder, show_progress("Measuring this machine") as show:
                 speed = measure(options.blender, device, folder,
                                 lambda message: show(message) if message["type"] == "progress" else None)
-        found = qualities(settings, triangles_of(settings), speed, _abilities(options.blender))
+        found = qualities(settings, triangles_of(settings), speed, _ask_abilities(options.blender))
     if options.json:
         emit("result", speed=asdict(speed), qualities=[asdict(each) for each in found])
         return 0
@@ -315,7 +315,7 @@ def _quality(options: argparse.Namespace) -> int:
     return 0
 
 
-def _abilities(blender: str) -> Abilities:
+def _ask_abilities(blender: str) -> Abilities:
     """What a Blender can do; all, where there is none to ask, which a render will say."""
     try:
         return ask(blender)
@@ -323,7 +323,7 @@ def _abilities(blender: str) -> Abilities:
         return Abilities()
 
 
-def _doctor(options: argparse.Namespace) -> int:
+def _run_doctor(options: argparse.Namespace) -> int:
     from .doctor import examine
 
     return examine(options.blender, options.evaluator)

@@ -23,10 +23,10 @@ class Finding:
     subject: str
     state: str
     fact: str
-    mend: str = ""
+    fix: str = ""
 
 
-def _check(python: str) -> dict[str, Any]:
+def _check_evaluator(python: str) -> dict[str, Any]:
     """What the evaluator says of a Python. Raises IcyMoonError if it cannot even be asked."""
     try:
         done = run(python_command(python, "stereo", "check"), clean_environment(), timeout_s=120.0)
@@ -38,7 +38,7 @@ def _check(python: str) -> dict[str, Any]:
         raise IcyMoonError(f"{python}: {words}") from None
 
 
-def blender_findings(executable: str) -> list[Finding]:
+def examine_blender(executable: str) -> list[Finding]:
     """What a Blender, or a Python with ``bpy``, can do."""
     found = shutil.which(executable)
     if not found:
@@ -63,10 +63,10 @@ def blender_findings(executable: str) -> list[Finding]:
     ]
 
 
-def evaluator_findings(python: str) -> list[Finding]:
+def examine_evaluator(python: str) -> list[Finding]:
     """What the Python of the evaluator can do."""
     try:
-        facts = _check(python)
+        facts = _check_evaluator(python)
     except IcyMoonError as error:
         return [Finding("Evaluator", "missing", str(error), "Install Python 3.11 or later and give its path.")]
     names = {"python": "Python", "cv2": "OpenCV", "numpy": "numpy", "OpenEXR": "OpenEXR", "jinja2": "jinja2",
@@ -75,7 +75,7 @@ def evaluator_findings(python: str) -> list[Finding]:
     return [Finding("Evaluator", "ok" if facts["ok"] else "missing", ", ".join(found), facts["message"])]
 
 
-def kernels_findings(kernels: str) -> list[Finding]:
+def examine_kernels(kernels: str) -> list[Finding]:
     """Whether SPICE kernels that are named are there; nothing if none are, since few scenes need them."""
     if not kernels:
         return []
@@ -94,10 +94,10 @@ def examine(blender: str, evaluator: str) -> int:
     from rich.console import Console
     from rich.table import Table
 
-    findings = blender_findings(blender) + evaluator_findings(evaluator)
+    findings = examine_blender(blender) + examine_evaluator(evaluator)
     table = Table("", "found", "what to do")
     colours = {"ok": "green", "limited": "yellow", "missing": "red"}
     for finding in findings:
-        table.add_row(f"[{colours[finding.state]}]{finding.subject}[/]", finding.fact, finding.mend)
+        table.add_row(f"[{colours[finding.state]}]{finding.subject}[/]", finding.fact, finding.fix)
     Console().print(table)
     return int(any(finding.state == "missing" for finding in findings))

@@ -31,22 +31,22 @@ def add_verbs(verbs: Any) -> None:
     plan.add_argument("--blender", help="Blender, or a Python with bpy, that is to render it: a dry run asks it "
                       "whether it can (this Python, if it has bpy)")
     plan.add_argument("--json", action="store_true", help="say it in JSON lines")
-    plan.set_defaults(run=_plan)
+    plan.set_defaults(run=_run_plan)
 
 
-def varied(pairs: Sequence[PlannedPair]) -> list[tuple[str, str]]:
+def varied_settings(pairs: Sequence[PlannedPair]) -> list[tuple[str, str]]:
     """(topic, key) of the settings that are not the same in all pairs."""
     return [(topic, s.key) for topic, s in all_settings()
             if any(pair.settings[topic][s.key] != pairs[0].settings[topic][s.key] for pair in pairs)]
 
 
-def described(pair: PlannedPair, names: Sequence[tuple[str, str]]) -> str:
+def describe_pair(pair: PlannedPair, names: Sequence[tuple[str, str]]) -> str:
     """A pair in a line: its id and what it has of the settings that vary."""
-    values = (f"{topic}.{key}={_short(pair.settings[topic][key])}" for topic, key in names)
+    values = (f"{topic}.{key}={_shorten_value(pair.settings[topic][key])}" for topic, key in names)
     return "  ".join((pair.id, *values))
 
 
-def _short(value: Any) -> str:
+def _shorten_value(value: Any) -> str:
     if isinstance(value, float):
         return f"{value:g}"
     if isinstance(value, list):
@@ -54,34 +54,34 @@ def _short(value: Any) -> str:
     return Path(value).name if isinstance(value, str) and "/" in value else str(value)
 
 
-def _plan(options: argparse.Namespace) -> int:
+def _run_plan(options: argparse.Namespace) -> int:
     if options.plan is None:
         for name in plan_names():
             title, text = plan_header(plan_path(name))
             print(f"{name:42} {title}. {text}")
         return 0
     with errors_told(options.json):
-        return _say(options)
+        return _print_plan(options)
 
 
-def _say(options: argparse.Namespace) -> int:
+def _print_plan(options: argparse.Namespace) -> int:
     """Say what was asked for, then which pairs cannot be rendered; the exit status, 1 if there are such."""
     plan = read_plan(plan_path(options.plan))
     pairs = plan.pairs()
     if options.dry_run:
-        _say_estimate(plan, pairs, options)
+        _print_estimate(plan, pairs, options)
     else:
-        _say_pairs(plan, pairs, options)
+        _print_pairs(plan, pairs, options)
     return 1 if plan.refused() else 0
 
 
-def _say_pairs(plan: Plan, pairs: Sequence[PlannedPair], options: argparse.Namespace) -> None:
-    names = varied(pairs)
+def _print_pairs(plan: Plan, pairs: Sequence[PlannedPair], options: argparse.Namespace) -> None:
+    names = varied_settings(pairs)
     for pair in pairs:
         if options.json:
             emit("planned", id=pair.id, settings={f"{topic}.{key}": pair.settings[topic][key] for topic, key in names})
         else:
-            print(described(pair, names))
+            print(describe_pair(pair, names))
     for name, why in plan.refused().items():
         if options.json:
             emit("refused", pair=name, message=why)
@@ -89,12 +89,13 @@ def _say_pairs(plan: Plan, pairs: Sequence[PlannedPair], options: argparse.Names
             print(f"icymoon: pair {name} cannot be rendered and will be set aside: {why}", file=sys.stderr)
 
 
-def _say_estimate(plan: Plan, pairs: Sequence[PlannedPair], options: argparse.Namespace) -> None:
+def _print_estimate(plan: Plan, pairs: Sequence[PlannedPair], options: argparse.Namespace) -> None:
     devices = {str(pair.settings["quality"]["device"]) for pair in pairs}
     speed = remembered(devices.pop()) if len(devices) == 1 else None
-    found, lack = estimate(pairs, options.out.absolute() if options.out else None, speed), _lacking(pairs, options)
+    found = estimate(pairs, options.out.absolute() if options.out else None, speed)
+    lack = _check_blender(pairs, options)
     unchecked = plan.unchecked()
-    lines = [*lack, *found.lines(), *_of_refused(plan)]
+    lines = [*lack, *found.lines(), *_refusal_lines(plan)]
     if options.json:
         emit("result", plan=str(plan.path), title=plan.title, unchecked=unchecked, **found.facts() | {"lines": lines})
         return
@@ -104,7 +105,7 @@ def _say_estimate(plan: Plan, pairs: Sequence[PlannedPair], options: argparse.Na
         print(unchecked)
 
 
-def _lacking(pairs: Sequence[PlannedPair], options: argparse.Namespace) -> list[str]:
+def _check_blender(pairs: Sequence[PlannedPair], options: argparse.Namespace) -> list[str]:
     """Why the Blender that is to render the pairs cannot, as a list of no or one sentence."""
     own = sys.executable if importlib.util.find_spec("bpy") else ""
     missing = [pair.settings for pair in pairs
@@ -117,7 +118,7 @@ def _lacking(pairs: Sequence[PlannedPair], options: argparse.Namespace) -> list[
     return []
 
 
-def _of_refused(plan: Plan) -> list[str]:
+def _refusal_lines(plan: Plan) -> list[str]:
     """A line on the pairs that a render will set aside, and why it will the first; none if it will not."""
     refused = plan.refused()
     if not refused:

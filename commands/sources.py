@@ -31,8 +31,8 @@ class Origin:
     source: str
 
     @property
-    def shown(self) -> str:
-        """One line: value with unit, preset, source."""
+    def lines(self) -> str:
+        """Two lines: the value with its unit, then the preset and its source."""
         value = f"{self.value:g}" if isinstance(self.value, float) else str(self.value)
         unit = "" if self.unit in ("", "1") else f" {self.unit}"
         return f"{self.name} = {value}{unit}\n    {self.preset}: {self.source}"
@@ -46,7 +46,7 @@ class _Preset:
     included: tuple[str, ...]
 
 
-def _read(name: str) -> _Preset:
+def _read_preset(name: str) -> _Preset:
     """A shipped preset without what it includes."""
     path = description.preset_path(name)
     raw = description.read_toml(path)
@@ -64,9 +64,9 @@ def _likeness(stated: description.Settings, settings: description.Settings,
     return met / max(len(telling), 1), met
 
 
-def _presets(settings: description.Settings) -> list[_Preset]:
+def _likely_presets(settings: description.Settings) -> list[_Preset]:
     """The presets that count: first those of the preset that is most like the settings with all that it includes."""
-    defaults, known = description.defaults(), {name: _read(name) for name in description.preset_names()}
+    defaults, known = description.defaults(), {name: _read_preset(name) for name in description.preset_names()}
     whole = {name: description.load(description.preset_path(name)) for name in known}
     family = [max(known, key=lambda name: _likeness(whole[name], settings, defaults))]
     for name in family:  # which grows by what is included
@@ -76,7 +76,7 @@ def _presets(settings: description.Settings) -> list[_Preset]:
     return [known[name] for name in order if likeness[name][0] >= 0.5]
 
 
-def _origin(topic: str, setting: Setting, value: Value, default: Value, presets: list[_Preset]) -> Origin:
+def _find_origin(topic: str, setting: Setting, value: Value, default: Value, presets: list[_Preset]) -> Origin:
     name = f"{topic}.{setting.key}"
     for preset in presets:
         if preset.stated.get(topic, {}).get(setting.key) == value:
@@ -86,7 +86,7 @@ def _origin(topic: str, setting: Setting, value: Value, default: Value, presets:
     return Origin(name, value, setting.unit, BY_HAND, "in no such preset; from the window, a plan, a file or --set")
 
 
-def origins(settings: description.Settings, asked: Iterable[str] = ()) -> Iterator[Origin]:
+def find_origins(settings: description.Settings, asked: Iterable[str] = ()) -> Iterator[Origin]:
     """The origin of each setting of a complete description, in the order of the sidebar.
 
     ``asked`` are topics (``light``) or settings (``light.planet``) to tell of; none for all but defaults.
@@ -97,17 +97,17 @@ def origins(settings: description.Settings, asked: Iterable[str] = ()) -> Iterat
     for word in wanted:
         if word not in names:
             raise IcyMoonError(f"{word!r} is no topic and no setting; say for example light, or light.planet_albedo.")
-    presets = _presets(settings)
+    presets = _likely_presets(settings)
     for topic, setting in all_settings():
         if wanted and topic not in wanted and f"{topic}.{setting.key}" not in wanted:
             continue
         value = settings[topic][setting.key]
-        origin = _origin(topic, setting, value, defaults[topic][setting.key], presets)
+        origin = _find_origin(topic, setting, value, defaults[topic][setting.key], presets)
         if wanted or origin.preset != DEFAULT:
             yield origin
 
 
-def settings_of(path: Path) -> description.Settings:
+def read_pair_settings(path: Path) -> description.Settings:
     """The complete settings of the pair at ``path``. Raises IcyMoonError if there is not exactly one."""
     folders = pair_folders(path)
     if len(folders) != 1:

@@ -39,7 +39,7 @@ class _AddOperator:
 
     def described(self, context: bpy.types.Context) -> description.Settings:
         own = [{topic: {key: getattr(self, name)}} for name, (topic, key) in self.taken.items()]
-        return description.merged(scene_properties.from_group(context.scene.icymoon), *own)
+        return description.merged(scene_properties.read_settings(context.scene.icymoon), *own)
 
     def add(self, context: bpy.types.Context, make: Callable[[], bpy.types.Object]) -> set[str]:
         try:

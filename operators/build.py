@@ -103,7 +103,7 @@ def build_and_report(operator: bpy.types.Operator, context: bpy.types.Context) -
     """Build what the scene's settings describe, show it, and let the operator report it; its result."""
     leave_edit_mode()
     try:
-        built = scenes.build(context.scene, scene_properties.from_group(context.scene.icymoon))
+        built = scenes.build(context.scene, scene_properties.read_settings(context.scene.icymoon))
     except IcyMoonError as error:
         operator.report({"ERROR"}, str(error))
         return {"CANCELLED"}
@@ -127,7 +127,7 @@ class ICYMOON_OT_build_scene(bpy.types.Operator):
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         try:
-            dear = cost_warnings(scene_properties.from_group(context.scene.icymoon))
+            dear = cost_warnings(scene_properties.read_settings(context.scene.icymoon))
         except IcyMoonError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}

@@ -14,7 +14,7 @@ import bpy
 from .. import scene_properties
 from ..errors import IcyMoonError
 from ..files import absolute_path
-from ..preferences import evaluator_python, extension_folder, workers
+from ..preferences import extension_folder, find_evaluator_python, workers
 from ..render.pairs.pair_folder import is_complete
 from ..render.plans.plan_file import plan_header, plan_path
 from ..render.workers.detached import Detached, left_running
@@ -22,7 +22,7 @@ from ..render.workers.job import blender_command, python_command
 from ..render.workers.process import Message, Process, clean_environment
 from ..settings import description
 from ..settings.description import plan_names
-from ..system import user
+from ..system import user_key
 from . import choosers, evaluate, jobs, results
 from .render import dataset_folder
 
@@ -63,7 +63,7 @@ def state_folder() -> Path:
     try:
         return extension_folder() / "running"
     except IcyMoonError:  # not installed as an extension
-        return Path(tempfile.gettempdir()) / f"icymoon-running-{user()}"
+        return Path(tempfile.gettempdir()) / f"icymoon-running-{user_key()}"
 
 
 def command(*arguments: str) -> list[str]:
@@ -114,7 +114,7 @@ class ICYMOON_OT_plan_dry_run(jobs.JobOperator, bpy.types.Operator):
     bl_label = "Dry Run"
 
     def start(self, context: bpy.types.Context) -> jobs.Job:
-        settings = scene_properties.from_group(context.scene.icymoon)
+        settings = scene_properties.read_settings(context.scene.icymoon)
         plan = chosen_plan(settings)
         readout.update(plan=settings["dataset"]["plan"], lines=[])
         process = Process(command("plan", plan, "--dry-run", "--json", "--out", str(dataset_folder(settings)),
@@ -175,7 +175,7 @@ class _Watching(jobs.JobOperator):
         readout.update(set_aside=[], last=None)
         self._process = process
         began = time.monotonic() - (time.time() - process.facts["started"])  # of an earlier Blender's, perhaps long ago
-        self._keeper = evaluate.Keeper(context.scene, "DATASET", scene_properties.from_group(context.scene.icymoon))
+        self._keeper = evaluate.Keeper(context.scene, "DATASET", scene_properties.read_settings(context.scene.icymoon))
 
         def hear(message: Message) -> None:
             self._keeper(message)
@@ -198,11 +198,11 @@ class ICYMOON_OT_render_dataset(_Watching, bpy.types.Operator):
     bl_label = _TITLE
 
     def start(self, context: bpy.types.Context) -> jobs.Job:
-        settings = scene_properties.from_group(context.scene.icymoon)
+        settings = scene_properties.read_settings(context.scene.icymoon)
         described, folder = settings["dataset"], dataset_folder(settings)
         count = described["workers"] or workers()
         # In the process that may be left alone: what is asked for is done whoever watches.
-        after = ([*evaluate.matcher_arguments(settings, "--evaluate"), "--evaluator", evaluator_python(),
+        after = ([*evaluate.matcher_arguments(settings, "--evaluate"), "--evaluator", find_evaluator_python(),
                   *evaluate.response_arguments(settings)] if described["evaluate"] else [])
         process = Detached.start(
             command("batch", chosen_plan(settings), "--out", str(folder), "--json", "--blender",
@@ -243,11 +243,11 @@ class ICYMOON_OT_show_last_pair(bpy.types.Operator):
         return readout["last"] is not None
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        folder, settings = readout["last"], scene_properties.from_group(context.scene.icymoon)
+        folder, settings = readout["last"], scene_properties.read_settings(context.scene.icymoon)
         try:
             if not is_complete(folder):
                 raise IcyMoonError(f"{folder} is not there any more.")
-            process = Process(python_command(evaluator_python(), "stereo", "develop", str(folder),
+            process = Process(python_command(find_evaluator_python(), "stereo", "develop", str(folder),
                                              *evaluate.response_arguments(settings), "--out",
                                              str(folder.parent.parent / "exposed"), "--json-lines"),
                               clean_environment())

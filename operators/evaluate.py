@@ -9,7 +9,7 @@ import bpy
 
 from .. import scene_properties
 from ..errors import IcyMoonError
-from ..preferences import evaluator_python, own_matchers
+from ..preferences import find_evaluator_python, own_matcher_arguments
 from ..render.pairs.pair_folder import is_complete
 from ..render.workers.job import python_command
 from ..render.workers.process import Message, Process, clean_environment
@@ -39,7 +39,7 @@ def matcher_arguments(settings: description.Settings, flag: str = "--methods") -
     """The matchers that the settings name, as arguments of the evaluator: ``flag`` with their list, and what those of
     the person's own are. Raises IcyMoonError if one of these is not set up."""
     methods = str(settings["dataset"]["methods"])
-    return [flag, methods, *own_matchers(methods)]
+    return [flag, methods, *own_matcher_arguments(methods)]
 
 
 class Keeper:
@@ -81,13 +81,13 @@ class ICYMOON_OT_evaluate(jobs.JobOperator, bpy.types.Operator):
         ("DATASET", "Whole Data Set", "Every pair in the data set folder")), description="Which pairs to evaluate")
 
     def _command(self, settings: description.Settings, paths: Sequence[Path]) -> list[str]:
-        return python_command(evaluator_python(), "stereo", "evaluate", *map(str, paths),
+        return python_command(find_evaluator_python(), "stereo", "evaluate", *map(str, paths),
                               *matcher_arguments(settings), *response_arguments(settings),
                               *(["--points"] if self.scope == "SCENE" else []),
                               "--out", str(results.folder_of(settings, self.scope)), "--json-lines")
 
     def start(self, context: bpy.types.Context) -> jobs.Job:
-        settings = scene_properties.from_group(context.scene.icymoon)
+        settings = scene_properties.read_settings(context.scene.icymoon)
         found = [] if self.scope == "DATASET" else rendered_pairs(context, settings)
         command = self._command(settings, found or [dataset_folder(settings)])
         self._keeper = Keeper(context.scene, self.scope, settings, [folder.name for folder in found])

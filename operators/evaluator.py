@@ -7,18 +7,18 @@ from pathlib import Path
 
 import bpy
 
-from ..commands.doctor import Finding, blender_findings, evaluator_findings, kernels_findings
+from ..commands.doctor import Finding, examine_blender, examine_evaluator, examine_kernels
 from ..errors import IcyMoonError
-from ..preferences import evaluator_python, kernels, matchers, own_evaluator, remember
+from ..preferences import find_evaluator_python, kernels, matchers, own_evaluator_python, show_findings
 from ..render.workers.job import python_command
 from ..render.workers.process import Process, clean_environment
-from ..system import is_python, pythons, run
+from ..system import find_pythons, is_python, run
 from . import jobs
 
 
 def base_python() -> str:
     """A Python that can make a virtual environment: Blender's own. Raises IcyMoonError if it has none."""
-    for candidate in (Path(sys.executable), *pythons(Path(sys.prefix))):
+    for candidate in (Path(sys.executable), *find_pythons(Path(sys.prefix))):
         if is_python(str(candidate)) and candidate.is_file() and _makes_environments(candidate):
             return str(candidate)
     raise IcyMoonError("No Python that can make a virtual environment was found; install Python 3.11 or later with "
@@ -37,11 +37,11 @@ def _makes_environments(python: Path) -> bool:
 def all_findings() -> list[Finding]:
     """What ``doctor`` says of this Blender, of the evaluator and of the preferred kernels."""
     try:
-        found = evaluator_findings(evaluator_python())
+        found = examine_evaluator(find_evaluator_python())
     except IcyMoonError as error:
         found = [Finding("Evaluator", "missing", str(error).rstrip("."))]
     # Blender in a process of its own, since asking Cycles for its cards selects them.
-    return [*found, *kernels_findings(kernels()), *blender_findings(bpy.app.binary_path or sys.executable)]
+    return [*found, *examine_kernels(kernels()), *examine_blender(bpy.app.binary_path or sys.executable)]
 
 
 class ICYMOON_OT_check_evaluator(bpy.types.Operator):
@@ -52,10 +52,10 @@ class ICYMOON_OT_check_evaluator(bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         found = all_findings()
-        remember(found)
+        show_findings(found)
         missing = next((finding for finding in found if finding.state == "missing"), None)
         if missing:
-            self.report({"ERROR"}, f"{missing.subject}: {missing.fact}. {missing.mend}".strip())
+            self.report({"ERROR"}, f"{missing.subject}: {missing.fact}. {missing.fix}".strip())
             return {"CANCELLED"}
         self.report({"INFO"}, f"Ready: {', '.join(f.subject for f in found if f.state == 'ok')}")
         return {"FINISHED"}
@@ -75,12 +75,12 @@ class ICYMOON_OT_install_evaluator(jobs.JobOperator, bpy.types.Operator):
         return super().poll(context)
 
     def start(self, context: bpy.types.Context) -> jobs.Job:
-        folder = own_evaluator().parents[1]
+        folder = own_evaluator_python().parents[1]
         command = python_command(base_python(), "install", str(folder))
         return jobs.Job("Install", Process(command, clean_environment()), lambda message: None, lambda: None)
 
     def succeeded(self, context: bpy.types.Context) -> None:
-        remember([Finding("Evaluator", "ok", "installed")])
+        show_findings([Finding("Evaluator", "ok", "installed")])
         self.report({"INFO"}, "The evaluator is installed")
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import bpy
 
 from .. import scene_properties
-from ..preferences import evaluator_python
+from ..preferences import find_evaluator_python
 from ..render.workers.job import python_command
 from ..render.workers.process import Message, Process, clean_environment
 from ..settings import description
@@ -19,7 +19,8 @@ from .render import dataset_folder
 
 def develop_job(settings: description.Settings, pairs: list[Path], hear: Callable[[Message], None]) -> jobs.Job:
     """A process that exposes pairs with the camera response of ``settings``, into the folder ``exposed``."""
-    command = python_command(evaluator_python(), "stereo", "develop", *map(str, pairs), *response_arguments(settings),
+    command = python_command(find_evaluator_python(), "stereo", "develop", *map(str, pairs),
+                             *response_arguments(settings),
                              "--out", str(dataset_folder(settings) / "exposed"), "--json-lines")
     return jobs.Job("Expose", Process(command, clean_environment()), hear, lambda: None)
 
@@ -31,7 +32,7 @@ class ICYMOON_OT_expose(jobs.JobOperator, bpy.types.Operator):
     bl_label = "Show Camera Image"
 
     def start(self, context: bpy.types.Context) -> jobs.Job:
-        settings = scene_properties.from_group(context.scene.icymoon)
+        settings = scene_properties.read_settings(context.scene.icymoon)
         self._images: list[Path] = []
         return develop_job(settings, rendered_pairs(context, settings), self._hear)
 

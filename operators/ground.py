@@ -37,13 +37,13 @@ class ICYMOON_OT_import_ground(choosers.Opened, bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         group = context.scene.icymoon
-        before = scene_properties.unchecked(group)["source"]
+        before = scene_properties.read_unchecked(group)["source"]
         path = Path(bpy.path.abspath(self.filepath))
         try:
-            scene_properties.to_group(group, {"source": {"kind": grounds.kind_of(path), "file": str(path)}})
-            dear = grounds.cost_warnings(scene_properties.from_group(group))
+            scene_properties.write_settings(group, {"source": {"kind": grounds.kind_of(path), "file": str(path)}})
+            dear = grounds.cost_warnings(scene_properties.read_settings(group))
         except IcyMoonError as error:
-            scene_properties.to_group(group, {"source": before})
+            scene_properties.write_settings(group, {"source": before})
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
         if dear and not bpy.app.background:
@@ -51,7 +51,7 @@ class ICYMOON_OT_import_ground(choosers.Opened, bpy.types.Operator):
             return {"FINISHED"}
         done = build_and_report(self, context)
         if done == {"CANCELLED"}:
-            scene_properties.to_group(group, {"source": before})
+            scene_properties.write_settings(group, {"source": before})
         return done
 
 

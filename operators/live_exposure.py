@@ -29,7 +29,7 @@ _said: list[str] = []  # what the last development warned of, or why it failed
 
 def exposed_folder(scene: bpy.types.Scene) -> Path:
     """Where the camera images of a scene's data set are. Raises IcyMoonError if that cannot be told."""
-    return dataset_folder(scene_properties.from_group(scene.icymoon)) / "exposed"
+    return dataset_folder(scene_properties.read_settings(scene.icymoon)) / "exposed"
 
 
 def shown_paths() -> list[Path]:
@@ -78,7 +78,7 @@ def _start() -> jobs.Job | None:
     exposed = exposed_folder(scene)
     names = {path.parent.name for path in shown_paths() if path.parent.parent == exposed}
     pairs = [folder for folder in (exposed.parent / "pairs" / name for name in sorted(names)) if is_complete(folder)]
-    return develop_job(scene_properties.from_group(scene.icymoon), pairs, _hear) if pairs else None
+    return develop_job(scene_properties.read_settings(scene.icymoon), pairs, _hear) if pairs else None
 
 
 def _hear(message: Message) -> None:

@@ -40,7 +40,7 @@ def update(scene: bpy.types.Scene) -> bool:
     built = scenes.find(scene)
     if built is None:
         return False
-    settings, before = scene_properties.unchecked(scene.icymoon), description.merged(built.settings, built.preview)
+    settings, before = scene_properties.read_unchecked(scene.icymoon), description.merged(built.settings, built.preview)
     scenes.settle(built)
     if why := built.outdated or scenes.shares(built):
         preview.note(built, [why])

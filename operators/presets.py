@@ -10,9 +10,9 @@ from typing import Any
 import bpy
 
 from .. import scene_properties
-from ..commands.sources import BY_HAND, DEFAULT, origins
+from ..commands.sources import BY_HAND, DEFAULT, find_origins
 from ..errors import IcyMoonError
-from ..files import disk_errors, write_text
+from ..files import explain_disk_errors, write_text
 from ..nodes.datablocks.user_files import with_absolute_files
 from ..preferences import extension_folder
 from ..render.cycles_settings import lacking_here
@@ -77,7 +77,7 @@ def kept_sources(settings: description.Settings, preset: str) -> dict[str, str]:
     """The source of each setting by ``topic.key``, as far as one is known: of the person's preset that was loaded last
     where the value is still its own, else of a shipped preset that states it."""
     whole = description.merged(description.defaults(), settings)
-    found = {origin.name: origin.source for origin in origins(whole)
+    found = {origin.name: origin.source for origin in find_origins(whole)
              if origin.preset not in (DEFAULT, BY_HAND) and origin.name.partition(".")[0] in settings}
     path = own_presets().get(preset)
     if path is None:
@@ -93,7 +93,7 @@ def _fresh(group: Any) -> description.Settings:
 
     What the scene that was loaded before brought of its quality goes with it.
     """
-    fresh, now = description.defaults(), scene_properties.unchecked(group)["quality"]
+    fresh, now = description.defaults(), scene_properties.read_unchecked(group)["quality"]
     try:
         brought = description.load(path_of(group.preset)).get("quality", {}) if group.preset else {}
     except IcyMoonError:  # a preset of one's own that is gone
@@ -128,7 +128,7 @@ class ICYMOON_OT_load_preset(choosers.Searched, bpy.types.Operator):
         if description.is_whole(self.preset):
             loaded = description.merged(_fresh(group), loaded)
             group.preset = self.preset
-        scene_properties.to_group(group, loaded)
+        scene_properties.write_settings(group, loaded)
         if "quality" in loaded and (lack := lacking_here(description.merged(description.defaults(), loaded))):
             self.report({"WARNING"}, lack)
         return {"FINISHED"}
@@ -153,7 +153,7 @@ class ICYMOON_OT_add_preset(bpy.types.Operator):
         try:
             if not stem:
                 raise IcyMoonError(f"The preset's name is {self.title!r}; give it a name with letters or digits.")
-            wanted = with_absolute_files(scene_properties.from_group(group))
+            wanted = with_absolute_files(scene_properties.read_settings(group))
             wanted.pop("dataset")
             write_text(own_folder() / f"{stem}.toml", description.preset_text(
                 self.title, "A preset of yours", wanted, kept_sources(wanted, group.preset)))
@@ -186,7 +186,7 @@ class ICYMOON_OT_remove_preset(bpy.types.Operator):
         group = context.scene.icymoon
         try:
             path = path_of(group.preset)
-            with disk_errors("delete", path):
+            with explain_disk_errors("delete", path):
                 remove(path)
         except IcyMoonError as error:
             self.report({"ERROR"}, str(error))

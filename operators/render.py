@@ -80,7 +80,7 @@ class ICYMOON_OT_render_pair(jobs.JobOperator, bpy.types.Operator):
         name="Again", default=False, description="Render pairs that are already complete once more")
 
     def start(self, context: bpy.types.Context) -> jobs.Job:
-        settings = scene_properties.from_group(context.scene.icymoon)
+        settings = scene_properties.read_settings(context.scene.icymoon)
         check_possible(settings["quality"])
         before = scenes.find(context.scene)
         views = views_through(context, before.camera if before else None)
@@ -100,7 +100,7 @@ class ICYMOON_OT_render_pair(jobs.JobOperator, bpy.types.Operator):
         return jobs.Job("Render Stereo Pair", process, lambda message: None, files.remove)
 
     def run_blocking(self, context: bpy.types.Context) -> None:
-        settings = scene_properties.from_group(context.scene.icymoon)
+        settings = scene_properties.read_settings(context.scene.icymoon)
         check_possible(settings["quality"])
         start = time.perf_counter()
         built = up_to_date(context.scene, settings)

@@ -14,9 +14,9 @@ import bpy
 
 from .. import scene_properties
 from ..errors import IcyMoonError
-from ..files import disk_errors
+from ..files import explain_disk_errors
 from ..nodes.measured_surface import build_points, clear_points, find_points
-from ..records import NUMBER, TABLE, TEXT, Each, Maybe, fault, parsed, read_record
+from ..records import NUMBER, TABLE, TEXT, Each, Maybe, find_fault, parse_json, read_record
 from ..settings import description
 from ..settings.table import TOPICS, Setting, all_settings
 from . import own_reports
@@ -78,10 +78,10 @@ def kept(scene: bpy.types.Scene) -> Kept | None:
 @lru_cache(maxsize=8)
 def _parsed(text: str) -> Kept | None:
     try:
-        found = parsed(text)
+        found = parse_json(text)
     except ValueError:
         return None
-    if fault(found, _SHAPE):
+    if find_fault(found, _SHAPE):
         return None
     return Kept(_clean(found["made"]), found["scope"], tuple(map(_clean, found["pairs"])), found["settings"],
                 tuple({**row, "method": _clean(row["method"])} for row in found["summary"]))
@@ -114,7 +114,7 @@ def _differing(scene: bpy.types.Scene) -> list[tuple[str, Setting]]:
     found = kept(scene)
     if found is None:
         return []
-    present = scene_properties.unchecked(scene.icymoon)
+    present = scene_properties.read_unchecked(scene.icymoon)
     return [(topic, s) for topic, s in all_settings()
             if _counts(topic, s, found.scope)
             and s.key in found.settings.get(topic, {}) and found.settings[topic][s.key] != present[topic][s.key]]
@@ -294,7 +294,7 @@ class ICYMOON_OT_open_report(_ResultOperator, bpy.types.Operator):
             page = report_folder(context.scene) / "report.html"
             if not page.is_file():
                 raise IcyMoonError("The report is gone from the disk; press Evaluate again.")
-            with disk_errors("read", page):
+            with explain_disk_errors("read", page):
                 if not own_reports.is_ours(page):
                     raise IcyMoonError(f"{page} was not made by you here, and a web page runs what its maker wrote; "
                                        "press Evaluate to make it anew.")

@@ -25,7 +25,8 @@ class ICYMOON_OT_load_settings(choosers.OpenedToml, bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         try:
-            scene_properties.to_group(context.scene.icymoon, description.load(Path(bpy.path.abspath(self.filepath))))
+            scene_properties.write_settings(context.scene.icymoon,
+                                            description.load(Path(bpy.path.abspath(self.filepath))))
         except IcyMoonError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
@@ -48,7 +49,7 @@ class ICYMOON_OT_save_settings(choosers.OpenedToml, bpy.types.Operator):
     def execute(self, context: bpy.types.Context) -> set[str]:
         path = Path(bpy.path.abspath(self.filepath)).with_suffix(".toml")
         try:
-            write_text(path, description.to_toml(scene_properties.from_group(context.scene.icymoon)))
+            write_text(path, description.to_toml(scene_properties.read_settings(context.scene.icymoon)))
         except IcyMoonError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}

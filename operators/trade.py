@@ -15,11 +15,11 @@ from ..errors import IcyMoonError
 from ..files import write_text
 from ..nodes.datablocks.user_files import with_absolute_files
 from ..nodes.scene import find
-from ..preferences import evaluator_python
+from ..preferences import find_evaluator_python
 from ..render.cost import measure_speed, speed, tolerance
 from ..render.workers.job import Job, blender_command, python_command
 from ..render.workers.process import Message, Process, clean_environment
-from ..scratch import make_scratch
+from ..scratch import make_scratch_folder
 from ..settings import description
 from ..system import remove_folder
 from . import jobs, sidebar_text
@@ -37,13 +37,13 @@ def _folder(settings: description.Settings) -> Path:
 
 def _begin(context: bpy.types.Context, verb: str, title: str, handle: Any, *arguments: str) -> jobs.Job:
     """Start ``icymoon trade`` or ``icymoon auto`` on the settings of the scene. Raises IcyMoonError if it cannot."""
-    settings = with_absolute_files(scene_properties.from_group(context.scene.icymoon))
+    settings = with_absolute_files(scene_properties.read_settings(context.scene.icymoon))
     built = find(context.scene)
     if built is not None and built.edited:
         raise IcyMoonError("The scene was edited by hand; what is measured is built from the settings alone. Press "
                            "Build Scene to set the edits back.")
-    python, matchers = evaluator_python(), matcher_arguments(settings)
-    folder = make_scratch()
+    python, matchers = find_evaluator_python(), matcher_arguments(settings)
+    folder = make_scratch_folder()
     file = folder / "scene.toml"
     write_text(file, description.to_toml(settings))
     command = python_command(python, verb, "--settings", str(file), "--blender", jobs.this_blender(),
@@ -96,7 +96,7 @@ class ICYMOON_OT_trade(_Measured, jobs.JobOperator, bpy.types.Operator):
     def start(self, context: bpy.types.Context) -> jobs.Job:
         name = context.scene.name
         # Opened later: a page that we know, not what a message names.
-        self._page = _folder(scene_properties.from_group(context.scene.icymoon)) / "trade.html"
+        self._page = _folder(scene_properties.read_settings(context.scene.icymoon)) / "trade.html"
 
         def hear(message: Message) -> None:
             if message["type"] == "result":
@@ -154,7 +154,7 @@ class ICYMOON_OT_auto_quality(_Measured, jobs.JobOperator, bpy.types.Operator):
                 self._last, self._chosen = message["said"][-1], message["chosen"]
                 said[scene.name] = (*_wrapped([self._last]), *(
                     f"{step['name']}: {step['cpu_s']:.1f} CPU s" for step in message["tried"]))
-                scene_properties.to_group(scene.icymoon, message["settings"])
+                scene_properties.write_settings(scene.icymoon, message["settings"])
 
         return _begin(context, "auto", self.bl_label, hear, *tolerances, *self._common())
 
@@ -173,7 +173,7 @@ class ICYMOON_OT_measure_machine(jobs.JobOperator, bpy.types.Operator):
 
     def start(self, context: bpy.types.Context) -> jobs.Job:
         self._device = str(context.scene.icymoon.quality.device)
-        folder = make_scratch()
+        folder = make_scratch_folder()
         job = Job(folder, measure_speed.probe(self._device, compat.has_oidn()))
 
         def hear(message: Message) -> None:

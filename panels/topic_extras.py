@@ -42,7 +42,7 @@ def _expose(layout: Any, context: bpy.types.Context) -> None:
 
 
 def _camera_notes(layout: Any, context: bpy.types.Context) -> None:
-    draw_lines(layout, sidebar_text.camera_notes(scene_properties.unchecked(context.scene.icymoon)), "INFO")
+    draw_lines(layout, sidebar_text.camera_notes(scene_properties.read_unchecked(context.scene.icymoon)), "INFO")
 
 
 def _surface(topic: str) -> Extra:
@@ -51,13 +51,13 @@ def _surface(topic: str) -> Extra:
         told = principled.advice({s.key: getattr(group, s.key) for s in TOPICS[topic].settings})
         if told and group.model == "PRINCIPLED":
             draw_lines(layout, wrapped(told), "INFO")
-        values = scene_properties.unchecked(context.scene.icymoon)
+        values = scene_properties.read_unchecked(context.scene.icymoon)
         _draw_albedos(layout, values[topic], values["hapke"])
     return draw
 
 
 def _hapke(layout: Any, context: bpy.types.Context) -> None:
-    values = scene_properties.unchecked(context.scene.icymoon)
+    values = scene_properties.read_unchecked(context.scene.icymoon)
     _draw_albedos(layout, {**values["surface"], "model": "HAPKE"}, values["hapke"])
 
 

@@ -23,7 +23,7 @@ class ICYMOON_PT_trade(Sidebar, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         layout: Any = self.layout
         layout.operator_context = "INVOKE_DEFAULT"
-        draw_lines(layout, sidebar_text.quality_lines(scene_properties.unchecked(context.scene.icymoon)))
+        draw_lines(layout, sidebar_text.quality_lines(scene_properties.read_unchecked(context.scene.icymoon)))
         layout.operator("icymoon.measure_machine")
         layout.operator("icymoon.auto_quality", text="Find Quality…")
         layout.operator("icymoon.trade", text="Measure…")

@@ -19,7 +19,8 @@ _TRANSPARENT_BOUNCES = 8
 def own_abilities(quality: Mapping[str, Any]) -> Abilities:
     """What this Blender can do; graphics cards are looked for only if the quality asks for them, as that selects
     them."""
-    return Abilities(compat.has_osl(), compat.has_oidn(), quality["device"] != "GPU" or bool(compat.gpu_devices()))
+    return Abilities(compat.has_osl(), compat.has_oidn(),
+                     quality["device"] != "GPU" or bool(compat.select_gpu_devices()))
 
 
 def lacking_here(settings: Settings) -> str:

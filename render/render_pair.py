@@ -20,7 +20,7 @@ from mathutils import Matrix
 
 from .. import system
 from ..errors import DiskError, IcyMoonError
-from ..files import disk_errors, part_of, sha256, write_json
+from ..files import explain_disk_errors, part_of, sha256, write_json
 from ..formats.exr_layout import is_whole
 from ..formats.exr_parts import joined
 from ..formats.exr_pixels import without_passes
@@ -97,7 +97,7 @@ def _turned(camera: bpy.types.Object, turn_deg: float) -> Iterator[None]:
 
 def check_space(dataset: Path, pairs: list[PlannedPair], again: bool = False) -> None:
     """Raise IcyMoonError if the folder cannot be made or its disk has no room for what is left of the pairs."""
-    with disk_errors("write to", dataset):
+    with explain_disk_errors("write to", dataset):
         dataset.mkdir(parents=True, exist_ok=True)
         probe = part_of(dataset / ".icymoon")
         probe.write_bytes(b"")
@@ -121,7 +121,7 @@ def shoot(built: Built, scene: bpy.types.Scene, planned: PlannedPair, dataset: P
     folder = planned.folder(dataset)
     part = part_of(folder)
     spent = time.process_time()
-    with disk_errors("write", folder):
+    with explain_disk_errors("write", folder):
         part.mkdir(parents=True)
     try:
         found = _render_into(part, built, scene, planned, report)
@@ -222,7 +222,7 @@ def _radiance(scene: bpy.types.Scene, built: Built, lights: list[separate_lights
             _render(scene, made, planned)
         for eye, file in made.items():
             if eye in files:
-                with disk_errors("write", file), _unreadable(planned):
+                with explain_disk_errors("write", file), _unreadable(planned):
                     files[eye].write_bytes(with_planet(files[eye].read_bytes(), file.read_bytes()))
                     system.remove(file)
             files.setdefault(eye, file)
@@ -268,7 +268,7 @@ def first_line(error: Exception) -> str:
 def _finish(written: dict[str, Path], final: Path) -> dict[str, Any]:
     """Put the layers that Blender wrote into one file, flush it and return its size and checksum."""
     less = partial(without_passes, unwanted=passes.UNWANTED)
-    with disk_errors("write", final):
+    with explain_disk_errors("write", final):
         final.write_bytes(joined({name: file.read_bytes() for name, file in written.items()}, less))
         for file in written.values():
             system.remove(file)

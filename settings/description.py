@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import IcyMoonError
-from ..files import is_file, read_text, shortened
+from ..files import is_file, read_text, shorten
 from ..version import is_newer, version
 from . import pair_ids, trust
 from .table import TOPICS, Setting, Value
@@ -289,7 +289,7 @@ def preset_path(name: str) -> Path:
     for candidate in (PRESETS / f"{name}.toml", PRESETS / "scenes" / f"{name}.toml"):
         if ".." not in name and is_file(candidate):
             return candidate
-    raise IcyMoonError(f"Unknown preset {shortened(name)!r}, {_nearest(shortened(name), preset_names())}")
+    raise IcyMoonError(f"Unknown preset {shorten(name)!r}, {_nearest(shorten(name), preset_names())}")
 
 
 def preview_path(name: str) -> Path:

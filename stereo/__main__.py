@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import sys
 
-from ..system import write_utf8
+from ..system import set_utf8_output
 from .cli import main
 
 if __name__ == "__main__":
-    write_utf8()
+    set_utf8_output()
     sys.exit(main())

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import IcyMoonError
-from ..files import disk_errors
+from ..files import explain_disk_errors
 from .images import colours
 from .images.image_files import write_disparity, write_png
 from .matchers.methods import Method
@@ -44,7 +44,7 @@ def check_place(out: Path, pairs: Iterable[str]) -> None:
 def _begins_as_ours(path: Path) -> bool:
     """Whether a file is one of an evaluation; also where a run was killed in its first line."""
     begin = _OPENINGS[path.name]
-    with disk_errors("read", path), path.open("rb") as stream:
+    with explain_disk_errors("read", path), path.open("rb") as stream:
         return begin.startswith(found) if len(found := stream.read(len(begin))) < len(begin) else found == begin
 
 

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import IcyMoonError
-from ..terminal import as_path, tell_end
+from ..terminal import as_path, report_end
 from .environment import packages
 
 PROGRAM = "icymoon.stereo"
@@ -31,7 +31,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             error = IcyMoonError(" ".join(str(error).split()))
             if getattr(parsed, "json_lines", False):
                 _json_line({"type": "error", "message": str(error)})
-        return tell_end(error, PROGRAM, "interrupted")
+        return report_end(error, PROGRAM, "interrupted")
 
 
 def _parser() -> argparse.ArgumentParser:

@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import DiskError, sentence
+from ..errors import DiskError, describe_error
 from ..files import write_json
 from ..version import version
 from .artefacts import check_place, present, read_disparity, write_method_pictures, write_pair_pictures
@@ -101,7 +101,7 @@ class _Run:
             try:
                 prepared = prepare(folder, self.response)
             except Exception as error:
-                why = sentence(error, folder)
+                why = describe_error(error, folder)
                 self._fail(why, pair=name)
                 for method in self.methods:
                     self._add(rows.get(method.label) or _failed_row(name, method, keys[method.label], why))
@@ -145,7 +145,7 @@ class _Run:
             except DiskError:
                 raise
             except Exception as error:
-                why = sentence(error, f"{prepared.pair.folder} by {label}")
+                why = describe_error(error, f"{prepared.pair.folder} by {label}")
                 disparities.pop(label, None)
                 self._fail(why, pair=prepared.pair.folder.name, method=label)
                 self._add(_failed_row(prepared.pair.folder.name, method, keys[label], why))

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import IcyMoonError, sentence
+from ..errors import IcyMoonError, describe_error
 from ..files import write_json
 from ..labels import LIGHT_GROUPS
 from ..physics.camera.lens_distortion import COEFFICIENTS, coefficients
@@ -53,7 +53,7 @@ def reexpose(paths: Sequence[Path], out: Path, response: Mapping[str, Mapping[st
                     warned.add(message)
                     on_event({"type": "warning", "message": message})
         except Exception as error:
-            failed.append(sentence(error, folder))
+            failed.append(describe_error(error, folder))
             on_event({"type": "error", "message": failed[-1]})
         on_event({"type": "progress", "fraction": (k + 1) / len(folders), "done": k + 1, "total": len(folders),
                   "message": folder.name})

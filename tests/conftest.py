@@ -100,5 +100,5 @@ def small(scene: object, tmp_path: Path) -> object:
     from icymoon import scene_properties
     from rendering import SMALL
 
-    scene_properties.to_group(scene.icymoon, {**SMALL, "dataset": {"folder": str(tmp_path / "dataset")}})
+    scene_properties.write_settings(scene.icymoon, {**SMALL, "dataset": {"folder": str(tmp_path / "dataset")}})
     return scene

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 from icymoon import files, records, system
-from icymoon.commands.sources import settings_of
+from icymoon.commands.sources import read_pair_settings
 from icymoon.errors import IcyMoonError
 from icymoon.render.cost import estimate
 from icymoon.render.cost import speed as machine
@@ -118,7 +118,7 @@ def test_a_damaged_pair_is_read_or_told_in_a_sentence(tmp_path):
     read = 0
     for _ in range(250):
         write(path, mutated(good, chosen))
-        for act in (is_complete, settings_of, lambda folder: restate(folder, PAIRS[0].settings)):
+        for act in (is_complete, read_pair_settings, lambda folder: restate(folder, PAIRS[0].settings)):
             sentence_or_success(lambda act=act: act(folder))
         write(path, mutated(good, chosen))
         if sentence_or_success(lambda: read_pair(folder)):
@@ -178,7 +178,7 @@ def test_a_damaged_job_is_read_or_told_in_a_sentence(tmp_path):
 def test_what_a_damaged_file_of_ones_own_remembers_is_forgotten(tmp_path, monkeypatch):
     """The speed of the machine, a claim, what runs, an evaluation's facts and rows: none of them is worth a failure."""
     monkeypatch.setenv(machine.FOLDER_VARIABLE, str(tmp_path))
-    speed = machine.Speed(2.0, "CPU", "5.0.1", system.processors(), "2026-01-01T00:00+00:00")
+    speed = machine.Speed(2.0, "CPU", "5.0.1", system.count_processors(), "2026-01-01T00:00+00:00")
     machine.remember(speed)
     claims = Claims(tmp_path)
     claims.take(PAIRS[0].id)
@@ -211,7 +211,8 @@ def test_what_a_damaged_file_of_ones_own_remembers_is_forgotten(tmp_path, monkey
             write(path, content + (b"\n" if isinstance(content, bytes) else "\n"))
             act()
         path.write_text(good)
-    file.write_text(json.dumps({machine._key("CPU", "5.0.1", system.processors()): asdict(speed) | {"factor": "abc"}}))
+    file.write_text(json.dumps({machine._key("CPU", "5.0.1",
+                                             system.count_processors()): asdict(speed) | {"factor": "abc"}}))
     assert machine.remembered("CPU") is None
     claims.close()
 
@@ -350,14 +351,15 @@ def test_a_pair_on_a_share_that_is_away_for_a_moment_is_there(tmp_path, monkeypa
      [{}, {"a": True, "b": 1}, [], None]),
 ])
 def test_shapes(shape, good, bad):
-    assert [value for value in good if records.fault(value, shape)] == []
-    assert [value for value in bad if not records.fault(value, shape)] == []
+    assert [value for value in good if records.find_fault(value, shape)] == []
+    assert [value for value in bad if not records.find_fault(value, shape)] == []
 
 
 def test_a_fault_names_the_file_the_key_what_is_expected_and_the_fix():
     with pytest.raises(IcyMoonError) as caught:
-        records.checked({"files": {"left.exr": {"bytes": "x"}}},
-                        {"files": records.Each({"bytes": records.COUNT}, records.FILE_NAME)}, "a/pair.json", "mend it")
+        records.check_record({"files": {"left.exr": {"bytes": "x"}}},
+                             {"files": records.Each({"bytes": records.COUNT}, records.FILE_NAME)}, "a/pair.json",
+                             "mend it")
     assert str(caught.value) == ("a/pair.json: files.left.exr.bytes is 'x', not a whole number of 0 or more; "
                                  "mend it.")
 
@@ -366,10 +368,10 @@ def test_temporary_folders_of_killed_processes_are_swept_and_no_others(tmp_path,
     from icymoon import scratch
 
     monkeypatch.setattr(scratch.tempfile, "tempdir", str(tmp_path))
-    with scratch.scratch() as mine:
+    with scratch.scratch_folder() as mine:
         assert mine.parent == tmp_path
     assert not mine.exists()
-    owner = {"pid": os.getpid(), "place": system.place(), "computer": system.computer()}
+    owner = {"pid": os.getpid(), "place": system.process_scope(), "computer": system.computer_name()}
     dead = owner | {"pid": 2**22 + 7}  # more than Linux ever gives
     cases = {"living": (owner, True), "dead": (dead, False), "rebooted": (dead | {"place": "boot pid:[1]"}, False),
              "elsewhere": (dead | {"computer": "x", "place": "y z"}, True), "odd": ({"pid": "x"}, True),
@@ -384,7 +386,7 @@ def test_temporary_folders_of_killed_processes_are_swept_and_no_others(tmp_path,
     shutil.copytree(tmp_path / "icymoon-dead", victim)
     (tmp_path / "icymoon-link").symlink_to(victim)
     scratch._sweep.cache_clear()
-    with scratch.scratch():
+    with scratch.scratch_folder():
         there = {path.name for path in tmp_path.iterdir()}
         assert {name for name, (_, kept) in cases.items() if kept} == {
             name.removeprefix("icymoon-") for name in there if name.removeprefix("icymoon-") in cases}

@@ -126,17 +126,17 @@ def test_an_error_that_passes_by_itself_is_waited_for_and_others_are_not(monkeyp
                 raise OSError(number, "x")
             return "done"
         return act
-    assert system.patiently(failing(5, errno.EIO)) == "done"
+    assert system.retry(failing(5, errno.EIO)) == "done"
     assert 4.0 < sum(waits) < 20.0
     waits.clear()
     with pytest.raises(OSError, match="Errno 13"):
-        system.patiently(failing(1, errno.EACCES))
+        system.retry(failing(1, errno.EACCES))
     assert not waits
     monkeypatch.setattr(system, "PLATFORM", "win32")
-    assert system.patiently(failing(3, errno.EACCES)) == "done"
+    assert system.retry(failing(3, errno.EACCES)) == "done"
     waits.clear()
     with pytest.raises(OSError, match="Errno 13"):
-        system.patiently(failing(9, errno.EACCES))
+        system.retry(failing(9, errno.EACCES))
     assert 1.0 < sum(waits) < 2.0  # what may not be written to at all is said soon
 
 
@@ -152,7 +152,8 @@ def test_nobody_obeys_who_did_not_start_it(monkeypatch):
 @pytest.mark.parametrize("name", ["SIGINT", "SIGTERM"])
 def test_a_wish_to_stop_is_heard_also_where_a_shell_has_it_ignored(name):
     code = ("import signal, sys; sys.path[:0] = " + repr(sys.path) + "\nfrom icymoon import system\nimport os, time\n"
-            "signal.signal(signal.SIGINT, signal.SIG_IGN)\nsystem.stop_by(lambda *_: (print('heard'), sys.exit(7)))\n"
+            "signal.signal(signal.SIGINT, signal.SIG_IGN)\n"
+            "system.set_stop_handler(lambda *_: (print('heard'), sys.exit(7)))\n"
             f"os.kill(os.getpid(), signal.{name})\ntime.sleep(9)")
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, encoding="utf-8", check=False)
     assert (done.returncode, done.stdout) == (7, "heard\n")

@@ -283,9 +283,9 @@ def test_no_python_of_the_current_folder_is_started(layer, drive, monkeypatch):
     """Where Windows looks first for a program that has no path."""
     monkeypatch.chdir(drive)
     monkeypatch.setattr(system.shutil, "which", lambda name: str(Path.cwd() / f"{name}.exe"))
-    assert Path.cwd() not in {path.parent for path in system.pythons(drive / "prefix")}
+    assert Path.cwd() not in {path.parent for path in system.find_pythons(drive / "prefix")}
     monkeypatch.setattr(system.shutil, "which", lambda name: str(drive / "elsewhere" / f"{name}.exe"))
-    assert drive / "elsewhere" in {path.parent for path in system.pythons(drive / "prefix")}
+    assert drive / "elsewhere" in {path.parent for path in system.find_pythons(drive / "prefix")}
 
 
 @pytest.mark.parametrize("gone", [False, True])

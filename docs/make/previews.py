@@ -15,7 +15,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from icymoon.commands.cli import render_described
+from icymoon.commands.cli import render_settings
 from icymoon.render.workers.job import python_command
 from icymoon.settings import description
 
@@ -29,7 +29,7 @@ def make(name: str, folder: Path) -> Path:
     described = description.merged(description.defaults(), description.load(
         description.preset_path(f"scenes/{name}")), {
         "rig": {"width_px": WIDTH, "height_px": HEIGHT}, "quality": {"samples": SAMPLES}})
-    render_described(described, folder / name, sys.executable)
+    render_settings(described, folder / name, sys.executable)
     (pair,) = (folder / name).glob("pairs/*/")
     shown = folder / "shown" / name
     subprocess.run(python_command(sys.executable, "stereo", "develop", str(pair), "--out", str(shown)), check=True,

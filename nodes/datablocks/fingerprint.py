@@ -29,7 +29,7 @@ _SCHEME = 2
 
 def maker() -> str:
     """What makes marks here: this scheme in this Blender, whose properties differ from those of another."""
-    return f"{_SCHEME} {compat.series()}"
+    return f"{_SCHEME} {compat.blender_series()}"
 
 
 def built_objects(collection: bpy.types.Collection) -> dict[str, bpy.types.Object]:

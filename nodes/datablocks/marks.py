@@ -69,7 +69,7 @@ class Walk:
         """What a data-block holds, without the properties to ``omit``."""
         if getattr(block, "is_missing", False):
             self._refuse(block, "is missing in the library it is linked from; bring the library back, or remove it.")
-        if isinstance(block, bpy.types.Material) and compat.shown_by_nodes(block):
+        if isinstance(block, bpy.types.Material) and compat.uses_nodes(block):
             omit = (*omit, *OF_THE_VIEW)
         if getattr(block, "use_auto_texspace", False):  # which Blender computes when it is asked for
             omit = (*omit, "texspace_location", "texspace_size")

@@ -45,11 +45,11 @@ def scratch_scene() -> Iterator[bpy.types.Scene]:
 @contextlib.contextmanager
 def _importer(kind: str, path: Path) -> Iterator[Any]:
     """The operator and its options; a switched-off add-on is on meanwhile. Raises IcyMoonError if there is none."""
-    found, name = compat.mesh_importer(kind), compat.IMPORT_ADD_ONS.get(kind)
+    found, name = compat.find_mesh_importer(kind), compat.IMPORT_ADD_ONS.get(kind)
     enabled = False
     if found is None and name is not None:
         enabled = addon_utils.enable(name, default_set=False) is not None
-        found = compat.mesh_importer(kind)
+        found = compat.find_mesh_importer(kind)
     try:
         if found is None:
             raise IcyMoonError(f"{path}: this Blender {bpy.app.version_string} reads no {kind}; "

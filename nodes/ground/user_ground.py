@@ -149,7 +149,7 @@ def _mesh_ground(path: Path, settings: Settings) -> OwnGround:
     if not np.isfinite(positions).all(axis=1).any():
         raise IcyMoonError(f"{path}: none of its {len(positions)} vertices is a number; export the mesh again.")
     warnings = _coarse_coordinates(path, positions)
-    if kind == "USD" and not compat.usd_unit_applied():
+    if kind == "USD" and not compat.applies_usd_unit():
         warnings.append(f"This Blender takes the units of {path.name} for metres, whatever the file says; set "
                         "source.scale if they are not.")
     positions, axis = turned_up(positions * source["scale"], kind, source["up_axis"])

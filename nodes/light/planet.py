@@ -31,7 +31,7 @@ def build_planet_light(name: str, planet: Planet, colour: np.ndarray) -> bpy.typ
     """
     lamp = bpy.data.lights.new(name, "SUN")
     lamp.color = tuple(map(float, colour))
-    compat.plain_light(lamp)
+    compat.disable_light_factors(lamp)
     lamp.angle = math.radians(planet.angular_diameter_deg)
     lamp.energy = (ellipsoid(planet).full_radiance * unshaded_share(planet) * math.pi
                    * math.sin(lamp.angle / 2) ** 2)

@@ -16,7 +16,7 @@ from ..tree.builder import Tree
 def build_sun(name: str) -> bpy.types.Object:
     """A Sun lamp, which ``place_sun`` is to make what it is."""
     lamp = bpy.data.lights.new(name, "SUN")
-    compat.plain_light(lamp)
+    compat.disable_light_factors(lamp)
     return bpy.data.objects.new(name, lamp)
 
 

@@ -16,7 +16,7 @@ from typing import Any
 import bpy
 
 from ... import compat
-from ...scratch import scratch
+from ...scratch import scratch_folder
 from ..tree.builder import Tree
 
 SOURCE = Path(__file__).parent / "hapke.osl"
@@ -28,7 +28,7 @@ _PARAMETER = re.compile(r"^(o?param)\t(closure color|\w+)\t(\w+)", re.MULTILINE)
 @lru_cache(maxsize=1)
 def compiled() -> str:
     """The byte code of ``hapke.osl``. Raises RuntimeError if it does not compile."""
-    with scratch() as folder:
+    with scratch_folder() as folder:
         target = folder / "hapke.oso"
         if not compat.compile_osl(SOURCE, target):
             raise RuntimeError(f"Cycles could not compile {SOURCE.name}.")

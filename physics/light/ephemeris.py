@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...errors import IcyMoonError
-from ...files import shortened
+from ...files import shorten
 from .bodies import BODIES, Orbit
 
 #: Seconds between UTC and the time that ephemerides run on; right from 2017 on, 5 s less in 2000.
@@ -55,7 +55,7 @@ def days_since_j2000(date_utc: str) -> float:
     except (ValueError, Warning):
         date = np.datetime64("NaT", "ms")
     if np.isnat(date):
-        raise IcyMoonError(f"light.date_utc is {shortened(date_utc)!r}; write it as 2035-03-01T12:00:00.")
+        raise IcyMoonError(f"light.date_utc is {shorten(date_utc)!r}; write it as 2035-03-01T12:00:00.")
     return float((date - np.datetime64("2000-01-01T12:00", "ms")) / np.timedelta64(1, "ms")
                  + 1000 * _TDB_UTC_S) / 86.4e6
 

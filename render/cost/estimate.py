@@ -22,7 +22,7 @@ from ...physics.terrain.terrain import terrain
 from ...settings import changes
 from ...settings.description import Settings
 from ...settings.user_files import used_files
-from ...system import processors
+from ...system import count_processors
 from ..pairs.pair_folder import StereoCamera, is_complete, read_pair
 from ..plans.order import key, ordered
 from ..plans.planned_pair import PlannedPair
@@ -257,7 +257,7 @@ def estimate(pairs: Sequence[PlannedPair], dataset: Path | None = None, speed: S
         scenes=len({k[0] for k in keys}), surfaces=len({k[1] for k in keys}), lights=len({k[2] for k in keys}),
         seconds=factor * (sum(costs.values()) + _START_S),
         left_s=factor * (sum(costs[pair.id] for pair in left) + start), left_bytes=_bytes(pairs, left, dataset, there),
-        factor=math.exp(2.0 * spread), measured=len(ratios), processors=processors(),
+        factor=math.exp(2.0 * spread), measured=len(ratios), processors=count_processors(),
         basis=speed.basis if speed else "another machine's times")
 
 
@@ -290,7 +290,7 @@ def _ratios(pairs: Sequence[PlannedPair], dataset: Path | None, there: set[str],
     ratios = []
     for pair, facts in _facts(pairs, dataset, there) if dataset is not None else ():
         taken = facts.get("seconds", {})
-        threads = int(facts["settings"].get("quality", {}).get("threads") or processors())
+        threads = int(facts["settings"].get("quality", {}).get("threads") or count_processors())
         seconds = float(taken.get("render", 0.0)) * threads + float(taken.get("write", 0.0))
         if seconds > 0:
             ratios.append(seconds / expected[pair.id])

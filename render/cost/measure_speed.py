@@ -10,7 +10,7 @@ from typing import Any
 from ...errors import IcyMoonError
 from ...records import NUMBER, TEXT, read_record
 from ...settings.description import Settings, defaults, merged
-from ...system import processors
+from ...system import count_processors
 from ..workers.job import Job, render_job
 from ..workers.process import Message
 from .abilities import ask
@@ -41,10 +41,10 @@ def speed_of(pairs: list[Path], device: str, denoiser: bool = True) -> Speed:
     expected = work_of(settings).seconds(triangles_of(settings))
     try:
         facts = [read_record(pair / "pair.json", _PAIR, "measure again") for pair in pairs]
-        taken = [processors() * (each["seconds"]["render"] + each["seconds"]["write"]) for each in facts[1:]]
+        taken = [count_processors() * (each["seconds"]["render"] + each["seconds"]["write"]) for each in facts[1:]]
         if device == "CPU":
             taken += [2.0 * each["cpu_seconds"]["pair"] for each in facts[1:]]
-        return Speed(min(taken) / expected, device, facts[0]["versions"]["blender"], processors(),
+        return Speed(min(taken) / expected, device, facts[0]["versions"]["blender"], count_processors(),
                      datetime.now(UTC).isoformat(timespec="minutes"))
     except (OSError, IcyMoonError, ValueError, IndexError) as error:
         raise IcyMoonError(f"The small render that measures this machine cannot be read ({error}); try "

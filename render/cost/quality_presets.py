@@ -9,7 +9,7 @@ from functools import cache
 from typing import Any
 
 from ...settings.description import Settings, load, merged, preset_header, preset_names, preset_path, read_toml
-from ...system import processors
+from ...system import count_processors
 from .abilities import Abilities, lacking
 from .estimate import duration, spread_before, work_of
 from .speed import Speed
@@ -45,7 +45,7 @@ class Quality:
 
 def seconds_of(settings: Settings, triangles: float, speed: Speed | None) -> tuple[float, float]:
     """Wall seconds of a further pair of a scene of so many triangles, and the factor that they may be off by."""
-    seconds = work_of(settings).seconds(triangles) * (speed.factor if speed else 1.0) / processors()
+    seconds = work_of(settings).seconds(triangles) * (speed.factor if speed else 1.0) / count_processors()
     return seconds, math.exp(2.0 * spread_before(speed, settings["quality"]["device"] == "GPU"))
 
 

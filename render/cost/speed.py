@@ -13,9 +13,9 @@ from pathlib import Path
 from typing import Any
 
 from ...errors import IcyMoonError
-from ...files import user_path, write_json
-from ...records import COUNT, POSITIVE, TABLE, TEXT, fault, read_record
-from ...system import cache_folder, processors
+from ...files import parse_path, write_json
+from ...records import COUNT, POSITIVE, TABLE, TEXT, find_fault, read_record
+from ...system import cache_folder, count_processors
 
 #: Names another cache folder, for tests and for people who keep theirs elsewhere.
 FOLDER_VARIABLE = "ICYMOON_CACHE"
@@ -52,7 +52,7 @@ def choose_folder(path: str) -> None:
 def folder() -> Path:
     """The cache folder of Icy Moon, which need not exist: of the environment, the one chosen, the person's own."""
     if given := os.environ.get(FOLDER_VARIABLE) or _chosen:
-        return user_path(given, FOLDER_VARIABLE).absolute()
+        return parse_path(given, FOLDER_VARIABLE).absolute()
     return cache_folder() / "icymoon"
 
 
@@ -76,9 +76,9 @@ def remembered(device: str, blender: str = "") -> Speed | None:
     """The speed of this computer's ``device`` (CPU or GPU) with as many processors as there are now, in one version of
     Blender or, if none is named, the one measured last; None if there is none."""
     known = [(key, Speed(**{name: entry[name] for name in _SPEED})) for key, entry in _kept().items()
-             if not fault(entry, _SPEED)]
+             if not find_fault(entry, _SPEED)]
     found = [speed for key, speed in known
-             if key == _key(device, speed.blender, processors()) and blender in ("", speed.blender)]
+             if key == _key(device, speed.blender, count_processors()) and blender in ("", speed.blender)]
     return max(found, key=lambda speed: speed.measured, default=None)
 
 

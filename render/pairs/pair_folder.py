@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from ...errors import IcyMoonError
-from ...files import PART, json_text, read_text, replaced, sha256
+from ...files import PART, json_text, read_text, replace_if_unchanged, sha256
 from ...records import (
     COUNT,
     FILE_NAME,
@@ -32,9 +32,9 @@ from ...records import (
     WHOLE,
     Each,
     Maybe,
-    checked,
-    fault,
-    parsed,
+    check_record,
+    find_fault,
+    parse_json,
 )
 from ...settings.changes import response
 from ...settings.description import Settings, merged, restored
@@ -206,7 +206,7 @@ def _text(path: Path) -> str:
 
 def _parsed(path: Path, text: str) -> Any:
     try:
-        return parsed(text)
+        return parse_json(text)
     except ValueError as error:
         raise IcyMoonError(f"{path} cannot be read ({error}); {_MEND}.") from None
 
@@ -220,7 +220,7 @@ def read_pair(folder: Path) -> Pair:
     if data.get("version") != VERSION:
         raise IcyMoonError(f"{path} has format version {data.get('version')!r}, this Icy Moon reads {VERSION}; "
                            "use the version that wrote it.")
-    checked(data, _SHAPE, path, _MEND)
+    check_record(data, _SHAPE, path, _MEND)
     settings = restored(data["settings"], str(path), data.get("versions", {}).get("icymoon", ""))
     camera = StereoCamera.from_json(data["camera"])
     _check_camera(camera, StereoCamera.from_settings(settings["rig"]), path)
@@ -257,9 +257,9 @@ def is_whole(folder: Path) -> bool:
         path = folder / "pair.json"
         if not path.is_file():  # a pipe would be waited for
             return False
-        data = parsed(read_text(path))
-        return not fault(data, _FILES) and all((folder / name).stat().st_size == fact["bytes"]
-                                               for name, fact in data["files"].items())
+        data = parse_json(read_text(path))
+        return not find_fault(data, _FILES) and all((folder / name).stat().st_size == fact["bytes"]
+                                                    for name, fact in data["files"].items())
     except (FileNotFoundError, NotADirectoryError, ValueError):
         return False
 
@@ -271,11 +271,12 @@ def restate(folder: Path, settings: Settings) -> None:
     """
     path = folder / "pair.json"
     before = _text(path)
-    data = checked(_parsed(path, before), _STATED, path, _MEND)
+    data = check_record(_parsed(path, before), _STATED, path, _MEND)
     # As it is read: what came after it was written is no difference.
     stated = restored(data["settings"], str(path), data.get("versions", {}).get("icymoon", ""))
     now = merged(data["settings"], response(settings))
-    if response(stated) != response(settings) and not replaced(path, before, json_text({**data, "settings": now})):
+    now_stated = json_text({**data, "settings": now})
+    if response(stated) != response(settings) and not replace_if_unchanged(path, before, now_stated):
         restate(folder, settings)
 
 

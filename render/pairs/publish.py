@@ -14,7 +14,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from ...errors import IcyMoonError
-from ...files import disk_errors, part_of
+from ...files import explain_disk_errors, part_of
 from ...system import flush, rename
 from .our_files import is_of_a_pair, remove_ours, why_kept
 from .pair_folder import is_whole
@@ -28,7 +28,7 @@ def publish(part: Path, folder: Path, lost: Callable[[], bool], again: bool = Fa
     there.
     """
     aside: list[Path] = []
-    with disk_errors("write", folder):
+    with explain_disk_errors("write", folder):
         try:
             flush(part)
             while not lost() and is_whole(part) and not _moved(part, folder):

@@ -13,8 +13,8 @@ from pathlib import Path
 from typing import Any
 
 from ...errors import IcyMoonError
-from ...files import disk_errors, read_text, write_text
-from ...records import COUNT, TABLE, TEXT, Each, checked, parsed
+from ...files import explain_disk_errors, read_text, write_text
+from ...records import COUNT, TABLE, TEXT, Each, check_record, parse_json
 from ...settings.description import Settings, changed, check, merged, restored, told_to_update
 from ...settings.pair_ids import counts
 from ...settings.table import all_settings
@@ -106,15 +106,15 @@ def read(dataset: Path) -> Frozen:
     if not path.is_file():
         raise IcyMoonError(f"{dataset} has no {PLAN}; make the data set with icymoon batch.")
     try:
-        with disk_errors("read", path):
-            header, *lines = [parsed(line) for line in read_text(path).split("\n") if line]
+        with explain_disk_errors("read", path):
+            header, *lines = [parse_json(line) for line in read_text(path).split("\n") if line]
     except ValueError as error:
         raise IcyMoonError(f"{path} cannot be read ({error}); {_MEND}.") from None
-    checked(header, _KIND, path, _MEND)
+    check_record(header, _KIND, path, _MEND)
     if header["format"] != FORMAT or header["version"] != VERSION:
         raise IcyMoonError(f"{path} has version {header['version']} of {header['format']}, this Icy Moon reads "
                            f"{VERSION} of {FORMAT}; use the version that wrote it.")
-    checked(header, _HEADER, path, _MEND)
+    check_record(header, _HEADER, path, _MEND)
     base = restored(header["settings"], str(path), header["icymoon"])
     with told_to_update(str(path), header["icymoon"]):
         pairs = tuple(_pair(line, base, path) for line in lines)
@@ -124,5 +124,5 @@ def read(dataset: Path) -> Frozen:
 
 
 def _pair(line: Mapping[str, Any], base: Settings, path: Path) -> PlannedPair:
-    checked(line, _LINE, path, _MEND)
+    check_record(line, _LINE, path, _MEND)
     return PlannedPair(checked_id(line["id"], path), merged(base, check(line["changes"], str(path), stored=True)), 0.0)

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from ...errors import IcyMoonError
-from ...files import is_file, user_path
+from ...files import is_file, parse_path
 from ...formats.toml_lines import Place
 from ...settings.description import PLANS, check, plan_names, read_toml, toml_and_text
 from . import poses, sweeps
@@ -79,7 +79,7 @@ def plan_path(name: str) -> Path:
     shipped = PLANS / f"{name.removeprefix('datasets/')}.toml"
     if ".." not in name and is_file(shipped):
         return shipped
-    path = user_path(name, "The plan")
+    path = parse_path(name, "The plan")
     if path.suffix == ".toml" or path.is_file():
         return path
     raise IcyMoonError(f"Unknown plan {name!r}, {nearest(name, plan_names())}")
@@ -137,7 +137,7 @@ def _parents(header: Mapping[str, Any], place: Place, readers: tuple[Path, ...])
     designs: list[Design] = []
     for name, at in _names(header, "extends", place):
         try:
-            path = at.file.parent / user_path(name, "The plan") if name.endswith(".toml") else plan_path(name)
+            path = at.file.parent / parse_path(name, "The plan") if name.endswith(".toml") else plan_path(name)
             if path.resolve() in readers:
                 raise IcyMoonError(f"{path} extends this plan in turn; leave one of the two out.")
             designs += _read(path, readers).designs
@@ -169,7 +169,7 @@ def _with_header(design: Design, header: Mapping[str, Any], place: Place) -> Des
             raise IcyMoonError(f"{at}: at_most is {most!r}, it must be a whole number of pairs from 1 up.")
         design = replace(design, at_most=most)
     if "files" in header:
-        folder = user_path(_text(header, "files", place), f"{place.at('files')}: files")
+        folder = parse_path(_text(header, "files", place), f"{place.at('files')}: files")
         design = replace(design, files=place.file.parent.absolute() / folder)
     return design
 

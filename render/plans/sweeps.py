@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from ...errors import IcyMoonError
-from ...files import user_path
+from ...files import parse_path
 from ...formats.toml_lines import Place
 from ...physics.random_numbers import sampling
 from ...physics.random_numbers.seeds import generator
@@ -85,7 +85,7 @@ def preset(name: Any, place: Place) -> Settings:
     if not isinstance(name, str):
         raise IcyMoonError(f"{place}: a preset is named by a text in quotes, not {name!r}.")
     try:
-        return load(place.file.parent / user_path(name, "The preset") if name.endswith(".toml") else preset_path(name))
+        return load(place.file.parent / parse_path(name, "The preset") if name.endswith(".toml") else preset_path(name))
     except IcyMoonError as error:
         raise IcyMoonError(f"{place}: {error}") from None
 

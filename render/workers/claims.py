@@ -19,8 +19,8 @@ from pathlib import Path
 from typing import Any
 
 from ... import system
-from ...files import PART, disk_errors, part_of, read_text
-from ...records import PROCESS, TEXT, Maybe, fault, parsed
+from ...files import PART, explain_disk_errors, part_of, read_text
+from ...records import PROCESS, TEXT, Maybe, find_fault, parse_json
 from ..pairs.our_files import is_claim, remove_ours
 from ..pairs.publish import settle
 
@@ -53,7 +53,7 @@ class Claims:
         """Claim a pair; False while another holds it. Raises IcyMoonError where it could not be written."""
         folder = part_of(self._pairs / pair)
         system.check_path(self._pairs.parent, part_of(folder / "pair.json"))  # the longest name of what is in a pair
-        with disk_errors("write to", self._folder):
+        with explain_disk_errors("write to", self._folder):
             self._folder.mkdir(parents=True, exist_ok=True)
             claims = self._of(pair)
             if claims and not self._stale(claims[max(claims)]):
@@ -61,11 +61,12 @@ class Claims:
             number = max(claims, default=0) + 1
             path = self._folder / f"{pair}.{number}"
             try:
-                handle = system.patiently(lambda: os.open(path, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
+                handle = system.retry(lambda: os.open(path, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
             except FileExistsError:
                 return False  # another was faster
             with os.fdopen(handle, "w", encoding="utf-8") as stream:
-                json.dump({"pid": os.getpid(), "place": system.place(), "host": system.computer(), "key": self._key},
+                json.dump({"pid": os.getpid(), "place": system.process_scope(), "host": system.computer_name(),
+                           "key": self._key},
                           stream)
         for old in claims.values():
             self._remove(old)
@@ -118,11 +119,11 @@ class Claims:
 
     def forget(self, pid: int) -> None:
         """Drop the claims of a process of this machine that has ended, and what it left half-written."""
-        for part in self._pairs.glob(f"*.{system.computer()}-{pid}-*{PART}"):
+        for part in self._pairs.glob(f"*.{system.computer_name()}-{pid}-*{PART}"):
             self._settle(part)
         for path in self._all():
             holder = _read(path)
-            if holder.get("pid") == pid and holder.get("host") == system.computer():
+            if holder.get("pid") == pid and holder.get("host") == system.computer_name():
                 self._remove(path)
 
     def sweep(self) -> None:
@@ -135,9 +136,9 @@ class Claims:
                 self._settle(part)
         # Such as the manifest's, the clock's and that of a pair.json that was to state other settings.
         for where, pattern in ((self._dataset, "*"), (self._pairs, ".clock"), (self._pairs, "*/*")):
-            for file in where.glob(f"{pattern}.{system.computer()}-*-*{PART}"):
+            for file in where.glob(f"{pattern}.{system.computer_name()}-*-*{PART}"):
                 writer = file.name.removesuffix(PART).rsplit("-", 2)[1]
-                if writer.isdecimal() and system.is_gone(int(writer), system.place()):
+                if writer.isdecimal() and system.is_gone(int(writer), system.process_scope()):
                     self._remove(file)
         for path in self._all():
             if not self._mine(path) and self._stale(path):
@@ -186,7 +187,7 @@ class Claims:
     def _now(self) -> float:
         """The time by the clock that stamps the files of this folder, which may be another machine's."""
         probe = part_of(self._pairs / ".clock")
-        with disk_errors("write to", probe.parent):
+        with explain_disk_errors("write to", probe.parent):
             probe.parent.mkdir(parents=True, exist_ok=True)
             try:
                 probe.write_bytes(b"")
@@ -208,7 +209,7 @@ def _number(path: Path) -> int:
 
 def _read(claim: Path) -> dict[str, Any]:
     try:
-        holder = parsed(read_text(claim))
+        holder = parse_json(read_text(claim))
     except (OSError, ValueError):
         return {}  # gone, or being written
-    return {} if fault(holder, _SHAPE) else dict(holder)
+    return {} if find_fault(holder, _SHAPE) else dict(holder)

@@ -17,7 +17,7 @@ from typing import IO, Any
 
 from ... import system
 from ...errors import IcyMoonError
-from ...files import disk_errors
+from ...files import explain_disk_errors
 from ...records import NUMBER, PATH, PROCESS, TEXT, read_record
 from .process import Listener
 
@@ -52,16 +52,16 @@ class Detached(Listener):
 
         Raises IcyMoonError if it cannot start, or if the one of this name still runs.
         """
-        with disk_errors("write to", stem.parent):
+        with explain_disk_errors("write to", stem.parent):
             stem.parent.mkdir(parents=True, exist_ok=True)
             watch = system.lock(stem.with_suffix(".watch"))
-            lock = system.heritable_lock(stem.with_suffix(".lock")) if watch is not None else None
+            lock = system.lock_for_child(stem.with_suffix(".lock")) if watch is not None else None
             if watch is None or lock is None:
                 raise IcyMoonError(f"{facts['title']} is running already for {facts['dataset']}; wait for it, or stop "
                                    "it where it was started.")
             with lock, stem.with_suffix(".log").open("wb") as log:
                 try:
-                    process = system.start_to_stay(command, environment, lock, log, stem.with_suffix(".stop"))
+                    process = system.start_detached(command, environment, lock, log, stem.with_suffix(".stop"))
                 except OSError as error:
                     watch.close()
                     raise IcyMoonError(f"Cannot start {command[0]}: {error.strerror or error}; "
@@ -75,7 +75,7 @@ class Detached(Listener):
         """The process of this name, if it runs and nobody watches it."""
         try:
             facts = read_record(stem.with_suffix(".json"), _SHAPE, "delete it")
-            if not system.is_held(stem.with_suffix(".lock")):
+            if not system.is_lock_held(stem.with_suffix(".lock")):
                 return None
             watch = system.lock(stem.with_suffix(".watch"))
             return cls(stem, facts, watch, None) if watch is not None else None
@@ -96,7 +96,7 @@ class Detached(Listener):
             return False
         if self._process is not None:
             return self._process.poll() is None
-        return system.is_held(self._stem.with_suffix(".lock"))
+        return system.is_lock_held(self._stem.with_suffix(".lock"))
 
     def _close(self) -> None:
         if not self._ended:

@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from ...errors import IcyMoonError
-from ...files import absolute_path, disk_errors
+from ...files import absolute_path, explain_disk_errors
 from ...records import COUNT, FLAG, PATH, TABLE, TEXT, WHOLE, Each, Maybe, read_record
-from ...scratch import make_scratch
+from ...scratch import make_scratch_folder
 from ...settings.description import Settings
 from ...system import is_python, remove_folder
 from ...version import ROOT
@@ -63,10 +63,10 @@ class Job:
         of another ``repeat`` are the same but for their name and the noise of their light paths.
         """
         self.dataset = dataset
-        self.folder = make_scratch()
+        self.folder = make_scratch_folder()
         self.blend = self.folder / "scene.blend"
         self.file = self.folder / "job.json"
-        with disk_errors("write a job to", self.folder):
+        with explain_disk_errors("write a job to", self.folder):
             job: Mapping[str, Any] = {"settings": settings, "dataset": str(dataset), "again": again, "repeat": repeat,
                                       "blend": str(self.blend) if scene else None, "scene": scene, "threads": threads,
                                       "pairs": [{"id": pair.id, "settings": pair.settings} for pair in pairs]}

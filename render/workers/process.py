@@ -20,7 +20,7 @@ from typing import IO, Any
 
 from ... import system
 from ...errors import IcyMoonError
-from ...records import TEXT, fault, parsed
+from ...records import TEXT, find_fault, parse_json
 
 Message = dict[str, Any]
 _GRACE_S = 3.0
@@ -144,10 +144,10 @@ def _parsed(line: str) -> Message | None:
     if not line.startswith("{"):
         return None
     try:
-        message = parsed(line)
+        message = parse_json(line)
     except ValueError:
         return None
-    return None if fault(message, {"type": TEXT}) else dict(message)
+    return None if find_fault(message, {"type": TEXT}) else dict(message)
 
 
 def clean_environment() -> dict[str, str]:

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from ...errors import IcyMoonError
-from ...records import FLAG, NUMBER, TABLE, TEXT, Maybe, Shape, fault
+from ...records import FLAG, NUMBER, TABLE, TEXT, Maybe, Shape, find_fault
 from ..pairs.pair_folder import is_complete, restate
 from ..plans.order import shards
 from ..plans.planned_pair import PlannedPair
@@ -183,7 +183,7 @@ class Runner:
 
     def _hear(self, worker: _Worker, message: Message) -> None:
         kind = message["type"]
-        if fault(message, _SAID.get(kind, TABLE)) or not self._known >= {message.get("pair"), message.get("id")}:
+        if find_fault(message, _SAID.get(kind, TABLE)) or not self._known >= {message.get("pair"), message.get("id")}:
             return  # something that other code in that process has printed
         if kind == "progress" and "pair" in message:
             worker.current, worker.fraction = message["pair"], message.get("of_pair", 0.0)

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ...errors import IcyMoonError, sentence
+from ...errors import IcyMoonError, describe_error
 from ...files import read_text, sha256
 from ...formats.exr_layout import is_whole
 from ...physics.camera.blur import identity
-from ...records import FILE_NAME, SHA256, Each, fault, parsed
+from ...records import FILE_NAME, SHA256, Each, find_fault, parse_json
 from ...settings.description import digest
 from ..pairs.our_files import is_claim, is_unfinished, remove_ours, why_kept
 from ..pairs.pair_folder import Pair, is_complete, read_pair
@@ -65,7 +65,7 @@ def verify(dataset: Path, remove_broken: bool = False) -> Findings:
         try:
             found = list(_of_pair(dataset, planned, planned.id in working))
         except Exception as error:  # such as a disk that cannot be read: nothing to take away
-            found = [Problem("unreadable", planned.id, sentence(error, planned.folder(dataset)))]
+            found = [Problem("unreadable", planned.id, describe_error(error, planned.folder(dataset)))]
         complete += not found
         problems += found
     problems += _others(dataset, {pair.id for pair in frozen.pairs}, working)
@@ -104,8 +104,8 @@ def _is_intact(folder: Path) -> bool:
     Raises OSError where that cannot be told.
     """
     try:
-        data = parsed(read_text(folder / "pair.json"))
-        return not fault(data, _CHECKED) and bool(data["files"]) and all(
+        data = parse_json(read_text(folder / "pair.json"))
+        return not find_fault(data, _CHECKED) and bool(data["files"]) and all(
             (folder / name).is_file() and sha256(folder / name) == fact["sha256"]
             for name, fact in data["files"].items())
     except (FileNotFoundError, NotADirectoryError, ValueError):

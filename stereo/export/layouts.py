@@ -24,8 +24,8 @@ from typing import Any
 
 import numpy as np
 
-from ...errors import DiskError, IcyMoonError, sentence
-from ...files import cell, write_atomically, write_json, write_text
+from ...errors import DiskError, IcyMoonError, describe_error
+from ...files import escape_cell, write_atomically, write_json, write_text
 from ...labels import LANDER, NOT_SEEN, ROCK, SEMANTIC
 from ...render.pairs.pair_folder import EYES
 from ..images.develop import exposure_facts, to_8_bit
@@ -85,7 +85,7 @@ class _Pairs:
                         "total": len(self._folders), "message": folder.name})
 
     def _fail(self, error: Exception, folder: Path) -> None:
-        self.failed.append(sentence(error, folder))
+        self.failed.append(describe_error(error, folder))
         self._tell({"type": "error", "message": self.failed[-1]})
 
 
@@ -172,7 +172,7 @@ def _kitti(each: Each, out: Path) -> None:
         write_scaled(root / "disp_occ_0" / frame, disparity, KITTI_SCALE)
         write_scaled(root / "disp_noc_0" / frame, np.where(pair.visible["left"], disparity, np.nan), KITTI_SCALE)
         write_text(root / "calib_cam_to_cam" / f"{number}.txt", _kitti_calibration(pair))
-        numbers.append((number, cell(pair.pair.folder.name)))
+        numbers.append((number, escape_cell(pair.pair.folder.name)))
 
     each(write)
     table = io.StringIO()
@@ -289,7 +289,7 @@ def write_truth(paths: Sequence[Path], out: Path) -> Iterator[dict[str, Any]]:
         try:
             pair = load(folder, {})
         except Exception as error:
-            yield {"pair": folder.name, "ok": False, "problems": [sentence(error, folder)]}
+            yield {"pair": folder.name, "ok": False, "problems": [describe_error(error, folder)]}
             continue
         stream = io.BytesIO()
         np.savez_compressed(stream, **{f"{name}_{eye}": values for eye in EYES for name, values in (

@@ -20,7 +20,7 @@ import numpy as np
 from ...errors import IcyMoonError
 from ...labels import BEAUTY, INSTANCE_AOV, LIGHT_GROUPS, NORMAL_AOV, TRUTH
 from ...render.pairs.pair_folder import EYES
-from ...scratch import scratch
+from ...scratch import scratch_folder
 from .exr_passes import only_passes
 
 SKY_DEPTH_M = 1.0e10  # what Cycles writes where a ray hits nothing
@@ -125,7 +125,7 @@ def _less(path: Path, passes: Collection[str]) -> Iterator[str]:
         yield str(path)
         return
     # A file and not a stream, which older versions of the OpenEXR package do not read.
-    with scratch() as folder:
+    with scratch_folder() as folder:
         file = folder / path.name
         file.write_bytes(only_passes(path.read_bytes(), passes))
         yield str(file)

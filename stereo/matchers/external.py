@@ -23,7 +23,7 @@ import numpy as np
 
 from ...errors import IcyMoonError
 from ...render.pairs.pair_folder import StereoCamera
-from ...scratch import scratch
+from ...scratch import scratch_folder
 from ...system import kill_all, split_command, start
 from ..images.image_files import read_pfm, read_png, write_png
 from .options import Option, nearest
@@ -64,7 +64,7 @@ def check(options: dict[str, Any]) -> None:
 
 def compute(left: np.ndarray, right: np.ndarray, options: dict[str, Any], camera: StereoCamera | None) -> Result:
     """Disparity of uint8 RGB (H, W, 3) images as the program leaves it."""
-    with scratch() as folder:
+    with scratch_folder() as folder:
         values = {eye: str(folder / f"{eye}.png") for eye in ("left", "right")}
         values["out"] = str(folder / f"disparity.{options['format']}")
         for eye, image in (("left", left), ("right", right)):

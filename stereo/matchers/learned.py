@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...errors import IcyMoonError
-from ...files import sha256, user_path
+from ...files import parse_path, sha256
 from .options import Option
 
 if TYPE_CHECKING:
@@ -58,7 +58,7 @@ def check(network: Network, options: dict[str, Any]) -> None:
 def checkpoint(network: Network, options: dict[str, Any]) -> Path:
     """The file that the options mean."""
     if options["checkpoint"]:
-        return user_path(options["checkpoint"], f"{network.method}.checkpoint")
+        return parse_path(options["checkpoint"], f"{network.method}.checkpoint")
     folder = os.environ.get(FOLDER) or Path.home() / ".local" / "share" / "icymoon" / "checkpoints"
     return Path(folder) / f"{network.method}.pth"
 

@@ -13,7 +13,7 @@ from typing import Any, TextIO
 import numpy as np
 
 from ...errors import IcyMoonError
-from ...files import cell, write_atomically, write_json
+from ...files import escape_cell, write_atomically, write_json
 from ...records import ANYTHING, COUNT, FLAG, NUMBER, PIXELS, TABLE, TEXT, Each, Maybe, Shape, read_record
 from ..environment import packages
 from ..matchers import complete_options
@@ -111,7 +111,7 @@ def _write_csv(part: Path, rows: Iterable[Row]) -> None:
         writer = csv.DictWriter(stream, ("pair", "method", "status", *NUMBERS, "error"), extrasaction="ignore",
                                 lineterminator="\n")
         writer.writeheader()
-        writer.writerows({**row, **{key: cell(row[key]) for key in ("pair", "method", "error")}} for row in rows)
+        writer.writerows({**row, **{key: escape_cell(row[key]) for key in ("pair", "method", "error")}} for row in rows)
 
 
 def _write_report_json(part: Path, report: Mapping[str, Any]) -> None:

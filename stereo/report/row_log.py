@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 from ...errors import IcyMoonError
-from ...files import disk_errors, write_atomically
-from ...records import FILE_NAME, TEXT, Shape, fault, parsed
+from ...files import explain_disk_errors, write_atomically
+from ...records import FILE_NAME, TEXT, Shape, find_fault, parse_json
 from ...system import flush_handle
 
 Row = dict[str, Any]
@@ -28,7 +28,7 @@ class RowLog:
     def __init__(self, path: Path, shape: Mapping[str, Shape] = NAMES) -> None:
         self._path, self._shape = path, {**NAMES, **shape}
         self._rows: dict[tuple[str, str], tuple[int, str]] = {}
-        with disk_errors("write", path):
+        with explain_disk_errors("write", path):
             path.parent.mkdir(parents=True, exist_ok=True)
             with path.open("a+b") as stream:
                 stream.seek(0)
@@ -52,7 +52,7 @@ class RowLog:
 
     def read(self, pair: str, method: str) -> Row:
         """The row of a pair and method, which there must be. Raises IcyMoonError if another program took it away."""
-        with disk_errors("read", self._path), self._path.open("rb") as stream:
+        with explain_disk_errors("read", self._path), self._path.open("rb") as stream:
             stream.seek(self._rows[pair, method][0])
             row = self._parsed(stream.readline())
         if row is None or (row["pair"], row["method"]) != (pair, method):
@@ -62,7 +62,7 @@ class RowLog:
     def append(self, row: Mapping[str, Any]) -> None:
         """Add one row. A disk that takes only a part of it is made to give that part back."""
         rest = memoryview((json.dumps(row, allow_nan=False) + "\n").encode())
-        with disk_errors("write", self._path), self._path.open("ab", buffering=0) as stream:
+        with explain_disk_errors("write", self._path), self._path.open("ab", buffering=0) as stream:
             end = stream.tell()
             try:
                 while rest:
@@ -92,10 +92,10 @@ class RowLog:
 
     def _parsed(self, line: bytes) -> Row | None:
         try:
-            row = parsed(line)
+            row = parse_json(line)
         except ValueError:
             return None
-        return None if fault(row, self._shape) else row
+        return None if find_fault(row, self._shape) else row
 
 
 class Lazy(Sequence[Row]):

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ...files import disk_errors, write_text
+from ...files import explain_disk_errors, write_text
 from ...render.cost.tolerance import Tolerance, every
 from ...render.cost.variants import Variant, candidates, leaner, reference
 from ...settings.description import changed, merged, to_toml
@@ -48,7 +48,7 @@ def auto(bench: Bench, tolerance: Tolerance) -> dict[str, Any]:
     ladder, parts = candidates(bench.settings, abilities(bench, best.settings)), leaner(bench.settings)
     counter = Counter(bench.on_event, best.repeats + len(ladder) + len(parts))
     file = bench.out / "auto.toml"
-    with disk_errors("write to", bench.out):
+    with explain_disk_errors("write to", bench.out):
         remove(file)  # what an earlier search said
     search = _Search(bench, read_reference(renders(best, bench, counter), methods, {}), methods, tolerance, counter)
     chosen = next((variant for variant in ladder if search.within(variant)), None)

@@ -166,7 +166,7 @@ def test_what_the_system_refuses_is_a_sentence(place, monkeypatch, error):
     """Whichever call it is that nobody thought of."""
     def refused(options):
         raise error
-    monkeypatch.setattr(cli, "_sources", refused)
+    monkeypatch.setattr(cli, "_run_sources", refused)
     status, said = ended(["sources", "pairs/x"])
     assert status == 1
     assert said.startswith("icymoon: ")

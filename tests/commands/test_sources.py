@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from icymoon.commands.sources import BY_HAND, DEFAULT, origins
+from icymoon.commands.sources import BY_HAND, DEFAULT, find_origins
 from icymoon.errors import IcyMoonError
 from icymoon.settings import description
 
@@ -14,7 +14,7 @@ def described(*presets: str, **changes: dict) -> description.Settings:
 
 
 def found(settings: description.Settings, *asked: str) -> dict:
-    return {origin.name: origin for origin in origins(settings, asked)}
+    return {origin.name: origin for origin in find_origins(settings, asked)}
 
 
 @pytest.mark.parametrize("scene", description.preset_names("scenes"))
@@ -48,10 +48,10 @@ def test_what_a_person_states_is_told_from_presets_and_defaults():
 
 def test_a_law_that_the_scene_does_not_use_has_no_source_in_its_presets():
     """The defaults of Hapke's law are those of a preset; snow is not made of it."""
-    assert not any("hapke" in origin.preset for origin in origins(described("scenes/enceladus_fresh_snow")))
+    assert not any("hapke" in origin.preset for origin in find_origins(described("scenes/enceladus_fresh_snow")))
     assert found(described("surfaces/hapke_europa_global"))["hapke.w"].preset == "surfaces/hapke_europa_global"
 
 
 def test_an_unknown_name_is_refused():
     with pytest.raises(IcyMoonError, match="no topic and no setting"):
-        list(origins(description.defaults(), ["albedo"]))
+        list(find_origins(description.defaults(), ["albedo"]))

@@ -104,7 +104,7 @@ def heights() -> list[float]:
 def shown() -> bool:
     """Whether what is built shows the settings, be it coarsely."""
     preview, description = module("nodes.preview"), module("settings.description")
-    there, wanted = module("nodes.scene").find(window().scene), module("scene_properties").from_group(settings())
+    there, wanted = module("nodes.scene").find(window().scene), module("scene_properties").read_settings(settings())
     before = description.merged(there.settings, there.preview)
     return (not there.edited and preview.geometry(before) == preview.geometry(wanted)
             and before["light"] == wanted["light"])
@@ -428,7 +428,7 @@ def choose_by_picture() -> Waiting:
     """A scene chosen by its picture with the mouse is taken back by Ctrl Z, wherever the mouse is, and comes again."""
     take_a_step()
     scene_properties = module("scene_properties")
-    before = scene_properties.from_group(settings())
+    before = scene_properties.read_settings(settings())
     for where in ("where the picture was clicked", "in the view"):
         x, y = yield from person.over_the_pictures()
         xdotool("click", 1)
@@ -437,13 +437,13 @@ def choose_by_picture() -> Waiting:
         point(x - 400, y - 150)  # some scene of the first row
         yield 5 * TICK_S
         xdotool("click", 1)
-        yield from until(lambda: scene_properties.from_group(settings()) != before, "Choosing a picture")
-        chosen = scene_properties.from_group(settings())
+        yield from until(lambda: scene_properties.read_settings(settings()) != before, "Choosing a picture")
+        chosen = scene_properties.read_settings(settings())
         if where == "in the view":
             yield from away()
         for keys, expected in (("ctrl+z", before), ("ctrl+shift+z", chosen), ("ctrl+z", before)):
             yield from key(keys)
-            yield from until(lambda expected=expected: scene_properties.from_group(settings()) == expected,
+            yield from until(lambda expected=expected: scene_properties.read_settings(settings()) == expected,
                              f"{keys} after choosing a scene by its picture, the mouse {where},")
 
 
@@ -454,7 +454,7 @@ def undo_by_key() -> Waiting:
     take_a_step()
 
     def state() -> object:
-        return module("scene_properties").from_group(settings()), sorted(item.name for item in bpy.data.objects)
+        return module("scene_properties").read_settings(settings()), sorted(item.name for item in bpy.data.objects)
 
     for operator, options in ((operators.add_terrain, {}), (operators.add_block, {}), (operators.layer_add, {}),
                               (operators.load_settings, {"filepath": str(file)}),

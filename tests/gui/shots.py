@@ -112,7 +112,7 @@ def built() -> None:
         "summary": [row, {**row, "method": "sgbm"}], "rows": [],
         "provenance": {"created": "2038-06-01T12:00:00+00:00"}}))
     module("operators.results").keep(
-        bpy.context.scene, "SCENE", module("scene_properties").from_group(settings()), ["0" * 12])
+        bpy.context.scene, "SCENE", module("scene_properties").read_settings(settings()), ["0" * 12])
     module("operators.dataset").readout.update(plan=settings().dataset.plan, lines=[
         "12 pairs", "about 3 min and 40 MB on this machine with 1 process"])
     jobs = module("operators.jobs")

@@ -151,8 +151,8 @@ def test_property_groups_hold_a_description_and_give_it_back():
     scene = empty_scene()
     loaded = description.merged(description.defaults(),
                                 description.load(description.preset_path("scenes/europa_rough_ice")))
-    scene_properties.to_group(scene.icymoon, loaded)
-    assert scene_properties.from_group(scene.icymoon) == loaded
+    scene_properties.write_settings(scene.icymoon, loaded)
+    assert scene_properties.read_settings(scene.icymoon) == loaded
 
 
 def test_too_little_memory_is_a_sentence_and_changes_nothing(monkeypatch):

@@ -175,31 +175,31 @@ def test_copies_of_what_is_built_are_the_persons_own():
 @pytest.mark.parametrize("settings", [TINY, OSL])
 def test_the_full_copy_of_a_scene_is_a_built_scene_of_its_own(settings):
     scene = empty_scene()
-    scene_properties.to_group(scene.icymoon, description.merged(description.check(SMALL, "x"), settings))
-    first = scenes.build(scene, scene_properties.from_group(scene.icymoon))
+    scene_properties.write_settings(scene.icymoon, description.merged(description.check(SMALL, "x"), settings))
+    first = scenes.build(scene, scene_properties.read_settings(scene.icymoon))
     marks = parts(first.collection)
     bpy.ops.scene.new(type="FULL_COPY")
     copy = bpy.context.scene
-    built = render.up_to_date(copy, scene_properties.from_group(copy.icymoon))
+    built = render.up_to_date(copy, scene_properties.read_settings(copy.icymoon))
     assert built.terrain not in (None, first.terrain)
     assert not built.edited
     assert built.extra == first.extra == scenes.extra(built.settings)
     assert "press Build Scene" in scenes.shares(built)
     light = copy.icymoon.light
     light.sun_elevation_deg += 5.0
-    built = scenes.build(copy, scene_properties.from_group(copy.icymoon))
+    built = scenes.build(copy, scene_properties.read_settings(copy.icymoon))
     assert scenes.shares(built) == ""
     assert parts(scenes.find(scene).collection) == marks
     assert not scenes.find(scene).edited
     bpy.data.scenes.remove(copy)
-    assert not scenes.build(scene, scene_properties.from_group(scene.icymoon)).edited
+    assert not scenes.build(scene, scene_properties.read_settings(scene.icymoon)).edited
 
 
 def test_live_settings_of_a_full_copy_change_no_other_scene(monkeypatch):
     monkeypatch.setattr(live_preview, "watched", lambda: True)
     scene = empty_scene()
-    scene_properties.to_group(scene.icymoon, description.merged(description.check(SMALL, "x"), TINY))
-    first = scenes.build(scene, scene_properties.from_group(scene.icymoon))
+    scene_properties.write_settings(scene.icymoon, description.merged(description.check(SMALL, "x"), TINY))
+    first = scenes.build(scene, scene_properties.read_settings(scene.icymoon))
     marks = parts(first.collection)
     bpy.ops.scene.new(type="FULL_COPY")
     copy = bpy.context.scene
@@ -251,7 +251,7 @@ def test_a_ground_that_is_being_edited_is_not_built_anew():
     bpy.ops.object.mode_set(mode="EDIT")
     with pytest.raises(IcyMoonError, match="Object Mode"):
         scenes.build(scene, complete(ROUGHER))
-    scene_properties.to_group(scene.icymoon, complete(ROUGHER))
+    scene_properties.write_settings(scene.icymoon, complete(ROUGHER))
     assert bpy.ops.icymoon.build_scene() == {"FINISHED"}  # which leaves Edit Mode by itself
     assert built.terrain.mode == "OBJECT"
     assert not np.array_equal(positions(built.terrain), before)
@@ -277,7 +277,7 @@ def test_without_cycles_nothing_is_made(operator, small):
 
 def test_a_built_scene_outlives_a_while_without_cycles(small, monkeypatch):
     monkeypatch.setattr(live_preview, "watched", lambda: True)
-    built = render.up_to_date(small, scene_properties.from_group(small.icymoon))
+    built = render.up_to_date(small, scene_properties.read_settings(small.icymoon))
     with cycles_off():
         before = everything()
         for operator in ("build_scene", "render_pair", "evaluate"):

@@ -54,7 +54,7 @@ def change(scene: bpy.types.Scene, name: str, value: object) -> scenes.Built:
 
 
 def current(scene: bpy.types.Scene) -> description.Settings:
-    return scene_properties.from_group(scene.icymoon)
+    return scene_properties.read_settings(scene.icymoon)
 
 
 def state(built: scenes.Built) -> dict[str, str]:
@@ -303,7 +303,8 @@ def test_a_lander_does_not_keep_a_preview_from_being_built(watched):
 def test_a_ground_of_ones_own_is_left_but_light_and_camera_follow(watched, tmp_path):
     heights = np.add.outer(np.linspace(0, 1, 50), np.linspace(0, 2, 50))
     np.save(tmp_path / "dem.npy", heights)
-    scene_properties.to_group(watched.icymoon, {"source": {"kind": "HEIGHT_MAP", "file": str(tmp_path / "dem.npy"),
+    scene_properties.write_settings(watched.icymoon,
+                                    {"source": {"kind": "HEIGHT_MAP", "file": str(tmp_path / "dem.npy"),
                                                       "metres_per_pixel": 0.2}})
     _turn()
     assert any("Your own ground" in sentence for sentence in preview.notes(watched))
@@ -412,7 +413,7 @@ def test_a_failing_listener_does_not_hold_back_the_next_changes(scene, monkeypat
     monkeypatch.setattr(table, "listeners", [lambda scene, effects: heard.append(effects)])
 
     def fail() -> None:
-        with scene_properties.together():
+        with scene_properties.batch_changes():
             scene_properties.announce(scene, "light")
             raise RuntimeError
 

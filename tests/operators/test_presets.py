@@ -27,7 +27,7 @@ def choice() -> str:
 def test_a_preset_of_ones_own_comes_back_as_it_was(scene, own):
     scene.icymoon.terrain.hurst, scene.icymoon.dataset.seed = 0.55, 7
     scene.icymoon.terrain.layers.add().amplitude_m = 0.3
-    before = scene_properties.from_group(scene.icymoon)
+    before = scene_properties.read_settings(scene.icymoon)
     assert bpy.ops.icymoon.add_preset(title="Zürich, 2nd try") == {"FINISHED"}
     name = scene.icymoon.preset
     assert name == "own/zürich_2nd_try"
@@ -35,7 +35,7 @@ def test_a_preset_of_ones_own_comes_back_as_it_was(scene, own):
     bpy.ops.icymoon.load_preset(preset="scenes/europa_chaos")
     scene.icymoon.dataset.seed = 9
     assert bpy.ops.icymoon.load_preset(preset=name) == {"FINISHED"}
-    after = scene_properties.from_group(scene.icymoon)
+    after = scene_properties.read_settings(scene.icymoon)
     assert after.pop("dataset")["seed"] == 9, "a preset is not of the data set"
     before.pop("dataset")
     assert after == before
@@ -87,11 +87,11 @@ def test_removing_a_preset_of_ones_own(scene, own):
 def test_a_preset_that_cannot_be_read_is_one_sentence_and_changes_nothing(scene, own, text, said):
     own.mkdir()
     (own / "bad.toml").write_text(text)
-    before = scene_properties.from_group(scene.icymoon)
+    before = scene_properties.read_settings(scene.icymoon)
     with pytest.raises(RuntimeError, match=r"bad\.toml") as raised:
         bpy.ops.icymoon.load_preset(preset="own/bad")
     assert said in str(raised.value)
-    assert scene_properties.from_group(scene.icymoon) == before
+    assert scene_properties.read_settings(scene.icymoon) == before
     assert scene.icymoon.preset == ""
 
 
@@ -143,7 +143,7 @@ def test_every_shipped_scene_has_a_picture_that_chooses_it(scene):
 
 
 def described(group) -> description.Settings:
-    return {topic: values for topic, values in scene_properties.from_group(group).items() if topic != "dataset"}
+    return {topic: values for topic, values in scene_properties.read_settings(group).items() if topic != "dataset"}
 
 
 def test_a_whole_scene_is_the_same_whatever_was_loaded_before(scene):
@@ -153,7 +153,7 @@ def test_a_whole_scene_is_the_same_whatever_was_loaded_before(scene):
     assert {name.split("/")[0] for name in whole} == {"scenes", "gallery"}
     alone = {}
     for name in whole:
-        scene_properties.to_group(scene.icymoon, description.defaults())
+        scene_properties.write_settings(scene.icymoon, description.defaults())
         scene.icymoon.preset = ""
         bpy.ops.icymoon.load_preset(preset=name)
         alone[name] = described(scene.icymoon)
@@ -161,7 +161,7 @@ def test_a_whole_scene_is_the_same_whatever_was_loaded_before(scene):
             description.defaults(), description.load(description.preset_path(name))).items() if topic != "dataset"}
     for k, before in enumerate(names):  # every one before some whole scene, and each of these after some other
         name = whole[k % len(whole)]
-        scene_properties.to_group(scene.icymoon, description.defaults())
+        scene_properties.write_settings(scene.icymoon, description.defaults())
         scene.icymoon.preset = ""
         bpy.ops.icymoon.load_preset(preset=before)
         bpy.ops.icymoon.load_preset(preset=name)

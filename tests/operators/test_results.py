@@ -77,7 +77,7 @@ def test_how_it_runs_does_not_matter(scene, tmp_path, key, value):
 def test_the_response_that_was_measured_with_is_the_reports_own(scene, tmp_path):
     """As of a data set that another Blender has left being evaluated."""
     scene.icymoon.dataset.folder = str(tmp_path)
-    settings = scene_properties.from_group(scene.icymoon)
+    settings = scene_properties.read_settings(scene.icymoon)
     folder = results.folder_of(settings, "DATASET")
     write_evaluation(folder)
     report = json.loads((folder / "summary.json").read_text())
@@ -153,7 +153,7 @@ def test_what_a_file_says_is_text_and_leads_nowhere(scene, tmp_path):
 
 def test_a_scene_that_is_renamed_or_gone_meanwhile_is_found_or_left_out(scene, tmp_path):
     scene.icymoon.dataset.folder = str(tmp_path)
-    settings = scene_properties.from_group(scene.icymoon)
+    settings = scene_properties.read_settings(scene.icymoon)
     write_evaluation(tmp_path / "evaluation_scene")
     other = bpy.data.scenes.new("Other")
     keepers = [evaluate.Keeper(each, "SCENE", settings, [PAIR]) for each in (scene, other)]

@@ -243,9 +243,9 @@ def test_results_are_shown_with_their_units_and_a_dash_for_none(scene, measured)
 
 
 def test_the_preferences_are_drawn(scene):
-    preferences.remember([Finding("Graphics card", "limited", "none", "Leave quality.device at CPU.")])
+    preferences.show_findings([Finding("Graphics card", "limited", "none", "Leave quality.device at CPU.")])
     record, written = preferences_drawn()
-    preferences.remember([])
+    preferences.show_findings([])
     assert written == ["evaluator", "kernels", "cache", "workers", "name", "method", "program", "options"]
     assert {"icymoon.check_evaluator", "icymoon.install_evaluator"} <= operators(record)
     assert "Graphics card: none" in texts(record)
@@ -259,7 +259,7 @@ def test_check_says_what_doctor_says_and_what_of_the_kernels(scene, tmp_path, mo
     monkeypatch.setattr(evaluator, "kernels", lambda: "")
     assert bpy.ops.icymoon.check_evaluator() == {"FINISHED"}
     assert {"Blender", "Evaluator", "Graphics card"} <= {finding.subject for finding in preferences.findings}
-    preferences.remember([])
+    preferences.show_findings([])
 
 
 def test_a_scene_that_asks_for_kernels_gets_the_preferred_ones(scene, monkeypatch):

@@ -7,7 +7,7 @@ import pytest
 from icymoon import compat
 from icymoon.nodes.scene import find
 from icymoon.operators import sidebar_text
-from icymoon.scene_properties import unchecked
+from icymoon.scene_properties import read_unchecked
 
 
 @pytest.fixture
@@ -24,7 +24,7 @@ def test_a_quality_that_this_blender_cannot_render_is_told_of_at_once(without, c
 
 
 def test_the_panel_shows_which_qualities_cannot_be_had(without):
-    lines = " ".join(sidebar_text.quality_lines(unchecked(without.icymoon)))
+    lines = " ".join(sidebar_text.quality_lines(read_unchecked(without.icymoon)))
     assert lines.count("OpenImageDenoise") == 2  # Draft, and the paper's
 
 

@@ -85,8 +85,8 @@ def test_blender_holds_every_limit_as_it_is_stated():
                 value = getattr(setting, bound)
                 limits.setdefault(topic, {})[setting.key] = int(value) if setting.kind == "int" else value
         stated = description.check(limits, "test")
-        scene_properties.to_group(group, stated)
-        held = scene_properties.from_group(group)
+        scene_properties.write_settings(group, stated)
+        held = scene_properties.read_settings(group)
         assert {topic: {key: held[topic][key] for key in values} for topic, values in stated.items()} == stated
 
 

@@ -25,7 +25,7 @@ PYTHONS = ("python", "python3", ".venv/bin/python", "evaluator/bin/python")
 SHELL = ("sbatch", ".", "cd", "git")
 OPERATORS = {operator.name.removeprefix("icymoon."): operator for operator in reference.operators()}
 #: Program that needs no parser, and the parser of each that does.
-PARSERS = {"icymoon": cli._parser, "icymoon.stereo": stereo_cli._parser}
+PARSERS = {"icymoon": cli._make_parser, "icymoon.stereo": stereo_cli._parser}
 
 
 def words_of(code: str) -> Iterator[list[str]]:

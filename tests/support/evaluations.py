@@ -25,6 +25,6 @@ def write_evaluation(folder: Path, *rows: dict, shown: list[dict] = (),
 def evaluated(scene: bpy.types.Scene, dataset: Path, *rows: dict, scope: str = "SCENE", **facts) -> None:
     """A scene whose pair of this data set was evaluated."""
     scene.icymoon.dataset.folder = str(dataset)
-    settings = scene_properties.from_group(scene.icymoon)
+    settings = scene_properties.read_settings(scene.icymoon)
     write_evaluation(results.folder_of(settings, scope), *rows, **facts)
     results.keep(scene, scope, settings, [] if scope == "DATASET" else [PAIR])

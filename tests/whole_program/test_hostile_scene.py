@@ -51,9 +51,9 @@ def test_neither_do_settings_loaded_into_one(scene, tmp_path):
 
 
 def test_such_a_scene_can_still_be_looked_at_and_mended(hostile):
-    assert scene_properties.unchecked(hostile.icymoon)["dataset"]["methods"].startswith("bm,external")
+    assert scene_properties.read_unchecked(hostile.icymoon)["dataset"]["methods"].startswith("bm,external")
     hostile.icymoon.dataset.methods = "bm"
-    assert scene_properties.from_group(hostile.icymoon)["dataset"]["methods"] == "bm"
+    assert scene_properties.read_settings(hostile.icymoon)["dataset"]["methods"] == "bm"
 
 
 @pytest.fixture
@@ -91,10 +91,10 @@ def test_one_s_own_matcher_is_set_up_in_the_preferences_and_named_by_scenes(matc
 def test_a_network_of_one_s_own_needs_no_more_than_its_name(matchers):
     bpy.ops.icymoon.add_matcher()
     matchers[0].method = "igev"
-    assert preferences.own_matchers("own:mine") == ["--own", "mine:igev"]
+    assert preferences.own_matcher_arguments("own:mine") == ["--own", "mine:igev"]
     matchers[0].program = "/trained.pth"
-    assert preferences.own_matchers("own:mine") == ["--own", "mine:igev:checkpoint=/trained.pth"]
-    assert preferences.own_matchers("bm") == []
+    assert preferences.own_matcher_arguments("own:mine") == ["--own", "mine:igev:checkpoint=/trained.pth"]
+    assert preferences.own_matcher_arguments("bm") == []
 
 
 def test_a_matcher_that_is_not_set_up_here_is_refused_before_anything_starts(matchers, scene):

@@ -80,7 +80,7 @@ def build(*parts: dict) -> str:
 
 def command(*words: str) -> str:
     """The sentence that the command line ends with, in this process."""
-    return raised(lambda: (options := cli._parser().parse_args(words)).run(options))
+    return raised(lambda: (options := cli._make_parser().parse_args(words)).run(options))
 
 
 def stereo(*words: str) -> str:
@@ -107,20 +107,20 @@ def full_disk(place: Place) -> str:
 
 def no_evaluator(place: Place) -> str:
     place.patch.delenv("ICYMOON_EVALUATOR", raising=False)
-    place.patch.setattr(preferences, "own_evaluator", lambda: place.folder / "python")
+    place.patch.setattr(preferences, "own_evaluator_python", lambda: place.folder / "python")
     place.patch.setattr(preferences, "bpy", SimpleNamespace(
         app=SimpleNamespace(binary_path="blender"), context=bpy.context, path=bpy.path))
-    return raised(preferences.evaluator_python)
+    return raised(preferences.find_evaluator_python)
 
 
 def wrong_python(place: Place) -> str:
-    finding = doctor.evaluator_findings(str(place.program("python", "#!/bin/sh\necho Hello\n")))[0]
-    return f"{finding.fact}; {finding.mend}"
+    finding = doctor.examine_evaluator(str(place.program("python", "#!/bin/sh\necho Hello\n")))[0]
+    return f"{finding.fact}; {finding.fix}"
 
 
 def bare_python(place: Place) -> str:
     bare = place.program("python", f'#!/bin/sh\nexec {sys.executable} -S -E "$@"\n')
-    return doctor.evaluator_findings(str(bare))[0].mend
+    return doctor.examine_evaluator(str(bare))[0].fix
 
 
 def evaluate_with(place: Place, methods: str) -> str:
@@ -151,9 +151,9 @@ def plan(place: Place, text: str) -> str:
 
 def edited(place: Place) -> str:
     settings = complete()
-    scene_properties.to_group(place.scene.icymoon, settings)
-    scene_properties.to_group(place.scene.icymoon, {"dataset": {"folder": str(place.folder)}})
-    built = scenes.build(place.scene, scene_properties.from_group(place.scene.icymoon))
+    scene_properties.write_settings(place.scene.icymoon, settings)
+    scene_properties.write_settings(place.scene.icymoon, {"dataset": {"folder": str(place.folder)}})
+    built = scenes.build(place.scene, scene_properties.read_settings(place.scene.icymoon))
     built.terrain.data.vertices[0].co.z += 1.0
     place.scene.icymoon.terrain.hurst = 0.6
     return reported(bpy.ops.icymoon.render_pair)
@@ -191,7 +191,7 @@ def no_denoiser(place: Place) -> str:
 
 
 def no_card(place: Place) -> str:
-    place.patch.setattr(compat, "gpu_devices", list)
+    place.patch.setattr(compat, "select_gpu_devices", list)
     return raised(lambda: check_possible(complete({"quality": {"device": "GPU"}})["quality"]))
 
 
@@ -254,7 +254,7 @@ MADE: dict[str, Callable[[Place], str]] = {
     "wrong python": wrong_python,
     "bare python": bare_python,
     "evaluator gone": lambda place: (place.patch.setenv("ICYMOON_EVALUATOR", str(place.folder / "python")),
-                                     raised(preferences.evaluator_python))[1],
+                                     raised(preferences.find_evaluator_python))[1],
     "no blender": lambda place: command("render", "--preset", "europa_rough_ice", "--blender", "/nowhere/blender",
                                         "--out", str(place.folder)),
     "no osl": no_osl,

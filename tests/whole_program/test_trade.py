@@ -81,7 +81,7 @@ def test_the_button_sets_what_the_search_finds(tmp_path):
     import bpy
 
     scene = bpy.data.scenes.new("Trade")
-    scene_properties.to_group(scene.icymoon, description.merged(
+    scene_properties.write_settings(scene.icymoon, description.merged(
         description.load(description.preset_path("europa_rough_ice")),
         {"mesh": {"most": 20000}, "dataset": {"folder": str(tmp_path), "methods": "sgbm"}}))
     with bpy.context.temp_override(scene=scene):

@@ -123,7 +123,7 @@ def test_the_axis_of_formats_that_are_y_up_is_the_files(tmp_path, name):
     assert nearest_gaps(positions_of(built.terrain), TURNED["Y"](positions)) < 1e-5
 
 
-@pytest.mark.skipif(compat.mesh_importer("USD") is None, reason="this Blender reads no USD")
+@pytest.mark.skipif(compat.find_mesh_importer("USD") is None, reason="this Blender reads no USD")
 def test_the_unit_and_the_axis_inside_a_usd_are_followed(tmp_path):
     path = tmp_path / "a.usda"
     path.write_text("""#usda 1.0
@@ -139,7 +139,7 @@ def Mesh "Slab"
 }
 """)
     built = scenes.build(empty_scene(), own(path))
-    unit = 1.0 if compat.usd_unit_applied() else 100.0
+    unit = 1.0 if compat.applies_usd_unit() else 100.0
     assert np.ptp(positions_of(built.terrain), axis=0) == pytest.approx([4 * unit, 2 * unit, 0.5 * unit])
     assert any("source.scale" in warning for warning in built.warnings) == (unit == 100.0)
 
@@ -295,7 +295,7 @@ def test_bad_input_is_a_sentence_and_changes_nothing(tmp_path):
     for name, (path, source, words) in bad_inputs(tmp_path).items():
         settings = complete({"source": {"kind": source.get("kind") or grounds.kind_of(path),
                                         "file": str(path) if path.name else "", **source}})
-        if path.suffix == ".usda" and compat.mesh_importer("USD") is None:
+        if path.suffix == ".usda" and compat.find_mesh_importer("USD") is None:
             words = "reads no USD"
         try:
             scenes.build(scene, settings)

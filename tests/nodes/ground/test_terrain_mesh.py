@@ -62,7 +62,7 @@ def test_the_built_mesh_has_the_stated_roughness(hurst, multifractality):
 
 def test_what_the_panel_says_is_what_is_measured():
     empty = empty_scene()
-    scene_properties.to_group(empty.icymoon, description.check(
+    scene_properties.write_settings(empty.icymoon, description.check(
         {"mesh": {"kind": "GRID"}, "terrain": {**LAW["terrain"], "rms_slope_deg": 9.0}}, "test"))
     assert not bpy.ops.icymoon.show_roughness.poll()
     assert bpy.ops.icymoon.build_scene() == {"FINISHED"}

@@ -87,7 +87,7 @@ def test_a_batch_is_refused_before_anything_is_written(blender, plan, tmp_path, 
 
 
 def test_so_is_a_share_of_one_that_another_machine_has_planned(blender, plan, tmp_path, capsys):
-    batch._frozen(str(plan), tmp_path / "set")
+    batch._freeze_plan(str(plan), tmp_path / "set")
     assert run("work", tmp_path / "set", "--blender", blender) == 1
     assert SENTENCE in " ".join(capsys.readouterr().err.split())
     assert asked(blender) == ["probe"]

@@ -28,12 +28,12 @@ def test_an_error_is_in_pixels_and_per_cent_or_not_there():
 
 @pytest.mark.parametrize("device", ["CPU", "GPU"])
 def test_the_seconds_are_off_by_two_deviations_at_most(device, monkeypatch):
-    monkeypatch.setattr("icymoon.render.cost.quality_presets.processors", lambda: 4)
+    monkeypatch.setattr("icymoon.render.cost.quality_presets.count_processors", lambda: 4)
     settings = merged(defaults(), {"quality": {"device": device}})
     seconds, factor = seconds_of(settings, 1e6, None)
     assert seconds == pytest.approx(work_of(settings).seconds(1e6) / 4)
     assert math.log(factor) == pytest.approx(2 * spread_before(None, device == "GPU"))
-    assert system.processors() >= 1
+    assert system.count_processors() >= 1
 
 
 def test_all_presets_are_listed_cheapest_first_and_the_scene_s_own_last():

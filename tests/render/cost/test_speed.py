@@ -22,7 +22,7 @@ def cache(tmp_path, monkeypatch):
 
 
 def speed(factor=2.0, device="CPU", blender="5.0.1", processors=None, measured="2030-01-01T00:00+00:00"):
-    return machine.Speed(factor, device, blender, processors or system.processors(), measured)
+    return machine.Speed(factor, device, blender, processors or system.count_processors(), measured)
 
 
 def test_nothing_is_remembered_before_it_is_measured():
@@ -42,7 +42,7 @@ def test_each_device_and_blender_has_a_speed_of_its_own():
 
 
 def test_another_number_of_processors_is_another_machine():
-    machine.remember(speed(processors=system.processors() + 1))
+    machine.remember(speed(processors=system.count_processors() + 1))
     assert machine.remembered("CPU") is None
 
 
@@ -70,7 +70,7 @@ def test_the_fastest_pair_but_the_first_counts(tmp_path):
     found = measure_speed.speed_of(rendered(tmp_path, (30.0, 4.0, 3.0)), "CPU")
     settings = measure_speed.probe("CPU")
     expected = estimate.work_of(settings).seconds(estimate.triangles_of(settings))
-    assert found.factor == pytest.approx(system.processors() * 3.0 / expected)
+    assert found.factor == pytest.approx(system.count_processors() * 3.0 / expected)
     assert found.blender == "5.0.1"
 
 
@@ -125,8 +125,8 @@ def test_a_better_quality_costs_more_and_errs_less():
 def test_the_seconds_are_of_all_processors_and_of_this_machine():
     settings = description.defaults()
     work = estimate.work_of(settings).seconds(1e6)
-    assert seconds_of(settings, 1e6, speed(2.0))[0] == pytest.approx(2.0 * work / system.processors())
-    assert seconds_of(settings, 1e6, None)[0] == pytest.approx(work / system.processors())
+    assert seconds_of(settings, 1e6, speed(2.0))[0] == pytest.approx(2.0 * work / system.count_processors())
+    assert seconds_of(settings, 1e6, None)[0] == pytest.approx(work / system.count_processors())
     assert seconds_of(settings, 1e6, speed(2.0))[1] < seconds_of(settings, 1e6, None)[1]
 
 

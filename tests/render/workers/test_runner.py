@@ -133,7 +133,7 @@ def test_what_another_runner_is_at_is_waited_for_and_done_if_it_vanishes(stand):
     assert thread.is_alive()
     assert PAIRS[3].id not in stand.rendered
     last = [m for m in stand.said if m["type"] == "progress"][-1]["message"]
-    assert last.endswith(f"; 1 are others', such as {PAIRS[3].id} of process {os.getpid()} on {system.computer()}")
+    assert last.endswith(f"; 1 are others', such as {PAIRS[3].id} of process {os.getpid()} on {system.computer_name()}")
     other.close()
     thread.join(60)
     stand.assert_done()
@@ -181,7 +181,7 @@ def test_lines_that_are_no_messages_of_a_worker_do_no_harm(stand):
 
 @pytest.mark.parametrize("end", ["error", "interrupt", "set aside"])
 def test_the_manifest_says_what_is_there_however_a_run_ends(stand, monkeypatch, end):
-    monkeypatch.setattr(batch, "stop_by", lambda handler: None)
+    monkeypatch.setattr(batch, "set_stop_handler", lambda handler: None)
     datasets.freeze(stand.dataset, PAIRS, "")
     if end == "error":
         stand.behave(fatal="")
