@@ -119,7 +119,8 @@ CASES = [
 ]
 
 
-@pytest.mark.parametrize(("topic", "state", "how", "keys"), CASES, ids=lambda value: str(sorted(value) if isinstance(value, set) else value)[:70])
+@pytest.mark.parametrize(("topic", "state", "how", "keys"), CASES,
+                         ids=lambda value: str(sorted(value) if isinstance(value, set) else value)[:70])
 def test_what_choices_and_other_numbers_leave_of_a_topic(topic, state, how, keys):
     every = {setting.key for setting in TOPICS[topic].settings}
     assert keys <= every
