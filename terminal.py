@@ -1,4 +1,4 @@
-"""What a worker or a runner says, shown to a person at a terminal. Imports no Blender."""
+"""What a command shows at a terminal: its progress, and why it ended. Imports no Blender."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ def as_path(text: str) -> Path:
 
 
 def report_end(error: BaseException, program: str, stopped: str) -> int:
-    """Say on standard error what has ended a command, and return its exit status.
+    """Print on standard error what has ended a command, and return its exit status.
 
-    Whatever is neither a person's to mend nor the system's is raised again: it is a defect of ours.
+    An error that neither the user nor the system can cause is a defect of ours, and is raised again.
     """
     if isinstance(error, OSError) and is_broken_pipe(error):
         # Nobody listens any more; keep Python from complaining when it flushes at exit.
@@ -40,7 +40,7 @@ def report_end(error: BaseException, program: str, stopped: str) -> int:
         return 1
     if isinstance(error, OSError):
         where = f"{shorten(str(error.filename))}: " if error.filename is not None else ""
-        print(f"{program}: {where}the system refuses it ({error.strerror or error}); mend that or choose another "
+        print(f"{program}: {where}the system refuses it ({error.strerror or error}); fix that or choose another "
               "place.", file=sys.stderr)
         return 1
     raise error
@@ -48,7 +48,10 @@ def report_end(error: BaseException, program: str, stopped: str) -> int:
 
 @contextmanager
 def show_progress(title: str) -> Iterator[Callable[[dict[str, Any]], None]]:
-    """A progress bar; messages that are given to it move it or become lines above it."""
+    """Show a progress bar of renders; gives the function that takes the messages of a worker or a runner.
+
+    A message moves the bar or becomes a line above it.
+    """
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
     with Progress(TextColumn("{task.description}"), BarColumn(), TextColumn("{task.percentage:>3.0f} %"),
@@ -68,5 +71,29 @@ def show_progress(title: str) -> Iterator[Callable[[dict[str, Any]], None]]:
                 bar.console.print(f"[red]Set aside:[/] {message['message']}")
             elif kind == "done":
                 bar.update(task, completed=1.0)
+
+        yield show
+
+
+@contextmanager
+def show_counted_progress(title: str) -> Iterator[Callable[[dict[str, Any]], None]]:
+    """Show a bar on standard error that counts what is done; gives the function that takes the events.
+
+    Standard output stays free for results. Where standard error is no terminal there is no bar, but warnings and
+    errors are printed all the same.
+    """
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    console = Console(stderr=True)
+    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
+        task = progress.add_task(title)
+
+        def show(event: dict[str, Any]) -> None:
+            if event["type"] == "progress":
+                progress.update(task, total=event["total"], completed=event["done"], description=event["message"])
+            else:
+                progress.console.print(event["message"], markup=False, highlight=False)
 
         yield show

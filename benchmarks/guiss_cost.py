@@ -37,7 +37,7 @@ from icymoon.render.cost.variants import reference
 from icymoon.render.workers import job
 from icymoon.settings import description
 from icymoon.settings.description import Settings
-from icymoon.stereo.trade.measure_variants import scaled
+from icymoon.stereo.trade.measure_variants import scaled_view
 
 if TYPE_CHECKING:  # a process that renders pays for no evaluator
     from icymoon.stereo.matchers.methods import Method
@@ -99,7 +99,7 @@ def snow(scale: float) -> Settings:
     """Complete settings of the scene with the paper's quality."""
     made = description.merged(description.defaults(), *(description.load(description.preset_path(p)) for p in PRESETS),
                               description.check(SNOW, "benchmark"))
-    return scaled(made, scale)
+    return scaled_view(made, scale)
 
 
 # In a process of its own, with Blender.
@@ -226,12 +226,12 @@ def against(pairs: Sequence[Errors], first: Sequence[Errors], label: str) -> dic
 def measured(pairs: Sequence[Mapping[str, Any]], found: Sequence[Errors], first: Sequence[Errors],
              best: Any) -> dict[str, Any]:
     """Costs and errors of a row; ``best`` is the render of many samples of its first pair."""
-    from icymoon.stereo.trade.losses import STEREO, measure, numbers
+    from icymoon.stereo.trade.losses import STEREO, measure, stereo_numbers
 
     costs = [pair["pair"] for pair in pairs]
     row: dict[str, Any] = {
         "first": pairs[0]["before"] + costs[0], "more": float(np.mean(costs[1:] or costs)),
-        "stereo": {label: dict(zip(STEREO, np.mean([numbers(each.tallies[label].sum(axis=0)) for each in found],
+        "stereo": {label: dict(zip(STEREO, np.mean([stereo_numbers(each.tallies[label].sum(axis=0)) for each in found],
                                                    axis=0).tolist(), strict=True)) for label in found[0].off},
         "against": {label: against(found, first, label) for label in found[0].off} if found is not first else {}}
     if best is not None:

@@ -22,7 +22,7 @@ import pairs
 from icymoon.stereo.export.points import measured_points
 from icymoon.stereo.images.disparity_and_occlusion import visible_in_right
 from icymoon.stereo.matchers import match
-from icymoon.stereo.measure.by_pixel_class import stratified, texture
+from icymoon.stereo.measure.by_pixel_class import sums_by_class, texture
 from icymoon.stereo.measure.depth_order import depth_order_disagreement, sampled_disagreement
 from icymoon.stereo.measure.guiss_metrics import reference_metrics
 from icymoon.stereo.measure.metrics import (
@@ -78,7 +78,7 @@ def main() -> None:
             "reference code's metrics": lambda: reference_metrics(disparity, truth, 4),
             "cumulative error": lambda: error_curve(depth, truth),
             "sparsification": lambda: sparsification(error, prepared.gradient),
-            "errors by stratum": lambda: stratified(prepared.classes, depth, truth, disparity, true),
+            "errors by stratum": lambda: sums_by_class(prepared.classes, depth, truth, disparity, true),
             "texture": lambda: texture(prepared.left),
             "occlusion of one eye": lambda: visible_in_right(loaded.depth["left"], loaded.depth["right"], camera),
             "points": lambda: measured_points(prepared, disparity),

@@ -19,7 +19,7 @@ from icymoon.render.workers.job import Job, render_job
 from icymoon.settings import description
 from icymoon.stereo.matchers.methods import parse_methods
 from icymoon.stereo.trade.losses import measure, read_reference
-from icymoon.stereo.trade.measure_variants import scaled
+from icymoon.stereo.trade.measure_variants import scaled_view
 
 SCENE = "scenes/europa_rough_ice"
 METHODS = "sgbm,bm,jplv"
@@ -41,7 +41,7 @@ def written(path: Path, table: dict[str, Any]) -> None:
 def main(options: argparse.Namespace, out: Path) -> None:
     """Measure and print the table."""
     methods = parse_methods(METHODS)
-    scene = scaled(description.merged(description.defaults(), description.load(description.preset_path(SCENE))),
+    scene = scaled_view(description.merged(description.defaults(), description.load(description.preset_path(SCENE))),
                    options.scale)
     truth = read_reference(renders(reference(scene, options.reference_samples).settings, out), methods, {})
     rig = scene["rig"]

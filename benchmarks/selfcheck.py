@@ -22,7 +22,7 @@ import cv2
 import numpy as np
 from icymoon.render.pairs.pair_folder import EYES, StereoCamera, pair_folders, read_pair
 from icymoon.stereo.images.views import read_eye
-from icymoon.stereo.measure.prepare import checked, eyes_of
+from icymoon.stereo.measure.prepare import eyes_of, read_unchanged_pair
 from icymoon.stereo.measure.self_check import Eye, self_check, visibility
 
 #: Kinds of ground, and how many headings from each. All of the scenes and the gallery, and the paper's terrains.
@@ -135,7 +135,7 @@ def _between(depth: np.ndarray, sign: int) -> np.ndarray:
 
 def read_eyes(folder: Path) -> tuple[Eye, Eye, StereoCamera, dict[str, Any]]:
     """The eyes of a pair, its camera and its settings, as ``stereo.prepare.load`` has them."""
-    pair, settings = checked(folder)
+    pair, settings = read_unchanged_pair(folder)
     left, right = eyes_of(pair, settings, {eye: read_eye(pair, eye)[1] for eye in EYES})
     return left, right, pair.camera, settings
 

@@ -21,7 +21,7 @@ from ..render.workers.job import Job, absolute_folder, render_job
 from ..render.workers.process import Message, emit, errors_told
 from ..scratch import scratch_folder
 from ..settings import description
-from ..terminal import as_path, report_end, show_progress
+from ..terminal import as_path, report_end, show_counted_progress, show_progress
 from ..version import version
 from . import batch, plan
 
@@ -199,7 +199,7 @@ def _run_gallery(options: argparse.Namespace) -> int:
 
     packages.require(*packages.PACKAGES)
     from ..stereo.images.gallery import write_picture, write_sheet
-    from ..stereo.trade.measure_variants import scaled
+    from ..stereo.trade.measure_variants import scaled_view
 
     known, out = [name.removeprefix("gallery/") for name in description.preset_names("gallery")], options.out.absolute()
     if unknown := sorted(set(options.only) - set(known)):
@@ -214,7 +214,7 @@ def _run_gallery(options: argparse.Namespace) -> int:
         command = f"icymoon render --preset {preset}"
         if name in chosen:
             print(f"{title}. {text}: python -m {command} --out DATASET", flush=True)
-            pair, = render_settings(scaled(described[name], options.scale), out, options.blender)
+            pair, = render_settings(scaled_view(described[name], options.scale), out, options.blender)
             write_picture(pair, picture)
         if picture.is_file():
             shown_on_sheet.append((picture, title, command))
@@ -226,13 +226,12 @@ def _run_gallery(options: argparse.Namespace) -> int:
 def _run_bench(options: argparse.Namespace, title: str, work: Callable[[Bench], dict[str, Any]],
                show: Callable[[dict[str, Any]], None], repeats: int = 1) -> int:
     """Do ``work`` with a bench as the options describe it, showing progress, then ``show`` its result."""
-    from ..stereo.console import progress_bar
-    from ..stereo.trade.measure_variants import Bench, scaled
+    from ..stereo.trade.measure_variants import Bench, scaled_view
 
-    told = nullcontext(_emit_event) if options.json_lines else progress_bar(title)
+    told = nullcontext(_emit_event) if options.json_lines else show_counted_progress(title)
     with errors_told(options.json_lines), told as on_event:
         view = description.merged(_read_settings(options), {"dataset": {"headings": 1}})
-        found = work(Bench(scaled(view, options.scale), options.out.absolute(), options.blender, options.methods,
+        found = work(Bench(scaled_view(view, options.scale), options.out.absolute(), options.blender, options.methods,
                            options.reference_samples, repeats, on_event, tuple(options.own)))
     if options.json_lines:
         emit("result", **found)
@@ -242,7 +241,7 @@ def _run_bench(options: argparse.Namespace, title: str, work: Callable[[Bench], 
 
 
 def _run_trade(options: argparse.Namespace) -> int:
-    from ..stereo.trade.measure_variants import trade
+    from ..stereo.trade.measure_variants import run_trade
 
     if options.repeats < 1:
         raise IcyMoonError(f"--repeats is {options.repeats}; give 1, or 2 to tell noise from the rest.")
@@ -253,12 +252,12 @@ def _run_trade(options: argparse.Namespace) -> int:
         print(page)
 
     groups = [group for group in options.groups.split(",") if group]
-    return _run_bench(options, "Measuring", lambda bench: {**trade(bench, groups), "report": str(page)}, show,
+    return _run_bench(options, "Measuring", lambda bench: {**run_trade(bench, groups), "report": str(page)}, show,
                       options.repeats)
 
 
 def _run_auto(options: argparse.Namespace) -> int:
-    from ..stereo.trade.cheapest_quality import auto
+    from ..stereo.trade.cheapest_quality import find_cheapest_quality
 
     allowed = tolerance(options.tolerance_px, options.tolerance_bad_1)
 
@@ -270,7 +269,7 @@ def _run_auto(options: argparse.Namespace) -> int:
         print(f"{last} Add --settings {found['file']} to a command to use it:")
         print(description.to_toml(found["settings"]), end="")
 
-    return _run_bench(options, "Trying", lambda bench: auto(bench, allowed), show)
+    return _run_bench(options, "Trying", lambda bench: find_cheapest_quality(bench, allowed), show)
 
 
 def _run_presets(options: argparse.Namespace) -> int:

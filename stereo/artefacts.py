@@ -24,7 +24,7 @@ _OPENINGS = {"results.jsonl": b'{"pair": ', "results.csv": b"pair,method,status,
              "report.html": b'<!DOCTYPE html>\n<html lang="en">\n<head>\n'}
 
 
-def check_place(out: Path, pairs: Iterable[str]) -> None:
+def check_output_folder(out: Path, pairs: Iterable[str]) -> None:
     """Raise IcyMoonError if an evaluation of ``pairs`` into ``out`` would write over what is not of an evaluation.
 
     A data set may hold links, which lead to what may be anyone's; other programs give results such names too.
@@ -37,18 +37,18 @@ def check_place(out: Path, pairs: Iterable[str]) -> None:
     if any((folder / "pair.json").exists() for folder in folders):
         raise IcyMoonError(f"{out} is a data set, whose pairs results would get into; choose another folder for them.")
     there = [out / name for name in _OPENINGS if (out / name).exists()]
-    if there and not any(_begins_as_ours(path) for path in there):
+    if there and not any(_is_of_an_evaluation(path) for path in there):
         raise IcyMoonError(f"{there[0]} is not of an evaluation and stays as it is; choose another folder for results.")
 
 
-def _begins_as_ours(path: Path) -> bool:
+def _is_of_an_evaluation(path: Path) -> bool:
     """Whether a file is one of an evaluation; also where a run was killed in its first line."""
     begin = _OPENINGS[path.name]
     with explain_disk_errors("read", path), path.open("rb") as stream:
         return begin.startswith(found) if len(found := stream.read(len(begin))) < len(begin) else found == begin
 
 
-def present(entry: Mapping[str, Any], out: Path, pair: str) -> bool:
+def files_exist(entry: Mapping[str, Any], out: Path, pair: str) -> bool:
     """Whether all files that a row or the facts of a pair name are there, in the pair's folder."""
     folder = out / "pairs" / pair
     return all((out / path).parent == folder and (out / path).is_file() for path in entry["images"].values())
@@ -79,7 +79,7 @@ def write_method_pictures(prepared: Prepared, method: Method, disparity: np.ndar
     Where ``info`` has the array ``flags``, why each pixel was rejected, there is a picture of it too.
     """
     depth = depth_of(prepared, disparity)
-    npz = _folder(prepared, out) / f"{method.file_name}.npz"
+    npz = _pair_folder(prepared, out) / f"{method.file_name}.npz"
     write_disparity(npz, disparity, info["arrays"], focal_baseline_px_m=prepared.pair.camera.focal_baseline_px_m)
     written = {"depth": colours.with_bar(colours.depth_picture(depth, prepared.scale), prepared.scale),
                "error": colours.with_bar(colours.error_picture(depth, prepared.truth), colours.ERROR)}
@@ -91,10 +91,10 @@ def write_method_pictures(prepared: Prepared, method: Method, disparity: np.ndar
 
 
 def _write_picture(prepared: Prepared, out: Path, name: str, image: np.ndarray) -> str:
-    path = _folder(prepared, out) / name
+    path = _pair_folder(prepared, out) / name
     write_png(path, image)
     return path.relative_to(out).as_posix()
 
 
-def _folder(prepared: Prepared, out: Path) -> Path:
+def _pair_folder(prepared: Prepared, out: Path) -> Path:
     return out / "pairs" / prepared.pair.folder.name

@@ -6,13 +6,12 @@ import argparse
 import json
 import math
 import sys
-from collections.abc import Callable, Sequence
-from contextlib import AbstractContextManager, nullcontext
-from pathlib import Path
+from collections.abc import Sequence
+from contextlib import nullcontext
 from typing import Any
 
 from ..errors import IcyMoonError
-from ..terminal import as_path, report_end
+from ..terminal import as_path, report_end, show_counted_progress
 from .environment import packages
 
 PROGRAM = "icymoon.stereo"
@@ -30,7 +29,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if isinstance(error, IcyMoonError):
             error = IcyMoonError(" ".join(str(error).split()))
             if getattr(parsed, "json_lines", False):
-                _json_line({"type": "error", "message": str(error)})
+                _print_json_line({"type": "error", "message": str(error)})
         return report_end(error, PROGRAM, "interrupted")
 
 
@@ -39,11 +38,11 @@ def _parser() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
 
     command = commands.add_parser("check", help="tell whether this Python can evaluate, as one line of JSON")
-    command.set_defaults(run=_check)
+    command.set_defaults(run=_run_check)
 
     command = commands.add_parser("methods", help="list the matchers with their options")
     command.add_argument("method", nargs="?", help="only this one")
-    command.set_defaults(run=_methods)
+    command.set_defaults(run=_run_methods)
 
     command = commands.add_parser("match", help="match two images")
     command.add_argument("--method", required=True, help="one of those that the command methods lists")
@@ -55,7 +54,7 @@ def _parser() -> argparse.ArgumentParser:
                          help="pair folder whose camera took the images, for an external program that asks for it")
     command.add_argument("--out", required=True, type=as_path,
                          help="npz to write: disparity, float32 px, NaN where invalid, and what else the method knows")
-    command.set_defaults(run=_match)
+    command.set_defaults(run=_run_match)
 
     command = commands.add_parser("metrics", help="measure a depth or disparity map, as JSON; null for what is "
                                                   "undefined")
@@ -67,7 +66,7 @@ def _parser() -> argparse.ArgumentParser:
                          help="disparity times depth of the camera, px·m; adds the disparity metrics")
     command.add_argument("--guiss", action="store_true",
                          help="add what the GUISS reference code would report, as guiss_...")
-    command.set_defaults(run=_metrics)
+    command.set_defaults(run=_run_metrics)
 
     command = commands.add_parser("evaluate", help="match and measure pairs, and write a report")
     command.add_argument("path", type=as_path, nargs="+", metavar="PAIR_OR_DATASET",
@@ -87,13 +86,13 @@ def _parser() -> argparse.ArgumentParser:
     command.add_argument("--points", action="store_true",
                          help="write the measured surfaces too, as point clouds (ply) coloured by signed error")
     command.add_argument("--json-lines", action="store_true", help="progress and result as JSON lines on stdout")
-    command.set_defaults(run=_evaluate)
+    command.set_defaults(run=_run_evaluate)
 
     command = commands.add_parser("truth", help="write disparity, depth and visibility of both eyes, and check that "
                                                 "they fit the images; a line of JSON per pair")
     command.add_argument("path", type=as_path, nargs="+", metavar="PAIR_OR_DATASET", help="pair folder or data set")
     command.add_argument("--out", required=True, type=as_path, help="folder for <pair>/truth.npz")
-    command.set_defaults(run=_truth)
+    command.set_defaults(run=_run_truth)
 
     command = commands.add_parser("export", help="write pairs and their truth in another layout")
     command.add_argument("path", type=as_path, nargs="+", metavar="PAIR_OR_DATASET", help="pair folder or data set")
@@ -102,7 +101,7 @@ def _parser() -> argparse.ArgumentParser:
     command.add_argument("--set", action="append", default=[], metavar="sensor.KEY=VALUE",
                          help="another camera response than the pairs were rendered for")
     command.add_argument("--out", required=True, type=as_path, help="folder for the files")
-    command.set_defaults(run=_export)
+    command.set_defaults(run=_run_export)
 
     command = commands.add_parser("develop", help="expose rendered pairs again, without a new render, as PNG")
     command.add_argument("path", type=as_path, nargs="+", metavar="PAIR_OR_DATASET",
@@ -113,81 +112,82 @@ def _parser() -> argparse.ArgumentParser:
                          help="one setting of the camera response, light.sun_scale or light.planet_scale; may repeat")
     command.add_argument("--out", required=True, type=as_path, help="folder for the images, a folder per pair in it")
     command.add_argument("--json-lines", action="store_true", help="progress and result as JSON lines on stdout")
-    command.set_defaults(run=_develop)
+    command.set_defaults(run=_run_develop)
     return parser
 
 
-def _check(parsed: argparse.Namespace) -> int:
-    report = packages.report()
-    _json_line(report)
+def _run_check(parsed: argparse.Namespace) -> int:
+    report = packages.check_packages()
+    _print_json_line(report)
     if report["ok"]:
         return 0
     print(f"{PROGRAM}: {report['message']}", file=sys.stderr)
     return 1
 
 
-def _methods(parsed: argparse.Namespace) -> int:
+def _run_methods(parsed: argparse.Namespace) -> int:
     packages.require("numpy", "cv2")
-    from .matchers import METHODS, described
+    from .matchers import MATCHERS, describe_matcher
 
-    print("\n\n".join(described(method) for method in ([parsed.method] if parsed.method else METHODS)))
+    print("\n\n".join(describe_matcher(method) for method in ([parsed.method] if parsed.method else MATCHERS)))
     return 0
 
 
-def _match(parsed: argparse.Namespace) -> int:
+def _run_match(parsed: argparse.Namespace) -> int:
     packages.require("numpy", "cv2")
     from ..render.pairs.pair_folder import read_pair
     from .images.image_files import read_png, write_disparity
     from .matchers import match
-    from .matchers.methods import key_value
+    from .matchers.methods import parse_key_value
 
-    options = dict(key_value(text, "--option") for part in parsed.option for text in part)
+    options = dict(parse_key_value(text, "--option") for part in parsed.option for text in part)
     camera = read_pair(parsed.camera).camera if parsed.camera else None
     disparity, _, info = match(parsed.method, read_png(parsed.left), read_png(parsed.right), options, camera)
     write_disparity(parsed.out, disparity, info["arrays"])
     return 0
 
 
-def _metrics(parsed: argparse.Namespace) -> int:
+def _run_metrics(parsed: argparse.Namespace) -> int:
     packages.require("numpy")
     from .measure.of_files import measure_files
 
     numbers = measure_files(parsed.prediction, parsed.disparity, parsed.truth, parsed.focal_baseline, parsed.guiss)
-    _json_line({key: value if math.isfinite(value) else None for key, value in numbers.items()})
+    _print_json_line({key: value if math.isfinite(value) else None for key, value in numbers.items()})
     return 0
 
 
-def _evaluate(parsed: argparse.Namespace) -> int:
+def _run_evaluate(parsed: argparse.Namespace) -> int:
     packages.require(*packages.PACKAGES)
     from .evaluate import evaluate
     from .matchers.methods import parse_methods
 
     methods = parse_methods(parsed.methods, parsed.option, parsed.own)
-    response = _response([], parsed.set)
+    response = _read_response([], parsed.set)
     if parsed.seed < 0:
         raise IcyMoonError(f"--seed is {parsed.seed}; give a whole number of 0 or more.")
-    progress = nullcontext(_json_line) if parsed.json_lines else _progress_bar("Evaluating")
+    progress = nullcontext(_print_json_line) if parsed.json_lines else show_counted_progress("Evaluating")
     with progress as on_event:
         report = evaluate(parsed.path, methods, parsed.out, response, on_event, parsed.seed, parsed.guiss,
                           parsed.points)
     path = (parsed.out / "report.html").resolve()
     if parsed.json_lines:
-        _json_line({"type": "result", "report": str(path), "rows": report["summary"]})
+        _print_json_line({"type": "result", "report": str(path), "rows": report["summary"]})
     else:
-        _print_summary(report, path)
+        _print_summary(report)
+        print(path)
     if report["failed"]:
         raise IcyMoonError(f"{len(report['failed'])} of the evaluations failed, the first one: "
                            f"{report['failed'][0]['message']}")
     return 0
 
 
-def _truth(parsed: argparse.Namespace) -> int:
+def _run_truth(parsed: argparse.Namespace) -> int:
     packages.require("numpy", "cv2", "OpenEXR")
     from .export.layouts import write_truth
 
     bad = []
     for found in write_truth(parsed.path, parsed.out):
-        _json_line(found)
+        _print_json_line(found)
         bad += [] if found["ok"] else [found]
     if bad:
         raise IcyMoonError(f"{len(bad)} of the pairs cannot be trusted, the first one, {bad[0]['pair']}: "
@@ -195,12 +195,12 @@ def _truth(parsed: argparse.Namespace) -> int:
     return 0
 
 
-def _export(parsed: argparse.Namespace) -> int:
+def _run_export(parsed: argparse.Namespace) -> int:
     packages.require("numpy", "cv2", "OpenEXR", "rich")
     from .export.layouts import export
 
-    response = _response([], parsed.set)
-    with _progress_bar("Exporting") as on_event:
+    response = _read_response([], parsed.set)
+    with show_counted_progress("Exporting") as on_event:
         failed = export(parsed.path, parsed.format, parsed.out, response, on_event)
     if failed:
         raise IcyMoonError(f"{len(failed)} of the pairs could not be exported, the first one: {failed[0]}")
@@ -208,22 +208,22 @@ def _export(parsed: argparse.Namespace) -> int:
     return 0
 
 
-def _develop(parsed: argparse.Namespace) -> int:
+def _run_develop(parsed: argparse.Namespace) -> int:
     packages.require("numpy", "cv2", "OpenEXR")
     from .reexpose import reexpose
 
-    response = _response(parsed.preset, parsed.set)
-    progress = nullcontext(_json_line) if parsed.json_lines else _progress_bar("Developing")
+    response = _read_response(parsed.preset, parsed.set)
+    progress = nullcontext(_print_json_line) if parsed.json_lines else show_counted_progress("Developing")
     with progress as on_event:
         folders = reexpose(parsed.path, parsed.out, response, on_event)
     if parsed.json_lines:
-        _json_line({"type": "result", "folders": [str(folder.resolve()) for folder in folders]})
+        _print_json_line({"type": "result", "folders": [str(folder.resolve()) for folder in folders]})
     else:
         print(parsed.out.resolve())
     return 0
 
 
-def _response(presets: Sequence[str], overrides: Sequence[str]) -> dict[str, dict[str, Any]]:
+def _read_response(presets: Sequence[str], overrides: Sequence[str]) -> dict[str, dict[str, Any]]:
     """Settings that need no new render, from presets and ``--set``. Raises IcyMoonError for others."""
     from ..settings.description import load, merged, override, preset_path
     from ..settings.table import TOPICS
@@ -237,18 +237,24 @@ def _response(presets: Sequence[str], overrides: Sequence[str]) -> dict[str, dic
     return settings
 
 
-def _json_line(data: dict[str, Any]) -> None:
+def _print_json_line(data: dict[str, Any]) -> None:
     print(json.dumps(data, allow_nan=False), flush=True)
 
 
-def _progress_bar(title: str) -> AbstractContextManager[Callable[[dict[str, Any]], None]]:
-    from .console import progress_bar
+def _print_summary(report: dict[str, Any]) -> None:
+    """Print the summary of ``evaluate`` as a table."""
+    from rich.console import Console
+    from rich.table import Table
 
-    return progress_bar(title)
+    from .report.table_columns import SUMMARY, format_number
 
-
-def _print_summary(report: dict[str, Any], path: Path) -> None:
-    from .console import print_summary
-
-    print_summary(report)
-    print(path)
+    table = Table(title="Mean over pairs, all pixels with a true depth", title_justify="left")
+    table.add_column("Method")
+    for column in SUMMARY:
+        table.add_column(column.title, justify="right")
+    for entry in report["summary"]:
+        table.add_row(entry["method"], *(format_number(entry, column) for column in SUMMARY))
+    console = Console()
+    if not console.is_terminal:
+        console.width = max(console.width, 120)  # a pipe has no width, and a table in it must not be wrapped
+    console.print(table)

@@ -21,14 +21,14 @@ import numpy as np
 from ..errors import DiskError, describe_error
 from ..files import write_json
 from ..version import version
-from .artefacts import check_place, present, read_disparity, write_method_pictures, write_pair_pictures
+from .artefacts import check_output_folder, files_exist, read_disparity, write_method_pictures, write_pair_pictures
 from .environment import packages
-from .export.points import images_with_points, pose_of
+from .export.points import add_points, pose_of
 from .matchers import complete_options, match
 from .matchers.methods import Method
 from .measure.prepare import Prepared, distinct_pairs, prepare
 from .measure.row import COMMON_NUMBERS, NUMBERS, common_numbers, own_numbers
-from .report.results import ROW, known_facts, write_results
+from .report.results import ROW, find_facts, write_results
 from .report.row_log import Row, RowLog
 
 Event = Callable[[dict[str, Any]], None]
@@ -68,10 +68,10 @@ def evaluate(paths: Sequence[Path], methods: Sequence[Method], out: Path,
       ``message``.
     """
     folders = distinct_pairs(paths)
-    check_place(out, (folder.name for folder in folders))
+    check_output_folder(out, (folder.name for folder in folders))
     run = _Run(methods, out, dict(response or {}), on_event, len(folders) * len(methods), points)
     for folder in folders:
-        run.pair(folder)
+        run.evaluate_pair(folder)
     run.log.compact((folder.name, method.label) for folder in folders for method in methods)
     return write_results(run.log, [folder.name for folder in folders], methods, out, run.failed, run.suspect,
                          _source(paths, response or {}), seed, guiss)
@@ -88,30 +88,30 @@ class _Run:
         self.suspect: list[dict[str, Any]] = []
         self._tell, self._total, self._done = on_event, total, 0
         self._warned: set[str] = set()
-        self._setups = {method.label: _setup(method) for method in methods}
+        self._setups = {method.label: _method_inputs(method) for method in methods}
 
-    def pair(self, folder: Path) -> None:
+    def evaluate_pair(self, folder: Path) -> None:
         """All methods on one pair."""
         name = folder.name
-        content = _digest([_content(folder / "pair.json"), self.response, MEASURE, version()])
+        content = _digest([_read_checksum(folder / "pair.json"), self.response, MEASURE, version()])
         keys = {method.label: _digest([content, self._setups[method.label]]) for method in self.methods}
-        rows = {label: row for label, key in keys.items() if (row := self._known(name, label, key))}
-        facts = _facts(self.out, name, content)
-        if facts is None or len(rows) < len(keys) or not all(self._finished(row, keys) for row in rows.values()):
+        rows = {label: row for label, key in keys.items() if (row := self._find_row(name, label, key))}
+        facts = _read_facts(self.out, name, content)
+        if facts is None or len(rows) < len(keys) or not all(self._is_finished(row, keys) for row in rows.values()):
             try:
                 prepared = prepare(folder, self.response)
             except Exception as error:
                 why = describe_error(error, folder)
-                self._fail(why, pair=name)
+                self._tell_failure(why, pair=name)
                 for method in self.methods:
-                    self._add(rows.get(method.label) or _failed_row(name, method, keys[method.label], why))
+                    self._add_row(rows.get(method.label) or _failed_row(name, method, keys[method.label], why))
                 return
             facts = prepared.facts | {"key": content, "images": write_pair_pictures(prepared, self.out)}
             write_json(self.out / "pairs" / name / "facts.json", facts)
             self._measure(prepared, keys, rows)
         else:
             for method in self.methods:
-                self._progress(rows[method.label])
+                self._tell_progress(rows[method.label])
         for message in facts.get("warnings", ()):
             if message not in self._warned:
                 self._warned.add(message)
@@ -121,36 +121,36 @@ class _Run:
             self.suspect.append({"pair": name, "message": message})
             self._tell({"type": "warning", "message": message})
 
-    def _finished(self, row: Row, keys: Mapping[str, str]) -> bool:
+    def _is_finished(self, row: Row, keys: Mapping[str, str]) -> bool:
         return row["common"] == _digest(keys) and (not self.points or "points" in row["images"])
 
-    def _known(self, pair: str, label: str, key: str) -> Row | None:
+    def _find_row(self, pair: str, label: str, key: str) -> Row | None:
         row = self.log.find(pair, label, key)
-        return row if row and row["status"] != "failed" and present(row, self.out, pair) else None
+        return row if row and row["status"] != "failed" and files_exist(row, self.out, pair) else None
 
     def _measure(self, prepared: Prepared, keys: Mapping[str, str], rows: dict[str, Row]) -> None:
         """Make the missing ones of the ``rows`` of a pair, and bring what they have in common up to date."""
         disparities: dict[str, np.ndarray] = {}
         for method in self.methods:
             label = method.label
-            stored = self._stored(rows.get(label), prepared)
+            stored = self._read_stored(rows.get(label), prepared)
             if stored is not None:
                 disparities[label] = stored
-                self._progress(rows[label])
+                self._tell_progress(rows[label])
                 continue
             try:
                 disparities[label], _, info = match(method.name, prepared.left, prepared.right, method.options,
                                                      prepared.pair.camera)
-                rows[label] = self._row(prepared, method, keys[label], disparities[label], info)
+                rows[label] = self._make_row(prepared, method, keys[label], disparities[label], info)
             except DiskError:
                 raise
             except Exception as error:
                 why = describe_error(error, f"{prepared.pair.folder} by {label}")
                 disparities.pop(label, None)
-                self._fail(why, pair=prepared.pair.folder.name, method=label)
-                self._add(_failed_row(prepared.pair.folder.name, method, keys[label], why))
+                self._tell_failure(why, pair=prepared.pair.folder.name, method=label)
+                self._add_row(_failed_row(prepared.pair.folder.name, method, keys[label], why))
                 continue
-            self._add(rows[label])
+            self._add_row(rows[label])
         common = np.logical_and.reduce([np.ones_like(prepared.visible), *map(np.isfinite, disparities.values())])
         points = self.points and pose_of(prepared) is not None
         if self.points and not points:
@@ -159,14 +159,15 @@ class _Run:
         for label, disparity in disparities.items():
             row = rows[label] | common_numbers(prepared, disparity, common) | {"common": _digest(keys)}
             if points:
-                row["images"] = images_with_points(row["images"], self.out, prepared, disparity)
+                row["images"] = add_points(row["images"], self.out, prepared, disparity)
             if row != rows[label]:
                 self.log.append(row)
 
-    def _stored(self, row: Row | None, prepared: Prepared) -> np.ndarray | None:
+    def _read_stored(self, row: Row | None, prepared: Prepared) -> np.ndarray | None:
         return read_disparity(self.out / row["images"]["disparity"], prepared.truth.shape) if row else None
 
-    def _row(self, prepared: Prepared, method: Method, key: str, disparity: np.ndarray, info: dict[str, Any]) -> Row:
+    def _make_row(self, prepared: Prepared, method: Method, key: str, disparity: np.ndarray,
+                  info: dict[str, Any]) -> Row:
         return {"pair": prepared.pair.folder.name, "method": method.label, "key": key,
                 "status": "ok" if prepared.check.ok else "suspect",
                 **own_numbers(prepared, disparity, info["options"]["min_disparity"] if method.name == "bm" else None),
@@ -174,16 +175,16 @@ class _Run:
                 "options": info["options"], "counts": info["counts"], "facts": info["facts"], "error": "",
                 "images": write_method_pictures(prepared, method, disparity, info, self.out)}
 
-    def _add(self, row: Row) -> None:
+    def _add_row(self, row: Row) -> None:
         self.log.append(row)
-        self._progress(row)
+        self._tell_progress(row)
 
-    def _progress(self, row: Row) -> None:
+    def _tell_progress(self, row: Row) -> None:
         self._done += 1
         self._tell({"type": "progress", "fraction": self._done / self._total, "done": self._done,
                     "total": self._total, "message": f"{row['pair']} {row['method']}"})
 
-    def _fail(self, message: str, **what: str) -> None:
+    def _tell_failure(self, message: str, **what: str) -> None:
         self.failed.append({**what, "message": message})
         self._tell({"type": "error", "message": message})
 
@@ -195,22 +196,22 @@ def _failed_row(pair: str, method: Method, key: str, message: str) -> Row:
             "images": {}}
 
 
-def _facts(out: Path, pair: str, content: str) -> dict[str, Any] | None:
+def _read_facts(out: Path, pair: str, content: str) -> dict[str, Any] | None:
     """What an earlier run wrote of a pair, if it is of this content and its pictures are there."""
-    facts = known_facts(out, pair)
-    return facts if facts and facts["key"] == content and present(facts, out, pair) else None
+    facts = find_facts(out, pair)
+    return facts if facts and facts["key"] == content and files_exist(facts, out, pair) else None
 
 
-def _setup(method: Method) -> list[Any]:
+def _method_inputs(method: Method) -> list[Any]:
     """All that a method's disparity depends on besides the images: its options, the files they name, versions."""
     options = complete_options(method.name, method.options)
-    files = {key: _content(Path(value)) for key, value in options.items()
+    files = {key: _read_checksum(Path(value)) for key, value in options.items()
              if isinstance(value, str) and os.path.isfile(value)}
-    versions = packages.versions()
+    versions = packages.find_versions()
     return [method.name, options, files, {name: versions[name] for name in ("numpy", "cv2", "torch")}]
 
 
-def _content(path: Path) -> str:
+def _read_checksum(path: Path) -> str:
     """Checksum of a file; empty if it cannot be read, which who needs it will say."""
     try:
         with path.open("rb") as stream:

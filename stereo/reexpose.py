@@ -20,8 +20,8 @@ from .evaluate import Event
 from .images.develop import Images, develop, exposure_facts
 from .images.exr import read_light
 from .images.image_files import write_npy, write_png
-from .images.views import sensor_depth
-from .measure.prepare import checked
+from .images.views import read_sensor_depth
+from .measure.prepare import read_unchanged_pair
 
 #: What is there of some settings and not of others.
 _STALE = re.compile(r"(left|right)_(\d+\.png|distorted\.png|distorted_depth\.npy)")
@@ -46,7 +46,7 @@ def reexpose(paths: Sequence[Path], out: Path, response: Mapping[str, Mapping[st
     failed: list[str] = []
     for k, folder in enumerate(folders):
         try:
-            images = _reexposed(folder, out / folder.name, response)
+            images = _reexpose_pair(folder, out / folder.name, response)
             done.append(out / folder.name)
             for message in images.warnings:
                 if message not in warned:
@@ -62,18 +62,18 @@ def reexpose(paths: Sequence[Path], out: Path, response: Mapping[str, Mapping[st
     return done
 
 
-def _reexposed(folder: Path, out: Path, response: Mapping[str, Mapping[str, Any]]) -> Images:
-    pair, settings = checked(folder)
+def _reexpose_pair(folder: Path, out: Path, response: Mapping[str, Mapping[str, Any]]) -> Images:
+    pair, settings = read_unchanged_pair(folder)
     settings = merged(settings, response)
     scaled = any(settings["light"][key] != 1 for key in LIGHT_GROUPS.values())
     left, right = (read_light(pair.image(eye), eye, groups=scaled) for eye in EYES)
     images = develop(pair, left, right, settings)
     for stale in [path for path in out.glob("*") if _STALE.fullmatch(path.name)]:
         remove(stale)
-    for name, numbers in _named(images, int(settings["sensor"]["bits"])).items():
+    for name, numbers in _images_by_name(images, int(settings["sensor"]["bits"])).items():
         write_png(out / f"{name}.png", numbers)
     for eye in EYES if images.detected_left is not images.left else ():
-        write_npy(out / f"{eye}_distorted_depth.npy", sensor_depth(pair, eye, settings["rig"]))
+        write_npy(out / f"{eye}_distorted_depth.npy", read_sensor_depth(pair, eye, settings["rig"]))
     write_json(out / "images.json", {
         "format": FORMAT, "version": VERSION, "pair": pair.id, "camera": pair.camera.to_json(),
         "eyes": pair.camera.eyes_json(),
@@ -82,7 +82,7 @@ def _reexposed(folder: Path, out: Path, response: Mapping[str, Mapping[str, Any]
     return images
 
 
-def _named(images: Images, sensor_bits: int) -> dict[str, np.ndarray]:
+def _images_by_name(images: Images, sensor_bits: int) -> dict[str, np.ndarray]:
     """The images to write by name, uint8 where they have 8 bits."""
     named = {eye: (getattr(images, eye), images.bits) for eye in EYES}
     if images.detected_left is not images.left:

@@ -197,13 +197,13 @@ def test_what_a_damaged_file_of_ones_own_remembers_is_forgotten(tmp_path, monkey
            "error_curve": []}
     rows.write_text(json.dumps(row) + "\n")
     assert RowLog(rows, results.ROW).find("p", "bm", "k") == row
-    assert results.known_facts(tmp_path, "p") is not None
+    assert results.find_facts(tmp_path, "p") is not None
     assert machine.remembered("CPU") == speed
     file = machine._file()
     for path, act in ((file, lambda: machine.remembered("CPU")), (claim, lambda: Claims(tmp_path).others()),
                       (claim, lambda: Claims(tmp_path).holder(PAIRS[0].id)), (claim, lambda: claims.lost(PAIRS[0].id)),
                       (running, lambda: Detached.attached(tmp_path / "run")),
-                      (facts, lambda: results.known_facts(tmp_path, "p")),
+                      (facts, lambda: results.find_facts(tmp_path, "p")),
                       (rows, lambda: RowLog(rows, results.ROW).find("p", "bm", "k"))):
         good, chosen = path.read_text(), random.Random(8)
         for _ in range(60):

@@ -28,7 +28,7 @@ from icymoon.physics.terrain import terrain as grounds
 from icymoon.physics.terrain.roughness import statistics
 from icymoon.settings import description
 from icymoon.stereo.measure.metrics import depth_metrics, disparity_metrics, total_metrics
-from icymoon.stereo.trade.losses import front
+from icymoon.stereo.trade.losses import pareto_front
 from icymoon.version import ROOT
 from matplotlib import rc_context
 from matplotlib.figure import Figure
@@ -279,7 +279,7 @@ def trade_front(figure: Figure) -> None:
             rows = [row for row in report["rows"] if kinds[row["key"]] == kind]
             axes.loglog([row["cpu_s"] for row in rows], [row["loss"][method]["epe_px"] for row in rows], "o", ms=4,
                         color=colour, label=kind)
-        best = [report["rows"][k] for k in front(report["rows"], "cpu_s", ("loss", method, "epe_px"))]
+        best = [report["rows"][k] for k in pareto_front(report["rows"], "cpu_s", ("loss", method, "epe_px"))]
         axes.loglog([row["cpu_s"] for row in best], [row["loss"][method]["epe_px"] for row in best], "-",
                     color="#777777", lw=1, zorder=0)
         axes.set(xlabel="Processor seconds of a pair", title=method, ylim=(0.003, 3.0))

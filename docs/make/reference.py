@@ -20,7 +20,7 @@ from icymoon.commands import cli
 from icymoon.settings import description
 from icymoon.settings.table import TOPICS, Setting
 from icymoon.stereo import cli as stereo_cli
-from icymoon.stereo.matchers import METHODS
+from icymoon.stereo.matchers import MATCHERS
 from icymoon.version import ROOT
 from mistakes import MISTAKES
 
@@ -226,7 +226,7 @@ def _matchers() -> str:
     parts = ["# Matchers\n",
              "These are the names for `--methods`. Give options after a colon, as in `bm:window=21`, or with "
              "`--option bm.window=21`.\n"]
-    for name in METHODS:
+    for name in MATCHERS:
         module = importlib.import_module(f"icymoon.stereo.matchers.{name}")
         parts.append(f"## {name}\n\n{(module.__doc__ or '').strip().splitlines()[0]}\n")
         parts.append(_table(("Option", "Default", "Values", "Meaning"), [

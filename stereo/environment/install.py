@@ -36,7 +36,7 @@ def main(arguments: list[str]) -> int:
     Path(folder).mkdir(parents=True, exist_ok=True)
     (Path(folder) / _UNFINISHED).touch()
     try:
-        made = _made(folder)
+        made = _make_environment(folder)
     finally:
         if new and not made:
             system.remove_folder(Path(folder))
@@ -50,7 +50,7 @@ def is_unfinished(folder: Path) -> bool:
     return (folder / _UNFINISHED).exists()
 
 
-def _made(folder: str) -> bool:
+def _make_environment(folder: str) -> bool:
     """Make it; False after an error that was told."""
     python = system.venv_python(Path(folder))
     # -I: no module of the current folder, which may be that of somebody's .blend, is taken for venv or pip.
@@ -64,14 +64,14 @@ def _made(folder: str) -> bool:
         emit("progress", fraction=0.05 + 0.2 * k, message=text)
         done = system.run(command)
         if done.returncode:
-            emit("error", message=f"{text} failed: {_reason(done.stderr or done.stdout)}")
+            emit("error", message=f"{text} failed: {_failure_reason(done.stderr or done.stdout)}")
             return False
     emit("progress", fraction=1.0, message="Installed")
     emit("done")
     return True
 
 
-def _reason(said: str) -> str:
+def _failure_reason(said: str) -> str:
     """Why a step failed, and what to do."""
     known = next((meaning for words, meaning in _REASONS if words in said), None)
     last = (said.strip().splitlines() or ["no message"])[-1]

@@ -24,39 +24,39 @@ PACKAGES = {"numpy": ("numpy", (1, 26), 3), "cv2": ("opencv-contrib-python-headl
             "matplotlib": ("matplotlib", (3, 8), 4), "rich": ("rich", (15, 0), 16)}
 
 
-def report() -> dict[str, Any]:
+def check_packages() -> dict[str, Any]:
     """``versions``, whether all is ``ok``, and what is ``missing`` with a ``message`` that says the mend."""
-    missing = [problem for _, problem in map(_package, PACKAGES) if problem]
+    missing = [problem for _, problem in map(_import_package, PACKAGES) if problem]
     if sys.version_info < PYTHON:
         missing.insert(0, f"Python {'.'.join(map(str, PYTHON))} or newer")
-    message = f"{sys.executable} cannot evaluate: it lacks {', '.join(missing)}; {_mend()}" if missing else ""
-    return {**versions(), "ok": not missing, "missing": missing, "message": message}
+    message = f"{sys.executable} cannot evaluate: it lacks {', '.join(missing)}; {_install_advice()}" if missing else ""
+    return {**find_versions(), "ok": not missing, "missing": missing, "message": message}
 
 
-def versions() -> dict[str, str | None]:
+def find_versions() -> dict[str, str | None]:
     """Versions of Python and of all that matters; None for what is absent or does not load.
 
     The required packages are imported, since an installed package that does not load is of no use;
     torch only serves learned matchers, is slow to load, and is looked up without importing it.
     """
-    return {"python": platform.python_version(), **{module: _package(module)[0] for module in PACKAGES},
-            "torch": _installed("torch")}
+    return {"python": platform.python_version(), **{module: _import_package(module)[0] for module in PACKAGES},
+            "torch": _installed_version("torch")}
 
 
 def require(*modules: str) -> None:
     """Raise IcyMoonError with the mend unless all of ``modules`` load in this Python."""
-    problems = [problem for _, problem in map(_package, modules) if problem]
+    problems = [problem for _, problem in map(_import_package, modules) if problem]
     if problems:
-        raise IcyMoonError(f"{sys.executable} lacks {', '.join(problems)}; {_mend()}")
+        raise IcyMoonError(f"{sys.executable} lacks {', '.join(problems)}; {_install_advice()}")
 
 
-def wanted(module: str) -> str:
+def requirement(module: str) -> str:
     """A package with its bounds, as pip takes it."""
     distribution, oldest, untested = PACKAGES[module]
     return f"{distribution}>={'.'.join(map(str, oldest))},<{untested}"
 
 
-def _package(module: str) -> tuple[str | None, str]:
+def _import_package(module: str) -> tuple[str | None, str]:
     """(version or None, what is wrong with it or nothing)."""
     distribution, oldest, untested = PACKAGES[module]
     try:
@@ -65,15 +65,15 @@ def _package(module: str) -> tuple[str | None, str]:
             loaded = importlib.import_module(module)
     except Exception as error:  # a broken binary package raises whatever it likes
         reason = f" ({error})" if importlib.util.find_spec(module) else ""
-        return None, f"{wanted(module)}{reason}"
+        return None, f"{requirement(module)}{reason}"
     # OpenEXR's module states the version of its C++ library only through the package's metadata.
-    version = getattr(loaded, "__version__", None) or _installed(distribution)
+    version = getattr(loaded, "__version__", None) or _installed_version(distribution)
     if version and not oldest <= _numbers(version) < (untested,):
-        return version, f"{wanted(module)} (it has {version})"
+        return version, f"{requirement(module)} (it has {version})"
     return version, ""
 
 
-def _installed(distribution: str) -> str | None:
+def _installed_version(distribution: str) -> str | None:
     try:
         return importlib.metadata.version(distribution)
     except importlib.metadata.PackageNotFoundError:
@@ -84,6 +84,6 @@ def _numbers(version: str) -> tuple[int, ...]:
     return tuple(int(part) for part in version.split(".")[:2] if part.isdecimal())
 
 
-def _mend() -> str:
-    names = " ".join(f'"{wanted(module)}"' for module in PACKAGES)
+def _install_advice() -> str:
+    names = " ".join(f'"{requirement(module)}"' for module in PACKAGES)
     return f"run {sys.executable} -m pip install {names}, or choose another Python."

@@ -57,7 +57,7 @@ def write_scaled(path: Path, values: np.ndarray, scale: float) -> None:
     write_png(path, np.where(fits, steps, 0).astype(np.uint16))
 
 
-def scaled(steps: np.ndarray, scale: float) -> np.ndarray:
+def unscaled(steps: np.ndarray, scale: float) -> np.ndarray:
     """What ``write_scaled`` wrote, float64, NaN where it is 0."""
     return np.where(steps > 0, steps / scale, np.nan)
 

@@ -52,7 +52,7 @@ def export(paths: Sequence[Path], kind: str, out: Path,
     IcyMoonError if there is no pair or ``out`` cannot be written.
     """
     pairs = _Pairs(distinct_pairs(paths), response or {}, on_event)
-    FORMATS[kind](pairs.each, out)
+    FORMATS[kind](pairs.write_each, out)
     return pairs.failed
 
 
@@ -63,13 +63,13 @@ class _Pairs:
         self._folders, self._response, self._tell = folders, response, on_event
         self.failed: list[str] = []
 
-    def each(self, write: Callable[[Loaded], None]) -> None:
+    def write_each(self, write: Callable[[Loaded], None]) -> None:
         """Let ``write`` write each pair. Raises DiskError if it cannot."""
         for done, folder in enumerate(self._folders, 1):
             try:
                 pair = load(folder, self._response)
             except Exception as error:
-                self._fail(error, folder)
+                self._tell_failure(error, folder)
                 continue
             if not pair.check.ok:
                 problems = "; ".join(pair.check.problems)
@@ -79,12 +79,12 @@ class _Pairs:
             except DiskError:
                 raise
             except Exception as error:
-                self._fail(error, folder)
+                self._tell_failure(error, folder)
                 continue
             self._tell({"type": "progress", "fraction": done / len(self._folders), "done": done,
                         "total": len(self._folders), "message": folder.name})
 
-    def _fail(self, error: Exception, folder: Path) -> None:
+    def _tell_failure(self, error: Exception, folder: Path) -> None:
         self.failed.append(describe_error(error, folder))
         self._tell({"type": "error", "message": self.failed[-1]})
 
@@ -107,7 +107,7 @@ def _calibration(pair: Loaded) -> dict[str, Any]:
             **exposure_facts(pair.images), "self_check": pair.check.to_json()}
 
 
-def _png8(pair: Loaded, out: Path) -> None:
+def _write_png8(pair: Loaded, out: Path) -> None:
     folder = out / pair.pair.folder.name
     for eye in EYES:
         _write_8_bit(folder / f"{eye}.png", pair, eye)
@@ -118,11 +118,11 @@ def _png8(pair: Loaded, out: Path) -> None:
     write_json(folder / "calibration.json", _calibration(pair) | {"semantic": SEMANTIC | {NOT_SEEN: "not seen"}})
 
 
-def _png16(pair: Loaded, out: Path) -> None:
+def _write_png16(pair: Loaded, out: Path) -> None:
     folder = out / pair.pair.folder.name
     labels = _instance_labels(pair)
     for eye in EYES:
-        write_png(folder / f"{eye}.png", _16_bit(pair, eye))
+        write_png(folder / f"{eye}.png", _image_16_bit(pair, eye))
         write_scaled(folder / f"disparity_{eye}.png", _disparity(pair, eye), KITTI_SCALE)
         write_scaled(folder / f"depth_{eye}.png", pair.depth[eye], MILLIMETRES)
         instance = pair.views[eye].instance
@@ -133,7 +133,7 @@ def _png16(pair: Loaded, out: Path) -> None:
         "instance_labels": {str(k): int(label) for k, label in enumerate(labels)}})
 
 
-def _16_bit(pair: Loaded, eye: str) -> np.ndarray:
+def _image_16_bit(pair: Loaded, eye: str) -> np.ndarray:
     """The same image as the 8-bit one, in finer steps."""
     level = _image(pair, eye) / (2.0 ** pair.images.bits - 1)
     level = np.sqrt(level) if pair.images.encoding == "SQUARE_ROOT" else level
@@ -149,7 +149,7 @@ def _instance_labels(pair: Loaded) -> np.ndarray:
     return labels
 
 
-def _pfm(pair: Loaded, out: Path) -> None:
+def _write_pfm(pair: Loaded, out: Path) -> None:
     folder = out / pair.pair.folder.name
     for eye in EYES:
         write_pfm(folder / f"{eye}.pfm", pair.views[eye].radiance)
@@ -158,7 +158,7 @@ def _pfm(pair: Loaded, out: Path) -> None:
     write_json(folder / "calibration.json", _calibration(pair))
 
 
-def _kitti(each: Each, out: Path) -> None:
+def _write_kitti(each: Each, out: Path) -> None:
     """``disp_occ_0`` has all true disparities of the left eye, ``disp_noc_0`` those that the right eye sees too."""
     root = out / "training"
     numbers = [("number", "pair")]
@@ -191,7 +191,7 @@ def _kitti_calibration(pair: Loaded) -> str:
     return "".join(lines)
 
 
-def _middlebury(pair: Loaded, out: Path) -> None:
+def _write_middlebury(pair: Loaded, out: Path) -> None:
     folder = out / pair.pair.folder.name
     for k, eye in enumerate(EYES):
         _write_8_bit(folder / f"im{k}.png", pair, eye)
@@ -214,7 +214,7 @@ def _middlebury_calibration(pair: Loaded) -> str:
             f"vmin={low}\nvmax={high}\ndyavg=0\ndymax=0\n")
 
 
-def _coco(each: Each, out: Path) -> None:
+def _write_coco(each: Each, out: Path) -> None:
     categories = [{"id": k, "name": SEMANTIC[k], "supercategory": "thing"} for k in THINGS]
     images: list[dict[str, Any]] = []
 
@@ -230,7 +230,7 @@ def _coco(each: Each, out: Path) -> None:
                 for eye in EYES:
                     name = f"{pair.pair.folder.name}_{eye}.png"
                     _write_8_bit(out / "images" / name, pair, eye)
-                    found = list(things(pair.views[eye].instance, pair.views[eye].semantic))
+                    found = list(coco_annotations(pair.views[eye].instance, pair.views[eye].semantic))
                     camera = pair.pair.camera
                     images.append({"id": len(images) + 1, "file_name": name, "width": camera.width_px,
                                    "height": camera.height_px, "pair": pair.pair.folder.name, "eye": eye})
@@ -245,7 +245,7 @@ def _coco(each: Each, out: Path) -> None:
     write_atomically(out / "annotations.json", fill)
 
 
-def things(instance: np.ndarray | None, semantic: np.ndarray | None) -> Iterator[dict[str, Any]]:
+def coco_annotations(instance: np.ndarray | None, semantic: np.ndarray | None) -> Iterator[dict[str, Any]]:
     """COCO annotations of the THINGS in an image: exact masks as run lengths, box (x, y, width, height), area.
 
     ``instance`` and ``semantic`` are labels (H, W). The category is that of most pixels of the instance. ``label`` is
@@ -268,14 +268,15 @@ def things(instance: np.ndarray | None, semantic: np.ndarray | None) -> Iterator
                "segmentation": {"size": [height, width], "counts": run_lengths(pixels, height * width)}}
 
 
-def _alone(write: Callable[[Loaded, Path], None]) -> Format:
+def _pair_by_pair(write: Callable[[Loaded, Path], None]) -> Format:
     """A layout in which no pair needs to know of the others."""
     return lambda each, out: each(lambda pair: write(pair, out))
 
 
 FORMATS: dict[str, Format] = {
-    "png8": _alone(_png8), "png16": _alone(_png16), "pfm": _alone(_pfm), "kitti": _kitti,
-    "middlebury": _alone(_middlebury), "coco": _coco, "raw": _alone(write_raw)}
+    "png8": _pair_by_pair(_write_png8), "png16": _pair_by_pair(_write_png16), "pfm": _pair_by_pair(_write_pfm),
+    "kitti": _write_kitti, "middlebury": _pair_by_pair(_write_middlebury), "coco": _write_coco,
+    "raw": _pair_by_pair(write_raw)}
 
 
 def write_truth(paths: Sequence[Path], out: Path) -> Iterator[dict[str, Any]]:

@@ -90,7 +90,7 @@ def pose_of(prepared: Prepared) -> np.ndarray | None:
     return pose if pose.shape == (4, 4) and np.isfinite(pose).all() else None
 
 
-def images_with_points(images: dict[str, Any], out: Path, prepared: Prepared, disparity: np.ndarray) -> dict[str, Any]:
+def add_points(images: dict[str, Any], out: Path, prepared: Prepared, disparity: np.ndarray) -> dict[str, Any]:
     """``images`` of a row with its ``points``, which are written beside its disparity unless they are there."""
     if "points" in images:
         return images

@@ -13,7 +13,7 @@ from ...physics.camera.lens_distortion import COEFFICIENTS, coefficients
 from ...render.pairs.pair_folder import EYES, StereoCamera
 from ..images.develop import exposure_facts
 from ..images.image_files import write_npy, write_png
-from ..images.views import sensor_depth
+from ..images.views import read_sensor_depth
 from ..measure.prepare import Loaded
 
 
@@ -27,7 +27,7 @@ def write_raw(pair: Loaded, out: Path) -> None:
     folder = out / pair.pair.folder.name
     for eye, numbers in (("left", pair.images.detected_left), ("right", pair.images.detected_right)):
         write_png(folder / f"{eye}.png", numbers.astype(np.uint8) if pair.images.bits == 8 else numbers)
-        write_npy(folder / f"depth_{eye}.npy", sensor_depth(pair.pair, eye, pair.settings["rig"]))
+        write_npy(folder / f"depth_{eye}.npy", read_sensor_depth(pair.pair, eye, pair.settings["rig"]))
     camera, distortion = pair.pair.camera, coefficients(pair.settings["rig"])
     opencv = opencv_calibration(camera, distortion)
     intrinsic = ("M1", "D1", "M2", "D2")

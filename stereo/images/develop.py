@@ -75,7 +75,7 @@ def grey(radiance: np.ndarray) -> np.ndarray:
     return (radiance[..., 0].astype(np.float64) + radiance[..., 1] + radiance[..., 2]) / 3
 
 
-def weighted(view: Light, pair: Pair, light: Mapping[str, Any]) -> np.ndarray:
+def scaled_radiance(view: Light, pair: Pair, light: Mapping[str, Any]) -> np.ndarray:
     """Radiance (H, W, 3) with the Sun and the planet as bright as ``sun_scale`` and ``planet_scale`` say.
 
     Light is linear, so this is what a render would give. A pair without light groups has one light,
@@ -105,8 +105,9 @@ def develop(pair: Pair, left: Light, right: Light, settings: Settings) -> Images
     pitch_m = pixel_pitch_m(sensor, rig)
     rate = electron_rate(settings["light"], sensor, pitch_m)
     lenses = {eye: lens_of(pair.camera, rig, eye) for eye in EYES}
-    light = {eye: through_lens(_on_sensor(grey(weighted(view, pair, settings["light"])), pair.camera, lenses[eye]),
-                               sensor) for eye, view in (("left", left), ("right", right))}
+    scaled = {eye: grey(scaled_radiance(view, pair, settings["light"]))
+              for eye, view in (("left", left), ("right", right))}
+    light = {eye: through_lens(_on_sensor(scaled[eye], pair.camera, lenses[eye]), sensor) for eye in EYES}
     metered = exposure_s(light["left"], rate, sensor)
     times = brackets.exposure_times(metered, sensor)
     seed = int(pair.settings["dataset"]["seed"])

@@ -99,7 +99,7 @@ def _read_channels(path: Path, eye: str | None, passes: Collection[str] = ()) ->
     if not path.is_file():
         raise IcyMoonError(f"{path} is missing; render the pair again.")
     try:
-        with _silenced(), _less(path, passes) as file:
+        with _silence_openexr(), _make_smaller_file(path, passes) as file:
             parts_announced = len(OpenEXR.File(file, separate_channels=True, header_only=True).parts)
             parts = OpenEXR.File(file, separate_channels=True).parts
     except Exception as error:  # the binding raises RuntimeError, ValueError and its own types alike
@@ -119,7 +119,7 @@ def _read_channels(path: Path, eye: str | None, passes: Collection[str] = ()) ->
 
 
 @contextmanager
-def _less(path: Path, passes: Collection[str]) -> Iterator[str]:
+def _make_smaller_file(path: Path, passes: Collection[str]) -> Iterator[str]:
     """Name of a file with what ``path`` holds of ``passes``, or of ``path`` itself."""
     if not passes:
         yield str(path)
@@ -163,7 +163,7 @@ def _labels(channels: _Channels, passes: tuple[str, ...]) -> np.ndarray | None:
 
 
 @contextmanager
-def _silenced() -> Iterator[None]:
+def _silence_openexr() -> Iterator[None]:
     """Send what OpenEXR says about a damaged file nowhere: its Python part prints on standard output,
     which carries our own lines, its C++ part on standard error."""
     sys.stderr.flush()

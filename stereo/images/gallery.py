@@ -37,7 +37,7 @@ def write_sheet(pictures: Sequence[tuple[Path, str, str]], file: Path, most_byte
 
     Raises IcyMoonError if a picture cannot be read.
     """
-    cells = [_cell(*picture) for picture in pictures]
+    cells = [_read_cell(*picture) for picture in pictures]
     columns = min(_COLUMNS, len(cells))
     height = max(cell.shape[0] for cell in cells)
     cells = [np.pad(cell, ((0, height - cell.shape[0]), (0, 0), (0, 0))) for cell in cells]
@@ -50,7 +50,7 @@ def write_sheet(pictures: Sequence[tuple[Path, str, str]], file: Path, most_byte
     write_bytes(file, content)
 
 
-def _cell(picture: Path, title: str, line: str) -> np.ndarray:
+def _read_cell(picture: Path, title: str, line: str) -> np.ndarray:
     image = cv2.imread(str(picture))
     if image is None:
         raise IcyMoonError(f"{picture}: is not an image; remove it and run the command again.")

@@ -34,7 +34,7 @@ def read_eye(pair: Pair, eye: str) -> tuple[Light, View]:
     return light, View(*_on_parallel_rig(light, pair, eye), real.depth, real.normal, real.instance, real.semantic)
 
 
-def sensor_depth(pair: Pair, eye: str, rig: Mapping[str, Any]) -> np.ndarray:
+def read_sensor_depth(pair: Pair, eye: str, rig: Mapping[str, Any]) -> np.ndarray:
     """Planar depth in metres, float32 (H, W), along an eye's own axis of each pixel of its sensor; NaN for none."""
     path = pair.truth_as_taken(eye)
     depth = scene_depth(read_truth(path, eye))

@@ -25,7 +25,7 @@ from .options import nearest, resolve
 from .result import Result
 
 #: Each is the module of this package of the same name.
-METHODS = ("bm", "sgbm", "sgbm_wls", "jplv", "igev", "dsmnet", "external")
+MATCHERS = ("bm", "sgbm", "sgbm_wls", "jplv", "igev", "dsmnet", "external")
 
 
 def match(method: str, left: np.ndarray, right: np.ndarray, options: Mapping[str, Any] | None = None,
@@ -44,10 +44,10 @@ def match(method: str, left: np.ndarray, right: np.ndarray, options: Mapping[str
     A disparity of zero or less is no depth, and invalid. Raises IcyMoonError for an unknown method
     or option, unusable images and images too small for the options.
     """
-    module = _module(method)
+    module = _import_matcher(method)
     complete = check_options(method, options or {})
     prepare = _rgb if getattr(module, "COLOUR", False) else _grey
-    left, right = prepare(_checked(left, "left")), prepare(_checked(right, "right"))
+    left, right = prepare(_check_image(left, "left")), prepare(_check_image(right, "right"))
     if left.shape[:2] != right.shape[:2]:
         raise IcyMoonError(f"The left image is {_size(left)}, the right one {_size(right)}; "
                            "give two images of one size.")
@@ -68,20 +68,20 @@ def check_options(method: str, options: Mapping[str, Any]) -> dict[str, Any]:
     Raises IcyMoonError as it would, also for a checkpoint or program that is not there.
     """
     complete = complete_options(method, options)
-    if check := getattr(_module(method), "check", None):
+    if check := getattr(_import_matcher(method), "check", None):
         check(complete)
     return complete
 
 
 def complete_options(method: str, options: Mapping[str, Any]) -> dict[str, Any]:
     """The same, with no look at what is there."""
-    module = _module(method)
+    module = _import_matcher(method)
     return resolve(method, module.OPTIONS, module.PRESETS, options)
 
 
-def described(method: str) -> str:
+def describe_matcher(method: str) -> str:
     """What a method is and its options, as lines of text. Raises IcyMoonError for an unknown one."""
-    module = _module(method)
+    module = _import_matcher(method)
     lines = [f"{method}: {(module.__doc__ or '').strip().splitlines()[0]}"]
     lines += [f"  {option.key}={option.default} ({option.range}) {option.doc}" for option in module.OPTIONS]
     lines += [f"  preset={name} " + " ".join(f"{key}={value}" for key, value in chosen.items())
@@ -89,9 +89,9 @@ def described(method: str) -> str:
     return "\n".join(lines)
 
 
-def _module(method: str) -> ModuleType:
-    if method not in METHODS:
-        raise IcyMoonError(f"Unknown stereo method {method!r}, {nearest(method, METHODS)}")
+def _import_matcher(method: str) -> ModuleType:
+    if method not in MATCHERS:
+        raise IcyMoonError(f"Unknown stereo method {method!r}, {nearest(method, MATCHERS)}")
     return importlib.import_module(f".{method}", __name__)
 
 
@@ -105,7 +105,7 @@ def _cpu_seconds() -> float:
     return time.process_time() + children.children_user + children.children_system
 
 
-def _checked(image: np.ndarray, name: str) -> np.ndarray:
+def _check_image(image: np.ndarray, name: str) -> np.ndarray:
     image = np.asarray(image)
     if image.dtype not in (np.uint8, np.uint16):
         raise IcyMoonError(f"The {name} image has values of type {image.dtype}; give 8-bit or 16-bit grey values.")

@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 
 from ...render.pairs.pair_folder import StereoCamera
-from .opencv import extended, inside_right, require_room, run
+from .opencv import extended, inside_right, require_room, run_matcher
 from .options import Option
 from .result import Result
 
@@ -73,7 +73,7 @@ def compute(left: np.ndarray, right: np.ndarray, options: dict[str, Any], camera
     columns, rows = (reach + (0 if extension else margin), width + extension - margin), (margin, height - margin)
     room = columns[1] - (extension + margin if extension else columns[0])  # for whole windows
     require_room("bm", left, room > 0 and rows[0] < rows[1])
-    disparity = run("bm", matcher, extended(left, extension), extended(right, extension), least, columns, rows)
+    disparity = run_matcher("bm", matcher, extended(left, extension), extended(right, extension), least, columns, rows)
     if options["rounding"] == "even":
         disparity -= np.float32(_ROUNDED_UP)
     disparity = disparity[:, extension:]

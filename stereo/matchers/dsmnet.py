@@ -57,7 +57,7 @@ def compute(left: np.ndarray, right: np.ndarray, options: dict[str, Any], camera
     device = next(model.parameters()).device
     (top, height), (near, width) = (_span(size, options[f"crop_{side}"])
                                     for size, side in zip(left.shape, ("height", "width"), strict=False))
-    with learned.running("dsmnet"):
+    with learned.guard_inference("dsmnet"):
         eyes = (learned.batch(_framed(_normalised(image), top, height, near, width), device) for image in (left, right))
         seen = model(*eyes)[0].cpu().numpy()
     disparity = np.full(left.shape[:2], np.nan, np.float32)

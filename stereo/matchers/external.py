@@ -80,7 +80,7 @@ def compute(left: np.ndarray, right: np.ndarray, options: dict[str, Any], camera
             raise IcyMoonError("external.command asks for the camera, which is not known; give --camera PAIR.")
         _run([_FIELD.sub(lambda field: values[field[1]], argument) for argument in arguments], options["timeout_s"],
              folder / "errors.txt")
-        return Result(_disparity(Path(values["out"]), left.shape[:2], options))
+        return Result(_read_disparity(Path(values["out"]), left.shape[:2], options))
 
 
 def _arguments(command: str) -> list[str]:
@@ -114,7 +114,7 @@ def _run(arguments: list[str], timeout_s: int, errors: Path) -> None:
                            "images.")
 
 
-def _disparity(path: Path, shape: tuple[int, ...], options: dict[str, Any]) -> np.ndarray:
+def _read_disparity(path: Path, shape: tuple[int, ...], options: dict[str, Any]) -> np.ndarray:
     if not path.is_file():
         raise IcyMoonError(f"external.command ended well but wrote no {path.name} where {{out}} is; make it write "
                            f"there, or change external.format, {options['format']}.")
@@ -122,7 +122,7 @@ def _disparity(path: Path, shape: tuple[int, ...], options: dict[str, Any]) -> n
         image = read_png(path)
         disparity = np.where(image > 0, image / np.float64(options["png_scale"]), np.nan)
     else:
-        disparity = read_pfm(path) if options["format"] == "pfm" else _npy(path)
+        disparity = read_pfm(path) if options["format"] == "pfm" else _read_npy(path)
     while disparity.ndim > 2 and 1 in (disparity.shape[0], disparity.shape[-1]):  # batch or channel
         disparity = disparity[0] if disparity.shape[0] == 1 else disparity[..., 0]
     if disparity.shape != shape:
@@ -131,7 +131,7 @@ def _disparity(path: Path, shape: tuple[int, ...], options: dict[str, Any]) -> n
     return disparity
 
 
-def _npy(path: Path) -> np.ndarray:
+def _read_npy(path: Path) -> np.ndarray:
     try:
         array = np.load(path, allow_pickle=False)
     except Exception as error:  # a damaged header makes numpy raise whatever its parser meets

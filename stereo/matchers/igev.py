@@ -67,7 +67,7 @@ def compute(left: np.ndarray, right: np.ndarray, options: dict[str, Any], camera
     height, width = left.shape[:2]
     down, across = -height % SIZE_STEP, -width % SIZE_STEP
     top, near = down // 2, across // 2
-    with learned.running("igev"), torch.autocast(device.type, torch.bfloat16, enabled=half_precision):
+    with learned.guard_inference("igev"), torch.autocast(device.type, torch.bfloat16, enabled=half_precision):
         eyes = (F.pad(learned.batch(image, device), (near, across - near, top, down - top), mode="replicate")
                 for image in (left, right))
         disparity = model(*eyes, options["iterations"])[0, 0, top:top + height, near:near + width]

@@ -118,7 +118,7 @@ def judge(found: Search, least: int, most: int, window: int, uncertainty: int) -
     return np.where(flags == ACCEPT, ONE * (best + least) + offset, NO_DATA), flags.astype(np.uint8)
 
 
-def remove_blobs(disparity: np.ndarray, smallest: int) -> np.ndarray:
+def find_blobs(disparity: np.ndarray, smallest: int) -> np.ndarray:
     """Boolean (h, w): measured, but in a patch of fewer than ``smallest`` pixels.
 
     A patch ends where neighbours, above, below and beside, differ by a quarter of a pixel or more.

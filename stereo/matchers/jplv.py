@@ -61,7 +61,7 @@ def compute(left: np.ndarray, right: np.ndarray, options: dict[str, Any], camera
                     in zip(jpl.judge(found, least, most, window, options["uncertainty"]), (jpl.NO_DATA, jpl.BOUND),
                            strict=True))
     size = options["blob_size"]
-    blobs = jpl.remove_blobs(fixed, size if size >= 0 else fixed.size * -size // 100)
+    blobs = jpl.find_blobs(fixed, size if size >= 0 else fixed.size * -size // 100)
     fixed[blobs], flags[blobs] = jpl.NO_DATA, jpl.BLOB
     disparity = np.where(flags == jpl.ACCEPT, fixed / jpl.ONE, np.nan)
     if options["subpixel"] == "affine":

@@ -24,10 +24,10 @@ from .options import Option
 if TYPE_CHECKING:
     from torch import nn
 
-FOLDER = "ICYMOON_CHECKPOINTS"  # environment variable
+FOLDER_VARIABLE = "ICYMOON_CHECKPOINTS"  # environment variable
 
 OPTIONS = (
-    Option("checkpoint", "", f"File with the trained parameters; by default in the folder {FOLDER} or "
+    Option("checkpoint", "", f"File with the trained parameters; by default in the folder {FOLDER_VARIABLE} or "
            "~/.local/share/icymoon/checkpoints"),
     Option("device", "auto", "Where it runs; auto takes a CUDA device if there is one",
            choices=("auto", "cpu", "cuda")),
@@ -47,7 +47,7 @@ class Network:
 
 def check(network: Network, options: dict[str, Any]) -> None:
     """Raise IcyMoonError unless torch and the checkpoint are there."""
-    path = checkpoint(network, options)
+    path = checkpoint_path(network, options)
     if not path.is_file():
         raise IcyMoonError(f"{network.method} has no checkpoint at {path}: download {network.file} as the README of "
                            f"{network.source} says and put it there, or give {network.method}.checkpoint=FILE.")
@@ -55,11 +55,11 @@ def check(network: Network, options: dict[str, Any]) -> None:
         raise IcyMoonError(f"{network.method} needs PyTorch, which this Python lacks; run: pip install torch")
 
 
-def checkpoint(network: Network, options: dict[str, Any]) -> Path:
+def checkpoint_path(network: Network, options: dict[str, Any]) -> Path:
     """The file that the options mean."""
     if options["checkpoint"]:
         return parse_path(options["checkpoint"], f"{network.method}.checkpoint")
-    folder = os.environ.get(FOLDER) or Path.home() / ".local" / "share" / "icymoon" / "checkpoints"
+    folder = os.environ.get(FOLDER_VARIABLE) or Path.home() / ".local" / "share" / "icymoon" / "checkpoints"
     return Path(folder) / f"{network.method}.pth"
 
 
@@ -73,16 +73,17 @@ def load(network: Network, options: dict[str, Any]) -> tuple[nn.Module, dict[str
         raise IcyMoonError(f"{network.method}.device is cuda, but PyTorch finds no CUDA device here; use cpu.")
     if device == "auto":
         device = "cuda" if torch.cuda.is_available() else "cpu"
-    path = checkpoint(network, options)
+    path = checkpoint_path(network, options)
     check(network, options)
     changed = path.stat()
-    model, digest = _loaded(network, path, (changed.st_mtime_ns, changed.st_size), options["max_disparity"], device)
+    state = changed.st_mtime_ns, changed.st_size
+    model, digest = _load_network(network, path, state, options["max_disparity"], device)
     name = torch.cuda.get_device_name() if device == "cuda" else device
     return model, {"checkpoint_sha256": digest, "device": name, "torch": torch.__version__}
 
 
 @contextmanager
-def running(method: str) -> Iterator[None]:
+def guard_inference(method: str) -> Iterator[None]:
     """No gradients, full single precision, the same result every time, and failures in one sentence."""
     import torch
 
@@ -106,15 +107,15 @@ def batch(image: np.ndarray, device: Any) -> Any:
 
 
 @lru_cache(maxsize=2)
-def _loaded(network: Network, path: Path, changed: tuple[int, int], max_disparity: int,
+def _load_network(network: Network, path: Path, changed: tuple[int, int], max_disparity: int,
             device: str) -> tuple[nn.Module, str]:
     """The network with the parameters of a file that was last ``changed`` then, and the file's SHA-256."""
     model = network.build(max_disparity)
-    _fill(model, _parameters(path), path, network.method)
+    _fill_parameters(model, _read_parameters(path), path, network.method)
     return model.eval().to(device), sha256(path)
 
 
-def _parameters(path: Path) -> dict[str, Any]:
+def _read_parameters(path: Path) -> dict[str, Any]:
     """Name -> tensor of a checkpoint, without what its training wrapped around it. Runs no code from the file."""
     import torch
 
@@ -132,7 +133,7 @@ def _parameters(path: Path) -> dict[str, Any]:
     return {str(name).removeprefix("module."): value for name, value in stored.items()}
 
 
-def _fill(model: nn.Module, given: dict[str, Any], path: Path, method: str) -> None:
+def _fill_parameters(model: nn.Module, given: dict[str, Any], path: Path, method: str) -> None:
     """Load parameters; all must be there and of the right shape, and none more."""
     expected = model.state_dict()
     # Counts of training steps; checkpoints from before PyTorch 0.4.1 have none, and nothing here uses them.

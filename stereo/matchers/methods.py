@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 from ...errors import IcyMoonError
 from ...settings.trust import OWN, OWN_NAME, listed
-from . import METHODS, check_options
+from . import MATCHERS, check_options
 from .options import nearest
 
 
@@ -26,7 +26,7 @@ class Method:
         return re.sub(r"[^A-Za-z0-9._-]+", "_", self.label)
 
 
-def key_value(text: str, where: str) -> tuple[str, str]:
+def parse_key_value(text: str, where: str) -> tuple[str, str]:
     """('a', 'b') of 'a=b'. Raises IcyMoonError, naming ``where``, for anything else."""
     key, equals, value = (part.strip() for part in text.partition("="))
     if not (key and equals and value):
@@ -34,7 +34,7 @@ def key_value(text: str, where: str) -> tuple[str, str]:
     return key, value
 
 
-def own_matchers(texts: Sequence[str]) -> dict[str, Method]:
+def parse_own_matchers(texts: Sequence[str]) -> dict[str, Method]:
     """The person's own matchers by name, from ``NAME:METHOD:KEY=VALUE`` of each option of theirs, or ``NAME:METHOD``.
 
     Raises IcyMoonError for what is none.
@@ -42,14 +42,14 @@ def own_matchers(texts: Sequence[str]) -> dict[str, Method]:
     found: dict[str, Method] = {}
     for text in texts:
         name, method, option = (*text.split(":", 2), "", "")[:3]
-        if not (OWN_NAME.fullmatch(name) and method in METHODS):
+        if not (OWN_NAME.fullmatch(name) and method in MATCHERS):
             raise IcyMoonError(f"--own {text}: write it as NAME:METHOD:KEY=VALUE, as in "
                                "mine:external:command=PROGRAM; a name has letters, digits, - and _.")
         known = found.setdefault(name, Method(f"{OWN}:{name}", method))
         if known.name != method:
             raise IcyMoonError(f"--own {text}: {name} is {known.name} already; give it one method.")
         if option:
-            key, value = key_value(option, f"--own {name}:{method}:")
+            key, value = parse_key_value(option, f"--own {name}:{method}:")
             known.options[key] = value
     return found
 
@@ -62,19 +62,22 @@ def parse_methods(text: str, options: Sequence[str] = (), own: Sequence[str] = (
     ``own``, see ``own_matchers``. Raises IcyMoonError for an unknown method or option, a bad value, or a method given
     twice.
     """
-    shared = _shared(options)
-    owned = own_matchers(own)
+    shared = _parse_shared_options(options)
+    owned = parse_own_matchers(own)
     methods: list[Method] = []
     for name, given in listed(text):
         label = ":".join((name, *given))
-        base = _owned(given.pop(0) if given else "", owned) if name == OWN else Method(name, name, shared.get(name, {}))
-        chosen = base.options | dict(key_value(part, "--methods") for part in given)
+        if name == OWN:
+            base = _find_own_matcher(given.pop(0) if given else "", owned)
+        else:
+            base = Method(name, name, shared.get(name, {}))
+        chosen = base.options | dict(parse_key_value(part, "--methods") for part in given)
         check_options(base.name, chosen)
         if label in (method.label for method in methods):
             raise IcyMoonError(f"--methods names {label} twice; leave one out.")
         methods.append(Method(label, base.name, chosen))
     if not methods:
-        raise IcyMoonError(f"--methods is empty; choose from {', '.join(METHODS)}.")
+        raise IcyMoonError(f"--methods is empty; choose from {', '.join(MATCHERS)}.")
     unused = sorted(set(shared) - {method.name for method in methods})
     if unused:
         raise IcyMoonError(f"--option is given for {unused[0]}, which --methods does not name; add it or drop the "
@@ -82,21 +85,21 @@ def parse_methods(text: str, options: Sequence[str] = (), own: Sequence[str] = (
     return methods
 
 
-def _shared(options: Sequence[str]) -> dict[str, dict[str, str]]:
+def _parse_shared_options(options: Sequence[str]) -> dict[str, dict[str, str]]:
     """Options for every use of a method, from ``method.key=value`` of each."""
     shared: dict[str, dict[str, str]] = {}
     for option in options:
-        name, value = key_value(option, "--option")
+        name, value = parse_key_value(option, "--option")
         method, dot, key = name.partition(".")
         if not dot:
             raise IcyMoonError(f"--option {option}: name the method too, as in bm.{key or name}={value}.")
-        if method not in METHODS:
-            raise IcyMoonError(f"--option {option}: unknown stereo method {method!r}, {nearest(method, METHODS)}")
+        if method not in MATCHERS:
+            raise IcyMoonError(f"--option {option}: unknown stereo method {method!r}, {nearest(method, MATCHERS)}")
         shared.setdefault(method, {})[key] = value
     return shared
 
 
-def _owned(name: str, owned: Mapping[str, Method]) -> Method:
+def _find_own_matcher(name: str, owned: Mapping[str, Method]) -> Method:
     if name not in owned:
         known = f"known are {', '.join(owned)}" if owned else "none is set up"
         raise IcyMoonError(f"There is no matcher {OWN}:{name} on this machine, {known}; add it under Own Matchers in "

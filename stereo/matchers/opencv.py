@@ -24,7 +24,7 @@ def require_room(method: str, image: np.ndarray, enough: bool, option: str = "")
                            "render larger images.")
 
 
-def run(method: str, matcher: Any, left: np.ndarray, right: np.ndarray, min_disparity: int,
+def run_matcher(method: str, matcher: Any, left: np.ndarray, right: np.ndarray, min_disparity: int,
         columns: tuple[int, int], rows: tuple[int, int]) -> np.ndarray:
     """Disparity, float32 (H, W) px, NaN where ``matcher`` found none or may not be believed.
 

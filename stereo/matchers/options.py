@@ -70,11 +70,11 @@ def resolve(method: str, declared: Sequence[Option], presets: Mapping[str, Mappi
         complete |= presets[given["preset"]]
     for key, value in given.items():
         if key != "preset":
-            complete[names[key].key] = _checked(method, names[key], value)
+            complete[names[key].key] = _parse_value(method, names[key], value)
     return complete
 
 
-def _checked(method: str, option: Option, value: Any) -> int | float | str:
+def _parse_value(method: str, option: Option, value: Any) -> int | float | str:
     name = f"{method}.{option.key}"
     if option.choices:
         if value not in option.choices:

@@ -9,7 +9,7 @@ import numpy as np
 
 from ...errors import IcyMoonError
 from ...render.pairs.pair_folder import StereoCamera
-from .opencv import SUBPIXELS, extended, inside_right, require_room, run
+from .opencv import SUBPIXELS, extended, inside_right, require_room, run_matcher
 from .options import Option
 from .result import Result
 
@@ -60,7 +60,7 @@ def compute(left: np.ndarray, right: np.ndarray, options: dict[str, Any], camera
     require_room("sgbm", left, width + extension - reach > options["window"] // 2)
     left, right = extended(left, extension), extended(right, extension)
     # Unlike StereoBM it compares windows that reach over the border.
-    disparity = run("sgbm", matcher, left, right, least, (reach, width + extension), (0, height))[:, extension:]
+    disparity = run_matcher("sgbm", matcher, left, right, least, (reach, width + extension), (0, height))[:, extension:]
     return Result(inside_right(evenly_rounded(disparity)))
 
 

@@ -44,8 +44,8 @@ def compute(left: np.ndarray, right: np.ndarray, options: dict[str, Any], camera
     left, right = extended(left, extension), extended(right, extension)
     try:
         # The filter takes floats too, so that nothing is rounded in between.
-        smooth = filtering.filter(_matched(matcher, left, right), left,
-                                  disparity_map_right=_matched(backwards, right, left))
+        smooth = filtering.filter(_match(matcher, left, right), left,
+                                  disparity_map_right=_match(backwards, right, left))
     except cv2.error as error:
         raise IcyMoonError(f"OpenCV's sgbm_wls failed ({error.err}); try other options.") from None
     confidence = np.rint(filtering.getConfidenceMap()[:, extension:]).clip(0, 255).astype(np.uint8)
@@ -53,7 +53,7 @@ def compute(left: np.ndarray, right: np.ndarray, options: dict[str, Any], camera
     return Result(np.where(confidence >= options["min_confidence"], disparity, np.nan), {"confidence": confidence})
 
 
-def _matched(matcher: Any, image: np.ndarray, other: np.ndarray) -> np.ndarray:
+def _match(matcher: Any, image: np.ndarray, other: np.ndarray) -> np.ndarray:
     """Disparities in OpenCV's 1/16 px, float32; where there is none what OpenCV writes, which the filter knows."""
     fixed = matcher.compute(image, other)
     measured = fixed >= matcher.getMinDisparity() * SUBPIXELS

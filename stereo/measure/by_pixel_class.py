@@ -112,7 +112,7 @@ def classify(truth: np.ndarray, visible: np.ndarray, gradient: np.ndarray, grey:
     return found
 
 
-def stratified(classes: Mapping[str, np.ndarray], depth: np.ndarray, truth: np.ndarray, disparity: np.ndarray,
+def sums_by_class(classes: Mapping[str, np.ndarray], depth: np.ndarray, truth: np.ndarray, disparity: np.ndarray,
                true_disparity: np.ndarray) -> dict[str, dict[str, list[float]]]:
     """SUMS per class of every factor of ``classify``: {factor: {sum: a number per class}}."""
     known = usable(truth)
@@ -131,7 +131,7 @@ def stratified(classes: Mapping[str, np.ndarray], depth: np.ndarray, truth: np.n
     return result
 
 
-def added(one: Mapping[str, Any] | None, other: Mapping[str, Any]) -> dict[str, Any]:
+def add_sums(one: Mapping[str, Any] | None, other: Mapping[str, Any]) -> dict[str, Any]:
     """The sums of two sets of pixels together; ``one`` may be None for no pixels."""
     if one is None:
         return {factor: {key: list(values) for key, values in sums.items()} for factor, sums in other.items()}

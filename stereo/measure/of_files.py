@@ -36,15 +36,15 @@ def measure_files(prediction: Path | None, disparity: Path | None, truth: Path, 
         raise IcyMoonError(f"{path} has the shape {given.shape}, {truth} {true.shape}; give two arrays of one shape.")
     if guiss and true.ndim != 2:
         raise IcyMoonError(f"{truth} has the shape {true.shape}; --guiss needs images, rows and columns.")
-    depth = given if focal_baseline is None or disparity is None else _turned(given, focal_baseline)
+    depth = given if focal_baseline is None or disparity is None else _converted(given, focal_baseline)
     result: dict[str, float] = dict(depth_metrics(depth, true))
     both = usable(depth) & usable(true)
     result |= {"dod_antisymmetric": depth_order_disagreement(depth[both], true[both], antisymmetric=True),
                "dod_sampled": sampled_disagreement(depth[both], true[both], SAMPLED_PAIRS,
                                                    generator(0, "statistics"))}
     if focal_baseline is not None:
-        pixels = given if disparity is not None else _turned(given, focal_baseline)
-        true_pixels = _turned(true, focal_baseline)
+        pixels = given if disparity is not None else _converted(given, focal_baseline)
+        true_pixels = _converted(true, focal_baseline)
         result |= disparity_metrics(pixels, true_pixels)
         totals = total_metrics(depth, true, pixels, true_pixels, result["dod"])
         result |= {f"total_{key}": value for key, value in totals.items()}
@@ -53,7 +53,7 @@ def measure_files(prediction: Path | None, disparity: Path | None, truth: Path, 
     return result
 
 
-def _turned(values: np.ndarray, focal_baseline: float) -> np.ndarray:
+def _converted(values: np.ndarray, focal_baseline: float) -> np.ndarray:
     """Depth of disparity or disparity of depth; NaN for what is neither."""
     good = usable(values)
     return np.where(good, focal_baseline / np.where(good, values, 1.0), np.nan)

@@ -75,7 +75,7 @@ def load(folder: Path, response: Mapping[str, Mapping[str, Any]]) -> Loaded:
 
     Raises IcyMoonError, naming the file, if anything in the folder is not as it was rendered.
     """
-    pair, settings = checked(folder)
+    pair, settings = read_unchanged_pair(folder)
     eyes = {eye: read_eye(pair, eye) for eye in EYES}
     settings = merged(settings, response)
     light, views = ({eye: taken for eye, (taken, _) in eyes.items()}, {eye: flat for eye, (_, flat) in eyes.items()})
@@ -107,7 +107,7 @@ def none_for_nan(value: float) -> float | None:
     return value if math.isfinite(value) else None
 
 
-def checked(folder: Path) -> tuple[Pair, Settings]:
+def read_unchanged_pair(folder: Path) -> tuple[Pair, Settings]:
     """A pair whose files are as they were rendered, and its complete settings. Raises IcyMoonError otherwise."""
     pair = read_pair(folder)
     changed = changed_files(pair)

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from .by_pixel_class import stratified
+from .by_pixel_class import sums_by_class
 from .guiss_metrics import METRICS as GUISS_METRICS
 from .guiss_metrics import reference_metrics
 from .metrics import (
@@ -64,7 +64,7 @@ def own_numbers(prepared: Prepared, disparity: np.ndarray, bm_min_disparity: int
         "true_pixels": int(usable(truth).sum()), "error_curve": _list(error_curve(depth, truth)),
         "sparsification": {"texture": _list(sparsification(error, prepared.gradient)),
                            "best": _list(sparsification(error, -error))},
-        "strata": stratified(prepared.classes, depth, truth, disparity, true_disparity)}
+        "strata": sums_by_class(prepared.classes, depth, truth, disparity, true_disparity)}
 
 
 def common_numbers(prepared: Prepared, disparity: np.ndarray, common: np.ndarray) -> dict[str, Any]:

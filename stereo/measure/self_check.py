@@ -98,7 +98,7 @@ def self_check(left: Eye, right: Eye, visible: dict[str, np.ndarray], camera: St
     truth = truth_offsets(left.depth, right.depth, camera)
     light = light_offsets(left.grey, right.grey, column, visible["left"])
     contradictions = _contradictions(left, right, camera)
-    problems = *_truth_problems(truth), *_contradicting(contradictions)
+    problems = *_truth_problems(truth), *_contradiction_problems(contradictions)
     if not problems:  # of a wrong truth the light cannot say more
         problems = tuple(_light_problems(left, right, visible, camera, column, light))
     offset = light.shift_px if _tells(light) else Estimate()
@@ -115,7 +115,7 @@ def _truth_problems(truth: TruthOffsets) -> Iterator[str]:
                }[truth.likeliest]
 
 
-def _contradicting(share: float | None) -> Iterator[str]:
+def _contradiction_problems(share: float | None) -> Iterator[str]:
     if share is not None and share > CONTRADICTION_LIMIT:
         yield f"at {100 * share:.1f} % of the pixels one eye sees through what the other one sees"
 

@@ -17,7 +17,7 @@ from .summary import Table
 #: Settings, as topic.key, that make the ground; pairs that share them share a scene, whatever its light or camera.
 _GROUND = {f"{topic}.{setting.key}" for topic, setting in all_settings() if setting.effect == "geometry"}
 #: Settings that say where and how fast, and the seed, whose number means nothing.
-_NO_FACTORS = {f"{topic}.{setting.key}" for topic, setting in all_settings() if setting.effect == "run"
+_NEVER_SWEPT = {f"{topic}.{setting.key}" for topic, setting in all_settings() if setting.effect == "run"
                } | {"dataset.seed"}
 #: Values that a curve shows one by one; more are put into as many groups of equal size.
 MOST_LEVELS = 10
@@ -80,10 +80,10 @@ def swept_settings(facts: Iterable[Mapping[str, Any]], places: Mapping[str, int]
         for name in differing:
             columns[name][places[pair["pair"]]] = flat.get(name)
     sweeps = [Sweep(name, _title(name), _array(values)) for name, values in columns.items()]
-    return _joined(sorted(sweeps, key=lambda sweep: (len(np.unique(sweep.values.astype(str))), sweep.name)))
+    return _join_inseparable(sorted(sweeps, key=lambda sweep: (len(np.unique(sweep.values.astype(str))), sweep.name)))
 
 
-def _joined(sweeps: list[Sweep]) -> list[Sweep]:
+def _join_inseparable(sweeps: list[Sweep]) -> list[Sweep]:
     """One sweep for all that cannot be told apart, as the settings of two presets cannot."""
     groups: dict[tuple[int, ...], list[Sweep]] = {}
     for sweep in sweeps:
@@ -93,7 +93,7 @@ def _joined(sweeps: list[Sweep]) -> list[Sweep]:
     return [replace(first, together=tuple(sweep.title for sweep in others)) for first, *others in groups.values()]
 
 
-def effect(sweep: Sweep, table: Table, method: int, metric: str, seed: int) -> tuple[np.ndarray, np.ndarray]:
+def mean_by_level(sweep: Sweep, table: Table, method: int, metric: str, seed: int) -> tuple[np.ndarray, np.ndarray]:
     """Mean of a metric (levels,) of the pairs at each level of a setting, and its 95 % bounds (levels, 2)."""
     names, _, level = sweep.levels()
     numbers = table.column(method, metric)
@@ -109,7 +109,7 @@ def effect(sweep: Sweep, table: Table, method: int, metric: str, seed: int) -> t
 
 def _flat(settings: Settings) -> dict[str, Any]:
     return {f"{topic}.{key}": value for topic, values in settings.items() for key, value in values.items()
-            if f"{topic}.{key}" not in _NO_FACTORS and isinstance(value, (bool, int, float, str))}
+            if f"{topic}.{key}" not in _NEVER_SWEPT and isinstance(value, (bool, int, float, str))}
 
 
 def _array(values: list[Any]) -> np.ndarray:

@@ -18,7 +18,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from ..measure import by_pixel_class
 from ..measure.metrics import ERROR_STEPS_M, SHARES
-from .by_setting import Sweep, effect
+from .by_setting import Sweep, mean_by_level
 from .phase_curves import PHASE_DEG
 from .summary import Table
 
@@ -47,7 +47,7 @@ def _methods(summary: Summary) -> Iterator[tuple[int, Mapping[str, Any], dict[st
         yield k, entry, {"color": colour, "marker": mark, "label": entry["method"]}
 
 
-def drawing(columns: int, rows: int = 1, width: float = 10.4, height: float = 3.1) -> tuple[Figure, np.ndarray]:
+def make_figure(columns: int, rows: int = 1, width: float = 10.4, height: float = 3.1) -> tuple[Figure, np.ndarray]:
     """A figure of axes (rows, columns) without a background, inches wide and ``height`` per row."""
     figure = Figure(figsize=(width, height * rows), facecolor="none")
     FigureCanvasSVG(figure)
@@ -57,7 +57,7 @@ def drawing(columns: int, rows: int = 1, width: float = 10.4, height: float = 3.
     return figure, axes
 
 
-def svg(figure: Figure, name: str, title: str) -> str:
+def render_svg(figure: Figure, name: str, title: str) -> str:
     """The figure for an HTML page: no prologue, as wide as its place, the page's text and line colours."""
     stream = io.StringIO()
     with matplotlib.rc_context({"svg.hashsalt": name, "svg.fonttype": "none"}):
@@ -72,19 +72,19 @@ def svg(figure: Figure, name: str, title: str) -> str:
     return text.replace(_INK, "var(--soft)").replace(_LINE, "var(--line)")
 
 
-def legend(figure: Figure, axis: Axes, count: int) -> None:
+def add_legend(figure: Figure, axis: Axes, count: int) -> None:
     """One legend above the figure, of what ``axis`` shows."""
     handles, labels = axis.get_legend_handles_labels()
     if handles:
         figure.legend(handles, labels, loc="outside upper left", ncols=min(5, max(1, count)), handlelength=1.6)
 
 
-def _percent(axis: Axes, label: str) -> None:
+def _set_percent_axis(axis: Axes, label: str) -> None:
     axis.set_ylim(-2, 102)
     axis.set_ylabel(label)
 
 
-def logarithmic(axis: Axes, which: str) -> None:
+def set_logarithmic(axis: Axes, which: str) -> None:
     """Make the axis ``which`` ("x" or "y") logarithmic, if there is anything above zero on it."""
     if not any((np.asarray(getattr(line, f"get_{which}data")()) > 0).any() for line in axis.lines):
         return  # Matplotlib cannot draw a logarithmic axis without a place on it
@@ -95,20 +95,20 @@ def logarithmic(axis: Axes, which: str) -> None:
     along.set_minor_formatter(NullFormatter())
 
 
-def charts(summary: Summary, table: Table, sweeps: Sequence[Sweep], laws: Mapping[str, np.ndarray],
+def draw_charts(summary: Summary, table: Table, sweeps: Sequence[Sweep], laws: Mapping[str, np.ndarray],
            seed: int) -> dict[str, str]:
     """SVG text by name: ``errors``, ``range``, ``strata``, ``sweeps``, ``phase`` (of ``phase.curves``); empty where
     there is nothing to draw."""
     with matplotlib.rc_context(STYLE):
-        return {"errors": _errors(summary), "range": _range(summary), "strata": _strata(summary),
-                "sweeps": _sweeps(summary, table, sweeps[:MOST_SWEEPS], seed), "phase": _phase(laws)}
+        return {"errors": _draw_errors(summary), "range": _draw_range(summary), "strata": _draw_pixel_classes(summary),
+                "sweeps": _draw_sweeps(summary, table, sweeps[:MOST_SWEEPS], seed), "phase": _draw_phase_curves(laws)}
 
 
-def _phase(laws: Mapping[str, np.ndarray]) -> str:
+def _draw_phase_curves(laws: Mapping[str, np.ndarray]) -> str:
     """Phase curves: all of them, and the last degrees before opposition."""
     if not laws:
         return ""
-    figure, ((near, all_),) = drawing(2, height=3.4 + 0.22 * (len(laws) - 1))  # a line of the legend for each
+    figure, ((near, all_),) = make_figure(2, height=3.4 + 0.22 * (len(laws) - 1))  # a line of the legend for each
     for (name, bright), colour in zip(laws.items(), itertools.cycle(COLOURS)):
         for axis, last in ((near, 8.0), (all_, PHASE_DEG[-1])):
             shown = last >= PHASE_DEG
@@ -120,14 +120,14 @@ def _phase(laws: Mapping[str, np.ndarray]) -> str:
     all_.set_ylim(bottom=0)
     handles, labels = near.get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside upper left", ncols=1, handlelength=1.6)
-    return svg(figure, "phase", "Phase curves of the surfaces")
+    return render_svg(figure, "phase", "Phase curves of the surfaces")
 
 
-def _errors(summary: Summary) -> str:
+def _draw_errors(summary: Summary) -> str:
     """Cumulative error, and what leaving out pixels of little texture gains."""
     if not any(entry["error_curve"] for entry in summary):
         return ""
-    figure, ((left, right),) = drawing(2, height=3.4)
+    figure, ((left, right),) = make_figure(2, height=3.4)
     for _, entry, look in _methods(summary):
         line = look | {"marker": ""}
         if entry["error_curve"]:
@@ -135,41 +135,41 @@ def _errors(summary: Summary) -> str:
         if entry["sparsification"]["texture"]:
             right.plot(100 * np.array(SHARES), entry["sparsification"]["texture"], **line)
             right.plot(100 * np.array(SHARES), entry["sparsification"]["best"], **line | {"label": "_"}, linestyle=":")
-    logarithmic(left, "x")
-    _percent(left, "% of all true pixels within it")
+    set_logarithmic(left, "x")
+    _set_percent_axis(left, "% of all true pixels within it")
     left.set_xlabel("depth error (m)")
     left.set_title("Cumulative error; ends at the coverage", loc="left")
     right.set_xlabel("% of measurements kept, the most textured first")
     right.set_ylabel("mean disparity error (px)")
     right.set_ylim(bottom=0)
     right.set_title("Coverage against error; dotted: best possible order", loc="left")
-    legend(figure, left, len(summary))
-    return svg(figure, "errors", "Cumulative error, and error against coverage")
+    add_legend(figure, left, len(summary))
+    return render_svg(figure, "errors", "Cumulative error, and error against coverage")
 
 
-def _classes(sums: Mapping[str, Any]) -> np.ndarray:
+def _has_enough(sums: Mapping[str, Any]) -> np.ndarray:
     return np.array(sums["true"]) >= _FEWEST
 
 
-def _wrong(sums: Mapping[str, Any]) -> np.ndarray:
+def _wrong_percent(sums: Mapping[str, Any]) -> np.ndarray:
     """% of the true pixels of each class that are missing or off by more than 1 px."""
     true = np.maximum(np.array(sums["true"]), 1)
     return np.asarray(100 * (true - np.array(sums["n"]) + np.array(sums["bad_1"])) / true)
 
 
-def _range(summary: Summary) -> str:
+def _draw_range(summary: Summary) -> str:
     """Error against range beside the law Z² / (f·B) · σ, coverage against range."""
-    entries = [entry for entry in summary if "range" in entry["strata"] and _classes(entry["strata"]["range"]).any()]
+    entries = [entry for entry in summary if "range" in entry["strata"] and _has_enough(entry["strata"]["range"]).any()]
     if not entries:
         return ""
     bounds = by_pixel_class.RANGE.bounds
     middle = np.array([bounds[0] / 1.2, *np.sqrt(np.multiply(bounds[1:], bounds[:-1])), bounds[-1] * 1.2])
-    figure, ((error, coverage, wrong),) = drawing(3, height=3.3)
+    figure, ((error, coverage, wrong),) = make_figure(3, height=3.3)
     for _, entry, look in _methods(summary):
         sums = entry["strata"].get("range")
         if sums is None:
             continue
-        known = _classes(sums) & (np.array(sums["n"]) > 0)
+        known = _has_enough(sums) & (np.array(sums["n"]) > 0)
         n = np.maximum(np.array(sums["n"]), 1)
         error.plot(middle[known], (np.array(sums["l1_m"]) / n)[known], **look)
         fine = sum(sums["fine"])
@@ -177,32 +177,32 @@ def _range(summary: Summary) -> str:
             sigma = sum(sums["fine_epe_px"]) / fine
             error.plot(middle[known], (sigma * np.array(sums["m_per_px"]) / n)[known], color=look["color"],
                        linestyle="--", linewidth=1.1)
-        known = _classes(sums)
+        known = _has_enough(sums)
         coverage.plot(middle[known], 100 * (np.array(sums["n"]) / np.maximum(sums["true"], 1))[known], **look)
-        wrong.plot(middle[known], _wrong(sums)[known], **look)
+        wrong.plot(middle[known], _wrong_percent(sums)[known], **look)
     for axis in (error, coverage, wrong):
-        logarithmic(axis, "x")
+        set_logarithmic(axis, "x")
         axis.set_xlabel("true depth (m)")
-    logarithmic(error, "y")
+    set_logarithmic(error, "y")
     error.set_ylabel("mean depth error (m)")
     error.set_title("Error; dashed: Z² / (f·B) · σ", loc="left")
-    _percent(coverage, "% measured")
+    _set_percent_axis(coverage, "% measured")
     coverage.set_title("Coverage", loc="left")
-    _percent(wrong, "% missing or off by > 1 px")
+    _set_percent_axis(wrong, "% missing or off by > 1 px")
     wrong.set_title("Wrong or missing", loc="left")
-    legend(figure, error, len(summary))
-    return svg(figure, "range", "Error, coverage and wrong pixels against range")
+    add_legend(figure, error, len(summary))
+    return render_svg(figure, "range", "Error, coverage and wrong pixels against range")
 
 
-def _strata(summary: Summary) -> str:
+def _draw_pixel_classes(summary: Summary) -> str:
     """Wrong or missing pixels by what else is known of them."""
     factors = [factor for factor in by_pixel_class.FACTORS if factor.key != "range" and any(
-        _classes(entry["strata"][factor.key]).sum() > 1 for entry in summary if factor.key in entry["strata"])]
+        _has_enough(entry["strata"][factor.key]).sum() > 1 for entry in summary if factor.key in entry["strata"])]
     if not factors:
         return ""
     columns = min(3, len(factors))
     rows = math.ceil(len(factors) / columns)
-    figure, axes = drawing(columns, rows, height=2.8)
+    figure, axes = make_figure(columns, rows, height=2.8)
     for factor, axis in itertools.zip_longest(factors, axes.flat):
         if factor is None:
             axis.set_visible(False)
@@ -212,30 +212,31 @@ def _strata(summary: Summary) -> str:
         for k, entry, look in _methods(summary):
             sums = entry["strata"].get(factor.key)
             if sums is not None:
-                known = _classes(sums)
+                known = _has_enough(sums)
                 shown |= known
                 aside = (k - (len(summary) - 1) / 2) * 0.12 if factor.names else 0.0
-                axis.plot(places[known] + aside, _wrong(sums)[known], **look, linestyle="" if factor.names else "-")
+                axis.plot(places[known] + aside, _wrong_percent(sums)[known], **look,
+                          linestyle="" if factor.names else "-")
         axis.set_xticks(places[shown], np.array(factor.classes)[shown], rotation=0 if factor.names else 35)
         axis.set_xlim(places[shown].min() - 0.4, places[shown].max() + 0.4)
         axis.set_ylim(bottom=-1)
         axis.set_title(factor.title, loc="left")
         axis.set_ylabel("% missing or > 1 px")
-    legend(figure, axes.flat[0], len(summary))
-    return svg(figure, "strata", "Wrong or missing pixels by slope, texture, light, visibility and material")
+    add_legend(figure, axes.flat[0], len(summary))
+    return render_svg(figure, "strata", "Wrong or missing pixels by slope, texture, light, visibility and material")
 
 
-def _sweeps(summary: Summary, table: Table, sweeps: Sequence[Sweep], seed: int) -> str:
+def _draw_sweeps(summary: Summary, table: Table, sweeps: Sequence[Sweep], seed: int) -> str:
     """Mean error and wrong pixels against each setting that was varied, with 95 % intervals."""
     if not sweeps:
         return ""
-    figure, axes = drawing(2, len(sweeps), height=2.7)
+    figure, axes = make_figure(2, len(sweeps), height=2.7)
     for sweep, (left, right) in zip(sweeps, axes, strict=True):
         names, places, _ = sweep.levels()
         for axis, metric, factor in ((left, "l1_m", 1.0), (right, "total_bad_1", 100.0)):
             step = 0.012 * float(np.ptp(places)) or 0.1
             for k, _, look in _methods(summary):
-                mean, bounds = effect(sweep, table, k, metric, seed)
+                mean, bounds = mean_by_level(sweep, table, k, metric, seed)
                 bars = np.abs(bounds.T - mean)
                 aside = (k - (len(summary) - 1) / 2) * step
                 axis.errorbar(places + aside, factor * mean, factor * np.nan_to_num(bars), capsize=2.5, elinewidth=1,
@@ -248,5 +249,5 @@ def _sweeps(summary: Summary, table: Table, sweeps: Sequence[Sweep], seed: int) 
             axis.set_xlabel(sweep.title + others)
         left.set_ylabel("L1 (m)")
         right.set_ylabel("% missing or > 1 px")
-    legend(figure, axes[0][0], len(summary))
-    return svg(figure, "sweeps", "Error against each setting that was varied")
+    add_legend(figure, axes[0][0], len(summary))
+    return render_svg(figure, "sweeps", "Error against each setting that was varied")

@@ -24,10 +24,10 @@ from ..images.image_files import encoded, read_png
 from ..matchers.methods import Method
 from ..measure.row import REGION_METRICS, REGIONS
 from .by_setting import Sweep
-from .charts import MOST_SWEEPS, charts
-from .phase_curves import curves
+from .charts import MOST_SWEEPS, draw_charts
+from .phase_curves import phase_curves
 from .summary import Table
-from .table_columns import COMPARED_COLUMNS, GUISS, METRIC_NAMES, SUMMARY, shown, shown_interval
+from .table_columns import COMPARED_COLUMNS, GUISS, METRIC_NAMES, SUMMARY, format_interval, format_number
 
 #: Pairs shown with pictures, at most; half of them are the worst ones. The CSV has all.
 MOST_PAIRS = 24
@@ -63,15 +63,15 @@ def write_report(report: Mapping[str, Any], chosen: Sequence[str], table: Table,
     names = set(chosen)
     html = environment.get_template("report.html.j2").render(
         report=report, regions=REGIONS, region_metrics=REGION_METRICS, metric_names=METRIC_NAMES, columns=SUMMARY,
-        compared=_compared(report["differences"]), compared_columns=COMPARED_COLUMNS, shown=shown,
-        shown_interval=shown_interval, guiss=GUISS if guiss else (),
-        charts=charts(report["summary"], table, sweeps, curves(report["pairs"]), seed),
+        compared=_difference_rows(report["differences"]), compared_columns=COMPARED_COLUMNS,
+        format_number=format_number, format_interval=format_interval, guiss=GUISS if guiss else (),
+        charts=draw_charts(report["summary"], table, sweeps, phase_curves(report["pairs"]), seed),
         other_sweeps=[sweep.title for sweep in sweeps[MOST_SWEEPS:]],
-        joined=[sweep for sweep in sweeps[:MOST_SWEEPS] if sweep.together], mixed=mixed(report["pairs"]),
-        warned=warned(report["pairs"]),
-        error_bar=_bar(colours.ERROR), invalid=colours.INVALID_GREY, sky=colours.SKY_GREY,
-        pairs=[_pair(facts, report, table, out) for facts in report["pairs"] if facts["pair"] in names],
-        data=_data(table, methods), script=script, script_hash=_hash(script))
+        joined=[sweep for sweep in sweeps[:MOST_SWEEPS] if sweep.together], mixed=count_values(report["pairs"]),
+        warned=count_warnings(report["pairs"]),
+        error_bar=_colour_bar(colours.ERROR), invalid=colours.INVALID_GREY, sky=colours.SKY_GREY,
+        pairs=[_pair_section(facts, report, table, out) for facts in report["pairs"] if facts["pair"] in names],
+        data=_page_data(table, methods), script=script, script_hash=_script_hash(script))
     write_text(out / "report.html", html)
 
 
@@ -92,7 +92,7 @@ def choose_pairs(table: Table, names: Sequence[str]) -> list[str]:
     return [*worst, *(rest[i] for i in even)]
 
 
-def mixed(facts: Iterable[Mapping[str, Any]]) -> dict[str, list[tuple[str, int]]]:
+def count_values(facts: Iterable[Mapping[str, Any]]) -> dict[str, list[tuple[str, int]]]:
     """How the pairs were made: of each of _MIXED the distinct values and how many pairs have them."""
     found: dict[str, dict[str, int]] = {name: {} for name in _MIXED}
     for pair in facts:
@@ -102,7 +102,7 @@ def mixed(facts: Iterable[Mapping[str, Any]]) -> dict[str, list[tuple[str, int]]
     return {name: sorted(counts.items(), key=lambda entry: -entry[1])[:8] for name, counts in found.items()}
 
 
-def warned(facts: Iterable[Mapping[str, Any]]) -> list[tuple[str, int]]:
+def count_warnings(facts: Iterable[Mapping[str, Any]]) -> list[tuple[str, int]]:
     """What to know of the pairs' images, and of how many pairs each."""
     found: dict[str, int] = {}
     for text in (text for pair in facts for text in pair.get("warnings", ())):
@@ -110,7 +110,7 @@ def warned(facts: Iterable[Mapping[str, Any]]) -> list[tuple[str, int]]:
     return sorted(found.items(), key=lambda entry: -entry[1])
 
 
-def _compared(differences: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+def _difference_rows(differences: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
     """A row per two methods, with the difference in each metric."""
     rows: dict[tuple[str, str], dict[str, Any]] = {}
     for entry in differences:
@@ -119,7 +119,7 @@ def _compared(differences: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
     return list(rows.values())
 
 
-def _data(table: Table, methods: Sequence[Method]) -> str:
+def _page_data(table: Table, methods: Sequence[Method]) -> str:
     """What the page's script knows of all pairs: JSON that may stand inside a script element."""
     columns = [[table.column(k, key) * factor for key, _, _, factor in _PAGED] for k in range(len(methods))]
     counted, failed = table.counts.any(axis=0), table.failed.any(axis=0)
@@ -135,25 +135,25 @@ def _data(table: Table, methods: Sequence[Method]) -> str:
     return text.replace("<", "\\u003c")
 
 
-def _hash(script: str) -> str:
+def _script_hash(script: str) -> str:
     """What the page's security policy names its one script by."""
     return base64.b64encode(hashlib.sha256(script.encode()).digest()).decode("ascii")
 
 
-def _pair(facts: Mapping[str, Any], report: Mapping[str, Any], table: Table, out: Path) -> dict[str, Any]:
+def _pair_section(facts: Mapping[str, Any], report: Mapping[str, Any], table: Table, out: Path) -> dict[str, Any]:
     height = facts["height_px"]
     scale = colours.Scale(*facts["depth_scale_m"])
     start = table.pairs.index(facts["pair"]) * len(table.methods)
     rows = report["rows"][start:start + len(table.methods)]
-    return {"facts": facts, "left": _embedded(out / facts["images"]["left"], height, linear=True),
-            "true_depth": _embedded(out / facts["images"]["true_depth"], height), "depth_bar": _bar(scale),
+    return {"facts": facts, "left": _embed_picture(out / facts["images"]["left"], height, linear=True),
+            "true_depth": _embed_picture(out / facts["images"]["true_depth"], height), "depth_bar": _colour_bar(scale),
             "settings": to_toml(facts["settings"]),
             "methods": [{"row": row, "outcomes": colours.outcome_legend(row["counts"]),
-                         **{kind: _embedded(out / row["images"][kind], height)
+                         **{kind: _embed_picture(out / row["images"][kind], height)
                             for kind in ("depth", "error", "flags") if kind in row["images"]}} for row in rows]}
 
 
-def _embedded(path: Path, height: int, linear: bool = False) -> str:
+def _embed_picture(path: Path, height: int, linear: bool = False) -> str:
     """A picture as a data URL, without the colour bar below its ``height`` rows, which HTML draws better.
 
     ``linear`` grey values, as a sensor gives them, are brightened to what screens expect.
@@ -168,6 +168,6 @@ def _embedded(path: Path, height: int, linear: bool = False) -> str:
     return f"data:image/jpeg;base64,{content}"
 
 
-def _bar(scale: colours.Scale) -> dict[str, Any]:
+def _colour_bar(scale: colours.Scale) -> dict[str, Any]:
     ticks: Sequence[tuple[float, str]] = [(100 * float(scale.position(tick)), f"{tick:g}") for tick in scale.ticks]
     return {"title": scale.title, "gradient": ", ".join(scale.gradient()), "ticks": ticks}

@@ -16,13 +16,13 @@ MOST = 6
 PHASE_DEG = 160.0 * np.linspace(0.0, 1.0, 121) ** 3
 
 
-def curves(pairs: Iterable[Mapping[str, Any]]) -> dict[str, np.ndarray]:
+def phase_curves(pairs: Iterable[Mapping[str, Any]]) -> dict[str, np.ndarray]:
     """Brightness (n,) at ``PHASE_DEG`` over that at opposition, by a name, of each law among the pairs' facts."""
     found: dict[str, np.ndarray] = {}
     for pair in pairs:
         for topic in left_out.surfaces(pair["settings"]):
             surface, hapke = pair["settings"][topic], pair["settings"]["hapke"]
-            name = _name(surface, hapke)
+            name = _law_name(surface, hapke)
             if len(found) == MOST:
                 return found
             if name and name not in found:
@@ -32,7 +32,7 @@ def curves(pairs: Iterable[Mapping[str, Any]]) -> dict[str, np.ndarray]:
     return found
 
 
-def _name(surface: Mapping[str, Any], hapke: Mapping[str, Any]) -> str:
+def _law_name(surface: Mapping[str, Any], hapke: Mapping[str, Any]) -> str:
     """What tells a law from others; empty where there is no closed form, or nothing that is reflected."""
     if surface["model"] == "PRINCIPLED" or (hapke["w"] if surface["model"] == "HAPKE" else surface["albedo"]) == 0:
         return ""

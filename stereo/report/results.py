@@ -22,8 +22,8 @@ from ..measure.metrics import ERROR_STEPS_M, SHARES
 from ..measure.row import NUMBERS, REGIONS
 from .by_setting import scene_of, swept_settings
 from .html import choose_pairs, write_report
-from .row_log import Lazy, Row, RowLog
-from .summary import Table, differences, summary
+from .row_log import LazyRows, Row, RowLog
+from .summary import Table, differences, summarise_method
 
 FORMAT = "icymoon-report"
 VERSION = 1
@@ -53,10 +53,11 @@ def write_results(log: RowLog, names: Sequence[str], methods: Sequence[Method], 
     report. ``summary.json`` is the report without its rows and pairs, but with ``shown``: the rows of the pairs whose
     pictures are in the HTML report, for who has no use for thousands."""
     labels = [method.label for method in methods]
-    rows = Lazy(len(names) * len(labels), lambda k: _short(log.read(names[k // len(labels)], labels[k % len(labels)])))
-    usable = [name for name in names if known_facts(out, name) is not None
+    rows = LazyRows(len(names) * len(labels),
+                    lambda k: _short_row(log.read(names[k // len(labels)], labels[k % len(labels)])))
+    usable = [name for name in names if find_facts(out, name) is not None
               and not _all_failed(log, name, labels)]
-    facts = Lazy(len(usable), lambda k: read_facts(out, usable[k]))
+    facts = LazyRows(len(usable), lambda k: read_facts(out, usable[k]))
     table = Table(labels, names)
     places = {name: k for k, name in enumerate(names)}
     scenes: dict[str, int] = {}
@@ -70,7 +71,7 @@ def write_results(log: RowLog, names: Sequence[str], methods: Sequence[Method], 
             if row["facts"] and row["facts"] not in ran_on[label]:
                 ran_on[label].append(row["facts"])
     report = {"format": FORMAT, "version": VERSION,
-              "summary": [summary(table, k, seed) for k in range(len(labels))],
+              "summary": [summarise_method(table, k, seed) for k in range(len(labels))],
               "differences": differences(table, seed), "rows": rows, "pairs": facts, "failed": failed,
               "suspect": suspect, "provenance": _provenance(
                   methods, ran_on, source, seed, len(np.unique(table.scenes[table.counts.any(axis=0)])))}
@@ -84,7 +85,7 @@ def write_results(log: RowLog, names: Sequence[str], methods: Sequence[Method], 
     return report
 
 
-def known_facts(out: Path, pair: str) -> dict[str, Any] | None:
+def find_facts(out: Path, pair: str) -> dict[str, Any] | None:
     """What was found about a pair; None if that is not there, or not what is written there."""
     with suppress(OSError, IcyMoonError):
         return dict(read_facts(out, pair))
@@ -101,7 +102,7 @@ def _all_failed(log: RowLog, pair: str, labels: Sequence[str]) -> bool:
     return all(log.read(pair, label)["status"] == "failed" and not log.read(pair, label)["images"] for label in labels)
 
 
-def _short(row: Row) -> Row:
+def _short_row(row: Row) -> Row:
     return {key: value for key, value in row.items() if key not in _LONG}
 
 
@@ -119,7 +120,7 @@ def _write_report_json(part: Path, report: Mapping[str, Any]) -> None:
     with part.open("w", encoding="utf-8", newline="\n") as stream:
         for k, (key, value) in enumerate(report.items()):
             stream.write(f"{',' if k else '{'}\n {json.dumps(key)}: ")
-            if isinstance(value, Lazy):
+            if isinstance(value, LazyRows):
                 _write_list(stream, value)
             else:
                 stream.write(json.dumps(value, allow_nan=False))
@@ -139,7 +140,7 @@ def _provenance(methods: Sequence[Method], facts: Mapping[str, list[Any]], sourc
             "methods": [{"label": method.label, "name": method.name,
                          "options": complete_options(method.name, method.options), "facts": facts[method.label]}
                         for method in methods],
-            "versions": packages.versions(), "error_curve_steps_m": list(ERROR_STEPS_M),
+            "versions": packages.find_versions(), "error_curve_steps_m": list(ERROR_STEPS_M),
             "sparsification_shares": list(SHARES),
             "averages": "mean over pairs, each pair counting alike; pooled_* over the pixels of all pairs",
             "intervals": f"95 %, percentile bootstrap of {scenes} scenes, seed {seed}" if scenes > 1 else

@@ -98,7 +98,7 @@ class RowLog:
         return None if find_fault(row, self._shape) else row
 
 
-class Lazy(Sequence[Row]):
+class LazyRows(Sequence[Row]):
     """Rows that are read from the disk one by one, so that no number of them fills the memory."""
 
     def __init__(self, count: int, read: Callable[[int], Row]) -> None:

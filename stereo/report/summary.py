@@ -52,7 +52,7 @@ class Table:
             return
         self.counts[method, pair] = True
         self.values[method, pair] = [np.nan if row[key] is None else row[key] for key in NUMBERS]
-        self.strata[method] = by_pixel_class.added(self.strata[method], row["strata"])
+        self.strata[method] = by_pixel_class.add_sums(self.strata[method], row["strata"])
         for key, curve in (("error_curve", row["error_curve"]), *row["sparsification"].items()):
             if curve and None not in curve:
                 self._curves[method][key][0] += curve
@@ -68,7 +68,7 @@ class Table:
         return list((total / count).tolist()) if count else []
 
 
-def summary(table: Table, method: int, seed: int) -> dict[str, Any]:
+def summarise_method(table: Table, method: int, seed: int) -> dict[str, Any]:
     """One method over all pairs that count.
 
     Every metric is the mean over the pairs where it is defined, each pair counting alike, as in the paper's tables;

@@ -57,19 +57,19 @@ COMPARED_COLUMNS = (
     Column("seconds", "CPU", "s"))
 
 
-def shown(entry: Mapping[str, Any], column: Column, prefix: str = "") -> str:
+def format_number(entry: Mapping[str, Any], column: Column, prefix: str = "") -> str:
     """The number of ``entry[prefix + key]`` without its unit; a dash where it is undefined."""
-    return _written(entry.get(prefix + column.key), column)
+    return _format(entry.get(prefix + column.key), column)
 
 
-def shown_interval(bounds: Sequence[float | None] | None, column: Column) -> str:
+def format_interval(bounds: Sequence[float | None] | None, column: Column) -> str:
     """Bounds of a mean of that column, "low … high"; nothing where there are none."""
     if bounds is None or None in bounds:
         return ""
-    return " … ".join(_written(bound, column) for bound in bounds)
+    return " … ".join(_format(bound, column) for bound in bounds)
 
 
-def _written(value: float | None, column: Column) -> str:
+def _format(value: float | None, column: Column) -> str:
     if value is None:
         return "–"
     text = f"{100 * value if column.unit == '%' else value:.{column.decimals}f}"

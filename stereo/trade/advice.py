@@ -8,7 +8,7 @@ from typing import Any
 
 from ...render.cost.tolerance import Tolerance, every
 from ...render.cost.variants import SHAPES
-from .losses import front, number
+from .losses import number_at, pareto_front
 
 #: Extra disparity error, px, up to which advice is given.
 TOLERANCES_PX = (0.01, 0.02, 0.05, 0.1)
@@ -22,27 +22,28 @@ _SAVED = 0.05
 Row = Mapping[str, Any]
 
 
-def advice(rows: Sequence[Row], methods: Sequence[str]) -> list[str]:
+def variant_advice(rows: Sequence[Row], methods: Sequence[str]) -> list[str]:
     """In words: the cheapest variant within each tolerance for each matcher, and what each group is worth."""
     scene = next(row for row in rows if row["group"] == "scene")
     margin = _margin(rows)
     subjects = [*([("all matchers", methods)] if len(methods) > 1 else []), *((method, [method]) for method in methods)]
-    return [line for name, each in subjects for line in _about_matchers(name, each, rows, scene, margin)
-            ] + _about_groups(rows, scene, methods, margin)
+    return [line for name, each in subjects for line in _matcher_advice(name, each, rows, scene, margin)
+            ] + _group_advice(rows, scene, methods, margin)
 
 
-def fronts(rows: Sequence[Row], methods: Sequence[str]) -> dict[str, list[Row]]:
+def pareto_fronts(rows: Sequence[Row], methods: Sequence[str]) -> dict[str, list[Row]]:
     """For the radiance and for each matcher, the variants that no other beats in both cost and error, cheapest first.
 
     Not those of another shape, whose errors are against another image, nor, of a matcher, of other light.
     """
     alike = [row for row in rows if row["group"] not in SHAPES]
     shown = [row for row in rows if _shows(row)]
-    return {"radiance": [alike[k] for k in front(alike, "cpu_s", ("rmse",))],
-            **{method: [shown[k] for k in front(shown, "cpu_s", ("loss", method, "epe_px"))] for method in methods}}
+    return {"radiance": [alike[k] for k in pareto_front(alike, "cpu_s", ("rmse",))],
+            **{method: [shown[k] for k in pareto_front(shown, "cpu_s", ("loss", method, "epe_px"))]
+               for method in methods}}
 
 
-def steps(found: Sequence[Row], label: str) -> list[Row]:
+def distinct_steps(found: Sequence[Row], label: str) -> list[Row]:
     """Of a front the variants that are surely better than those before: the others differ by noise."""
     kept: list[Row] = []
     for row in found:
@@ -67,10 +68,10 @@ def _margin(rows: Sequence[Row]) -> float:
     return max(_SAVED, 2 * (sum(spreads) / len(spreads)) ** 0.5) if repeated else 2 * _SAVED
 
 
-def _about_matchers(name: str, methods: Sequence[str], rows: Sequence[Row], scene: Row, margin: float) -> list[str]:
+def _matcher_advice(name: str, methods: Sequence[str], rows: Sequence[Row], scene: Row, margin: float) -> list[str]:
     """A line for each tolerance: the cheapest variant that is surely within for all ``methods``, and a cheaper one
     that may be."""
-    said: list[str] = []
+    lines: list[str] = []
     hidden, before = [], None
     shown = [row for row in rows if _shows(row)]
     for px in TOLERANCES_PX:
@@ -78,25 +79,25 @@ def _about_matchers(name: str, methods: Sequence[str], rows: Sequence[Row], scen
                                    for method in methods) for row in shown}
         best = _cheapest([row for row in shown if keeps[row["key"]]], margin)
         perhaps = _cheapest([row for row in shown if keeps[row["key"]] is None
-                             and all((number(row, "loss", method, "epe_px") or 0.0) <= px for method in methods)
+                             and all((number_at(row, "loss", method, "epe_px") or 0.0) <= px for method in methods)
                              and (best is None or _cheaper(row, best, margin))], margin)
         if best is None:
             hidden += [f"{px:g} px"] * (perhaps is not None)
         elif best is not before:
             before = best
-            said.append(f"{name}, within {px:g} px: “{best['name']}”, {best['cpu_s']:.1f} CPU seconds a pair"
-                        f"{_ratio(scene, best, margin)}, adds {_worst(best, methods)}" + (
-                            f"; perhaps “{perhaps['name']}”, {perhaps['cpu_s']:.1f} s, {_worst(perhaps, methods)}"
-                            if perhaps is not None else "") + ".")
+            cheaper = "" if perhaps is None else (
+                f"; perhaps “{perhaps['name']}”, {perhaps['cpu_s']:.1f} s, {_worst_loss_text(perhaps, methods)}")
+            lines.append(f"{name}, within {px:g} px: “{best['name']}”, {best['cpu_s']:.1f} CPU seconds a pair"
+                         f"{_ratio_text(scene, best, margin)}, adds {_worst_loss_text(best, methods)}{cheaper}.")
     if hidden:
-        said.append(f"{name}: what is within {' or '.join(hidden)} cannot be told from noise here; give a larger "
-                    "scale or more reference samples.")
-    return said or [f"{name}: nothing tried stays within {TOLERANCES_PX[-1]:g} px; give more samples."]
+        lines.append(f"{name}: what is within {' or '.join(hidden)} cannot be told from noise here; give a larger "
+                     "scale or more reference samples.")
+    return lines or [f"{name}: nothing tried stays within {TOLERANCES_PX[-1]:g} px; give more samples."]
 
 
-def _worst(row: Row, methods: Sequence[str]) -> str:
+def _worst_loss_text(row: Row, methods: Sequence[str]) -> str:
     """What the matcher loses that loses most, which is named if there are more."""
-    worst = max(methods, key=lambda method: number(row, "loss", method, "epe_px") or 0.0)
+    worst = max(methods, key=lambda method: number_at(row, "loss", method, "epe_px") or 0.0)
     return f"at most {loss_text(row, worst)}, of {worst}" if len(methods) > 1 else loss_text(row, worst)
 
 
@@ -116,10 +117,10 @@ def loss_text(row: Row, method: str) -> str:
     """What a matcher loses, such as '+0.031 ± 0.012 px', and how much less it measures if that is beyond noise."""
     doubt = row["loss_doubt"][method]["epe_px"]
     return (f"{row['loss'][method]['epe_px']:+.3f}{f' ± {doubt:.3f}' if doubt is not None else ''} px"
-            f"{less_measured(row['loss'][method], row['loss_doubt'][method])}")
+            f"{coverage_text(row['loss'][method], row['loss_doubt'][method])}")
 
 
-def less_measured(loss: Mapping[str, float | None], doubt: Mapping[str, float | None]) -> str:
+def coverage_text(loss: Mapping[str, float | None], doubt: Mapping[str, float | None]) -> str:
     """Words for the pixels that a matcher no longer measures, which its mean error says nothing of; empty where they
     are few or noise."""
     missing = loss["coverage"]
@@ -128,36 +129,36 @@ def less_measured(loss: Mapping[str, float | None], doubt: Mapping[str, float | 
     return f" with {100 * missing:.0f} % fewer pixels measured"
 
 
-def _ratio(scene: Row, best: Row, margin: float) -> str:
+def _ratio_text(scene: Row, best: Row, margin: float) -> str:
     if _cheaper(best, scene, margin):
         return f" ({scene['cpu_s'] / best['cpu_s']:.1f} times less than as described)"
     return f" ({best['cpu_s'] / scene['cpu_s']:.1f} times as much)" if _cheaper(scene, best, margin) else ""
 
 
-def _about_groups(rows: Sequence[Row], scene: Row, methods: Sequence[str], margin: float) -> list[str]:
+def _group_advice(rows: Sequence[Row], scene: Row, methods: Sequence[str], margin: float) -> list[str]:
     """Of each group but the samples: the cheapest variant that is as good as the scene, if it saves anything."""
-    said = []
+    lines = []
     for group in dict.fromkeys(row["group"] for row in rows if row["group"] not in ("scene", "samples")):
         own = [row for row in rows if row["group"] == group and row["cpu_s"] and row["bias"] is not None]
         if group == "shortcuts":
-            said += [f"{group}: “{row['name']}” changes {_light(row, scene)} and {_time(row, scene, margin)}."
-                     for row in own]
+            lines += [f"{group}: “{row['name']}” changes {_light_text(row, scene)} and "
+                      f"{_time_text(row, scene, margin)}." for row in own]
             continue
         same = [row for row in own if abs(row["bias"]) <= max(_UNSEEN, min(row["bias_doubt"] or 0.0, _RECOMMENDED))
                 and (row["depth_px"] or 0.0) <= TOLERANCES_PX[0]
                 and (group in SHAPES or not any(_worse(row, scene, method) for method in methods))]
         best = _cheapest(same, margin)
         if best is not None and _cheaper(best, scene, margin):
-            said.append(f"{group}: “{best['name']}” changes {_light(best, None)}, adds no disparity error that can be "
-                        f"told, and {_time(best, scene, margin)}." if group not in SHAPES else
-                        f"{group}: “{best['name']}” changes {_light(best, None)} and {_time(best, scene, margin)}.")
+            added = "" if group in SHAPES else ", adds no measurable disparity error,"
+            lines.append(f"{group}: “{best['name']}” changes {_light_text(best, None)}{added} and "
+                         f"{_time_text(best, scene, margin)}.")
         elif best is not None:
-            said.append(f"{group}: nothing here is cheaper without changing the images; leave it as it is.")
+            lines.append(f"{group}: nothing here is cheaper without changing the images; leave it as it is.")
         elif own:
             nearest = min(own, key=lambda row: row["rmse"])
-            said.append(f"{group}: every variant changes the images or the depth; “{nearest['name']}” changes them "
-                        f"least, {_light(nearest, None)}, the depth by {nearest['depth_px'] or 0.0:.3f} px.")
-    return said
+            lines.append(f"{group}: every variant changes the images or the depth; “{nearest['name']}” changes them "
+                         f"least, {_light_text(nearest, None)}, the depth by {nearest['depth_px'] or 0.0:.3f} px.")
+    return lines
 
 
 def _worse(row: Row, scene: Row, method: str) -> bool:
@@ -165,8 +166,8 @@ def _worse(row: Row, scene: Row, method: str) -> bool:
     if row is scene:
         return False
     for key in ("epe_px", "wrong_or_missing"):
-        own, other = (number(each, "loss", method, key) for each in (row, scene))
-        doubts = [number(each, "loss_doubt", method, key) or 0.0 for each in (row, scene)]
+        own, other = (number_at(each, "loss", method, key) for each in (row, scene))
+        doubts = [number_at(each, "loss_doubt", method, key) or 0.0 for each in (row, scene)]
         if own is None or (other is not None and own - other > math.hypot(*doubts)):
             return True
     return False
@@ -177,14 +178,14 @@ def _cheaper(row: Row, other: Row, margin: float) -> bool:
     return bool(row["cpu_s"] and other["cpu_s"] and row["cpu_s"] < (1 - margin) * other["cpu_s"])
 
 
-def _light(row: Row, scene: Row | None) -> str:
+def _light_text(row: Row, scene: Row | None) -> str:
     """What a variant does to the mean radiance, of that of the reference or of the scene as described."""
     change = (1 + row["bias"]) / (1 + scene["bias"]) - 1 if scene is not None else row["bias"]
     doubt = math.hypot(row["bias_doubt"] or 0.0, (scene["bias_doubt"] or 0.0) if scene is not None else 0.0)
     return f"the light by {100 * change:+.2f} ± {100 * doubt:.2f} %"
 
 
-def _time(row: Row, scene: Row, margin: float) -> str:
+def _time_text(row: Row, scene: Row, margin: float) -> str:
     if not scene["cpu_s"]:
         return "takes a time that is not known"
     ratio = row["cpu_s"] / scene["cpu_s"]

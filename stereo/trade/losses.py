@@ -54,12 +54,12 @@ class Reference:
     @property
     def stereo(self) -> dict[str, dict[str, float | None]]:
         """What STEREO names of each matcher on the reference's own images."""
-        return {label: _named(numbers(sums[0].sum(axis=0))) for label, sums in self.tallies.items()}
+        return {label: _named(stereo_numbers(sums[0].sum(axis=0))) for label, sums in self.tallies.items()}
 
     @property
     def own(self) -> dict[str, dict[str, float | None]]:
         """How much of that is worse for the reference's noise."""
-        return {label: _named(_own(sums.sum(axis=1))) for label, sums in self.tallies.items()}
+        return {label: _named(_noise_loss(sums.sum(axis=1))) for label, sums in self.tallies.items()}
 
 
 def read_reference(folders: Sequence[Path], methods: Sequence[Method],
@@ -82,7 +82,7 @@ def read_reference(folders: Sequence[Path], methods: Sequence[Method],
                           _noise(renders) / len(renders) ** 0.5 / mean,
                           cost and len(renders) * cost, {})
     seen = [light, *(render.light for render in renders if len(renders) > 1)]
-    return replace(untallied, tallies=_tallies(untallied, seen, methods))
+    return replace(untallied, tallies=_tally_images(untallied, seen, methods))
 
 
 def measure(folders: Sequence[Path], reference: Reference, methods: Sequence[Method]) -> dict[str, Any]:
@@ -107,10 +107,10 @@ def measure(folders: Sequence[Path], reference: Reference, methods: Sequence[Met
         if render.pair.camera != reference.pair.camera:
             raise IcyMoonError(f"{render.pair.folder} has another camera than {reference.pair.folder}; render both "
                                "again.")
-    tallies = _tallies(reference, [render.light for render in renders], methods)
+    tallies = _tally_images(reference, [render.light for render in renders], methods)
     losses = {label: _loss(sums, reference.tallies[label]) for label, sums in tallies.items()}
     return {**_cost(renders), **_radiance(renders, reference), **_depth(renders[0], reference),
-            "stereo": {label: _named(numbers(sums.sum(axis=1)).mean(axis=0)) for label, sums in tallies.items()},
+            "stereo": {label: _named(stereo_numbers(sums.sum(axis=1)).mean(axis=0)) for label, sums in tallies.items()},
             "loss": {label: _named(loss) for label, (loss, _) in losses.items()},
             "loss_doubt": {label: _named(doubt) for label, (_, doubt) in losses.items()}}
 
@@ -153,7 +153,7 @@ def _depth(render: Loaded, reference: Reference) -> dict[str, float | None]:
             "depth_m": float(np.median(np.abs(depth - reference.depth)[both]))}
 
 
-def _tallies(reference: Reference, lights: Sequence[Mapping[str, Light]],
+def _tally_images(reference: Reference, lights: Sequence[Mapping[str, Light]],
              methods: Sequence[Method]) -> dict[str, np.ndarray]:
     """Per matcher, sums (images, tiles, 4) over images of the reference's exposure, against the reference's depth
     where both eyes see: pixels, of these measured, their disparity error in px, of these off by more than 1 px."""
@@ -173,26 +173,28 @@ def tally(disparity: np.ndarray, true: np.ndarray) -> np.ndarray:
     return tile_sums(known, measured, error, error > 1)
 
 
-def numbers(sums: np.ndarray) -> np.ndarray:
+def stereo_numbers(sums: np.ndarray) -> np.ndarray:
     """What STEREO names (..., 4), of sums (..., 4) of ``tally``; NaN where it is not defined."""
     known, measured, error, bad = np.moveaxis(sums, -1, 0)
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.stack([measured / known, error / measured, bad / measured, 1 - (measured - bad) / known], axis=-1)
 
 
-def _own(sums: np.ndarray) -> np.ndarray:
+def _noise_loss(sums: np.ndarray) -> np.ndarray:
     """How much worse a reference is for its own noise, of sums (1 + renders, ..., 4): see the module."""
     if len(sums) < 3:
         return np.zeros_like(sums[0])
-    whole, *each = numbers(sums)
+    whole, *each = stereo_numbers(sums)
     return _WORSE * (np.mean(each, axis=0) - whole) / (len(each) - 1)
 
 
 def _loss(sums: np.ndarray, reference: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """How much worse a variant is than an image without noise, (4,), and what that may be off by."""
-    loss, error = jackknife(lambda own, best: _WORSE * (numbers(own).mean(axis=0) - numbers(best[0])) + _own(best),
-                            sums, reference)
-    return loss, np.hypot(2 * error, _LAW_DOUBT * _own(reference.sum(axis=1)))
+    def loss_of(own: np.ndarray, best: np.ndarray) -> np.ndarray:
+        return _WORSE * (stereo_numbers(own).mean(axis=0) - stereo_numbers(best[0])) + _noise_loss(best)
+
+    loss, error = jackknife(loss_of, sums, reference)
+    return loss, np.hypot(2 * error, _LAW_DOUBT * _noise_loss(reference.sum(axis=1)))
 
 
 def _named(numbers: np.ndarray) -> dict[str, float | None]:
@@ -204,12 +206,12 @@ def _mean(values: Sequence[float | None]) -> float | None:
     return float(np.mean(known)) if known else None
 
 
-def front(rows: Sequence[Mapping[str, Any]], cost: str, error: Sequence[str]) -> list[int]:
+def pareto_front(rows: Sequence[Mapping[str, Any]], cost: str, error: Sequence[str]) -> list[int]:
     """Places of the rows that no other beats in both cost and error, cheapest first.
 
     ``error`` is a path such as ("loss", "sgbm", "epe_px"); rows without a number there have no place.
     """
-    points = [(number(row, cost), number(row, *error), k) for k, row in enumerate(rows)]
+    points = [(number_at(row, cost), number_at(row, *error), k) for k, row in enumerate(rows)]
     best, found = float("inf"), []
     for _, wrong, k in sorted((a, b, k) for a, b, k in points if a is not None and b is not None):
         if wrong < best:
@@ -218,7 +220,7 @@ def front(rows: Sequence[Mapping[str, Any]], cost: str, error: Sequence[str]) ->
     return found
 
 
-def number(row: Mapping[str, Any], *path: str) -> float | None:
+def number_at(row: Mapping[str, Any], *path: str) -> float | None:
     """The number at a path such as "loss", "sgbm", "epe_px", or None if there is none."""
     value: Any = row
     for key in path:

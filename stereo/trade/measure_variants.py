@@ -40,7 +40,7 @@ class Bench:
     own: tuple[str, ...] = ()  # the person's own matchers, as ``stereo.methods.own_matchers`` has them
 
 
-def scaled(settings: Settings, factor: float) -> Settings:
+def scaled_view(settings: Settings, factor: float) -> Settings:
     """The same view in ``factor`` times as many pixels along each side. Raises IcyMoonError outside 0.01 to 1."""
     if not 0.01 <= factor <= 1.0:
         raise IcyMoonError(f"An image cannot be scaled by {factor:g} here; give 0.01 to 1.")
@@ -49,7 +49,7 @@ def scaled(settings: Settings, factor: float) -> Settings:
     return merged(settings, {"rig": sides | {key: rig[key] * factor for key in ("principal_x_px", "principal_y_px")}})
 
 
-def trade(bench: Bench, groups: Sequence[str] = ()) -> dict[str, Any]:
+def run_trade(bench: Bench, groups: Sequence[str] = ()) -> dict[str, Any]:
     """Render and measure all variants in ``groups``, and write the report into ``bench.out``; see ``trade_report``.
 
     Raises IcyMoonError if a render fails, with the words of Blender's process.
@@ -60,16 +60,16 @@ def trade(bench: Bench, groups: Sequence[str] = ()) -> dict[str, Any]:
     from .report import write_trade
 
     methods = parse_methods(bench.methods, own=bench.own)
-    able = abilities(bench, bench.settings)
+    able = check_abilities(bench, bench.settings)
     chosen = [replace(variant, repeats=bench.repeats) for variant in variants(bench.settings, groups, able)]
     kinds = sorted({variant.group in SHAPES for variant in chosen})
     bests = {fine: reference(bench.settings, bench.samples, fine) for fine in kinds}
-    counter = Counter(bench.on_event, sum(variant.repeats for variant in (*bests.values(), *chosen)))
-    truths = {fine: read_reference(renders(best, bench, counter), methods, {}) for fine, best in bests.items()}
+    counter = RenderCounter(bench.on_event, sum(variant.repeats for variant in (*bests.values(), *chosen)))
+    truths = {fine: read_reference(render_all(best, bench, counter), methods, {}) for fine, best in bests.items()}
     folders: dict[str, list[Path]] = {variant.key: [] for variant in chosen}
     for repeat in range(bench.repeats):  # all once before any twice: a machine that slows down is seen in the repeats
         for variant in chosen:
-            folders[variant.key] += render(variant, repeat, bench, counter)
+            folders[variant.key] += render_once(variant, repeat, bench, counter)
     rows = []
     for variant in chosen:
         found = measure(folders[variant.key], truths[variant.group in SHAPES], methods)
@@ -81,7 +81,7 @@ def trade(bench: Bench, groups: Sequence[str] = ()) -> dict[str, Any]:
     return write_trade(rows, [method.label for method in methods], references, GROUPS, _provenance(bench), bench.out)
 
 
-def abilities(bench: Bench, settings: Settings) -> Abilities:
+def check_abilities(bench: Bench, settings: Settings) -> Abilities:
     """What the bench's Blender can do; what is therefore left out is told.
 
     Raises IcyMoonError if it cannot render these settings.
@@ -95,30 +95,30 @@ def abilities(bench: Bench, settings: Settings) -> Abilities:
     return able
 
 
-class Counter:
+class RenderCounter:
     """How many renders are done, told as fractions."""
 
     def __init__(self, tell: Event, total: int) -> None:
         self.tell, self.total, self.done = tell, total, 0
 
-    def at(self, fraction: float, message: str) -> None:
+    def tell_fraction(self, fraction: float, message: str) -> None:
         self.tell({"type": "progress", "fraction": (self.done + fraction) / self.total, "message": message,
                    "done": self.done, "total": self.total})
 
 
-def renders(variant: Variant, bench: Bench, counter: Counter) -> list[Path]:
+def render_all(variant: Variant, bench: Bench, counter: RenderCounter) -> list[Path]:
     """The pair folders of a variant's renders; see ``render``."""
-    return [folder for repeat in range(variant.repeats) for folder in render(variant, repeat, bench, counter)]
+    return [folder for repeat in range(variant.repeats) for folder in render_once(variant, repeat, bench, counter)]
 
 
-def render(variant: Variant, repeat: int, bench: Bench, counter: Counter) -> list[Path]:
+def render_once(variant: Variant, repeat: int, bench: Bench, counter: RenderCounter) -> list[Path]:
     """The pair folder of one of a variant's renders, made by a process of its own unless it is there.
 
     Raises IcyMoonError with the name of the variant and the words of Blender's process.
     """
     def hear(message: Message) -> None:
         if message["type"] == "progress":
-            counter.at(message["fraction"], variant.key)
+            counter.tell_fraction(message["fraction"], variant.key)
         elif message["type"] == "warning" and variant.group == "scene" and repeat == 0:
             counter.tell(message)
 
@@ -127,7 +127,7 @@ def render(variant: Variant, repeat: int, bench: Bench, counter: Counter) -> lis
     except IcyMoonError as error:
         raise IcyMoonError(f"{variant.key}: {error}") from None
     counter.done += 1
-    counter.at(0.0, variant.key)
+    counter.tell_fraction(0.0, variant.key)
     return folders
 
 
@@ -138,5 +138,5 @@ def _changed(settings: Settings, scene: Settings) -> dict[str, Any]:
 
 def _provenance(bench: Bench) -> dict[str, Any]:
     return {"created": datetime.now(UTC).isoformat(timespec="seconds"), "icymoon": version(),
-            "platform": platform.platform(), "processor": platform.processor(), "packages": packages.versions(),
+            "platform": platform.platform(), "processor": platform.processor(), "packages": packages.find_versions(),
             "differs_from_defaults": _changed(bench.settings, defaults())}

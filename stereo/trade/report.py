@@ -16,10 +16,10 @@ from matplotlib.ticker import FuncFormatter
 
 from ...files import write_json, write_text
 from ...render.cost.variants import SHAPES
-from ..report.charts import COLOURS, STYLE, drawing, legend, logarithmic, svg
-from ..report.table_columns import Column, shown
-from .advice import advice, fronts, loss_text, steps
-from .losses import STEREO, number
+from ..report.charts import COLOURS, STYLE, add_legend, make_figure, render_svg, set_logarithmic
+from ..report.table_columns import Column, format_number
+from .advice import distinct_steps, loss_text, pareto_fronts, variant_advice
+from .losses import STEREO, number_at
 
 FORMAT = "icymoon-trade"
 VERSION = 2
@@ -42,21 +42,22 @@ def write_trade(rows: Sequence[Mapping[str, Any]], methods: Sequence[str], refer
     ``rows``: per variant ``group``, ``name``, ``changed`` (settings by topic.key) and what ``trade.measure`` found.
     ``references``: ``name``, ``noise``, ``cpu_s``, ``stereo`` and ``own`` of each. ``groups``: what each is about.
     """
-    best = fronts(rows, methods)
+    best = pareto_fronts(rows, methods)
     report = {"format": FORMAT, "version": VERSION, "methods": list(methods), "references": list(references),
-              "rows": [dict(row) for row in rows], "advice": advice(rows, methods),
+              "rows": [dict(row) for row in rows], "advice": variant_advice(rows, methods),
               "fronts": {label: [row["name"] for row in found] for label, found in best.items()},
               "provenance": dict(provenance)}
     write_json(out / "trade.json", report)
-    write_text(out / "trade.csv", _csv(rows, methods))
+    write_text(out / "trade.csv", _csv_text(rows, methods))
     here = Path(__file__).parent
     environment = jinja2.Environment(loader=jinja2.FileSystemLoader([here, here.parent / "report"]), autoescape=True,
                                      undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True)
     used = [group for group in groups if any(row["group"] == group for row in rows)]
     scene = [row for row in rows if row["group"] == "scene"]
     html = environment.get_template("trade.html.j2").render(
-        report=report, columns=COLUMNS, stereo_columns=STEREO_COLUMNS, shown=shown, chart=_chart(rows, methods, best),
-        lost=_lost, fronts={label: steps(found, label) for label, found in best.items()},
+        report=report, columns=COLUMNS, stereo_columns=STEREO_COLUMNS, format_number=format_number,
+        chart=_draw_chart(rows, methods, best),
+        lost=_loss_text, fronts={label: distinct_steps(found, label) for label, found in best.items()},
         best={row["key"] for found in best.values() for row in found},
         tables=[(group, groups[group], (scene if group not in SHAPES else []) + [
             row for row in rows if row["group"] == group]) for group in used],
@@ -70,12 +71,12 @@ def _errors(methods: Sequence[str]) -> list[tuple[str, tuple[str, ...]]]:
     return [("radiance", ("rmse",)), *((method, ("loss", method, "epe_px")) for method in methods)]
 
 
-def _lost(row: Mapping[str, Any], label: str) -> str:
+def _loss_text(row: Mapping[str, Any], label: str) -> str:
     """What a variant of a front is off by: the RMSE of the radiance, or what a matcher loses."""
     return f"{100 * row['rmse']:.1f} %" if label == "radiance" else loss_text(row, label)
 
 
-def _csv(rows: Sequence[Mapping[str, Any]], methods: Sequence[str]) -> str:
+def _csv_text(rows: Sequence[Mapping[str, Any]], methods: Sequence[str]) -> str:
     text = io.StringIO()
     table = csv.writer(text, lineterminator="\n")
     table.writerow(["group", "name", *(column.key for column in COLUMNS), "depth_m",
@@ -89,32 +90,32 @@ def _csv(rows: Sequence[Mapping[str, Any]], methods: Sequence[str]) -> str:
     return text.getvalue()
 
 
-def _chart(rows: Sequence[Mapping[str, Any]], methods: Sequence[str],
+def _draw_chart(rows: Sequence[Mapping[str, Any]], methods: Sequence[str],
            best: Mapping[str, Sequence[Mapping[str, Any]]]) -> str:
     """Every variant by cost and error, with what it may be off by, the front joined by a line."""
     groups = list(dict.fromkeys(row["group"] for row in rows))
     errors = _errors(methods)
     with matplotlib.rc_context(STYLE):
-        figure, axes = drawing(2, (len(errors) + 1) // 2, height=3.4)
+        figure, axes = make_figure(2, (len(errors) + 1) // 2, height=3.4)
         for axis in axes.flat[len(errors):]:
             axis.set_visible(False)
         for (label, path), axis in zip(errors, axes.flat, strict=False):
             for k, group in enumerate(groups):
-                own = [(row["cpu_s"], number(row, *path), number(row, "loss_doubt", *path[1:]) or 0.0)
+                own = [(row["cpu_s"], number_at(row, *path), number_at(row, "loss_doubt", *path[1:]) or 0.0)
                        for row in rows if row["group"] == group]
                 known = [point for point in own if None not in point[:2]]
                 look = {"color": COLOURS[k % len(COLOURS)], "marker": "osD^vPX*"[k % 8], "label": group}
                 axis.errorbar(*np.array(known, float).T.reshape(3, -1), linestyle="", elinewidth=0.8, **look)
-            axis.plot([row["cpu_s"] for row in best[label]], [number(row, *path) for row in best[label]],
+            axis.plot([row["cpu_s"] for row in best[label]], [number_at(row, *path) for row in best[label]],
                       color="#6f7f8f", linewidth=1.1, zorder=0)
-            logarithmic(axis, "x")
+            set_logarithmic(axis, "x")
             if label == "radiance":
-                logarithmic(axis, "y")
+                set_logarithmic(axis, "y")
             else:  # linear near zero, where losses may be gains, logarithmic beyond
                 axis.set_yscale("symlog", linthresh=0.01)
                 axis.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
             axis.set_xlabel("CPU seconds per pair")
             axis.set_ylabel("RMSE of the radiance" if label == "radiance" else "more disparity error (px)")
             axis.set_title("Radiance" if label == "radiance" else label, loc="left")
-        legend(figure, axes.flat[0], len(groups))
-        return svg(figure, "trade", "Cost against error of every variant")
+        add_legend(figure, axes.flat[0], len(groups))
+        return render_svg(figure, "trade", "Cost against error of every variant")

@@ -13,12 +13,12 @@ from icymoon.render.plans import frozen_plan
 from icymoon.render.plans.plan_file import read_plan
 from icymoon.settings import description, trust
 from icymoon.settings.table import Setting, all_settings
-from icymoon.stereo.matchers import METHODS
+from icymoon.stereo.matchers import MATCHERS
 from icymoon.stereo.matchers.methods import parse_methods
 from icymoon.stereo.matchers.options import Option
 from icymoon.version import ROOT
 
-MODULES = {name: importlib.import_module(f"icymoon.stereo.matchers.{name}") for name in METHODS}
+MODULES = {name: importlib.import_module(f"icymoon.stereo.matchers.{name}") for name in MATCHERS}
 OPTIONS = [(name, option) for name, module in MODULES.items() for option in module.OPTIONS]
 EVIL = "external:command=/bin/sh -c evil {left} {right} {out}"
 REFUSED = "dataset.methods names a c.*only you may"

@@ -14,7 +14,7 @@ from icymoon.errors import IcyMoonError
 from icymoon.stereo import evaluate as module
 from icymoon.stereo.evaluate import evaluate
 from icymoon.stereo.matchers.methods import parse_methods
-from icymoon.stereo.report.row_log import Lazy, RowLog
+from icymoon.stereo.report.row_log import LazyRows, RowLog
 
 pytestmark = pytest.mark.filterwarnings("error")
 
@@ -189,7 +189,7 @@ def test_the_log_holds_no_rows_in_memory(tmp_path):
     tracemalloc.start()
     for k in range(400):
         log.append(row | {"pair": f"pair{k}"})
-    rows = Lazy(400, lambda k: log.read(f"pair{k}", "bm"))
+    rows = LazyRows(400, lambda k: log.read(f"pair{k}", "bm"))
     assert sum(len(row["long"]) for row in rows) == 400 * 5000
     used, peak = tracemalloc.get_traced_memory()
     tracemalloc.stop()

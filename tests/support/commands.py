@@ -16,7 +16,7 @@ from icymoon.settings import description
 from icymoon.settings.table import TOPICS
 from icymoon.stereo import cli as stereo_cli
 from icymoon.stereo.matchers import complete_options
-from icymoon.stereo.matchers.methods import key_value, own_matchers
+from icymoon.stereo.matchers.methods import parse_key_value, parse_own_matchers
 from icymoon.version import ROOT
 from manual import reference
 
@@ -109,17 +109,17 @@ def _parsed(program: str, words: list[str]) -> str:
     for text in changed:
         description.override(text)
     if program == "icymoon.stereo":
-        stereo_cli._response([], changed)
-    owned = own_matchers(options.get("own") or ())
+        stereo_cli._read_response([], changed)
+    owned = parse_own_matchers(options.get("own") or ())
     for label in str(options.get("methods") or options.get("method") or "").split(","):
         name, *own = label.split(":")
         if name == "own":
             name = owned[own.pop(0)].name
         if label:
-            complete_options(name, dict(key_value(text, "--methods") for text in own))
+            complete_options(name, dict(parse_key_value(text, "--methods") for text in own))
     for given in options.get("option") or ():
         for text in [given] if isinstance(given, str) else given:
-            key, value = key_value(text, "--option")
+            key, value = parse_key_value(text, "--option")
             name, dot, key = key.rpartition(".")
             complete_options(name if dot else str(options["method"]), {key: value})
     return ""

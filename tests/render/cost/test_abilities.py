@@ -113,11 +113,11 @@ def test_a_search_and_a_trade_leave_out_what_is_denoised(blender, tmp_path):
     assert {variant.settings["quality"]["denoiser"] for variant in candidates(scene())} == {"NONE", "OIDN"}
     told = []
     bench = measure_variants.Bench(scene(), tmp_path, str(blender), "bm", 2, 1, told.append)
-    assert measure_variants.abilities(bench, bench.settings) == PLAIN
+    assert measure_variants.check_abilities(bench, bench.settings) == PLAIN
     assert [event["type"] for event in told] == ["warning"]
     assert "is left out: this Blender was built without OpenImageDenoise" in told[0]["message"]
     with pytest.raises(IcyMoonError, match=r"set quality\.denoiser to NONE"):
-        measure_variants.abilities(bench, scene(DENOISED))
+        measure_variants.check_abilities(bench, scene(DENOISED))
 
 
 def test_a_quality_that_cannot_be_had_shows_why_in_place_of_its_cost():

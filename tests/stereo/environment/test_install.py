@@ -28,7 +28,7 @@ def locked() -> dict[str, tuple[str, list[str]]]:
 def test_every_package_is_locked_within_the_bounds_that_are_tested():
     found = locked()
     for module in packages.PACKAGES:
-        need = Requirement(packages.wanted(module))
+        need = Requirement(packages.requirement(module))
         assert found[canonicalize_name(need.name)][0] in need.specifier
     for name, (version, hashes) in found.items():
         assert re.fullmatch(r"[0-9][0-9.]*(post\d+)?", version), name
@@ -54,14 +54,14 @@ def test_the_package_and_the_button_have_the_same_bounds():
     stated = map(Requirement, [*project["dependencies"], *project["optional-dependencies"]["evaluate"]])
     assert {(canonicalize_name(need.name), need.specifier) for need in stated} == {
         (canonicalize_name(need.name), need.specifier)
-        for need in map(Requirement, map(packages.wanted, packages.PACKAGES))}
+        for need in map(Requirement, map(packages.requirement, packages.PACKAGES))}
 
 
 @pytest.mark.parametrize(("version", "usable"), [
     ("4.10.0", False), ("4.11.0", True), ("5.0.0", True), ("6.0.0", False)])
 def test_a_version_that_nobody_tested_is_named(version, usable, monkeypatch):
     monkeypatch.setattr(packages.importlib, "import_module", lambda name: SimpleNamespace(__version__=version))
-    problem = packages._package("cv2")[1]
+    problem = packages._import_package("cv2")[1]
     assert problem == ("" if usable else f"opencv-contrib-python-headless>=4.11,<6 (it has {version})")
 
 

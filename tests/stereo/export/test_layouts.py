@@ -13,8 +13,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from icymoon.errors import IcyMoonError
-from icymoon.stereo.export.encodings import read_pfm, run_lengths, scaled, write_pfm, write_scaled
-from icymoon.stereo.export.layouts import FORMATS, export, things, write_truth
+from icymoon.stereo.export.encodings import read_pfm, run_lengths, unscaled, write_pfm, write_scaled
+from icymoon.stereo.export.layouts import FORMATS, coco_annotations, export, write_truth
 from icymoon.stereo.images.exr import read_view
 
 pytestmark = pytest.mark.filterwarnings("error")
@@ -64,8 +64,8 @@ def test_16_bit_images_are_the_8_bit_ones_and_finer(out, name, eye):
 def test_disparity_and_depth_come_back_to_half_a_step(out, name, eye):
     disparity = truth(name, eye)
     folder = out / "png16" / name
-    np.testing.assert_allclose(scaled(read(folder / f"disparity_{eye}.png"), 256), disparity, atol=0.5 / 256 + 1e-4)
-    np.testing.assert_allclose(scaled(read(folder / f"depth_{eye}.png"), 1000),
+    np.testing.assert_allclose(unscaled(read(folder / f"disparity_{eye}.png"), 256), disparity, atol=0.5 / 256 + 1e-4)
+    np.testing.assert_allclose(unscaled(read(folder / f"depth_{eye}.png"), 1000),
                                RIG.focal_baseline_px_m / disparity, atol=0.5e-3 + 1e-6)
     for file in (out / "pfm" / name / f"disparity_{eye}.pfm",
                  out / "middlebury" / name / f"disp{['left', 'right'].index(eye)}.pfm"):
@@ -101,7 +101,8 @@ def test_kitti(out):
     with (out / "kitti" / "pairs.csv").open(newline="") as stream:
         assert {row["number"]: row["pair"] for row in csv.DictReader(stream)} == {"000000": "one", "000001": "two"}
     for number, name in (("000000", "one"), ("000001", "two")):
-        occluded, both = (scaled(read(root / kind / f"{number}_10.png"), 256) for kind in ("disp_occ_0", "disp_noc_0"))
+        occluded, both = (unscaled(read(root / kind / f"{number}_10.png"), 256)
+                          for kind in ("disp_occ_0", "disp_noc_0"))
         np.testing.assert_allclose(occluded, truth(name), atol=0.5 / 256 + 1e-4)
         seen = np.isfinite(both)
         assert 0 < seen.sum() < np.isfinite(occluded).sum()
@@ -170,8 +171,8 @@ def test_run_lengths_of_any_mask(mask):
 def test_things_only_and_nothing_without_labels():
     instance = np.array([[0, 1, 5], [7, 7, 5]])
     semantic = np.array([[0, 1, 3], [2, 2, 3]])
-    assert [(a["label"], a["category_id"]) for a in things(instance, semantic)] == [(5, 3), (7, 2)]
-    assert list(things(None, semantic)) == []
+    assert [(a["label"], a["category_id"]) for a in coco_annotations(instance, semantic)] == [(5, 3), (7, 2)]
+    assert list(coco_annotations(None, semantic)) == []
 
 
 @settings(deadline=None)
@@ -202,7 +203,7 @@ def test_what_is_no_pfm_is_refused(tmp_path, content):
 def test_what_does_not_fit_16_bits_is_unknown_never_wrapped(tmp_path):
     values = np.array([[np.nan, np.inf, -np.inf, -1.0, 0.0, 1e-3, 1 / 256, 255.99, 256.0, 1e10, 1e308]])
     write_scaled(tmp_path / "d.png", values, 256)
-    np.testing.assert_allclose(scaled(read(tmp_path / "d.png"), 256)[0],
+    np.testing.assert_allclose(unscaled(read(tmp_path / "d.png"), 256)[0],
                                [np.nan] * 6 + [1 / 256, 255.99] + [np.nan] * 3, atol=0.5 / 256)
 
 

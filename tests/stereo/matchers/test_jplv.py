@@ -110,20 +110,20 @@ def test_two_halvings_are_those_of_a_plain_transcription(shape):
 def test_blobs_are_patches_whose_neighbours_differ_by_less_than_a_quarter_pixel():
     step = np.full((6, 10), 60 * 256)
     step[:, 4:] += 63
-    assert not jpl.remove_blobs(step, 60).any()
+    assert not jpl.find_blobs(step, 60).any()
     step[:, 4:] += 1
-    assert jpl.remove_blobs(step, 25)[:, :4].all()
-    assert not jpl.remove_blobs(step, 25)[:, 4:].any()
-    assert not jpl.remove_blobs(step, 24).any()
+    assert jpl.find_blobs(step, 25)[:, :4].all()
+    assert not jpl.find_blobs(step, 25)[:, 4:].any()
+    assert not jpl.find_blobs(step, 24).any()
     diagonal = np.full((4, 4), NO_DATA)
     diagonal[0, 0] = diagonal[1, 1] = 5 * 256
-    assert jpl.remove_blobs(diagonal, 2).sum() == 2
-    assert not jpl.remove_blobs(diagonal, 1).any()
+    assert jpl.find_blobs(diagonal, 2).sum() == 2
+    assert not jpl.find_blobs(diagonal, 1).any()
     # 255 disparities, as many as one search takes, are more than 16 bits of 1/256 px hold.
     far_apart = np.full((4, 8), 1000 * 256)
     far_apart[:, 4:] = 1254 * 256
-    assert not jpl.remove_blobs(far_apart, 16).any()
-    assert jpl.remove_blobs(far_apart, 17).all()
+    assert not jpl.find_blobs(far_apart, 16).any()
+    assert jpl.find_blobs(far_apart, 17).all()
 
 
 def test_blob_size_below_zero_is_a_share_of_the_image():

@@ -13,11 +13,11 @@ from icymoon.stereo.measure.by_pixel_class import (
     SLOPE,
     SUMS,
     TEXTURE,
-    added,
+    add_sums,
     classify,
     in_shadow,
     mean,
-    stratified,
+    sums_by_class,
     texture,
 )
 
@@ -65,7 +65,7 @@ def test_an_error_of_exactly_a_pixel_or_ten_centimetres_is_within_it():
     truth, depth = np.array([[2.0, 4.0, 8.0, 0.5]]), np.array([[2.125, 4.25, 8.0, 0.5 + 0.1]])
     true, disparity = np.array([[20.0, 10.0, 5.0, 80.0]]), np.array([[19.0, 8.5, 5.5, 80.0]])
     classes = {factor.key: np.zeros((1, 4), int) for factor in FACTORS}
-    found = {key: sums[0] for key, sums in stratified(classes, depth, truth, disparity, true)["range"].items()}
+    found = {key: sums[0] for key, sums in sums_by_class(classes, depth, truth, disparity, true)["range"].items()}
     assert (found["n"], found["bad_1"], found["fine"]) == (4, 1, 3)
     assert found["fine_epe_px"] == pytest.approx(1.0 + 0.5)
     assert found["l1_rate_10"] == 2
@@ -73,7 +73,7 @@ def test_an_error_of_exactly_a_pixel_or_ten_centimetres_is_within_it():
 
 
 def test_sums_are_those_of_the_pixels_of_each_class():
-    sums = stratified(CLASSES, DEPTH, TRUTH, 85 / DEPTH, 85 / TRUTH)
+    sums = sums_by_class(CLASSES, DEPTH, TRUTH, 85 / DEPTH, 85 / TRUTH)
     for factor in FACTORS:
         for k in range(len(factor.classes)):
             here = (CLASSES[factor.key] == k) & np.isfinite(TRUTH)
@@ -90,8 +90,8 @@ def test_sums_are_those_of_the_pixels_of_each_class():
 
 
 def test_sums_add_up_and_have_means():
-    one = stratified(CLASSES, DEPTH, TRUTH, 85 / DEPTH, 85 / TRUTH)
-    two = added(added(None, one), one)
+    one = sums_by_class(CLASSES, DEPTH, TRUTH, 85 / DEPTH, 85 / TRUTH)
+    two = add_sums(add_sums(None, one), one)
     assert two["range"]["n"] == [2 * n for n in one["range"]["n"]]
     assert mean(two["range"], "l1_m") == mean(one["range"], "l1_m")
     assert mean({"n": [0, 2], "l1_m": [0, 3]}, "l1_m") == [None, 1.5]
@@ -158,12 +158,12 @@ def test_ground_is_in_shadow_below_about_a_third_of_the_light_whichever_way_it_f
 def test_what_is_not_known_classifies_nothing():
     found = classify(TRUTH, TRUTH > 0, np.ones_like(TRUTH), np.ones_like(TRUTH), None, None, None)
     assert all((found[key] == -1).all() for key in ("slope", "shadow", "material"))
-    sums = stratified(found, DEPTH, TRUTH, 85 / DEPTH, 85 / TRUTH)
+    sums = sums_by_class(found, DEPTH, TRUTH, 85 / DEPTH, 85 / TRUTH)
     assert sum(sums["slope"]["true"]) == 0
 
 
 def test_an_image_of_one_pixel_or_none_known():
     for truth in (np.array([[2.0]]), np.array([[np.nan]])):
         found = classify(truth, truth > 0, texture(np.zeros((1, 1), np.uint8)), truth * 0, None, None, None)
-        sums = stratified(found, truth, truth, 85 / truth, 85 / truth)
+        sums = sums_by_class(found, truth, truth, 85 / truth, 85 / truth)
         assert sum(sums["range"]["n"]) == np.isfinite(truth).sum()

@@ -48,7 +48,7 @@ def checkpoints(states, tmp_path_factory):
         stored = {f"module.{key}": torch.from_numpy(value) for key, value in state.items()}
         torch.save({"epoch": 6, "state_dict": stored} if name == "dsmnet" else stored, folder / f"{name}.pth")
     yield folder
-    learned._loaded.cache_clear()
+    learned._load_network.cache_clear()
 
 
 def filled(name, states, max_disparity):
@@ -153,7 +153,7 @@ def test_images_without_anything_in_them(method, shape, level, checkpoints):
 
 @pytest.mark.parametrize("method", BUILD)
 def test_without_a_checkpoint_it_says_which_and_where(method, tmp_path, monkeypatch):
-    monkeypatch.setenv(learned.FOLDER, str(tmp_path))
+    monkeypatch.setenv(learned.FOLDER_VARIABLE, str(tmp_path))
     with pytest.raises(IcyMoonError, match=rf"{method} has no checkpoint at .*{method}.pth: download .*github.com.*"
                                            rf"put it there, or give {method}.checkpoint=FILE"):
         check_options(method, {})
@@ -203,15 +203,16 @@ def test_files_that_are_no_checkpoint_are_refused(checkpoints, states, tmp_path)
 def test_old_checkpoints_without_counts_load(states, tmp_path):
     torch.save({key: torch.from_numpy(value) for key, value in states["dsmnet"].items() if "num_batches" not in key},
                tmp_path / "old.pth")
-    learned._fill(DSMNet(64), learned._parameters(tmp_path / "old.pth"), tmp_path, "dsmnet")
+    learned._fill_parameters(DSMNet(64), learned._read_parameters(tmp_path / "old.pth"), tmp_path, "dsmnet")
 
 
 def test_networks_run_in_full_single_precision_and_failures_are_one_sentence():
-    with learned.running("igev"):
+    with learned.guard_inference("igev"):
         assert torch.backends.cudnn.enabled
         assert not torch.backends.cudnn.allow_tf32
         assert torch.is_inference_mode_enabled()
-    with pytest.raises(IcyMoonError, match=r"igev failed in PyTorch \(.*size") as caught, learned.running("igev"):
+    failed = pytest.raises(IcyMoonError, match=r"igev failed in PyTorch \(.*size")
+    with failed as caught, learned.guard_inference("igev"):
         torch.zeros(2) + torch.zeros(3)
     assert "\n" not in str(caught.value)
 

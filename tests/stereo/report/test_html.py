@@ -14,9 +14,9 @@ import pytest
 from icymoon.stereo.evaluate import evaluate
 from icymoon.stereo.matchers.methods import parse_methods
 from icymoon.stereo.measure.row import NUMBERS
-from icymoon.stereo.report.by_setting import MOST_LEVELS, Sweep, effect, scene_of, swept_settings
+from icymoon.stereo.report.by_setting import MOST_LEVELS, Sweep, mean_by_level, scene_of, swept_settings
 from icymoon.stereo.report.html import MOST_PAIRS, choose_pairs
-from icymoon.stereo.report.summary import Table, summary
+from icymoon.stereo.report.summary import Table, summarise_method
 
 pytestmark = pytest.mark.filterwarnings("error")
 
@@ -177,7 +177,7 @@ def test_the_effect_is_the_mean_at_each_level():
     table.values[0, :, NUMBERS.index("l1_m")] = [1, 2, 3, 10, np.nan, np.nan]
     table.scenes[:] = np.arange(6)
     sweep = Sweep("surface.albedo", "Albedo", np.array([0.2, 0.2, 0.2, 0.8, 0.8, 1.0]))
-    mean, bounds = effect(sweep, table, 0, "l1_m", 0)
+    mean, bounds = mean_by_level(sweep, table, 0, "l1_m", 0)
     assert mean[:2].tolist() == [2, 10]
     assert np.isnan(mean[2])
     assert 1 <= bounds[0, 0] < 2 < bounds[0, 1] <= 3
@@ -199,12 +199,12 @@ def test_pairs_that_count_nowhere_widen_no_interval():
         table.counts[0, :12] = True
         table.failed[0, 12:] = True
         table.scenes[:12] = np.arange(12) // 2
-        entries.append(summary(table, 0, 0))
+        entries.append(summarise_method(table, 0, 0))
     assert entries[0]["intervals"] == entries[1]["intervals"] != {}
     assert entries[0]["scenes"] == entries[1]["scenes"] == 6
     assert entries[1]["failed"] == 30
 
 
 def test_summary_of_no_pair_at_all():
-    entry = summary(Table(["bm"], []), 0, 0)
+    entry = summarise_method(Table(["bm"], []), 0, 0)
     assert (entry["pairs"], entry["l1_m"], entry["n"], entry["intervals"]) == (0, None, 0, {})

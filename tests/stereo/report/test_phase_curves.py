@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from icymoon.settings.description import defaults, load, merged, preset_path
-from icymoon.stereo.report.charts import charts
-from icymoon.stereo.report.phase_curves import MOST, PHASE_DEG, curves
+from icymoon.stereo.report.charts import draw_charts
+from icymoon.stereo.report.phase_curves import MOST, PHASE_DEG, phase_curves
 
 
 def facts(*parts: dict) -> dict:
@@ -14,11 +14,11 @@ def facts(*parts: dict) -> dict:
 
 
 def test_principled_snow_has_no_curve():
-    assert curves([facts()]) == {}
+    assert phase_curves([facts()]) == {}
 
 
 def test_lamberts_sphere_is_as_in_closed_form():
-    (bright,) = curves([facts({"surface": {"model": "LAMBERT"}})]).values()
+    (bright,) = phase_curves([facts({"surface": {"model": "LAMBERT"}})]).values()
     a = np.radians(PHASE_DEG)
     # The quadrature's nodes leave a few parts in a thousand where the crescent is thin.
     assert bright == pytest.approx((np.sin(a) + (np.pi - a) * np.cos(a)) / np.pi, abs=2e-3)
@@ -26,7 +26,7 @@ def test_lamberts_sphere_is_as_in_closed_form():
 
 def test_each_law_is_drawn_once_and_blocks_of_their_own_too():
     hapke = load(preset_path("surfaces/hapke_europa_bright_plains"))
-    found = curves([facts(hapke), facts(hapke), facts(hapke, {"rocks": {"coverage": 0.1, "own_surface": True},
+    found = phase_curves([facts(hapke), facts(hapke), facts(hapke, {"rocks": {"coverage": 0.1, "own_surface": True},
                                                               "rock_surface": {"model": "LOMMEL_SEELIGER"}})])
     assert [name.split()[0] for name in found] == ["Hapke", "Lommel-Seeliger"]
     surge = next(iter(found.values()))
@@ -34,12 +34,13 @@ def test_each_law_is_drawn_once_and_blocks_of_their_own_too():
     assert np.all(np.diff(surge) < 0)
     # Within a degree the opposition surge takes more than the sphere's shape does.
     assert surge[np.searchsorted(PHASE_DEG, 1.0)] < 0.99
-    many = curves([facts({"surface": {"model": "LUNAR_LAMBERT", "lommel_seeliger_share": k / 10}}) for k in range(9)])
+    many = phase_curves([facts({"surface": {"model": "LUNAR_LAMBERT", "lommel_seeliger_share": k / 10}})
+                         for k in range(9)])
     assert len(many) == MOST
 
 
 def test_the_report_has_the_plot_only_where_there_is_a_law():
-    drawn = charts([], None, [], {"Lambert": np.ones_like(PHASE_DEG)}, 0)["phase"]
+    drawn = draw_charts([], None, [], {"Lambert": np.ones_like(PHASE_DEG)}, 0)["phase"]
     assert drawn.startswith("<svg")
     assert "Lambert" in drawn
-    assert charts([], None, [], {}, 0)["phase"] == ""
+    assert draw_charts([], None, [], {}, 0)["phase"] == ""

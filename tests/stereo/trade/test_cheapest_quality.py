@@ -44,7 +44,7 @@ def searched(tmp_path, monkeypatch, allowed, loss, doubt=0.001, own=0.0, bias=0.
     monkeypatch.setattr(search, "abilities", lambda *given: Abilities())
     monkeypatch.setattr(measuring, "read_reference", lambda *given: Truth(own))
     monkeypatch.setattr(measuring, "measure", measure)
-    found = search.auto(Bench(settings, tmp_path, "", "sgbm", 64, 1), allowed)
+    found = search.find_cheapest_quality(Bench(settings, tmp_path, "", "sgbm", 64, 1), allowed)
     return found, rendered
 
 

@@ -12,8 +12,8 @@ from icymoon.render.cost.tolerance import share, tolerance
 from icymoon.render.cost.variants import GROUPS
 from icymoon.stereo.matchers.methods import parse_methods
 from icymoon.stereo.measure.jackknife import jackknife, tile_sums
-from icymoon.stereo.trade.advice import advice, fronts, steps
-from icymoon.stereo.trade.losses import front, measure, number, read_reference
+from icymoon.stereo.trade.advice import distinct_steps, pareto_fronts, variant_advice
+from icymoon.stereo.trade.losses import measure, number_at, pareto_front, read_reference
 from icymoon.stereo.trade.report import write_trade
 
 METHODS = parse_methods("sgbm,bm")
@@ -93,13 +93,13 @@ def test_what_cannot_be_compared_is_refused(truth, tmp_path):
 def test_a_front_is_what_nothing_beats(points):
     rows = [{"cpu_s": cost, "loss": {"sgbm": {"epe_px": error}}} for cost, error in points]
     path = ("loss", "sgbm", "epe_px")
-    found = front(rows, "cpu_s", path)
+    found = pareto_front(rows, "cpu_s", path)
     known = [k for k, point in enumerate(points) if None not in point]
     for k in known:
         beaten = any(points[j][0] <= points[k][0] and points[j][1] <= points[k][1]
                      and (points[j] != points[k] or j < k) for j in known)
         assert (k in found) != beaten
-    costs = [number(rows[k], "cpu_s") for k in found]
+    costs = [number_at(rows[k], "cpu_s") for k in found]
     assert costs == sorted(costs)
 
 
@@ -119,21 +119,21 @@ ROWS = [row("scene", "as described", 10.0, 0.015), row("samples", "8 samples", 2
 
 
 def test_advice_names_the_cheapest_that_shows_the_scene():
-    words = " ".join(advice(ROWS, ["sgbm"]))
+    words = " ".join(variant_advice(ROWS, ["sgbm"]))
     assert "within 0.01 px: “256 samples”" in words
     assert "within 0.02 px: “16 samples”, 4.0 CPU seconds a pair (2.5 times less than as described)" in words
     assert "+0.014 ± 0.004 px; perhaps “14 samples”, 3.0 s, +0.018 ± 0.004 px" in words
     assert "within 0.1 px: “8 samples”" in words
     assert "0 bounces" not in words  # cheap and good for matchers, but a fifth of the light is missing
     assert "“16 px”" not in words.partition("mesh:")[0]  # of another shape
-    assert "“2 bounces” changes the light by -0.10 ± 0.05 %, adds no disparity error that can be told, and saves 20 %" \
+    assert "“2 bounces” changes the light by -0.10 ± 0.05 %, adds no measurable disparity error, and saves 20 %" \
         in words
 
 
 def test_advice_claims_nothing_within_noise():
     rows = [row("scene", "as described", 10.0, 0.015, doubt=0.03), row("samples", "8 samples", 9.8, 0.01, doubt=0.03),
             row("bounces", "8 bounces", 9.9, 0.015, doubt=0.03), row("samples", "4 samples", 5.0, 0.08, doubt=0.03)]
-    words = advice(rows, ["sgbm"])
+    words = variant_advice(rows, ["sgbm"])
     assert not any("within 0.01 px:" in line or "within 0.02 px:" in line for line in words)
     assert "what is within 0.01 px or 0.02 px cannot be told" in " ".join(words)
     # A fiftieth less time is none: the scene as it is described does as well.
@@ -147,7 +147,7 @@ def test_what_suits_all_matchers_is_said_first():
         for key in ("stereo", "loss", "loss_doubt"):
             each[key]["bm"] = dict(each[key]["sgbm"])
         each["loss"]["bm"]["epe_px"] = loss
-    words = advice(rows, ["sgbm", "bm"])
+    words = variant_advice(rows, ["sgbm", "bm"])
     assert words[0].startswith("all matchers, within 0.01 px: “as described”, 10.0 CPU seconds a pair, adds at most")
     assert words[0].endswith("+0.005 ± 0.001 px, of bm.")
     assert "all matchers, within 0.1 px: “8 samples”" in words[1]
@@ -158,24 +158,25 @@ def test_a_mean_error_of_fewer_pixels_is_told():
     rows = [row("scene", "as described", 10.0, 0.015), row("samples", "2 samples", 1.0, 0.0)]
     for each, fewer in zip(rows, (0.002, 0.4), strict=True):
         each["loss"]["sgbm"]["coverage"] = fewer
-    words = " ".join(advice(rows, ["sgbm"]))
+    words = " ".join(variant_advice(rows, ["sgbm"]))
     assert "“2 samples”, 1.0 CPU seconds a pair (10.0 times less than as described), adds +0.000 ± 0.004 px with " \
         "40 % fewer pixels measured" in words
     rows[1]["loss_doubt"]["sgbm"]["coverage"] = 0.5
-    assert "fewer" not in " ".join(advice(rows, ["sgbm"]))
+    assert "fewer" not in " ".join(variant_advice(rows, ["sgbm"]))
 
 
 def test_times_that_vary_tell_less_apart():
     steady = [row("scene", "as described", 10.0, 0.0), row("shortcuts", "depth alone", 8.0, 0.0)]
     shaky = [each | {"cpu_range": [each["cpu_s"], 1.3 * each["cpu_s"]]} for each in steady]
-    assert "depth alone” changes the light by +0.00 ± 0.07 % and saves 20 %" in " ".join(advice(steady, ["sgbm"]))
-    assert "takes as long, within 37 %" in " ".join(advice(shaky, ["sgbm"]))  # 2 ln 1.3 / √2
+    words = "depth alone” changes the light by +0.00 ± 0.07 % and saves 20 %"
+    assert words in " ".join(variant_advice(steady, ["sgbm"]))
+    assert "takes as long, within 37 %" in " ".join(variant_advice(shaky, ["sgbm"]))  # 2 ln 1.3 / √2
 
 
 def test_the_steps_of_a_front_are_not_noise():
-    found = fronts(ROWS, ["sgbm"])["sgbm"]
+    found = pareto_fronts(ROWS, ["sgbm"])["sgbm"]
     assert [each["name"] for each in found] == ["8 samples", "14 samples", "16 samples", "256 samples"]
-    assert [each["name"] for each in steps(found, "sgbm")] == ["8 samples", "14 samples", "256 samples"]
+    assert [each["name"] for each in distinct_steps(found, "sgbm")] == ["8 samples", "14 samples", "256 samples"]
 
 
 def test_the_report_holds_everything(tmp_path):
@@ -221,12 +222,12 @@ def test_what_noise_may_change_is_what_it_does_change(truth, tmp_path):
 
 def test_numbers_are_those_of_the_metrics(truth):
     from icymoon.stereo.measure.metrics import disparity_metrics
-    from icymoon.stereo.trade.losses import numbers, tally
+    from icymoon.stereo.trade.losses import stereo_numbers, tally
 
     random = np.random.default_rng(1)
     true = np.where(random.random((37, 53)) < 0.2, np.nan, 20.0)
     disparity = np.where(random.random(true.shape) < 0.3, np.nan, 20.0 + random.normal(0, 1, true.shape))
-    coverage, epe, bad, wrong = numbers(tally(disparity, true).sum(axis=0))
+    coverage, epe, bad, wrong = stereo_numbers(tally(disparity, true).sum(axis=0))
     expected = disparity_metrics(disparity, true)
     assert (epe, bad) == pytest.approx((expected["epe_px"], expected["bad_1"]))
     assert coverage == pytest.approx(np.mean(np.isfinite(disparity[np.isfinite(true)])))
