@@ -40,6 +40,10 @@ _HEADER = ("title", "description", "include", "made_with")
 PLANS = PRESETS / "datasets"
 
 
+#: From here on single precision rounds to infinity: its largest number and half a step.
+_INFINITE = 2.0**128 - 2.0**103
+
+
 def defaults() -> Settings:
     """The complete description that a new scene has."""
     return {topic.key: {s.key: canonical(s, s.default) for s in topic.settings} for topic in TOPICS.values()}
@@ -61,8 +65,9 @@ def _number(value: float) -> float:
 
 def _single(value: Any) -> float:
     """The number that single precision makes of it, by its shortest spelling; infinite if it holds it not."""
-    with np.errstate(over="ignore"):
-        return float(str(np.float32(value)))
+    number = float(value)
+    # numpy would warn of infinity, and leaving that out by np.errstate takes longer than all else here.
+    return math.copysign(math.inf, number) if abs(number) >= _INFINITE else float(str(np.float32(number)))
 
 
 def canonical(setting: Setting, value: Any) -> Value:
