@@ -14,7 +14,7 @@ demo: $(VENV)/.demo
 env: $(VENV)/.tests
 
 test: $(VENV)/.tests lint
-	$(PYTEST) -m "not slow"
+	$(PYTEST) -m "not slow and not heavy"
 
 test-all: $(VENV)/.tests lint
 	$(PYTEST)

@@ -29,6 +29,7 @@ ENVIRONMENTS = ROOT / ".venvs"
 LOGS = ROOT / "out" / "lanes"
 # The networks know no Blender, and torch is large: they are tested in the main environment only.
 PYTEST = ("-m", "pytest", "-m", "not slow", "-p", "no:cacheprovider",
+          "--numprocesses", "auto", "--maxprocesses", "4", "--dist", "worksteal",
           "--ignore=tests/stereo/networks/test_networks.py")
 PYTEST_S = 7200.0
 #: After which a real Blender's command is taken for stuck; each takes some seconds.

@@ -27,6 +27,7 @@ from icymoon.render.plans.planned_pair import PlannedPair
 from icymoon.render.scene_source import Described
 from icymoon.render.worker import render_in
 from icymoon.render.workers.verify import verify
+from marks import heavy_but
 from plans import grid, planned
 
 #: Descriptions that differ in each kind of setting, and whether one may be made out of the first.
@@ -85,7 +86,7 @@ def reference(tmp_path_factory) -> Path:
     return dataset
 
 
-@pytest.mark.parametrize("kind", CHANGES)
+@pytest.mark.parametrize("kind", heavy_but(["camera", "sun", "albedo", "marks", "ground"], CHANGES))
 def test_a_scene_made_out_of_another_is_the_scene_built_anew(kind, scene):
     change, reuse = CHANGES[kind]
     first, second = planned(ROCKS).settings, planned(ROCKS, change).settings
@@ -103,8 +104,8 @@ def test_a_scene_that_is_gone_is_built_anew(scene):
     assert adapted(None, settings)[1] is False
 
 
-@pytest.mark.parametrize("kind", ["camera", "sun", "stars", "albedo", "traced law", "samples", "threshold",
-                                  "size of the image"])
+@pytest.mark.parametrize("kind", heavy_but(["camera", "sun", "albedo"], [
+    "camera", "sun", "stars", "albedo", "traced law", "samples", "threshold", "size of the image"]))
 def test_reuse_changes_no_byte_of_an_image(kind, scene, tmp_path):
     pairs = [planned(ROCKS), planned(ROCKS, CHANGES[kind][0])]
     for name, stages in (("shared", [pairs]), ("alone", [[pairs[0]], [pairs[1]]])):
@@ -128,6 +129,7 @@ def test_several_workers_make_what_one_makes(reference, tmp_path):
     assert manifest["seconds"].keys() == {"build", "render", "sampling", "write"}
 
 
+@pytest.mark.heavy
 def test_shares_put_together_are_the_data_set(reference, tmp_path):
     dataset = freeze(tmp_path)
     for number in ("1/2", "2/2"):
@@ -260,6 +262,7 @@ def test_an_interrupted_run_stops_at_once_and_says_so(tmp_path):
     assert not (dataset / "claims").exists()
 
 
+@pytest.mark.heavy
 def test_a_disk_that_fills_up_ends_the_run_with_a_sentence_and_the_next_run_goes_on(tmp_path, reference):
     dataset = freeze(tmp_path)
 

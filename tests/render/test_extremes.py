@@ -127,6 +127,7 @@ def _built(settings, refused_for=""):
     assert not extremes.unused(built)
 
 
+@pytest.mark.heavy
 @pytest.mark.parametrize(("topic", "setting", "bound"), _limits("geometry", "material", "light", "camera"))
 def test_no_limit_breaks_a_build(topic, setting, bound):
     refusals = {"craters": _TOO_MANY_CRATERS, "rocks": _NO_BLOCKS}

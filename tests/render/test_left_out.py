@@ -31,6 +31,7 @@ def test_light_is_followed_under_the_surface_only_where_a_camera_could_tell():
     assert snow(always).inputs["Subsurface Weight"].default_value == 1.0
 
 
+@pytest.mark.heavy
 def test_without_the_walk_as_much_light_comes_back(tmp_path):
     """A walk of a hundredth of a pixel and none, under a high Sun: the same mean radiance, within what the table of
     base colours is known to (1 %). Under a low one a walk returns up to 3 % more, whatever its length."""

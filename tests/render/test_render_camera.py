@@ -249,7 +249,8 @@ def test_with_overscan_no_pixel_of_the_sensor_is_dark_and_truth_stays_what_it_wa
 
 
 @pytest.mark.parametrize("rig", [
-    {"toe_in_deg": 45.0, "overscan": 0.3}, {"focus_distance_m": 0.033}, {"speed_right_m_s": 1000.0},
+    *(pytest.param(rig, marks=pytest.mark.heavy) for rig in (
+        {"toe_in_deg": 45.0, "overscan": 0.3}, {"focus_distance_m": 0.033}, {"speed_right_m_s": 1000.0})),
     {"speed_forward_m_s": -1000.0, "turn_down_deg_s": 80.0, "roll_deg_s": -30.0, "toe_in_deg": 20.0,
      "focus_distance_m": 0.5}], ids=["toe-in", "focus", "speed", "all"])
 def test_at_the_extremes_there_is_an_image_without_nan_and_the_truth_is_that_of_the_pinhole(tmp_path, rig):

@@ -7,6 +7,7 @@ import subprocess
 import sys
 import textwrap
 
+import pytest
 from extension_zip import build
 
 PROGRAM = textwrap.dedent("""
@@ -75,6 +76,7 @@ PROGRAM = textwrap.dedent("""
     """)
 
 
+@pytest.mark.heavy
 def test_the_zip_installs_works_and_goes_without_a_trace(tmp_path):
     archive = tmp_path / "icymoon.zip"
     build(archive)

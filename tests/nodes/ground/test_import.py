@@ -498,6 +498,7 @@ def test_the_operator_imports_builds_and_takes_back_what_failed(scene, tmp_path)
     assert scene.icymoon.source.file == str(path)
 
 
+@pytest.mark.heavy
 def test_the_command_line_renders_an_imported_ground(tmp_path):
     pytest.importorskip("rich")  # which the command line shows its progress with
     write_ply(tmp_path / "a.ply", *hill())

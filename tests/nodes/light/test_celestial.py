@@ -38,6 +38,7 @@ def solid_angles(camera):
     return (1 + x[None, :] ** 2 + y[:, None] ** 2) ** -1.5 / camera.focal_px**2
 
 
+@pytest.mark.heavy
 def test_each_star_has_its_light_and_place_and_no_depth(tmp_path):
     pair, _ = render(tmp_path, LAMBERT, UP, {"light": NIGHT | {"stars": True, "latitude_deg": 45.0},
                                              "rig": {"heading_deg": 90.0}, "quality": {"samples": 100}})
@@ -140,6 +141,7 @@ def test_rings_are_seen_as_bright_as_they_are_before_and_behind_the_planet(tmp_p
     assert np.isclose(view.radiance[behind], bare.radiance[behind], rtol=0.03).mean() > 0.9  # but for the limb
 
 
+@pytest.mark.heavy
 def test_saturn_shines_less_through_the_shadow_of_its_rings(tmp_path):
     light = SATURN | {"planet_elevation_deg": 15.0, "sun_elevation_deg": -30.0, "sun_azimuth_deg": 150.0}
     found = {}

@@ -66,6 +66,7 @@ def test_direct_light_is_the_same_to_rounding(law, tmp_path, one_seed):
     assert [any("fine_relief" in line for line in pair.data["left_out"]) for pair in pairs] == [False, True]
 
 
+@pytest.mark.heavy
 @pytest.mark.parametrize("law", LAWS, ids=lambda law: law["model"])
 def test_with_bounces_the_mean_is_the_same(law, tmp_path, one_seed):
     """Bumps turn what ground reflects and take little of it: of steepness 0.04 0.02 % (``principled.json``),

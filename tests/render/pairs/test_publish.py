@@ -17,6 +17,7 @@ from icymoon.render.pairs.pair_folder import is_complete, restate
 from icymoon.render.pairs.publish import discard, publish
 from icymoon.render.workers.claims import FOLDER, Claims
 from icymoon.settings.description import defaults, merged
+from marks import heavy_but
 
 PAIR = "0123456789ab"
 #: All that the publication asks of the system; what pathlib, shutil and open() do goes through these.
@@ -161,7 +162,7 @@ def calls_of(watched: Watched, folder: Path, before: str, again: bool) -> int:
     return watched.count
 
 
-@pytest.mark.parametrize("theirs", [False, True])
+@pytest.mark.parametrize("theirs", heavy_but([True], [False, True]))
 @pytest.mark.parametrize(("before", "again"), CASES)
 def test_whoever_stood_still_takes_nothing_from_who_went_on(tmp_path, watched, before, again, theirs):
     for k in range(1, calls_of(watched, tmp_path / "0", before, again) + 1):

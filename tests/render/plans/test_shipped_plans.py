@@ -10,6 +10,7 @@ from icymoon.errors import IcyMoonError
 from icymoon.render.plans.plan_file import Plan, plan_header, plan_path, read_plan
 from icymoon.settings.description import plan_names, preset_names, read_toml
 from icymoon.settings.table import TOPICS
+from marks import heavy_but
 
 #: Pairs of each type, and how many values of each factor, as counted in the public configuration (Bhaskara et al.
 #: 2024: 3060 of reconstructions and 1960 synthetic pairs).
@@ -47,7 +48,7 @@ def values(pairs, name):
     return Counter(pair.settings[topic][key] for pair in pairs)
 
 
-@pytest.mark.parametrize("form", ["", "_true_sun"])
+@pytest.mark.parametrize("form", heavy_but([""], ["", "_true_sun"]))
 @pytest.mark.parametrize("name", TYPES)
 def test_each_type_has_the_papers_factors_and_number_of_pairs(mine, name, form):
     plan = mine(f"guiss_{name}{form}")
@@ -85,7 +86,7 @@ def test_the_suns_are_the_papers_or_the_true_ones(mine):
         "guiss_generative_true_sun": {(e, 0.0556, False) for e in (13.28, 14.82, 16.65)}}
 
 
-@pytest.mark.parametrize("name", ["guiss_all", "guiss_all_true_sun"])
+@pytest.mark.parametrize("name", heavy_but(["guiss_all_true_sun"], ["guiss_all", "guiss_all_true_sun"]))
 def test_all_types_together_are_the_papers_5020(mine, name):
     assert len(mine(name).pairs()) == 5020 == sum(count for count, _ in TYPES.values())
 

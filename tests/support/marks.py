@@ -1,0 +1,17 @@
+"""Which cases of a test `make test` runs; the others are for the lanes, `make test-all` and CI."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+import pytest
+
+
+def heavy_but(quick: Iterable[Any], values: Iterable[Any]) -> list[Any]:
+    """The values as cases for ``parametrize``, those that are not ``quick`` marked as heavy."""
+    quick, values = list(quick), list(values)
+    assert all(value in values for value in quick), f"not among the cases: {quick}"
+    return [value if value in quick else
+            pytest.param(*(value if isinstance(value, tuple) else (value,)), marks=pytest.mark.heavy)
+            for value in values]
