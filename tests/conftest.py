@@ -34,6 +34,13 @@ if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
+@pytest.fixture
+def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Reports without charts, for tests of all else: drawing them takes four fifths of an evaluation of small pairs."""
+    empty = dict.fromkeys(("errors", "range", "strata", "sweeps", "phase"), "")
+    monkeypatch.setattr("icymoon.stereo.report.html.charts", lambda *_: empty)
+
+
 def pytest_sessionfinish(session: pytest.Session, exitstatus: int) -> None:
     session.config.stash[_status] = int(exitstatus)
 

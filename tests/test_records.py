@@ -230,6 +230,7 @@ def broken_set(tmp_path_factory):
     return folder
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_bad_pair_stops_no_other_and_is_counted(broken_set, tmp_path):
     bad = PAIRS[0].id
     report = evaluate([broken_set], parse_methods("bm"), tmp_path / "evaluation")
@@ -254,6 +255,7 @@ def test_a_bad_pair_stops_no_other_and_is_counted(broken_set, tmp_path):
     assert [facts["pair"] for kind, facts in said if kind == "error"] == [bad]
 
 
+@pytest.mark.usefixtures("undrawn")
 @pytest.mark.parametrize("error", [KeyError("x"), ValueError("x"), ZeroDivisionError(), MemoryError(), OSError(5, "x")])
 def test_an_exception_of_any_kind_costs_one_pair_only(broken_set, tmp_path, monkeypatch, error):
     """What nobody has thought of, while a pair is developed or written."""

@@ -161,6 +161,7 @@ def test_running_again_gives_the_same(result, dataset):
     assert (again["summary"], again["differences"]) == (report["summary"], report["differences"])
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_the_layout_of_the_files_does_not_matter(tmp_path):
     rows = []
     for layout in ("4.x", "4.x view", "5.x"):
@@ -170,12 +171,14 @@ def test_the_layout_of_the_files_does_not_matter(tmp_path):
     assert rows[0] == rows[1] == rows[2]
 
 
+@pytest.mark.usefixtures("undrawn")
 @pytest.mark.parametrize("path", ["", "pairs", "pairs/aaa"])
 def test_a_data_set_its_pairs_folder_or_one_pair(dataset, tmp_path, path):
     report = evaluate([dataset / path], parse_methods("bm"), tmp_path)
     assert len(report["rows"]) == (1 if path.endswith("aaa") else 3)
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_new_camera_response_needs_no_new_render(dataset, tmp_path):
     flooded = evaluate([dataset / "pairs" / "aaa"], parse_methods("bm,sgbm"), tmp_path,
                        {"sensor": {"auto_exposure": False, "exposure_s": 0.1, "read_noise_e": 0.0}})
@@ -197,6 +200,7 @@ def _edit(path, **changes):
     path.write_text(json.dumps(json.loads(path.read_text()) | changes))
 
 
+@pytest.mark.usefixtures("undrawn")
 @pytest.mark.parametrize(("harm", "reason"), [
     (lambda folder: _flip(folder / "left.exr"), r"left\.exr is not the file that was rendered"),
     (lambda folder: (folder / "right.exr").unlink(), r"right\.exr is missing"),
@@ -229,6 +233,7 @@ def test_a_broken_pair_is_named_and_the_others_are_done(tmp_path, harm, reason):
     assert "1 failed" in (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_one_method_that_cannot_run_does_not_stop_the_other(tmp_path):
     pairs.write_pair(tmp_path / "pair", rig=pairs.camera(96, 72))
     report = evaluate([tmp_path / "pair"], parse_methods("bm,sgbm", ["bm.window=75"]), tmp_path / "out")
@@ -237,6 +242,7 @@ def test_one_method_that_cannot_run_does_not_stop_the_other(tmp_path):
     assert report["failed"][0]["method"] == "bm"
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_incomplete_pairs_are_passed_over(tmp_path):
     pairs.write_pair(tmp_path / "pairs" / "whole")
     shutil.copytree(tmp_path / "pairs" / "whole", tmp_path / "pairs" / "other.part")
@@ -306,6 +312,7 @@ def test_a_row_that_the_disk_refuses_leaves_whole_rows(tmp_path, monkeypatch):
     assert log.find("b", "bm", "2") is None
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_what_a_method_knows_besides_is_kept(tmp_path):
     """Arrays in the npz, counts in the row, and the camera for a program that asks for it."""
     rig = pairs.camera(160, 90)

@@ -56,6 +56,7 @@ def test_results_of_other_programs_stay(dataset, tmp_path, name):
     assert (out / name).read_text() == '{"loss": 0.1}\n{"loss": 0.2}'
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_first_row_that_was_cut_off_is_ours(dataset, tmp_path):
     (tmp_path / "results.jsonl").write_text('{"pair": "a", "meth')
     assert len(evaluate([dataset], parse_methods("bm"), tmp_path)["rows"]) == 1

@@ -109,6 +109,7 @@ def test_large_images_are_thinned_out(tmp_path):
     assert MOST_POINTS / 4 < len(points) <= MOST_POINTS
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_asked_for_later_they_need_no_matching(tmp_path, monkeypatch):
     folder = with_pose(pairs.write_pair(tmp_path / "pair", rig=pairs.camera(192, 96)))
     methods = parse_methods("bm,sgbm")
@@ -129,6 +130,7 @@ def test_a_pair_that_says_it_was_nowhere_is_broken(tmp_path, pose):
         read_pair(folder)
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_pair_that_does_not_say_where_it_was_is_still_measured(tmp_path):
     folder = pairs.write_pair(tmp_path / "pair", rig=pairs.camera(192, 96))
     assert "poses_camera_to_world" not in json.loads((folder / "pair.json").read_text())
