@@ -121,3 +121,81 @@ def test_the_search_goes_from_cheap_to_dear():
     costs = [work_of(variant.settings).seconds(0.0) for variant in candidates(scene("europa_rough_ice"))]
     assert costs == sorted(costs)
     assert set(GROUPS) == set(OWN) - {"scene"}
+
+
+def of_group(settings, group):
+    return {variant.name: variant.settings for variant in variants(settings, [group]) if variant.group == group}
+
+
+def test_the_steps_of_each_group_are_what_their_names_say():
+    base = scene("europa_rough_ice", "quality.samples=7", "quality.diffuse_bounces=5", "mesh.error_px=3")
+    light = of_group(base, "samples")
+    assert set(light) == {f"{2**k} sample{'s' * (k > 0)}{text}" for text, most in (
+        ("", 8), (", denoised", 6), (", denoised by colour", 6)) for k in range(most + 1)}
+    for name, settings in light.items():
+        assert settings["quality"]["samples"] == int(name.split()[0])
+        assert settings["quality"]["denoiser"] == (
+            "OIDN_COLOUR" if "colour" in name else "OIDN" if "denoised" in name else "NONE")
+    bounces = {name: settings["quality"]["diffuse_bounces"] for name, settings in of_group(base, "bounces").items()}
+    assert bounces == {"0 bounces": 0, "1 bounce": 1, "2 bounces": 2, "3 bounces": 3, "4 bounces": 4, "8 bounces": 8,
+                       "16 bounces": 16}
+    thresholds = {name: settings["quality"] for name, settings in of_group(base, "threshold").items()}
+    assert {name: each["noise_threshold"] for name, each in thresholds.items()} == {
+        f"until {limit:g}": limit for limit in (0.2, 0.1, 0.05, 0.02, 0.01)}
+    assert {each["samples"] for each in thresholds.values()} == {4 * 7}
+    assert {name: settings["mesh"]["error_px"] for name, settings in of_group(base, "mesh").items()} == {
+        f"{error:g} px": error for error in (0.5, 1, 2, 4, 8, 16)}
+
+
+def test_groups_are_there_where_the_scene_has_something_of_them():
+    grains = ("surface.grain_amplitude_m=0.004",)
+    assert set(of_group(scene("europa_rough_ice", *grains), "relief")) == {"shaded", "real"}
+    with pytest.raises(IcyMoonError, match=r"nothing to vary in relief \(fine relief shaded or real\)"):
+        variants(scene("europa_rough_ice", "surface.grain_amplitude_m=0"), ["relief"])
+    for override in ("mesh.kind=GRID", "source.kind=HEIGHT_MAP"):
+        with pytest.raises(IcyMoonError, match="nothing to vary in mesh"):
+            variants(scene("europa_rough_ice", override), ["mesh"])
+    with pytest.raises(IcyMoonError, match="nothing to vary in subsurface"):
+        variants(scene("europa_rough_ice", "surface.subsurface_weight=0"), ["subsurface"])
+    with pytest.raises(IcyMoonError, match="nothing to vary in relief"):
+        variants(scene("europa_ridged_plain_hapke"), ["relief"])
+    law = of_group(scene("europa_ridged_plain_hapke"), "hapke")
+    assert set(law) == {"accurate", "reference", "as nodes", "smooth", "without opposition", "Lommel-Seeliger",
+                        "Lambert"}  # it is fast as it is described
+    assert law["smooth"]["hapke"]["theta_bar_deg"] == 0.0
+    assert law["without opposition"]["hapke"]["b_s0"] == law["without opposition"]["hapke"]["b_c0"] == 0.0
+
+
+def test_a_reference_is_two_renders_of_half_its_samples():
+    base = scene("europa_rough_ice", "mesh.error_px=1", "surface.relief=BUMP", "quality.fine_relief=CAMERA")
+    plain, fine = reference(base, 200), reference(base, 200, fine=True)
+    assert (plain.name, fine.name, plain.repeats, fine.repeats) == ("200 samples", "200 samples, fine", 2, 2)
+    assert plain.settings["quality"]["samples"] == fine.settings["quality"]["samples"] == 100
+    assert (plain.settings["quality"]["fine_relief"], plain.settings["quality"]["diffuse_bounces"]) == ("ALL", 32)
+    assert (plain.settings["mesh"]["error_px"], plain.settings["surface"]["relief"]) == (1, "BUMP")
+    assert (fine.settings["mesh"]["error_px"], fine.settings["surface"]["relief"]) == (0.25, "DISPLACEMENT")
+    assert reference(scene("europa_rough_ice", "mesh.error_px=0.1"), 2, True).settings["mesh"]["error_px"] == 0.1
+    assert reference(scene("europa_rough_ice", "quality.diffuse_bounces=99")).settings["quality"] | {
+        "samples": 512, "diffuse_bounces": 99} == reference(
+            scene("europa_rough_ice", "quality.diffuse_bounces=99"), 1024).settings["quality"]
+    assert {variant.repeats for variant in variants(base, ["bounces"])} == {2}
+    for samples in (2, 131072):
+        assert reference(base, samples).settings["quality"]["samples"] == samples // 2
+    with pytest.raises(AttributeError):
+        plain.repeats = 3
+
+
+def test_a_walk_is_left_out_up_to_the_longest_that_a_setting_takes():
+    assert leaner(scene("europa_rough_ice", *WALK))["no walk under the surface"] == {"quality": {"walk_px": 100.0}}
+    assert "no walk under the surface" not in leaner(scene("europa_rough_ice", "surface.subsurface_weight=0"))
+    assert "no walk under the surface" not in leaner(
+        scene("europa_rough_ice", *WALK[:1], "surface.subsurface_radius_m=9"))  # longer than can be left out
+
+
+def test_a_search_tries_neither_a_denoiser_by_colour_nor_a_threshold():
+    found = candidates(scene("europa_rough_ice", "quality.noise_threshold=0.1", "quality.denoiser=OIDN_COLOUR"))
+    assert {variant.settings["quality"]["denoiser"] for variant in found} == {"NONE", "OIDN"}
+    assert {variant.settings["quality"]["noise_threshold"] for variant in found} == {0.0}
+    assert {variant.name for variant in found} == {f"{2**k} sample{'s' * (k > 0)}{text}" for text, most in (
+        ("", 8), (", denoised", 6)) for k in range(most + 1)}
+    assert {variant.key for variant in found} == {f"auto: {variant.name}" for variant in found}

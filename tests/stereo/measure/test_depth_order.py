@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from icymoon.stereo.measure import depth_order
 from icymoon.stereo.measure.depth_order import depth_order_disagreement, sampled_disagreement
 
 pytestmark = pytest.mark.filterwarnings("error")
@@ -105,3 +106,18 @@ def test_a_sample_is_of_unlike_pixels_and_repeatable():
     draws = [sampled_disagreement(prediction, truth, 1000, np.random.default_rng(5)) for _ in range(2)]
     assert draws[0] == draws[1]
     assert np.isnan(sampled_disagreement(np.ones(1), np.ones(1), 10, random))
+
+
+@settings(max_examples=200, deadline=None)
+@given(st.lists(depths, min_size=1, max_size=30), st.randoms(use_true_random=False), st.booleans())
+def test_a_threshold_is_found_from_any_guess(values, random, farther):
+    """Rounding may put a guess beside the place, and one that is far off only takes longer."""
+    distinct = np.unique(values)
+
+    def holds(v, x):
+        with np.errstate(over="ignore", under="ignore"):
+            return ~(v / x < 0.99) if farther else v / x > 1.01
+
+    guess = np.array([random.randint(0, distinct.size) for _ in distinct])
+    wanted = [int(holds(v, distinct).sum()) for v in distinct]
+    assert depth_order._corrected(guess, distinct, holds).tolist() == wanted
