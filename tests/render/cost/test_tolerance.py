@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import pytest
 from icymoon.errors import IcyMoonError
-from icymoon.render.cost.tolerance import PX, Tolerance, every, share, tolerance
+from icymoon.render.cost.tolerance import BAD_1, PX, Tolerance, every, share, tolerance
 
 NOTHING = {"epe_px": 0.0, "wrong_or_missing": 0.0}
 
 
 def test_without_a_wish_it_is_two_hundredths_of_a_pixel():
     assert tolerance(None, None) == Tolerance(0.02, None)
-    assert PX == 0.02
+    assert (PX, BAD_1) == (0.02, 0.005)
     assert tolerance(None, 0.01) == Tolerance(None, 0.01)
     assert tolerance(0.5, 0.01) == Tolerance(0.5, 0.01)
 
