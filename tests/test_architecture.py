@@ -6,6 +6,7 @@ import ast
 import re
 import subprocess
 import sys
+from functools import cache
 from pathlib import Path
 
 import icymoon
@@ -45,11 +46,18 @@ def room_of(module: str) -> str:
     return "/".join(parts) or module or "__init__"
 
 
+@cache
+def tree_of(path: Path) -> ast.Module:
+    """The parsed source of a file, read once."""
+    return ast.parse(path.read_text(encoding="utf-8"))
+
+
+@cache
 def imported(path: Path) -> set[str]:
     """Absolute names of the modules that a source file imports, ours as ``icymoon.…``, anywhere in it."""
     package = ["icymoon", *path.relative_to(ROOT).parts[:-1]]
     found = set()
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    for node in ast.walk(tree_of(path)):
         if isinstance(node, ast.Import):
             found |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
@@ -220,7 +228,7 @@ def test_only_system_knows_what_differs_between_systems(path):
     if path == ROOT / "system.py":
         return
     assert not {name.split(".")[0] for name in imported(path)} & MODULES_OF_SYSTEMS
-    assert not asks_the_system(ast.parse(path.read_text(encoding="utf-8")))
+    assert not asks_the_system(tree_of(path))
 
 
 @pytest.mark.parametrize("code", ["os.fsync(f)", "x = sys.platform", "subprocess.Popen(['a'])", "path.unlink()",
@@ -256,7 +264,7 @@ def texts_without_encoding(tree: ast.AST) -> list[str]:
 @pytest.mark.parametrize("path", SOURCES, ids=IDS)
 def test_every_text_states_its_encoding(path):
     # Our own write_text of files writes UTF-8 and takes the text second.
-    assert not texts_without_encoding(ast.parse(path.read_text(encoding="utf-8")))
+    assert not texts_without_encoding(tree_of(path))
 
 
 @pytest.mark.parametrize(("code", "found"), [
@@ -275,7 +283,7 @@ DRAWN = [path for path in SOURCES if path.relative_to(ROOT).parts[0] in ("physic
 def test_nothing_random_but_from_the_seed(path):
     """No random, uuid, secrets, global numpy generator, wall clock or hash() decides what is made."""
     assert not {name.split(".")[0] for name in imported(path)} & {"random", "uuid", "secrets"}
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    for node in ast.walk(tree_of(path)):
         if not isinstance(node, ast.Attribute | ast.Call):
             continue
         text = ast.unparse(node)
