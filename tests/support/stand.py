@@ -20,7 +20,7 @@ class Stand:
     def __init__(self, folder: Path) -> None:
         self.folder, self.dataset = folder, folder / "set"
         self.blender = folder / "blender"
-        text = (Path(__file__).parents[2] / "support" / "fake_blender.py").read_text()
+        text = Path(__file__).with_name("fake_blender.py").read_text()
         self.blender.write_text(text.replace("#!/usr/bin/env python3", f"#!{sys.executable}"))
         self.blender.chmod(self.blender.stat().st_mode | stat.S_IXUSR)
         self.behave()
