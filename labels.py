@@ -14,11 +14,11 @@ TERRAIN, ROCK, LANDER, PLANET = 1, 2, 3, 4
 #: and exported, never in a pair.
 NOT_SEEN = 255
 #: Labels of instances. Objects have theirs in the object-index pass, at most 32767 in Blender: the
-#: terrain, then a person's objects, each its own pass index or else the next free number. Blocks are
+#: terrain, then a person's objects, each its own pass index or else the next free number. Rocks are
 #: instances, which have no object index; theirs are in a value pass that is 0 elsewhere, numbered from
 #: ``FIRST_ROCK_INSTANCE`` by size, the largest first. Single precision is exact up to 2^24.
 TERRAIN_INSTANCE = 1
 FIRST_OBJECT_INSTANCE, LAST_OBJECT_INSTANCE = 2, 32767
 FIRST_ROCK_INSTANCE = 100_000
 INSTANCE_AOV = "InstanceLabel"  # value pass
-INSTANCE_ATTRIBUTE = "instance_label"  # of the blocks' points, which their instances inherit
+INSTANCE_ATTRIBUTE = "instance_label"  # of the rocks' points, which their instances inherit

@@ -90,7 +90,7 @@ _classes: list[type] = []
 def register() -> None:
     """Make the property groups from ``TOPICS`` and hang them on ``Scene.icymoon``; what is known of surfaces is from
     now on what holds for this Blender."""
-    principled.use(compat.principled_table())
+    principled.use_table(compat.principled_table())
     pointers: dict[str, Any] = {}
     for topic in TOPICS.values():
         members = {s.key: _make_property(topic.key, s) for s in topic.settings}

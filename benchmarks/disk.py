@@ -22,7 +22,7 @@ from typing import Any
 import bpy
 import icymoon
 import numpy as np
-from icymoon.formats.exr_parts import pieces
+from icymoon.formats.exr_parts import read_pieces
 from icymoon.nodes.scene import build
 from icymoon.render.cost import estimate
 from icymoon.render.plans.planned_pair import expand
@@ -60,7 +60,7 @@ def measured(settings: description.Settings, folder: Path) -> tuple[Counter[str]
     for file in pair.folder(folder).glob("*.exr"):
         data = file.read_bytes()
         total += len(data)
-        for piece in pieces(data):
+        for piece in read_pieces(data):
             sizes[piece.name.split("-")[0]] += sum(map(len, piece.chunks))
     return sizes, total, _sky(pair.folder(folder))
 

@@ -100,7 +100,7 @@ def error() -> None:
 
 def planet() -> None:
     """Print the errors of few directions."""
-    from icymoon.physics.light.planetshine import Planet, arriving
+    from icymoon.physics.light.planetshine import Planet, light_rays
     from icymoon.physics.surfaces import albedos
     from icymoon.settings import description
     from test_hapke_render import angles
@@ -114,8 +114,8 @@ def planet() -> None:
         errors: dict[int, list[float]] = {}
         for _ in range(100):
             sun = random.normal(size=3)
-            ray, brought = arriving(Planet(up, diameter, flattening, np.array([0.0, 1.0, 0.0]),
-                                           sun / np.linalg.norm(sun), 50.0, 0.5, "LAMBERT"), 24)
+            ray, brought = light_rays(Planet(up, diameter, flattening, np.array([0.0, 1.0, 0.0]),
+                                             sun / np.linalg.norm(sun), 50.0, 0.5, "LAMBERT"), 24)
             ray, brought = ray[brought > 0], brought[brought > 0]
             normals, eyes = (v / np.linalg.norm(v, axis=1, keepdims=True) for v in random.normal(size=(2, 40, 3)))
             for normal, eye in zip(normals, eyes, strict=True):

@@ -22,7 +22,7 @@ from icymoon.nodes.ground.terrain_mesh import build_mesh
 from icymoon.physics.terrain.fine_detail import relief
 from icymoon.physics.terrain.landforms import MAKERS
 from icymoon.physics.terrain.noise.bases import BASES
-from icymoon.physics.terrain.terrain import terrain
+from icymoon.physics.terrain.terrain import make_terrain
 from icymoon.settings import description
 from mathutils import Vector, noise
 
@@ -60,20 +60,20 @@ def settings(*parts: dict) -> description.Settings:
 
 def fractal(multifractality: float) -> Callable[[], Any]:
     """Work: the random surface of eight octaves, on a grid."""
-    ground = terrain(settings({"terrain": {**EIGHT, "multifractality": multifractality}}), 1)
+    ground = make_terrain(settings({"terrain": {**EIGHT, "multifractality": multifractality}}), 1)
     return lambda: ground.heights(AXIS[None, :], AXIS[:, None])
 
 
 def scattered() -> Callable[[], Any]:
     """Work: the same at points in no order."""
-    ground = terrain(settings({"terrain": EIGHT}), 1)
+    ground = make_terrain(settings({"terrain": EIGHT}), 1)
     x, y = np.random.default_rng(0).uniform(-SIZE / 2, SIZE / 2, (2, SIDE**2))
     return lambda: ground.heights(x, y)
 
 
 def one_layer(**changes: object) -> Callable[[], Any]:
     """Work: one layer of noise, in tiles as the ground does it."""
-    ground = terrain(settings({"terrain": {"rms_slope_deg": 0.0, "layers": [{"octaves": 1, **changes}]}}), 1)
+    ground = make_terrain(settings({"terrain": {"rms_slope_deg": 0.0, "layers": [{"octaves": 1, **changes}]}}), 1)
     return lambda: ground.heights(AXIS[None, :], AXIS[:, None])
 
 
@@ -82,7 +82,7 @@ def built(*parts: dict) -> Callable[[], Any]:
     described = settings(*parts)
 
     def work() -> None:
-        bpy.data.meshes.remove(build_mesh("benchmark", described["terrain"], terrain(described, 1)))
+        bpy.data.meshes.remove(build_mesh("benchmark", described["terrain"], make_terrain(described, 1)))
     return work
 
 

@@ -18,24 +18,24 @@ MULTIPART = 0x1000
 _LINES_PER_CHUNK = {0: 1, 1: 1, 2: 1, 3: 16, 4: 32, 5: 16, 6: 32, 7: 32, 8: 32, 9: 256}  # by compression
 
 
-def _text(data: bytes, at: int) -> tuple[bytes, int]:
+def _read_text(data: bytes, at: int) -> tuple[bytes, int]:
     end = data.index(b"\0", at)
     return data[at:end], end + 1
 
 
-def _header(data: bytes, at: int) -> tuple[dict[bytes, bytes], int]:
+def _read_header(data: bytes, at: int) -> tuple[dict[bytes, bytes], int]:
     """Attributes of the header that starts at a byte, and where it ends."""
     attributes: dict[bytes, bytes] = {}
     while data[at] != 0:
-        name, at = _text(data, at)
-        _, at = _text(data, at)
+        name, at = _read_text(data, at)
+        _, at = _read_text(data, at)
         (size,) = struct.unpack_from("<i", data, at)
         attributes[name] = data[at + 4:at + 4 + size]
         at += 4 + size
     return attributes, at + 1
 
 
-def _chunks(attributes: dict[bytes, bytes]) -> int:
+def _count_chunks(attributes: dict[bytes, bytes]) -> int:
     if b"chunkCount" in attributes:
         return int(struct.unpack("<i", attributes[b"chunkCount"])[0])
     _, top, _, bottom = struct.unpack("<4i", attributes[b"dataWindow"])
@@ -64,8 +64,8 @@ def read_parts(data: bytes) -> tuple[list[Part], bool, int]:
     parts, at = [], 8
     while True:
         start = at
-        attributes, at = _header(data, at)
-        parts.append(Part(attributes, slice(start, at), _chunks(attributes)))
+        attributes, at = _read_header(data, at)
+        parts.append(Part(attributes, slice(start, at), _count_chunks(attributes)))
         if not several or data[at] == 0:
             return parts, several, at + several
 

@@ -40,7 +40,7 @@ class Piece:
         return stated[stated.index(b"\0", len(name) + 1) + 5:]
 
 
-def pieces(data: bytes) -> list[Piece]:
+def read_pieces(data: bytes) -> list[Piece]:
     """The parts of an EXR file. Raises ValueError, IndexError, KeyError or struct.error for what is none."""
     parts, several, table = read_parts(data)
     first = np.cumsum([0, *(part.chunks for part in parts)])
@@ -54,11 +54,11 @@ def pieces(data: bytes) -> list[Piece]:
             start = offset + skip
             (size,) = struct.unpack_from("<i", data, start + 4)
             chunks.append(data[start:start + 8 + size])
-        found.append(Piece(_stated(data, part), chunks))
+        found.append(Piece(_read_attributes(data, part), chunks))
     return found
 
 
-def _stated(data: bytes, part: Part) -> dict[bytes, bytes]:
+def _read_attributes(data: bytes, part: Part) -> dict[bytes, bytes]:
     """Attributes of a part as they stand in the file: name, type, size, value."""
     at, found = part.header.start, {}
     for name, value in part.attributes.items():
@@ -68,7 +68,7 @@ def _stated(data: bytes, part: Part) -> dict[bytes, bytes]:
     return found
 
 
-def assembled(parts: Sequence[Piece]) -> bytes:
+def assemble(parts: Sequence[Piece]) -> bytes:
     """An EXR file of these parts, whose names differ."""
     headers = b"".join(b"".join(part.attributes.values()) + b"\0" for part in parts) + b"\0"
     long_names = any(len(name) > 31 for part in parts for name in part.attributes)
@@ -83,27 +83,27 @@ def assembled(parts: Sequence[Piece]) -> bytes:
     return b"".join((start, headers, np.array(places, "<u8").tobytes(), *chunks))
 
 
-def lasting(piece: Piece, name: str) -> Piece:
+def strip_passing(piece: Piece, name: str) -> Piece:
     """A part without what passes, and with what a file of several needs of each: ``name``, if it has none."""
     kept = {key: value for key, value in piece.attributes.items()
             if key not in _PASSING and not key.startswith(b"cycles.")}
-    kept.setdefault(b"name", attribute("name", "string", name.encode()))
-    kept.setdefault(b"type", attribute("type", "string", b"scanlineimage"))
-    kept.setdefault(b"chunkCount", attribute("chunkCount", "int", struct.pack("<i", len(piece.chunks))))
+    kept.setdefault(b"name", encode_attribute("name", "string", name.encode()))
+    kept.setdefault(b"type", encode_attribute("type", "string", b"scanlineimage"))
+    kept.setdefault(b"chunkCount", encode_attribute("chunkCount", "int", struct.pack("<i", len(piece.chunks))))
     return Piece(kept, piece.chunks)
 
 
-def attribute(name: str, kind: str, value: bytes) -> bytes:
+def encode_attribute(name: str, kind: str, value: bytes) -> bytes:
     """An attribute as it stands in a file."""
     return name.encode() + b"\0" + kind.encode() + b"\0" + struct.pack("<i", len(value)) + value
 
 
-def joined(files: Mapping[str, bytes], less: Callable[[Piece], Piece | None] = lambda piece: piece) -> bytes:
+def join_files(files: Mapping[str, bytes], less: Callable[[Piece], Piece | None] = lambda piece: piece) -> bytes:
     """One EXR file of the parts of several, each as ``less`` leaves it (None: not at all).
 
     The part of a file that has only one, without a name, gets the file's key as name.
 
     Raises ValueError, IndexError, KeyError or struct.error for what is no EXR file.
     """
-    return assembled([lasting(left, name) for name, data in files.items() for piece in pieces(data)
-                      if (left := less(piece)) is not None])
+    return assemble([strip_passing(left, name) for name, data in files.items() for piece in read_pieces(data)
+                     if (left := less(piece)) is not None])

@@ -11,7 +11,7 @@ from collections.abc import Collection, Sequence
 
 import numpy as np
 
-from .exr_parts import Piece, attribute
+from .exr_parts import Piece, encode_attribute
 
 _LINES = {0: 1, 2: 1, 3: 16}  # in a chunk, by compression
 _FLOAT = 2
@@ -22,45 +22,45 @@ class Pixels:
 
     def __init__(self, piece: Piece) -> None:
         """Raises ValueError if a channel is not of 32-bit floats, KeyError for another compression."""
-        self._piece, self._stated = piece, _channels(piece.value(b"channels"))
+        self._piece, self._stated = piece, _read_channels(piece.value(b"channels"))
         self.channels = list(self._stated)
         left, self._top, right, bottom = struct.unpack("<4i", piece.value(b"dataWindow"))
         self._compression = piece.value(b"compression")[0]
         self._lines = _LINES[self._compression]
         self._width, self._height = right - left + 1, bottom - self._top + 1
 
-    def pixels(self) -> np.ndarray:
+    def decode(self) -> np.ndarray:
         """Values (height, channel, width) float32."""
         count = len(self.channels)
         found = np.empty((self._height, count, self._width), "<f4")
         for chunk in self._piece.chunks:
             line = struct.unpack_from("<i", chunk)[0] - self._top
             rows = min(self._lines, self._height - line)
-            raw = _inflated(chunk[8:], rows * count * self._width * 4)
+            raw = _inflate(chunk[8:], rows * count * self._width * 4)
             found[line:line + rows] = np.frombuffer(raw, "<f4").reshape(rows, count, self._width)
         return found
 
-    def with_pixels(self, values: np.ndarray) -> Piece:
+    def encode(self, values: np.ndarray) -> Piece:
         """The part with other values of the same shape."""
-        return Piece(self._piece.attributes, self._chunks(values))
+        return Piece(self._piece.attributes, self._encode_chunks(values))
 
-    def only(self, wanted: Sequence[int]) -> Piece:
+    def select_channels(self, wanted: Sequence[int]) -> Piece:
         """The part with these of its channels, by their places."""
         stated = b"".join(self._stated[self.channels[k]] for k in wanted) + b"\0"
-        kept = self._piece.attributes | {b"channels": attribute("channels", "chlist", stated)}
-        return Piece(kept, self._chunks(self.pixels()[:, wanted]))
+        kept = self._piece.attributes | {b"channels": encode_attribute("channels", "chlist", stated)}
+        return Piece(kept, self._encode_chunks(self.decode()[:, wanted]))
 
-    def _chunks(self, values: np.ndarray) -> list[bytes]:
+    def _encode_chunks(self, values: np.ndarray) -> list[bytes]:
         chunks = []
         for chunk in self._piece.chunks:
             line = struct.unpack_from("<i", chunk)[0]
             raw = np.ascontiguousarray(values[line - self._top:line - self._top + self._lines], "<f4").tobytes()
-            data = _deflated(raw) if self._compression else raw
+            data = _deflate(raw) if self._compression else raw
             chunks.append(struct.pack("<2i", line, len(data)) + data)
         return chunks
 
 
-def _channels(data: bytes) -> dict[str, bytes]:
+def _read_channels(data: bytes) -> dict[str, bytes]:
     """What is stated of each channel, by name, in the order of the file."""
     stated, at = {}, 0
     while data[at] != 0:
@@ -72,7 +72,7 @@ def _channels(data: bytes) -> dict[str, bytes]:
     return stated
 
 
-def _inflated(data: bytes, size: int) -> bytes:
+def _inflate(data: bytes, size: int) -> bytes:
     """A chunk's values; one that did not shrink is stored as it is."""
     if len(data) == size:
         return data
@@ -85,7 +85,7 @@ def _inflated(data: bytes, size: int) -> bytes:
     return whole.tobytes()
 
 
-def _deflated(raw: bytes) -> bytes:
+def _deflate(raw: bytes) -> bytes:
     whole = np.frombuffer(raw, np.uint8)
     halves = np.concatenate([whole[0::2], whole[1::2]])
     steps = halves.copy()
@@ -94,7 +94,7 @@ def _deflated(raw: bytes) -> bytes:
     return data if len(data) < len(raw) else raw
 
 
-def without_passes(piece: Piece, unwanted: Collection[str]) -> Piece | None:
+def drop_passes(piece: Piece, unwanted: Collection[str]) -> Piece | None:
     """A part without the channels of some passes (``LAYER.PASS``), None if it has no other.
 
     A part that is not of the kind that is read here stays as it is. Raises IndexError, struct.error or zlib.error for
@@ -107,4 +107,4 @@ def without_passes(piece: Piece, unwanted: Collection[str]) -> Piece | None:
     except (KeyError, ValueError):
         return piece
     wanted = [k for k, name in enumerate(pixels.channels) if ".".join(name.split(".")[:2]) not in unwanted]
-    return piece if len(wanted) == len(pixels.channels) else pixels.only(wanted) if wanted else None
+    return piece if len(wanted) == len(pixels.channels) else pixels.select_channels(wanted) if wanted else None

@@ -21,7 +21,7 @@ import numpy as np
 
 from ..errors import IcyMoonError
 from ..physics.mesh.height_map import NO_HEIGHT
-from .tiff import MEND, Directory, Tags, UnreadError, directories, pixels
+from .tiff import FIX, Directory, Tags, UnreadError, read_directories, read_pixels
 
 #: Metres per unit of length by its EPSG code.
 _UNITS_M = {1025: 0.001, 1033: 0.01, 9001: 1.0, 9002: 0.3048, 9003: 1200 / 3937, 9005: 0.3047972654, 9014: 1.8288,
@@ -73,18 +73,18 @@ def read(path: Path) -> GeoTiff:
         raise IcyMoonError(f"{path}: {error}") from None
     except (struct.error, zlib.error, lzma.LZMAError, ElementTree.ParseError, EOFError, KeyError, IndexError,
             ValueError, TypeError, OverflowError) as error:  # the last two of tags of another type than they have
-        raise IcyMoonError(f"{path}: is not a whole TIFF file ({error}); copy it again or {MEND}") from None
+        raise IcyMoonError(f"{path}: is not a whole TIFF file ({error}); copy it again or {FIX}") from None
 
 
 def _read(data: bytes) -> GeoTiff:
-    images = directories(data)
+    images = read_directories(data)
     image = images[0]
-    keys = _keys(image.tags)
-    heights, number = pixels(data, image)
-    warnings = _without_missing(heights, number, image.tags.get(42113))
-    warnings += _mask(heights, data, images)
-    report = _to_metres(heights, image.tags, keys)
-    place = _placement(image, keys)
+    keys = _read_keys(image.tags)
+    heights, number = read_pixels(data, image)
+    warnings = _clear_missing(heights, number, image.tags.get(42113))
+    warnings += _apply_mask(heights, data, images)
+    report = _scale_to_metres(heights, image.tags, keys)
+    place = _read_placement(image, keys)
     if place is None:
         return GeoTiff(heights, None, None, "does not state the size of its pixels", report, tuple(warnings))
     (east, north), corner = place
@@ -99,7 +99,7 @@ def _read(data: bytes) -> GeoTiff:
                    tuple(warnings))
 
 
-def _keys(tags: Tags) -> dict[int, Any]:
+def _read_keys(tags: Tags) -> dict[int, Any]:
     """The GeoKeys by number: a whole number, a float or text."""
     directory = tags.get(34735, ())
     doubles, text = tags.get(34736, ()), b"".join(tags.get(34737, ()))
@@ -115,10 +115,10 @@ def _keys(tags: Tags) -> dict[int, Any]:
     return keys
 
 
-def _without_missing(grid: np.ndarray, number: np.dtype[Any], nodata: tuple[Any, ...] | None) -> list[str]:
+def _clear_missing(grid: np.ndarray, number: np.dtype[Any], nodata: tuple[Any, ...] | None) -> list[str]:
     """Make NaN what the file calls missing and what no height can be; what a person should know of it."""
     grid[~(np.abs(grid) < NO_HEIGHT)] = np.nan
-    text = _text(nodata)
+    text = _decode_text(nodata)
     if not text:
         return []
     try:
@@ -132,32 +132,33 @@ def _without_missing(grid: np.ndarray, number: np.dtype[Any], nodata: tuple[Any,
     return []
 
 
-def _mask(grid: np.ndarray, data: bytes, images: list[Directory]) -> list[str]:
+def _apply_mask(grid: np.ndarray, data: bytes, images: list[Directory]) -> list[str]:
     """Make NaN what the file's own mask calls unknown; what a person should know of its other images."""
     others = [image for image in images[1:] if not image.is_reduced]
     masks = [image for image in others if image.is_mask and image.shape == grid.shape]
     for image in masks[:1]:
-        grid[pixels(data, image)[0] == 0] = np.nan
+        grid[read_pixels(data, image)[0] == 0] = np.nan
     count = sum(not image.is_mask for image in others)
     return [f"it holds {count + 1} images, of which the first was read"] if count else []
 
 
-def _text(tag: tuple[Any, ...] | None) -> str:
+def _decode_text(tag: tuple[Any, ...] | None) -> str:
     return b"".join(tag or ()).split(b"\0")[0].decode("utf-8", "replace").strip()
 
 
-def _to_metres(grid: np.ndarray, tags: Tags, keys: Mapping[int, Any]) -> tuple[str, ...]:
+def _scale_to_metres(grid: np.ndarray, tags: Tags, keys: Mapping[int, Any]) -> tuple[str, ...]:
     """Turn the values into metres in place, by the scale, offset and unit that the file states, and say so.
 
     Raises UnreadError if they are contradictory or of an unknown kind.
     """
-    items = _items(tags)
-    scale, offset = (_finite(items.get(role, otherwise), role) for role, otherwise in (("scale", "1"), ("offset", "0")))
+    items = _read_metadata(tags)
+    scale, offset = (_parse_finite(items.get(role, otherwise), role) for role,
+                     otherwise in (("scale", "1"), ("offset", "0")))
     unit, name = _height_unit(keys, items.get("unittype", ""))
     if scale == 0:
         raise UnreadError("states a scale of 0 for its heights, which makes it flat; mend it with: gdal_edit -scale")
-    if _scaled_by_third(tags):
-        raise UnreadError(f"scales its heights by the third number of ModelPixelScale; {MEND}")
+    if _is_scaled_by_third(tags):
+        raise UnreadError(f"scales its heights by the third number of ModelPixelScale; {FIX}")
     if (scale, offset) != (1.0, 0.0):
         grid *= scale
         grid += offset
@@ -168,25 +169,25 @@ def _to_metres(grid: np.ndarray, tags: Tags, keys: Mapping[int, Any]) -> tuple[s
     return (f"The file states {name}heights of {scale:g} x value + {offset:g}, which is followed",)
 
 
-def _scaled_by_third(tags: Tags) -> bool:
+def _is_scaled_by_third(tags: Tags) -> bool:
     """Whether the tie point and the pixel scale place heights elsewhere than at the values."""
     third = (*tags.get(33550, ()), 0.0, 0.0, 0.0)[2]
     _, _, from_z, _, _, to_z = (*tags.get(33922, ()), *(0.0,) * 6)[:6]
     return third not in (0.0, 1.0) or bool(third and (from_z or to_z))
 
 
-def _items(tags: Tags) -> dict[str, str]:
+def _read_metadata(tags: Tags) -> dict[str, str]:
     """What GDAL_METADATA says of the first band, by role: 'scale', 'offset', 'unittype'."""
-    text = _text(tags.get(42112))
+    text = _decode_text(tags.get(42112))
     if "<!" in text:  # entities, which no writer of metadata needs, may unfold without end
-        raise UnreadError(f"has metadata that are no plain list; {MEND}")
+        raise UnreadError(f"has metadata that are no plain list; {FIX}")
     if not text:
         return {}
     return {item.get("role", ""): (item.text or "").strip() for item in ElementTree.fromstring(text).iter("Item")
             if item.get("sample", "0") == "0"}
 
 
-def _finite(text: str, role: str) -> float:
+def _parse_finite(text: str, role: str) -> float:
     try:
         value = float(text)
     except ValueError:
@@ -245,7 +246,8 @@ def _unit(keys: Mapping[int, Any]) -> tuple[float | None, str]:
     return 1.0, "it states no unit of length, so its coordinates were taken for metres"
 
 
-def _placement(image: Directory, keys: Mapping[int, Any]) -> tuple[tuple[float, float], tuple[float, float]] | None:
+def _read_placement(image: Directory, keys: Mapping[int, Any]) -> tuple[tuple[float, float],
+                                                                        tuple[float, float]] | None:
     """Step (east, north) per column and per row, either of which may be negative, and the coordinates of the centre
     of the lower left pixel as it lies on the ground; None if the file states none. Raises UnreadError if it is turned.
     """

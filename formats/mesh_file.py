@@ -38,7 +38,7 @@ class Cost:
     exact: bool
 
     @property
-    def dear(self) -> bool:
+    def is_high(self) -> bool:
         """Whether a person should hear of it first."""
         return self.seconds > 15.0 or self.memory_mib > 2048.0
 
@@ -49,7 +49,7 @@ class Cost:
                 f"{self.seconds:.0f} s and {self.memory_mib / 1024:.1f} GiB")
 
 
-def kind_of(path: Path) -> str:
+def detect_kind(path: Path) -> str:
     """'OBJ', 'PLY', 'STL', 'glTF', 'USD' or 'FBX': the suffix, confirmed by the file's first bytes.
 
     Raises IcyMoonError if the file is absent, empty, of another kind or not what its suffix says.
@@ -57,7 +57,7 @@ def kind_of(path: Path) -> str:
     kind = FORMATS.get(path.suffix.lower())
     if kind is None:
         raise IcyMoonError(f"{path}: is not a mesh that Icy Moon reads; give one of {', '.join(FORMATS)}.")
-    start = opening(path)
+    start = read_opening(path)
     if not start:
         raise IcyMoonError(f"{path}: is empty; export the mesh again.")
     if not _looks_like(kind, path.suffix.lower(), start):
@@ -65,7 +65,7 @@ def kind_of(path: Path) -> str:
     return kind
 
 
-def opening(path: Path) -> bytes:
+def read_opening(path: Path) -> bytes:
     """The first bytes of a file. Raises IcyMoonError if it cannot be read."""
     try:
         with path.open("rb") as stream:
@@ -90,18 +90,18 @@ def _looks_like(kind: str, suffix: str, start: bytes) -> bool:
     return start.startswith(b"Kaydara FBX Binary") or start.lstrip().startswith(b"; FBX")
 
 
-def cost(path: Path) -> Cost:
-    """What loading the mesh will take. Raises IcyMoonError as ``kind_of`` does."""
-    kind, size = kind_of(path), path.stat().st_size
-    counted, suffix = _counted(kind, path), path.suffix.lower()
+def estimate_cost(path: Path) -> Cost:
+    """What loading the mesh will take. Raises IcyMoonError as ``detect_kind`` does."""
+    kind, size = detect_kind(path), path.stat().st_size
+    counted, suffix = _read_triangle_count(kind, path), path.suffix.lower()
     triangles = counted if counted is not None else round(size / _FILE_BYTES.get(suffix, _FILE_BYTES_ELSE))
     seconds, memory = (_SECONDS_USDA, _MEMORY_BYTES_USDA) if suffix == ".usda" else (_SECONDS, _MEMORY_BYTES)
     return Cost(triangles, triangles * seconds, triangles * memory / 2**20, counted is not None)
 
 
-def _counted(kind: str, path: Path) -> int | None:
+def _read_triangle_count(kind: str, path: Path) -> int | None:
     """The number of triangles that the header states, if it does."""
-    start = opening(path)
+    start = read_opening(path)
     if kind == "PLY":
         stated = re.search(rb"^element face (\d+)", start, re.MULTILINE)
         return int(stated[1]) if stated else None
@@ -109,13 +109,13 @@ def _counted(kind: str, path: Path) -> int | None:
         n = int(struct.unpack_from("<I", start, 80)[0])
         return n if path.stat().st_size == 84 + 50 * n else None
     if kind == "glTF":
-        return from_gltf(path, lambda document: sum(
+        return read_gltf(path, lambda document: sum(
             int(document["accessors"][p["indices"]]["count"]) for mesh in document.get("meshes", ())
             for p in mesh["primitives"] if "indices" in p) // 3)
     return None
 
 
-def from_gltf(path: Path, facts: Callable[[dict[str, Any]], Fact]) -> Fact:
+def read_gltf(path: Path, facts: Callable[[dict[str, Any]], Fact]) -> Fact:
     """Facts from the JSON of a .gltf or .glb. Raises IcyMoonError if it is not what glTF demands."""
     try:
         with path.open("rb") as stream:
@@ -129,9 +129,9 @@ def from_gltf(path: Path, facts: Callable[[dict[str, Any]], Fact]) -> Fact:
                            "export the mesh again.") from None
 
 
-def parts(path: Path) -> list[Path]:
+def find_geometry_files(path: Path) -> list[Path]:
     """The files that a mesh file's geometry lies in: itself, and the buffers of a .gltf."""
     if path.suffix.lower() != ".gltf":
         return [path]
-    uris = from_gltf(path, lambda document: [unquote(b.get("uri", "")) for b in document.get("buffers", ())])
+    uris = read_gltf(path, lambda document: [unquote(b.get("uri", "")) for b in document.get("buffers", ())])
     return [path, *(path.parent / uri for uri in uris if uri and not uri.startswith("data:"))]

@@ -16,7 +16,7 @@ from typing import Any
 from urllib.parse import unquote
 
 from ..errors import IcyMoonError
-from .mesh_file import from_gltf, opening
+from .mesh_file import read_gltf, read_opening
 
 #: Kinds of mesh whose images are found.
 KINDS = (".obj", ".gltf", ".glb", ".ply")
@@ -58,26 +58,27 @@ class MeshImages:
         return list(dict.fromkeys([*self.named_in, *found]))
 
 
-def images(path: Path) -> MeshImages:
+def find_images(path: Path) -> MeshImages:
     """The images that a mesh file brings. Raises IcyMoonError if it cannot be read."""
     suffix = path.suffix.lower()
     if suffix == ".obj":
-        return _of_obj(path)
+        return _find_in_obj(path)
     if suffix == ".ply":
-        named = re.findall(rb"^comment TextureFile[ \t]+([^\r\n]+)", opening(path).partition(b"end_header")[0], re.M)
-        return _sorted(("albedo", MeshImage(_beside(path, _text(name)))) for name in named)
+        named = re.findall(rb"^comment TextureFile[ \t]+([^\r\n]+)", read_opening(path).partition(b"end_header")[0],
+                           re.M)
+        return _sort_by_kind(("albedo", MeshImage(_find_beside(path, _decode_text(name)))) for name in named)
     if suffix in (".gltf", ".glb"):
-        return _sorted(from_gltf(path, lambda document: list(_of_gltf(path, document))))
+        return _sort_by_kind(read_gltf(path, lambda document: list(_find_in_gltf(path, document))))
     return MeshImages({})
 
 
-def chosen(path: Path) -> dict[str, MeshImage]:
+def choose_images(path: Path) -> dict[str, MeshImage]:
     """The one image of each kind that a mesh file brings, none if it brings none.
 
     Raises IcyMoonError if there are several of a kind, or one is to be used in a way that is not followed.
     """
     found = {}
-    for kind, several in images(path).by_kind.items():
+    for kind, several in find_images(path).by_kind.items():
         mend = "bake one plain image for the whole mesh, or name images with textures.set = OWN."
         if len(several) > 1:
             raise IcyMoonError(f"{path}: has {len(several)} {kind} images, and a ground has one; {mend}")
@@ -87,8 +88,8 @@ def chosen(path: Path) -> dict[str, MeshImage]:
     return found
 
 
-def _sorted(found: Iterator[tuple[str, MeshImage]] | list[tuple[str, MeshImage]],
-            named_in: tuple[Path, ...] = ()) -> MeshImages:
+def _sort_by_kind(found: Iterator[tuple[str, MeshImage]] | list[tuple[str, MeshImage]],
+                  named_in: tuple[Path, ...] = ()) -> MeshImages:
     by_kind: dict[str, list[MeshImage]] = {}
     for kind, image in found:
         if image not in by_kind.setdefault(kind, []):
@@ -96,31 +97,31 @@ def _sorted(found: Iterator[tuple[str, MeshImage]] | list[tuple[str, MeshImage]]
     return MeshImages(by_kind, named_in)
 
 
-def _text(raw: bytes) -> str:
+def _decode_text(raw: bytes) -> str:
     return raw.decode("utf-8", "replace").strip().strip('"')
 
 
-def _beside(path: Path, name: str) -> Path:
+def _find_beside(path: Path, name: str) -> Path:
     """The file that another names: as it says, or of that name in the same folder, where it was moved to."""
     stated = path.parent / name.replace("\\", "/")
     moved = path.parent / stated.name
     return moved if moved.is_file() and not stated.is_file() else stated
 
 
-def _of_obj(path: Path) -> MeshImages:
-    named = re.findall(rb"^[ \t]*mtllib[ \t]+([^\r\n]+)", opening(path), re.M)
-    libraries = tuple(_beside(path, _text(name)) for name in named) or (path.with_suffix(".mtl"),)
+def _find_in_obj(path: Path) -> MeshImages:
+    named = re.findall(rb"^[ \t]*mtllib[ \t]+([^\r\n]+)", read_opening(path), re.M)
+    libraries = tuple(_find_beside(path, _decode_text(name)) for name in named) or (path.with_suffix(".mtl"),)
     there = tuple(library for library in libraries if named or library.is_file())
-    return _sorted((image for library in there if library.is_file() for image in _of_library(library)), there)
+    return _sort_by_kind((image for library in there if library.is_file() for image in _read_library(library)), there)
 
 
-def _of_library(path: Path) -> Iterator[tuple[str, MeshImage]]:
+def _read_library(path: Path) -> Iterator[tuple[str, MeshImage]]:
     try:
         lines = path.read_bytes().splitlines()
     except OSError as error:
         raise IcyMoonError(f"{path}: cannot be read ({error.strerror}); check source.file.") from None
     for line in lines:
-        statement, _, rest = _text(line).partition(" ")
+        statement, _, rest = _decode_text(line).partition(" ")
         if statement.lower() not in _MTL:
             continue
         words, moved = rest.split(), ""
@@ -134,10 +135,11 @@ def _of_library(path: Path) -> Iterator[tuple[str, MeshImage]]:
                 del words[:min(_OPTIONS.get(option, 0), len(words) - 1)]
         if words:
             # The name may hold spaces, of which split() would keep one each.
-            yield _MTL[statement.lower()], MeshImage(_beside(path, rest[rest.index(words[0]):]), not_followed=moved)
+            yield _MTL[statement.lower()], MeshImage(_find_beside(path, rest[rest.index(words[0]):]),
+                                                     not_followed=moved)
 
 
-def _of_gltf(path: Path, document: dict[str, Any]) -> Iterator[tuple[str, MeshImage]]:
+def _find_in_gltf(path: Path, document: dict[str, Any]) -> Iterator[tuple[str, MeshImage]]:
     materials = document.get("materials", [])
     used = {part["material"] for mesh in document.get("meshes", ()) for part in mesh["primitives"]
             if "material" in part}
@@ -153,14 +155,14 @@ def _of_gltf(path: Path, document: dict[str, Any]) -> Iterator[tuple[str, MeshIm
             texture = document["textures"][stated["index"]]
             webp = texture.get("extensions", {}).get("EXT_texture_webp", {})
             source = webp.get("source", texture.get("source"))
-            odd = _odd(stated, holder.get(factor, 1.0) if factor else stated.get("scale", 1.0))
+            odd = _unsupported_use(stated, holder.get(factor, 1.0) if factor else stated.get("scale", 1.0))
             if source is None:
                 yield kind, MeshImage(path, f"texture {stated['index']}", not_followed="is of no usual kind")
             else:
-                yield kind, _gltf_image(path, document, source, channel, odd)
+                yield kind, _locate_gltf_image(path, document, source, channel, odd)
 
 
-def _odd(stated: dict[str, Any], factor: float) -> str:
+def _unsupported_use(stated: dict[str, Any], factor: float) -> str:
     """What a glTF material asks for beside its image."""
     transform = stated.get("extensions", {}).get("KHR_texture_transform", {})
     if stated.get("texCoord", 0) != 0 or transform.get("texCoord", 0) != 0:
@@ -171,30 +173,30 @@ def _odd(stated: dict[str, Any], factor: float) -> str:
     return "" if factor == 1.0 else f"is scaled by {factor:g}"
 
 
-def _gltf_image(path: Path, document: dict[str, Any], number: int, channel: int, odd: str) -> MeshImage:
+def _locate_gltf_image(path: Path, document: dict[str, Any], number: int, channel: int, odd: str) -> MeshImage:
     stated, place = document["images"][number], f"image {number}"
     if "bufferView" not in stated:
         uri = stated["uri"]
         if uri.startswith("data:"):
-            return MeshImage(path, place, channel, odd, lambda: _decoded(path, uri))
-        return MeshImage(_beside(path, unquote(uri)), "", channel, odd)
+            return MeshImage(path, place, channel, odd, lambda: _decode_uri(path, uri))
+        return MeshImage(_find_beside(path, unquote(uri)), "", channel, odd)
     view = document["bufferViews"][stated["bufferView"]]
     begin, length = int(view.get("byteOffset", 0)), int(view["byteLength"])
     uri = document["buffers"][view["buffer"]].get("uri")
     if uri is None:
-        return MeshImage(path, place, channel, odd, lambda: _bytes(path, _binary_start(path) + begin, length))
+        return MeshImage(path, place, channel, odd, lambda: _read_bytes(path, _binary_start(path) + begin, length))
     if uri.startswith("data:"):
-        return MeshImage(path, place, channel, odd, lambda: _decoded(path, uri)[begin:begin + length])
+        return MeshImage(path, place, channel, odd, lambda: _decode_uri(path, uri)[begin:begin + length])
     file = path.parent / unquote(uri)
-    return MeshImage(file, place, channel, odd, lambda: _bytes(file, begin, length))
+    return MeshImage(file, place, channel, odd, lambda: _read_bytes(file, begin, length))
 
 
 def _binary_start(path: Path) -> int:
     """Where the binary chunk of a .glb has its first byte, after the JSON and the headers of both."""
-    return 28 + int(struct.unpack_from("<I", opening(path), 12)[0])
+    return 28 + int(struct.unpack_from("<I", read_opening(path), 12)[0])
 
 
-def _bytes(path: Path, begin: int, length: int) -> bytes:
+def _read_bytes(path: Path, begin: int, length: int) -> bytes:
     try:
         with path.open("rb") as stream:
             stream.seek(begin)
@@ -203,7 +205,7 @@ def _bytes(path: Path, begin: int, length: int) -> bytes:
         raise IcyMoonError(f"{path}: cannot be read ({error.strerror}); check source.file.") from None
 
 
-def _decoded(path: Path, uri: str) -> bytes:
+def _decode_uri(path: Path, uri: str) -> bytes:
     try:
         return base64.b64decode(unquote(uri.partition(",")[2]))
     except ValueError as error:

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..physics.mesh.check import equal_rows
+from ..physics.mesh.check import find_equal_rows
 
 _TYPES = {"char": "i1", "int8": "i1", "uchar": "u1", "uint8": "u1", "short": "i2", "int16": "i2", "ushort": "u2",
           "uint16": "u2", "int": "i4", "int32": "i4", "uint": "u4", "uint32": "u4", "float": "f4", "float32": "f4",
@@ -35,7 +35,7 @@ class _Header:
     comments: tuple[tuple[str, ...], ...]  # the words of each
 
 
-def _header(path: Path) -> _Header | None:
+def _read_header(path: Path) -> _Header | None:
     """The header, or None if it is not whole."""
     with path.open("rb") as stream:
         lines = (line.decode("latin-1").strip() for line in stream)
@@ -54,25 +54,25 @@ def _header(path: Path) -> _Header | None:
     return _Header(encoding, tuple((name, count, tuple(own)) for name, count, own in elements), start, comments)
 
 
-def noted(path: Path, name: str) -> int | None:
+def read_comment_number(path: Path, name: str) -> int | None:
     """The whole number of a comment ``name N``, or None if there is none."""
-    header = _header(path)
+    header = _read_header(path)
     comments = header.comments if header else ()
     found = next((words[1] for words in comments if words[:1] == (name,) and len(words) == 2), "")
     return int(found) if found.isascii() and found.isdecimal() else None
 
 
-def vertices(path: Path) -> np.ndarray | None:
+def read_vertices(path: Path) -> np.ndarray | None:
     """Coordinates (n, 3) float64 of the vertices, or None where the file's layout is not the usual one."""
-    return properties(path, "x", "y", "z")
+    return read_properties(path, "x", "y", "z")
 
 
-def properties(path: Path, *wanted: str) -> np.ndarray | None:
+def read_properties(path: Path, *wanted: str) -> np.ndarray | None:
     """These properties (n, len(wanted)) float64 of the vertices, or None where the file's layout is not the usual one.
 
     Usual is: vertices first, each of scalar properties with those ``wanted`` among them.
     """
-    header = _header(path)
+    header = _read_header(path)
     if header is None or not header.elements or header.elements[0][0] != "vertex":
         return None
     _, count, declared = header.elements[0]
@@ -80,7 +80,7 @@ def properties(path: Path, *wanted: str) -> np.ndarray | None:
     if not set(wanted) <= set(names) or any(words[0] not in _TYPES for words in declared):
         return None
     if header.encoding == "ascii":
-        rows = np.loadtxt(_rows(path, header.start, 0, count), ndmin=2)
+        rows = np.loadtxt(_read_rows(path, header.start, 0, count), ndmin=2)
         return rows[:, [names.index(name) for name in wanted]] if rows.shape == (count, len(names)) else None
     order = _ORDERS.get(header.encoding)
     kind = np.dtype([(words[-1], f"{order}{_TYPES[words[0]]}") for words in declared]) if order else None
@@ -90,23 +90,23 @@ def properties(path: Path, *wanted: str) -> np.ndarray | None:
     return np.stack([table[name].astype(np.float64) for name in wanted], axis=1)
 
 
-def texture_coordinates(path: Path, faces: np.ndarray) -> np.ndarray | None:
+def read_texture_coordinates(path: Path, faces: np.ndarray) -> np.ndarray | None:
     """Texture coordinates (m, 3, 2) of the corners of triangles ``faces`` (m, 3), vertices of this file.
 
     Those of the file's faces, which keep seams, count before those of its vertices. None if it has none, or in
     another layout: with corners, vertices and then nothing but triangles, of which ``faces`` may be some.
     """
-    found = _of_corners(path, faces)
+    found = _read_corner_coordinates(path, faces)
     if found is not None:
         return found
     for names in _VERTEX_UV:
-        of_vertices = properties(path, *names)
+        of_vertices = read_properties(path, *names)
         if of_vertices is not None:
             return of_vertices[faces]
     return None
 
 
-def _rows(path: Path, start: int, skip: int, count: int) -> Iterator[str]:
+def _read_rows(path: Path, start: int, skip: int, count: int) -> Iterator[str]:
     """Lines of an ASCII file's data."""
     with path.open("rb") as stream:
         stream.seek(start)
@@ -114,8 +114,8 @@ def _rows(path: Path, start: int, skip: int, count: int) -> Iterator[str]:
             yield line.decode("latin-1")
 
 
-def _of_corners(path: Path, faces: np.ndarray) -> np.ndarray | None:
-    header = _header(path)
+def _read_corner_coordinates(path: Path, faces: np.ndarray) -> np.ndarray | None:
+    header = _read_header(path)
     if header is None or [element[0] for element in header.elements[:2]] != ["vertex", "face"]:
         return None
     (_, vertices, of_vertex), (_, count, of_face) = header.elements[:2]
@@ -126,25 +126,25 @@ def _of_corners(path: Path, faces: np.ndarray) -> np.ndarray | None:
     if any(words[0] not in _TYPES for words in of_vertex):
         return None
     if header.encoding == "ascii":
-        table = _ascii_table(path, header.start, vertices, count, of_face)
+        table = _read_ascii_table(path, header.start, vertices, count, of_face)
     else:
         order = _ORDERS.get(header.encoding)
         size = sum(np.dtype(_TYPES[words[0]]).itemsize for words in of_vertex)
-        table = _binary_table(path, header.start + vertices * size, count, of_face, order) if order else None
+        table = _read_binary_table(path, header.start + vertices * size, count, of_face, order) if order else None
     if table is None or table[corners].shape[1:] != (3,) or table["texcoord"].shape[1:] != (6,):
         return None
     uv = table["texcoord"].reshape(-1, 3, 2)
     if np.array_equal(table[corners], faces):
         return uv
-    first, which = equal_rows(np.concatenate([table[corners].astype(np.int64), faces]))
+    first, which = find_equal_rows(np.concatenate([table[corners].astype(np.int64), faces]))
     place = first[which[count:]]  # of each of ``faces`` in the file, whose first triangle like it counts
     return uv[place] if (place < count).all() else None
 
 
-def _ascii_table(path: Path, start: int, skip: int, count: int,
-                 declared: tuple[tuple[str, ...], ...]) -> dict[str, np.ndarray] | None:
+def _read_ascii_table(path: Path, start: int, skip: int, count: int,
+                      declared: tuple[tuple[str, ...], ...]) -> dict[str, np.ndarray] | None:
     """Columns of each property of faces in ASCII, or None if their lists are not all of one length."""
-    rows = np.loadtxt(_rows(path, start, skip, count), ndmin=2)
+    rows = np.loadtxt(_read_rows(path, start, skip, count), ndmin=2)
     table, at = {}, 0
     for words in declared:
         length = 1
@@ -158,8 +158,8 @@ def _ascii_table(path: Path, start: int, skip: int, count: int,
     return table if rows.shape == (count, at) else None
 
 
-def _binary_table(path: Path, start: int, count: int, declared: tuple[tuple[str, ...], ...],
-                  order: str) -> dict[str, np.ndarray] | None:
+def _read_binary_table(path: Path, start: int, count: int, declared: tuple[tuple[str, ...], ...],
+                       order: str) -> dict[str, np.ndarray] | None:
     """The same of faces in binary."""
     fields: list[tuple[str, str, tuple[int, ...]]] = []
     lengths = {}

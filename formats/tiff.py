@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 #: The mend for whatever is not read, as a command.
-MEND = "convert it with: gdal_translate -b 1 -co COMPRESS=DEFLATE in.tif out.tif"
+FIX = "convert it with: gdal_translate -b 1 -co COMPRESS=DEFLATE in.tif out.tif"
 #: Largest number of pixels that are read.
 MOST_PIXELS = 2**30
 
@@ -62,7 +62,7 @@ class Directory:
         return bool(self.number(254, 0) & 1)
 
 
-def directories(data: bytes) -> list[Directory]:
+def read_directories(data: bytes) -> list[Directory]:
     """The images of a TIFF file in their order. Raises struct.error, KeyError or ValueError if it is torn."""
     order = {b"II": "<", b"MM": ">"}[data[:2]]
     magic = struct.unpack_from(f"{order}H", data, 2)[0]
@@ -74,7 +74,7 @@ def directories(data: bytes) -> list[Directory]:
     seen = set()
     while at and at not in seen and len(found) < _MOST_DIRECTORIES:
         seen.add(at)
-        tags, end = _tags(data, at, order, place)
+        tags, end = _read_tags(data, at, order, place)
         found.append(Directory(tags, order))
         at = struct.unpack_from(place, data, end)[0]
     if not found:
@@ -82,7 +82,7 @@ def directories(data: bytes) -> list[Directory]:
     return found
 
 
-def _tags(data: bytes, at: int, order: str, place: str) -> tuple[Tags, int]:
+def _read_tags(data: bytes, at: int, order: str, place: str) -> tuple[Tags, int]:
     """Values of a directory's tags by number, and where it ends."""
     big = place.endswith("Q")
     count = struct.unpack_from(f"{order}Q" if big else f"{order}H", data, at)[0]
@@ -102,13 +102,13 @@ def _tags(data: bytes, at: int, order: str, place: str) -> tuple[Tags, int]:
     return tags, at
 
 
-def pixels(data: bytes, image: Directory) -> tuple[np.ndarray, np.dtype[Any]]:
+def read_pixels(data: bytes, image: Directory) -> tuple[np.ndarray, np.dtype[Any]]:
     """The one band of an image as float64 (rows, columns), NaN where a tile is absent, and its own number type.
 
     Raises UnreadError if it is of a kind that is not read, and ValueError or an error of the
     decompressor if the file is torn.
     """
-    number, unpack = _number(image), _unpacker(image)
+    number, unpack = _number_type(image), _choose_unpacker(image)
     rows, columns = image.shape
     tiled = 322 in image.tags
     width = image.number(322, 0) if tiled else columns
@@ -134,46 +134,46 @@ def pixels(data: bytes, image: Directory) -> tuple[np.ndarray, np.dtype[Any]]:
         block = unpack(data[offset:offset + size], length)
         if len(block) < length:
             raise ValueError(f"a tile or strip of {len(block)} bytes")
-        values = _unpredicted(block[:length], (tall, width), number, image.number(317, 1))
+        values = _undo_prediction(block[:length], (tall, width), number, image.number(317, 1))
         with np.errstate(invalid="ignore"):  # a number that is none stays none
             grid[top:top + height, left:left + width] = values[:rows - top, :columns - left]
     return grid, number
 
 
-def _number(image: Directory) -> np.dtype[Any]:
+def _number_type(image: Directory) -> np.dtype[Any]:
     """The number type of the pixels of the only band; bool for one bit. Raises UnreadError for any other kind."""
     bands = image.number(277, 1)
     if bands != 1:
-        raise UnreadError(f"has {bands} bands, a height map has one; {MEND}")
+        raise UnreadError(f"has {bands} bands, a height map has one; {FIX}")
     if image.number(262, 1) == 3:
         raise UnreadError("holds colours of a palette, not heights")
     if image.number(266, 1) != 1 or image.number(274, 1) != 1:
-        raise UnreadError(f"is stored with its bits or its rows turned round; {MEND}")
+        raise UnreadError(f"is stored with its bits or its rows turned round; {FIX}")
     bits = image.number(258, 1)
     if bits == 1 and image.is_mask:
         return np.dtype(bool)
     kind = {1: "u", 2: "i", 3: "f", 4: "u"}.get(image.number(339, 1), "?")
     if bits % 8 or f"{kind}{bits // 8}" not in _NUMBERS:
         raise UnreadError(f"holds {bits}-bit values of a kind that Icy Moon does not read; "
-                          f"{MEND.replace('-co', '-ot Float32 -co', 1)}")
+                          f"{FIX.replace('-co', '-ot Float32 -co', 1)}")
     return np.dtype(f"{image.order}{kind}{bits // 8}")
 
 
-def _unpacker(image: Directory) -> Callable[[bytes, int], bytes]:
+def _choose_unpacker(image: Directory) -> Callable[[bytes, int], bytes]:
     """What undoes the compression of a tile or strip, given the length that it has then. Raises UnreadError."""
     compression = image.number(259, 1)
-    if compression == 50000 and (zstandard := _zstandard()):
+    if compression == 50000 and (zstandard := _find_zstandard()):
         return zstandard
     known: dict[int, Callable[[bytes, int], bytes]] = {
         1: lambda block, length: block, 5: unpack_lzw, 8: _inflate, 32946: _inflate, 32773: _unpack_bits,
         34925: lambda block, length: lzma.LZMADecompressor().decompress(block, length)}
     if compression not in known:
         name = _OTHERS.get(compression, f"method {compression}")
-        raise UnreadError(f"is compressed with {name}, which Icy Moon does not read here; {MEND}")
+        raise UnreadError(f"is compressed with {name}, which Icy Moon does not read here; {FIX}")
     return known[compression]
 
 
-def _zstandard() -> Callable[[bytes, int], bytes] | None:
+def _find_zstandard() -> Callable[[bytes, int], bytes] | None:
     try:
         import zstandard
     except ImportError:
@@ -240,7 +240,7 @@ def unpack_lzw(block: bytes, length: int) -> bytes:
     return b"".join(out)
 
 
-def _unpredicted(block: bytes, shape: tuple[int, int], number: np.dtype[Any], predictor: int) -> np.ndarray:
+def _undo_prediction(block: bytes, shape: tuple[int, int], number: np.dtype[Any], predictor: int) -> np.ndarray:
     """A strip or tile as numbers, horizontal differencing (2) or floating-point prediction (3) undone."""
     rows, columns = shape
     if number.kind == "b":

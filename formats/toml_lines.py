@@ -19,7 +19,7 @@ def _has(data: Any, key: Key) -> bool:
     return True
 
 
-def _parsed(beginning: str) -> dict[str, Any] | None:
+def _parse_beginning(beginning: str) -> dict[str, Any] | None:
     """The content of a beginning of a file, an array closed where it ends in one; None if it ends elsewhere."""
     for end in ("", "\n]"):
         try:
@@ -29,7 +29,7 @@ def _parsed(beginning: str) -> dict[str, Any] | None:
     return None
 
 
-def line_of(text: str, key: Key) -> int | None:
+def find_line(text: str, key: Key) -> int | None:
     """The line, from 1, in which the value or table at ``key`` begins; None if there is none.
 
     ``("sweep", 2, "rig", "pitch_deg")`` is the setting in the third table of a list. ``tomllib`` tells no lines, but
@@ -39,7 +39,7 @@ def line_of(text: str, key: Key) -> int | None:
     lines = text.splitlines()
     whole = 0
     for end in range(1, len(lines) + 1):
-        data = _parsed("\n".join(lines[:end]))
+        data = _parse_beginning("\n".join(lines[:end]))
         if data is None:
             continue  # in the middle of a value
         if _has(data, key):
@@ -63,6 +63,6 @@ class Place:
 
     def __str__(self) -> str:
         key = self.key
-        while key and (line := line_of(self.text, key)) is None:
+        while key and (line := find_line(self.text, key)) is None:
             key = key[:-1]  # what is absent is told at the table it belongs to
         return f"{self.file}, line {line}" if key else str(self.file)

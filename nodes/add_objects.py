@@ -8,8 +8,8 @@ import bpy
 import numpy as np
 
 from ..errors import IcyMoonError
-from ..physics.rocks.shapes import block_shapes
-from ..physics.terrain.terrain import terrain as make_terrain
+from ..physics.rocks.shapes import make_rock_shapes
+from ..physics.terrain.terrain import make_terrain as make_terrain
 from ..settings.description import Settings
 from . import engine
 from .ground.terrain_mesh import build_mesh, mesh_from_arrays
@@ -36,7 +36,7 @@ def block_object(settings: Settings, diameter_m: float) -> bpy.types.Object:
     """
     engine.require()
     rocks = settings["rocks"]
-    shape = block_shapes(rocks["family"], rocks["angularity"], int(settings["dataset"]["seed"]))[0][0]
+    shape = make_rock_shapes(rocks["family"], rocks["angularity"], int(settings["dataset"]["seed"]))[0][0]
     long = float(np.sqrt(max(rocks["elongation"], 1.0)))
     scale = diameter_m * np.array([long, 1.0 / long, shape.height * rocks["height_ratio"]])
     vertices = (shape.vertices - [0.0, 0.0, shape.vertices[:, 2].min()]) * scale

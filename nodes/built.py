@@ -119,7 +119,7 @@ class Built:
 
     @property
     def sky(self) -> dict[str, Any]:
-        """Where the lights stand and how bright they are, see ``physics.sky.facts``."""
+        """Where the lights stand and how bright they are, see ``physics.light.sky.sky_facts``."""
         return dict(json.loads(self.sun.get(SKY, "{}")))
 
     @property

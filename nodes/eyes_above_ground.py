@@ -10,7 +10,7 @@ import numpy as np
 from mathutils import Vector
 
 from ..physics import admission
-from ..physics.admission import LOWEST_M, buried, in_a_block
+from ..physics.admission import LOWEST_M, buried_sentence, in_rock_sentence
 from .built import Built
 from .datablocks.fingerprint import TAG
 from .rig import eye_poses
@@ -25,7 +25,7 @@ def of_described(built: Built, scene: bpy.types.Scene | None = None) -> list[str
     is not as fine under the camera as the images show. For ``scene`` see ``reasons``."""
     settings = built.settings
     graded = settings["source"]["kind"] == "PROCEDURAL" and settings["mesh"]["kind"] == "GRADED"
-    return list(admission.reasons(settings)) or ([] if graded else reasons(built, scene=scene))
+    return list(admission.find_reasons(settings)) or ([] if graded else reasons(built, scene=scene))
 
 
 def reasons(built: Built, turn_deg: float = 0.0, scene: bpy.types.Scene | None = None) -> list[str]:
@@ -66,9 +66,9 @@ def _of_eye(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph, built: Built
     rig = built.settings["rig"]
     role, distance, leaves = _met(scene, depsgraph, position, _UP)
     if role and leaves:
-        return buried(rig, eye, distance) if role == "terrain" else in_a_block(rig, eye)
+        return buried_sentence(rig, eye, distance) if role == "terrain" else in_rock_sentence(rig, eye)
     role, distance, _ = _met(scene, depsgraph, position, -_UP)
-    return buried(rig, eye, -distance) if role == "terrain" and distance < LOWEST_M / 2 else ""
+    return buried_sentence(rig, eye, -distance) if role == "terrain" and distance < LOWEST_M / 2 else ""
 
 
 def _met(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph, start: Vector,

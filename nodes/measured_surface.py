@@ -34,7 +34,7 @@ def read_points(path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndar
     """Positions (n, 3) m, unit vectors to the camera (n, 3), sRGB colours (n, 3) 0 to 1, widths (n,) m and errors (n,)
     m, NaN without a true depth, of a file that the evaluator wrote. Raises IcyMoonError if it is gone or damaged."""
     try:
-        table = ply.properties(path, "x", "y", "z", "nx", "ny", "nz", "red", "green", "blue", "size_m", "error_m")
+        table = ply.read_properties(path, "x", "y", "z", "nx", "ny", "nz", "red", "green", "blue", "size_m", "error_m")
     except (OSError, ValueError):
         table = None
     if table is None or not np.isfinite(table[:, :10]).all():
@@ -68,7 +68,7 @@ def build_points(scene: bpy.types.Scene, paths: Iterable[Path], title: str) -> b
     mesh.materials.append(_material())
     item = bpy.data.objects.new(f"{NAME}: {title}", mesh)
     item[TAG] = ROLE
-    item[_COUNTS] = _counts(error, [ply.noted(path, "missing") for path in paths])
+    item[_COUNTS] = _counts(error, [ply.read_comment_number(path, "missing") for path in paths])
     item.hide_render = True
     item.show_in_front = True
     collection = bpy.data.collections.new(NAME)

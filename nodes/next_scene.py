@@ -43,7 +43,7 @@ def adapted(built: Built | None, settings: Settings) -> tuple[Built, bool]:
     built.remember(settings, {})
     warnings = [*materials.advice(settings), *reflectance_laws.advice(settings),
                 *light_advice(described_sky(settings), settings),
-                *rounding_advice(settings["rig"], built.site_m), *admission.advice(settings)]
+                *rounding_advice(settings["rig"], built.site_m), *admission.scene_advice(settings)]
     now = find(bpy.context.scene)
     if now is None:
         raise IcyMoonError("A part of the built scene is gone; render the pair again.")

@@ -21,7 +21,7 @@ from ..physics.mesh.height_map import HeightMap
 from ..physics.mesh.height_surface import Surface
 from ..physics.mesh.horizon import drop_m
 from ..physics.rocks.rocks import LEVEL_RANKS, Rocks, scatter
-from ..physics.rocks.shapes import Shape, block_shapes
+from ..physics.rocks.shapes import Shape, make_rock_shapes
 from ..settings import changes
 from ..settings.changes import geometry
 from ..settings.description import Settings, merged
@@ -129,7 +129,7 @@ def _show_ground(built: scenes.Built, settings: Settings, side: int) -> Surface:
 
 def _coarse_shapes(settings: Settings) -> tuple[tuple[Shape, ...], ...]:
     rocks = settings["rocks"]
-    return block_shapes(rocks["family"], rocks["angularity"], int(settings["dataset"]["seed"]))[-1:]
+    return make_rock_shapes(rocks["family"], rocks["angularity"], int(settings["dataset"]["seed"]))[-1:]
 
 
 def _scattered(settings: Settings, positions: np.ndarray) -> Rocks:

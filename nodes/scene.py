@@ -21,9 +21,9 @@ from ..physics.camera.stereo_geometry import rounding_advice
 from ..physics.mesh.graded_ground import Graded
 from ..physics.mesh.height_surface import Surface
 from ..physics.rocks.rocks import scatter
-from ..physics.rocks.shapes import block_shapes
-from ..physics.terrain.terrain import Terrain, advice
-from ..physics.terrain.terrain import terrain as make_terrain
+from ..physics.rocks.shapes import make_rock_shapes
+from ..physics.terrain.terrain import Terrain, terrain_advice
+from ..physics.terrain.terrain import make_terrain as make_terrain
 from ..settings.description import Settings, merged
 from . import engine, eyes_above_ground
 from .built import (
@@ -113,7 +113,7 @@ def _site(settings: Settings, ground: Surface, own: OwnGround | None) -> tuple[f
 def _blocks(settings: Settings, terrain: bpy.types.Object, size_m: float) -> tuple[bpy.types.Object, list[str]]:
     """The object that carries the blocks on the ground, and warnings."""
     seed, described, rig = int(settings["dataset"]["seed"]), settings["rocks"], settings["rig"]
-    shapes = block_shapes(described["family"], described["angularity"], seed)
+    shapes = make_rock_shapes(described["family"], described["angularity"], seed)
     with heights_of(terrain) as height_at:
         rocks = scatter(described, size_m, seed, height_at, shapes,
                         (rig["x_m"], rig["y_m"], described["clear_radius_m"]))
@@ -130,7 +130,7 @@ def _make(settings: Settings) -> tuple[list[bpy.types.Object], bpy.types.World, 
     """All objects of the scene (terrain, Sun, camera, then others), its sky, warnings, the person's own ground, and
     the height of the ground under the camera."""
     # What can be refused comes first: nothing has been made yet.
-    if said := admission.of_settings(settings):
+    if said := admission.reasons_of_settings(settings):
         raise IcyMoonError(" ".join(said))
     hapke_warnings = reflectance_laws.advice(settings)
     sky = described_sky(settings)
@@ -138,14 +138,14 @@ def _make(settings: Settings) -> tuple[list[bpy.types.Object], bpy.types.World, 
     materials.refuse_without_uv(settings, own is not None and own.uv is not None)
     ground: Surface = own.surface if own else as_meshed(ground_of(settings), settings)
     site_m, warnings = _site(settings, ground, own)
-    warnings += [*hapke_warnings, *rounding_advice(settings["rig"], site_m), *admission.advice(settings)]
+    warnings += [*hapke_warnings, *rounding_advice(settings["rig"], site_m), *admission.scene_advice(settings)]
     if own is not None:
         if settings["rocks"]["coverage"] > 0:
-            admission.refuse_no_blocks(settings["rocks"], ground.size_m, "source.file")
+            admission.refuse_no_rocks(settings["rocks"], ground.size_m, "source.file")
         warnings += own.warnings
         mesh = own.build_mesh(f"{NAME} Terrain")
     else:
-        warnings += advice(settings, site_wavelength_m(settings["terrain"], ground))
+        warnings += terrain_advice(settings, site_wavelength_m(settings["terrain"], ground))
         warnings += ground.advice(settings) if isinstance(ground, Graded) else []
         mesh = build_mesh(f"{NAME} Terrain", settings["terrain"], ground)
     mark_elevation(mesh, settings["surface"], ground.drop_m if isinstance(ground, Graded) else None)
@@ -160,7 +160,7 @@ def _make(settings: Settings) -> tuple[list[bpy.types.Object], bpy.types.World, 
     camera = _tagged(build_rig(f"{NAME} Camera", settings["rig"], site_m), "camera")
     lights = build_lights(settings, sky, camera)
     warnings += light_advice(sky, settings)
-    warnings += blur.advice(settings)
+    warnings += blur.blur_advice(settings)
     objects = [terrain, lights[0], camera, *lights[1:]]
     if settings["rocks"]["coverage"] > 0:
         blocks, more = _blocks(settings, terrain, ground.size_m)

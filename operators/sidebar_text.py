@@ -15,10 +15,10 @@ import bpy
 from .. import compat
 from ..errors import IcyMoonError
 from ..physics import left_out as requires
-from ..physics.camera.blur import advice, blur_of, confusion_px, motion_px
+from ..physics.camera.blur import blur_advice, blur_of, confusion_px, motion_px
 from ..physics.camera.lens_distortion import coefficients, overscan_needed
 from ..physics.camera.stereo_geometry import GroundRow, depth_error_m, focal_px, ground_row, shared_width_px
-from ..physics.light.sky import facts, sky
+from ..physics.light.sky import sky, sky_facts
 from ..render.cost.abilities import Abilities
 from ..render.cost.quality_presets import qualities
 from ..render.cost.speed import Speed, remembered
@@ -63,7 +63,7 @@ def left_out(settings: Settings) -> tuple[str, ...]:
         lights = _facts(tuple(settings["light"].items()), bpy.data.filepath)
     except IcyMoonError:
         lights = {"planet": None}
-    return tuple(requires.left_out(settings, lights))
+    return tuple(requires.find_left_out(settings, lights))
 
 
 def sky_lines(light: Mapping[str, Any]) -> tuple[str, ...]:
@@ -85,7 +85,7 @@ def camera_notes(settings: Mapping[str, Mapping[str, Any]]) -> tuple[str, ...]:
 def _camera_notes(*parts: tuple[tuple[str, Any], ...]) -> tuple[str, ...]:
     rig, sensor = map(dict, parts)
     settings = {"rig": rig, "sensor": sensor}
-    said = [line for sentence in advice(settings) for line in wrapped(sentence)]
+    said = [line for sentence in blur_advice(settings) for line in wrapped(sentence)]
     try:
         found = blur_of(settings)
     except IcyMoonError:
@@ -123,7 +123,7 @@ def brightness_wm2(light: Mapping[str, Any]) -> float:
 
 @lru_cache(maxsize=8)
 def _facts(light: tuple[tuple[str, Any], ...], blend: str) -> dict[str, Any]:
-    return facts(sky(dict(light), str(Path(blend).parent) if blend else None))
+    return sky_facts(sky(dict(light), str(Path(blend).parent) if blend else None))
 
 
 def _sky_lines(light: tuple[tuple[str, Any], ...], blend: str) -> tuple[str, ...]:

@@ -6,7 +6,7 @@ from __future__ import annotations
 from typing import Any
 
 from ..physics.camera.blur import MOTION
-from ..physics.surfaces.textures import by_uv
+from ..physics.surfaces.textures import uses_uv
 from ..settings.table import LANDFORMS, TOPICS
 
 _PRINCIPLED_ONLY = {"subsurface_weight", "subsurface_radius_m", "transmission", "roughness", "specular",
@@ -79,7 +79,7 @@ def matters(topic: str, key: str, root: Any) -> bool:
     if topic in ("surface", "rock_surface"):
         return bool(key not in _SURFACE_NEEDS or getattr(group, _SURFACE_NEEDS[key]) > 0)
     if topic == "textures" and key in ("width_m", "repeat"):
-        return not by_uv({"set": group.set, "mapping": group.mapping})
+        return not uses_uv({"set": group.set, "mapping": group.mapping})
     if topic == "textures" and key != "set":
         return bool(key.endswith("_file") or group.set != "MESH")
     return _OFF.get(topic, _always)(key, group)

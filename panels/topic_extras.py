@@ -48,7 +48,7 @@ def _camera_notes(layout: Any, context: bpy.types.Context) -> None:
 def _surface(topic: str) -> Extra:
     def draw(layout: Any, context: bpy.types.Context) -> None:
         group = getattr(context.scene.icymoon, topic)
-        told = principled.advice({s.key: getattr(group, s.key) for s in TOPICS[topic].settings})
+        told = principled.albedo_advice({s.key: getattr(group, s.key) for s in TOPICS[topic].settings})
         if told and group.model == "PRINCIPLED":
             draw_lines(layout, wrapped(told), "INFO")
         values = scene_properties.read_unchecked(context.scene.icymoon)

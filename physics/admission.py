@@ -1,7 +1,7 @@
 """Whether a description can be rendered as it is meant: one check for plans, renders and the window.
 
-What is refused would be silently wrong: an eye in the ground or in a block, which sees black; ice that reflects more
-light than it gets; blocks of which none fits the ground; a sky out of the years that it is known for. ``settings``
+What is refused would be silently wrong: an eye in the ground or in a rock, which sees black; ice that reflects more
+light than it gets; rocks of which none fits the ground; a sky out of the years that it is known for. ``settings``
 are a complete scene description. Every reason is a sentence that names the settings, their values and the mend.
 """
 
@@ -17,12 +17,12 @@ import numpy as np
 
 from ..errors import IcyMoonError
 from .camera.stereo_geometry import coarse_advice, ground_row
-from .left_out import surfaces
+from .left_out import surface_topics
 from .light.sky import check_body, sky
 from .rocks.size_laws import size_law
 from .surfaces.hapke import HapkeParameters, bidirectional_reflectance, from_settings
 from .surfaces.photometry import hemispherical_albedo
-from .terrain.sites import Standing, standing
+from .terrain.sites import RockyGround, make_rocky_ground
 
 Settings = Mapping[str, Mapping[str, Any]]
 
@@ -51,12 +51,12 @@ class Reason(str):
         return made
 
 
-def reasons(settings: Settings) -> list[Reason]:
+def find_reasons(settings: Settings) -> list[Reason]:
     """Why a description is not rendered: all reasons; none if it is."""
-    said = of_settings(settings)
+    said = reasons_of_settings(settings)
     if settings["source"]["kind"] == "PROCEDURAL":
         try:
-            found, = of_eyes(standing(settings), [settings["rig"]])
+            found, = reasons_of_eyes(make_rocky_ground(settings), [settings["rig"]])
         except IcyMoonError as error:
             found = Reason(str(error))
         said += [found] if found and found.names != OUTSIDE and found not in said else []
@@ -65,16 +65,16 @@ def reasons(settings: Settings) -> list[Reason]:
 
 def refuse(settings: Settings) -> None:
     """Raise IcyMoonError with all reasons for which a description is not rendered."""
-    if said := reasons(settings):
+    if said := find_reasons(settings):
         raise IcyMoonError(" ".join(said))
 
 
-def of_settings(settings: Settings) -> list[Reason]:
+def reasons_of_settings(settings: Settings) -> list[Reason]:
     """The reasons that need no ground."""
-    return [*_of_ice(settings), *_of_blocks(settings), *_of_sky(settings)]
+    return [*_ice_reasons(settings), *_rock_reasons(settings), *_sky_reasons(settings)]
 
 
-def advice(settings: Settings) -> list[str]:
+def scene_advice(settings: Settings) -> list[str]:
     """What a person should know of a description that is rendered all the same; sentences."""
     rig, patch = settings["rig"], settings["terrain"]
     said = []
@@ -94,7 +94,7 @@ def returned_share(parameters: HapkeParameters) -> tuple[float, float]:
 
 
 @lru_cache(maxsize=64)
-def _gain(parameters: HapkeParameters) -> tuple[float, float, float] | None:
+def _excess_light(parameters: HapkeParameters) -> tuple[float, float, float] | None:
     """What ice returns that is too much (share, incidence in degrees, the largest w of two digits with which it does
     not), or None."""
     most = _MOST_RETURNED[parameters.h_function]
@@ -108,9 +108,9 @@ def _gain(parameters: HapkeParameters) -> tuple[float, float, float] | None:
     return share, incidence, low / 100
 
 
-def _of_ice(settings: Settings) -> Iterator[Reason]:
+def _ice_reasons(settings: Settings) -> Iterator[Reason]:
     hapke = settings["hapke"]
-    if not any(settings[topic]["model"] == "HAPKE" for topic in surfaces(settings)):
+    if not any(settings[topic]["model"] == "HAPKE" for topic in surface_topics(settings)):
         return
     try:
         parameters = from_settings(hapke)
@@ -119,7 +119,7 @@ def _of_ice(settings: Settings) -> Iterator[Reason]:
         return
     # The smoother, the brighter. An image goes to half the range under its mean, if it is one of even greys.
     varies = math.radians(abs(hapke["theta_bar_range_deg"])) / 2 if settings["textures"]["set"] != "NONE" else 0.0
-    gain = _gain(replace(parameters, theta_bar=max(float(parameters.theta_bar) - varies, 0.0)))
+    gain = _excess_light(replace(parameters, theta_bar=max(float(parameters.theta_bar) - varies, 0.0)))
     if gain is not None:
         share, incidence, w = gain
         others = [f" or hapke.{key} ({hapke[key]:g})" for key, width in (
@@ -129,26 +129,26 @@ def _of_ice(settings: Settings) -> Iterator[Reason]:
                      "hapke.filling_factor", "hapke.w")
 
 
-def _of_blocks(settings: Settings) -> Iterator[Reason]:
+def _rock_reasons(settings: Settings) -> Iterator[Reason]:
     if settings["source"]["kind"] == "PROCEDURAL" and settings["rocks"]["coverage"] > 0:
         try:
-            refuse_no_blocks(settings["rocks"], float(settings["terrain"]["size_m"]), "terrain.size_m")
+            refuse_no_rocks(settings["rocks"], float(settings["terrain"]["size_m"]), "terrain.size_m")
         except IcyMoonError as error:
             yield Reason(str(error), "rocks.largest_m", "rocks.smallest_m", "rocks.coverage", "terrain.size_m")
 
 
-def refuse_no_blocks(rocks: Mapping[str, Any], size_m: float, size_is: str) -> None:
-    """Raise IcyMoonError if ``rocks`` settings contradict each other, or no block comes of them on a square patch of
+def refuse_no_rocks(rocks: Mapping[str, Any], size_m: float, size_is: str) -> None:
+    """Raise IcyMoonError if ``rocks`` settings contradict each other, or no rock comes of them on a square patch of
     this side, which ``size_is`` the name of."""
     number = size_law(rocks).total_per_m2 * size_m**2
     if round(number) == 0:
         raise IcyMoonError(
             f"rocks.coverage is {rocks['coverage']:g}, but a ground of {size_m:g} m ({size_is}) then has "
-            f"{number:.2g} blocks of {rocks['smallest_m']:g} m (rocks.smallest_m) to {rocks['largest_m']:g} m "
-            "(rocks.largest_m), so none; make the blocks smaller or the ground larger, or set rocks.coverage to 0.")
+            f"{number:.2g} rocks of {rocks['smallest_m']:g} m (rocks.smallest_m) to {rocks['largest_m']:g} m "
+            "(rocks.largest_m), so none; make the rocks smaller or the ground larger, or set rocks.coverage to 0.")
 
 
-def _of_sky(settings: Settings) -> Iterator[Reason]:
+def _sky_reasons(settings: Settings) -> Iterator[Reason]:
     try:
         check_body(settings)
         if settings["light"]["directions_from"] == "DATE":  # kernels are read where SpiceyPy is
@@ -157,38 +157,39 @@ def _of_sky(settings: Settings) -> Iterator[Reason]:
         yield Reason(str(error), "light.date_utc", "light.body", "terrain.body_radius_m")
 
 
-def of_eyes(ground: Standing, rigs: Sequence[Mapping[str, Any]]) -> list[Reason | None]:
+def reasons_of_eyes(ground: RockyGround, rigs: Sequence[Mapping[str, Any]]) -> list[Reason | None]:
     """For each ``rig`` on a ground that is made up, why its camera cannot stand there; None if it can.
 
-    Raises IcyMoonError if the settings of ground or blocks contradict each other.
+    Raises IcyMoonError if the settings of ground or rocks contradict each other.
     """
     columns = (np.array([rig[key] for rig in rigs], float)
                for key in ("x_m", "y_m", "height_m", "heading_deg", "baseline_m"))
     eyes = ground.eyes(*columns)
-    return [_of_eye(rig, float(above), bool(inside)) for rig, above, inside in
-            zip(rigs, eyes.above_m, eyes.in_block, strict=True)]
+    return [_eye_reason(rig, float(above), bool(inside)) for rig, above, inside in
+            zip(rigs, eyes.above_m, eyes.in_rock, strict=True)]
 
 
-def _of_eye(rig: Mapping[str, Any], above_m: float, in_block: bool) -> Reason | None:
+def _eye_reason(rig: Mapping[str, Any], above_m: float, in_rock: bool) -> Reason | None:
     if not math.isfinite(above_m):
-        return Reason(f"{_place(rig)}, stands outside the ground; change rig.x_m, rig.y_m or terrain.size_m.", *OUTSIDE)
+        return Reason(f"{_camera_place(rig)}, stands outside the ground; change rig.x_m, rig.y_m or terrain.size_m.",
+                      *OUTSIDE)
     if above_m < LOWEST_M:
-        return Reason(buried(rig, "right", -above_m), *_POSE)
-    return Reason(in_a_block(rig, "right"), *_POSE) if in_block else None
+        return Reason(buried_sentence(rig, "right", -above_m), *_POSE)
+    return Reason(in_rock_sentence(rig, "right"), *_POSE) if in_rock else None
 
 
-def _place(rig: Mapping[str, Any]) -> str:
+def _camera_place(rig: Mapping[str, Any]) -> str:
     return f"The camera at east {rig['x_m']:g} m, north {rig['y_m']:g} m, heading {rig['heading_deg']:g}°"
 
 
-def buried(rig: Mapping[str, Any], eye: str, depth_m: float) -> str:
+def buried_sentence(rig: Mapping[str, Any], eye: str, depth_m: float) -> str:
     """The sentence on an eye so far under the ground, or (below 0) less than ``LOWEST_M`` above it."""
     where = f"{depth_m:.3g} m under the ground" if depth_m >= 0 else f"{-depth_m:.2g} m above the ground"
     least = "" if depth_m >= 0 else f", less than {LOWEST_M:g} m"
-    return (f"{_place(rig)}, has its {eye} eye {where}{least}; raise rig.height_m ({rig['height_m']:g} m), or change "
-            "the site, rig.heading_deg or rig.baseline_m.")
+    return (f"{_camera_place(rig)}, has its {eye} eye {where}{least}; raise rig.height_m ({rig['height_m']:g} m), or "
+            "change the site, rig.heading_deg or rig.baseline_m.")
 
 
-def in_a_block(rig: Mapping[str, Any], eye: str) -> str:
-    """The sentence on an eye in a block."""
-    return f"{_place(rig)}, has its {eye} eye in a block; change the site or raise rocks.clear_radius_m."
+def in_rock_sentence(rig: Mapping[str, Any], eye: str) -> str:
+    """The sentence on an eye in a rock."""
+    return f"{_camera_place(rig)}, has its {eye} eye in a rock; change the site or raise rocks.clear_radius_m."

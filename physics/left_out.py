@@ -17,8 +17,8 @@ Settings = Mapping[str, Mapping[str, Any]]
 SURFACES = ("surface", "rock_surface")
 
 
-def surfaces(settings: Settings) -> tuple[str, ...]:
-    """The topics of the surfaces that the scene shows: blocks may have one of their own."""
+def surface_topics(settings: Settings) -> tuple[str, ...]:
+    """The topics of the surfaces that the scene shows: rocks may have one of their own."""
     return SURFACES if settings["rocks"]["coverage"] > 0 and settings["rocks"]["own_surface"] else SURFACES[:1]
 
 
@@ -37,15 +37,15 @@ def walk_px(settings: Settings, topic: str) -> float:
     return float(surface["subsurface_radius_m"]) * focal_px(settings["rig"]) / nearest_m(settings["rig"])
 
 
-def walks(settings: Settings, topic: str) -> bool:
+def follows_walk(settings: Settings, topic: str) -> bool:
     """Whether the way of light under a surface is to be followed, see ``quality.walk_px``."""
     length = walk_px(settings, topic)
     return length > 0 and length >= settings["quality"]["walk_px"]
 
 
-def shown_surface(settings: Settings, topic: str) -> Mapping[str, Any]:
+def rendered_surface(settings: Settings, topic: str) -> Mapping[str, Any]:
     """The settings of a surface as it is rendered: without a walk light leaves where it entered, as much of it."""
-    return settings[topic] if walks(settings, topic) else {**settings[topic], "subsurface_weight": 0.0}
+    return settings[topic] if follows_walk(settings, topic) else {**settings[topic], "subsurface_weight": 0.0}
 
 
 def only_camera_meets_relief(surface: Mapping[str, Any], quality: Mapping[str, Any]) -> bool:
@@ -58,26 +58,26 @@ def only_camera_meets_relief(surface: Mapping[str, Any], quality: Mapping[str, A
 
 def relief_of_camera_alone(settings: Settings, topic: str) -> bool:
     """Whether a surface shades fine relief, of its own or of images on it, that only the camera meets."""
-    surface = shown_surface(settings, topic)
+    surface = rendered_surface(settings, topic)
     shaded = (surface["relief"] == "BUMP" and surface["grain_amplitude_m"] > 0) or (
         settings["textures"]["set"] != "NONE")
     return shaded and only_camera_meets_relief(surface, settings["quality"])
 
 
-def planet_lights(settings: Settings, sky: Sky) -> bool:
+def planet_gives_light(settings: Settings, sky: Sky) -> bool:
     """Whether the planet is to light the ground, see ``light.planet_least``."""
     return sky.planet_over_sun > 0 and sky.planet_over_sun >= settings["light"]["planet_least"]
 
 
-def left_out(settings: Settings, lights: Mapping[str, Any]) -> list[str]:
+def find_left_out(settings: Settings, lights: Mapping[str, Any]) -> list[str]:
     """What is described and not rendered, since it would not be seen: sentences, for the person and ``pair.json``.
 
-    ``lights`` are the ``sky.facts`` of what was built.
+    ``lights`` are the ``sky.sky_facts`` of what was built.
     """
     said = []
-    for topic in surfaces(settings):
+    for topic in surface_topics(settings):
         length = walk_px(settings, topic)
-        if length > 0 and not walks(settings, topic):
+        if length > 0 and not follows_walk(settings, topic):
             said.append(f"{topic}: light is not followed under the surface, since its mean free path of "
                         f"{1e3 * settings[topic]['subsurface_radius_m']:.3g} mm is {length:.2g} of the nearest pixel, "
                         f"under quality.walk_px.")

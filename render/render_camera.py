@@ -17,7 +17,7 @@ from mathutils import Matrix
 
 from ..errors import IcyMoonError
 from ..nodes.rig import OPENCV_FROM_BLENDER
-from ..physics.camera.blur import Blur, moved
+from ..physics.camera.blur import Blur, pose_after
 from .pairs.pair_folder import StereoCamera
 
 #: Where Cycles takes the first sample of a pixel, right of and above its centre, with the pixel filter
@@ -128,7 +128,7 @@ def _move(scene: bpy.types.Scene, item: bpy.types.Object, pose: Matrix, middle: 
     turned[:3, :3] = OPENCV_FROM_BLENDER
     item.rotation_mode = "QUATERNION"
     for side in (-0.5, 0.5, 0.0):
-        step = Matrix((turned @ moved(blur, side * exposure_s) @ turned).tolist())
+        step = Matrix((turned @ pose_after(blur, side * exposure_s) @ turned).tolist())
         item.matrix_world = pose @ step @ Matrix.Translation((middle, 0.0, 0.0))
         for path in ("location", "rotation_quaternion"):
             item.keyframe_insert(path, frame=scene.frame_current + side)

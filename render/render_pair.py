@@ -22,9 +22,9 @@ from .. import system
 from ..errors import DiskError, IcyMoonError
 from ..files import explain_disk_errors, part_of, sha256, write_json
 from ..formats.exr_layout import is_whole
-from ..formats.exr_parts import joined
-from ..formats.exr_pixels import without_passes
-from ..formats.exr_sum import with_planet
+from ..formats.exr_parts import join_files
+from ..formats.exr_pixels import drop_passes
+from ..formats.exr_sum import add_planet
 from ..labels import BEAUTY, TRUTH
 from ..nodes.light.sun import build_sky
 from ..nodes.rig import eye_poses, lens_values
@@ -223,7 +223,7 @@ def _radiance(scene: bpy.types.Scene, built: Built, lights: list[separate_lights
         for eye, file in made.items():
             if eye in files:
                 with explain_disk_errors("write", file), _unreadable(planned):
-                    files[eye].write_bytes(with_planet(files[eye].read_bytes(), file.read_bytes()))
+                    files[eye].write_bytes(add_planet(files[eye].read_bytes(), file.read_bytes()))
                     system.remove(file)
             files.setdefault(eye, file)
     return files
@@ -267,9 +267,9 @@ def first_line(error: Exception) -> str:
 
 def _finish(written: dict[str, Path], final: Path) -> dict[str, Any]:
     """Put the layers that Blender wrote into one file, flush it and return its size and checksum."""
-    less = partial(without_passes, unwanted=passes.UNWANTED)
+    less = partial(drop_passes, unwanted=passes.UNWANTED)
     with explain_disk_errors("write", final):
-        final.write_bytes(joined({name: file.read_bytes() for name, file in written.items()}, less))
+        final.write_bytes(join_files({name: file.read_bytes() for name, file in written.items()}, less))
         for file in written.values():
             system.remove(file)
         system.flush(final)

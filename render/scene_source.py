@@ -16,7 +16,7 @@ from ..nodes.ground.user_ground import cost_warnings
 from ..nodes.next_scene import adapted
 from ..nodes.scene import Built
 from ..physics import admission
-from ..physics.camera.blur import identity
+from ..physics.camera.blur import blur_identity
 from ..settings import changes
 from ..settings.description import Settings, digest
 from . import cycles_settings
@@ -51,7 +51,7 @@ class Standing:
         """Where this pair is rendered."""
         assert self._scene is not None
         cycles_settings.check_possible(planned.settings["quality"])
-        _refuse([*admission.of_settings(planned.settings),
+        _refuse([*admission.reasons_of_settings(planned.settings),
                  *eyes_above_ground.reasons(self._built, planned.turn_deg, self._scene)])
         return self._built, self._scene, self._seconds
 
@@ -115,7 +115,7 @@ def _same_surroundings(one: Settings, other: Settings) -> bool:
 
 
 def _check_id(planned: PlannedPair, built: Built, extra: str) -> None:
-    if digest(planned.settings, built.extra + extra + identity(planned.settings)) != planned.id:
+    if digest(planned.settings, built.extra + extra + blur_identity(planned.settings)) != planned.id:
         why = ("a file that its description names has another content than when it was planned" if built.content else
                "nodes stand in for OSL here (set hapke.backend to NODES), or another version planned it")
         raise IcyMoonError(f"Pair {planned.id} would not be what was planned: {why}; plan the data set again.")

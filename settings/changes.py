@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from ..physics.left_out import SURFACES, walks
+from ..physics.left_out import SURFACES, follows_walk
 from ..physics.mesh.grading import OF_THE_RIG
 from .description import Settings
 from .table import TOPICS
@@ -63,7 +63,7 @@ def materials(settings: Settings) -> Settings:
 
 def look(settings: Settings) -> Settings:
     """``materials``, and what else surfaces are made from: which of them a camera sees into."""
-    return {**materials(settings), "walks": {topic: walks(settings, topic) for topic in SURFACES}}
+    return {**materials(settings), "walks": {topic: follows_walk(settings, topic) for topic in SURFACES}}
 
 
 def light(settings: Settings) -> Settings:

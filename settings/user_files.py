@@ -59,8 +59,8 @@ def _parts(settings: Mapping[str, Mapping[str, Any]], name: str, path: Path) -> 
     """The files whose content counts: of a mesh its buffers and, if they are shown, its images, of a folder of
     kernels all."""
     if name == "source.file":
-        shown = mesh_images.images(path).files() if settings["textures"]["set"] == "MESH" else []
-        return [*mesh_file.parts(path), *shown]
+        shown = mesh_images.find_images(path).files() if settings["textures"]["set"] == "MESH" else []
+        return [*mesh_file.find_geometry_files(path), *shown]
     return sorted(part for part in path.iterdir() if part.is_file()) if path.is_dir() else [path]
 
 

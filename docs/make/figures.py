@@ -55,7 +55,7 @@ def terrain_law(figure: Figure) -> None:
         shown = described(terrain={"hurst": hurst})
         ground = shown["terrain"]
         spacing = axis[1] - axis[0]
-        heights = grounds.terrain(shown, 1).heights(axis[None, :], axis[:, None], 2 * spacing)
+        heights = grounds.make_terrain(shown, 1).heights(axis[None, :], axis[:, None], 2 * spacing)
         low, high = grounds.law_range_m(ground)
         found = statistics.measure(heights, spacing, ground["slope_baseline_m"], (max(low, 6 * spacing), high))
         law = np.geomspace(low, high, 20)
@@ -72,7 +72,7 @@ def terrain_profiles(figure: Figure) -> None:
     rows = figure.subplots(3, sharex=True, sharey=True)
     x = np.linspace(-5, 5, 2001)
     for axes, hurst, colour in zip(rows, (0.5, 0.7, 0.9), COLOURS, strict=False):
-        made = grounds.terrain(described(terrain={"hurst": hurst}), 1)
+        made = grounds.make_terrain(described(terrain={"hurst": hurst}), 1)
         axes.fill_between(x, made.heights(x, np.zeros_like(x)), -3, color=colour, lw=0)
         axes.set(ylim=(-1.6, 1.0), ylabel=f"H {hurst}\nheight, m", xlim=(-5, 5))
     rows[-1].set_xlabel("East, m")
@@ -85,7 +85,7 @@ def rock_sizes(figure: Figure) -> None:
     for name, colour in zip(description.preset_names("rocks"), COLOURS, strict=False):
         shown = described(name)
         law = size_laws.size_law(shown["rocks"])
-        diameters, _ = size_laws.drawn(law, area, shown["rocks"]["most"], generator(1, "rocks"))
+        diameters, _ = size_laws.draw_diameters(law, area, shown["rocks"]["most"], generator(1, "rocks"))
         step = max(1, len(diameters) // 60)
         axes.loglog(diameters[::step], (np.arange(len(diameters)) + 1)[::step] / area, "o", ms=3, color=colour)
         d = np.geomspace(law.smallest_m, 0.999 * shown["rocks"]["largest_m"], 80)
@@ -201,7 +201,7 @@ def photon_transfer(figure: Figure) -> None:
         measured = []
         for j, electrons in enumerate(signal):
             light = np.full((128, 128), electrons)
-            pattern = sensor.fixed_pattern(1, "left", (128, 128), response)
+            pattern = sensor.draw_pattern(1, "left", (128, 128), response)
             drawn = sensor.electrons(light, 1.0, 1.0, {**response, "dark_current_e_s": 0.0}, generator(1, "sensor", j),
                                      pattern)
             measured.append(drawn.mean() / drawn.std())

@@ -18,7 +18,7 @@ import numpy as np
 from ...errors import IcyMoonError
 from ...formats import geotiff
 from ...formats.exr_layout import is_whole
-from ...formats.mesh_file import opening
+from ...formats.mesh_file import read_opening
 from ...physics.mesh.height_map import NO_HEIGHT
 from .import_mesh import scratch_scene
 
@@ -48,7 +48,7 @@ def read_heights(path: Path) -> Heights:
     suffix = path.suffix.lower()
     if suffix not in SUFFIXES:
         raise IcyMoonError(f"{path}: is not a height map that Icy Moon reads; give one of {', '.join(SUFFIXES)}.")
-    start = opening(path)
+    start = read_opening(path)
     reader = {".tif": _tiff, ".tiff": _tiff, ".npy": _npy, ".png": _png, ".exr": _exr}[suffix]
     heights = reader(path, start)
     if min(heights.values.shape) < 2:

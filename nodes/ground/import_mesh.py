@@ -19,7 +19,7 @@ import numpy as np
 from ... import compat
 from ...errors import IcyMoonError
 from ...formats import ply
-from ...formats.mesh_file import kind_of
+from ...formats.mesh_file import detect_kind
 
 
 def _data_blocks() -> set[Any]:
@@ -69,7 +69,7 @@ def read_mesh(path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
     to metres as their headers say. Raises IcyMoonError if the file is absent, of the wrong kind,
     unreadable or holds no face.
     """
-    kind = kind_of(path)
+    kind = detect_kind(path)
     with _importer(kind, path) as (operator, options), scratch_scene():
         try:
             operator("EXEC_DEFAULT", filepath=str(path), **options)
@@ -89,10 +89,10 @@ def _as_written(path: Path, positions: np.ndarray, faces: np.ndarray,
                 uv: np.ndarray | None) -> tuple[np.ndarray, np.ndarray | None]:
     """Vertices and UV coordinates of a PLY file as they stand in it, where the vertices are those that Blender gave."""
     try:
-        written = ply.vertices(path)
+        written = ply.read_vertices(path)
         if written is None or written.shape != positions.shape:
             return positions, uv
-        stated = ply.texture_coordinates(path, faces)
+        stated = ply.read_texture_coordinates(path, faces)
     except (OSError, ValueError, IndexError):
         return positions, uv
     return written, uv if stated is None else stated.astype(np.float32)

@@ -10,7 +10,7 @@ import bpy
 import numpy as np
 
 from ...labels import UV_LAYER
-from ...physics.mesh.graded_ground import Graded, graded
+from ...physics.mesh.graded_ground import Graded, grade_ground
 from ...physics.mesh.height_surface import Surface
 from ...physics.terrain.roughness.statistics import Roughness, measure, power_spectrum
 from ...physics.terrain.terrain import Terrain, law_range_m
@@ -31,7 +31,7 @@ def shortest_wavelength_m(terrain: Mapping[str, Any]) -> float:
 
 def as_meshed(ground: Terrain, settings: Mapping[str, Mapping[str, Any]]) -> Terrain | Graded:
     """Procedural ground as the mesh that ``settings`` ask for shows it: as it is, or graded."""
-    return graded(ground, settings) if settings["mesh"]["kind"] == "GRADED" else ground
+    return grade_ground(ground, settings) if settings["mesh"]["kind"] == "GRADED" else ground
 
 
 def site_wavelength_m(terrain: Mapping[str, Any], ground: Surface) -> float:

@@ -18,8 +18,8 @@ from ...physics.mesh import check, height_map, subdivide, texture_coordinates
 from ...physics.mesh.height_map import HeightMap
 from ...physics.mesh.height_surface import Surface
 from ...physics.mesh.mesh_heights import MeshGround
-from ...physics.surfaces.textures import by_uv
-from ...physics.terrain.fine_detail import displaced
+from ...physics.surfaces.textures import uses_uv
+from ...physics.terrain.fine_detail import displace
 from ...settings.description import Settings
 from ..datablocks.user_files import used_files
 from . import import_heights
@@ -89,8 +89,8 @@ def cost_warnings(settings: Mapping[str, Mapping[str, Any]]) -> list[str]:
     if settings["source"]["kind"] != "MESH":
         return []
     path = file_of(settings)
-    cost = mesh_file.cost(path)
-    return [f"{cost.sentence(path)}."] if cost.dear else []
+    cost = mesh_file.estimate_cost(path)
+    return [f"{cost.sentence(path)}."] if cost.is_high else []
 
 
 def own_ground(settings: Settings, made_up: Callable[[Settings], Surface]) -> OwnGround:
@@ -144,7 +144,7 @@ def turned_up(positions: np.ndarray, kind: str, up_axis: str) -> tuple[np.ndarra
 
 def _mesh_ground(path: Path, settings: Settings) -> OwnGround:
     source = settings["source"]
-    kind = mesh_file.kind_of(path)
+    kind = mesh_file.detect_kind(path)
     positions, faces, uv = read_mesh(path)
     if not np.isfinite(positions).all(axis=1).any():
         raise IcyMoonError(f"{path}: none of its {len(positions)} vertices is a number; export the mesh again.")
@@ -153,7 +153,7 @@ def _mesh_ground(path: Path, settings: Settings) -> OwnGround:
         warnings.append(f"This Blender takes the units of {path.name} for metres, whatever the file says; set "
                         "source.scale if they are not.")
     positions, axis = turned_up(positions * source["scale"], kind, source["up_axis"])
-    before = check.check(positions, faces)
+    before = check.examine(positions, faces)
     warnings += _check_size(path, np.array(before.extents_m), "set source.scale (0.001 for millimetres).",
                             "mend the vertices that stand out.")
     if before.area_m2 <= 0.0 or before.degenerate_faces == before.triangles:
@@ -163,8 +163,8 @@ def _mesh_ground(path: Path, settings: Settings) -> OwnGround:
                            "the mesh.")
     report = [f"{kind}, {axis} up, {source['scale']:g} m per unit", *before.lines()]
     if source["repair"]:
-        positions, faces, uv = check.repaired(positions, faces, uv)
-        after = check.check(positions, faces)
+        positions, faces, uv = check.repair(positions, faces, uv)
+        after = check.examine(positions, faces)
         report.append("Repaired: " + "; ".join(after.lines()))
     else:
         after = before
@@ -174,11 +174,11 @@ def _mesh_ground(path: Path, settings: Settings) -> OwnGround:
     positions = positions + shift
     report.append(f"Moved by {_metres(shift)} m")
     if uv is not None:
-        uv, found = texture_coordinates.mended(uv)
+        uv, found = texture_coordinates.repair_coordinates(uv)
         report += found
-        if by_uv(settings["textures"]):
+        if uses_uv(settings["textures"]):
             warnings += [f"{path.name}: {sentence}." for sentence in found[1:]]
-    if (brought := ", ".join(mesh_images.images(path).by_kind)):
+    if (brought := ", ".join(mesh_images.find_images(path).by_kind)):
         report.append(f"Brings images ({brought}), which textures.set = MESH shows")
     if source["detail"]:
         positions, faces, uv, sentence = _with_roughness(positions, faces, uv, settings)
@@ -192,13 +192,13 @@ def _with_roughness(positions: np.ndarray, faces: np.ndarray, uv: np.ndarray | N
     """The mesh cut as finely as the terrain's vertices and roughened along its normals, and what was done."""
     edge = subdivide.edge_length_m(positions, faces)
     wanted = shortest_wavelength_m(settings["terrain"]) / 2
-    cuts = subdivide.levels(edge, wanted, len(faces), _MOST_TRIANGLES)
+    cuts = subdivide.count_halvings(edge, wanted, len(faces), _MOST_TRIANGLES)
     for _ in range(cuts):
-        positions, faces = subdivide.halved(positions, faces)
-        uv = None if uv is None else texture_coordinates.halved(uv)
+        positions, faces = subdivide.halve_edges(positions, faces)
+        uv = None if uv is None else texture_coordinates.halve_coordinates(uv)
     finest = edge / 2**cuts
-    roughened = displaced(positions, subdivide.vertex_normals(positions, faces), settings,
-                          int(settings["dataset"]["seed"]), 2 * edge, 2 * finest)
+    roughened = displace(positions, subdivide.vertex_normals(positions, faces), settings,
+                         int(settings["dataset"]["seed"]), 2 * edge, 2 * finest)
     limit = f", not {wanted:.3g} m, to keep to {_MOST_TRIANGLES} triangles" if finest > 1.01 * wanted else ""
     return roughened, faces, uv, (f"Roughness of {2 * finest:.3g} to {2 * edge:.3g} m added on {len(faces)} "
                                   f"triangles, edges of {finest:.3g} m{limit}")
@@ -241,7 +241,7 @@ def _height_ground(path: Path, settings: Settings, made_up: Callable[[Settings],
     extents = np.array([(columns - 1) * pixel[0], (rows - 1) * pixel[1], float(np.ptp(heights))])
     warnings += _check_size(path, extents, "set source.metres_per_pixel.",
                             "set source.height_scale_m, or mark the heights that are missing.")
-    surface, shift = height_map.placed(heights, pixel, read.corner_m or (0.0, 0.0), centre=bool(source["centre"]),
+    surface, shift = height_map.place_map(heights, pixel, read.corner_m or (0.0, 0.0), centre=bool(source["centre"]),
                                       origin_m=(source["origin_x_m"], source["origin_y_m"]),
                                       size_m=float(terrain["size_m"]))
     west, east, south, north = surface.bounds_m
@@ -249,10 +249,10 @@ def _height_ground(path: Path, settings: Settings, made_up: Callable[[Settings],
         raise IcyMoonError(f"{path}: has no height within terrain.size_m = {terrain['size_m']:g} m of the origin; set "
                            "source.centre, source.origin_x_m or source.origin_y_m.")
     if source["detail"]:
-        surface = height_map.with_roughness(surface, made_up(settings))
+        surface = height_map.add_roughness(surface, made_up(settings))
     spacing = shortest_wavelength_m(terrain) / 2
     x, y = (np.linspace(a, b, max(2, round((b - a) / spacing) + 1)) for a, b in ((west, east), (south, north)))
-    positions, faces = height_map.grid(surface.heights(x[None, :], y[:, None], 2 * spacing), x, y)
+    positions, faces = height_map.grid_mesh(surface.heights(x[None, :], y[:, None], 2 * spacing), x, y)
     report = (f"{columns} x {rows} pixels of {pixel[0]:.4g} x {pixel[1]:.4g} m, {_metres(extents)} m", *read.report,
               f"Ground of {east - west:.4g} x {north - south:.4g} m, moved by {_metres(shift)} m",
               "Procedural roughness below the pixel" if source["detail"] else "Nothing finer than the pixel")

@@ -15,7 +15,7 @@ import numpy as np
 
 from ... import compat
 from ...labels import PLANET
-from ...physics.light.planetshine import Planet, disc
+from ...physics.light.planetshine import Planet, disc_mesh
 from ...physics.light.saturn_rings import RingMesh
 from ...physics.light.stars import Stars
 from ..tree.builder import Tree, output
@@ -34,7 +34,7 @@ STAR_PX = 1.0
 
 def build_planet(name: str, planet: Planet, colour: np.ndarray) -> bpy.types.Object:
     """The part of the planet that is above the horizon (z > 0), in true proportion."""
-    shown = disc(planet)
+    shown = disc_mesh(planet)
     faces = [tuple(dict.fromkeys(face)) for face in shown.faces.tolist()]
     return _far(name, DISTANCE_M * shown.vertices, faces, {RADIANCE: shown.radiance}, colour)
 

@@ -9,11 +9,11 @@ from typing import Any
 import bpy
 
 from ...physics.camera.stereo_geometry import focal_px
-from ...physics.left_out import planet_lights
-from ...physics.light.saturn_rings import rings
-from ...physics.light.sky import Sky, check_body, facts
+from ...physics.left_out import planet_gives_light
+from ...physics.light.saturn_rings import ring_mesh
+from ...physics.light.sky import Sky, check_body, sky_facts
 from ...physics.light.sky import sky as sky_of
-from ...physics.light.stars import stars
+from ...physics.light.stars import stars_above_horizon
 from ...physics.light.sunlight import sun_colour
 from ...settings.description import Settings
 from ..datablocks.fingerprint import NAME, TAG
@@ -81,7 +81,7 @@ def change_lights(sun: bpy.types.Object, collection: bpy.types.Collection, setti
 
 def _place(sun: bpy.types.Object, settings: Settings, sky: Sky) -> None:
     place_sun(sun, sky, sun_colour(settings["light"]["sun_temperature_k"]))
-    sun[SKY] = json.dumps(facts(sky))
+    sun[SKY] = json.dumps(sky_facts(sky))
 
 
 def _others(settings: Settings, sky: Sky, camera: bpy.types.Object) -> list[bpy.types.Object]:
@@ -89,15 +89,16 @@ def _others(settings: Settings, sky: Sky, camera: bpy.types.Object) -> list[bpy.
     colour = sun_colour(light["sun_temperature_k"])
     if sky.planet is not None and sky.planet_is_up:
         made["planet"] = build_planet(f"{NAME} Planet", sky.planet, colour)
-        if planet_lights(settings, sky):
+        if planet_gives_light(settings, sky):
             made["planetshine"] = build_planet_light(f"{NAME} Planetshine", sky.planet, colour)
-    around = rings(sky.planet) if sky.planet is not None else None
+    around = ring_mesh(sky.planet) if sky.planet is not None else None
     if around is not None and around.vertices[:, 2].max() > 0:
         made["rings"] = build_rings(f"{NAME} Rings", around, colour)
     for item in made.values():
         item.lightgroup = "Planet"
     if light["stars"]:
-        shown = stars(float(light["stars_faintest_mag"]), int(settings["dataset"]["seed"]), sky.from_j2000)
+        shown = stars_above_horizon(float(light["stars_faintest_mag"]), int(settings["dataset"]["seed"]),
+                                    sky.from_j2000)
         made["stars"] = build_stars(f"{NAME} Stars", shown, 1 / focal_px(settings["rig"]))
     for role, item in made.items():
         item[TAG] = role

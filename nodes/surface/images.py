@@ -18,7 +18,7 @@ from ...errors import IcyMoonError
 from ...formats.mesh_images import MeshImage
 from ...labels import UV_LAYER
 from ...physics.mesh import texture_coordinates
-from ...physics.surfaces.textures import SIZE, maps
+from ...physics.surfaces.textures import SIZE, make_maps
 
 _KEY, _MEAN = "icymoon_key", "icymoon_mean"  # what an image was made for, and the mean of its linear values
 _SHOWN, _SHOWN_MEAN = "icymoon_shown", "icymoon_shown_mean"  # a mark of what a ground shows of it, and the mean of that
@@ -76,7 +76,7 @@ def means_on(mesh: bpy.types.Mesh, found: Mapping[str, Map]) -> dict[str, Map]:
         mesh.calc_loop_triangles()
         corners = np.empty(3 * len(mesh.loop_triangles), np.int32)
         mesh.loop_triangles.foreach_get("loops", corners)
-    points, weight = texture_coordinates.shown(positions.reshape(-1, 3), vertices[corners].reshape(-1, 3),
+    points, weight = texture_coordinates.sample_surface(positions.reshape(-1, 3), vertices[corners].reshape(-1, 3),
                                   uv.reshape(-1, 2)[corners].reshape(-1, 3, 2))
     mark = hashlib.sha256(points.tobytes() + weight.tobytes()).hexdigest()
     for each in found.values():
@@ -104,7 +104,7 @@ def _made(name: str, kind: str) -> Map:
     there = _there(key)
     if there is not None:
         return there
-    values = getattr(maps(name), kind)
+    values = getattr(make_maps(name), kind)
     image = bpy.data.images.new(f"Icy Moon {key.title()}", SIZE, SIZE, float_buffer=True, is_data=True)
     pixels = np.ones((SIZE, SIZE, 4), np.float32)
     pixels[..., :3] = values[..., None]

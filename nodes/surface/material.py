@@ -79,7 +79,7 @@ def _snow(tree: Tree, label: str, surface: Mapping[str, Any], wanted: Any, varie
     if isinstance(wanted, (int, float)):
         base: Any = (*[principled.base_colour(surface, wanted)] * 3, 1.0)
     else:
-        base = tree.curve(f"Base of {label}", wanted, *principled.inverse(surface))
+        base = tree.curve(f"Base of {label}", wanted, *principled.inverse_curve(surface))
     return tree.node("ShaderNodeBsdfPrincipled", label, {
         "Base Color": base, "Metallic": 0.0, "Roughness": varied.get("roughness", surface["roughness"]),
         "IOR": surface["refractive_index"], "Alpha": 1.0, **relief,

@@ -10,9 +10,9 @@ from ...errors import IcyMoonError
 from ...formats import mesh_images
 from ...formats.mesh_images import MeshImage
 from ...labels import ROCK, TERRAIN, UV_LAYER
-from ...physics.left_out import shown_surface, surfaces
+from ...physics.left_out import rendered_surface, surface_topics
 from ...physics.surfaces import principled
-from ...physics.surfaces.textures import by_uv
+from ...physics.surfaces.textures import uses_uv
 from ...settings.description import Settings
 from ..datablocks.fingerprint import NAME, TAG
 from ..datablocks.user_files import used_files
@@ -24,8 +24,8 @@ from .textures import Textured
 
 def advice(settings: Settings) -> list[str]:
     """What a person should know about the surfaces that the scene shows: sentences, none if all is well."""
-    shown = [shown_surface(settings, topic) for topic in surfaces(settings)]
-    told = [principled.advice(surface) for surface in shown if surface["model"] == "PRINCIPLED"]
+    shown = [rendered_surface(settings, topic) for topic in surface_topics(settings)]
+    told = [principled.albedo_advice(surface) for surface in shown if surface["model"] == "PRINCIPLED"]
     textures = settings["textures"]
     if (settings["hapke"]["theta_bar_range_deg"] != 0.0 and any(surface["model"] == "HAPKE" for surface in shown) and (
             textures["set"] == "NONE" or (textures["set"] == "OWN" and not textures["roughness_file"]))):
@@ -36,7 +36,7 @@ def advice(settings: Settings) -> list[str]:
 def refuse_without_uv(settings: Settings, has_uv: bool) -> None:
     """Raise IcyMoonError if images are to lie by UV coordinates on a ground that has none."""
     textures, kind = settings["textures"], settings["source"]["kind"]
-    if not by_uv(textures) or (has_uv and kind == "MESH"):
+    if not uses_uv(textures) or (has_uv and kind == "MESH"):
         return
     which, mend = (("textures.set is MESH", "choose another textures.set") if textures["set"] == "MESH" else
                    ("textures.mapping is UV", "set textures.mapping to OBJECT"))
@@ -55,7 +55,7 @@ def _files(settings: Settings) -> dict[str, Path | MeshImage]:
         return {name.removeprefix("textures.").removesuffix("_file"): path
                 for name, path in used.items() if name.startswith("textures.")}
     path = used["source.file"]
-    found = mesh_images.chosen(path)
+    found = mesh_images.choose_images(path)
     if not found:
         what = (f"Icy Moon finds images in {', '.join(mesh_images.KINDS)} files only"
                 if path.suffix.lower() not in mesh_images.KINDS else "its materials name no image that is there")
@@ -69,7 +69,7 @@ def _textured(settings: Settings, mesh: bpy.types.Mesh) -> Textured | None:
     textures = settings["textures"]
     if textures["set"] == "NONE":
         return None
-    if not by_uv(textures):
+    if not uses_uv(textures):
         return Textured(textures, load_maps(textures, _files(settings)))
     if mesh.is_editmode:  # which keeps the coordinates to itself
         raise IcyMoonError("The ground is being edited; leave Edit Mode to see changes of surfaces with images by UV.")
@@ -91,7 +91,8 @@ def _of_blocks(settings: Settings, mesh: bpy.types.Mesh) -> Textured | None:
 
 def _material(name: str, settings: Settings, topic: str, semantic: int,
               textured: Textured | None) -> bpy.types.Material:
-    made = build_material(f"{NAME} {name}", shown_surface(settings, topic), int(settings["dataset"]["seed"]), semantic,
+    made = build_material(f"{NAME} {name}", rendered_surface(settings, topic), int(settings["dataset"]["seed"]),
+                          semantic,
                           textured, settings)
     made[TAG] = "material"
     return made

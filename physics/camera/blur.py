@@ -86,7 +86,7 @@ def _vector(rig: Mapping[str, Any], keys: tuple[str, ...]) -> np.ndarray:
     return np.array([float(rig[key]) for key in keys])
 
 
-def advice(settings: Mapping[str, Mapping[str, Any]]) -> list[str]:
+def blur_advice(settings: Mapping[str, Mapping[str, Any]]) -> list[str]:
     """What a person should know before a render: what truth is of, or why the blur cannot be rendered; sentences."""
     try:
         blur = blur_of(settings)
@@ -95,7 +95,7 @@ def advice(settings: Mapping[str, Mapping[str, Any]]) -> list[str]:
     return [blur.warning] if blur else []
 
 
-def identity(settings: Mapping[str, Mapping[str, Any]]) -> str:
+def blur_identity(settings: Mapping[str, Mapping[str, Any]]) -> str:
     """What of the camera response is in the rendered light, for the name of the pair; empty without blur."""
     blur = blur_of(settings)
     if blur is None:
@@ -142,14 +142,14 @@ def motion_px(column_px: float, row_px: float, depth_m: float, rig: Mapping[str,
         return 0.0
     focal = focal_px(rig)
     point = depth_m * np.array([column_px / focal, row_px / focal, 1.0])
-    ends = [moved(blur, side * blur.exposure_s / 2) for side in (-1, 1)]
+    ends = [pose_after(blur, side * blur.exposure_s / 2) for side in (-1, 1)]
     seen = [pose[:3, :3].T @ (point - pose[:3, 3]) for pose in ends]
     if min(p[2] for p in seen) <= 0:
         return math.inf
     return float(np.linalg.norm(np.subtract(*(focal * p[:2] / p[2] for p in seen))))
 
 
-def moved(blur: Blur, seconds: float) -> np.ndarray:
+def pose_after(blur: Blur, seconds: float) -> np.ndarray:
     """Pose (4, 4) of the left eye some time after the middle of the exposure, in its axes then: x right, y down."""
     pose = np.eye(4)
     angle = math.radians(float(np.linalg.norm(blur.turn_deg_s))) * seconds

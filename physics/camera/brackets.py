@@ -19,7 +19,7 @@ def exposure_times(seconds: float, sensor: Mapping[str, Any]) -> list[float]:
     return [seconds * 2.0 ** (float(sensor["bracket_stops"]) * ((count - 1) / 2 - k)) for k in range(count)]
 
 
-def merged(numbers: Sequence[np.ndarray], seconds: Sequence[float], sensor: Mapping[str, Any]) -> np.ndarray:
+def merge_exposures(numbers: Sequence[np.ndarray], seconds: Sequence[float], sensor: Mapping[str, Any]) -> np.ndarray:
     """Electrons per second (H, W) that fit digital numbers of several exposures, longest first.
 
     Each exposure's electrons over its time, weighted by the inverse of the variance that shot noise,
@@ -51,7 +51,7 @@ def full_rate(left_rate: np.ndarray, shortest_s: float, sensor: Mapping[str, Any
     return min(float(np.quantile(left_rate, 0.999)) / 0.9, full) if left_rate.max() > 0 else full
 
 
-def as_numbers(rate: np.ndarray, full: float) -> np.ndarray:
+def quantise(rate: np.ndarray, full: float) -> np.ndarray:
     """Merged electrons per second as linear uint16, ``full`` at the top."""
     top = 2 ** MERGED_BITS - 1
     return np.clip(np.rint(rate / max(full, 1e-300) * top), 0, top).astype(np.uint16)

@@ -20,7 +20,7 @@ def coefficients(rig: Mapping[str, Any]) -> tuple[float, ...]:
     return tuple(float(rig[f"distortion_{name}"]) for name in COEFFICIENTS)
 
 
-def distorted(points: np.ndarray, k: tuple[float, ...]) -> np.ndarray:
+def distort(points: np.ndarray, k: tuple[float, ...]) -> np.ndarray:
     """Where points (..., 2) of a pinhole image appear through the lens."""
     k1, k2, p1, p2, k3 = k
     x, y = points[..., 0], points[..., 1]
@@ -30,8 +30,8 @@ def distorted(points: np.ndarray, k: tuple[float, ...]) -> np.ndarray:
                      y * radial + p1 * (r2 + 2 * y**2) + 2 * p2 * x * y], axis=-1)
 
 
-def _slope(points: np.ndarray, k: tuple[float, ...]) -> np.ndarray:
-    """Jacobian (..., 2, 2) of ``distorted``."""
+def _jacobian(points: np.ndarray, k: tuple[float, ...]) -> np.ndarray:
+    """Jacobian (..., 2, 2) of ``distort``."""
     k1, k2, p1, p2, k3 = k
     x, y = points[..., 0], points[..., 1]
     r2 = x**2 + y**2
@@ -42,7 +42,7 @@ def _slope(points: np.ndarray, k: tuple[float, ...]) -> np.ndarray:
                      np.stack([mixed, radial + growth * y**2 + 6 * p1 * y + 2 * p2 * x], axis=-1)], axis=-2)
 
 
-def undistorted(points: np.ndarray, k: tuple[float, ...]) -> np.ndarray:
+def undistort(points: np.ndarray, k: tuple[float, ...]) -> np.ndarray:
     """Where points (..., 2) that are seen through the lens are in a pinhole image, to 1e-9; NaN where nowhere.
 
     Newton's method from the point itself. A point beyond the fold of a polynomial that turns back has
@@ -53,15 +53,15 @@ def undistorted(points: np.ndarray, k: tuple[float, ...]) -> np.ndarray:
         return found
     with np.errstate(all="ignore"):
         for _ in range(25):
-            slope = _slope(found, k)
-            step = distorted(found, k) - points
+            slope = _jacobian(found, k)
+            step = distort(found, k) - points
             if np.nan_to_num(np.abs(step)).max(initial=0.0) < 1e-13:
                 break
             determinant = slope[..., 0, 0] * slope[..., 1, 1] - slope[..., 0, 1] * slope[..., 1, 0]
             found[..., 0] -= (slope[..., 1, 1] * step[..., 0] - slope[..., 0, 1] * step[..., 1]) / determinant
             found[..., 1] -= (slope[..., 0, 0] * step[..., 1] - slope[..., 1, 0] * step[..., 0]) / determinant
-        slope = _slope(found, k)
-        wrong = (np.abs(distorted(found, k) - points).max(axis=-1) > 1e-9) | (np.linalg.det(np.nan_to_num(slope)) <= 0)
+        slope = _jacobian(found, k)
+        wrong = (np.abs(distort(found, k) - points).max(axis=-1) > 1e-9) | (np.linalg.det(np.nan_to_num(slope)) <= 0)
         # A root on the far side of a fold is not on the way from the axis.
         wrong |= (found * points).sum(axis=-1) < 0
     found[wrong | ~np.isfinite(found).all(axis=-1)] = np.nan
@@ -80,7 +80,7 @@ def overscan_needed(rig: Mapping[str, Any]) -> float | None:
                              *([[edge, row] for row in rows] for edge in (columns[0], columns[-1]))])
     size, shift = np.array([width, height]), np.array([float(rig["principal_x_px"]), float(rig["principal_y_px"])])
     principal = size / 2 + shift
-    seen = undistorted((border - principal) / focal, coefficients(rig)) * focal + principal
+    seen = undistort((border - principal) / focal, coefficients(rig)) * focal + principal
     if not np.isfinite(seen).all():
         return None
     # Pixels are interpolated between rendered centres, so the outermost must lie at or beyond what is seen.
@@ -88,9 +88,9 @@ def overscan_needed(rig: Mapping[str, Any]) -> float | None:
     return float(np.max(np.maximum(beyond - 1e-6, 0) / size))
 
 
-def check(points: np.ndarray, k: tuple[float, ...]) -> None:
+def refuse_folds(points: np.ndarray, k: tuple[float, ...]) -> None:
     """Raise IcyMoonError if the lens would show two of the points (..., 2) of a pinhole image in one place."""
-    slope = _slope(points, k)
+    slope = _jacobian(points, k)
     if (np.linalg.det(slope) <= 0).any():
         raise IcyMoonError("rig.distortion_k1, k2, p1, p2 and k3 fold the image over itself within the field of view; "
                            "lower them or narrow the field.")

@@ -22,8 +22,8 @@ def expected_hits(sensor: Mapping[str, Any], shape: tuple[int, int], pitch_m: fl
     return float(sensor["radiation_flux_cm2_s"]) * area_cm2 * seconds
 
 
-def hits(sensor: Mapping[str, Any], shape: tuple[int, int], pitch_m: float, seconds: float,
-         random: np.random.Generator) -> np.ndarray:
+def draw_hits(sensor: Mapping[str, Any], shape: tuple[int, int], pitch_m: float, seconds: float,
+              random: np.random.Generator) -> np.ndarray:
     """Electrons (H, W) that particles leave in one exposure.
 
     Their number is Poisson. An isotropic flux crosses a plane with cos² θ even between 0 and 1. A
@@ -44,11 +44,11 @@ def hits(sensor: Mapping[str, Any], shape: tuple[int, int], pitch_m: float, seco
     start = random.random((2, count)) * np.array(shape)[:, None]
     # What a very flat track leaves outside the image need not be walked along.
     kept = np.minimum(1.0, (shape[0] + shape[1]) / np.maximum(length_px, 1e-300))
-    return _drawn(start, direction, length_px * kept, electrons * kept, shape)
+    return _draw_tracks(start, direction, length_px * kept, electrons * kept, shape)
 
 
-def _drawn(start: np.ndarray, direction: np.ndarray, length_px: np.ndarray, electrons: np.ndarray,
-           shape: tuple[int, int]) -> np.ndarray:
+def _draw_tracks(start: np.ndarray, direction: np.ndarray, length_px: np.ndarray, electrons: np.ndarray,
+                 shape: tuple[int, int]) -> np.ndarray:
     """Tracks cut into steps of at most half a pixel, each step's electrons given to the pixel of its middle."""
     steps = np.ceil(2 * length_px).astype(np.intp) + 1
     track = np.repeat(np.arange(len(steps)), steps)

@@ -11,7 +11,7 @@ import numpy as np
 _REACH = 4.0  # standard deviations; beyond lies 6e-5 of a Gaussian
 
 
-def through_lens(radiance: np.ndarray, sensor: Mapping[str, Any]) -> np.ndarray:
+def apply_lens(radiance: np.ndarray, sensor: Mapping[str, Any]) -> np.ndarray:
     """Radiance (H, W) as the lens passes it on, float64.
 
     ``sensor.psf_sigma_px``: Gaussian point spread, its standard deviation. ``sensor.veiling_glare``:
@@ -22,7 +22,7 @@ def through_lens(radiance: np.ndarray, sensor: Mapping[str, Any]) -> np.ndarray:
     image = np.minimum(np.asarray(radiance, np.float64), 1e30)
     sigma, glare = float(sensor["psf_sigma_px"]), float(sensor["veiling_glare"])
     if sigma > 0 and image.size:
-        image = _blurred(_blurred(image, sigma, 0), sigma, 1)
+        image = _blur(_blur(image, sigma, 0), sigma, 1)
     if glare > 0 and image.size:
         image = (1 - glare) * image + glare * image.mean()
     return image
@@ -36,7 +36,7 @@ def gaussian_kernel(sigma_px: float) -> np.ndarray:
     return weights / weights.sum()
 
 
-def _blurred(image: np.ndarray, sigma: float, axis: int) -> np.ndarray:
+def _blur(image: np.ndarray, sigma: float, axis: int) -> np.ndarray:
     kernel = gaussian_kernel(sigma)
     reach = len(kernel) // 2
     padded = np.pad(image, [(reach, reach) if k == axis else (0, 0) for k in (0, 1)], mode="edge")

@@ -63,7 +63,7 @@ def exposure_s(left_light: np.ndarray, rate: float, sensor: Mapping[str, Any]) -
     fixed = float(sensor["exposure_s"])
     if not sensor["auto_exposure"]:
         return fixed
-    light = _sane(left_light)
+    light = _clear_defects(left_light)
     light = light[np.isfinite(light)]
     if light.size == 0:
         return fixed
@@ -104,7 +104,7 @@ class Pattern:
     offset_e: np.ndarray | float = 0.0  # electrons added to the dark signal (DSNU)
 
 
-def fixed_pattern(seed: int, eye: str, shape: tuple[int, int], sensor: Mapping[str, Any]) -> Pattern:
+def draw_pattern(seed: int, eye: str, shape: tuple[int, int], sensor: Mapping[str, Any]) -> Pattern:
     """The pattern of one eye's sensor: Gaussian, the same in all images of the data set."""
     random = generator(seed, "sensor", EYE_STREAMS[eye])
     prnu, dsnu = float(sensor["prnu"]), float(sensor["dsnu_e"])
@@ -125,20 +125,20 @@ def electrons(light: np.ndarray, seconds: float, rate: float, sensor: Mapping[st
     pattern = pattern or Pattern()
     full_well = float(sensor["full_well_e"])
     with np.errstate(over="ignore", invalid="ignore"):  # a firefly may overflow; infinity is full as well
-        charge = _sane(light) * (rate * seconds) * pattern.response
+        charge = _clear_defects(light) * (rate * seconds) * pattern.response
         charge = np.minimum(np.nan_to_num(charge, nan=0.0, posinf=_DROWNED_E) + dark_current_e_s(sensor) * seconds,
                             _DROWNED_E)
     if sensor["shot_noise"]:
         charge = random.poisson(charge).astype(np.float64)
     charge = charge + hits_e
     if float(sensor["blooming"]) > 0:
-        charge = bloomed(charge, full_well, float(sensor["blooming"]))
+        charge = spread_overflow(charge, full_well, float(sensor["blooming"]))
     charge = np.minimum(charge, full_well) + pattern.offset_e
     read_noise = float(sensor["read_noise_e"])
     return charge + random.normal(0.0, read_noise, charge.shape) if read_noise > 0 else charge
 
 
-def bloomed(charge: np.ndarray, full_well_e: float, share: float) -> np.ndarray:
+def spread_overflow(charge: np.ndarray, full_well_e: float, share: float) -> np.ndarray:
     """Electrons (H, W) after overflow along the columns.
 
     ``share`` of what a pixel has above ``full_well_e`` runs over, half of it up and half down, and
@@ -174,5 +174,5 @@ def noise_generator(seed: int, pair_id: str, eye: str, *index: int) -> np.random
     return generator(seed, "sensor", digest, EYE_STREAMS[eye], *index)
 
 
-def _sane(radiance: np.ndarray) -> np.ndarray:
+def _clear_defects(radiance: np.ndarray) -> np.ndarray:
     return np.maximum(np.nan_to_num(np.asarray(radiance, np.float64), nan=0.0, posinf=np.inf), 0.0)

@@ -123,7 +123,7 @@ def ellipsoid(planet: Planet) -> Ellipsoid:
                      albedo * planet.sun_irradiance_wm2 / math.pi)
 
 
-class _Seen:
+class _VisibleCap:
     """Points (..., 3) of the part of the planet that is seen, by polar angles about the sub-observer point.
 
     In the stretched space what is seen is a cap of the sphere.
@@ -169,7 +169,7 @@ class _Seen:
 
 
 @lru_cache(maxsize=4)  # one change of the light asks for the same planet's a dozen times
-def arriving(planet: Planet, nodes: int = 96) -> tuple[np.ndarray, np.ndarray]:
+def light_rays(planet: Planet, nodes: int = 96) -> tuple[np.ndarray, np.ndarray]:
     """The planet's light in rays: unit vectors (n, 3) toward its surface and the irradiance (n,) in W/m² that each
     brings on a surface facing it.
 
@@ -178,7 +178,7 @@ def arriving(planet: Planet, nodes: int = 96) -> tuple[np.ndarray, np.ndarray]:
     """
     if planet.angular_diameter_deg <= 0:
         return np.array([planet.direction]), np.zeros(1)
-    seen = _Seen(planet)
+    seen = _VisibleCap(planet)
     x, weight = np.polynomial.legendre.leggauss(nodes)
     angle = seen.half_angle * (x + 1) / 2
     around = 2 * np.pi * (np.arange(2 * nodes) + 0.5) / (2 * nodes)
@@ -197,13 +197,13 @@ def arriving(planet: Planet, nodes: int = 96) -> tuple[np.ndarray, np.ndarray]:
 
 def irradiance_wm2(planet: Planet, normal: np.ndarray | None = None, nodes: int = 96) -> float:
     """Irradiance from the planet on a surface; ``normal`` (3,) is its unit normal, else it faces the planet."""
-    ray, brought = arriving(planet, nodes)
+    ray, brought = light_rays(planet, nodes)
     return float(brought @ np.maximum(ray @ (planet.direction if normal is None else normal), 0.0))
 
 
 def mean_direction(planet: Planet) -> np.ndarray:
     """Unit vector (3,) of the direction that the planet's light comes from in the mean; its centre if it is dark."""
-    ray, brought = arriving(planet)
+    ray, brought = light_rays(planet)
     total = brought @ ray
     length = float(np.linalg.norm(total))
     return np.asarray(total / length if length > 0 else planet.direction)
@@ -219,7 +219,7 @@ def lit_chords(planet: Planet) -> tuple[np.ndarray, float]:
     if np.linalg.norm(across) < 1e-6:
         across = np.cross(planet.direction, np.eye(3)[np.abs(planet.direction).argmin()])
     across /= np.linalg.norm(across)
-    ray, brought = arriving(planet)
+    ray, brought = light_rays(planet)
     ray = ray[brought > 0]
     if not len(ray):
         return across, 1.0
@@ -247,12 +247,12 @@ class Disc:
     radiance: np.ndarray  # (n,) W/(m² sr)
 
 
-def disc(planet: Planet) -> Disc:
+def disc_mesh(planet: Planet) -> Disc:
     """The planet as a mesh fine enough that radiance and outline are within 6e-4 of the ellipsoid's.
 
     The edges of its rings' shadow are three times finer, a two hundredth of the planet's size.
     """
-    seen = _Seen(planet)
+    seen = _VisibleCap(planet)
     rings = 144 if planet.rings else 48
     sectors = 2 * rings
     angle = np.repeat(np.arange(1, rings + 1) * seen.half_angle / rings, sectors)

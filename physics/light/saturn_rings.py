@@ -85,7 +85,7 @@ def shadow_half_angle(radius: np.ndarray, sun_elevation: float, flattening: floa
     return np.arccos(np.clip(np.sqrt(np.maximum(radius**2 - 1, 0.0)) / (radius * math.cos(stretched)), 0.0, 1.0))
 
 
-def rings(planet: Planet) -> RingMesh | None:
+def ring_mesh(planet: Planet) -> RingMesh | None:
     """The rings of a planet, or None if it has none or they are seen from within their plane.
 
     Sunlit and shadowed arcs are strips of their own, so that the edge of the shadow is as sharp as it is.

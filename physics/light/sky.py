@@ -164,7 +164,7 @@ def _sky_at_date(light: Mapping[str, Any], blend_folder: str | None) -> Sky:
                at.from_j2000)
 
 
-def facts(shown: Sky) -> dict[str, Any]:
+def sky_facts(shown: Sky) -> dict[str, Any]:
     """The ``light`` table of ``pair.json``."""
     planet, on_ground = shown.planet, shown.ground_irradiance_wm2
     return {"sun": {"direction_to_world": shown.sun.tolist(), "elevation_deg": shown.sun_elevation_deg,

@@ -19,7 +19,7 @@ from .ephemeris import Positions, days_since_j2000, local_axes
 from .sunlight import AU_KM
 
 
-def available() -> bool:
+def has_spice() -> bool:
     """Whether this Python has SpiceyPy."""
     return importlib.util.find_spec("spiceypy") is not None
 
@@ -31,7 +31,7 @@ def positions(kernels: Path, body: str, parent: str, date_utc: str, latitude_deg
     ``kernels`` is a meta-kernel, or a folder whose kernels are all loaded. ``body`` and ``parent`` are
     names that SPICE knows. Raises IcyMoonError if SpiceyPy, a kernel or data for the date is missing.
     """
-    if not available():
+    if not has_spice():
         raise IcyMoonError("This Python has no SpiceyPy, which light.kernels needs; install icymoon[ephemeris] in it "
                            "or set light.directions_from to DATE.")
     if not kernels.exists():

@@ -46,7 +46,7 @@ class Catalogue:
 
 
 @lru_cache(maxsize=1)
-def brightest() -> Catalogue:
+def read_catalogue() -> Catalogue:
     """The stars of ``stars.csv``, the brightest first: every star to V = 2.5, of doubles the light of both.
 
     Positions: Hipparcos (ESA SP-1200, 1997). V and B - V: Astronomical Almanac 2016, section H.
@@ -71,36 +71,36 @@ def temperature_k(b_v: float) -> float:
     return 4600 * (1 / (0.92 * b_v + 1.7) + 1 / (0.92 * b_v + 0.62))
 
 
-def number_to(v_mag: float | np.ndarray) -> np.ndarray:
+def count_to(v_mag: float | np.ndarray) -> np.ndarray:
     """Number of stars in the whole sky that are as bright as a V magnitude from 2 to 8."""
     return np.exp(np.interp(v_mag, np.arange(2, 2 + len(_COUNTS)), np.log(_COUNTS)))
 
 
-def _drawn(faintest_mag: float, seed: int) -> tuple[np.ndarray, np.ndarray]:
+def _draw_faint(faintest_mag: float, seed: int) -> tuple[np.ndarray, np.ndarray]:
     """Directions (n, 3) and V magnitudes (n,) of stars fainter than the catalogue's, evenly over the sky.
 
     Those there are crowd towards the Milky Way, about three times as dense there as at its poles. Magnitudes are
     drawn to the faintest that can be asked for, so that asking for more moves no star.
     """
     random = generator(seed, "stars")
-    first, last = number_to(COMPLETE_TO_MAG), number_to(2 + len(_COUNTS) - 1)
+    first, last = count_to(COMPLETE_TO_MAG), count_to(2 + len(_COUNTS) - 1)
     rank = np.arange(float(first), float(last))  # the brightest first
     grid = np.linspace(COMPLETE_TO_MAG, 2 + len(_COUNTS) - 1, 1001)
-    v_mag = np.interp(rank + random.random(len(rank)), number_to(grid), grid)
+    v_mag = np.interp(rank + random.random(len(rank)), count_to(grid), grid)
     z, around = random.uniform(-1, 1, len(rank)), random.uniform(0, 2 * np.pi, len(rank))
     keep = v_mag <= faintest_mag
     flat = np.sqrt(1 - z**2)
     return np.stack([flat * np.cos(around), flat * np.sin(around), z], axis=1)[keep], v_mag[keep]
 
 
-def stars(faintest_mag: float, seed: int, from_j2000: np.ndarray) -> Stars:
+def stars_above_horizon(faintest_mag: float, seed: int, from_j2000: np.ndarray) -> Stars:
     """The stars above the horizon, z > 0 in the frame that the matrix ``from_j2000`` (3, 3) leads to."""
-    known = brightest()
+    known = read_catalogue()
     bright = known.v_mag <= faintest_mag
     direction, v_mag = known.direction[bright], known.v_mag[bright]
     colour = np.array([sun_colour(temperature_k(b_v)) for b_v in known.b_v[bright]]).reshape(-1, 3)
     if faintest_mag > COMPLETE_TO_MAG:
-        more, their_mag = _drawn(faintest_mag, seed)
+        more, their_mag = _draw_faint(faintest_mag, seed)
         direction, v_mag = np.concatenate([direction, more]), np.concatenate([v_mag, their_mag])
         colour = np.concatenate([colour, np.ones_like(more)])
     direction = direction @ from_j2000.T

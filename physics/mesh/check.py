@@ -60,7 +60,7 @@ def face_normals(positions: np.ndarray, faces: np.ndarray) -> np.ndarray:
     return np.cross(b - a, c - a)
 
 
-def components(n: int, a: np.ndarray, b: np.ndarray) -> np.ndarray:
+def label_components(n: int, a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """Label (n,) of each of n nodes: the smallest node that links ``a``-``b`` connect it with."""
     label = np.arange(n)
     while len(a):
@@ -74,7 +74,7 @@ def components(n: int, a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return label
 
 
-def equal_rows(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def find_equal_rows(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """First place (k,) of every distinct row, and for each row (n,) which of these it equals.
 
     ``np.unique`` along an axis does the same ten times slower.
@@ -88,7 +88,7 @@ def equal_rows(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return order[new], which
 
 
-def _groups(label: np.ndarray) -> int:
+def _count_groups(label: np.ndarray) -> int:
     """Number of components that labels tell apart."""
     return int(np.count_nonzero(label == np.arange(len(label))))
 
@@ -106,7 +106,7 @@ class _Edges:
     ends: np.ndarray
 
 
-def _edges(faces: np.ndarray, vertices: int) -> _Edges:
+def _sort_edges(faces: np.ndarray, vertices: int) -> _Edges:
     begin, end = faces[:, [0, 1, 2]].ravel().astype(np.int64), faces[:, [1, 2, 0]].ravel().astype(np.int64)
     low, high = np.minimum(begin, end), np.maximum(begin, end)
     order = np.argsort(low * vertices + high, kind="stable")
@@ -122,30 +122,30 @@ def _neighbours(edges: _Edges) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return edges.face[at], edges.face[at + 1], edges.forward[at] != edges.forward[at + 1]
 
 
-def check(positions: np.ndarray, faces: np.ndarray) -> MeshReport:
+def examine(positions: np.ndarray, faces: np.ndarray) -> MeshReport:
     """Examine a mesh. What is not finite is counted and left out of everything else."""
     finite = np.isfinite(positions).all(axis=1)
     good = faces[finite[faces].all(axis=1)]
     normals = face_normals(positions, good)
     twice = np.linalg.norm(normals, axis=1)
     size = np.ptp(positions[finite], axis=0).astype(np.float64) if finite.any() else np.zeros(3)
-    edges = _edges(good, len(positions))
+    edges = _sort_edges(good, len(positions))
     one, other, alike = _neighbours(edges)
     rim = edges.ends[edges.count == 1]
-    part = components(len(good), one, other)
+    part = label_components(len(good), one, other)
     corners = np.unique(rim)
-    loops = components(len(corners), *np.searchsorted(corners, rim).T)
+    loops = label_components(len(corners), *np.searchsorted(corners, rim).T)
     total = float(twice.sum())
     facing = np.abs(normals).sum(axis=0)
     return MeshReport(
         vertices=len(positions), triangles=len(faces), non_finite_vertices=int((~finite).sum()),
         degenerate_faces=int(_degenerate(twice, size).sum()),
-        duplicate_vertices=int(finite.sum()) - len(equal_rows(positions[finite])[0]),
-        duplicate_faces=len(good) - len(equal_rows(np.sort(good, axis=1))[0]),
-        boundary_edges=len(rim), boundary_loops=_groups(loops),
+        duplicate_vertices=int(finite.sum()) - len(find_equal_rows(positions[finite])[0]),
+        duplicate_faces=len(good) - len(find_equal_rows(np.sort(good, axis=1))[0]),
+        boundary_edges=len(rim), boundary_loops=_count_groups(loops),
         non_manifold_edges=int((edges.count > 2).sum()), inconsistent_edges=int((~alike).sum()),
         facing_down=float(twice[normals[:, 2] < 0].sum()) / total if total else 0.0,
-        parts=_groups(part), area_m2=total / 2,
+        parts=_count_groups(part), area_m2=total / 2,
         extents_m=(float(size[0]), float(size[1]), float(size[2])), up=_AXES[int(np.argmax(facing))])
 
 
@@ -154,8 +154,8 @@ def _degenerate(twice_area: np.ndarray, extents: np.ndarray) -> np.ndarray:
     return twice_area <= 1e-14 * max(float(extents.max()), 1e-30) ** 2
 
 
-def repaired(positions: np.ndarray, faces: np.ndarray,
-             uv: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
+def repair(positions: np.ndarray, faces: np.ndarray,
+           uv: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
     """The mesh without what cannot be rendered, and with its upper side up.
 
     Drops faces with a vertex that is not a number, without area, or there twice; merges vertices of
@@ -166,7 +166,7 @@ def repaired(positions: np.ndarray, faces: np.ndarray,
     finite = np.isfinite(positions).all(axis=1)
     of_face = np.flatnonzero(finite[faces].all(axis=1))
     faces = faces[of_face]
-    first, which = equal_rows(positions[finite])
+    first, which = find_equal_rows(positions[finite])
     kept = positions[finite][first]
     index = np.zeros(len(positions), np.int64)
     index[finite] = which
@@ -174,9 +174,9 @@ def repaired(positions: np.ndarray, faces: np.ndarray,
     extents = np.ptp(kept, axis=0) if len(kept) else np.zeros(3)
     solid = ~_degenerate(np.linalg.norm(face_normals(kept, faces), axis=1), extents)
     faces, of_face = faces[solid], of_face[solid]
-    once = np.sort(equal_rows(np.sort(faces, axis=1))[0])
+    once = np.sort(find_equal_rows(np.sort(faces, axis=1))[0])
     faces, of_face = faces[once], of_face[once]
-    turned = upward(kept, faces)
+    turned = orient_faces(kept, faces)
     if uv is not None:
         uv = np.where((turned[:, 0] != faces[:, 0])[:, None, None], uv[of_face][:, ::-1], uv[of_face])
     used = np.zeros(len(kept), bool)
@@ -184,7 +184,7 @@ def repaired(positions: np.ndarray, faces: np.ndarray,
     return kept[used], (np.cumsum(used) - 1)[turned].astype(np.int32), uv
 
 
-def upward(positions: np.ndarray, faces: np.ndarray) -> np.ndarray:
+def orient_faces(positions: np.ndarray, faces: np.ndarray) -> np.ndarray:
     """The faces, turned alike within each part: an open part up, a closed one outward.
 
     Every face is a node twice, as it is and turned; links connect what fits together, so that one
@@ -192,11 +192,11 @@ def upward(positions: np.ndarray, faces: np.ndarray) -> np.ndarray:
     component cannot be turned alike (a Möbius strip) and is left as it is.
     """
     m = len(faces)
-    edges = _edges(faces, len(positions))
+    edges = _sort_edges(faces, len(positions))
     one, other, alike = _neighbours(edges)
     away = np.where(alike, other, other + m)
     back = np.where(alike, other + m, other)
-    state = components(2 * m, np.concatenate([one, one + m]), np.concatenate([away, back]))
+    state = label_components(2 * m, np.concatenate([one, one + m]), np.concatenate([away, back]))
     part = np.minimum(state[:m], state[m:])
     turn = (state[:m] != part) & (state[:m] != state[m:])
     faces = np.where(turn[:, None], faces[:, ::-1], faces)

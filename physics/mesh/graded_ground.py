@@ -51,8 +51,10 @@ class Graded:
         """
         rings = self.grading.rings
         x, y = rings.map_positions()
-        shortest = _single(CARRIED * rings.of_vertices(self.grading.spacing_at(rings.radius_m), self.grading.finest_m))
-        positions = np.stack([_single(x + self.grading.view.x_m), _single(y + self.grading.view.y_m), 0.0 * x], axis=1)
+        shortest = _round_to_single(CARRIED * rings.of_vertices(self.grading.spacing_at(rings.radius_m),
+                                                                self.grading.finest_m))
+        positions = np.stack([_round_to_single(x + self.grading.view.x_m),
+                              _round_to_single(y + self.grading.view.y_m), 0.0 * x], axis=1)
         for start in range(0, len(x), _BLOCK):
             some = slice(start, start + _BLOCK)
             positions[some, 2] = self.heights(positions[some, 0], positions[some, 1], shortest[some])
@@ -69,11 +71,11 @@ class Graded:
                 "mesh.edge_px."]
 
 
-def _single(values: np.ndarray) -> np.ndarray:
+def _round_to_single(values: np.ndarray) -> np.ndarray:
     """Values as Blender stores them. Sines and powers differ between machines in the last bit; these do not."""
     return values.astype(np.float32).astype(np.float64)
 
 
-def graded(ground: Terrain, settings: Mapping[str, Mapping[str, Any]]) -> Graded:
+def grade_ground(ground: Terrain, settings: Mapping[str, Mapping[str, Any]]) -> Graded:
     """The graded ground that complete ``settings`` ask for."""
     return Graded(ground, grade(ground, settings), float(settings["terrain"]["body_radius_m"]))

@@ -65,7 +65,7 @@ class View:
 OF_THE_RIG = ("x_m", "y_m", "height_m", "baseline_m", "focal_length_mm", "sensor_width_mm", "width_px", "height_px")
 
 
-def view(rig: Mapping[str, Any]) -> View:
+def view_of(rig: Mapping[str, Any]) -> View:
     """What ``rig`` settings ask.
 
     A pixel at the tangents (a, b) from the optical axis spans 1 / (1 + a² + b²) of the angle that one on the
@@ -114,7 +114,7 @@ class Grading:
         return Rings.of(np.array(radii), self.spacing_at(np.array(radii)))
 
 
-def _sequence(count: int, dimensions: int) -> np.ndarray:
+def _even_points(count: int, dimensions: int) -> np.ndarray:
     """Points (dimensions, count) that fill the unit cube evenly: multiples of powers of one number, modulo 1.
 
     Roberts, "The unreasonable effectiveness of quasirandom sequences", 2018: the number is the root of x^(d+1) = x + 1.
@@ -128,7 +128,7 @@ def _sequence(count: int, dimensions: int) -> np.ndarray:
 
 def _farthest_m(ground: Terrain, at: View, ground_m: float, body_radius_m: float) -> float:
     """Distance in metres beyond which no ground can be seen: highest relief sinks under the horizon there."""
-    outward, turn = _sequence(4 * _SAMPLES, 2)
+    outward, turn = _even_points(4 * _SAMPLES, 2)
     radius = at.height_m * (2.0 * horizon_m(at.height_m, body_radius_m) / at.height_m) ** outward
     z = ground.heights(at.x_m + radius * np.cos(2 * np.pi * turn), at.y_m + radius * np.sin(2 * np.pi * turn))
     lowest, highest = float(min(z.min(), ground_m)), float(max(z.max(), ground_m))
@@ -141,7 +141,7 @@ class _Probe:
     """Triangles round the site at one distance, and how far they are from the ground under them."""
 
     def __init__(self, ground: Terrain, at: View, ground_m: float, low_m: float, high_m: float) -> None:
-        outward, turn, self._phase, first, second = _sequence(_SAMPLES, 5)
+        outward, turn, self._phase, first, second = _even_points(_SAMPLES, 5)
         # Logarithmic, or over the whole disc round the site.
         radius = high_m * np.sqrt(outward) if low_m == 0.0 else low_m * (high_m / low_m) ** outward
         east, north = np.cos(2 * np.pi * turn), np.sin(2 * np.pi * turn)
@@ -173,18 +173,18 @@ class _Probe:
         normal /= np.linalg.norm(normal, axis=0)
         error = np.abs(((self._share * z).sum(axis=0) - self._z) * normal[2]) / self._far
         seen = np.maximum((normal * self._to_eye).sum(axis=0) / (normal[2] * self._far), 1e-3)
-        worst = max(_typical(error[here], seen[here]) for here in self._sectors)
+        worst = max(_typical_error(error[here], seen[here]) for here in self._sectors)
         return worst * self._view.pixels_per_radian
 
 
-def _typical(errors: np.ndarray, weights: np.ndarray) -> float:
+def _typical_error(errors: np.ndarray, weights: np.ndarray) -> float:
     """What weighted errors keep to: nearly all of them, and their RMS, which few but large ones raise."""
     order = np.argsort(errors)
     below = np.cumsum(weights[order]) / weights.sum()
     return max(float(np.interp(_SHARE, below, errors[order])), math.sqrt(float(np.average(errors**2, weights=weights))))
 
 
-def _curve(probe: _Probe, longest_px: float, error_px: float) -> tuple[np.ndarray, np.ndarray]:
+def _measure_curve(probe: _Probe, longest_px: float, error_px: float) -> tuple[np.ndarray, np.ndarray]:
     """Spacings in pixels, falling, and the errors they leave, down to the first that keeps to ``error_px``."""
     spacings, errors = [longest_px], [probe.error_px(longest_px)]
     while errors[-1] > error_px and len(spacings) < _HALVINGS:
@@ -193,14 +193,14 @@ def _curve(probe: _Probe, longest_px: float, error_px: float) -> tuple[np.ndarra
     return np.array(spacings), np.array(errors)
 
 
-def _at(x: float, xs: np.ndarray, ys: np.ndarray) -> float:
+def _interpolate(x: float, xs: np.ndarray, ys: np.ndarray) -> float:
     """``ys`` at ``x``, a power law between points; ``xs`` rises."""
     tiny = 1e-30
     return math.exp(float(np.interp(math.log(max(x, tiny)), np.log(np.maximum(xs, tiny)),
                                     np.log(np.maximum(ys, tiny)))))
 
 
-def _vertices(grading: Grading) -> float:
+def _count_vertices(grading: Grading) -> float:
     """How many vertices a grading takes, to about a per cent."""
     r = np.concatenate([[0.0], np.geomspace(grading.finest_m, grading.farthest_m, 400)])
     density = 2 * np.pi * r / (RINGS_APART * grading.spacing_at(r) ** 2)
@@ -213,7 +213,7 @@ def grade(ground: Terrain, settings: Mapping[str, Mapping[str, Any]]) -> Grading
     Where it would take more than ``mesh.most`` vertices all spacings are widened alike, and ``error_px`` says what
     error that leaves.
     """
-    mesh, at, body = settings["mesh"], view(settings["rig"]), float(settings["terrain"]["body_radius_m"])
+    mesh, at, body = settings["mesh"], view_of(settings["rig"]), float(settings["terrain"]["body_radius_m"])
     ground_m = float(ground.heights(at.x_m, at.y_m))
     farthest = max(min(_farthest_m(ground, at, ground_m, body), float(mesh["farthest_m"])), 2.0 * at.height_m)
     last = float(at.nearest_m(farthest))
@@ -224,24 +224,25 @@ def grade(ground: Terrain, settings: Mapping[str, Mapping[str, Any]]) -> Grading
         low, high = (at.baseline_m + math.sqrt(max(d * d - at.height_m**2, 0.0)) for d in
                      (distance / math.sqrt(2.0), min(distance * math.sqrt(2.0), last)))
         probes.append(_Probe(ground, at, ground_m, 0.0 if k == 0 else low, high))
-    curves = [_curve(probe, longest, mesh["error_px"]) for probe in probes]
+    curves = [_measure_curve(probe, longest, mesh["error_px"]) for probe in probes]
 
     def made(error_px: float, wider: float = 1.0) -> Grading:
         # Six digits, as powers differ between machines in the last ones.
-        pixels = np.array([float(f"{_at(error_px, errors[::-1], spacings[::-1]):.5e}") for spacings, errors in curves])
+        pixels = np.array([float(f"{_interpolate(error_px, errors[::-1], spacings[::-1]):.5e}") for spacings,
+                           errors in curves])
         return Grading(at, nearest, wider * pixels * nearest / at.pixels_per_radian, farthest, error_px, wanted)
 
     error, wider, wanted = float(mesh["error_px"]), 1.0, 0.0
     grading = made(error)
-    wanted = _vertices(grading)
+    wanted = _count_vertices(grading)
     if wanted <= mesh["most"] and grading.rings.vertices <= mesh["most"]:
         return made(error)
     # First the error rises; where the longest edges alone are too many, they grow as well.
     worst = max(errors[0] for _, errors in curves)
-    while _vertices(grading) > mesh["most"] and error < worst:
+    while _count_vertices(grading) > mesh["most"] and error < worst:
         error *= _COARSER
         grading = made(error)
-    wider = max(1.0, math.sqrt(_vertices(grading) / mesh["most"]))
+    wider = max(1.0, math.sqrt(_count_vertices(grading) / mesh["most"]))
     while (grading := made(error, wider)).rings.vertices > mesh["most"]:
         wider *= _COARSER
     left = [probe.error_px(spacing / distance * at.pixels_per_radian)

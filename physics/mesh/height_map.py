@@ -74,8 +74,8 @@ class HeightMap:
         return above * (1.0 - v) + below * v
 
 
-def placed(heights_m: np.ndarray, pixel_m: tuple[float, float], corner_m: tuple[float, float], *, centre: bool,
-           origin_m: tuple[float, float], size_m: float) -> tuple[HeightMap, tuple[float, float, float]]:
+def place_map(heights_m: np.ndarray, pixel_m: tuple[float, float], corner_m: tuple[float, float], *, centre: bool,
+              origin_m: tuple[float, float], size_m: float) -> tuple[HeightMap, tuple[float, float, float]]:
     """A height map with its origin where the settings put it, and the shift (3,) that was added.
 
     ``corner_m`` are the file's own coordinates of the lower left pixel centre. With ``centre`` the
@@ -91,7 +91,7 @@ def placed(heights_m: np.ndarray, pixel_m: tuple[float, float], corner_m: tuple[
     return moved, shift
 
 
-def with_roughness(ground: HeightMap, roughness: Surface) -> HeightMap:
+def add_roughness(ground: HeightMap, roughness: Surface) -> HeightMap:
     """The same ground with procedural roughness below its resolution."""
     return replace(ground, roughness=roughness)
 
@@ -118,10 +118,10 @@ def _fill(total: np.ndarray, weight: np.ndarray) -> np.ndarray:
     blocks = [np.pad(a, even).reshape(math.ceil(rows / 2), 2, math.ceil(columns / 2), 2).sum(axis=(1, 3))
               for a in (total * weight, weight)]
     coarse = _fill(blocks[0] / np.maximum(blocks[1], 1.0), np.minimum(blocks[1], 1.0))
-    return np.where(weight > 0, total, _doubled(coarse, total.shape))
+    return np.where(weight > 0, total, _double(coarse, total.shape))
 
 
-def _doubled(coarse: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
+def _double(coarse: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
     """A grid of twice the resolution, bilinear between the centres of the coarse squares."""
     for axis in (0, 1):
         at = np.clip((np.arange(shape[axis]) - 0.5) / 2, 0, coarse.shape[axis] - 1)
@@ -132,7 +132,7 @@ def _doubled(coarse: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
     return coarse
 
 
-def grid(heights_m: np.ndarray, x_m: np.ndarray, y_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def grid_mesh(heights_m: np.ndarray, x_m: np.ndarray, y_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Vertices (n, 3) float32 and quadrilaterals (m, 4) int32 of heights (rows, columns) at ``x_m`` and ``y_m``."""
     rows, columns = heights_m.shape
     positions = np.empty((rows, columns, 3), np.float32)

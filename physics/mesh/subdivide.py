@@ -20,7 +20,7 @@ def vertex_normals(positions: np.ndarray, faces: np.ndarray) -> np.ndarray:
     return total / np.maximum(np.linalg.norm(total, axis=1, keepdims=True), 1e-300)
 
 
-def halved(positions: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def halve_edges(positions: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The mesh with each triangle cut into four at the middles of its edges; its shape stays."""
     begin, end = faces.astype(np.int64), faces[:, [1, 2, 0]].astype(np.int64)
     n = len(positions)
@@ -33,7 +33,7 @@ def halved(positions: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.nda
     return np.concatenate([positions, (positions[key // n] + positions[key % n]) / 2]), cut
 
 
-def levels(edge_m: float, wanted_m: float, triangles: int, most: int) -> int:
+def count_halvings(edge_m: float, wanted_m: float, triangles: int, most: int) -> int:
     """How often to halve edges of ``edge_m`` so that they are ``wanted_m`` at most, within ``most`` triangles."""
     needed = int(np.ceil(np.log2(max(edge_m / wanted_m, 1.0)) - 1e-6))
     possible = int(np.log2(max(most / max(triangles, 1), 1.0)) / 2)

@@ -14,15 +14,15 @@ _POINTS = 65536
 _LINE, _SQUARE = 0.6180339887498949, (0.7548776662466927, 0.5698402909980532)
 
 
-def halved(uv: np.ndarray) -> np.ndarray:
-    """Coordinates of the triangles that ``meshdetail.halved`` cuts each triangle into, in its order."""
+def halve_coordinates(uv: np.ndarray) -> np.ndarray:
+    """Coordinates of the triangles that ``subdivide.halve_edges`` cuts each triangle into, in its order."""
     a, b, c = uv[:, 0], uv[:, 1], uv[:, 2]
     ab, bc, ca = (a + b) / 2, (b + c) / 2, (c + a) / 2
     return np.concatenate([np.stack(corners, axis=1) for corners in
                            ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))])
 
 
-def mended(uv: np.ndarray) -> tuple[np.ndarray | None, list[str]]:
+def repair_coordinates(uv: np.ndarray) -> tuple[np.ndarray | None, list[str]]:
     """The coordinates with 0 in place of what is no number, None if they show nothing, and sentences about them."""
     known = np.isfinite(uv).all(axis=2)
     kept = np.where(known[..., None], uv, np.float32(0.0))
@@ -45,7 +45,7 @@ def _areas(positions: np.ndarray, faces: np.ndarray) -> np.ndarray:
     return np.linalg.norm(np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]), axis=1)
 
 
-def shown(positions: np.ndarray, faces: np.ndarray, uv: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def sample_surface(positions: np.ndarray, faces: np.ndarray, uv: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Coordinates (k, 2) float64 of points spread over the surface of a mesh, and the area (k,) that each stands for.
 
     ``positions`` are (n, 3) metres, ``faces`` (m, 3) vertices. The weights sum to 1.

@@ -1,7 +1,7 @@
 """One seed, many independent random streams.
 
 Every random choice of a data set comes from its one seed. Each concern has its own child of the
-seed, so that adding a block does not move a hill and rendering again does not change the ground.
+seed, so that adding a rock does not move a hill and rendering again does not change the ground.
 """
 
 from __future__ import annotations

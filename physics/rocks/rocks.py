@@ -1,6 +1,6 @@
-"""Where ice blocks lie and how: sizes, places, poses, and resting on the ground.
+"""Where rocks lie and how: sizes, places, poses, and resting on the ground.
 
-Each of the three is drawn from a random stream of its own, so that changing how blocks are buried
+Each of the three is drawn from a random stream of its own, so that changing how rocks are buried
 moves none of them. Nothing here knows Blender: the ground is a function of position.
 """
 
@@ -15,27 +15,27 @@ import numpy as np
 
 from ..random_numbers.seeds import generator
 from .shapes import Shape
-from .size_laws import drawn, size_law
+from .size_laws import draw_diameters, size_law
 
 #: Height of the ground in metres at arrays of east and north coordinates; NaN where there is none.
 HeightAt = Callable[[np.ndarray, np.ndarray], np.ndarray]
 
-#: Blocks with a lower rank in size than this have the finest level of their shape, and so on.
+#: Rocks with a lower rank in size than this have the finest level of their shape, and so on.
 LEVEL_RANKS = (500, 5000)
 _SIZES, _PLACES, _POSES = 1, 2, 3  # children of the "rocks" stream; 0 is the shapes'
-_VARIATION = 0.15  # standard deviation of ln(elongation) and ln(height), between blocks
+_VARIATION = 0.15  # standard deviation of ln(elongation) and ln(height), between rocks
 _BURIAL_VARIATION = 0.1
 
 
 @dataclass(frozen=True)
 class Rocks:
-    """``n`` blocks, largest first.
+    """``n`` rocks, largest first.
 
     ``position_m`` (n, 3) of the centres, ``rotation`` (n, 3) Euler angles XYZ in radians,
     ``scale_m`` (n, 3) of a shape of unit size, ``level`` and ``shape`` (n,) which shape,
-    ``diameter_m`` (n,) of a circle that covers as much ground, ``reach_m`` (n,) how far a block goes
+    ``diameter_m`` (n,) of a circle that covers as much ground, ``reach_m`` (n,) how far a rock goes
     from its centre to any side. ``smallest_m`` is the smallest diameter that could be drawn, above the
-    setting when the number of blocks was limited.
+    setting when the number of rocks was limited.
     """
 
     position_m: np.ndarray
@@ -48,11 +48,11 @@ class Rocks:
     smallest_m: float
 
 
-def places(rocks: Mapping[str, Any], n: int, size_m: float, random: np.random.Generator) -> np.ndarray:
+def draw_places(rocks: Mapping[str, Any], n: int, size_m: float, random: np.random.Generator) -> np.ndarray:
     """Positions (n, 2) in metres on a square patch centred on the origin.
 
-    A share ``clustering`` of the blocks belongs to a Thomas process: clusters at random places, each
-    block at a normally distributed distance from a random one of them (Thomas 1949, Biometrika 36).
+    A share ``clustering`` of the rocks belongs to a Thomas process: clusters at random places, each
+    rock at a normally distributed distance from a random one of them (Thomas 1949, Biometrika 36).
     What falls off one side of the patch comes in on the other, so the density is even.
     """
     where = random.uniform(-size_m / 2, size_m / 2, (n, 2))
@@ -96,7 +96,7 @@ def euler_matrices(angles: np.ndarray) -> np.ndarray:
     return _turn(2, angles[:, 2]) @ _turn(1, angles[:, 1]) @ _turn(0, angles[:, 0])
 
 
-def _lie_of_the_ground(xy: np.ndarray, radius: np.ndarray, surface: HeightAt) -> tuple[np.ndarray, np.ndarray]:
+def _footprint_ground(xy: np.ndarray, radius: np.ndarray, surface: HeightAt) -> tuple[np.ndarray, np.ndarray]:
     """Unit normals (n, 3) of the ground under footprints, and its height (n,) at their centres where the
     deepest of the sampled points would lie on a plane with that normal; NaN if the centre is off the ground."""
     ring = np.linspace(0, 2 * np.pi, 8, endpoint=False)
@@ -113,7 +113,7 @@ def _lie_of_the_ground(xy: np.ndarray, radius: np.ndarray, surface: HeightAt) ->
 
 def _extent(rotation: np.ndarray, scale: np.ndarray, level: np.ndarray, shape: np.ndarray, normal: np.ndarray,
             shapes: Sequence[Sequence[Shape]]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Of turned blocks: the vertex (n, 3) deepest along the ground's normal, relative to the centre,
+    """Of turned rocks: the vertex (n, 3) deepest along the ground's normal, relative to the centre,
     the thickness (n,) along the normal, and the reach (n,) to any side, all in metres."""
     deepest, thickness, reach = np.empty((len(shape), 3)), np.empty(len(shape)), np.empty(len(shape))
     for kind in np.unique(np.stack([level, shape], 1), axis=0):
@@ -129,17 +129,18 @@ def _extent(rotation: np.ndarray, scale: np.ndarray, level: np.ndarray, shape: n
 
 def scatter(rocks: Mapping[str, Any], size_m: float, seed: int, surface: HeightAt,
             shapes: Sequence[Sequence[Shape]], clear_m: tuple[float, float, float]) -> Rocks:
-    """The blocks that ``rocks`` settings describe on a square patch of side ``size_m`` about the origin.
+    """The rocks that ``rocks`` settings describe on a square patch of side ``size_m`` about the origin.
 
     ``shapes[level][shape]`` are what to choose from; ``clear_m`` is a circle (east, north, radius)
-    that no block may reach into. A block lies along the slope under it, and its deepest vertex is at
+    that no rock may reach into. A rock lies along the slope under it, and its deepest vertex is at
     or under the deepest ground of its footprint and at or under the ground beneath it: none floats.
     Raises IcyMoonError if the settings contradict each other.
     """
-    diameter, smallest = drawn(size_law(rocks), size_m**2, int(rocks["most"]), generator(seed, "rocks", _SIZES))
+    diameter, smallest = draw_diameters(size_law(rocks), size_m**2, int(rocks["most"]),
+                                        generator(seed, "rocks", _SIZES))
     n = len(diameter)
-    # Blocks stay on the patch: places are drawn on all of it, then drawn in by half a diameter.
-    xy = places(rocks, n, size_m, generator(seed, "rocks", _PLACES))
+    # Rocks stay on the patch: places are drawn on all of it, then drawn in by half a diameter.
+    xy = draw_places(rocks, n, size_m, generator(seed, "rocks", _PLACES))
     xy *= np.maximum(1.0 - diameter / size_m, 0.0)[:, None]
 
     random = generator(seed, "rocks", _POSES)
@@ -154,10 +155,10 @@ def scatter(rocks: Mapping[str, Any], size_m: float, seed: int, surface: HeightA
     loose = loose @ _turn(2, random.uniform(0, 2 * np.pi, n))
     burial = np.clip(rocks["burial"] + random.normal(0, _BURIAL_VARIATION, n) * (rocks["burial"] > 0), 0.0, 0.95)
 
-    normal, ground = _lie_of_the_ground(xy, 0.45 * diameter, surface)
+    normal, ground = _footprint_ground(xy, 0.45 * diameter, surface)
     rotation = _upright_to(normal) @ loose
     deepest, thickness, reach = _extent(rotation, scale, level, shape, normal, shapes)
-    # The depth below the ground is measured along its normal, the block moved along the vertical.
+    # The depth below the ground is measured along its normal, the rock moved along the vertical.
     sunk = np.einsum("nk,nk->n", normal, deepest) + burial * thickness
     z = ground - sunk / normal[:, 2]
     beneath = surface(xy[:, 0] + deepest[:, 0], xy[:, 1] + deepest[:, 1])

@@ -1,12 +1,12 @@
-"""Shapes of ice blocks, as closed triangle meshes.
+"""Shapes of rocks, as closed triangle meshes.
 
-Fracture leaves convex polyhedra: a block is the part of space behind a number of planes. Wear
+Fracture leaves convex polyhedra: a rock is the part of space behind a number of planes. Wear
 (sublimation, sputtering, rolling) rounds their edges: the polyhedron is worn back by a radius and a
 ball of that radius rolled around it, which is exact and needs no smoothing. A vanishing radius is
-broken ice, one as large as the block a ball.
+broken ice, one as large as the rock a ball.
 
 A shape has unit size: seen from above it covers pi/4 square metres (a circle of diameter 1) and it
-is 1 m high, so that a block's diameter and height are its scale.
+is 1 m high, so that a rock's diameter and height are its scale.
 """
 
 from __future__ import annotations
@@ -23,16 +23,16 @@ FAMILIES = ("FRAGMENTS", "BOULDERS", "SLABS")
 PER_FAMILY = 6
 #: Subdivisions of the sphere that a shape is sampled on, finest first: 5120, 1280 and 320 triangles.
 LEVELS = (4, 3, 2)
-#: Height of a slab over that of the other blocks of its width.
+#: Height of a slab over that of the other rocks of its width.
 SLAB_HEIGHT = 0.45
-_SHARPEST, _ROUNDEST = 0.03, 0.9  # radius of wear over that of the largest ball in the block
+_SHARPEST, _ROUNDEST = 0.03, 0.9  # radius of wear over that of the largest ball in the rock
 
 
 @dataclass(frozen=True)
 class Shape:
-    """A block of unit size: ``vertices`` (n, 3), ``triangles`` (m, 3) int32 counter-clockwise from
+    """A rock of unit size: ``vertices`` (n, 3), ``triangles`` (m, 3) int32 counter-clockwise from
     outside, ``plane`` (m,) whether a triangle is part of a plane face, and not rounded, ``height`` a
-    factor on the height of blocks of this family."""
+    factor on the height of rocks of this family."""
 
     vertices: np.ndarray
     triangles: np.ndarray
@@ -72,8 +72,8 @@ def corners_of(normals: np.ndarray, depths: np.ndarray) -> np.ndarray:
     return points[(points @ normals.T <= depths + 1e-9).all(axis=1)]
 
 
-def _planes(family: str, random: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-    """Unit normals and distances from the centre of the planes that bound a block."""
+def _draw_planes(family: str, random: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+    """Unit normals and distances from the centre of the planes that bound a rock."""
     if family == "SLABS":
         sides = random.integers(5, 8)
         around = 2 * np.pi * (np.arange(sides) + random.uniform(-0.3, 0.3, sides)) / sides
@@ -113,7 +113,7 @@ def _hull_area(points: np.ndarray) -> float:
     return abs(float(np.dot(x, np.roll(y, -1)) - np.dot(y, np.roll(x, -1)))) / 2
 
 
-def _broken(normals: np.ndarray, depths: np.ndarray, wear: float) -> list[tuple[np.ndarray, np.ndarray]]:
+def _round_edges(normals: np.ndarray, depths: np.ndarray, wear: float) -> list[tuple[np.ndarray, np.ndarray]]:
     """Vertices at every level, and which triangles are plane faces, of a polyhedron whose edges are worn round."""
     radius = wear * depths.min()
     corners = corners_of(normals, depths - radius)
@@ -127,8 +127,8 @@ def _broken(normals: np.ndarray, depths: np.ndarray, wear: float) -> list[tuple[
     return levels
 
 
-def _lumpy(normals: np.ndarray, depths: np.ndarray, angularity: float,
-           random: np.random.Generator) -> list[tuple[np.ndarray, np.ndarray]]:
+def _blend_planes(normals: np.ndarray, depths: np.ndarray, angularity: float,
+                  random: np.random.Generator) -> list[tuple[np.ndarray, np.ndarray]]:
     """Vertices at every level of a boulder: planes blended smoothly, with low lumps; no plane faces."""
     power = 4.0 + 8.0 * angularity
     waves, phases = random.normal(0, 2.0, (5, 3)), random.uniform(0, 2 * np.pi, 5)
@@ -141,13 +141,13 @@ def _lumpy(normals: np.ndarray, depths: np.ndarray, angularity: float,
     return levels
 
 
-def _block(family: str, angularity: float, random: np.random.Generator) -> list[Shape]:
-    """One block at every level, of unit size."""
-    normals, depths = _planes(family, random)
+def _make_rock(family: str, angularity: float, random: np.random.Generator) -> list[Shape]:
+    """One rock at every level, of unit size."""
+    normals, depths = _draw_planes(family, random)
     if family == "BOULDERS":
-        levels = _lumpy(normals, depths, angularity, random)
+        levels = _blend_planes(normals, depths, angularity, random)
     else:
-        levels = _broken(normals, depths, _SHARPEST + (_ROUNDEST - _SHARPEST) * (1.0 - angularity))
+        levels = _round_edges(normals, depths, _SHARPEST + (_ROUNDEST - _SHARPEST) * (1.0 - angularity))
     finest = levels[0][0]
     low, high = finest.min(axis=0), finest.max(axis=0)
     across = np.sqrt(np.pi / 4 / _hull_area(finest[:, :2]))
@@ -158,13 +158,13 @@ def _block(family: str, angularity: float, random: np.random.Generator) -> list[
 
 
 @lru_cache(maxsize=4)
-def block_shapes(family: str, angularity: float, seed: int) -> tuple[tuple[Shape, ...], ...]:
+def make_rock_shapes(family: str, angularity: float, seed: int) -> tuple[tuple[Shape, ...], ...]:
     """The shapes to choose from, ``[level][shape]``: the same shapes at every level, finest first.
 
     ``family`` is one of ``FAMILIES`` or "MIXED" for all of them; ``angularity`` from 0, worn round,
     to 1, freshly broken.
     """
     families = FAMILIES if family == "MIXED" else (family,)
-    blocks = [_block(kind, angularity, generator(seed, "rocks", 0, FAMILIES.index(kind), k))
+    rocks = [_make_rock(kind, angularity, generator(seed, "rocks", 0, FAMILIES.index(kind), k))
               for k in range(PER_FAMILY) for kind in families]
-    return tuple(zip(*blocks, strict=True))
+    return tuple(zip(*rocks, strict=True))

@@ -1,15 +1,15 @@
-"""Size-frequency laws of ice blocks: how many per square metre are larger than a diameter.
+"""Size-frequency laws of rocks: how many per square metre are larger than a diameter.
 
 Two laws, both cut at a smallest and a largest diameter:
 
-* a power law N(>D) ~ D^-a, as fitted to block counts on Enceladus (Pajola et al. 2021, Universe 7,
+* a power law N(>D) ~ D^-a, as fitted to rock counts on Enceladus (Pajola et al. 2021, Universe 7,
   82). The exponent is a setting, because no metre-scale value is known for ice;
 * Golombek's exponential F(>D) = k exp(-q D) for the share of the ground covered by rocks larger
   than D, with q = 1.79 + 0.152 / k per metre (Golombek and Rapp 1997, JGR 102 E2). It was fitted to
   rocks on Mars; for ice it is an analogue. Rocks per square metre follow from it since each rock
   of diameter D covers pi D²/4.
 
-Blocks are counted from the largest down, so that "the n largest of the law" is a range of densities.
+Rocks are counted from the largest down, so that "the n largest of the law" is a range of densities.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ _TABLE = 8192  # nodes of Golombek's law; the trapezoidal rule is then within 1e
 
 
 class SizeLaw(Protocol):
-    """Blocks per square metre by diameter."""
+    """Rocks per square metre by diameter."""
 
     @property
     def smallest_m(self) -> float:
@@ -37,15 +37,15 @@ class SizeLaw(Protocol):
 
     @property
     def total_per_m2(self) -> float:
-        """Blocks per square metre of all sizes of the law."""
+        """Rocks per square metre of all sizes of the law."""
         ...
 
     def per_m2_above(self, diameter_m: np.ndarray) -> np.ndarray:
-        """Blocks per square metre that are larger than diameters in metres."""
+        """Rocks per square metre that are larger than diameters in metres."""
         ...
 
     def diameter_m(self, per_m2: np.ndarray) -> np.ndarray:
-        """The diameters in metres above which there are so many blocks per square metre."""
+        """The diameters in metres above which there are so many rocks per square metre."""
         ...
 
 
@@ -71,7 +71,7 @@ class PowerLaw:
 
     @property
     def total_per_m2(self) -> float:
-        """Blocks per square metre of all sizes."""
+        """Rocks per square metre of all sizes."""
         return self.coverage / self.mean_footprint_m2
 
     @property
@@ -80,13 +80,13 @@ class PowerLaw:
         return (self.smallest_m / self.largest_m) ** self.index
 
     def per_m2_above(self, diameter_m: np.ndarray) -> np.ndarray:
-        """Blocks per square metre larger than diameters in metres; NaN if there is but one size."""
+        """Rocks per square metre larger than diameters in metres; NaN if there is but one size."""
         d = np.clip(diameter_m, self.smallest_m, self.largest_m)
         with np.errstate(invalid="ignore"):
             return self.total_per_m2 * ((self.smallest_m / d) ** self.index - self._rest) / (1.0 - self._rest)
 
     def diameter_m(self, per_m2: np.ndarray) -> np.ndarray:
-        """The diameters in metres above which there are ``per_m2`` blocks per square metre."""
+        """The diameters in metres above which there are ``per_m2`` rocks per square metre."""
         share = np.asarray(per_m2) / self.total_per_m2
         return self.smallest_m * (share * (1.0 - self._rest) + self._rest) ** (-1.0 / self.index)
 
@@ -105,12 +105,12 @@ class Golombek:
         return 1.79 + 0.152 / self.k
 
     def cover_above(self, diameter_m: np.ndarray) -> np.ndarray:
-        """Share of the ground under blocks larger than diameters in metres, without an upper end."""
+        """Share of the ground under rocks larger than diameters in metres, without an upper end."""
         return self.k * np.exp(-self.q_per_m * np.asarray(diameter_m))
 
     @cached_property
     def _table(self) -> tuple[np.ndarray, np.ndarray]:
-        """Diameters from the largest down, and the blocks per square metre above each."""
+        """Diameters from the largest down, and the rocks per square metre above each."""
         log_d = np.linspace(math.log(self.largest_m), math.log(self.smallest_m), _TABLE)
         d = np.exp(log_d)
         # -dN/d(ln D) = (-dF/dD) D / (pi D²/4)
@@ -120,16 +120,16 @@ class Golombek:
 
     @property
     def total_per_m2(self) -> float:
-        """Blocks per square metre of all sizes."""
+        """Rocks per square metre of all sizes."""
         return float(self._table[1][-1])
 
     def per_m2_above(self, diameter_m: np.ndarray) -> np.ndarray:
-        """Blocks per square metre larger than diameters in metres."""
+        """Rocks per square metre larger than diameters in metres."""
         d, above = self._table
         return np.interp(np.log(diameter_m), np.log(d[::-1]), above[::-1])
 
     def diameter_m(self, per_m2: np.ndarray) -> np.ndarray:
-        """The diameters in metres above which there are ``per_m2`` blocks per square metre."""
+        """The diameters in metres above which there are ``per_m2`` rocks per square metre."""
         d, above = self._table
         return np.exp(np.interp(per_m2, above, np.log(d)))
 
@@ -148,12 +148,12 @@ def size_law(rocks: Mapping[str, Any]) -> SizeLaw:
     return PowerLaw(float(rocks["coverage"]), smallest, largest, float(rocks["power_index"]))
 
 
-def drawn(law: SizeLaw, area_m2: float, most: int, random: np.random.Generator) -> tuple[np.ndarray, float]:
-    """Diameters in metres of the blocks on an area, largest first, and the smallest that could be drawn.
+def draw_diameters(law: SizeLaw, area_m2: float, most: int, random: np.random.Generator) -> tuple[np.ndarray, float]:
+    """Diameters in metres of the rocks on an area, largest first, and the smallest that could be drawn.
 
     The number is the law's, at most ``most``: then the largest ones are drawn, as many as the whole
     law has of them. One diameter is drawn from each of n equal parts of the law, so that the sizes
-    and the covered share keep to the law as closely as n blocks can.
+    and the covered share keep to the law as closely as n rocks can.
     """
     total = law.total_per_m2 * area_m2
     n = round(min(total, most))

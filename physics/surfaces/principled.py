@@ -19,25 +19,25 @@ from typing import Any
 
 import numpy as np
 
-#: The measured tables by the Blender that they were measured with; which one holds, ``use`` says.
+#: The measured tables by the Blender that they were measured with; which one holds, ``use_table`` chooses.
 TABLES = {"4.2": "principled_4_2.json", "5.0": "principled.json", "5.2": "principled_5_2.json"}
 _used = "5.0"
 #: Relative difference from which on the real albedo is told.
-TOLD_FROM = 0.01
+REPORTED_FROM = 0.01
 
 
-def use(blender: str) -> None:
+def use_table(blender: str) -> None:
     """Take the table of a Blender, a key of ``TABLES``, from now on; that of 5.0 until this is called."""
     global _used
     _used = blender
 
 
 def _table() -> dict[str, np.ndarray]:
-    return _read(TABLES[_used])
+    return _read_table(TABLES[_used])
 
 
 @functools.cache
-def _read(name: str) -> dict[str, np.ndarray]:
+def _read_table(name: str) -> dict[str, np.ndarray]:
     read = json.loads(Path(__file__).with_name(name).read_text(encoding="utf-8"))
     return {k: np.array(v) for k, v in read.items() if isinstance(v, list)}
 
@@ -49,7 +49,7 @@ def root_f0(refractive_index: float, specular: float) -> float:
     return math.sqrt(plain * 2.0 * specular)
 
 
-def _at(values: np.ndarray, root: float, roughness: float) -> Any:
+def _interpolate(values: np.ndarray, root: float, roughness: float) -> Any:
     """Bilinear interpolation in the first two axes of a table."""
     table = _table()
 
@@ -72,18 +72,18 @@ def curve(surface: Mapping[str, Any]) -> tuple[np.ndarray, np.ndarray]:
     root = root_f0(surface["refractive_index"], surface["specular"])
     roughness, weight = surface["roughness"], surface["subsurface_weight"] * (surface["subsurface_radius_m"] > 0.0)
     base = table["base"]
-    specular = _at(table["specular"], root, roughness)
+    specular = _interpolate(table["specular"], root, roughness)
     diffuse = specular + (1.0 - specular) * base
-    walk = np.maximum.accumulate(_at(table["subsurface"], root, roughness))
+    walk = np.maximum.accumulate(_interpolate(table["subsurface"], root, roughness))
     entered = (1.0 - weight) * diffuse + weight * walk
     share = surface["transmission"]
-    reflectance = (1.0 - share) * entered + share * _at(table["transmission"], root, roughness)
+    reflectance = (1.0 - share) * entered + share * _interpolate(table["transmission"], root, roughness)
     # Bumps lose the light that they send downward. Moved vertices lose none, they light each other.
     steepness = surface["grain_amplitude_m"] / surface["grain_size_m"] * (surface["relief"] == "BUMP")
     return base, reflectance * np.interp(steepness, table["steepness"], table["bump"])
 
 
-def inverse(surface: Mapping[str, Any]) -> tuple[np.ndarray, np.ndarray]:
+def inverse_curve(surface: Mapping[str, Any]) -> tuple[np.ndarray, np.ndarray]:
     """Reflectances from 0 to 1 and the base colours that give them, or the nearest that there are, each (n,);
     straight lines are meant between them."""
     base, reflectance = curve(surface)
@@ -97,7 +97,7 @@ def inverse(surface: Mapping[str, Any]) -> tuple[np.ndarray, np.ndarray]:
 
 def base_colour(surface: Mapping[str, Any], albedo: float) -> float:
     """Base colour that reflects ``albedo``, or the nearest there is, from 0 to 1."""
-    return float(np.interp(albedo, *inverse(surface)))
+    return float(np.interp(albedo, *inverse_curve(surface)))
 
 
 def real_albedo(surface: Mapping[str, Any]) -> float:
@@ -106,10 +106,10 @@ def real_albedo(surface: Mapping[str, Any]) -> float:
     return float(np.clip(surface["albedo"], reflectance[0], reflectance[-1]))
 
 
-def advice(surface: Mapping[str, Any]) -> str:
+def albedo_advice(surface: Mapping[str, Any]) -> str:
     """A sentence if the surface cannot have the albedo that is asked for; empty if it has."""
     asked, real = float(surface["albedo"]), real_albedo(surface)
-    if abs(real - asked) <= TOLD_FROM * asked:
+    if abs(real - asked) <= REPORTED_FROM * asked:
         return ""
     if real > asked:
         return f"The albedo is really {real:.2f}: the specular reflection alone is that bright; lower it."

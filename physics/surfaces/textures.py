@@ -61,37 +61,38 @@ def _cells(random: np.random.Generator, across: int) -> tuple[np.ndarray, np.nda
     return first, second, value
 
 
-def _stretched(field: np.ndarray) -> np.ndarray:
+def _stretch(field: np.ndarray) -> np.ndarray:
     return (field - field.min()) / np.ptp(field)
 
 
-def _maps(height: np.ndarray, albedo: np.ndarray, roughness: np.ndarray) -> Maps:
+def _pack_maps(height: np.ndarray, albedo: np.ndarray, roughness: np.ndarray) -> Maps:
     return Maps(*(np.ascontiguousarray(a, np.float32) for a in (albedo / albedo.mean(), np.clip(roughness, 0, 1),
-                                                                _stretched(height))))
+                                                                _stretch(height))))
 
 
 @functools.cache
-def maps(name: str) -> Maps:
+def make_maps(name: str) -> Maps:
     """The maps of one of ``SETS``. Raises ValueError for another name."""
     random = generator(_SEED, "surface", SETS.index(name))
     if name == "FROST":
         # Crystals of hoar: fine relief, brightest on the tips.
         height = _waves(random, 1.2, 1 / 128, 1 / 3)
-        return _maps(height, 1.0 + 0.06 * height + 0.04 * _waves(random, 1.5, 1 / 64, 1 / 2), 0.65 + 0.1 * height)
+        return _pack_maps(height, 1.0 + 0.06 * height + 0.04 * _waves(random, 1.5, 1 / 64, 1 / 2), 0.65 + 0.1 * height)
     if name == "GRAINS":
         # Rounded grains, each with a brightness of its own, dark in the gaps.
         first, second, value = _cells(random, 24)
         gap = np.clip((second - first) / 0.25, 0.0, 1.0)
         height = np.sqrt(np.clip(1.0 - first**2, 0.0, 1.0)) * (0.7 + 0.3 * value)
-        return _maps(height, (0.85 + 0.15 * gap) * (0.9 + 0.2 * value), 0.6 - 0.2 * gap + 0.1 * value)
+        return _pack_maps(height, (0.85 + 0.15 * gap) * (0.9 + 0.2 * value), 0.6 - 0.2 * gap + 0.1 * value)
     # Old crust in plates, with dark cracks between.
     first, second, value = _cells(random, 7)
     crack = np.clip((second - first) / 0.06, 0.0, 1.0)
     fine = _waves(random, 1.3, 1 / 128, 1 / 4)
     height = 0.25 * value + 0.5 * crack + 0.06 * fine
-    return _maps(height, (0.7 + 0.3 * crack) * (0.92 + 0.16 * value) + 0.03 * fine, 0.4 + 0.2 * value + 0.05 * fine)
+    return _pack_maps(height, (0.7 + 0.3 * crack) * (0.92 + 0.16 * value) + 0.03 * fine,
+                      0.4 + 0.2 * value + 0.05 * fine)
 
 
-def by_uv(textures: Mapping[str, Any]) -> bool:
+def uses_uv(textures: Mapping[str, Any]) -> bool:
     """Whether ``textures`` settings lay images on the ground by its UV coordinates; a mesh's own always are."""
     return bool(textures["set"] == "MESH" or (textures["set"] != "NONE" and textures["mapping"] == "UV"))

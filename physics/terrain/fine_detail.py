@@ -63,8 +63,8 @@ def _expected_weight(mixing: float) -> float:
 _CUT_VARIANCE = (1.0 - 2.0 * 2.0 * math.exp(-2.0) / math.sqrt(2 * math.pi) + 3.0 * math.erfc(math.sqrt(2.0))) / 16.0
 
 
-def displaced(points_m: np.ndarray, normals: np.ndarray, settings: Any, seed: int, longest_m: float = math.inf,
-              shortest_m: Any = 0.0) -> np.ndarray:
+def displace(points_m: np.ndarray, normals: np.ndarray, settings: Any, seed: int, longest_m: float = math.inf,
+             shortest_m: Any = 0.0) -> np.ndarray:
     """Points (n, 3) moved by ``relief`` along their unit ``normals`` (n, 3)."""
     heights = relief(points_m, settings, seed, longest_m, shortest_m)
     return np.asarray(points_m, np.float64) + heights[:, None] * normals

@@ -77,7 +77,7 @@ class Layer:
         return x_m + self.warp_m / NOISE_DEVIATION * east, y_m + self.warp_m / NOISE_DEVIATION * north
 
 
-def layer(settings: Mapping[str, Any], random: np.random.Generator) -> Layer | None:
+def make_layer(settings: Mapping[str, Any], random: np.random.Generator) -> Layer | None:
     """The layer that one entry of ``terrain.layers`` describes, or None if it has no height."""
     keys = tuple(int(k) for k in random.integers(0, 2**32, _MOST_OCTAVES + 2))
     offsets = random.uniform(0.0, 1024.0, (_MOST_OCTAVES + 2, 2))

@@ -1,6 +1,6 @@
-"""Where a camera can stand: on made-up ground, beside its blocks, known without building it.
+"""Where a camera can stand: on made-up ground, beside its rocks, known without building it.
 
-Blocks lie where the build puts them; their heights are those of the described ground, which the mesh
+Rocks lie where the build puts them; their heights are those of the described ground, which the mesh
 keeps to within the error that the settings ask for.
 """
 
@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 
 from ..rocks.rocks import Rocks, euler_matrices, scatter
-from ..rocks.shapes import Shape, block_shapes
-from .terrain import Terrain, terrain
+from ..rocks.shapes import Shape, make_rock_shapes
+from .terrain import Terrain, make_terrain
 
 #: Places tried for each that is asked for, before there are said to be too few.
 _TRIES = 1000
@@ -25,15 +25,15 @@ _TRIES = 1000
 @dataclass(frozen=True)
 class Eyes:
     """Why cameras cannot stand where they do: of each of n, the height in metres of the other eye above the ground
-    (negative under it), and whether that eye is in a block."""
+    (negative under it), and whether that eye is in a rock."""
 
     above_m: np.ndarray
-    in_block: np.ndarray
+    in_rock: np.ndarray
 
 
 @dataclass(frozen=True)
-class Standing:
-    """Ground and blocks of complete settings whose ground is made up."""
+class RockyGround:
+    """Ground and rocks of complete settings whose ground is made up."""
 
     ground: Terrain
     settings: Mapping[str, Mapping[str, Any]]
@@ -52,65 +52,65 @@ class Standing:
 
     @cached_property
     def shapes(self) -> Sequence[Sequence[Shape]]:
-        """What the blocks are chosen from."""
+        """What the rocks are chosen from."""
         rocks = self.settings["rocks"]
-        return block_shapes(rocks["family"], rocks["angularity"], int(self.settings["dataset"]["seed"]))
+        return make_rock_shapes(rocks["family"], rocks["angularity"], int(self.settings["dataset"]["seed"]))
 
     @cached_property
-    def blocks(self) -> Rocks | None:
-        """All blocks, those too that a camera's clear circle will take away."""
+    def rocks(self) -> Rocks | None:
+        """All rocks, those too that a camera's clear circle will take away."""
         if self.settings["rocks"]["coverage"] <= 0:
             return None
         return scatter(self.settings["rocks"], self.ground.size_m, int(self.settings["dataset"]["seed"]), self.heights,
                        self.shapes, (0.0, 0.0, -math.inf))
 
     def clearance_m(self, x_m: float, y_m: float) -> float:
-        """Distance on the map to the nearest block in metres, negative over it, infinite without blocks."""
-        blocks = self.blocks
-        if blocks is None or not len(blocks.reach_m):
+        """Distance on the map to the nearest rock in metres, negative over it, infinite without rocks."""
+        rocks = self.rocks
+        if rocks is None or not len(rocks.reach_m):
             return math.inf
-        away = np.hypot(blocks.position_m[:, 0] - x_m, blocks.position_m[:, 1] - y_m)
-        return float((away - blocks.reach_m).min())
+        away = np.hypot(rocks.position_m[:, 0] - x_m, rocks.position_m[:, 1] - y_m)
+        return float((away - rocks.reach_m).min())
 
     def eyes(self, x_m: np.ndarray, y_m: np.ndarray, height_m: np.ndarray, heading_deg: np.ndarray,
              baseline_m: np.ndarray) -> Eyes:
         """What is about the right eyes of n cameras whose left eyes stand ``height_m`` above the ground.
 
-        Above ground that is not there they are NaN. A left eye is in no block: the build leaves such blocks out.
+        Above ground that is not there they are NaN. A left eye is in no rock: the build leaves such rocks out.
         """
         heading = np.radians(heading_deg)
         x, y = x_m + baseline_m * np.cos(heading), y_m - baseline_m * np.sin(heading)
         eye = self.heights(x_m, y_m) + height_m
-        inside = [self._in_block(np.array(right), left) for *right, left in
+        inside = [self._in_rock(np.array(right), left) for *right, left in
                   zip(x, y, eye, zip(x_m, y_m, strict=True), strict=True)]
         return Eyes(eye - self.heights(x, y), np.array(inside, bool))
 
-    def _in_block(self, eye_m: np.ndarray, left_m: tuple[float, float]) -> bool:
-        # The build keeps this circle about the left eye clear; without it blocks need not be drawn.
+    def _in_rock(self, eye_m: np.ndarray, left_m: tuple[float, float]) -> bool:
+        # The build keeps this circle about the left eye clear; without it rocks need not be drawn.
         if math.dist(eye_m[:2], left_m) <= self.settings["rocks"]["clear_radius_m"]:
             return False
-        blocks = self.blocks
-        if blocks is None:
+        rocks = self.rocks
+        if rocks is None:
             return False
-        centres = blocks.position_m
-        near = np.hypot(*(centres[:, :2] - eye_m[:2]).T) < blocks.reach_m
+        centres = rocks.position_m
+        near = np.hypot(*(centres[:, :2] - eye_m[:2]).T) < rocks.reach_m
         stays = (np.hypot(*(centres[:, :2] - left_m).T)
-                 > self.settings["rocks"]["clear_radius_m"] + blocks.reach_m)
-        return any(self._contains(blocks, k, eye_m) for k in np.flatnonzero(near & stays))
+                 > self.settings["rocks"]["clear_radius_m"] + rocks.reach_m)
+        return any(self._contains(rocks, k, eye_m) for k in np.flatnonzero(near & stays))
 
-    def _contains(self, blocks: Rocks, k: int, point_m: np.ndarray) -> bool:
-        """Whether a point is behind all faces of a block; shapes are convex but for the lumps of boulders."""
-        shape = self.shapes[blocks.level[k]][blocks.shape[k]]
-        turn = euler_matrices(blocks.rotation[k:k + 1])[0]
-        local = (point_m - blocks.position_m[k]) @ turn / blocks.scale_m[k]
+    def _contains(self, rocks: Rocks, k: int, point_m: np.ndarray) -> bool:
+        """Whether a point is behind all faces of a rock; shapes are convex but for the lumps of boulders."""
+        shape = self.shapes[rocks.level[k]][rocks.shape[k]]
+        turn = euler_matrices(rocks.rotation[k:k + 1])[0]
+        local = (point_m - rocks.position_m[k]) @ turn / rocks.scale_m[k]
         a, b, c = (shape.vertices[shape.triangles[:, j]] for j in range(3))
         return bool((np.einsum("nk,nk->n", np.cross(b - a, c - a), local - a) < 0).all())
 
-    def chosen(self, count: int, clearance_m: float, margin_m: float, apart_m: float,
+    def choose_places(self, count: int, clearance_m: float, margin_m: float, apart_m: float,
                random: np.random.Generator) -> np.ndarray:
         """Places (k, 2) in metres on the patch, k at most ``count``, at random.
 
-        Each is ``clearance_m`` or more from every block, ``margin_m`` from the patch's edge and ``apart_m`` from the
+        Each is ``clearance_m`` or more from every rock, ``margin_m`` from the patch's edge and ``apart_m`` from the
         others. Fewer are found where there is no room.
         """
         half = self.ground.size_m / 2 - margin_m
@@ -125,10 +125,10 @@ class Standing:
         return np.array(places).reshape(-1, 2)
 
 
-def standing(settings: Mapping[str, Mapping[str, Any]]) -> Standing:
-    """Ground and blocks of complete settings with ``source.kind`` PROCEDURAL.
+def make_rocky_ground(settings: Mapping[str, Mapping[str, Any]]) -> RockyGround:
+    """Ground and rocks of complete settings with ``source.kind`` PROCEDURAL.
 
     Raises IcyMoonError where the settings contradict each other.
     """
     half = math.inf if settings["mesh"]["kind"] == "GRADED" else settings["terrain"]["size_m"] / 2
-    return Standing(terrain(settings, int(settings["dataset"]["seed"])), settings, half)
+    return RockyGround(make_terrain(settings, int(settings["dataset"]["seed"])), settings, half)

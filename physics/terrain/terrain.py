@@ -16,9 +16,17 @@ import numpy as np
 
 from ..random_numbers.seeds import generator
 from .landforms import MAKERS, Landform
-from .layers import Layer, layer
+from .layers import Layer, make_layer
 from .mantle import fill
-from .roughness.roughness import LAW_FROM, LAW_TO, Rough, amplitudes, carried_share, rough, wavelengths_m
+from .roughness.roughness import (
+    LAW_FROM,
+    LAW_TO,
+    RoughSurface,
+    amplitudes,
+    carried_share,
+    make_rough_surface,
+    wavelengths_m,
+)
 from .roughness.structure_function import structure
 
 #: Points worked on at a time, so that what is in hand stays in the processor's cache.
@@ -36,7 +44,7 @@ class Terrain:
     """A patch of ground. All lengths in metres; build it with :func:`terrain`."""
 
     size_m: float
-    base: Rough
+    base: RoughSurface
     layers: tuple[Layer, ...] = ()
     landforms: tuple[Landform, ...] = ()
     slope_east: float = 0.0
@@ -61,7 +69,7 @@ class Terrain:
             return result
         x, y = (np.broadcast_to(a, shape).reshape(-1) for a in (x, y))
         shortest = np.broadcast_to(shortest_m, shape).reshape(-1) if np.ndim(shortest_m) else None
-        order = _neighbours_together(x, y)
+        order = _order_by_place(x, y)
         result = np.empty(x.size)
         for start in range(0, x.size, _TILE**2):
             some = order[start:start + _TILE**2]
@@ -72,7 +80,7 @@ class Terrain:
         total = self._ground(x, y, shortest_m)
         for landform in self.landforms:
             # Only a mesh of one spacing leaves out what it is too coarse for; the error of a graded one is bounded.
-            share = landform.carried(shortest_m) if np.ndim(shortest_m) == 0 else 1.0
+            share = landform.carried_share(shortest_m) if np.ndim(shortest_m) == 0 else 1.0
             if share:
                 total += share * landform.heights(x, y, shortest_m)
         if self.mantle_thickness_m:
@@ -103,7 +111,7 @@ def _tiles(rows: int, columns: int) -> Iterator[tuple[slice, slice]]:
             yield slice(j, j + _TILE), slice(i, i + _TILE)
 
 
-def _neighbours_together(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+def _order_by_place(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     """An order of scattered points in which neighbours are near each other, so that they share lattice cells."""
     if x.size <= _TILE**2:
         return np.arange(x.size)
@@ -113,27 +121,27 @@ def _neighbours_together(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     return np.argsort(row * squares + column, kind="stable")
 
 
-def terrain(settings: Any, seed: int) -> Terrain:
+def make_terrain(settings: Any, seed: int) -> Terrain:
     """The ground that a complete scene description and its data set's seed describe.
 
     Raises IcyMoonError where lengths contradict each other.
     """
     ground = settings["terrain"]
     size = float(ground["size_m"])
-    layers = [layer(entry, generator(seed, "terrain", 2, k)) for k, entry in enumerate(ground["layers"])]
+    layers = [make_layer(entry, generator(seed, "terrain", 2, k)) for k, entry in enumerate(ground["layers"])]
     landforms = [make(settings[topic], generator(seed, "terrain", 3, k), size)
                  for k, (topic, make) in enumerate(MAKERS.items())]
     fall, azimuth = (math.radians(ground[k]) for k in ("regional_slope_deg", "regional_slope_azimuth_deg"))
     mantle = settings["mantle"]
-    made = Terrain(size, rough(ground, size, generator(seed, "terrain", 0)), tuple(a for a in layers if a),
+    made = Terrain(size, make_rough_surface(ground, size, generator(seed, "terrain", 0)), tuple(a for a in layers if a),
                    tuple(a for a in landforms if a), -math.tan(fall) * math.sin(azimuth),
                    -math.tan(fall) * math.cos(azimuth), mantle["thickness_m"], mantle["length_m"])
     if mantle["thickness_m"] and made.landforms:
-        return _level(made)
+        return _level_mantle(made)
     return made
 
 
-def _level(made: Terrain) -> Terrain:
+def _level_mantle(made: Terrain) -> Terrain:
     """The terrain with its mantle lying at the mean height of the landforms on the patch."""
     axis = np.linspace(-made.size_m / 2, made.size_m / 2, _SAMPLES)
     x, y = axis[None, :], axis[:, None]
@@ -147,7 +155,7 @@ def law_range_m(ground: Any) -> tuple[float, float]:
     return LAW_FROM * ground["inner_scale_m"], LAW_TO * ground["outer_scale_m"]
 
 
-def _lost(ground: Any, shortest_m: float) -> float:
+def _lost_share(ground: Any, shortest_m: float) -> float:
     """Share of the stated RMS deviation at three times the shortest wavelength that a mesh carries which it loses."""
     wavelength = wavelengths_m(ground)
     lag = 3 * shortest_m
@@ -157,7 +165,7 @@ def _lost(ground: Any, shortest_m: float) -> float:
     return 1.0 - math.sqrt(carried_share(wavelength, shortest_m) ** 2 @ squares / squares.sum())
 
 
-def advice(settings: Any, shortest_m: float) -> list[str]:
+def terrain_advice(settings: Any, shortest_m: float) -> list[str]:
     """What a person should know about described ground on a mesh whose shortest wavelength is ``shortest_m``.
 
     Sentences; none if all is well.
@@ -171,7 +179,7 @@ def advice(settings: Any, shortest_m: float) -> list[str]:
         notes.append(f"With a Hurst exponent of {ground['hurst']:g}, {ground['rms_slope_deg']:g} degrees at "
                      f"{ground['slope_baseline_m']:g} m become {steep:.0f} degrees at {finest:.2g} m, which no ice "
                      "holds; raise terrain.hurst or terrain.inner_scale_m.")
-    lost = _lost(ground, shortest_m)
+    lost = _lost_share(ground, shortest_m)
     if slope and lost > _MOST_LOST:
         notes.append(f"The mesh carries no wave under {shortest_m:.2g} m, so that the ground is {lost:.0%} smoother "
                      f"than stated at {3 * shortest_m:.2g} m; {finer} or raise terrain.inner_scale_m.")
@@ -180,7 +188,7 @@ def advice(settings: Any, shortest_m: float) -> list[str]:
                      f"{ground['outer_scale_m']:g} m: the ground is flat; {finer}.")
     for topic, make in MAKERS.items():
         landform = make(settings[topic], np.random.default_rng(0), ground["size_m"])
-        share = landform.carried(shortest_m) if landform else 1.0
+        share = landform.carried_share(shortest_m) if landform else 1.0
         if landform and share < 1.0:
             notes.append(f"The mesh is too coarse for the {topic} (they need vertices {landform.finest_m / 1.5:.2g} m "
                          f"apart), so they are {f'{share:.0%} of their height' if share else 'left out'}; {finer}.")

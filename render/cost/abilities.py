@@ -8,7 +8,7 @@ from functools import lru_cache
 from typing import Any
 
 from ...errors import IcyMoonError
-from ...physics.left_out import surfaces
+from ...physics.left_out import surface_topics
 from ...settings.description import Settings
 from ..workers.job import blender_command
 from ..workers.process import Process
@@ -57,7 +57,7 @@ def lacking_quality(quality: Mapping[str, Any], able: Abilities) -> str:
 def lacking(settings: Settings, able: Abilities) -> str:
     """The same, for complete settings."""
     if not able.osl and settings["hapke"]["backend"] == "OSL" and any(
-            settings[topic]["model"] == "HAPKE" for topic in surfaces(settings)):
+            settings[topic]["model"] == "HAPKE" for topic in surface_topics(settings)):
         return ("This Blender was built without Open Shading Language; set hapke.backend to AUTO or use an official "
                 "build.")
     return lacking_quality(settings["quality"], able)

@@ -16,9 +16,9 @@ from typing import Any
 
 from ...errors import IcyMoonError
 from ...formats import mesh_file
-from ...physics.left_out import only_camera_meets_relief, shown_surface, surfaces
+from ...physics.left_out import only_camera_meets_relief, rendered_surface, surface_topics
 from ...physics.mesh.grading import grade
-from ...physics.terrain.terrain import terrain
+from ...physics.terrain.terrain import make_terrain
 from ...settings import changes
 from ...settings.description import Settings
 from ...settings.user_files import used_files
@@ -86,7 +86,7 @@ class Work:
 def work_of(settings: Settings) -> Work:
     """What a pair with these complete settings asks of the machine."""
     quality = settings["quality"]
-    topics, share = surfaces(settings), settings["rocks"]["coverage"]
+    topics, share = surface_topics(settings), settings["rocks"]["coverage"]
     weights = (1.0,) if len(topics) == 1 else (1.0 - share, share)
     relative = sum(weight * _sample(settings, topic) for weight, topic in zip(weights, topics, strict=True))
     relative += _BLOCKS * (share > 0)
@@ -134,7 +134,7 @@ def sky_share(settings: Settings) -> float:
 
 def _sample(settings: Settings, topic: str) -> float:
     """Cost of a sample that meets a surface, over that with Lambert's law and shaded relief."""
-    surface, hapke = shown_surface(settings, topic), settings["hapke"]
+    surface, hapke = rendered_surface(settings, topic), settings["hapke"]
     relative = _MODELS[surface["model"]]
     if surface["model"] == "HAPKE":
         relative = {"REFERENCE": _HAPKE_REFERENCE}.get(hapke["accuracy"], relative)
@@ -163,9 +163,9 @@ def triangles_of(settings: Settings) -> float:
     Raises IcyMoonError if a file of one's own cannot be read.
     """
     if settings["source"]["kind"] == "MESH":
-        return float(mesh_file.cost(used_files(settings)["source.file"]).triangles)
+        return float(mesh_file.estimate_cost(used_files(settings)["source.file"]).triangles)
     if settings["source"]["kind"] == "PROCEDURAL" and settings["mesh"]["kind"] == "GRADED":
-        return 2.0 * grade(terrain(settings, int(settings["dataset"]["seed"])), settings).rings.vertices
+        return 2.0 * grade(make_terrain(settings, int(settings["dataset"]["seed"])), settings).rings.vertices
     return 2.0 * (settings["terrain"]["resolution"] - 1) ** 2
 
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from ...errors import IcyMoonError
-from ...physics.left_out import relief_of_camera_alone, surfaces, walk_px, walks
+from ...physics.left_out import follows_walk, relief_of_camera_alone, surface_topics, walk_px
 from ...physics.surfaces.hapke import HapkeParameters, bidirectional_reflectance
 from ...physics.surfaces.photometry import hemispherical_albedo
 from ...settings.description import Settings, merged
@@ -150,7 +150,7 @@ class _Part:
 def _parts(settings: Settings) -> list[_Part]:
     """Those that the scene has: shaded relief, a surface that light can walk under, labels and normals."""
     found = []
-    topics = surfaces(settings)
+    topics = surface_topics(settings)
     if any(relief_of_camera_alone(merged(settings, {"quality": {"fine_relief": "CAMERA"}}), each) for each in topics):
         found.append(_Part("fine_relief", "CAMERA", "ALL", "fine relief for the camera alone",
                            "fine relief for all light"))
@@ -172,7 +172,7 @@ def _surface_models(group: str, settings: Settings) -> list[Variant]:
     surface = settings["surface"]
     parts: dict[str, dict[str, dict[str, Any]]] = {}
     if group == "subsurface" and surface["model"] == "PRINCIPLED" and surface["subsurface_weight"] > 0:
-        parts = {**({"none": {"surface": {"subsurface_weight": 0.0}}} if walks(settings, "surface") else {}),
+        parts = {**({"none": {"surface": {"subsurface_weight": 0.0}}} if follows_walk(settings, "surface") else {}),
                  "Hapke": {"surface": {"model": "HAPKE"}, "hapke": _isotropic_hapke(settings)},
                  "Lambert": {"surface": {"model": "LAMBERT"}}}
     if group == "hapke" and surface["model"] == "HAPKE":

@@ -14,9 +14,9 @@ from ...errors import IcyMoonError
 from ...formats.toml_lines import Place
 from ...physics import admission
 from ...physics.admission import Reason
-from ...physics.camera.blur import identity
+from ...physics.camera.blur import blur_identity
 from ...physics.random_numbers.seeds import stream
-from ...physics.terrain.sites import Standing, standing
+from ...physics.terrain.sites import RockyGround, make_rocky_ground
 from ...settings.description import Settings, beside, defaults, digest, merged
 from ...settings.table import TOPICS, all_settings
 from ...settings.user_files import content, used_files
@@ -26,7 +26,7 @@ from .sweeps import Block, Variation, check_number
 
 #: Grounds that a plan is checked on before it is rendered.
 MOST_GROUNDS = 200
-#: Topics that ``admission.of_settings`` asks, and what it asks of the terrain.
+#: Topics that ``admission.reasons_of_settings`` asks, and what it asks of the terrain.
 _OF_SETTINGS = ("source", "surface", "rock_surface", "hapke", "textures", "rocks", "light")
 _OF_TERRAIN = ("size_m", "body_radius_m")
 _GEOMETRY = [(topic, s.key) for topic, s in all_settings() if s.effect == "geometry"]
@@ -79,16 +79,16 @@ class _Grounds:
     """The made-up grounds of a plan, each made once."""
 
     def __init__(self) -> None:
-        self._known: dict[str, Standing] = {}
+        self._known: dict[str, RockyGround] = {}
 
-    def of(self, settings: Settings) -> Standing:
+    def of(self, settings: Settings) -> RockyGround:
         """The ground of a complete description. Raises IcyMoonError if it is not made up, or contradicts itself."""
         if settings["source"]["kind"] != "PROCEDURAL":
             raise IcyMoonError("the ground is a file of your own, whose heights are not known here; state rig.x_m, "
                                "rig.y_m and the pose in a cases block")
         key = _geometry(settings)
         if key not in self._known:
-            self._known[key] = standing(settings)
+            self._known[key] = make_rocky_ground(settings)
         return self._known[key]
 
 
@@ -115,7 +115,7 @@ def combined(design: Design) -> Combined:
     refusals = _refused(made, grounds)
     if refusals and all(refusals):
         raise refusals[0] or AssertionError
-    pairs = [PlannedPair(digest(each.settings, _content(each) + identity(each.settings)), each.settings, 0.0)
+    pairs = [PlannedPair(digest(each.settings, _content(each) + blur_identity(each.settings)), each.settings, 0.0)
              for each in made]
     return Combined(pairs, {pair.id: str(error) for pair, error in zip(pairs, refusals, strict=True) if error})
 
@@ -226,7 +226,7 @@ def _refused(made: list[_Made], grounds: _Grounds) -> list[IcyMoonError | None]:
     """
     seen: set[str] = set()
     known: dict[str, list[Reason]] = {}
-    standing_on: dict[int, tuple[Standing, list[int]]] = {}
+    standing_on: dict[int, tuple[RockyGround, list[int]]] = {}
     found: list[list[Reason]] = []
     looked_at = some_grounds([each.settings for each in made])
     for k, each in enumerate(made):
@@ -234,7 +234,7 @@ def _refused(made: list[_Made], grounds: _Grounds) -> list[IcyMoonError | None]:
         key = json.dumps([each.settings[topic] for topic in _OF_SETTINGS]
                          + [each.settings["terrain"][name] for name in _OF_TERRAIN])
         if key not in known:
-            known[key] = admission.of_settings(each.settings)
+            known[key] = admission.reasons_of_settings(each.settings)
         found.append(list(known[key]))
         if each.settings["source"]["kind"] == "PROCEDURAL" and _geometry(each.settings) in looked_at:
             try:
@@ -248,9 +248,9 @@ def _refused(made: list[_Made], grounds: _Grounds) -> list[IcyMoonError | None]:
     return [_error(each, said) for each, said in zip(made, found, strict=True)]
 
 
-def _of_eyes(ground: Standing, made: list[_Made]) -> list[Reason | None]:
+def _of_eyes(ground: RockyGround, made: list[_Made]) -> list[Reason | None]:
     try:
-        found = admission.of_eyes(ground, [each.settings["rig"] for each in made])
+        found = admission.reasons_of_eyes(ground, [each.settings["rig"] for each in made])
     except IcyMoonError as error:  # sizes of blocks that contradict each other
         return [Reason(str(error)) for _ in made]
     for each, reason in zip(made, found, strict=True):

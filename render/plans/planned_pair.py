@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from ...physics.camera.blur import identity
+from ...physics.camera.blur import blur_identity
 from ...physics.random_numbers.seeds import stream
 from ...settings.description import Settings, digest, merged
 
@@ -46,5 +46,5 @@ def expand(settings: Settings, extra: str = "") -> list[PlannedPair]:
     pairs = []
     for k in range(headings):
         turned = merged(settings, {"rig": {"heading_deg": turned_heading_deg(settings, k, headings)}} if k else {})
-        pairs.append(PlannedPair(digest(turned, extra + identity(turned)), turned, 360.0 * k / headings))
+        pairs.append(PlannedPair(digest(turned, extra + blur_identity(turned)), turned, 360.0 * k / headings))
     return pairs

@@ -15,13 +15,13 @@ from ...errors import IcyMoonError
 from ...formats.toml_lines import Place
 from ...physics.admission import LOWEST_M
 from ...physics.light.directions import toward
-from ...physics.terrain.sites import Standing
+from ...physics.terrain.sites import RockyGround
 from ...settings.description import Settings
 from .planned_pair import turned_heading_deg
 from .sweeps import Block, Variation, checked, known_keys, random_of, whole_number
 
 #: Finds the ground of a complete description, or raises IcyMoonError where it is not made up.
-Ground = Callable[[Settings], Standing]
+Ground = Callable[[Settings], RockyGround]
 
 
 def _numbers(block: Block, key: str, default: Sequence[float] | None = None) -> list[float]:
@@ -104,7 +104,7 @@ def _sites(block: Block, base: Settings, ground: Ground) -> list[Variation]:
     clearance, margin, apart = (_length(block, key, default) for key, default in
                                 (("clearance_m", 0.25), ("margin_m", 1.0), ("apart_m", 0.0)))
     seed = int(base["dataset"]["seed"])
-    found = ground(base).chosen(count, clearance, margin, apart, random_of(block, "place", seed))
+    found = ground(base).choose_places(count, clearance, margin, apart, random_of(block, "place", seed))
     if len(found) < count:
         raise IcyMoonError(f"{block.place}: the {base['terrain']['size_m']:g} m patch has room for {len(found)} of "
                            f"{count} sites {clearance:g} m clear of blocks, {margin:g} m from its edge and {apart:g} m "

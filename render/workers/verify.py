@@ -10,7 +10,7 @@ from typing import Any
 from ...errors import IcyMoonError, describe_error
 from ...files import read_text, sha256
 from ...formats.exr_layout import is_whole
-from ...physics.camera.blur import identity
+from ...physics.camera.blur import blur_identity
 from ...records import FILE_NAME, SHA256, Each, find_fault, parse_json
 from ...settings.description import digest
 from ..pairs.our_files import is_claim, is_unfinished, remove_ours, why_kept
@@ -136,7 +136,7 @@ def _contradictions(pair: Pair, planned: PlannedPair) -> Iterator[str]:
     path = pair.folder / "pair.json"
     if pair.id != planned.id:
         yield f"{path} is of pair {pair.id}, not {planned.id}."
-    own, blur = str(pair.data.get("own_files_sha256", "")), identity(pair.settings)
+    own, blur = str(pair.data.get("own_files_sha256", "")), blur_identity(pair.settings)
     ids = {digest(pair.settings, own + each + blur) for each in _STAND_INS}
     if not pair.data.get("edited_by_hand") and pair.id not in ids:
         yield f"{path}: its settings do not give the id {pair.id}."

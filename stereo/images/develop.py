@@ -13,15 +13,15 @@ from ...errors import IcyMoonError
 from ...labels import LIGHT_GROUPS
 from ...physics.camera import brackets
 from ...physics.camera.blur import developing_warnings
-from ...physics.camera.particle_hits import hits
-from ...physics.camera.point_spread import through_lens
+from ...physics.camera.particle_hits import draw_hits
+from ...physics.camera.point_spread import apply_lens
 from ...physics.camera.sensor import (
     capacity_e,
     digital_numbers,
+    draw_pattern,
     electrons,
     exposure_s,
     exposure_warnings,
-    fixed_pattern,
     gain_dn_per_e,
     noise_generator,
     top_dn,
@@ -107,7 +107,7 @@ def develop(pair: Pair, left: Light, right: Light, settings: Settings) -> Images
     lenses = {eye: lens_of(pair.camera, rig, eye) for eye in EYES}
     scaled = {eye: grey(scaled_radiance(view, pair, settings["light"]))
               for eye, view in (("left", left), ("right", right))}
-    light = {eye: through_lens(_on_sensor(scaled[eye], pair.camera, lenses[eye]), sensor) for eye in EYES}
+    light = {eye: apply_lens(_on_sensor(scaled[eye], pair.camera, lenses[eye]), sensor) for eye in EYES}
     metered = exposure_s(light["left"], rate, sensor)
     times = brackets.exposure_times(metered, sensor)
     seed = int(pair.settings["dataset"]["seed"])
@@ -117,9 +117,9 @@ def develop(pair: Pair, left: Light, right: Light, settings: Settings) -> Images
     if len(frames) == 1:
         bits, final = int(sensor["bits"]), {eye: image[eye][0] for eye in EYES}
     else:
-        merged = {eye: brackets.merged(image[eye], times, sensor) for eye in EYES}
+        merged = {eye: brackets.merge_exposures(image[eye], times, sensor) for eye in EYES}
         full_s = brackets.full_rate(merged["left"], times[-1], sensor)
-        bits, final = brackets.MERGED_BITS, {eye: brackets.as_numbers(merged[eye], full_s) for eye in EYES}
+        bits, final = brackets.MERGED_BITS, {eye: brackets.quantise(merged[eye], full_s) for eye in EYES}
     saturated = float(np.mean(image["left"][-1] == top_dn(sensor)))
     detected = final
     final = {eye: numbers if (lens := lenses[eye]) is None else lens.rectify(numbers)
@@ -140,10 +140,10 @@ def _exposures(light: np.ndarray, times: list[float], rate: float, settings: Set
     """Digital numbers of one eye, exposed for each of ``times``."""
     sensor, seed = settings["sensor"], int(settings["sensor"]["noise_seed"])
     shape = light.shape[0], light.shape[1]
-    pattern = fixed_pattern(stream[0], stream[2], shape, sensor)
+    pattern = draw_pattern(stream[0], stream[2], shape, sensor)
     numbers = []
     for k, seconds in enumerate(times):
-        freed = hits(sensor, shape, pitch_m, seconds, noise_generator(
+        freed = draw_hits(sensor, shape, pitch_m, seconds, noise_generator(
             *stream, seed, k, 1)) if sensor["radiation_flux_cm2_s"] > 0 else 0.0
         charge = electrons(light, seconds, rate, sensor, noise_generator(*stream, seed, k, 0), pattern, freed)
         numbers.append(digital_numbers(charge, sensor))

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Collection
 
-from ...formats.exr_parts import assembled, pieces
+from ...formats.exr_parts import assemble, read_pieces
 
 
 def only_passes(data: bytes, passes: Collection[str]) -> bytes:
@@ -16,8 +16,8 @@ def only_passes(data: bytes, passes: Collection[str]) -> bytes:
 
     Raises ValueError, IndexError, KeyError or struct.error for what is no EXR file.
     """
-    parts = pieces(data)
+    parts = read_pieces(data)
     # A part is called after its pass, in some versions with "-VIEW" at the end, or after its layer.
     layers = {name.split(".")[0] for name in passes}
     wanted = [part for part in parts if part.name.split("-")[0] in passes or part.name in layers]
-    return data if len(wanted) in (0, len(parts)) else assembled(wanted)
+    return data if len(wanted) in (0, len(parts)) else assemble(wanted)

@@ -15,7 +15,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from ...physics.camera.lens_distortion import check, coefficients, distorted, undistorted
+from ...physics.camera.lens_distortion import coefficients, distort, refuse_folds, undistort
 from ...render.pairs.pair_folder import StereoCamera
 
 
@@ -73,13 +73,13 @@ def _lens(camera: StereoCamera, k: tuple[float, ...], eye: str) -> Lens:
     pixels = np.stack(np.meshgrid(np.arange(camera.width_px) + 0.5, np.arange(camera.height_px) + 0.5), axis=-1)
     principal, margin = np.array([camera.cx_px, camera.cy_px]), np.array([camera.margin_x_px, camera.margin_y_px])
     points = (pixels - principal) / camera.focal_px
-    check(points, k)
+    refuse_folds(points, k)
 
     def columns_and_rows(normalised: np.ndarray, beside: np.ndarray | float = 0.0) -> np.ndarray:
         return (normalised * camera.focal_px + principal - 0.5 + beside).astype(np.float32)
 
     rectified = _turned(points, camera.eye_rotation(eye), k) if camera.toe_in_deg else points
-    return Lens(columns_and_rows(undistorted(points, k), margin), columns_and_rows(distorted(rectified, k)),
+    return Lens(columns_and_rows(undistort(points, k), margin), columns_and_rows(distort(rectified, k)),
                 columns_and_rows(rectified, margin), camera.rendered_px)
 
 
@@ -89,7 +89,7 @@ def _turned(points: np.ndarray, rotation: np.ndarray, k: tuple[float, ...]) -> n
     rays = np.concatenate([points, np.ones_like(points[..., :1])], axis=-1) @ rotation.T
     ahead = rays[..., 2:] > 1e-6
     seen = np.where(ahead, rays[..., :2] / np.where(ahead, rays[..., 2:], 1.0), np.nan)
-    back = undistorted(distorted(seen, k), k)
+    back = undistort(distort(seen, k), k)
     return np.where(np.abs(back - seen) < 1e-6 * (1 + np.abs(seen)), seen, np.nan)
 
 

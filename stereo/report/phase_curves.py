@@ -20,7 +20,7 @@ def phase_curves(pairs: Iterable[Mapping[str, Any]]) -> dict[str, np.ndarray]:
     """Brightness (n,) at ``PHASE_DEG`` over that at opposition, by a name, of each law among the pairs' facts."""
     found: dict[str, np.ndarray] = {}
     for pair in pairs:
-        for topic in left_out.surfaces(pair["settings"]):
+        for topic in left_out.surface_topics(pair["settings"]):
             surface, hapke = pair["settings"][topic], pair["settings"]["hapke"]
             name = _law_name(surface, hapke)
             if len(found) == MOST:

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from icymoon.commands import cli
-from icymoon.physics.terrain.sites import standing
+from icymoon.physics.terrain.sites import make_rocky_ground
 from icymoon.render.plans import combine, plan_file
 from icymoon.render.workers.memory import shortage
 from icymoon.settings.description import defaults, merged
@@ -181,8 +181,9 @@ seeds = 1000
 
 def test_a_plan_of_many_grounds_is_looked_at_on_some_and_says_so(place, monkeypatch):
     """Each ground takes some hundredths of a second; a hundred thousand took most of an hour, in silence."""
-    looked, level = [], standing(merged(defaults(), {"terrain": {"rms_slope_deg": 0.0}}))
-    monkeypatch.setattr(combine, "standing", lambda settings: looked.append(settings["dataset"]["seed"]) or level)
+    looked, level = [], make_rocky_ground(merged(defaults(), {"terrain": {"rms_slope_deg": 0.0}}))
+    monkeypatch.setattr(combine, "make_rocky_ground",
+                        lambda settings: looked.append(settings["dataset"]["seed"]) or level)
     (place / "many.toml").write_text(PLAN)
     many = plan_file.read_plan(place / "many.toml")
     assert len(many.pairs()) == 1000

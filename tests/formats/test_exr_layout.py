@@ -6,7 +6,7 @@ import numpy as np
 import OpenEXR
 import pytest
 from icymoon.formats.exr_layout import is_whole
-from icymoon.formats.exr_parts import assembled, joined, pieces
+from icymoon.formats.exr_parts import assemble, join_files, read_pieces
 
 COMPRESSIONS = ("NO_COMPRESSION", "RLE_COMPRESSION", "ZIPS_COMPRESSION", "ZIP_COMPRESSION", "PIZ_COMPRESSION")
 
@@ -51,8 +51,8 @@ def test_joined_files_hold_the_same_pixels_and_nothing_of_the_run(tmp_path, comp
             files[layer] = path.read_bytes()
         return files
 
-    data = joined(written("today"))
-    assert data == joined(written("the day after"))
+    data = join_files(written("today"))
+    assert data == join_files(written("the day after"))
     path = tmp_path / "joined.exr"
     path.write_bytes(data)
     assert is_whole(path)
@@ -70,7 +70,7 @@ def test_a_file_taken_apart_and_put_together_is_the_same_image(tmp_path):
     header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
     OpenEXR.File([OpenEXR.Part(dict(header), {"Z": np.full((20, 3), k, np.float32)}, f"p{k}")
                   for k in range(3)]).write(str(path))
-    assert [piece.name for piece in pieces(path.read_bytes())] == ["p0", "p1", "p2"]
-    path.write_bytes(assembled(pieces(path.read_bytes())[1:]))
+    assert [piece.name for piece in read_pieces(path.read_bytes())] == ["p0", "p1", "p2"]
+    path.write_bytes(assemble(read_pieces(path.read_bytes())[1:]))
     found = OpenEXR.File(str(path), separate_channels=True).parts
     assert [float(part.channels["Z"].pixels.max()) for part in found] == [1, 2]

@@ -8,9 +8,9 @@ import numpy as np
 import OpenEXR
 import pytest
 from icymoon.formats.exr_layout import is_whole
-from icymoon.formats.exr_parts import joined, pieces
-from icymoon.formats.exr_pixels import without_passes
-from icymoon.formats.exr_sum import with_planet
+from icymoon.formats.exr_parts import join_files, read_pieces
+from icymoon.formats.exr_pixels import drop_passes
+from icymoon.formats.exr_sum import add_planet
 from icymoon.stereo.images.exr import read_light
 
 LIGHT = ("Combined", "Combined_Sun", "Combined_Planet")
@@ -48,7 +48,7 @@ def test_parts_are_joined_and_light_is_added(tmp_path, several, compression, hei
     write(tmp_path / "planet.exr", {"Beauty.Combined": ice, "Beauty.Combined_Planet": ice}, several, compression)
     write(tmp_path / "truth.exr", {"Truth.Normal": normal}, several, compression)
     view, light, truth = ((tmp_path / f"{name}.exr").read_bytes() for name in ("view", "planet", "truth"))
-    (tmp_path / "view.exr").write_bytes(joined({"Beauty": with_planet(view, light), "Truth": truth}))
+    (tmp_path / "view.exr").write_bytes(join_files({"Beauty": add_planet(view, light), "Truth": truth}))
     assert is_whole(tmp_path / "view.exr")
     found = read(tmp_path / "view.exr")
     for k, band in enumerate("RGB"):
@@ -70,7 +70,7 @@ def test_passes_that_nobody_needs_are_left_out(tmp_path, several, compression, h
     write(tmp_path / "truth.exr", made, several, compression)
     data = (tmp_path / "truth.exr").read_bytes()
     for unwanted, kept in (({"Truth.Combined"}, 3), ({"Truth.Combined", "Truth.Combined_Sun"}, 2), ({"Truth.Comb"}, 4)):
-        (tmp_path / "less.exr").write_bytes(joined({"Truth": data}, partial(without_passes, unwanted=unwanted)))
+        (tmp_path / "less.exr").write_bytes(join_files({"Truth": data}, partial(drop_passes, unwanted=unwanted)))
         assert is_whole(tmp_path / "less.exr")
         found = read(tmp_path / "less.exr")
         assert {name.rpartition(".")[0] for name in found} == made.keys() - unwanted
@@ -86,9 +86,9 @@ def test_a_layer_of_nothing_else_is_left_out_and_what_is_not_understood_stays(tm
     write(tmp_path / "a.exr", {"Truth.Combined": values}, False, OpenEXR.ZIP_COMPRESSION)
     write(tmp_path / "b.exr", {"Truth.Combined": values, "Truth.Depth": values}, False, OpenEXR.PIZ_COMPRESSION)
     a, b = ((tmp_path / name).read_bytes() for name in ("a.exr", "b.exr"))
-    less = partial(without_passes, unwanted={"Truth.Combined"})
-    assert [piece.name for piece in pieces(joined({"A": a, "B": b}, less))] == ["a"]
-    (tmp_path / "less.exr").write_bytes(joined({"A": a, "B": b}, less))
+    less = partial(drop_passes, unwanted={"Truth.Combined"})
+    assert [piece.name for piece in read_pieces(join_files({"A": a, "B": b}, less))] == ["a"]
+    (tmp_path / "less.exr").write_bytes(join_files({"A": a, "B": b}, less))
     assert len(read(tmp_path / "less.exr")) == 6
 
 
@@ -98,6 +98,6 @@ def test_what_cannot_be_added_is_refused(tmp_path):
     write(tmp_path / "planet.exr", {"Beauty.Combined_Planet": values}, True, OpenEXR.ZIP_COMPRESSION)
     view, planet = ((tmp_path / f"{name}.exr").read_bytes() for name in ("view", "planet"))
     with pytest.raises(KeyError):  # it has no planet's group
-        with_planet(view, planet)
+        add_planet(view, planet)
     with pytest.raises(ValueError, match="EXR"):
-        with_planet(b"not an image", planet)
+        add_planet(b"not an image", planet)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from icymoon.formats.ply import vertices
+from icymoon.formats.ply import read_vertices
 
 POINTS = np.array([(500000.0625, -4.5e6, 3.25), (math.nan, 1.0, 2.0), (0.1, math.inf, -7.0)])
 
@@ -29,15 +29,16 @@ def write(path: Path, encoding: str, number: str = "double", properties: str = "
 
 @pytest.mark.parametrize("encoding", ["ascii", "binary_little_endian", "binary_big_endian"])
 def test_doubles_and_what_is_no_number_are_kept(tmp_path, encoding):
-    assert np.array_equal(vertices(write(tmp_path / "a.ply", encoding)), POINTS, equal_nan=True)
-    single = vertices(write(tmp_path / "a.ply", encoding, "float"))
+    assert np.array_equal(read_vertices(write(tmp_path / "a.ply", encoding)), POINTS, equal_nan=True)
+    single = read_vertices(write(tmp_path / "a.ply", encoding, "float"))
     assert np.array_equal(single, POINTS if encoding == "ascii" else POINTS.astype(np.float32), equal_nan=True)
 
 
 def test_layouts_that_are_not_usual_are_left_to_blender(tmp_path):
-    assert vertices(write(tmp_path / "a.ply", "binary_little_endian", properties="property list uchar int k\n")) is None
+    assert read_vertices(write(tmp_path / "a.ply", "binary_little_endian",
+                               properties="property list uchar int k\n")) is None
     whole = write(tmp_path / "a.ply", "binary_little_endian").read_bytes()
     (tmp_path / "torn.ply").write_bytes(whole[:-60])
-    assert vertices(tmp_path / "torn.ply") is None
+    assert read_vertices(tmp_path / "torn.ply") is None
     (tmp_path / "faces_first.ply").write_bytes(whole.replace(b"element vertex", b"element edge"))
-    assert vertices(tmp_path / "faces_first.ply") is None
+    assert read_vertices(tmp_path / "faces_first.ply") is None

@@ -58,7 +58,7 @@ def test_eyes_that_were_moved_by_hand_are_asked_of_the_scene():
     block = max((item for item in bpy.data.objects if item.get("icymoon") == "rock"),
                 key=lambda item: len(item.data.vertices))
     camera.location = block.data.vertices[0].co  # the middle of the largest block
-    assert any("left eye in a block" in text for text in eyes_above_ground.reasons(built))
+    assert any("left eye in a rock" in text for text in eyes_above_ground.reasons(built))
     camera.location = start
     camera.location.z = -0.2
     assert len(eyes_above_ground.reasons(built)) == 2

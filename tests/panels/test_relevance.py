@@ -9,7 +9,7 @@ import pytest
 from icymoon.panels.relevance import matters, shown
 from icymoon.physics.camera.blur import MOTION, blur_of
 from icymoon.physics.camera.brackets import exposure_times
-from icymoon.physics.camera.particle_hits import hits
+from icymoon.physics.camera.particle_hits import draw_hits
 from icymoon.physics.camera.sensor import exposure_s
 from icymoon.physics.surfaces.hapke import bidirectional_reflectance, from_settings
 from icymoon.settings.description import defaults, merged
@@ -56,7 +56,7 @@ def test_a_setting_of_exposure_or_radiation_is_grey_where_it_changes_no_exposure
     def exposures(**changes):
         response = {**defaults()["sensor"], **state, **changes}
         times = exposure_times(exposure_s(np.linspace(0.0, 1.0, 99), 1e4, response), response)
-        return [*times, hits(response, (30, 40), 1e-5, 10.0, np.random.default_rng(0)).sum()]
+        return [*times, draw_hits(response, (30, 40), 1e-5, 10.0, np.random.default_rng(0)).sum()]
 
     assert matters("sensor", key, root(sensor=state)) == (exposures(**{key: other}) != exposures())
 

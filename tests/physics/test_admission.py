@@ -11,8 +11,8 @@ import pytest
 from icymoon.errors import IcyMoonError
 from icymoon.physics import admission
 from icymoon.physics.surfaces.hapke import HapkeParameters, bidirectional_reflectance, from_settings
-from icymoon.physics.terrain.sites import standing
-from icymoon.physics.terrain.terrain import terrain
+from icymoon.physics.terrain.sites import make_rocky_ground
+from icymoon.physics.terrain.terrain import make_terrain
 from icymoon.render.plans.plan_file import read_plan
 from icymoon.settings import description
 from icymoon.version import ROOT
@@ -31,31 +31,31 @@ def is_sentence(text):
 
 def test_an_eye_in_the_ground_is_refused_and_admitted_from_where_it_is_above():
     settings = complete(UNDERGROUND)
-    ground = terrain(settings, int(settings["dataset"]["seed"]))
+    ground = make_terrain(settings, int(settings["dataset"]["seed"]))
     # As the rig is described: the right eye is east of the left one and as high, the left one over the origin.
     rise = float(ground.heights(0.3, 0.0) - ground.heights(0.0, 0.0))
     assert rise > 0.1
-    (said,) = admission.reasons(settings)
+    (said,) = admission.find_reasons(settings)
     assert is_sentence(said)
     assert f"right eye {rise - 0.1:.3g} m under the ground" in said
     assert "rig.height_m (0.1 m)" in said
     for above_m, admitted in ((0.5e-3, False), (2e-3, True)):  # of the least height, a millimetre
         near = complete(UNDERGROUND, {"rig": {"height_m": rise + above_m}})
-        assert bool(admission.reasons(near)) != admitted
+        assert bool(admission.find_reasons(near)) != admitted
 
 
-def test_blocks_of_which_none_fits_are_refused():
-    """Of 25 m² 30 % are under blocks of 1963 m²: 0.004 blocks."""
+def test_rocks_of_which_none_fits_are_refused():
+    """Of 25 m² 30 % are under rocks of 1963 m²: 0.004 rocks."""
     none = complete({"terrain": {"size_m": 5.0}, "rocks": {"coverage": 0.3, "smallest_m": 50.0, "largest_m": 50.0}})
-    (said,) = admission.reasons(none)
+    (said,) = admission.find_reasons(none)
     assert is_sentence(said)
-    assert "0.0038 blocks" in said
+    assert "0.0038 rocks" in said
     # As many as there are then: those that the build draws.
     some = complete(none, {"rocks": {"smallest_m": 2.0, "largest_m": 2.0}, "terrain": {"rms_slope_deg": 0.0}})
-    assert not admission.reasons(some)
-    blocks = standing(some).blocks
-    assert blocks is not None
-    assert len(blocks.diameter_m) == round(0.3 * 25 / np.pi)
+    assert not admission.find_reasons(some)
+    rocks = make_rocky_ground(some).rocks
+    assert rocks is not None
+    assert len(rocks.diameter_m) == round(0.3 * 25 / np.pi)
 
 
 def returned(parameters, incidence_deg):
@@ -71,7 +71,7 @@ def returned(parameters, incidence_deg):
     {"w": 1.0, "b": 0.9, "c": 1.0, "theta_bar_deg": 0.0}, {"filling_factor": 0.75}])
 def test_ice_that_makes_light_is_refused_up_to_the_w_that_is_advised(hapke):
     settings = complete({"surface": {"model": "HAPKE"}, "hapke": hapke})
-    (said,) = admission.reasons(settings)
+    (said,) = admission.find_reasons(settings)
     assert is_sentence(said)
     parameters = from_settings(settings["hapke"])
     share, incidence_deg = admission.returned_share(parameters)
@@ -82,8 +82,9 @@ def test_ice_that_makes_light_is_refused_up_to_the_w_that_is_advised(hapke):
     most = 1.045 if parameters.h_function == "1981" else 1.01
     for w, admitted in ((advised, True), (advised + 0.01, False)):
         assert (admission.returned_share(replace(parameters, w=min(w, 1.0)))[0] <= most) == admitted
-    assert not admission.reasons(complete(settings, {"hapke": {"w": advised}}))
-    assert not admission.reasons(complete(settings, {"surface": {"model": "LAMBERT"}}))  # which has no such parameters
+    assert not admission.find_reasons(complete(settings, {"hapke": {"w": advised}}))
+    assert not admission.find_reasons(complete(settings,
+                                               {"surface": {"model": "LAMBERT"}}))  # which has no such parameters
 
 
 @pytest.mark.parametrize("parameters", [
@@ -100,9 +101,9 @@ def test_an_image_that_smooths_the_ice_counts():
     bright = {"surface": {"model": "HAPKE"}, "hapke": {"w": 1.0, "b": 0.3, "c": 1.0, "theta_bar_deg": 25.0,
                                                        "h_function": "2002"}}
     smoothing = complete(bright, {"hapke": {"theta_bar_range_deg": 50.0}})
-    assert not admission.reasons(complete(bright))
-    assert not admission.reasons(smoothing)  # without an image
-    assert admission.reasons(complete(smoothing, {"textures": {"set": "FROST"}}))
+    assert not admission.find_reasons(complete(bright))
+    assert not admission.find_reasons(smoothing)  # without an image
+    assert admission.find_reasons(complete(smoothing, {"textures": {"set": "FROST"}}))
 
 
 @pytest.mark.parametrize(("date", "admitted"), [
@@ -110,10 +111,10 @@ def test_an_image_that_smooths_the_ice_counts():
     ("2061-01-01T00:00:01", False), ("9999-01-01", False)])
 def test_a_date_of_years_that_are_not_known_is_refused(date, admitted):
     at = complete({"light": {"directions_from": "DATE", "date_utc": date}})
-    said = admission.reasons(at)
+    said = admission.find_reasons(at)
     assert bool(said) != admitted
     assert all(is_sentence(each) and date in each and "2060" in each for each in said)
-    assert not admission.reasons(complete(at, {"light": {"directions_from": "ANGLES"}}))
+    assert not admission.find_reasons(complete(at, {"light": {"directions_from": "ANGLES"}}))
 
 
 def test_all_reasons_are_said_at_once():
@@ -128,19 +129,19 @@ def test_all_reasons_are_said_at_once():
 
 def test_what_may_be_meant_is_told_and_not_refused():
     up = complete({"rig": {"pitch_deg": -60.0}})
-    assert not admission.reasons(up)
-    assert "above the horizon" in admission.advice(up)[0]
+    assert not admission.find_reasons(up)
+    assert "above the horizon" in admission.scene_advice(up)[0]
     wide = complete({"mesh": {"kind": "GRID"}, "terrain": {"resolution": 2, "size_m": 2000.0, "rms_slope_deg": 0.0}})
-    assert "2e+03 m wide" in admission.advice(wide)[0]
-    assert not admission.reasons(wide)
-    assert not admission.advice(complete())
+    assert "2e+03 m wide" in admission.scene_advice(wide)[0]
+    assert not admission.find_reasons(wide)
+    assert not admission.scene_advice(complete())
 
 
 @pytest.mark.parametrize("name", description.preset_names())
 def test_every_shipped_preset_is_admitted(name):
     settings = complete(description.load(description.preset_path(name)))
-    assert not admission.reasons(settings)
-    assert not admission.advice(settings)
+    assert not admission.find_reasons(settings)
+    assert not admission.scene_advice(settings)
 
 
 PLAN = """[plan]
@@ -164,7 +165,8 @@ def test_a_plan_sets_aside_what_is_refused_and_keeps_the_others(tmp_path):
     assert len(pairs) == 6
     assert 0 < len(refused) < 6
     for name, pair in pairs.items():  # the same as one that renders says of it, with the line
-        assert refused.get(name, "").removeprefix(f"{file}, line 8: ") == " ".join(admission.reasons(pair.settings))
+        assert refused.get(name,
+                           "").removeprefix(f"{file}, line 8: ") == " ".join(admission.find_reasons(pair.settings))
     for options in ([], ["--dry-run"]):
         done = subprocess.run([sys.executable, str(ROOT / "__main__.py"), "plan", str(file), *options], text=True,
                               capture_output=True, timeout=120, check=False)

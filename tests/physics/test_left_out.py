@@ -10,7 +10,7 @@ import sys
 
 import pytest
 from icymoon.physics import left_out
-from icymoon.physics.light.sky import facts, sky
+from icymoon.physics.light.sky import sky, sky_facts
 from icymoon.settings import changes, description
 from icymoon.version import ROOT
 
@@ -35,24 +35,24 @@ def test_a_walk_is_worth_it_where_a_pixel_is_as_small():
     """5 mm at 1.6 m: 341 px of focal length make it 1.07 px, a tenth at ten times the height."""
     settings = described(SNOW)
     assert left_out.walk_px(settings, "surface") == pytest.approx(0.005 * 341.33 / 1.6, rel=0.02)
-    assert left_out.walks(settings, "surface")
+    assert left_out.follows_walk(settings, "surface")
     high = described(SNOW, {"rig": {"height_m": 20.0}})
-    assert not left_out.walks(high, "surface")
-    assert left_out.shown_surface(high, "surface") == {**high["surface"], "subsurface_weight": 0.0}
-    assert left_out.walks(described(SNOW, {"rig": {"height_m": 20.0}, "quality": {"walk_px": 0.0}}), "surface")
-    assert not left_out.walks(described({"quality": {"walk_px": 0.0}}), "surface")
-    assert not left_out.walks(described(SNOW, {"surface": {"model": "LAMBERT"}}), "surface")
+    assert not left_out.follows_walk(high, "surface")
+    assert left_out.rendered_surface(high, "surface") == {**high["surface"], "subsurface_weight": 0.0}
+    assert left_out.follows_walk(described(SNOW, {"rig": {"height_m": 20.0}, "quality": {"walk_px": 0.0}}), "surface")
+    assert not left_out.follows_walk(described({"quality": {"walk_px": 0.0}}), "surface")
+    assert not left_out.follows_walk(described(SNOW, {"surface": {"model": "LAMBERT"}}), "surface")
     assert changes.look(high) != changes.look(settings)
     assert changes.look(described(SNOW, {"rig": {"pitch_deg": 50.0}})) == changes.look(settings)
 
 
 def test_what_is_left_out_is_told_with_its_reason():
     plain = described()
-    assert left_out.left_out(plain, facts(sky(plain["light"]))) == []
+    assert left_out.find_left_out(plain, sky_facts(sky(plain["light"]))) == []
     own = described({"rocks": {"own_surface": True, "coverage": 0.1}, "rock_surface": SNOW["surface"],
                      "rig": {"height_m": 50.0}, "light": {"planet": True, "planet_elevation_deg": -50.0},
                      "quality": {"truth": "DEPTH"}})
-    said = left_out.left_out(own, facts(sky(own["light"])))
+    said = left_out.find_left_out(own, sky_facts(sky(own["light"])))
     assert [line.split(":")[0] for line in said] == ["rock_surface", "light", "truth"]
     assert "5 mm is 0.03" in said[0]
 

@@ -13,15 +13,15 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 from icymoon.errors import IcyMoonError
 from icymoon.physics.camera import brackets, stereo_geometry
-from icymoon.physics.camera.blur import blur_of, moved
-from icymoon.physics.camera.point_spread import through_lens
+from icymoon.physics.camera.blur import blur_of, pose_after
+from icymoon.physics.camera.point_spread import apply_lens
 from icymoon.physics.camera.sensor import digital_numbers, electrons, exposure_s, top_dn
 from icymoon.physics.light.photons import electron_rate
-from icymoon.physics.light.sky import facts, sky
+from icymoon.physics.light.sky import sky, sky_facts
 from icymoon.physics.mesh.grading import View
-from icymoon.physics.rocks.size_laws import drawn, size_law
+from icymoon.physics.rocks.size_laws import draw_diameters, size_law
 from icymoon.physics.surfaces import hapke, photometry, principled
-from icymoon.physics.terrain.terrain import terrain
+from icymoon.physics.terrain.terrain import make_terrain
 from icymoon.render.pairs.pair_folder import StereoCamera
 from icymoon.settings import description
 from icymoon.settings.table import TOPICS
@@ -124,7 +124,7 @@ def test_what_an_eye_sees_of_the_other_is_ground(depth, baseline_m, focal_px):
 def test_a_sensor_gives_numbers_of_its_range(settings, light):
     sensor = settings["sensor"]
     rate = electron_rate(settings["light"], sensor, 94e-6)
-    seen = through_lens(light, sensor)
+    seen = apply_lens(light, sensor)
     seconds = exposure_s(seen, rate, sensor)
     assert math.isfinite(seconds)
     assert seconds > 0
@@ -136,7 +136,7 @@ def test_a_sensor_gives_numbers_of_its_range(settings, light):
         assert numbers[-1].max() <= top_dn(sensor)
     times = brackets.exposure_times(seconds, sensor)
     assert len(times) == sensor["brackets"]
-    merged = brackets.merged(numbers, times, sensor)
+    merged = brackets.merge_exposures(numbers, times, sensor)
     assert np.isfinite(merged).all()
 
 
@@ -179,16 +179,16 @@ def test_snow_is_as_white_as_can_be(settings):
     base = principled.base_colour(surface, surface["albedo"])
     assert 0 <= base <= 1
     assert 0 <= principled.real_albedo(surface) <= 1
-    told = principled.advice(surface)
+    told = principled.albedo_advice(surface)
     assert bool(told) == (abs(principled.real_albedo(surface) - surface["albedo"])
-                          > principled.TOLD_FROM * surface["albedo"])
+                          > principled.REPORTED_FROM * surface["albedo"])
 
 
 @hypothesis(max_examples=60)
 @given(topic("light", "directions_from"))
 def test_a_sky_is_of_numbers(settings):
     shown = sky(settings["light"])
-    said = json.loads(json.dumps(facts(shown), allow_nan=False))
+    said = json.loads(json.dumps(sky_facts(shown), allow_nan=False))
     assert 0 <= said["sun"]["eclipse"] <= 1 + 1e-9
     assert said["sun"]["ground_irradiance_wm2"] >= 0
     if said["planet"] is not None:
@@ -241,14 +241,14 @@ def test_a_lens_is_refused_or_of_numbers(settings):
 def test_a_motion_is_refused_or_a_pose(settings):
     blur = made(blur_of, settings)
     if blur is not None and blur.exposure_s is not None:
-        pose = moved(blur, blur.exposure_s / 2)
+        pose = pose_after(blur, blur.exposure_s / 2)
         np.testing.assert_allclose(pose[:3, :3] @ pose[:3, :3].T, np.eye(3), atol=1e-9)
         assert np.isfinite(pose).all()
 
 
 @hypothesis(max_examples=60)
 @given(topic("rocks", "most"), st.sampled_from([1e-4, 1.0, 400.0, 1e10]), st.integers(0, 500))
-def test_blocks_keep_to_their_sizes_and_their_number(settings, area_m2, most):
+def test_rocks_keep_to_their_sizes_and_their_number(settings, area_m2, most):
     rocks = settings["rocks"]
     if rocks["coverage"] == 0.0:
         return
@@ -256,7 +256,7 @@ def test_blocks_keep_to_their_sizes_and_their_number(settings, area_m2, most):
     if law is None:
         assert rocks["largest_m"] < rocks["smallest_m"]
         return
-    diameter, smallest = drawn(law, area_m2, most, np.random.default_rng(1))
+    diameter, smallest = draw_diameters(law, area_m2, most, np.random.default_rng(1))
     assert len(diameter) <= most
     assert np.isfinite(diameter).all()
     assert math.isfinite(smallest)
@@ -272,7 +272,7 @@ def test_ground_has_a_height_everywhere(settings, places):
     ground = settings["terrain"]
     ground["inner_scale_m"] = min(ground["inner_scale_m"], ground["outer_scale_m"])
     x, y = np.array(places).T
-    found = made(terrain, settings, 1)
+    found = made(make_terrain, settings, 1)
     assert found is None or np.isfinite(found.heights(x, y)).all()
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from icymoon.physics.camera.blur import identity
+from icymoon.physics.camera.blur import blur_identity
 from icymoon.render.plans.planned_pair import PlannedPair
 from icymoon.settings import description
 
@@ -13,7 +13,7 @@ TINY = {"terrain": {"resolution": 33}, "mesh": {"kind": "GRID"}, "rig": {"width_
 def planned(*parts: dict) -> PlannedPair:
     """One tiny pair with changes."""
     settings = description.merged(description.defaults(), *(description.check(p, "test") for p in (TINY, *parts)))
-    return PlannedPair(description.digest(settings, identity(settings)), settings, 0.0)
+    return PlannedPair(description.digest(settings, blur_identity(settings)), settings, 0.0)
 
 
 def grid(seeds: int = 2, elevations: tuple[float, ...] = (20.0, 40.0),

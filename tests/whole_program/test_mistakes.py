@@ -274,7 +274,7 @@ MADE: dict[str, Callable[[Place], str]] = {
     "camera under the ground": settings_file("[rig]\nheight_m = -1.0\n"),
     "eye in the ground": lambda place: plan(
         place, "[terrain]\nrms_slope_deg = 40\n[rig]\nheight_m = 0.001\nbaseline_m = 5\n"),
-    "eye in a block": lambda place: plan(
+    "eye in a rock": lambda place: plan(
         place, "[terrain]\nrms_slope_deg = 0\n[rocks]\ncoverage = 0.5\nsmallest_m = 1\nlargest_m = 1\nheight_ratio = 3"
         "\nburial = 0\n[rig]\nbaseline_m = 3\nheight_m = 0.5\n[[sweep]]\nkind = 'panorama'\nheadings = [10]\n"),
     "impossible sweep": lambda place: plan(place, "[[sweep]]\nkind = 'grid'\nsurface.albedo = []\n"),

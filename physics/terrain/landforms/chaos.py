@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from ..noise.voronoi import voronoi
-from .common import Landform, key_of, smooth, turned, wandering
+from .common import Landform, key_of, smooth_step, turn, wander
 
 #: Slope of the plates' scarps: debris at the foot leaves them no steeper.
 _SCARP = math.tan(math.radians(60.0))
@@ -34,18 +34,18 @@ def make(settings: Mapping[str, Any], random: np.random.Generator, size_m: float
     tilt = math.tan(math.radians(settings["tilt_deg"]))
 
     def matrix(u: np.ndarray, v: np.ndarray) -> np.ndarray:
-        return sum((0.5**k * wandering(u * 4.0 * 2.0**k, v * 4.0 * 2.0**k, keys[7 + k]) for k in range(3)),
+        return sum((0.5**k * wander(u * 4.0 * 2.0**k, v * 4.0 * 2.0**k, keys[7 + k]) for k in range(3)),
                    start=np.zeros(()))
 
     def heights(x_m: np.ndarray, y_m: np.ndarray, shortest_m: Any) -> np.ndarray:
-        v, u = turned(x_m / plate, y_m / plate, 0.0)
-        bend_u, bend_v = (0.08 * wandering(1.7 * u, 1.7 * v, k) for k in keys[:2])
+        v, u = turn(x_m / plate, y_m / plate, 0.0)
+        bend_u, bend_v = (0.08 * wander(1.7 * u, 1.7 * v, k) for k in keys[:2])
         cells = voronoi(u + bend_u, v + bend_v, keys[2])
         # Random direction of the tilt from a point in the square: no sines needed.
         east, north = (tilt * (2.0 * cells.random(k) - 1.0) for k in keys[3:5])
         top = relief * (_LOWEST + (1.0 - _LOWEST) * cells.random(keys[5])) \
             - plate * (east * cells.x1 + north * cells.y1)
-        inside = smooth((plate * cells.edge_distance() - gap / 2) / scarp)
+        inside = smooth_step((plate * cells.edge_distance() - gap / 2) / scarp)
         inside *= cells.random(keys[6]) < share
         low = rough * matrix(u, v) if rough else 0.0
         return low + inside * (top - low)

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from ..noise.voronoi import voronoi
-from .common import Landform, key_of, smooth, turned, wandering
+from .common import Landform, key_of, smooth_step, turn, wander
 
 #: Bending of the cracks, in plates, and its wavelength in plates.
 _BEND, _BEND_LENGTH = 0.06, 0.6
@@ -29,11 +29,11 @@ def make(settings: Mapping[str, Any], random: np.random.Generator, size_m: float
     long = broad * settings["elongation"]
 
     def heights(x_m: np.ndarray, y_m: np.ndarray, shortest_m: Any) -> np.ndarray:
-        along, across = turned(x_m, y_m, settings["azimuth_deg"])
+        along, across = turn(x_m, y_m, settings["azimuth_deg"])
         u, v = along / long, across / broad
-        bend_u, bend_v = (_BEND * wandering(u / _BEND_LENGTH, v / _BEND_LENGTH, k) for k in keys[1:])
+        bend_u, bend_v = (_BEND * wander(u / _BEND_LENGTH, v / _BEND_LENGTH, k) for k in keys[1:])
         distance = voronoi(u + bend_u, v + bend_v, keys[0]).edge_distance(long, broad) / (width / 2)
-        wall = (depth + rim) * smooth(distance) - depth
+        wall = (depth + rim) * smooth_step(distance) - depth
         # The rim falls off over a crack's width, to nothing with no step.
         outer = np.clip((3.0 - distance) / 2.0, 0.0, 1.0)
         return np.where(distance < 1.0, wall, rim * outer * outer)

@@ -16,7 +16,7 @@ import numpy as np
 from ....errors import IcyMoonError
 from ...rocks.size_laws import PowerLaw
 from ..roughness.roughness import carried_share
-from .common import Landform, smooth
+from .common import Landform, smooth_step
 
 #: Radii at which the ejecta end.
 _REACH = 3.0
@@ -26,7 +26,7 @@ _CARRIED = 0.5
 _WIPED = 0.8
 
 
-def law(settings: Mapping[str, Any], random: np.random.Generator, size_m: float) -> np.ndarray:
+def draw_craters(settings: Mapping[str, Any], random: np.random.Generator, size_m: float) -> np.ndarray:
     """Centres x, y, diameters and freshness (4, n) of the craters, largest first.
 
     The patch and a border as wide as the largest crater's ejecta are covered to the stated share.
@@ -61,7 +61,7 @@ def make(settings: Mapping[str, Any], random: np.random.Generator, size_m: float
     """Craters on the patch, the smaller ones on the larger ones, whose relief they wipe out."""
     if settings["coverage"] == 0.0:
         return None
-    x, y, size, fresh = law(settings, random, size_m)
+    x, y, size, fresh = draw_craters(settings, random, size_m)
     depths, rims = (settings[k] * size * fresh for k in ("depth_ratio", "rim_ratio"))
     reach = _REACH * size / 2
     # Beyond the patch its craters come again; the border is so wide that none reaches round onto the patch.
@@ -82,7 +82,7 @@ def make(settings: Mapping[str, Any], random: np.random.Generator, size_m: float
 
     def change(k: int, dx: np.ndarray, dy: np.ndarray, before: np.ndarray, shortest_m: np.ndarray) -> np.ndarray:
         r = np.sqrt(dx * dx + dy * dy) * (2.0 / size[k])
-        made = profile(r, depths[k], rims[k]) - before * (1.0 - smooth((r - _WIPED) / (1.5 - _WIPED)))
+        made = profile(r, depths[k], rims[k]) - before * (1.0 - smooth_step((r - _WIPED) / (1.5 - _WIPED)))
         return made * carried_share(_CARRIED * size[k], shortest_m)
 
     def beyond(x_m: np.ndarray, y_m: np.ndarray, shortest_m: np.ndarray) -> np.ndarray:

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from ..noise.voronoi import voronoi
-from .common import Landform, key_of, turned, wandering
+from .common import Landform, key_of, turn, wander
 
 #: Bending of the rims, in hollows, and its wavelength in hollows.
 _BEND, _BEND_LENGTH = 0.15, 0.8
@@ -29,9 +29,9 @@ def make(settings: Mapping[str, Any], random: np.random.Generator, size_m: float
         return None
 
     def heights(x_m: np.ndarray, y_m: np.ndarray, shortest_m: Any) -> np.ndarray:
-        along, across = turned(x_m, y_m, settings["azimuth_deg"])
+        along, across = turn(x_m, y_m, settings["azimuth_deg"])
         u, v = along / (diameter * settings["elongation"]), across / diameter
-        bend_u, bend_v = (_BEND * wandering(u / _BEND_LENGTH, v / _BEND_LENGTH, k) for k in keys[2:])
+        bend_u, bend_v = (_BEND * wander(u / _BEND_LENGTH, v / _BEND_LENGTH, k) for k in keys[2:])
         cells = voronoi(u + bend_u, v + bend_v, keys[0])
         deep = depth * (_SHALLOWEST + (1.0 - _SHALLOWEST) * cells.random(keys[1]))
         # The square of F1 / F2 is 0 at a cell's point and 1 on all its edges.

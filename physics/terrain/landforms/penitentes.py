@@ -15,8 +15,8 @@ from typing import Any
 
 import numpy as np
 
-from ..noise.lattice_noise import hashed, uniform
-from .common import Landform, key_of, smooth, turned, wandering
+from ..noise.lattice_noise import hash_lattice, to_uniform
+from .common import Landform, key_of, smooth_step, turn, wander
 
 #: Sideways wandering of the rows, in spacings, over wavelengths of so many blade lengths.
 _WANDER, _WANDER_LENGTH = 0.5, 1.2
@@ -45,33 +45,33 @@ def make(settings: Mapping[str, Any], random: np.random.Generator, size_m: float
         """Random numbers in [0, 1] along each row, linear between whole places: ice breaks to points."""
         first = np.floor(place)
         index = first.astype(np.int64)
-        low, high = (uniform(hashed(index + k, row, key)) for k in (0, 1))
+        low, high = (to_uniform(hash_lattice(index + k, row, key)) for k in (0, 1))
         return low + (place - first) * (high - low)
 
     def crest(along: np.ndarray, row: np.ndarray) -> np.ndarray:
         """Height of the crest line, 0 to 1: blades of random height, toothed, with a notch where one ends."""
-        place = along / length + 17.0 * uniform(hashed(row, np.int64(0) * row, keys[0]))
+        place = along / length + 17.0 * to_uniform(hash_lattice(row, np.int64(0) * row, keys[0]))
         tall = 1.0 - _LOWER * variation * chance(place, row, keys[1])
         toothed = 1.0 - _TEETH * variation * chance(place / _TOOTH, row, keys[2])
         # Blades end at whole places, in notches of random depth, and are highest half way between.
         end = np.floor(place + 0.5)
-        notch = 1.0 - _SHALLOWER * uniform(hashed(end.astype(np.int64), row, keys[3]))
+        notch = 1.0 - _SHALLOWER * to_uniform(hash_lattice(end.astype(np.int64), row, keys[3]))
         return tall * toothed * (1.0 - variation * notch * (1.0 - 2.0 * np.abs(place - end)))
 
     def heights(x_m: np.ndarray, y_m: np.ndarray, shortest_m: Any) -> np.ndarray:
-        across, along = turned(x_m, y_m, settings["noon_azimuth_deg"])
+        across, along = turn(x_m, y_m, settings["noon_azimuth_deg"])
         u, v = along / (_WANDER_LENGTH * length), across / (_WANDER_LENGTH * length)
-        place = across / spacing + _WANDER * wandering(u, v, keys[4]) + 0.5 * _WANDER * wandering(
+        place = across / spacing + _WANDER * wander(u, v, keys[4]) + 0.5 * _WANDER * wander(
             2.3 * u, 2.3 * v, keys[5])
         row = np.floor(place + 0.5)
         index = row.astype(np.int64)
-        middle = lean + _ASTRAY * (2.0 * uniform(hashed(index, np.int64(0) * index, keys[6])) - 1.0)
+        middle = lean + _ASTRAY * (2.0 * to_uniform(hash_lattice(index, np.int64(0) * index, keys[6])) - 1.0)
         offset = place - row - middle
         distance = np.where(offset > 0.0, offset / (0.5 - middle), -offset / (0.5 + middle))  # 0 crest, 1 trough
         # A mesh cannot carry an edge: it is as round as the mesh is coarse, or it would show as a saw.
         edge = np.asarray(shortest_m) / spacing
         distance = (np.hypot(distance, edge) - edge) / (np.hypot(1.0, edge) - edge)
-        rounded = 1.0 - smooth(distance)
+        rounded = 1.0 - smooth_step(distance)
         blade = rounded + sharpness * ((1.0 - distance) ** 2 - rounded)
         return height * blade * crest(along, index)
 

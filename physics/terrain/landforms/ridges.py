@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from ..noise.lattice_noise import hashed, uniform
-from .common import Landform, key_of, smooth, turned, wandering
+from ..noise.lattice_noise import hash_lattice, to_uniform
+from .common import Landform, key_of, smooth_step, turn, wander
 
 #: Where the crests are, as a share of half the width.
 _CREST = 0.4
@@ -26,7 +26,7 @@ def profile(place: np.ndarray, trough: float) -> np.ndarray:
     place = np.abs(place)
     inner = 1.0 - trough * (1.0 - place / _CREST)
     down = np.clip((1.0 - place) / (1.0 - _CREST), 0.0, 1.0)
-    return np.where(place < _CREST, inner, 0.5 * (down + smooth(down)))
+    return np.where(place < _CREST, inner, 0.5 * (down + smooth_step(down)))
 
 
 def make(settings: Mapping[str, Any], random: np.random.Generator, size_m: float) -> Landform | None:
@@ -44,12 +44,12 @@ def make(settings: Mapping[str, Any], random: np.random.Generator, size_m: float
 
     def one_set(k: int, x_m: np.ndarray, y_m: np.ndarray) -> np.ndarray:
         """Distance to the ridge of the set's strip, in half widths."""
-        along, across = turned(x_m, y_m, settings["azimuth_deg"] + turns[k] * settings["spread_deg"])
-        place = across / spacing + _WANDER * wandering(along / (_WANDER_LENGTH * spacing), across / (4 * spacing),
-                                                       keys[2 * k])
+        along, across = turn(x_m, y_m, settings["azimuth_deg"] + turns[k] * settings["spread_deg"])
+        place = across / spacing + _WANDER * wander(along / (_WANDER_LENGTH * spacing), across / (4 * spacing),
+                                                    keys[2 * k])
         strip = np.floor(place)
         index = strip.astype(np.int64)
-        middle = strip + 0.5 + loose * (uniform(hashed(index, np.int64(0) * index, keys[2 * k + 1])) - 0.5)
+        middle = strip + 0.5 + loose * (to_uniform(hash_lattice(index, np.int64(0) * index, keys[2 * k + 1])) - 0.5)
         return (place - middle) * (2.0 * spacing / width)
 
     def heights(x_m: np.ndarray, y_m: np.ndarray, shortest_m: Any) -> np.ndarray:
@@ -57,7 +57,7 @@ def make(settings: Mapping[str, Any], random: np.random.Generator, size_m: float
         for k in range(sets):
             place = one_set(k, x_m, y_m)
             # A younger ridge buries what was there, from its foot inward.
-            total *= 1.0 - smooth(2.0 * (1.0 - np.abs(place)))
+            total *= 1.0 - smooth_step(2.0 * (1.0 - np.abs(place)))
             total += height * profile(place, settings["trough"])
         return total
 

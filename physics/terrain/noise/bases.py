@@ -21,7 +21,7 @@ Noise = Callable[[np.ndarray, np.ndarray, int], np.ndarray]
 Octaves = Callable[[int], Any]
 
 
-def _of_distances(function: Callable[[np.ndarray, np.ndarray], np.ndarray]) -> Noise:
+def _from_distances(function: Callable[[np.ndarray, np.ndarray], np.ndarray]) -> Noise:
     return lambda x, y, key: 2.0 * function(*distances(x, y, key)) - 1.0
 
 
@@ -30,10 +30,10 @@ BASES: dict[str, Noise] = {
     "GRADIENT": gradient_noise,
     "MIDPOINT": value_noise,
     "CELLS": cell_noise,
-    "VORONOI_F1": _of_distances(lambda f1, f2: f1),
-    "VORONOI_F2": _of_distances(lambda f1, f2: f2),
-    "VORONOI_F2_F1": _of_distances(lambda f1, f2: f2 - f1),
-    "CRACKLE": _of_distances(lambda f1, f2: np.minimum(10.0 * (f2 - f1), 1.0)),
+    "VORONOI_F1": _from_distances(lambda f1, f2: f1),
+    "VORONOI_F2": _from_distances(lambda f1, f2: f2),
+    "VORONOI_F2_F1": _from_distances(lambda f1, f2: f2 - f1),
+    "CRACKLE": _from_distances(lambda f1, f2: np.minimum(10.0 * (f2 - f1), 1.0)),
 }
 
 
@@ -57,7 +57,7 @@ def _crested(noise: np.ndarray) -> np.ndarray:
     return (1.0 - np.abs(noise)) ** 2
 
 
-def added(signal: Octaves, octaves: int, roughness: float) -> Any:
+def add_octaves(signal: Octaves, octaves: int, roughness: float) -> Any:
     """The plain sum: fractional Brownian motion of noise, turbulence of its magnitude."""
     total = signal(0)
     for k in range(1, octaves):
@@ -102,5 +102,6 @@ def ridged(signal: Octaves, octaves: int, roughness: float) -> Any:
 
 
 FRACTALS: dict[str, Fractal] = {
-    "FBM": Fractal(_plain, added), "MULTIFRACTAL": Fractal(_plain, multifractal), "HYBRID": Fractal(_raised, hybrid),
-    "RIDGED": Fractal(_crested, ridged), "HETERO": Fractal(_raised, hetero), "TURBULENCE": Fractal(np.abs, added)}
+    "FBM": Fractal(_plain, add_octaves), "MULTIFRACTAL": Fractal(_plain, multifractal),
+    "HYBRID": Fractal(_raised, hybrid), "RIDGED": Fractal(_crested, ridged), "HETERO": Fractal(_raised, hetero),
+    "TURBULENCE": Fractal(np.abs, add_octaves)}

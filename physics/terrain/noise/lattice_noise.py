@@ -29,7 +29,7 @@ _GRADIENT_3 = np.array([(a, b, 0) for a in (-1, 1) for b in (-1, 1)] + [(a, 0, b
 _TABLE_PER_POINT = 2
 
 
-def _mixed(h: np.ndarray) -> np.ndarray:
+def _mix(h: np.ndarray) -> np.ndarray:
     """Spread every bit of uint32 ``h`` over all others, in place."""
     for shift, factor in ((16, 0x7FEB352D), (15, 0x846CA68B)):
         h ^= h >> np.uint32(shift)
@@ -38,14 +38,14 @@ def _mixed(h: np.ndarray) -> np.ndarray:
     return h
 
 
-def hashed(ix: np.ndarray, iy: np.ndarray, key: int) -> np.ndarray:
+def hash_lattice(ix: np.ndarray, iy: np.ndarray, key: int) -> np.ndarray:
     """Well mixed uint32 of integer lattice coordinates (int64 arrays that broadcast) and a 32-bit key."""
     h = (ix.astype(np.uint32) * np.uint32(0x9E3779B1)) ^ (iy.astype(np.uint32) * np.uint32(0x85EBCA77))
     h += np.uint32(key & 0xFFFFFFFF)
-    return _mixed(h)
+    return _mix(h)
 
 
-def uniform(h: np.ndarray) -> np.ndarray:
+def to_uniform(h: np.ndarray) -> np.ndarray:
     """Numbers in [0, 1) from hashes."""
     return h * (1.0 / 2**32)
 
@@ -88,8 +88,8 @@ class Cells:
         width, height = (float(a.max()) - low + 2 + reach for a, low in ((left, x_min), (below, y_min)))
         if not width * height <= _TABLE_PER_POINT * left.size:
             return cls(dx, dy, left, below, key, reach, None, 0, None)
-        hashes = hashed(np.arange(width)[None, :].astype(np.int64) + int(x_min),
-                        np.arange(height)[:, None].astype(np.int64) + int(y_min), key).ravel()
+        hashes = hash_lattice(np.arange(width)[None, :].astype(np.int64) + int(x_min),
+                              np.arange(height)[:, None].astype(np.int64) + int(y_min), key).ravel()
         place = below - (y_min + reach)
         place *= width
         place += left
@@ -106,7 +106,7 @@ class Cells:
             ix, iy = self.squares(slice(None))
 
             def hash_each(i: int, j: int) -> list[np.ndarray]:
-                h = hashed(ix + i, iy + j, self._key)
+                h = hash_lattice(ix + i, iy + j, self._key)
                 return [f(h) for f in functions]
 
             return hash_each
@@ -154,7 +154,7 @@ def gradient_noise(x: Any, y: Any, key: int) -> np.ndarray:
 def cell_noise(x: Any, y: Any, key: int) -> np.ndarray:
     """A value in [-1, 1) for each unit square, constant in it."""
     cells = Cells.of(np.asarray(x), np.asarray(y), key)
-    (value,) = cells.lookup(uniform)(0, 0)
+    (value,) = cells.lookup(to_uniform)(0, 0)
     value *= 2.0
     value -= 1.0
     return value
@@ -167,7 +167,7 @@ def value_noise(x: Any, y: Any, key: int) -> np.ndarray:
     displacement at points that the coarser ones had only interpolated.
     """
     cells = Cells.of(np.asarray(x), np.asarray(y), key)
-    values = cells.lookup(uniform)
+    values = cells.lookup(to_uniform)
     (a,), (b,), (c,), (d,) = values(0, 0), values(1, 0), values(0, 1), values(1, 1)
     low, high = a + cells.dx * (b - a), c + cells.dx * (d - c)
     return 2.0 * (low + cells.dy * (high - low)) - 1.0
@@ -181,9 +181,9 @@ def gradient_noise_3d(points: np.ndarray, key: int) -> np.ndarray:
     u, v, w = (fade(near[:, k]) for k in range(3))
 
     def corner(i: int, j: int, k: int) -> np.ndarray:
-        layer = hashed(cell[:, 2] + k, np.int64(0) * cell[:, 2], key)
-        h = hashed(cell[:, 0] + i, cell[:, 1] + j, key) ^ layer
-        direction = (_mixed(h).astype(np.uint64) * np.uint64(len(_GRADIENT_3))) >> np.uint64(32)
+        layer = hash_lattice(cell[:, 2] + k, np.int64(0) * cell[:, 2], key)
+        h = hash_lattice(cell[:, 0] + i, cell[:, 1] + j, key) ^ layer
+        direction = (_mix(h).astype(np.uint64) * np.uint64(len(_GRADIENT_3))) >> np.uint64(32)
         g = _GRADIENT_3.take(direction.astype(np.intp), axis=0)
         return g[:, 0] * (near[:, 0] - i) + g[:, 1] * (near[:, 1] - j) + g[:, 2] * (near[:, 2] - k)
 

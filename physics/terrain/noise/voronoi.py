@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from .lattice_noise import Cells, hashed, uniform
+from .lattice_noise import Cells, hash_lattice, to_uniform
 
 _SQUARES = [(i, j) for j in (-1, 0, 1) for i in (-1, 0, 1)]
 _RING = [(i, j) for j in range(-2, 3) for i in range(-2, 3) if max(abs(i), abs(j)) == 2]
@@ -44,7 +44,7 @@ class Voronoi:
 
     def random(self, key: int) -> np.ndarray:
         """A number in [0, 1) for each position that all positions of a cell share."""
-        return uniform(hashed(self._column, self._row, key))
+        return to_uniform(hash_lattice(self._column, self._row, key))
 
     def edge_distance(self, length_x: float = 1.0, length_y: float = 1.0) -> np.ndarray:
         """Distance to the nearest edge of the cell, in units of which a lattice square is ``length_x`` by ``length_y``.
@@ -75,7 +75,7 @@ class Voronoi:
         return np.maximum(nearest, 0.0).reshape(self.f1.shape)
 
 
-def _searched(cells: Cells, nearest: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _find_unsure(cells: Cells, nearest: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Where the 3 x 3 squares may not hold the two nearest points, as ``nearest`` (2, n), the squared
     distances found in them, tells; and the square (column, row) that each such position is in."""
     margin = np.minimum(np.minimum(cells.dx, 1.0 - cells.dx), np.minimum(cells.dy, 1.0 - cells.dy))
@@ -108,9 +108,9 @@ def distances(x: np.ndarray, y: np.ndarray, key: int) -> tuple[np.ndarray, np.nd
         distance = squared(i, j, points(i, j), slice(None))
         np.minimum(second, np.maximum(first, distance), out=second)
         np.minimum(first, distance, out=first)
-    unsure, column, row = _searched(cells, nearest)
+    unsure, column, row = _find_unsure(cells, nearest)
     for i, j in _RING if unsure.size else ():
-        h = hashed(column + i, row + j, key)
+        h = hash_lattice(column + i, row + j, key)
         distance = squared(i, j, [_point_x(h), _point_y(h)], unsure)
         second[unsure] = np.minimum(second[unsure], np.maximum(first[unsure], distance))
         first[unsure] = np.minimum(first[unsure], distance)
@@ -146,9 +146,9 @@ def voronoi(x: np.ndarray, y: np.ndarray, key: int) -> Voronoi:
     for i, j in _SQUARES:
         px, py = points(i, j)
         offer(i, j, px, py, slice(None))
-    unsure, column, row = _searched(cells, nearest)
+    unsure, column, row = _find_unsure(cells, nearest)
     for i, j in _RING if unsure.size else ():
-        h = hashed(column + i, row + j, key)
+        h = hash_lattice(column + i, row + j, key)
         offer(i, j, _point_x(h), _point_y(h), unsure)
     f1, f2 = np.sqrt(nearest)
     column, row = cells.squares(slice(None))

@@ -22,7 +22,7 @@ import numpy as np
 
 from ....errors import IcyMoonError
 from ..noise.lattice_noise import gradient_noise
-from .statistics import detrended
+from .statistics import detrend
 from .structure_function import NOISE_DEVIATION, structure
 
 #: The power law holds from this share of the shortest wavelength to this share of the longest.
@@ -57,11 +57,11 @@ def wavelengths_m(terrain: Mapping[str, Any]) -> np.ndarray:
     if steps >= MOST_OCTAVES:
         raise IcyMoonError(f"From terrain.inner_scale_m ({inner:g} m) to terrain.outer_scale_m ({outer:g} m) it takes "
                            f"{steps + 1} octaves, more than {MOST_OCTAVES}; raise terrain.lacunarity or inner_scale_m.")
-    return _rounded(outer * (inner / outer) ** (np.arange(steps + 1) / max(steps, 1)))
+    return _round_digits(outer * (inner / outer) ** (np.arange(steps + 1) / max(steps, 1)))
 
 
-def _fitted(squares: np.ndarray, target: np.ndarray, model: np.ndarray, low: np.ndarray, high: np.ndarray,
-            cross: np.ndarray | None = None) -> np.ndarray:
+def _fit_squares(squares: np.ndarray, target: np.ndarray, model: np.ndarray, low: np.ndarray, high: np.ndarray,
+                 cross: np.ndarray | None = None) -> np.ndarray:
     """Squared amplitudes between ``low`` and ``high`` that make ``model @ squares`` (plus the cross terms
     of the first octaves) follow ``target`` in ratio; ``squares`` is the start. Multiplicative updates
     keep every amplitude positive."""
@@ -99,11 +99,11 @@ def amplitudes(wavelength_m: np.ndarray, hurst: float, dimensions: int = 2) -> n
     most = squares.copy()
     most[[0, min(1, len(most) - 1), -1]] = np.inf
     target, model = lag ** (2 * hurst), structure(lag[:, None] / wavelength_m, dimensions)
-    return np.sqrt(_fitted(squares, target, model, squares, most))
+    return np.sqrt(_fit_squares(squares, target, model, squares, most))
 
 
 @dataclass(frozen=True)
-class Rough:
+class RoughSurface:
     """A random surface: its octaves, longest first. Build it with :func:`rough`.
 
     Octave k is amplitude_m[k] times unit noise of wavelength_m[k], times a weight between
@@ -174,12 +174,12 @@ def carried_share(wavelength_m: Any, shortest_m: Any) -> Any:
     return share if np.ndim(share) else float(share)
 
 
-def _rounded(values: np.ndarray) -> np.ndarray:
+def _round_digits(values: np.ndarray) -> np.ndarray:
     """To ten digits: sums and powers differ between machines in the last ones, heights shall not."""
     return np.array([float(f"{v:.9e}") for v in values])
 
 
-def rough(terrain: Mapping[str, Any], size_m: float, random: np.random.Generator) -> Rough:
+def make_rough_surface(terrain: Mapping[str, Any], size_m: float, random: np.random.Generator) -> RoughSurface:
     """The random surface that ``terrain`` settings state, on a patch of side ``size_m``.
 
     Raises IcyMoonError where the cut-offs make no sense.
@@ -193,13 +193,13 @@ def rough(terrain: Mapping[str, Any], size_m: float, random: np.random.Generator
     unit = amplitudes(wavelength, hurst)
     # The deviation at the baseline is what is stated, also where the baseline is outside the cut-offs.
     unit *= at_baseline / math.sqrt(float(structure(baseline / wavelength) @ unit**2))
-    plain = Rough(wavelength, _rounded(unit), keys, offsets, float(terrain["multifractality"]), np.ones(n))
+    plain = RoughSurface(wavelength, _round_digits(unit), keys, offsets, float(terrain["multifractality"]), np.ones(n))
     if at_baseline == 0.0:
         return plain
-    return _adjusted(plain, size_m, baseline, at_baseline, hurst)
+    return _fit_to_patch(plain, size_m, baseline, at_baseline, hurst)
 
 
-def _long_octaves(surface: Rough, size_m: float) -> tuple[np.ndarray, np.ndarray]:
+def _measure_long_octaves(surface: RoughSurface, size_m: float) -> tuple[np.ndarray, np.ndarray]:
     """The weighted unit octaves (long, n, n) that a coarse grid over the patch carries, and the RMS of the
     weight of every octave."""
     axis = np.linspace(-size_m / 2, size_m / 2, _SAMPLES)
@@ -229,13 +229,14 @@ def _long_octaves(surface: Rough, size_m: float) -> tuple[np.ndarray, np.ndarray
     return np.array(fields).reshape(len(fields), _SAMPLES, _SAMPLES), level
 
 
-def _adjusted(surface: Rough, size_m: float, baseline: float, at_baseline: float, hurst: float) -> Rough:
+def _fit_to_patch(surface: RoughSurface, size_m: float, baseline: float, at_baseline: float,
+                  hurst: float) -> RoughSurface:
     """The surface with the amplitudes of its octaves fitted to what the long ones are on the patch."""
-    fields, level = _long_octaves(surface, size_m)
+    fields, level = _measure_long_octaves(surface, size_m)
     wavelength, long = surface.wavelength_m, len(fields)
     means = fields.mean(axis=(1, 2))
     # Roughness is about the mean plane, as it is measured.
-    fields = np.array([detrended(field) for field in fields]).reshape(fields.shape)
+    fields = np.array([detrend(field) for field in fields]).reshape(fields.shape)
     spacing = size_m / (_SAMPLES - 1)
     first, last = LAW_FROM * wavelength[-1], min(LAW_TO * wavelength[0], size_m / 4)
     squares: np.ndarray = surface.amplitude_m**2
@@ -257,15 +258,16 @@ def _adjusted(surface: Rough, size_m: float, baseline: float, at_baseline: float
         free = np.minimum(1.0 + _WAVES * wavelength / size_m, _MOST_CORRECTION) ** 2
         free[long:] = 1.0
         low, high = squares / free, squares * free
-        squares = _fitted(squares, target, model, low, high, cross)
+        squares = _fit_squares(squares, target, model, low, high, cross)
         if lag[0] <= baseline <= lag[-1]:
             amplitude = np.sqrt(squares[:long])
             made = model @ squares + np.einsum("kij,i,j->k", cross, amplitude, amplitude)
             squares = squares * math.exp(np.interp(math.log(baseline), np.log(lag), np.log(target / made)))
-    amplitude = _rounded(np.sqrt(squares))
+    amplitude = _round_digits(np.sqrt(squares))
     mean = float(amplitude[:long] @ means)
-    return Rough(wavelength, amplitude, surface.keys, surface.offsets, surface.multifractality, _rounded(level),
-                 float(f"{mean:.9e}"))
+    return RoughSurface(wavelength, amplitude, surface.keys, surface.offsets, surface.multifractality,
+                        _round_digits(level),
+                        float(f"{mean:.9e}"))
 
 
 def _products(fields: np.ndarray, lag: int) -> np.ndarray:

@@ -14,7 +14,7 @@ import numpy as np
 _LINES = 256
 
 
-def detrended(heights_m: np.ndarray) -> np.ndarray:
+def detrend(heights_m: np.ndarray) -> np.ndarray:
     """The heights (rows, columns) less their least-squares plane."""
     rows, columns = heights_m.shape
     y, x = (np.arange(n) - (n - 1) / 2 for n in (rows, columns))
@@ -52,7 +52,7 @@ def power_spectrum(heights_m: np.ndarray, spacing_m: float, bins_per_octave: int
     n = min(heights_m.shape)
     window = np.hanning(n + 2)[1:-1]
     window = window[:, None] * window[None, :]
-    spectrum = np.abs(np.fft.rfft2(detrended(heights_m[:n, :n]) * window)) ** 2
+    spectrum = np.abs(np.fft.rfft2(detrend(heights_m[:n, :n]) * window)) ** 2
     density = spectrum * spacing_m**2 / np.sum(window**2)
     k_x, k_y = np.fft.rfftfreq(n, spacing_m), np.fft.fftfreq(n, spacing_m)
     radius = np.hypot(k_x[None, :], k_y[:, None])
@@ -94,7 +94,7 @@ def measure(heights_m: np.ndarray, spacing_m: float, baseline_m: float,
 
     ``law_m`` are the shortest and longest lag over which the Hurst exponent is fitted.
     """
-    level = detrended(heights_m)
+    level = detrend(heights_m)
     whole = np.array(lags(max(1, (min(heights_m.shape) - 1) // 4)))
     lag_m = whole * spacing_m
     every = max(1, min(level.shape) // _LINES)

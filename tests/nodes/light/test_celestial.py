@@ -11,7 +11,7 @@ from icymoon.nodes import scene as scenes
 from icymoon.operators import sidebar_text
 from icymoon.physics.light.saturn_rings import RINGS, brightness
 from icymoon.physics.light.sky import sky
-from icymoon.physics.light.stars import stars
+from icymoon.physics.light.stars import stars_above_horizon
 from icymoon.stereo.images.disparity_and_occlusion import scene_depth
 from icymoon.stereo.images.exr import read_view
 from rendering import complete, empty_scene, render
@@ -42,7 +42,7 @@ def solid_angles(camera):
 def test_each_star_has_its_light_and_place_and_no_depth(tmp_path):
     pair, _ = render(tmp_path, LAMBERT, UP, {"light": NIGHT | {"stars": True, "latitude_deg": 45.0},
                                              "rig": {"heading_deg": 90.0}, "quality": {"samples": 100}})
-    shown = stars(2.5, 1, sky(pair.settings["light"]).from_j2000)
+    shown = stars_above_horizon(2.5, 1, sky(pair.settings["light"]).from_j2000)
     for eye in ("left", "right"):  # at infinity: both eyes see them in the same pixels
         view, camera = read_view(pair.image(eye)), pair.camera
         light = view.radiance * solid_angles(camera)[..., None]

@@ -9,7 +9,7 @@ from icymoon.labels import PLANET, TERRAIN
 from icymoon.nodes import preview
 from icymoon.nodes import scene as scenes
 from icymoon.physics.light.planetshine import irradiance_wm2
-from icymoon.physics.light.sky import facts, sky
+from icymoon.physics.light.sky import sky, sky_facts
 from icymoon.render.pairs.pair_folder import read_pair
 from icymoon.render.plans.planned_pair import expand
 from icymoon.render.worker import render_pairs
@@ -269,7 +269,7 @@ def test_the_preview_moves_the_planet_and_takes_it_away():
         fresh = scenes.Built(built.collection, built.terrain, built.sun, built.camera, settings, scene)
         assert preview.notes(scene) == []
         assert not built.edited
-        assert fresh.sky == facts(sky(settings["light"]))
+        assert fresh.sky == sky_facts(sky(settings["light"]))
         assert [o.name for o in bpy.data.objects if "Planet" in o.name] == (
             [] if "planet" in change else ["Icy Moon Planet", "Icy Moon Planetshine"])
     preview.show(built, complete({"light": {"directions_from": "DATE", "date_utc": "soon"}}), 65)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from hapke_rendering import BARE, FLAT, angles, picture, rays, slow
 from icymoon.labels import TERRAIN
-from icymoon.physics.light.planetshine import arriving
+from icymoon.physics.light.planetshine import light_rays
 from icymoon.physics.light.sky import sky
 from icymoon.physics.surfaces.hapke import bidirectional_reflectance, from_settings
 from icymoon.render.pairs.pair_folder import Pair
@@ -24,7 +24,7 @@ CRESCENT = SATURN | {"sun_azimuth_deg": 30.0, "sun_elevation_deg": -1.0, "planet
 
 def by_integral(pair: Pair, steps: int = 24) -> np.ndarray:
     """Radiance (H, W) of level ground in the planet's light alone, which is all in front of its rays."""
-    ray, brought = arriving(sky(pair.settings["light"]).planet, steps)
+    ray, brought = light_rays(sky(pair.settings["light"]).planet, steps)
     law = partial(bidirectional_reflectance, parameters=from_settings(pair.settings["hapke"]))
     up, eye = np.array([0.0, 0.0, 1.0]), rays(pair)
     total = np.zeros(eye.shape[:2])

@@ -13,7 +13,7 @@ from icymoon.nodes import scene as scenes
 from icymoon.nodes.surface.images import load_maps
 from icymoon.nodes.surface.material import build_material
 from icymoon.nodes.surface.textures import Textured
-from icymoon.physics.surfaces.textures import SETS, SIZE, maps
+from icymoon.physics.surfaces.textures import SETS, SIZE, make_maps
 from icymoon.render.plans.planned_pair import expand
 from icymoon.settings.description import check, defaults
 from rendering import complete, empty_scene, png
@@ -30,7 +30,7 @@ def measured(surface: dict, textures: dict, files=None, **view) -> np.ndarray:
 
 @pytest.mark.parametrize("name", SETS)
 def test_the_sets_go_on_beyond_their_edges(name):
-    found = maps(name)
+    found = make_maps(name)
     for values in (found.albedo, found.roughness, found.height):
         assert values.shape == (SIZE, SIZE)
         assert np.isfinite(values).all()

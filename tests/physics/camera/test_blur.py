@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from icymoon.errors import IcyMoonError
-from icymoon.physics.camera.blur import MOTION, advice, blur_of, confusion_px, motion_px, moved
+from icymoon.physics.camera.blur import MOTION, blur_advice, blur_of, confusion_px, motion_px, pose_after
 from icymoon.render.pairs.pair_folder import StereoCamera
 from icymoon.render.plans.planned_pair import expand
 from icymoon.settings.description import check, defaults, merged
@@ -27,7 +27,7 @@ def described(rig, *more):
 def test_without_blur_there_is_none_and_the_response_does_not_name_the_pair():
     base = defaults()
     assert blur_of(base) is None
-    assert advice(base) == []
+    assert blur_advice(base) == []
     assert expand(merged(base, {"sensor": {"f_number": 2.0, "exposure_s": 3.0}}))[0].id == expand(base)[0].id
 
 
@@ -49,7 +49,7 @@ def test_blur_that_cannot_be_rendered_is_refused_in_a_sentence(rig, sensor, said
     for refuse in (blur_of, expand):
         with pytest.raises(IcyMoonError, match=said):
             refuse(settings)
-    assert len(advice(settings)) == 1
+    assert len(blur_advice(settings)) == 1
 
 
 def test_focus_at_depth_and_at_infinity():
@@ -76,12 +76,12 @@ def test_the_signs_of_motion_are_those_that_its_settings_name():
     forward, right, down = [0, 0, 1.0], [1.0, 0, 0], [0, 1.0, 0]
     for key, of, toward in (("turn_right_deg_s", forward, right), ("turn_down_deg_s", forward, down),
                             ("roll_deg_s", right, down)):
-        pose = moved(blur_of(described({key: 30.0}, FIXED)), 1.0)
+        pose = pose_after(blur_of(described({key: 30.0}, FIXED)), 1.0)
         np.testing.assert_allclose(pose[:3, :3] @ of, np.cos(np.pi / 6) * np.array(of) + 0.5 * np.array(toward),
                                    atol=1e-12)
         assert not pose[:3, 3].any()
     for key, toward in (("speed_right_m_s", right), ("speed_down_m_s", down), ("speed_forward_m_s", forward)):
-        np.testing.assert_allclose(moved(blur_of(described({key: 2.0}, FIXED)), 3.0)[:3, 3], 6 * np.array(toward))
+        np.testing.assert_allclose(pose_after(blur_of(described({key: 2.0}, FIXED)), 3.0)[:3, 3], 6 * np.array(toward))
 
 
 def test_the_report_and_developed_images_say_what_truth_is_of_and_what_does_not_fit(tmp_path):

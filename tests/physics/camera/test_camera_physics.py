@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from icymoon.errors import IcyMoonError
 from icymoon.physics.camera import brackets
-from icymoon.physics.camera.particle_hits import expected_hits, hits
-from icymoon.physics.camera.point_spread import gaussian_kernel, through_lens
+from icymoon.physics.camera.particle_hits import draw_hits, expected_hits
+from icymoon.physics.camera.point_spread import apply_lens, gaussian_kernel
 from icymoon.physics.camera.sensor import digital_numbers, electrons, exposure_s, exposure_warnings, noise_generator
 from icymoon.physics.light.photons import band_share, electron_rate, pixel_pitch_m, planck, total_radiance
 from icymoon.settings.description import defaults, load, merged, preset_path
@@ -51,25 +51,25 @@ def test_electrons_follow_aperture_band_and_pixel_area():
 
 def test_the_lens_keeps_an_even_image_and_the_total_of_a_point():
     _, sensor = settings(psf_sigma_px=1.3, veiling_glare=0.05)
-    np.testing.assert_allclose(through_lens(np.full((20, 30), 3.0), sensor), 3.0, rtol=1e-12)
+    np.testing.assert_allclose(apply_lens(np.full((20, 30), 3.0), sensor), 3.0, rtol=1e-12)
     point = np.zeros((61, 61))
     point[30, 30] = 1.0
-    image = through_lens(point, sensor)
+    image = apply_lens(point, sensor)
     assert image.sum() == pytest.approx(1.0, rel=1e-9)
     assert image[0, 0] == pytest.approx(0.05 / 61**2, rel=1e-6)
-    sharp = through_lens(point, {**sensor, "veiling_glare": 0.0})
+    sharp = apply_lens(point, {**sensor, "veiling_glare": 0.0})
     offsets = np.arange(61) - 30.0
     # A pixel's own width adds its variance, 1/12, and the cut at four deviations takes 1e-3 of it.
     assert (sharp.sum(axis=0) * offsets**2).sum() == pytest.approx(1.3**2 + 1 / 12, rel=3e-3)
     assert gaussian_kernel(0.01).max() == pytest.approx(1.0)
-    assert np.isfinite(through_lens(np.full((3, 3), np.inf), sensor)).all()
+    assert np.isfinite(apply_lens(np.full((3, 3), np.inf), sensor)).all()
 
 
 def test_veiling_glare_is_its_index():
     _, sensor = settings(veiling_glare=0.03)
     image = np.ones((100, 100))
     image[50, 50] = 0.0  # a small black target in a bright surround
-    assert through_lens(image, sensor)[50, 50] == pytest.approx(0.03, rel=1e-3)
+    assert apply_lens(image, sensor)[50, 50] == pytest.approx(0.03, rel=1e-3)
 
 
 def test_particles_come_in_poisson_numbers_and_leave_their_ionisation():
@@ -78,21 +78,21 @@ def test_particles_come_in_poisson_numbers_and_leave_their_ionisation():
     mean = expected_hits(sensor, shape, pitch, seconds)
     assert mean == pytest.approx(2000 * 0.2 * 0.3 * 0.5)
     # So shallow that nearly every track lies in one pixel: pixels hit are hits.
-    counts = [np.count_nonzero(hits(sensor, shape, pitch, seconds, noise_generator(k, "p", "left")))
+    counts = [np.count_nonzero(draw_hits(sensor, shape, pitch, seconds, noise_generator(k, "p", "left")))
               for k in range(400)]
     assert np.mean(counts) == pytest.approx(mean, abs=5 * math.sqrt(mean / 400) + 0.02 * mean)
     assert np.var(counts) == pytest.approx(mean, rel=0.4)
-    image = hits(sensor, shape, pitch, seconds, random())
+    image = draw_hits(sensor, shape, pitch, seconds, random())
     assert image[image > 0].min() == pytest.approx(8.0, rel=0.2)  # 0.1 µm straight through
 
 
 def test_tracks_are_as_long_as_isotropic_particles_make_them():
     _, sensor = settings(radiation_flux_cm2_s=1.0e4, radiation_depth_um=50.0)
-    image = hits(sensor, (400, 400), 5e-6, 1.0, random())
+    image = draw_hits(sensor, (400, 400), 5e-6, 1.0, random())
     total = image.sum() / 80.0 / 50.0
     # Mean of 1 / cos θ with cos² θ even is 2; tracks over the border take some away.
     assert total == pytest.approx(2 * expected_hits(sensor, (400, 400), 5e-6, 1.0), rel=0.3)
-    other = hits(sensor, (400, 400), 5e-6, 1.0, noise_generator(1, "pair", "right"))
+    other = draw_hits(sensor, (400, 400), 5e-6, 1.0, noise_generator(1, "pair", "right"))
     assert not np.array_equal(image, other)
 
 
@@ -143,10 +143,10 @@ def test_particles_of_jupiters_belts_are_seen_in_an_exposure_of_sunlit_ice():
     by_hand = 1e5 * (640 * 6.5e-4) * (480 * 6.5e-4) * seconds
     assert expected_hits(sensor, (480, 640), pitch_m, seconds) == pytest.approx(by_hand, rel=1e-9)
     assert 10 < by_hand < 1000
-    freed = hits(sensor, (480, 640), pitch_m, seconds, random())
+    freed = draw_hits(sensor, (480, 640), pitch_m, seconds, random())
     assert freed.sum() > 0.9 * by_hand * 80 * 10  # each 80 e- per µm over 10 µm at least, less what leaves the image
     assert np.count_nonzero(freed > 5 * sensor["read_noise_e"]) > 1.5 * by_hand
-    wide = hits(sensor, (480, 640), 93.75e-6, seconds * (6.5 / 93.75) ** 2, random())
+    wide = draw_hits(sensor, (480, 640), 93.75e-6, seconds * (6.5 / 93.75) ** 2, random())
     assert np.count_nonzero(wide) < 1.3 * by_hand
 
 
@@ -165,9 +165,9 @@ def test_an_exposure_at_its_end_or_too_long_is_said(seconds, saturated, changes,
 def test_a_flood_of_particles_is_refused_by_name_and_none_is_none():
     _, sensor = settings(radiation_flux_cm2_s=1.0e12)
     with pytest.raises(IcyMoonError, match=r"sensor\.radiation_flux_cm2_s"):
-        hits(sensor, (480, 640), 94e-6, 1.0, random())
+        draw_hits(sensor, (480, 640), 94e-6, 1.0, random())
     _, sensor = settings(radiation_flux_cm2_s=0.0)
-    assert not hits(sensor, (48, 64), 94e-6, 1.0, random()).any()
+    assert not draw_hits(sensor, (48, 64), 94e-6, 1.0, random()).any()
 
 
 def test_brackets_widen_the_range_and_keep_the_light():
@@ -177,22 +177,22 @@ def test_brackets_widen_the_range_and_keep_the_light():
     np.testing.assert_allclose(times, [0.8, 0.1, 0.0125])
     rate = np.geomspace(100.0, 1.5e6, 500)[None, :]  # electrons per second, from a full well's 1e-5 to 1
     numbers = [digital_numbers(electrons(rate, t, 1.0, sensor, random()), sensor) for t in times]
-    merged = brackets.merged(numbers, times, sensor)
+    merged = brackets.merge_exposures(numbers, times, sensor)
     # Half a number of each exposure that is not full, 20000 e- / 1023 / 2, over the time of all of them.
     usable = [rate * t < 19980 for t in times[:2]] + [np.ones_like(rate, bool)]
     step = 9.78 * sum(usable) / sum(u * t for u, t in zip(usable, times, strict=True))
     assert (np.abs(merged - rate) <= step).all()
     one = digital_numbers(electrons(rate, times[2], 1.0, sensor, random()), sensor)
     dim = rate < 1000
-    error = np.abs(brackets.merged([one], times[2:], sensor) - rate)[dim].mean()
+    error = np.abs(brackets.merge_exposures([one], times[2:], sensor) - rate)[dim].mean()
     assert np.abs(merged - rate)[dim].mean() < error / 20  # 64 times the exposure
     full = brackets.full_rate(merged, times[-1], sensor)
     assert full == 20000 / times[-1]  # the brightest pixels all but fill the shortest exposure
-    final = brackets.as_numbers(merged, full)
+    final = brackets.quantise(merged, full)
     assert final.dtype == np.uint16
     assert final[0, -1] == pytest.approx(65535 * 1.5e6 * 0.0125 / 20000, rel=1e-3)
     assert brackets.full_rate(merged / 10, times[-1], sensor) == pytest.approx(1.5e6 / 10 / 0.9, rel=0.02)
-    assert not brackets.as_numbers(merged * 0, brackets.full_rate(merged * 0, times[-1], sensor)).any()
+    assert not brackets.quantise(merged * 0, brackets.full_rate(merged * 0, times[-1], sensor)).any()
 
 
 def test_merging_noisy_exposures_beats_the_longest_usable_one():
@@ -201,11 +201,12 @@ def test_merging_noisy_exposures_beats_the_longest_usable_one():
     generator = random()
     numbers = [digital_numbers(electrons(np.full((300, 300), 5000.0), t, 1.0, sensor, generator), sensor)
                for t in times]
-    merged, longest = brackets.merged(numbers, times, sensor), brackets.merged(numbers[:1], times[:1], sensor)
+    merged, longest = brackets.merge_exposures(numbers, times, sensor), brackets.merge_exposures(numbers[:1],
+                                                                                                 times[:1], sensor)
     assert merged.mean() == pytest.approx(5000, rel=1e-3)
     # A full well that is read a little low must not pass for light.
     bright = [digital_numbers(electrons(np.full((300, 300), 30000.0), t, 1.0, sensor, generator), sensor)
               for t in (1.0, 0.1)]
-    assert brackets.merged(bright, (1.0, 0.1), sensor).min() > 27000
+    assert brackets.merge_exposures(bright, (1.0, 0.1), sensor).min() > 27000
     # Shot noise of 1.5 times the light: a variance of 2/3, and read noise twice instead of once.
     assert merged.var() / longest.var() == pytest.approx(2 / 3, rel=0.05)

@@ -5,16 +5,16 @@ import pytest
 from icymoon.physics.camera.sensor import (
     LONGEST_S,
     SHORTEST_S,
-    bloomed,
     capacity_e,
     dark_current_e_s,
     digital_numbers,
+    draw_pattern,
     electrons,
     exposure_s,
     exposure_warnings,
-    fixed_pattern,
     gain_dn_per_e,
     noise_generator,
+    spread_overflow,
 )
 from icymoon.physics.light.photons import electron_rate
 from icymoon.settings.description import defaults
@@ -89,7 +89,7 @@ def test_a_full_well_stays_full_however_much_light_there_is():
 def test_offsets_of_pixels_stay_where_the_well_is_full():
     """They come with reading, behind the well, so that a flooded image shows them as a dark one does."""
     settings = sensor(dsnu_e=7.0, **QUIET)
-    pattern = fixed_pattern(3, "left", (50, 40), settings)
+    pattern = draw_pattern(3, "left", (50, 40), settings)
     dark, flooded = (exposed(np.full((50, 40), level), settings, pattern=pattern) for level in (0.0, 1e9))
     np.testing.assert_allclose(dark, pattern.offset_e)
     np.testing.assert_allclose(flooded - 20000.0, pattern.offset_e, atol=1e-9)
@@ -112,8 +112,8 @@ def test_dark_current_doubles_with_temperature_and_has_shot_noise():
 def test_fixed_patterns_have_their_width_and_stay():
     settings = sensor(prnu=0.02, dsnu_e=7.0, **{"shot_noise": False, "read_noise_e": 0.0})
     shape = (500, 400)
-    pattern = fixed_pattern(3, "left", shape, settings)
-    again, other = fixed_pattern(3, "left", shape, settings), fixed_pattern(3, "right", shape, settings)
+    pattern = draw_pattern(3, "left", shape, settings)
+    again, other = draw_pattern(3, "left", shape, settings), draw_pattern(3, "right", shape, settings)
     np.testing.assert_array_equal(pattern.response, again.response)
     assert abs(np.corrcoef(pattern.response.ravel(), other.response.ravel())[0, 1]) < 5 / np.sqrt(N)
     dark, lit = (exposed(np.full(shape, level), settings, pattern=pattern) for level in (0.0, 10000.0))
@@ -124,12 +124,12 @@ def test_fixed_patterns_have_their_width_and_stay():
 def test_overflow_fills_the_column_and_is_kept_or_drained():
     charge = np.zeros((101, 3))
     charge[50, 1] = 9.0
-    spilt = bloomed(charge, 2.0, 1.0)
+    spilt = spread_overflow(charge, 2.0, 1.0)
     assert spilt[:, 1].sum() == pytest.approx(9.0)  # nothing left the image
     assert spilt[:, [0, 2]].sum() == 0
     np.testing.assert_allclose(spilt[47:54, 1], [0, 1.5, 2, 2, 2, 1.5, 0])
-    assert bloomed(charge, 2.0, 0.5)[:, 1].sum() == pytest.approx(2 + 3.5)
-    flooded = bloomed(np.full((4, 2), 1e9), 2.0, 1.0)
+    assert spread_overflow(charge, 2.0, 0.5)[:, 1].sum() == pytest.approx(2 + 3.5)
+    flooded = spread_overflow(np.full((4, 2), 1e9), 2.0, 1.0)
     assert (flooded == 2.0).all()
 
 
@@ -137,7 +137,7 @@ def test_overflow_fills_the_column_and_is_kept_or_drained():
 def test_half_of_an_overflow_runs_up_and_half_down_and_out_of_the_image(row, filled):
     charge = np.zeros((5, 1))
     charge[row] = 9.0
-    np.testing.assert_allclose(bloomed(charge, 2.0, 1.0)[:, 0], filled)
+    np.testing.assert_allclose(spread_overflow(charge, 2.0, 1.0)[:, 0], filled)
     np.testing.assert_allclose(exposed(charge, sensor(**QUIET, full_well_e=2.0, blooming=1.0))[:, 0], filled)
     assert (exposed(charge, sensor(**QUIET, full_well_e=2.0))[:, 0] == np.minimum(charge[:, 0], 2.0)).all()
 
@@ -236,7 +236,7 @@ def test_no_extreme_of_the_sensor_makes_anything_but_numbers(key, value, light):
     image[3, 3] = np.nan
     seconds = exposure_s(image, rate, settings["sensor"])
     charge = electrons(image, seconds, rate, settings["sensor"], random(),
-                       fixed_pattern(1, "left", image.shape, settings["sensor"]))
+                       draw_pattern(1, "left", image.shape, settings["sensor"]))
     assert np.isfinite(charge).all()
     numbers = digital_numbers(charge, settings["sensor"])
     assert numbers.max() <= 2 ** settings["sensor"]["bits"] - 1

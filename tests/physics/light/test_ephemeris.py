@@ -240,10 +240,10 @@ def test_what_kernels_lack_is_a_sentence(kernels, body, date, words):
 
 
 def test_missing_kernels_and_a_missing_package_are_sentences(tmp_path, monkeypatch):
-    monkeypatch.setattr(spice, "available", lambda: False)
+    monkeypatch.setattr(spice, "has_spice", lambda: False)
     with pytest.raises(IcyMoonError, match=r"SpiceyPy.*ephemeris"):
         spice.positions(tmp_path, "ENCELADUS", "SATURN", DATE, 0.0, 0.0)
-    monkeypatch.setattr(spice, "available", lambda: True)
+    monkeypatch.setattr(spice, "has_spice", lambda: True)
     with pytest.raises(IcyMoonError, match="not there"):
         spice.positions(tmp_path / "no.tm", "ENCELADUS", "SATURN", DATE, 0.0, 0.0)
 

@@ -5,8 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from icymoon.physics.light.planetshine import Planet, Ring, disc, irradiance_wm2, unshaded_share
-from icymoon.physics.light.saturn_rings import RINGS, brightness, phase_function, rings, shadow_half_angle
+from icymoon.physics.light.planetshine import Planet, Ring, disc_mesh, irradiance_wm2, unshaded_share
+from icymoon.physics.light.saturn_rings import RINGS, brightness, phase_function, ring_mesh, shadow_half_angle
 from icymoon.physics.light.sky import sky
 from icymoon.settings import description
 
@@ -87,7 +87,7 @@ def test_from_enceladus_they_are_a_line_that_gives_no_light_to_speak_of():
     for date, latitude in (("2032-06-01", -80.0), ("2032-06-01T20:00", -80.0), ("2032-06-01T20:00", 85.0),
                            ("2038-06-01", 30.0)):
         shown = dated(date, latitude)
-        mesh = rings(shown.planet)
+        mesh = ring_mesh(shown.planet)
         ray = mesh.vertices / np.linalg.norm(mesh.vertices, axis=1, keepdims=True)
         off = np.degrees(np.arcsin(np.abs(ray @ shown.planet.pole)))
         assert off.max() < 0.15
@@ -99,7 +99,7 @@ def test_from_enceladus_they_are_a_line_that_gives_no_light_to_speak_of():
         assert light < 2e-4 * shown.sun_irradiance_wm2
         full = replace(shown.planet, sun=-shown.planet.direction)
         assert light < 0.006 * irradiance_wm2(full)
-    assert rings(dated("2032-06-01", 0.0).planet) is None
+    assert ring_mesh(dated("2032-06-01", 0.0).planet) is None
 
 
 def test_the_rings_shade_saturn_as_rays_to_the_sun_find():
@@ -127,7 +127,7 @@ def test_the_rings_shade_saturn_as_rays_to_the_sun_find():
     assert 0.7 < share < 0.95
     assert share == pytest.approx(passed.sum() / lit.sum(), abs=3e-3)
     up = np.array([0.0, 0.0, 1.0])
-    mesh = disc(shown)
+    mesh = disc_mesh(shown)
     corners = mesh.vertices[mesh.faces]
     area = (np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
             + np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 0])) / 2
@@ -140,7 +140,7 @@ def test_the_rings_shade_saturn_as_rays_to_the_sun_find():
 
 
 def test_the_side_away_from_the_sun_is_dark_where_the_ring_is_dense():
-    lit, unlit = rings(opened(15.0, 20.0)), rings(opened(15.0, -20.0))
+    lit, unlit = ring_mesh(opened(15.0, 20.0)), ring_mesh(opened(15.0, -20.0))
     for mesh in (lit, unlit):
         assert np.isfinite(mesh.radiance).all()
         assert ((mesh.transmission >= 0) & (mesh.transmission <= 1)).all()
@@ -157,7 +157,7 @@ def test_the_side_away_from_the_sun_is_dark_where_the_ring_is_dense():
 @pytest.mark.parametrize(("height", "sun"), [(0.001, 0.0), (90.0, 90.0), (-90.0, 90.0), (5.0, 90.0), (30.0, 1e-6),
                                              (20.0, 20.0), (-20.0, 20.0)])
 def test_no_geometry_is_too_much(height, sun):
-    mesh = rings(opened(height, sun))
+    mesh = ring_mesh(opened(height, sun))
     assert np.isfinite(mesh.vertices).all()
     assert np.isfinite(mesh.radiance).all()
     assert (mesh.radiance >= 0).all()

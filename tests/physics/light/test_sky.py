@@ -10,13 +10,13 @@ from icymoon.physics.light.eclipse import hidden_share
 from icymoon.physics.light.planetshine import (
     Planet,
     Ring,
-    disc,
+    disc_mesh,
     far_field_irradiance_wm2,
     irradiance_wm2,
     lambert_phase,
     phase_function,
 )
-from icymoon.physics.light.sky import azimuth_deg, check_body, elevation_deg, facts, sky
+from icymoon.physics.light.sky import azimuth_deg, check_body, elevation_deg, sky, sky_facts
 from icymoon.physics.light.sunlight import apparent_diameter_deg, sun_colour, sun_diameter_deg, sun_irradiance_wm2
 from icymoon.render.plans.plan_file import read_plan
 from icymoon.settings import description
@@ -137,7 +137,7 @@ def test_below_the_horizon_there_is_nothing_and_half_of_it_at_the_horizon():
 
 def test_the_mesh_is_the_ellipsoid_in_size_light_and_side():
     shown = planet(60.0, flattening=0.1)
-    mesh = disc(shown)
+    mesh = disc_mesh(shown)
     corners = mesh.vertices[mesh.faces]
     area = (np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
             + np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 0])) / 2
@@ -157,7 +157,7 @@ def test_the_sky_of_the_settings():
     assert (elevation_deg(shown.sun), azimuth_deg(shown.sun)) == pytest.approx((20.0, 300.0))
     assert shown.ground_irradiance_wm2[0] == pytest.approx(14.82 * math.sin(math.radians(20)))
     assert elevation_deg(shown.planet.pole) == pytest.approx(-80.0)
-    said = facts(shown)
+    said = sky_facts(shown)
     assert said["planet"]["phase_deg"] == pytest.approx(180 - math.degrees(math.acos(shown.sun @ [0, math.cos(
         math.radians(10)), math.sin(math.radians(10))])))
     assert 0 < said["planet"]["ground_irradiance_wm2"] < 0.1
@@ -247,10 +247,10 @@ def test_a_body_has_the_same_planet_in_its_sky_by_angles_and_by_date(name):
     of the ellipsoid's normal, which angles know not: 1.1° and 0.1° on Europa, 0.8° and 0.7° at 80° south on
     Enceladus. Of its apparent size the eccentricity, a hundredth and a two-hundredth, is left, and half of the moon."""
     light = described(description.load(description.preset_path(f"bodies/{name}")))["light"]
-    by_angles = facts(sky(light))["planet"]
+    by_angles = sky_facts(sky(light))["planet"]
     for day in range(0, 400, 9):
         date = str(np.datetime64("2031-01-01T00:00") + np.timedelta64(day * 1440 + 61 * day, "m"))
-        by_date = facts(sky({**light, "directions_from": "DATE", "date_utc": date}))["planet"]
+        by_date = sky_facts(sky({**light, "directions_from": "DATE", "date_utc": date}))["planet"]
         off = math.degrees(math.acos(min(1.0, np.dot(by_date["direction_to_world"], by_angles["direction_to_world"]))))
         assert off < 1.5
         assert by_date["angular_diameter_deg"] == pytest.approx(by_angles["angular_diameter_deg"], rel=0.015)

@@ -15,7 +15,7 @@ LIGHT = description.defaults()["light"]
 
 
 def star(name):
-    known = stars.brightest()
+    known = stars.read_catalogue()
     return known.direction[known.name.index(name)]
 
 
@@ -43,7 +43,7 @@ def test_a_camera_counts_the_photons_of_a_star():
 
 
 def test_the_brightest_stars_are_where_they_are():
-    known = stars.brightest()
+    known = stars.read_catalogue()
     assert len(known.name) == len(set(known.name)) == 92
     assert (np.diff(known.v_mag) >= 0).all()
     assert known.v_mag[-1] == stars.COMPLETE_TO_MAG
@@ -61,7 +61,8 @@ def test_colours_are_those_of_their_temperatures():
     assert stars.temperature_k(0.65) == pytest.approx(5772, rel=0.02)  # the Sun
     assert stars.temperature_k(0.0) == pytest.approx(10000, rel=0.03)
     assert stars.temperature_k(1.85) == pytest.approx(3400, rel=0.05)
-    shown = stars.stars(-1.0, 1, np.diag([1.0, 1.0, -1.0])).irradiance_wm2  # Sirius alone, which is in the south
+    shown = stars.stars_above_horizon(-1.0, 1,
+                                      np.diag([1.0, 1.0, -1.0])).irradiance_wm2  # Sirius alone, which is in the south
     assert shown.shape == (1, 3)
     assert shown[0, 2] > shown[0, 0]
     assert shown.mean() == pytest.approx(stars.V0_WM2 * 10 ** (0.4 * 1.46))
@@ -71,7 +72,7 @@ def test_fainter_stars_come_in_their_numbers_and_stay_when_more_are_asked_for():
     both = [np.diag([1.0, 1.0, side]) for side in (1.0, -1.0)]
 
     def whole(faintest, seed):
-        parts = [stars.stars(faintest, seed, half) for half in both]
+        parts = [stars.stars_above_horizon(faintest, seed, half) for half in both]
         return np.concatenate([p.direction @ m for p, m in zip(parts, both, strict=True)]), np.concatenate(
             [p.irradiance_wm2.mean(axis=1) for p in parts])
 
@@ -82,15 +83,15 @@ def test_fainter_stars_come_in_their_numbers_and_stay_when_more_are_asked_for():
         np.testing.assert_allclose(np.linalg.norm(direction, axis=1), 1.0)
     # Even over the sky: the mean direction of n is within 4/√n of none.
     assert np.linalg.norm(direction.mean(axis=0)) < 4 / math.sqrt(len(direction))
-    few, more = (stars.stars(faintest, 7, both[0]) for faintest in (4.0, 6.0))
+    few, more = (stars.stars_above_horizon(faintest, 7, both[0]) for faintest in (4.0, 6.0))
     assert {tuple(d) for d in few.direction} < {tuple(d) for d in more.direction}
-    assert not np.array_equal(few.direction, stars.stars(4.0, 8, both[0]).direction)
-    np.testing.assert_array_equal(few.direction, stars.stars(4.0, 7, both[0]).direction)
+    assert not np.array_equal(few.direction, stars.stars_above_horizon(4.0, 8, both[0]).direction)
+    np.testing.assert_array_equal(few.direction, stars.stars_above_horizon(4.0, 7, both[0]).direction)
 
 
 def test_starlight_on_the_ground_is_nothing_beside_the_planets():
     """Of all the stars together less than 2e-6 W/m², against 0.4 of a full Saturn and 15 of the Sun."""
-    sky_light = stars.stars(8.0, 1, np.eye(3))
+    sky_light = stars.stars_above_horizon(8.0, 1, np.eye(3))
     assert 5e-7 < (sky_light.irradiance_wm2.mean(axis=1) * sky_light.direction[:, 2]).sum() < 2e-6
 
 

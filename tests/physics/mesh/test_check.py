@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from icymoon.errors import IcyMoonError
 from icymoon.formats import mesh_file
-from icymoon.physics.mesh.check import check, components, face_normals, repaired
+from icymoon.physics.mesh.check import examine, face_normals, label_components, repair
 from icymoon.physics.mesh.mesh_heights import MeshGround
-from icymoon.physics.mesh.subdivide import edge_length_m, halved, levels, vertex_normals
+from icymoon.physics.mesh.subdivide import count_halvings, edge_length_m, halve_edges, vertex_normals
 from sheets import sheet
 
 CUBE = np.array([(x, y, z) for z in (0, 1) for y in (0, 1) for x in (0, 1)], float)
@@ -28,11 +28,11 @@ def test_components_are_those_of_a_plain_search():
         for _ in range(n):
             for i, j in zip(a, b, strict=True):
                 label[i] = label[j] = min(label[i], label[j])
-        assert components(n, a, b).tolist() == label, n
+        assert label_components(n, a, b).tolist() == label, n
 
 
 def test_a_cube_is_in_order():
-    report = check(CUBE, BOX)
+    report = examine(CUBE, BOX)
     assert (report.vertices, report.triangles, report.parts) == (8, 12, 1)
     assert report.boundary_edges == report.boundary_loops == 0
     assert report.non_manifold_edges == report.inconsistent_edges == report.duplicate_vertices == 0
@@ -43,19 +43,19 @@ def test_a_cube_is_in_order():
 
 
 def test_an_open_box_has_one_rim_and_two_holes_make_two_more():
-    report = check(CUBE, BOX[2:])
+    report = examine(CUBE, BOX[2:])
     assert (report.boundary_edges, report.boundary_loops) == (4, 1)
     positions, faces = sheet(9)
     k = [8 * 2 + 2, 8 * 5 + 5]
     holed = np.delete(faces, [*k, *(np.array(k) + 64)], axis=0)
-    report = check(positions, holed)
+    report = examine(positions, holed)
     assert report.boundary_loops == 3
     assert "2 holes beside the outer rim" in " ".join(report.lines())
 
 
 def test_three_faces_on_an_edge_are_not_a_manifold():
     positions = np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1)], float)
-    report = check(positions, np.array([(0, 1, 2), (1, 0, 3), (0, 1, 4)]))
+    report = examine(positions, np.array([(0, 1, 2), (1, 0, 3), (0, 1, 4)]))
     assert report.non_manifold_edges == 1
 
 
@@ -63,21 +63,21 @@ def test_flipped_faces_are_counted_and_turned_back():
     positions, faces = sheet()
     flipped = faces.copy()
     flipped[[7, 20, 21, 40]] = flipped[[7, 20, 21, 40], ::-1]
-    report = check(positions, flipped)
+    report = examine(positions, flipped)
     assert report.inconsistent_edges > 0
     assert report.facing_down > 0.05
     for broken in (flipped, flipped[:, ::-1], faces[:, ::-1]):
-        positions_after, mended, _ = repaired(positions, broken)
+        positions_after, mended, _ = repair(positions, broken)
         assert (face_normals(positions_after, mended)[:, 2] > 0).all()
-        assert check(positions_after, mended).inconsistent_edges == 0
+        assert examine(positions_after, mended).inconsistent_edges == 0
 
 
 def test_a_closed_part_is_turned_outward_wherever_it_lies():
     positions, faces = sheet()
     both = np.concatenate([positions, CUBE + np.array([2, 2, 50])])
     inside_out = np.concatenate([faces, BOX[:, ::-1] + len(positions)])
-    after, mended, _ = repaired(both, inside_out)
-    assert check(after, mended).parts == 2
+    after, mended, _ = repair(both, inside_out)
+    assert examine(after, mended).parts == 2
     normals = face_normals(after, mended)
     boulder = after[mended].mean(axis=1)[:, 2] > 10
     away = after[mended].mean(axis=1)[boulder] - (2.5, 2.5, 50.5)
@@ -97,10 +97,10 @@ def test_a_moebius_strip_is_left_as_it_is():
         if k == n - 1:
             c, d = d, c
         faces += [(a, b, d), (a, d, c)]
-    report = check(positions, np.array(faces))
+    report = examine(positions, np.array(faces))
     assert report.boundary_loops == 1
     assert report.inconsistent_edges == 1
-    _, mended, _ = repaired(positions, np.array(faces))
+    _, mended, _ = repair(positions, np.array(faces))
     assert len(mended) == 2 * n
 
 
@@ -109,15 +109,15 @@ def test_what_cannot_be_rendered_goes_and_the_rest_stays():
     positions = np.concatenate([positions, positions[:6], [(np.nan, 0, 0), (9, 9, np.inf), (7, 7, 7)]])
     faces = np.concatenate([faces, [(0, 1, 42), (1, 2, 43)], [(3, 3, 4), (0, 36, 1)], faces[:3][:, [1, 2, 0]]])
     faces[faces == 2] = 38
-    report = check(positions, faces)
+    report = examine(positions, faces)
     assert report.non_finite_vertices == 2
     assert report.degenerate_faces == 2
     assert report.duplicate_vertices == 6
     assert report.duplicate_faces == 3
-    after, mended, _ = repaired(positions, faces)
+    after, mended, _ = repair(positions, faces)
     assert (len(after), len(mended)) == (36, 50)
-    again = check(after, mended)
-    assert again.area_m2 == pytest.approx(check(*sheet()).area_m2)
+    again = examine(after, mended)
+    assert again.area_m2 == pytest.approx(examine(*sheet()).area_m2)
     assert len(again.lines()) == 1
 
 
@@ -125,49 +125,49 @@ def test_nothing_left_is_a_report_too():
     one = np.array([(0, 1, 2)])
     for positions, faces in ((np.full((3, 3), np.nan), one), (np.zeros((3, 3)), one),
                              (np.empty((0, 3)), np.empty((0, 3), int))):
-        report = check(positions, faces)
+        report = examine(positions, faces)
         assert report.area_m2 == 0.0
-        assert len(repaired(positions, faces)[1]) == 0
+        assert len(repair(positions, faces)[1]) == 0
 
 
 def test_the_axis_that_the_ground_faces_is_named():
     positions, faces = sheet()
-    assert check(positions, faces).up == "Z"
-    assert check(positions[:, [0, 2, 1]], faces).up == "Y"
-    assert check(positions[:, [2, 0, 1]], faces).up == "X"
+    assert examine(positions, faces).up == "Z"
+    assert examine(positions[:, [0, 2, 1]], faces).up == "Y"
+    assert examine(positions[:, [2, 0, 1]], faces).up == "X"
 
 
 def test_costs_come_from_the_header_or_the_size(tmp_path):
     ply = tmp_path / "a.ply"
     ply.write_bytes(b"ply\nformat binary_little_endian 1.0\nelement vertex 9\nelement face 12345678\nend_header\n")
-    cost = mesh_file.cost(ply)
-    assert (cost.triangles, cost.exact, cost.dear) == (12345678, True, True)
+    cost = mesh_file.estimate_cost(ply)
+    assert (cost.triangles, cost.exact, cost.is_high) == (12345678, True, True)
     assert "12 million triangles" in cost.sentence(ply)
     stl = tmp_path / "a.stl"
     stl.write_bytes(b"x" * 80 + struct.pack("<I", 2) + bytes(100))
-    assert mesh_file.cost(stl).triangles == 2
+    assert mesh_file.estimate_cost(stl).triangles == 2
     document = {"accessors": [{"count": 30}], "meshes": [{"primitives": [{"indices": 0}]}],
                 "buffers": [{"uri": "a%20b.bin"}]}
     (tmp_path / "a.gltf").write_text(json.dumps(document))
-    assert mesh_file.cost(tmp_path / "a.gltf").triangles == 10
-    assert mesh_file.parts(tmp_path / "a.gltf") == [tmp_path / "a.gltf", tmp_path / "a b.bin"]
+    assert mesh_file.estimate_cost(tmp_path / "a.gltf").triangles == 10
+    assert mesh_file.find_geometry_files(tmp_path / "a.gltf") == [tmp_path / "a.gltf", tmp_path / "a b.bin"]
     (tmp_path / "a.obj").write_text("v 0 0 0\n" * 1000)
-    assert not mesh_file.cost(tmp_path / "a.obj").exact
+    assert not mesh_file.estimate_cost(tmp_path / "a.obj").exact
 
 
 @pytest.mark.parametrize("suffix", sorted(mesh_file.FORMATS))
 def test_files_that_are_not_what_they_say_are_sentences(tmp_path, suffix):
     path = tmp_path / f"a{suffix}"
     with pytest.raises(IcyMoonError, match="cannot be read"):
-        mesh_file.cost(path)
+        mesh_file.estimate_cost(path)
     path.write_bytes(b"")
     with pytest.raises(IcyMoonError, match="is empty"):
-        mesh_file.cost(path)
+        mesh_file.estimate_cost(path)
     path.write_bytes(b"\xff\xd8\xff\xe0 a picture")
     with pytest.raises(IcyMoonError, match="whatever its name says"):
-        mesh_file.cost(path)
+        mesh_file.estimate_cost(path)
     with pytest.raises(IcyMoonError, match="not a mesh"):
-        mesh_file.kind_of(path.with_suffix(".jpg"))
+        mesh_file.detect_kind(path.with_suffix(".jpg"))
 
 
 @pytest.mark.parametrize("text", ["{", "{]", '{"meshes": [{"primitives": [{"indices": 7}]}]}', '{"meshes": 3}'])
@@ -175,17 +175,17 @@ def test_a_malformed_gltf_is_a_sentence(tmp_path, text):
     path = tmp_path / "a.gltf"
     path.write_text(text)
     with pytest.raises(IcyMoonError, match=r"a\.gltf: is not a whole"):
-        mesh_file.cost(path)
+        mesh_file.estimate_cost(path)
     path.write_text('{"buffers": 3}')
     with pytest.raises(IcyMoonError, match=r"a\.gltf: is not a whole"):
-        mesh_file.parts(path)
+        mesh_file.find_geometry_files(path)
 
 
 def test_a_gltf_that_is_nested_without_end_is_a_sentence(tmp_path):
     path = tmp_path / "a.gltf"
     path.write_text('{"a":' + "[" * 100000)
     with pytest.raises(IcyMoonError, match=r"a\.gltf: is not a whole"):
-        mesh_file.parts(path)
+        mesh_file.find_geometry_files(path)
 
 
 def test_the_height_of_a_mesh_is_that_of_its_highest_triangle():
@@ -204,8 +204,8 @@ def test_the_height_of_a_mesh_is_that_of_its_highest_triangle():
 
 def test_halving_keeps_the_shape_and_halves_the_edges():
     positions, faces = sheet()
-    fine, cut = halved(positions, faces)
-    before, after = check(positions, faces), check(fine, cut)
+    fine, cut = halve_edges(positions, faces)
+    before, after = examine(positions, faces), examine(fine, cut)
     assert (after.triangles, after.inconsistent_edges, after.boundary_loops) == (4 * before.triangles, 0, 1)
     assert after.duplicate_vertices == 0
     assert after.area_m2 == pytest.approx(before.area_m2)
@@ -215,7 +215,7 @@ def test_halving_keeps_the_shape_and_halves_the_edges():
 
 
 def test_how_often_to_halve():
-    assert levels(1.0, 0.1, 1000, 10**9) == 4
-    assert levels(1.0, 0.25, 1000, 10**9) == 2
-    assert levels(0.1, 1.0, 1000, 10**9) == 0
-    assert levels(1.0, 0.01, 1000, 70_000) == 3
+    assert count_halvings(1.0, 0.1, 1000, 10**9) == 4
+    assert count_halvings(1.0, 0.25, 1000, 10**9) == 2
+    assert count_halvings(0.1, 1.0, 1000, 10**9) == 0
+    assert count_halvings(1.0, 0.01, 1000, 70_000) == 3

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from icymoon.physics.mesh.graded_ground import graded
-from icymoon.physics.mesh.grading import EDGE_OVER_SPACING, view
+from icymoon.physics.mesh.graded_ground import grade_ground
+from icymoon.physics.mesh.grading import EDGE_OVER_SPACING, view_of
 from icymoon.physics.mesh.horizon import drop_m, horizon_m
 from icymoon.physics.mesh.vertex_rings import Rings
-from icymoon.physics.terrain.terrain import terrain
+from icymoon.physics.terrain.terrain import make_terrain
 from icymoon.settings.description import check, defaults, merged
 
 #: Small images, so that meshes are small.
@@ -33,7 +33,7 @@ GROUNDS = {
 def made(*changes):
     """The graded ground of a description, and the description."""
     settings = merged(defaults(), SMALL, *(check(c, "test") for c in changes))
-    return graded(terrain(settings, 1), settings), settings
+    return grade_ground(make_terrain(settings, 1), settings), settings
 
 
 @pytest.mark.parametrize("radius", [252_100.0, 1_560_800.0, 1.0e4])
@@ -113,10 +113,10 @@ def test_no_edge_on_level_ground_is_longer_than_stated():
 
 
 def test_the_pixels_of_a_radian_are_those_of_the_image():
-    at = view(merged(defaults(), {"rig": {"focal_length_mm": 1000.0}})["rig"])
+    at = view_of(merged(defaults(), {"rig": {"focal_length_mm": 1000.0}})["rig"])
     # A narrow lens has f pixels per radian everywhere: 640 * 1000 / 60.
     assert at.pixels_per_radian == pytest.approx(640 * 1000 / 60, rel=1e-3)
-    wide = view(defaults()["rig"])
+    wide = view_of(defaults()["rig"])
     # The mean over the paper's image of 1 + tan², on a grid.
     a, b = np.linspace(-30, 30, 601) / 32, np.linspace(-22.5, 22.5, 451) / 32
     assert wide.pixels_per_radian == pytest.approx(640 * 32 / 60 * (1 + (a**2).mean() + (b**2).mean()), rel=1e-2)
@@ -164,14 +164,14 @@ def test_a_smaller_error_costs_more_and_a_larger_image_too():
 def test_the_ground_goes_on_beyond_the_patch():
     settings = merged(defaults(), {"terrain": {"rms_slope_deg": 0.0, "regional_slope_deg": 30.0,
                                                "regional_slope_azimuth_deg": 90.0}})
-    ground = terrain(settings, 1)
+    ground = make_terrain(settings, 1)
     x = np.array([-1e6, -1e3, -14.0, -5.0, 0.0, 5.0, 14.0, 1e3, 1e6])
     z = ground.heights(x, 0 * x)
     fall = math.tan(math.radians(30.0))
     assert np.allclose(z[2:7], -fall * x[2:7])  # a plane as far as the patch's corners
     assert np.all(np.diff(z) <= 0)
     assert abs(z[0]) == pytest.approx(2 * fall * 10 * math.sqrt(2), rel=1e-6)  # a flank of finite height
-    cratered = terrain(merged(defaults(), {"terrain": {"rms_slope_deg": 0.0}, "craters": {"coverage": 0.3}}), 1)
+    cratered = make_terrain(merged(defaults(), {"terrain": {"rms_slope_deg": 0.0}, "craters": {"coverage": 0.3}}), 1)
     axis = np.linspace(-200, 200, 401)
     far = cratered.heights(axis[None, :], axis[:, None])
     blocks = far[:400, :400].reshape(20, 20, 20, 20).std(axis=(1, 3))
@@ -183,7 +183,7 @@ def test_the_ground_goes_on_beyond_the_patch():
 
 def test_a_height_does_not_depend_on_the_points_beside_it():
     for name in GROUNDS:
-        ground = terrain(merged(defaults(), *(check(c, "test") for c in (GROUNDS[name],))), 1)
+        ground = make_terrain(merged(defaults(), *(check(c, "test") for c in (GROUNDS[name],))), 1)
         x, y = np.random.default_rng(0).uniform(-50, 50, (2, 4000))
         shortest = np.geomspace(0.01, 3.0, 4000)
         together = ground.heights(x, y, shortest)

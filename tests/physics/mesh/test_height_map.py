@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from icymoon.errors import IcyMoonError
 from icymoon.formats import geotiff
 from icymoon.physics.mesh import height_map
-from icymoon.physics.mesh.height_map import HeightMap, fill_holes, placed
+from icymoon.physics.mesh.height_map import HeightMap, fill_holes, place_map
 from tiffs import write_tiff
 
 
@@ -29,7 +29,7 @@ def test_heights_at_pixel_centres_are_the_pixels_row_0_being_north():
 
 def test_a_tilted_plane_is_interpolated_exactly_and_nothing_is_beyond_it():
     row, column = np.mgrid[0:9, 0:5]
-    ground, _ = placed(0.25 * column - 0.5 * row, (1.0, 1.0), (0.0, 0.0), centre=True, origin_m=(0, 0), size_m=100.0)
+    ground, _ = place_map(0.25 * column - 0.5 * row, (1.0, 1.0), (0.0, 0.0), centre=True, origin_m=(0, 0), size_m=100.0)
     assert ground.bounds_m == (-2.0, 2.0, -4.0, 4.0)
     x, y = np.random.default_rng(0).uniform((-2, -4), (2, 4), (200, 2)).T
     assert np.allclose(ground.heights(x, y), 0.25 * x + 0.5 * y, atol=1e-12)
@@ -37,19 +37,20 @@ def test_a_tilted_plane_is_interpolated_exactly_and_nothing_is_beyond_it():
 
 
 def test_the_patch_ends_where_the_settings_say():
-    ground, _ = placed(np.zeros((101, 101)), (1.0, 1.0), (0.0, 0.0), centre=True, origin_m=(30.0, -10.0), size_m=20.0)
+    ground, _ = place_map(np.zeros((101, 101)), (1.0, 1.0), (0.0, 0.0), centre=True, origin_m=(30.0, -10.0),
+                          size_m=20.0)
     assert ground.bounds_m == (-10.0, 10.0, -10.0, 10.0)
     assert np.isnan(ground.heights(10.5, 0.0))
-    edge, _ = placed(np.zeros((101, 101)), (1.0, 1.0), (0.0, 0.0), centre=True, origin_m=(45.0, 0.0), size_m=20.0)
+    edge, _ = place_map(np.zeros((101, 101)), (1.0, 1.0), (0.0, 0.0), centre=True, origin_m=(45.0, 0.0), size_m=20.0)
     assert edge.bounds_m == (-10.0, 5.0, -10.0, 10.0)
 
 
 def test_placing_moves_and_says_by_how_much():
     values = bumpy(3, 5)
-    ground, shift = placed(values, (10.0, 10.0), (500000.0, 20000.0), centre=True, origin_m=(5.0, 0.0), size_m=1e3)
+    ground, shift = place_map(values, (10.0, 10.0), (500000.0, 20000.0), centre=True, origin_m=(5.0, 0.0), size_m=1e3)
     assert shift == pytest.approx((-500025.0, -20010.0, -np.median(values)))
     assert ground.heights(-5.0, 0.0) == pytest.approx(values[1, 2] - np.median(values))
-    kept, shift = placed(values, (10.0, 10.0), (-20.0, -10.0), centre=False, origin_m=(0.0, 0.0), size_m=1e3)
+    kept, shift = place_map(values, (10.0, 10.0), (-20.0, -10.0), centre=False, origin_m=(0.0, 0.0), size_m=1e3)
     assert shift == (0.0, 0.0, 0.0)
     assert kept.heights(0.0, 0.0) == pytest.approx(values[1, 2])
 
@@ -89,7 +90,7 @@ class Waves:
 
 
 def test_added_roughness_keeps_to_wavelengths_below_the_pixels():
-    ground = height_map.with_roughness(HeightMap(np.ones((21, 21)), (1.0, 1.0), -10.0, -10.0, 20.0), Waves())
+    ground = height_map.add_roughness(HeightMap(np.ones((21, 21)), (1.0, 1.0), -10.0, -10.0, 20.0), Waves())
     x, y = np.random.default_rng(0).uniform(-9, 9, (2, 500))
     assert np.allclose(ground.heights(x, y, 0.3), 1.0 + np.sin(4 * np.pi * x))
     assert np.array_equal(ground.heights(x, y, 2.0), np.ones(500))  # the mesh carries nothing finer

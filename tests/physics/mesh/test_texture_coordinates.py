@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 from icymoon.errors import IcyMoonError
 from icymoon.formats import mesh_images
-from icymoon.formats.ply import texture_coordinates
+from icymoon.formats.ply import read_texture_coordinates
 from icymoon.physics.mesh import texture_coordinates as meshuv
-from icymoon.physics.mesh.check import repaired
-from icymoon.physics.mesh.subdivide import halved
+from icymoon.physics.mesh.check import repair
+from icymoon.physics.mesh.subdivide import halve_edges
 from sheets import sheet
 
 
@@ -49,10 +49,10 @@ def test_repair_keeps_every_corner_on_its_place_of_the_image():
     of_broken = np.concatenate([np.where(flipped[:, None, None], uv[:, ::-1], uv), np.zeros((2, 3, 2)),
                                 uv[:5, [1, 2, 0]]]).astype(np.float32)
     order = np.random.default_rng(1).permutation(len(broken))
-    after, mended, kept = repaired(loose, broken[order], of_broken[order])
+    after, mended, kept = repair(loose, broken[order], of_broken[order])
     assert (len(after), len(mended), kept.shape) == (n, len(faces), (len(faces), 3, 2))
     assert agrees(after, mended, kept)
-    plain = repaired(loose, broken[order])
+    plain = repair(loose, broken[order])
     assert np.array_equal(plain[0], after)
     assert np.array_equal(plain[1], mended)
     assert plain[2] is None
@@ -61,8 +61,8 @@ def test_repair_keeps_every_corner_on_its_place_of_the_image():
 def test_cutting_puts_new_corners_in_the_middle_and_keeps_seams():
     positions, faces, uv = laid()
     for _ in range(2):
-        positions, faces = halved(positions, faces)
-        uv = meshuv.halved(uv)
+        positions, faces = halve_edges(positions, faces)
+        uv = meshuv.halve_coordinates(uv)
     assert uv.dtype == np.float32
     assert agrees(positions, faces, uv)
 
@@ -79,13 +79,13 @@ def test_the_mean_is_of_what_the_surface_shows():
     image = np.zeros((10, 20, 3))
     image[:, 10:] = (1.0, 0.5, 0.25)
     expected = 0.75 * np.array([1.0, 0.5, 0.25])
-    assert mean_shown(image, *meshuv.shown(positions, faces, uv)) == pytest.approx(expected, abs=1e-4)
+    assert mean_shown(image, *meshuv.sample_surface(positions, faces, uv)) == pytest.approx(expected, abs=1e-4)
     # The same surface of many triangles, of which some stand for all.
     for _ in range(8):
-        positions, faces = halved(positions, faces)
-        uv = meshuv.halved(uv)
+        positions, faces = halve_edges(positions, faces)
+        uv = meshuv.halve_coordinates(uv)
     assert len(faces) == 2 * 4**8
-    points, weight = meshuv.shown(positions, faces, uv)
+    points, weight = meshuv.sample_surface(positions, faces, uv)
     assert len(points) < 70000
     assert weight.sum() == pytest.approx(1.0)
     assert mean_shown(image, points, weight) == pytest.approx(expected, abs=0.01)
@@ -97,20 +97,20 @@ def test_the_mean_is_of_what_the_surface_shows():
 
 def test_what_is_no_number_is_zero_and_said():
     _, _, uv = laid()
-    kept, found = meshuv.mended(uv)
+    kept, found = meshuv.repair_coordinates(uv)
     assert np.array_equal(kept, uv)
     assert len(found) == 1
     torn = uv.copy()
     torn[3, 1, 0], torn[5, 2] = np.nan, np.inf
     torn[7] = torn[7, :1]
-    kept, found = meshuv.mended(torn)
+    kept, found = meshuv.repair_coordinates(torn)
     assert np.isfinite(kept).all()
     assert np.array_equal(kept[3, 1], (0, 0))
     assert np.array_equal(kept[8:], uv[8:])
     assert any("2 of 150 face corners" in sentence for sentence in found)
     assert any("1 of 50 triangles" in sentence for sentence in found)
     for nothing in (np.full_like(uv, np.nan), np.full_like(uv, 0.5), uv * np.float32([1, 0])):
-        kept, found = meshuv.mended(nothing)
+        kept, found = meshuv.repair_coordinates(nothing)
         assert kept is None
         assert "no area" in found[0]
 
@@ -142,26 +142,27 @@ def ply(path: Path, encoding: str, corner_uv: np.ndarray | None, vertex_uv: tupl
 @pytest.mark.parametrize("encoding", ["ascii", "binary_little_endian", "binary_big_endian"])
 def test_a_ply_has_coordinates_of_corners_or_of_vertices(tmp_path, encoding):
     positions, faces, uv = laid()
-    assert np.array_equal(texture_coordinates(ply(tmp_path / "a.ply", encoding, uv), faces), uv)
+    assert np.array_equal(read_texture_coordinates(ply(tmp_path / "a.ply", encoding, uv), faces), uv)
     for names in (("s", "t"), ("u", "v"), ("texture_u", "texture_v")):
-        found = texture_coordinates(ply(tmp_path / "b.ply", encoding, None, names), faces)
+        found = read_texture_coordinates(ply(tmp_path / "b.ply", encoding, None, names), faces)
         assert np.allclose(found, positions[faces][..., :2] * (0.25, 0.5))
-    assert texture_coordinates(ply(tmp_path / "c.ply", encoding, None), faces) is None
+    assert read_texture_coordinates(ply(tmp_path / "c.ply", encoding, None), faces) is None
     # Blender leaves out faces that it takes for broken; corners of other faces than the file's are not taken.
     some = np.arange(len(faces)) % 7 != 2
-    assert np.array_equal(texture_coordinates(tmp_path / "a.ply", faces[some]), uv[some])
-    assert texture_coordinates(tmp_path / "a.ply", faces[:, ::-1]) is None
+    assert np.array_equal(read_texture_coordinates(tmp_path / "a.ply", faces[some]), uv[some])
+    assert read_texture_coordinates(tmp_path / "a.ply", faces[:, ::-1]) is None
     torn = uv.copy()
     torn[2, 1, 1] = math.nan
-    assert np.array_equal(texture_coordinates(ply(tmp_path / "d.ply", encoding, torn), faces), torn, equal_nan=True)
+    assert np.array_equal(read_texture_coordinates(ply(tmp_path / "d.ply", encoding, torn), faces), torn,
+                          equal_nan=True)
 
 
 def test_a_ply_names_its_image(tmp_path):
     path = ply(tmp_path / "a.ply", "ascii", None)
-    assert mesh_images.chosen(path)["albedo"].file == tmp_path / "a b.png"
+    assert mesh_images.choose_images(path)["albedo"].file == tmp_path / "a b.png"
     path.write_bytes(path.read_bytes().replace(b"element face", b"comment TextureFile c.png\nelement face", 1))
     with pytest.raises(IcyMoonError, match="has 2 albedo images"):
-        mesh_images.chosen(path)
+        mesh_images.choose_images(path)
 
 
 LIBRARY = """newmtl a
@@ -179,26 +180,26 @@ Kd 1 1 1
 def test_an_obj_names_its_images_in_its_library(tmp_path):
     path = tmp_path / "a.obj"
     path.write_text("# a\nmtllib my mesh.mtl\nv 0 0 0\n")
-    assert mesh_images.chosen(path) == {}
-    assert mesh_images.images(path).files() == [tmp_path / "my mesh.mtl"]  # its coming will change what is shown
+    assert mesh_images.choose_images(path) == {}
+    assert mesh_images.find_images(path).files() == [tmp_path / "my mesh.mtl"]  # its coming will change what is shown
     (tmp_path / "my mesh.mtl").write_text(LIBRARY)
-    found = mesh_images.chosen(path)
+    found = mesh_images.choose_images(path)
     assert {kind: image.file for kind, image in found.items()} == {
         "albedo": tmp_path / "textures/my rock.png", "roughness": tmp_path / "r.png", "normal": tmp_path / "n.png"}
     (tmp_path / "my rock.png").write_bytes(b"moved here")
-    assert mesh_images.chosen(path)["albedo"].file == tmp_path / "my rock.png"
+    assert mesh_images.choose_images(path)["albedo"].file == tmp_path / "my rock.png"
     (tmp_path / "my mesh.mtl").write_text(LIBRARY.replace("-s 1 1 1", "-s 2 2").replace(
         "map_Kd textures/my rock.png\n", ""))
     with pytest.raises(IcyMoonError, match=r"albedo image is shifted or scaled by -s 2 2.*textures\.set"):
-        mesh_images.chosen(path)
+        mesh_images.choose_images(path)
     (tmp_path / "my mesh.mtl").write_text(LIBRARY + "map_Kd other.png\n")
     with pytest.raises(IcyMoonError, match="has 2 albedo images"):
-        mesh_images.chosen(path)
+        mesh_images.choose_images(path)
     # Without a library of its own, the one of its name.
     path.write_text("v 0 0 0\n")
-    assert mesh_images.images(path).files() == []
+    assert mesh_images.find_images(path).files() == []
     (tmp_path / "a.mtl").write_text("map_Kd x.png\n")
-    assert mesh_images.chosen(path)["albedo"].file == tmp_path / "x.png"
+    assert mesh_images.choose_images(path)["albedo"].file == tmp_path / "x.png"
 
 
 def gltf(folder: Path, binary: bytes, images: list[dict], **changed) -> dict:
@@ -218,17 +219,17 @@ def test_a_gltf_holds_or_names_its_images(tmp_path):
     document = gltf(tmp_path, b"012data789", [{"bufferView": 0}, {"uri": "my%20map.png"}, held])
     path = tmp_path / "a.gltf"
     path.write_text(json.dumps(document))
-    found = mesh_images.chosen(path)
+    found = mesh_images.choose_images(path)
     assert found["albedo"].data() == b"data"
     assert (found["roughness"].file, found["roughness"].channel) == (tmp_path / "my map.png", 1)
     assert found["normal"].data() == b"inside"
-    assert set(mesh_images.images(path).files()) == {tmp_path / "a.bin", tmp_path / "my map.png", path}
+    assert set(mesh_images.find_images(path).files()) == {tmp_path / "a.bin", tmp_path / "my map.png", path}
     del document["buffers"][0]["uri"]
     text = json.dumps(document).encode()
     text += b" " * (-len(text) % 4)
     (tmp_path / "a.glb").write_bytes(b"glTF" + struct.pack("<II", 2, 0) + struct.pack("<I4s", len(text), b"JSON")
                                      + text + struct.pack("<I4s", 10, b"BIN\0") + b"012data789")
-    assert mesh_images.chosen(tmp_path / "a.glb")["albedo"].data() == b"data"
+    assert mesh_images.choose_images(tmp_path / "a.glb")["albedo"].data() == b"data"
 
 
 @pytest.mark.parametrize(("changed", "words"), [
@@ -240,13 +241,13 @@ def test_what_cannot_be_followed_is_said(tmp_path, changed, words):
     path.write_text(json.dumps(gltf(tmp_path, b"012data789", [{"uri": f"{k}.png"} for k in range(3)], **changed)))
     if words:
         with pytest.raises(IcyMoonError, match=f"albedo image .*{words}.*OWN"):
-            mesh_images.chosen(path)
+            mesh_images.choose_images(path)
     else:
-        assert mesh_images.chosen(path)["albedo"].file == tmp_path / "0.png"
+        assert mesh_images.choose_images(path)["albedo"].file == tmp_path / "0.png"
 
 
 def test_a_gltf_without_what_it_names_is_a_sentence(tmp_path):
     path = tmp_path / "a.gltf"
     path.write_text(json.dumps(gltf(tmp_path, b"", [])))
     with pytest.raises(IcyMoonError, match="not a whole glTF"):
-        mesh_images.chosen(path)
+        mesh_images.choose_images(path)

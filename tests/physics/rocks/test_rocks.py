@@ -1,4 +1,4 @@
-"""Ice blocks: the size laws, where blocks lie, how they rest, what they look like."""
+"""Rocks: the size laws, where they lie, how they rest, what they look like."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from hypothesis import given
 from hypothesis import settings as budget
 from hypothesis import strategies as st
 from icymoon.errors import IcyMoonError
-from icymoon.physics.rocks.rocks import euler_xyz, places, scatter
-from icymoon.physics.rocks.shapes import FAMILIES, LEVELS, block_shapes, corners_of, icosphere
-from icymoon.physics.rocks.size_laws import Golombek, PowerLaw, drawn, size_law
+from icymoon.physics.rocks.rocks import draw_places, euler_xyz, scatter
+from icymoon.physics.rocks.shapes import FAMILIES, LEVELS, corners_of, icosphere, make_rock_shapes
+from icymoon.physics.rocks.size_laws import Golombek, PowerLaw, draw_diameters, size_law
 from icymoon.settings.description import defaults, merged
 from marks import heavy_but
 
@@ -27,7 +27,7 @@ def described(**changes):
 def strewn(surface, seed: int = 5, clear=(0.0, 0.0, 0.0), size_m: float = SIZE_M, **changes):
     """Blocks on a surface."""
     rocks = described(**changes)
-    return scatter(rocks, size_m, seed, surface, block_shapes(rocks["family"], rocks["angularity"], seed), clear)
+    return scatter(rocks, size_m, seed, surface, make_rock_shapes(rocks["family"], rocks["angularity"], seed), clear)
 
 
 def level(x, y):
@@ -55,7 +55,7 @@ LAWS = {"POWER": {"law": "POWER", "power_index": 2.5, "smallest_m": 0.1, "larges
 
 
 def share_above(rocks, d: np.ndarray) -> np.ndarray:
-    """Share of the blocks larger than d, straight from the laws' definitions and by another quadrature."""
+    """Share of the rocks larger than d, straight from the laws' definitions and by another quadrature."""
     low, high = rocks["smallest_m"], rocks["largest_m"]
     if rocks["law"] == "POWER":
         a = rocks["power_index"]
@@ -122,21 +122,21 @@ def test_golombeks_law_and_its_inverse_agree_and_cover_what_it_says(k, smallest,
 
 
 @pytest.mark.parametrize("coverage", [0.02, 0.1, 0.4])
-def test_blocks_cover_what_is_asked(coverage):
+def test_rocks_cover_what_is_asked(coverage):
     sizes = strewn(level, coverage=coverage, smallest_m=0.1, largest_m=1.0).diameter_m
     assert np.sum(math.pi / 4 * sizes**2) / SIZE_M**2 == pytest.approx(coverage, rel=0.02)
 
 
 @pytest.mark.parametrize("law", LAWS)
-def test_the_smallest_size_is_the_settings_unless_blocks_are_left_out(law):
+def test_the_smallest_size_is_the_settings_unless_rocks_are_left_out(law):
     assert strewn(level, **LAWS[law]).smallest_m == LAWS[law]["smallest_m"]
     assert strewn(level, **LAWS[law], most=100).smallest_m > LAWS[law]["smallest_m"]
 
 
-def test_too_many_blocks_lose_the_smallest_and_keep_the_law():
+def test_too_many_rocks_lose_the_smallest_and_keep_the_law():
     rocks = described(smallest_m=0.01, largest_m=1.0)
     law = size_law(rocks)
-    sizes, smallest = drawn(law, 400.0, 500, np.random.default_rng(0))
+    sizes, smallest = draw_diameters(law, 400.0, 500, np.random.default_rng(0))
     assert len(sizes) == 500
     assert sizes.min() >= smallest > 0.01
     # As many above any size as the whole law has there.
@@ -170,7 +170,7 @@ def test_places_have_the_pair_statistics_of_a_thomas_process(clustering):
         clusters = max(1, round(n * clustering / each)) / size**2
         ripley = math.pi * r**2 + clustering**2 * (1 - math.exp(-(r**2) / (4 * sigma**2))) / clusters
         expected = n**2 / size**2 * ripley
-        found = [pairs_within(places(rocks, n, size, np.random.default_rng(s)), r, size) for s in range(12)]
+        found = [pairs_within(draw_places(rocks, n, size, np.random.default_rng(s)), r, size) for s in range(12)]
         # Uniform: pairs are Poisson, each counted twice. Clustered: the spread of the twelve draws tells.
         error = max(math.sqrt(2 * expected), float(np.std(found))) / math.sqrt(12)
         assert abs(np.mean(found) - expected) < 4 * error
@@ -180,7 +180,7 @@ def test_places_have_the_pair_statistics_of_a_thomas_process(clustering):
             assert np.mean(found) > 1.3 * n**2 / size**2 * math.pi * r**2
 
 
-def test_blocks_lie_evenly_on_the_whole_patch():
+def test_rocks_lie_evenly_on_the_whole_patch():
     x, y, _ = strewn(level, smallest_m=0.05, largest_m=0.3, clustering=0.3).position_m.T
     assert np.abs([x, y]).max() <= SIZE_M / 2
     for coordinate in (x, y):
@@ -191,18 +191,18 @@ def test_blocks_lie_evenly_on_the_whole_patch():
 @pytest.mark.parametrize("radius", [0.0, 2.0])
 def test_no_vertex_reaches_into_the_clear_circle(radius):
     rocks = strewn(rough, clear=(1.0, -2.0, radius), coverage=0.3, largest_m=2.0, elongation=2.0)
-    shapes = block_shapes("MIXED", described()["angularity"], 5)
+    shapes = make_rock_shapes("MIXED", described()["angularity"], 5)
     nearest = min(np.hypot(*(world_vertices(rocks, shapes, i)[:, :2] - [1.0, -2.0]).T).min()
                   for i in range(0, len(rocks.diameter_m), 7))
     assert nearest > radius
-    # Elsewhere the circle changes nothing: same seed, same blocks.
+    # Elsewhere the circle changes nothing: same seed, same rocks.
     every = strewn(rough, clear=(1e6, 0.0, 0.0), coverage=0.3, largest_m=2.0, elongation=2.0)
     kept = {tuple(p) for p in rocks.position_m.tolist()}
     assert kept <= {tuple(p) for p in every.position_m.tolist()}
     assert len(kept) > 0.8 * len(every.diameter_m)
 
 
-def test_a_seed_gives_the_same_blocks_and_concerns_do_not_mix():
+def test_a_seed_gives_the_same_rocks_and_concerns_do_not_mix():
     one, two, other = strewn(rough, 7), strewn(rough, 7), strewn(rough, 8)
     for name in ("position_m", "rotation", "scale_m", "level", "shape", "diameter_m"):
         assert np.array_equal(getattr(one, name), getattr(two, name))
@@ -220,7 +220,7 @@ def test_a_seed_gives_the_same_blocks_and_concerns_do_not_mix():
 @pytest.mark.parametrize("burial", [0.0, 0.25, 0.9])
 def test_every_block_touches_the_ground(surface, burial):
     rocks = strewn(surface, burial=burial, coverage=0.05, tilt_deg=30.0)
-    shapes = block_shapes("MIXED", described()["angularity"], 5)
+    shapes = make_rock_shapes("MIXED", described()["angularity"], 5)
     for i in range(len(rocks.diameter_m)):
         x, y, z = world_vertices(rocks, shapes, i).T
         assert (z - surface(x, y)).min() < 1e-9
@@ -228,12 +228,12 @@ def test_every_block_touches_the_ground(surface, burial):
 
 def test_burial_is_the_share_of_the_height_under_level_ground():
     rocks = strewn(level, burial=0.4, tilt_deg=20.0)
-    shapes = block_shapes("MIXED", described()["angularity"], 5)
+    shapes = make_rock_shapes("MIXED", described()["angularity"], 5)
     shares = []
     for i in range(len(rocks.diameter_m)):
         z = world_vertices(rocks, shapes, i)[:, 2]
         shares.append(-z.min() / np.ptp(z))
-    # The standard deviation between blocks is 0.1.
+    # The standard deviation between rocks is 0.1.
     assert np.mean(shares) == pytest.approx(0.4, abs=4 * 0.1 / math.sqrt(len(shares)))
     assert np.std(shares) == pytest.approx(0.1, rel=0.15)
 
@@ -253,7 +253,7 @@ def test_euler_angles_make_the_rotation_they_came_from(angles):
     assert np.allclose(matrix(c[0], s[0], c[1], s[1], c[2], s[2]), turned, atol=1e-6)
 
 
-def test_blocks_lie_along_a_slope():
+def test_rocks_lie_along_a_slope():
     slope = math.radians(35.0)
     rocks = strewn(lambda x, y: x * math.tan(slope) + 0 * y, tilt_deg=0.0, coverage=0.02, family="SLABS")
     cx, sx, cz, sz = (f(rocks.rotation[:, k]) for k in (0, 2) for f in (np.cos, np.sin))
@@ -267,7 +267,7 @@ def test_blocks_lie_along_a_slope():
 @pytest.mark.parametrize("family", FAMILIES)
 @pytest.mark.parametrize("angularity", heavy_but([1.0], [0.0, 0.5, 1.0]))
 def test_shapes_are_closed_have_unit_size_and_face_outward(family, angularity):
-    for shape in (s for kind in block_shapes(family, angularity, 3) for s in kind):
+    for shape in (s for kind in make_rock_shapes(family, angularity, 3) for s in kind):
         edges = np.concatenate([shape.triangles[:, k] for k in ([0, 1], [1, 2], [2, 0])])
         # Every edge is used once each way: the surface is closed and its triangles turn alike.
         assert len({tuple(e) for e in edges.tolist()}) == len(edges)
@@ -282,9 +282,9 @@ def test_shapes_are_closed_have_unit_size_and_face_outward(family, angularity):
         assert flat[flat > 0].sum() == pytest.approx(math.pi / 4, rel=0.07)
 
 
-def test_angular_blocks_have_plane_faces_and_worn_ones_have_not():
+def test_angular_rocks_have_plane_faces_and_worn_ones_have_not():
     def plane_share(angularity: float) -> float:
-        shapes = block_shapes("FRAGMENTS", angularity, 3)[0]
+        shapes = make_rock_shapes("FRAGMENTS", angularity, 3)[0]
         areas = [np.linalg.norm(np.cross(s.vertices[s.triangles[:, 1]] - s.vertices[s.triangles[:, 0]],
                                          s.vertices[s.triangles[:, 2]] - s.vertices[s.triangles[:, 0]]), axis=1)
                  for s in shapes]
@@ -312,6 +312,6 @@ def test_the_sphere_is_a_sphere(subdivisions):
 @given(st.floats(0, 1), st.integers(0, 10_000), st.sampled_from(("MIXED", *FAMILIES)))
 @budget(max_examples=15, deadline=None)
 def test_any_seed_makes_shapes(angularity, seed, family):
-    for kind in block_shapes(family, angularity, seed):
+    for kind in make_rock_shapes(family, angularity, seed):
         assert len(kind) in (6, 18)
         assert all(np.isfinite(s.vertices).all() and np.abs(s.vertices).max() < 1.2 for s in kind)

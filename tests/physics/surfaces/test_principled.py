@@ -13,9 +13,9 @@ from icymoon.settings.description import defaults
 @pytest.fixture(autouse=True, scope="module", params=principled.TABLES)
 def table(request):
     """Every test with the table of every Blender."""
-    principled.use(request.param)
+    principled.use_table(request.param)
     yield
-    principled.use("5.0")
+    principled.use_table("5.0")
 
 
 def surface(**changes):
@@ -49,13 +49,13 @@ def test_base_colour_gives_the_albedo_or_the_nearest_there_is(albedo, roughness,
     chosen = principled.base_colour(settings, albedo)
     assert 0.0 <= chosen <= 1.0
     assert np.interp(chosen, base, reflectance) == pytest.approx(principled.real_albedo(settings), abs=1e-9)
-    told = principled.advice(settings)
+    told = principled.albedo_advice(settings)
     assert bool(told) == (abs(principled.real_albedo(settings) - albedo) > 0.01 * albedo)
 
 
 def test_advice_names_what_takes_the_light():
-    assert principled.advice(surface(albedo=0.9)) == ""
-    assert "transmission" in principled.advice(surface(albedo=0.9, transmission=0.5))
-    assert "subsurface_weight" in principled.advice(surface(albedo=1.0, subsurface_weight=1.0))
-    assert "grain_amplitude_m" in principled.advice(surface(albedo=1.0, grain_amplitude_m=0.05))
-    assert "specular" in principled.advice(surface(albedo=0.01, specular=1.0))
+    assert principled.albedo_advice(surface(albedo=0.9)) == ""
+    assert "transmission" in principled.albedo_advice(surface(albedo=0.9, transmission=0.5))
+    assert "subsurface_weight" in principled.albedo_advice(surface(albedo=1.0, subsurface_weight=1.0))
+    assert "grain_amplitude_m" in principled.albedo_advice(surface(albedo=1.0, grain_amplitude_m=0.05))
+    assert "specular" in principled.albedo_advice(surface(albedo=0.01, specular=1.0))

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import settings as hypothesis
 from hypothesis import strategies as st
 from icymoon.physics.terrain.landforms import MAKERS
-from icymoon.physics.terrain.terrain import Terrain, advice, terrain
+from icymoon.physics.terrain.terrain import Terrain, make_terrain, terrain_advice
 from icymoon.settings.description import Settings, check, defaults, load, merged, preset_names, preset_path
 from icymoon.settings.table import TOPICS
 
@@ -30,7 +30,7 @@ def _settings(*parts: dict) -> Settings:
 
 
 def _ground(*parts: dict, seed: int = 1) -> Terrain:
-    return terrain(_settings(*parts), seed)
+    return make_terrain(_settings(*parts), seed)
 
 
 def _grid(ground: Terrain, n: int = 65, shortest_m: float = 0.0) -> np.ndarray:
@@ -146,7 +146,7 @@ def test_every_setting_may_be_at_the_end_of_its_range(topic, key, value):
     if key == "size_m":
         settings["craters"]["coverage"] = 0.0
     with np.errstate(all="raise", under="ignore"):
-        ground = terrain(settings, 1)
+        ground = make_terrain(settings, 1)
         heights = _grid(ground, 33, 2 * ground.size_m / 32)
         fine = _grid(ground, 33)
     assert np.isfinite(heights).all()
@@ -172,13 +172,13 @@ def test_no_points_have_no_heights():
 
 def test_what_a_mesh_cannot_show_is_said():
     settings = _settings({"penitentes": {"height_m": 1.0, "spacing_m": 1.0}})
-    assert advice(settings, 0.04) == []
-    (gone,) = advice(settings, 1.2)[-1:]
+    assert terrain_advice(settings, 0.04) == []
+    (gone,) = terrain_advice(settings, 1.2)[-1:]
     assert "penitentes" in gone
     assert "left out" in gone
-    (lower,) = advice(settings, 0.8)[-1:]
+    (lower,) = terrain_advice(settings, 0.8)[-1:]
     assert "50% of their height" in lower
-    assert any("the ground is flat" in note for note in advice(settings, 9.0))
+    assert any("the ground is flat" in note for note in terrain_advice(settings, 9.0))
 
 
 @pytest.mark.parametrize("name", preset_names("terrains"))
@@ -186,8 +186,8 @@ def test_a_preset_is_what_its_mesh_can_show(name):
     settings = _settings(load(preset_path(name)))
     ground = settings["terrain"]
     spacing = ground["size_m"] / (ground["resolution"] - 1)
-    assert advice(settings, 2 * spacing) == []
-    assert np.isfinite(_grid(terrain(settings, 1), 65, 2 * spacing)).all()
+    assert terrain_advice(settings, 2 * spacing) == []
+    assert np.isfinite(_grid(make_terrain(settings, 1), 65, 2 * spacing)).all()
 
 
 def test_the_papers_terrains_get_rougher_from_low_to_very_high():

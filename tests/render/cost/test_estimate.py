@@ -113,9 +113,9 @@ def test_a_scene_is_built_once_for_all_its_pairs():
 def test_the_triangles_are_those_of_the_ground():
     assert estimate.triangles_of(described()) == 2 * 128**2
     graded = described({"mesh": {"kind": "GRADED", "error_px": 4, "edge_px": 24}})
-    from icymoon.physics.mesh.graded_ground import graded as make
-    from icymoon.physics.terrain.terrain import terrain
-    faces = make(terrain(graded, 1), graded).mesh()[1]
+    from icymoon.physics.mesh.graded_ground import grade_ground as make
+    from icymoon.physics.terrain.terrain import make_terrain
+    faces = make(make_terrain(graded, 1), graded).mesh()[1]
     # Euler: of a disc, as many triangles as twice the vertices but for those on its rim.
     assert estimate.triangles_of(graded) == pytest.approx(len(faces), rel=0.05)
 

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import settings as trials
 from hypothesis import strategies as st
 from icymoon.errors import IcyMoonError
-from icymoon.formats.toml_lines import Place, line_of
+from icymoon.formats.toml_lines import Place, find_line
 from icymoon.render.plans.plan_file import plan_path, read_plan
 from icymoon.settings.table import TOPICS, all_settings
 
@@ -107,10 +107,10 @@ WRONG = {
                              ("east 12 m", "outside the ground")),
     "an eye in the ground": (HEAD + "[terrain]\nrms_slope_deg = 40\n[rig]\nheight_m = 0.001  # !\nbaseline_m = 5",
                              ("right eye", "under the ground")),
-    "an eye in a block": (HEAD + '[terrain]\nrms_slope_deg = 0\n'
+    "an eye in a rock": (HEAD + '[terrain]\nrms_slope_deg = 0\n'
                           '[rocks]\ncoverage = 0.5\nsmallest_m = 1\nlargest_m = 1\n'
                           'height_ratio = 3\nburial = 0\n[rig]\nbaseline_m = 3\nheight_m = 0.5\n[[sweep]]  # !\n'
-                          'kind = "panorama"\nheadings = [10]', ("in a block",)),
+                          'kind = "panorama"\nheadings = [10]', ("in a rock",)),
     "contradictory sizes": (HEAD + "[rocks]\ncoverage = 0.1\nlargest_m = 0.05  # !\nsmallest_m = 0.1", ("below",)),
     "a texture that is not there": (HEAD + '[textures]\nset = "OWN"\nalbedo_file = "ice.png"  # !',
                                     ("ice.png", "is not there", "plan.files")),
@@ -212,7 +212,7 @@ def test_a_line_is_found_in_every_spelling():
     for key, line in ((("a",), 3), (("a", "b c"), 4), (("a", "d", "e"), 8), (("a", "d", "e", 0), 10),
                       (("a", "d", "e", 1, "f"), 11), (("g", 0, "h"), 14), (("g", 1), 15), (("g", 1, "i", "h"), 18),
                       (("g", 2), None), (("x",), None)):
-        assert line_of(text, key) == line, key
+        assert find_line(text, key) == line, key
     assert str(Place("f", text, ("g", 1, "absent", 3))) == "f, line 15"
 
 
@@ -224,4 +224,4 @@ def test_every_setting_of_a_plan_is_found_in_its_line():
             lines.append(f"{setting.key} = 1")
             where[topic.key, setting.key] = len(lines)
     keys = list(where)[::17]
-    assert [line_of("\n".join(lines), key) for key in keys] == [where[key] for key in keys]
+    assert [find_line("\n".join(lines), key) for key in keys] == [where[key] for key in keys]

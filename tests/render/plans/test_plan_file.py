@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import settings as trials
 from hypothesis import strategies as st
 from icymoon.physics.light.directions import camera_axes
-from icymoon.physics.terrain.sites import standing
+from icymoon.physics.terrain.sites import make_rocky_ground
 from icymoon.render.plans.plan_file import read_plan
 from icymoon.render.plans.planned_pair import expand
 from icymoon.settings import description
@@ -185,7 +185,7 @@ def test_a_view_sphere_looks_at_its_target_from_its_distance(plan):
         target_height_m = 0.2
     ''').pairs()
     assert len(pairs) == 9
-    ground = standing(pairs[0].settings)
+    ground = make_rocky_ground(pairs[0].settings)
     target = np.array([1.0, -2.0, float(ground.heights(1.0, -2.0)) + 0.2])
     for pair, (elevation, azimuth) in zip(pairs, product((30, 60, 90), (0, 30, 200)), strict=True):
         rig = pair.settings["rig"]
@@ -200,7 +200,7 @@ def test_a_view_sphere_looks_at_its_target_from_its_distance(plan):
         assert forward == pytest.approx(-away / 3.0, abs=1e-4)
 
 
-def test_sites_are_clear_of_blocks_and_apart_and_on_the_patch(plan):
+def test_sites_are_clear_of_rocks_and_apart_and_on_the_patch(plan):
     pairs = plan('''
         [rocks]
         coverage = 0.1
@@ -213,12 +213,12 @@ def test_sites_are_clear_of_blocks_and_apart_and_on_the_patch(plan):
         apart_m = 1.5
         random_headings = true
     ''').pairs()
-    ground = standing(pairs[0].settings)
+    ground = make_rocky_ground(pairs[0].settings)
     places = np.column_stack([taken(pairs, "rig.x_m"), taken(pairs, "rig.y_m")])
-    blocks = ground.blocks
-    away = np.linalg.norm(places[:, None] - blocks.position_m[None, :, :2], axis=2) - blocks.reach_m
+    rocks = ground.rocks
+    away = np.linalg.norm(places[:, None] - rocks.position_m[None, :, :2], axis=2) - rocks.reach_m
     assert away.min() >= 0.6
-    assert away.min(axis=1).max() < 3.0  # there are blocks about
+    assert away.min(axis=1).max() < 3.0  # there are rocks nearby
     assert np.abs(places).max() <= 8.0
     apart = np.linalg.norm(places[:, None] - places[None], axis=2) + 1e9 * np.eye(12)
     assert apart.min() >= 1.5

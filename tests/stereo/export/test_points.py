@@ -79,13 +79,13 @@ def test_the_file_holds_the_points(prepared, tmp_path):
     write_points(tmp_path / "p.ply", prepared, disparity)
     points = measured_points(prepared, disparity)
     for names in (("x", "y", "z"), ("error_m", "size_m"), ("red", "green", "blue")):
-        np.testing.assert_array_equal(ply.properties(tmp_path / "p.ply", *names),
+        np.testing.assert_array_equal(ply.read_properties(tmp_path / "p.ply", *names),
                                       np.stack([points[name] for name in names], axis=1).astype(float))
-    assert ply.properties(tmp_path / "p.ply", "opacity") is None
+    assert ply.read_properties(tmp_path / "p.ply", "opacity") is None
     content = (tmp_path / "p.ply").read_bytes()
     for cut in (0, 10, 100, len(content) - 1):
         (tmp_path / "cut.ply").write_bytes(content[:cut])
-        assert ply.properties(tmp_path / "cut.ply", "x") is None
+        assert ply.read_properties(tmp_path / "cut.ply", "x") is None
 
 
 @pytest.mark.parametrize("size", [(256, 144), (640, 480)])
@@ -97,10 +97,10 @@ def test_the_file_says_how_many_points_are_missing(tmp_path, size):
     whole = len(measured_points(own, disparity))
     disparity[:, :size[0] // 2] = np.nan
     write_points(tmp_path / "p.ply", own, disparity)
-    missing = ply.noted(tmp_path / "p.ply", "missing")
+    missing = ply.read_comment_number(tmp_path / "p.ply", "missing")
     assert missing == pytest.approx(whole / 2, rel=0.01)
     assert missing + len(measured_points(own, disparity)) == whole
-    assert ply.noted(tmp_path / "p.ply", "lost") is None
+    assert ply.read_comment_number(tmp_path / "p.ply", "lost") is None
 
 
 def test_large_images_are_thinned_out(tmp_path):

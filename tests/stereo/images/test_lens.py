@@ -8,7 +8,7 @@ import numpy as np
 import pairs
 import pytest
 from icymoon.errors import IcyMoonError
-from icymoon.physics.camera.lens_distortion import check, distorted, overscan_needed, undistorted
+from icymoon.physics.camera.lens_distortion import distort, overscan_needed, refuse_folds, undistort
 from icymoon.render.pairs.pair_folder import StereoCamera, read_pair
 from icymoon.settings.description import defaults, merged
 from icymoon.stereo.cli import main
@@ -31,21 +31,21 @@ def lens_settings(k=BARREL):
 def test_the_model_is_opencvs():
     points = np.concatenate([GRID.reshape(-1, 2), np.ones((GRID.size // 2, 1))], axis=1)
     expected, _ = cv2.projectPoints(points, np.zeros(3), np.zeros(3), np.eye(3), np.array(BARREL))
-    np.testing.assert_allclose(distorted(GRID, BARREL).reshape(-1, 2), expected[:, 0], atol=1e-12)
+    np.testing.assert_allclose(distort(GRID, BARREL).reshape(-1, 2), expected[:, 0], atol=1e-12)
 
 
 @pytest.mark.parametrize("k", [BARREL, (0.3, 0.1, 0.0, 0.0, 0.0), (0.0, 0.0, 0.01, 0.01, 0.0), (0.0,) * 5])
 def test_taking_distortion_away_is_its_inverse(k):
-    np.testing.assert_allclose(undistorted(distorted(GRID, k), k), GRID, atol=1e-9)
+    np.testing.assert_allclose(undistort(distort(GRID, k), k), GRID, atol=1e-9)
 
 
 def test_beyond_the_fold_there_is_nothing_and_a_folded_image_is_refused():
     strong = (-0.5, 0.0, 0.0, 0.0, 0.0)  # r (1 - r²/2) turns back at r = 0.816, where it is 0.544
-    assert np.isnan(undistorted(np.array([[0.6, 0.0]]), strong)).all()
-    np.testing.assert_allclose(undistorted(np.array([[0.5, 0.0]]), strong), [[0.618, 0.0]], atol=1e-3)
-    check(GRID * 0.5, strong)
+    assert np.isnan(undistort(np.array([[0.6, 0.0]]), strong)).all()
+    np.testing.assert_allclose(undistort(np.array([[0.5, 0.0]]), strong), [[0.618, 0.0]], atol=1e-3)
+    refuse_folds(GRID * 0.5, strong)
     with pytest.raises(IcyMoonError, match=r"rig\.distortion_k1"):
-        check(GRID, strong)
+        refuse_folds(GRID, strong)
 
 
 def develop_with(folder, k, **sensor):

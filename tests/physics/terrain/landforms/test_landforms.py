@@ -9,7 +9,7 @@ import pytest
 from icymoon.errors import IcyMoonError
 from icymoon.physics.terrain.landforms import MAKERS, Landform, craters, ridges
 from icymoon.physics.terrain.mantle import fill
-from icymoon.physics.terrain.terrain import terrain
+from icymoon.physics.terrain.terrain import make_terrain
 from icymoon.settings.description import defaults, merged
 
 
@@ -230,7 +230,7 @@ def test_the_profile_of_a_crater():
 
 
 def _law(**changes: object) -> np.ndarray:
-    return craters.law(merged(defaults(), {"craters": changes})["craters"], np.random.default_rng(3), 100.0)
+    return craters.draw_craters(merged(defaults(), {"craters": changes})["craters"], np.random.default_rng(3), 100.0)
 
 
 @pytest.mark.parametrize("index", [1.5, 2.0, 3.5])
@@ -299,7 +299,7 @@ def test_the_law_of_the_snow():
 @pytest.mark.parametrize("thickness", [0.05, 0.5, 1000.0])
 def test_snow_fills_hollows_and_never_raises_a_ridge(thickness):
     parts = {"terrain": {"rms_slope_deg": 20.0}, "ridges": {"height_m": 0.6, "sets": 1}}
-    bare, mantled = (terrain(merged(defaults(), parts, {"mantle": {"thickness_m": t, "length_m": 2.0}}), 1)
+    bare, mantled = (make_terrain(merged(defaults(), parts, {"mantle": {"thickness_m": t, "length_m": 2.0}}), 1)
                      for t in (0.0, thickness))
     axis = np.linspace(-10, 10, 401)
     before, after = (ground.heights(axis[None, :], axis[:, None]) for ground in (bare, mantled))

@@ -127,7 +127,7 @@ def test_the_closed_form_of_the_structure_function(distance):
 
 def test_hash_bits_are_even():
     ix, iy = np.meshgrid(np.arange(-256, 256), np.arange(-256, 256))
-    bits = (lattice_noise.hashed(ix, iy, 99)[..., None] >> np.arange(32, dtype=np.uint32)) & 1
+    bits = (lattice_noise.hash_lattice(ix, iy, 99)[..., None] >> np.arange(32, dtype=np.uint32)) & 1
     # 2^18 fair coins: standard deviation of the mean 0.001; five of them.
     assert np.abs(bits.reshape(-1, 32).mean(axis=0) - 0.5).max() < 0.005
 

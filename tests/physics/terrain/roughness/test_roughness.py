@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from icymoon.errors import IcyMoonError
 from icymoon.physics.terrain.roughness.roughness import amplitudes, wavelengths_m
-from icymoon.physics.terrain.roughness.statistics import detrended, lags, measure, power_spectrum, rms_deviation
+from icymoon.physics.terrain.roughness.statistics import detrend, lags, measure, power_spectrum, rms_deviation
 from icymoon.physics.terrain.roughness.structure_function import structure
-from icymoon.physics.terrain.terrain import advice, law_range_m, terrain
+from icymoon.physics.terrain.terrain import law_range_m, make_terrain, terrain_advice
 from icymoon.settings.description import defaults, merged
 from marks import heavy_but
 
@@ -26,7 +26,7 @@ def _built(seed: int, n: int = N, **changes: object) -> np.ndarray:
     """Heights as a mesh has them: on its grid, in float32."""
     settings = merged(defaults(), {"terrain": {"size_m": SIZE, **LAW, **changes}})
     axis = np.linspace(-SIZE / 2, SIZE / 2, n)
-    heights = terrain(settings, seed).heights(axis[None, :], axis[:, None], 2 * SIZE / (n - 1))
+    heights = make_terrain(settings, seed).heights(axis[None, :], axis[:, None], 2 * SIZE / (n - 1))
     return heights.astype(np.float32).astype(np.float64)
 
 
@@ -104,7 +104,7 @@ def test_a_surface_is_smooth_below_and_level_above_its_cut_offs():
     heights = _built(3, multifractality=0.0, outer_scale_m=1.0, inner_scale_m=0.25)
     saturated = [rms_deviation(heights, round(lag / SPACING)) for lag in (1.5, 3.0, 5.0)]
     # Independent heights differ by √2 times their RMS whatever their distance; 400 waves leave 5 % to chance.
-    assert np.allclose(saturated, math.sqrt(2) * detrended(heights).std(), rtol=0.08)
+    assert np.allclose(saturated, math.sqrt(2) * detrend(heights).std(), rtol=0.08)
 
 
 def test_multifractal_ground_is_smooth_in_hollows():
@@ -121,7 +121,7 @@ def test_multifractal_ground_is_smooth_in_hollows():
 
 def test_an_exponent_under_a_half_is_warned_of_where_it_is_absurd():
     def notes(shortest_m: float = 0.04, **changes: object) -> list[str]:
-        return advice(merged(defaults(), {"terrain": changes}), shortest_m)
+        return terrain_advice(merged(defaults(), {"terrain": changes}), shortest_m)
 
     (steep, _) = notes(hurst=0.3)
     # tan 12° (0.04)^(0.3 - 1) = 2.02: 64 degrees, as in the field's own examples.
@@ -134,7 +134,7 @@ def test_an_exponent_under_a_half_is_warned_of_where_it_is_absurd():
 def test_a_mesh_that_loses_the_law_says_so():
     def lost(hurst: float, **changes: object) -> list[str]:
         settings = merged(defaults(), {"terrain": {"hurst": hurst, "rms_slope_deg": 5.0, **changes}})
-        return [note for note in advice(settings, 2 * SPACING) if "smoother" in note]
+        return [note for note in terrain_advice(settings, 2 * SPACING) if "smoother" in note]
 
     (note,) = lost(0.3)
     share = int(note.split("%")[0].split()[-1])
@@ -142,7 +142,7 @@ def test_a_mesh_that_loses_the_law_says_so():
     heights = _built(1, multifractality=0.0, **settings)
     asked = math.tan(math.radians(5.0)) * SHORTEST**0.3
     # The law is met by the whole surface within 10 %.
-    assert 1 - share / 100 == pytest.approx(rms_deviation(detrended(heights), 6) / asked, abs=0.05)
+    assert 1 - share / 100 == pytest.approx(rms_deviation(detrend(heights), 6) / asked, abs=0.05)
     assert lost(0.8) == []
     assert lost(0.3, inner_scale_m=0.0625) == []
 
@@ -173,7 +173,7 @@ def test_the_measures_on_surfaces_that_are_known():
         assert rms_deviation(wave, lag) == pytest.approx(
             math.sqrt(4 * (1 - math.cos(2 * math.pi * lag / 40)) / 2), rel=0.01)
     plane = 0.2 * axis[None, :] - 0.1 * axis[:, None] + 7.0
-    assert np.abs(detrended(plane)).max() < 1e-10
+    assert np.abs(detrend(plane)).max() < 1e-10
     white = np.random.default_rng(0).normal(size=(512, 512))
     waves, density = power_spectrum(white, 0.5)
     # White noise: variance 1 spread over the square of Nyquist wave numbers, side 1/spacing.
