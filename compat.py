@@ -17,7 +17,7 @@ def path_options() -> set[str]:
 
 
 def principled_table() -> str:
-    """The key of ``physics.principled.TABLES`` that holds for this Blender: nothing but its version tells."""
+    """The key of ``principled.TABLES`` for this Blender, which only its version tells."""
     if bpy.app.version < (4, 3, 0):
         return "4.2"
     return "5.2" if bpy.app.version >= (5, 2, 0) else "5.0"
@@ -130,8 +130,8 @@ def select_gpu_devices() -> list[str]:
 def find_mesh_importer(kind: str) -> tuple[Any, dict[str, Any]] | None:
     """The operator that reads a kind of mesh file and its options, or None if this Blender has none.
 
-    OBJ, PLY and STL are read as their coordinates are, the others as their own header says. Nothing
-    is validated where that can be left out: validation would hide what is wrong with a mesh.
+    OBJ, PLY and STL keep their coordinates, the others are turned as their own header states. Meshes
+    are not validated where that can be left out: validation would hide what is wrong with them.
     """
     as_is = {"forward_axis": "Y", "up_axis": "Z"}
     candidates: dict[str, tuple[tuple[str, str, dict[str, Any]], ...]] = {

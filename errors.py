@@ -1,10 +1,10 @@
-"""The one exception a person is meant to read."""
+"""The one exception that the user is meant to read."""
 
 from __future__ import annotations
 
 
 class IcyMoonError(Exception):
-    """One sentence that says what is wrong, where, and how to mend it.
+    """One sentence: what is wrong, where, and the fix.
 
     Operators turn it into a report, the command line into a line on stderr and exit code 1;
     anything else that is raised is a defect of ours and keeps its traceback.
@@ -12,7 +12,7 @@ class IcyMoonError(Exception):
 
 
 def describe_error(error: Exception, where: object) -> str:
-    """What to tell of an error that keeps one of many things from being done, whatever it is."""
+    """A sentence about any error that stops one of many tasks, so that the others can go on."""
     if isinstance(error, IcyMoonError):
         return str(error)
     if isinstance(error, MemoryError):
@@ -21,4 +21,4 @@ def describe_error(error: Exception, where: object) -> str:
 
 
 class DiskError(IcyMoonError):
-    """The disk or the folder refuses, whatever is written there."""
+    """Nothing can be written to this disk or folder."""

@@ -19,7 +19,7 @@ from .errors import DiskError, IcyMoonError
 PART = ".part"
 #: What usual file systems take: bytes of a name, characters of a path.
 _LONGEST_NAME, _LONGEST_PATH = 255, 4095
-_MEND = {errno.ENOSPC: "the disk is full; free some space or choose another folder",
+_FIXES = {errno.ENOSPC: "the disk is full; free some space or choose another folder",
          errno.EDQUOT: "your disk quota is used up; free some space or choose another folder",
          errno.EROFS: "the disk is read-only; choose another folder",
          errno.EACCES: "this folder may not be written to; choose another one",
@@ -41,13 +41,13 @@ def part_of(path: Path) -> Path:
 
 @contextmanager
 def explain_disk_errors(what: str, where: Path) -> Iterator[None]:
-    """Turn an OSError inside the block into a sentence a person can act on."""
+    """Turn an OSError inside the ``with`` statement into a sentence that tells the user what to do."""
     system.check_path(where)
     try:
         yield
     except OSError as error:
-        mend = _OPEN if system.may_be_open(error) else _MEND.get(error.errno or 0, f"{error.strerror or error}")
-        raise DiskError(f"Cannot {what} {where}: {mend}.") from error
+        fix = _OPEN if system.may_be_open(error) else _FIXES.get(error.errno or 0, f"{error.strerror or error}")
+        raise DiskError(f"Cannot {what} {where}: {fix}.") from error
 
 
 def write_atomically(path: Path, write: Callable[[Path], None]) -> None:
@@ -69,7 +69,7 @@ def write_atomically(path: Path, write: Callable[[Path], None]) -> None:
 
 
 def read_text(path: Path) -> str:
-    """The content of a text file: UTF-8, or what its first bytes say, since PowerShell and Notepad write others too.
+    """The content of a text file: UTF-8, or the encoding of its first bytes, as PowerShell and Notepad write.
 
     Raises OSError as opening it does, ValueError where it is no such text.
     """
@@ -107,10 +107,10 @@ def write_json(path: Path, data: Any) -> None:
 
 
 def replace_if_unchanged(path: Path, before: str, text: str) -> bool:
-    """Put ``text`` atomically in the place of a text file that has the content ``before``; False if it has another.
+    """Replace a text file whose content is ``before`` by ``text``, atomically; False if its content is another.
 
-    That holds also where another process renames the file's folder at any moment, and puts another in its place: the
-    part then lies in the folder that went.
+    This is safe if another process moves the file's folder away at any moment and puts another in its place: the part
+    is then in the folder that was moved.
     """
     def write(part: Path) -> None:
         _write_text(part, text)
@@ -151,7 +151,7 @@ def absolute_path(text: str, name: str, blend_folder: str | None = None) -> Path
 
 
 def parse_path(text: str, name: str) -> Path:
-    """The path that a person wrote for ``name``, which may begin with ``~``, a home folder.
+    """The path that the user wrote for ``name``, which may begin with ``~``, a home folder.
 
     Raises IcyMoonError if it is empty or no path that a system could have.
     """
@@ -174,7 +174,7 @@ def parse_path(text: str, name: str) -> Path:
 
 
 def shorten(text: str) -> str:
-    """A text for a sentence: its beginning, if it is long."""
+    """A text to quote in a sentence: only its beginning if it is long."""
     return text if len(text) <= 80 else text[:60] + "…"
 
 

@@ -14,7 +14,7 @@ TERRAIN, ROCK, LANDER, PLANET = 1, 2, 3, 4
 #: and exported, never in a pair.
 NOT_SEEN = 255
 #: Labels of instances. Objects have theirs in the object-index pass, at most 32767 in Blender: the
-#: terrain, then a person's objects, each its own pass index or else the next free number. Rocks are
+#: terrain, then the user's objects, each its own pass index or else the next free number. Rocks are
 #: instances, which have no object index; theirs are in a value pass that is 0 elsewhere, numbered from
 #: ``FIRST_ROCK_INSTANCE`` by size, the largest first. Single precision is exact up to 2^24.
 TERRAIN_INSTANCE = 1

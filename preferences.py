@@ -1,4 +1,4 @@
-"""What belongs to the person and the machine, not to a scene."""
+"""Preferences of the user on this machine, which belong to no scene."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from .stereo.environment.install import is_unfinished
 from .stereo.environment.packages import PACKAGES
 from .system import venv_python
 
-#: What the evaluator's Python needs, for people to read.
+#: What the evaluator's Python needs, as shown to the user.
 _NEEDED = ", ".join(name for name, *_ in PACKAGES.values())
 
 
@@ -80,7 +80,7 @@ def kernels() -> str:
 
 
 def own_matcher_arguments(methods: str) -> list[str]:
-    """The person's own matchers that a list of matchers names, as arguments of the evaluator.
+    """The user's own matchers that a list of matchers names, as arguments of the evaluator.
 
     Raises IcyMoonError if one is not set up here.
     """
@@ -96,7 +96,7 @@ def own_matcher_arguments(methods: str) -> list[str]:
 
 
 def _matcher_texts(item: Any) -> list[str]:
-    """``NAME:METHOD:KEY=VALUE`` of each option of one of the person's matchers."""
+    """``NAME:METHOD:KEY=VALUE`` of each option of one of the user's matchers."""
     key = "command" if item.method == "external" else "checkpoint"
     options = [f"{key}={item.program}"] if item.program else []
     options += [option for option in item.options.split(":") if option.strip()]
@@ -113,7 +113,7 @@ _ICONS = {"ok": "CHECKMARK", "limited": "INFO", "missing": "ERROR"}
 
 
 class ICYMOON_PG_matcher(bpy.types.PropertyGroup):
-    """A matcher of the person's own, which scenes name as own:NAME"""
+    """A matcher of the user's own, which scenes name as own:NAME"""
 
     name: bpy.props.StringProperty(  # type: ignore[valid-type]
         name="Name", description="Letters, digits, - and _; a scene names it as own:NAME")
@@ -143,7 +143,7 @@ class ICYMOON_AP_preferences(bpy.types.AddonPreferences):
                     "which names none. Needed for no other scene")
     cache: bpy.props.StringProperty(  # type: ignore[valid-type]
         name="Cache", subtype="DIR_PATH", default="", update=_choose_cache,
-        description="Folder that keeps how fast this machine was measured to be, for the seconds that are said before "
+        description="Folder that keeps how fast this machine was measured to be, for the seconds that are shown before "
                     "a render; empty for your own cache, which the command line reads too")
     workers: bpy.props.IntProperty(  # type: ignore[valid-type]
         name="Workers", min=0, max=1024, soft_max=16, default=0,
@@ -187,7 +187,7 @@ def _draw_matchers(layout: Any, matchers: Any) -> None:
 
 
 def matchers() -> Any:
-    """The list of the person's own matchers. Raises IcyMoonError where the add-on has no preferences."""
+    """The list of the user's own matchers. Raises IcyMoonError where the add-on has no preferences."""
     preferences = _preferences()
     if preferences is None:
         raise IcyMoonError("Icy Moon does not run as an installed add-on, so it has no preferences; name your matcher "

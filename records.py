@@ -1,7 +1,7 @@
-"""What a file that is read back must hold: which keys, and of which kind.
+"""What a file that is read back must contain: which keys, and of which kind.
 
-It may be of another version, cut off by a full disk or changed by hand, so nothing in it is used before it was held
-against a shape: a kind of value, a table of shapes by key (``Maybe`` where a key may be absent), or ``Each`` for tables
+It may be of another version, cut off by a full disk or changed by hand. So nothing in it is used before it was compared
+with a shape: a kind of value, a table of shapes by key (``Maybe`` where a key may be absent), or ``Each`` for tables
 and lists that hold any number of one shape. Imports no Blender.
 """
 
@@ -92,7 +92,7 @@ SHA256 = Kind("64 digits of 0-9 and a-f", lambda value: isinstance(value, str)
 
 
 def find_fault(data: Any, shape: Shape, name: str = "it") -> str:
-    """What is wrong with ``data``, called ``name``, the first of it, in words; empty if nothing."""
+    """The first thing that is wrong with ``data``, which is called ``name``; empty if nothing is."""
     if isinstance(shape, Maybe):
         return "" if data is None and shape.null else find_fault(data, shape.shape, name)
     if isinstance(shape, Kind):
@@ -128,16 +128,16 @@ def _first_fault(faults: Iterable[str]) -> str:
     return next(filter(None, faults), "")
 
 
-def check_record(data: Any, shape: Shape, where: object, mend: str) -> Any:
-    """``data`` if it has this shape. Raises IcyMoonError with the place, what is wrong and how to mend it."""
+def check_record(data: Any, shape: Shape, where: object, fix: str) -> Any:
+    """``data`` if it has this shape. Raises IcyMoonError with the place, what is wrong and the fix."""
     wrong = find_fault(data, shape)
     if wrong:
-        raise IcyMoonError(f"{where}: {wrong}; {mend}.")
+        raise IcyMoonError(f"{where}: {wrong}; {fix}.")
     return data
 
 
 def parse_json(text: str | bytes) -> Any:
-    """What a JSON text holds. Raises ValueError where it is none, or has a number that no double holds."""
+    """The content of a JSON text. Raises ValueError for what is not JSON, or has a number that is not finite."""
     try:
         return json.loads(text, parse_float=_parse_finite, parse_constant=_parse_finite)
     except RecursionError:
@@ -150,12 +150,12 @@ def _parse_finite(text: str) -> float:
     return float(text)
 
 
-def read_record(path: Path, shape: Shape, mend: str) -> Any:
+def read_record(path: Path, shape: Shape, fix: str) -> Any:
     """The content of a JSON file of this shape. Raises IcyMoonError, FileNotFoundError where there is none."""
     try:
         data = parse_json(read_text(path))
     except FileNotFoundError:
         raise
     except (OSError, ValueError) as error:
-        raise IcyMoonError(f"{path} cannot be read ({error}); {mend}.") from None
-    return check_record(data, shape, path, mend)
+        raise IcyMoonError(f"{path} cannot be read ({error}); {fix}.") from None
+    return check_record(data, shape, path, fix)

@@ -16,7 +16,7 @@ from .physics.surfaces import principled
 from .settings.description import Settings, canonical, check
 from .settings.table import EFFECTS, TOPICS, Setting, Value
 
-#: Called with a scene and the effects of the settings that a person or a script has changed in it.
+#: Called with a scene and the effects of the settings that the user or a script has changed in it.
 listeners: list[Callable[[Any, frozenset[str]], None]] = []
 _held: dict[Any, set[str]] | None = None  # what changed in each scene while ``batch_changes`` holds it back
 

@@ -1,4 +1,4 @@
-"""Temporary folders that go when their work is done, or with the next one if their process was killed."""
+"""Temporary folders, removed when their work is done; those of a killed process when the next one is made."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from .records import PROCESS, TEXT, read_record
 
 _PREFIX = "icymoon-"
 _OWNER = ".icymoon.json"
-#: What such a folder says of the process that made it.
+#: What such a folder states about the process that made it.
 _SHAPE = {"pid": PROCESS, "place": TEXT, "computer": TEXT}
 
 
@@ -34,7 +34,7 @@ def make_scratch_folder() -> Path:
 
 @contextmanager
 def scratch_folder() -> Iterator[Path]:
-    """A temporary folder for a block. Raises IcyMoonError if there can be none."""
+    """A temporary folder for a ``with`` statement. Raises IcyMoonError if none can be made."""
     folder = make_scratch_folder()
     try:
         yield folder
@@ -57,7 +57,7 @@ def _is_ours(folder: Path) -> bool:
 
 
 def _is_abandoned(owner: dict[str, Any]) -> bool:
-    """Whether the process that made a folder is no more, for certain."""
+    """Whether the process that made a folder has certainly ended."""
     here = system.process_scope()
     rebooted = owner["computer"] == system.computer_name() and owner["place"].split(" ")[0] != here.split(" ")[0]
     return bool(here and owner["place"]) and (rebooted or system.is_gone(owner["pid"], owner["place"]))

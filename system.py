@@ -78,7 +78,7 @@ def flush_handle(handle: int) -> None:
 
 
 def retry(act: Callable[[], _Result]) -> _Result:
-    """What ``act`` returns, tried again for some seconds if an error meets it that passes by itself."""
+    """What ``act`` returns; it is tried again for some seconds after errors that pass by themselves."""
     for n, wait_s in enumerate(_WAITS_S):
         try:
             return act()
@@ -121,7 +121,7 @@ def remove_folder(path: Path) -> None:
 
 
 def is_broken_pipe(error: OSError) -> bool:
-    """Whether nobody reads any more what is printed; Windows says that an argument is invalid."""
+    """Whether nobody reads any more what is printed; Windows reports an invalid argument."""
     return isinstance(error, BrokenPipeError) or (
         is_windows() and error.errno == errno.EINVAL and error.filename is None)
 
@@ -182,7 +182,7 @@ def check_path(path: Path, deepest: Path | None = None) -> None:
             raise IcyMoonError(f"{path}: Windows takes no name such as {name!r} ({fault}); choose another one.")
     length = len(os.path.abspath(deepest or path))
     if length > LONGEST_PATH and not _allows_long_paths():
-        raise IcyMoonError(f"{path}: a path of {length} characters would be written, and Windows takes {LONGEST_PATH}; "
+        raise IcyMoonError(f"{path}: the path to write has {length} characters, and Windows takes {LONGEST_PATH}; "
                            "choose a folder with a shorter path.")
 
 
@@ -284,7 +284,7 @@ def peak_memory_mib() -> float | None:
 
 def run(command: Sequence[str], environment: Mapping[str, str] | None = None,
         timeout_s: float | None = None) -> subprocess.CompletedProcess[str]:
-    """Run a program to its end, without a window, and hear what it says.
+    """Run a program to its end, without a window, and return its output.
 
     It ends, with what it has started, when we are interrupted. Raises OSError if it cannot start, and TimeoutError if
     it takes longer.
@@ -314,7 +314,7 @@ def start(command: Sequence[str], environment: Mapping[str, str] | None = None,
 
 
 def start_ours(command: Sequence[str], environment: Mapping[str, str] | None = None) -> subprocess.Popen[bytes]:
-    """As ``start``, of a program that ``obey_starter``: it ends when we do. All that it says is its output."""
+    """As ``start``, of a program that ``obey_starter``: it ends when we do. Its errors go to its output."""
     return start(command, _stop_environment(environment, "-"), stdin=subprocess.PIPE, stdout=subprocess.PIPE,
                  stderr=subprocess.STDOUT)
 
@@ -449,8 +449,8 @@ def end_at_interrupt() -> None:
 
 @contextmanager
 def silence_interrupts() -> Iterator[None]:
-    """While modules load, have Ctrl-C end this process at once and without a word: nothing is begun yet, and some
-    modules make another error of a KeyboardInterrupt."""
+    """While modules load, let Ctrl-C end this process at once and without a message. Nothing has begun yet, and some
+    modules turn a KeyboardInterrupt into another error."""
     before = signal.getsignal(signal.SIGINT)
     if before is signal.default_int_handler and threading.current_thread() is threading.main_thread():
         end_at_interrupt()
@@ -471,7 +471,7 @@ def process_scope() -> str:
 
 
 def is_gone(pid: int, where: str) -> bool:
-    """Whether a process of a ``process_scope`` certainly is no more."""
+    """Whether a process of a ``process_scope`` has certainly ended."""
     if not where or where != process_scope() or not 0 < pid < 2**31:
         return False
     if is_windows():

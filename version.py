@@ -1,4 +1,4 @@
-"""The one place that says which version this is: the manifest."""
+"""The version of Icy Moon, which the manifest states."""
 
 from __future__ import annotations
 

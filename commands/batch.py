@@ -1,4 +1,4 @@
-"""The verbs that make whole data sets: ``batch``, ``work`` (a share of one) and ``verify``."""
+"""The verbs that make whole data sets: ``batch``, ``work`` (a shard of one) and ``verify``."""
 
 from __future__ import annotations
 
@@ -48,17 +48,17 @@ def add_verbs(verbs: Any) -> None:
     _add_worker_options(batch)
     batch.set_defaults(run=_run_batch)
 
-    work = verbs.add_parser("work", help="render a share of a data set that icymoon batch or slurm has planned")
+    work = verbs.add_parser("work", help="render a shard of a data set that icymoon batch or slurm has planned")
     work.add_argument("dataset", type=as_path, metavar="DATASET", help="folder of the data set")
-    work.add_argument("--shard", default="1/1", metavar="I/N", help="share I of N, counted from 1 (%(default)s)")
+    work.add_argument("--shard", default="1/1", metavar="I/N", help="shard I of N, counted from 1 (%(default)s)")
     _add_worker_options(work)
     work.set_defaults(run=_run_work)
 
     slurm = verbs.add_parser("slurm", help="write the job script that renders a data set on a cluster with SLURM")
     slurm.add_argument("plan", help="plan of the data set: a TOML file, or the name of a shipped one")
     slurm.add_argument("--out", type=as_path, required=True, metavar="DATASET", help="folder that all machines see")
-    slurm.add_argument("--shards", type=int, required=True, metavar="N", help="shares, each a job of the array")
-    slurm.add_argument("--at-once", type=int, default=0, metavar="N", help="shares that run at the same time (all)")
+    slurm.add_argument("--shards", type=int, required=True, metavar="N", help="shards, each a job of the array")
+    slurm.add_argument("--at-once", type=int, default=0, metavar="N", help="shards that run at the same time (all)")
     slurm.add_argument("--cpus", type=int, default=8, metavar="N", help="processors of each (%(default)s)")
     slurm.add_argument("--memory", default="8G", help="memory of each (%(default)s)")
     slurm.add_argument("--time", default="04:00:00", help="time of each; what is left then is requeued (%(default)s)")
@@ -68,11 +68,11 @@ def add_verbs(verbs: Any) -> None:
     slurm.add_argument("--blender", default=sys.executable, help="Blender there, or a Python with bpy (this Python)")
     slurm.set_defaults(run=_run_slurm)
 
-    check = verbs.add_parser("verify", help="check every file of a data set, and say what is missing or wrong")
+    check = verbs.add_parser("verify", help="check every file of a data set, and print what is missing or wrong")
     check.add_argument("dataset", type=as_path, metavar="DATASET", help="folder of the data set")
     check.add_argument("--remove", action="store_true",
                        help="remove broken pairs and leftovers, so that icymoon batch makes them again")
-    check.add_argument("--json", action="store_true", help="say it in JSON lines")
+    check.add_argument("--json", action="store_true", help="print JSON lines")
     check.set_defaults(run=_run_verify)
 
 
@@ -82,7 +82,7 @@ def _add_worker_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--scenes-per-worker", type=int, default=50, metavar="N",
                         help="scenes after which a process is replaced by a fresh one (%(default)s)")
     parser.add_argument("--blender", default=sys.executable, help="Blender, or a Python with bpy (this Python)")
-    parser.add_argument("--json", action="store_true", help="say what happens in JSON lines")
+    parser.add_argument("--json", action="store_true", help="print what happens as JSON lines")
 
 
 def parse_workers(options: argparse.Namespace) -> Workers:
@@ -98,7 +98,7 @@ def parse_workers(options: argparse.Namespace) -> Workers:
 
 @contextmanager
 def _open_output(as_json: bool) -> Iterator[Say]:
-    """Where messages go: standard output as JSON lines, or a progress bar for a person."""
+    """Where messages go: standard output as JSON lines, or a progress bar."""
     if as_json:
         yield emit
         return
@@ -124,7 +124,7 @@ def render(dataset: Path, pairs: list[PlannedPair], how: Workers, say: Say, dask
             failed = runner.failed
             runner.run()
     except BaseException:
-        with suppress(IcyMoonError):  # what ended the run is the cause to tell
+        with suppress(IcyMoonError):  # what ended the run is the error to report
             write_manifest(dataset, failed)
         raise
     write_manifest(dataset, failed)
@@ -166,7 +166,7 @@ def _run_batch(options: argparse.Namespace) -> int:
 
 
 def _evaluate(dataset: Path, options: argparse.Namespace) -> int:
-    """Match the pairs in another process, which says itself what it does; its exit status."""
+    """Match the pairs in another process, which prints its own messages; its exit status."""
     words = [word for flag in ("set", "own") for text in getattr(options, flag) for word in (f"--{flag}", text)]
     words += ["--json-lines"] if options.json else []
     return call_ours(

@@ -72,17 +72,17 @@ def _make_parser() -> argparse.ArgumentParser:
     presets = verbs.add_parser("presets", help="list the shipped presets")
     presets.set_defaults(run=_run_presets)
 
-    sources = verbs.add_parser("sources", help="say which preset and source each number of a pair is from")
+    sources = verbs.add_parser("sources", help="print which preset and source each number of a pair is from")
     sources.add_argument("path", type=as_path, help="pair folder, or a data set of one pair")
     sources.add_argument("names", nargs="*", metavar="NAME", help="topic such as light, or setting such as "
                          "light.planet_albedo (all that are not defaults)")
     sources.set_defaults(run=_run_sources)
 
-    quality = verbs.add_parser("quality", help="say what each quality costs on this machine and what error it leaves")
+    quality = verbs.add_parser("quality", help="print what each quality costs on this machine and what error it leaves")
     _add_scene_options(quality)
     quality.add_argument("--measure", action="store_true",
                          help="measure this machine again by a small render, not only the first time")
-    quality.add_argument("--json", action="store_true", help="say it in JSON lines")
+    quality.add_argument("--json", action="store_true", help="print JSON lines")
     quality.set_defaults(run=_run_quality)
 
     trade = verbs.add_parser("trade", help="measure how much accuracy each way to save time costs, on one scene")
@@ -116,7 +116,7 @@ def _make_parser() -> argparse.ArgumentParser:
     plan.add_verbs(verbs)
     batch.add_verbs(verbs)
 
-    doctor = verbs.add_parser("doctor", help="say what is here, what is missing and what to do about it")
+    doctor = verbs.add_parser("doctor", help="print what is installed, what is missing and how to fix that")
     doctor.add_argument("--blender", default=sys.executable, help="Blender, or a Python with bpy (this Python)")
     doctor.add_argument("--evaluator", default=sys.executable, help="Python of the evaluator (this Python)")
     doctor.set_defaults(run=_run_doctor)
@@ -152,7 +152,7 @@ def _read_settings(options: argparse.Namespace) -> description.Settings:
 def render_settings(settings: description.Settings, dataset: Path, blender: str, *, again: bool = False) -> list[Path]:
     """Render the pairs of a complete description in a worker, showing its progress; their folders.
 
-    Raises IcyMoonError with the worker's own words if it fails.
+    Raises IcyMoonError with the worker's own message if it fails.
     """
     with show_progress("Starting Blender") as show:
         return render_job(Job(dataset, settings, again=again), blender, show)
@@ -315,7 +315,7 @@ def _run_quality(options: argparse.Namespace) -> int:
 
 
 def _ask_abilities(blender: str) -> Abilities:
-    """What a Blender can do; all, where there is none to ask, which a render will say."""
+    """What a Blender can do; all, where it cannot be asked: a render will report that."""
     try:
         return ask(blender)
     except IcyMoonError:

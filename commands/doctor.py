@@ -1,4 +1,4 @@
-"""What is here, what is missing, and what to do about what is missing."""
+"""What is installed, what is missing, and how to fix that."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ class Finding:
 
 
 def _check_evaluator(python: str) -> dict[str, Any]:
-    """What the evaluator says of a Python. Raises IcyMoonError if it cannot even be asked."""
+    """What the evaluator reports of a Python. Raises IcyMoonError if it cannot be run."""
     try:
         done = run(python_command(python, "stereo", "check"), clean_environment(), timeout_s=120.0)
         return dict(json.loads(done.stdout))
     except OSError as error:
         raise IcyMoonError(f"{python} cannot be run ({error})") from None
     except ValueError:
-        words = (done.stderr.strip().splitlines() or ["it says nothing"])[-1]
+        words = (done.stderr.strip().splitlines() or ["it prints nothing"])[-1]
         raise IcyMoonError(f"{python}: {words}") from None
 
 

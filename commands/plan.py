@@ -1,4 +1,4 @@
-"""The verb ``plan``: what a data set will be, and what it will take, before anything starts."""
+"""The verb ``plan``: the pairs of a data set and what they will take, before anything starts."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ def add_verbs(verbs: Any) -> None:
     """Add the verb to the command line's parser."""
     plan = verbs.add_parser("plan", help="list the pairs that a plan of a data set asks for, or what they will take")
     plan.add_argument("plan", nargs="?", help="TOML file, or the name of a shipped plan; without one these are listed")
-    plan.add_argument("--dry-run", action="store_true", help="say how many pairs there are and what they will take")
+    plan.add_argument("--dry-run", action="store_true", help="print how many pairs there are and what they will take")
     plan.add_argument("--out", type=as_path, metavar="DATASET",
                       help="folder of the data set; its pairs are counted, and what they took is learnt from")
     plan.add_argument("--blender", help="Blender, or a Python with bpy, that is to render it: a dry run asks it "
                       "whether it can (this Python, if it has bpy)")
-    plan.add_argument("--json", action="store_true", help="say it in JSON lines")
+    plan.add_argument("--json", action="store_true", help="print JSON lines")
     plan.set_defaults(run=_run_plan)
 
 
@@ -41,7 +41,7 @@ def varied_settings(pairs: Sequence[PlannedPair]) -> list[tuple[str, str]]:
 
 
 def describe_pair(pair: PlannedPair, names: Sequence[tuple[str, str]]) -> str:
-    """A pair in a line: its id and what it has of the settings that vary."""
+    """A pair in a line: its id and its values of the settings that vary."""
     values = (f"{topic}.{key}={_shorten_value(pair.settings[topic][key])}" for topic, key in names)
     return "  ".join((pair.id, *values))
 
@@ -65,7 +65,7 @@ def _run_plan(options: argparse.Namespace) -> int:
 
 
 def _print_plan(options: argparse.Namespace) -> int:
-    """Say what was asked for, then which pairs cannot be rendered; the exit status, 1 if there are such."""
+    """Print what was asked for, then which pairs cannot be rendered; the exit status, 1 if there are such."""
     plan = read_plan(plan_path(options.plan))
     pairs = plan.pairs()
     if options.dry_run:

@@ -1,8 +1,8 @@
 """Where the numbers of a scene come from: the preset that states each, and the source that it gives.
 
-A description holds values only, whoever set them. So a value is traced by what it is: to a shipped preset that states
-the same one. A preset counts if the description has at least half of those of its values that are not defaults. Of
-several, those come first that the most alike preset includes, then those with the largest share.
+Settings contain values only, not who set them. So a value is traced to a shipped preset that states the same value. A
+preset counts if the settings have at least half of those of its values that are not defaults. Of several, those come
+first that the most similar preset includes, then those with the largest share.
 """
 
 from __future__ import annotations
@@ -89,14 +89,14 @@ def _find_origin(topic: str, setting: Setting, value: Value, default: Value, pre
 def find_origins(settings: description.Settings, asked: Iterable[str] = ()) -> Iterator[Origin]:
     """The origin of each setting of a complete description, in the order of the sidebar.
 
-    ``asked`` are topics (``light``) or settings (``light.planet``) to tell of; none for all but defaults.
+    ``asked`` are topics (``light``) or settings (``light.planet``) to list; none for all but defaults.
     Raises IcyMoonError for one that is not known.
     """
     wanted, defaults = list(asked), description.defaults()
     names = {f"{topic}.{setting.key}" for topic, setting in all_settings()} | set(TOPICS)
     for word in wanted:
         if word not in names:
-            raise IcyMoonError(f"{word!r} is no topic and no setting; say for example light, or light.planet_albedo.")
+            raise IcyMoonError(f"{word!r} is no topic and no setting; give for example light, or light.planet_albedo.")
     presets = _likely_presets(settings)
     for topic, setting in all_settings():
         if wanted and topic not in wanted and f"{topic}.{setting.key}" not in wanted:

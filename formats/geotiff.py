@@ -1,8 +1,8 @@
-"""Digital elevation models in GeoTIFF: heights and places in metres, north up, or a sentence that says why not.
+"""Digital elevation models in GeoTIFF: heights and places in metres, north up, or a sentence that explains why not.
 
 Blender's own loader turns whole numbers into fractions of their range and knows neither pixel size nor missing
 values. Tags and keys: GeoTIFF 1.1 (OGC 19-008r4); GDAL_METADATA and GDAL_NODATA
-(gdal.org/drivers/raster/gtiff.html); units and vertical systems: EPSG Geodetic Parameter Dataset (epsg.org).
+(gdal.org/drivers/raster/gtiff.html); units and vertical systems: the EPSG registry (epsg.org).
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ class GeoTiff:
     """Heights (rows, columns) float64 in metres, row 0 northernmost and column 0 westernmost, missing ones NaN.
 
     ``pixel_m`` is the size of a pixel (east, north) and ``corner_m`` the place of the centre of the lower
-    left one, or None where the file does not state them in a unit of length; ``unplaced`` then says why,
+    left one, or None where the file does not state them in a unit of length; ``unplaced`` then is the reason,
     as the end of a sentence. ``report`` is what the file states of its heights, ``warnings`` what was assumed.
     """
 
@@ -66,7 +66,7 @@ class GeoTiff:
 
 
 def read(path: Path) -> GeoTiff:
-    """Read a one-band elevation model. Raises IcyMoonError where it cannot be, with the mend."""
+    """Read a one-band elevation model. Raises IcyMoonError with the fix where it cannot be read."""
     try:
         return _read(path.read_bytes())
     except UnreadError as error:
@@ -116,7 +116,7 @@ def _read_keys(tags: Tags) -> dict[int, Any]:
 
 
 def _clear_missing(grid: np.ndarray, number: np.dtype[Any], nodata: tuple[Any, ...] | None) -> list[str]:
-    """Make NaN what the file calls missing and what no height can be; what a person should know of it."""
+    """Make NaN what the file calls missing and what no height can be; warnings."""
     grid[~(np.abs(grid) < NO_HEIGHT)] = np.nan
     text = _decode_text(nodata)
     if not text:
@@ -133,7 +133,7 @@ def _clear_missing(grid: np.ndarray, number: np.dtype[Any], nodata: tuple[Any, .
 
 
 def _apply_mask(grid: np.ndarray, data: bytes, images: list[Directory]) -> list[str]:
-    """Make NaN what the file's own mask calls unknown; what a person should know of its other images."""
+    """Make NaN what the file's own mask calls unknown; warnings about its other images."""
     others = [image for image in images[1:] if not image.is_reduced]
     masks = [image for image in others if image.is_mask and image.shape == grid.shape]
     for image in masks[:1]:
@@ -147,7 +147,7 @@ def _decode_text(tag: tuple[Any, ...] | None) -> str:
 
 
 def _scale_to_metres(grid: np.ndarray, tags: Tags, keys: Mapping[int, Any]) -> tuple[str, ...]:
-    """Turn the values into metres in place, by the scale, offset and unit that the file states, and say so.
+    """Turn the values into metres in place, by the scale, offset and unit that the file states; a report of it.
 
     Raises UnreadError if they are contradictory or of an unknown kind.
     """
@@ -156,7 +156,7 @@ def _scale_to_metres(grid: np.ndarray, tags: Tags, keys: Mapping[int, Any]) -> t
                      otherwise in (("scale", "1"), ("offset", "0")))
     unit, name = _height_unit(keys, items.get("unittype", ""))
     if scale == 0:
-        raise UnreadError("states a scale of 0 for its heights, which makes it flat; mend it with: gdal_edit -scale")
+        raise UnreadError("states a scale of 0 for its heights, which makes it flat; fix it with: gdal_edit -scale")
     if _is_scaled_by_third(tags):
         raise UnreadError(f"scales its heights by the third number of ModelPixelScale; {FIX}")
     if (scale, offset) != (1.0, 0.0):
@@ -177,7 +177,7 @@ def _is_scaled_by_third(tags: Tags) -> bool:
 
 
 def _read_metadata(tags: Tags) -> dict[str, str]:
-    """What GDAL_METADATA says of the first band, by role: 'scale', 'offset', 'unittype'."""
+    """What GDAL_METADATA states about the first band, by role: 'scale', 'offset', 'unittype'."""
     text = _decode_text(tags.get(42112))
     if "<!" in text:  # entities, which no writer of metadata needs, may unfold without end
         raise UnreadError(f"has metadata that are no plain list; {FIX}")
@@ -193,7 +193,7 @@ def _parse_finite(text: str, role: str) -> float:
     except ValueError:
         value = math.nan
     if not math.isfinite(value):
-        raise UnreadError(f"states the {role} {text[:40]!r} for its heights, which is no number; mend it with: "
+        raise UnreadError(f"states the {role} {text[:40]!r} for its heights, which is no number; fix it with: "
                           f"gdal_edit -{role}")
     return value
 
@@ -218,7 +218,7 @@ def _height_unit(keys: Mapping[int, Any], named: str) -> tuple[float, str]:
                               f"which are not known here; state it with: {_STATE_UNITS}")
         stated[f"EPSG unit {code}"] = _UNITS_M[code]
     if len({round(value, 9) for value in stated.values()}) > 1:
-        raise UnreadError(f"states its heights in two units, {' and '.join(stated)}; mend it with: gdal_edit -units")
+        raise UnreadError(f"states its heights in two units, {' and '.join(stated)}; fix it with: gdal_edit -units")
     return next(((value, f"({name}) ") for name, value in stated.items()), (1.0, ""))
 
 

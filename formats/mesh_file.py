@@ -21,7 +21,7 @@ FORMATS = {".obj": "OBJ", ".ply": "PLY", ".stl": "STL", ".gltf": "glTF", ".glb":
 _OPENING = 65536
 Fact = TypeVar("Fact")
 #: Measured on a grid of a million triangles that Blender 5.0 wrote: bytes of file per triangle where no header
-#: counts them; seconds and bytes of memory per triangle to read, examine and mend it, on a 2-core server.
+#: counts them; seconds and bytes of memory per triangle to read, examine and repair it, on a 2-core server.
 _FILE_BYTES = {".obj": 74.0, ".stl": 250.0, ".fbx": 19.0, ".usda": 160.0}
 _FILE_BYTES_ELSE = 42.0
 _SECONDS, _MEMORY_BYTES = 10e-6, 520.0
@@ -39,11 +39,11 @@ class Cost:
 
     @property
     def is_high(self) -> bool:
-        """Whether a person should hear of it first."""
+        """Whether the user should be warned first."""
         return self.seconds > 15.0 or self.memory_mib > 2048.0
 
     def sentence(self, path: Path) -> str:
-        """The cost for people."""
+        """The cost as a part of a sentence."""
         about = "" if self.exact else "about "
         return (f"{path.name} has {about}{self.triangles / 1e6:.2g} million triangles; loading it takes about "
                 f"{self.seconds:.0f} s and {self.memory_mib / 1024:.1f} GiB")
@@ -52,7 +52,7 @@ class Cost:
 def detect_kind(path: Path) -> str:
     """'OBJ', 'PLY', 'STL', 'glTF', 'USD' or 'FBX': the suffix, confirmed by the file's first bytes.
 
-    Raises IcyMoonError if the file is absent, empty, of another kind or not what its suffix says.
+    Raises IcyMoonError if the file is absent, empty, of another kind or not what its suffix promises.
     """
     kind = FORMATS.get(path.suffix.lower())
     if kind is None:
@@ -61,7 +61,7 @@ def detect_kind(path: Path) -> str:
     if not start:
         raise IcyMoonError(f"{path}: is empty; export the mesh again.")
     if not _looks_like(kind, path.suffix.lower(), start):
-        raise IcyMoonError(f"{path}: is not a {kind} file, whatever its name says; export the mesh again.")
+        raise IcyMoonError(f"{path}: is not a {kind} file, although its name ends so; export the mesh again.")
     return kind
 
 

@@ -35,7 +35,7 @@ _GLTF = (("albedo", ("pbrMetallicRoughness", "baseColorTexture"), 0, None),
 @dataclass(frozen=True)
 class MeshImage:
     """An image in ``file``: the whole file, or what ``data`` gives of it. ``channel`` counts where one does, and
-    ``not_followed`` says what the mesh asks for beside it that cannot be done. Two are equal if they are one image."""
+    ``not_followed`` is what the mesh asks for beside it and cannot be done. Two are equal if they are one image."""
 
     file: Path
     place: str = ""
@@ -47,7 +47,7 @@ class MeshImage:
 @dataclass(frozen=True)
 class MeshImages:
     """Images by their kind (albedo, roughness, normal), each as often as different ones are named, and the
-    files beside the mesh's own that say so (``named_in``)."""
+    files beside the mesh's own that name them (``named_in``)."""
 
     by_kind: dict[str, list[MeshImage]]
     named_in: tuple[Path, ...] = ()
@@ -79,11 +79,11 @@ def choose_images(path: Path) -> dict[str, MeshImage]:
     """
     found = {}
     for kind, several in find_images(path).by_kind.items():
-        mend = "bake one plain image for the whole mesh, or name images with textures.set = OWN."
+        fix = "bake one plain image for the whole mesh, or name images with textures.set = OWN."
         if len(several) > 1:
-            raise IcyMoonError(f"{path}: has {len(several)} {kind} images, and a ground has one; {mend}")
+            raise IcyMoonError(f"{path}: has {len(several)} {kind} images, and a ground has one; {fix}")
         if several[0].not_followed:
-            raise IcyMoonError(f"{path}: its {kind} image {several[0].not_followed}, which is not followed; {mend}")
+            raise IcyMoonError(f"{path}: its {kind} image {several[0].not_followed}, which is not followed; {fix}")
         found[kind] = several[0]
     return found
 
@@ -102,7 +102,7 @@ def _decode_text(raw: bytes) -> str:
 
 
 def _find_beside(path: Path, name: str) -> Path:
-    """The file that another names: as it says, or of that name in the same folder, where it was moved to."""
+    """The file that another names: where that states, or of the same name in its folder, if it was moved there."""
     stated = path.parent / name.replace("\\", "/")
     moved = path.parent / stated.name
     return moved if moved.is_file() and not stated.is_file() else stated
@@ -209,4 +209,4 @@ def _decode_uri(path: Path, uri: str) -> bytes:
     try:
         return base64.b64decode(unquote(uri.partition(",")[2]))
     except ValueError as error:
-        raise IcyMoonError(f"{path}: an image inside it is torn ({error}); export the mesh again.") from None
+        raise IcyMoonError(f"{path}: an image inside it is damaged ({error}); export the mesh again.") from None

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-#: The mend for whatever is not read, as a command.
+#: The fix for whatever is not read, as a command.
 FIX = "convert it with: gdal_translate -b 1 -co COMPRESS=DEFLATE in.tif out.tif"
 #: Largest number of pixels that are read.
 MOST_PIXELS = 2**30
@@ -53,7 +53,7 @@ class Directory:
 
     @property
     def is_mask(self) -> bool:
-        """Whether it says which pixels of the image before it are known (NewSubfileType, bit 2)."""
+        """Whether it marks which pixels of the image before it are known (NewSubfileType, bit 2)."""
         return bool(self.number(254, 0) & 4)
 
     @property
@@ -148,7 +148,7 @@ def _number_type(image: Directory) -> np.dtype[Any]:
     if image.number(262, 1) == 3:
         raise UnreadError("holds colours of a palette, not heights")
     if image.number(266, 1) != 1 or image.number(274, 1) != 1:
-        raise UnreadError(f"is stored with its bits or its rows turned round; {FIX}")
+        raise UnreadError(f"is stored with its bits or its rows in reverse order; {FIX}")
     bits = image.number(258, 1)
     if bits == 1 and image.is_mask:
         return np.dtype(bool)

@@ -1,8 +1,8 @@
-"""Whether a description can be rendered as it is meant: one check for plans, renders and the window.
+"""Whether a scene can be rendered as its settings mean it: one check for plans, renders and the window.
 
-What is refused would be silently wrong: an eye in the ground or in a rock, which sees black; ice that reflects more
-light than it gets; rocks of which none fits the ground; a sky out of the years that it is known for. ``settings``
-are a complete scene description. Every reason is a sentence that names the settings, their values and the mend.
+What is refused would be wrong without an error: an eye in the ground or in a rock, which sees black; ice that reflects
+more light than it gets; rocks of which none fits on the ground; a date outside the years for which the sky is known.
+``settings`` are complete. Every reason is a sentence that names the settings, their values and the fix.
 """
 
 from __future__ import annotations
@@ -70,16 +70,16 @@ def refuse(settings: Settings) -> None:
 
 
 def reasons_of_settings(settings: Settings) -> list[Reason]:
-    """The reasons that need no ground."""
+    """The reasons that are found without making the ground."""
     return [*_ice_reasons(settings), *_rock_reasons(settings), *_sky_reasons(settings)]
 
 
 def scene_advice(settings: Settings) -> list[str]:
-    """What a person should know of a description that is rendered all the same; sentences."""
+    """Sentences about a scene that is rendered although something may not be what the user expects."""
     rig, patch = settings["rig"], settings["terrain"]
     said = []
     if not math.isfinite(ground_row(rig, float(rig["height_px"])).depth_m):
-        said.append("The whole image is above the horizon and shows but sky where the ground is level; raise "
+        said.append("The whole image is above the horizon and shows only sky where the ground is level; raise "
                     f"rig.pitch_deg ({rig['pitch_deg']:g}°).")
     if settings["source"]["kind"] == "PROCEDURAL" and settings["mesh"]["kind"] == "GRID":
         said += coarse_advice(rig, patch["size_m"] / (patch["resolution"] - 1))
@@ -138,8 +138,8 @@ def _rock_reasons(settings: Settings) -> Iterator[Reason]:
 
 
 def refuse_no_rocks(rocks: Mapping[str, Any], size_m: float, size_is: str) -> None:
-    """Raise IcyMoonError if ``rocks`` settings contradict each other, or no rock comes of them on a square patch of
-    this side, which ``size_is`` the name of."""
+    """Raise IcyMoonError if ``rocks`` settings contradict each other, or give no rock on a square patch of this side,
+    whose setting is called ``size_is``."""
     number = size_law(rocks).total_per_m2 * size_m**2
     if round(number) == 0:
         raise IcyMoonError(
@@ -183,7 +183,7 @@ def _camera_place(rig: Mapping[str, Any]) -> str:
 
 
 def buried_sentence(rig: Mapping[str, Any], eye: str, depth_m: float) -> str:
-    """The sentence on an eye so far under the ground, or (below 0) less than ``LOWEST_M`` above it."""
+    """The sentence about an eye so far under the ground, or (below 0) less than ``LOWEST_M`` above it."""
     where = f"{depth_m:.3g} m under the ground" if depth_m >= 0 else f"{-depth_m:.2g} m above the ground"
     least = "" if depth_m >= 0 else f", less than {LOWEST_M:g} m"
     return (f"{_camera_place(rig)}, has its {eye} eye {where}{least}; raise rig.height_m ({rig['height_m']:g} m), or "
@@ -191,5 +191,5 @@ def buried_sentence(rig: Mapping[str, Any], eye: str, depth_m: float) -> str:
 
 
 def in_rock_sentence(rig: Mapping[str, Any], eye: str) -> str:
-    """The sentence on an eye in a rock."""
+    """The sentence about an eye in a rock."""
     return f"{_camera_place(rig)}, has its {eye} eye in a rock; change the site or raise rocks.clear_radius_m."

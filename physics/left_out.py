@@ -1,6 +1,6 @@
 """What a scene requires of the renderer, and what is left out because it would not be seen.
 
-``settings`` are a complete scene description.
+``settings`` are complete.
 """
 
 from __future__ import annotations
@@ -70,7 +70,8 @@ def planet_gives_light(settings: Settings, sky: Sky) -> bool:
 
 
 def find_left_out(settings: Settings, lights: Mapping[str, Any]) -> list[str]:
-    """What is described and not rendered, since it would not be seen: sentences, for the person and ``pair.json``.
+    """What the settings describe but is not rendered, since it would not be seen: sentences, for the user and
+    ``pair.json``.
 
     ``lights`` are the ``sky.sky_facts`` of what was built.
     """

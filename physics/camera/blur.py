@@ -1,7 +1,7 @@
 """Blur that is in the rendered light itself: depth of field and the rig's motion during the exposure.
 
 Both depend on settings of the camera response (aperture, exposure time), which otherwise need no new render. What a
-render was made for is noted with it, and developing it as another camera is warned of.
+render was made for is stored with it; a warning is given if it is developed as another camera.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import numpy as np
 from ...errors import IcyMoonError
 from .stereo_geometry import focal_px
 
-#: Relative difference of exposure or aperture that is told.
+#: Relative difference of exposure or aperture from which on a warning is given.
 _DIFFERENT = 0.01
 #: Turn, degrees, during an exposure beyond which a path cannot be told from its ends and middle.
 _MOST_TURN_DEG = 90.0
@@ -53,7 +53,7 @@ class Blur:
 
     @property
     def warning(self) -> str:
-        """What truth is of, in a sentence."""
+        """A sentence about the camera that the truth belongs to."""
         return PINHOLE.format("" if self.exposure_s is None else " in the middle of the exposure")
 
 
@@ -87,7 +87,7 @@ def _vector(rig: Mapping[str, Any], keys: tuple[str, ...]) -> np.ndarray:
 
 
 def blur_advice(settings: Mapping[str, Mapping[str, Any]]) -> list[str]:
-    """What a person should know before a render: what truth is of, or why the blur cannot be rendered; sentences."""
+    """Sentences to show before a render: what the truth belongs to, or why the blur cannot be rendered."""
     try:
         blur = blur_of(settings)
     except IcyMoonError as error:

@@ -5,7 +5,7 @@ current, their Poisson noise, a well that overflows, fixed patterns, the noise o
 analogue-digital converter with a black level. All of it happens after rendering, so a change of
 exposure or gain never needs a new render.
 
-``sensor`` is the ``sensor`` topic of a scene description throughout (see ``properties.SENSOR``);
+``sensor`` is the ``sensor`` topic of the settings throughout;
 ``rate`` is what ``photons.electron_rate`` gives.
 """
 
@@ -25,7 +25,7 @@ EYE_STREAMS = {"left": 0, "right": 1}
 #: Exposure times in seconds between which auto exposure chooses.
 SHORTEST_S, LONGEST_S = 1.0e-6, 1.0e3
 
-#: Share of saturated pixels above which a person is told.
+#: Share of saturated pixels above which a warning is given.
 MOST_SATURATED = 0.02
 
 #: Electrons beyond which Poisson noise cannot bring any well (at most 1e7) back below full.
@@ -58,7 +58,7 @@ def exposure_s(left_light: np.ndarray, rate: float, sensor: Mapping[str, Any]) -
     ``left_light`` is the left eye's grey radiance, any shape. With auto exposure its
     ``auto_percentile`` quantile is put at ``auto_target`` of the capacity; where that quantile is
     black the brightest pixel stands in, and a wholly black image is exposed as if auto exposure
-    were off, since nothing in it says how. The time keeps between SHORTEST_S and LONGEST_S.
+    were off, since it has nothing to measure. The time stays between SHORTEST_S and LONGEST_S.
     """
     fixed = float(sensor["exposure_s"])
     if not sensor["auto_exposure"]:
@@ -74,7 +74,7 @@ def exposure_s(left_light: np.ndarray, rate: float, sensor: Mapping[str, Any]) -
 
 
 def exposure_warnings(seconds: float, saturated: float, sensor: Mapping[str, Any]) -> list[str]:
-    """What a person should know of an exposure: where auto exposure ended at an end, and where much is saturated.
+    """Sentences about an exposure: auto exposure reached one of its ends, or too many pixels are saturated.
 
     ``saturated`` is the share of the left pixels that are at the converter's top.
     """

@@ -1,6 +1,6 @@
 """What a stereo camera can measure on level ground: footprint, ground sampling, theoretical depth error.
 
-``rig`` is the ``rig`` topic of a scene description (see ``properties.RIG``).
+``rig`` is the ``rig`` topic of the settings.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ def rounding_px(rig: Mapping[str, Any], ground_m: float) -> float:
 
 
 def rounding_advice(rig: Mapping[str, Any], ground_m: float) -> list[str]:
-    """What a person should know of a camera so far from the origin that single precision shows; sentences."""
+    """Sentences about a camera so far from the origin that single precision is visible; none if it is not."""
     pixels = rounding_px(rig, ground_m)
     if pixels <= _ROUNDED_PX:
         return []
@@ -50,13 +50,14 @@ def rounding_advice(rig: Mapping[str, Any], ground_m: float) -> list[str]:
 
 
 def coarse_advice(rig: Mapping[str, Any], edge_m: float) -> list[str]:
-    """What a person should know of ground whose triangles are so wide, in metres, that rays miss their depth."""
+    """Sentences about ground whose triangles, ``edge_m`` wide, are too wide for exact depth; none if they are not."""
     height = float(rig["height_m"])
     if edge_m <= _WIDEST * height:
         return []
     return [f"The triangles of the ground are {edge_m:.3g} m wide, {edge_m / height:.2g} times the height of the "
-            f"camera (rig.height_m {height:g} m); true depth may then be off by {_OFF * edge_m / height:.1g} of "
-            "itself, where 1e-4 is stated. Make them narrower (terrain.resolution, terrain.size_m), or stand higher."]
+            f"camera (rig.height_m {height:g} m); true depth may then have a relative "
+            f"error of {_OFF * edge_m / height:.1g}, more than the stated 1e-4. Make them narrower "
+            "(terrain.resolution, terrain.size_m), or stand higher."]
 
 
 def depth_error_m(depth_m: float, rig: Mapping[str, Any], disparity_error_px: float) -> float:

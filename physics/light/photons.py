@@ -1,6 +1,6 @@
 """From radiance to photo-electrons per second: aperture, band, quantum efficiency, pixel area.
 
-``light`` and ``sensor`` are those topics of a scene description (see ``properties``).
+``light`` and ``sensor`` are those topics of the settings.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ def band_share(light: Mapping[str, Any], sensor: Mapping[str, Any]) -> float:
 
 
 def photons_per_joule(light: Mapping[str, Any], sensor: Mapping[str, Any]) -> float:
-    """Photons in the camera's band per joule of what ``light.irradiance_band`` says the irradiance counts."""
+    """Photons in the camera's band per joule in the band that ``light.irradiance_band`` names."""
     wavelength, weight = _band(sensor)
     power = planck(wavelength, float(light["sun_temperature_k"])) * weight
     photons = float((power * wavelength).sum() / power.sum() / (PLANCK_J_S * LIGHT_M_S))

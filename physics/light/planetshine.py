@@ -2,7 +2,7 @@
 
 The usual formula, geometric albedo times phase function times (R/d)², is that of a distant point. A
 moon sees less of the planet's disc and its middle nearer: Saturn from Enceladus is 18 % brighter at
-full phase than the formula says and half as bright at 120°. So the planet is integrated over the
+full phase than by this formula and half as bright at 120°. So the planet is integrated over the
 part of it that is seen, at its true distance. Everything is in units of that distance.
 """
 

@@ -53,7 +53,7 @@ def brightness(ring: Ring, sun: float, seen: np.ndarray, phase: np.ndarray, lit:
     """I/F of a ring: its radiance over that of a white matt surface that faces the Sun.
 
     ``sun`` and ``seen`` are sines of the elevation above the ring's plane, of the Sun and of where it is seen
-    from; ``lit`` says whether both are on one side.
+    from; ``lit`` is whether both are on one side.
     """
     if sun <= 0:
         return np.zeros_like(phase)

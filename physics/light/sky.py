@@ -1,6 +1,6 @@
 """What stands in the sky of the site: the Sun and, if the scene has one, the planet.
 
-``light`` is the ``light`` topic of a scene description (see ``properties.LIGHT``). The local frame is
+``light`` is the ``light`` topic of the settings. The local frame is
 x east, y north, z up, along the normal of the body's ellipsoid.
 """
 

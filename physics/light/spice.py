@@ -1,4 +1,4 @@
-"""Where Sun and planet stand over a site at a date, from the person's SPICE kernels.
+"""Where Sun and planet stand over a site at a date, from the user's SPICE kernels.
 
 Needs SpiceyPy (``pip install icymoon[ephemeris]``), which Blender's Python does not have; it is loaded
 only when kernels are asked for. Kernels: leap seconds (naif0012.tls), constants (pck00011.tpc), the
@@ -37,7 +37,7 @@ def positions(kernels: Path, body: str, parent: str, date_utc: str, latitude_deg
     if not kernels.exists():
         raise IcyMoonError(f"light.kernels names {kernels}, which is not there; give a meta-kernel or a folder of "
                            "kernels.")
-    days_since_j2000(date_utc)  # for a better word than SPICE's if it is no date
+    days_since_j2000(date_utc)  # for a better message than SPICE's if it is no date
     spice = importlib.import_module("spiceypy")
     try:
         # Both orders of loading work: which kernel wins matters only where two hold the same.

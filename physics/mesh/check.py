@@ -1,4 +1,4 @@
-"""What is wrong with a triangle mesh, and mending it.
+"""What is wrong with a triangle mesh, and its repair.
 
 Reconstructed meshes come with holes, flipped and doubled faces and vertices that are not numbers.
 All functions take ``positions`` (n, 3) and ``faces`` (m, 3), vertex indices, and change nothing that they are given.
@@ -39,7 +39,7 @@ class MeshReport:
     up: str
 
     def lines(self) -> list[str]:
-        """The report for people, what is in order left out."""
+        """The report as lines of text, without what is in order."""
         size = " x ".join(f"{e:.4g}" for e in self.extents_m)
         counted = ((self.non_finite_vertices, "vertices that are not numbers"),
                    (self.duplicate_vertices, "duplicate vertices"), (self.duplicate_faces, "duplicate faces"),

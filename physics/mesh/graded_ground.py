@@ -61,7 +61,7 @@ class Graded:
         return positions, rings.faces()
 
     def advice(self, settings: Mapping[str, Mapping[str, Any]]) -> list[str]:
-        """What a person should know about the mesh, in sentences; none if it is as the settings ask."""
+        """Sentences about a mesh that is coarser than the settings ask; none if it is not."""
         wanted, mesh = self.grading.wanted_vertices, settings["mesh"]
         if self.grading.error_px <= mesh["error_px"] and wanted <= mesh["most"]:
             return []

@@ -66,7 +66,7 @@ OF_THE_RIG = ("x_m", "y_m", "height_m", "baseline_m", "focal_length_mm", "sensor
 
 
 def view_of(rig: Mapping[str, Any]) -> View:
-    """What ``rig`` settings ask.
+    """The view of ``rig`` settings.
 
     A pixel at the tangents (a, b) from the optical axis spans 1 / (1 + a² + b²) of the angle that one on the
     axis does, in the direction away from it; the mean over the image is what counts.
@@ -210,8 +210,8 @@ def _count_vertices(grading: Grading) -> float:
 def grade(ground: Terrain, settings: Mapping[str, Mapping[str, Any]]) -> Grading:
     """The grading that complete ``settings`` ask for on a ground (not yet curved).
 
-    Where it would take more than ``mesh.most`` vertices all spacings are widened alike, and ``error_px`` says what
-    error that leaves.
+    Where it would take more than ``mesh.most`` vertices all spacings are widened alike, and ``error_px`` is the
+    error that remains.
     """
     mesh, at, body = settings["mesh"], view_of(settings["rig"]), float(settings["terrain"]["body_radius_m"])
     ground_m = float(ground.heights(at.x_m, at.y_m))

@@ -22,7 +22,7 @@ import numpy as np
 #: The measured tables by the Blender that they were measured with; which one holds, ``use_table`` chooses.
 TABLES = {"4.2": "principled_4_2.json", "5.0": "principled.json", "5.2": "principled_5_2.json"}
 _used = "5.0"
-#: Relative difference from which on the real albedo is told.
+#: Relative difference from which on the real albedo is reported.
 REPORTED_FROM = 0.01
 
 
@@ -113,12 +113,12 @@ def albedo_advice(surface: Mapping[str, Any]) -> str:
         return ""
     if real > asked:
         return f"The albedo is really {real:.2f}: the specular reflection alone is that bright; lower it."
-    lost, mend = _lost_most(surface)
-    return f"The albedo is really {real:.2f}, not {asked:.2f}: {lost}; lower {mend}."
+    lost, key = _lost_most(surface)
+    return f"The albedo is really {real:.2f}, not {asked:.2f}: {lost}; lower {key}."
 
 
 def _lost_most(surface: Mapping[str, Any]) -> tuple[str, str]:
-    """What keeps a surface from being white most: in words, and the setting to lower."""
+    """The largest loss of light at a surface, in words, and the setting to lower."""
     causes = {"transmission": "what is transmitted is lost", "grain_amplitude_m": "steep bumps lose light",
               "subsurface_weight": "snow under the surface absorbs"}
     most = max(causes, key=lambda k: float(curve({**surface, k: 0.0})[1][-1]))

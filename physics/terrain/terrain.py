@@ -35,7 +35,7 @@ _TILE = 128
 _SAMPLES = 65
 #: RMS slope above which extrapolated roughness is called absurd, degrees.
 _ABSURD_DEG = 50.0
-#: Share of the RMS deviation that a mesh may lose without a word.
+#: Share of the RMS deviation that a mesh may lose without a warning.
 _MOST_LOST = 0.1
 
 
@@ -122,7 +122,7 @@ def _order_by_place(x: np.ndarray, y: np.ndarray) -> np.ndarray:
 
 
 def make_terrain(settings: Any, seed: int) -> Terrain:
-    """The ground that a complete scene description and its data set's seed describe.
+    """The ground of complete settings and of the seed of their data set.
 
     Raises IcyMoonError where lengths contradict each other.
     """
@@ -166,9 +166,9 @@ def _lost_share(ground: Any, shortest_m: float) -> float:
 
 
 def terrain_advice(settings: Any, shortest_m: float) -> list[str]:
-    """What a person should know about described ground on a mesh whose shortest wavelength is ``shortest_m``.
+    """Sentences about what a mesh whose shortest wavelength is ``shortest_m`` cannot show of the ground.
 
-    Sentences; none if all is well.
+    None if it shows all of it.
     """
     ground, notes = settings["terrain"], []
     finer = "raise terrain.resolution" if settings["mesh"]["kind"] == "GRID" else "lower mesh.edge_px"

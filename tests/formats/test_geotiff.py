@@ -116,7 +116,7 @@ def test_a_mark_is_that_number_and_no_height_beside_it(tmp_path, sign):
     ({"keys": {4099: 9999}}, "9999"), ({"keys": {4096: 1234}}, "1234"),
     ({"pixel": (2.0, -3.0)}, "negative size.*gdalwarp"), ({"scale_z": 2.0}, "third number"),
     ({"matrix": (2.0, 0.1, 0, 0, 0.1, -3.0, 0, 0, *(0.0,) * 7, 1.0)}, "turned.*gdalwarp"),
-    ({"extra": {274: (3,)}}, "turned round"), ({"extra": {262: (3,)}}, "palette")], ids=str)
+    ({"extra": {274: (3,)}}, "reverse order"), ({"extra": {262: (3,)}}, "palette")], ids=str)
 def test_contradictions_and_unknown_things_are_refused(tmp_path, options, words):
     with pytest.raises(IcyMoonError, match=words):
         geotiff.read(small(tmp_path, **options))

@@ -1,4 +1,4 @@
-"""What a height grid measures: RMS deviation against distance, power spectrum, slope, Hurst exponent.
+"""What is measured on a grid of heights: RMS deviation against distance, power spectrum, slope, Hurst exponent.
 
 Definitions after Shepard et al. 2001 (JGR 106 E12, "The roughness of natural terrain").
 """
@@ -82,7 +82,7 @@ class Roughness:
     hurst: float
 
     def summary(self) -> str:
-        """One line for a person."""
+        """One line of text."""
         slope = "Slope unknown" if math.isnan(self.slope_deg) else f"{self.slope_deg:.1f}°"
         hurst = "" if math.isnan(self.hurst) else f", Hurst {self.hurst:.2f}"
         return f"{slope} at {self.baseline_m:g} m{hurst}"

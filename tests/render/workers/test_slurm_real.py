@@ -22,7 +22,7 @@ PAIRS = ordered(grid(seeds=3))
 
 
 def _runners(dataset: Path) -> list[int]:
-    """Processes that run a share of a data set."""
+    """Processes that run a shard of a data set."""
     found = []
     for entry in Path("/proc").glob("[0-9]*/cmdline"):
         try:
