@@ -249,7 +249,7 @@ def test_missing_kernels_and_a_missing_package_are_sentences(tmp_path, monkeypat
 
 
 def test_spice_is_loaded_for_kernels_only():
-    program = ("import sys\nfrom icymoon import settings\nfrom icymoon.physics.light.sky import sky\n"
-               "light = settings.defaults()['light']\nsky(light)\nsky(light | {'directions_from': 'DATE'})\n"
+    program = ("import sys\nfrom icymoon.settings import description\nfrom icymoon.physics.light.sky import sky\n"
+               "light = description.defaults()['light']\nsky(light)\nsky(light | {'directions_from': 'DATE'})\n"
                "assert 'spiceypy' not in sys.modules")
     subprocess.run([sys.executable, "-c", program], check=True, timeout=240)
