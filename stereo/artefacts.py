@@ -1,4 +1,4 @@
-"""The files that an evaluation leaves of each pair, in ``pairs/<pair>/`` of its folder."""
+"""The files that an evaluation writes for each pair, in ``pairs/<pair>/`` of its folder."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ from .matchers.methods import Method
 from .measure.prepare import Prepared
 from .measure.row import depth_of
 
-#: What an evaluation leaves in its folder beside the pairs' own, and how each of these begins.
+#: The files that an evaluation writes into its folder, beside ``pairs/``, and how each begins.
 _OPENINGS = {"results.jsonl": b'{"pair": ', "results.csv": b"pair,method,status,",
              "report.json": b'{\n "format": "icymoon-', "summary.json": b'{\n "format": "icymoon-',
              "report.html": b'<!DOCTYPE html>\n<html lang="en">\n<head>\n'}
 
 
 def check_output_folder(out: Path, pairs: Iterable[str]) -> None:
-    """Raise IcyMoonError if an evaluation of ``pairs`` into ``out`` would write over what is not of an evaluation.
+    """Raise IcyMoonError if an evaluation of ``pairs`` would overwrite files in ``out`` that no evaluation wrote.
 
-    A data set may hold links, which lead to what may be anyone's; other programs give results such names too.
+    A link may lead anywhere, and other programs use the same names for their results.
     """
     folders = [out / "pairs", *(out / "pairs" / name for name in pairs)]
     for path in (*folders, *(out / name for name in _OPENINGS)):
@@ -35,27 +35,29 @@ def check_output_folder(out: Path, pairs: Iterable[str]) -> None:
             raise IcyMoonError(f"{path} is a link, and results are not written through one; remove it, or choose "
                                "another folder for them.")
     if any((folder / "pair.json").exists() for folder in folders):
-        raise IcyMoonError(f"{out} is a data set, whose pairs results would get into; choose another folder for them.")
+        raise IcyMoonError(f"{out} is a data set, and results would mix with its pairs; choose another folder for "
+                           "them.")
     there = [out / name for name in _OPENINGS if (out / name).exists()]
     if there and not any(_is_of_an_evaluation(path) for path in there):
-        raise IcyMoonError(f"{there[0]} is not of an evaluation and stays as it is; choose another folder for results.")
+        raise IcyMoonError(f"{there[0]} was not written by an evaluation and is not overwritten; choose another folder "
+                           "for the results.")
 
 
 def _is_of_an_evaluation(path: Path) -> bool:
-    """Whether a file is one of an evaluation; also where a run was killed in its first line."""
+    """Whether an evaluation wrote a file; a run may have been killed within the first line."""
     begin = _OPENINGS[path.name]
     with explain_disk_errors("read", path), path.open("rb") as stream:
         return begin.startswith(found) if len(found := stream.read(len(begin))) < len(begin) else found == begin
 
 
 def files_exist(entry: Mapping[str, Any], out: Path, pair: str) -> bool:
-    """Whether all files that a row or the facts of a pair name are there, in the pair's folder."""
+    """Whether all files that a row, or the facts of a pair, names are in the folder of the pair."""
     folder = out / "pairs" / pair
     return all((out / path).parent == folder and (out / path).is_file() for path in entry["images"].values())
 
 
 def read_disparity(path: Path, shape: tuple[int, ...]) -> np.ndarray | None:
-    """The float32 disparity that ``write_method_pictures`` stored; None if it is damaged or not of this shape."""
+    """The float32 disparity that ``write_method_pictures`` stored; None if it is damaged or of another shape."""
     try:
         with path.open("rb") as stream, np.load(stream, allow_pickle=False) as stored:
             disparity = np.asarray(stored["disparity"])
@@ -65,7 +67,7 @@ def read_disparity(path: Path, shape: tuple[int, ...]) -> np.ndarray | None:
 
 
 def write_pair_pictures(prepared: Prepared, out: Path) -> dict[str, str]:
-    """Left and right image and true depth; their paths relative to ``out``."""
+    """Write the left image, the right one and the true depth; return their paths relative to ``out``."""
     depth = colours.true_depth_picture(prepared.truth, prepared.scale)
     images = {"left": prepared.left, "right": prepared.right,
               "true_depth": colours.with_bar(depth, prepared.scale)}
@@ -74,9 +76,9 @@ def write_pair_pictures(prepared: Prepared, out: Path) -> dict[str, str]:
 
 def write_method_pictures(prepared: Prepared, method: Method, disparity: np.ndarray, info: Mapping[str, Any],
                           out: Path) -> dict[str, str]:
-    """Depth and error pictures and the disparity of one method; their paths relative to ``out``.
+    """Write depth, error and disparity of one method; return their paths relative to ``out``.
 
-    Where ``info`` has the array ``flags``, why each pixel was rejected, there is a picture of it too.
+    If ``info`` has the array ``flags``, which tells why each pixel was rejected, write a picture of it too.
     """
     depth = depth_of(prepared, disparity)
     npz = _pair_folder(prepared, out) / f"{method.file_name}.npz"

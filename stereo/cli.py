@@ -1,4 +1,4 @@
-"""The command line of the evaluation. Standard output is for results, standard error for people."""
+"""The command line of the evaluation. Results go to standard output, all other messages to standard error."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ PROGRAM = "icymoon.stereo"
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run one command and return the exit code: 0, 1 for what a person must mend, 2 for wrong usage,
-    130 when interrupted."""
+    """Run one command and return the exit code: 0, 1 for an error that the user can fix, 2 for wrong usage, 130 when
+    interrupted."""
     parsed = _parser().parse_args(arguments)
     try:
         code: int = parsed.run(parsed)
@@ -37,7 +37,7 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog=f"python -m {PROGRAM}", description="Evaluate stereo on rendered pairs.")
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
 
-    command = commands.add_parser("check", help="tell whether this Python can evaluate, as one line of JSON")
+    command = commands.add_parser("check", help="report as one line of JSON whether this Python can evaluate")
     command.set_defaults(run=_run_check)
 
     command = commands.add_parser("methods", help="list the matchers with their options")
@@ -53,11 +53,11 @@ def _parser() -> argparse.ArgumentParser:
     command.add_argument("--camera", type=as_path, metavar="PAIR",
                          help="pair folder whose camera took the images, for an external program that asks for it")
     command.add_argument("--out", required=True, type=as_path,
-                         help="npz to write: disparity, float32 px, NaN where invalid, and what else the method knows")
+                         help="npz to write: disparity, float32 px, NaN where invalid, and other arrays of the method")
     command.set_defaults(run=_run_match)
 
-    command = commands.add_parser("metrics", help="measure a depth or disparity map, as JSON; null for what is "
-                                                  "undefined")
+    command = commands.add_parser("metrics", help="measure a depth or disparity map and print JSON; undefined metrics "
+                                                  "are null")
     what = command.add_mutually_exclusive_group(required=True)
     what.add_argument("--prediction", type=as_path, help="npy, planar depth in metres, NaN invalid")
     what.add_argument("--disparity", type=as_path, help="npy, or npz of match, disparity in px, NaN invalid")
@@ -72,24 +72,24 @@ def _parser() -> argparse.ArgumentParser:
     command.add_argument("path", type=as_path, nargs="+", metavar="PAIR_OR_DATASET",
                          help="pair folder, or data set of pairs; may be several")
     command.add_argument("--methods", default="bm,sgbm",
-                         help="matchers, separated by commas; with options of their own as bm:window=21")
+                         help="matchers, separated by commas; with their own options, as in bm:window=21")
     command.add_argument("--option", action="append", default=[], metavar="METHOD.KEY=VALUE",
-                         help="option for every use of a method, such as bm.window=21")
+                         help="option for every use of a matcher, such as bm.window=21")
     command.add_argument("--own", action="append", default=[], metavar="NAME:METHOD:KEY=VALUE",
-                         help="option of a matcher of your own, which --methods then names as own:NAME; may repeat")
+                         help="option of your own matcher, which --methods then names as own:NAME; may repeat")
     command.add_argument("--set", action="append", default=[], metavar="sensor.KEY=VALUE",
-                         help="another camera response than the pairs were rendered for, also light.sun_scale")
+                         help="change the camera response that the pairs were rendered for, or light.sun_scale")
     command.add_argument("--out", required=True, type=as_path, help="folder for the report")
-    command.add_argument("--seed", type=int, default=0, help="of the confidence intervals (%(default)s)")
+    command.add_argument("--seed", type=int, default=0, help="seed of the confidence intervals (%(default)s)")
     command.add_argument("--guiss", action="store_true",
-                         help="show what the GUISS reference code would report too, to compare with published tables")
+                         help="also show what the GUISS reference code would report, to compare with published tables")
     command.add_argument("--points", action="store_true",
-                         help="write the measured surfaces too, as point clouds (ply) coloured by signed error")
+                         help="also write the measured surfaces, as point clouds (ply) coloured by signed error")
     command.add_argument("--json-lines", action="store_true", help="progress and result as JSON lines on stdout")
     command.set_defaults(run=_run_evaluate)
 
-    command = commands.add_parser("truth", help="write disparity, depth and visibility of both eyes, and check that "
-                                                "they fit the images; a line of JSON per pair")
+    command = commands.add_parser("truth", help="write disparity, depth and visibility of both eyes, check that they "
+                                                "fit the images, and print a line of JSON per pair")
     command.add_argument("path", type=as_path, nargs="+", metavar="PAIR_OR_DATASET", help="pair folder or data set")
     command.add_argument("--out", required=True, type=as_path, help="folder for <pair>/truth.npz")
     command.set_defaults(run=_run_truth)
@@ -99,15 +99,15 @@ def _parser() -> argparse.ArgumentParser:
     command.add_argument("--format", required=True, help="layout to write",
                          choices=("png8", "png16", "pfm", "kitti", "middlebury", "coco", "raw"))
     command.add_argument("--set", action="append", default=[], metavar="sensor.KEY=VALUE",
-                         help="another camera response than the pairs were rendered for")
+                         help="change the camera response that the pairs were rendered for")
     command.add_argument("--out", required=True, type=as_path, help="folder for the files")
     command.set_defaults(run=_run_export)
 
-    command = commands.add_parser("develop", help="expose rendered pairs again, without a new render, as PNG")
+    command = commands.add_parser("develop", help="expose rendered pairs again as PNG, without a new render")
     command.add_argument("path", type=as_path, nargs="+", metavar="PAIR_OR_DATASET",
                          help="pair folder, or data set of pairs; may be several")
     command.add_argument("--preset", action="append", default=[], metavar="sensors/NAME",
-                         help="shipped camera response")
+                         help="a camera response that Icy Moon ships")
     command.add_argument("--set", action="append", default=[], metavar="sensor.KEY=VALUE",
                          help="one setting of the camera response, light.sun_scale or light.planet_scale; may repeat")
     command.add_argument("--out", required=True, type=as_path, help="folder for the images, a folder per pair in it")
@@ -224,7 +224,7 @@ def _run_develop(parsed: argparse.Namespace) -> int:
 
 
 def _read_response(presets: Sequence[str], overrides: Sequence[str]) -> dict[str, dict[str, Any]]:
-    """Settings that need no new render, from presets and ``--set``. Raises IcyMoonError for others."""
+    """The settings of presets and ``--set``. Raises IcyMoonError for one that needs a new render."""
     from ..settings.description import load, merged, override, preset_path
     from ..settings.table import TOPICS
 

@@ -1,10 +1,10 @@
-"""Running matchers over pairs and measuring them: rows and pictures, and going on where an earlier run stopped.
+"""Running matchers on pairs and measuring the results, continuing where an earlier run stopped.
 
-Every row is one method, with its options, on one pair. A row is on the disk as soon as it is known, and what is
-there already is not made again, so that a run that was stopped loses the row it was at. A pair that cannot be used
-is named, recorded as failed, and does not stop the others; one whose eyes contradict each other or the truth is
-measured and marked as suspect, and counts in no average. One pair at a time is in memory; of the others there are
-the numbers that averages need, about a kilobyte per row.
+A row is the result of one method on one pair. It is written to the disk at once and is not computed again, so a run
+that is stopped loses only the row that it was working on. A pair that cannot be used is reported, recorded as failed,
+and does not stop the others. A pair whose eyes contradict each other or the truth is measured and marked as suspect,
+and counts in no average. One pair at a time is in memory; of the others only the numbers that averages need are, about
+a kilobyte per row.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from .report.row_log import Row, RowLog
 
 Event = Callable[[dict[str, Any]], None]
 
-#: Raised when the same input would give other numbers, so that older rows are not taken for newer ones.
+#: Version of the measurement: increased when the same input gives other numbers, so that old rows are not reused.
 MEASURE = 2
 
 
@@ -42,29 +42,31 @@ def evaluate(paths: Sequence[Path], methods: Sequence[Method], out: Path,
              seed: int = 0, guiss: bool = False, points: bool = False) -> dict[str, Any]:
     """Evaluate pairs and all pairs of data sets; return what is in ``report.json``.
 
-    ``response`` overrides settings that need no new render; ``seed`` is that of the confidence intervals; ``guiss``
-    shows the reference code's numbers in the HTML report, which are always in the rows; ``points`` writes the
-    measured surfaces too.
-    Written to ``out``: ``results.jsonl`` (a row as soon as it is known), then ``results.csv``, ``report.json``,
-    ``summary.json`` (the same without rows and pairs) and ``report.html``; per pair, in ``pairs/<pair>/``,
-    ``facts.json``, pictures, disparities and points. Rows of an earlier run with the same pair, method, options,
-    response and versions are kept and not made again.
+    ``response`` overrides settings that need no new render. ``seed`` is the seed of the confidence intervals. With
+    ``guiss`` the HTML report shows the numbers of the reference code, which are always in the rows. With ``points``
+    the measured surfaces are written too.
 
-    ``on_event`` gets {"type": "progress", "fraction", "done", "total", "message"}, {"type": "error", "message"} per
-    failure and {"type": "warning", "message"} per suspect pair and per kind of blur in the images. Raises
-    IcyMoonError if there is no pair, or ``out`` cannot be written or holds what is not of an evaluation.
+    Writes to ``out``: ``results.jsonl`` (each row at once), then ``results.csv``, ``report.json``, ``summary.json``
+    (the same without rows and pairs) and ``report.html``; for each pair, in ``pairs/<pair>/``, ``facts.json``,
+    pictures, disparities and points. Rows of an earlier run with the same pair, method, options, response and versions
+    are kept and not computed again.
 
-    The report is {"format", "version", "summary", "differences", "rows", "pairs", "failed", "suspect",
-    "provenance"}; what is undefined is null. ``rows`` and ``pairs`` are read from the disk as they are asked for.
+    ``on_event`` gets {"type": "progress", "fraction", "done", "total", "message"}, {"type": "error", "message"} for
+    each failure and {"type": "warning", "message"} for each suspect pair and each kind of blur in the images. Raises
+    IcyMoonError if there is no pair, if ``out`` cannot be written, or if it contains files that no evaluation wrote.
 
-    * ``summary``: one entry per method, see ``summary.summary``; ``differences``: see ``summary.differences``.
-    * ``rows``: ``pair``, ``method``, ``status`` ("ok", "suspect" or "failed"), the numbers of ``measure.NUMBERS``,
-      ``error_curve``, ``sparsification``, ``strata``, the complete ``options``, ``counts`` of
-      pixels per outcome and ``facts`` on what it ran where a method knows them, ``error`` (why it failed), ``key`` (a
-      hash of all that the row depends on) and ``images``: paths relative to ``out`` of the pictures ``depth`` and
-      ``error``, of ``disparity`` (npz, with the method's other arrays) and, where asked for, of ``points`` (ply).
-    * ``pairs``: what was found about each usable pair, and its ``images`` ``left``, ``right``, ``true_depth``.
-    * ``failed``: ``pair``, ``message`` and, where only one method failed, ``method``; ``suspect``: ``pair``,
+    The report is {"format", "version", "summary", "differences", "rows", "pairs", "failed", "suspect", "provenance"};
+    an undefined value is null. ``rows`` and ``pairs`` are read from the disk on demand.
+
+    * ``summary``: one entry per method, see ``summary.summarise_method``; ``differences``: see
+      ``summary.differences``.
+    * ``rows``: ``pair``, ``method``, ``status`` ("ok", "suspect" or "failed"), the numbers of ``row.NUMBERS``,
+      ``error_curve``, ``sparsification``, ``strata``, the complete ``options``, ``counts`` of pixels per outcome and
+      ``facts`` on what it ran on (if the method has them), ``error`` (why it failed), ``key`` (a hash of everything
+      that the row depends on) and ``images``: paths, relative to ``out``, of the pictures ``depth`` and ``error``, of
+      ``disparity`` (npz, with the other arrays of the method) and, if asked for, of ``points`` (ply).
+    * ``pairs``: the facts of each usable pair, and its ``images`` ``left``, ``right`` and ``true_depth``.
+    * ``failed``: ``pair``, ``message`` and, if only one method failed, ``method``; ``suspect``: ``pair`` and
       ``message``.
     """
     folders = distinct_pairs(paths)
@@ -78,7 +80,7 @@ def evaluate(paths: Sequence[Path], methods: Sequence[Method], out: Path,
 
 
 class _Run:
-    """One run of ``evaluate``: where things go, and what has happened so far."""
+    """One run of ``evaluate``: what it runs, where it writes, and what has failed so far."""
 
     def __init__(self, methods: Sequence[Method], out: Path, response: dict[str, Any], on_event: Event,
                  total: int, points: bool) -> None:
@@ -91,7 +93,7 @@ class _Run:
         self._setups = {method.label: _method_inputs(method) for method in methods}
 
     def evaluate_pair(self, folder: Path) -> None:
-        """All methods on one pair."""
+        """Run all methods on one pair."""
         name = folder.name
         content = _digest([_read_checksum(folder / "pair.json"), self.response, MEASURE, version()])
         keys = {method.label: _digest([content, self._setups[method.label]]) for method in self.methods}
@@ -129,7 +131,7 @@ class _Run:
         return row if row and row["status"] != "failed" and files_exist(row, self.out, pair) else None
 
     def _measure(self, prepared: Prepared, keys: Mapping[str, str], rows: dict[str, Row]) -> None:
-        """Make the missing ones of the ``rows`` of a pair, and bring what they have in common up to date."""
+        """Add the missing ``rows`` of a pair, and update the numbers that depend on all of its methods."""
         disparities: dict[str, np.ndarray] = {}
         for method in self.methods:
             label = method.label
@@ -154,8 +156,8 @@ class _Run:
         common = np.logical_and.reduce([np.ones_like(prepared.visible), *map(np.isfinite, disparities.values())])
         points = self.points and pose_of(prepared) is not None
         if self.points and not points:
-            self._tell({"type": "warning", "message": f"{prepared.pair.folder / 'pair.json'} does not say where the "
-                        "camera was, so there are no points; render the pair again."})
+            self._tell({"type": "warning", "message": f"{prepared.pair.folder / 'pair.json'} does not contain the "
+                        "position of the camera, so no points are written; render the pair again."})
         for label, disparity in disparities.items():
             row = rows[label] | common_numbers(prepared, disparity, common) | {"common": _digest(keys)}
             if points:
@@ -197,13 +199,14 @@ def _failed_row(pair: str, method: Method, key: str, message: str) -> Row:
 
 
 def _read_facts(out: Path, pair: str, content: str) -> dict[str, Any] | None:
-    """What an earlier run wrote of a pair, if it is of this content and its pictures are there."""
+    """The facts that an earlier run wrote of a pair, if its content is the same and its pictures are there."""
     facts = find_facts(out, pair)
     return facts if facts and facts["key"] == content and files_exist(facts, out, pair) else None
 
 
 def _method_inputs(method: Method) -> list[Any]:
-    """All that a method's disparity depends on besides the images: its options, the files they name, versions."""
+    """Everything besides the images that a method's disparity depends on: its options, the files that they name, and
+    versions."""
     options = complete_options(method.name, method.options)
     files = {key: _read_checksum(Path(value)) for key, value in options.items()
              if isinstance(value, str) and os.path.isfile(value)}
@@ -212,7 +215,7 @@ def _method_inputs(method: Method) -> list[Any]:
 
 
 def _read_checksum(path: Path) -> str:
-    """Checksum of a file; empty if it cannot be read, which who needs it will say."""
+    """Checksum of a file; empty if it cannot be read, which is reported where the file is used."""
     try:
         with path.open("rb") as stream:
             return hashlib.file_digest(stream, "sha256").hexdigest()

@@ -1,4 +1,4 @@
-"""Exposing rendered pairs again: images as another camera response gives them, without a new render."""
+"""Developing rendered pairs again with another camera response, without a new render."""
 
 from __future__ import annotations
 
@@ -23,22 +23,25 @@ from .images.image_files import write_npy, write_png
 from .images.views import read_sensor_depth
 from .measure.prepare import read_unchanged_pair
 
-#: What is there of some settings and not of others.
+#: Files that only some settings produce; those of an earlier run are removed.
 _STALE = re.compile(r"(left|right)_(\d+\.png|distorted\.png|distorted_depth\.npy)")
 FORMAT, VERSION = "icymoon-images", 1
 
 
 def reexpose(paths: Sequence[Path], out: Path, response: Mapping[str, Mapping[str, Any]],
              on_event: Event = lambda event: None) -> list[Path]:
-    """Develop pairs and all pairs of data sets with other settings of the ``response``; their new folders.
+    """Develop pairs, and all pairs of data sets, with another ``response``; return the folders of the images.
 
-    Per pair, ``out/<pair>/``: ``left.png`` and ``right.png`` (8-bit, or 16-bit holding ``image_bits``), of
-    brackets also every exposure as ``left_0.png`` …, longest first, of a lens with distortion or eyes that are toed in
-    the image that the sensor has as ``left_distorted.png`` with the depth of its pixels beside it (npy, planar
-    metres, NaN for none), and ``images.json``, written last: exposure, gain, calibration, settings.
-    Everything but what is called distorted is rectified, on the pair's truth, but for the single
-    exposures, which are as the sensor has them. ``on_event`` gets what ``evaluate`` gives it, warnings of blur too. A
-    pair that cannot be used does not stop the others. Raises IcyMoonError if there is none, or at the end.
+    Writes to ``out/<pair>/``:
+
+    * ``left.png`` and ``right.png``, rectified, 8-bit, or 16-bit with ``image_bits`` bits;
+    * with brackets, every exposure as ``left_0.png`` and so on, the longest first, not rectified;
+    * with a distorting lens or toed-in eyes, the image of the sensor as ``left_distorted.png``, and the depth of its
+      pixels (npy, metres along the axis of the eye, NaN for none);
+    * last, ``images.json``: exposure, gain, calibration and settings.
+
+    ``on_event`` gets the events of ``evaluate``. A pair that fails does not stop the others. Raises IcyMoonError if
+    there is no pair and, at the end, if one failed.
     """
     folders = list(dict.fromkeys(folder for path in paths for folder in pair_folders(path)))
     done: list[Path] = []
@@ -83,7 +86,7 @@ def _reexpose_pair(folder: Path, out: Path, response: Mapping[str, Mapping[str, 
 
 
 def _images_by_name(images: Images, sensor_bits: int) -> dict[str, np.ndarray]:
-    """The images to write by name, uint8 where they have 8 bits."""
+    """The images to write, by name; those of 8 bits are uint8."""
     named = {eye: (getattr(images, eye), images.bits) for eye in EYES}
     if images.detected_left is not images.left:
         named |= {f"{eye}_distorted": (getattr(images, f"detected_{eye}"), images.bits) for eye in EYES}

@@ -32,7 +32,7 @@ MISTAKES: dict[str, tuple[Mistake, ...]] = {
                 "-m pip install"),
         Mistake("evaluator gone", "The evaluator's Python was moved", "is not there", "correct the path"),
         Mistake("unknown matcher", "A matcher's name is misspelt",
-                "Unknown stereo method 'sgmb'",
+                "Unknown matcher 'sgmb'",
                 "did you mean 'sgbm'?"),
         Mistake("unknown option", "A matcher's option is misspelt",
                 "Unknown option bm.windw",

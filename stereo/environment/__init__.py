@@ -1,1 +1,1 @@
-"""The evaluator's Python: what it needs, and how it is installed."""
+"""The Python of the evaluator: the packages that it needs, and their installation."""

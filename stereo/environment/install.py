@@ -1,4 +1,4 @@
-"""Making the evaluator's environment; runs in a Python outside Blender, on an explicit click only."""
+"""Installing the evaluator's environment; runs in a Python outside Blender, on an explicit click only."""
 
 from __future__ import annotations
 
@@ -9,27 +9,27 @@ from ... import system
 from ...render.workers.process import emit
 from ...version import ROOT
 
-#: What is installed: one version of each package and the hashes of its wheels, which pip checks before it unpacks one.
+#: What is installed: one version of each package. pip checks the hash of each wheel before it unpacks the wheel.
 LOCK = Path(__file__).with_name("evaluator.lock")
 
-#: What tells whether a Python has what the evaluator needs.
+#: The command that checks whether a Python has what the evaluator needs.
 _CHECK = (str(ROOT / "__main__.py"), "stereo", "check")
-#: A file of this name lies in an environment until it is whole.
+#: A file of this name lies in an environment until it is complete.
 _UNFINISHED = "unfinished"
-#: What pip says where it could not do its work, and what that means; else its last line is told.
+#: Words in the output of pip, and what they mean for the user; if none fits, the last line of the output is reported.
 _REASONS = (("DO NOT MATCH THE HASHES", "a downloaded package is not the one that Icy Moon was released with (its hash "
              "differs), so nothing is installed; press Install again, and report it if that does not help."),
-            ("No matching distribution", "a package has no build for this Python and system; make an environment of "
-             "your own as the manual says, and give its Python in the preferences."),
+            ("No matching distribution", "a package has no build for this Python and system; make your own "
+             "environment as the manual describes, and give its Python in the preferences."),
             ("choose another Python", "pip did not install the packages there; look for settings of pip such as "
              "PIP_TARGET in pip.conf and in environment variables, and press Install again."))
 
 
 def main(arguments: list[str]) -> int:
-    """Make a virtual environment in a folder (the one argument) with what the evaluator needs.
+    """Make a virtual environment with what the evaluator needs, in the folder that is the one argument.
 
-    Says what it does in JSON messages. A folder that was not there before is gone again if that fails or is
-    stopped; what a killed process has left is unfinished, see ``is_unfinished``.
+    Prints its progress as JSON messages. If it fails or is stopped, it removes a folder that it has made itself. A
+    process that is killed leaves an unfinished folder, see ``is_unfinished``.
     """
     (folder,) = arguments
     new, made = not Path(folder).exists() or is_unfinished(Path(folder)), False
@@ -46,19 +46,19 @@ def main(arguments: list[str]) -> int:
 
 
 def is_unfinished(folder: Path) -> bool:
-    """Whether an environment is being made, or was left half-made: it is no evaluator."""
+    """Whether an environment is still being made or was left incomplete, so that it is no evaluator."""
     return (folder / _UNFINISHED).exists()
 
 
 def _make_environment(folder: str) -> bool:
-    """Make it; False after an error that was told."""
+    """Make the environment; after an error, which is reported as a message, return False."""
     python = system.venv_python(Path(folder))
-    # -I: no module of the current folder, which may be that of somebody's .blend, is taken for venv or pip.
+    # -I: no module in the current folder, which may be that of any .blend file, is taken for venv or pip.
     steps = (("Making the environment", [sys.executable, "-I", "-m", "venv", folder]),
              ("Downloading and installing packages",
               [str(python), "-I", "-m", "pip", "install", "--disable-pip-version-check", "--require-hashes",
                "--only-binary=:all:", "-r", str(LOCK)]),
-             # Whatever pip was told by a file or a variable of the person's, such as to install elsewhere.
+             # A file or an environment variable may have made pip install elsewhere.
              ("Looking at what is installed", [str(python), "-I", *_CHECK]))
     for k, (text, command) in enumerate(steps):
         emit("progress", fraction=0.05 + 0.2 * k, message=text)
@@ -71,8 +71,8 @@ def _make_environment(folder: str) -> bool:
     return True
 
 
-def _failure_reason(said: str) -> str:
-    """Why a step failed, and what to do."""
-    known = next((meaning for words, meaning in _REASONS if words in said), None)
-    last = (said.strip().splitlines() or ["no message"])[-1]
+def _failure_reason(output: str) -> str:
+    """Why a step with this output failed, and the fix."""
+    known = next((meaning for words, meaning in _REASONS if words in output), None)
+    last = (output.strip().splitlines() or ["no message"])[-1]
     return known or f"{last}; check network and disk and press Install again."

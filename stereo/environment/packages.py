@@ -1,4 +1,4 @@
-"""What the evaluation needs from the Python it runs in, found out without needing any of it."""
+"""Which packages the evaluation needs, and whether this Python has them; needs none of them itself."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ from ...errors import IcyMoonError
 
 PYTHON = (3, 11)
 
-# The first time it runs it says on stderr, which is for our one sentence, that it looks for fonts.
+# On its first run it reports on standard error that it looks for fonts.
 logging.getLogger("matplotlib").setLevel(logging.ERROR)
 
-#: Module -> (what pip installs it from, oldest version that will do, first major version that nobody has tested).
+#: Module -> (name for pip, oldest version that works, first major version that is not tested).
 PACKAGES = {"numpy": ("numpy", (1, 26), 3), "cv2": ("opencv-contrib-python-headless", (4, 11), 6),
             "OpenEXR": ("OpenEXR", (3, 3), 4), "jinja2": ("Jinja2", (3, 1), 4),
             "matplotlib": ("matplotlib", (3, 8), 4), "rich": ("rich", (15, 0), 16)}
 
 
 def check_packages() -> dict[str, Any]:
-    """``versions``, whether all is ``ok``, and what is ``missing`` with a ``message`` that says the mend."""
+    """Check all packages: the versions, whether all is ``ok``, what is ``missing``, and a ``message`` with the fix."""
     missing = [problem for _, problem in map(_import_package, PACKAGES) if problem]
     if sys.version_info < PYTHON:
         missing.insert(0, f"Python {'.'.join(map(str, PYTHON))} or newer")
@@ -34,17 +34,17 @@ def check_packages() -> dict[str, Any]:
 
 
 def find_versions() -> dict[str, str | None]:
-    """Versions of Python and of all that matters; None for what is absent or does not load.
+    """Versions of Python and of the packages; None for a package that is absent or does not load.
 
-    The required packages are imported, since an installed package that does not load is of no use;
-    torch only serves learned matchers, is slow to load, and is looked up without importing it.
+    The required packages are imported, since an installed package may fail to load. torch is slow to load and serves
+    the learned matchers only, so it is looked up without an import.
     """
     return {"python": platform.python_version(), **{module: _import_package(module)[0] for module in PACKAGES},
             "torch": _installed_version("torch")}
 
 
 def require(*modules: str) -> None:
-    """Raise IcyMoonError with the mend unless all of ``modules`` load in this Python."""
+    """Raise IcyMoonError with the fix unless all of ``modules`` load in this Python."""
     problems = [problem for _, problem in map(_import_package, modules) if problem]
     if problems:
         raise IcyMoonError(f"{sys.executable} lacks {', '.join(problems)}; {_install_advice()}")
@@ -57,16 +57,16 @@ def requirement(module: str) -> str:
 
 
 def _import_package(module: str) -> tuple[str | None, str]:
-    """(version or None, what is wrong with it or nothing)."""
+    """Import a module: its version or None, and what is wrong with it or nothing."""
     distribution, oldest, untested = PACKAGES[module]
     try:
-        # Packages that miss each other print whole essays about it.
+        # A package that misses another one may print many lines about it.
         with redirect_stdout(io.StringIO()), redirect_stderr(io.StringIO()):
             loaded = importlib.import_module(module)
-    except Exception as error:  # a broken binary package raises whatever it likes
+    except Exception as error:  # a broken binary package may raise anything
         reason = f" ({error})" if importlib.util.find_spec(module) else ""
         return None, f"{requirement(module)}{reason}"
-    # OpenEXR's module states the version of its C++ library only through the package's metadata.
+    # OpenEXR's version is in the metadata of the package only.
     version = getattr(loaded, "__version__", None) or _installed_version(distribution)
     if version and not oldest <= _numbers(version) < (untested,):
         return version, f"{requirement(module)} (it has {version})"

@@ -1,4 +1,4 @@
-"""Encodings of other people's data sets: PFM, KITTI's disparities, COCO's masks."""
+"""Encodings that other data sets use: PFM, KITTI's disparities, COCO's masks."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ MILLIMETRES = 1000.0
 
 
 def write_pfm(path: Path, values: np.ndarray) -> None:
-    """Write (H, W) or (H, W, 3; R, G, B) as a portable float map: float32, rows from below, little-endian.
+    """Write (H, W) or (H, W, 3; R, G, B) as a portable float map: float32, bottom row first, little-endian.
 
-    What is not finite is written as infinity, Middlebury's mark of an unknown value.
+    A value that is not finite is written as infinity, which means unknown in Middlebury's files.
     """
     single = np.where(np.isfinite(values), values, np.inf).astype("<f4")
     kind = "PF" if single.ndim == 3 else "Pf"
@@ -26,9 +26,9 @@ def write_pfm(path: Path, values: np.ndarray) -> None:
 
 
 def read_pfm(path: Path) -> np.ndarray:
-    """A portable float map as float32, (H, W) or (H, W, 3; R, G, B), either byte order, infinity as NaN.
+    """A portable float map of either byte order as float32, (H, W) or (H, W, 3; R, G, B), infinity as NaN.
 
-    Raises IcyMoonError if it is missing, none, or not of the size it says.
+    Raises IcyMoonError if it is missing, of another kind, or not of the size in its header.
     """
     try:
         content = path.read_bytes()
@@ -58,14 +58,14 @@ def write_scaled(path: Path, values: np.ndarray, scale: float) -> None:
 
 
 def unscaled(steps: np.ndarray, scale: float) -> np.ndarray:
-    """What ``write_scaled`` wrote, float64, NaN where it is 0."""
+    """The values, float64, that ``write_scaled`` wrote as ``steps``; NaN where these are 0."""
     return np.where(steps > 0, steps / scale, np.nan)
 
 
 def run_lengths(pixels: np.ndarray, count: int) -> list[int]:
-    """COCO's uncompressed run lengths of a mask: of zeros, of ones, in turn, down the columns.
+    """COCO's uncompressed run lengths of a mask: zeros and ones in turn, column by column.
 
-    ``pixels`` are the ascending indices of the mask's pixels in an image of ``count`` pixels, column by column.
+    ``pixels`` are the ascending indices of the mask's pixels, in the same order, in an image of ``count`` pixels.
     """
     breaks = np.flatnonzero(np.diff(pixels) != 1)
     first = pixels[np.concatenate([[0], breaks + 1])]

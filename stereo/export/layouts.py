@@ -1,16 +1,15 @@
-"""Pairs in the layouts of other people's data sets, with their truth.
+"""Exporting pairs, with their truth, in the layouts of other data sets.
 
-* ``png8``, ``png16``, ``pfm``: a folder per pair with ``left`` and ``right``, and of each eye ``disparity``, ``depth``,
-  labels and ``visible`` (255 where the other eye sees it too) as far as the format can hold them, and
-  ``calibration.json``.
-* ``kitti``: KITTI 2015, ``training/image_2/000000_10.png`` and so on; which pair has which number is in
-  ``pairs.csv``.
+* ``png8``, ``png16``, ``pfm``: a folder per pair with ``left`` and ``right``, ``calibration.json``, and for each eye
+  ``disparity``, ``depth``, labels and ``visible`` (255 where the other eye sees the point too), as far as the format
+  can hold them.
+* ``kitti``: KITTI 2015, ``training/image_2/000000_10.png`` and so on; ``pairs.csv`` contains the number of each pair.
 * ``middlebury``: Middlebury 2014, ``<pair>/im0.png``, ``disp0.pfm``, ``mask0nocc.png``, ``calib.txt``.
-* ``coco``: left and right images and ``annotations.json`` with a mask for each block and each object of one's own.
-* ``raw``: images, depth and calibration of the sensors as they are, distorted and toed in; see ``raw.write_raw``.
+* ``coco``: left and right images, and ``annotations.json`` with a mask for each rock and each of the user's objects.
+* ``raw``: images, depth and calibration of the sensors, not rectified; see ``raw.write_raw``.
 
-But for ``raw``, images are developed as for the matchers, rectified; ``pfm`` holds the radiance itself. An unknown
-value (sky, or what a toed-in eye does not see) is infinity in PFM and 0 in 16-bit PNG.
+Except in ``raw``, images are rectified and developed as for the matchers; ``pfm`` contains the radiance itself. An
+unknown value (sky, or what a toed-in eye does not see) is infinity in PFM and 0 in 16-bit PNG.
 """
 
 from __future__ import annotations
@@ -35,20 +34,21 @@ from .encodings import KITTI_SCALE, MILLIMETRES, run_lengths, write_pfm, write_s
 from .raw import write_raw
 
 Event = Callable[[dict[str, Any]], None]
-#: Calls a function with each pair, and a layout: what writes them with it.
+#: Calls a function with each pair.
 Each = Callable[[Callable[[Loaded], None]], None]
+#: Writes all pairs in a layout to a folder.
 Format = Callable[[Each, Path], None]
-#: Semantic values that have instances worth counting; ground and sky are no things.
+#: Semantic values that have instances; ground and sky have none.
 THINGS = (ROCK, LANDER)
 _VISIBLE, _HIDDEN = 255, 128
 
 
 def export(paths: Sequence[Path], kind: str, out: Path,
            response: Mapping[str, Mapping[str, Any]] | None = None, on_event: Event = lambda event: None) -> list[str]:
-    """Write all pairs at ``paths`` in the layout ``kind``, a key of FORMATS, to ``out``; return what failed.
+    """Write all pairs at ``paths`` in the layout ``kind``, a key of FORMATS, to ``out``; return a sentence per failure.
 
-    ``response`` overrides settings that need no new render. A pair that cannot be used is told as an event {"type":
-    "error", "message"} and left out; one that fails its self-check as {"type": "warning", "message"}. Raises
+    ``response`` overrides settings that need no new render. A pair that cannot be used is left out and reported by an
+    event {"type": "error", "message"}; one that fails its self-check by {"type": "warning", "message"}. Raises
     IcyMoonError if there is no pair or ``out`` cannot be written.
     """
     pairs = _Pairs(distinct_pairs(paths), response or {}, on_event)
@@ -57,14 +57,14 @@ def export(paths: Sequence[Path], kind: str, out: Path,
 
 
 class _Pairs:
-    """Pairs that are read and written one after the other; one that cannot be stops none of the others."""
+    """Pairs that are read and written one by one; a failure does not stop the others."""
 
     def __init__(self, folders: Sequence[Path], response: Mapping[str, Mapping[str, Any]], on_event: Event) -> None:
         self._folders, self._response, self._tell = folders, response, on_event
         self.failed: list[str] = []
 
     def write_each(self, write: Callable[[Loaded], None]) -> None:
-        """Let ``write`` write each pair. Raises DiskError if it cannot."""
+        """Read each pair and let ``write`` write it. Raises DiskError if the disk refuses."""
         for done, folder in enumerate(self._folders, 1):
             try:
                 pair = load(folder, self._response)
@@ -134,18 +134,18 @@ def _write_png16(pair: Loaded, out: Path) -> None:
 
 
 def _image_16_bit(pair: Loaded, eye: str) -> np.ndarray:
-    """The same image as the 8-bit one, in finer steps."""
+    """The image of ``_write_8_bit`` in 16 bits."""
     level = _image(pair, eye) / (2.0 ** pair.images.bits - 1)
     level = np.sqrt(level) if pair.images.encoding == "SQUARE_ROOT" else level
     return np.asarray(np.rint(65535 * level).astype(np.uint16))
 
 
 def _instance_labels(pair: Loaded) -> np.ndarray:
-    """The instance labels of both eyes in ascending order; their places in it fit 16 bits, 0 stays 0."""
+    """The instance labels of both eyes in ascending order, from 0. Their positions fit 16 bits."""
     found = [np.unique(view.instance) for view in pair.views.values() if view.instance is not None]
     labels = np.unique(np.concatenate([[0], *found]))
     if len(labels) > 65536:
-        raise IcyMoonError(f"{pair.pair.folder} shows {len(labels)} instances, 16-bit images hold 65536; use coco.")
+        raise IcyMoonError(f"{pair.pair.folder} shows {len(labels)} instances, and 16-bit images hold 65536; use coco.")
     return labels
 
 
@@ -159,7 +159,8 @@ def _write_pfm(pair: Loaded, out: Path) -> None:
 
 
 def _write_kitti(each: Each, out: Path) -> None:
-    """``disp_occ_0`` has all true disparities of the left eye, ``disp_noc_0`` those that the right eye sees too."""
+    """``disp_occ_0`` has all true disparities of the left eye, ``disp_noc_0`` those of points that the right eye sees
+    too."""
     root = out / "training"
     numbers = [("number", "pair")]
 
@@ -183,7 +184,7 @@ def _write_kitti(each: Each, out: Path) -> None:
 def _kitti_calibration(pair: Loaded) -> str:
     camera = pair.pair.camera
     lines = []
-    # KITTI counts pixels from the centre of the first one, half a pixel beside our corner.
+    # KITTI counts pixels from the centre of the first one, half a pixel from our corner.
     for name, shift in (("02", 0.0), ("03", -camera.focal_baseline_px_m)):
         matrix = (camera.focal_px, 0, camera.cx_px - 0.5, shift, 0, camera.focal_px, camera.cy_px - 0.5, 0, 0, 0, 1, 0)
         lines.append(f"S_rect_{name}: {camera.width_px:.6e} {camera.height_px:.6e}\n")
@@ -219,7 +220,7 @@ def _write_coco(each: Each, out: Path) -> None:
     images: list[dict[str, Any]] = []
 
     def fill(part: Path) -> None:
-        # Masks go to the disk pair by pair, so that no number of them fills the memory.
+        # Masks go to the disk pair by pair, so that many pairs do not fill the memory.
         with part.open("w", encoding="utf-8", newline="\n") as stream:
             stream.write(f'{{"info": {json.dumps({"description": "Icy Moon"})},\n"categories": '
                          f'{json.dumps(categories)},\n"annotations": [')
@@ -246,10 +247,10 @@ def _write_coco(each: Each, out: Path) -> None:
 
 
 def coco_annotations(instance: np.ndarray | None, semantic: np.ndarray | None) -> Iterator[dict[str, Any]]:
-    """COCO annotations of the THINGS in an image: exact masks as run lengths, box (x, y, width, height), area.
+    """COCO annotations of the THINGS in an image: mask as run lengths, box (x, y, width, height) and area.
 
     ``instance`` and ``semantic`` are labels (H, W). The category is that of most pixels of the instance. ``label`` is
-    the instance's own number, the same in both eyes and in every pair of the scene.
+    the number of the instance, the same in both eyes and in every pair of the scene.
     """
     if instance is None or semantic is None:
         return
@@ -269,7 +270,7 @@ def coco_annotations(instance: np.ndarray | None, semantic: np.ndarray | None) -
 
 
 def _pair_by_pair(write: Callable[[Loaded, Path], None]) -> Format:
-    """A layout in which no pair needs to know of the others."""
+    """A layout in which each pair is written on its own."""
     return lambda each, out: each(lambda pair: write(pair, out))
 
 
@@ -280,10 +281,10 @@ FORMATS: dict[str, Format] = {
 
 
 def write_truth(paths: Sequence[Path], out: Path) -> Iterator[dict[str, Any]]:
-    """Write ``<out>/<pair>/truth.npz`` of all pairs, and give the self-check of each as it is done, with ``pair``.
+    """Write ``<out>/<pair>/truth.npz`` of all pairs, and yield the self-check of each, with ``pair``, once it is done.
 
-    Each npz has, of both eyes, ``disparity_left`` (px) and ``depth_left`` (m), float32, NaN for sky and for
-    what the sensor does not see, and ``visible_left``, bool: seen by the other eye too. A pair that cannot be used
+    An npz contains, of both eyes, ``disparity_left`` (px) and ``depth_left`` (m), float32, NaN for sky and for points
+    that the sensor does not see, and ``visible_left``, bool: the other eye sees it too. A pair that cannot be used
     gives its ``problems`` only.
     """
     for folder in distinct_pairs(paths):

@@ -1,4 +1,4 @@
-"""The surface that a matcher measured, as a point cloud coloured by how far off it is."""
+"""The surface that a matcher measured, as a point cloud coloured by its error."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from ..images.image_files import write_bytes
 from ..measure.prepare import Prepared
 from ..measure.row import depth_of
 
-#: Points of one pair, at most; of more pixels every second, third and so on is taken along rows and columns.
+#: Most points of one pair; of a larger image every second, third and so on row and column is taken.
 MOST_POINTS = 60_000
 _TOO_NEAR, _TOO_FAR, _RIGHT = (0x2B, 0x5F, 0xC4), (0xC4, 0x2B, 0x2B), (0xF4, 0xF4, 0xF4)
 _UNKNOWN = (0x96, 0x96, 0x96)
@@ -24,9 +24,9 @@ _KINDS = {"f4": "float", "u1": "uchar"}
 def write_points(path: Path, prepared: Prepared, disparity: np.ndarray) -> None:
     """Write the measured points in world axes, metres, as binary PLY.
 
-    Normals point to the camera; ``error_m`` is measured minus true depth, NaN where there is no true one;
-    ``size_m`` is how wide the pixels are that a point stands for. A comment ``missing N`` says how many points there
-    are not, since nothing was measured. The pair must have a ``pose_of``.
+    Normals point to the camera. ``error_m`` is the measured minus the true depth, NaN where there is no true one.
+    ``size_m`` is the width of the pixels that a point stands for. A comment ``missing N`` gives the number of points
+    where nothing was measured. The pair must have a ``pose_of``.
     """
     points = measured_points(prepared, disparity)
     properties = [f"property {_KINDS[_LAYOUT[name].str[1:]]} {name}" for name in _LAYOUT.names or ()]
@@ -61,20 +61,20 @@ def measured_points(prepared: Prepared, disparity: np.ndarray) -> np.ndarray:
 
 
 def missing_points(prepared: Prepared, disparity: np.ndarray) -> int:
-    """How many of the places that ``measured_points`` takes have a true depth and no measured one."""
+    """How many of the pixels that ``measured_points`` takes have a true depth and no measured one."""
     step = _step(disparity)
     depth, truth = (values[::step, ::step] for values in (depth_of(prepared, disparity), prepared.truth))
     return int((np.isfinite(truth) & ~np.isfinite(depth)).sum())
 
 
 def _step(disparity: np.ndarray) -> int:
-    """Of so many rows and columns one is taken."""
+    """One in so many rows and columns is taken."""
     return max(1, int(np.ceil(np.sqrt(disparity.size / MOST_POINTS))))
 
 
 def signed_colours(error_m: np.ndarray) -> np.ndarray:
-    """RGB uint8 (n, 3): blue for too near, red for too far, by the logarithmic scale of the error pictures; white
-    below its 1 cm, grey for NaN."""
+    """RGB uint8 (n, 3) on the logarithmic scale of the error pictures: blue for too near, red for too far, white below
+    1 cm, grey for NaN."""
     amount = ERROR.position(np.nan_to_num(np.abs(error_m)))[:, None]
     end = np.where(np.nan_to_num(error_m)[:, None] < 0, _TOO_NEAR, _TOO_FAR)
     colours = np.rint(_RIGHT + amount * (end - np.array(_RIGHT)))
@@ -82,7 +82,7 @@ def signed_colours(error_m: np.ndarray) -> np.ndarray:
 
 
 def pose_of(prepared: Prepared) -> np.ndarray | None:
-    """The matrix (4, 4) from the rectified left camera, in OpenCV's axes, to the world; None if the pair says none."""
+    """The matrix (4, 4) from the rectified left camera, in OpenCV's axes, to the world; None if the pair has none."""
     try:
         pose = np.array(prepared.pair.rectified_poses["left"], np.float64)  # type: ignore[index]
     except (KeyError, TypeError, ValueError):
@@ -91,7 +91,7 @@ def pose_of(prepared: Prepared) -> np.ndarray | None:
 
 
 def add_points(images: dict[str, Any], out: Path, prepared: Prepared, disparity: np.ndarray) -> dict[str, Any]:
-    """``images`` of a row with its ``points``, which are written beside its disparity unless they are there."""
+    """The ``images`` of a row with its ``points``; these are written beside its disparity unless they are there."""
     if "points" in images:
         return images
     path = (out / images["disparity"]).with_suffix(".ply")

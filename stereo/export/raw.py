@@ -1,4 +1,4 @@
-"""The export ``raw``: images as the sensors have them, not rectified, and all that is needed to rectify them."""
+"""The export ``raw``: images of the sensors, not rectified, and the calibration to rectify them."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from ..measure.prepare import Loaded
 
 
 def write_raw(pair: Loaded, out: Path) -> None:
-    """Write ``<out>/<pair>/``: ``left.png`` (8-bit, or 16-bit holding ``image_bits``), ``depth_left.npy`` (planar
-    metres along the eye's own axis, NaN for none), the same of the right eye, ``calibration.json``, and
-    ``intrinsics.yml`` and ``extrinsics.yml`` as OpenCV's own stereo programs read them.
+    """Write to ``<out>/<pair>/``: ``left.png`` (8-bit, or 16-bit with ``image_bits`` bits), ``depth_left.npy`` (metres
+    along the axis of the eye, NaN for none), the same of the right eye, ``calibration.json``, and ``intrinsics.yml``
+    and ``extrinsics.yml`` in the format of OpenCV's stereo programs.
 
     Single exposures that were merged are not written.
     """
@@ -45,10 +45,10 @@ def write_raw(pair: Loaded, out: Path) -> None:
 
 
 def opencv_calibration(camera: StereoCamera, distortion: tuple[float, ...]) -> dict[str, np.ndarray]:
-    """The calibration by the names of OpenCV's stereo programs, lengths in metres, pixels counted from centres.
+    """The calibration under the names of OpenCV's stereo programs, lengths in metres, pixels counted from centres.
 
-    M, D: matrix and distortion of each eye; x2 = R x1 + T; E and F: essential and fundamental matrix; R1, R2, P1, P2,
-    Q: rectification to the parallel rig, whose truth the other exports have.
+    M, D: matrix and distortion of each eye; x2 = R x1 + T; E, F: essential and fundamental matrix; R1, R2, P1, P2, Q:
+    rectification to the parallel rig, to which the truth of the other exports belongs.
     """
     first, second = (camera.eye_rotation(eye) for eye in EYES)
     matrix = np.array(camera.matrix)

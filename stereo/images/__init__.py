@@ -1,1 +1,1 @@
-"""The images of a pair: read, developed, and what the truth says of each pixel."""
+"""The images of a pair: reading, developing, and what the truth tells about each pixel."""

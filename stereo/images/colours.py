@@ -1,8 +1,8 @@
-"""Numbers as colours, with the scale that says which colour is which number.
+"""Pictures of depth and error in colours, and the colour bars below them.
 
-Depth and error are shown on logarithmic scales. Depth spans what the true depth of the pair spans;
-error has one fixed scale for all pairs and methods, so that pictures can be compared, with the
-paper's threshold of 10 cm in its middle. Viridis and magma are perceptually uniform.
+The scales are logarithmic. That of depth spans the true depth of the pair. That of error is the same for all pairs
+and methods, so that pictures can be compared; its middle is 10 cm, the threshold of the L1-rate-10. Viridis and magma
+are perceptually uniform.
 """
 
 from __future__ import annotations
@@ -31,11 +31,11 @@ class Scale:
 
     @property
     def ticks(self) -> tuple[float, ...]:
-        """Round numbers to label the scale with."""
+        """Round numbers that label the scale."""
         return _ticks(self.low, self.high)
 
     def position(self, value: np.ndarray | float) -> np.ndarray:
-        """Where values lie on the scale, 0 to 1, held at its ends."""
+        """Where values lie on the scale, from 0 to 1; values beyond its ends lie at the ends."""
         logarithm = np.log(np.maximum(value, np.finfo(np.float64).tiny))
         return np.clip((logarithm - math.log(self.low)) / math.log(self.high / self.low), 0.0, 1.0)
 
@@ -80,26 +80,26 @@ def error_picture(prediction: np.ndarray, truth: np.ndarray) -> np.ndarray:
     return picture
 
 
-#: Colours, BGR, of what became of a pixel: accepted first, then reasons for a rejection.
+#: Colours, BGR, of a pixel's outcome: accepted first, then the reasons for a rejection.
 _OUTCOMES = ((235, 206, 166), (128, 128, 128), (0, 94, 213), (160, 105, 192), (0, 159, 230), (115, 158, 0),
              (66, 66, 66), (66, 228, 240))
 
 
 def outcome_picture(flags: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
-    """BGR picture of ``shape`` (H, W) of what became of each pixel, from whole numbers (h, w) of any size."""
+    """BGR picture of ``shape`` (H, W) of each pixel's outcome, from whole numbers (h, w) of any size."""
     colours = np.array(_OUTCOMES, np.uint8)[flags.astype(np.intp) % len(_OUTCOMES)]
     return np.asarray(cv2.resize(colours, (shape[1], shape[0]), interpolation=cv2.INTER_NEAREST))
 
 
 def outcome_legend(counts: Mapping[str, int]) -> list[tuple[str, str, float]]:
-    """(name, CSS colour, share) of each outcome that occurs; ``counts`` has pixels by name, in the flags' order."""
+    """(name, CSS colour, share) of each outcome that occurs; ``counts``: pixels by name, in the order of the flags."""
     total = sum(counts.values())
     return [(name, "rgb({2},{1},{0})".format(*_OUTCOMES[k % len(_OUTCOMES)]), count / total)
             for k, (name, count) in enumerate(counts.items()) if count]
 
 
 def with_bar(picture: np.ndarray, scale: Scale) -> np.ndarray:
-    """The picture with the scale's colour bar, ticks and title in a strip of its own below."""
+    """The picture, with the scale's colour bar, ticks and title in a strip below it."""
     width = picture.shape[1]
     strip = np.full((_STRIP_PX, width, 3), 255, np.uint8)
     left = min(8, width // 4)

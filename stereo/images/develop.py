@@ -1,4 +1,4 @@
-"""Developing a pair: linear radiance to the grey images that stereo matchers are given."""
+"""Developing a pair: from linear radiance to the grey images that matchers get."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ from .lens import Lens, lens_of
 
 @dataclass(frozen=True)
 class Frame:
-    """One exposure of both eyes: uint16 (H, W) digital numbers of the sensor's bits."""
+    """One exposure of both eyes: uint16 (H, W) digital numbers with the bits of the sensor."""
 
     seconds: float
     left: np.ndarray
@@ -44,11 +44,11 @@ class Frame:
 
 @dataclass(frozen=True)
 class Images:
-    """A developed pair, uint16 (H, W) digital numbers of ``bits`` bits: the one exposure, or all merged."""
+    """A developed pair, uint16 (H, W) digital numbers of ``bits`` bits: one exposure, or several merged."""
 
     left: np.ndarray  # rectified, on the truth
     right: np.ndarray
-    detected_left: np.ndarray  # as the sensor has them, the same unless the lens distorts or eyes are toed in
+    detected_left: np.ndarray  # on the sensor; the same unless the lens distorts or the eyes are toed in
     detected_right: np.ndarray
     bits: int
     frames: tuple[Frame, ...]  # the exposures, longest first
@@ -58,36 +58,36 @@ class Images:
     saturation_radiance: float  # W/(m² sr) at the top of the images; infinite if none reaches it
     saturated: float  # share of the left pixels at the converter's top, in the shortest exposure
     encoding: str
-    warnings: tuple[str, ...]  # what to know of blur in the render and of the exposure
+    warnings: tuple[str, ...]  # about blur in the render and about the exposure
 
     def for_matchers(self) -> tuple[np.ndarray, np.ndarray]:
-        """Left and right as uint8: OpenCV's matchers take nothing finer, so more bits are scaled down."""
+        """Left and right as uint8, the only type that OpenCV's matchers take; more bits are scaled down."""
         return to_8_bit(self.left, self.bits, self.encoding), to_8_bit(self.right, self.bits, self.encoding)
 
 
 def grey(radiance: np.ndarray) -> np.ndarray:
     """Mean of the bands, float64 (H, W), of radiance (H, W, 3).
 
-    A panchromatic camera weighs the bands alike; luminance weights are a property of eyes. Icy
-    surfaces here are grey, so the choice matters only for coloured additions.
+    A panchromatic camera weights the bands equally; luminance weights belong to the human eye. Icy surfaces are grey,
+    so the choice matters only for coloured objects.
     """
     # Twice as fast as mean(), which adds up the short last axis one pixel at a time.
     return (radiance[..., 0].astype(np.float64) + radiance[..., 1] + radiance[..., 2]) / 3
 
 
 def scaled_radiance(view: Light, pair: Pair, light: Mapping[str, Any]) -> np.ndarray:
-    """Radiance (H, W, 3) with the Sun and the planet as bright as ``sun_scale`` and ``planet_scale`` say.
+    """Radiance (H, W, 3) with the Sun and the planet scaled by ``sun_scale`` and ``planet_scale``.
 
-    Light is linear, so this is what a render would give. A pair without light groups has one light,
-    the Sun. Raises IcyMoonError where the groups are not what the image is made of.
+    Light is linear, so a new render would give the same. A pair without light groups has one light, the Sun. Raises
+    IcyMoonError if the image is not the sum of its groups.
     """
     scales = {group: float(light[key]) for group, key in LIGHT_GROUPS.items()}
     if not view.groups:
         return view.radiance * np.float32(scales["Sun"]) if scales["Sun"] != 1 else view.radiance
     changed = {group: scale for group, scale in scales.items() if scale != 1 and group in view.groups}
     if changed and pair.settings["quality"]["denoiser"] != "NONE":
-        raise IcyMoonError(f"{pair.folder} was denoised, its light groups were not; render it with quality.denoiser "
-                           f"NONE to change light.{LIGHT_GROUPS[next(iter(changed))]}.")
+        raise IcyMoonError(f"{pair.folder} was denoised, but its light groups were not; render it with "
+                           f"quality.denoiser NONE to change light.{LIGHT_GROUPS[next(iter(changed))]}.")
     radiance = view.radiance
     for group, scale in changed.items():
         radiance = radiance + np.float32(scale - 1) * view.groups[group]
@@ -95,11 +95,11 @@ def scaled_radiance(view: Light, pair: Pair, light: Mapping[str, Any]) -> np.nda
 
 
 def develop(pair: Pair, left: Light, right: Light, settings: Settings) -> Images:
-    """Both eyes through one camera response with one exposure and independent noise.
+    """Develop both eyes with the same response and exposure, and with independent noise.
 
-    ``left`` and ``right`` are the light as it falls into the eyes, see ``views.read_eye``. ``settings`` need not have
-    the camera response that the pair was rendered with. The noise is the same for the same pair, data set seed and
-    noise seed, however often it is developed.
+    ``left`` and ``right`` are the light that falls into the eyes, see ``views.read_eye``. The response in ``settings``
+    may differ from the one that the pair was rendered with. The same pair, data set seed and noise seed always give
+    the same noise.
     """
     sensor, rig = settings["sensor"], settings["rig"]
     pitch_m = pixel_pitch_m(sensor, rig)
@@ -151,7 +151,7 @@ def _exposures(light: np.ndarray, times: list[float], rate: float, settings: Set
 
 
 def exposure_facts(images: Images) -> Mapping[str, Any]:
-    """What a report says of how a pair was exposed; None for what is infinite."""
+    """How a pair was exposed, for reports; None for what is infinite."""
     return {"exposure_s": images.exposure_s, "exposures_s": [frame.seconds for frame in images.frames],
             "gain_dn_per_e": images.gain_dn_per_e, "electrons_per_s_per_radiance": images.electron_rate,
             "saturation_radiance": images.saturation_radiance if math.isfinite(images.saturation_radiance) else None,
@@ -160,7 +160,7 @@ def exposure_facts(images: Images) -> Mapping[str, Any]:
 
 
 def to_8_bit(numbers: np.ndarray, bits: int, encoding: str = "LINEAR") -> np.ndarray:
-    """uint8 of digital numbers of ``bits`` bits, both ends of the range kept at the ends."""
+    """uint8 of digital numbers of ``bits`` bits; both ends of the range stay at the ends."""
     if bits == 8 and encoding == "LINEAR":
         return numbers.astype(np.uint8)
     level = numbers / (2.0 ** bits - 1)

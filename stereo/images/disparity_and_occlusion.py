@@ -1,7 +1,7 @@
-"""What the true depth says about a pair: disparity, and what each eye sees of the other's view.
+"""Disparity and occlusion, from the true depth of a pair.
 
-Columns and rows are pixel indices, whose difference between the eyes is free of the half-pixel
-that the coordinates of pixel centres carry. Disparity is left column minus right column.
+Columns and rows are pixel indices. The coordinates of pixel centres differ from them by half a pixel, which cancels
+between the eyes. Disparity is the left column minus the right one.
 """
 
 from __future__ import annotations
@@ -12,14 +12,14 @@ from ...labels import PLANET
 from ...render.pairs.pair_folder import StereoCamera
 from .exr import Truth
 
-#: Disparity, px, by which a surface must be nearer to count as an occluder; see visible_in_right.
+#: Disparity, px, by which an occluder must be nearer; see visible_in_right.
 OCCLUSION_STEP_PX = 0.5
 
 
 def scene_depth(view: Truth) -> np.ndarray:
     """Planar depth in metres, float64 (H, W), NaN for sky and for the planet.
 
-    The planet is sky to a stereo camera: it is far beyond any disparity that can be measured.
+    To a stereo camera the planet is sky: its disparity is too small to measure.
     """
     if view.semantic is None:
         return view.depth
@@ -27,20 +27,21 @@ def scene_depth(view: Truth) -> np.ndarray:
 
 
 def visible_in_right(left_depth: np.ndarray, right_depth: np.ndarray, camera: StereoCamera) -> np.ndarray:
-    """Boolean (H, W): the point seen by this left pixel is inside the right image and not hidden there.
+    """Boolean (H, W): the point that a left pixel sees is inside the right image and not hidden there.
 
-    Both depths are planar metres, NaN for sky; sky is not visible. The point lands between two
-    columns of the right image. On a plane disparity is an affine function of the column, so there
-    its own disparity lies between those of the two columns however steep the plane is; it is hidden
-    only if both columns show something nearer. Nearer means by OCCLUSION_STEP_PX: an occluder that
-    is nearer by s px of disparity hides a strip s px wide, and one narrower than half a pixel can
-    hide no whole pixel, while curvature between two columns and single precision stay below it.
+    Both depths are planar metres, NaN for sky; sky is not visible. The point falls between two columns of the right
+    image, and is hidden only if both show something nearer. On a plane, disparity is an affine function of the column,
+    so the disparity of a visible point lies between those of the two columns, however steep the plane is.
+
+    Something is nearer if its disparity is larger by OCCLUSION_STEP_PX. An occluder whose disparity is larger by s px
+    hides a strip s px wide, and a strip below half a pixel hides no whole pixel. Curvature between two columns and
+    single precision change the disparity by less.
     """
     return _visible(left_depth, right_depth, camera, "left")
 
 
 def visible_in_left(left_depth: np.ndarray, right_depth: np.ndarray, camera: StereoCamera) -> np.ndarray:
-    """The same of the pixels of the right image."""
+    """The same for the pixels of the right image."""
     return _visible(right_depth, left_depth, camera, "right")
 
 
@@ -61,13 +62,14 @@ def matching_column(disparity: np.ndarray, eye: str = "left") -> np.ndarray:
 
 
 def warped(image: np.ndarray, column: np.ndarray) -> np.ndarray:
-    """``image`` (H, W) fetched at the fractional ``column`` (H, W) of each pixel, linear, held at the edges."""
+    """``image`` (H, W) interpolated linearly at the fractional ``column`` (H, W) of each pixel; constant beyond the
+    edges."""
     before, after, weight = _neighbours(column, image.shape[1])
     return (1 - weight) * _at(image, before) + weight * _at(image, after)
 
 
 def _neighbours(column: np.ndarray, width: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The two whole columns around a fractional one, held inside the image, and the second's weight."""
+    """The two whole columns around a fractional one, clamped to the image, and the weight of the second."""
     column = np.clip(np.nan_to_num(column, nan=0.0), 0.0, width - 1.0)
     before = np.floor(column).astype(np.intp)
     return before, np.minimum(before + 1, width - 1), column - before

@@ -1,9 +1,8 @@
-"""Reading the multilayer EXR files of a pair, whichever Blender wrote them.
+"""Reading the multilayer EXR files of a pair, from any version of Blender.
 
-Blender 4.x puts every pass into one part, as ``Truth.Depth.Z`` or, with the view's name inside,
-``Truth.Depth.left.Z``; Blender 5.x writes one part per pass with the same channel names and keeps
-the view in the part's header. So a channel is found by its layer (first word), its pass (second
-word) and its component (last word), and the view by either of the two ways.
+Blender 4.x writes all passes into one part, as ``Truth.Depth.Z`` or, with the name of the view, as
+``Truth.Depth.left.Z``. Blender 5.x writes one part per pass, with the same channel names and the view in the header of
+the part. So a channel is found by its layer (first word), pass (second word) and component (last word).
 """
 
 from __future__ import annotations
@@ -30,7 +29,7 @@ _Channels = dict[tuple[str, str, str], np.ndarray]  # (layer, pass, component) -
 
 @dataclass(frozen=True)
 class Light:
-    """What one eye's EXR holds of light: (H, W, 3) float32, linear, W/(m² sr) in the bands R, G, B."""
+    """The light in the EXR file of one eye: (H, W, 3) float32, linear, W/(m² sr) in the bands R, G, B."""
 
     radiance: np.ndarray
     groups: dict[str, np.ndarray]  # parts of it by the light they come from, see labels.LIGHT_GROUPS; may be empty
@@ -38,7 +37,7 @@ class Light:
 
 @dataclass(frozen=True)
 class Truth:
-    """What one eye's EXR holds of the scene. Height H, width W; sampled at pixel centres."""
+    """The truth in the EXR file of one eye, of height H and width W, sampled at pixel centres."""
 
     depth: np.ndarray  # (H, W) float64, planar metres, NaN for sky
     normal: np.ndarray | None  # (H, W, 3) float32, world axes: of the facet, else the shading normal
@@ -48,11 +47,11 @@ class Truth:
 
 @dataclass(frozen=True)
 class View(Truth, Light):
-    """Both, of one camera: radiance, groups, then the truth."""
+    """Light and truth of one camera."""
 
 
 def read_view(path: Path, eye: str | None = None) -> View:
-    """Read ``left.exr`` or ``right.exr`` where it holds both. ``eye`` picks the view where a file holds two.
+    """Read ``left.exr`` or ``right.exr``, if it contains both. ``eye`` selects the view in a file with two.
 
     Raises IcyMoonError if the file is missing, damaged or lacks radiance or depth.
     """
@@ -62,7 +61,7 @@ def read_view(path: Path, eye: str | None = None) -> View:
 
 
 def read_truth(path: Path, eye: str | None = None) -> Truth:
-    """The truth alone. Raises IcyMoonError if the file is missing, damaged or lacks depth."""
+    """Read the truth alone. Raises IcyMoonError if the file is missing, damaged or lacks depth."""
     return _truth(_read_channels(path, eye), path)
 
 
@@ -74,8 +73,8 @@ def _truth(channels: _Channels, path: Path) -> Truth:
 
 
 def read_light(path: Path, eye: str | None = None, groups: bool = True) -> Light:
-    """The light alone, with its ``groups`` or without, for a fraction of the cost of ``read_view`` where the file
-    has a part for each pass."""
+    """Read the light alone, with or without its ``groups``; far faster than ``read_view`` if the file has a part for
+    each pass."""
     passes = [f"{BEAUTY}.Combined", *(f"{BEAUTY}.Combined_{group}" for group in LIGHT_GROUPS if groups)]
     radiance, found = _light(_read_channels(path, eye, passes), path)
     return Light(radiance, found if groups else {})
@@ -93,7 +92,7 @@ def _radiance(channels: _Channels, pass_name: str, path: Path) -> np.ndarray:
 
 
 def _read_channels(path: Path, eye: str | None, passes: Collection[str] = ()) -> _Channels:
-    """Channels of an eye, all or (where that saves something) those of ``passes`` (``LAYER.PASS``)."""
+    """The channels of an eye: all, or at least those of ``passes`` (``LAYER.PASS``)."""
     import OpenEXR
 
     if not path.is_file():
@@ -102,9 +101,9 @@ def _read_channels(path: Path, eye: str | None, passes: Collection[str] = ()) ->
         with _silence_openexr(), _make_smaller_file(path, passes) as file:
             parts_announced = len(OpenEXR.File(file, separate_channels=True, header_only=True).parts)
             parts = OpenEXR.File(file, separate_channels=True).parts
-    except Exception as error:  # the binding raises RuntimeError, ValueError and its own types alike
+    except Exception as error:  # the binding raises RuntimeError, ValueError and its own types
         raise IcyMoonError(f"{path} is not a readable EXR file ({error}); render the pair again.") from None
-    # OpenEXR leaves a part that it cannot decode out of the list and says so only on stdout.
+    # OpenEXR leaves out a part that it cannot decode, and reports that on standard output only.
     if len(parts) < parts_announced:
         raise IcyMoonError(f"{path} is damaged or incomplete; render the pair again.")
     channels: _Channels = {}
@@ -120,11 +119,11 @@ def _read_channels(path: Path, eye: str | None, passes: Collection[str] = ()) ->
 
 @contextmanager
 def _make_smaller_file(path: Path, passes: Collection[str]) -> Iterator[str]:
-    """Name of a file with what ``path`` holds of ``passes``, or of ``path`` itself."""
+    """Make a file with only the ``passes`` in ``path``, if any are given; gives its name."""
     if not passes:
         yield str(path)
         return
-    # A file and not a stream, which older versions of the OpenEXR package do not read.
+    # A file, since older versions of the OpenEXR package read no stream.
     with scratch_folder() as folder:
         file = folder / path.name
         file.write_bytes(only_passes(path.read_bytes(), passes))
@@ -140,7 +139,7 @@ def _find(channels: _Channels, layer: str, pass_name: str, component: str, path:
 
 
 def _normal(channels: _Channels, path: Path) -> np.ndarray | None:
-    """Normals of facets; of a person's own objects, whose material does not tell, those that they are shaded with."""
+    """Normals of facets. The materials of the user's own objects do not write these; there it is the shading normal."""
     normals = [np.stack([_find(channels, TRUTH, name, axis, path) for axis in components], axis=-1)
                for name, components in ((NORMAL_AOV, "RGB"), (NORMAL_AOV, "XYZ"), ("Normal", "XYZ"))
                if (TRUTH, name, components[0]) in channels]
@@ -150,9 +149,9 @@ def _normal(channels: _Channels, path: Path) -> np.ndarray | None:
 
 
 def _instances(channels: _Channels) -> np.ndarray | None:
-    """Labels of objects, and where a block is, its own: a block has no object index."""
-    objects, blocks = _labels(channels, ("Object Index", "IndexOB")), _labels(channels, (INSTANCE_AOV,))
-    return objects if blocks is None or objects is None else np.where(blocks > 0, blocks, objects)
+    """Labels of objects and of rocks; a rock has a label of its own and no object index."""
+    objects, rocks = _labels(channels, ("Object Index", "IndexOB")), _labels(channels, (INSTANCE_AOV,))
+    return objects if rocks is None or objects is None else np.where(rocks > 0, rocks, objects)
 
 
 def _labels(channels: _Channels, passes: tuple[str, ...]) -> np.ndarray | None:
@@ -164,8 +163,8 @@ def _labels(channels: _Channels, passes: tuple[str, ...]) -> np.ndarray | None:
 
 @contextmanager
 def _silence_openexr() -> Iterator[None]:
-    """Send what OpenEXR says about a damaged file nowhere: its Python part prints on standard output,
-    which carries our own lines, its C++ part on standard error."""
+    """Discard what OpenEXR prints about a damaged file: its Python part prints on standard output, where our results
+    go, its C++ part on standard error."""
     sys.stderr.flush()
     kept = os.dup(2)
     try:

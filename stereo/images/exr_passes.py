@@ -1,7 +1,7 @@
-"""Leaving out of an EXR file what is not needed before it is decoded, which is what reading costs.
+"""Removing passes from an EXR file before it is decoded, since decoding takes most of the time of reading.
 
-Blender 5 writes a part for each pass. Of a file of Blender 4, where the passes of a layer share a part and its
-chunks, whole layers are left out.
+Blender 5 writes a part for each pass. In a file of Blender 4 the passes of a layer share a part, so only whole layers
+can be removed.
 """
 
 from __future__ import annotations
@@ -12,12 +12,12 @@ from ...formats.exr_parts import assemble, read_pieces
 
 
 def only_passes(data: bytes, passes: Collection[str]) -> bytes:
-    """The EXR file ``data`` with those parts only that hold ``passes`` (``LAYER.PASS``), all if none does.
+    """The EXR file ``data`` with only those parts that contain ``passes`` (``LAYER.PASS``); with all if none does.
 
-    Raises ValueError, IndexError, KeyError or struct.error for what is no EXR file.
+    Raises ValueError, IndexError, KeyError or struct.error if it is no EXR file.
     """
     parts = read_pieces(data)
-    # A part is called after its pass, in some versions with "-VIEW" at the end, or after its layer.
+    # A part has the name of its pass, in some versions with "-VIEW" at the end, or of its layer.
     layers = {name.split(".")[0] for name in passes}
     wanted = [part for part in parts if part.name.split("-")[0] in passes or part.name in layers]
     return data if len(wanted) in (0, len(parts)) else assemble(wanted)

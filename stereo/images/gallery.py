@@ -1,4 +1,4 @@
-"""Rendered pairs as pictures for people, and many of them on one sheet with a caption each."""
+"""Pictures of rendered pairs for screens, and sheets of many with captions."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from .exr import read_light
 from .image_files import encoded, write_bytes
 
 _SCREEN_GAMMA = 1 / 2.2
-#: JPEG qualities of a sheet, from which the first is taken that keeps to the most bytes.
+#: JPEG qualities of a sheet; the first that gives a small enough file is taken.
 _QUALITIES = range(90, 20, -5)
 _COLUMNS, _CELL_PX, _CAPTION_PX = 3, 480, 48
 
 
 def write_picture(pair_folder: Path, file: Path) -> None:
-    """Write what the left eye of a pair saw as a JPEG for screens, in colour, at the camera's automatic exposure.
+    """Write the view of a pair's left eye as a JPEG for screens, in colour, at the camera's automatic exposure.
 
-    A sensor is linear and a screen is not, so it is brighter than what matchers are given, and it has no noise.
+    Matchers get a linear image; this one has the gamma of screens, so it is brighter, and it has no noise.
     """
     pair = read_pair(pair_folder)
     radiance, sensor = read_light(pair.image("left"), "left", groups=False).radiance, pair.settings["sensor"]
@@ -33,7 +33,7 @@ def write_picture(pair_folder: Path, file: Path) -> None:
 
 
 def write_sheet(pictures: Sequence[tuple[Path, str, str]], file: Path, most_bytes: int = 400_000) -> None:
-    """Write pictures, each with a title and a line below it, side by side as one JPEG of at most so many bytes.
+    """Write pictures side by side, each with a title and a line of text below, as one JPEG of at most ``most_bytes``.
 
     Raises IcyMoonError if a picture cannot be read.
     """
@@ -53,7 +53,7 @@ def write_sheet(pictures: Sequence[tuple[Path, str, str]], file: Path, most_byte
 def _read_cell(picture: Path, title: str, line: str) -> np.ndarray:
     image = cv2.imread(str(picture))
     if image is None:
-        raise IcyMoonError(f"{picture}: is not an image; remove it and run the command again.")
+        raise IcyMoonError(f"{picture} is not an image; remove it and run the command again.")
     height = max(1, round(image.shape[0] * _CELL_PX / image.shape[1]))
     caption = np.zeros((_CAPTION_PX, _CELL_PX, 3), np.uint8)
     for text, row, size in ((title, 18, 0.5), (line, 38, 0.4)):

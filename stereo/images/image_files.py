@@ -1,4 +1,4 @@
-"""PNG, JPEG and PFM files, and the atomic writing of everything that is made in memory first."""
+"""PNG, JPEG, PFM and NumPy files, written atomically."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def write_png(path: Path, image: np.ndarray) -> None:
 
 
 def encoded(image: np.ndarray, suffix: str, quality: int = 85) -> bytes:
-    """The bytes of an image file of the kind ``suffix``; ``quality`` is JPEG's."""
+    """The bytes of an image file of the format ``suffix``; ``quality`` is that of a JPEG."""
     parameters = [cv2.IMWRITE_JPEG_QUALITY, quality] if suffix == ".jpg" else []
     return bytes(cv2.imencode(suffix, image, parameters)[1].tobytes())
 
@@ -41,8 +41,7 @@ def encoded(image: np.ndarray, suffix: str, quality: int = 85) -> bytes:
 def read_png(path: Path) -> np.ndarray:
     """A PNG file as uint8 or uint16, grey (H, W), BGR (H, W, 3) or BGRA (H, W, 4).
 
-    Raises IcyMoonError if it is missing, not a PNG, or damaged: the library would fill in a
-    truncated image with black.
+    Raises IcyMoonError if it is missing, not a PNG, or damaged; OpenCV would fill a truncated image with black.
     """
     try:
         content = path.read_bytes()
@@ -55,14 +54,15 @@ def read_png(path: Path) -> np.ndarray:
     try:
         image = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_UNCHANGED)
     except cv2.error as error:
-        raise IcyMoonError(f"{path} cannot be decoded ({error.err}).") from None
+        raise IcyMoonError(f"{path} cannot be decoded ({error.err}); make it again.") from None
     if image is None:
         raise IcyMoonError(f"{path} cannot be decoded; make it again.")
     return image
 
 
 def read_pfm(path: Path) -> np.ndarray:
-    """A grey PFM file as float32 (H, W), top row first; its scale says the order of bytes and changes no value.
+    """A grey PFM file as float32 (H, W), top row first. The sign of its scale gives the byte order; values are not
+    scaled.
 
     Raises IcyMoonError if it is missing, of another kind or damaged.
     """
@@ -81,7 +81,7 @@ def read_pfm(path: Path) -> np.ndarray:
 
 
 def _is_whole(content: bytes) -> bool:
-    """Whether every chunk of a PNG up to its end chunk is there with the right checksum."""
+    """Whether a PNG has all its chunks up to the end chunk, each with the right checksum."""
     place = len(_PNG)
     while place + 12 <= len(content):
         length = int.from_bytes(content[place:place + 4], "big")
@@ -105,7 +105,7 @@ def write_npy(path: Path, values: np.ndarray) -> None:
 def write_disparity(path: Path, disparity: np.ndarray, arrays: Mapping[str, np.ndarray] | None = None,
                     **facts: float) -> None:
     """Write an npz with ``disparity`` (float32 px, NaN where invalid), named arrays and numbers, atomically."""
-    # In memory first: a zip file that meets a full disk complains a second time when it is closed.
+    # In memory first: on a full disk a zip file raises a second error when it is closed.
     stream = io.BytesIO()
     np.savez_compressed(stream, disparity=disparity.astype(np.float32), **(arrays or {}),
                         **{name: np.float64(value) for name, value in facts.items()})

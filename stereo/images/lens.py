@@ -1,8 +1,8 @@
-"""What a lens with distortion and an eye that is turned in do to an image, and rectification, which undoes it.
+"""Lens distortion and toe-in, and the rectification that undoes both.
 
-Three images: the rendered one, a pinhole's with margins, of the eye as it is turned; the sensor's, distorted; and the
-rectified one, of the parallel rig. Matchers are given what rectification makes of the sensor's numbers, which lies on
-the truth of the parallel rig.
+There are three images. The rendered image is that of a pinhole with margins, toed in as the eye is. The image of the
+sensor is distorted by the lens. The rectified image is that of the parallel rig, to which the truth belongs; matchers
+get this one, made from the numbers of the sensor.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from ...render.pairs.pair_folder import StereoCamera
 
 @dataclass(frozen=True)
 class Lens:
-    """Where the pixels of one image are in another; maps (H, W, 2) float32, column and row, NaN where nowhere."""
+    """Where the pixels of one image are in another: maps (H, W, 2), float32, of column and row; NaN for nowhere."""
 
     sensor_in_rendered: np.ndarray
     rectified_in_sensor: np.ndarray
@@ -29,21 +29,21 @@ class Lens:
     rendered_px: tuple[int, int]  # columns and rows of the rendered image
 
     def distort(self, radiance: np.ndarray) -> np.ndarray:
-        """What falls on the sensor, of rendered radiance; dark where the render does not reach."""
+        """The radiance on the sensor, from rendered radiance; 0 beyond the edges of the render."""
         seen = _remapped(radiance, self.sensor_in_rendered, cv2.INTER_CUBIC)
         return np.maximum(np.nan_to_num(seen), 0.0)
 
     def rectify(self, numbers: np.ndarray) -> np.ndarray:
-        """The rectified image of the sensor's numbers (H, W), of their type; 0 where it has none."""
+        """The rectified image, from the sensor's numbers (H, W) and of their type; 0 where the sensor has none."""
         seen = _remapped(numbers.astype(np.float32), self.rectified_in_sensor, cv2.INTER_LINEAR)
         return np.rint(np.nan_to_num(seen)).astype(numbers.dtype)
 
     def rectify_radiance(self, radiance: np.ndarray) -> np.ndarray:
-        """Rendered radiance, any number of bands, on the rectified image's pixels; 0 where there is none."""
+        """Rendered radiance, of any number of bands, on the pixels of the rectified image; 0 where there is none."""
         return np.nan_to_num(_remapped(radiance, self.rectified_in_rendered, cv2.INTER_LINEAR))
 
     def truth_of_sensor(self, values: np.ndarray) -> np.ndarray:
-        """Truth for the sensor's pixels: that of the nearest rendered pixel, never a mean; NaN outside."""
+        """The truth at the sensor's pixels: that of the nearest rendered pixel, never a mean; NaN outside."""
         height, width = values.shape
         inside = _inside(self.sensor_in_rendered, (width, height), 0.5)
         column, row = np.rint(np.where(inside[..., None], self.sensor_in_rendered, 0)).astype(np.intp).transpose(
@@ -52,14 +52,14 @@ class Lens:
 
     @property
     def sees(self) -> np.ndarray:
-        """Which pixels (H, W) of the rectified image the sensor sees."""
+        """Boolean (H, W): the sensor sees this pixel of the rectified image."""
         height, width = self.sensor_in_rendered.shape[:2]
         return (_inside(self.rectified_in_sensor, (width, height), 0.0)
                 & _inside(self.rectified_in_rendered, self.rendered_px, 0.0))
 
 
 def lens_of(camera: StereoCamera, rig: Mapping[str, Any], eye: str) -> Lens | None:
-    """The lens of an eye, as ``rig`` settings describe its distortion; None where all three images are one, but for
+    """The lens of an eye with the distortion in the ``rig`` settings; None if all three images are the same, except for
     margins.
 
     Raises IcyMoonError if the coefficients fold the image.
@@ -84,8 +84,8 @@ def _lens(camera: StereoCamera, k: tuple[float, ...], eye: str) -> Lens:
 
 
 def _turned(points: np.ndarray, rotation: np.ndarray, k: tuple[float, ...]) -> np.ndarray:
-    """Normalised points (H, W, 2) of the parallel rig as the turned eye's pinhole sees them; NaN for those behind it
-    and beyond the fold of its lens."""
+    """Normalised points (H, W, 2) of the parallel rig in the pinhole image of the toed-in eye; NaN for points behind
+    it and beyond the fold of its lens."""
     rays = np.concatenate([points, np.ones_like(points[..., :1])], axis=-1) @ rotation.T
     ahead = rays[..., 2:] > 1e-6
     seen = np.where(ahead, rays[..., :2] / np.where(ahead, rays[..., 2:], 1.0), np.nan)
@@ -94,7 +94,8 @@ def _turned(points: np.ndarray, rotation: np.ndarray, k: tuple[float, ...]) -> n
 
 
 def _inside(where: np.ndarray, size: tuple[int, int], reach: float) -> np.ndarray:
-    """Which places of a map lie in an image of (columns, rows), up to ``reach`` beyond its outermost pixel centres."""
+    """Which places of a map lie in an image of (columns, rows), or at most ``reach`` beyond its outermost pixel
+    centres."""
     return np.asarray(((where >= -reach) & (where <= np.array(size) - 1 + reach)).all(axis=-1))
 
 

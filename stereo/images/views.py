@@ -1,4 +1,4 @@
-"""What the files of a pair hold, as the cameras took it and on the parallel rig that truth and matchers are of."""
+"""Reading the images and the truth of a pair, as the cameras took them and on the parallel rig."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ _Images = TypeVar("_Images", Light, Truth, View)
 
 
 def read_eye(pair: Pair, eye: str) -> tuple[Light, View]:
-    """The light as it falls into an eye, with margins and toe-in, and light and truth on the parallel rig.
+    """Read the light that falls into an eye, with margins and toe-in, and light and truth on the parallel rig.
 
-    Raises IcyMoonError, naming the file, if it is damaged or of another size than its camera.
+    Raises IcyMoonError with the name of the file if it is damaged or of another size than its camera.
     """
     image, truth = pair.image(eye), pair.truth(eye)
     if image == truth:
@@ -35,7 +35,8 @@ def read_eye(pair: Pair, eye: str) -> tuple[Light, View]:
 
 
 def read_sensor_depth(pair: Pair, eye: str, rig: Mapping[str, Any]) -> np.ndarray:
-    """Planar depth in metres, float32 (H, W), along an eye's own axis of each pixel of its sensor; NaN for none."""
+    """Read the depth at the pixels of an eye's sensor, along the eye's own axis: metres, float32 (H, W), NaN for
+    none."""
     path = pair.truth_as_taken(eye)
     depth = scene_depth(read_truth(path, eye))
     _check_size(pair, path, depth)
@@ -51,7 +52,7 @@ def _on_parallel_rig(light: Light, pair: Pair, eye: str) -> tuple[np.ndarray, di
 
 
 def _cropped(images: _Images, pair: Pair) -> _Images:
-    """Without the margins, all arrays of it."""
+    """``images`` with all of its arrays cropped to the image without margins."""
     def crop(value: Any) -> Any:
         if isinstance(value, dict):
             return {key: crop(each) for key, each in value.items()}
@@ -63,5 +64,5 @@ def _cropped(images: _Images, pair: Pair) -> _Images:
 def _check_size(pair: Pair, path: Any, image: np.ndarray) -> None:
     height, width = image.shape[:2]
     if (width, height) != pair.camera.rendered_px:
-        raise IcyMoonError(f"{path} is {width} x {height} px, its camera {pair.camera.rendered_px[0]} x "
+        raise IcyMoonError(f"{path} is {width} x {height} px, but its camera has {pair.camera.rendered_px[0]} x "
                            f"{pair.camera.rendered_px[1]} px; render the pair again.")

@@ -1,11 +1,10 @@
-"""Stereo matchers: one signature, loaded when asked for.
+"""Stereo matchers, all with the same signature, each imported on its first use.
 
-A matcher is a module of this package with ``OPTIONS`` (what can be set), ``PRESETS`` (named sets of
-options) and ``compute(left, right, options, camera)``, which takes two uint8 images of one size, a
-complete dict of options and the camera, if it is known, and returns a ``Result``. Images are grey (H, W), or
-RGB (H, W, 3) for a module with ``COLOUR``. Two functions it may have besides: ``check(options)`` raises
-IcyMoonError where something that the options name is not there, and ``load(options)`` does what is not
-part of matching one pair.
+A matcher is a module of this package with ``OPTIONS``, ``PRESETS`` (named sets of options) and
+``compute(left, right, options, camera)``. This function takes two uint8 images of one size, a complete dict of options
+and the camera, if it is known, and returns a ``Result``. Images are grey (H, W), or RGB (H, W, 3) for a module with
+``COLOUR``. A module may have two more functions: ``check(options)`` raises IcyMoonError if a file or program that the
+options name does not exist, and ``load(options)`` does work that is not part of matching a pair.
 """
 
 from __future__ import annotations
@@ -24,25 +23,25 @@ from ...render.pairs.pair_folder import StereoCamera
 from .options import nearest, resolve
 from .result import Result
 
-#: Each is the module of this package of the same name.
+#: The matchers; each is the module of this name.
 MATCHERS = ("bm", "sgbm", "sgbm_wls", "jplv", "igev", "dsmnet", "external")
 
 
 def match(method: str, left: np.ndarray, right: np.ndarray, options: Mapping[str, Any] | None = None,
           camera: StereoCamera | None = None) -> tuple[np.ndarray, np.ndarray, dict[str, Any]]:
-    """Disparity of the left image by ``method``.
+    """Compute the disparity of the left image with the matcher ``method``.
 
-    ``left`` and ``right`` are rectified images of one size, uint8 or uint16 (scaled to 8 bits), grey
-    (H, W) or colour (H, W, 3 or 4; BGR as OpenCV reads it; averaged by the methods that see no colour).
-    ``options`` may be given as text; a program of your own may ask for the ``camera``. Returns
+    ``left`` and ``right`` are rectified images of one size, uint8 or uint16 (scaled to 8 bits), grey (H, W) or colour
+    (H, W, 3 or 4; BGR as OpenCV reads it; matchers without colour get the mean of the bands). Values of ``options``
+    may be text. A program of the user's may ask for the ``camera``. Returns
 
     * disparity, float32 (H, W), px, left column minus right column, NaN where invalid;
     * valid, bool (H, W);
-    * info: ``method``, the complete ``options``, ``seconds`` of CPU time of the matching alone (of a
-      program that it started too), ``arrays``, ``counts`` and ``facts``, see ``Result``.
+    * info: ``method``, the complete ``options``, ``seconds`` of CPU time of the matching alone (including that of a
+      program it started), ``arrays``, ``counts`` and ``facts``, see ``Result``.
 
-    A disparity of zero or less is no depth, and invalid. Raises IcyMoonError for an unknown method
-    or option, unusable images and images too small for the options.
+    A disparity of zero or less gives no depth and is invalid. Raises IcyMoonError for an unknown matcher or option,
+    and for images that cannot be used or are too small for the options.
     """
     module = _import_matcher(method)
     complete = check_options(method, options or {})
@@ -50,7 +49,7 @@ def match(method: str, left: np.ndarray, right: np.ndarray, options: Mapping[str
     left, right = prepare(_check_image(left, "left")), prepare(_check_image(right, "right"))
     if left.shape[:2] != right.shape[:2]:
         raise IcyMoonError(f"The left image is {_size(left)}, the right one {_size(right)}; "
-                           "give two images of one size.")
+                           "give two images of the same size.")
     if load := getattr(module, "load", None):
         load(complete)
     start = _cpu_seconds()
@@ -63,9 +62,9 @@ def match(method: str, left: np.ndarray, right: np.ndarray, options: Mapping[str
 
 
 def check_options(method: str, options: Mapping[str, Any]) -> dict[str, Any]:
-    """The complete options that ``match`` would run with.
+    """The complete options that ``match`` would use.
 
-    Raises IcyMoonError as it would, also for a checkpoint or program that is not there.
+    Raises IcyMoonError where ``match`` would, also for a checkpoint or program that does not exist.
     """
     complete = complete_options(method, options)
     if check := getattr(_import_matcher(method), "check", None):
@@ -74,13 +73,13 @@ def check_options(method: str, options: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def complete_options(method: str, options: Mapping[str, Any]) -> dict[str, Any]:
-    """The same, with no look at what is there."""
+    """The same, without checking that files and programs exist."""
     module = _import_matcher(method)
     return resolve(method, module.OPTIONS, module.PRESETS, options)
 
 
 def describe_matcher(method: str) -> str:
-    """What a method is and its options, as lines of text. Raises IcyMoonError for an unknown one."""
+    """What a matcher is, and its options, as lines of text. Raises IcyMoonError for an unknown one."""
     module = _import_matcher(method)
     lines = [f"{method}: {(module.__doc__ or '').strip().splitlines()[0]}"]
     lines += [f"  {option.key}={option.default} ({option.range}) {option.doc}" for option in module.OPTIONS]
@@ -91,7 +90,7 @@ def describe_matcher(method: str) -> str:
 
 def _import_matcher(method: str) -> ModuleType:
     if method not in MATCHERS:
-        raise IcyMoonError(f"Unknown stereo method {method!r}, {nearest(method, MATCHERS)}")
+        raise IcyMoonError(f"Unknown matcher {method!r}, {nearest(method, MATCHERS)}")
     return importlib.import_module(f".{method}", __name__)
 
 
@@ -100,7 +99,7 @@ def _size(image: np.ndarray) -> str:
 
 
 def _cpu_seconds() -> float:
-    """Of this process and of the programs that it has waited for (which Windows does not count)."""
+    """CPU seconds of this process and of the programs that it has waited for (Windows does not count these)."""
     children = os.times()
     return time.process_time() + children.children_user + children.children_system
 

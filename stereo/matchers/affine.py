@@ -1,11 +1,10 @@
-"""Sub-pixel disparity with windows that lean with the surface, by Gauss-Newton steps.
+"""Sub-pixel disparity from windows that follow the slant of the surface, by Gauss-Newton steps.
 
-A parabola through three scores of a fixed window prefers whole pixels ("pixel locking") and takes a
-slanted surface for a fronto-parallel one. Here the window of the right image is resampled with the
-disparity d + a u + b v at the offset (u, v) and d, a and b are fitted by least squares, as in Stein,
-Huertas, Matthies, "Attenuating stereo pixel-locking via affine window adaptation", ICRA 2006, with
-the gradients of the left image throughout (Baker, Matthews, "Lucas-Kanade 20 years on", IJCV 56(3),
-2004), so that what is fitted does not depend on how the right image is resampled.
+A parabola through three scores of a fixed window prefers whole pixels ("pixel locking") and assumes a fronto-parallel
+surface. Here the window of the right image is resampled with the disparity d + a u + b v at the offset (u, v), and d,
+a and b are fitted by least squares, as in Stein, Huertas, Matthies, "Attenuating stereo pixel-locking via affine window
+adaptation", ICRA 2006. All gradients are those of the left image (Baker, Matthews, "Lucas-Kanade 20 years on", IJCV
+56(3), 2004), so the fit does not depend on the resampling of the right image.
 """
 
 from __future__ import annotations
@@ -15,20 +14,20 @@ from itertools import product
 import cv2
 import numpy as np
 
-_FINE = 8  # samples per pixel of the right image; between them a straight line will do
+_FINE = 8  # samples per pixel of the right image; interpolated linearly between them
 _TAPS = 3  # lobes of the Lanczos kernel
-_ROWS = 32  # worked on at a time, so that everything stays in the processor's cache
-_LARGEST_MOVE_PX = 1.0  # a fit that leaves the correlator's pixel has found something else
+_ROWS = 32  # processed at a time, so that everything stays in the processor's cache
+_LARGEST_MOVE_PX = 1.0  # a fit that moves farther has found another point
 _LARGEST_SLANT = 0.75  # disparity change per pixel; beyond it the right image is stretched fourfold
 _SETTLED_PX = 0.05  # a fit whose last step was longer has not converged
 
 
 def refine(left: np.ndarray, right: np.ndarray, disparity: np.ndarray, window: int,
            steps: int) -> np.ndarray:
-    """Disparity, float64 (H, W) px, from disparity to about half a pixel, NaN where invalid.
+    """Refine a disparity that is right to about half a pixel; float64 (H, W) px, NaN where invalid.
 
-    ``left`` and ``right`` are (H, W) images, ``window`` the odd side of the square that is fitted.
-    Where no fit is found, near the border for one, the given disparity stays.
+    ``left`` and ``right`` are (H, W) images, ``window`` the odd side of the square that is fitted. Where no fit is
+    found, for example near the border, the given disparity stays.
     """
     half = window // 2
     height, width = disparity.shape
@@ -47,7 +46,7 @@ def refine(left: np.ndarray, right: np.ndarray, disparity: np.ndarray, window: i
 
 
 def _inverse_normal_matrices(gradient: np.ndarray, half: int) -> np.ndarray:
-    """(3, 3, H, W): inverse of Σ g² [1 u v]ᵀ[1 u v] over every window; not finite where it has none."""
+    """(3, 3, H, W): inverse of Σ g² [1 u v]ᵀ[1 u v] over every window; not finite where there is none."""
     offsets = np.arange(-half, half + 1.0)
     ones = np.ones_like(offsets)
     power = gradient.astype(np.float64) ** 2

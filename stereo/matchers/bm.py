@@ -1,9 +1,9 @@
-"""Block matching, OpenCV's StereoBM, with parameters measured on rendered ice; as the GUISS paper ran it by preset.
+"""Block matching, OpenCV's StereoBM; its defaults were chosen on rendered ice, its preset ``guiss`` is the paper's.
 
-The preset ``guiss`` has the parameters of nasa-jpl/guiss, ``stereoBM_eval.py``: window 49, 96 disparities from 4; with
-the paper's camera that measures from 0.86 m to 21.3 m. The defaults were chosen for the least share of visible pixels
-that are unmeasured or off by more than 1 px, where no depth error of the demo gets larger: 7 % instead of 34 % over
-the demo's two scenes, a noisy one and two synthetic ones.
+The preset ``guiss`` has the parameters of nasa-jpl/guiss, ``stereoBM_eval.py``: window 49, 96 disparities from 4. With
+the camera of the GUISS paper this measures from 0.86 m to 21.3 m. The defaults give the smallest share of visible
+pixels that are missing or wrong by more than 1 px, without a larger depth error on the demo: 7 % instead of 34 % over
+the two scenes of the demo, a noisy scene and two synthetic ones.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ OPTIONS = (
     Option("disparities", 96, "Number of disparities searched, px", 16, 1024, 16, opencv="numDisparities"),
     Option("min_disparity", 0, "Least disparity searched, px", 0, 1024, opencv="minDisparity"),
     Option("window", 17, "Side of the square that is compared, px, odd", 5, 255, 2, opencv="blockSize"),
-    Option("prefilter", "normalized", "What is compared: horizontal gradient or contrast-normalised grey",
+    Option("prefilter", "normalized", "What is compared: horizontal gradients or grey normalised by its contrast",
            choices=("xsobel", "normalized"), opencv="preFilterType"),
     Option("prefilter_size", 11, "Window of the normalising filter, px, odd", 5, 255, 2, opencv="preFilterSize"),
     Option("prefilter_cap", 31, "Filtered values are cut at plus and minus this", 1, 63, opencv="preFilterCap"),
@@ -36,8 +36,9 @@ OPTIONS = (
     Option("left_right", 1, "Disparity difference, px, allowed when matching backwards; -1 for off", -1, 1024,
            opencv="disp12MaxDiff"),
     Option("left_border", "match", "Columns left of the search range: match them over the disparities that stay in the "
-           "image, or skip them as OpenCV does by itself", choices=("match", "skip")),
-    Option("rounding", "even", "OpenCV rounds up to a sixteenth, 0.03 px on average; take that back, or leave it",
+           "image, or skip them as OpenCV does", choices=("match", "skip")),
+    Option("rounding", "even", "OpenCV rounds up to a sixteenth, which adds 0.03 px on average: subtract this, or keep "
+           "it",
            choices=("even", "up")),
 )
 
@@ -49,7 +50,7 @@ PRESETS: dict[str, dict[str, Any]] = {
 
 _PREFILTERS = {"normalized": cv2.STEREO_BM_PREFILTER_NORMALIZED_RESPONSE, "xsobel": cv2.STEREO_BM_PREFILTER_XSOBEL}
 
-# OpenCV works in 1/256 px and makes (x + 15) >> 4 of them, which is 7.5 too many on average.
+# OpenCV computes x in 1/256 px and rounds it by (x + 15) >> 4, which adds 7.5 of them on average.
 _ROUNDED_UP = 7.5 / 256
 
 

@@ -1,8 +1,8 @@
-"""DSMNet (Zhang et al., ECCV 2020), one of the paper's two networks; see ``networks.dsmnet``.
+"""DSMNet (Zhang et al., ECCV 2020), one of the two networks of the GUISS paper; see ``networks.dsmnet``.
 
-It normalises with the statistics of the image it is given, so its result depends on the crop: the
-paper gave it the middle 384 x 640 px (preset ``guiss``); here it gets all of the image.
-There is no half precision: its sums over all disparities turn that into errors of several pixels.
+It normalises by the statistics of its input, so the result depends on the crop. The paper used the middle 384 x 640 px
+(preset ``guiss``); by default it gets the whole image. There is no half precision: in the sums over all disparities
+its rounding grows to errors of several pixels.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ def check(options: dict[str, Any]) -> None:
 
 
 def load(options: dict[str, Any]) -> None:
-    """Read the checkpoint, which a run with the same options then does not."""
+    """Read the checkpoint, so that a run with the same options need not."""
     learned.load(NETWORK, options)
 
 
@@ -66,16 +66,16 @@ def compute(left: np.ndarray, right: np.ndarray, options: dict[str, Any], camera
 
 
 def _span(size: int, crop: int) -> tuple[int, int]:
-    """(first, count) of the rows or columns used: from the middle, or begun outside where there are too few."""
+    """(first, count) of the rows or columns used: the middle ones; beginning outside the image if it has too few."""
     from ..networks.dsmnet import SIZE_STEP
 
-    # Two steps at least: of one, the coarsest features would be a single pixel, which has no variance.
+    # At least two steps: with one, the coarsest features would be a single pixel, which has no variance.
     count = crop or max(-(-size // SIZE_STEP), 2) * SIZE_STEP
     return ((size - count) // 2 if size > count else size - count), count
 
 
 def _normalised(image: np.ndarray) -> np.ndarray:
-    """Every channel at mean 0 and variance 1 over the whole image; at 0 where it is constant."""
+    """Every channel with mean 0 and variance 1 over the whole image; 0 if it is constant."""
     spread = image.std(axis=(0, 1))
     return (image - image.mean(axis=(0, 1))) / np.where(spread > 0, spread, 1)
 

@@ -1,14 +1,13 @@
-"""Any other program: it is given two images and leaves a disparity map.
+"""Any other program that reads two images and writes a disparity map.
 
-``command`` is what one would type, with fields in braces, such as
+``command`` is the command line, with fields in braces, such as
 
     external.command='python run.py --left {left} --right {right} --K {calibration} --out {out}'
 
-It is split into arguments as a shell would and run without one, in the current folder. ``left`` and
-``right`` are 8-bit RGB PNG; ``out`` is the file to write: disparity of the left image in px, pfm, npy or
-PNG of 16 bits, of which 0, as in the others anything that is not a positive number, is no measurement.
-``calibration`` is a text file: the nine numbers of K (principal point in pixel-corner coordinates) in
-one line, the baseline in metres in the next.
+It is split into arguments as a shell does, and run without a shell in the current folder. ``left`` and ``right`` are
+8-bit RGB PNG. ``out`` is the file to write: the disparity of the left image in px, as pfm, npy or 16-bit PNG. A pixel
+without measurement is 0 in a PNG and anything but a positive number in the others. ``calibration`` is a text file: the
+nine numbers of K (principal point in pixel-corner coordinates) on one line, the baseline in metres on the next.
 """
 
 from __future__ import annotations
@@ -32,10 +31,10 @@ from .result import Result
 COLOUR = True
 
 OPTIONS = (
-    Option("command", "", "The program and its arguments, with {left}, {right} and {out}, and if it wants them "
+    Option("command", "", "The program and its arguments, with {left}, {right} and {out} and, if it needs them, "
            "{calibration}, {focal_px}, {cx_px}, {cy_px} and {baseline_m}"),
-    Option("format", "npy", "Kind of file that it writes", choices=("npy", "pfm", "png")),
-    Option("png_scale", 256, "What a PNG holds per px of disparity", 1, 65535),
+    Option("format", "npy", "Format of the file that it writes", choices=("npy", "pfm", "png")),
+    Option("png_scale", 256, "Steps of a PNG per px of disparity", 1, 65535),
     Option("timeout_s", 600, "Seconds after which it is stopped", 1, 86400),
 )
 
@@ -58,12 +57,12 @@ def check(options: dict[str, Any]) -> None:
         raise IcyMoonError(f"external.command lacks {' and '.join(missing)}; write it as "
                            "external.command='PROGRAM {left} {right} {out}'.")
     if shutil.which(arguments[0]) is None:
-        raise IcyMoonError(f"external.command starts with {arguments[0]}, which is no program here; give its "
-                           "whole path.")
+        raise IcyMoonError(f"external.command starts with {arguments[0]}, which is not a program on this machine; give "
+                           "its whole path.")
 
 
 def compute(left: np.ndarray, right: np.ndarray, options: dict[str, Any], camera: StereoCamera | None) -> Result:
-    """Disparity of uint8 RGB (H, W, 3) images as the program leaves it."""
+    """Disparity of uint8 RGB (H, W, 3) images as the program writes it."""
     with scratch_folder() as folder:
         values = {eye: str(folder / f"{eye}.png") for eye in ("left", "right")}
         values["out"] = str(folder / f"disparity.{options['format']}")
@@ -94,7 +93,7 @@ def _arguments(command: str) -> list[str]:
 
 
 def _run(arguments: list[str], timeout_s: int, errors: Path) -> None:
-    """Run a program to its end, it and all that it started, within the time."""
+    """Run a program to its end within the time; then end everything that it started."""
     try:
         with errors.open("wb") as stream:
             process = start(arguments, stdout=subprocess.DEVNULL, stderr=stream)
@@ -106,18 +105,18 @@ def _run(arguments: list[str], timeout_s: int, errors: Path) -> None:
         raise IcyMoonError(f"external.command took more than {timeout_s} s and was stopped; raise external.timeout_s "
                            "or make it faster.") from None
     finally:
-        kill_all(process)  # also when interrupted: in a session of its own it does not hear Ctrl-C
+        kill_all(process)  # also when interrupted: Ctrl-C does not reach a process in a session of its own
     if status:
         lines = errors.read_text(encoding="utf-8", errors="replace").split("\n")
-        words = next((line.strip() for line in reversed(lines) if line.strip()), "it said nothing")
+        words = next((line.strip() for line in reversed(lines) if line.strip()), "no message")
         raise IcyMoonError(f"external.command ended with status {status} ({words[:300]}); run it by hand on two "
                            "images.")
 
 
 def _read_disparity(path: Path, shape: tuple[int, ...], options: dict[str, Any]) -> np.ndarray:
     if not path.is_file():
-        raise IcyMoonError(f"external.command ended well but wrote no {path.name} where {{out}} is; make it write "
-                           f"there, or change external.format, {options['format']}.")
+        raise IcyMoonError(f"external.command ended without an error but wrote no {path.name} at {{out}}; make it "
+                           f"write there, or change external.format, {options['format']}.")
     if options["format"] == "png":
         image = read_png(path)
         disparity = np.where(image > 0, image / np.float64(options["png_scale"]), np.nan)
@@ -126,16 +125,18 @@ def _read_disparity(path: Path, shape: tuple[int, ...], options: dict[str, Any])
     while disparity.ndim > 2 and 1 in (disparity.shape[0], disparity.shape[-1]):  # batch or channel
         disparity = disparity[0] if disparity.shape[0] == 1 else disparity[..., 0]
     if disparity.shape != shape:
-        raise IcyMoonError(f"external.command left a disparity map of the shape {disparity.shape}, the images have "
-                           f"{shape}; make it write one of the left image's size.")
+        raise IcyMoonError(f"external.command wrote a disparity map of the shape {disparity.shape}, the images have "
+                           f"{shape}; make it write one of the size of the left image.")
     return disparity
 
 
 def _read_npy(path: Path) -> np.ndarray:
     try:
         array = np.load(path, allow_pickle=False)
-    except Exception as error:  # a damaged header makes numpy raise whatever its parser meets
-        raise IcyMoonError(f"external.command left a {path.name} that cannot be read ({error}).") from None
+    except Exception as error:  # with a damaged header numpy may raise anything
+        raise IcyMoonError(f"external.command wrote a {path.name} that cannot be read ({error}); make it write an "
+                           "array of disparities.") from None
     if not isinstance(array, np.ndarray) or array.dtype.kind not in "fiu":
-        raise IcyMoonError(f"external.command left a {path.name} that holds no numbers; write an array of disparities.")
+        raise IcyMoonError(f"external.command wrote a {path.name} without numbers; make it write an array of "
+                           "disparities.")
     return array.astype(np.float64)

@@ -1,7 +1,7 @@
-"""IGEV-Stereo (Xu, Wang, Ding, Yang, CVPR 2023), one of the paper's two networks; see ``networks.igev``.
+"""IGEV-Stereo (Xu, Wang, Ding, Yang, CVPR 2023), one of the two networks of the GUISS paper; see ``networks.igev``.
 
-The paper ran it with 256 disparities and 256 iterations (preset ``guiss``); the authors train with 22
-and test with 32. An iteration takes a sixth of the time of all the rest.
+The paper ran it with 256 disparities and 256 iterations (preset ``guiss``); its authors train with 22 iterations and
+test with 32. An iteration takes a sixth of the time of everything else.
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ COLOUR = True
 
 OPTIONS = (
     *learned.OPTIONS,
-    Option("iterations", 32, "Refinements; 8 and 16 are faster and less accurate", 1, 1024),
-    Option("max_disparity", 192, "Reach of the cost volume, px; the refinement can go beyond", 32, 1024, 32),
-    Option("precision", "float32", "Of features and costs; bfloat16 is faster where the processor has it, and moves "
-           "disparities by a tenth of a pixel or more; float16 overflows in this network",
+    Option("iterations", 32, "Number of refinements; 8 and 16 are faster and less accurate", 1, 1024),
+    Option("max_disparity", 192, "Largest disparity of the cost volume, px; refinement can go beyond", 32, 1024, 32),
+    Option("precision", "float32", "Precision of features and costs; bfloat16 is faster if the processor has it, and "
+           "changes disparities by a tenth of a pixel or more; float16 overflows in this network",
            choices=("float32", "bfloat16")),
 )
 
@@ -48,7 +48,7 @@ def check(options: dict[str, Any]) -> None:
 
 
 def load(options: dict[str, Any]) -> None:
-    """Read the checkpoint, which a run with the same options then does not."""
+    """Read the checkpoint, so that a run with the same options need not."""
     learned.load(NETWORK, options)
 
 

@@ -1,9 +1,9 @@
-"""The arithmetic of JPL's Mars stereo correlator: integers only, the same to the last bit.
+"""The arithmetic of JPL's Mars stereo correlator, in integers, identical to the last bit.
 
-Written from the behaviour of the correlator that M. Maimone gave to JPL's image laboratory in 2003
-(NASA-AMMOS/VICAR, ``marsjplstereo``, Apache-2.0), the one of the Mars Exploration Rovers: Goldberg,
-Maimone, Matthies, "Stereo vision and rover navigation software for planetary exploration", IEEE
-Aerospace 2002; Matthies, "Stereo vision for planetary rovers", IJCV 8(1), 1992.
+Written from the behaviour of the correlator of the Mars Exploration Rovers, which M. Maimone gave to JPL's image
+laboratory in 2003 (NASA-AMMOS/VICAR, ``marsjplstereo``, Apache-2.0): Goldberg, Maimone, Matthies, "Stereo vision and
+rover navigation software for planetary exploration", IEEE Aerospace 2002; Matthies, "Stereo vision for planetary
+rovers", IJCV 8(1), 1992.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ _BLOB_STEP = ONE // 4  # neighbours that differ by this or more belong to differ
 
 @dataclass(frozen=True)
 class Search:
-    """The best match of every pixel inside the rim, all (rows, columns) of the searched part."""
+    """The best match of every pixel inside the rim; each array is (rows, columns) of the searched part."""
 
     best: np.ndarray  # int16, left disparity less the least one
     best_right: np.ndarray  # the same for the pixels of the right image
@@ -42,10 +42,9 @@ class Search:
 def band_pass(image: np.ndarray, level: int) -> tuple[np.ndarray, int]:
     """(uint8 (h, w), width of its invalid rim in px) of a uint8 (H, W) image, halved ``level`` times.
 
-    What is left of the image is its detail: a difference of box means, about a grey of 126, which
-    takes away what differs between two cameras. The smaller mean is the pixel itself at level 0 and
-    3 x 3 above; the larger one 9 x 9 and 11 x 11. Its fixed-point factors are rounded down, so the
-    larger mean is taken away to 98.9 % only.
+    The result is the detail of the image: the difference of two box means, around a grey of 126. This removes
+    differences of brightness between the cameras. The smaller box is one pixel at level 0 and 3 x 3 above, the larger
+    one 9 x 9 and 11 x 11. The fixed-point factors are rounded down, so only 98.9 % of the larger mean is subtracted.
     """
     rim = 0
     for _ in range(level - 1):
@@ -64,9 +63,8 @@ def band_pass(image: np.ndarray, level: int) -> tuple[np.ndarray, int]:
 def search(left: np.ndarray, right: np.ndarray, least: int, most: int, window: int, rim: int) -> Search:
     """Compare windows of uint8 (h, w) images over the disparities ``least`` to ``most``.
 
-    The part that is searched leaves out ``rim`` and half a window on every side. The least score
-    wins, the least disparity among equals. A pixel near the left border is compared only over the
-    disparities that stay inside.
+    The searched part excludes ``rim`` and half a window on every side. The lowest score wins, and among equal scores
+    the lowest disparity. A pixel near the left border is compared only over disparities that stay inside.
     """
     margin = rim + window // 2
     inside = slice(margin, left.shape[0] - margin)
@@ -98,8 +96,8 @@ def search(left: np.ndarray, right: np.ndarray, least: int, most: int, window: i
 def judge(found: Search, least: int, most: int, window: int, uncertainty: int) -> tuple[np.ndarray, np.ndarray]:
     """(disparity, int32 in 1/256 px or NO_DATA; flags, uint8) of a search.
 
-    The disparity is refined by a parabola through three scores. ``uncertainty`` above 0 is the
-    largest expected error, in 1/256 px, that is let through.
+    The disparity is refined by a parabola through three scores. If ``uncertainty`` is above 0, it is the largest
+    expected error, in 1/256 px, that is accepted.
     """
     best = found.best.astype(np.int32)
     column = np.arange(best.shape[1], dtype=np.int32)
@@ -121,7 +119,7 @@ def judge(found: Search, least: int, most: int, window: int, uncertainty: int) -
 def find_blobs(disparity: np.ndarray, smallest: int) -> np.ndarray:
     """Boolean (h, w): measured, but in a patch of fewer than ``smallest`` pixels.
 
-    A patch ends where neighbours, above, below and beside, differ by a quarter of a pixel or more.
+    A patch ends where two pixels side by side, or one above the other, differ by a quarter of a pixel or more.
     """
     measured = disparity != NO_DATA
     if smallest < 2 or not measured.any():

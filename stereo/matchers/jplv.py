@@ -1,8 +1,8 @@
 """The correlator of the Mars rovers (JPLV), bit for bit, with the reason why a pixel was rejected.
 
-Images are halved ``pyramid_level`` times, freed of their mean brightness by a band-pass, and compared
-by sums of absolute differences; see ``jpl_correlator`` for the source. The Mars Exploration Rovers ran it
-at level 2 on 1024 x 1024 images (preset ``mer``).
+Images are halved ``pyramid_level`` times, filtered by a band-pass that removes their mean brightness, and compared by
+sums of absolute differences; see ``jpl_correlator`` for the source. The Mars Exploration Rovers ran it at level 2 on
+1024 x 1024 images (preset ``mer``).
 """
 
 from __future__ import annotations
@@ -27,31 +27,31 @@ OPTIONS = (
     Option("max_disparity", 127, "Largest disparity searched, px of the full images", 1, 16384),
     Option("blob_size", -4, "Connected patches of fewer pixels are removed; below zero, per cent of the halved image",
            -100, 10**9),
-    Option("uncertainty", 0, "Largest expected error that is let through, in 1/256 px; 128 is usual, 0 for off",
+    Option("uncertainty", 0, "Largest expected error that is accepted, in 1/256 px; 128 is usual, 0 for off",
            0, 65536),
-    Option("subpixel", "parabola", "The original's parabola, or a fit of affine windows, which has no preference for "
+    Option("subpixel", "parabola", "The parabola of the original, or a fit of affine windows, which does not prefer "
            "whole pixels and takes fifteen times as long", choices=("parabola", "affine")),
-    Option("affine_window", 11, "Side of the square that the affine fit takes, px of the halved images, odd", 5, 31, 2),
+    Option("affine_window", 11, "Side of the square of the affine fit, px of the halved images, odd", 5, 31, 2),
 )
 
 PRESETS: dict[str, dict[str, Any]] = {"mer": {"pyramid_level": 2}}
 
-_AFFINE_STEPS = 4  # more change the result by less than 0.002 px
-_JOINED_PX = 1.0  # halved disparities that differ by more are not of one surface
+_AFFINE_STEPS = 4  # more steps change the result by less than 0.002 px
+_JOINED_PX = 1.0  # halved disparities that differ by more belong to different surfaces
 
 
 def compute(left: np.ndarray, right: np.ndarray, options: dict[str, Any], camera: StereoCamera | None) -> Result:
     """Disparity of uint8 (H, W) images.
 
-    The arrays are those of the halved images: ``jpl_disparity``, int32 in 1/256 px of them with 0x7FFF
-    where rejected, always with the original's parabola, and ``flags``, uint8, the index in ``FLAGS``.
+    The arrays belong to the halved images: ``jpl_disparity``, int32 in 1/256 of their px, 0x7FFF where rejected, always
+    by the parabola of the original; and ``flags``, uint8, the index in ``FLAGS``.
     """
     cv2.setNumThreads(1)
     level, window = options["pyramid_level"], options["window"]
     least, most = options["min_disparity"] >> level, options["max_disparity"] >> level
     if not 0 <= most - least < jpl.MAX_LEVELS:
-        raise IcyMoonError(f"jplv searches disparities {least} to {most} at its pyramid level; it takes 1 to "
-                           f"{jpl.MAX_LEVELS} of them: change jplv.min_disparity, jplv.max_disparity or raise "
+        raise IcyMoonError(f"jplv would search disparities {least} to {most} at its pyramid level, but can search only "
+                           f"1 to {jpl.MAX_LEVELS} of them; change jplv.min_disparity or jplv.max_disparity, or raise "
                            "jplv.pyramid_level.")
     (seen_left, rim), (seen_right, _) = (jpl.band_pass(image, level) for image in (left, right))
     margin = rim + window // 2
@@ -71,10 +71,10 @@ def compute(left: np.ndarray, right: np.ndarray, options: dict[str, Any], camera
 
 
 def _enlarged(disparity: np.ndarray, level: int, shape: tuple[int, ...]) -> np.ndarray:
-    """(H, W) px from what was measured on images halved ``level`` times.
+    """Disparity (H, W), px, from that of images halved ``level`` times.
 
-    Pixel i of a halved image stands where pixel i 2^level stood. Between four that are measured and of
-    one surface it is interpolated, elsewhere the nearest counts.
+    Pixel i of a halved image is pixel i 2^level of the full one. Between four measured pixels of one surface the
+    disparity is interpolated, elsewhere it is that of the nearest.
     """
     if level == 0:
         return disparity
@@ -88,6 +88,6 @@ def _enlarged(disparity: np.ndarray, level: int, shape: tuple[int, ...]) -> np.n
 
 
 def _around(place: np.ndarray, last: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The whole places around fractional ones (the same one twice for a whole one), and the second's weight."""
+    """The whole places around fractional ones (the same twice for a whole one), and the weight of the second."""
     before, after = np.floor(place).astype(int), np.ceil(place).astype(int)
     return before, np.minimum(after, last), place - before

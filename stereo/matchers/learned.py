@@ -1,6 +1,6 @@
-"""What the learned matchers have in common: checkpoint, device, the network kept between pairs.
+"""What the learned matchers share: checkpoint, device, and the network that is kept between pairs.
 
-Imports torch only when a network is loaded.
+torch is imported only when a network is loaded.
 """
 
 from __future__ import annotations
@@ -29,34 +29,34 @@ FOLDER_VARIABLE = "ICYMOON_CHECKPOINTS"  # environment variable
 OPTIONS = (
     Option("checkpoint", "", f"File with the trained parameters; by default in the folder {FOLDER_VARIABLE} or "
            "~/.local/share/icymoon/checkpoints"),
-    Option("device", "auto", "Where it runs; auto takes a CUDA device if there is one",
+    Option("device", "auto", "Where the network runs; auto takes a CUDA device if there is one",
            choices=("auto", "cpu", "cuda")),
-    Option("threads", 1, "Processor cores used", 1, 1024),
+    Option("threads", 1, "Number of processor cores used", 1, 1024),
 )
 
 
 @dataclass(frozen=True)
 class Network:
-    """Where the parameters of a network come from."""
+    """A network, and where its parameters come from."""
 
     method: str
-    file: str  # what the authors call it
+    file: str  # the authors' name of it
     source: str
     build: Callable[[int], nn.Module]  # from the largest disparity
 
 
 def check(network: Network, options: dict[str, Any]) -> None:
-    """Raise IcyMoonError unless torch and the checkpoint are there."""
+    """Raise IcyMoonError unless torch and the checkpoint exist."""
     path = checkpoint_path(network, options)
     if not path.is_file():
-        raise IcyMoonError(f"{network.method} has no checkpoint at {path}: download {network.file} as the README of "
-                           f"{network.source} says and put it there, or give {network.method}.checkpoint=FILE.")
+        raise IcyMoonError(f"{network.method} has no checkpoint at {path}; download {network.file} as the README of "
+                           f"{network.source} describes and put it there, or give {network.method}.checkpoint=FILE.")
     if importlib.util.find_spec("torch") is None:
         raise IcyMoonError(f"{network.method} needs PyTorch, which this Python lacks; run: pip install torch")
 
 
 def checkpoint_path(network: Network, options: dict[str, Any]) -> Path:
-    """The file that the options mean."""
+    """The checkpoint file of a network: the one in the options, or the default one."""
     if options["checkpoint"]:
         return parse_path(options["checkpoint"], f"{network.method}.checkpoint")
     folder = os.environ.get(FOLDER_VARIABLE) or Path.home() / ".local" / "share" / "icymoon" / "checkpoints"
@@ -64,7 +64,7 @@ def checkpoint_path(network: Network, options: dict[str, Any]) -> Path:
 
 
 def load(network: Network, options: dict[str, Any]) -> tuple[nn.Module, dict[str, Any]]:
-    """(the network, ready to run, on its device; facts for the provenance)."""
+    """Load a network onto its device, ready to run; return it and facts for the provenance."""
     import torch
 
     torch.set_num_threads(options["threads"])
@@ -84,11 +84,11 @@ def load(network: Network, options: dict[str, Any]) -> tuple[nn.Module, dict[str
 
 @contextmanager
 def guard_inference(method: str) -> Iterator[None]:
-    """No gradients, full single precision, the same result every time, and failures in one sentence."""
+    """Run a network without gradients, in full single precision and reproducibly; report failures in one sentence."""
     import torch
 
     try:
-        # By default convolutions on newer CUDA devices round their inputs to 10 bits (TF32).
+        # On newer CUDA devices convolutions round their inputs to 10 bits (TF32) by default.
         exact = torch.backends.cudnn.flags(enabled=True, deterministic=True, allow_tf32=False)
         with torch.inference_mode(), exact:
             yield
@@ -109,34 +109,34 @@ def batch(image: np.ndarray, device: Any) -> Any:
 @lru_cache(maxsize=2)
 def _load_network(network: Network, path: Path, changed: tuple[int, int], max_disparity: int,
             device: str) -> tuple[nn.Module, str]:
-    """The network with the parameters of a file that was last ``changed`` then, and the file's SHA-256."""
+    """The network with the parameters in a file, and the file's SHA-256; ``changed`` identifies its version."""
     model = network.build(max_disparity)
     _fill_parameters(model, _read_parameters(path), path, network.method)
     return model.eval().to(device), sha256(path)
 
 
 def _read_parameters(path: Path) -> dict[str, Any]:
-    """Name -> tensor of a checkpoint, without what its training wrapped around it. Runs no code from the file."""
+    """Name -> tensor of a checkpoint, without the wrapping that training adds. Runs no code from the file."""
     import torch
 
     try:
         stored = torch.load(path, map_location="cpu", weights_only=True)
-    except pickle.UnpicklingError:  # whose message is a page
-        raise IcyMoonError(f"{path} holds other things than parameters, or is damaged; download it again.") from None
-    except Exception as error:  # a damaged file makes the parser raise whatever it meets
+    except pickle.UnpicklingError:  # its message is a page long
+        raise IcyMoonError(f"{path} contains more than parameters, or is damaged; download it again.") from None
+    except Exception as error:  # for a damaged file the parser may raise anything
         raise IcyMoonError(f"{path} cannot be read as a checkpoint ({_first_line(error)}); download it "
                            "again.") from None
     if isinstance(stored, dict) and isinstance(stored.get("state_dict"), dict):
         stored = stored["state_dict"]
     if not isinstance(stored, dict) or not all(isinstance(value, torch.Tensor) for value in stored.values()):
-        raise IcyMoonError(f"{path} does not hold the parameters of a network; give the checkpoint itself.")
+        raise IcyMoonError(f"{path} does not contain the parameters of a network; give the checkpoint itself.")
     return {str(name).removeprefix("module."): value for name, value in stored.items()}
 
 
 def _fill_parameters(model: nn.Module, given: dict[str, Any], path: Path, method: str) -> None:
-    """Load parameters; all must be there and of the right shape, and none more."""
+    """Load the parameters into a network; raise IcyMoonError unless their names and shapes are exactly its own."""
     expected = model.state_dict()
-    # Counts of training steps; checkpoints from before PyTorch 0.4.1 have none, and nothing here uses them.
+    # Counts of training steps: checkpoints from before PyTorch 0.4.1 lack them, and nothing here uses them.
     given = {name: value for name, value in expected.items() if name.endswith("num_batches_tracked")} | given
     wrong = [f"{name} is missing" for name in expected.keys() - given.keys()]
     wrong += [f"{name} is not of this network" for name in given.keys() - expected.keys()]

@@ -1,4 +1,4 @@
-"""Which matchers to run, from what a person writes: ``bm,sgbm:window=7`` and ``--option bm.window=21``."""
+"""Which methods to run, from what the user writes: ``bm,sgbm:window=7`` and ``--option bm.window=21``."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from .options import nearest
 
 @dataclass(frozen=True)
 class Method:
-    """A matcher with options, under the label it has in the report."""
+    """A matcher (``name``) with its options; ``label`` is its name in the report."""
 
     label: str
     name: str
@@ -22,7 +22,7 @@ class Method:
 
     @property
     def file_name(self) -> str:
-        """The label with nothing in it that a file system could mind."""
+        """The label, with only characters that every file system allows."""
         return re.sub(r"[^A-Za-z0-9._-]+", "_", self.label)
 
 
@@ -35,9 +35,9 @@ def parse_key_value(text: str, where: str) -> tuple[str, str]:
 
 
 def parse_own_matchers(texts: Sequence[str]) -> dict[str, Method]:
-    """The person's own matchers by name, from ``NAME:METHOD:KEY=VALUE`` of each option of theirs, or ``NAME:METHOD``.
+    """The user's own matchers by name, from a ``NAME:METHOD:KEY=VALUE`` for each option, or ``NAME:METHOD``.
 
-    Raises IcyMoonError for what is none.
+    Raises IcyMoonError for any other text.
     """
     found: dict[str, Method] = {}
     for text in texts:
@@ -47,7 +47,7 @@ def parse_own_matchers(texts: Sequence[str]) -> dict[str, Method]:
                                "mine:external:command=PROGRAM; a name has letters, digits, - and _.")
         known = found.setdefault(name, Method(f"{OWN}:{name}", method))
         if known.name != method:
-            raise IcyMoonError(f"--own {text}: {name} is {known.name} already; give it one method.")
+            raise IcyMoonError(f"--own {text}: {name} is already {known.name}; give it one method.")
         if option:
             key, value = parse_key_value(option, f"--own {name}:{method}:")
             known.options[key] = value
@@ -57,10 +57,9 @@ def parse_own_matchers(texts: Sequence[str]) -> dict[str, Method]:
 def parse_methods(text: str, options: Sequence[str] = (), own: Sequence[str] = ()) -> list[Method]:
     """The methods of a comma-separated list, checked before anything runs.
 
-    A method may carry options of its own, ``bm:window=21:disparities=128``, so that one matcher can
-    be compared with itself; ``options`` are ``method.key=value`` for every use of that method. ``own:NAME`` is one of
-    ``own``, see ``own_matchers``. Raises IcyMoonError for an unknown method or option, a bad value, or a method given
-    twice.
+    A matcher may have options, ``bm:window=21:disparities=128``, so that it can be compared with itself. ``options``
+    are ``matcher.key=value`` for every use of that matcher. ``own:NAME`` is one of ``own``, see
+    ``parse_own_matchers``. Raises IcyMoonError for an unknown matcher or option, a bad value, or a method given twice.
     """
     shared = _parse_shared_options(options)
     owned = parse_own_matchers(own)
@@ -80,21 +79,21 @@ def parse_methods(text: str, options: Sequence[str] = (), own: Sequence[str] = (
         raise IcyMoonError(f"--methods is empty; choose from {', '.join(MATCHERS)}.")
     unused = sorted(set(shared) - {method.name for method in methods})
     if unused:
-        raise IcyMoonError(f"--option is given for {unused[0]}, which --methods does not name; add it or drop the "
+        raise IcyMoonError(f"--option is given for {unused[0]}, which --methods does not name; add it or remove the "
                            "option.")
     return methods
 
 
 def _parse_shared_options(options: Sequence[str]) -> dict[str, dict[str, str]]:
-    """Options for every use of a method, from ``method.key=value`` of each."""
+    """Options for every use of a matcher, from ``matcher.key=value`` of each."""
     shared: dict[str, dict[str, str]] = {}
     for option in options:
         name, value = parse_key_value(option, "--option")
         method, dot, key = name.partition(".")
         if not dot:
-            raise IcyMoonError(f"--option {option}: name the method too, as in bm.{key or name}={value}.")
+            raise IcyMoonError(f"--option {option}: name the matcher too, as in bm.{key or name}={value}.")
         if method not in MATCHERS:
-            raise IcyMoonError(f"--option {option}: unknown stereo method {method!r}, {nearest(method, MATCHERS)}")
+            raise IcyMoonError(f"--option {option}: unknown matcher {method!r}, {nearest(method, MATCHERS)}")
         shared.setdefault(method, {})[key] = value
     return shared
 
@@ -102,6 +101,6 @@ def _parse_shared_options(options: Sequence[str]) -> dict[str, dict[str, str]]:
 def _find_own_matcher(name: str, owned: Mapping[str, Method]) -> Method:
     if name not in owned:
         known = f"known are {', '.join(owned)}" if owned else "none is set up"
-        raise IcyMoonError(f"There is no matcher {OWN}:{name} on this machine, {known}; add it under Own Matchers in "
+        raise IcyMoonError(f"There is no matcher {OWN}:{name} on this machine ({known}); add it under Own Matchers in "
                            "the preferences of Icy Moon, or with --own.")
     return owned[name]

@@ -1,4 +1,4 @@
-"""What the matchers that are OpenCV's have in common."""
+"""What the matchers of OpenCV share."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ SUBPIXELS = 16  # OpenCV's disparities are fixed-point numbers with four fractio
 
 
 def require_room(method: str, image: np.ndarray, enough: bool, option: str = "") -> None:
-    """Raise IcyMoonError unless there is ``enough`` of an image (H, W) for a search range and window.
+    """Raise IcyMoonError unless an image (H, W) is large ``enough`` for a search range and window.
 
-    ``option`` names those to lower; by default disparities and window.
+    ``option`` names the options to lower; by default disparities and window.
     """
     if not enough:
         option = option or f"disparities or {method}.window"
@@ -26,12 +26,11 @@ def require_room(method: str, image: np.ndarray, enough: bool, option: str = "")
 
 def run_matcher(method: str, matcher: Any, left: np.ndarray, right: np.ndarray, min_disparity: int,
         columns: tuple[int, int], rows: tuple[int, int]) -> np.ndarray:
-    """Disparity, float32 (H, W) px, NaN where ``matcher`` found none or may not be believed.
+    """Run an OpenCV matcher: disparity, float32 (H, W) px, NaN where it found none or is not reliable.
 
-    ``columns`` and ``rows`` are the half-open ranges of pixels whose search range and window lie
-    inside the images. OpenCV marks a failed match with one less than the least disparity, which with
-    a positive least disparity looks like a far surface. It also leaves garbage to the left of
-    ``columns``, and other garbage for another number of threads (one stripe each), hence one thread.
+    ``columns`` and ``rows`` are the half-open ranges of pixels whose search range and window lie inside the images.
+    OpenCV marks a failed match by one less than the lowest disparity, which may look like a far surface. To the left of
+    ``columns`` its values are random and depend on the number of threads, so it runs with one.
     """
     cv2.setNumThreads(1)
     try:
@@ -46,14 +45,14 @@ def run_matcher(method: str, matcher: Any, left: np.ndarray, right: np.ndarray, 
 
 
 def extended(image: np.ndarray, columns: int) -> np.ndarray:
-    """The image with its left border repeated.
+    """The image, extended to the left by repeating its border.
 
-    OpenCV leaves out every column that cannot be searched to the end of the range, a seventh of the
-    paper's images. Extended images have none; a match found in the extension is none (inside_right).
+    OpenCV skips every column that cannot be searched over the whole range; these are a seventh of the GUISS paper's
+    images. An extended image has no such column. A match in the extension is no match, see ``inside_right``.
     """
     return cv2.copyMakeBorder(image, 0, 0, columns, 0, cv2.BORDER_REPLICATE)
 
 
 def inside_right(disparity: np.ndarray) -> np.ndarray:
-    """NaN where the match would be left of the right image."""
+    """The disparity, NaN where the match would lie to the left of the right image."""
     return np.where(disparity <= np.arange(disparity.shape[1]), disparity, np.nan)

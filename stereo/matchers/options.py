@@ -1,4 +1,4 @@
-"""The options of matchers: declared once, given as text or values, checked before anything runs."""
+"""The options of matchers: each is declared once, and its value, which may be text, is checked before anything runs."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from ...settings.trust import LOADS
 
 @dataclass(frozen=True)
 class Option:
-    """One option: a whole number (any number if the default is a float), one of ``choices``, or else text.
+    """One option: a whole number (any number if the default is a float), one of ``choices``, or text.
 
-    ``opencv`` is what OpenCV's manual calls it, accepted as a second name. A text may only be one of ``trust.LOADS``,
-    which no scene and no file may set.
+    ``opencv`` is its name in OpenCV's manual, which is accepted too. An option that is text must be one of
+    ``trust.LOADS``, which no scene and no file may set.
     """
 
     key: str
@@ -31,11 +31,12 @@ class Option:
     def __post_init__(self) -> None:
         is_text = isinstance(self.default, str) and not self.choices
         if is_text != (self.key in LOADS) or (is_text and self.opencv):
-            raise ValueError(f"{self.key}: a text, and nothing else, is one of trust.LOADS, under that name alone.")
+            raise ValueError(f"{self.key}: options that are text, and only these, are in trust.LOADS, without a second "
+                             "name.")
 
     @property
     def range(self) -> str:
-        """The values it takes, for people to read."""
+        """The values that it takes, in words."""
         if self.choices:
             return ", ".join(self.choices)
         if isinstance(self.default, str):
@@ -52,9 +53,9 @@ def nearest(word: str, known: Iterable[str]) -> str:
 
 def resolve(method: str, declared: Sequence[Option], presets: Mapping[str, Mapping[str, Any]],
             given: Mapping[str, Any]) -> dict[str, Any]:
-    """All options of a method: the defaults, over them a ``preset``, over that what is ``given``.
+    """All options of a matcher: the defaults, replaced by those of a ``preset``, then by those that are ``given``.
 
-    Values may be text. Raises IcyMoonError for an unknown option or preset or a bad value.
+    Values may be text. Raises IcyMoonError for an unknown option or preset, or a bad value.
     """
     names = {name: option for option in declared for name in (option.key, option.opencv) if name}
     complete: dict[str, Any] = {option.key: option.default for option in declared}

@@ -1,4 +1,4 @@
-"""What a matcher hands back."""
+"""What a matcher returns."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Result:
-    """Disparity and what else a matcher knows."""
+    """A disparity map, and what else the matcher reports."""
 
     disparity: np.ndarray  # float (H, W) px, NaN where there is no measurement
     arrays: dict[str, np.ndarray] = field(default_factory=dict)  # kept in the npz beside the disparity
     counts: dict[str, int] = field(default_factory=dict)  # pixels per outcome
-    facts: dict[str, Any] = field(default_factory=dict)  # what it ran on, for the provenance
+    facts: dict[str, Any] = field(default_factory=dict)  # such as the device, for the provenance

@@ -1,4 +1,4 @@
-"""Semi-global matching, OpenCV's StereoSGBM (Hirschmüller 2008, on blocks)."""
+"""Semi-global matching, OpenCV's StereoSGBM (Hirschmüller 2008, with windows)."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from .opencv import SUBPIXELS, extended, inside_right, require_room, run_matcher
 from .options import Option
 from .result import Result
 
-#: What every use of the matcher has.
+#: Options that sgbm and sgbm_wls share.
 SEARCH = (
     Option("disparities", 96, "Number of disparities searched, px", 16, 1024, 16, opencv="numDisparities"),
     Option("min_disparity", 0, "Least disparity searched, px", 0, 1024, opencv="minDisparity"),
@@ -36,7 +36,7 @@ OPTIONS = (
     Option("left_right", 1, "Disparity difference, px, allowed when matching backwards; -1 for off", -1, 1024,
            opencv="disp12MaxDiff"),
     Option("left_border", "match", "Columns left of the search range: match them over the disparities that stay in the "
-           "image, or skip them as OpenCV does by itself", choices=("match", "skip")),
+           "image, or skip them as OpenCV does", choices=("match", "skip")),
 )
 
 PRESETS: dict[str, dict[str, Any]] = {}
@@ -56,20 +56,20 @@ def compute(left: np.ndarray, right: np.ndarray, options: dict[str, Any], camera
     reach = least + options["disparities"]
     extension = reach if options["left_border"] == "match" else 0
     height, width = left.shape
-    # OpenCV 5 refuses less; older ones give results that depend on chance.
+    # OpenCV 5 refuses a smaller image; older versions give random results.
     require_room("sgbm", left, width + extension - reach > options["window"] // 2)
     left, right = extended(left, extension), extended(right, extension)
-    # Unlike StereoBM it compares windows that reach over the border.
+    # Unlike StereoBM it compares windows that extend over the border.
     disparity = run_matcher("sgbm", matcher, left, right, least, (reach, width + extension), (0, height))[:, extension:]
     return Result(inside_right(evenly_rounded(disparity)))
 
 
 def semi_global(method: str, options: dict[str, Any]) -> Any:
-    """OpenCV's matcher with the options of ``SEARCH``, with nothing rejected."""
+    """OpenCV's matcher with the options of ``SEARCH``; it rejects no match."""
     area = options["window"] ** 2
     small_step, large_step = options["p1"] or 8 * area, options["p2"] or 32 * area
     if small_step >= large_step:
-        raise IcyMoonError(f"{method}.p2 is {large_step}, not above {method}.p1, {small_step}; raise p2 or lower p1.")
+        raise IcyMoonError(f"{method}.p2, {large_step}, must be above {method}.p1, {small_step}; raise p2 or lower p1.")
     return cv2.StereoSGBM.create(
         minDisparity=options["min_disparity"], numDisparities=options["disparities"], blockSize=options["window"],
         P1=small_step, P2=large_step, disp12MaxDiff=-1, preFilterCap=options["prefilter_cap"],
@@ -77,11 +77,11 @@ def semi_global(method: str, options: dict[str, Any]) -> Any:
 
 
 def evenly_rounded(disparity: np.ndarray) -> np.ndarray:
-    """Take back what OpenCV's rounding adds to disparities below their nearest whole pixel.
+    """Disparity without the bias of OpenCV's rounding.
 
-    The sub-pixel offset, in 1/16 px, is the integer quotient (16 a + b) / 2b, which C++ truncates
-    toward zero: offsets below zero come out one sixteenth too large, and half of those that come
-    out as zero should be one less. On a textured plane that is a bias of +0.025 px.
+    The sub-pixel offset, in 1/16 px, is the integer quotient (16 a + b) / 2b, which C++ truncates toward zero. So
+    negative offsets are one sixteenth too large, and half of those that are 0 should be one less. On a textured plane
+    this is a bias of +0.025 px.
     """
     sixteenth = np.mod(np.round(disparity * SUBPIXELS), SUBPIXELS)
     excess = np.where(sixteenth >= SUBPIXELS // 2, 1.0, np.where(sixteenth == 0, 0.5, 0.0)) / SUBPIXELS

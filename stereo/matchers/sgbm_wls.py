@@ -1,8 +1,8 @@
 """Semi-global matching of both eyes, smoothed along the left image (weighted least squares).
 
-OpenCV's StereoSGBM and its DisparityWLSFilter, which smooths where the two eyes agree, fills where they do
-not and stops at edges of the image: Min et al., "Fast global image smoothing based on weighted least
-squares", IEEE TIP 23(12), 2014.
+OpenCV's StereoSGBM and its DisparityWLSFilter, which smooths where the two eyes agree, fills in where they do not, and
+stops at edges of the image: Min et al., "Fast global image smoothing based on weighted least squares", IEEE TIP
+23(12), 2014.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ from .sgbm import SEARCH, evenly_rounded, semi_global
 
 OPTIONS = (
     *SEARCH,
-    Option("smoothness", 30.0, "Weight of smoothness against the matches (OpenCV's lambda; its manual's 8000 makes "
-           "slopes into steps)", 0.0, 1e6),
+    Option("smoothness", 30.0, "Weight of smoothness against the matches (OpenCV's lambda; the 8000 of its manual "
+           "turns slopes into steps)", 0.0, 1e6),
     Option("edge", 1.5, "Difference of grey that counts as an edge (OpenCV's sigma color)", 0.1, 100.0),
-    Option("min_confidence", 0, "Least confidence that is measured, 0 to 255; 0 keeps what was filled in, 1 drops it",
+    Option("min_confidence", 0, "Least confidence of a measurement, 0 to 255; 0 keeps filled-in pixels, 1 drops them",
            0, 255),
 )
 
@@ -32,7 +32,7 @@ PRESETS: dict[str, dict[str, Any]] = {}
 
 
 def compute(left: np.ndarray, right: np.ndarray, options: dict[str, Any], camera: StereoCamera | None) -> Result:
-    """Disparity of uint8 (H, W) images; the array ``confidence``, uint8, is 0 where it was filled in."""
+    """Disparity of uint8 (H, W) images; the array ``confidence``, uint8, is 0 where the disparity was filled in."""
     cv2.setNumThreads(1)
     matcher = semi_global("sgbm_wls", options)
     filtering = cv2.ximgproc.createDisparityWLSFilter(matcher)
@@ -54,7 +54,7 @@ def compute(left: np.ndarray, right: np.ndarray, options: dict[str, Any], camera
 
 
 def _match(matcher: Any, image: np.ndarray, other: np.ndarray) -> np.ndarray:
-    """Disparities in OpenCV's 1/16 px, float32; where there is none what OpenCV writes, which the filter knows."""
+    """Disparities in OpenCV's 1/16 px, float32; where there is none, OpenCV's own mark, which its filter needs."""
     fixed = matcher.compute(image, other)
     measured = fixed >= matcher.getMinDisparity() * SUBPIXELS
     return np.where(measured, evenly_rounded(fixed / SUBPIXELS) * SUBPIXELS, fixed).astype(np.float32)

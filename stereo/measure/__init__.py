@@ -1,1 +1,1 @@
-"""Measuring a disparity map against a pair's truth."""
+"""Measuring a disparity map against the truth of its pair."""

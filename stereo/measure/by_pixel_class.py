@@ -1,6 +1,6 @@
-"""Where a matcher fails: its errors split by what the truth and the image say of each pixel.
+"""Where a matcher fails: its errors by classes of pixels, which the truth and the image define.
 
-Per class of pixels only sums are kept, so that those of many pairs simply add up.
+Only sums per class are kept, so that the sums of many pairs can be added.
 """
 
 from __future__ import annotations
@@ -15,22 +15,22 @@ import numpy as np
 from ...labels import LANDER, ROCK, TERRAIN
 from .metrics import usable
 
-#: Sums over the pixels of a class: how many have a true depth, how many of those are measured, and over the
-#: measured ones |depth error| (m), |disparity error| (px), how many are off by more than 1 px and 10 cm, metres of
-#: depth per px of disparity Z² / (f·B); then the number of those within 1 px and their |disparity error|.
+#: Sums over the pixels of a class: the number with a true depth; the number of these that are measured; over the
+#: measured ones |depth error| (m), |disparity error| (px), the numbers wrong by more than 1 px and by more than 10 cm,
+#: and metres of depth per px of disparity, Z² / (f·B); then the number within 1 px and their |disparity error|.
 SUMS = ("true", "n", "l1_m", "epe_px", "bad_1", "l1_rate_10", "m_per_px", "fine", "fine_epe_px")
 
 TEXTURE_WINDOW_PX = 9
-#: A pixel is in shadow if it sends less than this part of what the lit ground of its material would.
+#: A pixel is in shadow if its radiance is below this part of that of lit ground of its material.
 _SHADOW_PART = 0.35
 _LIT_QUANTILE = 0.9
-#: A facet lit more obliquely than this cosine is no measure of how bright lit ground is.
+#: Facets with a smaller cosine of incidence are not used to find the brightness of lit ground.
 _OBLIQUE = 0.2
 
 
 @dataclass(frozen=True)
 class Factor:
-    """What pixels are classified by: bounds between classes of a number, or the names of the classes."""
+    """A property by which pixels are classified: a number, with bounds between its classes, or named classes."""
 
     key: str
     title: str
@@ -39,14 +39,14 @@ class Factor:
 
     @property
     def classes(self) -> tuple[str, ...]:
-        """Names of all classes; those of numbers are open at both ends."""
+        """The names of all classes; the first and the last class of a number are open."""
         if self.names:
             return self.names
         inner = (f"{a:g}–{b:g}" for a, b in zip(self.bounds, self.bounds[1:], strict=False))
         return (f"< {self.bounds[0]:g}", *inner, f"> {self.bounds[-1]:g}")
 
     def of(self, values: np.ndarray) -> np.ndarray:
-        """Class of each number, -1 for NaN."""
+        """The class of each number, -1 for NaN."""
         return np.where(np.isnan(values), -1, np.searchsorted(self.bounds, values, side="right"))
 
 
@@ -62,25 +62,25 @@ FACTORS = (RANGE, SLOPE, TEXTURE, SHADOW, OCCLUSION, MATERIAL)
 
 
 def texture(grey: np.ndarray) -> np.ndarray:
-    """Root mean square of the gradient along the rows, grey levels per px, around each pixel, float64 (H, W).
+    """Root mean square of the gradient along the rows around each pixel, grey levels per px, float64 (H, W).
 
-    That gradient is what a matcher works with: the variance of a disparity is at least 2 σ² / Σ gradient², σ the
-    noise of the grey levels (Matthies, Kanade and Szeliski 1989).
+    Matching depends on this gradient: the variance of a disparity is at least 2 σ² / Σ gradient², where σ is the noise
+    of the grey levels (Matthies, Kanade and Szeliski 1989).
     """
     if grey.shape[1] < 2:
         return np.zeros(grey.shape)
     gradient = np.gradient(grey.astype(np.float64), axis=1)
     window = (TEXTURE_WINDOW_PX, TEXTURE_WINDOW_PX)
     mean = cv2.boxFilter(gradient ** 2, -1, window, borderType=cv2.BORDER_REPLICATE)
-    return np.sqrt(np.maximum(mean, 0.0))  # running sums may end a rounding below zero
+    return np.sqrt(np.maximum(mean, 0.0))  # rounding in running sums may give a value below zero
 
 
 def in_shadow(grey: np.ndarray, normal: np.ndarray, toward_sun: Sequence[float], semantic: np.ndarray) -> np.ndarray:
     """Boolean (H, W): no sunlight reaches the pixel.
 
-    Facets turned from the Sun are in shadow; others if they send less than _SHADOW_PART of the radiance that lit
-    ground of their material sends under the same incidence (Lambert), which is taken from the brighter pixels. So
-    a cast shadow is found from the image itself, and penumbrae count by how dark they are.
+    Facets that face away from the Sun are in shadow. Others are if their radiance is below _SHADOW_PART of that of lit
+    ground of their material under the same incidence (Lambert), which follows from the brighter pixels. So cast shadows
+    are found in the image itself, and a penumbra counts where it is dark enough.
     """
     cosine = np.nan_to_num(normal.astype(np.float64) @ np.asarray(toward_sun, np.float64))
     shadow = cosine <= 0
@@ -95,9 +95,9 @@ def in_shadow(grey: np.ndarray, normal: np.ndarray, toward_sun: Sequence[float],
 
 def classify(truth: np.ndarray, visible: np.ndarray, gradient: np.ndarray, grey: np.ndarray, normal: np.ndarray | None,
              semantic: np.ndarray | None, toward_sun: Sequence[float] | None) -> dict[str, np.ndarray]:
-    """The class of every pixel by every factor, int (H, W), -1 where it has none; what is None classifies nothing.
+    """The class of every pixel by every factor, int (H, W), -1 where it has none or where an argument is None.
 
-    ``gradient`` is ``texture`` of the left image that matchers get, ``grey`` its radiance, ``normal`` in world axes.
+    ``gradient`` is ``texture`` of the left image that matchers get, ``grey`` its radiance; ``normal`` is in world axes.
     """
     nowhere = np.full(truth.shape, -1)
     found = {RANGE.key: RANGE.of(truth), TEXTURE.key: TEXTURE.of(gradient),
@@ -132,7 +132,7 @@ def sums_by_class(classes: Mapping[str, np.ndarray], depth: np.ndarray, truth: n
 
 
 def add_sums(one: Mapping[str, Any] | None, other: Mapping[str, Any]) -> dict[str, Any]:
-    """The sums of two sets of pixels together; ``one`` may be None for no pixels."""
+    """The sums over two sets of pixels together; ``one`` may be None for no pixels."""
     if one is None:
         return {factor: {key: list(values) for key, values in sums.items()} for factor, sums in other.items()}
     return {factor: {key: [a + b for a, b in zip(sums[key], other[factor][key], strict=True)] for key in SUMS}
@@ -140,5 +140,5 @@ def add_sums(one: Mapping[str, Any] | None, other: Mapping[str, Any]) -> dict[st
 
 
 def mean(sums: Mapping[str, Sequence[float]], key: str, over: str = "n") -> list[float | None]:
-    """Per class the mean of ``key`` over the pixels that the sum ``over`` counts; None for no pixel."""
+    """Per class, the mean of ``key`` over the pixels that the sum ``over`` counts; None if there is no pixel."""
     return [part / whole if whole else None for part, whole in zip(sums[key], sums[over], strict=True)]

@@ -1,20 +1,18 @@
 """Depth order disagreement, exactly, over all pairs of pixels.
 
-Two depths are ordered with a tolerance: ord(a, b) is +1 where a / b > 1 + τ, -1 where a / b < 1 - τ,
-else 0. The disagreement is the share of the N (N - 1) ordered pairs (i, j), i not j, for which
-ord(truth_i, truth_j) differs from ord(prediction_i, prediction_j) (MegaDepth, Li and Snavely 2018;
-the GUISS paper's DOD, which samples pairs). Counting pairs one by one takes minutes for an image;
-here it takes O(N log N):
+Two depths are ordered with a tolerance τ: ord(a, b) is +1 if a / b > 1 + τ, -1 if a / b < 1 - τ, else 0. The
+disagreement is the share of the N (N - 1) ordered pairs (i, j), i ≠ j, for which ord(truth_i, truth_j) differs from
+ord(prediction_i, prediction_j) (MegaDepth, Li and Snavely 2018). It is the DOD of the GUISS paper, which samples pairs.
+Counting pairs one by one takes minutes for an image; the method here takes O(N log N):
 
-For one i, the j with label +1 are those of less depth than a threshold, a prefix of the pixels in
-the order of their depth; those with label -1 are a suffix. So everything follows from the sizes of
-prefixes and from the number of pixels that are in a prefix of the one order and a prefix of the
-other. Those two-dimensional counts are answered, for all i together, by a wavelet matrix (Claude,
-Navarro, Ordóñez 2015): one pass over the bits of the rank.
+For one i, the j with label +1 have less depth than a threshold, so they are a prefix of the pixels in the order of
+their depth; those with label -1 are a suffix. So everything follows from the sizes of prefixes, and from the number of
+pixels that are in a prefix of one order and a prefix of the other. A wavelet matrix (Claude, Navarro, Ordóñez 2015)
+gives these two-dimensional counts for all i together, in one pass over the bits of the rank.
 
-The thresholds come from the very divisions of the definition, which are monotone in floating
-point, so the result is that of the double loop, also for ties and for ratios of exactly 1 + τ
-(quantised disparities have them: 6.3125 / 6.25).
+The thresholds come from the same divisions as the definition. These are monotone in floating point, so the result is
+that of the double loop, also for ties and for ratios of exactly 1 + τ, which occur with quantised disparities
+(6.3125 / 6.25).
 """
 
 from __future__ import annotations
@@ -30,9 +28,9 @@ def depth_order_disagreement(prediction: np.ndarray, truth: np.ndarray, toleranc
                              antisymmetric: bool = False) -> float:
     """Share, 0 to 1, of ordered pixel pairs whose depth order the prediction gets wrong.
 
-    Both arrays have one shape and hold positive finite depths; NaN for fewer than two pixels. With
-    ``antisymmetric``, ord(a, b) is -1 where b / a > 1 + τ, so that it is always -ord(b, a); by the definition
-    above a ratio between 1 + τ and 1 / (1 - τ) is an order one way round only.
+    Both arrays have the same shape and contain positive finite depths. NaN for fewer than two pixels. With
+    ``antisymmetric``, ord(a, b) is -1 if b / a > 1 + τ, so that it is always -ord(b, a). By the definition above this
+    does not hold for ratios between 1 + τ and 1 / (1 - τ).
     """
     count = truth.size
     if count < 2:
@@ -41,7 +39,7 @@ def depth_order_disagreement(prediction: np.ndarray, truth: np.ndarray, toleranc
     depth, rank, size = np.unique(prediction.ravel(), return_inverse=True, return_counts=True)
     true_start, start = _starts(true_size), _starts(size)
 
-    # Per pixel and order: how many ranks are nearer beyond tolerance, how many are not farther.
+    # Per pixel and order: how many ranks are nearer by more than the tolerance, and how many are not farther.
     order = np.argsort(true_rank, kind="stable")
     true_rank, rank = true_rank[order], rank[order]
     true_nearer, true_not_farther = _thresholds(true_depth, tolerance, antisymmetric)
@@ -56,8 +54,8 @@ def depth_order_disagreement(prediction: np.ndarray, truth: np.ndarray, toleranc
     labelled = (true_plus + (count - true_upto) + plus + (count - upto)).sum()
     same_sign = both_plus.sum() + (count - true_upto - upto + upto_upto).sum()
     opposite_sign = (true_plus - true_plus_upto).sum() + (plus - true_upto_plus).sum()
-    # Pairs with labels of one sign are counted twice in ``labelled`` and agree; opposite ones twice
-    # and disagree once. A pixel paired with itself has label 0 in both, and so never counts.
+    # ``labelled`` counts a pair twice if it has a label in both orders. With the same sign it agrees; with opposite
+    # signs it disagrees once. A pixel paired with itself has label 0 in both, and never counts.
     return float(int(labelled) - 2 * int(same_sign) - int(opposite_sign)) / (count * (count - 1))
 
 
@@ -66,8 +64,8 @@ def _starts(sizes: np.ndarray) -> np.ndarray:
 
 
 def _thresholds(depths: np.ndarray, tolerance: float, antisymmetric: bool) -> tuple[np.ndarray, np.ndarray]:
-    """For each of the ascending distinct depths v, how many depths x have ord(v, x) = 1, and how many have not
-    ord(v, x) = -1."""
+    """For each of the ascending distinct depths v, the number of depths x with ord(v, x) = 1, and of those with
+    ord(v, x) not -1."""
     with np.errstate(over="ignore", under="ignore"):
         nearer = np.searchsorted(depths, depths / (1 + tolerance))
         nearer = _corrected(nearer, depths, lambda v, x: v / x > 1 + tolerance)
@@ -80,7 +78,7 @@ def _thresholds(depths: np.ndarray, tolerance: float, antisymmetric: bool) -> tu
 
 def _corrected(guess: np.ndarray, depths: np.ndarray,
                holds: Callable[[np.ndarray, np.ndarray], np.ndarray]) -> np.ndarray:
-    """Move each prefix length, near right but for rounding, to where ``holds(v, x)`` ends."""
+    """Move each prefix length, which is right except for rounding, to where ``holds(v, x)`` ends."""
     last = depths.size - 1
     while True:
         too_long = (guess > 0) & ~holds(depths, depths[np.maximum(guess - 1, 0)])
@@ -92,7 +90,7 @@ def _corrected(guess: np.ndarray, depths: np.ndarray,
 
 def sampled_disagreement(prediction: np.ndarray, truth: np.ndarray, pairs: int, random: np.random.Generator,
                          tolerance: float = TOLERANCE) -> float:
-    """The disagreement among ``pairs`` random ordered pairs of unlike pixels: unbiased, in a fraction of the time.
+    """The disagreement among ``pairs`` random ordered pairs of two different pixels: unbiased, and much faster.
 
     Its standard error is √(p (1 - p) / pairs). NaN for fewer than two pixels.
     """
@@ -124,8 +122,8 @@ def _prefix_counts(values: np.ndarray, bound: int, prefixes: np.ndarray, limits:
 
     ``values`` are whole numbers from 0 to ``bound`` - 1, limits 0 to ``bound``.
     """
-    # With prefix 0 the answer is 0, but the walk below gives the values of other branches that
-    # precede it; they depend on the limit alone and are subtracted at the end.
+    # For prefix 0 the answer is 0, but the walk below gives the number of values in the branches before it. This
+    # depends on the limit alone and is subtracted at the end.
     limits = np.concatenate([limits, np.arange(bound + 1)]).astype(np.int32)
     position = np.concatenate([prefixes, np.zeros(bound + 1, np.intp)]).astype(np.int32)
     found = np.zeros(limits.size, np.int64)

@@ -1,10 +1,10 @@
-"""By how much the two eyes of a pair are off each other, and how far that can be trusted.
+"""Offsets between the two eyes of a pair, each with its standard error.
 
-Two independent witnesses. The **truth** of both eyes is free of noise: a point's disparity read in the right eye is
-that read in the left one, to rounding, so a wrong f·B, a shift or a shifted row show wherever there is relief,
-whatever the light. The **light** tells whether the images belong to that truth. It has noise, glints that each eye
-sees elsewhere, shadows without light; so it is compared by limited local contrast, in which no glint outweighs the
-ground, and every number has a standard error from the jackknife over tiles. What cannot be told is NaN.
+There are two independent tests. The **truth** of both eyes has no noise: a point has the same disparity in both, except
+for rounding. So a wrong f·B, a shift or a shifted row is visible wherever there is relief, in any light. The **light**
+shows whether the images belong to that truth. It has noise, shadows, and glints that each eye sees in another place. So
+it is compared by its local contrast, limited so that no glint outweighs the ground, and the jackknife over tiles gives
+every number a standard error. What cannot be determined is NaN.
 """
 
 from __future__ import annotations
@@ -18,46 +18,45 @@ from ...render.pairs.pair_folder import StereoCamera
 from ..images.disparity_and_occlusion import matching_column, warped
 from .jackknife import jackknife, tile_sums
 
-#: Shifts of the right image, px, that its light is tried at, and rows.
+#: Shifts of the right image, px, that are tried along the rows and across them.
 SHIFTS_PX = np.arange(-3.0, 3.01, 0.5)
 ROWS_PX = np.arange(-2.0, 2.1)
-#: Pixels below which an image cannot tell.
+#: Fewer pixels than this determine nothing.
 FEWEST = 100
-#: Blur, px, before light is compared, against the noise of single pixels, and the width over which its contrast is
-#: taken. Shading that changes with the direction of view is wider, and drops out.
+#: Blur, px, that reduces the noise of single pixels, and the width over which contrast is computed. Shading that
+#: depends on the direction of view varies over larger widths, and so drops out.
 _BLUR_PX, _CONTRAST_PX = 0.8, 3.5
-#: Contrast below which light is not told from noise: of the brightness around, and of the whole image's.
+#: Contrast below which light counts as noise: as a part of the local brightness, and of that of the whole image.
 _FLOOR, _DARK = 0.02, 1e-3
-#: Tiles that a number must rest on.
+#: A number from fewer tiles than this is not used.
 FEWEST_TILES = 8
-#: Columns, about, of the small images in which places are found again, the shifts, px, at which they are sought, and
-#: how large a place is, px. From this correlation on it is found: of noise, whose grains are some 3 px, a place has
-#: about a hundred, so correlations of noise have a standard deviation of 0.1. And by how much it must fit better
-#: there than where the truth has it.
+#: The search for places of the left image in the right one, on images of about so many columns: the size of a place,
+#: px; the correlation from which it is found; and by how much this must exceed the correlation at the true disparity.
+#: A place has about a hundred grains of noise, of 3 px, so correlations of noise have a standard deviation of 0.1.
 _SMALL_PX, _PLACE_PX, _FOUND, _BETTER = 160, 6.0, 0.65, 0.15
-#: Mean square of the contrast from which a place has texture all over, and not a few bright dots in the dark, which fit
-#: any others.
+#: Mean square of the contrast from which a place has texture all over. A few bright dots in the dark fit any others.
 _TEXTURED = 0.2
+#: Shifts, px, at which a place is searched for.
 _SEARCH_PX = np.array([*range(-16, -1, 2), -1, 0, 1, *range(2, 17, 2)], float)
-#: Disparity, px, by which a point read in the other eye may differ and still be the same point.
+#: Difference in disparity, px, below which both eyes see the same point.
 _SAME_POINT_PX = 1.0
-#: Change of disparity over a column beyond which two columns are of two surfaces.
+#: Change of disparity from one column to the next above which they show two surfaces.
 _STEP = 0.7
-#: Deviation, px, that single precision and the mesh's edges between two columns make.
+#: Deviation, px, due to single precision and to edges of the mesh between two columns.
 _ROUNDING_PX = 1e-4
-#: Part of a disparity that single precision may be off between the eyes, whatever the image: four roundings.
+#: Largest relative difference of a disparity between the eyes due to single precision: four roundings.
 _ROUNDING = 4 * 2.0 ** -24
 
 
 @dataclass(frozen=True)
 class Estimate:
-    """A number and its standard error, both NaN where it cannot be told."""
+    """A number and its standard error; both are NaN if it cannot be determined."""
 
     value: float = float("nan")
     error: float = float("nan")
 
     def exceeds(self, limit: float, errors: float) -> bool:
-        """Whether it is farther than ``limit`` and so many standard errors from 0."""
+        """Whether it is farther from 0 than ``limit`` and than so many standard errors."""
         return abs(self.value) > max(limit, errors * self.error)  # False for NaN
 
     @property
@@ -68,24 +67,24 @@ class Estimate:
 
 @dataclass(frozen=True)
 class TruthOffsets:
-    """What makes the truth of both eyes agree: each as if it were the only thing that is wrong."""
+    """The corrections that make the truth of both eyes agree, each as if it were the only one needed."""
 
     shift_px: Estimate = Estimate()  # of the right eye along the rows
-    scale: Estimate = Estimate()  # by how much f·B is too large, as a part of what is stated
+    scale: Estimate = Estimate()  # by what part of the stated f·B this is too large
     rows_px: Estimate = Estimate()  # of the right eye along the columns
-    likeliest: str = "shift_px"  # the one that leaves the least
+    likeliest: str = "shift_px"  # the one that leaves the smallest difference
 
 
 @dataclass(frozen=True)
 class LightOffsets:
-    """Where the right image's light fits the left one's, fetched by the true disparity."""
+    """The shifts at which the light of the right image, moved by the true disparity, fits that of the left one."""
 
     shift_px: Estimate = Estimate()  # along the rows
     rows_px: Estimate = Estimate()
     correlation: float = float("nan")  # at the best shift, 1 for images that agree
     gain: Estimate = Estimate()  # of the correlation by that shift
     rows_gain: Estimate = Estimate()
-    tiles: float = 0.0  # how many tiles of the image it rests on
+    tiles: float = 0.0  # effective number of tiles that it is based on
 
 
 def truth_offsets(left_depth: np.ndarray, right_depth: np.ndarray, camera: StereoCamera) -> TruthOffsets:
@@ -100,7 +99,7 @@ def truth_offsets(left_depth: np.ndarray, right_depth: np.ndarray, camera: Stere
     if known.sum() < FEWEST:
         return TruthOffsets()
     rounding_px = _ROUNDING * _rms(disparity[known])
-    # A shift of the right eye by s changes what is fetched by -s times its slope.
+    # A shift of the right eye by s changes the warped disparity by -s times its slope.
     fits = {name: _robust_fit(np.where(known, slope, 0.0), np.where(known, difference, 0.0), known, rounding_px)
             for name, slope in (("shift_px", -along), ("scale", -along * disparity), ("rows_px", -down))}
     likeliest = min(fits, key=lambda name: fits[name][1])
@@ -108,7 +107,7 @@ def truth_offsets(left_depth: np.ndarray, right_depth: np.ndarray, camera: Stere
 
 
 def _slope(image: np.ndarray, axis: int) -> np.ndarray:
-    """Central differences, NaN at the border and beside what is unknown."""
+    """Central differences, NaN at the border and beside unknown values."""
     slope = np.full(image.shape, np.nan)
     inner = [slice(None)] * 2
     inner[axis] = slice(1, -1)
@@ -123,12 +122,12 @@ def _rms(values: np.ndarray) -> float:
 
 def _robust_fit(slope: np.ndarray, difference: np.ndarray, known: np.ndarray, rounding_px: float,
                 ) -> tuple[Estimate, float]:
-    """What ``difference`` is, times ``slope``, by Tukey's weights, and the mean deviation that is left.
+    """The factor x in ``difference`` = x · ``slope``, fitted with Tukey's weights, and the mean deviation that is left.
 
-    Where an edge falls between two columns the truth of both eyes differs; the weights leave that out. What counts
-    as left out is judged by the pixels that can tell, those of at least half the RMS slope or of the steepest
-    hundredth: of a view to the horizon most pixels are far, have neither slope nor difference, and would make
-    outliers of all that is near.
+    Where an edge falls between two columns, the truth of both eyes differs; the weights exclude these outliers. Their
+    scale comes from the pixels that determine x: those with at least half the RMS slope, or the steepest hundredth. In
+    a view to the horizon most pixels are far away and have neither slope nor difference. If they set the scale, all
+    near pixels would be outliers.
     """
     steepness = _rms(slope[known])
     least = min(steepness / 2, float(np.quantile(np.abs(slope[known]), 0.99)))
@@ -151,7 +150,7 @@ def _robust_fit(slope: np.ndarray, difference: np.ndarray, known: np.ndarray, ro
 
 
 def light_offsets(left: np.ndarray, right: np.ndarray, column: np.ndarray, visible: np.ndarray) -> LightOffsets:
-    """Compare radiance (H, W) of both eyes: the left one's where ``visible``, with the right one's at ``column``."""
+    """Compare the radiance (H, W) of both eyes: the left one where ``visible``, with the right one at ``column``."""
     width = column.shape[1]
     with np.errstate(invalid="ignore"):
         where = visible & (column >= 1) & (column <= width - 2)
@@ -170,7 +169,7 @@ def light_offsets(left: np.ndarray, right: np.ndarray, column: np.ndarray, visib
 
 
 def light_correlation(image: np.ndarray, other: np.ndarray, column: np.ndarray, visible: np.ndarray) -> Estimate:
-    """How well the light of one eye is that of the ``other`` one at ``column``: 1 if they agree, 0 if not at all."""
+    """Correlation of the light of one eye with that of the ``other`` one at ``column``: 1 if they agree fully."""
     with np.errstate(invalid="ignore"):
         where = visible & (column >= 1) & (column <= column.shape[1] - 2)
     if where.sum() < FEWEST:
@@ -182,7 +181,7 @@ def light_correlation(image: np.ndarray, other: np.ndarray, column: np.ndarray, 
 
 
 def _finite(image: np.ndarray) -> np.ndarray:
-    """In double precision, black where a path of light ended in no number."""
+    """In double precision; black where the render is not a finite number."""
     return np.nan_to_num(image.astype(np.float64), nan=0.0, posinf=0.0, neginf=0.0)
 
 
@@ -191,8 +190,8 @@ def _blurred(image: np.ndarray) -> np.ndarray:
 
 
 def _contrast(image: np.ndarray, where: np.ndarray) -> np.ndarray:
-    """How much brighter a pixel is than those around it, in standard deviations of these, limited to 1; 0 where not
-    asked for."""
+    """How much brighter a pixel is than those around it, in their standard deviations, limited to 1; 0 outside
+    ``where``."""
     level = max(float(image[where].mean()), 1e-300)
     share = np.maximum(_smoothed(where.astype(np.float64), _CONTRAST_PX), 1e-9)
     light = np.where(where, image / level, 0.0)
@@ -203,8 +202,8 @@ def _contrast(image: np.ndarray, where: np.ndarray) -> np.ndarray:
 
 
 def _smoothed(image: np.ndarray, width_px: float) -> np.ndarray:
-    """Weighted sums around each pixel; nothing is beyond the border. A Gaussian, as running sums of a box leave
-    rounding behind where it is dark."""
+    """Weighted sums around each pixel, with 0 beyond the border. A Gaussian, since the running sums of a box leave
+    rounding errors where it is dark."""
     return np.asarray(cv2.GaussianBlur(image, (0, 0), width_px, borderType=cv2.BORDER_CONSTANT))
 
 
@@ -213,13 +212,13 @@ def _moved_up(image: np.ndarray, rows: int) -> np.ndarray:
 
 
 def _products(contrast: np.ndarray, fetched: np.ndarray, where: np.ndarray) -> np.ndarray:
-    """Sums (tiles, 3) that ``_correlation`` is made of."""
+    """The sums (tiles, 3) that ``_correlation`` needs."""
     other = _contrast(fetched, where)
     return tile_sums(contrast * other, contrast ** 2, other ** 2)
 
 
 def _correlation(sums: np.ndarray) -> np.ndarray:
-    """Of sums (..., 3); 0 where there is no contrast but rounding's."""
+    """Correlation from sums (..., 3); 0 where the only contrast is rounding."""
     return np.asarray(sums[..., 0] / (np.sqrt(sums[..., 1] * sums[..., 2]) + 1e-6))
 
 
@@ -228,7 +227,7 @@ def _zero(steps: np.ndarray) -> int:
 
 
 def _best(sums: np.ndarray, steps: np.ndarray) -> tuple[Estimate, Estimate, Estimate]:
-    """The step at which sums (tiles, steps, 3) correlate best, what that gains over no step, and the correlation."""
+    """The step with the best correlation from sums (tiles, steps, 3), its gain over step 0, and the correlation."""
     def value(totals: np.ndarray) -> np.ndarray:
         curve = _correlation(totals.reshape(*totals.shape[:-1], len(steps), 3))
         best = curve.max(axis=-1)
@@ -240,7 +239,7 @@ def _best(sums: np.ndarray, steps: np.ndarray) -> tuple[Estimate, Estimate, Esti
 
 
 def _peak(curve: np.ndarray, steps: np.ndarray) -> np.ndarray:
-    """Where curves (..., steps) have their peak, by the parabola through the three points around it."""
+    """The peak of curves (..., steps), by the parabola through the three points around it."""
     middle = np.clip(curve.argmax(axis=-1), 1, len(steps) - 2)
     before, at, after = (np.take_along_axis(curve, (middle + k)[..., None], -1)[..., 0] for k in (-1, 0, 1))
     left, right = steps[middle] - steps[middle - 1], steps[middle + 1] - steps[middle]
@@ -252,10 +251,10 @@ def _peak(curve: np.ndarray, steps: np.ndarray) -> np.ndarray:
 
 
 def foreign_share(left: np.ndarray, right: np.ndarray, disparity: np.ndarray, visible: np.ndarray) -> Estimate:
-    """Of the places of the left image (H, W) that are found in the right one beyond doubt, the share that is not
-    where the true ``disparity`` has them.
+    """Of the places of the left image (H, W) that are surely found in the right one, the share that is not at the
+    true ``disparity``.
 
-    On images made small, which takes noise out. NaN where too few places are found.
+    Works on reduced images, which have less noise. NaN if too few places are found.
     """
     step = max(1, round(left.shape[1] / _SMALL_PX))
     left, right, true, seen = (_reduced(image, step) for image in (
@@ -278,7 +277,7 @@ def foreign_share(left: np.ndarray, right: np.ndarray, disparity: np.ndarray, vi
 
 
 def _local_correlation(contrast: np.ndarray, other: np.ndarray, where: np.ndarray) -> np.ndarray:
-    """Correlation around each pixel, of the pixels where both are known; 0 where these are few or without contrast."""
+    """Correlation around each pixel over the pixels where both are known; 0 if these are few or have no contrast."""
     share, first, second = where.astype(np.float64), contrast * where, other * where
     energy, other_energy, both = (_smoothed(image, _PLACE_PX) for image in (first ** 2, second ** 2, first * second))
     told = (_smoothed(share, _PLACE_PX) > 0.5) & (np.minimum(energy, other_energy) > _TEXTURED)

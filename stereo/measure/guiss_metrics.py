@@ -3,14 +3,14 @@
 It differs from the metrics here in ways that matter (nasa-jpl/guiss: ``stereoBM_eval.py``, ``IGEV_eval.py``,
 ``utils.calc_metrics``, ``gen_res.calc_metrics_offline``, ``get_pairs``):
 
-* depth is 80 / disparity, "scaled by 10", where f·B is 85.333 px·m: every depth is 6.25 % short;
-* 1e-4 px is added to disparities, and StereoBM's mark of a failed match, one less than its least disparity, is taken
-  for a disparity;
-* what counts is predicted depth in [0.01, 100] m and true depth in (0.05, 100] m, in rows 48 to 432 of 480 and, for
-  StereoBM, in columns 125 to 600 of 640;
-* the order of depths is compared on a lattice of places in the list of those pixels; fewer than about 10 100 pixels
+* depth is 80 / disparity, "scaled by 10", although f·B is 85.333 px·m, so every depth is 6.25 % too small;
+* 1e-4 px is added to disparities, and StereoBM's mark of a failed match, one less than its least disparity, counts as
+  a disparity;
+* pixels count if the predicted depth is in [0.01, 100] m and the true one in (0.05, 100] m, in rows 48 to 432 of 480
+  and, for StereoBM, in columns 125 to 600 of 640;
+* the order of depths is compared on a lattice of positions in the list of these pixels; fewer than about 10 100 pixels
   give no pair;
-* all of it is in single precision, where the scale-invariant error of a nearly perfect map may come out as NaN.
+* everything is in single precision, in which the scale-invariant error of a nearly perfect map may be NaN.
 """
 
 from __future__ import annotations
@@ -27,10 +27,10 @@ _EDGE, _STEP, _COARSE_STEP = 5000, 100, 1000  # of the lattice
 
 def reference_metrics(disparity: np.ndarray, truth: np.ndarray, bm_min_disparity: int | None = None
                       ) -> dict[str, float | int]:
-    """The reference code's numbers, keys METRICS, of a disparity map (px) and true depth (m), both (H, W).
+    """The numbers METRICS of the reference code, for a disparity map (px) and the true depth (m), both (H, W).
 
-    For StereoBM give its least disparity, ``bm_min_disparity``: failed matches (NaN) get its mark for them, and the
-    columns are cut as it does for that matcher. The cuts are those of 640 x 480 px in proportion.
+    For StereoBM give its least disparity, ``bm_min_disparity``: failed matches (NaN) then get its mark, and columns are
+    cut as the reference code does for this matcher. The cuts are those for 640 x 480 px, in proportion.
     """
     height, width = truth.shape
     rows, columns = slice(height * 48 // 480, height * 432 // 480), slice(None)
@@ -43,7 +43,7 @@ def reference_metrics(disparity: np.ndarray, truth: np.ndarray, bm_min_disparity
 
 
 def depth_map_metrics(prediction: np.ndarray, truth: np.ndarray) -> dict[str, float | int]:
-    """The same of a depth map as it is, without its constant and cuts."""
+    """The same numbers for a depth map, without the constant and the cuts."""
     prediction, truth = prediction.astype(np.float32), truth.astype(np.float32)
     counted = (prediction >= 0.01) & (prediction <= 100) & (truth > 0.05) & (truth <= 100)  # False for NaN
     predicted, true = prediction[counted], truth[counted]
@@ -62,13 +62,13 @@ def depth_map_metrics(prediction: np.ndarray, truth: np.ndarray) -> dict[str, fl
 
 
 def lattice(count: int) -> tuple[np.ndarray, np.ndarray]:
-    """The pairs i < j that are compared among ``count`` listed pixels: one of the two is a multiple of 1000 beyond
-    the edge of 5000, the other of 100."""
+    """The pairs i < j that are compared among ``count`` pixels: counted from the edge of 5000, one of the two is a
+    multiple of 1000, the other of 100."""
     fine = np.arange(_EDGE, count - _EDGE, _STEP)
     coarse = np.arange(_EDGE, count - _EDGE, _COARSE_STEP)
     first, second = (places.ravel() for places in np.meshgrid(fine, coarse, indexing="ij"))
     low, high = np.minimum(first, second), np.maximum(first, second)
-    # A pair of two coarse places is met from both sides; only once does it count.
+    # A pair of two coarse positions occurs twice; count it once.
     once = (first < second) | ((first - _EDGE) % _COARSE_STEP != 0)
     keep = (low != high) & once
     return low[keep], high[keep]

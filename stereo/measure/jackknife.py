@@ -1,9 +1,9 @@
-"""How far a number of one image can be trusted: the jackknife over tiles of the image.
+"""The standard error of a number from one image: the jackknife over tiles of the image.
 
-Pixels beside each other err together, over a matcher's window or a denoiser's, so their number says little. Tiles are
-larger than that and nearly independent: leaving out one after the other tells how much the number hangs on the noise
-that there happens to be (Efron and Tibshirani 1993, chapter 11; in blocks Künsch 1989). Sums over the same tiles of
-two images are left out together, so what both have in common cancels.
+Errors of neighbouring pixels are correlated over the window of a matcher or a denoiser, so pixels are not independent.
+Tiles are larger than such windows and nearly independent. Leaving out one tile after the other shows how much a number
+depends on the noise (Efron and Tibshirani 1993, chapter 11; for tiles Künsch 1989). The same tiles of two images are
+left out together, so errors that both share cancel.
 """
 
 from __future__ import annotations
@@ -12,12 +12,12 @@ from collections.abc import Callable
 
 import numpy as np
 
-#: Tiles along the columns and rows of an image.
+#: Number of tiles from top to bottom and from left to right.
 DOWN, ACROSS = 6, 8
 
 
 def tile_sums(*images: np.ndarray) -> np.ndarray:
-    """Sums (DOWN * ACROSS, K) over the tiles of K images, all (H, W), of numbers or booleans; none may be NaN."""
+    """Sums (DOWN * ACROSS, K) over the tiles of K images (H, W) of numbers or booleans; no pixel may be NaN."""
     height, width = images[0].shape
     tile = (np.arange(height) * DOWN // height)[:, None] * ACROSS + np.arange(width) * ACROSS // width
     return np.stack([np.bincount(tile.ravel(), np.asarray(image, np.float64).ravel(), DOWN * ACROSS)
@@ -25,11 +25,11 @@ def tile_sums(*images: np.ndarray) -> np.ndarray:
 
 
 def jackknife(value: Callable[..., np.ndarray], *sums: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """A number of whole images, and its standard error.
+    """Numbers of whole images, and their standard errors.
 
-    ``sums`` are arrays (..., tiles, K) of ``tile_sums``; ``value`` gives numbers of their totals (..., K), where it may
-    have one more axis before the last, over the tiles left out. NaN where a number is not defined; the error is NaN
-    with fewer than two tiles that hold anything.
+    ``sums`` are arrays (..., tiles, K) of ``tile_sums``. ``value`` computes the numbers from their totals (..., K); it
+    must accept one more axis before the last, over the tiles that are left out. An undefined number is NaN. The error
+    is NaN if fewer than two tiles contain anything.
     """
     held = np.any([each.any(axis=tuple(k for k in range(each.ndim) if k != each.ndim - 2)) for each in sums], axis=0)
     count = int(held.sum())

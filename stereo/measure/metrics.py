@@ -1,8 +1,8 @@
-"""How far a predicted depth is from the true one. Everything is float64, masked before it is computed.
+"""Metrics of a predicted depth or disparity against the true one, in float64.
 
-The pixels that count, V, are those where both depths are finite and positive; an invalid prediction
-is never a depth. Coverage says how many of the true pixels V is. Rates and coverage are fractions.
-Anything that is not defined (no pixel, order of one pixel) is NaN, never a flattering zero.
+The pixels that count, V, are those where both depths are finite and positive. An invalid prediction is never a depth.
+Coverage is the share of the true pixels that are in V. Rates and coverage are fractions. An undefined metric (no pixel,
+or the order of one pixel) is NaN, never a flattering 0.
 """
 
 from __future__ import annotations
@@ -13,37 +13,37 @@ from .depth_order import depth_order_disagreement
 
 DEPTH_METRICS = ("l1_m", "l1_rate_10", "si_mse", "si_rmse", "dod", "coverage", "n", "rmse_m", "median_m", "bias_m",
                  "abs_rel", "l1_rate_30", "l1_rate_100")
-#: Key of a rate -> the depth error, m, that it counts beyond.
+#: Key of a rate -> the depth error, m, above which it counts a pixel.
 L1_RATES = {"l1_rate_10": 0.10, "l1_rate_30": 0.30, "l1_rate_100": 1.00}
-#: Errors, m, of the cumulative curve: one centimetre to ten metres, ten steps per decade.
+#: Errors, m, of the cumulative curve: 1 cm to 10 m, ten steps per decade.
 ERROR_STEPS_M = tuple(float(f"{step:.4g}") for step in np.geomspace(0.01, 10.0, 31))
 #: Shares of the measurements that a sparsification curve keeps.
 SHARES = tuple(k / 20 for k in range(1, 21))
-#: Key of a rate -> the disparity error, px, that it counts beyond.
+#: Key of a rate -> the disparity error, px, above which it counts a pixel.
 BAD = {"bad_0_5": 0.5, "bad_1": 1.0, "bad_2": 2.0, "bad_3": 3.0}
 #: Key of a quantile of the disparity error (Middlebury's A50 and so on) -> the share of pixels below it.
 QUANTILES = {"a50_px": 0.50, "a90_px": 0.90, "a95_px": 0.95, "a99_px": 0.99}
 DISPARITY_METRICS = ("epe_px", *BAD, "d1", *QUANTILES)
-#: Metrics that have a meaning when a missing measurement is taken for a wrong one, however large.
+#: Metrics that are defined when a missing measurement counts as an infinite error.
 TOTAL_METRICS = ("median_m", "l1_rate_10", "l1_rate_30", "l1_rate_100", "dod", *BAD, "d1", *QUANTILES)
 
 
 def usable(depth: np.ndarray) -> np.ndarray:
-    """Where a depth or disparity is one: finite and positive. Boolean, of the same shape."""
+    """Where a depth or disparity is finite and positive. Boolean, of the same shape."""
     return np.isfinite(depth) & (depth > 0)
 
 
 def depth_metrics(prediction: np.ndarray, truth: np.ndarray) -> dict[str, float | int]:
-    """Metrics of planar depths in metres, two arrays of one shape, NaN where there is none.
+    """Metrics of planar depths in metres; two arrays of the same shape, NaN where there is no depth.
 
     With e = prediction - truth and d = ln prediction - ln truth on V, N = |V|:
 
     * ``l1_m`` mean |e|, ``median_m`` median |e|, ``rmse_m`` root of mean e², ``bias_m`` mean e,
       ``abs_rel`` mean |e| / truth; ``l1_rate_10``, ``_30``, ``_100`` share of |e| > 0.10, 0.30, 1.00 m;
-    * ``si_mse`` mean d² - (mean d)² (Eigen et al. 2014 with λ = 1; the GUISS paper's formula), taken
-      as the variance of d in two passes so that a prediction right up to scale gives 0, not rounding
-      noise; ``si_rmse`` its root (what the paper's code prints);
-    * ``dod`` depth order disagreement, see ``dod``;
+    * ``si_mse`` mean d² - (mean d)² (Eigen et al. 2014 with λ = 1; the formula of the GUISS paper), computed as the
+      variance of d in two passes, so that a prediction that is right except for its scale gives 0 and not rounding
+      noise; ``si_rmse`` its root (which the code of the paper prints);
+    * ``dod`` depth order disagreement, see ``depth_order``;
     * ``coverage`` N / number of true pixels, ``n`` N.
     """
     prediction, truth = np.asarray(prediction, np.float64), np.asarray(truth, np.float64)
@@ -55,7 +55,7 @@ def depth_metrics(prediction: np.ndarray, truth: np.ndarray) -> dict[str, float 
     if n == 0:
         return result
     predicted, true = prediction[both], truth[both]
-    with np.errstate(over="ignore"):  # absurd depths may square to infinity, which is then the answer
+    with np.errstate(over="ignore"):  # the square of an absurd depth may be infinite, and so is the metric then
         error = predicted - true
         distance = np.abs(error)
         ratio = np.log(predicted) - np.log(true)
@@ -75,11 +75,11 @@ def depth_metrics(prediction: np.ndarray, truth: np.ndarray) -> dict[str, float 
 
 
 def disparity_metrics(prediction: np.ndarray, truth: np.ndarray) -> dict[str, float]:
-    """Metrics of disparities in px, two arrays of one shape. With e = prediction - truth on V:
+    """Metrics of disparities in px; two arrays of the same shape. With e = prediction - truth on V:
 
     ``epe_px`` mean |e|; ``bad_0_5``, ``bad_1``, ``_2``, ``_3`` share of |e| > 0.5, 1, 2, 3 px; ``d1`` share of
     |e| > 3 px and > 5 % of the true disparity (KITTI 2015); ``a50_px``, ``a90_px``, ``a95_px``, ``a99_px`` quantiles
-    of |e|: that many per cent of the pixels have no larger error (Middlebury).
+    of |e|, below which so many per cent of the pixels are (Middlebury).
     """
     distance, true = _disparity_errors(prediction, truth)
     if not distance.size:
@@ -92,11 +92,11 @@ def disparity_metrics(prediction: np.ndarray, truth: np.ndarray) -> dict[str, fl
 
 def total_metrics(depth: np.ndarray, true_depth: np.ndarray, disparity: np.ndarray, true_disparity: np.ndarray,
                   dod: float) -> dict[str, float]:
-    """TOTAL_METRICS over all true pixels, a missing measurement counted as wrong (Middlebury's "totbad").
+    """TOTAL_METRICS over all true pixels, where a missing measurement counts as wrong (Middlebury's "totbad").
 
-    Rates are (wrong + missing) / true. A quantile (``median_m`` is one) is that of the errors with the missing ones
-    infinite, so it is infinite where too much is missing. In ``dod`` every pair of pixels with a missing one
-    disagrees; the argument ``dod`` is that among the measured pixels. NaN without a true pixel.
+    Rates are (wrong + missing) / true. For quantiles (``median_m`` is one) a missing measurement has an infinite error,
+    so a quantile is infinite if too many are missing. For ``dod`` every pair with a missing pixel disagrees; the
+    argument ``dod`` is the one among the measured pixels. NaN if there is no true pixel.
     """
     known = usable(true_depth)
     total = int(known.sum())
@@ -123,19 +123,19 @@ def _disparity_errors(prediction: np.ndarray, truth: np.ndarray) -> tuple[np.nda
 
 
 def _quantile(errors: np.ndarray, share: float, total: int) -> float:
-    """The smallest error that at least ``share`` of ``total`` pixels do not exceed; infinite if too few have one.
+    """The smallest error that at least ``share`` of ``total`` pixels do not exceed; infinite if too few are measured.
 
-    An error that occurred, never a mean of two: the same rule then holds with infinite errors too.
+    It is always one of the errors, never a mean of two, so that infinite errors need no other rule.
     """
     rank = max(1, int(np.ceil(share * total - 1e-9)))
     return float(np.partition(errors, rank - 1)[rank - 1]) if rank <= errors.size else float("inf")
 
 
 def error_curve(prediction: np.ndarray, truth: np.ndarray) -> list[float]:
-    """Share of all true pixels that are measured to within each of ERROR_STEPS_M; NaN without truth.
+    """Share of all true pixels that are measured with an error within each of ERROR_STEPS_M; NaN without truth.
 
-    It shows coverage and accuracy at once: it ends at the coverage, and a missing measurement is
-    never within anything.
+    A missing measurement is within none of them, so the curve ends at the coverage: it shows coverage and accuracy
+    together.
     """
     known = usable(truth)
     if not known.any():
@@ -146,10 +146,10 @@ def error_curve(prediction: np.ndarray, truth: np.ndarray) -> list[float]:
 
 
 def sparsification(error_px: np.ndarray, confidence: np.ndarray) -> list[float]:
-    """Mean |error| of the most confident measurements, for each share of SHARES that is kept; NaN without any.
+    """Mean |error| of the most confident measurements, for each share of SHARES that is kept; NaN if there is none.
 
-    Both arrays have one shape; ``error_px`` is NaN where nothing was measured. With ``confidence`` = -``error_px``
-    it is the best curve that any confidence could give.
+    Both arrays have the same shape; ``error_px`` is NaN where nothing was measured. ``confidence`` = -``error_px``
+    gives the best possible curve.
     """
     measured = np.isfinite(error_px)
     errors = error_px[measured]

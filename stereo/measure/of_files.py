@@ -20,20 +20,22 @@ def measure_files(prediction: Path | None, disparity: Path | None, truth: Path, 
                   guiss: bool) -> dict[str, float]:
     """All metrics of the file ``prediction`` (npy, depth in m) or ``disparity`` (npy or npz, px) against ``truth``.
 
-    With ``focal_baseline`` (px·m), which a disparity needs, also those of disparities and ``total_``; ``dod`` in its
-    variants ``dod_antisymmetric`` and ``dod_sampled``; with ``guiss`` the reference code's numbers, of a
-    disparity by its own constant and cuts, of a depth as it is. Raises IcyMoonError for files that do not fit.
+    Includes the variants ``dod_antisymmetric`` and ``dod_sampled``. With ``focal_baseline`` (px·m), which a disparity
+    needs, includes the metrics of disparities and those with ``total_``. With ``guiss``, includes the numbers of the
+    reference code: for a disparity with its constant and cuts, for a depth without. Raises IcyMoonError for files that
+    do not fit.
     """
     path = prediction or disparity
     assert path is not None
     if focal_baseline is not None and not (math.isfinite(focal_baseline) and focal_baseline > 0):
         raise IcyMoonError(f"--focal-baseline is {focal_baseline}; give a positive number in px·m.")
     if disparity is not None and focal_baseline is None:
-        raise IcyMoonError("--disparity needs --focal-baseline, the camera's focal length in px times its baseline in "
-                           "m.")
+        raise IcyMoonError("--disparity needs the camera; give --focal-baseline, its focal length in px times its "
+                           "baseline in m.")
     given, true = read_map(path), read_map(truth)
     if given.shape != true.shape:
-        raise IcyMoonError(f"{path} has the shape {given.shape}, {truth} {true.shape}; give two arrays of one shape.")
+        raise IcyMoonError(f"{path} has the shape {given.shape}, {truth} {true.shape}; give two arrays of the same "
+                           "shape.")
     if guiss and true.ndim != 2:
         raise IcyMoonError(f"{truth} has the shape {true.shape}; --guiss needs images, rows and columns.")
     depth = given if focal_baseline is None or disparity is None else _converted(given, focal_baseline)
@@ -54,13 +56,14 @@ def measure_files(prediction: Path | None, disparity: Path | None, truth: Path, 
 
 
 def _converted(values: np.ndarray, focal_baseline: float) -> np.ndarray:
-    """Depth of disparity or disparity of depth; NaN for what is neither."""
+    """Depth from disparity, or disparity from depth; NaN for invalid values."""
     good = usable(values)
     return np.where(good, focal_baseline / np.where(good, values, 1.0), np.nan)
 
 
 def read_map(path: Path) -> np.ndarray:
-    """An array of numbers from an npy file, float64, or of ``disparity`` from an npz. Raises IcyMoonError otherwise."""
+    """Read an array of numbers from an npy file, or ``disparity`` from an npz, as float64. Raises IcyMoonError
+    otherwise."""
     try:
         loaded = np.load(path, allow_pickle=False)
         if isinstance(loaded, np.lib.npyio.NpzFile) and "disparity" in loaded.files:
@@ -68,11 +71,11 @@ def read_map(path: Path) -> np.ndarray:
     except OSError as error:
         raise IcyMoonError(f"{path} cannot be read ({error.strerror or error}); give an existing npy file.") from None
     except (ValueError, EOFError) as error:
-        raise IcyMoonError(f"{path} is not a npy file of numbers ({error}).") from None
-    except Exception as error:  # a damaged header makes numpy raise whatever its parser meets
+        raise IcyMoonError(f"{path} is not an npy file of numbers ({error}); give one.") from None
+    except Exception as error:  # with a damaged header numpy may raise anything
         raise IcyMoonError(f"{path} is damaged ({error}); make it again.") from None
     if not isinstance(loaded, np.ndarray):
-        raise IcyMoonError(f"{path} holds several arrays; give an npy file with one.")
+        raise IcyMoonError(f"{path} contains several arrays; give an npy file with one.")
     if loaded.dtype.kind not in "fiu":
-        raise IcyMoonError(f"{path} holds values of type {loaded.dtype}; give depths in metres as numbers.")
+        raise IcyMoonError(f"{path} contains values of type {loaded.dtype}; give depths in metres as numbers.")
     return loaded.astype(np.float64)

@@ -1,4 +1,4 @@
-"""A pair made ready for matching and measuring: checked, read, developed, its truth worked out."""
+"""Preparing a pair for matching and measuring: checking, reading and developing it."""
 
 from __future__ import annotations
 
@@ -23,18 +23,18 @@ from ..images.views import read_eye
 from .by_pixel_class import classify, texture
 from .self_check import Eye, SelfCheck, self_check, visibility
 
-#: Entries of pair.json, on how the pair was rendered, that the report repeats.
+#: Entries of pair.json on how the pair was rendered, which the report shows.
 _REPEATED = ("versions", "device", "denoiser", "osl", "platform", "edited_by_hand", "seeds")
 
 
 @dataclass(frozen=True)
 class Loaded:
-    """A pair checked, read and developed, with its truth; the dicts have an entry per eye."""
+    """A pair that was checked, read and developed, with its truth; the dicts have an entry per eye."""
 
     pair: Pair
     settings: Settings
     light: dict[str, Light]  # as it falls into the eyes, see views.read_eye
-    views: dict[str, View]  # on the parallel rig, labels NOT_SEEN where its sensor sees nothing
+    views: dict[str, View]  # on the parallel rig; the labels are NOT_SEEN where the sensor sees nothing
     images: Images
     depth: dict[str, np.ndarray]  # float64 (H, W), planar metres, NaN for sky and for what the sensor does not see
     visible: dict[str, np.ndarray]  # bool (H, W), seen by the other eye too
@@ -43,37 +43,37 @@ class Loaded:
 
 @dataclass(frozen=True)
 class Prepared:
-    """What all methods on a pair share."""
+    """What all methods need of a pair."""
 
     pair: Pair
     left: np.ndarray  # uint8 (H, W), for the matchers
     right: np.ndarray
     truth: np.ndarray  # float64 (H, W), planar metres, NaN for sky and for what the sensor does not see
     visible: np.ndarray  # bool (H, W), seen by the right eye too
-    gradient: np.ndarray  # float64 (H, W), see strata.texture
-    classes: dict[str, np.ndarray]  # of every pixel by every factor, see strata.classify
+    gradient: np.ndarray  # float64 (H, W), see by_pixel_class.texture
+    classes: dict[str, np.ndarray]  # of every pixel by every factor, see by_pixel_class.classify
     check: SelfCheck
     scale: colours.Scale  # for pictures of depth
-    facts: dict[str, Any]  # what the report says of the pair
+    facts: dict[str, Any]  # about the pair, for the report
 
 
 def distinct_pairs(paths: Sequence[Path]) -> list[Path]:
     """The folders of all pairs at ``paths``, each pair once.
 
-    Raises IcyMoonError where there is none, or where two different pairs have one name.
+    Raises IcyMoonError if there is none, or if two different pairs have the same name.
     """
     found: dict[str, Path] = {}
     for folder in (folder for path in paths for folder in pair_folders(path)):
         same = found.setdefault(folder.name, folder)
         if same != folder and read_pair(same).id != read_pair(folder).id:
-            raise IcyMoonError(f"{same} and {folder} are different pairs of one name; give one of them at a time.")
+            raise IcyMoonError(f"{same} and {folder} are different pairs of the same name; give one of them at a time.")
     return list(found.values())
 
 
 def load(folder: Path, response: Mapping[str, Mapping[str, Any]]) -> Loaded:
     """Check, read and develop one pair; ``response`` overrides settings that need no new render.
 
-    Raises IcyMoonError, naming the file, if anything in the folder is not as it was rendered.
+    Raises IcyMoonError with the name of the file if a file in the folder has changed since it was rendered.
     """
     pair, settings = read_unchanged_pair(folder)
     eyes = {eye: read_eye(pair, eye) for eye in EYES}
@@ -89,7 +89,7 @@ def load(folder: Path, response: Mapping[str, Mapping[str, Any]]) -> Loaded:
 
 
 def prepare(folder: Path, response: Mapping[str, Mapping[str, Any]]) -> Prepared:
-    """One pair for matchers and metrics; see ``load``."""
+    """Load one pair and compute what matchers and metrics need; see ``load``."""
     loaded = load(folder, response)
     view, truth, visible = loaded.views["left"], loaded.depth["left"], loaded.visible["left"]
     left, right = loaded.images.for_matchers()
@@ -108,7 +108,7 @@ def none_for_nan(value: float) -> float | None:
 
 
 def read_unchanged_pair(folder: Path) -> tuple[Pair, Settings]:
-    """A pair whose files are as they were rendered, and its complete settings. Raises IcyMoonError otherwise."""
+    """Read a pair and its complete settings. Raises IcyMoonError if a file has changed since it was rendered."""
     pair = read_pair(folder)
     changed = changed_files(pair)
     if changed:
@@ -118,19 +118,19 @@ def read_unchanged_pair(folder: Path) -> tuple[Pair, Settings]:
 
 
 def eyes_of(pair: Pair, settings: Settings, views: Mapping[str, View]) -> tuple[Eye, Eye]:
-    """The left and the right eye of a pair as its self-check takes them, from what ``views.read_eye`` gives."""
+    """The left and the right eye of a pair for its self-check, from the views of ``views.read_eye``."""
     left, right = (Eye(grey(views[eye].radiance), scene_depth(views[eye]), _sees(pair, settings, eye)) for eye in EYES)
     return left, right
 
 
 def _sees(pair: Pair, settings: Settings, eye: str) -> np.ndarray:
-    """Where (H, W) the sensor sees something: a toed-in eye does not see all that a parallel one does."""
+    """Boolean (H, W): the sensor sees this pixel. A toed-in eye does not see all that a parallel one does."""
     lens = lens_of(pair.camera, settings["rig"], eye) if pair.camera.toe_in_deg else None
     return np.ones((pair.camera.height_px, pair.camera.width_px), bool) if lens is None else lens.sees
 
 
 def _labelled(view: View, seen: np.ndarray) -> View:
-    """With labels where something is seen only."""
+    """The view, with NOT_SEEN as its label where nothing is ``seen``."""
     if seen.all():
         return view
     return replace(view, instance=None if view.instance is None else np.where(seen, view.instance, 0),
@@ -138,7 +138,7 @@ def _labelled(view: View, seen: np.ndarray) -> View:
 
 
 def _toward_sun(pair: Pair) -> list[float] | None:
-    """Unit vector to the Sun in world axes, where the pair says it."""
+    """Unit vector to the Sun in world axes; None if the pair does not contain it."""
     try:
         x, y, z = (float(value) for value in pair.data["light"]["sun"]["direction_to_world"])
     except (KeyError, TypeError, ValueError):

@@ -1,4 +1,4 @@
-"""One disparity map measured against the truth of its pair: the numbers of a row."""
+"""The numbers of a row: one disparity map, measured against the truth of its pair."""
 
 from __future__ import annotations
 
@@ -24,31 +24,31 @@ from .metrics import (
 from .prepare import Prepared, none_for_nan
 
 METRICS = (*DEPTH_METRICS, *DISPARITY_METRICS)
-#: Prefixes of the metrics -> the pixels that they are over, for people to read.
+#: Prefix of metrics -> the pixels that they are computed over, in words.
 REGIONS = {"": "all pixels with a true depth; a missing measurement lowers the coverage and is no error",
            "total_": "all pixels with a true depth; a missing measurement counts as wrong",
            "visible_": "pixels that the right eye sees too: neither occluded nor outside its image",
-           "common_": "pixels that every method measured, the only ones on which their errors compare like with like"}
+           "common_": "pixels that every method measured; only on these can errors of methods be compared directly"}
 #: Prefix -> the metrics that rows have with it.
 REGION_METRICS = {prefix: TOTAL_METRICS if prefix == "total_" else METRICS for prefix in REGIONS}
 OWN_NUMBERS = (*(prefix + key for prefix in ("", "total_", "visible_") for key in REGION_METRICS[prefix]),
                *GUISS_METRICS, "true_pixels", "seconds")
 COMMON_NUMBERS = tuple(f"common_{key}" for key in METRICS)
-#: Everything in a row that is a number, or None where it is undefined.
+#: Everything in a row that is a number, or None if it is undefined.
 NUMBERS = (*OWN_NUMBERS, *COMMON_NUMBERS)
 
 
 def depth_of(prepared: Prepared, disparity: np.ndarray) -> np.ndarray:
-    """Planar depth in m, float64, of a disparity map; what is no disparity is NaN."""
+    """Planar depth in m, float64, of a disparity map; NaN where there is no valid disparity."""
     with np.errstate(over="ignore"):
         return np.where(usable(disparity), prepared.pair.camera.focal_baseline_px_m
                         / np.where(usable(disparity), disparity, 1).astype(np.float64), np.nan)
 
 
 def own_numbers(prepared: Prepared, disparity: np.ndarray, bm_min_disparity: int | None = None) -> dict[str, Any]:
-    """OWN_NUMBERS but ``seconds``, ``error_curve``, ``sparsification`` and ``strata`` of a disparity map.
+    """OWN_NUMBERS except ``seconds``, and ``error_curve``, ``sparsification`` and ``strata``, of a disparity map.
 
-    ``bm_min_disparity``: see ``guiss.reference_metrics``.
+    ``bm_min_disparity``: see ``guiss_metrics.reference_metrics``.
     """
     disparity = np.where(usable(disparity), disparity, np.nan)
     depth, truth = depth_of(prepared, disparity), prepared.truth
@@ -70,7 +70,7 @@ def own_numbers(prepared: Prepared, disparity: np.ndarray, bm_min_disparity: int
 def common_numbers(prepared: Prepared, disparity: np.ndarray, common: np.ndarray) -> dict[str, Any]:
     """COMMON_NUMBERS: the metrics on the pixels that all methods measured, ``common`` (H, W)."""
     numbers = _numbers(prepared, disparity, depth_of(prepared, disparity), common)
-    # Of the common pixels all are covered; what tells something is how many there are.
+    # All common pixels are covered, so the coverage here is their share of the true pixels.
     total = int(usable(prepared.truth).sum())
     numbers["coverage"] = numbers["n"] / total if total else float("nan")
     return {f"common_{key}": value for key, value in _json(numbers).items()}

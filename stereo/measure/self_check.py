@@ -1,9 +1,9 @@
-"""Whether the two eyes of a pair agree with each other and with the truth, before anything is measured by it.
+"""The self-check: whether the two eyes of a pair agree with each other and with the truth.
 
-A pair that fails counts in no average, so a sound pair must never fail, however hard it is: a pair fails only by what
-is beyond its own uncertainty. What a pixel may be is three things: seen, sky, or not seen at all, as a toed-in eye
-does not see all that a parallel one does. What is not seen is no witness. ``benchmarks/selfcheck.py`` measures how
-often a sound pair fails and which faults are found.
+A pair that fails counts in no average, so a sound pair must never fail, however difficult it is: a pair fails only by
+more than its own uncertainty. A pixel is seen, sky, or not seen at all (a toed-in eye does not see all that a parallel
+one does); pixels that are not seen are ignored. ``benchmarks/selfcheck.py`` measures how often a sound pair fails and
+which faults are found.
 """
 
 from __future__ import annotations
@@ -28,33 +28,31 @@ from .eye_offsets import (
     truth_offsets,
 )
 
-#: Beyond these the truth of one eye is not that of the other: px, f·B relative, rows. Of sound pairs they are below
-#: 1e-4 px.
+#: Largest offsets between the truth of both eyes: px, relative f·B, rows. Those of sound pairs are below 1e-4 px.
 TRUTH_LIMITS = {"shift_px": 0.02, "scale": 0.001, "rows_px": 0.02}
-#: Standard errors that any number must be from what it should be. Five, although one in a million would do for normal
-#: errors: highlights and shadows' edges of neighbouring tiles are not independent.
+#: A number is wrong if it differs from its right value by more than so many standard errors. Normal errors do so once
+#: in a million times, but highlights and edges of shadows in neighbouring tiles are not independent.
 ERRORS = 5.0
-#: And so many that its correlation there must be from that without a shift: a wide highlight has its peak elsewhere,
-#: but so flat that it hardly gains.
+#: A shift must raise the correlation by so many standard errors. A wide highlight has its peak elsewhere, but so flat
+#: that the gain is small.
 GAIN_ERRORS = 3.0
-#: Shift of the light, px, beyond which a pair is not to be trusted.
+#: Largest shift of the light, px, of a sound pair.
 LIGHT_LIMIT_PX = 0.25
-#: Correlation of the light below which an image cannot tell.
+#: A lower correlation of the light determines nothing.
 LEAST_CORRELATION = 0.3
-#: Correlation of the light from which images do belong to their depth.
+#: From this correlation of the light on, the images belong to their depth.
 FITTING = 0.6
-#: Share of the places found in both images that may be elsewhere than the truth has them.
+#: Largest share, in a sound pair, of the places found in both images that are not where the truth has them.
 FOREIGN_LIMIT = 0.05
-#: Share of pixels seen through from which a pair is not to be trusted. Thin blocks, met between two columns, make
-#: single ones.
+#: Largest share of pixels, in a sound pair, that the other eye sees through. Thin rocks between two columns give a few.
 CONTRADICTION_LIMIT = 0.02
-#: Disparity, px, by which a surface must be farther than the one in front of it to count as seen through.
+#: Disparity, px, by which the other eye must see a farther surface to see through a pixel.
 _CONTRADICTION_PX = 1.0
 
 
 @dataclass(frozen=True)
 class Eye:
-    """What there is of one eye on the parallel rig, all (H, W)."""
+    """The images of one eye on the parallel rig, all (H, W)."""
 
     grey: np.ndarray  # radiance
     depth: np.ndarray  # planar, m, NaN for sky
@@ -63,10 +61,10 @@ class Eye:
 
 @dataclass(frozen=True)
 class SelfCheck:
-    """What was found. None where the pair cannot tell: no common pixel, no relief, no light, no texture."""
+    """The result. A number is None if it cannot be determined: without common pixels, relief, light or texture."""
 
-    photometric_disagreement: float | None  # median relative difference of left and fetched right radiance
-    photometric_offset_px: float | None  # shift of the right image that fits best; 0 if all is right
+    photometric_disagreement: float | None  # median relative difference of left and right radiance of a point
+    photometric_offset_px: float | None  # shift of the right image that fits best; 0 in a right pair
     photometric_error_px: float | None  # standard error of that
     truth_offset_px: float | None  # shift of the right eye's truth that fits best
     contradictions: float | None  # share of an eye's pixels whose point the other eye sees through
@@ -83,7 +81,7 @@ class SelfCheck:
 
 
 def visibility(left: Eye, right: Eye, camera: StereoCamera) -> dict[str, np.ndarray]:
-    """Per eye where (H, W) it sees a point that the other eye sees too."""
+    """Per eye, Boolean (H, W): it sees a point that the other eye sees too."""
     first, second = (np.where(eye.seen, eye.depth, np.nan) for eye in (left, right))
     found = {"left": visible_in_right(first, second, camera), "right": visible_in_left(first, second, camera)}
     for name, own, other in (("left", first, right), ("right", second, left)):
@@ -99,7 +97,7 @@ def self_check(left: Eye, right: Eye, visible: dict[str, np.ndarray], camera: St
     light = light_offsets(left.grey, right.grey, column, visible["left"])
     contradictions = _contradictions(left, right, camera)
     problems = *_truth_problems(truth), *_contradiction_problems(contradictions)
-    if not problems:  # of a wrong truth the light cannot say more
+    if not problems:  # with a wrong truth the light tells nothing more
         problems = tuple(_light_problems(left, right, visible, camera, column, light))
     offset = light.shift_px if _tells(light) else Estimate()
     return SelfCheck(_disagreement(left, right, column, visible["left"]), offset.number,
@@ -109,21 +107,21 @@ def self_check(left: Eye, right: Eye, visible: dict[str, np.ndarray], camera: St
 def _truth_problems(truth: TruthOffsets) -> Iterator[str]:
     if any(getattr(truth, name).exceeds(limit, ERRORS) for name, limit in TRUTH_LIMITS.items()):
         value = getattr(truth, truth.likeliest).value
-        yield {"shift_px": f"the depth of the right eye fits that of the left one when shifted by {value:+.2f} px",
-               "scale": f"the depths of the eyes fit each other when f·B is {-100 * value:+.2f} % different",
-               "rows_px": f"the depth of the right eye fits that of the left one when shifted by {value:+.2f} rows",
+        yield {"shift_px": f"the depth of the right eye fits that of the left one if it is shifted by {value:+.2f} px",
+               "scale": f"the depths of the eyes fit each other if f·B is changed by {-100 * value:+.2f} %",
+               "rows_px": f"the depth of the right eye fits that of the left one if it is shifted by {value:+.2f} rows",
                }[truth.likeliest]
 
 
 def _contradiction_problems(share: float | None) -> Iterator[str]:
     if share is not None and share > CONTRADICTION_LIMIT:
-        yield f"at {100 * share:.1f} % of the pixels one eye sees through what the other one sees"
+        yield f"at {100 * share:.1f} % of the pixels one eye sees through a surface that the other one sees"
 
 
 def _light_problems(left: Eye, right: Eye, visible: dict[str, np.ndarray], camera: StereoCamera, column: np.ndarray,
                     light: LightOffsets) -> Iterator[str]:
-    """At most one: of images that are exchanged nothing else can be told."""
-    shifts = [f"the images fit best when the right one is shifted by {estimate.value:+.2f} {unit}"
+    """At most one problem: once the images are exchanged, no other problem can be found."""
+    shifts = [f"the images fit best if the right one is shifted by {estimate.value:+.2f} {unit}"
               for estimate, gain, unit in ((light.shift_px, light.gain, "px"), (light.rows_px, light.rows_gain, "rows"))
               if _tells(light) and estimate.exceeds(LIGHT_LIMIT_PX, ERRORS) and gain.exceeds(0.0, GAIN_ERRORS)]
     if light.correlation > FITTING and not shifts:
@@ -137,27 +135,27 @@ def _light_problems(left: Eye, right: Eye, visible: dict[str, np.ndarray], camer
         return
     foreign = foreign_share(left.grey, right.grey, camera.disparity(left.depth), visible["left"])
     if foreign.value - ERRORS * foreign.error > FOREIGN_LIMIT:
-        yield (f"{100 * foreign.value:.0f} % of the places that are found in both images are not where the depth has "
+        yield (f"{100 * foreign.value:.0f} % of the places that are found in both images are not where the depth puts "
                "them")
     else:
         yield from shifts
 
 
 def _tells(light: LightOffsets) -> bool:
-    """Whether the light says where it fits."""
+    """Whether the light determines where it fits."""
     return light.correlation > LEAST_CORRELATION and light.tiles >= FEWEST_TILES
 
 
 def _disagreement(left: Eye, right: Eye, column: np.ndarray, visible: np.ndarray) -> float | None:
-    """Median relative difference of left radiance and right radiance fetched by the true disparity.
+    """Median relative difference of the left radiance and the right one, moved by the true disparity.
 
-    A good pair differs by its render noise and by how far the surface is from Lambertian, a wrong f·B or swapped eyes
-    by its whole texture contrast.
+    In a good pair this is render noise and what is not Lambertian about the surface. With a wrong f·B or exchanged eyes
+    it is the whole contrast of the texture.
     """
     if not visible.any():
         return None
     own = left.grey[visible].astype(np.float64)
-    with np.errstate(invalid="ignore"):  # a path of light may have ended in no number
+    with np.errstate(invalid="ignore"):  # a pixel of a render may not be a number
         other = warped(right.grey.astype(np.float64), column)[visible]
     brightness = (own + other) / 2
     lit = np.isfinite(brightness) & (brightness > 0)
@@ -165,7 +163,7 @@ def _disagreement(left: Eye, right: Eye, column: np.ndarray, visible: np.ndarray
 
 
 def _contradictions(left: Eye, right: Eye, camera: StereoCamera) -> float | None:
-    """The larger share, of both eyes, of pixels that the other eye sees through."""
+    """The share of pixels that the other eye sees through, of the eye with the larger share."""
     disparity, other = camera.disparity(left.depth), camera.disparity(right.depth)
     shares = [_seen_through(disparity, other, matching_column(disparity)),
               _seen_through(other, disparity, matching_column(other, "right"))]
@@ -173,7 +171,7 @@ def _contradictions(left: Eye, right: Eye, camera: StereoCamera) -> float | None
 
 
 def _seen_through(disparity: np.ndarray, other: np.ndarray, column: np.ndarray) -> float | None:
-    """Share of the pixels, of those that land in the other image, where both columns around the point show
+    """Of the pixels whose point falls into the other image, the share where both columns around the point show
     something farther."""
     with np.errstate(invalid="ignore"):
         inside = (column >= 0) & (column <= column.shape[1] - 1)

@@ -1,9 +1,9 @@
-"""How far a mean over pairs can be trusted: the cluster bootstrap.
+"""Confidence intervals of means over pairs: the cluster bootstrap.
 
-Pairs of one scene share its ground, so they are not independent, and pixels even less. Scenes are: a scene is drawn
-with all its pairs, with replacement, as many as there are; the middle 95 % of the means so found is the interval
-(Efron and Tibshirani 1993; for clusters Field and Welsh 2007). It says what other scenes of the same kind would
-give. Few scenes give intervals that are too narrow, which is why their number is always reported beside them.
+Pairs of one scene share its ground, so they are not independent, and pixels even less; scenes are. Scenes are drawn
+with replacement, as many as there are, each with all its pairs. The middle 95 % of the means of such draws is the
+interval (Efron and Tibshirani 1993; for clusters Field and Welsh 2007). It holds for other scenes of the same kind.
+With few scenes it is too narrow, so reports always show the number of scenes.
 """
 
 from __future__ import annotations
@@ -14,21 +14,21 @@ from ...physics.random_numbers.seeds import generator
 
 RESAMPLES = 2000
 LEVEL = 0.95
-#: Random numbers that are held at a time.
+#: Random numbers that are in memory at a time.
 _AT_ONCE = 1_000_000
 
 
 def clusters_of(scenes: np.ndarray) -> np.ndarray:
-    """The clusters to draw, a whole number per pair, from the scene of each: the scenes, or where all pairs are of
-    one scene the pairs themselves, since one cluster has no spread. The interval then says nothing about others."""
+    """The clusters to draw, a whole number per pair, from the scene of each pair: the scenes or, if there is only one,
+    the pairs, since one cluster has no spread. The interval then does not hold for other scenes."""
     return np.arange(len(scenes)) if len(np.unique(scenes)) < 2 else np.unique(scenes, return_inverse=True)[1]
 
 
 def intervals(values: np.ndarray, clusters: np.ndarray, seed: int, resamples: int = RESAMPLES) -> np.ndarray:
-    """Lower and upper bound (K, 2) of the mean of each column of ``values`` (pairs, K); NaN is undefined.
+    """Lower and upper bound (K, 2) of the mean of each column of ``values`` (pairs, K), in which NaN is undefined.
 
-    ``clusters`` is a whole number per pair. The same seed draws the same clusters. NaN where fewer than two clusters
-    have a value.
+    ``clusters`` is a whole number per pair. The same seed draws the same clusters. A bound is NaN if fewer than two
+    clusters have a value.
     """
     label, cluster = np.unique(clusters, return_inverse=True)
     count = len(label)

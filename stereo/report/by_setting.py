@@ -1,4 +1,4 @@
-"""What was varied over the pairs of an evaluation, and what it did to the error."""
+"""The settings that vary over the pairs of an evaluation, and the mean error at each of their values."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ from ...settings.table import TOPICS, all_settings
 from .bootstrap import clusters_of, intervals
 from .summary import Table
 
-#: Settings, as topic.key, that make the ground; pairs that share them share a scene, whatever its light or camera.
+#: Settings, as topic.key, that determine the ground; pairs that share them share a scene, in any light and camera.
 _GROUND = {f"{topic}.{setting.key}" for topic, setting in all_settings() if setting.effect == "geometry"}
-#: Settings that say where and how fast, and the seed, whose number means nothing.
+#: Settings that are never shown as varied: where and how fast to run, and the seed, whose value has no meaning.
 _NEVER_SWEPT = {f"{topic}.{setting.key}" for topic, setting in all_settings() if setting.effect == "run"
                } | {"dataset.seed"}
-#: Values that a curve shows one by one; more are put into as many groups of equal size.
+#: Most values that a curve shows one by one; if there are more, they form this many groups of equal size.
 MOST_LEVELS = 10
 _RESAMPLES = 400
 
 
 def scene_of(settings: Settings) -> str:
-    """A name for the ground of a pair: the same for pairs that see the same ground."""
+    """A name for the ground of a pair; pairs that see the same ground have the same name."""
     ground = {f"{topic}.{key}": value for topic, values in settings.items() for key, value in values.items()
               if f"{topic}.{key}" in _GROUND}
     return json.dumps(ground, sort_keys=True)
@@ -38,7 +38,7 @@ class Sweep:
     name: str  # topic.key
     title: str
     values: np.ndarray  # per pair, numbers or text; NaN or "" for pairs without facts
-    together: tuple[str, ...] = ()  # titles of other settings that split the pairs in the very same way
+    together: tuple[str, ...] = ()  # titles of other settings that divide the pairs in exactly the same way
 
     @property
     def numeric(self) -> bool:
@@ -46,7 +46,7 @@ class Sweep:
         return self.values.dtype.kind == "f"
 
     def levels(self) -> tuple[list[str], np.ndarray, np.ndarray]:
-        """(name of each level, its place on an axis, level of each pair or -1)."""
+        """(name of each level, its place on an axis, and the level of each pair or -1)."""
         known = ~np.isnan(self.values) if self.numeric else self.values != ""
         distinct = np.unique(self.values[known])
         level = np.full(len(self.values), -1)
@@ -64,9 +64,10 @@ class Sweep:
 
 
 def swept_settings(facts: Iterable[Mapping[str, Any]], places: Mapping[str, int]) -> list[Sweep]:
-    """The settings that are not alike in all pairs, most often set by hand first: fewest distinct values first.
+    """The settings that differ between pairs, those with the fewest distinct values first, as these are most often set
+    on purpose.
 
-    ``places`` gives the number of each pair by name. Reads ``facts`` twice, so that only what differs is kept.
+    ``places`` gives the number of each pair by name. Reads ``facts`` twice, to keep only what differs in memory.
     """
     first: dict[str, Any] = {}
     differing: set[str] = set()
@@ -84,7 +85,7 @@ def swept_settings(facts: Iterable[Mapping[str, Any]], places: Mapping[str, int]
 
 
 def _join_inseparable(sweeps: list[Sweep]) -> list[Sweep]:
-    """One sweep for all that cannot be told apart, as the settings of two presets cannot."""
+    """Join settings that always vary together, such as those of two presets, into one sweep."""
     groups: dict[tuple[int, ...], list[Sweep]] = {}
     for sweep in sweeps:
         seen: dict[str, int] = {}
@@ -94,7 +95,7 @@ def _join_inseparable(sweeps: list[Sweep]) -> list[Sweep]:
 
 
 def mean_by_level(sweep: Sweep, table: Table, method: int, metric: str, seed: int) -> tuple[np.ndarray, np.ndarray]:
-    """Mean of a metric (levels,) of the pairs at each level of a setting, and its 95 % bounds (levels, 2)."""
+    """The mean (levels,) of a metric over the pairs at each level of a setting, and its 95 % bounds (levels, 2)."""
     names, _, level = sweep.levels()
     numbers = table.column(method, metric)
     known = ~np.isnan(numbers)

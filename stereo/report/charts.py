@@ -1,4 +1,4 @@
-"""The report's charts as SVG text, drawn by Matplotlib, in the colours of the page they stand in."""
+"""The charts of the report as SVG text, drawn by Matplotlib in the colours of the page."""
 
 from __future__ import annotations
 
@@ -22,33 +22,33 @@ from .by_setting import Sweep, mean_by_level
 from .phase_curves import PHASE_DEG
 from .summary import Table
 
-#: After Okabe and Ito, told apart by colour-blind eyes; in lightness between white and black paper.
+#: After Okabe and Ito, distinct for colour-blind eyes; visible on a white and on a black page.
 COLOURS = ("#2a86c8", "#d55e00", "#009e73", "#c0699a", "#c98a00", "#6f7f8f")
 _MARKS = ("o", "s", "^", "D", "v", "P")
-_INK, _LINE = "#010203", "#040506"  # stand for the page's own colours, which the browser puts in
+_INK, _LINE = "#010203", "#040506"  # placeholders for the colours of the page, which the browser fills in
 STYLE: dict[Any, Any] = {
     "font.size": 9, "axes.edgecolor": _LINE, "axes.labelcolor": _INK, "text.color": _INK, "xtick.color": _INK,
     "ytick.color": _INK, "grid.color": _LINE, "axes.grid": True, "grid.linewidth": 0.8, "axes.spines.top": False,
     "axes.spines.right": False, "legend.frameon": False, "svg.fonttype": "none", "lines.linewidth": 1.8,
     "lines.markersize": 4, "axes.titlesize": 9.5, "figure.constrained_layout.use": True,
-    # What a data set says is no formula, and a file called matplotlibrc in the current folder starts no LaTeX.
+    # Text from a data set is no formula, and a file called matplotlibrc in the current folder must not start LaTeX.
     "text.parse_math": False, "text.usetex": False}
-#: Swept settings that are drawn, at most.
+#: Most settings that are drawn.
 MOST_SWEEPS = 16
-#: Classes with fewer true pixels than this say nothing.
+#: Classes with fewer true pixels than this are not drawn.
 _FEWEST = 200
 
 Summary = Sequence[Mapping[str, Any]]
 
 
 def _methods(summary: Summary) -> Iterator[tuple[int, Mapping[str, Any], dict[str, Any]]]:
-    """(number, entry, how its curve looks) of each method."""
+    """(number, entry, style of its curve) of each method."""
     for k, (entry, colour, mark) in enumerate(zip(summary, itertools.cycle(COLOURS), itertools.cycle(_MARKS))):
         yield k, entry, {"color": colour, "marker": mark, "label": entry["method"]}
 
 
 def make_figure(columns: int, rows: int = 1, width: float = 10.4, height: float = 3.1) -> tuple[Figure, np.ndarray]:
-    """A figure of axes (rows, columns) without a background, inches wide and ``height`` per row."""
+    """Make a figure of axes (rows, columns) without background, ``width`` inches wide and ``height`` per row."""
     figure = Figure(figsize=(width, height * rows), facecolor="none")
     FigureCanvasSVG(figure)
     axes = figure.subplots(rows, columns, squeeze=False)
@@ -58,7 +58,8 @@ def make_figure(columns: int, rows: int = 1, width: float = 10.4, height: float 
 
 
 def render_svg(figure: Figure, name: str, title: str) -> str:
-    """The figure for an HTML page: no prologue, as wide as its place, the page's text and line colours."""
+    """Render a figure for an HTML page: without prologue, as wide as its place, in the page's colours of text and
+    lines."""
     stream = io.StringIO()
     with matplotlib.rc_context({"svg.hashsalt": name, "svg.fonttype": "none"}):
         figure.savefig(stream, format="svg", metadata={"Date": None, "Creator": None, "Format": None, "Type": None})
@@ -73,7 +74,7 @@ def render_svg(figure: Figure, name: str, title: str) -> str:
 
 
 def add_legend(figure: Figure, axis: Axes, count: int) -> None:
-    """One legend above the figure, of what ``axis`` shows."""
+    """Add a legend above the figure, of what ``axis`` shows."""
     handles, labels = axis.get_legend_handles_labels()
     if handles:
         figure.legend(handles, labels, loc="outside upper left", ncols=min(5, max(1, count)), handlelength=1.6)
@@ -85,9 +86,9 @@ def _set_percent_axis(axis: Axes, label: str) -> None:
 
 
 def set_logarithmic(axis: Axes, which: str) -> None:
-    """Make the axis ``which`` ("x" or "y") logarithmic, if there is anything above zero on it."""
+    """Make the axis ``which`` ("x" or "y") logarithmic if it shows anything above zero."""
     if not any((np.asarray(getattr(line, f"get_{which}data")()) > 0).any() for line in axis.lines):
-        return  # Matplotlib cannot draw a logarithmic axis without a place on it
+        return  # Matplotlib cannot draw a logarithmic axis without a value on it
     getattr(axis, f"set_{which}scale")("log")
     along = getattr(axis, f"{which}axis")
     along.set_major_locator(LogLocator(subs=(1, 2, 5), numticks=12))
@@ -97,15 +98,15 @@ def set_logarithmic(axis: Axes, which: str) -> None:
 
 def draw_charts(summary: Summary, table: Table, sweeps: Sequence[Sweep], laws: Mapping[str, np.ndarray],
            seed: int) -> dict[str, str]:
-    """SVG text by name: ``errors``, ``range``, ``strata``, ``sweeps``, ``phase`` (of ``phase.curves``); empty where
-    there is nothing to draw."""
+    """Draw all charts: SVG text by name, ``errors``, ``range``, ``strata``, ``sweeps`` and ``phase``; empty if there is
+    nothing to draw. ``laws``: see ``phase_curves.phase_curves``."""
     with matplotlib.rc_context(STYLE):
         return {"errors": _draw_errors(summary), "range": _draw_range(summary), "strata": _draw_pixel_classes(summary),
                 "sweeps": _draw_sweeps(summary, table, sweeps[:MOST_SWEEPS], seed), "phase": _draw_phase_curves(laws)}
 
 
 def _draw_phase_curves(laws: Mapping[str, np.ndarray]) -> str:
-    """Phase curves: all of them, and the last degrees before opposition."""
+    """Draw phase curves, over all phase angles and near opposition."""
     if not laws:
         return ""
     figure, ((near, all_),) = make_figure(2, height=3.4 + 0.22 * (len(laws) - 1))  # a line of the legend for each
@@ -124,7 +125,7 @@ def _draw_phase_curves(laws: Mapping[str, np.ndarray]) -> str:
 
 
 def _draw_errors(summary: Summary) -> str:
-    """Cumulative error, and what leaving out pixels of little texture gains."""
+    """Draw the cumulative error, and the error against the share of measurements kept, the most textured first."""
     if not any(entry["error_curve"] for entry in summary):
         return ""
     figure, ((left, right),) = make_figure(2, height=3.4)
@@ -152,13 +153,13 @@ def _has_enough(sums: Mapping[str, Any]) -> np.ndarray:
 
 
 def _wrong_percent(sums: Mapping[str, Any]) -> np.ndarray:
-    """% of the true pixels of each class that are missing or off by more than 1 px."""
+    """% of the true pixels of each class that are missing or wrong by more than 1 px."""
     true = np.maximum(np.array(sums["true"]), 1)
     return np.asarray(100 * (true - np.array(sums["n"]) + np.array(sums["bad_1"])) / true)
 
 
 def _draw_range(summary: Summary) -> str:
-    """Error against range beside the law Z² / (f·B) · σ, coverage against range."""
+    """Draw error against range, with the law Z² / (f·B) · σ, and coverage and wrong pixels against range."""
     entries = [entry for entry in summary if "range" in entry["strata"] and _has_enough(entry["strata"]["range"]).any()]
     if not entries:
         return ""
@@ -195,7 +196,7 @@ def _draw_range(summary: Summary) -> str:
 
 
 def _draw_pixel_classes(summary: Summary) -> str:
-    """Wrong or missing pixels by what else is known of them."""
+    """Draw wrong or missing pixels by their class, for all factors but range."""
     factors = [factor for factor in by_pixel_class.FACTORS if factor.key != "range" and any(
         _has_enough(entry["strata"][factor.key]).sum() > 1 for entry in summary if factor.key in entry["strata"])]
     if not factors:
@@ -227,7 +228,7 @@ def _draw_pixel_classes(summary: Summary) -> str:
 
 
 def _draw_sweeps(summary: Summary, table: Table, sweeps: Sequence[Sweep], seed: int) -> str:
-    """Mean error and wrong pixels against each setting that was varied, with 95 % intervals."""
+    """Draw mean error and wrong pixels against each setting that varies, with 95 % intervals."""
     if not sweeps:
         return ""
     figure, axes = make_figure(2, len(sweeps), height=2.7)

@@ -1,7 +1,7 @@
-"""The HTML report: one file with everything in it, which opens without a network.
+"""The HTML report: one file that contains everything and opens without a network.
 
-It stays readable and of bounded size for any number of pairs: a choice of them is in it with pictures, all are in a
-table that is shown page by page, and a click there loads a pair's pictures from the folder beside the report.
+Its size is bounded, so it stays readable for any number of pairs. It contains the pictures of selected pairs, and a
+table of all pairs, page by page. A click in the table loads the pictures of a pair from the folder beside the report.
 """
 
 from __future__ import annotations
@@ -29,19 +29,19 @@ from .phase_curves import phase_curves
 from .summary import Table
 from .table_columns import COMPARED_COLUMNS, GUISS, METRIC_NAMES, SUMMARY, format_interval, format_number
 
-#: Pairs shown with pictures, at most; half of them are the worst ones. The CSV has all.
+#: Most pairs shown with pictures; half of them are the worst ones. The CSV file contains all.
 MOST_PAIRS = 24
-#: Pictures in the file, at most: at 480 px and JPEG they take about 25 kB each, as text a third more.
+#: Most pictures in the file: as JPEG of 480 px they take about 25 kB each, and a third more as text.
 MOST_PICTURES = 300
 _WIDTH_PX = 480  # of embedded pictures
 _JPEG_QUALITY = 80
 _SCREEN_GAMMA = 1 / 2.2
-#: Pictures of a pair, and of each method on it.
+#: Number of pictures of a pair, and of each method on it.
 _OWN, _PER_METHOD = 2, 3
-#: What the page's table shows of every pair and method: key, heading, decimals, factor.
+#: The columns of the table of all pairs, for each method: key, heading, decimals, factor.
 _PAGED = (("l1_m", "L1 (m)", 3, 1.0), ("total_bad_1", "wrong or missing (%)", 1, 100.0),
           ("coverage", "cov. (%)", 1, 100.0))
-#: Facts about pairs of which the report lists the distinct values.
+#: Facts about pairs whose distinct values the report lists.
 _MIXED = {"image (px)": lambda facts: f"{facts['width_px']} × {facts['height_px']}",
           "f·B (px·m)": lambda facts: f"{facts['focal_baseline_px_m']:.6g}",
           "Blender": lambda facts: str(facts["rendered"].get("versions", {}).get("blender", "unknown")),
@@ -54,8 +54,8 @@ _MIXED = {"image (px)": lambda facts: f"{facts['width_px']} × {facts['height_px
 
 def write_report(report: Mapping[str, Any], chosen: Sequence[str], table: Table, sweeps: Sequence[Sweep],
                  methods: Sequence[Method], out: Path, seed: int, guiss: bool) -> None:
-    """Write ``out/report.html`` from what ``evaluate`` returns and the pictures it wrote to ``out``, those of the
-    pairs ``chosen`` in it."""
+    """Write ``out/report.html`` from the result of ``evaluate`` and the pictures in ``out``; it contains those of the
+    pairs ``chosen``."""
     here = Path(__file__).parent
     environment = jinja2.Environment(loader=jinja2.FileSystemLoader(here), autoescape=True,
                                      undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True)
@@ -76,10 +76,10 @@ def write_report(report: Mapping[str, Any], chosen: Sequence[str], table: Table,
 
 
 def choose_pairs(table: Table, names: Sequence[str]) -> list[str]:
-    """Names of the pairs to show: all, or if there are too many the worst half and an even choice.
+    """Names of the pairs to show: all or, if there are too many, the worst ones and as many others at equal steps.
 
-    Worst by mean depth error of the worst method; a pair that counts in no average, or on which a method measured
-    nothing, is worst of all.
+    The worst pairs have the largest mean depth error by any method. Pairs that count in no average, or in which a
+    method measured nothing, are the worst of all.
     """
     most = max(2, min(MOST_PAIRS, MOST_PICTURES // (_OWN + _PER_METHOD * len(table.methods))))
     if len(names) <= most:
@@ -93,7 +93,7 @@ def choose_pairs(table: Table, names: Sequence[str]) -> list[str]:
 
 
 def count_values(facts: Iterable[Mapping[str, Any]]) -> dict[str, list[tuple[str, int]]]:
-    """How the pairs were made: of each of _MIXED the distinct values and how many pairs have them."""
+    """How the pairs were made: for each of _MIXED, the distinct values and the number of pairs with each."""
     found: dict[str, dict[str, int]] = {name: {} for name in _MIXED}
     for pair in facts:
         for name, get in _MIXED.items():
@@ -103,7 +103,7 @@ def count_values(facts: Iterable[Mapping[str, Any]]) -> dict[str, list[tuple[str
 
 
 def count_warnings(facts: Iterable[Mapping[str, Any]]) -> list[tuple[str, int]]:
-    """What to know of the pairs' images, and of how many pairs each."""
+    """The warnings about the images of the pairs, and the number of pairs with each."""
     found: dict[str, int] = {}
     for text in (text for pair in facts for text in pair.get("warnings", ())):
         found[text] = found.get(text, 0) + 1
@@ -111,7 +111,7 @@ def count_warnings(facts: Iterable[Mapping[str, Any]]) -> list[tuple[str, int]]:
 
 
 def _difference_rows(differences: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """A row per two methods, with the difference in each metric."""
+    """A row for every two methods, with the difference in each metric."""
     rows: dict[tuple[str, str], dict[str, Any]] = {}
     for entry in differences:
         rows.setdefault((entry["a"], entry["b"]), {"a": entry["a"], "b": entry["b"], "metrics": {}})[
@@ -120,7 +120,7 @@ def _difference_rows(differences: Sequence[Mapping[str, Any]]) -> list[dict[str,
 
 
 def _page_data(table: Table, methods: Sequence[Method]) -> str:
-    """What the page's script knows of all pairs: JSON that may stand inside a script element."""
+    """The table of all pairs for the script of the page: JSON that is safe inside a script element."""
     columns = [[table.column(k, key) * factor for key, _, _, factor in _PAGED] for k in range(len(methods))]
     counted, failed = table.counts.any(axis=0), table.failed.any(axis=0)
     rows = []
@@ -136,7 +136,7 @@ def _page_data(table: Table, methods: Sequence[Method]) -> str:
 
 
 def _script_hash(script: str) -> str:
-    """What the page's security policy names its one script by."""
+    """The hash by which the page's security policy allows its one script."""
     return base64.b64encode(hashlib.sha256(script.encode()).digest()).decode("ascii")
 
 
@@ -154,9 +154,9 @@ def _pair_section(facts: Mapping[str, Any], report: Mapping[str, Any], table: Ta
 
 
 def _embed_picture(path: Path, height: int, linear: bool = False) -> str:
-    """A picture as a data URL, without the colour bar below its ``height`` rows, which HTML draws better.
+    """A picture as a data URL, without the colour bar below its ``height`` rows, as HTML draws its own.
 
-    ``linear`` grey values, as a sensor gives them, are brightened to what screens expect.
+    The ``linear`` grey values of a sensor get the gamma of screens.
     """
     image = read_png(path)[:height]
     if linear:

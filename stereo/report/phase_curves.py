@@ -1,4 +1,4 @@
-"""The phase curves of the surfaces that an evaluation's pairs show, where their law of reflection has one."""
+"""The phase curves of the surfaces in an evaluation's pairs, if their laws of reflection have one."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ import numpy as np
 from ...physics import left_out
 from ...physics.surfaces import albedos, photometry
 
-#: Laws that are drawn, at most.
+#: Most laws that are drawn.
 MOST = 6
 #: Phase angles in degrees, densest near 0, where the opposition surge is.
 PHASE_DEG = 160.0 * np.linspace(0.0, 1.0, 121) ** 3
 
 
 def phase_curves(pairs: Iterable[Mapping[str, Any]]) -> dict[str, np.ndarray]:
-    """Brightness (n,) at ``PHASE_DEG`` over that at opposition, by a name, of each law among the pairs' facts."""
+    """Brightness (n,) at ``PHASE_DEG``, relative to that at opposition, by the name of each law in the pairs' facts."""
     found: dict[str, np.ndarray] = {}
     for pair in pairs:
         for topic in left_out.surface_topics(pair["settings"]):
@@ -33,7 +33,7 @@ def phase_curves(pairs: Iterable[Mapping[str, Any]]) -> dict[str, np.ndarray]:
 
 
 def _law_name(surface: Mapping[str, Any], hapke: Mapping[str, Any]) -> str:
-    """What tells a law from others; empty where there is no closed form, or nothing that is reflected."""
+    """A name of a law with its parameters; empty if it has no closed form or reflects nothing."""
     if surface["model"] == "PRINCIPLED" or (hapke["w"] if surface["model"] == "HAPKE" else surface["albedo"]) == 0:
         return ""
     if surface["model"] != "HAPKE":

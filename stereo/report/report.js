@@ -1,4 +1,4 @@
-// The table of all pairs, a page at a time, and the pictures of the one that is clicked.
+// Shows the table of all pairs, page by page, and the pictures of a pair that is clicked.
 "use strict";
 const data = JSON.parse(document.getElementById("data").textContent);
 const PAGE = 25;
@@ -15,7 +15,7 @@ function make(tag, text, parent) {
 function wanted() {
   const rows = data.pairs.filter((row) => row[0].toLowerCase().includes(state.text) || row[1].includes(state.text));
   const way = state.down ? -1 : 1;
-  // What is undefined comes last either way.
+  // Undefined values come last in both directions.
   return rows.sort((a, b) => {
     const [x, y] = [a[state.sort], b[state.sort]];
     if (x === null || y === null) return (x === null) - (y === null);
@@ -68,7 +68,7 @@ function picture(path, caption, parent) {
   make("figcaption", caption, figure);
   const image = make("img", undefined, figure);
   image.alt = caption;
-  image.onerror = () => image.replaceWith(make("p", "not found: the folder “pairs” belongs beside this file"));
+  image.onerror = () => image.replaceWith(make("p", "not found: keep the folder “pairs” beside this file"));
   image.src = path;
 }
 

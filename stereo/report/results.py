@@ -1,4 +1,4 @@
-"""What an evaluation found, written for people and programs: CSV, JSON and the HTML report."""
+"""Writing the results of an evaluation: CSV, JSON and the HTML report."""
 
 from __future__ import annotations
 
@@ -27,22 +27,22 @@ from .summary import Table, differences, summarise_method
 
 FORMAT = "icymoon-report"
 VERSION = 1
-#: What rows have in ``results.jsonl`` only: what the summary has the sums of, and what serves going on.
+#: Entries of rows that only ``results.jsonl`` contains: the summary has their sums, or only a later run needs them.
 _LONG = ("strata", "sparsification", "common")
 
 
-#: What is written of a pair, see ``prepare``, as far as anything reads it again.
+#: The facts of a pair, see ``prepare``: the entries that are read again.
 FACTS: dict[str, Shape] = {"pair": TEXT, "key": TEXT, "images": Each(TEXT, TEXT), "settings": Each(TABLE, TEXT),
          "self_check": {"ok": FLAG, "problems": Each(TEXT)}, "warnings": Maybe(Each(TEXT)), "rendered": TABLE,
          "width_px": PIXELS, "height_px": PIXELS, "true": NUMBER, "visible": Maybe(NUMBER, null=True),
          "exposure_s": NUMBER}
 _KNOWN = Maybe(NUMBER, null=True)
-#: What is written of a method on a pair, see ``evaluate.evaluate``.
+#: A row, see ``evaluate.evaluate``.
 ROW: dict[str, Shape] = {
     "status": TEXT, "error": TEXT, "common": TEXT, "images": Each(TEXT, TEXT), "options": TABLE, "facts": TABLE,
     "counts": Each(COUNT, TEXT), "strata": TABLE, "sparsification": TABLE, "error_curve": Each(ANYTHING),
     **dict.fromkeys(NUMBERS, _KNOWN)}
-#: What ``summary.json`` leaves out of the report: what grows with the number of pairs.
+#: Entries of the report that ``summary.json`` lacks, because they grow with the number of pairs.
 _MANY = ("rows", "pairs")
 
 
@@ -51,7 +51,7 @@ def write_results(log: RowLog, names: Sequence[str], methods: Sequence[Method], 
                   seed: int, guiss: bool) -> dict[str, Any]:
     """Write ``results.csv``, ``report.json``, ``summary.json`` and ``report.html`` of the pairs ``names``; return the
     report. ``summary.json`` is the report without its rows and pairs, but with ``shown``: the rows of the pairs whose
-    pictures are in the HTML report, for who has no use for thousands."""
+    pictures are in the HTML report."""
     labels = [method.label for method in methods]
     rows = LazyRows(len(names) * len(labels),
                     lambda k: _short_row(log.read(names[k // len(labels)], labels[k % len(labels)])))
@@ -86,14 +86,14 @@ def write_results(log: RowLog, names: Sequence[str], methods: Sequence[Method], 
 
 
 def find_facts(out: Path, pair: str) -> dict[str, Any] | None:
-    """What was found about a pair; None if that is not there, or not what is written there."""
+    """The facts of a pair; None if they are missing or damaged."""
     with suppress(OSError, IcyMoonError):
         return dict(read_facts(out, pair))
     return None
 
 
 def read_facts(out: Path, pair: str) -> dict[str, Any]:
-    """What was found about a pair. Raises IcyMoonError if it cannot be read."""
+    """The facts of a pair. Raises IcyMoonError if they cannot be read."""
     facts: dict[str, Any] = read_record(out / "pairs" / pair / "facts.json", FACTS, "evaluate again")
     return facts
 
@@ -107,7 +107,7 @@ def _short_row(row: Row) -> Row:
 
 
 def _write_csv(part: Path, rows: Iterable[Row]) -> None:
-    """All rows as CSV with a header line; undefined numbers are empty."""
+    """Write all rows as CSV with a header line; undefined numbers are empty."""
     with part.open("w", encoding="utf-8", newline="") as stream:
         writer = csv.DictWriter(stream, ("pair", "method", "status", *NUMBERS, "error"), extrasaction="ignore",
                                 lineterminator="\n")
@@ -116,7 +116,7 @@ def _write_csv(part: Path, rows: Iterable[Row]) -> None:
 
 
 def _write_report_json(part: Path, report: Mapping[str, Any]) -> None:
-    """The report as JSON, row by row; NaN is refused, since JSON has none."""
+    """Write the report as JSON, row by row. Raises ValueError for NaN, which JSON does not have."""
     with part.open("w", encoding="utf-8", newline="\n") as stream:
         for k, (key, value) in enumerate(report.items()):
             stream.write(f"{',' if k else '{'}\n {json.dumps(key)}: ")
@@ -142,7 +142,7 @@ def _provenance(methods: Sequence[Method], facts: Mapping[str, list[Any]], sourc
                         for method in methods],
             "versions": packages.find_versions(), "error_curve_steps_m": list(ERROR_STEPS_M),
             "sparsification_shares": list(SHARES),
-            "averages": "mean over pairs, each pair counting alike; pooled_* over the pixels of all pairs",
+            "averages": "mean over pairs, each pair with equal weight; pooled_* over the pixels of all pairs",
             "intervals": f"95 %, percentile bootstrap of {scenes} scenes, seed {seed}" if scenes > 1 else
                          f"95 %, percentile bootstrap of the pairs of one scene, seed {seed}; other scenes may differ",
             "pixels": REGIONS,

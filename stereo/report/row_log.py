@@ -1,4 +1,4 @@
-"""A log of rows that is whole at every moment, and from which an evaluation goes on."""
+"""A log of rows that is complete at every moment, so that an evaluation can continue from it."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from ...records import FILE_NAME, TEXT, Shape, find_fault, parse_json
 from ...system import flush_handle
 
 Row = dict[str, Any]
-#: What any row has.
+#: The entries of every row.
 NAMES: dict[str, Shape] = {"pair": FILE_NAME, "method": TEXT, "key": TEXT}
 
 
 class RowLog:
-    """A JSON-lines file with a row per (pair, method); of several the last one counts.
+    """A JSON-lines file with a row per (pair, method); if there are several, the last one counts.
 
-    Rows are on the disk once appended. In memory are only the place and the ``key`` of each. What an interrupted
-    run left of a row is removed; lines that are no rows of ``shape`` are passed over. Raises IcyMoonError when the
-    disk refuses.
+    An appended row is on the disk. Only the place and the ``key`` of each row are in memory. An incomplete row of an
+    interrupted run is removed; lines that are no rows of ``shape`` are skipped. Raises IcyMoonError if the disk
+    refuses.
     """
 
     def __init__(self, path: Path, shape: Mapping[str, Shape] = NAMES) -> None:
@@ -46,12 +46,12 @@ class RowLog:
             start += len(line)
 
     def find(self, pair: str, method: str, key: str) -> Row | None:
-        """The row of a pair and method if it was made under this ``key``."""
+        """The row of a pair and method, if it has this ``key``."""
         known = self._rows.get((pair, method), (0, ""))[1] == key
         return self.read(pair, method) if known else None
 
     def read(self, pair: str, method: str) -> Row:
-        """The row of a pair and method, which there must be. Raises IcyMoonError if another program took it away."""
+        """The row of a pair and method, which must exist. Raises IcyMoonError if another program removed it."""
         with explain_disk_errors("read", self._path), self._path.open("rb") as stream:
             stream.seek(self._rows[pair, method][0])
             row = self._parsed(stream.readline())
@@ -60,7 +60,7 @@ class RowLog:
         return row
 
     def append(self, row: Mapping[str, Any]) -> None:
-        """Add one row. A disk that takes only a part of it is made to give that part back."""
+        """Add one row. If the disk accepts only a part of it, this part is removed."""
         rest = memoryview((json.dumps(row, allow_nan=False) + "\n").encode())
         with explain_disk_errors("write", self._path), self._path.open("ab", buffering=0) as stream:
             end = stream.tell()
@@ -74,7 +74,7 @@ class RowLog:
         self._rows[row["pair"], row["method"]] = end, row["key"]
 
     def compact(self, first: Iterable[tuple[str, str]]) -> None:
-        """Keep one line per (pair, method), those of ``first`` first and in its order."""
+        """Keep one line per (pair, method): first those of ``first``, in its order."""
         order = dict.fromkeys(first)
         order |= dict.fromkeys(self._rows)
         places = {}
@@ -99,7 +99,7 @@ class RowLog:
 
 
 class LazyRows(Sequence[Row]):
-    """Rows that are read from the disk one by one, so that no number of them fills the memory."""
+    """Rows that are read from the disk one by one, so that they need no memory."""
 
     def __init__(self, count: int, read: Callable[[int], Row]) -> None:
         self._count, self._get = count, read

@@ -1,4 +1,4 @@
-"""Rows of an evaluation put together: averages per method with their intervals, and differences between methods."""
+"""Summarising the rows of an evaluation: averages per method with intervals, and differences between methods."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from ..measure.metrics import BAD, ERROR_STEPS_M, SHARES
 from ..measure.row import NUMBERS, REGION_METRICS
 from .bootstrap import clusters_of, intervals
 
-#: Means over pixels, so that the pixels of all pairs can be thrown together. The scale-invariant
-#: and order metrics compare pixels of one image and have no such sum.
+#: Metrics that are means over pixels, so that the pixels of all pairs can be pooled. The scale-invariant and order
+#: metrics compare pixels of one image, and cannot.
 POOLED = ("l1_m", "l1_rate_10", "bias_m", "abs_rel", "l1_rate_30", "l1_rate_100", "epe_px", *BAD, "d1")
-#: Compared between methods: errors where both measured, and rates that count what is missing.
+#: Metrics that are compared between methods: errors where both measured, and rates that count missing pixels.
 COMPARED = ("common_l1_m", "common_epe_px", "common_si_rmse", "common_dod", "total_l1_rate_10", "total_bad_1",
             "coverage", "seconds")
-#: Of these more is better.
+#: Metrics for which more is better.
 _GAINS = ("coverage",)
 _PLACE = {key: place for place, key in enumerate(NUMBERS)}
 #: Numbers that are counts of pixels.
@@ -28,10 +28,10 @@ _AVERAGED = tuple(key for key in NUMBERS if key not in (*_COUNTS, "true_pixels")
 
 
 class Table:
-    """The numbers of all rows, and sums of what is added up over pairs.
+    """The numbers of all rows, and sums over pairs.
 
-    ``values`` is (methods, pairs, NUMBERS), NaN where undefined and in rows that count in no average; ``counts``
-    says which rows count. ``scenes`` (pairs) is -1 until a pair's scene is known.
+    ``values`` is (methods, pairs, NUMBERS), NaN where undefined and in rows that count in no average. ``counts`` is
+    true for rows that count. ``scenes`` (pairs) is -1 until the scene of a pair is known.
     """
 
     def __init__(self, methods: Sequence[str], pairs: Sequence[str]) -> None:
@@ -45,7 +45,7 @@ class Table:
             ("error_curve", len(ERROR_STEPS_M)), ("texture", len(SHARES)), ("best", len(SHARES)))} for _ in methods]
 
     def add(self, pair: int, row: Mapping[str, Any]) -> None:
-        """Take in the row of a method on the pair of this number."""
+        """Add the row of a method on the pair with this number."""
         method = self.methods.index(row["method"])
         self.failed[method, pair] = row["status"] == "failed"
         if row["status"] != "ok":
@@ -59,23 +59,23 @@ class Table:
                 self._curves[method][key][1] += 1
 
     def column(self, method: int, key: str) -> np.ndarray:
-        """One number of all pairs, NaN where undefined."""
+        """One number for all pairs, NaN where undefined."""
         return self.values[method, :, _PLACE[key]]
 
     def curve(self, method: int, key: str) -> list[float]:
-        """The mean of ``error_curve`` or of the sparsification by ``texture`` or ``best``; empty if none is defined."""
+        """The mean ``error_curve``, or mean sparsification by ``texture`` or ``best``; empty if none is defined."""
         total, count = self._curves[method][key]
         return list((total / count).tolist()) if count else []
 
 
 def summarise_method(table: Table, method: int, seed: int) -> dict[str, Any]:
-    """One method over all pairs that count.
+    """Summarise one method over all pairs that count.
 
-    Every metric is the mean over the pairs where it is defined, each pair counting alike, as in the paper's tables;
-    ``n`` is the sum. ``intervals`` has the 95 % bounds of each mean (see ``bootstrap``), ``scenes`` the number of
-    scenes they rest on. ``pooled_*`` are over the pixels of all pairs, each pixel counting alike. ``pairs`` counts
-    those that count, ``failed`` and ``suspect`` the others. ``strata``: per factor the ``classes`` and per class the
-    sums of ``strata.SUMS`` over the pixels of all pairs.
+    Every metric is the mean over the pairs where it is defined, each with equal weight, as in the tables of the GUISS
+    paper; ``n`` is the sum. ``intervals`` are the 95 % bounds of each mean (see ``bootstrap``), ``scenes`` is the
+    number of scenes behind them. ``pooled_*`` are means over the pixels of all pairs. ``pairs`` is the number of pairs
+    that count; ``failed`` and ``suspect`` count the others. ``strata`` contains, per factor, the ``classes`` and, per
+    class, the ``by_pixel_class.SUMS`` over the pixels of all pairs.
     """
     values = table.values[method]
     counted = table.counts[method]
@@ -103,12 +103,12 @@ def summarise_method(table: Table, method: int, seed: int) -> dict[str, Any]:
 
 
 def differences(table: Table, seed: int) -> list[dict[str, Any]]:
-    """COMPARED of every two methods on the pairs where both are defined.
+    """The difference in each of COMPARED between every two methods, over the pairs where both are defined.
 
-    Each is ``a``, ``b``, ``metric``, the ``mean`` of a - b with its 95 % bounds ``low`` and ``high`` (null with
-    fewer than two clusters), the number of ``pairs`` and the share ``better`` of them where a is the better one, ties
-    counting half. Pairing takes out what makes a pair easy or hard for both, so it tells methods apart that two
-    intervals of their own cannot.
+    Each entry has ``a``, ``b``, ``metric``, the ``mean`` of a - b with its 95 % bounds ``low`` and ``high`` (null with
+    fewer than two clusters), the number of ``pairs``, and ``better``, the share of pairs where a is better (a tie
+    counts half). What makes a pair easy or hard for both methods cancels in the difference, so it can show what the
+    intervals of the two methods cannot.
     """
     found = []
     for a, b in itertools.combinations(range(len(table.methods)), 2):

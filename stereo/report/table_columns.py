@@ -1,4 +1,4 @@
-"""The columns of the summary tables, at the terminal and in the report."""
+"""The columns of the summary tables, printed and in the report."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 
 @dataclass(frozen=True)
 class Column:
-    """A column: the key in a row or summary, and how its number is written."""
+    """A column: its key in a row or summary, and the format of its number."""
 
     key: str
     heading: str
@@ -26,14 +26,14 @@ class Column:
 SUMMARY = (
     Column("coverage", "Coverage", "%", 1, "share of the pixels with a true depth that got a valid one"),
     Column("l1_m", "L1", "m", 3, "mean absolute depth error"),
-    Column("l1_rate_10", "L1-rate-10", "%", 1, "share of the measured pixels that are off by more than 10 cm"),
+    Column("l1_rate_10", "L1-rate-10", "%", 1, "share of the measured pixels with a depth wrong by more than 10 cm"),
     Column("si_rmse", "si-RMSE", "", 4, "root of the scale-invariant mean square error of log depth"),
-    Column("dod", "DOD", "%", 2, "share of all pixel pairs put in the wrong depth order, tolerance 1 %"),
+    Column("dod", "DOD", "%", 2, "share of all pairs of pixels in the wrong depth order, tolerance 1 %"),
     Column("epe_px", "EPE", "px", 3, "mean absolute disparity error"),
-    Column("bad_1", "bad-1", "%", 1, "share of the measured pixels with a disparity off by more than 1 px"),
+    Column("bad_1", "bad-1", "%", 1, "share of the measured pixels with a disparity wrong by more than 1 px"),
     Column("seconds", "CPU", "s", 3, "processor seconds of matching one pair, one thread"),
 )
-#: What the GUISS reference code would report, and ours that it stands beside.
+#: The columns of the GUISS reference code, each with ours.
 GUISS = (
     (Column("guiss_l1_m", "L1", "m", 3), Column("l1_m", "L1", "m", 3)),
     (Column("guiss_l1_rate_10", "L1-rate-10", "%", 1), Column("l1_rate_10", "L1-rate-10", "%", 1)),
@@ -58,12 +58,12 @@ COMPARED_COLUMNS = (
 
 
 def format_number(entry: Mapping[str, Any], column: Column, prefix: str = "") -> str:
-    """The number of ``entry[prefix + key]`` without its unit; a dash where it is undefined."""
+    """The number ``entry[prefix + key]`` without its unit; a dash if it is undefined."""
     return _format(entry.get(prefix + column.key), column)
 
 
 def format_interval(bounds: Sequence[float | None] | None, column: Column) -> str:
-    """Bounds of a mean of that column, "low … high"; nothing where there are none."""
+    """The bounds of a mean, "low … high"; empty if there are none."""
     if bounds is None or None in bounds:
         return ""
     return " … ".join(_format(bound, column) for bound in bounds)

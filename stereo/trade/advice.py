@@ -1,4 +1,4 @@
-"""What a trade says in words: which setting to use, what each group is worth, and what cannot be told from noise."""
+"""The advice of a trade in words: which variant to use, what each group saves, and what noise leaves open."""
 
 from __future__ import annotations
 
@@ -10,20 +10,20 @@ from ...render.cost.tolerance import Tolerance, every
 from ...render.cost.variants import SHAPES
 from .losses import number_at, pareto_front
 
-#: Extra disparity error, px, up to which advice is given.
+#: Tolerances of extra disparity error, px, for which advice is given.
 TOLERANCES_PX = (0.01, 0.02, 0.05, 0.1)
-#: What a light error may be to be called none, and to be recommended to matchers, as a share of the light.
+#: Largest change of the light, as a part of it, that counts as none, and that advice for matchers allows.
 _UNSEEN, _RECOMMENDED = 0.002, 0.01
-#: Share of the pixels that need not be told if a matcher measures them no more.
+#: Share of the pixels that a matcher may lose without a mention.
 _UNMEASURED = 0.01
-#: Share of the time that has to be saved to be called cheaper: processor seconds vary by some per cent.
+#: Share of the time that a cheaper variant must save: processor seconds vary by some per cent.
 _SAVED = 0.05
 
 Row = Mapping[str, Any]
 
 
 def variant_advice(rows: Sequence[Row], methods: Sequence[str]) -> list[str]:
-    """In words: the cheapest variant within each tolerance for each matcher, and what each group is worth."""
+    """The cheapest variant within each tolerance for each matcher, and what each group saves, in words."""
     scene = next(row for row in rows if row["group"] == "scene")
     margin = _margin(rows)
     subjects = [*([("all matchers", methods)] if len(methods) > 1 else []), *((method, [method]) for method in methods)]
@@ -34,7 +34,8 @@ def variant_advice(rows: Sequence[Row], methods: Sequence[str]) -> list[str]:
 def pareto_fronts(rows: Sequence[Row], methods: Sequence[str]) -> dict[str, list[Row]]:
     """For the radiance and for each matcher, the variants that no other beats in both cost and error, cheapest first.
 
-    Not those of another shape, whose errors are against another image, nor, of a matcher, of other light.
+    Without variants of another shape, whose errors are relative to another image; for matchers also without those of
+    other light.
     """
     alike = [row for row in rows if row["group"] not in SHAPES]
     shown = [row for row in rows if _shows(row)]
@@ -44,7 +45,7 @@ def pareto_fronts(rows: Sequence[Row], methods: Sequence[str]) -> dict[str, list
 
 
 def distinct_steps(found: Sequence[Row], label: str) -> list[Row]:
-    """Of a front the variants that are surely better than those before: the others differ by noise."""
+    """The variants of a front that are surely better than those before; the others differ by noise."""
     kept: list[Row] = []
     for row in found:
         if not kept or _error(kept[-1], label)[0] - _error(row, label)[0] > math.hypot(
@@ -54,14 +55,14 @@ def distinct_steps(found: Sequence[Row], label: str) -> list[Row]:
 
 
 def _error(row: Row, label: str) -> tuple[float, float]:
-    """What a variant of a front is off by, and what noise may change that by; of the radiance a tenth."""
+    """The error of a variant on a front, and how much noise may change it; a tenth for the radiance."""
     if label == "radiance":
         return row["rmse"], 0.1 * row["rmse"]
     return row["loss"][label]["epe_px"], row["loss_doubt"][label]["epe_px"] or 0.0
 
 
 def _margin(rows: Sequence[Row]) -> float:
-    """Share of the time that tells two variants: twice the standard deviation of a difference, from the repeats."""
+    """Share of the time by which two variants must differ: twice the standard deviation of a difference of repeats."""
     spreads = [math.log(row["cpu_range"][1] / row["cpu_range"][0]) ** 2 / 2 for row in rows
                if row["cpu_range"] and row["cpu_range"][0] > 0]
     repeated = any(row["cpu_range"] and row["cpu_range"][1] > row["cpu_range"][0] for row in rows)
@@ -69,7 +70,7 @@ def _margin(rows: Sequence[Row]) -> float:
 
 
 def _matcher_advice(name: str, methods: Sequence[str], rows: Sequence[Row], scene: Row, margin: float) -> list[str]:
-    """A line for each tolerance: the cheapest variant that is surely within for all ``methods``, and a cheaper one
+    """A line for each tolerance: the cheapest variant that is surely within it for all ``methods``, and a cheaper one
     that may be."""
     lines: list[str] = []
     hidden, before = [], None
@@ -90,39 +91,39 @@ def _matcher_advice(name: str, methods: Sequence[str], rows: Sequence[Row], scen
             lines.append(f"{name}, within {px:g} px: “{best['name']}”, {best['cpu_s']:.1f} CPU seconds a pair"
                          f"{_ratio_text(scene, best, margin)}, adds {_worst_loss_text(best, methods)}{cheaper}.")
     if hidden:
-        lines.append(f"{name}: what is within {' or '.join(hidden)} cannot be told from noise here; give a larger "
-                     "scale or more reference samples.")
-    return lines or [f"{name}: nothing tried stays within {TOLERANCES_PX[-1]:g} px; give more samples."]
+        lines.append(f"{name}: noise hides here which variants are within {' or '.join(hidden)}; give a larger scale "
+                     "or more reference samples.")
+    return lines or [f"{name}: no variant is within {TOLERANCES_PX[-1]:g} px; give more samples."]
 
 
 def _worst_loss_text(row: Row, methods: Sequence[str]) -> str:
-    """What the matcher loses that loses most, which is named if there are more."""
+    """The loss of the matcher that loses most, with its name if there are several."""
     worst = max(methods, key=lambda method: number_at(row, "loss", method, "epe_px") or 0.0)
     return f"at most {loss_text(row, worst)}, of {worst}" if len(methods) > 1 else loss_text(row, worst)
 
 
 def _cheapest(rows: Sequence[Row], margin: float) -> Row | None:
-    """The cheapest; of those whose time is the same within the ``margin`` the scene as described, or the least varied:
-    rows come in that order."""
+    """The cheapest row. Among rows with the same time, within the ``margin``, the first: the scene as described comes
+    first, then the least changed variants."""
     least = min(rows, key=lambda row: row["cpu_s"], default=None)
     return least and next(row for row in rows if not _cheaper(least, row, margin))
 
 
 def _shows(row: Row) -> bool:
-    """Whether a variant shows this scene's shape and light."""
+    """Whether a variant shows the shape and the light of this scene."""
     return row["group"] not in SHAPES and row["cpu_s"] is not None and abs(row["bias"]) <= _RECOMMENDED
 
 
 def loss_text(row: Row, method: str) -> str:
-    """What a matcher loses, such as '+0.031 ± 0.012 px', and how much less it measures if that is beyond noise."""
+    """The loss of a matcher, such as '+0.031 ± 0.012 px', and of measured pixels if that is more than noise."""
     doubt = row["loss_doubt"][method]["epe_px"]
     return (f"{row['loss'][method]['epe_px']:+.3f}{f' ± {doubt:.3f}' if doubt is not None else ''} px"
             f"{coverage_text(row['loss'][method], row['loss_doubt'][method])}")
 
 
 def coverage_text(loss: Mapping[str, float | None], doubt: Mapping[str, float | None]) -> str:
-    """Words for the pixels that a matcher no longer measures, which its mean error says nothing of; empty where they
-    are few or noise."""
+    """Words for the pixels that a matcher no longer measures, which its mean error does not include; empty if they are
+    few or noise."""
     missing = loss["coverage"]
     if missing is None or missing - (doubt["coverage"] or 0.0) <= _UNMEASURED:
         return ""
@@ -136,7 +137,7 @@ def _ratio_text(scene: Row, best: Row, margin: float) -> str:
 
 
 def _group_advice(rows: Sequence[Row], scene: Row, methods: Sequence[str], margin: float) -> list[str]:
-    """Of each group but the samples: the cheapest variant that is as good as the scene, if it saves anything."""
+    """A line for each group except the samples: the cheapest variant that is as good as the scene, if it saves time."""
     lines = []
     for group in dict.fromkeys(row["group"] for row in rows if row["group"] not in ("scene", "samples")):
         own = [row for row in rows if row["group"] == group and row["cpu_s"] and row["bias"] is not None]
@@ -153,7 +154,7 @@ def _group_advice(rows: Sequence[Row], scene: Row, methods: Sequence[str], margi
             lines.append(f"{group}: “{best['name']}” changes {_light_text(best, None)}{added} and "
                          f"{_time_text(best, scene, margin)}.")
         elif best is not None:
-            lines.append(f"{group}: nothing here is cheaper without changing the images; leave it as it is.")
+            lines.append(f"{group}: no variant is cheaper without changing the images; leave it as it is.")
         elif own:
             nearest = min(own, key=lambda row: row["rmse"])
             lines.append(f"{group}: every variant changes the images or the depth; “{nearest['name']}” changes them "
@@ -162,7 +163,7 @@ def _group_advice(rows: Sequence[Row], scene: Row, methods: Sequence[str], margi
 
 
 def _worse(row: Row, scene: Row, method: str) -> bool:
-    """Whether a matcher surely errs more, or measures less, than on the scene as described."""
+    """Whether a matcher surely has larger errors, or measures less, than on the scene as described."""
     if row is scene:
         return False
     for key in ("epe_px", "wrong_or_missing"):
@@ -174,12 +175,12 @@ def _worse(row: Row, scene: Row, method: str) -> bool:
 
 
 def _cheaper(row: Row, other: Row, margin: float) -> bool:
-    """Whether it surely takes less time than another."""
+    """Whether a variant surely takes less time than another."""
     return bool(row["cpu_s"] and other["cpu_s"] and row["cpu_s"] < (1 - margin) * other["cpu_s"])
 
 
 def _light_text(row: Row, scene: Row | None) -> str:
-    """What a variant does to the mean radiance, of that of the reference or of the scene as described."""
+    """How much a variant changes the mean radiance of the reference or, if given, of the scene as described."""
     change = (1 + row["bias"]) / (1 + scene["bias"]) - 1 if scene is not None else row["bias"]
     doubt = math.hypot(row["bias_doubt"] or 0.0, (scene["bias_doubt"] or 0.0) if scene is not None else 0.0)
     return f"the light by {100 * change:+.2f} ± {100 * doubt:.2f} %"
@@ -187,7 +188,7 @@ def _light_text(row: Row, scene: Row | None) -> str:
 
 def _time_text(row: Row, scene: Row, margin: float) -> str:
     if not scene["cpu_s"]:
-        return "takes a time that is not known"
+        return "takes an unknown time"
     ratio = row["cpu_s"] / scene["cpu_s"]
     if _cheaper(row, scene, margin):
         return f"saves {100 * (1 - ratio):.0f} % of the time"

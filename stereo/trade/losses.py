@@ -1,11 +1,11 @@
-"""What a cheaper way of computing a scene does to its images, to its truth and to what matchers make of them.
+"""What a cheaper way of computing a scene changes: its images, its truth, and the errors of matchers.
 
-Everything is against a reference of the same scene: its radiance, its depth, its exposure. A matcher is measured
-against the reference's depth too, so an error of the ground's mesh counts as well as noise.
+Everything is relative to a reference of the same scene: its radiance, its depth, its exposure. Matchers are measured
+against the depth of the reference, so errors of the mesh count as well as noise.
 
-A reference has noise too, and a matcher errs for it. A small error of noise grows with the noise's variance, so with
-one over the light paths; from n renders the reference's mean errs by 1 / (n - 1) of what a single render errs more
-than the mean. That is taken off, so a loss is against an image without noise.
+The reference has noise too, which adds to the errors of matchers. A small error from noise is proportional to its
+variance, and so to 1 / (number of light paths). If a single render errs by d more than the mean of n renders, noise
+adds d / (n - 1) to the error of this mean. That is subtracted, so a loss is relative to an image without noise.
 """
 
 from __future__ import annotations
@@ -28,22 +28,22 @@ from ..measure.jackknife import jackknife, tile_sums
 from ..measure.metrics import usable
 from ..measure.prepare import Loaded, load, none_for_nan
 
-#: What is said of a matcher: share of the pixels that both eyes see with a measurement; of these the mean disparity
-#: error, px, and the share that is off by more than 1 px; share of all that are missing or off by more than 1 px.
+#: The numbers of a matcher, over pixels that both eyes see: the share that is measured; of the measured ones the mean
+#: disparity error, px, and the share wrong by more than 1 px; the share that is missing or wrong by more than 1 px.
 STEREO = ("coverage", "epe_px", "bad_1", "wrong_or_missing")
-#: Which way is worse.
+#: The sign of a change for the worse.
 _WORSE = np.array([-1.0, 1.0, 1.0, 1.0])
-#: What is taken off for the reference's noise may be off by so much of itself: an error that grows with the noise, not
-#: with its variance, as where noise is all there is, would be 1 / (√2 - 1) = 2.4 times what two renders tell.
+#: Relative uncertainty of what is subtracted for the noise of the reference. Where there is only noise, errors are
+#: proportional to the noise and not to its variance, and 1 / (√2 - 1) = 2.4 times what two renders show.
 _LAW_DOUBT = 1.4
 
 
 @dataclass(frozen=True)
 class Reference:
-    """The reference of a scene: the mean of its renders, and how well that is known."""
+    """The reference of a scene: the mean of its renders, and its noise."""
 
     pair: Pair
-    settings: Settings  # exposed as the reference was metered, whatever is exposed with them
+    settings: Settings  # with the exposure that was metered for the reference
     light: dict[str, Light]
     depth: np.ndarray  # float64 (H, W) of the left eye, m, NaN for sky
     visible: np.ndarray  # bool (H, W)
@@ -53,20 +53,20 @@ class Reference:
 
     @property
     def stereo(self) -> dict[str, dict[str, float | None]]:
-        """What STEREO names of each matcher on the reference's own images."""
+        """The STEREO numbers of each matcher on the images of the reference."""
         return {label: _named(stereo_numbers(sums[0].sum(axis=0))) for label, sums in self.tallies.items()}
 
     @property
     def own(self) -> dict[str, dict[str, float | None]]:
-        """How much of that is worse for the reference's noise."""
+        """How much the noise of the reference makes these numbers worse."""
         return {label: _named(_noise_loss(sums.sum(axis=1))) for label, sums in self.tallies.items()}
 
 
 def read_reference(folders: Sequence[Path], methods: Sequence[Method],
                    response: Mapping[str, Mapping[str, Any]]) -> Reference:
-    """The reference from its renders, equal but for their noise.
+    """Read the reference from its renders, which differ only by their noise.
 
-    Raises IcyMoonError if a render cannot be read, or if the scene is black, of which nothing can be said.
+    Raises IcyMoonError if a render cannot be read, or if the scene is black.
     """
     renders = [load(folder, response) for folder in folders]
     first = renders[0]
@@ -75,7 +75,7 @@ def read_reference(folders: Sequence[Path], methods: Sequence[Method],
         for eye in EYES}
     mean = float(grey(light["left"].radiance).mean())
     if not mean > 0:
-        raise IcyMoonError(f"{folders[0]} is black, so there is nothing to compare; put the Sun above the horizon.")
+        raise IcyMoonError(f"{folders[0]} is black, so nothing can be compared; put the Sun above the horizon.")
     exposed = merged(first.settings, {"sensor": {"auto_exposure": False, "exposure_s": first.images.exposure_s}})
     cost = _cost(renders)["cpu_s"]
     untallied = Reference(first.pair, exposed, light, first.depth["left"], first.visible["left"],
@@ -86,26 +86,27 @@ def read_reference(folders: Sequence[Path], methods: Sequence[Method],
 
 
 def measure(folders: Sequence[Path], reference: Reference, methods: Sequence[Method]) -> dict[str, Any]:
-    """One variant, from its renders, against the reference.
+    """Measure one variant, from its renders, against the reference.
 
-    * ``cpu_s``, ``wall_s``: of a pair, mean of the renders, building the scene and writing included, and in ``cpu_s``
-      (for a process that renders one pair) the start of Blender; ``memory_mib``: the most that a process held.
-    * ``bias``: mean radiance over the reference's, less 1; ``rmse``: root mean square difference of a pixel from the
-      reference over its mean, the reference's own noise taken off; ``noise``: its random part, the standard deviation
-      between renders over the mean, None of a single render; ``structure``: its other part.
-    * ``depth_px``: 95th percentile of the difference of the true depths, as disparity; ``depth_m``: their median.
-    * ``stereo``: per matcher what STEREO names, mean of the renders; ``loss``: how much worse that is than on an image
-      without noise, as the module says.
-    * ``bias_doubt``, ``loss_doubt``: what these may be off by, in 19 of 20 cases, for noise: two standard errors over
-      tiles of the image (``tiles.jackknife``), and for a loss what the law of the reference's noise may be off by.
-    * ``cpu_range``: the least and the most of ``cpu_s``.
+    * ``cpu_s``, ``wall_s``: of a pair, mean of the renders, including building the scene and writing; ``cpu_s`` also
+      includes the start of Blender, if a process renders one pair. ``memory_mib``: the peak memory of a process.
+    * ``bias``: mean radiance divided by that of the reference, minus 1. ``rmse``: root mean square difference of a
+      pixel from the reference, divided by the mean of this, without the noise of the reference. ``noise``: the random
+      part of it, the standard deviation between renders divided by the mean; None for a single render. ``structure``:
+      the other part.
+    * ``depth_px``: 95th percentile of the difference of the true depths, as disparity; ``depth_m``: its median in m.
+    * ``stereo``: per matcher the STEREO numbers, mean of the renders; ``loss``: how much worse they are than on an
+      image without noise, see the module.
+    * ``bias_doubt``, ``loss_doubt``: uncertainty of these from noise, in 19 of 20 cases: two standard errors over tiles
+      of the image (``jackknife``) and, for a loss, the uncertainty of what is subtracted for the reference's noise.
+    * ``cpu_range``: the smallest and the largest ``cpu_s``.
 
-    All are fractions but where a unit is named. Raises IcyMoonError if a render cannot be read or is of another view.
+    All are fractions unless a unit is named. Raises IcyMoonError if a render cannot be read or shows another view.
     """
     renders = [load(folder, {}) for folder in folders]
     for render in renders:
         if render.pair.camera != reference.pair.camera:
-            raise IcyMoonError(f"{render.pair.folder} has another camera than {reference.pair.folder}; render both "
+            raise IcyMoonError(f"{render.pair.folder} and {reference.pair.folder} have different cameras; render both "
                                "again.")
     tallies = _tally_images(reference, [render.light for render in renders], methods)
     losses = {label: _loss(sums, reference.tallies[label]) for label, sums in tallies.items()}
@@ -136,7 +137,7 @@ def _radiance(renders: Sequence[Loaded], reference: Reference) -> dict[str, floa
 
 
 def _noise(renders: Sequence[Loaded]) -> float:
-    """Standard deviation of a pixel's radiance between renders, root mean square over the left image."""
+    """Standard deviation of the radiance of a pixel between renders, root mean square over the left image."""
     if len(renders) < 2:
         return 0.0
     return float(np.mean(np.var([grey(render.light["left"].radiance) for render in renders], axis=0, ddof=1))) ** 0.5
@@ -155,8 +156,8 @@ def _depth(render: Loaded, reference: Reference) -> dict[str, float | None]:
 
 def _tally_images(reference: Reference, lights: Sequence[Mapping[str, Light]],
              methods: Sequence[Method]) -> dict[str, np.ndarray]:
-    """Per matcher, sums (images, tiles, 4) over images of the reference's exposure, against the reference's depth
-    where both eyes see: pixels, of these measured, their disparity error in px, of these off by more than 1 px."""
+    """Per matcher, sums (images, tiles, 4), see ``tally``, of images with the exposure of the reference, against its
+    depth where both eyes see."""
     true = np.where(reference.visible, reference.pair.camera.disparity(reference.depth), np.nan)
     images = [develop(reference.pair, light["left"], light["right"], reference.settings).for_matchers()
               for light in lights]
@@ -165,8 +166,8 @@ def _tally_images(reference: Reference, lights: Sequence[Mapping[str, Light]],
 
 
 def tally(disparity: np.ndarray, true: np.ndarray) -> np.ndarray:
-    """Sums (tiles, 4) over an image's tiles, disparities (H, W) in px and NaN where there is none: pixels that are
-    true, of these measured, their disparity error in px, of these off by more than 1 px."""
+    """Sums (tiles, 4) over the tiles of an image, from disparities (H, W) in px, NaN where there is none: the number of
+    true pixels, of measured ones among these, their disparity error in px, and the number wrong by more than 1 px."""
     known = np.isfinite(true)
     measured = known & usable(disparity)
     error = np.where(measured, np.abs(disparity - true), 0.0)
@@ -174,14 +175,14 @@ def tally(disparity: np.ndarray, true: np.ndarray) -> np.ndarray:
 
 
 def stereo_numbers(sums: np.ndarray) -> np.ndarray:
-    """What STEREO names (..., 4), of sums (..., 4) of ``tally``; NaN where it is not defined."""
+    """The STEREO numbers (..., 4) from sums (..., 4) of ``tally``; NaN where undefined."""
     known, measured, error, bad = np.moveaxis(sums, -1, 0)
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.stack([measured / known, error / measured, bad / measured, 1 - (measured - bad) / known], axis=-1)
 
 
 def _noise_loss(sums: np.ndarray) -> np.ndarray:
-    """How much worse a reference is for its own noise, of sums (1 + renders, ..., 4): see the module."""
+    """How much its own noise makes a reference worse, from sums (1 + renders, ..., 4); see the module."""
     if len(sums) < 3:
         return np.zeros_like(sums[0])
     whole, *each = stereo_numbers(sums)
@@ -189,7 +190,7 @@ def _noise_loss(sums: np.ndarray) -> np.ndarray:
 
 
 def _loss(sums: np.ndarray, reference: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """How much worse a variant is than an image without noise, (4,), and what that may be off by."""
+    """How much worse a variant is than an image without noise, (4,), and the uncertainty of that."""
     def loss_of(own: np.ndarray, best: np.ndarray) -> np.ndarray:
         return _WORSE * (stereo_numbers(own).mean(axis=0) - stereo_numbers(best[0])) + _noise_loss(best)
 
@@ -207,9 +208,9 @@ def _mean(values: Sequence[float | None]) -> float | None:
 
 
 def pareto_front(rows: Sequence[Mapping[str, Any]], cost: str, error: Sequence[str]) -> list[int]:
-    """Places of the rows that no other beats in both cost and error, cheapest first.
+    """Indices of the rows that no other beats in both cost and error, cheapest first.
 
-    ``error`` is a path such as ("loss", "sgbm", "epe_px"); rows without a number there have no place.
+    ``error`` is a path such as ("loss", "sgbm", "epe_px"); rows without a number there are left out.
     """
     points = [(number_at(row, cost), number_at(row, *error), k) for k, row in enumerate(rows)]
     best, found = float("inf"), []

@@ -1,7 +1,7 @@
-"""Speed against accuracy: rendering the variants of a scene and measuring them.
+"""Rendering the variants of a scene and measuring them, for a trade of speed against accuracy.
 
-Runs in the evaluator's Python and starts Blender for every render, each in a process of its own, so that the
-seconds and the memory are its own. What is rendered already is not rendered again.
+Runs in the evaluator's Python. Every render is a process of its own with Blender, so that its seconds and memory are
+those of one render. Existing renders are not repeated.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from ...settings.description import Settings, changed, defaults, merged
 from ...version import version
 from ..environment import packages
 
-#: What is told while it goes on: ``progress`` (``fraction``, ``message``, ``done``, ``total``), ``warning``.
+#: Gets events: ``progress`` (``fraction``, ``message``, ``done``, ``total``) and ``warning``.
 Event = Callable[[dict[str, Any]], None]
 
 
@@ -35,13 +35,14 @@ class Bench:
     blender: str  # a Blender, or a Python with bpy
     methods: str  # of the matchers, separated by commas
     samples: int  # of the reference
-    repeats: int  # renders per variant; noise is told from the rest by two
+    repeats: int  # renders per variant; from two on, noise can be separated from other errors
     on_event: Event = lambda event: None
-    own: tuple[str, ...] = ()  # the person's own matchers, as ``stereo.methods.own_matchers`` has them
+    own: tuple[str, ...] = ()  # the user's own matchers, see ``methods.parse_own_matchers``
 
 
 def scaled_view(settings: Settings, factor: float) -> Settings:
-    """The same view in ``factor`` times as many pixels along each side. Raises IcyMoonError outside 0.01 to 1."""
+    """The settings for the same view with ``factor`` times as many pixels along each side. Raises IcyMoonError unless
+    this is 0.01 to 1."""
     if not 0.01 <= factor <= 1.0:
         raise IcyMoonError(f"An image cannot be scaled by {factor:g} here; give 0.01 to 1.")
     rig = settings["rig"]
@@ -50,9 +51,9 @@ def scaled_view(settings: Settings, factor: float) -> Settings:
 
 
 def run_trade(bench: Bench, groups: Sequence[str] = ()) -> dict[str, Any]:
-    """Render and measure all variants in ``groups``, and write the report into ``bench.out``; see ``trade_report``.
+    """Render and measure all variants in ``groups``, and write the report to ``bench.out``; see ``write_trade``.
 
-    Raises IcyMoonError if a render fails, with the words of Blender's process.
+    Raises IcyMoonError with the error of Blender's process if a render fails.
     """
     packages.require(*packages.PACKAGES)
     from ..matchers.methods import parse_methods
@@ -67,7 +68,7 @@ def run_trade(bench: Bench, groups: Sequence[str] = ()) -> dict[str, Any]:
     counter = RenderCounter(bench.on_event, sum(variant.repeats for variant in (*bests.values(), *chosen)))
     truths = {fine: read_reference(render_all(best, bench, counter), methods, {}) for fine, best in bests.items()}
     folders: dict[str, list[Path]] = {variant.key: [] for variant in chosen}
-    for repeat in range(bench.repeats):  # all once before any twice: a machine that slows down is seen in the repeats
+    for repeat in range(bench.repeats):  # all once before any twice, so that repeats show if the machine slows down
         for variant in chosen:
             folders[variant.key] += render_once(variant, repeat, bench, counter)
     rows = []
@@ -82,7 +83,7 @@ def run_trade(bench: Bench, groups: Sequence[str] = ()) -> dict[str, Any]:
 
 
 def check_abilities(bench: Bench, settings: Settings) -> Abilities:
-    """What the bench's Blender can do; what is therefore left out is told.
+    """Find out what the Blender of the bench can do, and warn about variants that are left out.
 
     Raises IcyMoonError if it cannot render these settings.
     """
@@ -90,13 +91,13 @@ def check_abilities(bench: Bench, settings: Settings) -> Abilities:
     if lack := lacking(settings, able):
         raise IcyMoonError(lack)
     if not able.denoiser:
-        bench.on_event({"type": "warning", "message": "What is denoised is left out: this Blender was built without "
-                                                      "OpenImageDenoise."})
+        bench.on_event({"type": "warning", "message": "Variants with a denoiser are left out, as this Blender was "
+                                                      "built without OpenImageDenoise."})
     return able
 
 
 class RenderCounter:
-    """How many renders are done, told as fractions."""
+    """Counts renders that are done, and tells the progress as a fraction."""
 
     def __init__(self, tell: Event, total: int) -> None:
         self.tell, self.total, self.done = tell, total, 0
@@ -107,14 +108,14 @@ class RenderCounter:
 
 
 def render_all(variant: Variant, bench: Bench, counter: RenderCounter) -> list[Path]:
-    """The pair folders of a variant's renders; see ``render``."""
+    """Render a variant as often as it asks; return the pair folders. See ``render_once``."""
     return [folder for repeat in range(variant.repeats) for folder in render_once(variant, repeat, bench, counter)]
 
 
 def render_once(variant: Variant, repeat: int, bench: Bench, counter: RenderCounter) -> list[Path]:
-    """The pair folder of one of a variant's renders, made by a process of its own unless it is there.
+    """Render a variant once, in a process of its own, unless this is already done; return the pair folder.
 
-    Raises IcyMoonError with the name of the variant and the words of Blender's process.
+    Raises IcyMoonError with the name of the variant and the error of Blender's process.
     """
     def hear(message: Message) -> None:
         if message["type"] == "progress":

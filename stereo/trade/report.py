@@ -1,4 +1,4 @@
-"""What a trade found: CSV, JSON, and a page with Pareto fronts that says in words which setting to use."""
+"""Writing the results of a trade: CSV, JSON, and a page with Pareto fronts and advice which variant to use."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ FORMAT = "icymoon-trade"
 VERSION = 2
 COLUMNS = (Column("cpu_s", "CPU", "s", 1, "processor seconds of a pair: build, both eyes, truth, files"),
            Column("wall_s", "Wall", "s", 1, "seconds of a pair on this machine"),
-           Column("memory_mib", "Memory", "MiB", 0, "most memory of the rendering process"),
-           Column("bias", "Bias", "%", 2, "mean radiance against the reference"),
+           Column("memory_mib", "Memory", "MiB", 0, "peak memory of the rendering process"),
+           Column("bias", "Bias", "%", 2, "difference of the mean radiance from that of the reference"),
            Column("rmse", "RMSE", "%", 2, "root mean square difference of a pixel, over the mean radiance"),
-           Column("noise", "Noise", "%", 2, "its random part, between renders of other seeds"),
-           Column("structure", "Structure", "%", 2, "its other part: what is there in every render"),
-           Column("depth_px", "Depth", "px", 3, "95 % of the true depths are this near to the reference's"))
+           Column("noise", "Noise", "%", 2, "random part of the RMSE, which differs between renders"),
+           Column("structure", "Structure", "%", 2, "other part of the RMSE, the same in every render"),
+           Column("depth_px", "Depth", "px", 3, "95 % of the true depths differ from the reference by at most this"))
 STEREO_COLUMNS = {"coverage": Column("coverage", "coverage", "%", 1), "epe_px": Column("epe_px", "EPE", "px", 3),
                   "bad_1": Column("bad_1", "bad-1", "%", 1)}
 
@@ -39,8 +39,8 @@ def write_trade(rows: Sequence[Mapping[str, Any]], methods: Sequence[str], refer
                 groups: Mapping[str, str], provenance: Mapping[str, Any], out: Path) -> dict[str, Any]:
     """Write ``trade.json``, ``trade.csv`` and ``trade.html`` to ``out``; return what is in the JSON.
 
-    ``rows``: per variant ``group``, ``name``, ``changed`` (settings by topic.key) and what ``trade.measure`` found.
-    ``references``: ``name``, ``noise``, ``cpu_s``, ``stereo`` and ``own`` of each. ``groups``: what each is about.
+    ``rows``: per variant ``group``, ``name``, ``changed`` (settings by topic.key) and the result of ``losses.measure``.
+    ``references``: ``name``, ``noise``, ``cpu_s``, ``stereo`` and ``own`` of each. ``groups``: a description of each.
     """
     best = pareto_fronts(rows, methods)
     report = {"format": FORMAT, "version": VERSION, "methods": list(methods), "references": list(references),
@@ -67,12 +67,12 @@ def write_trade(rows: Sequence[Mapping[str, Any]], methods: Sequence[str], refer
 
 
 def _errors(methods: Sequence[str]) -> list[tuple[str, tuple[str, ...]]]:
-    """The errors that are drawn: their names and where they stand in a row."""
+    """The errors that are drawn: their names and their paths in a row."""
     return [("radiance", ("rmse",)), *((method, ("loss", method, "epe_px")) for method in methods)]
 
 
 def _loss_text(row: Mapping[str, Any], label: str) -> str:
-    """What a variant of a front is off by: the RMSE of the radiance, or what a matcher loses."""
+    """The error of a variant on a front: the RMSE of the radiance, or the loss of a matcher."""
     return f"{100 * row['rmse']:.1f} %" if label == "radiance" else loss_text(row, label)
 
 
@@ -92,7 +92,7 @@ def _csv_text(rows: Sequence[Mapping[str, Any]], methods: Sequence[str]) -> str:
 
 def _draw_chart(rows: Sequence[Mapping[str, Any]], methods: Sequence[str],
            best: Mapping[str, Sequence[Mapping[str, Any]]]) -> str:
-    """Every variant by cost and error, with what it may be off by, the front joined by a line."""
+    """Draw every variant by cost and error, with its uncertainty; a line joins those on the front."""
     groups = list(dict.fromkeys(row["group"] for row in rows))
     errors = _errors(methods)
     with matplotlib.rc_context(STYLE):
@@ -111,7 +111,7 @@ def _draw_chart(rows: Sequence[Mapping[str, Any]], methods: Sequence[str],
             set_logarithmic(axis, "x")
             if label == "radiance":
                 set_logarithmic(axis, "y")
-            else:  # linear near zero, where losses may be gains, logarithmic beyond
+            else:  # linear near zero, as a loss may be negative, logarithmic beyond
                 axis.set_yscale("symlog", linthresh=0.01)
                 axis.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
             axis.set_xlabel("CPU seconds per pair")

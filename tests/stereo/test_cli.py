@@ -47,7 +47,7 @@ def assert_refused(result, *words, code=1):
 def inputs(tmp_path_factory):
     folder = tmp_path_factory.mktemp("inputs")
     for eye in ("left", "right"):
-        light = pairs.view(pairs.Scene(block=False), pairs.camera(), eye)[1]
+        light = pairs.view(pairs.Scene(rock=False), pairs.camera(), eye)[1]
         cv2.imwrite(str(folder / f"{eye}.png"), np.rint(light / 6 * 255).astype(np.uint8))
         cv2.imwrite(str(folder / f"{eye}16.png"), np.rint(light / 6 * 65535).astype(np.uint16))
     whole = (folder / "left.png").read_bytes()
@@ -73,7 +73,7 @@ def test_match_writes_disparity(inputs, tmp_path, bits):
     with np.load(out) as stored:
         disparity = stored["disparity"]
     assert disparity.dtype == np.float32
-    truth = pairs.camera().disparity(pairs.view(pairs.Scene(block=False), pairs.camera(), "left")[0])
+    truth = pairs.camera().disparity(pairs.view(pairs.Scene(rock=False), pairs.camera(), "left")[0])
     valid = np.isfinite(disparity)
     assert valid.mean() > 0.8
     assert np.isnan(disparity[~valid]).all()
@@ -129,7 +129,7 @@ def test_metrics_prints_json_with_the_promised_keys(tmp_path):
     assert (values["n"], values["coverage"], values["l1_m"], values["dod"]) == (0, 0, None, None)
 
 
-def test_metrics_refuses_what_is_no_depth(tmp_path):
+def test_metrics_refuses_a_file_without_depths(tmp_path):
     good = save(tmp_path, "z.npy", np.ones((3, 4)))
     (tmp_path / "cut.npy").write_bytes(good.read_bytes()[:-10])
     (tmp_path / "header.npy").write_bytes(b"\x93NUMPY\x01\x00\x46\x00{{{" + b" " * 67)
@@ -143,7 +143,7 @@ def test_metrics_refuses_what_is_no_depth(tmp_path):
         assert_refused(run("metrics", "--prediction", tmp_path / bad, "--truth", good), *words)
 
 
-def test_evaluate_for_a_person(inputs, tmp_path):
+def test_evaluate_at_a_terminal(inputs, tmp_path):
     result = run("evaluate", inputs / "set", "--methods", "bm,sgbm", "--out", tmp_path / "out")
     assert result.returncode == 0, result.stderr
     assert "sgbm" in result.stdout
@@ -180,7 +180,7 @@ def test_evaluate_with_a_broken_pair_does_the_rest_and_fails(tmp_path):
 
 @pytest.mark.parametrize(("arguments", "words"), [
     (["--set", "rig.baseline_m=1"], ["needs a new render"]), (["--set", "sensor.bits=99"], ["8 to 16"]),
-    (["--methods", "igevv"], ["Unknown stereo method"]), (["--option", "bm.windo=3"], ["did you mean 'window'"]),
+    (["--methods", "igevv"], ["Unknown matcher"]), (["--option", "bm.windo=3"], ["did you mean 'window'"]),
 ])
 def test_evaluate_refuses_wrong_settings_before_it_writes(inputs, tmp_path, arguments, words):
     assert_refused(run("evaluate", inputs / "set", "--out", tmp_path / "out", *arguments), *words)
@@ -194,7 +194,7 @@ def test_evaluate_without_pairs(tmp_path):
 
 
 @pytest.mark.skipif(os.name == "nt", reason="POSIX signals and limits")
-class TestHardLuck:
+class TestInterruptions:
     def test_an_interrupt_ends_it_cleanly(self, tmp_path):
         for name in "abcdefgh":
             pairs.write_pair(tmp_path / "pairs" / name)
@@ -223,7 +223,7 @@ class TestHardLuck:
             json.loads(line)
 
 
-def test_check_says_what_is_there():
+def test_check_reports_the_versions():
     result = run("check")
     assert (result.returncode, result.stderr) == (0, "")
     report = json.loads(result.stdout)
@@ -238,7 +238,7 @@ def test_check_does_not_import_torch():
 
 
 @pytest.mark.parametrize("module", ["numpy", "cv2", "OpenEXR", "jinja2", "matplotlib"])
-def test_without_a_package_the_mend_is_named(tmp_path, module):
+def test_a_missing_package_is_reported_with_the_fix(tmp_path, module):
     result = run_with(f"sys.modules[{module!r}] = None", "check")
     assert_refused(result, {"cv2": "opencv", "jinja2": "Jinja2"}.get(module, module), "pip install")
     report = json.loads(result.stdout)
@@ -248,7 +248,7 @@ def test_without_a_package_the_mend_is_named(tmp_path, module):
     assert_refused(result, "pip install")
 
 
-def test_a_package_that_does_not_load_says_why(tmp_path):
+def test_a_package_that_does_not_load_is_reported_with_the_reason(tmp_path):
     (tmp_path / "cv2.py").write_text("raise ImportError('libGL.so.1: cannot open shared object file')")
     result = run_with(f"sys.path[:0] = [{str(tmp_path)!r}]", "check")
     assert_refused(result, "libGL.so.1")
@@ -289,7 +289,7 @@ def test_metrics_of_a_disparity_and_the_reference_codes_beside_them(tmp_path):
 
 @pytest.mark.parametrize(("words", "reason"), [
     (["--focal-baseline", "0"], "positive number"), (["--focal-baseline", "nan"], "positive number"),
-    ([], "needs --focal-baseline"),
+    ([], "give --focal-baseline"),
 ])
 def test_metrics_of_a_disparity_needs_a_camera(tmp_path, words, reason):
     good = save(tmp_path, "z.npy", np.ones((3, 4)))

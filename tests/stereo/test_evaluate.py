@@ -19,7 +19,7 @@ from icymoon.stereo.report.row_log import RowLog
 
 pytestmark = pytest.mark.filterwarnings("error")
 
-SCENES = {"aaa": pairs.Scene(), "bbb": pairs.Scene(sky_rows=24, distance_m=3.0), "ccc": pairs.Scene(block=False)}
+SCENES = {"aaa": pairs.Scene(), "bbb": pairs.Scene(sky_rows=24, distance_m=3.0), "ccc": pairs.Scene(rock=False)}
 METHODS = parse_methods("bm,sgbm,bm:window=21")
 
 
@@ -283,7 +283,7 @@ def test_pictures_tell_missing_measurements_from_sky():
 @pytest.mark.parametrize(("text", "options", "reason"), [
     ("", [], "is empty"), ("bm,sgmb", [], "did you mean 'sgbm'"), ("bm,bm", [], "names bm twice"),
     ("bm:window", [], "write it as key=value"), ("bm:windo=9", [], "did you mean 'window'"),
-    ("bm", ["window=9"], "name the method too"), ("bm", ["sgbm.window=9"], "does not name"),
+    ("bm", ["window=9"], "name the matcher too"), ("bm", ["sgbm.window=9"], "does not name"),
     ("bm", ["bmm.window=9"], "did you mean 'bm'"), ("bm", ["bm.window"], "key=value"),
 ])
 def test_wrong_methods_are_refused_before_anything_runs(text, options, reason):
@@ -313,7 +313,7 @@ def test_a_row_that_the_disk_refuses_leaves_whole_rows(tmp_path, monkeypatch):
 
 
 @pytest.mark.usefixtures("undrawn")
-def test_what_a_method_knows_besides_is_kept(tmp_path):
+def test_other_arrays_and_facts_of_a_method_are_kept(tmp_path):
     """Arrays in the npz, counts in the row, and the camera for a program that asks for it."""
     rig = pairs.camera(160, 90)
     pairs.write_pair(tmp_path / "pair", rig=rig)
@@ -329,6 +329,6 @@ def test_what_a_method_knows_besides_is_kept(tmp_path):
         assert (stored["flags"] == 0).sum() == jplv["counts"]["ACCEPT"] == jplv["n"]
     assert sum(jplv["counts"].values()) == 160 * 90
     assert external["counts"] == {}
-    # The program said f / 2 px, so the depth is 2 B everywhere.
+    # The program wrote f / 2 px, so the depth is 2 B everywhere.
     expected = np.abs(2 * rig.baseline_m - pairs.view(pairs.Scene(), rig, "left")[0]).mean()
     assert external["l1_m"] == pytest.approx(expected, rel=1e-3)

@@ -1,4 +1,4 @@
-"""Disparities, images and scenes that no sane camera gives, through the whole evaluation."""
+"""Disparities, images and scenes at the extremes, through the whole evaluation."""
 
 import hashlib
 import json
@@ -62,7 +62,7 @@ def test_hardly_any_pixel_measured(prepared, pixels):
 
 
 @pytest.mark.parametrize(("scene", "sensor"), [
-    (pairs.Scene(distance_m=1e-3), {}), (pairs.Scene(distance_m=1e9, block=False), {}),
+    (pairs.Scene(distance_m=1e-3), {}), (pairs.Scene(distance_m=1e9, rock=False), {}),
     (pairs.Scene(contrast=0.0), {"shot_noise": False, "read_noise_e": 0.0}),
     (pairs.Scene(radiance=0.0), {"read_noise_e": 0.0}),
     (pairs.Scene(radiance=1e30), {}), (pairs.Scene(radiance=1e-30), {}),
@@ -77,7 +77,7 @@ def test_absurd_scenes(tmp_path, scene, sensor):
 
 @pytest.mark.parametrize("size", [(1, 1), (2, 1), (1, 50), (300, 1)])
 def test_slivers_of_images(tmp_path, size):
-    pairs.write_pair(tmp_path / "pair", pairs.Scene(block=False), pairs.camera(*size))
+    pairs.write_pair(tmp_path / "pair", pairs.Scene(rock=False), pairs.camera(*size))
     report = evaluate([tmp_path / "pair"], parse_methods("bm,sgbm"), tmp_path / "out")
     assert all(row["status"] == "ok" or "too small" in row["error"] for row in report["rows"])
     prepared = prepare(tmp_path / "pair", {})

@@ -1,4 +1,4 @@
-"""What a data set from anyone says is text in our reports and tables, no code of a page and no formula."""
+"""Text from a data set stays text in reports and tables: it becomes no code of a page and no formula."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Folders that results go to, and that we stand in, may be anyone's: nothing in them is run, and nothing is lost."""
+"""In an output folder or current folder with any content, nothing is run and nothing is lost."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def test_results_of_other_programs_stay(dataset, tmp_path, name):
     out = tmp_path / "experiments"
     out.mkdir()
     (out / name).write_text('{"loss": 0.1}\n{"loss": 0.2}')
-    with pytest.raises(IcyMoonError, match="not of an evaluation"):
+    with pytest.raises(IcyMoonError, match="not written by an evaluation"):
         evaluate([dataset], parse_methods("bm"), out)
     assert [path.name for path in out.iterdir()] == [name]
     assert (out / name).read_text() == '{"loss": 0.1}\n{"loss": 0.2}'

@@ -1,4 +1,4 @@
-"""Going on with an evaluation that was stopped, and marking what cannot be trusted."""
+"""Continuing an evaluation that was stopped, and marking pairs that fail the self-check."""
 
 import json
 import os
@@ -94,7 +94,7 @@ def _log_turned_into(turn):
     _log_turned_into(lambda content: content.replace(b'"pair"', b'"poir"', 1)),
     _log_turned_into(lambda content: b"\x00\xff\n" + content.split(b"\n", 1)[1]),
 ], ids=["disparity gone", "picture gone", "last row cut", "key misspelt", "row overwritten"])
-def test_what_is_damaged_is_made_again_and_nothing_else(dataset, tmp_path, matched, harm):
+def test_only_damaged_files_are_made_again(dataset, tmp_path, matched, harm):
     before = evaluate([dataset], parse_methods("bm"), tmp_path)
     rows = list(before["rows"])
     matched.clear()
@@ -150,7 +150,7 @@ def test_a_killed_run_loses_one_row_at_most(dataset, tmp_path, matched):
 
 
 def test_a_pair_that_contradicts_itself_is_marked_and_not_averaged(dataset, tmp_path):
-    """It says a baseline 6 % too short, as the reference code does."""
+    """Its baseline is 6 % too short, as that of the reference code."""
     path = dataset / "pairs" / "b" / "pair.json"
     data = json.loads(path.read_text())
     for topic in (data["camera"], data["settings"]["rig"]):
@@ -168,7 +168,7 @@ def test_a_pair_that_contradicts_itself_is_marked_and_not_averaged(dataset, tmp_
             assert entry["l1_m"] == pytest.approx(np.mean([rows[k]["l1_m"], rows[4 + k]["l1_m"]]))
             assert entry["n"] == rows[k]["n"] + rows[4 + k]["n"]
         assert all(difference["pairs"] == 2 for difference in again["differences"])
-    assert "f·B is +6.67 % different" in next(event for event in events if event["type"] == "warning")["message"]
+    assert "f·B is changed by +6.67 %" in next(event for event in events if event["type"] == "warning")["message"]
     assert "left out of the averages" in (tmp_path / "report.html").read_text(encoding="utf-8")
 
 
@@ -177,7 +177,7 @@ def test_two_pairs_of_one_name_are_not_mixed_up(tmp_path):
         pairs.write_pair(tmp_path / name / "pairs" / "pair")
     path = tmp_path / "two" / "pairs" / "pair" / "pair.json"
     path.write_text(json.dumps(json.loads(path.read_text()) | {"id": pairs.id_of("another")}))
-    with pytest.raises(IcyMoonError, match="different pairs of one name"):
+    with pytest.raises(IcyMoonError, match="different pairs of the same name"):
         evaluate([tmp_path / "one", tmp_path / "two"], parse_methods("bm"), tmp_path / "out")
     assert not (tmp_path / "out").exists()
     assert len(evaluate([tmp_path / "one", tmp_path / "copy"], parse_methods("bm"), tmp_path / "out")["rows"]) == 1
@@ -209,7 +209,7 @@ def test_of_several_rows_the_last_one_counts_and_compacting_keeps_it(tmp_path):
         assert [reader.read(pair, "bm")["value"] for pair in "abz"] == [2, 3, 4]
 
 
-def test_a_log_that_another_program_takes_away_is_said_in_a_sentence(tmp_path):
+def test_a_log_that_another_program_removes_is_reported_in_a_sentence(tmp_path):
     log = RowLog(tmp_path / "results.jsonl")
     for pair in ("one", "two"):
         log.append({"pair": pair, "method": "bm", "key": "k", "value": 1})

@@ -1,6 +1,6 @@
 """Synthetic pair folders with analytic truth, in the two layouts that Blenders write.
 
-The scene is a textured, tilted plane, optionally with a block in front of it and sky above. Both
+The scene is a textured, tilted plane, optionally with a rock in front of it and sky above. Both
 eyes' depth and radiance are evaluated at the exact point that each pixel's ray meets, so the true
 sub-pixel disparity is known to rounding.
 """
@@ -29,7 +29,7 @@ class Scene:
     distance_m: float = 2.0
     slope_x: float = 0.1
     slope_y: float = 0.6
-    block: bool = True  # a square of 0.5 m at 0.75 of the distance
+    rock: bool = True  # a square of 0.5 m at 0.75 of the distance
     sky_rows: int = 0
     radiance: float = 3.0
     contrast: float = 0.8
@@ -47,11 +47,11 @@ def view(scene: Scene, rig: StereoCamera, eye: str) -> tuple[np.ndarray, np.ndar
     y = ((np.arange(rig.height_px) + 0.5 - rig.cy_px) / rig.focal_px)[:, None]
     depth = (scene.distance_m - scene.slope_x * offset) / (1 + scene.slope_x * x + scene.slope_y * y)
     instance = np.ones_like(depth)
-    if scene.block:
+    if scene.rock:
         near = 0.75 * scene.distance_m
-        on_block = (np.abs(x * near + offset) < 0.25) & (np.abs(y * near) < 0.25) & (near < depth)
-        depth = np.where(on_block, near, depth)
-        instance = np.where(on_block, 1000.0, instance)
+        on_rock = (np.abs(x * near + offset) < 0.25) & (np.abs(y * near) < 0.25) & (near < depth)
+        depth = np.where(on_rock, near, depth)
+        instance = np.where(on_rock, 1000.0, instance)
     pixel_m = scene.distance_m / rig.focal_px
     light = scene.radiance * (1 + scene.contrast * _texture((x * depth + offset) / pixel_m, y * depth / pixel_m))
     depth = np.where(np.arange(rig.height_px)[:, None] < scene.sky_rows, np.nan, depth)

@@ -102,10 +102,10 @@ def test_the_report_and_developed_images_say_what_truth_is_of_and_what_does_not_
     assert report["pairs"][0]["warnings"] == said["auto"]
     page = (tmp_path / "report" / "report.html").read_text()
     assert page.count("The images are blurred, truth is sharp") == 1
-    assert "To know of these images" in page
+    assert "Warnings about the images" in page
     plain = pairs.write_pair(tmp_path / "plain")
     assert main(["evaluate", str(plain), "--methods", "bm", "--out", str(tmp_path / "sharp")]) == 0
-    assert "To know of these images" not in (tmp_path / "sharp" / "report.html").read_text()
+    assert "Warnings about the images" not in (tmp_path / "sharp" / "report.html").read_text()
 
 
 def test_a_camera_is_read_back_and_older_pairs_have_parallel_eyes_without_margins():

@@ -115,7 +115,7 @@ def test_a_search_and_a_trade_leave_out_what_is_denoised(blender, tmp_path):
     bench = measure_variants.Bench(scene(), tmp_path, str(blender), "bm", 2, 1, told.append)
     assert measure_variants.check_abilities(bench, bench.settings) == PLAIN
     assert [event["type"] for event in told] == ["warning"]
-    assert "is left out: this Blender was built without OpenImageDenoise" in told[0]["message"]
+    assert "left out, as this Blender was built without OpenImageDenoise" in told[0]["message"]
     with pytest.raises(IcyMoonError, match=r"set quality\.denoiser to NONE"):
         measure_variants.check_abilities(bench, scene(DENOISED))
 

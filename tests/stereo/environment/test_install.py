@@ -1,4 +1,4 @@
-"""Making the evaluator's environment: whole, of what we tested and nothing else, or not there."""
+"""Making the evaluator's environment: it is complete and has only tested packages, or it does not exist."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def test_the_package_and_the_button_have_the_same_bounds():
 
 @pytest.mark.parametrize(("version", "usable"), [
     ("4.10.0", False), ("4.11.0", True), ("5.0.0", True), ("6.0.0", False)])
-def test_a_version_that_nobody_tested_is_named(version, usable, monkeypatch):
+def test_an_untested_version_is_named(version, usable, monkeypatch):
     monkeypatch.setattr(packages.importlib, "import_module", lambda name: SimpleNamespace(__version__=version))
     problem = packages._import_package("cv2")[1]
     assert problem == ("" if usable else f"opencv-contrib-python-headless>=4.11,<6 (it has {version})")
@@ -117,7 +117,7 @@ def test_a_package_that_is_not_the_one_we_released_with_is_refused_in_a_sentence
     assert not (tmp_path / "ran").exists()
 
 
-def test_a_system_without_a_build_is_told_what_to_do(python, tmp_path, capsys):
+def test_on_a_system_without_a_build_the_error_gives_the_fix(python, tmp_path, capsys):
     python += [makes, lambda command: SimpleNamespace(returncode=1, stdout="", stderr=(
         "ERROR: Could not find a version that satisfies the requirement numpy==2.4.6\n"
         "ERROR: No matching distribution found for numpy==2.4.6\n"))]
@@ -137,7 +137,7 @@ def test_the_pythons_that_install_look_into_no_current_folder(python, tmp_path):
 
 @pytest.fixture
 def python(monkeypatch):
-    """Stands for the programs that are run: what each is to do, in order."""
+    """Replaces the programs that are run by what each is to do, in order."""
     acts = []
     monkeypatch.setattr(install.system, "run", lambda command: acts.pop(0)(command))
     return acts
@@ -162,7 +162,7 @@ def stopped(command):
     raise KeyboardInterrupt
 
 
-def test_it_says_how_far_it_is_and_that_it_is_done(python, tmp_path, capsys):
+def test_progress_and_the_end_are_printed(python, tmp_path, capsys):
     python += [makes, works, works]
     assert install.main([str(tmp_path / "evaluator")]) == 0
     said = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
@@ -171,7 +171,7 @@ def test_it_says_how_far_it_is_and_that_it_is_done(python, tmp_path, capsys):
     assert not install.is_unfinished(tmp_path / "evaluator")
 
 
-def test_a_failure_is_told_and_leaves_no_half_of_an_environment(python, tmp_path, capsys):
+def test_a_failure_is_reported_and_removes_the_incomplete_environment(python, tmp_path, capsys):
     python += [makes, fails]
     assert install.main([str(tmp_path / "evaluator")]) == 1
     said = json.loads(capsys.readouterr().out.splitlines()[-1])
@@ -180,14 +180,14 @@ def test_a_failure_is_told_and_leaves_no_half_of_an_environment(python, tmp_path
     assert not (tmp_path / "evaluator").exists()
 
 
-def test_neither_does_a_stop(python, tmp_path):
+def test_a_stop_removes_the_incomplete_environment(python, tmp_path):
     python += [makes, stopped]
     with pytest.raises(KeyboardInterrupt):
         install.main([str(tmp_path / "evaluator")])
     assert not (tmp_path / "evaluator").exists()
 
 
-def test_an_environment_that_was_there_stays(python, tmp_path):
+def test_an_existing_environment_stays(python, tmp_path):
     (tmp_path / "evaluator").mkdir()
     python += [makes, fails]
     assert install.main([str(tmp_path / "evaluator")]) == 1
@@ -195,7 +195,7 @@ def test_an_environment_that_was_there_stays(python, tmp_path):
     assert not install.is_unfinished(tmp_path / "evaluator")
 
 
-def test_what_a_killed_process_has_left_is_no_evaluator_and_goes_with_the_next_failure(python, tmp_path):
+def test_the_rest_of_a_killed_installation_is_no_evaluator_and_is_removed_with_the_next_failure(python, tmp_path):
     def killed(command):
         assert install.is_unfinished(tmp_path / "evaluator")
         raise SystemExit
@@ -213,8 +213,8 @@ def test_what_a_killed_process_has_left_is_no_evaluator_and_goes_with_the_next_f
 
 @pytest.mark.slow
 @pytest.mark.parametrize("variable", ["PIP_DRY_RUN", "PIP_TARGET"])
-def test_what_pip_did_not_install_there_is_no_evaluator(registry, tmp_path, monkeypatch, capsys, variable):
-    """A person's own pip may be told to do nothing, or to install elsewhere."""
+def test_packages_that_pip_installed_elsewhere_make_no_evaluator(registry, tmp_path, monkeypatch, capsys, variable):
+    """A user's settings of pip may make it do nothing, or install elsewhere."""
     monkeypatch.setattr(install, "_CHECK", CHECK)
     monkeypatch.setenv(variable, str(tmp_path / "elsewhere") if variable == "PIP_TARGET" else "1")
     assert install.main([str(tmp_path / "evaluator")]) == 1

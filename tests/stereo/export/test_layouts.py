@@ -90,7 +90,7 @@ def test_labels_are_exact(out, dataset):
         np.testing.assert_array_equal(np.vectorize(lambda k: names[str(k)])(stored), view.instance)
 
 
-def test_calibration_says_what_a_reader_needs(out):
+def test_calibration_contains_what_a_reader_needs(out):
     calibration = json.loads((out / "pfm" / "one" / "calibration.json").read_text())
     assert calibration["camera"]["focal_baseline_px_m"] == pytest.approx(RIG.focal_baseline_px_m)
     assert calibration["self_check"]["ok"] is True
@@ -149,7 +149,7 @@ def test_coco(out, dataset):
     for image in data["images"]:
         assert read(out / "coco" / "images" / image["file_name"]).shape == (image["height"], image["width"])
         view = read_view(dataset / "pairs" / image["pair"] / f"{image['eye']}.exr")
-        (found,) = [a for a in data["annotations"] if a["image_id"] == image["id"]]  # the block; the ground is no thing
+        (found,) = [a for a in data["annotations"] if a["image_id"] == image["id"]]  # the rock, not the ground
         mask = decoded(found["segmentation"])
         np.testing.assert_array_equal(mask, view.instance == 1000)
         assert (found["category_id"], found["label"], found["area"]) == (2, 1000, mask.sum())
@@ -168,7 +168,7 @@ def test_run_lengths_of_any_mask(mask):
     assert all(count > 0 for count in counts[1:])
 
 
-def test_things_only_and_nothing_without_labels():
+def test_only_rocks_and_objects_are_annotated_and_nothing_without_labels():
     instance = np.array([[0, 1, 5], [7, 7, 5]])
     semantic = np.array([[0, 1, 3], [2, 2, 3]])
     assert [(a["label"], a["category_id"]) for a in coco_annotations(instance, semantic)] == [(5, 3), (7, 2)]
@@ -192,7 +192,7 @@ def test_pfm_of_the_other_byte_order(tmp_path):
 
 @pytest.mark.parametrize("content", [b"", b"Pf", b"P5\n2 2\n255\nabcd", b"Pf\n2 2\n-1\n" + b"\0" * 15, b"Pf\n2\n-1\n",
                                      b"Pf\n-1 -1\n-1\n\0\0\0\0", b"Pf\n2 2\nx\n" + b"\0" * 16, b"\xff\xfe\n\n\n\n"])
-def test_what_is_no_pfm_is_refused(tmp_path, content):
+def test_a_file_that_is_not_pfm_is_refused(tmp_path, content):
     (tmp_path / "bad.pfm").write_bytes(content)
     with pytest.raises(IcyMoonError, match=r"bad\.pfm"):
         read_pfm(tmp_path / "bad.pfm")
@@ -212,7 +212,7 @@ def test_another_camera_response(dataset, tmp_path):
     assert read(tmp_path / "one" / "left.png").min() > 240
 
 
-def test_a_broken_pair_is_told_and_the_others_are_written(tmp_path):
+def test_a_broken_pair_is_reported_and_the_others_are_written(tmp_path):
     for name in ("bad", "good"):
         pairs.write_pair(tmp_path / "set" / "pairs" / name, rig=RIG)
     (tmp_path / "set" / "pairs" / "bad" / "left.exr").write_bytes(b"no")
@@ -241,7 +241,7 @@ def run(*words):
                           timeout=240, check=False)
 
 
-def test_by_command(dataset, tmp_path):
+def test_the_command_exports(dataset, tmp_path):
     result = run("export", dataset, "--format", "kitti", "--out", tmp_path / "k")
     assert (result.returncode, result.stderr, result.stdout.strip()) == (0, "", str(tmp_path / "k"))
     result = run("truth", dataset, "--out", tmp_path / "t")

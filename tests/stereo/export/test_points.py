@@ -27,7 +27,7 @@ def with_pose(folder, pose=POSE):
 
 @pytest.fixture(scope="module")
 def prepared(tmp_path_factory):
-    return prepare(with_pose(pairs.write_pair(tmp_path_factory.mktemp("p") / "pair", pairs.Scene(block=False))), {})
+    return prepare(with_pose(pairs.write_pair(tmp_path_factory.mktemp("p") / "pair", pairs.Scene(rock=False))), {})
 
 
 def test_true_disparities_lie_on_the_true_plane(prepared):
@@ -63,7 +63,7 @@ def test_colours_of_errors():
     assert colours[3][1] > colours[5][1]  # 10 cm is paler than 1 m
 
 
-def test_what_was_not_measured_is_no_point_and_what_has_no_truth_is_grey(prepared):
+def test_missing_measurements_are_no_points_and_points_without_truth_are_grey(prepared):
     disparity = np.full(prepared.truth.shape, np.nan)
     assert len(measured_points(prepared, disparity)) == 0
     disparity[3, 5] = 20.0
@@ -89,7 +89,7 @@ def test_the_file_holds_the_points(prepared, tmp_path):
 
 
 @pytest.mark.parametrize("size", [(256, 144), (640, 480)])
-def test_the_file_says_how_many_points_are_missing(tmp_path, size):
+def test_the_file_contains_the_number_of_missing_points(tmp_path, size):
     """Measured and missing are together all that have a true depth, also where only every second pixel is taken."""
     own = prepare(with_pose(pairs.write_pair(tmp_path / "pair", pairs.Scene(sky_rows=size[1] // 4),
                                              rig=pairs.camera(*size))), {})
@@ -110,7 +110,7 @@ def test_large_images_are_thinned_out(tmp_path):
 
 
 @pytest.mark.usefixtures("undrawn")
-def test_asked_for_later_they_need_no_matching(tmp_path, monkeypatch):
+def test_points_that_are_asked_for_later_need_no_matching(tmp_path, monkeypatch):
     folder = with_pose(pairs.write_pair(tmp_path / "pair", rig=pairs.camera(192, 96)))
     methods = parse_methods("bm,sgbm")
     before = list(evaluate([folder], methods, tmp_path / "out")["rows"])
@@ -124,17 +124,17 @@ def test_asked_for_later_they_need_no_matching(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("pose", [None, [], [[1.0]], "north", [[float("nan")] * 4] * 4])
-def test_a_pair_that_says_it_was_nowhere_is_broken(tmp_path, pose):
+def test_a_pair_with_a_wrong_pose_is_refused(tmp_path, pose):
     folder = with_pose(pairs.write_pair(tmp_path / "pair", rig=pairs.camera(192, 96)), pose)
     with pytest.raises(IcyMoonError, match=r"poses_camera_to_world\.left|NaN"):
         read_pair(folder)
 
 
 @pytest.mark.usefixtures("undrawn")
-def test_a_pair_that_does_not_say_where_it_was_is_still_measured(tmp_path):
+def test_a_pair_without_a_pose_is_still_measured(tmp_path):
     folder = pairs.write_pair(tmp_path / "pair", rig=pairs.camera(192, 96))
     assert "poses_camera_to_world" not in json.loads((folder / "pair.json").read_text())
     events = []
     report = evaluate([folder], parse_methods("sgbm"), tmp_path / "out", on_event=events.append, points=True)
     assert report["rows"][0]["status"] == "ok"
-    assert any("where the camera was" in event["message"] for event in events if event["type"] == "warning")
+    assert any("position of the camera" in event["message"] for event in events if event["type"] == "warning")

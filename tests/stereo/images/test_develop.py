@@ -53,7 +53,7 @@ def test_exposure_time_is_that_of_the_photons(tmp_path):
 
 
 def test_the_eyes_have_noise_and_particles_of_their_own(tmp_path):
-    flat = pairs.Scene(contrast=0.0, block=False)
+    flat = pairs.Scene(contrast=0.0, rock=False)
     folder = pairs.write_pair(tmp_path / "pair", flat)
     for changes in ({}, {"read_noise_e": 0.0, "shot_noise": False, "prnu": 0.02},
                     {"read_noise_e": 0.0, "shot_noise": False, "radiation_flux_cm2_s": 1e6}):
@@ -91,7 +91,7 @@ def test_brackets_are_one_image_of_16_bits(tmp_path):
     assert images.frames[0].left.mean() > 2 * images.frames[2].left.mean()
 
 
-def test_sun_and_planet_can_be_weighed_after_rendering(tmp_path):
+def test_sun_and_planet_can_be_scaled_after_rendering(tmp_path):
     folder = pairs.write_pair(tmp_path / "pair", planet_share=0.25)
     pair, view = read_pair(folder), read_light(folder / "left.exr")
     np.testing.assert_allclose(sum(view.groups.values()), view.radiance, rtol=1e-5)
@@ -105,7 +105,7 @@ def test_sun_and_planet_can_be_weighed_after_rendering(tmp_path):
     np.testing.assert_allclose(scaled_radiance(alone, pair, {**light, "sun_scale": 3.0}), 3 * alone.radiance, rtol=1e-6)
 
 
-def test_weighing_a_denoised_pair_is_refused(tmp_path):
+def test_scaling_the_lights_of_a_denoised_pair_is_refused(tmp_path):
     settings = defaults()
     settings["quality"]["denoiser"] = "OIDN"
     folder = pairs.write_pair(tmp_path / "pair", planet_share=0.25, settings=settings)
@@ -151,7 +151,7 @@ def test_a_data_set_is_exposed_again_from_the_command_line(tmp_path, capsys):
     assert said["camera"]["focal_baseline_px_m"] == pytest.approx(pairs.camera().focal_baseline_px_m)
 
 
-def test_what_needs_a_render_is_refused_and_a_broken_pair_is_named(tmp_path, capsys):
+def test_a_setting_that_needs_a_render_is_refused_and_a_broken_pair_is_named(tmp_path, capsys):
     folder = pairs.write_pair(tmp_path / "set" / "pairs" / "aaa")
     assert main(["develop", str(folder), "--out", str(tmp_path / "out"), "--set", "light.sun_elevation_deg=3"]) == 1
     assert "light.sun_elevation_deg needs a new render" in capsys.readouterr().err

@@ -17,8 +17,8 @@ def depths(scene, rig=RIG):
     return pairs.view(scene, rig, "left")[0], pairs.view(scene, rig, "right")[0]
 
 
-def hidden_behind_block(scene, depth):
-    """Whether the right eye's ray to each left pixel's point passes the block: exact, no images."""
+def hidden_behind_rock(scene, depth):
+    """Whether the right eye's ray to each left pixel's point passes the rock: exact, no images."""
     columns, rows = np.arange(RIG.width_px) + 0.5, np.arange(RIG.height_px) + 0.5
     x, y = np.meshgrid((columns - RIG.cx_px) / RIG.focal_px, (rows - RIG.cy_px) / RIG.focal_px)
     near = 0.75 * scene.distance_m
@@ -30,15 +30,15 @@ def test_visibility_is_that_of_the_rays():
     scene = pairs.Scene()
     left, right = depths(scene)
     column = np.arange(RIG.width_px) - RIG.disparity(left)
-    expected = (column >= -0.5) & ~hidden_behind_block(scene, left)
+    expected = (column >= -0.5) & ~hidden_behind_rock(scene, left)
     wrong = visible_in_right(left, right, RIG) != expected
     assert (~expected).sum() > 1000
-    assert wrong.sum(axis=1).max() <= 2  # the block's two edges fall between pixels
+    assert wrong.sum(axis=1).max() <= 2  # the two edges of the rock fall between pixels
 
 
 @pytest.mark.parametrize("slope", [0.0, 2.0, -2.0, 4.0])  # at 4 disparity grows by 2 px per column of the right image
 def test_a_plane_hides_nothing_of_itself_however_steep(slope):
-    scene = pairs.Scene(slope_x=slope, slope_y=0.0, block=False, distance_m=1.5)
+    scene = pairs.Scene(slope_x=slope, slope_y=0.0, rock=False, distance_m=1.5)
     left, right = (np.where((d > 0.05) & (d < 50), d, np.nan) for d in depths(scene))
     column = np.arange(RIG.width_px) - RIG.disparity(left)
     inside = np.nan_to_num(column, nan=-9) >= -0.5
@@ -47,7 +47,7 @@ def test_a_plane_hides_nothing_of_itself_however_steep(slope):
 
 
 def test_sky_is_not_visible_and_hides_nothing():
-    left, right = depths(pairs.Scene(block=False, sky_rows=20))
+    left, right = depths(pairs.Scene(rock=False, sky_rows=20))
     visible = visible_in_right(left, right, RIG)
     assert not visible[:20].any()
     assert visible[20:, 60:].all()
@@ -66,7 +66,7 @@ def test_occlusion_of_the_right_eye_is_that_of_the_mirrored_scene():
 
 def test_what_both_eyes_see_is_as_many_pixels_in_either():
     """On a fronto-parallel scene a pixel of one eye is a pixel of the other."""
-    scene = pairs.Scene(slope_x=0.0, slope_y=0.0, block=False)
+    scene = pairs.Scene(slope_x=0.0, slope_y=0.0, rock=False)
     left, right = depths(scene)
     assert visible_in_right(left, right, RIG).sum() == visible_in_left(left, right, RIG).sum()
 

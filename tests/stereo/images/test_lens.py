@@ -56,7 +56,7 @@ def develop_with(folder, k, **sensor):
 
 
 def test_rectified_images_lie_on_the_truth_and_distorted_ones_do_not(tmp_path):
-    folder = pairs.write_pair(tmp_path / "pair", pairs.Scene(block=False))
+    folder = pairs.write_pair(tmp_path / "pair", pairs.Scene(rock=False))
     pair, _, plain = develop_with(folder, (0.0,) * 5)
     assert plain.detected_left is plain.left
     _, left, images = develop_with(folder, BARREL)

@@ -1,4 +1,4 @@
-"""Another program as a matcher: what it is given, what it may leave, and every way in which it can fail."""
+"""Another program as a matcher: what it gets, what it may write, and every way in which it can fail."""
 
 import os
 import shlex
@@ -87,13 +87,13 @@ def test_no_shell_reads_the_command(tmp_path):
 
 
 @pytest.mark.parametrize(("body", "options", "reason"), [
-    ("sys.exit(3)", {}, r"ended with status 3 \(it said nothing\)"),
+    ("sys.exit(3)", {}, r"ended with status 3 \(no message\)"),
     ("print('hm', file=sys.stderr); raise RuntimeError('no weights')", {}, r"status 1 \(RuntimeError: no weights\)"),
     ("pass", {}, r"wrote no disparity.npy .*external.format, npy"),
     ("pass", {"format": "pfm"}, r"wrote no disparity.pfm"),
     ("np.save(out, np.ones((20, 31)))", {}, r"shape \(20, 31\), the images have \(20, 30\)"),
     ("np.save(out, np.ones(()))", {}, r"shape \(\), the images"),
-    ("np.save(out, np.array(['a']))", {}, "holds no numbers"),
+    ("np.save(out, np.array(['a']))", {}, "without numbers"),
     ("np.save(out, np.array([{}], object), allow_pickle=True)", {}, "cannot be read"),
     ("open(out, 'wb').write(b'\\x93NUMPY')", {}, "cannot be read"),
     ("open(out, 'wb').write(b'Pf\\n30 20\\n-1\\n' + bytes(2399))", {"format": "pfm"}, "damaged or incomplete"),
@@ -132,7 +132,7 @@ def test_a_program_that_hangs_is_stopped_with_all_that_it_started(tmp_path):
     ("python3 {left} {right}", r"lacks \{out\}"),
     ("python3 run.py", r"lacks \{left\} and \{right\} and \{out\}"),
     ("python3 {left} {right} {outt}", r"field \{outt\}, did you mean 'out'"),
-    ("no-such-program-here {left} {right} {out}", "no program here"),
+    ("no-such-program-here {left} {right} {out}", "not a program on this machine"),
 ])
 def test_commands_that_cannot_run_are_refused_before_anything_else(text, reason):
     with pytest.raises(IcyMoonError, match=reason):

@@ -28,7 +28,7 @@ def images(scene, rig=RIG):
     ("sgbm", {}, 0.05), ("bm", {"preset": "guiss"}, 0.15), ("bm", {"window": 21}, 0.06), ("bm", {}, 0.06),
     ("sgbm_wls", {}, 0.06), ("jplv", {}, 0.1), ("jplv", {"subpixel": "affine"}, 0.03)])
 def test_subpixel_accuracy_on_an_exactly_sampled_plane(method, options, bound):
-    left, right, truth = images(pairs.Scene(block=False, contrast=0.2))
+    left, right, truth = images(pairs.Scene(rock=False, contrast=0.2))
     disparity, valid, info = match(method, left, right, options)
     assert disparity.dtype == np.float32
     assert valid.mean() > 0.25
@@ -41,7 +41,7 @@ def test_subpixel_accuracy_on_an_exactly_sampled_plane(method, options, bound):
 @pytest.mark.parametrize("method", ["sgbm", "sgbm_wls", "bm"])
 def test_opencvs_rounding_leaves_no_offset(method):
     """By itself it shifts sgbm by +0.025 px and bm by +0.03 px."""
-    left, right, truth = images(pairs.Scene(block=False, contrast=0.2))
+    left, right, truth = images(pairs.Scene(rock=False, contrast=0.2))
     disparity, valid, _ = match(method, left, right, {})
     # Pixel locking pulls both ways alike; what is left is far below the 1/16 px that disparities come in.
     assert abs(np.median((disparity - truth)[valid])) < 0.012
@@ -70,7 +70,7 @@ def test_every_mode_of_sgbm_measures(mode):
     assert np.mean(np.abs(disparity - truth)[valid] > 1) < 0.02
 
 
-def test_what_the_smoothing_filled_in_can_be_told_and_dropped():
+def test_filled_in_pixels_are_marked_and_can_be_dropped():
     left, right, truth = images(pairs.Scene())
     disparity, filled, info = match("sgbm_wls", left, right)
     confidence = info["arrays"]["confidence"]
@@ -134,7 +134,7 @@ def test_an_image_without_texture_gives_no_depth(method, level):
 
 @pytest.mark.parametrize("method", ANYWHERE)
 def test_zero_and_negative_disparities_are_invalid(method):
-    left, right, _ = images(pairs.Scene(block=False))
+    left, right, _ = images(pairs.Scene(rock=False))
     same = match(method, left, left, {"min_disparity": 0})[1]
     assert same.mean() < 0.02
     swapped, valid, _ = match(method, right, left, {"min_disparity": 0} | SMALL.get(method, {}))
@@ -158,7 +158,7 @@ def test_colour_and_16_bit_images_are_the_same_as_grey_ones(method):
 @pytest.mark.parametrize("method", ANYWHERE)
 def test_unusable_images_are_refused(method):
     good = np.zeros((144, 256), np.uint8)
-    for left, right, reason in [(good, good[:, :-1], "one size"), (good.astype(float), good, "float64"),
+    for left, right, reason in [(good, good[:, :-1], "the same size"), (good.astype(float), good, "float64"),
                                 (good[None], good, "shape"), (good[:0], good[:0], "shape")]:
         with pytest.raises(IcyMoonError, match=reason):
             match(method, left, right)
@@ -192,7 +192,7 @@ def test_one_bright_pixel_is_no_surface(method):
 
 
 @pytest.mark.parametrize(("method", "options", "reason"), [
-    ("bn", {}, "Unknown stereo method 'bn', did you mean 'bm'"),
+    ("bn", {}, "Unknown matcher 'bn', did you mean 'bm'"),
     ("orb-slam", {}, "known are bm, sgbm, "),
     ("bm", {"windw": 9}, r"Unknown option bm.windw, did you mean 'window'"),
     ("bm", {"window": 10}, "bm.window is 10, outside 5 to 255 in steps of 2"),
@@ -201,8 +201,8 @@ def test_one_bright_pixel_is_no_surface(method):
     ("bm", {"prefilter": "sobel"}, "did you mean 'xsobel'"),
     ("bm", {"preset": "guis"}, "did you mean 'guiss'"),
     ("sgbm", {"preset": "guiss"}, "Unknown option sgbm.preset"),
-    ("sgbm", {"p1": 900, "p2": 800}, "sgbm.p2 is 800, not above sgbm.p1"),
-    ("sgbm_wls", {"p1": 900, "p2": 800}, "sgbm_wls.p2 is 800, not above sgbm_wls.p1"),
+    ("sgbm", {"p1": 900, "p2": 800}, "sgbm.p2, 800, must be above sgbm.p1"),
+    ("sgbm_wls", {"p1": 900, "p2": 800}, "sgbm_wls.p2, 800, must be above sgbm_wls.p1"),
     ("sgbm_wls", {"edge": "sharp"}, "sgbm_wls.edge must be a number, not 'sharp'"),
     ("sgbm_wls", {"edge": "nan"}, "sgbm_wls.edge is nan, outside 0.1 to 100.0"),
     ("jplv", {"window": 8}, "in steps of 2"),

@@ -155,7 +155,7 @@ def test_ground_is_in_shadow_below_about_a_third_of_the_light_whichever_way_it_f
     assert (shadow[:, 30:] == (reaches < 0.35)).all()
 
 
-def test_what_is_not_known_classifies_nothing():
+def test_unknown_properties_classify_nothing():
     found = classify(TRUTH, TRUTH > 0, np.ones_like(TRUTH), np.ones_like(TRUTH), None, None, None)
     assert all((found[key] == -1).all() for key in ("slope", "shadow", "material"))
     sums = sums_by_class(found, DEPTH, TRUTH, 85 / DEPTH, 85 / TRUTH)

@@ -60,7 +60,7 @@ def test_equals_the_double_loop_on_neighbouring_floats_around_the_threshold():
     assert depth_order_disagreement(prediction, truth) == brute_force(prediction, truth)
 
 
-def test_by_hand():
+def test_numbers_by_hand():
     # Ratios: 1 and 2 differ, 2 and 2.01 do not. The prediction turns the first pair round and
     # tells the second one apart: 4 of the 6 ordered pairs of three pixels.
     truth = np.array([1.0, 2.0, 2.01])

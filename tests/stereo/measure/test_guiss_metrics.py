@@ -43,7 +43,7 @@ def test_failed_matches_are_taken_for_a_far_surface():
     assert networks["guiss_l1_m"] < 1e-4
 
 
-def test_its_single_precision_loses_the_scale_invariant_error():
+def test_single_precision_loses_the_scale_invariant_error():
     # Seven times a float32 is rounded, twice it is not: so it is lost in numpy 1 and 2 alike.
     truth = np.random.default_rng(1).uniform(1, 20, (100, 100))
     lost = depth_map_metrics(truth * 7, truth)["guiss_si_rmse"]

@@ -28,7 +28,7 @@ TRUTH = np.array([[1.0, 2.0, 4.0], [NAN, 3.0, 5.0]])
 PREDICTION = np.array([[1.05, 2.5, 4.0], [1.0, NAN, 6.5]])
 
 
-def test_by_hand():
+def test_numbers_by_hand():
     result = depth_metrics(PREDICTION, TRUTH)
     assert set(result) == set(DEPTH_METRICS)
     assert result["n"] == 4
@@ -91,7 +91,7 @@ def test_scale_invariant_metrics_do_not_see_the_scale(truth, scale, seed):
 @settings(deadline=None)
 @given(positive, st.integers(0, 2**32 - 1))
 def test_an_invalid_measurement_is_never_a_depth(truth, seed):
-    """Whatever marks it, an invalid pixel changes coverage and nothing else."""
+    """An invalid pixel, however it is marked, changes coverage and nothing else."""
     random = np.random.default_rng(seed)
     prediction = truth * random.uniform(0.5, 2, truth.size)
     marks = np.array([NAN, 0.0, -1.0, np.inf, -np.inf])
@@ -123,7 +123,7 @@ def test_single_precision_and_whole_numbers_are_measured_in_double():
     assert depth_metrics(np.array([3, 4]), np.array([3, 5]))["l1_m"] == 0.5
 
 
-def test_absurd_depths_warn_nobody():
+def test_absurd_depths_give_no_warning():
     result = depth_metrics(np.array([1e200, 1e-200]), np.array([1.0, 1.0]))
     assert result["rmse_m"] == math.inf
     assert result["dod"] == 1
@@ -159,7 +159,7 @@ def test_missing_counted_as_wrong_by_hand():
 @settings(deadline=None)
 @given(positive, st.data())
 def test_leaving_measurements_out_never_helps_when_missing_is_wrong(truth, data):
-    """By the own mask a matcher may flatter itself by giving up; by this count it cannot."""
+    """Over its own pixels a matcher may look better if it gives up; over all true pixels it cannot."""
     random = np.random.default_rng(data.draw(st.integers(0, 2**32 - 1)))
     prediction = truth * random.uniform(0.7, 1.4, truth.size)
     fewer = np.where(random.random(truth.size) < 0.4, NAN, prediction)
@@ -233,7 +233,7 @@ def test_an_error_of_exactly_a_limit_is_within_it():
     assert [total[key] * 6 for key in ("bad_2", "bad_3", "d1")] == pytest.approx([5, 4, 2])
 
 
-def test_each_rate_counts_beyond_the_limit_that_its_name_says():
+def test_each_rate_counts_beyond_the_limit_in_its_name():
     for key, limit in metrics.BAD.items():
         assert limit == float(key.removeprefix("bad_").replace("_", "."))
     for key, limit in metrics.L1_RATES.items():

@@ -17,8 +17,8 @@ from icymoon.stereo.measure.self_check import Eye, self_check, visibility
 pytestmark = pytest.mark.filterwarnings("error")
 
 RIG = pairs.camera()
-SCENES = {"block": pairs.Scene(), "sky": pairs.Scene(sky_rows=100), "far": pairs.Scene(distance_m=6.0),
-          "steep": pairs.Scene(slope_x=1.0, slope_y=0.0, distance_m=1.5, block=False)}
+SCENES = {"rock": pairs.Scene(), "sky": pairs.Scene(sky_rows=100), "far": pairs.Scene(distance_m=6.0),
+          "steep": pairs.Scene(slope_x=1.0, slope_y=0.0, distance_m=1.5, rock=False)}
 
 
 def eyes(scene, rig=RIG):
@@ -80,7 +80,7 @@ def in_shadow(pair):
 
 
 def broken(pair):
-    """Paths of light that ended in no number."""
+    """Pixels of a render that are not finite."""
     def with_holes(eye, k):
         grey = eye.grey.copy()
         grey[30 + k, 40], grey[70, 120 + k] = np.nan, np.inf
@@ -101,7 +101,7 @@ def test_a_sound_pair_passes_however_hard_it_is(scene, hard):
     found = checked(*hard(eyes(scene)))
     assert found.ok, found.problems
     assert found.contradictions < 1e-3
-    # Truth has no noise: what is left is rounding and the block's edges between two columns.
+    # Truth has no noise: what is left is rounding and the edges of the rock between two columns.
     assert abs(found.truth_offset_px) < 1e-3
     json.dumps(found.to_json(), allow_nan=False)
 
@@ -159,30 +159,30 @@ LIGHT_FAULTS = {
 @pytest.mark.parametrize(("fault", "problem"), LIGHT_FAULTS.values(), ids=LIGHT_FAULTS.keys())
 @pytest.mark.parametrize("noise", [0.0, 0.1])
 def test_images_that_do_not_belong_to_their_truth_are_found(fault, problem, noise):
-    found = checked(*fault(*noisy(toed(eyes(SCENES["block"]), 20), noise)))
+    found = checked(*fault(*noisy(toed(eyes(SCENES["rock"]), 20), noise)))
     assert any(re.search(problem, each) for each in found.problems), found.problems
 
 
 def test_one_eyes_depth_of_another_scene_is_found():
-    left, right = eyes(SCENES["block"])
+    left, right = eyes(SCENES["rock"])
     for distance in (1.2, 4.0):  # one before and one behind: either eye may see through the other's surface
         wrong = other(right, depth=eyes(pairs.Scene(distance_m=distance))[1].depth)
         assert "sees through" in " ".join(checked(left, wrong).problems)
 
 
 def test_an_eye_that_sees_through_the_other_ones_surface_fails_it():
-    """Photometry alone cannot tell on a scene without texture."""
+    """On a scene without texture the light determines nothing."""
     left, right = eyes(pairs.Scene(contrast=0.0))
-    without_block = eyes(pairs.Scene(contrast=0.0, block=False))[1]
+    without_rock = eyes(pairs.Scene(contrast=0.0, rock=False))[1]
     assert checked(left, right).ok
-    found = checked(left, without_block)
+    found = checked(left, without_rock)
     assert found.photometric_offset_px is None
     assert "sees through" in found.problems[0]
 
 
 def test_what_an_eye_does_not_see_is_neither_sky_nor_ground():
-    """Unseen is not sky: the other eye's ground there is not seen through. Nor is it visible in both."""
-    pair = toed(eyes(pairs.Scene(block=False)), 60)
+    """A pixel that is not seen is not sky: the other eye does not see through it, and it is not visible in both."""
+    pair = toed(eyes(pairs.Scene(rock=False)), 60)
     visible = visibility(*pair, RIG)
     column = matching_column(RIG.disparity(pair[0].depth))
     assert not visible["left"][column > 256 - 60].any()
@@ -194,7 +194,7 @@ def test_what_an_eye_does_not_see_is_neither_sky_nor_ground():
 
 
 @pytest.mark.parametrize("level", [0.0, 1e9])
-def test_where_nothing_can_be_told_nothing_is_wrong(level):
+def test_a_pair_that_determines_nothing_passes(level):
     pair = each(eyes(pairs.Scene()), lambda eye, _: other(eye, grey=0 * eye.grey + level))
     found = checked(*pair)
     assert found.ok
@@ -209,7 +209,7 @@ def test_where_nothing_can_be_told_nothing_is_wrong(level):
     assert checked(*unseen).ok
 
 
-def test_the_truth_says_what_is_wrong():
+def test_the_fault_of_a_truth_is_named():
     """Injected faults are read back: f·B to a thousandth of the 1 %, shifts to a hundredth of a pixel."""
     left, right = (eye.depth for eye in eyes(pairs.Scene(slope_x=0.3)))
     assert truth_offsets(left, right, scaled(1.01)).scale.value == pytest.approx(1 - 1 / 1.01, abs=1e-5)
@@ -221,7 +221,7 @@ def to_the_horizon(near, far_rows):
     """A pair whose upper rows, of each eye, show ground so far away that it has next to no disparity. Each eye meets
     other facets there."""
     random = np.random.default_rng(0)
-    far = each(eyes(pairs.Scene(distance_m=3e3, block=False)), lambda eye, _: other(
+    far = each(eyes(pairs.Scene(distance_m=3e3, rock=False)), lambda eye, _: other(
         eye, depth=eye.depth * (1 + 1e-3 * random.standard_normal(eye.depth.shape))))
     rows = np.arange(RIG.height_px)[:, None] < far_rows
     return tuple(other(one, depth=np.where(rows, beyond.depth, one.depth), grey=np.where(rows, beyond.grey, one.grey))
@@ -230,7 +230,7 @@ def to_the_horizon(near, far_rows):
 
 @pytest.mark.parametrize("part", [0.0, 0.6, 0.9])
 def test_a_wrong_baseline_is_found_in_what_is_near_however_much_is_far(part):
-    """Far ground fits any baseline; a check that believes the most of the pixels is content with it."""
+    """Far ground fits any baseline, so a check that follows most of the pixels would pass."""
     pair = to_the_horizon(eyes(SCENES["steep"]), round(part * RIG.height_px))
     assert checked(*pair).ok
     found = truth_offsets(*(eye.depth for eye in pair), dataclasses.replace(RIG, baseline_m=1.01 * RIG.baseline_m))
@@ -241,14 +241,14 @@ def test_a_wrong_baseline_is_found_in_what_is_near_however_much_is_far(part):
 def test_a_number_that_single_precision_makes_is_none():
     """At 1e9 m neither slopes nor differences of disparity are more than roundings."""
     for distance_m in (1e7, 1e9):
-        far = eyes(pairs.Scene(distance_m=distance_m, block=False))
+        far = eyes(pairs.Scene(distance_m=distance_m, rock=False))
         assert checked(*each(far, lambda eye, _: other(eye, depth=np.float32(eye.depth).astype(np.float64)))).ok
 
 
-def test_the_error_that_the_light_states_is_the_one_it_makes():
+def test_the_stated_error_of_the_light_is_its_spread():
     """Over independent noise, offsets spread by what each of them states, within the chance of 16 draws: the standard
     deviation of 16 has an error of 18 %, and the jackknife over 48 tiles, of which some are empty, errs too."""
-    left, right = eyes(pairs.Scene(block=False))
+    left, right = eyes(pairs.Scene(rock=False))
     column, visible = matching_column(RIG.disparity(left.depth)), visibility(left, right, RIG)["left"]
     found = [light_offsets(a.grey, b.grey, column, visible).shift_px
              for a, b in (noisy((left, right), 0.5, seed) for seed in range(16))]

@@ -23,7 +23,7 @@ SINGLE = {"igev": (1e-3, 1e-4), "dsmnet": (0.05, 5e-3)}
 
 @pytest.fixture(scope="module", autouse=True)
 def one_thread():
-    """More do not pay for images this small, and other tests run beside these."""
+    """More threads are of no use for images this small, and other tests run at the same time."""
     threads = torch.get_num_threads()
     torch.set_num_threads(1)
     yield
@@ -42,7 +42,7 @@ def states():
 
 @pytest.fixture(scope="module")
 def checkpoints(states, tmp_path_factory):
-    """Files as the authors' trainings leave them."""
+    """Checkpoints as the training of the authors writes them."""
     folder = tmp_path_factory.mktemp("checkpoints")
     for name, state in states.items():
         stored = {f"module.{key}": torch.from_numpy(value) for key, value in state.items()}
@@ -152,7 +152,7 @@ def test_images_without_anything_in_them(method, shape, level, checkpoints):
 
 
 @pytest.mark.parametrize("method", BUILD)
-def test_without_a_checkpoint_it_says_which_and_where(method, tmp_path, monkeypatch):
+def test_a_missing_checkpoint_is_named_with_its_place(method, tmp_path, monkeypatch):
     monkeypatch.setenv(learned.FOLDER_VARIABLE, str(tmp_path))
     with pytest.raises(IcyMoonError, match=rf"{method} has no checkpoint at .*{method}.pth: download .*github.com.*"
                                            rf"put it there, or give {method}.checkpoint=FILE"):
@@ -184,10 +184,10 @@ def test_files_that_are_no_checkpoint_are_refused(checkpoints, states, tmp_path)
     with zipfile.ZipFile(archive, "w") as stream:
         stream.writestr("a.txt", "b")
     for content, reason in [
-            (b"", "cannot be read"), (b"no parameters", "holds other things"), (whole[:5000], "cannot be read"),
-            (whole[:-5000], "cannot be read"), (archive.getvalue(), "cannot be read"),
-            (saved({"a": Evil()}), "holds other things"), (saved([1, 2]), "does not hold the parameters"),
-            (saved({"epoch": 5}), "does not hold the parameters"),
+            (b"", "cannot be read"), (b"no parameters", "contains more than parameters"),
+            (whole[:5000], "cannot be read"), (whole[:-5000], "cannot be read"), (archive.getvalue(), "cannot be read"),
+            (saved({"a": Evil()}), "contains more than parameters"), (saved([1, 2]), "does not contain the parameters"),
+            (saved({"epoch": 5}), "does not contain the parameters"),
             (saved({}), r"\d+ of its parameters do not fit"),
             (saved({key: value for key, value in good.items() if key != some}), f"1 of its .* {some} is missing"),
             (saved(good | {"refine.weight": torch.zeros(2)}), "refine.weight is not of this network"),

@@ -21,7 +21,7 @@ def test_they_cover_the_true_mean_as_often_as_they_say():
 
 
 def test_pairs_of_one_scene_are_no_new_evidence():
-    """Where all pairs of a scene agree, ten of them say what one says."""
+    """If all pairs of a scene agree, ten of them give the same interval as one."""
     values = np.random.default_rng(1).normal(0, 1, 30)
     one = intervals(values[:, None], np.arange(30), seed=3)
     ten = intervals(np.repeat(values, 10)[:, None], np.repeat(np.arange(30), 10), seed=3)
@@ -47,7 +47,7 @@ def test_the_standard_error_of_a_mean_is_met():
     assert low < values.mean() < high
 
 
-def test_seeded():
+def test_the_same_seed_gives_the_same_interval():
     values = np.random.default_rng(4).normal(0, 1, (20, 2))
     clusters = np.arange(20)
     assert (intervals(values, clusters, 1) == intervals(values, clusters, 1)).all()

@@ -102,7 +102,7 @@ def test_one_and_two_pairs(tmp_path, count):
     assert not re.findall(r"\bnan\b", html, re.IGNORECASE)
 
 
-def test_nothing_but_failures(tmp_path):
+def test_a_report_of_failures_only(tmp_path):
     pairs.write_pair(tmp_path / "pairs" / "p")
     (tmp_path / "pairs" / "p" / "left.exr").write_bytes(b"")
     report = evaluate([tmp_path], METHODS, tmp_path / "out")
@@ -112,8 +112,8 @@ def test_nothing_but_failures(tmp_path):
 
 
 def test_images_of_one_pixel(tmp_path):
-    """Nothing can be matched, and nothing breaks."""
-    pairs.write_pair(tmp_path / "pairs" / "p", pairs.Scene(block=False), pairs.camera(1, 1))
+    """Nothing can be matched; the report is written all the same."""
+    pairs.write_pair(tmp_path / "pairs" / "p", pairs.Scene(rock=False), pairs.camera(1, 1))
     report = evaluate([tmp_path], METHODS, tmp_path / "out")
     assert {row["status"] for row in report["rows"]} == {"failed"}
     assert "too small" in report["rows"][0]["error"]
@@ -143,7 +143,7 @@ def facts(name, **changes):
     return {"pair": name, "settings": settings}
 
 
-def test_what_was_varied():
+def test_settings_that_vary_are_found():
     many = [facts(str(k), surface__albedo=(0.2, 0.8)[k % 2], rig__heading_deg=float(k), dataset__seed=k)
             for k in range(40)]
     sweeps = swept_settings(many, {str(k): k for k in range(40)})

@@ -24,7 +24,7 @@ def test_lamberts_sphere_is_as_in_closed_form():
     assert bright == pytest.approx((np.sin(a) + (np.pi - a) * np.cos(a)) / np.pi, abs=2e-3)
 
 
-def test_each_law_is_drawn_once_and_blocks_of_their_own_too():
+def test_each_law_is_drawn_once_and_that_of_rocks_with_their_own_surface_too():
     hapke = load(preset_path("surfaces/hapke_europa_bright_plains"))
     found = phase_curves([facts(hapke), facts(hapke), facts(hapke, {"rocks": {"coverage": 0.1, "own_surface": True},
                                                               "rock_surface": {"model": "LOMMEL_SEELIGER"}})])

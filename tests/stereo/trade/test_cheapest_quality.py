@@ -39,9 +39,9 @@ def searched(tmp_path, monkeypatch, allowed, loss, doubt=0.001, own=0.0, bias=0.
         return {"cpu_s": cost, "wall_s": cost, "bias": bias, "loss": {"sgbm": numbers},
                 "loss_doubt": {"sgbm": dict.fromkeys(numbers, width)}}
 
-    monkeypatch.setattr(search, "render", render)
-    monkeypatch.setattr(search, "renders", lambda *given: [])
-    monkeypatch.setattr(search, "abilities", lambda *given: Abilities())
+    monkeypatch.setattr(search, "render_once", render)
+    monkeypatch.setattr(search, "render_all", lambda *given: [])
+    monkeypatch.setattr(search, "check_abilities", lambda *given: Abilities())
     monkeypatch.setattr(measuring, "read_reference", lambda *given: Truth(own))
     monkeypatch.setattr(measuring, "measure", measure)
     found = search.find_cheapest_quality(Bench(settings, tmp_path, "", "sgbm", 64, 1), allowed)
@@ -55,7 +55,7 @@ def by_samples(settings):
 BARE = ("surface.grain_amplitude_m=0",)
 
 
-def test_it_stops_at_the_first_that_is_good_enough_and_says_what_it_tried(tmp_path, monkeypatch):
+def test_the_search_stops_at_the_first_that_is_within_and_reports_what_it_tried(tmp_path, monkeypatch):
     found, rendered = searched(tmp_path, monkeypatch, tolerance(0.02, None), by_samples, overrides=BARE)
     assert found["chosen"] == "16 samples, denoised"
     assert found["settings"] == {"quality": {"samples": 16, "denoiser": "OIDN", "noise_threshold": 0.0}}
@@ -74,7 +74,7 @@ def test_wrong_pixels_alone_may_be_what_counts(tmp_path, monkeypatch):
     assert "px" not in found["said"][0]
 
 
-def test_what_is_in_doubt_is_rendered_again_where_that_can_tell(tmp_path, monkeypatch):
+def test_a_candidate_in_doubt_is_rendered_again_if_that_can_decide(tmp_path, monkeypatch):
     found, rendered = searched(tmp_path, monkeypatch, tolerance(0.02, None), by_samples, 0.006, overrides=BARE)
     assert found["chosen"] == "16 samples, denoised"
     assert rendered.count("16 samples, denoised") == 2  # 0.0156 ± 0.006, then ± 0.0042
@@ -85,15 +85,15 @@ def test_what_is_in_doubt_is_rendered_again_where_that_can_tell(tmp_path, monkey
     assert not (tmp_path / "auto.toml").exists()  # nor what the search before it found
 
 
-def test_what_nothing_meets_says_what_to_do(tmp_path, monkeypatch):
+def test_a_tolerance_that_nothing_meets_gives_the_fix(tmp_path, monkeypatch):
     def said(*given):
         return searched(tmp_path, monkeypatch, tolerance(0.02, None), *given, overrides=BARE)[0]["said"][-1]
 
-    assert said(lambda settings: 1.0) == "Nothing that was tried is within 0.02 px; allow more."
+    assert said(lambda settings: 1.0) == "No quality that was tried is within 0.02 px; allow more."
     assert "reference of 64 samples has too much noise" in said(by_samples, 0.05, 0.015)
 
 
-def test_parts_of_the_light_are_left_out_where_matchers_bear_it(tmp_path, monkeypatch):
+def test_parts_of_the_light_are_left_out_if_the_error_stays_within(tmp_path, monkeypatch):
     walk = ("surface.subsurface_weight=1", "surface.subsurface_radius_m=0.05", *BARE)
     found, _ = searched(tmp_path, monkeypatch, tolerance(0.02, None), by_samples, overrides=walk)
     assert found["chosen"] == "16 samples, denoised, no walk under the surface"
@@ -103,7 +103,7 @@ def test_parts_of_the_light_are_left_out_where_matchers_bear_it(tmp_path, monkey
     assert "walk_px" not in darker["settings"]["quality"]
 
 
-def test_a_folder_that_cannot_be_written_is_told(tmp_path, monkeypatch):
+def test_a_folder_that_cannot_be_written_is_reported(tmp_path, monkeypatch):
     file = tmp_path / "file"
     file.write_text("")
     with pytest.raises(IcyMoonError, match="a file, not a folder"):

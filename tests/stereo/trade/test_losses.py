@@ -1,4 +1,4 @@
-"""What a variant is said to be off by, on pairs whose error is known because it was put in."""
+"""The losses of variants, on pairs with an error that was put in and so is known."""
 
 import json
 
@@ -46,7 +46,7 @@ def test_the_same_images_lose_nothing(truth, tmp_path):
         assert found["loss"][method.label]["epe_px"] == found["loss_doubt"][method.label]["epe_px"] == 0
 
 
-def test_noise_is_told_from_bias(truth, tmp_path):
+def test_noise_is_separated_from_bias(truth, tmp_path):
     # Radiance times 1 + s N(0, 1) has the noise s rms(L) / mean(L); the standard deviation of an estimate from n
     # pixels and two renders is 1 / sqrt(2 n) of it, for n = 36864 under half a per cent: 3 % is six of them.
     light = truth.light["left"].radiance[..., 0]
@@ -60,7 +60,7 @@ def test_noise_is_told_from_bias(truth, tmp_path):
     assert found["loss"]["sgbm"]["epe_px"] > 0.02
 
 
-def test_the_references_own_noise_is_taken_off(tmp_path):
+def test_the_noise_of_the_reference_is_subtracted(tmp_path):
     noisy = read_reference(folders(tmp_path / "a", "r", 2, 0.1), METHODS, {})
     clean = read_reference(folders(tmp_path / "b", "r", 2), METHODS, {})
     same = folders(tmp_path / "c", "v", 2, 0.1)
@@ -72,7 +72,7 @@ def test_another_shape_is_a_depth_error(truth, tmp_path):
     farther = pairs.Scene(contrast=0.4, distance_m=SCENE.distance_m * 1.01)
     found = measure(folders(tmp_path, "far", 1, scene=farther), truth, METHODS)
     disparity = RIG.disparity(truth.depth)
-    # Disparity goes with 1 / Z, so all are 1 / 1.01 of what they were, but at the block, which is moved too.
+    # Disparity goes with 1 / Z, so all are 1 / 1.01 of what they were, except at the rock, which is moved too.
     assert found["depth_px"] == pytest.approx(float(np.nanquantile(disparity, 0.95)) * (1 - 1 / 1.01), rel=0.1)
 
 
@@ -82,8 +82,8 @@ def test_cost_is_of_the_process(truth, tmp_path):
     assert truth.cpu_s == 7.0
 
 
-def test_what_cannot_be_compared_is_refused(truth, tmp_path):
-    with pytest.raises(IcyMoonError, match="another camera"):
+def test_renders_that_cannot_be_compared_are_refused(truth, tmp_path):
+    with pytest.raises(IcyMoonError, match="have different cameras"):
         measure(folders(tmp_path, "small", 1, rig=pairs.camera(128, 96)), truth, METHODS)
     with pytest.raises(IcyMoonError, match=r"black.*Sun"):
         read_reference(folders(tmp_path, "black", 1, scene=pairs.Scene(radiance=0.0)), METHODS, {})
@@ -135,13 +135,13 @@ def test_advice_claims_nothing_within_noise():
             row("bounces", "8 bounces", 9.9, 0.015, doubt=0.03), row("samples", "4 samples", 5.0, 0.08, doubt=0.03)]
     words = variant_advice(rows, ["sgbm"])
     assert not any("within 0.01 px:" in line or "within 0.02 px:" in line for line in words)
-    assert "what is within 0.01 px or 0.02 px cannot be told" in " ".join(words)
+    assert "noise hides here which variants are within 0.01 px or 0.02 px" in " ".join(words)
     # A fiftieth less time is none: the scene as it is described does as well.
     assert words[0].startswith("sgbm, within 0.05 px: “as described”")
-    assert words[-1] == "bounces: nothing here is cheaper without changing the images; leave it as it is."
+    assert words[-1] == "bounces: no variant is cheaper without changing the images; leave it as it is."
 
 
-def test_what_suits_all_matchers_is_said_first():
+def test_advice_for_all_matchers_comes_first():
     rows = [row("scene", "as described", 10.0, 0.004, doubt=0.001), row("samples", "8 samples", 2.0, 0.03)]
     for each, loss in zip(rows, (0.005, 0.07), strict=True):
         for key in ("stereo", "loss", "loss_doubt"):
@@ -154,7 +154,7 @@ def test_what_suits_all_matchers_is_said_first():
     assert "sgbm, within 0.05 px: “8 samples”" in " ".join(words)
 
 
-def test_a_mean_error_of_fewer_pixels_is_told():
+def test_advice_reports_fewer_measured_pixels():
     rows = [row("scene", "as described", 10.0, 0.015), row("samples", "2 samples", 1.0, 0.0)]
     for each, fewer in zip(rows, (0.002, 0.4), strict=True):
         each["loss"]["sgbm"]["coverage"] = fewer
@@ -165,7 +165,7 @@ def test_a_mean_error_of_fewer_pixels_is_told():
     assert "fewer" not in " ".join(variant_advice(rows, ["sgbm"]))
 
 
-def test_times_that_vary_tell_less_apart():
+def test_times_that_vary_separate_fewer_variants():
     steady = [row("scene", "as described", 10.0, 0.0), row("shortcuts", "depth alone", 8.0, 0.0)]
     shaky = [each | {"cpu_range": [each["cpu_s"], 1.3 * each["cpu_s"]]} for each in steady]
     words = "depth alone” changes the light by +0.00 ± 0.07 % and saves 20 %"
@@ -194,7 +194,7 @@ def test_the_report_holds_everything(tmp_path):
 
 
 @pytest.mark.parametrize("noise", [0.04, 0.08])
-def test_the_references_own_noise_is_taken_off_what_matchers_lose(noise, tmp_path):
+def test_the_noise_of_the_reference_is_subtracted_from_losses(noise, tmp_path):
     """Against a reference as noisy as itself a variant seems to lose nothing; against a clean one it does."""
     noisy = read_reference(folders(tmp_path / "a", "r", 2, noise), METHODS[:1], {})
     clean = read_reference(folders(tmp_path / "b", "r", 2), METHODS[:1], {})
@@ -207,7 +207,7 @@ def test_the_references_own_noise_is_taken_off_what_matchers_lose(noise, tmp_pat
     assert abs(seen - true) < doubt
 
 
-def test_what_noise_may_change_is_what_it_does_change(truth, tmp_path):
+def test_the_stated_doubt_is_the_spread_that_noise_causes(truth, tmp_path):
     """The doubt of a single render against how renders of other noise differ."""
     found = [measure([folder], truth, METHODS[:1]) for folder in folders(tmp_path, "n", 12, 0.1)]
     losses = [each["loss"]["sgbm"]["epe_px"] for each in found]
@@ -253,7 +253,7 @@ def test_a_tolerance_is_kept_only_if_noise_cannot_have_done_it(loss, doubt, verd
 
 
 @pytest.mark.parametrize("given_px", [0.0, -1.0, float("nan"), float("inf"), 1e9])
-def test_a_tolerance_that_cannot_be_is_refused(given_px):
+def test_an_impossible_tolerance_is_refused(given_px):
     with pytest.raises(IcyMoonError, match=r"give 0.0001 to 10 px"):
         tolerance(given_px, None)
     with pytest.raises(IcyMoonError, match=r"give 0.001 % to 50 %"):
