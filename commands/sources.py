@@ -64,7 +64,7 @@ def _likeness(stated: description.Settings, settings: description.Settings,
     return met / max(len(telling), 1), met
 
 
-def _likely_presets(settings: description.Settings) -> list[_Preset]:
+def _rank_presets(settings: description.Settings) -> list[_Preset]:
     """The presets that count: first those of the preset that is most like the settings with all that it includes."""
     defaults, known = description.defaults(), {name: _read_preset(name) for name in description.preset_names()}
     whole = {name: description.load(description.preset_path(name)) for name in known}
@@ -97,7 +97,7 @@ def find_origins(settings: description.Settings, asked: Iterable[str] = ()) -> I
     for word in wanted:
         if word not in names:
             raise IcyMoonError(f"{word!r} is no topic and no setting; give for example light, or light.planet_albedo.")
-    presets = _likely_presets(settings)
+    presets = _rank_presets(settings)
     for topic, setting in all_settings():
         if wanted and topic not in wanted and f"{topic}.{setting.key}" not in wanted:
             continue

@@ -184,14 +184,14 @@ def _locate_gltf_image(path: Path, document: dict[str, Any], number: int, channe
     begin, length = int(view.get("byteOffset", 0)), int(view["byteLength"])
     uri = document["buffers"][view["buffer"]].get("uri")
     if uri is None:
-        return MeshImage(path, place, channel, odd, lambda: _read_bytes(path, _binary_start(path) + begin, length))
+        return MeshImage(path, place, channel, odd, lambda: _read_bytes(path, _find_binary_start(path) + begin, length))
     if uri.startswith("data:"):
         return MeshImage(path, place, channel, odd, lambda: _decode_uri(path, uri)[begin:begin + length])
     file = path.parent / unquote(uri)
     return MeshImage(file, place, channel, odd, lambda: _read_bytes(file, begin, length))
 
 
-def _binary_start(path: Path) -> int:
+def _find_binary_start(path: Path) -> int:
     """Where the binary chunk of a .glb has its first byte, after the JSON and the headers of both."""
     return 28 + int(struct.unpack_from("<I", read_opening(path), 12)[0])
 

@@ -32,7 +32,7 @@ Tags = dict[int, tuple[Any, ...]]
 
 
 class UnreadError(Exception):
-    """What a whole TIFF file has that is not read, as the end of a sentence about it."""
+    """A feature of a TIFF file that is not read, as the end of a sentence about the file."""
 
 
 @dataclass(frozen=True)

@@ -136,7 +136,7 @@ def motion_px(column_px: float, row_px: float, depth_m: float, rig: Mapping[str,
     """Distance in px between where a point of the scene is seen when the left eye's exposure begins and when it ends.
 
     The point is seen ``column_px`` right of and ``row_px`` below the principal point in the middle of the exposure.
-    Infinite if it is passed by; 0 without motion.
+    Infinite if the camera passes the point; 0 without motion.
     """
     if blur.exposure_s is None:
         return 0.0

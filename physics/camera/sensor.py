@@ -48,7 +48,7 @@ def black_dn(sensor: Mapping[str, Any]) -> float:
 
 
 def capacity_e(sensor: Mapping[str, Any]) -> float:
-    """Electrons at which a pixel's number stops to rise: a full well or the converter's end."""
+    """Electrons at which a pixel's number stops rising: a full well, or the end of the converter's range."""
     return float(sensor["full_well_e"]) / max(1.0, float(sensor["gain"]))
 
 
@@ -98,7 +98,7 @@ def dark_current_e_s(sensor: Mapping[str, Any]) -> float:
 
 @dataclass(frozen=True)
 class Pattern:
-    """What differs from pixel to pixel of one sensor for good, (H, W) or the neutral number."""
+    """Fixed differences between the pixels of one sensor, (H, W) or the neutral number."""
 
     response: np.ndarray | float = 1.0  # factor on photo-electrons (PRNU)
     offset_e: np.ndarray | float = 0.0  # electrons added to the dark signal (DSNU)

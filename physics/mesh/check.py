@@ -160,7 +160,7 @@ def repair(positions: np.ndarray, faces: np.ndarray,
 
     Drops faces with a vertex that is not a number, without area, or there twice; merges vertices of
     equal coordinates; turns the faces of each part alike, an open part up and a closed one outward.
-    Holes stay: what was not measured is not invented. ``uv`` (m, 3, 2) belongs to the faces' corners and
+    Holes stay, since nothing was measured there. ``uv`` (m, 3, 2) belongs to the faces' corners and
     goes with them: vertices are merged across a seam of the image, the seam stays.
     """
     finite = np.isfinite(positions).all(axis=1)

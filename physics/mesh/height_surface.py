@@ -1,4 +1,4 @@
-"""What a ground is to those who stand on it, and what one can lend another."""
+"""The interface of a ground: its size and its heights."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What Blender's Principled surface really reflects, and the base colour that reflects what is asked for.
+"""The albedo that Blender's Principled surface really has, and the base colour that gives a wanted albedo.
 
 The base colour of the Principled surface is not its albedo: specular reflection adds to it, the random
 walk under the surface has an albedo of its own that ends at 0.92, and what is transmitted is lost. The
@@ -101,7 +101,7 @@ def base_colour(surface: Mapping[str, Any], albedo: float) -> float:
 
 
 def real_albedo(surface: Mapping[str, Any]) -> float:
-    """Bihemispherical reflectance of clean, flat ice with ``surface`` settings: its albedo where that can be had."""
+    """Bihemispherical reflectance of clean, flat ice with ``surface`` settings: the albedo or the nearest one."""
     _, reflectance = curve(surface)
     return float(np.clip(surface["albedo"], reflectance[0], reflectance[-1]))
 

@@ -31,7 +31,7 @@ class Maps:
     height: np.ndarray
 
 
-def _waves(random: np.random.Generator, slope: float, shortest: float, longest: float) -> np.ndarray:
+def _draw_waves(random: np.random.Generator, slope: float, shortest: float, longest: float) -> np.ndarray:
     """A periodic random field of unit standard deviation whose amplitude falls as wave number^-slope between
     two wavelengths in texture widths."""
     k_x, k_y = np.fft.rfftfreq(SIZE, 1 / SIZE), np.fft.fftfreq(SIZE, 1 / SIZE)
@@ -41,7 +41,7 @@ def _waves(random: np.random.Generator, slope: float, shortest: float, longest: 
     return np.asarray(field / field.std())
 
 
-def _cells(random: np.random.Generator, across: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _draw_cells(random: np.random.Generator, across: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Distances to the nearest and second nearest of across² points, one in each square of a periodic grid,
     in squares, and a random number for each cell."""
     jitter, values = random.random((across, across, 2)), random.random((across, across))
@@ -76,18 +76,19 @@ def make_maps(name: str) -> Maps:
     random = generator(_SEED, "surface", SETS.index(name))
     if name == "FROST":
         # Crystals of hoar: fine relief, brightest on the tips.
-        height = _waves(random, 1.2, 1 / 128, 1 / 3)
-        return _pack_maps(height, 1.0 + 0.06 * height + 0.04 * _waves(random, 1.5, 1 / 64, 1 / 2), 0.65 + 0.1 * height)
+        height = _draw_waves(random, 1.2, 1 / 128, 1 / 3)
+        return _pack_maps(height, 1.0 + 0.06 * height + 0.04 * _draw_waves(random, 1.5, 1 / 64, 1 / 2),
+                          0.65 + 0.1 * height)
     if name == "GRAINS":
         # Rounded grains, each with a brightness of its own, dark in the gaps.
-        first, second, value = _cells(random, 24)
+        first, second, value = _draw_cells(random, 24)
         gap = np.clip((second - first) / 0.25, 0.0, 1.0)
         height = np.sqrt(np.clip(1.0 - first**2, 0.0, 1.0)) * (0.7 + 0.3 * value)
         return _pack_maps(height, (0.85 + 0.15 * gap) * (0.9 + 0.2 * value), 0.6 - 0.2 * gap + 0.1 * value)
     # Old crust in plates, with dark cracks between.
-    first, second, value = _cells(random, 7)
+    first, second, value = _draw_cells(random, 7)
     crack = np.clip((second - first) / 0.06, 0.0, 1.0)
-    fine = _waves(random, 1.3, 1 / 128, 1 / 4)
+    fine = _draw_waves(random, 1.3, 1 / 128, 1 / 4)
     height = 0.25 * value + 0.5 * crack + 0.06 * fine
     return _pack_maps(height, (0.7 + 0.3 * crack) * (0.92 + 0.16 * value) + 0.03 * fine,
                       0.4 + 0.2 * value + 0.05 * fine)

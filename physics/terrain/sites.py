@@ -1,4 +1,4 @@
-"""Where a camera can stand: on made-up ground, beside its rocks, known without building it.
+"""Where a camera can stand on procedural ground and beside its rocks, without building them.
 
 Rocks lie where the build puts them; their heights are those of the described ground, which the mesh
 keeps to within the error that the settings ask for.
@@ -18,7 +18,7 @@ from ..rocks.rocks import Rocks, euler_matrices, scatter
 from ..rocks.shapes import Shape, make_rock_shapes
 from .terrain import Terrain, make_terrain
 
-#: Places tried for each that is asked for, before there are said to be too few.
+#: Places tried for each that is asked for, before too few are returned.
 _TRIES = 1000
 
 
@@ -33,7 +33,7 @@ class Eyes:
 
 @dataclass(frozen=True)
 class RockyGround:
-    """Ground and rocks of complete settings whose ground is made up."""
+    """Ground and rocks of complete settings whose ground is procedural."""
 
     ground: Terrain
     settings: Mapping[str, Mapping[str, Any]]
@@ -74,7 +74,7 @@ class RockyGround:
 
     def eyes(self, x_m: np.ndarray, y_m: np.ndarray, height_m: np.ndarray, heading_deg: np.ndarray,
              baseline_m: np.ndarray) -> Eyes:
-        """What is about the right eyes of n cameras whose left eyes stand ``height_m`` above the ground.
+        """What surrounds the right eyes of n cameras whose left eyes stand ``height_m`` above the ground.
 
         Above ground that is not there they are NaN. A left eye is in no rock: the build leaves such rocks out.
         """

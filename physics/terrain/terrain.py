@@ -41,7 +41,7 @@ _MOST_LOST = 0.1
 
 @dataclass(frozen=True)
 class Terrain:
-    """A patch of ground. All lengths in metres; build it with :func:`terrain`."""
+    """A patch of ground. All lengths in metres; build it with :func:`make_terrain`."""
 
     size_m: float
     base: RoughSurface

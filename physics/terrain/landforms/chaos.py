@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from ..noise.voronoi import voronoi
-from .common import Landform, key_of, smooth_step, turn, wander
+from .common import Landform, draw_key, smooth_step, turn, wander
 
 #: Slope of the plates' scarps: debris at the foot leaves them no steeper.
 _SCARP = math.tan(math.radians(60.0))
@@ -25,7 +25,7 @@ _MATRIX_RMS = 0.350
 
 def make(settings: Mapping[str, Any], random: np.random.Generator, size_m: float) -> Landform | None:
     """Plates up to ``relief_m`` above a matrix of RMS height ``matrix_m``."""
-    keys = [key_of(random) for _ in range(10)]
+    keys = [draw_key(random) for _ in range(10)]
     relief, plate, gap = settings["relief_m"], settings["plate_m"], settings["gap_m"]
     rough, share = settings["matrix_m"] / _MATRIX_RMS, settings["plate_share"]
     if relief == 0.0 and rough == 0.0:

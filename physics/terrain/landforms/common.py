@@ -30,7 +30,7 @@ class Landform:
         return carried_share(2.0 * self.finest_m, shortest_m)
 
 
-def key_of(random: np.random.Generator) -> int:
+def draw_key(random: np.random.Generator) -> int:
     """A 32-bit key for a lattice noise."""
     return int(random.integers(0, 2**32))
 

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from ..noise.voronoi import voronoi
-from .common import Landform, key_of, smooth_step, turn, wander
+from .common import Landform, draw_key, smooth_step, turn, wander
 
 #: Bending of the cracks, in plates, and its wavelength in plates.
 _BEND, _BEND_LENGTH = 0.06, 0.6
@@ -21,7 +21,7 @@ _BEND, _BEND_LENGTH = 0.06, 0.6
 
 def make(settings: Mapping[str, Any], random: np.random.Generator, size_m: float) -> Landform | None:
     """Cracks ``depth_m`` deep and ``width_m`` wide from edge to edge, with rims over another width to either side."""
-    keys = [key_of(random) for _ in range(3)]
+    keys = [draw_key(random) for _ in range(3)]
     depth, width, rim = settings["depth_m"], settings["width_m"], settings["rim_m"]
     if depth == 0.0 and rim == 0.0:
         return None

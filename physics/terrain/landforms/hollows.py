@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from ..noise.voronoi import voronoi
-from .common import Landform, key_of, turn, wander
+from .common import Landform, draw_key, turn, wander
 
 #: Bending of the rims, in hollows, and its wavelength in hollows.
 _BEND, _BEND_LENGTH = 0.15, 0.8
@@ -23,7 +23,7 @@ _SHALLOWEST = 0.6
 
 def make(settings: Mapping[str, Any], random: np.random.Generator, size_m: float) -> Landform | None:
     """Hollows between rims at the level of the ground, the deepest ``depth_m`` deep."""
-    keys = [key_of(random) for _ in range(4)]
+    keys = [draw_key(random) for _ in range(4)]
     depth, diameter = settings["depth_m"], settings["diameter_m"]
     if depth == 0.0:
         return None

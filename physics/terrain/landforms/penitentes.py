@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from ..noise.lattice_noise import hash_lattice, to_uniform
-from .common import Landform, key_of, smooth_step, turn, wander
+from .common import Landform, draw_key, smooth_step, turn, wander
 
 #: Sideways wandering of the rows, in spacings, over wavelengths of so many blade lengths.
 _WANDER, _WANDER_LENGTH = 0.5, 1.2
@@ -32,7 +32,7 @@ _TEETH, _TOOTH = 0.4, 0.25
 
 def make(settings: Mapping[str, Any], random: np.random.Generator, size_m: float) -> Landform | None:
     """Penitentes of the stated height, crest to trough, above the ground."""
-    keys = [key_of(random) for _ in range(7)]
+    keys = [draw_key(random) for _ in range(7)]
     height, spacing = settings["height_m"], settings["spacing_m"]
     if height == 0.0:
         return None

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from ..noise.lattice_noise import hash_lattice, to_uniform
-from .common import Landform, key_of, smooth_step, turn, wander
+from .common import Landform, draw_key, smooth_step, turn, wander
 
 #: Where the crests are, as a share of half the width.
 _CREST = 0.4
@@ -32,7 +32,7 @@ def profile(place: np.ndarray, trough: float) -> np.ndarray:
 def make(settings: Mapping[str, Any], random: np.random.Generator, size_m: float) -> Landform | None:
     """Sets of parallel ridges in different directions, each crossing the sets before it."""
     most = 6
-    keys = [key_of(random) for _ in range(2 * most)]
+    keys = [draw_key(random) for _ in range(2 * most)]
     turns = random.uniform(-1.0, 1.0, most)
     height, width, spacing = settings["height_m"], settings["width_m"], settings["spacing_m"]
     sets = int(settings["sets"])

@@ -104,7 +104,7 @@ def amplitudes(wavelength_m: np.ndarray, hurst: float, dimensions: int = 2) -> n
 
 @dataclass(frozen=True)
 class RoughSurface:
-    """A random surface: its octaves, longest first. Build it with :func:`rough`.
+    """A random surface: its octaves, longest first. Build it with :func:`make_rough_surface`.
 
     Octave k is amplitude_m[k] times unit noise of wavelength_m[k], times a weight between
     1 - multifractality in hollows and 1 on heights, over ``level[k]``, the weight's RMS, so that the weights
