@@ -19,7 +19,7 @@ import bpy
 import icymoon
 import numpy as np
 from icymoon.nodes.scene import build
-from icymoon.render.plans.planned_pair import expand
+from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.render.worker import render_pairs
 from icymoon.settings import description
 from icymoon.stereo.matchers import match
@@ -73,7 +73,7 @@ def main(arguments: list[str]) -> None:
         for title, rig, sensor in ROWS:
             settings = description.merged(base, description.check({"rig": rig, "sensor": sensor}, title))
             start = time.process_time()
-            pairs = render_pairs(built, expand(settings), Path(folder), 1, 0.0, lambda *a, **k: None)
+            pairs = render_pairs(built, expand_headings(settings), Path(folder), 1, 0.0, lambda *a, **k: None)
             cost = time.process_time() - start
             first = first or cost
             print(f"{title:26}{numbers(pairs[0])}  {cost / first:5.2f}", flush=True)

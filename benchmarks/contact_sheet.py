@@ -18,7 +18,7 @@ import cv2
 import icymoon
 import numpy as np
 from icymoon.nodes.scene import build
-from icymoon.render.plans.planned_pair import expand
+from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.render.worker import render_pairs
 from icymoon.settings import description
 from icymoon.stereo.images.develop import grey
@@ -38,7 +38,7 @@ def picture(preset: str, folder: Path) -> np.ndarray:
     settings = description.merged(description.defaults(), snow, description.load(description.preset_path(preset)), VIEW)
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     built = build(bpy.context.scene, settings)
-    pair = render_pairs(built, expand(settings), folder, 1, 0.0, lambda *a, **k: None)[0]
+    pair = render_pairs(built, expand_headings(settings), folder, 1, 0.0, lambda *a, **k: None)[0]
     light = grey(read_view(pair / "left.exr").radiance)
     full = np.quantile(light, settings["sensor"]["auto_percentile"]) / settings["sensor"]["auto_target"]
     # A sensor is linear; a screen is not.

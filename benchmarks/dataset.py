@@ -47,8 +47,8 @@ def resident_mib() -> float:
 
 def rendered(pairs: list[PlannedPair], folder: Path, after: Any = lambda: None) -> list[float]:
     """Render pairs in this process as a worker does, calling ``after`` after each; processor seconds of each."""
-    from icymoon.render.scene_source import Described
-    from icymoon.render.worker import render_in
+    from icymoon.render.scene_source import ScenesFromSettings
+    from icymoon.render.worker import render_from
 
     taken = [time.process_time()]
 
@@ -57,8 +57,8 @@ def rendered(pairs: list[PlannedPair], folder: Path, after: Any = lambda: None) 
             taken.append(time.process_time())
             after()
 
-    with Described(lambda warning: None) as stage:
-        render_in(stage, pairs, folder, say)
+    with ScenesFromSettings(lambda warning: None) as stage:
+        render_from(stage, pairs, folder, say)
     return np.diff(taken).tolist()
 
 
@@ -127,7 +127,7 @@ def fresh(folder: Path) -> None:
             before = os.times()
             for k, some in enumerate(sets):
                 dataset = folder / name.split()[0] / f"{seed}_{k}"
-                datasets.freeze(dataset, ordered(some), "benchmark")
+                datasets.freeze_plan(dataset, ordered(some), "benchmark")
                 subprocess.run([sys.executable, "-m", "icymoon", "work", str(dataset), "--threads-per-worker", "1",
                                 "--json"], check=True, stdout=subprocess.DEVNULL)
             now = os.times()

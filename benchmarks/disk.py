@@ -25,7 +25,7 @@ import numpy as np
 from icymoon.formats.exr_parts import read_pieces
 from icymoon.nodes.scene import build
 from icymoon.render.cost import estimate
-from icymoon.render.plans.planned_pair import expand
+from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.render.worker import render_pairs
 from icymoon.settings import description
 
@@ -53,7 +53,7 @@ ROWS: dict[str, dict[str, Any]] = {
 def measured(settings: description.Settings, folder: Path) -> tuple[Counter[str], float, float]:
     """Bytes by pass and in all, of a pair, and the share of sky in it."""
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
-    pair = expand(description.merged(settings, {"dataset": {"headings": 1}}))[0]
+    pair = expand_headings(description.merged(settings, {"dataset": {"headings": 1}}))[0]
     render_pairs(build(bpy.context.scene, settings), [pair], folder, 1, 0.0, lambda kind, **facts: None)
     sizes: Counter[str] = Counter()
     total = 0.0
@@ -91,7 +91,7 @@ def main(arguments: list[str]) -> int:
                           for name, size in sorted(sizes.items()))
         ratios.append(expected / total)
         print(f"{name:34} {total / pixels:6.2f} {expected / pixels:6.2f} {ratios[-1]:5.2f} "
-              f"sky {sky:.2f} ({estimate.sky_share(settings):.2f}) {passes}", flush=True)
+              f"sky {sky:.2f} ({estimate.sky_fraction(settings):.2f}) {passes}", flush=True)
     print(f"expected over measured: {min(ratios):.2f} to {max(ratios):.2f}, mean {np.mean(ratios):.3f}")
     return 0
 

@@ -119,7 +119,7 @@ def measure(way: str, preset: str) -> dict[str, Any]:
     import icymoon
     from icymoon.nodes import scene as scenes
     from icymoon.render.pairs.pair_folder import read_pair
-    from icymoon.render.plans.planned_pair import expand
+    from icymoon.render.plans.planned_pair import expand_headings
     from icymoon.render.worker import render_pairs
     from icymoon.settings import description
 
@@ -142,7 +142,7 @@ def measure(way: str, preset: str) -> dict[str, Any]:
         built.camera.matrix_world.translation.z = float(ground.heights(rig["x_m"], rig["y_m"])) + rig["height_m"]
     middle = time.process_time()
     with tempfile.TemporaryDirectory() as folder:
-        made = render_pairs(built, expand(settings), Path(folder), 1, 0.0, lambda *a, **k: None)
+        made = render_pairs(built, expand_headings(settings), Path(folder), 1, 0.0, lambda *a, **k: None)
         end, peak = time.process_time(), resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
         mesh = built.terrain.data
         triangles = len(mesh.loops) - 2 * len(mesh.polygons)

@@ -108,9 +108,9 @@ def render(job: dict[str, Any]) -> list[dict[str, Any]]:
     """Render the pairs of a row: of each its folder, its processor seconds, and those of the process before it."""
     import icymoon
     from icymoon.render import cycles_settings, render_pair
-    from icymoon.render.plans.planned_pair import PlannedPair, expand
-    from icymoon.render.scene_source import Described
-    from icymoon.render.worker import render_in
+    from icymoon.render.plans.planned_pair import PlannedPair, expand_headings
+    from icymoon.render.scene_source import ScenesFromSettings
+    from icymoon.render.worker import render_from
 
     icymoon.register()
     rung = Rung(**job["rung"])
@@ -124,11 +124,11 @@ def render(job: dict[str, Any]) -> list[dict[str, Any]]:
     cycles_settings.apply = applied
     apart = _Apart()
     if rung.apart:
-        render_pair._radiance = apart.radiance
+        render_pair._render_radiance = apart.radiance
     # Each pair is built anew, so nothing has to be rotated.
-    pairs = [PlannedPair(pair.id, pair.settings, 0.0) for pair in expand(job["settings"])]
-    with Described(lambda warning: print(warning, file=sys.stderr)) as stage:
-        render_in(stage, pairs, Path(job["dataset"]), lambda kind, **_: None)
+    pairs = [PlannedPair(pair.id, pair.settings, 0.0) for pair in expand_headings(job["settings"])]
+    with ScenesFromSettings(lambda warning: print(warning, file=sys.stderr)) as stage:
+        render_from(stage, pairs, Path(job["dataset"]), lambda kind, **_: None)
     made = []
     for k, pair in enumerate(pairs):
         folder = pair.folder(Path(job["dataset"]))
@@ -153,7 +153,7 @@ class _Apart:
         from mathutils import Matrix
 
         start = time.process_time()
-        passes.choose(scene, BEAUTY, stem, False)
+        passes.choose_layer(scene, BEAUTY, stem, False)
         pose, kept = scene.camera.matrix_world.copy(), scene.render.use_persistent_data
         scene.render.use_multiview = scene.render.use_persistent_data = False
         files = {}

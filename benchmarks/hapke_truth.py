@@ -72,7 +72,7 @@ def of_cycles(folder: Path, hapke: dict[str, Any], surface: dict[str, Any]) -> n
     import bpy
     from icymoon.nodes.scene import build
     from icymoon.physics.surfaces.hapke import from_settings
-    from icymoon.render.plans.planned_pair import expand
+    from icymoon.render.plans.planned_pair import expand_headings
     from icymoon.render.worker import render_pairs
     from icymoon.stereo.images.exr import read_view
     from rendering import complete, empty_scene
@@ -87,7 +87,7 @@ def of_cycles(folder: Path, hapke: dict[str, Any], surface: dict[str, Any]) -> n
     built = build(empty_scene(), settings)
     _flatten(built)
     bpy.context.view_layer.update()
-    pair, = render_pairs(built, expand(settings), folder, 1, 0.0, lambda *a, **k: None)
+    pair, = render_pairs(built, expand_headings(settings), folder, 1, 0.0, lambda *a, **k: None)
     q, camera = from_settings(settings["hapke"]), np.array(built.camera.matrix_world)
     (folder / "scene.json").write_text(json.dumps({
         "hapke": {"w": q.w, "b": q.b, "c": (1 + q.c) / 2, "theta": math.degrees(q.theta_bar), "B_0": q.b_s0,

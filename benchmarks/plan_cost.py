@@ -22,7 +22,7 @@ import icymoon
 import numpy as np
 from icymoon.nodes.scene import build
 from icymoon.render.cost import estimate
-from icymoon.render.plans.planned_pair import expand
+from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.render.worker import render_pairs
 from icymoon.settings import description
 
@@ -78,7 +78,7 @@ def measured(settings: description.Settings, folder: Path) -> tuple[float, float
     start = time.process_time()
     built = build(bpy.context.scene, settings)
     moments = [start, time.process_time()]
-    pairs = expand(description.merged(settings, {"dataset": {"headings": 2}}))
+    pairs = expand_headings(description.merged(settings, {"dataset": {"headings": 2}}))
     render_pairs(built, pairs, folder, 1, 0.0,
                  lambda kind, **facts: moments.append(time.process_time()) if kind == "pair" else None)
     build_s, first_s, other_s = np.diff(moments).tolist()
@@ -95,7 +95,7 @@ def main(arguments: list[str]) -> int:
         settings = description.merged(description.defaults(), SMALL, description.check(changes, "benchmark"))
         with tempfile.TemporaryDirectory() as folder:
             build_s, first_s, other_s, size = measured(settings, Path(folder))
-        work, triangles = estimate.work_of(settings), estimate.triangles_of(settings)
+        work, triangles = estimate.work_of(settings), estimate.count_triangles(settings)
         expected = work.seconds(triangles)
         print(f"{name:32} {triangles / 1e6:6.3f} {build_s:8.2f} {first_s:8.2f} {other_s:8.2f} "
               f"{expected:8.2f} {size / work.pixels:9.1f} {estimate.bytes_of(settings) / work.pixels:8.1f}", flush=True)

@@ -110,15 +110,15 @@ def _forced_osl(on: bool) -> Iterator[None]:
 
 def rendered(changes: dict[str, Any], folder: Path) -> tuple[float, float, np.ndarray]:
     """Processor seconds of a scene and a pair of it, mean radiance and depth of its left image."""
-    from icymoon.render.scene_source import Described
-    from icymoon.render.worker import render_in
+    from icymoon.render.scene_source import ScenesFromSettings
+    from icymoon.render.worker import render_from
     from icymoon.stereo.images.exr import read_view
 
     settings = description.merged(description.defaults(), SMALL, description.check(changes, "benchmark"))
     planned = PlannedPair(description.digest(settings), settings, 0.0)
     start = time.process_time()
-    with Described(lambda warning: None) as stage:
-        render_in(stage, [planned], folder, lambda *a, **k: None)
+    with ScenesFromSettings(lambda warning: None) as stage:
+        render_from(stage, [planned], folder, lambda *a, **k: None)
     seconds = time.process_time() - start
     view = read_view(planned.folder(folder) / "left.exr", "left")
     return seconds, float(view.radiance.mean()), view.depth

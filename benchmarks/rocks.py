@@ -48,7 +48,7 @@ def measure(number: int, way: str) -> dict[str, float]:
     import bpy
     import icymoon
     from icymoon.nodes import scene as scenes
-    from icymoon.render.plans.planned_pair import expand
+    from icymoon.render.plans.planned_pair import expand_headings
     from icymoon.render.worker import render_pairs
     from icymoon.settings import description
 
@@ -63,7 +63,7 @@ def measure(number: int, way: str) -> dict[str, float]:
         _as_objects(bpy.data.objects["Icy Moon Rock"])
     middle = time.process_time(), time.perf_counter()
     with tempfile.TemporaryDirectory() as folder:
-        render_pairs(built, expand(settings), Path(folder), 1, 0.0, lambda *a, **k: None)
+        render_pairs(built, expand_headings(settings), Path(folder), 1, 0.0, lambda *a, **k: None)
     end = time.process_time(), time.perf_counter()
     return {"blocks": number, "build": middle[0] - start[0], "render": end[0] - middle[0],
             "build_wall": middle[1] - start[1], "render_wall": end[1] - middle[1],

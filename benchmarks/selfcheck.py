@@ -20,7 +20,7 @@ from typing import Any
 
 import cv2
 import numpy as np
-from icymoon.render.pairs.pair_folder import EYES, StereoCamera, pair_folders, read_pair
+from icymoon.render.pairs.pair_folder import EYES, StereoCamera, find_pair_folders, read_pair
 from icymoon.stereo.images.views import read_eye
 from icymoon.stereo.measure.prepare import eyes_of, read_unchanged_pair
 from icymoon.stereo.measure.self_check import Eye, self_check, visibility
@@ -174,7 +174,7 @@ def surface_of(settings: dict[str, Any]) -> str:
 
 def measure(dataset: Path, log: Path) -> list[dict[str, Any]]:
     """The rows of all pairs; those in ``log`` are not made again."""
-    folders = pair_folders(dataset)
+    folders = find_pair_folders(dataset)
     rows = [json.loads(line) for line in log.read_text(encoding="utf-8").splitlines()] if log.is_file() else []
     done = {each["pair"] for each in rows}
     with log.open("a", encoding="utf-8") as stream:

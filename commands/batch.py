@@ -13,16 +13,16 @@ from typing import Any
 
 from ..errors import IcyMoonError
 from ..files import shorten
-from ..render.cost.abilities import require
+from ..render.cost.abilities import check_abilities
 from ..render.pairs.pair_folder import is_complete
 from ..render.plans import frozen_plan as datasets
-from ..render.plans.order import ordered, share
+from ..render.plans.order import ordered, shard
 from ..render.plans.planned_pair import PlannedPair
 from ..render.workers.job import python_command
 from ..render.workers.manifest import write_manifest
-from ..render.workers.process import clean_environment, emit, errors_told
-from ..render.workers.runner import Runner, Workers
-from ..render.workers.slurm_scripts import Request, write_script
+from ..render.workers.process import clean_environment, emit, report_errors
+from ..render.workers.runner import Runner, WorkerOptions
+from ..render.workers.slurm_scripts import SlurmRequest, write_script
 from ..render.workers.verify import verify
 from ..system import call_ours, count_processors, set_stop_handler
 from ..terminal import as_path, show_progress
@@ -85,7 +85,7 @@ def _add_worker_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--json", action="store_true", help="print what happens as JSON lines")
 
 
-def parse_workers(options: argparse.Namespace) -> Workers:
+def parse_workers(options: argparse.Namespace) -> WorkerOptions:
     """How to render, from the options of ``_add_worker_options``. Raises IcyMoonError for what cannot be."""
     for name in ("workers", "threads_per_worker", "scenes_per_worker"):
         value = getattr(options, name)
@@ -93,7 +93,7 @@ def parse_workers(options: argparse.Namespace) -> Workers:
             raise IcyMoonError(f"--{name.replace('_', '-')} is {value}; give 1 or more.")
     count = options.workers or max(1, count_processors() // _THREADS)
     threads = options.threads_per_worker or max(1, count_processors() // count)
-    return Workers(count, threads, options.blender, options.scenes_per_worker)
+    return WorkerOptions(count, threads, options.blender, options.scenes_per_worker)
 
 
 @contextmanager
@@ -110,7 +110,7 @@ def _stop(number: int, frame: Any) -> None:
     raise KeyboardInterrupt
 
 
-def render(dataset: Path, pairs: list[PlannedPair], how: Workers, say: Say, dask: str | None = None) -> int:
+def render(dataset: Path, pairs: list[PlannedPair], how: WorkerOptions, say: Say, dask: str | None = None) -> int:
     """Render what is missing of these pairs; the exit status: 0, or 1 if some were set aside."""
     set_stop_handler(_stop)
     failed: dict[str, str] = {}
@@ -118,7 +118,7 @@ def render(dataset: Path, pairs: list[PlannedPair], how: Workers, say: Say, dask
         if dask:
             from ..render.workers import dask_cluster
 
-            failed = dask_cluster.run(dask, dataset, pairs, how, say)
+            failed = dask_cluster.render_on_cluster(dask, dataset, pairs, how, say)
         else:
             runner = Runner(dataset, pairs, how, say)
             failed = runner.failed
@@ -132,28 +132,28 @@ def render(dataset: Path, pairs: list[PlannedPair], how: Workers, say: Say, dask
     return 1 if failed else 0
 
 
-def _freeze_plan(plan: str, dataset: Path, blender: str = "") -> datasets.Frozen:
+def _freeze_plan(plan: str, dataset: Path, blender: str = "") -> datasets.FrozenPlan:
     """The data set that a plan asks for, frozen into its folder with its pairs in the order to render them in.
 
     Where a ``blender`` is named that is to render them, IcyMoonError is raised before if it cannot.
     """
-    from ..render.plans.plan_file import plan_path, read_plan
+    from ..render.plans.plan_file import find_plan, read_plan
 
-    read = read_plan(plan_path(plan))
+    read = read_plan(find_plan(plan))
     if unchecked := read.unchecked():
         print(f"icymoon: {unchecked}", file=sys.stderr)
     pairs = ordered(read.pairs())
     if blender and not (dataset / datasets.PLAN).exists():
-        require((pair.settings for pair in pairs), blender)
-    frozen = datasets.freeze(dataset, pairs, read.text)
+        check_abilities((pair.settings for pair in pairs), blender)
+    frozen = datasets.freeze_plan(dataset, pairs, read.text)
     if blender:
-        require((pair.settings for pair in frozen.missing(dataset)), blender)
+        check_abilities((pair.settings for pair in frozen.missing(dataset)), blender)
     return frozen
 
 
 def _run_batch(options: argparse.Namespace) -> int:
     dataset = options.out.absolute()
-    with errors_told(options.json):
+    with report_errors(options.json):
         how = parse_workers(options)
         frozen = _freeze_plan(options.plan, dataset, "" if options.dask else options.blender)
         with _open_output(options.json) as say:
@@ -194,11 +194,11 @@ def parse_shard(text: str) -> tuple[int, int]:
 
 def _run_work(options: argparse.Namespace) -> int:
     dataset = options.dataset.absolute()
-    with errors_told(options.json):
+    with report_errors(options.json):
         number, count = parse_shard(options.shard)
         how = parse_workers(options)
-        pairs = share(datasets.read(dataset).pairs, number, count)
-        require((pair.settings for pair in pairs if not is_complete(pair.folder(dataset))), options.blender)
+        pairs = shard(datasets.read_frozen_plan(dataset).pairs, number, count)
+        check_abilities((pair.settings for pair in pairs if not is_complete(pair.folder(dataset))), options.blender)
         with _open_output(options.json) as say:
             status = render(dataset, pairs, how, say)
     return _report_status(status, dataset, options.json)
@@ -210,8 +210,8 @@ def _run_slurm(options: argparse.Namespace) -> int:
             raise IcyMoonError(f"--{name} is {getattr(options, name)}; give 1 or more.")
     dataset = options.out.absolute()
     frozen = _freeze_plan(options.plan, dataset)
-    request = Request(options.shards, options.at_once, options.cpus, options.memory, options.time,
-                      tuple(options.sbatch))
+    request = SlurmRequest(options.shards, options.at_once, options.cpus, options.memory, options.time,
+                           tuple(options.sbatch))
     if frozen.note:
         print(f"icymoon: {frozen.note}", file=sys.stderr)
     script = write_script(dataset, frozen, request, options.python, options.blender)

@@ -15,10 +15,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..errors import IcyMoonError
-from ..render.cost.abilities import Abilities, ask, require
-from ..render.cost.tolerance import PX, share, tolerance
+from ..render.cost.abilities import Abilities, ask_abilities, check_abilities
+from ..render.cost.tolerance import PX, checked_tolerance, parse_fraction
 from ..render.workers.job import Job, absolute_folder, render_job
-from ..render.workers.process import Message, emit, errors_told
+from ..render.workers.process import Message, emit, report_errors
 from ..scratch import scratch_folder
 from ..settings import description
 from ..terminal import as_path, report_end, show_counted_progress, show_progress
@@ -99,7 +99,7 @@ def _make_parser() -> argparse.ArgumentParser:
     _add_bench_options(auto)
     auto.add_argument("--tolerance-px", type=float, metavar="PX",
                       help=f"mean disparity error that may be added ({PX:g}, or any if --tolerance-bad-1 is given)")
-    auto.add_argument("--tolerance-bad-1", type=share, metavar="SHARE",
+    auto.add_argument("--tolerance-bad-1", type=parse_fraction, metavar="SHARE",
                       help="share of pixels that may be added to those missing or off by more than 1 px, as 0.5%% or "
                       "0.005 (any)")
     auto.add_argument("--json-lines", action="store_true", help="progress and result as JSON lines on stdout")
@@ -207,7 +207,7 @@ def _run_gallery(options: argparse.Namespace) -> int:
     chosen, shown_on_sheet = options.only or known, []
     described = {name: description.merged(description.defaults(), description.load(
         description.preset_path(f"gallery/{name}"))) for name in chosen}
-    require(described.values(), options.blender)
+    check_abilities(described.values(), options.blender)
     for name in known:
         preset, picture = f"gallery/{name}", out / f"{name}.jpg"
         title, text = description.preset_header(preset)
@@ -229,7 +229,7 @@ def _run_bench(options: argparse.Namespace, title: str, work: Callable[[Bench], 
     from ..stereo.trade.measure_variants import Bench, scaled_view
 
     told = nullcontext(_emit_event) if options.json_lines else show_counted_progress(title)
-    with errors_told(options.json_lines), told as on_event:
+    with report_errors(options.json_lines), told as on_event:
         view = description.merged(_read_settings(options), {"dataset": {"headings": 1}})
         found = work(Bench(scaled_view(view, options.scale), options.out.absolute(), options.blender, options.methods,
                            options.reference_samples, repeats, on_event, tuple(options.own)))
@@ -259,7 +259,7 @@ def _run_trade(options: argparse.Namespace) -> int:
 def _run_auto(options: argparse.Namespace) -> int:
     from ..stereo.trade.cheapest_quality import find_cheapest_quality
 
-    allowed = tolerance(options.tolerance_px, options.tolerance_bad_1)
+    allowed = checked_tolerance(options.tolerance_px, options.tolerance_bad_1)
 
     def show(found: dict[str, Any]) -> None:
         *tried, last = found["said"]
@@ -288,20 +288,20 @@ def _run_sources(options: argparse.Namespace) -> int:
 
 
 def _run_quality(options: argparse.Namespace) -> int:
-    from ..render.cost.estimate import triangles_of
-    from ..render.cost.measure_speed import measure
-    from ..render.cost.quality_presets import qualities
-    from ..render.cost.speed import remembered
+    from ..render.cost.estimate import count_triangles
+    from ..render.cost.measure_speed import measure_speed
+    from ..render.cost.quality_presets import list_qualities
+    from ..render.cost.speed import recall_speed
 
-    with errors_told(options.json):
+    with report_errors(options.json):
         settings = _read_settings(options)
         device = str(settings["quality"]["device"])
-        speed = None if options.measure else remembered(device)
+        speed = None if options.measure else recall_speed(device)
         if speed is None:
             with scratch_folder() as folder, show_progress("Measuring this machine") as show:
-                speed = measure(options.blender, device, folder,
-                                lambda message: show(message) if message["type"] == "progress" else None)
-        found = qualities(settings, triangles_of(settings), speed, _ask_abilities(options.blender))
+                speed = measure_speed(options.blender, device, folder,
+                                      lambda message: show(message) if message["type"] == "progress" else None)
+        found = list_qualities(settings, count_triangles(settings), speed, _ask_abilities(options.blender))
     if options.json:
         emit("result", speed=asdict(speed), qualities=[asdict(each) for each in found])
         return 0
@@ -317,7 +317,7 @@ def _run_quality(options: argparse.Namespace) -> int:
 def _ask_abilities(blender: str) -> Abilities:
     """What a Blender can do; all, where it cannot be asked: a render will report that."""
     try:
-        return ask(blender)
+        return ask_abilities(blender)
     except IcyMoonError:
         return Abilities()
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import IcyMoonError
-from ..render.cost.abilities import probe
+from ..render.cost.abilities import probe_blender
 from ..render.workers.job import python_command
 from ..render.workers.process import clean_environment
 from ..system import run
@@ -44,7 +44,7 @@ def examine_blender(executable: str) -> list[Finding]:
     if not found:
         return [Finding("Blender", "missing", f"{executable} is not there", "Give its path with --blender.")]
     try:
-        facts = probe(executable)
+        facts = probe_blender(executable)
     except IcyMoonError as error:
         return [Finding("Blender", "missing", str(error), "Install the bpy package or give a Blender with --blender.")]
     version = tuple(int(part) for part in facts["blender"].split()[0].split(".")[:2])

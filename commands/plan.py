@@ -9,13 +9,13 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from ..render.cost.abilities import lacking_of, special
+from ..render.cost.abilities import find_lack, needs_full_build
 from ..render.cost.estimate import estimate
-from ..render.cost.speed import remembered
+from ..render.cost.speed import recall_speed
 from ..render.pairs.pair_folder import is_complete
-from ..render.plans.plan_file import Plan, plan_header, plan_path, read_plan
+from ..render.plans.plan_file import Plan, find_plan, read_plan, read_plan_header
 from ..render.plans.planned_pair import PlannedPair
-from ..render.workers.process import emit, errors_told
+from ..render.workers.process import emit, report_errors
 from ..settings.description import plan_names
 from ..settings.table import all_settings
 from ..terminal import as_path
@@ -57,16 +57,16 @@ def _shorten_value(value: Any) -> str:
 def _run_plan(options: argparse.Namespace) -> int:
     if options.plan is None:
         for name in plan_names():
-            title, text = plan_header(plan_path(name))
+            title, text = read_plan_header(find_plan(name))
             print(f"{name:42} {title}. {text}")
         return 0
-    with errors_told(options.json):
+    with report_errors(options.json):
         return _print_plan(options)
 
 
 def _print_plan(options: argparse.Namespace) -> int:
     """Print what was asked for, then which pairs cannot be rendered; the exit status, 1 if there are such."""
-    plan = read_plan(plan_path(options.plan))
+    plan = read_plan(find_plan(options.plan))
     pairs = plan.pairs()
     if options.dry_run:
         _print_estimate(plan, pairs, options)
@@ -91,7 +91,7 @@ def _print_pairs(plan: Plan, pairs: Sequence[PlannedPair], options: argparse.Nam
 
 def _print_estimate(plan: Plan, pairs: Sequence[PlannedPair], options: argparse.Namespace) -> None:
     devices = {str(pair.settings["quality"]["device"]) for pair in pairs}
-    speed = remembered(devices.pop()) if len(devices) == 1 else None
+    speed = recall_speed(devices.pop()) if len(devices) == 1 else None
     found = estimate(pairs, options.out.absolute() if options.out else None, speed)
     lack = _check_blender(pairs, options)
     unchecked = plan.unchecked()
@@ -112,8 +112,8 @@ def _check_blender(pairs: Sequence[PlannedPair], options: argparse.Namespace) ->
                if not (options.out and is_complete(pair.folder(options.out.absolute())))]
     blender = options.blender or own
     if blender:
-        return [lack for lack in (lacking_of(missing, blender),) if lack]
-    if any(map(special, missing)):
+        return [lack for lack in (find_lack(missing, blender),) if lack]
+    if any(map(needs_full_build, missing)):
         return ["Not every Blender can render it; name the one that is to with --blender, and it is asked."]
     return []
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ..errors import IcyMoonError
-from ..render.pairs.pair_folder import pair_folders, read_pair
+from ..render.pairs.pair_folder import find_pair_folders, read_pair
 from ..settings import description
 from ..settings.table import TOPICS, Setting, Value, all_settings
 
@@ -109,7 +109,7 @@ def find_origins(settings: description.Settings, asked: Iterable[str] = ()) -> I
 
 def read_pair_settings(path: Path) -> description.Settings:
     """The complete settings of the pair at ``path``. Raises IcyMoonError if there is not exactly one."""
-    folders = pair_folders(path)
+    folders = find_pair_folders(path)
     if len(folders) != 1:
         raise IcyMoonError(f"{path} has {len(folders)} pairs; name one of them, such as {folders[0]}.")
     return read_pair(folders[0]).settings

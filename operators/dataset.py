@@ -16,8 +16,8 @@ from ..errors import IcyMoonError
 from ..files import absolute_path
 from ..preferences import extension_folder, find_evaluator_python, workers
 from ..render.pairs.pair_folder import is_complete
-from ..render.plans.plan_file import plan_header, plan_path
-from ..render.workers.detached import Detached, left_running
+from ..render.plans.plan_file import find_plan, read_plan_header
+from ..render.workers.detached import Detached, find_left_running
 from ..render.workers.job import blender_command, python_command
 from ..render.workers.process import Message, Process, clean_environment
 from ..settings import description
@@ -36,7 +36,7 @@ readout: dict[str, Any] = {"plan": "", "lines": [], "set_aside": [], "last": Non
 def plan_items(_self: Any = None, _context: Any = None) -> list[tuple[str, str, str]]:
     """(name, title, description) of the shipped plans, read once; Blender needs them kept alive."""
     if not _plans:
-        _plans.extend((name, *plan_header(plan_path(name))) for name in plan_names())
+        _plans.extend((name, *read_plan_header(find_plan(name))) for name in plan_names())
     return _plans
 
 
@@ -49,7 +49,7 @@ def chosen_plan(settings: description.Settings) -> str:
     if name in plan_names():
         return name
     saved = os.path.dirname(bpy.data.filepath) if bpy.data.filepath else None
-    path = plan_path(str(absolute_path(name, "dataset.plan", saved)) if name.endswith(".toml") else name)
+    path = find_plan(str(absolute_path(name, "dataset.plan", saved)) if name.endswith(".toml") else name)
     return str(path.absolute())  # so that no command line takes a name for one of its options
 
 
@@ -99,7 +99,7 @@ class ICYMOON_OT_open_plan(choosers.OpenedToml, bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         try:
-            plan_header(Path(bpy.path.abspath(self.filepath)))
+            read_plan_header(Path(bpy.path.abspath(self.filepath)))
         except IcyMoonError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
@@ -220,7 +220,7 @@ class ICYMOON_OT_watch_dataset(_Watching, bpy.types.Operator):
     bl_label = "Watch Data Set"
 
     def start(self, context: bpy.types.Context) -> jobs.Job:
-        process = left_running(state_folder())
+        process = find_left_running(state_folder())
         if process is None:
             raise IcyMoonError("No data set is being rendered that nobody watches.")
         group, facts = context.scene.icymoon.dataset, process.facts
@@ -273,7 +273,7 @@ def _watch_again() -> None:
         return
     with bpy.context.temp_override(window=manager.windows[0]):
         if ICYMOON_OT_watch_dataset.poll(bpy.context):
-            process = left_running(state_folder())
+            process = find_left_running(state_folder())
             if process is not None:
                 process.leave = True
                 process.stop()  # the operator takes it up

@@ -12,7 +12,7 @@ from pathlib import Path
 from ..errors import IcyMoonError
 from ..files import sha256, write_json
 from ..records import TABLE, read_record
-from ..render.cost.speed import folder
+from ..render.cost.speed import own_cache_folder
 
 #: How many are remembered, the newest last.
 _MOST = 500
@@ -21,7 +21,7 @@ _session: set[str] = set()
 
 
 def _file() -> Path:
-    return folder() / "reports.json"
+    return own_cache_folder() / "reports.json"
 
 
 def _known() -> list[str]:

@@ -15,7 +15,7 @@ from ..errors import IcyMoonError
 from ..files import explain_disk_errors, write_text
 from ..nodes.datablocks.user_files import with_absolute_files
 from ..preferences import extension_folder
-from ..render.cycles_settings import lacking_here
+from ..render.cycles_settings import find_lack
 from ..settings import description
 from ..system import name_fault, remove
 from . import choosers
@@ -129,7 +129,7 @@ class ICYMOON_OT_load_preset(choosers.Searched, bpy.types.Operator):
             loaded = description.merged(_fresh(group), loaded)
             group.preset = self.preset
         scene_properties.write_settings(group, loaded)
-        if "quality" in loaded and (lack := lacking_here(description.merged(description.defaults(), loaded))):
+        if "quality" in loaded and (lack := find_lack(description.merged(description.defaults(), loaded))):
             self.report({"WARNING"}, lack)
         return {"FINISHED"}
 

@@ -13,7 +13,7 @@ from ..errors import IcyMoonError
 from ..nodes import scene as scenes
 from ..nodes.datablocks.user_files import with_absolute_files
 from ..render.cycles_settings import check_possible
-from ..render.plans.planned_pair import PlannedPair, expand
+from ..render.plans.planned_pair import PlannedPair, expand_headings
 from ..render.worker import render_pairs
 from ..render.workers.job import Job as JobFiles
 from ..render.workers.job import absolute_folder, blender_command
@@ -66,8 +66,8 @@ def planned_pairs(scene: bpy.types.Scene, settings: description.Settings) -> lis
     if built is not None:
         scenes.settle(built)
     if built is not None and (built.edited or not scenes.changed_settings(built, settings)):
-        return expand(settings, built.extra)
-    return expand(settings, scenes.extra(settings))
+        return expand_headings(settings, built.extra)
+    return expand_headings(settings, scenes.extra(settings))
 
 
 class ICYMOON_OT_render_pair(jobs.JobOperator, bpy.types.Operator):

@@ -20,8 +20,8 @@ from ..physics.camera.lens_distortion import coefficients, overscan_needed
 from ..physics.camera.stereo_geometry import GroundRow, depth_error_m, focal_px, ground_row, shared_width_px
 from ..physics.light.sky import sky, sky_facts
 from ..render.cost.abilities import Abilities
-from ..render.cost.quality_presets import qualities
-from ..render.cost.speed import Speed, remembered
+from ..render.cost.quality_presets import list_qualities
+from ..render.cost.speed import Speed, recall_speed
 from ..settings.description import Settings
 from ..settings.table import TOPICS
 
@@ -183,7 +183,7 @@ def quality_lines(settings: Settings) -> tuple[str, ...]:
     """Seconds of a pair of the described scene at each quality, and the error that was measured of it."""
     speed = _speed(str(settings["quality"]["device"]))
     lines: list[str] = []
-    for quality in qualities(settings, _TRIANGLES, speed, Abilities(compat.has_osl(), compat.has_oidn())):
+    for quality in list_qualities(settings, _TRIANGLES, speed, Abilities(compat.has_osl(), compat.has_oidn())):
         lines += wrapped(f"{quality.title}: {quality.cost}")
         lines += [f"    {quality.error}"] if quality.error and not quality.lacks else []
     basis = f"Seconds of {speed.basis}" if speed else "Seconds of another machine; measure this one"
@@ -193,7 +193,7 @@ def quality_lines(settings: Settings) -> tuple[str, ...]:
 @lru_cache(maxsize=2)
 def _speed(device: str) -> Speed | None:
     """The speed of this machine with this Blender, read once."""
-    return remembered(device, bpy.app.version_string)
+    return recall_speed(device, bpy.app.version_string)
 
 
 def forget_speed() -> None:

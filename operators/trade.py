@@ -174,11 +174,11 @@ class ICYMOON_OT_measure_machine(jobs.JobOperator, bpy.types.Operator):
     def start(self, context: bpy.types.Context) -> jobs.Job:
         self._device = str(context.scene.icymoon.quality.device)
         folder = make_scratch_folder()
-        job = Job(folder, measure_speed.probe(self._device, compat.has_oidn()))
+        job = Job(folder, measure_speed.small_render(self._device, compat.has_oidn()))
 
         def hear(message: Message) -> None:
             if message["type"] == "done":
-                self._speed = measure_speed.speed_of([Path(pair) for pair in message["folders"]], self._device,
+                self._speed = measure_speed.read_speed([Path(pair) for pair in message["folders"]], self._device,
                                                compat.has_oidn())
 
         def clean() -> None:
@@ -193,7 +193,7 @@ class ICYMOON_OT_measure_machine(jobs.JobOperator, bpy.types.Operator):
         return jobs.Job(self.bl_label, process, hear, clean)
 
     def succeeded(self, context: bpy.types.Context) -> None:
-        speed.remember(self._speed)
+        speed.remember_speed(self._speed)
         sidebar_text.forget_speed()
         self.report({"INFO"}, f"This machine takes {self._speed.factor:.2g} times the seconds of the one that the "
                     "estimates were made on")

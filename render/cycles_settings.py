@@ -10,27 +10,27 @@ import bpy
 from .. import compat
 from ..errors import IcyMoonError
 from ..settings.description import Settings
-from .cost.abilities import Abilities, lacking, lacking_quality
+from .cost.abilities import Abilities, lack_for, lack_for_quality
 
 _GLOSSY_BOUNCES = 2
 _TRANSPARENT_BOUNCES = 8
 
 
-def own_abilities(quality: Mapping[str, Any]) -> Abilities:
+def detect_abilities(quality: Mapping[str, Any]) -> Abilities:
     """What this Blender can do; graphics cards are looked for only if the quality asks for them, as that selects
     them."""
     return Abilities(compat.has_osl(), compat.has_oidn(),
                      quality["device"] != "GPU" or bool(compat.select_gpu_devices()))
 
 
-def lacking_here(settings: Settings) -> str:
+def find_lack(settings: Settings) -> str:
     """What this Blender lacks for complete settings, as a sentence with the mend; empty if nothing."""
-    return lacking(settings, own_abilities(settings["quality"]))
+    return lack_for(settings, detect_abilities(settings["quality"]))
 
 
 def check_possible(quality: Mapping[str, Any]) -> None:
     """Raise IcyMoonError if this Blender cannot render at the asked quality."""
-    if lack := lacking_quality(quality, own_abilities(quality)):
+    if lack := lack_for_quality(quality, detect_abilities(quality)):
         raise IcyMoonError(lack)
 
 

@@ -23,7 +23,7 @@ def _materials(item: bpy.types.Object) -> set[bpy.types.Material]:
     return {m.original for m in (*slots, *item.data.materials) if m is not None}
 
 
-def _persons_objects(scene: bpy.types.Scene) -> dict[bpy.types.Object, set[bpy.types.Material]]:
+def _find_user_objects(scene: bpy.types.Scene) -> dict[bpy.types.Object, set[bpy.types.Material]]:
     """The objects with a surface that the builders did not make, by name, with all their materials.
 
     Those count that a collection instance or a geometry node brings in, and the materials that a
@@ -44,7 +44,7 @@ def _persons_objects(scene: bpy.types.Scene) -> dict[bpy.types.Object, set[bpy.t
     return dict(sorted(found.items(), key=lambda entry: entry[0].name))
 
 
-def _grey() -> bpy.types.Material:
+def _make_grey_material() -> bpy.types.Material:
     """What Cycles shows of a surface without a material: diffuse, 0.8."""
     material = bpy.data.materials.new("Icy Moon Unlabelled")
     tree = compat.ensure_nodes(material)
@@ -58,16 +58,16 @@ def _grey() -> bpy.types.Material:
 
 
 @contextmanager
-def labelled(scene: bpy.types.Scene) -> Iterator[None]:
+def lend_labels(scene: bpy.types.Scene) -> Iterator[None]:
     """Every surface in the scene has a semantic label, and every object an instance label of its own.
 
     Pass indices that a person set are kept. Raises IcyMoonError if there are more objects than labels.
     """
-    objects = _persons_objects(scene)
+    objects = _find_user_objects(scene)
     taken = {item.pass_index for item in (*scene.objects, *objects)}
     free = (label for label in range(FIRST_OBJECT_INSTANCE, LAST_OBJECT_INSTANCE + 1) if label not in taken)
     with ExitStack() as undo:
-        grey = _grey()
+        grey = _make_grey_material()
         undo.callback(bpy.data.materials.remove, grey)
 
         def lend(block: Any, name: str, value: Any) -> None:

@@ -23,7 +23,7 @@ from .pairs.pair_folder import EYES, FORMAT, VERSION, StereoCamera
 from .plans.planned_pair import PlannedPair
 
 
-def _light_facts(built: Built, toward_sun: np.ndarray) -> dict[str, Any]:
+def _light_json(built: Built, toward_sun: np.ndarray) -> dict[str, Any]:
     """The sky that was described, but for the Sun as it stands, which a person may have turned."""
     described = built.sky
     described["sun"] |= {"direction_to_world": toward_sun.tolist(), "irradiance_wm2": built.sun.data.energy,
@@ -31,7 +31,7 @@ def _light_facts(built: Built, toward_sun: np.ndarray) -> dict[str, Any]:
     return described
 
 
-def _as_taken(pose: np.ndarray, rotation: np.ndarray) -> np.ndarray:
+def _eye_pose(pose: np.ndarray, rotation: np.ndarray) -> np.ndarray:
     """The camera-to-world matrix (4, 4) of an eye of the parallel rig that is turned by ``rotation`` (3, 3)."""
     turned = pose.copy()
     turned[:3, :3] = pose[:3, :3] @ rotation.T
@@ -48,7 +48,7 @@ def _channels(depth_alone: bool) -> dict[str, Any]:
                     f"object index ({TERRAIN_INSTANCE} terrain, others objects); 0 sky"}
 
 
-def facts(built: Built, planned: PlannedPair, poses: dict[str, np.ndarray], toward_sun: np.ndarray,
+def pair_json(built: Built, planned: PlannedPair, poses: dict[str, np.ndarray], toward_sun: np.ndarray,
            files: dict[str, Any], seconds: dict[str, float]) -> dict[str, Any]:
     """The content of ``pair.json``, but for what is known only when it is finished."""
     settings = planned.settings
@@ -60,10 +60,10 @@ def facts(built: Built, planned: PlannedPair, poses: dict[str, np.ndarray], towa
         "format": FORMAT, "version": VERSION, "id": planned.id, "settings": settings,
         "edited_by_hand": built.edited, "ground": built.ground, "own_files_sha256": built.content,
         "camera": camera.to_json(), "eyes": eyes,
-        "poses_camera_to_world": {eye: _as_taken(poses[eye], camera.eye_rotation(eye)).tolist() for eye in EYES},
+        "poses_camera_to_world": {eye: _eye_pose(poses[eye], camera.eye_rotation(eye)).tolist() for eye in EYES},
         "poses_rectified_to_world": {eye: poses[eye].tolist() for eye in EYES},
         "blur": blur.to_json() if blur else None,
-        "light": _light_facts(built, toward_sun),
+        "light": _light_json(built, toward_sun),
         "left_out": find_left_out(settings, built.sky), "advice": admission.scene_advice(settings),
         "channels": _channels(settings["quality"]["truth"] == "DEPTH"),
         "seeds": {"dataset": settings["dataset"]["seed"], "render": planned.render_seed},

@@ -17,7 +17,7 @@ from ..labels import BEAUTY, INSTANCE_AOV, LIGHT_GROUPS, NORMAL_AOV, TRUTH
 _SUFFIX = {"left": "_L", "right": "_R"}
 
 
-def _only(layer: bpy.types.ViewLayer, *passes: str) -> None:
+def _enable_passes(layer: bpy.types.ViewLayer, *passes: str) -> None:
     """Switch exactly these passes of a view layer on."""
     for settings in (layer, layer.cycles):
         for prop in settings.bl_rna.properties:
@@ -25,7 +25,7 @@ def _only(layer: bpy.types.ViewLayer, *passes: str) -> None:
                 setattr(settings, prop.identifier, prop.identifier in passes)
 
 
-def prepare(scene: bpy.types.Scene, light_groups: bool) -> None:
+def prepare_scene(scene: bpy.types.Scene, light_groups: bool) -> None:
     """Give a new scene what all its renders have: stereo views, file output (32-bit multilayer OpenEXR, a file for each
     eye), value passes and, with ``light_groups``, a pass for each group.
 
@@ -56,7 +56,7 @@ def prepare(scene: bpy.types.Scene, light_groups: bool) -> None:
     render.use_overwrite, render.use_placeholder = True, False
 
 
-def choose(scene: bpy.types.Scene, name: str, stem: Path, depth_alone: bool) -> dict[str, Path]:
+def choose_layer(scene: bpy.types.Scene, name: str, stem: Path, depth_alone: bool) -> dict[str, Path]:
     """Let the next render be ``BEAUTY`` or ``TRUTH``, and return the files, by eye, that it will write at ``stem``.
 
     Depth, which Cycles takes from the first sample, may come with the radiance if nothing else is wanted of the truth.
@@ -64,12 +64,12 @@ def choose(scene: bpy.types.Scene, name: str, stem: Path, depth_alone: bool) -> 
     layer = scene.view_layers[0]
     layer.name = name
     if name == BEAUTY:
-        _only(layer, "use_pass_combined", *(("use_pass_z",) if depth_alone else ()))
+        _enable_passes(layer, "use_pass_combined", *(("use_pass_z",) if depth_alone else ()))
     else:
         scene.cycles.samples = 1
         scene.cycles.max_bounces = 0  # what light does after the first hit is not looked at
         scene.cycles.use_denoising = scene.cycles.use_adaptive_sampling = False
-        _only(layer, "use_pass_combined", "use_pass_z", *(() if depth_alone else (
+        _enable_passes(layer, "use_pass_combined", "use_pass_z", *(() if depth_alone else (
             "use_pass_normal", "use_pass_object_index", "use_pass_material_index")))
     scene.render.filepath = str(stem)
     return {eye: stem.with_name(f"{stem.name}{suffix}.exr") for eye, suffix in _SUFFIX.items()}

@@ -47,7 +47,7 @@ class SampleCounter:
 
 
 @contextmanager
-def on_sample(samples: int, truths: int, report: Callable[[float], None]) -> Iterator[SampleCounter]:
+def watch_samples(samples: int, truths: int, report: Callable[[float], None]) -> Iterator[SampleCounter]:
     """Call ``report`` with the fraction done whenever Cycles has finished samples; see SampleCounter."""
     counter = SampleCounter(samples, truths)
 

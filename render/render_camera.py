@@ -25,12 +25,12 @@ from .pairs.pair_folder import StereoCamera
 _SAMPLE_OFFSET_PX = 5.4e-4
 #: Parts of a lens; what it has of Cycles' own is a part until 4.5.
 _PARTS = ("stereo", "dof", "cycles")
-_OF_ANY_BLOCK = {prop.identifier for prop in bpy.types.ID.bl_rna.properties}
+_OF_ANY_DATABLOCK = {prop.identifier for prop in bpy.types.ID.bl_rna.properties}
 
 
 @contextmanager
-def viewer(scene: bpy.types.Scene, built: bpy.types.Object) -> Iterator[None]:
-    """Give ``scene`` a camera of its own, for ``taking`` to turn into copies of the ``built`` one.
+def add_render_camera(scene: bpy.types.Scene, built: bpy.types.Object) -> Iterator[None]:
+    """Give ``scene`` a camera of its own, for ``set_up_camera`` to turn into copies of the ``built`` one.
 
     One for all takes: when an object comes or goes Cycles builds its scene again, when one changes it does not.
     """
@@ -46,16 +46,16 @@ def viewer(scene: bpy.types.Scene, built: bpy.types.Object) -> Iterator[None]:
 
 
 @contextmanager
-def taking(scene: bpy.types.Scene, built: bpy.types.Object, camera: StereoCamera, blur: Blur | None,
-           toed: bool) -> Iterator[None]:
-    """Let the camera of ``scene``, see ``viewer``, be a copy of the ``built`` one, in its frame.
+def set_up_camera(scene: bpy.types.Scene, built: bpy.types.Object, camera: StereoCamera, blur: Blur | None,
+                  toed: bool) -> Iterator[None]:
+    """Let the camera of ``scene``, see ``add_render_camera``, be a copy of the ``built`` one, in its frame.
 
     With ``toed`` eyes are turned in as ``camera`` says, else they are parallel. ``blur`` is given to the copy's lens
     and movement, the scene's present frame being the middle of the exposure.
     """
     item, pose, baseline = scene.camera, built.matrix_world.copy(), built.data.stereo.interocular_distance
-    _copy(built.data, item.data)
-    _frame(scene, item.data, camera)
+    _copy_lens(built.data, item.data)
+    _set_frame(scene, item.data, camera)
     if toed and camera.toe_in_deg:
         # Blender turns both eyes about the middle between them.
         stereo = item.data.stereo
@@ -66,11 +66,11 @@ def taking(scene: bpy.types.Scene, built: bpy.types.Object, camera: StereoCamera
         middle = 0.0
     item.matrix_world = pose @ Matrix.Translation((middle, 0.0, 0.0))
     if blur is not None:
-        _focus(item.data, blur)
+        _set_focus(item.data, blur)
     if blur is None or blur.exposure_s is None:
         yield
         return
-    _move(scene, item, pose, middle, blur, blur.exposure_s)
+    _set_motion(scene, item, pose, middle, blur, blur.exposure_s)
     try:
         yield
     finally:
@@ -80,19 +80,19 @@ def taking(scene: bpy.types.Scene, built: bpy.types.Object, camera: StereoCamera
         bpy.data.actions.remove(action)
 
 
-def _copy(source: Any, target: Any) -> None:
+def _copy_lens(source: Any, target: Any) -> None:
     """Give a lens, or a part of it, all that makes another what it is."""
     for prop in source.bl_rna.properties:
         name = prop.identifier
-        if name in _OF_ANY_BLOCK or name.startswith("angle"):  # another way to say focal length and sensor
+        if name in _OF_ANY_DATABLOCK or name.startswith("angle"):  # another way to say focal length and sensor
             continue
         if name in _PARTS:
-            _copy(getattr(source, name), getattr(target, name))
+            _copy_lens(getattr(source, name), getattr(target, name))
         elif not prop.is_readonly and getattr(target, name) != getattr(source, name):
             setattr(target, name, getattr(source, name))
 
 
-def _frame(scene: bpy.types.Scene, lens: bpy.types.Camera, camera: StereoCamera) -> None:
+def _set_frame(scene: bpy.types.Scene, lens: bpy.types.Camera, camera: StereoCamera) -> None:
     """Widen the frame by the overscan, pixels keeping their size and the axis its pixel."""
     width, height = camera.rendered_px
     scene.render.resolution_x, scene.render.resolution_y = width, height
@@ -105,7 +105,7 @@ def _frame(scene: bpy.types.Scene, lens: bpy.types.Camera, camera: StereoCamera)
     lens.shift_x, lens.shift_y = (shift / wider - _SAMPLE_OFFSET_PX / width for shift in (lens.shift_x, lens.shift_y))
 
 
-def _focus(lens: bpy.types.Camera, blur: Blur) -> None:
+def _set_focus(lens: bpy.types.Camera, blur: Blur) -> None:
     if blur.focus_m is None:
         return
     dof = lens.dof
@@ -114,8 +114,8 @@ def _focus(lens: bpy.types.Camera, blur: Blur) -> None:
     dof.aperture_blades, dof.aperture_rotation, dof.aperture_ratio = 0, 0.0, 1.0
 
 
-def _move(scene: bpy.types.Scene, item: bpy.types.Object, pose: Matrix, middle: float, blur: Blur,
-          exposure_s: float) -> None:
+def _set_motion(scene: bpy.types.Scene, item: bpy.types.Object, pose: Matrix, middle: float, blur: Blur,
+                exposure_s: float) -> None:
     """Let the camera move while the shutter is open, one frame long.
 
     Cycles takes the camera's pose at the beginning, in the middle and at the end of the exposure, and keys are at

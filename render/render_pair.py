@@ -32,17 +32,17 @@ from ..nodes.scene import Built
 from ..nodes.surface.sun_inputs import attune
 from ..physics.camera.blur import Blur, blur_of
 from . import cycles_settings, passes, separate_lights
-from .cost.estimate import bytes_left, bytes_of
-from .object_labels import labelled
-from .pair_record import facts
+from .cost.estimate import bytes_of, count_bytes_left
+from .object_labels import lend_labels
+from .pair_record import pair_json
 from .pairs.pair_folder import TOED_TRUTH_FILE, TRUTH_FILE, StereoCamera
 from .pairs.publish import discard, publish
 from .plans.planned_pair import PlannedPair
-from .progress import on_sample
-from .render_camera import taking, viewer
+from .progress import watch_samples
+from .render_camera import add_render_camera, set_up_camera
 
 #: What a pair takes while it is made beside what it takes when it is there, over the latter: Blender's own files.
-_IN_PROGRESS = 1.3
+_ROOM_WHILE_WRITING = 1.3
 
 
 #: Most triangles that Cycles' data is kept for between two renders: half a gigabyte more than without.
@@ -50,7 +50,7 @@ MOST_KEPT_TRIANGLES = 8_000_000
 
 
 @contextmanager
-def studio(built: Built, frame: int) -> Iterator[bpy.types.Scene]:
+def open_render_scene(built: Built, frame: int) -> Iterator[bpy.types.Scene]:
     """A scene of its own that shows the built collection under a black sky, for any number of pairs.
 
     The person's scene is never changed for a render, so there is nothing to put back; this one is
@@ -63,8 +63,8 @@ def studio(built: Built, frame: int) -> Iterator[bpy.types.Scene]:
         scene.collection.children.link(built.collection)
         scene.world = sky
         scene.frame_set(frame)
-        passes.prepare(scene, built.several_lights)
-        with viewer(scene, built.camera), labelled(scene):
+        passes.prepare_scene(scene, built.several_lights)
+        with add_render_camera(scene, built.camera), lend_labels(scene):
             yield scene
     finally:
         scene.render.use_persistent_data = False  # which frees what is kept
@@ -72,14 +72,14 @@ def studio(built: Built, frame: int) -> Iterator[bpy.types.Scene]:
         bpy.data.worlds.remove(sky)
 
 
-def _triangles(built: Built) -> int:
+def _triangle_count(built: Built) -> int:
     """Triangles of the collection's meshes; those of instances once."""
     meshes = {item.data for item in built.collection.all_objects if isinstance(item.data, bpy.types.Mesh)}
     return sum(len(mesh.loops) - 2 * len(mesh.polygons) for mesh in meshes)
 
 
 @contextmanager
-def _turned(camera: bpy.types.Object, turn_deg: float) -> Iterator[None]:
+def _turn_camera(camera: bpy.types.Object, turn_deg: float) -> Iterator[None]:
     """Turn the camera clockwise about the vertical through its left eye, and back at the end."""
     # A matrix put back is taken apart into other numbers, by a rounding error, and would pass for an edit.
     pose = {key: tuple(getattr(camera, key)) for key in ("location", "rotation_euler", "rotation_quaternion",
@@ -103,17 +103,17 @@ def check_space(dataset: Path, pairs: list[PlannedPair], again: bool = False) ->
         probe.write_bytes(b"")
         system.remove(probe)
         free = shutil.disk_usage(dataset).free
-    left = bytes_left(pairs, dataset, again)
-    needed = left + _IN_PROGRESS * max(bytes_of(pair.settings) for pair in pairs) if left else 0.0
+    left = count_bytes_left(pairs, dataset, again)
+    needed = left + _ROOM_WHILE_WRITING * max(bytes_of(pair.settings) for pair in pairs) if left else 0.0
     if needed > free:
         pairs_need = "1 pair may need" if len(pairs) == 1 else f"{len(pairs)} pairs may need"
         raise IcyMoonError(f"{dataset} has {free / 1e6:.0f} MB free, {pairs_need} {needed / 1e6:.0f} MB more; "
                            "free some space, choose another folder or render fewer pixels.")
 
 
-def shoot(built: Built, scene: bpy.types.Scene, planned: PlannedPair, dataset: Path, seconds_build: float,
-          report: Callable[[float], None], lost: Callable[[], bool], again: bool = False) -> Path:
-    """Render one pair of the scene that ``studio`` made and return its folder.
+def render_pair(built: Built, scene: bpy.types.Scene, planned: PlannedPair, dataset: Path, seconds_build: float,
+                report: Callable[[float], None], lost: Callable[[], bool], again: bool = False) -> Path:
+    """Render one pair of the scene that ``open_render_scene`` made and return its folder.
 
     ``report`` receives the fraction done; for ``lost`` and ``again`` see ``publish``. Raises IcyMoonError when the
     render or the disk fails; nothing half-written stays.
@@ -155,7 +155,7 @@ def check_camera(built: Built) -> None:
 
 
 @dataclass(frozen=True)
-class _Take:
+class _CameraSetup:
     """Renders with one camera: which layers, and what the file of each is called, with {} for the eye."""
 
     blur: Blur | None
@@ -167,78 +167,78 @@ def _depth_alone(planned: PlannedPair) -> bool:
     return bool(planned.settings["quality"]["truth"] == "DEPTH")
 
 
-def _takes(camera: StereoCamera, blur: Blur | None, depth_alone: bool) -> list[_Take]:
+def _camera_setups(camera: StereoCamera, blur: Blur | None, depth_alone: bool) -> list[_CameraSetup]:
     """What to render: radiance and truth with one camera, unless truth is of another camera than the light."""
     toed = camera.toe_in_deg != 0
     if blur is None and not toed:
         images = ((BEAUTY, "{}.exr"),) if depth_alone else ((BEAUTY, "{}.exr"), (TRUTH, "{}.exr"))
-        return [_Take(None, False, images)]
-    takes = [_Take(blur, toed, ((BEAUTY, "{}.exr"),)), _Take(None, False, ((TRUTH, TRUTH_FILE),))]
-    return [*takes, _Take(None, True, ((TRUTH, TOED_TRUTH_FILE),))] if toed else takes
+        return [_CameraSetup(None, False, images)]
+    takes = [_CameraSetup(blur, toed, ((BEAUTY, "{}.exr"),)), _CameraSetup(None, False, ((TRUTH, TRUTH_FILE),))]
+    return [*takes, _CameraSetup(None, True, ((TRUTH, TOED_TRUTH_FILE),))] if toed else takes
 
 
 def _render_into(part: Path, built: Built, scene: bpy.types.Scene, planned: PlannedPair,
                  report: Callable[[float], None]) -> dict[str, Any]:
     settings = planned.settings
     camera, blur = StereoCamera.from_settings(settings["rig"]), blur_of(settings)
-    takes = _takes(camera, blur, _depth_alone(planned))
+    takes = _camera_setups(camera, blur, _depth_alone(planned))
     files: dict[str, dict[str, Path]] = {}
     start = time.perf_counter()
-    with _turned(built.camera, planned.turn_deg):
+    with _turn_camera(built.camera, planned.turn_deg):
         cycles_settings.apply(scene, settings["quality"], planned.render_seed, blur is not None)
         attune(scene, built.materials, built.sun, built.planetshine)
-        lights = separate_lights.lights(scene, built)
+        lights = separate_lights.light_passes(scene, built)
         # What moves during a render is not kept from one to the next, nor are surfaces that change between them.
         scene.render.use_persistent_data = (blur is None and len(lights) == 1 and not scene.cycles.shading_system
-                                            and _triangles(built) <= MOST_KEPT_TRIANGLES)
+                                            and _triangle_count(built) <= MOST_KEPT_TRIANGLES)
         truths = sum(layer == TRUTH for take in takes for layer, _ in take.images)
-        with on_sample(len(lights) * int(settings["quality"]["samples"]), truths, report) as sampling:
+        with watch_samples(len(lights) * int(settings["quality"]["samples"]), truths, report) as sampling:
             for k, take in enumerate(takes):
-                with taking(scene, built.camera, camera, take.blur, take.toed):
+                with set_up_camera(scene, built.camera, camera, take.blur, take.toed):
                     scene.render.use_motion_blur = take.blur is not None and take.blur.exposure_s is not None
                     for layer, name in take.images:
                         stem = part / f"{layer}{k}"
-                        made = (_truth(scene, stem, planned) if layer == TRUTH else
-                                _radiance(scene, built, lights, stem, planned))
+                        made = (_render_truth(scene, stem, planned) if layer == TRUTH else
+                                _render_radiance(scene, built, lights, stem, planned))
                         for eye, file in made.items():
                             files.setdefault(name.format(eye), {})[layer] = file
         poses = eye_poses(built.camera.matrix_world, built.camera.data.stereo.interocular_distance)
         toward_sun = np.array(built.sun.matrix_world.to_3x3().col[2])
     rendered = time.perf_counter() - start
     start = time.perf_counter()
-    written = {name: _finish(layers, part / name) for name, layers in sorted(files.items())}
-    return facts(built, planned, poses, toward_sun, written, {
+    written = {name: _merge_layers(layers, part / name) for name, layers in sorted(files.items())}
+    return pair_json(built, planned, poses, toward_sun, written, {
         "render": round(rendered, 3), "sampling": round(sampling.seconds, 3),
         "write": round(time.perf_counter() - start, 3)})
 
 
-def _radiance(scene: bpy.types.Scene, built: Built, lights: list[separate_lights.Light], stem: Path,
-              planned: PlannedPair) -> dict[str, Path]:
+def _render_radiance(scene: bpy.types.Scene, built: Built, lights: list[separate_lights.LightPass], stem: Path,
+                     planned: PlannedPair) -> dict[str, Path]:
     """Render radiance into files of their own, by eye; lights that need it one after the other, and added up."""
     files: dict[str, Path] = {}
     for number, light in enumerate(lights):
-        made = passes.choose(scene, BEAUTY, stem.with_name(f"{stem.name}-{number}"), _depth_alone(planned))
-        with separate_lights.only(built, light):
-            _render(scene, made, planned)
+        made = passes.choose_layer(scene, BEAUTY, stem.with_name(f"{stem.name}-{number}"), _depth_alone(planned))
+        with separate_lights.use_light(built, light):
+            _run_cycles(scene, made, planned)
         for eye, file in made.items():
             if eye in files:
-                with explain_disk_errors("write", file), _unreadable(planned):
+                with explain_disk_errors("write", file), _report_unreadable(planned):
                     files[eye].write_bytes(add_planet(files[eye].read_bytes(), file.read_bytes()))
                     system.remove(file)
             files.setdefault(eye, file)
     return files
 
 
-def _truth(scene: bpy.types.Scene, stem: Path, planned: PlannedPair) -> dict[str, Path]:
+def _render_truth(scene: bpy.types.Scene, stem: Path, planned: PlannedPair) -> dict[str, Path]:
     """Render truth into files of its own, by eye."""
-    files = passes.choose(scene, TRUTH, stem, _depth_alone(planned))
-    with separate_lights.without_osl(scene):
-        _render(scene, files, planned)
+    files = passes.choose_layer(scene, TRUTH, stem, _depth_alone(planned))
+    with separate_lights.disable_osl(scene):
+        _run_cycles(scene, files, planned)
     return files
 
 
 @contextmanager
-def _unreadable(planned: PlannedPair) -> Iterator[None]:
+def _report_unreadable(planned: PlannedPair) -> Iterator[None]:
     """Say it in a sentence if Blender wrote an image that cannot be taken apart."""
     try:
         yield
@@ -247,7 +247,7 @@ def _unreadable(planned: PlannedPair) -> Iterator[None]:
                            "render the pair again.") from None
 
 
-def _render(scene: bpy.types.Scene, files: dict[str, Path], planned: PlannedPair) -> None:
+def _run_cycles(scene: bpy.types.Scene, files: dict[str, Path], planned: PlannedPair) -> None:
     """Let Cycles render into these files. Raises IcyMoonError if it fails, DiskError if they are not whole."""
     try:
         bpy.ops.render.render(write_still=True, scene=scene.name)
@@ -265,7 +265,7 @@ def first_line(error: Exception) -> str:
     return lines[0] if lines else type(error).__name__
 
 
-def _finish(written: dict[str, Path], final: Path) -> dict[str, Any]:
+def _merge_layers(written: dict[str, Path], final: Path) -> dict[str, Any]:
     """Put the layers that Blender wrote into one file, flush it and return its size and checksum."""
     less = partial(drop_passes, unwanted=passes.UNWANTED)
     with explain_disk_errors("write", final):

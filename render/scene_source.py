@@ -21,13 +21,13 @@ from ..settings import changes
 from ..settings.description import Settings, digest
 from . import cycles_settings
 from .plans.planned_pair import PlannedPair
-from .render_pair import check_camera, studio
+from .render_pair import check_camera, open_render_scene
 
 #: What a pair is rendered in: what is built, the scene to render, the seconds that it took to build.
-Set = tuple[Built, bpy.types.Scene, float]
+PreparedScene = tuple[Built, bpy.types.Scene, float]
 
 
-class Standing:
+class FixedScene:
     """A built scene that is rendered as it is, whatever a person has done to it."""
 
     def __init__(self, built: Built, frame: int, seconds_build: float) -> None:
@@ -40,23 +40,23 @@ class Standing:
         self._scene: bpy.types.Scene | None = None
 
     def __enter__(self) -> Self:
-        self._scene = self._held.enter_context(studio(self._built, self._frame))
+        self._scene = self._held.enter_context(open_render_scene(self._built, self._frame))
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None,
                  trace: TracebackType | None) -> None:
         self._held.close()
 
-    def set_for(self, planned: PlannedPair) -> Set:
+    def set_for(self, planned: PlannedPair) -> PreparedScene:
         """Where this pair is rendered."""
         assert self._scene is not None
         cycles_settings.check_possible(planned.settings["quality"])
-        _refuse([*admission.reasons_of_settings(planned.settings),
-                 *eyes_above_ground.reasons(self._built, planned.turn_deg, self._scene)])
+        _raise_reasons([*admission.reasons_of_settings(planned.settings),
+                        *eyes_above_ground.reasons(self._built, planned.turn_deg, self._scene)])
         return self._built, self._scene, self._seconds
 
 
-class Described:
+class ScenesFromSettings:
     """Scenes built from settings, each made out of the one before with the least work."""
 
     def __init__(self, warn: Callable[[str], None], extra: str = "") -> None:
@@ -74,13 +74,13 @@ class Described:
                  trace: TracebackType | None) -> None:
         self._held.close()
 
-    def set_for(self, planned: PlannedPair) -> Set:
+    def set_for(self, planned: PlannedPair) -> PreparedScene:
         """Where this pair is rendered. Raises IcyMoonError if its scene cannot be built; the next one may."""
         start = time.perf_counter()
         before, self._built = self._built, None
         cycles_settings.check_possible(planned.settings["quality"])
         admission.refuse(planned.settings)
-        shared = before is not None and _same_surroundings(before.settings, planned.settings)
+        shared = before is not None and _same_scene_and_light(before.settings, planned.settings)
         if not shared:  # what Cycles keeps is of no use any more
             self._held.close()
             self._say(cost_warnings(planned.settings))
@@ -89,11 +89,11 @@ class Described:
         _check_id(planned, built, self._extra)
         if not shared or not kept:
             self._held.close()
-            self._scene = self._held.enter_context(studio(built, bpy.context.scene.frame_current))
+            self._scene = self._held.enter_context(open_render_scene(built, bpy.context.scene.frame_current))
         assert self._scene is not None
         self._built = built
         # Not in a scene that comes and goes, after which Cycles would build its tree of triangles again.
-        _refuse(eyes_above_ground.of_described(built, self._scene))
+        _raise_reasons(eyes_above_ground.of_described(built, self._scene))
         return built, self._scene, time.perf_counter() - start
 
     def _say(self, warnings: list[str] | tuple[str, ...]) -> None:
@@ -103,13 +103,13 @@ class Described:
                 self._warn(warning)
 
 
-def _refuse(reasons: Iterable[str]) -> None:
+def _raise_reasons(reasons: Iterable[str]) -> None:
     """Raise IcyMoonError with all reasons, if there are any."""
     if said := " ".join(reasons):
         raise IcyMoonError(said)
 
 
-def _same_surroundings(one: Settings, other: Settings) -> bool:
+def _same_scene_and_light(one: Settings, other: Settings) -> bool:
     """Whether two descriptions differ in nothing but camera, sampling, response and run."""
     return all(part(one) == part(other) for part in (changes.scene, changes.look, changes.light))
 

@@ -21,7 +21,7 @@ from ..nodes.surface import sun_inputs
 
 
 @dataclass(frozen=True)
-class Light:
+class LightPass:
     """What gives light in one of the renders of an image: the roles that are left out, and the light group of what
     surfaces give by themselves; None for as the scene has it."""
 
@@ -29,27 +29,27 @@ class Light:
     group: str | None = None
 
 
-def _asking(built: Built) -> list[bpy.types.Material]:
+def _materials_with_sun_inputs(built: Built) -> list[bpy.types.Material]:
     """The materials that ask where the light comes from."""
     return [material for material in built.materials if sun_inputs.asks(material)]
 
 
-def lights(scene: bpy.types.Scene, built: Built) -> list[Light]:
+def light_passes(scene: bpy.types.Scene, built: Built) -> list[LightPass]:
     """What to render one after the other and add up.
 
     A denoised image is rendered at once: its parts would be denoised apart.
     """
     if (not scene.view_layers[0].lightgroups or built.planetshine is None or scene.cycles.use_denoising
-            or not _asking(built)):
-        return [Light()]
+            or not _materials_with_sun_inputs(built)):
+        return [LightPass()]
     if built.sun.data.energy > 0:
-        return [Light(("planetshine",), "Sun"),
-                Light(("sun", *(role for role in ROLES if role != "planetshine")), "Planet")]
-    return [Light((), "Planet")]
+        return [LightPass(("planetshine",), "Sun"),
+                LightPass(("sun", *(role for role in ROLES if role != "planetshine")), "Planet")]
+    return [LightPass((), "Planet")]
 
 
 @contextmanager
-def only(built: Built, light: Light) -> Iterator[None]:
+def use_light(built: Built, light: LightPass) -> Iterator[None]:
     """The scene has this light."""
     if light.group is None:
         yield
@@ -60,20 +60,20 @@ def only(built: Built, light: Light) -> Iterator[None]:
             undo.callback(setattr, block, name, getattr(block, name))
             setattr(block, name, value)
 
-        undo.callback(lambda: sun_inputs.aim(_asking(built), sun, built.planetshine))
+        undo.callback(lambda: sun_inputs.aim(_materials_with_sun_inputs(built), sun, built.planetshine))
         for item in list(built.collection.all_objects):
             if item.get(TAG) in light.dark:
                 lend(item, "hide_render", True)
             for each in (item, *instanced(item)) if item.get(TAG) in ("terrain", "rock") else ():
                 if each.lightgroup:
                     lend(each, "lightgroup", light.group)
-        sun_inputs.aim(_asking(built), replace(sun, irradiance_wm2=(0.0, 0.0, 0.0)) if "sun" in light.dark else sun,
-                     built.planetshine)
+        sun_inputs.aim(_materials_with_sun_inputs(built),
+                       replace(sun, irradiance_wm2=(0.0, 0.0, 0.0)) if "sun" in light.dark else sun, built.planetshine)
         yield
 
 
 @contextmanager
-def without_osl(scene: bpy.types.Scene) -> Iterator[None]:
+def disable_osl(scene: bpy.types.Scene) -> Iterator[None]:
     """Open Shading Language is off, as truth needs it; what is made of it, which rays would pass through then, is a
     plain surface."""
     if not scene.cycles.shading_system:

@@ -1,6 +1,6 @@
 """The headless worker: builds scenes, renders their pairs, says what it does in JSON lines.
 
-The window, the command line and a scheduler all run this. A job is a JSON file, see ``launch.Job``: the
+The window, the command line and a scheduler all run this. A job is a JSON file, see ``job.Job``: the
 pairs of a description, of a scene in a .blend file as a person left it, or of a list.
 """
 
@@ -23,30 +23,30 @@ from ..settings.description import Settings, check, defaults, merged, restored
 from ..system import end_at_interrupt
 from .pairs.our_files import checked_id
 from .pairs.pair_folder import is_complete
-from .plans.planned_pair import PlannedPair, expand
-from .render_pair import check_space, first_line, shoot
-from .scene_source import Described, Standing
+from .plans.planned_pair import PlannedPair, expand_headings
+from .render_pair import check_space, first_line, render_pair
+from .scene_source import FixedScene, ScenesFromSettings
 from .workers.claims import Claims
 from .workers.job import read_job
-from .workers.memory import shortage
+from .workers.memory import describe_shortage
 from .workers.process import emit
 
-Emit = Callable[..., None]
+Send = Callable[..., None]
 
 
 def render_pairs(built: Built, pairs: list[PlannedPair], dataset: Path, frame: int, seconds_build: float,
-                 say: Emit, again: bool = False) -> list[Path]:
-    """Render the planned pairs of a built scene and return their folders, see ``render_in``.
+                 say: Send, again: bool = False) -> list[Path]:
+    """Render the planned pairs of a built scene and return their folders, see ``render_from``.
 
     Raises IcyMoonError at the first failure, and if the scene shows a preview; finished pairs stay.
     """
-    with Standing(built, frame, seconds_build) as stage:
-        render_in(stage, pairs, dataset, say, again)
+    with FixedScene(built, frame, seconds_build) as stage:
+        render_from(stage, pairs, dataset, say, again)
     return [planned.folder(dataset) for planned in pairs]
 
 
-def render_in(stage: Standing | Described, pairs: list[PlannedPair], dataset: Path, say: Emit, again: bool = False,
-              keep_going: bool = False) -> None:
+def render_from(stage: FixedScene | ScenesFromSettings, pairs: list[PlannedPair], dataset: Path, say: Send,
+                again: bool = False, keep_going: bool = False) -> None:
     """Render planned pairs, each in the scene that ``stage`` has for it.
 
     A pair that is already complete is not rendered again unless ``again``. ``say(type, **facts)`` receives
@@ -63,7 +63,7 @@ def render_in(stage: Standing | Described, pairs: list[PlannedPair], dataset: Pa
                     raise IcyMoonError(f"Pair {planned.id} is being rendered by another process; wait for it.")
                 try:
                     if mine:
-                        _render(stage, planned, dataset, say, claims, again, k, len(pairs))
+                        _render_one(stage, planned, dataset, say, claims, again, k, len(pairs))
                 except IcyMoonError as error:
                     if claims.lost(planned.id) and keep_going:
                         continue  # who has it now has also cleared away what was begun here
@@ -74,8 +74,8 @@ def render_in(stage: Standing | Described, pairs: list[PlannedPair], dataset: Pa
         claims.close()
 
 
-def _render(stage: Standing | Described, planned: PlannedPair, dataset: Path, say: Emit, claims: Claims, again: bool,
-            k: int, total: int) -> None:
+def _render_one(stage: FixedScene | ScenesFromSettings, planned: PlannedPair, dataset: Path, say: Send, claims: Claims,
+                again: bool, k: int, total: int) -> None:
     label = f"Pair {k + 1} of {total}"
     folder = planned.folder(dataset)
 
@@ -89,12 +89,12 @@ def _render(stage: Standing | Described, planned: PlannedPair, dataset: Path, sa
         report(0.0)
         check(planned.settings, f"Pair {planned.id}")  # an earlier version may have accepted more
         built, scene, seconds_build = stage.set_for(planned)
-        shoot(built, scene, planned, dataset, seconds_build, report, partial(claims.lost, planned.id), again)
+        render_pair(built, scene, planned, dataset, seconds_build, report, partial(claims.lost, planned.id), again)
     say("pair", id=planned.id, folder=str(folder), rendered=rendered, done=k + 1, total=total,
         seconds=round(time.perf_counter() - start, 2))
 
 
-def _planned(job: dict[str, Any]) -> list[PlannedPair]:
+def _pairs_of_job(job: dict[str, Any]) -> list[PlannedPair]:
     """The pairs of a job, with as many threads as it says."""
     if job.get("pairs"):
         described = [(checked_id(pair["id"], "The job"), restored(pair["settings"], "job"))
@@ -103,35 +103,36 @@ def _planned(job: dict[str, Any]) -> list[PlannedPair]:
         return [PlannedPair(name, merged(settings, threads), 0.0) for name, settings in described]
     settings = merged(defaults(), check(job["settings"], "job"))
     # Each pair is built as it is described: there is nothing that has to be turned.
-    return [PlannedPair(pair.id, pair.settings, 0.0) for pair in expand(settings, extra(settings) + _repeat(job))]
+    return [PlannedPair(pair.id, pair.settings, 0.0)
+            for pair in expand_headings(settings, extra(settings) + _repeat_text(job))]
 
 
-def _settings(job: dict[str, Any]) -> Settings:
+def _first_settings(job: dict[str, Any]) -> Settings:
     """The description of a job's scene, or of its first."""
     stated = job["pairs"][0]["settings"] if job.get("pairs") else job.get("settings", {})
     return merged(defaults(), check(stated, "job"))
 
 
-def _repeat(job: dict[str, Any]) -> str:
+def _repeat_text(job: dict[str, Any]) -> str:
     """What tells the pairs of another repeat apart."""
     return f" repeat {job['repeat']}" if job.get("repeat") else ""
 
 
-def run(job: dict[str, Any], say: Emit = emit) -> None:
-    """Do a job, see ``launch.read_job``. Raises IcyMoonError for what a person can mend."""
+def run_job(job: dict[str, Any], say: Send = emit) -> None:
+    """Do a job, see ``job.read_job``. Raises IcyMoonError for what a person can mend."""
     dataset, again = Path(job["dataset"]), bool(job.get("again"))
     say("progress", fraction=0.0, message="Building the scene")
     if job.get("blend"):
-        built, frame, pairs = _opened(job)
+        built, frame, pairs = _open_blend(job)
         render_pairs(built, pairs, dataset, frame, 0.0, say, again)
     else:
-        pairs = _planned(job)
-        with Described(lambda warning: say("warning", message=warning), _repeat(job)) as stage:
-            render_in(stage, pairs, dataset, say, again, bool(job.get("pairs")))
+        pairs = _pairs_of_job(job)
+        with ScenesFromSettings(lambda warning: say("warning", message=warning), _repeat_text(job)) as stage:
+            render_from(stage, pairs, dataset, say, again, bool(job.get("pairs")))
     say("done", folders=[str(pair.folder(dataset)) for pair in pairs if is_complete(pair.folder(dataset))])
 
 
-def _opened(job: dict[str, Any]) -> tuple[Built, int, list[PlannedPair]]:
+def _open_blend(job: dict[str, Any]) -> tuple[Built, int, list[PlannedPair]]:
     """What is built in a .blend file, the frame it shows, and its pairs."""
     try:
         bpy.ops.wm.open_mainfile(filepath=job["blend"], load_ui=False, use_scripts=False)
@@ -144,7 +145,7 @@ def _opened(job: dict[str, Any]) -> tuple[Built, int, list[PlannedPair]]:
         raise IcyMoonError(f"{job['blend']} holds no built Icy Moon scene; press Build Scene and render again.")
     settle(built)
     settings = merged(defaults(), check(job["settings"], "job"))
-    return built, scene.frame_current, expand(settings, built.extra + _repeat(job))
+    return built, scene.frame_current, expand_headings(settings, built.extra + _repeat_text(job))
 
 
 def main(arguments: list[str]) -> int:
@@ -157,12 +158,12 @@ def main(arguments: list[str]) -> int:
     try:
         scene_properties.register()
         job = read_job(Path(arguments[0]))
-        run(job)
+        run_job(job)
         status = 0
     except IcyMoonError as error:
         emit("error", message=str(error))
     except MemoryError:
-        emit("error", message=shortage(_settings(job)), crash=True)
+        emit("error", message=describe_shortage(_first_settings(job)), crash=True)
     except Exception as error:
         import traceback
         traceback.print_exc()

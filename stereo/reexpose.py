@@ -13,7 +13,7 @@ from ..errors import IcyMoonError, describe_error
 from ..files import write_json
 from ..labels import LIGHT_GROUPS
 from ..physics.camera.lens_distortion import COEFFICIENTS, coefficients
-from ..render.pairs.pair_folder import EYES, pair_folders
+from ..render.pairs.pair_folder import EYES, find_pair_folders
 from ..settings.description import merged
 from ..system import remove
 from .evaluate import Event
@@ -43,7 +43,7 @@ def reexpose(paths: Sequence[Path], out: Path, response: Mapping[str, Mapping[st
     ``on_event`` gets the events of ``evaluate``. A pair that fails does not stop the others. Raises IcyMoonError if
     there is no pair and, at the end, if one failed.
     """
-    folders = list(dict.fromkeys(folder for path in paths for folder in pair_folders(path)))
+    folders = list(dict.fromkeys(folder for path in paths for folder in find_pair_folders(path)))
     done: list[Path] = []
     warned: set[str] = set()
     failed: list[str] = []

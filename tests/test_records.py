@@ -17,13 +17,13 @@ from icymoon.commands.sources import read_pair_settings
 from icymoon.errors import IcyMoonError
 from icymoon.render.cost import estimate
 from icymoon.render.cost import speed as machine
-from icymoon.render.pairs.pair_folder import is_complete, read_pair, restate
+from icymoon.render.pairs.pair_folder import is_complete, read_pair, update_response
 from icymoon.render.plans import frozen_plan as datasets
-from icymoon.render.workers.claims import FOLDER, Claims
+from icymoon.render.workers.claims import CLAIMS_FOLDER, Claims
 from icymoon.render.workers.detached import Detached
 from icymoon.render.workers.job import Job, read_job
 from icymoon.render.workers.manifest import write_manifest
-from icymoon.render.workers.runner import Runner, Workers
+from icymoon.render.workers.runner import Runner, WorkerOptions
 from icymoon.render.workers.verify import verify
 from icymoon.settings.description import check
 from icymoon.stereo.evaluate import evaluate
@@ -118,7 +118,7 @@ def test_a_damaged_pair_is_read_or_told_in_a_sentence(tmp_path):
     read = 0
     for _ in range(250):
         write(path, mutated(good, chosen))
-        for act in (is_complete, read_pair_settings, lambda folder: restate(folder, PAIRS[0].settings)):
+        for act in (is_complete, read_pair_settings, lambda folder: update_response(folder, PAIRS[0].settings)):
             sentence_or_success(lambda act=act: act(folder))
         write(path, mutated(good, chosen))
         if sentence_or_success(lambda: read_pair(folder)):
@@ -146,15 +146,15 @@ def test_a_pair_names_its_files_and_no_others(tmp_path):
 
 
 def test_a_damaged_plan_is_read_or_told_in_a_sentence(tmp_path):
-    datasets.freeze(tmp_path, PAIRS, "the plan\n")
+    datasets.freeze_plan(tmp_path, PAIRS, "the plan\n")
     path, chosen = tmp_path / datasets.PLAN, random.Random(6)
     lines = path.read_text().splitlines()
     for _ in range(150):
         number = chosen.randrange(len(lines))
         write(path, b"\n".join(each if isinstance(each, bytes) else each.encode("utf-8", "surrogatepass") for each in (
             mutated(line, chosen) if k == number else line for k, line in enumerate(lines))))
-        if sentence_or_success(lambda: datasets.read(tmp_path)):
-            assert all(len(pair.id) == 12 for pair in datasets.read(tmp_path).pairs)
+        if sentence_or_success(lambda: datasets.read_frozen_plan(tmp_path)):
+            assert all(len(pair.id) == 12 for pair in datasets.read_frozen_plan(tmp_path).pairs)
 
 
 def test_a_damaged_job_is_read_or_told_in_a_sentence(tmp_path):
@@ -179,10 +179,10 @@ def test_what_a_damaged_file_of_ones_own_remembers_is_forgotten(tmp_path, monkey
     """The speed of the machine, a claim, what runs, an evaluation's facts and rows: none of them is worth a failure."""
     monkeypatch.setenv(machine.FOLDER_VARIABLE, str(tmp_path))
     speed = machine.Speed(2.0, "CPU", "5.0.1", system.count_processors(), "2026-01-01T00:00+00:00")
-    machine.remember(speed)
+    machine.remember_speed(speed)
     claims = Claims(tmp_path)
     claims.take(PAIRS[0].id)
-    claim, = (tmp_path / FOLDER).iterdir()
+    claim, = (tmp_path / CLAIMS_FOLDER).iterdir()
     running = tmp_path / "run.json"
     running.write_text(json.dumps({"pid": 2**22 + 1, "started": 1.0, "title": "Rendering", "dataset": "/x"}))
     (tmp_path / "run.log").touch()
@@ -198,9 +198,9 @@ def test_what_a_damaged_file_of_ones_own_remembers_is_forgotten(tmp_path, monkey
     rows.write_text(json.dumps(row) + "\n")
     assert RowLog(rows, results.ROW).find("p", "bm", "k") == row
     assert results.find_facts(tmp_path, "p") is not None
-    assert machine.remembered("CPU") == speed
-    file = machine._file()
-    for path, act in ((file, lambda: machine.remembered("CPU")), (claim, lambda: Claims(tmp_path).others()),
+    assert machine.recall_speed("CPU") == speed
+    file = machine._speed_file()
+    for path, act in ((file, lambda: machine.recall_speed("CPU")), (claim, lambda: Claims(tmp_path).others()),
                       (claim, lambda: Claims(tmp_path).holder(PAIRS[0].id)), (claim, lambda: claims.lost(PAIRS[0].id)),
                       (running, lambda: Detached.attached(tmp_path / "run")),
                       (facts, lambda: results.find_facts(tmp_path, "p")),
@@ -213,7 +213,7 @@ def test_what_a_damaged_file_of_ones_own_remembers_is_forgotten(tmp_path, monkey
         path.write_text(good)
     file.write_text(json.dumps({machine._key("CPU", "5.0.1",
                                              system.count_processors()): asdict(speed) | {"factor": "abc"}}))
-    assert machine.remembered("CPU") is None
+    assert machine.recall_speed("CPU") is None
     claims.close()
 
 
@@ -221,7 +221,7 @@ def test_what_a_damaged_file_of_ones_own_remembers_is_forgotten(tmp_path, monkey
 def broken_set(tmp_path_factory):
     """A data set of two good pairs, and one that has all its files and settings that are none."""
     folder = tmp_path_factory.mktemp("set")
-    datasets.freeze(folder, PAIRS, "")
+    datasets.freeze_plan(folder, PAIRS, "")
     for pair in PAIRS:
         write_pair(pair.folder(folder), Scene(), camera(96, 64), settings=pair.settings)
     path = PAIRS[0].folder(folder) / "pair.json"
@@ -250,7 +250,8 @@ def test_a_bad_pair_stops_no_other_and_is_counted(broken_set, tmp_path):
     assert write_manifest(broken_set, {})["set_aside"].keys() == {bad}
     assert estimate.estimate(PAIRS, broken_set).there == len(PAIRS)
     said = []
-    runner = Runner(broken_set, PAIRS, Workers(1, 1, "no Blender"), lambda kind, **facts: said.append((kind, facts)))
+    runner = Runner(broken_set, PAIRS, WorkerOptions(1, 1, "no Blender"),
+                    lambda kind, **facts: said.append((kind, facts)))
     assert runner.run().keys() == {bad}
     assert [facts["pair"] for kind, facts in said if kind == "error"] == [bad]
 

@@ -19,9 +19,9 @@ from icymoon.render.pairs.publish import publish
 from icymoon.render.plans import frozen_plan as datasets
 from icymoon.render.workers import runner as running
 from icymoon.render.workers.claims import Claims
-from icymoon.render.workers.detached import Detached, left_running
+from icymoon.render.workers.detached import Detached, find_left_running
 from icymoon.render.workers.process import Process
-from icymoon.render.workers.runner import Runner, Workers
+from icymoon.render.workers.runner import Runner, WorkerOptions
 from icymoon.render.workers.verify import verify
 from icymoon.version import ROOT
 from plans import grid
@@ -327,20 +327,20 @@ def test_what_goes_on_alone_is_found_again_and_stopped(drive, attached, end):
     first_word(process)
     with pytest.raises(IcyMoonError, match="running already"):
         Detached.start(talks(), drive / "running" / "one", FACTS)
-    assert left_running(drive / "running") is None
+    assert find_left_running(drive / "running") is None
     if attached:
         process.leave = True
         process.stop()
         with pytest.raises(IcyMoonError, match="running already"):  # although nobody watches it
             Detached.start(talks(), drive / "running" / "one", FACTS)
-        process = left_running(drive / "running")
+        process = find_left_running(drive / "running")
         assert process is not None
     end(process)
     messages = heard(process)
     assert not process.running
     if end is Detached.cancel:
         assert messages[-1].get("what") == "stopped"
-    assert left_running(drive / "running") is None
+    assert find_left_running(drive / "running") is None
     again = Detached.start(talks(), drive / "running" / "one", FACTS)
     first_word(again)
     time.sleep(0.6)  # more than twice as long as between two looks for a wish to stop
@@ -366,7 +366,7 @@ def blender(drive):
 
 
 def render(dataset: Path, blender: Path, said: list, **options) -> dict[str, str]:
-    return Runner(dataset, PAIRS, Workers(2, 1, str(blender), **options),
+    return Runner(dataset, PAIRS, WorkerOptions(2, 1, str(blender), **options),
                   lambda kind, **facts: said.append({"type": kind, **facts})).run()
 
 
@@ -375,7 +375,7 @@ def test_a_data_set_is_rendered_whatever_workers_do_and_verified(drive, blender,
     bad = PAIRS[1].id
     (blender.parent / "behave.json").write_text(json.dumps({bad: "crash once"}), encoding="utf-8")
     dataset, said = drive / "My data", []
-    datasets.freeze(dataset, PAIRS, "")
+    datasets.freeze_plan(dataset, PAIRS, "")
     assert render(dataset, blender, said) == {}
     assert sorted(path.name for path in (dataset / "pairs").iterdir()) == sorted(pair.id for pair in PAIRS)
     assert all(is_complete(pair.folder(dataset)) for pair in PAIRS)
@@ -460,7 +460,7 @@ def test_a_pair_is_published_over_one_that_is_looked_at_once_it_is_closed(drive,
 def test_what_is_broken_and_open_stays_and_is_named(drive, monkeypatch):
     monkeypatch.setattr(system, "_WAITS_S", (0.0,) * 5)
     dataset = drive / "set"
-    datasets.freeze(dataset, PAIRS, "")
+    datasets.freeze_plan(dataset, PAIRS, "")
     publish(unfinished(dataset, b"old"), PAIRS[0].folder(dataset), lambda: False)
     left = PAIRS[0].folder(dataset) / "left.exr"
     left.write_bytes(b"changed")

@@ -23,10 +23,10 @@ class Abilities:
     gpu: bool = True
 
 
-def probe(blender: str) -> dict[str, Any]:
-    """What a Blender, or a Python with ``bpy``, says of itself, see ``render.probe``.
+def probe_blender(blender: str) -> dict[str, Any]:
+    """What a Blender, or a Python with ``bpy``, reports about itself, see ``render.probe_blender``.
 
-    Raises IcyMoonError if it says nothing.
+    Raises IcyMoonError if it reports nothing.
     """
     process = Process(blender_command(blender, "probe"))
     for message in process.messages():
@@ -38,13 +38,13 @@ def probe(blender: str) -> dict[str, Any]:
 
 
 @lru_cache(maxsize=4)
-def ask(blender: str) -> Abilities:
-    """The abilities of a Blender, asked once. Raises IcyMoonError if it says nothing."""
-    facts = probe(blender)
+def ask_abilities(blender: str) -> Abilities:
+    """The abilities of a Blender, asked once. Raises IcyMoonError if it reports nothing."""
+    facts = probe_blender(blender)
     return Abilities(facts["osl"], facts["denoiser"], bool(facts["devices"]))
 
 
-def lacking_quality(quality: Mapping[str, Any], able: Abilities) -> str:
+def lack_for_quality(quality: Mapping[str, Any], able: Abilities) -> str:
     """What a Blender lacks for settings of the quality, with the mend, as a sentence; empty if nothing."""
     if quality["denoiser"] != "NONE" and not able.denoiser:
         return ("This Blender was built without OpenImageDenoise; set quality.denoiser to NONE or use an official "
@@ -54,43 +54,43 @@ def lacking_quality(quality: Mapping[str, Any], able: Abilities) -> str:
     return ""
 
 
-def lacking(settings: Settings, able: Abilities) -> str:
+def lack_for(settings: Settings, able: Abilities) -> str:
     """The same, for complete settings."""
     if not able.osl and settings["hapke"]["backend"] == "OSL" and any(
             settings[topic]["model"] == "HAPKE" for topic in surface_topics(settings)):
         return ("This Blender was built without Open Shading Language; set hapke.backend to AUTO or use an official "
                 "build.")
-    return lacking_quality(settings["quality"], able)
+    return lack_for_quality(settings["quality"], able)
 
 
-def special(settings: Settings) -> bool:
+def needs_full_build(settings: Settings) -> bool:
     """Whether settings ask for what not every Blender has."""
-    return bool(lacking(settings, Abilities(osl=False, denoiser=False, gpu=False)))
+    return bool(lack_for(settings, Abilities(osl=False, denoiser=False, gpu=False)))
 
 
-def lacking_of(wanted: Iterable[Settings], blender: str) -> str:
+def find_lack(wanted: Iterable[Settings], blender: str) -> str:
     """What a Blender lacks for some of these settings, and for how many; empty if nothing. It is asked only if any of
     them asks for what not every Blender has.
 
-    Raises IcyMoonError if it says nothing.
+    Raises IcyMoonError if it reports nothing.
     """
     asked, count = [], 0
     for settings in wanted:
         count += 1
-        if special(settings):
+        if needs_full_build(settings):
             asked.append(settings)
     if not asked:
         return ""
-    able = ask(blender)
-    found = [lack for lack in (lacking(settings, able) for settings in asked) if lack]
+    able = ask_abilities(blender)
+    found = [lack for lack in (lack_for(settings, able) for settings in asked) if lack]
     if not found or count == 1:
         return "".join(found)
     what, mend = found[0].rstrip(".").split("; ", 1)
     return f"{what}, which {len(found)} of {count} pairs ask for; {mend}."
 
 
-def require(wanted: Iterable[Settings], blender: str) -> None:
+def check_abilities(wanted: Iterable[Settings], blender: str) -> None:
     """Raise IcyMoonError if a Blender lacks what some of these settings ask for, or cannot be asked."""
-    lack = lacking_of(wanted, blender)
+    lack = find_lack(wanted, blender)
     if lack:
         raise IcyMoonError(lack)

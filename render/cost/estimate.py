@@ -24,13 +24,13 @@ from ...settings.description import Settings
 from ...settings.user_files import used_files
 from ...system import count_processors
 from ..pairs.pair_folder import StereoCamera, is_complete, read_pair
-from ..plans.order import key, ordered
+from ..plans.order import ordered, settings_key
 from ..plans.planned_pair import PlannedPair
 from .speed import Speed
 
 #: Processor seconds, 2-core x86 server, Blender 5.0 (``benchmarks/plan_cost.py``): a worker, a build, a pair.
 _START_S = 3.0
-_SCENE_S, _BUILD_S_PER_MTRI, _BLOCKS_BUILD_S = 0.2, 0.7, 0.2
+_SCENE_S, _BUILD_S_PER_MTRI, _ROCKS_BUILD_S = 0.2, 0.7, 0.2
 _PAIR_S, _PAIR_S_PER_MTRI = 0.05, 0.6
 _S_PER_MPX, _TRUTH_S_PER_MPX, _SAMPLE_S_PER_MPX, _DENOISE_S_PER_MPX = 2.1, 1.7, 2.06, 3.5
 #: Bytes of a pass per pixel that shows ground, of images of 160 columns (``benchmarks/disk.py``). Light of ice in
@@ -40,7 +40,7 @@ _LIGHT_OF_ONE_SAMPLE, _LIGHT_PER_DOUBLING = 2.6, 0.4
 _SUN_GROUP, _PLANET_GROUP = 0.97, 0.7  # of the whole light's
 #: Normals of facets are the same on all pixels of one: with edges of e pixels on the screen they take the share
 #: 1 - exp(-a e^b) of the normals', on a grid the third number; what blocks add, with their labels, and all else takes.
-_FACETS, _FACETS_POWER, _FACETS_GRID, _BLOCK_LABELS, _REST = 10.8, -1.21, 0.9, 1.0, 0.2
+_FACETS, _FACETS_POWER, _FACETS_GRID, _ROCK_LABELS, _REST = 10.8, -1.21, 0.9, 1.0, 0.2
 #: Neighbours in larger images are more alike: bytes of twice the columns over those of one.
 _DOUBLE_WIDTH = 0.982
 #: Cost of a sample over that with Lambert's law and shaded relief, without the relief. Bounces count for little: on
@@ -48,7 +48,7 @@ _DOUBLE_WIDTH = 0.982
 _MODELS = {"LAMBERT": 0.75, "LOMMEL_SEELIGER": 0.75, "LUNAR_LAMBERT": 0.8, "PRINCIPLED": 0.95, "HAPKE": 2.65}
 _HAPKE_NODES, _HAPKE_REFERENCE = 1.15, 3.45
 _RELIEF, _RELIEF_CAMERA = 0.25, 0.21  # added by shaded relief, and where the camera alone meets it
-_TRANSMISSION, _IMAGES, _BLOCKS = 0.3, 2.9, 0.6  # added by clear ice, images on the ground and blocks
+_TRANSMISSION, _IMAGES, _ROCKS = 0.3, 2.9, 0.6  # added by clear ice, images on the ground and blocks
 #: Added by a walk under the surface, whatever its length, half of it where its weight is this.
 _WALK, _HALF = 12.0, 0.5
 #: Cycles' own least samples under a noise threshold t are 16 t^-0.3; beyond them a pixel of noise s of one sample takes
@@ -57,7 +57,7 @@ _LEAST, _LEAST_POWER, _SAMPLE_NOISE = 16.0, -0.3, 0.2
 #: Scenes whose triangles are counted; the others are taken to have as many on the mean.
 _COUNTED = 6
 #: Pairs of the data set that are looked at for what they took.
-_LOOKED_AT = 400
+_MOST_READ = 400
 #: Standard deviations of the logarithm: of the whole before a pair is known (another machine, this one), of one pair.
 _BEFORE, _BEFORE_HERE, _ONE_PAIR = math.log(3.0) / 2, math.log(1.6) / 2, 0.25
 _UNKNOWN_DEVICE = math.log(30.0) / 2  # a graphics card
@@ -88,8 +88,8 @@ def work_of(settings: Settings) -> Work:
     quality = settings["quality"]
     topics, share = surface_topics(settings), settings["rocks"]["coverage"]
     weights = (1.0,) if len(topics) == 1 else (1.0 - share, share)
-    relative = sum(weight * _sample(settings, topic) for weight, topic in zip(weights, topics, strict=True))
-    relative += _BLOCKS * (share > 0)
+    relative = sum(weight * _sample_cost(settings, topic) for weight, topic in zip(weights, topics, strict=True))
+    relative += _ROCKS * (share > 0)
     samples = samples_taken(quality["samples"], quality["noise_threshold"])
     return Work(_pixels(settings), samples, relative, quality["denoiser"] != "NONE", quality["truth"] != "DEPTH")
 
@@ -111,17 +111,17 @@ def bytes_of(settings: Settings) -> float:
     copies = 1 + (settings["rig"]["toe_in_deg"] != 0)  # the rectified rig's truth, and that of eyes that are turned
     truth = _DEPTH if quality["truth"] == "DEPTH" else _DEPTH + _NORMAL + _facets(settings)
     larger = _DOUBLE_WIDTH ** math.log2(settings["rig"]["width_px"] / 160.0)
-    return _pixels(settings) * (larger * (1.0 - sky_share(settings)) * (seen + copies * truth) + _REST)
+    return _pixels(settings) * (larger * (1.0 - sky_fraction(settings)) * (seen + copies * truth) + _REST)
 
 
 def _facets(settings: Settings) -> float:
     """Bytes per pixel of the normals of facets, and of labels."""
     graded = settings["source"]["kind"] == "PROCEDURAL" and settings["mesh"]["kind"] == "GRADED"
     share = 1.0 - math.exp(-_FACETS * settings["mesh"]["edge_px"] ** _FACETS_POWER) if graded else _FACETS_GRID
-    return _NORMAL * share + _BLOCK_LABELS * (settings["rocks"]["coverage"] > 0)
+    return _NORMAL * share + _ROCK_LABELS * (settings["rocks"]["coverage"] > 0)
 
 
-def sky_share(settings: Settings) -> float:
+def sky_fraction(settings: Settings) -> float:
     """Share of an image that is above the edge of the ground, were that level: the horizon, or the rim of a patch."""
     rig, source = settings["rig"], settings["source"]
     camera = StereoCamera.from_settings(rig)
@@ -132,7 +132,7 @@ def sky_share(settings: Settings) -> float:
     return min(1.0, max(0.0, (row + camera.margin_y_px) / camera.rendered_px[1]))
 
 
-def _sample(settings: Settings, topic: str) -> float:
+def _sample_cost(settings: Settings, topic: str) -> float:
     """Cost of a sample that meets a surface, over that with Lambert's law and shaded relief."""
     surface, hapke = rendered_surface(settings, topic), settings["hapke"]
     relative = _MODELS[surface["model"]]
@@ -157,7 +157,7 @@ def samples_taken(samples: int, threshold: float) -> float:
     return min(float(samples), max(_LEAST * threshold**_LEAST_POWER, (_SAMPLE_NOISE / threshold) ** 2))
 
 
-def triangles_of(settings: Settings) -> float:
+def count_triangles(settings: Settings) -> float:
     """Triangles of the ground of complete settings, roughly where it is a file.
 
     Raises IcyMoonError if a file of one's own cannot be read.
@@ -171,7 +171,7 @@ def triangles_of(settings: Settings) -> float:
 
 def scene_seconds(settings: Settings, triangles: float) -> float:
     """Processor seconds of building a scene."""
-    return _SCENE_S + _BUILD_S_PER_MTRI * triangles / 1e6 + _BLOCKS_BUILD_S * (settings["rocks"]["coverage"] > 0)
+    return _SCENE_S + _BUILD_S_PER_MTRI * triangles / 1e6 + _ROCKS_BUILD_S * (settings["rocks"]["coverage"] > 0)
 
 
 @dataclass(frozen=True)
@@ -210,8 +210,8 @@ class Estimate:
                 f"{'s' * (self.surfaces != 1)}, {self.lights} light{'s' * (self.lights != 1)}; {self.scenes} scene"
                 f"{'s' * (self.scenes != 1)} to build"]
         if self.there < self.pairs:
-            said += [f"{duration(left)} on {self.processors} processors ({duration(low)} to {duration(high)}; {basis})",
-                     f"{size(self.left_bytes)} on the disk"]
+            said += [f"{duration_text(left)} on {self.processors} processors ({duration_text(low)} to "
+                     f"{duration_text(high)}; {basis})", f"{size_text(self.left_bytes)} on the disk"]
         return said
 
     def facts(self) -> dict[str, Any]:
@@ -219,7 +219,7 @@ class Estimate:
         return {name: getattr(self, name) for name in self.__dataclass_fields__} | {"lines": self.lines()}
 
 
-def duration(seconds: float) -> str:
+def duration_text(seconds: float) -> str:
     """'40 s', '12 min', '5.5 h' or '3.2 days'."""
     for unit, length, limit in (("s", 1.0, 99.0), ("min", 60.0, 99.0), ("h", 3600.0, 48.0)):
         if seconds <= limit * length:
@@ -227,7 +227,7 @@ def duration(seconds: float) -> str:
     return f"{seconds / 86400.0:.2g} days"
 
 
-def size(count: float) -> str:
+def size_text(count: float) -> str:
     """'12 MB' or '3.4 GB'."""
     return f"{count / 1e6:.3g} MB" if count < 1e9 else f"{count / 1e9:.3g} GB"
 
@@ -236,8 +236,8 @@ def estimate(pairs: Sequence[PlannedPair], dataset: Path | None = None, speed: S
     """What planned pairs will take on a machine of a known ``speed``, those that ``dataset`` holds already taken off
     and learnt from."""
     pairs = ordered(pairs)
-    keys = [tuple(key(part, pair) for part in (changes.scene, changes.look, changes.light)) for pair in pairs]
-    triangles = _triangles({each[0]: pair for each, pair in zip(keys, pairs, strict=True)})
+    keys = [tuple(settings_key(part, pair) for part in (changes.scene, changes.look, changes.light)) for pair in pairs]
+    triangles = _count_triangles_of_all({each[0]: pair for each, pair in zip(keys, pairs, strict=True)})
     there = {pair.id for pair in pairs if dataset is not None and is_complete(pair.folder(dataset))}
     costs: dict[str, float] = {}
     before = ""
@@ -248,47 +248,49 @@ def estimate(pairs: Sequence[PlannedPair], dataset: Path | None = None, speed: S
         before = scene
     expected = {pair.id: work_of(pair.settings).seconds(triangles[each[0]])
                 for each, pair in zip(keys, pairs, strict=True)}
-    ratios = _ratios(pairs, dataset, there, expected)
-    factor, spread = _learnt(ratios, speed, any(pair.settings["quality"]["device"] == "GPU" for pair in pairs))
+    ratios = _read_ratios(pairs, dataset, there, expected)
+    factor, spread = _corrected(ratios, speed, any(pair.settings["quality"]["device"] == "GPU" for pair in pairs))
     left = [pair for pair in pairs if pair.id not in there]
     start = _START_S if left else 0.0
     return Estimate(
-        pairs=len(pairs), there=len(there), geometries=len({key(changes.geometry, pair) for pair in pairs}),
+        pairs=len(pairs), there=len(there), geometries=len({settings_key(changes.geometry, pair) for pair in pairs}),
         scenes=len({k[0] for k in keys}), surfaces=len({k[1] for k in keys}), lights=len({k[2] for k in keys}),
         seconds=factor * (sum(costs.values()) + _START_S),
-        left_s=factor * (sum(costs[pair.id] for pair in left) + start), left_bytes=_bytes(pairs, left, dataset, there),
+        left_s=factor * (sum(costs[pair.id] for pair in left) + start),
+        left_bytes=_count_bytes(pairs, left, dataset, there),
         factor=math.exp(2.0 * spread), measured=len(ratios), processors=count_processors(),
         basis=speed.basis if speed else "another machine's times")
 
 
-def _triangles(scenes: Mapping[str, PlannedPair]) -> dict[str, float]:
+def _count_triangles_of_all(scenes: Mapping[str, PlannedPair]) -> dict[str, float]:
     """Triangles of each scene: those of a few, evenly chosen, and the mean of these of the others."""
     names = list(scenes)
     counted: dict[str, float] = {}
     for k in range(min(_COUNTED, len(names))):
         name = names[k * len(names) // min(_COUNTED, len(names))]
         try:
-            counted[name] = triangles_of(scenes[name].settings)
+            counted[name] = count_triangles(scenes[name].settings)
         except IcyMoonError:
             continue  # a file that cannot be counted; the build will say why
     mean = sum(counted.values()) / len(counted) if counted else 1e6
     return {name: counted.get(name, mean) for name in names}
 
 
-def _facts(pairs: Sequence[PlannedPair], dataset: Path, there: set[str]) -> list[tuple[PlannedPair, dict[str, Any]]]:
+def _read_pairs(pairs: Sequence[PlannedPair], dataset: Path,
+                there: set[str]) -> list[tuple[PlannedPair, dict[str, Any]]]:
     """What the pairs that are there say of themselves, up to so many of them."""
     found = []
-    for pair in [pair for pair in pairs if pair.id in there][:_LOOKED_AT]:
+    for pair in [pair for pair in pairs if pair.id in there][:_MOST_READ]:
         with suppress(IcyMoonError):  # it is another's to tell what is wrong with it
             found.append((pair, read_pair(pair.folder(dataset)).data))
     return found
 
 
-def _ratios(pairs: Sequence[PlannedPair], dataset: Path | None, there: set[str],
-            expected: Mapping[str, float]) -> list[float]:
+def _read_ratios(pairs: Sequence[PlannedPair], dataset: Path | None, there: set[str],
+                 expected: Mapping[str, float]) -> list[float]:
     """Processor seconds that pairs took over those that were expected."""
     ratios = []
-    for pair, facts in _facts(pairs, dataset, there) if dataset is not None else ():
+    for pair, facts in _read_pairs(pairs, dataset, there) if dataset is not None else ():
         taken = facts.get("seconds", {})
         threads = int(facts["settings"].get("quality", {}).get("threads") or count_processors())
         seconds = float(taken.get("render", 0.0)) * threads + float(taken.get("write", 0.0))
@@ -302,7 +304,7 @@ def spread_before(speed: Speed | None, gpu: bool) -> float:
     return _BEFORE_HERE if speed else _UNKNOWN_DEVICE if gpu else _BEFORE
 
 
-def _learnt(ratios: Sequence[float], speed: Speed | None, gpu: bool) -> tuple[float, float]:
+def _corrected(ratios: Sequence[float], speed: Speed | None, gpu: bool) -> tuple[float, float]:
     """The factor on the expected seconds, and the standard deviation of its logarithm.
 
     Normal distributions of the logarithm: what was known before, and what each pair says.
@@ -315,16 +317,17 @@ def _learnt(ratios: Sequence[float], speed: Speed | None, gpu: bool) -> tuple[fl
     return math.exp(mean), weight**-0.5
 
 
-def bytes_left(pairs: Sequence[PlannedPair], dataset: Path, again: bool = False) -> float:
+def count_bytes_left(pairs: Sequence[PlannedPair], dataset: Path, again: bool = False) -> float:
     """Bytes that rendering these pairs writes, those that are there left out unless ``again``, and learnt from."""
     there = {pair.id for pair in pairs if is_complete(pair.folder(dataset))}
     left = [pair for pair in pairs if again or pair.id not in there]
-    return _bytes(pairs, left, dataset, there)
+    return _count_bytes(pairs, left, dataset, there)
 
 
-def _bytes(pairs: Sequence[PlannedPair], left: Sequence[PlannedPair], dataset: Path | None, there: set[str]) -> float:
+def _count_bytes(pairs: Sequence[PlannedPair], left: Sequence[PlannedPair], dataset: Path | None,
+                 there: set[str]) -> float:
     """Bytes that are left to write: as many as expected, times what those that are there had over theirs."""
     known = [(sum(float(f["bytes"]) for f in facts["files"].values()), bytes_of(pair.settings))
-             for pair, facts in (_facts(pairs, dataset, there) if dataset is not None else ())]
+             for pair, facts in (_read_pairs(pairs, dataset, there) if dataset is not None else ())]
     expected = sum(bytes_of(pair.settings) for pair in left)
     return expected * sum(a for a, _ in known) / sum(b for _, b in known) if known else expected

@@ -13,32 +13,33 @@ from ...settings.description import Settings, defaults, merged
 from ...system import count_processors
 from ..workers.job import Job, render_job
 from ..workers.process import Message
-from .abilities import ask
-from .estimate import triangles_of, work_of
-from .speed import Speed, remember
+from .abilities import ask_abilities
+from .estimate import count_triangles, work_of
+from .speed import Speed, remember_speed
 
 #: What is rendered: all that a pair has (both eyes, interreflection, denoiser, truth, files), in some 4 processor
 #: seconds. The first pair of a process pays for what a graphics card compiles, so only the others count.
-_PROBE: dict[str, dict[str, Any]] = {
+_SMALL_RENDER: dict[str, dict[str, Any]] = {
     "rig": {"width_px": 320, "height_px": 240}, "mesh": {"error_px": 4.0, "edge_px": 24.0},
     "surface": {"model": "LAMBERT"}, "quality": {"samples": 8, "denoiser": "OIDN"}, "dataset": {"headings": 3}}
 #: What is read of a rendered pair.
 _PAIR = {"seconds": {"render": NUMBER, "write": NUMBER}, "cpu_seconds": {"pair": NUMBER}, "versions": {"blender": TEXT}}
 
 
-def probe(device: str, denoiser: bool = True) -> Settings:
+def small_render(device: str, denoiser: bool = True) -> Settings:
     """Complete settings of the small render, for a Blender that has a denoiser or not."""
-    return merged(defaults(), _PROBE, {"quality": {"device": device, **({} if denoiser else {"denoiser": "NONE"})}})
+    quality = {"device": device, **({} if denoiser else {"denoiser": "NONE"})}
+    return merged(defaults(), _SMALL_RENDER, {"quality": quality})
 
 
-def speed_of(pairs: list[Path], device: str, denoiser: bool = True) -> Speed:
-    """What rendered pairs of ``probe`` say: the fastest but the first, for other work may slow any of them down.
+def read_speed(pairs: list[Path], device: str, denoiser: bool = True) -> Speed:
+    """What pairs of ``small_render`` took: the fastest but the first, for other work may slow any of them down.
 
     All processors are taken to be at work half the time at least: where a pair took longer, other work had them, or
     the pair is too small for so many. Raises IcyMoonError if they cannot be read.
     """
-    settings = probe(device, denoiser)
-    expected = work_of(settings).seconds(triangles_of(settings))
+    settings = small_render(device, denoiser)
+    expected = work_of(settings).seconds(count_triangles(settings))
     try:
         facts = [read_record(pair / "pair.json", _PAIR, "measure again") for pair in pairs]
         taken = [count_processors() * (each["seconds"]["render"] + each["seconds"]["write"]) for each in facts[1:]]
@@ -51,12 +52,12 @@ def speed_of(pairs: list[Path], device: str, denoiser: bool = True) -> Speed:
                            "again.") from None
 
 
-def measure(blender: str, device: str, scratch: Path, hear: Callable[[Message], None]) -> Speed:
+def measure_speed(blender: str, device: str, scratch: Path, hear: Callable[[Message], None]) -> Speed:
     """Render the probe with a Blender (or a Python with bpy) into ``scratch``, and remember how fast that was.
 
     Raises IcyMoonError if the render or the disk fails.
     """
-    denoiser = ask(blender).denoiser
-    speed = speed_of(render_job(Job(scratch, probe(device, denoiser)), blender, hear), device, denoiser)
-    remember(speed)
+    denoiser = ask_abilities(blender).denoiser
+    speed = read_speed(render_job(Job(scratch, small_render(device, denoiser)), blender, hear), device, denoiser)
+    remember_speed(speed)
     return speed

@@ -10,13 +10,13 @@ from typing import Any
 
 from ...settings.description import Settings, load, merged, preset_header, preset_names, preset_path, read_toml
 from ...system import count_processors
-from .abilities import Abilities, lacking
-from .estimate import duration, spread_before, work_of
+from .abilities import Abilities, lack_for
+from .estimate import duration_text, spread_before, work_of
 from .speed import Speed
 
 
 @dataclass(frozen=True)
-class Quality:
+class QualityPreset:
     """A way to compute the light of a scene: wall seconds of a further pair, between ``seconds`` divided and
     multiplied by ``factor`` in 19 of 20 cases, and what was measured of its error, see ``errors``."""
 
@@ -32,8 +32,8 @@ class Quality:
         """Such as '12 s (8 s to 18 s)', or what the Blender lacks for it."""
         if self.lacks:
             return self.lacks
-        low, high = duration(self.seconds / self.factor), duration(self.seconds * self.factor)
-        return f"{duration(self.seconds)} ({low} to {high})"
+        low, high = duration_text(self.seconds / self.factor), duration_text(self.seconds * self.factor)
+        return f"{duration_text(self.seconds)} ({low} to {high})"
 
     @property
     def error(self) -> str:
@@ -43,14 +43,14 @@ class Quality:
         return f"SGBM {self.errors['sgbm_px']:+.3f} px, radiance {100 * self.errors['radiance_rms']:.1f} %"
 
 
-def seconds_of(settings: Settings, triangles: float, speed: Speed | None) -> tuple[float, float]:
+def pair_seconds(settings: Settings, triangles: float, speed: Speed | None) -> tuple[float, float]:
     """Wall seconds of a further pair of a scene of so many triangles, and the factor that they may be off by."""
     seconds = work_of(settings).seconds(triangles) * (speed.factor if speed else 1.0) / count_processors()
     return seconds, math.exp(2.0 * spread_before(speed, settings["quality"]["device"] == "GPU"))
 
 
-def qualities(settings: Settings, triangles: float, speed: Speed | None,
-              able: Abilities = Abilities()) -> list[Quality]:  # noqa: B008, it is frozen
+def list_qualities(settings: Settings, triangles: float, speed: Speed | None,
+                   able: Abilities = Abilities()) -> list[QualityPreset]:  # noqa: B008, it is frozen
     """The shipped qualities for a described scene, cheapest first, then the one that it has; those that a Blender that
     is no more than ``able`` lacks something for say so.
 
@@ -59,15 +59,15 @@ def qualities(settings: Settings, triangles: float, speed: Speed | None,
     """
     found = []
     for name in preset_names("qualities"):
-        title, preset, errors = _shipped(name)
+        title, preset, errors = _read_preset(name)
         whole = merged(settings, preset)
-        found.append(Quality(name, title, *seconds_of(whole, triangles, speed), errors, lacking(whole, able)))
-    own = Quality("", "As described", *seconds_of(settings, triangles, speed), {}, lacking(settings, able))
+        found.append(QualityPreset(name, title, *pair_seconds(whole, triangles, speed), errors, lack_for(whole, able)))
+    own = QualityPreset("", "As described", *pair_seconds(settings, triangles, speed), {}, lack_for(settings, able))
     return [*sorted(found, key=lambda quality: quality.seconds), own]
 
 
 @cache
-def _shipped(name: str) -> tuple[str, Settings, Mapping[str, Any]]:
+def _read_preset(name: str) -> tuple[str, Settings, Mapping[str, Any]]:
     """Title, settings and measured errors of a preset; read once, since the window asks at every redraw."""
     path = preset_path(name)
     return preset_header(name)[0], load(path), read_toml(path).get("measured", {})

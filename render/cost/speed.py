@@ -49,21 +49,21 @@ def choose_folder(path: str) -> None:
     _chosen = path
 
 
-def folder() -> Path:
+def own_cache_folder() -> Path:
     """The cache folder of Icy Moon, which need not exist: of the environment, the one chosen, the person's own."""
     if given := os.environ.get(FOLDER_VARIABLE) or _chosen:
         return parse_path(given, FOLDER_VARIABLE).absolute()
     return cache_folder() / "icymoon"
 
 
-def _file() -> Path:
-    return folder() / "speed.json"
+def _speed_file() -> Path:
+    return own_cache_folder() / "speed.json"
 
 
-def _kept() -> dict[str, Any]:
+def _read_speeds() -> dict[str, Any]:
     """All that is remembered; a file that cannot be read is as good as none."""
     try:
-        return dict(read_record(_file(), TABLE, "delete it"))
+        return dict(read_record(_speed_file(), TABLE, "delete it"))
     except (OSError, IcyMoonError):
         return {}
 
@@ -72,16 +72,16 @@ def _key(device: str, blender: str, count: int) -> str:
     return f"{platform.node()} {device} {count} {blender}"
 
 
-def remembered(device: str, blender: str = "") -> Speed | None:
+def recall_speed(device: str, blender: str = "") -> Speed | None:
     """The speed of this computer's ``device`` (CPU or GPU) with as many processors as there are now, in one version of
     Blender or, if none is named, the one measured last; None if there is none."""
-    known = [(key, Speed(**{name: entry[name] for name in _SPEED})) for key, entry in _kept().items()
+    known = [(key, Speed(**{name: entry[name] for name in _SPEED})) for key, entry in _read_speeds().items()
              if not find_fault(entry, _SPEED)]
     found = [speed for key, speed in known
              if key == _key(device, speed.blender, count_processors()) and blender in ("", speed.blender)]
     return max(found, key=lambda speed: speed.measured, default=None)
 
 
-def remember(speed: Speed) -> None:
+def remember_speed(speed: Speed) -> None:
     """Keep a speed for all later estimates. Raises IcyMoonError if the disk refuses."""
-    write_json(_file(), {**_kept(), _key(speed.device, speed.blender, speed.processors): asdict(speed)})
+    write_json(_speed_file(), {**_read_speeds(), _key(speed.device, speed.blender, speed.processors): asdict(speed)})

@@ -38,22 +38,22 @@ class Tolerance:
 
     def keeps(self, loss: Mapping[str, float | None], doubt: Mapping[str, float | None]) -> bool | None:
         """Whether a matcher's ``loss`` is within the tolerance, whatever its ``doubt``; None if that cannot be told."""
-        return every(_under(loss[key], doubt[key], limit) for key, limit in self.limits.items())
+        return all_hold(_is_under(loss[key], doubt[key], limit) for key, limit in self.limits.items())
 
 
-def every(verdicts: Iterable[bool | None]) -> bool | None:
+def all_hold(verdicts: Iterable[bool | None]) -> bool | None:
     """Whether all hold; None if that cannot be told."""
     found = list(verdicts)
     return False if False in found else None if None in found else True
 
 
-def _under(value: float | None, doubt: float | None, limit: float) -> bool | None:
+def _is_under(value: float | None, doubt: float | None, limit: float) -> bool | None:
     if value is None:
         return False
     return None if doubt is None or abs(value - limit) < doubt else value <= limit
 
 
-def tolerance(epe_px: float | None, bad_1: float | None) -> Tolerance:
+def checked_tolerance(epe_px: float | None, bad_1: float | None) -> Tolerance:
     """What may be added; PX where neither is given.
 
     Raises IcyMoonError unless both are between their least and most: below nothing can be told from noise, and above
@@ -69,7 +69,7 @@ def tolerance(epe_px: float | None, bad_1: float | None) -> Tolerance:
     return Tolerance(epe_px, bad_1)
 
 
-def share(text: str) -> float:
+def parse_fraction(text: str) -> float:
     """0.005 of "0.5%" or "0.005". Raises ValueError for anything else."""
     number = text.strip()
     return float(number[:-1]) / 100 if number.endswith("%") else float(number)

@@ -16,7 +16,7 @@ from ...physics.left_out import follows_walk, relief_of_camera_alone, surface_to
 from ...physics.surfaces.hapke import HapkeParameters, bidirectional_reflectance
 from ...physics.surfaces.photometry import hemispherical_albedo
 from ...settings.description import Settings, merged
-from .abilities import Abilities, lacking
+from .abilities import Abilities, lack_for
 from .estimate import work_of
 
 _ALL = Abilities()
@@ -81,7 +81,7 @@ def reference(settings: Settings, samples: int = 1024, fine: bool = False) -> Va
         "diffuse_bounces": max(_REFERENCE_BOUNCES, int(settings["quality"]["diffuse_bounces"]))}}]
     if settings["surface"]["model"] == "HAPKE":
         parts.append({"hapke": {"accuracy": "REFERENCE"}})
-    if fine and _meshed(settings):
+    if fine and _has_graded_mesh(settings):
         parts.append({"mesh": {"error_px": min(_REFERENCE_ERROR_PX, settings["mesh"]["error_px"])}})
     if fine:
         parts.append({"surface": {"relief": "DISPLACEMENT"}})
@@ -100,7 +100,7 @@ def variants(settings: Settings, groups: Sequence[str] = (), able: Abilities = _
         raise IcyMoonError(f"There is no group {unknown[0]!r} to vary; there are {', '.join(GROUPS)}.")
     found = [Variant("scene", "as described", settings)]
     for group in groups or GROUPS:
-        own = [variant for variant in _of_group(group, settings) if not lacking(variant.settings, able)]
+        own = [variant for variant in _variants_of(group, settings) if not lack_for(variant.settings, able)]
         if not own and group in groups:
             raise IcyMoonError(f"This scene has nothing to vary in {group} ({GROUPS[group]}); leave it out.")
         alike = [variant.settings for variant in found if (variant.group in SHAPES) == (group in SHAPES)]
@@ -108,27 +108,27 @@ def variants(settings: Settings, groups: Sequence[str] = (), able: Abilities = _
     return found
 
 
-def _of_group(group: str, settings: Settings) -> list[Variant]:
+def _variants_of(group: str, settings: Settings) -> list[Variant]:
     samples = int(settings["quality"]["samples"])
 
     def made(name: str, part: Mapping[str, Mapping[str, Any]]) -> Variant:
         return Variant(group, name, merged(settings, part))
 
     if group == "samples":
-        return [made(f"{_count(n, 'sample')}{text}", {"quality": {"samples": n, "denoiser": denoiser}})
+        return [made(f"{_counted(n, 'sample')}{text}", {"quality": {"samples": n, "denoiser": denoiser}})
                 for denoiser, text in _DENOISERS.items() for n in SAMPLES if denoiser == "NONE" or n <= _MOST_DENOISED]
     if group == "bounces":
-        return [made(_count(n, "bounce"), {"quality": {"diffuse_bounces": n}}) for n in _BOUNCES]
+        return [made(_counted(n, "bounce"), {"quality": {"diffuse_bounces": n}}) for n in _BOUNCES]
     if group == "threshold":
         return [made(f"until {limit:g}", {"quality": {"noise_threshold": limit, "samples": _THRESHOLD_ROOM * samples}})
                 for limit in _THRESHOLDS]
     if group == "mesh":
         return [made(f"{error:g} px", {"mesh": {"error_px": error}})
-                for error in _MESH_ERRORS_PX] if _meshed(settings) else []
+                for error in _MESH_ERRORS_PX] if _has_graded_mesh(settings) else []
     if group == "shortcuts":
         quality = settings["quality"]
         return [made(*((part.whole, {"quality": {part.key: part.full}}) if quality[part.key] == part.lean else
-                       (part.without, {"quality": {part.key: part.lean}}))) for part in _parts(settings)]
+                       (part.without, {"quality": {part.key: part.lean}}))) for part in _shortcuts(settings)]
     if group == "relief":
         surface = settings["surface"]
         return [made("shaded", {"surface": {"relief": "BUMP"}}), made("real", {"surface": {"relief": "DISPLACEMENT"}})
@@ -137,7 +137,7 @@ def _of_group(group: str, settings: Settings) -> list[Variant]:
 
 
 @dataclass(frozen=True)
-class _Part:
+class _Shortcut:
     """What may be computed or left out: the setting of quality, its values without and with it, names of both."""
 
     key: str
@@ -147,24 +147,24 @@ class _Part:
     whole: str
 
 
-def _parts(settings: Settings) -> list[_Part]:
+def _shortcuts(settings: Settings) -> list[_Shortcut]:
     """Those that the scene has: shaded relief, a surface that light can walk under, labels and normals."""
     found = []
     topics = surface_topics(settings)
     if any(relief_of_camera_alone(merged(settings, {"quality": {"fine_relief": "CAMERA"}}), each) for each in topics):
-        found.append(_Part("fine_relief", "CAMERA", "ALL", "fine relief for the camera alone",
-                           "fine relief for all light"))
+        found.append(_Shortcut("fine_relief", "CAMERA", "ALL", "fine relief for the camera alone",
+                               "fine relief for all light"))
     walk = max(walk_px(settings, each) for each in topics)
     if 0 < walk < _LONGEST_WALK_PX:
         least = settings["quality"]["walk_px"]
         lean = least if least > walk else _LONGEST_WALK_PX
-        found.append(_Part("walk_px", lean, 0.0, "no walk under the surface", "walk under the surface"))
-    return [*found, _Part("truth", "DEPTH", "FULL", "depth alone", "normals and labels")]
+        found.append(_Shortcut("walk_px", lean, 0.0, "no walk under the surface", "walk under the surface"))
+    return [*found, _Shortcut("truth", "DEPTH", "FULL", "depth alone", "normals and labels")]
 
 
-def leaner(settings: Settings) -> dict[str, dict[str, dict[str, Any]]]:
+def leaner_settings(settings: Settings) -> dict[str, dict[str, dict[str, Any]]]:
     """By name what of the scene's light may still be left out, each alone: for a search that tries one by one."""
-    return {part.without: {"quality": {part.key: part.lean}} for part in _parts(settings)
+    return {part.without: {"quality": {part.key: part.lean}} for part in _shortcuts(settings)
             if part.key != "truth" and settings["quality"][part.key] != part.lean}
 
 
@@ -207,17 +207,17 @@ def _isotropic_hapke(settings: Settings) -> dict[str, Any]:
 def candidates(settings: Settings, able: Abilities = _ALL) -> list[Variant]:
     """Ways to compute the light, cheapest first by what each is expected to cost: for a search that stops at the first
     one that is good enough. Left out are those that a Blender that is no more than ``able`` cannot render."""
-    found = [Variant("auto", f"{_count(n, 'sample')}{text}", merged(settings, {"quality": {
+    found = [Variant("auto", f"{_counted(n, 'sample')}{text}", merged(settings, {"quality": {
         "samples": n, "denoiser": denoiser, "noise_threshold": 0.0}}))
         for denoiser, text in _DENOISERS.items() if denoiser != "OIDN_COLOUR"
         for n in SAMPLES if denoiser == "NONE" or n <= _MOST_DENOISED]
-    return sorted((variant for variant in found if not lacking(variant.settings, able)),
+    return sorted((variant for variant in found if not lack_for(variant.settings, able)),
                   key=lambda variant: work_of(variant.settings).seconds(0.0))
 
 
-def _count(number: int, what: str) -> str:
+def _counted(number: int, what: str) -> str:
     return f"{number} {what}{'s' * (number != 1)}"
 
 
-def _meshed(settings: Settings) -> bool:
+def _has_graded_mesh(settings: Settings) -> bool:
     return settings["source"]["kind"] == "PROCEDURAL" and settings["mesh"]["kind"] == "GRADED"

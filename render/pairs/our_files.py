@@ -19,15 +19,15 @@ _ID = re.compile(r"[0-9a-f]{12}")
 #: What ``files.part_of`` appends: host, process and number.
 _UNFINISHED = r"\.[^/\\]+-\d+-\d+\.part"
 #: Names in each of our folders: what may be removed there.
-_NAMES = {
+_OUR_NAMES = {
     "": re.compile(rf"(plan\.jsonl|manifest\.json|\.icymoon){_UNFINISHED}"),
     "pairs": re.compile(rf"[0-9a-f]{{12}}({_UNFINISHED})?|\.clock{_UNFINISHED}"),
     "claims": re.compile(r"[0-9a-f]{12}\.\d+"),
     "pairs/*": re.compile(rf"pair\.json{_UNFINISHED}"),
 }
 #: Files of a pair, and what file managers leave in any folder.
-_OF_A_PAIR = re.compile(rf"pair\.json({_UNFINISHED})?|(left|right)(_truth|_toed_truth)?\.exr"
-                        r"|\.DS_Store|Thumbs\.db|desktop\.ini")
+_PAIR_FILES = re.compile(rf"pair\.json({_UNFINISHED})?|(left|right)(_truth|_toed_truth)?\.exr"
+                         r"|\.DS_Store|Thumbs\.db|desktop\.ini")
 
 
 def checked_id(value: Any, where: object) -> str:
@@ -45,41 +45,41 @@ def is_unfinished(path: Path) -> bool:
 
 def is_of_a_pair(path: Path) -> bool:
     """Whether a name is one that we give to a pair, finished or not."""
-    return bool(_NAMES["pairs"].fullmatch(path.name)) and not path.name.startswith(".")
+    return bool(_OUR_NAMES["pairs"].fullmatch(path.name)) and not path.name.startswith(".")
 
 
 def is_claim(path: Path) -> bool:
     """Whether a name is that of a claim."""
-    return bool(_NAMES["claims"].fullmatch(path.name))
+    return bool(_OUR_NAMES["claims"].fullmatch(path.name))
 
 
-def why_kept(path: Path, dataset: Path) -> str:
+def find_reason_to_keep(path: Path, dataset: Path) -> str:
     """Why a file or folder of a data set may not be removed, as a clause; empty if it is ours."""
     inside = path.parent.relative_to(dataset).as_posix() if path.parent != dataset else ""
     kind = "pairs/*" if _ID.fullmatch(inside.removeprefix("pairs/")) else inside
-    if kind not in _NAMES or not _NAMES[kind].fullmatch(path.name):
+    if kind not in _OUR_NAMES or not _OUR_NAMES[kind].fullmatch(path.name):
         return "its name is not one that Icy Moon gives"
     # Links, of the folder or of what holds it, lead to what may be anyone's.
     if path.is_symlink() or path.resolve() != dataset.resolve() / inside / path.name:
         return "it is a link or lies behind one"
     if path.is_dir() and inside != "pairs":
         return "it is a folder"
-    foreign = _foreign(path) if inside == "pairs" and _ID.fullmatch(path.name) else ""
+    foreign = _find_foreign(path) if inside == "pairs" and _ID.fullmatch(path.name) else ""
     return f"{foreign} in it is not Icy Moon's" if foreign else ""
 
 
-def _foreign(folder: Path) -> str:
+def _find_foreign(folder: Path) -> str:
     """The name of something in a pair's folder that we did not write, or of what is there in its place."""
     if not folder.is_dir():
         return "what is" if folder.exists() else ""
     return next((entry.name for entry in sorted(folder.iterdir())
-                 if not _OF_A_PAIR.fullmatch(entry.name) or entry.is_symlink() or not entry.is_file()), "")
+                 if not _PAIR_FILES.fullmatch(entry.name) or entry.is_symlink() or not entry.is_file()), "")
 
 
 def remove_ours(path: Path, dataset: Path) -> bool:
     """Remove something of ours from a data set; whether nothing is there any more. What is not ours stays."""
     with suppress(OSError):
-        if not why_kept(path, dataset):
+        if not find_reason_to_keep(path, dataset):
             if path.is_dir():
                 system.remove_folder(path)
             else:

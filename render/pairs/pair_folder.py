@@ -173,15 +173,15 @@ class Pair:
         return self.folder / name.format(eye) if name.format(eye) in self.data["files"] else self.image(eye)
 
 
-_MEND = "delete the folder and render the pair again"
+_FIX = "delete the folder and render the pair again"
 #: What says which settings a pair has, and of which version.
-_STATED = {"settings": Each(TABLE, TEXT), "versions": Maybe(Each(TEXT, TEXT))}
-_FILES = {"files": Each({"bytes": COUNT, "sha256": SHA256}, FILE_NAME, _IMAGES)}
+_SETTINGS_SHAPE = {"settings": Each(TABLE, TEXT), "versions": Maybe(Each(TEXT, TEXT))}
+_FILES_SHAPE = {"files": Each({"bytes": COUNT, "sha256": SHA256}, FILE_NAME, _IMAGES)}
 _BOTH_EYES = Maybe(dict.fromkeys(EYES, MATRIX))
 _NUMBERS = Maybe(Each(NUMBER, TEXT))
 #: What ``pair.json`` holds, as far as anything here reads it; of the settings see ``settings.check``.
 _SHAPE = {
-    "format": TEXT, "version": COUNT, "id": TEXT, **_STATED, **_FILES,
+    "format": TEXT, "version": COUNT, "id": TEXT, **_SETTINGS_SHAPE, **_FILES_SHAPE,
     "camera": {"width_px": PIXELS, "height_px": PIXELS, "focal_px": POSITIVE, "cx_px": NUMBER, "cy_px": NUMBER,
                "baseline_m": POSITIVE, "margin_x_px": Maybe(COUNT), "margin_y_px": Maybe(COUNT),
                "toe_in_deg": Maybe(NUMBER)},
@@ -193,41 +193,41 @@ _SHAPE = {
     "peak_memory_mib": Maybe(NUMBER, null=True)}
 
 
-def _text(path: Path) -> str:
+def _read_pair_json(path: Path) -> str:
     if path.exists() and not path.is_file():  # nobody may ever write to a pipe
-        raise IcyMoonError(f"{path} is no file; {_MEND}.")
+        raise IcyMoonError(f"{path} is no file; {_FIX}.")
     try:
         return read_text(path)
     except FileNotFoundError:
         raise IcyMoonError(f"{path.parent} is not a complete stereo pair (no pair.json); render it again.") from None
     except (OSError, ValueError) as error:
-        raise IcyMoonError(f"{path} cannot be read ({error}); {_MEND}.") from None
+        raise IcyMoonError(f"{path} cannot be read ({error}); {_FIX}.") from None
 
 
-def _parsed(path: Path, text: str) -> Any:
+def _parse(path: Path, text: str) -> Any:
     try:
         return parse_json(text)
     except ValueError as error:
-        raise IcyMoonError(f"{path} cannot be read ({error}); {_MEND}.") from None
+        raise IcyMoonError(f"{path} cannot be read ({error}); {_FIX}.") from None
 
 
 def read_pair(folder: Path) -> Pair:
     """Read ``pair.json`` of one pair. Raises IcyMoonError if it is missing, foreign or incomplete."""
     path = folder / "pair.json"
-    data = _parsed(path, _text(path))
+    data = _parse(path, _read_pair_json(path))
     if not isinstance(data, dict) or data.get("format") != FORMAT:
         raise IcyMoonError(f"{path} is not an Icy Moon pair; choose a folder that Render Stereo Pair wrote.")
     if data.get("version") != VERSION:
         raise IcyMoonError(f"{path} has format version {data.get('version')!r}, this Icy Moon reads {VERSION}; "
                            "use the version that wrote it.")
-    check_record(data, _SHAPE, path, _MEND)
+    check_record(data, _SHAPE, path, _FIX)
     settings = restored(data["settings"], str(path), data.get("versions", {}).get("icymoon", ""))
     camera = StereoCamera.from_json(data["camera"])
     _check_camera(camera, StereoCamera.from_settings(settings["rig"]), path)
     pair = Pair(folder, checked_id(data["id"], path), settings, camera, data)
     for eye in EYES:
         if not pair.image(eye).is_file():
-            raise IcyMoonError(f"{pair.image(eye)} is missing; {_MEND}.")
+            raise IcyMoonError(f"{pair.image(eye)} is missing; {_FIX}.")
     return pair
 
 
@@ -237,7 +237,7 @@ def _check_camera(stated: StereoCamera, described: StereoCamera, path: Path) -> 
         wanted = getattr(described, key)
         # Settings have eight digits, and a focal length is made of three.
         if not math.isclose(value, wanted, rel_tol=1e-6, abs_tol=1e-6):
-            raise IcyMoonError(f"{path}: camera.{key} is {value}, and its settings give {wanted}; {_MEND}.")
+            raise IcyMoonError(f"{path}: camera.{key} is {value}, and its settings give {wanted}; {_FIX}.")
 
 
 def is_complete(folder: Path) -> bool:
@@ -258,29 +258,29 @@ def is_whole(folder: Path) -> bool:
         if not path.is_file():  # a pipe would be waited for
             return False
         data = parse_json(read_text(path))
-        return not find_fault(data, _FILES) and all((folder / name).stat().st_size == fact["bytes"]
-                                                    for name, fact in data["files"].items())
+        return not find_fault(data, _FILES_SHAPE) and all((folder / name).stat().st_size == fact["bytes"]
+                                                          for name, fact in data["files"].items())
     except (FileNotFoundError, NotADirectoryError, ValueError):
         return False
 
 
-def restate(folder: Path, settings: Settings) -> None:
+def update_response(folder: Path, settings: Settings) -> None:
     """Let a complete pair state these settings of the camera response, which need no new render.
 
     If another pair takes its place meanwhile, that one states them. Raises IcyMoonError when the disk refuses.
     """
     path = folder / "pair.json"
-    before = _text(path)
-    data = check_record(_parsed(path, before), _STATED, path, _MEND)
+    before = _read_pair_json(path)
+    data = check_record(_parse(path, before), _SETTINGS_SHAPE, path, _FIX)
     # As it is read: what came after it was written is no difference.
     stated = restored(data["settings"], str(path), data.get("versions", {}).get("icymoon", ""))
     now = merged(data["settings"], response(settings))
     now_stated = json_text({**data, "settings": now})
     if response(stated) != response(settings) and not replace_if_unchanged(path, before, now_stated):
-        restate(folder, settings)
+        update_response(folder, settings)
 
 
-def pair_folders(path: Path) -> list[Path]:
+def find_pair_folders(path: Path) -> list[Path]:
     """Folders of the complete pairs at ``path``: a pair folder, a ``pairs`` folder or a data set.
 
     Raises IcyMoonError if there is none.
@@ -295,11 +295,11 @@ def pair_folders(path: Path) -> list[Path]:
 
 
 def find_pairs(path: Path) -> list[Pair]:
-    """The complete pairs at ``path``, read; see ``pair_folders`` and ``read_pair``."""
-    return [read_pair(folder) for folder in pair_folders(path)]
+    """The complete pairs at ``path``, read; see ``find_pair_folders`` and ``read_pair``."""
+    return [read_pair(folder) for folder in find_pair_folders(path)]
 
 
-def changed_files(pair: Pair) -> list[str]:
+def find_changed_files(pair: Pair) -> list[str]:
     """Names of the pair's files whose content is no longer what was rendered."""
     return [name for name, fact in pair.data["files"].items()
             if not (pair.folder / name).is_file() or sha256(pair.folder / name) != fact["sha256"]]

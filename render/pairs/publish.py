@@ -3,7 +3,7 @@
 A folder gets its final name by one rename, which fails where something is. Nothing is removed under a name that
 another may have given it: what is in the way is renamed to a name of our own first and looked at there, for it may
 have been finished just now by a process that took this one for dead. So a pair that is there stays there, or lies
-whole beside its place, from where ``settle`` puts it back. Imports no Blender.
+whole beside its place, from where ``resolve_leftover`` puts it back. Imports no Blender.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from pathlib import Path
 from ...errors import IcyMoonError
 from ...files import explain_disk_errors, part_of
 from ...system import flush, rename
-from .our_files import is_of_a_pair, remove_ours, why_kept
+from .our_files import find_reason_to_keep, is_of_a_pair, remove_ours
 from .pair_folder import is_whole
 
 
@@ -31,27 +31,27 @@ def publish(part: Path, folder: Path, lost: Callable[[], bool], again: bool = Fa
     with explain_disk_errors("write", folder):
         try:
             flush(part)
-            while not lost() and is_whole(part) and not _moved(part, folder):
+            while not lost() and is_whole(part) and not _try_rename(part, folder):
                 if not again and is_whole(folder):
                     return  # another has finished it meanwhile
                 _check_ours(folder)
                 aside.append(part_of(folder))
                 with suppress(FileNotFoundError):
-                    _moved(folder, aside[-1])
+                    _try_rename(folder, aside[-1])
                 if not again:
-                    settle(aside[-1])  # which is back in its place if it was finished just now
+                    resolve_leftover(aside[-1])  # which is back in its place if it was finished just now
         except FileNotFoundError:
             pass  # a process that took this one for dead has put the part into its place, or cleared it away
         finally:
             for old in aside:
-                settle(old)
+                resolve_leftover(old)
         flush(folder.parent)
         if not is_whole(folder):
             raise IcyMoonError(f"Pair {folder.name} was taken over by another process while this one stood still; "
                                "wait for it, or render the pair again.")
 
 
-def settle(part: Path) -> None:
+def resolve_leftover(part: Path) -> None:
     """End what was left beside a pair's place: a whole pair goes there if the place is free, all else is removed.
 
     What is not ours stays, and is not looked at.
@@ -64,7 +64,7 @@ def settle(part: Path) -> None:
         if not is_whole(part) or is_whole(folder):
             discard(part)
         else:
-            _moved(part, folder)  # and stays where it is if something broken is in its place
+            _try_rename(part, folder)  # and stays where it is if something broken is in its place
 
 
 def discard(part: Path) -> None:
@@ -74,18 +74,18 @@ def discard(part: Path) -> None:
     """
     doomed, dataset = part_of(part.with_name(part.name.split(".")[0])), part.parent.parent
     with suppress(OSError):
-        if not why_kept(part, dataset):
+        if not find_reason_to_keep(part, dataset):
             rename(part, doomed)
             remove_ours(doomed, dataset)
 
 
 def _check_ours(folder: Path) -> None:
     """Raise IcyMoonError if what is in the place of a pair is not ours to move."""
-    if why := why_kept(folder, folder.parent.parent):
+    if why := find_reason_to_keep(folder, folder.parent.parent):
         raise IcyMoonError(f"{folder} is in the way and stays as it is: {why}; move it, or choose another folder.")
 
 
-def _moved(source: Path, target: Path) -> bool:
+def _try_rename(source: Path, target: Path) -> bool:
     """Rename a folder; False where the target is something already. Raises FileNotFoundError if there is no source."""
     try:
         rename(source, target)

@@ -22,7 +22,7 @@ from ...settings.table import TOPICS, all_settings
 from ...settings.user_files import content, used_files
 from . import poses, sweeps
 from .planned_pair import PlannedPair, turned_heading_deg
-from .sweeps import Block, Variation, check_number
+from .sweeps import Sweep, Variation, check_pair_count
 
 #: Grounds that a plan is checked on before it is rendered.
 MOST_GROUNDS = 200
@@ -38,23 +38,23 @@ class Design:
     the number of pairs that it is thinned to, and the folder of the person's own files."""
 
     base: tuple[Variation, ...] = ()
-    blocks: tuple[Block, ...] = ()
+    blocks: tuple[Sweep, ...] = ()
     seeds: tuple[int | list[int], Place] | None = None
     at_most: int | None = None
     files: Path | None = None
 
 
 @dataclass(frozen=True)
-class _Made:
+class _Combination:
     """A complete description, and the parts that it was made of, the later over the earlier."""
 
     settings: Settings
     parts: tuple[Variation, ...]
 
-    def over(self, part: Variation) -> _Made:
+    def over(self, part: Variation) -> _Combination:
         """This one with a part over it; what the part does not touch is shared, for there may be many."""
         settings = self.settings | {topic: self.settings[topic] | values for topic, values in part.settings.items()}
-        return _Made(settings, (*self.parts, part))
+        return _Combination(settings, (*self.parts, part))
 
     def place_of(self, *names: str) -> Place | None:
         """Where the last one stated of these settings (``topic.key``) stands, or else of others of their topics."""
@@ -70,7 +70,7 @@ class _Made:
         return self.parts[-1].place if self.parts else None
 
 
-def _geometry(settings: Mapping[str, Mapping[str, Any]]) -> str:
+def _geometry_key(settings: Mapping[str, Mapping[str, Any]]) -> str:
     """What made-up ground and its blocks hang on."""
     return json.dumps([settings[topic][key] for topic, key in _GEOMETRY])
 
@@ -86,7 +86,7 @@ class _Grounds:
         if settings["source"]["kind"] != "PROCEDURAL":
             raise IcyMoonError("the ground is a file of your own, whose heights are not known here; state rig.x_m, "
                                "rig.y_m and the pose in a cases block")
-        key = _geometry(settings)
+        key = _geometry_key(settings)
         if key not in self._known:
             self._known[key] = make_rocky_ground(settings)
         return self._known[key]
@@ -100,39 +100,40 @@ class Combined:
     refused: dict[str, str]
 
 
-def combined(design: Design) -> Combined:
+def combine(design: Design) -> Combined:
     """The pairs of a design, checked. Raises IcyMoonError that names the line at fault if none can be rendered."""
     grounds = _Grounds()
-    made = list(_described(design))
+    made = list(_combinations(design))
     for block in sorted((b for b in design.blocks if b.kind in poses.KINDS), key=lambda b: poses.KINDS.index(b.kind)):
         known: dict[str, list[Variation]] = {}
-        made = [each.over(_filed(part, design)) for each in made for part in _posed(block, each, grounds, known)]
-        check_number(len(made), block.place)
+        made = [each.over(_with_file_paths(part, design)) for each in made
+                for part in _place_cameras(block, each, grounds, known)]
+        check_pair_count(len(made), block.place)
     _check_headings(made)
-    made = [each for whole in made for each in _turned(whole)]
+    made = [each for whole in made for each in _headings_of(whole)]
     if design.at_most is not None and design.at_most < len(made):
         made = [made[k * len(made) // design.at_most] for k in range(design.at_most)]
-    refusals = _refused(made, grounds)
+    refusals = _find_refusals(made, grounds)
     if refusals and all(refusals):
         raise refusals[0] or AssertionError
-    pairs = [PlannedPair(digest(each.settings, _content(each) + blur_identity(each.settings)), each.settings, 0.0)
+    pairs = [PlannedPair(digest(each.settings, _read_content(each) + blur_identity(each.settings)), each.settings, 0.0)
              for each in made]
     return Combined(pairs, {pair.id: str(error) for pair, error in zip(pairs, refusals, strict=True) if error})
 
 
-def _filed(part: Variation, design: Design) -> Variation:
+def _with_file_paths(part: Variation, design: Design) -> Variation:
     """A part whose relative files are in the plan's folder of files, or beside the plan that names them."""
     if not part.settings:
         return part
     return replace(part, settings=beside(design.files or part.place.file.parent, merged(part.settings)))
 
 
-def _described(design: Design) -> Iterator[_Made]:
+def _combinations(design: Design) -> Iterator[_Combination]:
     """The descriptions that the sweeps of settings combine to; the camera is not placed yet."""
-    base = _Made(defaults(), ())
+    base = _Combination(defaults(), ())
     for part in design.base:
-        base = base.over(_filed(part, design))
-    factors = [[_filed(part, design) for part in sweeps.variations(block, base.settings)]
+        base = base.over(_with_file_paths(part, design))
+    factors = [[_with_file_paths(part, design) for part in sweeps.make_variations(block, base.settings)]
                for block in design.blocks if block.kind in sweeps.KINDS]
     place = design.blocks[0].place if design.blocks else None
     if design.seeds is not None:
@@ -140,7 +141,7 @@ def _described(design: Design) -> Iterator[_Made]:
         drawn = seeds_of(stated, int(base.settings["dataset"]["seed"]))
         factors.insert(0, [Variation({"dataset": {"seed": seed}}, place) for seed in drawn])
     if place is not None:
-        check_number(math.prod(map(len, factors)), place)
+        check_pair_count(math.prod(map(len, factors)), place)
     for chosen in itertools.product(*factors):
         made = base
         for part in chosen:
@@ -155,19 +156,20 @@ def seeds_of(stated: int | list[int], seed: int) -> list[int]:
     return [int(stream(seed, "plan", k).generate_state(1)[0] >> 1) for k in range(stated)]
 
 
-def _posed(block: Block, made: _Made, grounds: _Grounds, known: dict[str, list[Variation]]) -> list[Variation]:
+def _place_cameras(block: Sweep, made: _Combination, grounds: _Grounds,
+                   known: dict[str, list[Variation]]) -> list[Variation]:
     """The cameras of a block in a description; those of the same ground and rig are worked out once."""
     rig = made.settings["rig"]
-    key = _geometry(made.settings) + json.dumps([rig[s.key] for s in TOPICS["rig"].settings])
+    key = _geometry_key(made.settings) + json.dumps([rig[s.key] for s in TOPICS["rig"].settings])
     if key not in known:
         try:
-            known[key] = poses.variations(block, made.settings, grounds.of)
+            known[key] = poses.make_variations(block, made.settings, grounds.of)
         except IcyMoonError as error:
-            raise _placed(error, block.place) from None
+            raise _at_place(error, block.place) from None
     return known[key]
 
 
-def _placed(error: IcyMoonError, place: Place | None) -> IcyMoonError:
+def _at_place(error: IcyMoonError, place: Place | None) -> IcyMoonError:
     """An error with the line at fault before it, if it does not name one."""
     text = str(error)
     if place is None or text.startswith(str(place.file)):
@@ -175,15 +177,15 @@ def _placed(error: IcyMoonError, place: Place | None) -> IcyMoonError:
     return IcyMoonError(f"{place}: {text}" + ("" if text.endswith(".") else "."))
 
 
-def _check_headings(made: list[_Made]) -> None:
+def _check_headings(made: list[_Combination]) -> None:
     """Refuse more pairs than a plan may have before they are made."""
     pairs = sum(int(each.settings["dataset"]["headings"]) for each in made)
     place = made[0].place_of("dataset.headings") if made else None
     if place is not None:
-        check_number(pairs, place)
+        check_pair_count(pairs, place)
 
 
-def _turned(made: _Made) -> Iterator[_Made]:
+def _headings_of(made: _Combination) -> Iterator[_Combination]:
     """A description at each of its ``dataset.headings``, which is 1 in what comes of it."""
     headings = int(made.settings["dataset"]["headings"])
     if headings == 1:
@@ -196,30 +198,30 @@ def _turned(made: _Made) -> Iterator[_Made]:
                                    "rig": {"heading_deg": turned_heading_deg(made.settings, k, headings)}}, place))
 
 
-def _content(made: _Made) -> str:
+def _read_content(made: _Combination) -> str:
     try:
         return content(made.settings)
     except IcyMoonError as error:
-        raise _placed(error, made.place_of("source.file", "textures.albedo_file")) from None
+        raise _at_place(error, made.place_of("source.file", "textures.albedo_file")) from None
 
 
-def some_grounds(settings: Sequence[Settings]) -> set[str]:
+def grounds_to_check(settings: Sequence[Settings]) -> set[str]:
     """Those of the made-up grounds of descriptions that a plan is checked on, by what they hang on: all, or
     ``MOST_GROUNDS`` evenly among more, each of which takes some hundredths of a second."""
-    there = list(dict.fromkeys(_geometry(each) for each in settings if each["source"]["kind"] == "PROCEDURAL"))
+    there = list(dict.fromkeys(_geometry_key(each) for each in settings if each["source"]["kind"] == "PROCEDURAL"))
     return {there[k * len(there) // MOST_GROUNDS] for k in range(MOST_GROUNDS)} if len(there) > MOST_GROUNDS else {
         *there}
 
 
-def unseen_grounds(settings: Sequence[Settings]) -> int:
+def unchecked_grounds(settings: Sequence[Settings]) -> int:
     """The number of made-up grounds that a plan of these descriptions was not checked on."""
     if len(settings) <= MOST_GROUNDS:
         return 0
-    there = {_geometry(each) for each in settings if each["source"]["kind"] == "PROCEDURAL"}
+    there = {_geometry_key(each) for each in settings if each["source"]["kind"] == "PROCEDURAL"}
     return max(0, len(there) - MOST_GROUNDS)
 
 
-def _refused(made: list[_Made], grounds: _Grounds) -> list[IcyMoonError | None]:
+def _find_refusals(made: list[_Combination], grounds: _Grounds) -> list[IcyMoonError | None]:
     """Of each description why it cannot be rendered, as is known before anything is built.
 
     Raises IcyMoonError for a file that is not there and a camera beside the ground.
@@ -228,7 +230,7 @@ def _refused(made: list[_Made], grounds: _Grounds) -> list[IcyMoonError | None]:
     known: dict[str, list[Reason]] = {}
     standing_on: dict[int, tuple[RockyGround, list[int]]] = {}
     found: list[list[Reason]] = []
-    looked_at = some_grounds([each.settings for each in made])
+    looked_at = grounds_to_check([each.settings for each in made])
     for k, each in enumerate(made):
         _check_files_once(each, seen)
         key = json.dumps([each.settings[topic] for topic in _OF_SETTINGS]
@@ -236,44 +238,44 @@ def _refused(made: list[_Made], grounds: _Grounds) -> list[IcyMoonError | None]:
         if key not in known:
             known[key] = admission.reasons_of_settings(each.settings)
         found.append(list(known[key]))
-        if each.settings["source"]["kind"] == "PROCEDURAL" and _geometry(each.settings) in looked_at:
+        if each.settings["source"]["kind"] == "PROCEDURAL" and _geometry_key(each.settings) in looked_at:
             try:
                 ground = grounds.of(each.settings)
                 standing_on.setdefault(id(ground), (ground, []))[1].append(k)
             except IcyMoonError as error:
                 found[k].append(Reason(str(error)))
     for ground, those in standing_on.values():
-        for k, reason in zip(those, _of_eyes(ground, [made[k] for k in those]), strict=True):
+        for k, reason in zip(those, _check_eyes(ground, [made[k] for k in those]), strict=True):
             found[k] += [reason] if reason is not None and reason not in found[k] else []
-    return [_error(each, said) for each, said in zip(made, found, strict=True)]
+    return [_join_reasons(each, said) for each, said in zip(made, found, strict=True)]
 
 
-def _of_eyes(ground: RockyGround, made: list[_Made]) -> list[Reason | None]:
+def _check_eyes(ground: RockyGround, made: list[_Combination]) -> list[Reason | None]:
     try:
         found = admission.reasons_of_eyes(ground, [each.settings["rig"] for each in made])
     except IcyMoonError as error:  # sizes of blocks that contradict each other
         return [Reason(str(error)) for _ in made]
     for each, reason in zip(made, found, strict=True):
         if reason is not None and reason.names == admission.OUTSIDE:
-            raise _placed(IcyMoonError(reason), each.place_of(*reason.names))
+            raise _at_place(IcyMoonError(reason), each.place_of(*reason.names))
     return found
 
 
-def _error(made: _Made, said: list[Reason]) -> IcyMoonError | None:
+def _join_reasons(made: _Combination, said: list[Reason]) -> IcyMoonError | None:
     """All reasons as one error that names the line at fault of the first."""
     if not said:
         return None
     error = IcyMoonError(" ".join(said))
-    return _placed(error, (made.place_of(*said[0].names) if said[0].names else None) or _named_in(error, made))
+    return _at_place(error, (made.place_of(*said[0].names) if said[0].names else None) or _place_named_in(error, made))
 
 
-def _named_in(error: IcyMoonError, made: _Made) -> Place | None:
+def _place_named_in(error: IcyMoonError, made: _Combination) -> Place | None:
     """Where the settings stand that an error names."""
     named = [word.strip(",;:().") for word in str(error).split() if word.count(".") and word.split(".")[0] in TOPICS]
     return made.place_of(*named)
 
 
-def _check_files_once(made: _Made, seen: set[str]) -> None:
+def _check_files_once(made: _Combination, seen: set[str]) -> None:
     """Refuse a file that is not there, unless another description with the same files has been checked."""
     key = json.dumps([made.settings[topic] for topic in ("source", "textures", "light")])
     if key in seen:
@@ -282,13 +284,13 @@ def _check_files_once(made: _Made, seen: set[str]) -> None:
     try:
         _check_files(made)
     except IcyMoonError as error:
-        raise _placed(error, _named_in(error, made)) from None
+        raise _at_place(error, _place_named_in(error, made)) from None
 
 
-def _check_files(made: _Made) -> None:
+def _check_files(made: _Combination) -> None:
     """Refuse a file that is not there."""
     for name, path in used_files(made.settings).items():
         if not (path.is_file() or (name == "light.kernels" and path.is_dir())):
-            raise _placed(IcyMoonError(f"{name}: {path} is not there; put it there, or extend this plan by one of your "
-                                       "own that names another or has plan.files, the folder it is in."),
-                          made.place_of(name))
+            raise _at_place(IcyMoonError(f"{name}: {path} is not there; put it there, or extend this plan by one of "
+                                         "your own that names another or has plan.files, the folder it is in."),
+                            made.place_of(name))

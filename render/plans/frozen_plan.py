@@ -26,17 +26,17 @@ from .planned_pair import PlannedPair
 PLAN = "plan.jsonl"
 FORMAT = "icymoon-dataset"
 VERSION = 1
-_MEND = "delete it and run icymoon batch again, which keeps what is rendered"
+_FIX = "delete it and run icymoon batch again, which keeps what is rendered"
 #: The first line of a plan, of any version and of this one, and the others.
 _KIND = {"format": TEXT, "version": COUNT}
 _HEADER = {**_KIND, "settings": Each(TABLE, TEXT), "pairs": COUNT, "plan": TEXT, "icymoon": TEXT}
 _LINE = {"id": TEXT, "changes": Each(TABLE, TEXT)}
 #: How many settings are named in which a plan differs from what was planned.
-_MOST_SAID = 5
+_MOST_NAMED = 5
 
 
 @dataclass(frozen=True)
-class Frozen:
+class FrozenPlan:
     """What a data set is to hold: its pairs in the order in which they are rendered, the plan's text, the version of
     Icy Moon that froze it, and what a person should know of it."""
 
@@ -50,7 +50,7 @@ class Frozen:
         return [pair for pair in self.pairs if not is_complete(pair.folder(dataset))]
 
 
-def freeze(dataset: Path, pairs: Sequence[PlannedPair], text: str) -> Frozen:
+def freeze_plan(dataset: Path, pairs: Sequence[PlannedPair], text: str) -> FrozenPlan:
     """Write the plan of a data set, or check it against the one that is there, and return it.
 
     A data set may be extended: a plan that has all pairs of the one that is there takes its place. What an earlier
@@ -61,18 +61,18 @@ def freeze(dataset: Path, pairs: Sequence[PlannedPair], text: str) -> Frozen:
         raise IcyMoonError("The plan has no pair; give it values to vary, or none of them an empty list.")
     path = dataset / PLAN
     if path.exists():
-        known = read(dataset)
+        known = read_frozen_plan(dataset)
         there = {pair.id for pair in pairs}
         lacking = [pair for pair in known.pairs if pair.id not in there]
         if lacking and known.text == text and known.version != version():
             return replace(known, note=f"{dataset} goes on as Icy Moon {known.version} planned it. {version()} makes "
-                                       f"other pairs of the same plan: {_difference(lacking[0], pairs)}. For those "
-                                       "choose another folder.")
+                                       f"other pairs of the same plan: {_describe_difference(lacking[0], pairs)}. "
+                                       "For those choose another folder.")
         if lacking:
             raise IcyMoonError(f"{dataset} holds another data set: {len(lacking)} of its {len(known.pairs)} pairs are "
-                               f"not in this plan: {_difference(lacking[0], pairs)}. To go on with what was planned "
-                               "there use icymoon work; for this plan choose another folder, or let it extend that "
-                               "one.")
+                               f"not in this plan: {_describe_difference(lacking[0], pairs)}. To go on with what was "
+                               "planned there use icymoon work; for this plan choose another folder, or let it extend "
+                               "that one.")
         if [p.id for p in known.pairs] == [p.id for p in pairs] and known.text == text:
             return known
     base = pairs[0].settings
@@ -81,10 +81,10 @@ def freeze(dataset: Path, pairs: Sequence[PlannedPair], text: str) -> Frozen:
               "plan": text}
     lines = [header, *({"id": pair.id, "changes": changed(pair.settings, base)} for pair in pairs)]
     write_text(path, "".join(json.dumps(line, allow_nan=False) + "\n" for line in lines))
-    return read(dataset)
+    return read_frozen_plan(dataset)
 
 
-def _difference(pair: PlannedPair, pairs: Sequence[PlannedPair]) -> str:
+def _describe_difference(pair: PlannedPair, pairs: Sequence[PlannedPair]) -> str:
     """In what a pair differs from the nearest of others, in words."""
     names = [(topic, s.key) for topic, s in all_settings() if counts(s)]
 
@@ -94,13 +94,13 @@ def _difference(pair: PlannedPair, pairs: Sequence[PlannedPair]) -> str:
     nearest = min(pairs, key=lambda other: len(differing(other)))
     found = differing(nearest)
     said = [f"{topic}.{key} was {pair.settings[topic][key]!r} and is {nearest.settings[topic][key]!r}"
-            for topic, key in found[:_MOST_SAID]]
-    if len(found) > _MOST_SAID:
-        said.append(f"{len(found) - _MOST_SAID} settings more")
+            for topic, key in found[:_MOST_NAMED]]
+    if len(found) > _MOST_NAMED:
+        said.append(f"{len(found) - _MOST_NAMED} settings more")
     return f"for pair {pair.id} {', '.join(said) or 'a file of yours has another content'}"
 
 
-def read(dataset: Path) -> Frozen:
+def read_frozen_plan(dataset: Path) -> FrozenPlan:
     """The frozen plan of a data set. Raises IcyMoonError if there is none or it cannot be read."""
     path = dataset / PLAN
     if not path.is_file():
@@ -109,20 +109,20 @@ def read(dataset: Path) -> Frozen:
         with explain_disk_errors("read", path):
             header, *lines = [parse_json(line) for line in read_text(path).split("\n") if line]
     except ValueError as error:
-        raise IcyMoonError(f"{path} cannot be read ({error}); {_MEND}.") from None
-    check_record(header, _KIND, path, _MEND)
+        raise IcyMoonError(f"{path} cannot be read ({error}); {_FIX}.") from None
+    check_record(header, _KIND, path, _FIX)
     if header["format"] != FORMAT or header["version"] != VERSION:
         raise IcyMoonError(f"{path} has version {header['version']} of {header['format']}, this Icy Moon reads "
                            f"{VERSION} of {FORMAT}; use the version that wrote it.")
-    check_record(header, _HEADER, path, _MEND)
+    check_record(header, _HEADER, path, _FIX)
     base = restored(header["settings"], str(path), header["icymoon"])
     with told_to_update(str(path), header["icymoon"]):
-        pairs = tuple(_pair(line, base, path) for line in lines)
+        pairs = tuple(_parse_pair(line, base, path) for line in lines)
     if len({pair.id for pair in pairs}) != header["pairs"]:
-        raise IcyMoonError(f"{path} holds {len({pair.id for pair in pairs})} of {header['pairs']} pairs; {_MEND}.")
-    return Frozen(pairs, header["plan"], header["icymoon"])
+        raise IcyMoonError(f"{path} holds {len({pair.id for pair in pairs})} of {header['pairs']} pairs; {_FIX}.")
+    return FrozenPlan(pairs, header["plan"], header["icymoon"])
 
 
-def _pair(line: Mapping[str, Any], base: Settings, path: Path) -> PlannedPair:
-    check_record(line, _LINE, path, _MEND)
+def _parse_pair(line: Mapping[str, Any], base: Settings, path: Path) -> PlannedPair:
+    check_record(line, _LINE, path, _FIX)
     return PlannedPair(checked_id(line["id"], path), merged(base, check(line["changes"], str(path), stored=True)), 0.0)

@@ -17,10 +17,10 @@ from .planned_pair import PlannedPair
 _STAGES: tuple[Callable[[Settings], Settings], ...] = (
     changes.scene, changes.look, changes.light, changes.camera, changes.sampling)
 #: Shards per worker that a data set is cut into, so that the last ones of all workers end at about the same time.
-_SHARDS_PER_WORKER = 4
+_JOBS_PER_WORKER = 4
 
 
-def key(part: Callable[[Settings], Settings], pair: PlannedPair) -> str:
+def settings_key(part: Callable[[Settings], Settings], pair: PlannedPair) -> str:
     """A text that is equal for pairs that agree in a part of their settings, such as ``changes.scene``."""
     return json.dumps(part(pair.settings))
 
@@ -32,27 +32,27 @@ def ordered(pairs: Sequence[PlannedPair]) -> list[PlannedPair]:
     pairs are already there.
     """
     pairs = list({pair.id: pair for pair in pairs}.values())
-    keys = [tuple(key(stage, pair) for stage in _STAGES) for pair in pairs]
+    keys = [tuple(settings_key(stage, pair) for stage in _STAGES) for pair in pairs]
     ranks = [{text: rank for rank, text in enumerate(dict.fromkeys(column))} for column in zip(*keys, strict=True)]
     places = [tuple(rank[text] for rank, text in zip(ranks, texts, strict=True)) for texts in keys]
     return [pairs[k] for k in sorted(range(len(pairs)), key=places.__getitem__)]
 
 
-def scenes(pairs: Sequence[PlannedPair]) -> list[list[PlannedPair]]:
+def runs_of_scenes(pairs: Sequence[PlannedPair]) -> list[list[PlannedPair]]:
     """Ordered pairs, in runs that share a scene."""
-    return [list(run) for _, run in groupby(pairs, lambda pair: key(changes.scene, pair))]
+    return [list(run) for _, run in groupby(pairs, lambda pair: settings_key(changes.scene, pair))]
 
 
-def shards(pairs: Sequence[PlannedPair], workers: int, most_scenes: int) -> list[list[PlannedPair]]:
+def cut_into_jobs(pairs: Sequence[PlannedPair], workers: int, most_scenes: int) -> list[list[PlannedPair]]:
     """Ordered pairs, in runs of similar length that each go to one process.
 
     A run ends with a scene, unless the scene has so many pairs that several workers should share it.
     A process renders at most ``most_scenes`` scenes.
     """
-    length = -(-len(pairs) // (workers * _SHARDS_PER_WORKER))
+    length = -(-len(pairs) // (workers * _JOBS_PER_WORKER))
     found: list[list[PlannedPair]] = []
     held = 0  # scenes in the last run
-    for scene in scenes(pairs):
+    for scene in runs_of_scenes(pairs):
         for start in range(0, len(scene), 2 * length):
             piece = scene[start:start + 2 * length]
             if found and held < most_scenes and len(found[-1]) + len(piece) <= length:
@@ -64,12 +64,12 @@ def shards(pairs: Sequence[PlannedPair], workers: int, most_scenes: int) -> list
     return found
 
 
-def share(pairs: Sequence[PlannedPair], number: int, count: int) -> list[PlannedPair]:
+def shard(pairs: Sequence[PlannedPair], number: int, count: int) -> list[PlannedPair]:
     """Ordered pairs of share ``number`` (from 1) of ``count``: runs of about equal length.
 
     Whole scenes where there are enough of them; the shares of all numbers together are all pairs.
     """
-    units = scenes(pairs)
+    units = runs_of_scenes(pairs)
     if len(units) < count:
         units = [[pair] for pair in pairs]
     ends = [0]

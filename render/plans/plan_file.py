@@ -18,9 +18,9 @@ from ...files import is_file, parse_path
 from ...formats.toml_lines import Place
 from ...settings.description import PLANS, check, plan_names, read_toml, toml_and_text
 from . import poses, sweeps
-from .combine import MOST_GROUNDS, Combined, Design, combined, unseen_grounds
+from .combine import MOST_GROUNDS, Combined, Design, combine, unchecked_grounds
 from .planned_pair import PlannedPair
-from .sweeps import Block, Variation, checked, known_keys, nearest, preset
+from .sweeps import Sweep, Variation, check_keys, check_settings, load_preset, nearest
 
 HEADER = ("title", "description", "extends", "include", "seeds", "at_most", "files", "without")
 _SEEDS_MOST = 100000
@@ -41,7 +41,7 @@ class Plan:
         found: dict[str, PlannedPair] = {}
         refused: dict[str, str] = {}
         for design in self.designs:
-            made = combined(design)
+            made = combine(design)
             refused |= made.refused
             for pair in made.pairs:
                 found.setdefault(pair.id, pair)
@@ -64,14 +64,14 @@ class Plan:
 
     def unchecked(self) -> str:
         """A sentence about the grounds that the pairs were not checked on; empty if there are none."""
-        unseen = unseen_grounds([pair.settings for pair in self._combined.pairs])
+        unseen = unchecked_grounds([pair.settings for pair in self._combined.pairs])
         if not unseen:
             return ""
         return (f"Of the grounds {MOST_GROUNDS} were looked at, {unseen} were not: there a camera that cannot stand is "
                 "found when its pair is rendered, which is then set aside.")
 
 
-def plan_path(name: str) -> Path:
+def find_plan(name: str) -> Path:
     """The file of a plan: of a shipped one its name, ``datasets/…`` or without that, else a path.
 
     Raises IcyMoonError if there is neither.
@@ -85,7 +85,7 @@ def plan_path(name: str) -> Path:
     raise IcyMoonError(f"Unknown plan {name!r}, {nearest(name, plan_names())}")
 
 
-def plan_header(path: Path) -> tuple[str, str]:
+def read_plan_header(path: Path) -> tuple[str, str]:
     """(title, description) of a plan, without reading more of it."""
     header = read_toml(path).get("plan", {})
     return str(header.get("title", path.stem)), str(header.get("description", ""))
@@ -93,10 +93,10 @@ def plan_header(path: Path) -> tuple[str, str]:
 
 def read_plan(path: Path) -> Plan:
     """Read and check a plan. Raises IcyMoonError that names the file, the line and the mend."""
-    return _read(path, ())
+    return _read_extended(path, ())
 
 
-def _read(path: Path, readers: tuple[Path, ...]) -> Plan:
+def _read_extended(path: Path, readers: tuple[Path, ...]) -> Plan:
     data, text = toml_and_text(path)
     whole = Place(path, text)
     header = data.pop("plan", None)
@@ -104,13 +104,13 @@ def _read(path: Path, readers: tuple[Path, ...]) -> Plan:
         raise IcyMoonError(f"{path}: has no [plan] table, so it is no plan of a data set; give it one with a title.")
     data.pop("sources", None)
     place = whole.at("plan")
-    known_keys(header, HEADER, place, "[plan]")
+    check_keys(header, HEADER, place, "[plan]")
     sweeps = data.pop("sweep", [])
     if not isinstance(sweeps, list) or not all(isinstance(table, Mapping) for table in sweeps):
         raise IcyMoonError(f"{whole.at('sweep')}: sweeps are tables of a list; write [[sweep]] with two brackets.")
-    designs = _parents(header, place, (*readers, path.resolve()))
+    designs = _read_parents(header, place, (*readers, path.resolve()))
     for k, table in enumerate(sweeps):
-        designs = _with_block(designs, table, whole.at("sweep", k))
+        designs = _with_sweep(designs, table, whole.at("sweep", k))
     return Plan(path, _text(header, "title", place) or path.stem, _text(header, "description", place), text,
                 tuple(_with_header(_with_settings(design, header, data, whole), header, place) for design in designs))
 
@@ -132,15 +132,15 @@ def _names(header: Mapping[str, Any], key: str, place: Place) -> list[tuple[str,
             for k, name in enumerate(value)]
 
 
-def _parents(header: Mapping[str, Any], place: Place, readers: tuple[Path, ...]) -> list[Design]:
+def _read_parents(header: Mapping[str, Any], place: Place, readers: tuple[Path, ...]) -> list[Design]:
     """The designs that a plan begins with: those of the plans it extends, or an empty one."""
     designs: list[Design] = []
     for name, at in _names(header, "extends", place):
         try:
-            path = at.file.parent / parse_path(name, "The plan") if name.endswith(".toml") else plan_path(name)
+            path = at.file.parent / parse_path(name, "The plan") if name.endswith(".toml") else find_plan(name)
             if path.resolve() in readers:
                 raise IcyMoonError(f"{path} extends this plan in turn; leave one of the two out.")
-            designs += _read(path, readers).designs
+            designs += _read_extended(path, readers).designs
         except IcyMoonError as error:
             raise IcyMoonError(f"{at}: {error}") from None
     designs = designs or [Design()]
@@ -155,8 +155,8 @@ def _parents(header: Mapping[str, Any], place: Place, readers: tuple[Path, ...])
 def _with_settings(design: Design, header: Mapping[str, Any], data: Mapping[str, Any], whole: Place) -> Design:
     """A design with the presets and settings of a plan over its own."""
     place = whole.at("plan")
-    parts = [Variation(preset(name, at), at) for name, at in _names(header, "include", place)]
-    return replace(design, base=(*design.base, *parts, Variation(checked(data, whole), whole)))
+    parts = [Variation(load_preset(name, at), at) for name, at in _names(header, "include", place)]
+    return replace(design, base=(*design.base, *parts, Variation(check_settings(data, whole), whole)))
 
 
 def _with_header(design: Design, header: Mapping[str, Any], place: Place) -> Design:
@@ -188,7 +188,7 @@ def _seeds(value: Any, place: Place) -> tuple[int | list[int], Place]:
     return value, place
 
 
-def _with_block(designs: Sequence[Design], table: Mapping[str, Any], place: Place) -> list[Design]:
+def _with_sweep(designs: Sequence[Design], table: Mapping[str, Any], place: Place) -> list[Design]:
     """Designs with one more sweep, or with one in place of the sweep that it replaces."""
     kinds = (*sweeps.KINDS, *poses.KINDS)
     kind, replaces = table.get("kind"), _text(table, "replaces", place) or None
@@ -200,16 +200,16 @@ def _with_block(designs: Sequence[Design], table: Mapping[str, Any], place: Plac
         raise IcyMoonError(f"{place.at('replaces')}: there is no sweep {replaces!r} to replace, "
                            f"{nearest(replaces, sorted(known))}")
     # Random numbers hang on the name; a made-up one counts the sweeps of its kind in this file.
-    name = replaces or _text(table, "name", place) or _made_up(kind, known)
+    name = replaces or _text(table, "name", place) or _free_name(kind, known)
     if replaces is None and name in known:
         raise IcyMoonError(f"{place.at('name')}: there is a sweep {name!r} already; write replaces = {name!r} or "
                            "choose another name.")
-    block = Block(kind, name, {key: v for key, v in table.items() if key not in ("kind", "name", "replaces")}, place)
+    block = Sweep(kind, name, {key: v for key, v in table.items() if key not in ("kind", "name", "replaces")}, place)
     if replaces is None:
         return [replace(design, blocks=(*design.blocks, block)) for design in designs]
     return [replace(design, blocks=tuple(block if b.name == name else b for b in design.blocks))
             for design in designs]
 
 
-def _made_up(kind: str, known: set[str]) -> str:
+def _free_name(kind: str, known: set[str]) -> str:
     return next(name for k in range(len(known) + 1) if (name := f"{kind} {k + 1}") not in known)

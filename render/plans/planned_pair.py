@@ -36,7 +36,7 @@ def turned_heading_deg(settings: Settings, k: int, headings: int) -> float:
     return float(f"{heading - 360.0 if heading > 180.0 and k else heading:.6g}")
 
 
-def expand(settings: Settings, extra: str = "") -> list[PlannedPair]:
+def expand_headings(settings: Settings, extra: str = "") -> list[PlannedPair]:
     """The pairs of a complete description: ``dataset.headings`` equal turns at the site.
 
     ``extra`` identifies content that the settings do not describe (see ``settings.digest``). Raises IcyMoonError for

@@ -18,13 +18,13 @@ from ...physics.light.directions import toward
 from ...physics.terrain.sites import RockyGround
 from ...settings.description import Settings
 from .planned_pair import turned_heading_deg
-from .sweeps import Block, Variation, checked, known_keys, random_of, whole_number
+from .sweeps import Sweep, Variation, axis_generator, check_keys, check_settings, read_count
 
 #: Finds the ground of a complete description, or raises IcyMoonError where it is not made up.
 Ground = Callable[[Settings], RockyGround]
 
 
-def _numbers(block: Block, key: str, default: Sequence[float] | None = None) -> list[float]:
+def _read_numbers(block: Sweep, key: str, default: Sequence[float] | None = None) -> list[float]:
     """A list of numbers, or a single one, that a block states."""
     value = block.table.get(key, None if default is None else list(default))
     place = block.place.at(key)
@@ -36,50 +36,50 @@ def _numbers(block: Block, key: str, default: Sequence[float] | None = None) -> 
     return [float(v) for v in values]
 
 
-def _length(block: Block, key: str, default: float) -> float:
-    [value, *more] = _numbers(block, key, (default,))
+def _read_length(block: Sweep, key: str, default: float) -> float:
+    [value, *more] = _read_numbers(block, key, (default,))
     if more or value < 0:
         raise IcyMoonError(f"{block.place.at(key)}: {key} must be one number from 0 up, in metres.")
     return value
 
 
-def _rig(block: Block, **values: float) -> Variation:
+def _rig_variation(block: Sweep, **values: float) -> Variation:
     """A variation that sets these of the rig, six digits each."""
     rig = {key: float(f"{value:.6g}") for key, value in values.items()}
     place = Place(block.place.file, block.place.text, block.place.key)
     try:
-        return Variation(checked({"rig": rig}, place), place)
+        return Variation(check_settings({"rig": rig}, place), place)
     except IcyMoonError as error:
         raise IcyMoonError(f"{error} It follows from this {block.kind} block.") from None
 
 
-def _panorama(block: Block, base: Settings, ground: Ground) -> list[Variation]:
-    known_keys(block.table, ("headings", "pitches_deg"), block.place, "a panorama block")
+def _make_panorama(block: Sweep, base: Settings, ground: Ground) -> list[Variation]:
+    check_keys(block.table, ("headings", "pitches_deg"), block.place, "a panorama block")
     stated = block.table.get("headings", 4)
     if isinstance(stated, int) and not isinstance(stated, bool) and stated > 0:
         headings = [turned_heading_deg(base, k, stated) for k in range(stated)]
     elif isinstance(stated, list):
-        headings = _numbers(block, "headings")
+        headings = _read_numbers(block, "headings")
     else:
         raise IcyMoonError(f"{block.place.at('headings')}: headings is {stated!r}, it must be how many there are or "
                            "list them in degrees.")
-    pitches = _numbers(block, "pitches_deg", (base["rig"]["pitch_deg"],))
-    return [_rig(block, heading_deg=heading, pitch_deg=pitch) for pitch in pitches for heading in headings]
+    pitches = _read_numbers(block, "pitches_deg", (base["rig"]["pitch_deg"],))
+    return [_rig_variation(block, heading_deg=heading, pitch_deg=pitch) for pitch in pitches for heading in headings]
 
 
-def _view_sphere(block: Block, base: Settings, ground: Ground) -> list[Variation]:
-    known_keys(block.table, ("elevations_deg", "azimuths_deg", "distances_m", "target_height_m"), block.place,
+def _make_view_sphere(block: Sweep, base: Settings, ground: Ground) -> list[Variation]:
+    check_keys(block.table, ("elevations_deg", "azimuths_deg", "distances_m", "target_height_m"), block.place,
                "a view_sphere block")
     standing, rig = ground(base), base["rig"]
-    target = np.array([rig["x_m"], rig["y_m"], _length(block, "target_height_m", 0.0)])
+    target = np.array([rig["x_m"], rig["y_m"], _read_length(block, "target_height_m", 0.0)])
     target[2] += float(standing.heights(*target[:2]))
     if not math.isfinite(target[2]):
         raise IcyMoonError(f"{block.place}: there is no ground at the target, east {target[0]:g} m, north "
                            f"{target[1]:g} m; change rig.x_m and rig.y_m.")
     made = []
-    for distance in _numbers(block, "distances_m"):
-        for elevation in _numbers(block, "elevations_deg"):
-            for azimuth in _numbers(block, "azimuths_deg"):
+    for distance in _read_numbers(block, "distances_m"):
+        for elevation in _read_numbers(block, "elevations_deg"):
+            for azimuth in _read_numbers(block, "azimuths_deg"):
                 x, y, z = target + distance * toward(azimuth, elevation)
                 x, y = (float(f"{v:.6g}") for v in (x, y))
                 height = z - float(standing.heights(x, y))
@@ -90,37 +90,37 @@ def _view_sphere(block: Block, base: Settings, ground: Ground) -> list[Variation
                 if height < LOWEST_M:
                     raise IcyMoonError(f"{block.place}: {at}, is {-height:.3g} m under the ground; raise "
                                        "target_height_m, the distance or the elevation, or take other azimuths.")
-                made.append(_rig(block, x_m=x, y_m=y, height_m=height, pitch_deg=elevation,
-                                 heading_deg=(azimuth + 360.0) % 360.0 - 180.0))
+                made.append(_rig_variation(block, x_m=x, y_m=y, height_m=height, pitch_deg=elevation,
+                                           heading_deg=(azimuth + 360.0) % 360.0 - 180.0))
     return made
 
 
-def _sites(block: Block, base: Settings, ground: Ground) -> list[Variation]:
-    known_keys(block.table, ("count", "clearance_m", "margin_m", "apart_m", "random_headings"), block.place,
+def _make_sites(block: Sweep, base: Settings, ground: Ground) -> list[Variation]:
+    check_keys(block.table, ("count", "clearance_m", "margin_m", "apart_m", "random_headings"), block.place,
                "a sites block")
-    count, turned = whole_number(block, "count"), block.table.get("random_headings", False)
+    count, turned = read_count(block, "count"), block.table.get("random_headings", False)
     if not isinstance(turned, bool):
         raise IcyMoonError(f"{block.place.at('random_headings')}: random_headings must be true or false.")
-    clearance, margin, apart = (_length(block, key, default) for key, default in
+    clearance, margin, apart = (_read_length(block, key, default) for key, default in
                                 (("clearance_m", 0.25), ("margin_m", 1.0), ("apart_m", 0.0)))
     seed = int(base["dataset"]["seed"])
-    found = ground(base).choose_places(count, clearance, margin, apart, random_of(block, "place", seed))
+    found = ground(base).choose_places(count, clearance, margin, apart, axis_generator(block, "place", seed))
     if len(found) < count:
         raise IcyMoonError(f"{block.place}: the {base['terrain']['size_m']:g} m patch has room for {len(found)} of "
                            f"{count} sites {clearance:g} m clear of blocks, {margin:g} m from its edge and {apart:g} m "
                            "apart; lower count, clearance_m, margin_m, apart_m or rocks.coverage.")
-    headings = random_of(block, "heading", seed).uniform(-180.0, 180.0, count)
+    headings = axis_generator(block, "heading", seed).uniform(-180.0, 180.0, count)
     more: list[dict[str, float]] = [{"heading_deg": h} if turned else {} for h in headings.tolist()]
-    return [_rig(block, x_m=x, y_m=y, **extra) for (x, y), extra in zip(found.tolist(), more, strict=True)]
+    return [_rig_variation(block, x_m=x, y_m=y, **extra) for (x, y), extra in zip(found.tolist(), more, strict=True)]
 
 
-_MAKERS: dict[str, Callable[[Block, Settings, Ground], list[Variation]]] = {
-    "sites": _sites, "view_sphere": _view_sphere, "panorama": _panorama}
+_MAKERS: dict[str, Callable[[Sweep, Settings, Ground], list[Variation]]] = {
+    "sites": _make_sites, "view_sphere": _make_view_sphere, "panorama": _make_panorama}
 #: Kinds of blocks that place the camera, in the order in which they are applied: the site, then the view.
 KINDS = tuple(_MAKERS)
 
 
-def variations(block: Block, base: Settings, ground: Ground) -> list[Variation]:
+def make_variations(block: Sweep, base: Settings, ground: Ground) -> list[Variation]:
     """The cameras that a block of one of ``KINDS`` puts into a complete description.
 
     Raises IcyMoonError that names the line at fault.

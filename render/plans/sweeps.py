@@ -32,7 +32,7 @@ _NOT_SWEPT = {"response": "is applied when images are evaluated and needs no oth
 
 
 @dataclass(frozen=True)
-class Block:
+class Sweep:
     """A ``[[sweep]]`` table: its kind, its name (of its own or made up), its other keys and where it stands."""
 
     kind: str
@@ -56,14 +56,14 @@ def nearest(word: str, known: Iterable[str]) -> str:
     return f"did you mean {close[0]!r}?" if close else f"known are {', '.join(names) or 'none'}."
 
 
-def known_keys(table: Mapping[str, Any], known: Sequence[str], place: Place, what: str) -> None:
+def check_keys(table: Mapping[str, Any], known: Sequence[str], place: Place, what: str) -> None:
     """Raise IcyMoonError if a table has a key that it cannot have."""
     for key in table:
         if key not in known:
             raise IcyMoonError(f"{place.at(key)}: {what} has no {key}, {nearest(key, known)}")
 
 
-def checked(data: Mapping[str, Any], place: Place) -> Settings:
+def check_settings(data: Mapping[str, Any], place: Place) -> Settings:
     """A partial description that stands at ``place``, checked.
 
     Raises IcyMoonError that names the line of the setting at fault.
@@ -80,7 +80,7 @@ def checked(data: Mapping[str, Any], place: Place) -> Settings:
     return merged(*parts)
 
 
-def preset(name: Any, place: Place) -> Settings:
+def load_preset(name: Any, place: Place) -> Settings:
     """The settings of a shipped preset, or of a settings file whose name ends in .toml, beside the plan."""
     if not isinstance(name, str):
         raise IcyMoonError(f"{place}: a preset is named by a text in quotes, not {name!r}.")
@@ -90,29 +90,29 @@ def preset(name: Any, place: Place) -> Settings:
         raise IcyMoonError(f"{place}: {error}") from None
 
 
-def random_of(block: Block, axis: str, seed: int) -> np.random.Generator:
+def axis_generator(block: Sweep, axis: str, seed: int) -> np.random.Generator:
     """The random of one axis of a block. It hangs on names, so that moving or adding others changes nothing."""
     return generator(seed, "plan", zlib.crc32(block.name.encode()), zlib.crc32(axis.encode()))
 
 
-def whole_number(block: Block, key: str, least: int = 1) -> int:
+def read_count(block: Sweep, key: str, least: int = 1) -> int:
     """A count that a block must state."""
     value = block.table.get(key)
     if not isinstance(value, int) or isinstance(value, bool) or value < least:
         said = "is missing" if value is None else f"is {value!r}"
         raise IcyMoonError(f"{block.place.at(key)}: {key} {said}, it must be a whole number from {least} up.")
-    check_number(value, block.place.at(key))
+    check_pair_count(value, block.place.at(key))
     return value
 
 
-def check_number(pairs: int, place: Place) -> None:
+def check_pair_count(pairs: int, place: Place) -> None:
     """Raise IcyMoonError if there are more pairs than a plan may have."""
     if pairs > MOST_PAIRS:
         raise IcyMoonError(f"{place}: the sweeps combine to {pairs} pairs, more than {MOST_PAIRS}; list fewer values, "
                            "or draw fewer with a random, sobol or latin_hypercube block.")
 
 
-def _setting(topic: str, key: str, place: Place) -> Setting:
+def _find_setting(topic: str, key: str, place: Place) -> Setting:
     """The setting that a factor names."""
     if topic not in TOPICS:
         raise IcyMoonError(f"{place}: unknown topic {topic}, {nearest(topic, TOPICS)}")
@@ -124,7 +124,7 @@ def _setting(topic: str, key: str, place: Place) -> Setting:
     return known[key]
 
 
-def _factors(block: Block, also: Sequence[str]) -> list[tuple[str, Setting | None, Any, Place]]:
+def _read_factors(block: Sweep, also: Sequence[str]) -> list[tuple[str, Setting | None, Any, Place]]:
     """(name, setting or None for presets, what is stated, place) of what a block varies."""
     found: list[tuple[str, Setting | None, Any, Place]] = []
     for topic, values in block.table.items():
@@ -139,7 +139,7 @@ def _factors(block: Block, also: Sequence[str]) -> list[tuple[str, Setting | Non
         if not isinstance(values, Mapping):
             raise IcyMoonError(f"{place}: {topic} is a topic; name a setting of it, such as {topic}."
                                f"{TOPICS[topic].settings[0].key}.")
-        found += [(f"{topic}.{key}", _setting(topic, key, place.at(key)), stated, place.at(key))
+        found += [(f"{topic}.{key}", _find_setting(topic, key, place.at(key)), stated, place.at(key))
                   for key, stated in values.items()]
     if not found:
         raise IcyMoonError(f"{block.place}: this {block.kind} block varies nothing; name a setting, such as "
@@ -147,22 +147,22 @@ def _factors(block: Block, also: Sequence[str]) -> list[tuple[str, Setting | Non
     return found
 
 
-def _part(name: str, value: Any, place: Place) -> Settings:
+def _read_part(name: str, value: Any, place: Place) -> Settings:
     """What a factor's value sets."""
     if name == _PRESET:
-        return preset(value, place)
+        return load_preset(value, place)
     topic, key = name.split(".")
-    return checked({topic: {key: value}}, Place(place.file, place.text, place.key[:-2]))
+    return check_settings({topic: {key: value}}, Place(place.file, place.text, place.key[:-2]))
 
 
-def _listed(block: Block) -> list[list[Variation]]:
+def _read_listed(block: Sweep) -> list[list[Variation]]:
     """For each factor of a block that lists values, its variations."""
     factors = []
-    for name, setting, values, place in _factors(block, ()):
+    for name, setting, values, place in _read_factors(block, ()):
         if not isinstance(values, list) or not values:
             raise IcyMoonError(f"{place}: {name} must list the values that it takes in turn, as in "
                                f"[{getattr(setting, 'default', 'a preset')!r}, …], not {values!r}.")
-        factors.append([Variation(_part(name, value, place), place) for value in values])
+        factors.append([Variation(_read_part(name, value, place), place) for value in values])
     return factors
 
 
@@ -170,20 +170,20 @@ def _joined(parts: Iterable[Variation], place: Place) -> Variation:
     return Variation(merged(*(part.settings for part in parts)), place)
 
 
-def _grid(block: Block, base: Settings) -> list[Variation]:
-    factors = _listed(block)
-    check_number(math.prod(map(len, factors)), block.place)
+def _make_grid(block: Sweep, base: Settings) -> list[Variation]:
+    factors = _read_listed(block)
+    check_pair_count(math.prod(map(len, factors)), block.place)
     return [_joined(chosen, block.place) for chosen in itertools.product(*factors)]
 
 
-def _one_at_a_time(block: Block, base: Settings) -> list[Variation]:
-    each = [v for factor in _listed(block) for v in factor]
+def _make_one_at_a_time(block: Sweep, base: Settings) -> list[Variation]:
+    each = [v for factor in _read_listed(block) for v in factor]
     other = [v for v in each if any(base[t][k] != x for t, values in v.settings.items() for k, x in values.items())]
     return [Variation({}, block.place), *other]
 
 
-def _cases(block: Block, base: Settings) -> list[Variation]:
-    known_keys(block.table, ("case",), block.place, "a cases block")
+def _make_cases(block: Sweep, base: Settings) -> list[Variation]:
+    check_keys(block.table, ("case",), block.place, "a cases block")
     cases, place = block.table.get("case"), block.place.at("case")
     if not isinstance(cases, list) or not cases or not all(isinstance(case, Mapping) for case in cases):
         raise IcyMoonError(f"{place}: a cases block lists what goes together: case = [{{ light.sun_elevation_deg = 30, "
@@ -197,14 +197,14 @@ def _cases(block: Block, base: Settings) -> list[Variation]:
         stated = {topic: values for topic, values in case.items() if topic != _PRESET}
         for topic, values in stated.items():
             for key in values if isinstance(values, Mapping) else ():
-                _setting(topic, key, place.at(k))
-        made.append(Variation(merged(*(preset(name, place.at(k, _PRESET)) for name in presets),
-                                     checked(stated, place.at(k))), place.at(k)))
+                _find_setting(topic, key, place.at(k))
+        made.append(Variation(merged(*(load_preset(name, place.at(k, _PRESET)) for name in presets),
+                                     check_settings(stated, place.at(k))), place.at(k)))
     return made
 
 
-def _values(name: str, setting: Setting | None, law: Any, place: Place,
-            kind: str) -> Callable[[np.ndarray], list[Any]]:
+def _read_law(name: str, setting: Setting | None, law: Any, place: Place,
+              kind: str) -> Callable[[np.ndarray], list[Any]]:
     """What turns shares (0 to 1) into values of a factor, from the distribution that is stated."""
     stated = dict(law) if isinstance(law, Mapping) else {}
     within = stated.pop("within", None)
@@ -222,11 +222,12 @@ def _values(name: str, setting: Setting | None, law: Any, place: Place,
                            f"{nearest(law_name, ('uniform', 'log_uniform', 'normal', 'choice'))}")
     if setting is None or setting.kind not in ("int", "float"):
         raise IcyMoonError(f"{place}: {name} is no number; draw it with {{ choice = [values] }}.")
-    first, second = _pair(numbers, f"{law_name} of {name}", place)
+    first, second = _read_two_numbers(numbers, f"{law_name} of {name}", place)
     if law_name == "normal":
-        low, high = (setting.minimum, setting.maximum) if within is None else _pair(within, f"within of {name}", place)
-        return _normal(setting, name, (first, second), (low, high), place)
-    _ordered(setting, name, first, second, place)
+        limits = ((setting.minimum, setting.maximum) if within is None else
+                  _read_two_numbers(within, f"within of {name}", place))
+        return _read_normal(setting, name, (first, second), limits, place)
+    _check_range(setting, name, first, second, place)
     if law_name == "log_uniform" and first <= 0:
         raise IcyMoonError(f"{place}: log_uniform of {name} begins at {first:g}, it must be above 0.")
     if setting.kind == "int" and law_name == "uniform":
@@ -235,9 +236,9 @@ def _values(name: str, setting: Setting | None, law: Any, place: Place,
     return lambda share: _rounded(setting, draw(share, first, second))
 
 
-def _normal(setting: Setting, name: str, law: tuple[float, float], limits: tuple[float, float],
-            place: Place) -> Callable[[np.ndarray], list[Any]]:
-    _ordered(setting, name, *limits, place)
+def _read_normal(setting: Setting, name: str, law: tuple[float, float], limits: tuple[float, float],
+                 place: Place) -> Callable[[np.ndarray], list[Any]]:
+    _check_range(setting, name, *limits, place)
     if law[1] <= 0:
         raise IcyMoonError(f"{place}: the deviation of {name} is {law[1]:g}, it must be above 0.")
     try:
@@ -255,14 +256,14 @@ def _rounded(setting: Setting, values: np.ndarray) -> list[Any]:
     return [float(f"{v:.6g}") for v in values.tolist()]
 
 
-def _pair(numbers: Any, what: str, place: Place) -> tuple[float, float]:
+def _read_two_numbers(numbers: Any, what: str, place: Place) -> tuple[float, float]:
     if (not isinstance(numbers, list) or len(numbers) != 2
             or not all(isinstance(v, (int, float)) and not isinstance(v, bool) for v in numbers)):
         raise IcyMoonError(f"{place}: {what} must be two numbers, not {numbers!r}.")
     return float(numbers[0]), float(numbers[1])
 
 
-def _ordered(setting: Setting, name: str, low: float, high: float, place: Place) -> None:
+def _check_range(setting: Setting, name: str, low: float, high: float, place: Place) -> None:
     if not low < high:
         raise IcyMoonError(f"{place}: {name} goes from {low:g} to {high:g}; the first must be below the second.")
     for end in (low, high):
@@ -272,26 +273,27 @@ def _ordered(setting: Setting, name: str, low: float, high: float, place: Place)
                                f"{setting.maximum:g}{unit}.")
 
 
-def _drawn(block: Block, base: Settings) -> list[Variation]:
-    count = whole_number(block, "count")
-    factors = _factors(block, ("count",))
+def _make_drawn(block: Sweep, base: Settings) -> list[Variation]:
+    count = read_count(block, "count")
+    factors = _read_factors(block, ("count",))
     if block.kind == "sobol" and len(factors) > sampling.MOST_DIMENSIONS:
         raise IcyMoonError(f"{block.place}: a sobol block varies up to {sampling.MOST_DIMENSIONS} settings, not "
                            f"{len(factors)}; use latin_hypercube.")
     seed = int(base["dataset"]["seed"])
-    shares = _DRAWN[block.kind](count, [random_of(block, name, seed) for name, *_ in factors])
+    shares = _DRAWN[block.kind](count, [axis_generator(block, name, seed) for name, *_ in factors])
     columns = []
     for axis, (name, setting, law, place) in enumerate(factors):
-        values = _values(name, setting, law, place, block.kind)(shares[:, axis])
-        columns.append([Variation(_part(name, value, place), place) for value in values])
+        values = _read_law(name, setting, law, place, block.kind)(shares[:, axis])
+        columns.append([Variation(_read_part(name, value, place), place) for value in values])
     return [_joined(row, block.place) for row in zip(*columns, strict=True)]
 
 
-_MAKERS: dict[str, Callable[[Block, Settings], list[Variation]]] = {
-    "grid": _grid, "one_at_a_time": _one_at_a_time, "cases": _cases, **dict.fromkeys(_DRAWN, _drawn)}
+_MAKERS: dict[str, Callable[[Sweep, Settings], list[Variation]]] = {
+    "grid": _make_grid, "one_at_a_time": _make_one_at_a_time, "cases": _make_cases,
+    **dict.fromkeys(_DRAWN, _make_drawn)}
 
 
-def variations(block: Block, base: Settings) -> list[Variation]:
+def make_variations(block: Sweep, base: Settings) -> list[Variation]:
     """What the variations of a block of one of ``KINDS`` set on a complete description.
 
     Raises IcyMoonError that names the line at fault.

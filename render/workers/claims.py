@@ -22,9 +22,9 @@ from ... import system
 from ...files import PART, explain_disk_errors, part_of, read_text
 from ...records import PROCESS, TEXT, Maybe, find_fault, parse_json
 from ..pairs.our_files import is_claim, remove_ours
-from ..pairs.publish import settle
+from ..pairs.publish import resolve_leftover
 
-FOLDER = "claims"
+CLAIMS_FOLDER = "claims"
 #: How often a claim is touched, and how long after the last touch it counts for nothing.
 BEAT_S, STALE_S = 10.0, 60.0
 #: How long a claim is touched for a holder that does not say that it goes on, see ``goes_on``: it hangs then.
@@ -41,7 +41,7 @@ class Claims:
 
     def __init__(self, dataset: Path) -> None:
         self._dataset = dataset
-        self._folder = dataset / FOLDER
+        self._folder = dataset / CLAIMS_FOLDER
         self._pairs = dataset / "pairs"
         self._key = secrets.token_hex(8)  # what tells a claim of ours from another's that got the same name later
         self._held: dict[str, Path] = {}
@@ -107,14 +107,14 @@ class Claims:
     def others(self) -> set[str]:
         """The pairs that living processes hold, this one aside."""
         found: dict[str, Path] = {}
-        for path in sorted(self._all(), key=_number):
+        for path in sorted(self._all(), key=_claim_number):
             found[path.name.split(".")[0]] = path
         return {pair for pair, path in found.items() if not self._mine(path) and not self._stale(path)}
 
     def holder(self, pair: str) -> str:
         """Who holds a pair, for people."""
         claims = self._of(pair)
-        said = _read(claims[max(claims)]) if claims else {}
+        said = _read_claim(claims[max(claims)]) if claims else {}
         return f"process {said['pid']} on {said['host']}" if said else "another process"
 
     def forget(self, pid: int) -> None:
@@ -122,7 +122,7 @@ class Claims:
         for part in self._pairs.glob(f"*.{system.computer_name()}-{pid}-*{PART}"):
             self._settle(part)
         for path in self._all():
-            holder = _read(path)
+            holder = _read_claim(path)
             if holder.get("pid") == pid and holder.get("host") == system.computer_name():
                 self._remove(path)
 
@@ -153,7 +153,7 @@ class Claims:
             self.release(pair)
 
     def _of(self, pair: str) -> dict[int, Path]:
-        return {_number(path): path for path in self._all() if path.name.startswith(f"{pair}.")}
+        return {_claim_number(path): path for path in self._all() if path.name.startswith(f"{pair}.")}
 
     def _all(self) -> list[Path]:
         return [path for path in self._folder.glob("*.*") if is_claim(path)]
@@ -169,17 +169,17 @@ class Claims:
     def _settle(part: Path) -> None:
         if part.is_dir():  # a file is another's affair, such as a clock
             with suppress(OSError):  # which leaves it for another time
-                settle(part)
+                resolve_leftover(part)
 
     def _mine(self, claim: Path) -> bool:
-        return _read(claim).get("key") == self._key
+        return _read_claim(claim).get("key") == self._key
 
     def _stale(self, claim: Path) -> bool:
         try:
             touched = claim.stat().st_mtime
         except FileNotFoundError:
             return True
-        holder = _read(claim)
+        holder = _read_claim(claim)
         if holder and system.is_gone(holder["pid"], holder["place"]):
             return True
         return self._now() - touched > STALE_S
@@ -203,11 +203,11 @@ class Claims:
                         os.utime(path)
 
 
-def _number(path: Path) -> int:
+def _claim_number(path: Path) -> int:
     return int(path.name.rpartition(".")[2])
 
 
-def _read(claim: Path) -> dict[str, Any]:
+def _read_claim(claim: Path) -> dict[str, Any]:
     try:
         holder = parse_json(read_text(claim))
     except (OSError, ValueError):

@@ -16,22 +16,22 @@ from typing import Any
 from ...errors import IcyMoonError
 from ..pairs.pair_folder import is_complete
 from ..plans import frozen_plan as datasets
-from ..plans.order import shards
+from ..plans.order import cut_into_jobs
 from ..plans.planned_pair import PlannedPair
-from .runner import MOST_CRASHES, Runner, Workers
+from .runner import MOST_CRASHES, Runner, WorkerOptions
 
-_LOOK_S = 1.0
+_POLL_S = 1.0
 
 
-def do_shard(dataset: str, names: Sequence[str], workers: Workers) -> dict[str, str]:
+def render_task(dataset: str, names: Sequence[str], workers: WorkerOptions) -> dict[str, str]:
     """A task: render these pairs of a frozen data set, and return why some were set aside."""
     wanted = set(names)
-    pairs = [pair for pair in datasets.read(Path(dataset)).pairs if pair.id in wanted]
+    pairs = [pair for pair in datasets.read_frozen_plan(Path(dataset)).pairs if pair.id in wanted]
     return Runner(Path(dataset), pairs, workers, lambda *a, **k: None).run()
 
 
 @contextmanager
-def _client(address: str) -> Iterator[Any]:
+def _connect(address: str) -> Iterator[Any]:
     """A connection to the scheduler at an address, or to workers of this machine (``local:N``)."""
     try:
         import distributed
@@ -53,18 +53,18 @@ def _client(address: str) -> Iterator[Any]:
         yield client
 
 
-def run(address: str, dataset: Path, pairs: Sequence[PlannedPair], workers: Workers,
-        say: Callable[..., None]) -> dict[str, str]:
+def render_on_cluster(address: str, dataset: Path, pairs: Sequence[PlannedPair], workers: WorkerOptions,
+                      say: Callable[..., None]) -> dict[str, str]:
     """Render what is missing of ``pairs`` on a cluster; as ``Runner.run``, with each worker a Dask worker's task.
 
     Every Dask worker needs this package, the Blender that ``workers`` names and the folder at the same path.
     """
-    with _client(address) as client:
+    with _connect(address) as client:
         there = {pair.id for pair in pairs if is_complete(pair.folder(dataset))}
         missing = [pair for pair in pairs if pair.id not in there]
         slots = max(1, len(client.scheduler_info(n_workers=-1)["workers"]))
-        jobs = [[pair.id for pair in shard] for shard in shards(missing, slots, workers.most_scenes)]
-        futures = [client.submit(do_shard, str(dataset), names, Workers(1, workers.threads, workers.blender,
+        jobs = [[pair.id for pair in shard] for shard in cut_into_jobs(missing, slots, workers.most_scenes)]
+        futures = [client.submit(render_task, str(dataset), names, WorkerOptions(1, workers.threads, workers.blender,
                                                                        workers.most_scenes),
                                  retries=MOST_CRASHES - 1, pure=False) for names in jobs]
         try:
@@ -74,24 +74,25 @@ def run(address: str, dataset: Path, pairs: Sequence[PlannedPair], workers: Work
                     if pair.id not in there and is_complete(pair.folder(dataset)):
                         there.add(pair.id)
                         say("pair", id=pair.id, folder=str(pair.folder(dataset)), rendered=True, done=len(there),
-                            total=len(pairs), seconds=_seconds(pair.folder(dataset)))
+                            total=len(pairs), seconds=_read_seconds(pair.folder(dataset)))
                 say("progress", fraction=len(there) / max(1, len(pairs)), done=len(there), total=len(pairs),
                     message=f"{len(there)} of {len(pairs)} pairs on {slots} workers")
                 if ended:
                     break
-                time.sleep(_LOOK_S)
+                time.sleep(_POLL_S)
         finally:
             client.cancel(futures)
-    return _failed(jobs, futures, there, say)
+    return _report_failed(jobs, futures, there, say)
 
 
-def _seconds(folder: Path) -> float:
+def _read_seconds(folder: Path) -> float:
     from ..pairs.pair_folder import read_pair
 
     return float(sum(read_pair(folder).data["seconds"].get(step, 0.0) for step in ("build", "render", "write")))
 
 
-def _failed(jobs: list[list[str]], futures: list[Any], there: set[str], say: Callable[..., None]) -> dict[str, str]:
+def _report_failed(jobs: list[list[str]], futures: list[Any], there: set[str],
+                   say: Callable[..., None]) -> dict[str, str]:
     """Why pairs are not there, by id."""
     failed: dict[str, str] = {}
     for names, future in zip(jobs, futures, strict=True):

@@ -19,15 +19,15 @@ from ... import system
 from ...errors import IcyMoonError
 from ...files import explain_disk_errors
 from ...records import NUMBER, PATH, PROCESS, TEXT, read_record
-from .process import Listener
+from .process import ProcessOutput
 
 #: What is written of a process.
 _SHAPE = {"pid": PROCESS, "started": NUMBER, "title": TEXT, "dataset": PATH}
 _GRACE_S = 3.0
-_LOOK_S = 0.05
+_POLL_S = 0.05
 
 
-class Detached(Listener):
+class Detached(ProcessOutput):
     """A running process whose output goes to ``<stem>.log``.
 
     With ``leave`` it goes on when whoever watches it ends. Beside the log lie ``.lock`` (held by the process),
@@ -123,7 +123,7 @@ class Detached(Listener):
     def _insist(self) -> None:
         end = time.monotonic() + _GRACE_S
         while self._alive() and time.monotonic() < end:
-            time.sleep(_LOOK_S)
+            time.sleep(_POLL_S)
         if self._alive():
             system.kill_other(self._pid)
 
@@ -137,11 +137,11 @@ class Detached(Listener):
             self.cancelled = True
             system.kill_other(self._pid)
         while self._alive():
-            time.sleep(_LOOK_S)
+            time.sleep(_POLL_S)
         self._close()
 
 
-def left_running(folder: Path) -> Detached | None:
+def find_left_running(folder: Path) -> Detached | None:
     """A process that was left running and that nobody watches, of those whose files lie in ``folder``."""
     for file in sorted(folder.glob("*.lock")):
         found = Detached.attached(file.with_suffix(""))

@@ -15,16 +15,16 @@ from ...errors import IcyMoonError
 from ...files import write_json
 from ...version import version
 from ..pairs.pair_folder import is_complete, read_pair
-from ..plans.frozen_plan import FORMAT, PLAN, VERSION, Frozen, read
+from ..plans.frozen_plan import FORMAT, PLAN, VERSION, FrozenPlan, read_frozen_plan
 
 MANIFEST = "manifest.json"
 
 
-def _counted(values: list[str]) -> dict[str, int]:
+def _counts(values: list[str]) -> dict[str, int]:
     return dict(sorted(Counter(values).items()))
 
 
-def _read(frozen: Frozen, dataset: Path) -> tuple[dict[str, dict[str, Any]], dict[str, str]]:
+def _read_pairs(frozen: FrozenPlan, dataset: Path) -> tuple[dict[str, dict[str, Any]], dict[str, str]]:
     """What the pairs that are there say of themselves, and why others that are there cannot be read, by id."""
     there, unreadable = {}, {}
     for pair in frozen.pairs:
@@ -38,8 +38,8 @@ def _read(frozen: Frozen, dataset: Path) -> tuple[dict[str, dict[str, Any]], dic
 
 def write_manifest(dataset: Path, failed: Mapping[str, str]) -> dict[str, Any]:
     """Write the manifest of a data set and return it; ``failed`` says why pairs were set aside in this run."""
-    frozen = read(dataset)
-    there, unreadable = _read(frozen, dataset)
+    frozen = read_frozen_plan(dataset)
+    there, unreadable = _read_pairs(frozen, dataset)
     taken = [facts.get("seconds", {}) for facts in there.values()]
     manifest = {
         "format": FORMAT, "version": VERSION, "icymoon": version(), "planned_by": frozen.version, "plan": frozen.text,
@@ -47,9 +47,9 @@ def write_manifest(dataset: Path, failed: Mapping[str, str]) -> dict[str, Any]:
         "missing": [pair.id for pair in frozen.pairs if pair.id not in there],
         "set_aside": unreadable | {name: why for name, why in failed.items() if name not in there},
         "seeds": sorted({int(pair.settings["dataset"]["seed"]) for pair in frozen.pairs}),
-        "versions": _counted([json.dumps(facts.get("versions")) for facts in there.values()]),
-        "devices": _counted([facts.get("device", "") for facts in there.values()]),
-        "platforms": _counted([facts.get("platform", "") for facts in there.values()]),
+        "versions": _counts([json.dumps(facts.get("versions")) for facts in there.values()]),
+        "devices": _counts([facts.get("device", "") for facts in there.values()]),
+        "platforms": _counts([facts.get("platform", "") for facts in there.values()]),
         "seconds": {step: round(sum(each.get(step, 0.0) for each in taken), 3)
                     for step in sorted({step for each in taken for step in each})},
         "bytes": sum(file["bytes"] for facts in there.values() for file in facts["files"].values()),

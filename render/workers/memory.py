@@ -11,7 +11,7 @@ from typing import Any
 _VERTEX, _PIXEL, _FILE_BYTE = 300, 400, 10
 
 
-def shortage(settings: Mapping[str, Mapping[str, Any]]) -> str:
+def describe_shortage(settings: Mapping[str, Mapping[str, Any]]) -> str:
     """The sentence that names what of a complete description is largest, and how to make it smaller."""
     rig, mesh, terrain, source = (settings[topic] for topic in ("rig", "mesh", "terrain", "source"))
     needs = [(_PIXEL * rig["width_px"] * rig["height_px"],

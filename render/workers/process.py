@@ -31,7 +31,7 @@ def emit(kind: str, **facts: Any) -> None:
     print(json.dumps({"type": kind, **facts}), flush=True)
 
 
-class Listener:
+class ProcessOutput:
     """Sorts what a process says: messages, and the last of its other lines.
 
     ``cancelled`` and ``left`` say whether it was made to stop, or left to itself.
@@ -43,7 +43,7 @@ class Listener:
 
     def _take(self, line: str) -> Message | None:
         """The message that a line is; what is none is kept as a tail."""
-        message = _parsed(line)
+        message = _parse(line)
         if message is None:
             self._tail.append(line.rstrip())
         return message
@@ -55,7 +55,7 @@ class Listener:
 
 
 @contextmanager
-def errors_told(as_json: bool) -> Iterator[None]:
+def report_errors(as_json: bool) -> Iterator[None]:
     """Say an error that ends the program as a JSON line too, if that is asked for."""
     try:
         yield
@@ -65,7 +65,7 @@ def errors_told(as_json: bool) -> Iterator[None]:
         raise
 
 
-class Process(Listener):
+class Process(ProcessOutput):
     """A running worker. ``poll`` never blocks, so a modal operator can call it on a timer."""
 
     def __init__(self, command: Sequence[str], environment: Mapping[str, str] | None = None) -> None:
@@ -140,7 +140,7 @@ class Process(Listener):
         self._process.wait()
 
 
-def _parsed(line: str) -> Message | None:
+def _parse(line: str) -> Message | None:
     if not line.startswith("{"):
         return None
     try:

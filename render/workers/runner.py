@@ -15,29 +15,29 @@ from typing import Any
 
 from ...errors import IcyMoonError
 from ...records import FLAG, NUMBER, TABLE, TEXT, Maybe, Shape, find_fault
-from ..pairs.pair_folder import is_complete, restate
-from ..plans.order import shards
+from ..pairs.pair_folder import is_complete, update_response
+from ..plans.order import cut_into_jobs
 from ..plans.planned_pair import PlannedPair
 from .claims import Claims
 from .job import Job, blender_command
 from .process import Message, Process
 
-Say = Callable[..., None]
+Send = Callable[..., None]
 #: How often a pair may take its worker with it before it is set aside.
 MOST_CRASHES = 3
 #: A worker that has said that it is done is ended after this; the Blender module may hang when it ends.
-_FAREWELL_S = 10.0
+_EXIT_S = 10.0
 #: A worker that has said nothing for so long may hang: what is left of its pairs is given to others that have time.
-_DOUBT_S = 300.0
-_TURN_S, _WAIT_S = 0.05, 1.0
+_SUSPECT_S = 300.0
+_STEP_S, _WAIT_S = 0.05, 1.0
 #: What workers say, as far as it is heard here.
-_SAID: dict[str, Shape] = {
+_MESSAGES: dict[str, Shape] = {
     "progress": {"pair": Maybe(TEXT), "of_pair": Maybe(NUMBER)}, "pair": {"id": TEXT}, "warning": {"message": TEXT},
     "error": {"message": TEXT, "pair": Maybe(TEXT), "crash": Maybe(FLAG)}, "done": {}}
 
 
 @dataclass(frozen=True)
-class Workers:
+class WorkerOptions:
     """How many processes render, how many threads each has (0: all), in which Blender; how many scenes a process
     may render before another takes its place, and the seconds after which one that says nothing is ended."""
 
@@ -76,7 +76,7 @@ class Runner:
     and ``error`` messages (of a pair that is set aside, with ``pair``).
     """
 
-    def __init__(self, dataset: Path, pairs: Sequence[PlannedPair], workers: Workers, say: Say) -> None:
+    def __init__(self, dataset: Path, pairs: Sequence[PlannedPair], workers: WorkerOptions, say: Send) -> None:
         self._dataset, self._pairs, self._options, self._say = dataset, list(pairs), workers, say
         self._claims = Claims(dataset)
         self._running: list[_Worker] = []
@@ -104,7 +104,7 @@ class Runner:
                 self._enqueue(missing)
                 while self._queue or self._running:
                     self._turn()
-                    time.sleep(_TURN_S)
+                    time.sleep(_STEP_S)
                 if missing == self._open():  # all of them are other runners'
                     self._report(missing)
                     time.sleep(_WAIT_S)
@@ -117,7 +117,7 @@ class Runner:
     def _restate(self, pair: PlannedPair) -> None:
         """Count a pair that is there, and let it state the camera response of this plan."""
         try:
-            restate(pair.folder(self._dataset), pair.settings)
+            update_response(pair.folder(self._dataset), pair.settings)
             self._complete.add(pair.id)
         except IcyMoonError as error:
             self.failed[pair.id] = str(error)
@@ -133,8 +133,8 @@ class Runner:
     def _enqueue(self, missing: list[PlannedPair]) -> None:
         """Cut what is missing into jobs; what nobody else is at comes first."""
         busy = self._claims.others()
-        jobs = shards([pair for pair in missing if pair.id not in busy], self._options.count,
-                      self._options.most_scenes)
+        jobs = cut_into_jobs([pair for pair in missing if pair.id not in busy], self._options.count,
+                             self._options.most_scenes)
         self._queue.extend(jobs)
 
     def _turn(self) -> None:
@@ -149,7 +149,7 @@ class Runner:
             if silent > self._patience_s(worker, silent):
                 worker.said = worker.said or f"it said nothing for {silent:.0f} s"
                 worker.process.stop()
-            elif silent > _DOUBT_S and len(self._running) < self._options.count and not self._queue:
+            elif silent > _SUSPECT_S and len(self._running) < self._options.count and not self._queue:
                 self._relieve(worker)
             if not worker.process.running:
                 self._running.remove(worker)
@@ -157,8 +157,8 @@ class Runner:
 
     def _patience_s(self, worker: _Worker, silent: float) -> float:
         """For how long a worker may say nothing: not long if all that it was to do is done, perhaps by others."""
-        idle = worker.done or (silent > _FAREWELL_S and not self._left(worker))
-        return _FAREWELL_S if idle else self._options.silence_s
+        idle = worker.done or (silent > _EXIT_S and not self._left(worker))
+        return _EXIT_S if idle else self._options.silence_s
 
     def _left(self, worker: _Worker) -> list[PlannedPair]:
         """What a worker was given that is neither there nor set aside."""
@@ -183,7 +183,8 @@ class Runner:
 
     def _hear(self, worker: _Worker, message: Message) -> None:
         kind = message["type"]
-        if find_fault(message, _SAID.get(kind, TABLE)) or not self._known >= {message.get("pair"), message.get("id")}:
+        named = {message.get("pair"), message.get("id")}
+        if find_fault(message, _MESSAGES.get(kind, TABLE)) or not self._known >= named:
             return  # something that other code in that process has printed
         if kind == "progress" and "pair" in message:
             worker.current, worker.fraction = message["pair"], message.get("of_pair", 0.0)

@@ -10,16 +10,16 @@ from pathlib import Path
 
 from ...errors import IcyMoonError
 from ...files import write_text
-from ..plans.frozen_plan import Frozen
-from ..plans.order import share
+from ..plans.frozen_plan import FrozenPlan
+from ..plans.order import shard
 from .job import python_command
 
-FOLDER = "slurm"
+SLURM_FOLDER = "slurm"
 _CONTROL = re.compile(r"[\x00-\x1f\x7f]")
 
 
 @dataclass(frozen=True)
-class Request:
+class SlurmRequest:
     """What the script asks of SLURM: shares of the data set, how many at once (0: all), processors and memory of each,
     wall time, and further options as sbatch has them."""
 
@@ -73,7 +73,7 @@ exit "$status"
 MOST_RESTARTS = 3
 
 
-def ranges(numbers: Sequence[int]) -> str:
+def array_ranges(numbers: Sequence[int]) -> str:
     """Rising numbers as SLURM writes them: ``1-3,7``."""
     runs: list[list[int]] = []
     for number in numbers:
@@ -99,7 +99,7 @@ def _quoted(folder: Path) -> str:
     return '"' + str(folder).replace('"', '\\"').replace("%", "%%") + '"'
 
 
-def write_script(dataset: Path, frozen: Frozen, request: Request, python: str, blender: str) -> Path | None:
+def write_script(dataset: Path, frozen: FrozenPlan, request: SlurmRequest, python: str, blender: str) -> Path | None:
     """Write the script of a job array for the shares that lack pairs; None if none does.
 
     ``python`` runs this package on the cluster's machines, ``blender`` is their Blender. Raises IcyMoonError for a path
@@ -109,10 +109,10 @@ def write_script(dataset: Path, frozen: Frozen, request: Request, python: str, b
         _refuse_lines(text)
     missing = {pair.id for pair in frozen.missing(dataset)}
     open_shares = [number for number in range(1, request.shards + 1)
-                   if any(pair.id in missing for pair in share(frozen.pairs, number, request.shards))]
+                   if any(pair.id in missing for pair in shard(frozen.pairs, number, request.shards))]
     if not open_shares:
         return None
-    folder = dataset / FOLDER
+    folder = dataset / SLURM_FOLDER
     file = folder / "job.sh"
     quoted = [shlex.quote(word) for word in python_command(python, "work", str(dataset), "--blender", blender, "--json",
                                                            "--workers", "1")]
@@ -121,7 +121,7 @@ def write_script(dataset: Path, frozen: Frozen, request: Request, python: str, b
     limit = f"%{request.at_once}" if request.at_once else ""
     write_text(file, _SCRIPT.format(
         pairs=len(missing), dataset=dataset, shards=request.shards, file=shlex.quote(str(file)),
-        array=ranges(open_shares) + limit, cpus=request.cpus, memory=request.memory, time=request.time,
+        array=array_ranges(open_shares) + limit, cpus=request.cpus, memory=request.memory, time=request.time,
         log=f"{_quoted(folder)}/%A_%a.log", options="".join(f"#SBATCH {option}\n" for option in request.options),
         restarts=MOST_RESTARTS, command=" ".join(command)))
     return file

@@ -13,19 +13,19 @@ from ...formats.exr_layout import is_whole
 from ...physics.camera.blur import blur_identity
 from ...records import FILE_NAME, SHA256, Each, find_fault, parse_json
 from ...settings.description import digest
-from ..pairs.our_files import is_claim, is_unfinished, remove_ours, why_kept
+from ..pairs.our_files import find_reason_to_keep, is_claim, is_unfinished, remove_ours
 from ..pairs.pair_folder import Pair, is_complete, read_pair
-from ..plans.frozen_plan import PLAN, read
+from ..plans.frozen_plan import PLAN, read_frozen_plan
 from ..plans.planned_pair import PlannedPair
-from .claims import FOLDER, Claims
+from .claims import CLAIMS_FOLDER, Claims
 from .manifest import MANIFEST
 
 #: What a data set's folder may hold beside its pairs.
-_KNOWN = {"pairs", PLAN, MANIFEST, FOLDER, "evaluation", "evaluation_scene", "slurm"}
+_OUR_FILES = {"pairs", PLAN, MANIFEST, CLAIMS_FOLDER, "evaluation", "evaluation_scene", "slurm"}
 #: What stands for content that the settings do not describe, see ``settings.digest`` and ``nodes.sunlit``.
 _STAND_INS = ("", "Hapke of nodes")
 #: What a pair must say for its files to be held against it: names of files of its own, none of a device or elsewhere.
-_CHECKED = {"files": Each({"sha256": SHA256}, FILE_NAME)}
+_FILES_SHAPE = {"files": Each({"sha256": SHA256}, FILE_NAME)}
 
 
 @dataclass(frozen=True)
@@ -57,26 +57,26 @@ def verify(dataset: Path, remove_broken: bool = False) -> Findings:
     With ``remove_broken`` broken pairs and leftovers are taken away, never what is not ours, nor a pair whose files
     are as they were rendered. Raises IcyMoonError if there is no plan.
     """
-    frozen = read(dataset)
+    frozen = read_frozen_plan(dataset)
     working = Claims(dataset).others()
     problems: list[Problem] = []
     complete = 0
     for planned in frozen.pairs:
         try:
-            found = list(_of_pair(dataset, planned, planned.id in working))
+            found = list(_check_pair(dataset, planned, planned.id in working))
         except Exception as error:  # such as a disk that cannot be read: nothing to take away
             found = [Problem("unreadable", planned.id, describe_error(error, planned.folder(dataset)))]
         complete += not found
         problems += found
-    problems += _others(dataset, {pair.id for pair in frozen.pairs}, working)
+    problems += _check_other_files(dataset, {pair.id for pair in frozen.pairs}, working)
     for path in dict.fromkeys(problem.path for problem in problems if problem.path) if remove_broken else ():
         if not remove_ours(path, dataset):
-            why = why_kept(path, dataset) or "the disk does not allow it"
+            why = find_reason_to_keep(path, dataset) or "the disk does not allow it"
             problems.append(Problem("kept", path.name, f"{path} is not removed: {why}; look at it yourself."))
     return Findings(len(frozen.pairs), complete, tuple(problems))
 
 
-def _of_pair(dataset: Path, planned: PlannedPair, working: bool) -> Iterator[Problem]:
+def _check_pair(dataset: Path, planned: PlannedPair, working: bool) -> Iterator[Problem]:
     folder = planned.folder(dataset)
     if not (folder / "pair.json").is_file():
         if folder.exists():
@@ -87,7 +87,7 @@ def _of_pair(dataset: Path, planned: PlannedPair, working: bool) -> Iterator[Pro
     intact = _is_intact(folder)
     try:
         pair = read_pair(folder)
-        said = [*(() if intact else _damages(pair)), *_contradictions(pair, planned)]
+        said = [*(() if intact else _find_damage(pair)), *_find_contradictions(pair, planned)]
     except IcyMoonError as error:
         said = [str(error)]
     for text in said:
@@ -105,7 +105,7 @@ def _is_intact(folder: Path) -> bool:
     """
     try:
         data = parse_json(read_text(folder / "pair.json"))
-        return not find_fault(data, _CHECKED) and bool(data["files"]) and all(
+        return not find_fault(data, _FILES_SHAPE) and bool(data["files"]) and all(
             (folder / name).is_file() and sha256(folder / name) == fact["sha256"]
             for name, fact in data["files"].items())
     except (FileNotFoundError, NotADirectoryError, ValueError):
@@ -119,7 +119,7 @@ def _may_be_intact(folder: Path) -> bool:
         return True
 
 
-def _damages(pair: Pair) -> Iterator[str]:
+def _find_damage(pair: Pair) -> Iterator[str]:
     """Which files are not as they were rendered, in sentences."""
     for name, fact in pair.data["files"].items():
         file = pair.folder / name
@@ -131,7 +131,7 @@ def _damages(pair: Pair) -> Iterator[str]:
             yield f"{file} is not what was rendered: its checksum differs."
 
 
-def _contradictions(pair: Pair, planned: PlannedPair) -> Iterator[str]:
+def _find_contradictions(pair: Pair, planned: PlannedPair) -> Iterator[str]:
     """In what a pair that can be read is not what was planned, in sentences."""
     path = pair.folder / "pair.json"
     if pair.id != planned.id:
@@ -147,7 +147,7 @@ def _contradictions(pair: Pair, planned: PlannedPair) -> Iterator[str]:
                 if not is_whole(pair.folder / name))
 
 
-def _others(dataset: Path, planned: set[str], working: set[str]) -> Iterator[Problem]:
+def _check_other_files(dataset: Path, planned: set[str], working: set[str]) -> Iterator[Problem]:
     """What lies in the folder and belongs to no planned pair."""
     for path in sorted((dataset / "pairs").glob("*")):
         name = path.name.split(".")[0]
@@ -159,7 +159,7 @@ def _others(dataset: Path, planned: set[str], working: set[str]) -> Iterator[Pro
                 yield Problem("leftover", path.name, f"{path} was left unfinished.", path)
         elif name not in planned or path.name != name:
             yield Problem("foreign", path.name, f"{path} is not of this plan.")
-    for path in sorted((dataset / FOLDER).glob("*")):
+    for path in sorted((dataset / CLAIMS_FOLDER).glob("*")):
         if not is_claim(path):
             yield Problem("foreign", path.name, f"{path} is no claim.")
         elif path.name.split(".")[0] not in working:
@@ -167,5 +167,5 @@ def _others(dataset: Path, planned: set[str], working: set[str]) -> Iterator[Pro
     for path in sorted(dataset.glob("*")):
         if is_unfinished(path):
             yield Problem("leftover", path.name, f"{path} was left unfinished.", path)
-        elif path.name not in _KNOWN:
+        elif path.name not in _OUR_FILES:
             yield Problem("foreign", path.name, f"{path} is not of this data set.")

@@ -12,7 +12,7 @@ import numpy as np
 
 from ...errors import IcyMoonError
 from ...labels import NOT_SEEN
-from ...render.pairs.pair_folder import EYES, Pair, changed_files, pair_folders, read_pair
+from ...render.pairs.pair_folder import EYES, Pair, find_changed_files, find_pair_folders, read_pair
 from ...settings.description import Settings, merged
 from ..images import colours
 from ..images.develop import Images, develop, exposure_facts, grey
@@ -63,7 +63,7 @@ def distinct_pairs(paths: Sequence[Path]) -> list[Path]:
     Raises IcyMoonError if there is none, or if two different pairs have the same name.
     """
     found: dict[str, Path] = {}
-    for folder in (folder for path in paths for folder in pair_folders(path)):
+    for folder in (folder for path in paths for folder in find_pair_folders(path)):
         same = found.setdefault(folder.name, folder)
         if same != folder and read_pair(same).id != read_pair(folder).id:
             raise IcyMoonError(f"{same} and {folder} are different pairs of the same name; give one of them at a time.")
@@ -110,7 +110,7 @@ def none_for_nan(value: float) -> float | None:
 def read_unchanged_pair(folder: Path) -> tuple[Pair, Settings]:
     """Read a pair and its complete settings. Raises IcyMoonError if a file has changed since it was rendered."""
     pair = read_pair(folder)
-    changed = changed_files(pair)
+    changed = find_changed_files(pair)
     if changed:
         raise IcyMoonError(f"{folder / changed[0]} is not the file that was rendered (its checksum differs); delete "
                            "the folder and render the pair again.")

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from ...render.cost.tolerance import Tolerance, every
+from ...render.cost.tolerance import Tolerance, all_hold
 from ...render.cost.variants import SHAPES
 from .losses import number_at, pareto_front
 
@@ -76,8 +76,8 @@ def _matcher_advice(name: str, methods: Sequence[str], rows: Sequence[Row], scen
     hidden, before = [], None
     shown = [row for row in rows if _shows(row)]
     for px in TOLERANCES_PX:
-        keeps = {row["key"]: every(Tolerance(px, None).keeps(row["loss"][method], row["loss_doubt"][method])
-                                   for method in methods) for row in shown}
+        keeps = {row["key"]: all_hold(Tolerance(px, None).keeps(row["loss"][method], row["loss_doubt"][method])
+                                      for method in methods) for row in shown}
         best = _cheapest([row for row in shown if keeps[row["key"]]], margin)
         perhaps = _cheapest([row for row in shown if keeps[row["key"]] is None
                              and all((number_at(row, "loss", method, "epe_px") or 0.0) <= px for method in methods)

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ...files import explain_disk_errors, write_text
-from ...render.cost.tolerance import Tolerance, every
-from ...render.cost.variants import Variant, candidates, leaner, reference
+from ...render.cost.tolerance import Tolerance, all_hold
+from ...render.cost.variants import Variant, candidates, leaner_settings, reference
 from ...settings.description import changed, merged, to_toml
 from ...system import remove
 from ..environment import packages
@@ -45,7 +45,7 @@ def find_cheapest_quality(bench: Bench, tolerance: Tolerance) -> dict[str, Any]:
 
     methods = parse_methods(bench.methods, own=bench.own)
     best = reference(bench.settings, bench.samples)
-    ladder, parts = candidates(bench.settings, check_abilities(bench, best.settings)), leaner(bench.settings)
+    ladder, parts = candidates(bench.settings, check_abilities(bench, best.settings)), leaner_settings(bench.settings)
     counter = RenderCounter(bench.on_event, best.repeats + len(ladder) + len(parts))
     file = bench.out / "auto.toml"
     with explain_disk_errors("write to", bench.out):
@@ -98,7 +98,7 @@ class _Search:
 
     def _verdict(self, found: dict[str, Any], share: float) -> bool | None:
         """Whether all matchers are within the tolerance if the doubts were reduced to this share."""
-        return every(self.tolerance.keeps(loss, {key: doubt and share * doubt for key, doubt in found["loss_doubt"][
+        return all_hold(self.tolerance.keeps(loss, {key: doubt and share * doubt for key, doubt in found["loss_doubt"][
             label].items()}) for label, loss in found["loss"].items())
 
     def tried_lines(self) -> list[str]:

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from ...errors import IcyMoonError
-from ...render.cost.abilities import Abilities, ask, lacking
+from ...render.cost.abilities import Abilities, ask_abilities, lack_for
 from ...render.cost.variants import GROUPS, SHAPES, Variant, reference, variants
 from ...render.workers.job import Job, render_job
 from ...render.workers.process import Message
@@ -87,8 +87,8 @@ def check_abilities(bench: Bench, settings: Settings) -> Abilities:
 
     Raises IcyMoonError if it cannot render these settings.
     """
-    able = ask(bench.blender)
-    if lack := lacking(settings, able):
+    able = ask_abilities(bench.blender)
+    if lack := lack_for(settings, able):
         raise IcyMoonError(lack)
     if not able.denoiser:
         bench.on_event({"type": "warning", "message": "Variants with a denoiser are left out, as this Blender was "

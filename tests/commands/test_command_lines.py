@@ -15,7 +15,7 @@ import pytest
 from icymoon.commands import cli
 from icymoon.physics.terrain.sites import make_rocky_ground
 from icymoon.render.plans import combine, plan_file
-from icymoon.render.workers.memory import shortage
+from icymoon.render.workers.memory import describe_shortage
 from icymoon.settings.description import defaults, merged
 from icymoon.stereo import cli as stereo
 from pairs import write_pair
@@ -202,7 +202,7 @@ def test_a_plan_of_many_grounds_is_looked_at_on_some_and_says_so(place, monkeypa
 def test_a_shortage_of_memory_names_what_is_large(place, part, word):
     with (place / "large.tif").open("wb") as file:
         file.truncate(10**9)  # takes no room on the disk
-    assert word in shortage(merged(defaults(), part))
+    assert word in describe_shortage(merged(defaults(), part))
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="Ctrl-C is another thing there")

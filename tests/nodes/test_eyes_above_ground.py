@@ -8,9 +8,9 @@ from icymoon.errors import IcyMoonError
 from icymoon.nodes import eyes_above_ground
 from icymoon.nodes import scene as scenes
 from icymoon.render.pairs.pair_folder import read_pair
-from icymoon.render.plans.planned_pair import PlannedPair, expand
-from icymoon.render.scene_source import Described
-from icymoon.render.worker import render_in, render_pairs
+from icymoon.render.plans.planned_pair import PlannedPair, expand_headings
+from icymoon.render.scene_source import ScenesFromSettings
+from icymoon.render.worker import render_from, render_pairs
 from rendering import complete, empty_scene
 
 #: The right eye is 36 mm under the ground, and rendered black.
@@ -30,20 +30,20 @@ def test_build_tells_and_render_refuses_in_the_same_sentence(tmp_path, kind):
     built = scenes.build(empty_scene(), settings)
     (told,) = [text for text in built.warnings if "right eye" in text]
     assert "under the ground" in told
-    with pytest.raises(IcyMoonError) as refused, Described(silent) as stage:
-        render_in(stage, expand(settings), tmp_path, silent)
+    with pytest.raises(IcyMoonError) as refused, ScenesFromSettings(silent) as stage:
+        render_from(stage, expand_headings(settings), tmp_path, silent)
     assert str(refused.value) == told
     with pytest.raises(IcyMoonError, match=r"under the ground; raise rig\.height_m"):
-        render_pairs(built, expand(settings), tmp_path, 1, 0.0, silent)
+        render_pairs(built, expand_headings(settings), tmp_path, 1, 0.0, silent)
     assert not list(tmp_path.glob("pairs/*"))
 
 
 def test_one_bad_pair_is_set_aside_and_the_others_are_rendered(tmp_path):
     bad, good = (complete(UNDERGROUND, {"rig": {"heading_deg": heading}}) for heading in (0.0, 60.0))
     said = []
-    pairs = [PlannedPair(pair.id, pair.settings, 0.0) for each in (bad, good) for pair in expand(each)]
-    with Described(silent) as stage:
-        render_in(stage, pairs, tmp_path, lambda kind, **facts: said.append((kind, facts)), keep_going=True)
+    pairs = [PlannedPair(pair.id, pair.settings, 0.0) for each in (bad, good) for pair in expand_headings(each)]
+    with ScenesFromSettings(silent) as stage:
+        render_from(stage, pairs, tmp_path, lambda kind, **facts: said.append((kind, facts)), keep_going=True)
     (error,) = [facts for kind, facts in said if kind == "error"]
     assert error["pair"] == pairs[0].id
     assert "right eye" in error["message"]
@@ -121,7 +121,7 @@ def test_the_pair_says_what_to_know_of_it(tmp_path):
     settings = complete({"mesh": {"kind": "GRID"}, "terrain": {"resolution": 2, "size_m": 2000.0, "rms_slope_deg": 0.0},
                          "quality": {"samples": 1}, "rig": {"width_px": 16, "height_px": 16}})
     built = scenes.build(empty_scene(), settings)
-    folder, = render_pairs(built, expand(settings), tmp_path, 1, 0.0, silent)
+    folder, = render_pairs(built, expand_headings(settings), tmp_path, 1, 0.0, silent)
     (told,) = read_pair(folder).data["advice"]
     assert told in built.warnings
     assert "1e-4" in told

@@ -24,8 +24,8 @@ from icymoon.nodes.next_scene import adapted, open_empty_scene
 from icymoon.render.plans import frozen_plan as datasets
 from icymoon.render.plans.order import ordered
 from icymoon.render.plans.planned_pair import PlannedPair
-from icymoon.render.scene_source import Described
-from icymoon.render.worker import render_in
+from icymoon.render.scene_source import ScenesFromSettings
+from icymoon.render.worker import render_from
 from icymoon.render.workers.verify import verify
 from marks import heavy_but
 from plans import grid, planned
@@ -60,7 +60,7 @@ def images(dataset: Path) -> dict[str, bytes]:
 
 
 def freeze(dataset: Path, pairs: list[PlannedPair] = PAIRS) -> Path:
-    datasets.freeze(dataset, ordered(pairs), "test")
+    datasets.freeze_plan(dataset, ordered(pairs), "test")
     return dataset
 
 
@@ -110,8 +110,8 @@ def test_reuse_changes_no_byte_of_an_image(kind, scene, tmp_path):
     pairs = [planned(ROCKS), planned(ROCKS, CHANGES[kind][0])]
     for name, stages in (("shared", [pairs]), ("alone", [[pairs[0]], [pairs[1]]])):
         for together in stages:
-            with Described(pytest.fail) as stage:
-                render_in(stage, together, tmp_path / name, lambda *a, **k: None)
+            with ScenesFromSettings(pytest.fail) as stage:
+                render_from(stage, together, tmp_path / name, lambda *a, **k: None)
     assert len(images(tmp_path / "alone")) == 4
     assert images(tmp_path / "shared") == images(tmp_path / "alone")
 

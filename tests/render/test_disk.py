@@ -9,7 +9,7 @@ import pytest
 from icymoon.errors import IcyMoonError
 from icymoon.render import render_pair
 from icymoon.render.cost import estimate
-from icymoon.render.plans.planned_pair import expand
+from icymoon.render.plans.planned_pair import expand_headings
 from marks import heavy_but
 from rendering import complete, render
 
@@ -29,8 +29,8 @@ def test_a_pair_takes_what_is_expected_within_a_tenth(registered, tmp_path: Path
 
 
 def test_a_disk_that_holds_the_pairs_is_not_refused(tmp_path: Path, monkeypatch):
-    pairs = expand(complete(VIEW, {"dataset": {"headings": 20}}))
-    expected = estimate.bytes_left(pairs, tmp_path)
+    pairs = expand_headings(complete(VIEW, {"dataset": {"headings": 20}}))
+    expected = estimate.count_bytes_left(pairs, tmp_path)
     for free, fits in ((1.1 * expected, True), (0.95 * expected, False)):
         monkeypatch.setattr(render_pair.shutil, "disk_usage", lambda path, free=free: SimpleNamespace(free=free))
         if fits:

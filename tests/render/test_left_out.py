@@ -63,8 +63,8 @@ def test_without_labels_there_is_one_render_and_the_same_depth(tmp_path, monkeyp
     from icymoon.render import render_pair
 
     calls = []
-    original = render_pair._render
-    monkeypatch.setattr(render_pair, "_render", lambda *a: (calls.append(1), original(*a))[1])
+    original = render_pair._run_cycles
+    monkeypatch.setattr(render_pair, "_run_cycles", lambda *a: (calls.append(1), original(*a))[1])
     rocks = {"rocks": {"coverage": 0.05}, "quality": {"samples": 8}}
     full, _ = render(tmp_path / "full", rocks)
     assert len(calls) == 2
@@ -95,8 +95,8 @@ def test_open_shading_language_is_on_only_for_what_is_made_of_it(model, needed, 
     from icymoon.render import render_pair
 
     on = []
-    original = render_pair._render
-    monkeypatch.setattr(render_pair, "_render", lambda scene, *a: (on.append(scene.cycles.shading_system),
+    original = render_pair._run_cycles
+    monkeypatch.setattr(render_pair, "_run_cycles", lambda scene, *a: (on.append(scene.cycles.shading_system),
                                                              original(scene, *a))[1])
     _, built = render(tmp_path, {"surface": {"model": model}, "quality": {"samples": 1}})
     assert any(map(is_osl, built.materials)) == needed

@@ -14,7 +14,7 @@ from icymoon.nodes.ground.terrain_mesh import mesh_from_arrays
 from icymoon.nodes.scene import Built, build
 from icymoon.physics.rocks.shapes import icosphere
 from icymoon.render.pairs.pair_folder import EYES, Pair, read_pair
-from icymoon.render.plans.planned_pair import expand
+from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.render.worker import render_pairs
 from icymoon.stereo.images.disparity_and_occlusion import visible_in_right
 from icymoon.stereo.images.exr import View, read_view
@@ -28,7 +28,7 @@ def shoot(folder: Path, *parts: dict, add: Callable[[Built], object] = lambda bu
     settings = complete(*parts)
     built = build(empty_scene(), settings)
     add(built)
-    folders = render_pairs(built, expand(settings), folder, 1, time.perf_counter(), lambda *a, **k: None)
+    folders = render_pairs(built, expand_headings(settings), folder, 1, time.perf_counter(), lambda *a, **k: None)
     return read_pair(folders[0]), built
 
 

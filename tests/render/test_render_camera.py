@@ -14,7 +14,7 @@ from icymoon.operators import sidebar_text
 from icymoon.physics.camera.blur import blur_of, confusion_px, motion_px
 from icymoon.physics.camera.lens_distortion import overscan_needed
 from icymoon.render.pairs.pair_folder import EYES
-from icymoon.render.plans.planned_pair import expand
+from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.render.progress import SampleCounter
 from icymoon.render.render_pair import check_camera
 from icymoon.render.worker import render_pairs
@@ -289,7 +289,7 @@ def test_panel_and_build_say_what_truth_is_of_and_the_panel_how_blurred_and_how_
     unknown = complete({"rig": {"roll_deg_s": 1.0}})
     assert "Stereo Camera > Motion Exposure" in " ".join(sidebar_text.camera_notes(unknown))
     with pytest.raises(IcyMoonError, match="motion_exposure_s"):
-        expand(unknown)
+        expand_headings(unknown)
 
 
 def test_the_built_camera_is_the_same_after_a_render_and_nothing_is_left_behind(tmp_path):
@@ -309,5 +309,5 @@ def test_an_image_that_is_larger_than_blender_renders_is_refused(tmp_path):
     settings = complete({"rig": {"width_px": 16384, "height_px": 4, "overscan": 2.0}})
     built = build(empty_scene(), settings)
     with pytest.raises(IcyMoonError, match=r"rig\.overscan"):
-        render_pairs(built, expand(settings), tmp_path, 1, 0.0, lambda *a, **k: None)
+        render_pairs(built, expand_headings(settings), tmp_path, 1, 0.0, lambda *a, **k: None)
     assert not list(tmp_path.glob("pairs/*"))

@@ -9,8 +9,8 @@ from pathlib import Path
 import bpy
 import pytest
 from icymoon.render.plans.planned_pair import PlannedPair
-from icymoon.render.scene_source import Described
-from icymoon.render.worker import render_in
+from icymoon.render.scene_source import ScenesFromSettings
+from icymoon.render.worker import render_from
 from plans import planned
 
 
@@ -39,8 +39,8 @@ def trees(pairs: list[PlannedPair], folder: Path) -> list[bool]:
             built.append(any("Building BVH" in line for line in said))
             said.clear()
 
-    with heard() as said, Described(lambda warning: None) as stage:
-        render_in(stage, pairs, folder, say)
+    with heard() as said, ScenesFromSettings(lambda warning: None) as stage:
+        render_from(stage, pairs, folder, say)
     return built
 
 
@@ -60,8 +60,8 @@ def test_nothing_of_a_take_is_left_in_the_camera_of_the_next(tmp_path):
     pairs = [planned(turned), planned({"rig": {"heading_deg": 20.0}}), planned(turned, {"rig": {"pitch_deg": 60.0}})]
     for name, stages in (("shared", [pairs]), ("alone", [[pair] for pair in pairs])):
         for together in stages:
-            with Described(lambda warning: None) as stage:
-                render_in(stage, together, tmp_path / name, lambda *a, **k: None)
+            with ScenesFromSettings(lambda warning: None) as stage:
+                render_from(stage, together, tmp_path / name, lambda *a, **k: None)
     made = {name: {file.relative_to(tmp_path / name): file.read_bytes()
                    for file in sorted((tmp_path / name).glob("pairs/*/*.exr"))} for name in ("shared", "alone")}
     assert len(made["alone"]) == 2 * 6 + 2

@@ -8,7 +8,7 @@ import math
 import numpy as np
 import pytest
 from icymoon.labels import FIRST_ROCK_INSTANCE, ROCK, TERRAIN, TERRAIN_INSTANCE
-from icymoon.render.pairs.pair_folder import changed_files
+from icymoon.render.pairs.pair_folder import find_changed_files
 from icymoon.stereo.images.disparity_and_occlusion import visible_in_right
 from icymoon.stereo.images.exr import read_view
 from icymoon.stereo.matchers import match
@@ -124,7 +124,7 @@ def test_the_geometric_normal_ignores_bump(tmp_path):
 def test_poses_and_checksums_describe_the_images(tmp_path):
     pair, built = render(tmp_path, {"rig": {"heading_deg": 30.0, "x_m": 1.0, "y_m": -2.0, "principal_x_px": 9.5,
                                             "principal_y_px": -4.0}})
-    assert changed_files(pair) == []
+    assert find_changed_files(pair) == []
     left, right = (np.array(pair.data["poses_camera_to_world"][eye]) for eye in ("left", "right"))
     assert np.allclose(left[:3, :3] @ left[:3, :3].T, np.eye(3), atol=1e-6)
     assert np.allclose((right - left)[:3, 3], 0.25 * left[:3, 0], atol=1e-7)
@@ -142,7 +142,7 @@ def test_poses_and_checksums_describe_the_images(tmp_path):
     assert json.loads((pair.folder / "pair.json").read_text())["camera"]["focal_baseline_px_m"] == pytest.approx(
         96 * 32 / 60 * 0.25)
     pair.image("left").write_bytes(b"x")
-    assert changed_files(pair) == ["left.exr"]
+    assert find_changed_files(pair) == ["left.exr"]
 
 
 def test_rendering_is_no_edit_of_the_camera(tmp_path):

@@ -80,7 +80,7 @@ def test_it_is_left_out_of_what_an_earlier_version_has_stored(tmp_path):
               "settings": stored}
     line = {"id": "0" * 12, "changes": {"dataset": {"methods": EVIL}}}
     (tmp_path / frozen_plan.PLAN).write_text(json.dumps(header) + "\n" + json.dumps(line) + "\n", encoding="utf-8")
-    assert frozen_plan.read(tmp_path).pairs[0].settings == description.defaults()
+    assert frozen_plan.read_frozen_plan(tmp_path).pairs[0].settings == description.defaults()
     assert description.restored(stored, "pair.json") == description.defaults()
 
 

@@ -14,7 +14,7 @@ from icymoon.nodes.scene import Built, build
 from icymoon.nodes.surface.patches_and_grain import ELEVATION
 from icymoon.physics.camera.stereo_geometry import rounding_m
 from icymoon.render.pairs.pair_folder import EYES, Pair, read_pair
-from icymoon.render.plans.planned_pair import expand
+from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.render.worker import render_pairs
 from icymoon.settings import description
 from icymoon.settings.table import TOPICS, Setting
@@ -115,7 +115,7 @@ def story(settings: description.Settings) -> str:
 def shot(settings: description.Settings, folder: Path) -> tuple[Pair, Built]:
     """Build and render. Raises IcyMoonError where a description is refused."""
     built = build(empty_scene(), settings)
-    (made,) = render_pairs(built, expand(settings), folder, 1, 0.0, lambda *a, **k: None)
+    (made,) = render_pairs(built, expand_headings(settings), folder, 1, 0.0, lambda *a, **k: None)
     return read_pair(made), built
 
 

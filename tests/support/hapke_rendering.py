@@ -10,7 +10,7 @@ import pytest
 from icymoon.nodes import scene as scenes
 from icymoon.physics.surfaces.hapke import bidirectional_reflectance, from_settings
 from icymoon.render.pairs.pair_folder import Pair, read_pair
-from icymoon.render.plans.planned_pair import expand
+from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.render.worker import render_pairs
 from icymoon.stereo.images.exr import read_view
 from rendering import complete, empty_scene
@@ -39,7 +39,7 @@ def picture(tmp_path, *parts, change=None) -> tuple[Pair, scenes.Built]:
         change(built)
         bpy.context.view_layer.update()
     # By its name, not its address, so that the noise is the same in every run.
-    planned = expand(settings, getattr(change, "__name__", ""))
+    planned = expand_headings(settings, getattr(change, "__name__", ""))
     folder, = render_pairs(built, planned, tmp_path, 1, 0.0, lambda *a, **k: None)
     return read_pair(folder), built
 

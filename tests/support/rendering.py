@@ -9,7 +9,7 @@ import bpy
 import numpy as np
 from icymoon.nodes.scene import Built, build
 from icymoon.render.pairs.pair_folder import Pair, read_pair
-from icymoon.render.plans.planned_pair import expand
+from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.render.worker import render_pairs
 from icymoon.settings import description
 
@@ -34,7 +34,8 @@ def render(folder: Path, *parts: dict) -> tuple[Pair, Built]:
     scene = empty_scene()
     start = time.perf_counter()
     built = build(scene, settings)
-    folders = render_pairs(built, expand(settings), folder, 1, time.perf_counter() - start, lambda *a, **k: None)
+    folders = render_pairs(built, expand_headings(settings), folder, 1, time.perf_counter() - start,
+                           lambda *a, **k: None)
     return read_pair(folders[0]), built
 
 

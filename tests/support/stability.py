@@ -20,7 +20,7 @@ import numpy as np
 from icymoon.labels import ROCK
 from icymoon.nodes.scene import Built, build
 from icymoon.render.pairs.pair_folder import EYES, read_pair
-from icymoon.render.plans.planned_pair import expand
+from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.render.worker import render_pairs
 from icymoon.settings import description
 from icymoon.stereo.images.exr import read_view
@@ -63,7 +63,8 @@ def of_ground(scene: Built) -> dict[str, Any]:
 
 def of_pair(scene: Built, folder: Path, repeat: int = 0) -> dict[str, Any]:
     """By eye: radiance of the regions, depth of some pixels (0 for sky), share of pixels that show blocks."""
-    (made,) = render_pairs(scene, expand(scene.settings, f"repeat {repeat}"), folder, 1, 0.0, lambda *a, **k: None)
+    planned = expand_headings(scene.settings, f"repeat {repeat}")
+    (made,) = render_pairs(scene, planned, folder, 1, 0.0, lambda *a, **k: None)
     pair, found = read_pair(made), {}
     for eye in EYES:
         view = read_view(pair.image(eye), eye)

@@ -7,8 +7,8 @@ import stat
 import sys
 from pathlib import Path
 
-from icymoon.render.workers.claims import FOLDER
-from icymoon.render.workers.runner import Runner, Workers
+from icymoon.render.workers.claims import CLAIMS_FOLDER
+from icymoon.render.workers.runner import Runner, WorkerOptions
 from plans import grid
 
 PAIRS = grid(seeds=3)  # of two lights and two headings each
@@ -31,7 +31,7 @@ class Stand:
         (self.folder / "behave.json").write_text(json.dumps(how))
 
     def runner(self, workers: int = 2, **options) -> Runner:
-        return Runner(self.dataset, PAIRS, Workers(workers, 1, str(self.blender), **options),
+        return Runner(self.dataset, PAIRS, WorkerOptions(workers, 1, str(self.blender), **options),
                       lambda kind, **facts: self.said.append({"type": kind, **facts}))
 
     def run(self, **options) -> dict[str, str]:
@@ -46,4 +46,4 @@ class Stand:
         """Every pair but these is there, once, and nothing else."""
         there = {p.name for p in (self.dataset / "pairs").iterdir()}
         assert there == {p.id for p in PAIRS} - set(but)
-        assert not (self.dataset / FOLDER).exists()
+        assert not (self.dataset / CLAIMS_FOLDER).exists()

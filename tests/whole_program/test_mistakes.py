@@ -160,17 +160,17 @@ def edited(place: Place) -> str:
 
 
 def little_room(place: Place) -> str:
-    from icymoon.render.plans.planned_pair import expand
+    from icymoon.render.plans.planned_pair import expand_headings
     place.patch.setattr(render_pair.shutil, "disk_usage", lambda path: SimpleNamespace(free=1000))
-    return raised(lambda: render_pair.check_space(place.folder, expand(complete())))
+    return raised(lambda: render_pair.check_space(place.folder, expand_headings(complete())))
 
 
 def unwritable(place: Place) -> str:
     def refuse(*_: Any, **__: Any) -> None:
         raise OSError(errno.EROFS, "Read-only file system")
-    from icymoon.render.plans.planned_pair import expand
+    from icymoon.render.plans.planned_pair import expand_headings
     place.patch.setattr(Path, "write_bytes", refuse)
-    return raised(lambda: render_pair.check_space(place.folder, expand(complete())))
+    return raised(lambda: render_pair.check_space(place.folder, expand_headings(complete())))
 
 
 def own_texture(place: Place, text: str | None) -> str:

@@ -112,7 +112,7 @@ def test_this_machine_is_measured_by_a_button_and_shown(tmp_path, monkeypatch):
     settings = description.defaults()
     assert "another machine" in " ".join(sidebar_text.quality_lines(settings))
     assert bpy.ops.icymoon.measure_machine() == {"FINISHED"}
-    found = speed.remembered("CPU", bpy.app.version_string)
+    found = speed.recall_speed("CPU", bpy.app.version_string)
     # A renderer on this planet's processors is within a factor of 30 of the one that the estimates were made on.
     assert 1 / 30 < found.factor < 30
     assert "this machine" in " ".join(sidebar_text.quality_lines(settings))

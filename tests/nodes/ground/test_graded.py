@@ -10,7 +10,7 @@ from icymoon.nodes.ground.heights_under import heights_of
 from icymoon.nodes.ground.terrain_mesh import measured
 from icymoon.physics.mesh.horizon import drop_m, horizon_m
 from icymoon.render.pairs.pair_folder import read_pair
-from icymoon.render.plans.planned_pair import expand
+from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.render.worker import render_pairs
 from icymoon.stereo.images.exr import read_view
 from rendering import complete, empty_scene, render
@@ -96,7 +96,7 @@ def test_the_bound_holds_in_every_heading_and_both_eyes(tmp_path, case):
     settings = complete(GRADED, CASES[case], {"dataset": {"headings": 4}})
     built = scenes.build(empty_scene(), settings)
     assert built.warnings == ()
-    folders = render_pairs(built, expand(settings), tmp_path, 1, 0.0, lambda *a, **k: None)
+    folders = render_pairs(built, expand_headings(settings), tmp_path, 1, 0.0, lambda *a, **k: None)
     ground = scenes.ground_of(settings)
     shares = []
     for pair in map(read_pair, folders):

@@ -22,7 +22,7 @@ from icymoon.nodes.ground import user_ground as grounds
 from icymoon.nodes.ground.import_heights import read_heights
 from icymoon.nodes.ground.import_mesh import read_mesh
 from icymoon.physics.mesh.check import examine
-from icymoon.render.plans.planned_pair import expand
+from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.settings import description
 from icymoon.stereo.images.exr import read_view
 from mathutils.bvhtree import BVHTree
@@ -445,11 +445,11 @@ def test_pairs_are_named_by_the_files_content_not_its_place(tmp_path):
         built = scenes.build(scene, settings)
         assert not built.edited
         assert scenes.changed_settings(built, settings) == []
-        ids.append(expand(settings, built.extra)[0].id)
+        ids.append(expand_headings(settings, built.extra)[0].id)
     assert ids[0] == ids[1] != ids[2]
     (tmp_path / "a.ply").unlink()
     assert scenes.changed_settings(built, settings) == []  # what was built is still there
-    assert expand(complete(), "")[0].id == expand(complete({"source": {"file": "x.ply"}}), "")[0].id
+    assert expand_headings(complete(), "")[0].id == expand_headings(complete({"source": {"file": "x.ply"}}), "")[0].id
 
 
 def test_the_depth_of_a_rendered_mesh_is_that_of_a_ray_cast(tmp_path):

@@ -11,7 +11,7 @@ from icymoon.nodes import scene as scenes
 from icymoon.physics.light.planetshine import irradiance_wm2
 from icymoon.physics.light.sky import sky, sky_facts
 from icymoon.render.pairs.pair_folder import read_pair
-from icymoon.render.plans.planned_pair import expand
+from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.render.worker import render_pairs
 from icymoon.stereo.images.disparity_and_occlusion import scene_depth
 from icymoon.stereo.images.exr import read_view
@@ -181,7 +181,7 @@ def test_a_penumbra_is_as_wide_as_the_sun(tmp_path, diameter):
     wall = bpy.data.meshes.new("Wall")  # its top edge runs north at x = 5 m, so its shadow ends at x = 0
     wall.from_pydata([(height, -9, 0), (height, 9, 0), (height, 9, height), (height, -9, height)], [], [(0, 1, 2, 3)])
     built.collection.objects.link(bpy.data.objects.new("Wall", wall))
-    pair = read_pair(render_pairs(built, expand(settings), tmp_path, 1, 0.0, lambda *a, **k: None)[0])
+    pair = read_pair(render_pairs(built, expand_headings(settings), tmp_path, 1, 0.0, lambda *a, **k: None)[0])
     view = read_view(pair.image("left"))
     level = view.groups["Sun"].mean(axis=(0, 2)) / (10.0 * math.sin(math.radians(45)) * 0.8 / math.pi)
     x = (np.arange(128) + 0.5 - 64) / pair.camera.focal_px * 0.6
@@ -239,22 +239,22 @@ def test_a_camera_that_was_toed_in_or_focused_by_hand_is_refused(tmp_path):
     built = scenes.build(empty_scene(), settings)
     built.camera.data.stereo.convergence_mode = "TOE"
     with pytest.raises(IcyMoonError, match="Parallel"):
-        render_pairs(built, expand(settings), tmp_path, 1, 0.0, lambda *a, **k: None)
+        render_pairs(built, expand_headings(settings), tmp_path, 1, 0.0, lambda *a, **k: None)
     built.camera.data.stereo.convergence_mode = "PARALLEL"
     built.camera.data.dof.use_dof = True
     with pytest.raises(IcyMoonError, match="depth of field"):
-        render_pairs(built, expand(settings), tmp_path, 1, 0.0, lambda *a, **k: None)
+        render_pairs(built, expand_headings(settings), tmp_path, 1, 0.0, lambda *a, **k: None)
     built.camera.data.dof.use_dof = False
     for name, value, setting in (("lens", 33.0, "rig.focal_length_mm"), ("shift_y", 0.01, "rig.principal_y_px"),
                                  ("type", "ORTHO", "rig.focal_length_mm")):
         before = getattr(built.camera.data, name)
         setattr(built.camera.data, name, value)
         with pytest.raises(IcyMoonError, match=setting):
-            render_pairs(built, expand(settings), tmp_path, 1, 0.0, lambda *a, **k: None)
+            render_pairs(built, expand_headings(settings), tmp_path, 1, 0.0, lambda *a, **k: None)
         setattr(built.camera.data, name, before)
     built.camera.data.stereo.interocular_distance = 0.3
     with pytest.raises(IcyMoonError, match=r"rig\.baseline_m"):
-        render_pairs(built, expand(settings), tmp_path, 1, 0.0, lambda *a, **k: None)
+        render_pairs(built, expand_headings(settings), tmp_path, 1, 0.0, lambda *a, **k: None)
     assert not list(tmp_path.iterdir())
 
 

@@ -14,7 +14,7 @@ from icymoon.nodes.surface.images import load_maps
 from icymoon.nodes.surface.material import build_material
 from icymoon.nodes.surface.textures import Textured
 from icymoon.physics.surfaces.textures import SETS, SIZE, make_maps
-from icymoon.render.plans.planned_pair import expand
+from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.settings.description import check, defaults
 from rendering import complete, empty_scene, png
 
@@ -119,13 +119,13 @@ def test_maps_are_the_pair_s_and_missing_ones_are_refused(tmp_path):
     settings = complete({"textures": {"set": "OWN", "albedo_file": str(path)}})
     scene = empty_scene()
     built = scenes.build(scene, settings)
-    first = expand(settings, built.extra)[0].id
+    first = expand_headings(settings, built.extra)[0].id
     assert not built.edited
     assert scenes.changed_settings(built, settings) == []
     png(path, np.full((8, 8, 3), 0.7))
     assert scenes.changed_settings(built, settings) == ["textures.albedo_file"]
     built = scenes.build(scene, settings)
-    assert expand(settings, built.extra)[0].id != first
+    assert expand_headings(settings, built.extra)[0].id != first
     count = len(bpy.data.images)
     scenes.build(scene, settings)
     assert len(bpy.data.images) == count

@@ -19,7 +19,7 @@ from icymoon.nodes.datablocks.fingerprint import TAG, instanced
 from icymoon.nodes.ground.import_mesh import read_mesh
 from icymoon.nodes.surface import images
 from icymoon.panels.relevance import matters, shown
-from icymoon.render.plans.planned_pair import expand
+from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.settings import description
 from icymoon.settings.table import TOPICS
 from mesh_exports import FORMATS, export
@@ -458,13 +458,13 @@ def test_the_images_of_a_mesh_are_the_pair_s(tmp_path):
     path = WRITERS["a.obj"](tmp_path / "a.obj", *ground())
     settings, scene = described(path, {"set": "MESH"}), empty_scene()
     built = scenes.build(scene, settings)
-    first = expand(settings, built.extra)[0].id
+    first = expand_headings(settings, built.extra)[0].id
     assert not built.edited
     assert scenes.changed_settings(built, settings) == []
     png(image, np.full((4, 4, 3), 0.5))
     assert scenes.changed_settings(built, settings) == ["source.file"]
     built = scenes.build(scene, settings)
-    second = expand(settings, built.extra)[0].id
+    second = expand_headings(settings, built.extra)[0].id
     (tmp_path / "a.mtl").write_text("newmtl a\nmap_Kd missing.png\n")
     assert scenes.changed_settings(built, settings) == []  # what was built is still there
     with pytest.raises(IcyMoonError, match=r"missing\.png: there is no such file; check the albedo image of the mesh"):

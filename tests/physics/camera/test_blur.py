@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from icymoon.errors import IcyMoonError
 from icymoon.physics.camera.blur import MOTION, blur_advice, blur_of, confusion_px, motion_px, pose_after
 from icymoon.render.pairs.pair_folder import StereoCamera
-from icymoon.render.plans.planned_pair import expand
+from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.settings.description import check, defaults, merged
 from icymoon.stereo.cli import main
 
@@ -28,7 +28,8 @@ def test_without_blur_there_is_none_and_the_response_does_not_name_the_pair():
     base = defaults()
     assert blur_of(base) is None
     assert blur_advice(base) == []
-    assert expand(merged(base, {"sensor": {"f_number": 2.0, "exposure_s": 3.0}}))[0].id == expand(base)[0].id
+    same = merged(base, {"sensor": {"f_number": 2.0, "exposure_s": 3.0}})
+    assert expand_headings(same)[0].id == expand_headings(base)[0].id
 
 
 @pytest.mark.parametrize(("rig", "one", "other", "same"), [
@@ -36,7 +37,7 @@ def test_without_blur_there_is_none_and_the_response_does_not_name_the_pair():
     ({"roll_deg_s": 3.0}, {"exposure_s": 0.01}, {"exposure_s": 0.02}, {"f_number": 4.0})])
 def test_what_of_the_response_is_in_the_light_names_the_pair(rig, one, other, same):
     base = described(rig, {"sensor": defaults()["sensor"] | FIXED["sensor"]})
-    name = [expand(merged(base, {"sensor": values}))[0].id for values in (one, other, one | same)]
+    name = [expand_headings(merged(base, {"sensor": values}))[0].id for values in (one, other, one | same)]
     assert name[0] == name[2] != name[1]
 
 
@@ -46,7 +47,7 @@ def test_what_of_the_response_is_in_the_light_names_the_pair(rig, one, other, sa
     ({"turn_right_deg_s": 100.0, "motion_exposure_s": 1000.0}, {}, "turns by 1e[+]05°")])
 def test_blur_that_cannot_be_rendered_is_refused_in_a_sentence(rig, sensor, said):
     settings = described(rig, {"sensor": sensor})
-    for refuse in (blur_of, expand):
+    for refuse in (blur_of, expand_headings):
         with pytest.raises(IcyMoonError, match=said):
             refuse(settings)
     assert len(blur_advice(settings)) == 1

@@ -9,9 +9,9 @@ import pytest
 from icymoon.commands import batch, cli
 from icymoon.errors import IcyMoonError
 from icymoon.render.cost import abilities, measure_speed
-from icymoon.render.cost.abilities import Abilities, lacking, lacking_of, special
-from icymoon.render.cost.estimate import triangles_of, work_of
-from icymoon.render.cost.quality_presets import qualities
+from icymoon.render.cost.abilities import Abilities, find_lack, lack_for, needs_full_build
+from icymoon.render.cost.estimate import count_triangles, work_of
+from icymoon.render.cost.quality_presets import list_qualities
 from icymoon.render.cost.variants import candidates, variants
 from icymoon.settings.description import check, defaults, merged
 from icymoon.stereo.trade import measure_variants
@@ -30,14 +30,14 @@ def scene(*parts):
 @pytest.fixture
 def blender(tmp_path):
     """A Blender as Debian builds it: neither denoiser nor OSL. It notes what it is asked, and renders nothing."""
-    abilities.ask.cache_clear()
+    abilities.ask_abilities.cache_clear()
     program = tmp_path / "blender"
     said = json.dumps({"type": "probe", "blender": "4.3.2", "python": "3.13", "osl": False, "denoiser": False,
                        "devices": [], "module": False})
     program.write_text(f"#!/bin/sh\nfor last; do :; done\necho \"$last\" >> '{tmp_path}/asked'\necho '{said}'\n")
     program.chmod(0o755)
     yield program
-    abilities.ask.cache_clear()
+    abilities.ask_abilities.cache_clear()
 
 
 def asked(blender):
@@ -58,18 +58,18 @@ def plan(tmp_path):
     ({"quality": {"device": "GPU"}}, "graphics card"), (OSL, "Open Shading Language"),
     ({"hapke": {"backend": "OSL"}}, ""), ({"surface": {"model": "HAPKE"}}, "")])
 def test_only_what_the_settings_ask_for_is_lacking(part, said):
-    found = lacking(scene(part), PLAIN)
+    found = lack_for(scene(part), PLAIN)
     assert said in found
-    assert bool(said) == bool(found) == special(scene(part))
-    assert lacking(scene(part), Abilities()) == ""
+    assert bool(said) == bool(found) == needs_full_build(scene(part))
+    assert lack_for(scene(part), Abilities()) == ""
     assert not found or found.count(".") == 1 + found.count("quality.") + found.count("hapke.")  # one sentence
 
 
 def test_a_blender_is_asked_once_and_only_for_what_not_every_one_has(blender):
-    assert lacking_of([scene()] * 3, str(blender)) == ""
+    assert find_lack([scene()] * 3, str(blender)) == ""
     assert asked(blender) == []
-    assert "which 2 of 3 pairs ask for; set" in lacking_of([scene(DENOISED), scene(), scene(DENOISED)], str(blender))
-    assert lacking_of([scene(DENOISED)], str(blender)).startswith("This Blender was built without OpenImageDenoise; ")
+    assert "which 2 of 3 pairs ask for; set" in find_lack([scene(DENOISED), scene(), scene(DENOISED)], str(blender))
+    assert find_lack([scene(DENOISED)], str(blender)).startswith("This Blender was built without OpenImageDenoise; ")
     assert asked(blender) == ["probe"]
 
 
@@ -121,25 +121,25 @@ def test_a_search_and_a_trade_leave_out_what_is_denoised(blender, tmp_path):
 
 
 def test_a_quality_that_cannot_be_had_shows_why_in_place_of_its_cost():
-    shown = {quality.name: quality.cost for quality in qualities(scene(), 1e6, None, PLAIN)}
+    shown = {quality.name: quality.cost for quality in list_qualities(scene(), 1e6, None, PLAIN)}
     assert "OpenImageDenoise" in shown["qualities/draft"]
     assert "OpenImageDenoise" not in shown["qualities/standard"]
-    assert all("OpenImageDenoise" not in quality.cost for quality in qualities(scene(), 1e6, None))
+    assert all("OpenImageDenoise" not in quality.cost for quality in list_qualities(scene(), 1e6, None))
 
 
 def test_a_machine_is_measured_without_the_denoiser_that_it_lacks(tmp_path):
-    settings = measure_speed.probe("CPU", denoiser=False)
+    settings = measure_speed.small_render("CPU", denoiser=False)
     assert settings["quality"]["denoiser"] == "NONE"
     folders = [tmp_path / str(k) for k in range(2)]
-    expected = work_of(settings).seconds(triangles_of(settings))
+    expected = work_of(settings).seconds(count_triangles(settings))
     for folder in folders:
         folder.mkdir()
         (folder / "pair.json").write_text(json.dumps({
             "seconds": {"render": 3.0 * expected, "write": 0.0}, "cpu_seconds": {"pair": 1.5 * expected},
             "versions": {"blender": "4.3.2"}}))
-    assert measure_speed.speed_of(folders, "CPU", denoiser=False).factor == pytest.approx(3.0)
+    assert measure_speed.read_speed(folders, "CPU", denoiser=False).factor == pytest.approx(3.0)
 
 
 def test_a_blender_that_cannot_be_asked_is_told_of(tmp_path):
     with pytest.raises(IcyMoonError, match="check its path"):
-        lacking_of([scene(DENOISED)], str(tmp_path / "none"))
+        find_lack([scene(DENOISED)], str(tmp_path / "none"))

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from icymoon.render.cost import estimate
 from icymoon.render.pairs.pair_folder import StereoCamera
-from icymoon.render.plans.planned_pair import PlannedPair, expand
+from icymoon.render.plans.planned_pair import PlannedPair, expand_headings
 from icymoon.settings import description
 
 SMALL = {"terrain": {"resolution": 129}, "mesh": {"kind": "GRID"}, "rig": {"width_px": 64, "height_px": 48}}
@@ -20,7 +20,7 @@ def described(*changes):
 
 
 def pairs_of(*settings):
-    return [pair for each in settings for pair in expand(each)]
+    return [pair for each in settings for pair in expand_headings(each)]
 
 
 def finish(dataset, pair, seconds, size=1000):
@@ -111,13 +111,13 @@ def test_a_scene_is_built_once_for_all_its_pairs():
 
 
 def test_the_triangles_are_those_of_the_ground():
-    assert estimate.triangles_of(described()) == 2 * 128**2
+    assert estimate.count_triangles(described()) == 2 * 128**2
     graded = described({"mesh": {"kind": "GRADED", "error_px": 4, "edge_px": 24}})
     from icymoon.physics.mesh.graded_ground import grade_ground as make
     from icymoon.physics.terrain.terrain import make_terrain
     faces = make(make_terrain(graded, 1), graded).mesh()[1]
     # Euler: of a disc, as many triangles as twice the vertices but for those on its rim.
-    assert estimate.triangles_of(graded) == pytest.approx(len(faces), rel=0.05)
+    assert estimate.count_triangles(graded) == pytest.approx(len(faces), rel=0.05)
 
 
 def test_before_anything_is_rendered_another_machine_is_allowed_for():
@@ -151,20 +151,20 @@ def test_bytes_are_in_proportion_to_what_is_written():
     (0.0, 0.5), (10.0, 0.3746), (-20.0, 0.7588), (45.0, 0.0), (-60.0, 1.0)])
 def test_the_share_of_sky_is_that_of_a_level_ground(pitch_deg, share):
     view = {"rig": {"width_px": 160, "height_px": 120, "pitch_deg": pitch_deg}, "mesh": {"kind": "GRADED"}}
-    assert estimate.sky_share(described(view)) == pytest.approx(share, abs=1e-3)
-    patch = estimate.sky_share(described(view, {"mesh": {"kind": "GRID"}}))
+    assert estimate.sky_fraction(described(view)) == pytest.approx(share, abs=1e-3)
+    patch = estimate.sky_fraction(described(view, {"mesh": {"kind": "GRID"}}))
     assert patch > share or share in (0.0, 1.0)
 
 
 def test_bytes_that_are_left_are_those_of_the_pairs_that_are_not_there(tmp_path):
     pairs = pairs_of(*(described({"light": {"sun_elevation_deg": float(e)}}) for e in range(1, 5)))
     each = estimate.bytes_of(pairs[0].settings)
-    assert estimate.bytes_left(pairs, tmp_path) == pytest.approx(4 * each)
+    assert estimate.count_bytes_left(pairs, tmp_path) == pytest.approx(4 * each)
     for pair in pairs[:3]:
         finish(tmp_path, pair, 1.0, size=each)  # twice what is expected, in two files
-    assert estimate.bytes_left(pairs, tmp_path) == pytest.approx(2 * each, rel=1e-3)
-    assert estimate.bytes_left(pairs, tmp_path, again=True) == pytest.approx(8 * each, rel=1e-3)
-    assert estimate.estimate(pairs, tmp_path).left_bytes == estimate.bytes_left(pairs, tmp_path)
+    assert estimate.count_bytes_left(pairs, tmp_path) == pytest.approx(2 * each, rel=1e-3)
+    assert estimate.count_bytes_left(pairs, tmp_path, again=True) == pytest.approx(8 * each, rel=1e-3)
+    assert estimate.estimate(pairs, tmp_path).left_bytes == estimate.count_bytes_left(pairs, tmp_path)
 
 
 def test_what_is_there_is_learnt_from_and_taken_off(tmp_path):
@@ -217,11 +217,11 @@ def test_a_mesh_that_cannot_be_counted_is_left_to_the_build(tmp_path):
 @pytest.mark.parametrize(("seconds", "text"), [(3.2, "3.2 s"), (99, "99 s"), (120, "2 min"), (5400, "90 min"),
                                                (20000, "5.6 h"), (259200, "3 days")])
 def test_durations_are_legible(seconds, text):
-    assert estimate.duration(seconds) == text
+    assert estimate.duration_text(seconds) == text
 
 
 def test_sizes_are_legible():
-    assert (estimate.size(12.34e6), estimate.size(3.4567e9)) == ("12.3 MB", "3.46 GB")
+    assert (estimate.size_text(12.34e6), estimate.size_text(3.4567e9)) == ("12.3 MB", "3.46 GB")
 
 
 def test_a_noise_threshold_saves_samples_beyond_the_least_that_cycles_takes():

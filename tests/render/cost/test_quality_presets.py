@@ -8,29 +8,29 @@ from types import SimpleNamespace
 import pytest
 from icymoon.render.cost.abilities import Abilities
 from icymoon.render.cost.estimate import spread_before, work_of
-from icymoon.render.cost.quality_presets import Quality, qualities, seconds_of
+from icymoon.render.cost.quality_presets import QualityPreset, list_qualities, pair_seconds
 from icymoon.settings.description import defaults, load, merged, preset_header, preset_names, preset_path
 
 ERRORS = {"sgbm_px": 0.0314, "radiance_rms": 0.4567}
 
 
 def test_a_cost_is_a_range_that_holds_19_of_20():
-    assert Quality("", "Mine", 12.0, 1.5, {}).cost == "12 s (8 s to 18 s)"
-    assert Quality("", "Mine", 12.0, 1.5, {}, "It cannot.").cost == "It cannot."
+    assert QualityPreset("", "Mine", 12.0, 1.5, {}).cost == "12 s (8 s to 18 s)"
+    assert QualityPreset("", "Mine", 12.0, 1.5, {}, "It cannot.").cost == "It cannot."
 
 
 def test_an_error_is_in_pixels_and_per_cent_or_not_there():
-    assert Quality("", "Mine", 1.0, 1.0, ERRORS).error == "SGBM +0.031 px, radiance 45.7 %"
-    assert Quality("", "Mine", 1.0, 1.0, {}).error == ""
+    assert QualityPreset("", "Mine", 1.0, 1.0, ERRORS).error == "SGBM +0.031 px, radiance 45.7 %"
+    assert QualityPreset("", "Mine", 1.0, 1.0, {}).error == ""
     with pytest.raises(AttributeError):
-        Quality("", "Mine", 1.0, 1.0, {}).seconds = 2.0  # the window keeps it from one redraw to the next
+        QualityPreset("", "Mine", 1.0, 1.0, {}).seconds = 2.0  # the window keeps it from one redraw to the next
 
 
 @pytest.mark.parametrize("device", ["CPU", "GPU"])
 def test_the_seconds_are_off_by_two_deviations_at_most(device, monkeypatch):
     monkeypatch.setattr("icymoon.render.cost.quality_presets.count_processors", lambda: 4)
     settings = merged(defaults(), {"quality": {"device": device}})
-    seconds, factor = seconds_of(settings, 1e6, None)
+    seconds, factor = pair_seconds(settings, 1e6, None)
     assert seconds == pytest.approx(work_of(settings).seconds(1e6) / 4)
     assert math.log(factor) == pytest.approx(2 * spread_before(None, device == "GPU"))
     twice_as_slow = SimpleNamespace(factor=2.0)
@@ -39,23 +39,23 @@ def test_the_seconds_are_off_by_two_deviations_at_most(device, monkeypatch):
 
 def test_all_presets_are_listed_cheapest_first_and_the_scene_s_own_last():
     settings = merged(defaults(), {"quality": {"samples": 1}})
-    *shipped, own = qualities(settings, 1e6, None)
+    *shipped, own = list_qualities(settings, 1e6, None)
     assert {quality.name for quality in shipped} == set(preset_names("qualities"))
     assert [quality.seconds for quality in shipped] == sorted(quality.seconds for quality in shipped)
     assert (own.name, own.title, own.errors, own.lacks) == ("", "As described", {}, "")
-    assert (own.seconds, own.factor) == seconds_of(settings, 1e6, None)
+    assert (own.seconds, own.factor) == pair_seconds(settings, 1e6, None)
     for quality in shipped:
         whole = merged(settings, load(preset_path(quality.name)))
         assert quality.title == preset_header(quality.name)[0]
-        assert (quality.seconds, quality.factor) == seconds_of(whole, 1e6, None)
+        assert (quality.seconds, quality.factor) == pair_seconds(whole, 1e6, None)
 
 
 def test_what_a_blender_lacks_is_shown_with_each_quality_that_asks_for_it():
     plain = Abilities(osl=False, denoiser=False, gpu=False)
     denoised = merged(defaults(), {"quality": {"denoiser": "OIDN"}})
-    *shipped, own = qualities(denoised, 1e6, None, plain)
+    *shipped, own = list_qualities(denoised, 1e6, None, plain)
     assert "OpenImageDenoise" in own.lacks
     for quality in shipped:
         asks = merged(denoised, load(preset_path(quality.name)))["quality"]["denoiser"] != "NONE"
         assert bool(quality.lacks) == asks
-    assert not any(quality.lacks for quality in qualities(denoised, 1e6, None))
+    assert not any(quality.lacks for quality in list_qualities(denoised, 1e6, None))

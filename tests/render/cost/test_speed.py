@@ -10,8 +10,8 @@ from icymoon.commands import cli
 from icymoon.errors import IcyMoonError
 from icymoon.render.cost import estimate, measure_speed
 from icymoon.render.cost import speed as machine
-from icymoon.render.cost.quality_presets import qualities, seconds_of
-from icymoon.render.plans.planned_pair import expand
+from icymoon.render.cost.quality_presets import list_qualities, pair_seconds
+from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.settings import description
 
 
@@ -26,33 +26,33 @@ def speed(factor=2.0, device="CPU", blender="5.0.1", processors=None, measured="
 
 
 def test_nothing_is_remembered_before_it_is_measured():
-    assert machine.remembered("CPU") is None
+    assert machine.recall_speed("CPU") is None
 
 
 def test_each_device_and_blender_has_a_speed_of_its_own():
     newer = speed(5.0, blender="5.2.0", measured="2031-01-01T00:00+00:00")
     for each in (speed(), newer, speed(0.1, "GPU")):
-        machine.remember(each)
-    assert machine.remembered("CPU", "5.0.1") == speed()
-    assert machine.remembered("CPU", "4.2.0") is None
-    assert machine.remembered("CPU") == newer
-    assert machine.remembered("GPU").factor == 0.1
-    machine.remember(speed(3.0))
-    assert machine.remembered("CPU", "5.0.1").factor == 3.0
+        machine.remember_speed(each)
+    assert machine.recall_speed("CPU", "5.0.1") == speed()
+    assert machine.recall_speed("CPU", "4.2.0") is None
+    assert machine.recall_speed("CPU") == newer
+    assert machine.recall_speed("GPU").factor == 0.1
+    machine.remember_speed(speed(3.0))
+    assert machine.recall_speed("CPU", "5.0.1").factor == 3.0
 
 
 def test_another_number_of_processors_is_another_machine():
-    machine.remember(speed(processors=system.count_processors() + 1))
-    assert machine.remembered("CPU") is None
+    machine.remember_speed(speed(processors=system.count_processors() + 1))
+    assert machine.recall_speed("CPU") is None
 
 
 @pytest.mark.parametrize("text", ["", "{", "[]", '{"a": 1}', '{"a": {"factor": 1}}'])
 def test_a_broken_file_is_as_good_as_none(cache, text):
     cache.mkdir()
     (cache / "speed.json").write_text(text)
-    assert machine.remembered("CPU") is None
-    machine.remember(speed())
-    assert machine.remembered("CPU") == speed()
+    assert machine.recall_speed("CPU") is None
+    machine.remember_speed(speed())
+    assert machine.recall_speed("CPU") == speed()
 
 
 def rendered(folder, seconds, cpu_s=1e3):
@@ -67,35 +67,35 @@ def rendered(folder, seconds, cpu_s=1e3):
 
 
 def test_the_fastest_pair_but_the_first_counts(tmp_path):
-    found = measure_speed.speed_of(rendered(tmp_path, (30.0, 4.0, 3.0)), "CPU")
-    settings = measure_speed.probe("CPU")
-    expected = estimate.work_of(settings).seconds(estimate.triangles_of(settings))
+    found = measure_speed.read_speed(rendered(tmp_path, (30.0, 4.0, 3.0)), "CPU")
+    settings = measure_speed.small_render("CPU")
+    expected = estimate.work_of(settings).seconds(estimate.count_triangles(settings))
     assert found.factor == pytest.approx(system.count_processors() * 3.0 / expected)
     assert found.blender == "5.0.1"
 
 
 def test_other_work_makes_a_machine_no_slower_than_half_used(tmp_path):
-    busy = measure_speed.speed_of(rendered(tmp_path, (900.0, 800.0), cpu_s=3.0), "CPU")
-    settings = measure_speed.probe("CPU")
-    assert busy.factor == pytest.approx(6.0 / estimate.work_of(settings).seconds(estimate.triangles_of(settings)))
-    card = measure_speed.speed_of([tmp_path / "0", tmp_path / "1"], "GPU")
+    busy = measure_speed.read_speed(rendered(tmp_path, (900.0, 800.0), cpu_s=3.0), "CPU")
+    settings = measure_speed.small_render("CPU")
+    assert busy.factor == pytest.approx(6.0 / estimate.work_of(settings).seconds(estimate.count_triangles(settings)))
+    card = measure_speed.read_speed([tmp_path / "0", tmp_path / "1"], "GPU")
     assert card.factor > 100 * busy.factor
 
 
 def test_a_probe_that_says_nothing_is_an_error(tmp_path):
     with pytest.raises(IcyMoonError, match="small render"):
-        measure_speed.speed_of([tmp_path, tmp_path], "CPU")
+        measure_speed.read_speed([tmp_path, tmp_path], "CPU")
 
 
 def test_the_probe_is_small_and_has_all_that_a_pair_has():
-    settings = measure_speed.probe("GPU")
-    assert 1.0 < estimate.work_of(settings).seconds(estimate.triangles_of(settings)) < 6.0
+    settings = measure_speed.small_render("GPU")
+    assert 1.0 < estimate.work_of(settings).seconds(estimate.count_triangles(settings)) < 6.0
     assert (settings["quality"]["device"], settings["quality"]["denoiser"]) == ("GPU", "OIDN")
     assert settings["dataset"]["headings"] > 1
 
 
 def test_plans_take_as_much_longer_as_the_machine_is_slower():
-    pairs = expand(description.merged(description.defaults(), {"mesh": {"kind": "GRID"}}))
+    pairs = expand_headings(description.merged(description.defaults(), {"mesh": {"kind": "GRID"}}))
     blind, known = estimate.estimate(pairs), estimate.estimate(pairs, speed=speed(3.0))
     assert known.seconds == pytest.approx(3.0 * blind.seconds)
     assert known.factor < blind.factor
@@ -105,14 +105,14 @@ def test_plans_take_as_much_longer_as_the_machine_is_slower():
 def test_the_dry_run_of_a_plan_uses_what_was_measured(capsys):
     said = []
     for factor in (1.0, 4.0):
-        machine.remember(speed(factor))
+        machine.remember_speed(speed(factor))
         assert cli.main(["plan", "datasets/guiss_smoke", "--dry-run", "--json"]) == 0
         said.append(json.loads(capsys.readouterr().out.splitlines()[-1])["seconds"])
     assert said[1] == pytest.approx(4 * said[0])
 
 
 def test_a_better_quality_costs_more_and_errs_less():
-    listed = qualities(description.defaults(), 1e6, speed())
+    listed = list_qualities(description.defaults(), 1e6, speed())
     assert listed[-1].title == "As described"
     assert [quality.seconds for quality in listed[:-1]] == sorted(quality.seconds for quality in listed[:-1])
     ours = [next(q for q in listed if q.name == f"qualities/{name}") for name in ("draft", "standard", "reference")]
@@ -125,13 +125,13 @@ def test_a_better_quality_costs_more_and_errs_less():
 def test_the_seconds_are_of_all_processors_and_of_this_machine():
     settings = description.defaults()
     work = estimate.work_of(settings).seconds(1e6)
-    assert seconds_of(settings, 1e6, speed(2.0))[0] == pytest.approx(2.0 * work / system.count_processors())
-    assert seconds_of(settings, 1e6, None)[0] == pytest.approx(work / system.count_processors())
-    assert seconds_of(settings, 1e6, speed(2.0))[1] < seconds_of(settings, 1e6, None)[1]
+    assert pair_seconds(settings, 1e6, speed(2.0))[0] == pytest.approx(2.0 * work / system.count_processors())
+    assert pair_seconds(settings, 1e6, None)[0] == pytest.approx(work / system.count_processors())
+    assert pair_seconds(settings, 1e6, speed(2.0))[1] < pair_seconds(settings, 1e6, None)[1]
 
 
 def test_the_list_is_printed_from_what_is_remembered(capsys):
-    machine.remember(speed())
+    machine.remember_speed(speed())
     assert cli.main(["quality", "--set", "mesh.kind=GRID", "--blender", "no-blender-is-needed"]) == 0
     out = capsys.readouterr().out
     assert all(name in out for name in ("qualities/draft", "qualities/standard", "qualities/reference", "as described"))
@@ -152,19 +152,19 @@ def own(monkeypatch, tmp_path):
 
 
 def test_the_environment_goes_before_the_preferences_and_these_before_the_persons_cache(own, tmp_path, monkeypatch):
-    assert machine.folder() == own
+    assert machine.own_cache_folder() == own
     machine.choose_folder(str(tmp_path / "chosen"))
-    assert machine.folder() == tmp_path / "chosen"
+    assert machine.own_cache_folder() == tmp_path / "chosen"
     monkeypatch.setenv(machine.FOLDER_VARIABLE, str(tmp_path / "named"))
-    assert machine.folder() == tmp_path / "named"
+    assert machine.own_cache_folder() == tmp_path / "named"
     monkeypatch.delenv(machine.FOLDER_VARIABLE)
     machine.choose_folder("")
-    assert machine.folder() == own
+    assert machine.own_cache_folder() == own
 
 
 def test_what_is_kept_in_one_folder_is_not_known_in_another(own, tmp_path):
     machine.choose_folder(str(tmp_path / "chosen"))
-    machine.remember(speed())
-    assert machine.remembered("CPU") == speed()
+    machine.remember_speed(speed())
+    assert machine.recall_speed("CPU") == speed()
     machine.choose_folder("")
-    assert machine.remembered("CPU") is None
+    assert machine.recall_speed("CPU") is None

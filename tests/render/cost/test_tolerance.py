@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import pytest
 from icymoon.errors import IcyMoonError
-from icymoon.render.cost.tolerance import BAD_1, PX, Tolerance, every, share, tolerance
+from icymoon.render.cost.tolerance import BAD_1, PX, Tolerance, all_hold, checked_tolerance, parse_fraction
 
 NOTHING = {"epe_px": 0.0, "wrong_or_missing": 0.0}
 
 
 def test_without_a_wish_it_is_two_hundredths_of_a_pixel():
-    assert tolerance(None, None) == Tolerance(0.02, None)
+    assert checked_tolerance(None, None) == Tolerance(0.02, None)
     assert (PX, BAD_1) == (0.02, 0.005)
-    assert tolerance(None, 0.01) == Tolerance(None, 0.01)
-    assert tolerance(0.5, 0.01) == Tolerance(0.5, 0.01)
+    assert checked_tolerance(None, 0.01) == Tolerance(None, 0.01)
+    assert checked_tolerance(0.5, 0.01) == Tolerance(0.5, 0.01)
 
 
 @pytest.mark.parametrize(("px", "bad_1", "fine"), [
@@ -22,17 +22,17 @@ def test_without_a_wish_it_is_two_hundredths_of_a_pixel():
     (0.02, 0.501, False), (10.01, 0.01, False), (float("nan"), None, False), (None, float("nan"), False)])
 def test_its_limits_themselves_may_be_asked_for(px, bad_1, fine):
     if fine:
-        assert tolerance(px, bad_1) == Tolerance(px, bad_1)
+        assert checked_tolerance(px, bad_1) == Tolerance(px, bad_1)
     else:
         with pytest.raises(IcyMoonError, match="cannot be searched for"):
-            tolerance(px, bad_1)
+            checked_tolerance(px, bad_1)
 
 
 def test_what_is_refused_is_named_in_the_unit_that_it_is_given_in():
     with pytest.raises(IcyMoonError, match=r"of 20 px cannot.* 0\.0001 to 10 px\."):
-        tolerance(20.0, None)
+        checked_tolerance(20.0, None)
     with pytest.raises(IcyMoonError, match=r"of 60 % bad-1 cannot.* 0\.001 % to 50 %"):
-        tolerance(None, 0.6)
+        checked_tolerance(None, 0.6)
 
 
 def test_it_is_shown_and_searched_for_by_what_is_limited_alone():
@@ -56,12 +56,12 @@ def test_a_loss_is_told_from_its_limit_if_it_is_a_doubt_away(loss, doubt, kept):
 @pytest.mark.parametrize(("verdicts", "all_of_them"), [
     ((), True), ((True, True), True), ((True, None), None), ((None, False), False), ((False, True), False)])
 def test_all_hold_unless_one_fails_or_cannot_be_told(verdicts, all_of_them):
-    assert every(iter(verdicts)) is all_of_them
+    assert all_hold(iter(verdicts)) is all_of_them
 
 
 @pytest.mark.parametrize(("text", "value"), [("0.5%", 0.005), (" 0.5 % ", 0.005), ("0.005", 0.005), ("100%", 1.0)])
 def test_a_share_is_a_fraction_or_in_per_cent(text, value):
-    assert share(text) == pytest.approx(value)
+    assert parse_fraction(text) == pytest.approx(value)
     for bad in ("", "%", "half", "1%%"):
         with pytest.raises(ValueError, match="float"):
-            share(bad)
+            parse_fraction(bad)

@@ -3,7 +3,7 @@
 import pytest
 from icymoon.errors import IcyMoonError
 from icymoon.render.cost.estimate import work_of
-from icymoon.render.cost.variants import GROUPS, SHAPES, candidates, leaner, reference, variants
+from icymoon.render.cost.variants import GROUPS, SHAPES, candidates, leaner_settings, reference, variants
 from icymoon.settings import description
 
 SCENES = ("enceladus_fresh_snow", "europa_rough_ice", "europa_ridged_plain_hapke")
@@ -70,10 +70,10 @@ def test_what_may_be_left_out_is_varied_to_what_it_is_not():
 @pytest.mark.parametrize("overrides", [(), WALK, ("surface.subsurface_weight=0",)])
 def test_a_search_leaves_out_what_costs_something(overrides):
     base = scene("europa_rough_ice", *overrides)
-    for name, part in leaner(base).items():
+    for name, part in leaner_settings(base).items():
         lean = description.merged(base, part)
         assert work_of(lean).seconds(0.0) < work_of(base).seconds(0.0), name
-        assert name not in leaner(lean)
+        assert name not in leaner_settings(lean)
 
 
 def test_asking_for_what_is_not_there_is_refused():

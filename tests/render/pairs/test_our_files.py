@@ -12,7 +12,7 @@ import icymoon
 import pytest
 from icymoon.errors import IcyMoonError
 from icymoon.files import part_of
-from icymoon.render.pairs.our_files import checked_id, remove_ours, why_kept
+from icymoon.render.pairs.our_files import checked_id, find_reason_to_keep, remove_ours
 from icymoon.render.pairs.pair_folder import read_pair
 from icymoon.render.pairs.publish import publish
 from icymoon.render.plans import frozen_plan as datasets
@@ -50,7 +50,7 @@ def victim(tmp_path):
 @pytest.fixture
 def dataset(tmp_path):
     folder = tmp_path / "sub" / "dataset"
-    datasets.freeze(folder, PAIRS, "")
+    datasets.freeze_plan(folder, PAIRS, "")
     return folder
 
 
@@ -167,7 +167,7 @@ def test_what_is_ours_goes(dataset):
         path.parent.mkdir(exist_ok=True)
         path.write_text("{}")
     for path in ours:
-        assert why_kept(path, dataset) == ""
+        assert find_reason_to_keep(path, dataset) == ""
         assert remove_ours(path, dataset)
         assert not path.exists()
     assert remove_ours(dataset / "pairs" / ID, dataset)  # nothing is there: that is what was wanted
@@ -191,7 +191,7 @@ def test_a_folder_with_the_name_of_a_file_of_ours_stays(dataset):
         os.utime(place, (0, 0))
     sweep(dataset)
     assert all((place / "thesis.txt").read_text() == "work" for place in places[:2])
-    assert why_kept(places[0], dataset) == "it is a folder"
+    assert find_reason_to_keep(places[0], dataset) == "it is a folder"
 
 
 def test_a_persons_folder_whose_name_ends_as_ours_stops_no_batch(dataset):

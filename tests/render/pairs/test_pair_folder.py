@@ -13,7 +13,7 @@ import pytest
 from icymoon import files
 from icymoon.errors import IcyMoonError
 from icymoon.render.pairs.pair_folder import StereoCamera, find_pairs, is_complete, read_pair
-from icymoon.render.plans.planned_pair import expand
+from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.render.workers.job import Job, absolute_folder, blender_command
 from icymoon.render.workers.process import Process
 from icymoon.settings import description
@@ -49,13 +49,13 @@ def test_a_calibration_that_the_settings_do_not_give_is_no_pair(tmp_path, key, v
 
 def test_headings_are_equal_turns_with_their_own_ids():
     base = description.merged(description.defaults(), {"dataset": {"headings": 4}, "rig": {"heading_deg": 100.0}})
-    pairs = expand(base)
+    pairs = expand_headings(base)
     assert [p.turn_deg for p in pairs] == [0, 90, 180, 270]
     assert [p.settings["rig"]["heading_deg"] for p in pairs] == [100, -170, -80, 10]
     assert len({p.id for p in pairs}) == 4
     assert len({p.render_seed for p in pairs}) == 4
-    assert [p.id for p in expand(base)] == [p.id for p in pairs]
-    alone = expand(description.merged(base, {"dataset": {"headings": 1}}))[0]
+    assert [p.id for p in expand_headings(base)] == [p.id for p in pairs]
+    alone = expand_headings(description.merged(base, {"dataset": {"headings": 1}}))[0]
     assert alone.id == pairs[0].id
 
 

@@ -13,9 +13,9 @@ from pathlib import Path
 import pytest
 from icymoon.errors import IcyMoonError
 from icymoon.files import PART, part_of
-from icymoon.render.pairs.pair_folder import is_complete, restate
+from icymoon.render.pairs.pair_folder import is_complete, update_response
 from icymoon.render.pairs.publish import discard, publish
-from icymoon.render.workers.claims import FOLDER, Claims
+from icymoon.render.workers.claims import CLAIMS_FOLDER, Claims
 from icymoon.settings.description import defaults, merged
 from marks import heavy_but
 
@@ -74,7 +74,7 @@ class Watched:
 
 
 class Worker:
-    """One that renders the pair, as ``worker`` and ``shoot`` do, into files that tell whose they are."""
+    """One that renders the pair, as ``worker`` and ``render_pair`` do, into files that tell whose they are."""
 
     def __init__(self, dataset: Path, name: str, again: bool) -> None:
         self.claims, self.name, self.again = Claims(dataset), name, again
@@ -128,7 +128,7 @@ class Place:
 
     def age(self) -> None:
         """Let a minute go by for whoever is frozen, or dead."""
-        for claim in (self.dataset / FOLDER).glob("*"):
+        for claim in (self.dataset / CLAIMS_FOLDER).glob("*"):
             os.utime(claim, (0, 0))
 
     @property
@@ -138,7 +138,7 @@ class Place:
     def assert_tidy(self) -> None:
         Claims(self.dataset).sweep()
         assert [path.name for path in self.pairs.iterdir()] == [PAIR] * bool(self.there)
-        assert not (self.dataset / FOLDER).exists()
+        assert not (self.dataset / CLAIMS_FOLDER).exists()
 
 
 @pytest.fixture
@@ -267,7 +267,7 @@ def test_settings_stated_anew_never_meet_the_images_of_another_pair(tmp_path, wa
             came.append(other.take())
             other.finish()
 
-        watched.under(lambda place=place: restate(place.pairs / PAIR, settings), k, replace)
+        watched.under(lambda place=place: update_response(place.pairs / PAIR, settings), k, replace)
         stated = json.loads((place.pairs / PAIR / "pair.json").read_text())
         assert place.there == ("another" if came else "old")  # which compares what pair.json says with the images
         if not came:

@@ -28,48 +28,48 @@ def complete(folder, frozen) -> None:
 
 
 def test_a_frozen_plan_is_read_back(tmp_path):
-    frozen = datasets.freeze(tmp_path, PAIRS, "the plan\n")
+    frozen = datasets.freeze_plan(tmp_path, PAIRS, "the plan\n")
     assert [p.id for p in frozen.pairs] == [p.id for p in PAIRS]
     assert [p.settings for p in frozen.pairs] == [p.settings for p in PAIRS]
     assert frozen.text == "the plan\n"
-    assert datasets.read(tmp_path) == frozen
+    assert datasets.read_frozen_plan(tmp_path) == frozen
     assert frozen.missing(tmp_path) == list(frozen.pairs)
     stamp = (tmp_path / datasets.PLAN).stat().st_mtime_ns
-    datasets.freeze(tmp_path, PAIRS, "the plan\n")
+    datasets.freeze_plan(tmp_path, PAIRS, "the plan\n")
     assert (tmp_path / datasets.PLAN).stat().st_mtime_ns == stamp  # nothing to write
 
 
 def test_lists_of_tables_survive(tmp_path):
     layered = planned({"terrain": {"layers": [{"amplitude_m": 0.5}, {"scale_m": 1.0}]}})
-    frozen = datasets.freeze(tmp_path, [planned(), layered, planned({"dataset": {"seed": 9}})], "")
+    frozen = datasets.freeze_plan(tmp_path, [planned(), layered, planned({"dataset": {"seed": 9}})], "")
     assert frozen.pairs[1].settings == layered.settings
     assert frozen.pairs[2].settings["terrain"]["layers"] == []
 
 
 def test_a_data_set_may_grow_but_not_become_another(tmp_path):
-    datasets.freeze(tmp_path, PAIRS[:3], "")
-    assert len(datasets.freeze(tmp_path, PAIRS, "longer").pairs) == len(PAIRS)
+    datasets.freeze_plan(tmp_path, PAIRS[:3], "")
+    assert len(datasets.freeze_plan(tmp_path, PAIRS, "longer").pairs) == len(PAIRS)
     with pytest.raises(IcyMoonError, match="another data set"):
-        datasets.freeze(tmp_path, PAIRS[:3], "")
-    assert len(datasets.read(tmp_path).pairs) == len(PAIRS)
+        datasets.freeze_plan(tmp_path, PAIRS[:3], "")
+    assert len(datasets.read_frozen_plan(tmp_path).pairs) == len(PAIRS)
     with pytest.raises(IcyMoonError, match="no pair"):
-        datasets.freeze(tmp_path / "x", [], "")
+        datasets.freeze_plan(tmp_path / "x", [], "")
 
 
 @pytest.mark.parametrize("damage", ["", "{", "[1]\n", '{"format": "icymoon-dataset", "version": 99}\n'])
 def test_a_damaged_plan_is_a_sentence(tmp_path, damage):
     (tmp_path / datasets.PLAN).write_text(damage)
     with pytest.raises(IcyMoonError, match=r"plan\.jsonl"):
-        datasets.read(tmp_path)
+        datasets.read_frozen_plan(tmp_path)
 
 
 def test_a_cut_plan_is_a_sentence(tmp_path):
-    datasets.freeze(tmp_path, PAIRS, "")
+    datasets.freeze_plan(tmp_path, PAIRS, "")
     path = tmp_path / datasets.PLAN
     lines = path.read_text().splitlines(keepends=True)
     path.write_text("".join(lines[:-1]))
     with pytest.raises(IcyMoonError, match="holds 7 of 8"):
-        datasets.read(tmp_path)
+        datasets.read_frozen_plan(tmp_path)
 
 
 def test_a_folder_without_a_plan_is_a_sentence(tmp_path):
@@ -78,7 +78,7 @@ def test_a_folder_without_a_plan_is_a_sentence(tmp_path):
 
 
 def test_a_whole_data_set_has_no_fault_and_a_manifest(tmp_path):
-    frozen = datasets.freeze(tmp_path, PAIRS, "the plan")
+    frozen = datasets.freeze_plan(tmp_path, PAIRS, "the plan")
     complete(tmp_path, frozen)
     manifest = write_manifest(tmp_path, {})
     assert manifest == json.loads((tmp_path / "manifest.json").read_text())
@@ -116,7 +116,7 @@ FAULTS = {
 @pytest.mark.parametrize("fault", FAULTS)
 def test_every_fault_is_found_and_taken_away_unless_the_files_are_whole(tmp_path, fault):
     damage, kind, word = FAULTS[fault]
-    frozen = datasets.freeze(tmp_path, PAIRS, "")
+    frozen = datasets.freeze_plan(tmp_path, PAIRS, "")
     complete(tmp_path, frozen)
     damage(frozen.pairs[2].folder(tmp_path))
     found = verify(tmp_path, remove_broken=True)
@@ -128,7 +128,7 @@ def test_every_fault_is_found_and_taken_away_unless_the_files_are_whole(tmp_path
 
 
 def test_leftovers_go_and_what_is_not_ours_is_named_and_stays(tmp_path):
-    complete(tmp_path, datasets.freeze(tmp_path, PAIRS, ""))
+    complete(tmp_path, datasets.freeze_plan(tmp_path, PAIRS, ""))
     (tmp_path / "pairs" / "0123456789ab.host-1-1.part").mkdir()
     (tmp_path / "pairs" / "notes").mkdir()
     (tmp_path / "plan.jsonl.host-1-1.part").write_text("")

@@ -40,8 +40,8 @@ def test_it_is_whole(dataset, capsys):
 
 def test_its_plan_gives_the_same_pairs(old, dataset):
     plan = read_plan(DATA / old / "plan.toml")
-    assert {pair.id for pair in plan.pairs()} == {pair.id for pair in datasets.read(dataset).pairs}
-    for pair in datasets.read(dataset).pairs:
+    assert {pair.id for pair in plan.pairs()} == {pair.id for pair in datasets.read_frozen_plan(dataset).pairs}
+    for pair in datasets.read_frozen_plan(dataset).pairs:
         assert description.digest(pair.settings, blur_identity(pair.settings)) == pair.id
 
 
@@ -72,7 +72,7 @@ def test_settings_that_a_later_version_adds_change_nothing_of_it(old, dataset, m
     before = files(dataset)
     found = verify(dataset, remove_broken=True)
     assert (found.complete, found.problems) == (3, ())
-    frozen = datasets.read(dataset)
+    frozen = datasets.read_frozen_plan(dataset)
     assert frozen.missing(dataset) == []
     assert files(dataset) == before
     for pair in (*frozen.pairs, *find_pairs(dataset)):  # what was not there does what was done then
@@ -89,20 +89,20 @@ def test_its_plan_goes_on_as_it_was_planned_after_defaults_have_changed(old, dat
     monkeypatch.setitem(TOPICS, "light", replace(light, settings=tuple(
         replace(s, default=25.0) if s.key == "sun_elevation_deg" else s for s in light.settings)))
     plan, before = read_plan(DATA / old / "plan.toml"), (dataset / datasets.PLAN).read_bytes()
-    assert not {pair.id for pair in plan.pairs()} & {pair.id for pair in datasets.read(dataset).pairs}
-    frozen = datasets.freeze(dataset, plan.pairs(), plan.text)
+    assert not {pair.id for pair in plan.pairs()} & {pair.id for pair in datasets.read_frozen_plan(dataset).pairs}
+    frozen = datasets.freeze_plan(dataset, plan.pairs(), plan.text)
     assert frozen.missing(dataset) == []
     assert (dataset / datasets.PLAN).read_bytes() == before
     for words in ("light.sun_elevation_deg was 20.0 and is 25.0", "quality.extra_pass was False and is True",
                   "as Icy Moon 0.1.0 planned it"):
         assert words in frozen.note
     with pytest.raises(IcyMoonError, match=r"another data set.*sun_elevation_deg was 20\.0 and is 25\.0.*icymoon work"):
-        datasets.freeze(dataset, plan.pairs(), plan.text + "# mine")
+        datasets.freeze_plan(dataset, plan.pairs(), plan.text + "# mine")
 
 
 def test_a_pair_that_is_whole_is_not_removed_whatever_is_said_of_it(old, dataset):
     """Its name, its seed, its settings, settings that nobody knows, a plan of something else."""
-    pairs = datasets.read(dataset).pairs
+    pairs = datasets.read_frozen_plan(dataset).pairs
     for pair, change in zip(pairs, ({"id": "f" * 12}, {"seeds": {"render": 1}}, {"settings": {"quality": {"new": 1}}}),
                             strict=True):
         path = pair.folder(dataset) / "pair.json"
@@ -113,7 +113,7 @@ def test_a_pair_that_is_whole_is_not_removed_whatever_is_said_of_it(old, dataset
     assert {(problem.kind, problem.what) for problem in found.problems} == {("foreign", pair.id) for pair in pairs}
     assert files(dataset) == before
     (dataset / datasets.PLAN).unlink()
-    datasets.freeze(dataset, [PlannedPair("0" * 12, pairs[0].settings, 0.0)], "")
+    datasets.freeze_plan(dataset, [PlannedPair("0" * 12, pairs[0].settings, 0.0)], "")
     verify(dataset, remove_broken=True)
     assert before.keys() - files(dataset).keys() == set()
 

@@ -11,7 +11,7 @@ from hypothesis import settings as trials
 from hypothesis import strategies as st
 from icymoon.errors import IcyMoonError
 from icymoon.formats.toml_lines import Place, find_line
-from icymoon.render.plans.plan_file import plan_path, read_plan
+from icymoon.render.plans.plan_file import find_plan, read_plan
 from icymoon.settings.table import TOPICS, all_settings
 
 HEAD = '[plan]\ntitle = "Test"\n'
@@ -168,7 +168,7 @@ def test_plans_that_extend_each_other(tmp_path):
 
 def test_an_unknown_plan():
     with pytest.raises(IcyMoonError, match="Unknown plan"):
-        plan_path("../../pyproject")
+        find_plan("../../pyproject")
 
 
 _KEYS = st.sampled_from(["title", "extends", "include", "seeds", "at_most", "files", "without", "kind", "count", "case",

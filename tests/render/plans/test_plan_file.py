@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from icymoon.physics.light.directions import camera_axes
 from icymoon.physics.terrain.sites import make_rocky_ground
 from icymoon.render.plans.plan_file import read_plan
-from icymoon.render.plans.planned_pair import expand
+from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.settings import description
 
 HEAD = '[plan]\ntitle = "Test"\n'
@@ -39,17 +39,17 @@ def test_a_plan_without_sweeps_is_the_pair_that_its_settings_make(plan):
     (pair,) = plan(HEAD + 'include = ["rigs/mer_navcam"]\n[terrain]\nrms_slope_deg = 5').pairs()
     described = description.merged(description.defaults(), description.load(description.preset_path("rigs/mer_navcam")),
                                 {"terrain": {"rms_slope_deg": 5.0}})
-    assert pair == expand(described)[0]
+    assert pair == expand_headings(described)[0]
 
 
 def test_headings_of_the_data_set_are_pairs_of_their_own(plan):
     pairs = plan("[dataset]\nheadings = 4\n[rig]\nheading_deg = 123.456").pairs()
     described = description.merged(description.defaults(), {
         "dataset": {"headings": 4}, "rig": {"heading_deg": 123.456}})
-    assert [p.id for p in pairs] == [p.id for p in expand(described)]
+    assert [p.id for p in pairs] == [p.id for p in expand_headings(described)]
     assert [p.turn_deg for p in pairs] == [0.0] * 4
     # What a pair says of itself makes that pair, and no other.
-    assert [[q.id for q in expand(p.settings)] for p in pairs] == [[p.id] for p in pairs]
+    assert [[q.id for q in expand_headings(p.settings)] for p in pairs] == [[p.id] for p in pairs]
 
 
 def test_a_panorama_turns_the_rig(plan):

@@ -7,7 +7,7 @@ from collections import Counter
 
 import pytest
 from icymoon.errors import IcyMoonError
-from icymoon.render.plans.plan_file import Plan, plan_header, plan_path, read_plan
+from icymoon.render.plans.plan_file import Plan, find_plan, read_plan, read_plan_header
 from icymoon.settings.description import plan_names, preset_names, read_toml
 from icymoon.settings.table import TOPICS
 from marks import heavy_but
@@ -33,7 +33,7 @@ def mine(tmp_path_factory):
     """Reads a shipped plan as a person does who has the files that it asks for."""
     folder = tmp_path_factory.mktemp("files")
     for name in plan_names():
-        for file in set(re.findall(r'"([^"/]+\.(?:png|ply))"', plan_path(name).read_text(encoding="utf-8"))):
+        for file in set(re.findall(r'"([^"/]+\.(?:png|ply))"', find_plan(name).read_text(encoding="utf-8"))):
             (folder / file).write_bytes(file.encode())  # each its own content
 
     def read(name: str) -> Plan:
@@ -92,7 +92,7 @@ def test_all_types_together_are_the_papers_5020(mine, name):
 
 
 def test_the_smoke_test_needs_no_files_and_has_every_type():
-    pairs = read_plan(plan_path("guiss_smoke")).pairs()
+    pairs = read_plan(find_plan("guiss_smoke")).pairs()
     assert len(pairs) == 14
     assert not any(value for p in pairs for key, value in p.settings["textures"].items() if key.endswith("_file"))
     assert values(pairs, "source.kind") == {"PROCEDURAL": 14}
@@ -101,15 +101,15 @@ def test_the_smoke_test_needs_no_files_and_has_every_type():
 def test_a_plan_that_needs_files_says_which_and_what_to_do():
     for name in ("guiss_textures", "guiss_reconstructions"):
         with pytest.raises(IcyMoonError, match=r"guiss_\w+\.toml, line \d+: .*is not there; .*plan\.files"):
-            read_plan(plan_path(name)).pairs()
+            read_plan(find_plan(name)).pairs()
 
 
 def test_every_number_of_a_plan_has_a_source_and_every_plan_a_title():
     for name in plan_names():
-        raw = read_toml(plan_path(name))
+        raw = read_toml(find_plan(name))
         stated = {f"{topic}.{key}" for topic, topics in raw.items() if topic in TOPICS for key in topics}
         assert stated == set(raw.get("sources", ())), name
-        assert all(plan_header(plan_path(name))), name
+        assert all(read_plan_header(find_plan(name))), name
 
 
 def test_plans_are_no_presets():
@@ -119,4 +119,4 @@ def test_plans_are_no_presets():
 
 def test_an_unknown_plan_names_the_nearest():
     with pytest.raises(IcyMoonError, match="guiss_rocks"):
-        plan_path("datasets/guiss_rock")
+        find_plan("datasets/guiss_rock")

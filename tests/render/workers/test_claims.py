@@ -29,7 +29,7 @@ def dead_process() -> int:
 
 def left_by(tmp_path, pid: int, place: str, age_s: float, name: str = f"{PAIR}.1") -> None:
     """A claim as another process left it."""
-    path = tmp_path / claims.FOLDER / name
+    path = tmp_path / claims.CLAIMS_FOLDER / name
     path.parent.mkdir(exist_ok=True)
     path.write_text(f'{{"pid": {pid}, "place": "{place}", "host": "elsewhere"}}')
     then = time.time() - age_s
@@ -52,7 +52,7 @@ def test_a_claim_is_a_file_like_others_of_its_name_even_in_a_new_data_set(tmp_pa
     dataset = tmp_path / "new" / "dataset"
     Claims(dataset).take(PAIR)
     (tmp_path / "other").touch()
-    claim, = (dataset / claims.FOLDER).iterdir()
+    claim, = (dataset / claims.CLAIMS_FOLDER).iterdir()
     assert claim.name == f"{PAIR}.1"
     assert claim.stat().st_mode == (tmp_path / "other").stat().st_mode  # so others may touch and remove it
 
@@ -96,7 +96,7 @@ def test_a_dead_process_of_this_machine_holds_nothing(tmp_path):
     mine = Claims(tmp_path)
     assert mine.take(PAIR)
     assert list((tmp_path / "pairs").iterdir()) == []  # what it left half-written
-    assert [p.name for p in (tmp_path / claims.FOLDER).iterdir()] == [f"{PAIR}.2"]
+    assert [p.name for p in (tmp_path / claims.CLAIMS_FOLDER).iterdir()] == [f"{PAIR}.2"]
 
 
 def test_another_machine_is_believed_for_a_minute(tmp_path):
@@ -123,13 +123,13 @@ def test_of_two_claims_of_a_pair_the_one_made_last_decides(tmp_path, older, newe
     assert mine.others() == (set() if free else {PAIR})
     assert mine.take(PAIR) == free
     if free:
-        assert [path.name for path in (tmp_path / claims.FOLDER).iterdir()] == [f"{PAIR}.11"]
+        assert [path.name for path in (tmp_path / claims.CLAIMS_FOLDER).iterdir()] == [f"{PAIR}.11"]
     mine.close()
 
 
 def test_a_claim_that_is_still_being_written_counts(tmp_path):
-    (tmp_path / claims.FOLDER).mkdir()
-    (tmp_path / claims.FOLDER / f"{PAIR}.1").write_text("")
+    (tmp_path / claims.CLAIMS_FOLDER).mkdir()
+    (tmp_path / claims.CLAIMS_FOLDER / f"{PAIR}.1").write_text("")
     assert not Claims(tmp_path).take(PAIR)
 
 
@@ -137,7 +137,7 @@ def test_a_holder_touches_its_claims(tmp_path, monkeypatch):
     monkeypatch.setattr(claims, "BEAT_S", 0.05)
     mine = Claims(tmp_path)
     mine.take(PAIR)
-    path, = (tmp_path / claims.FOLDER).iterdir()
+    path, = (tmp_path / claims.CLAIMS_FOLDER).iterdir()
     os.utime(path, (0, 0))
     deadline = time.monotonic() + 10
     while path.stat().st_mtime < time.time() - 60:
@@ -170,7 +170,7 @@ def test_a_holder_that_gets_nowhere_touches_its_claims_no_more(tmp_path, monkeyp
 def test_who_was_wrongly_held_for_dead_knows_it_and_does_no_harm(tmp_path, monkeypatch):
     sleeper, other = Claims(tmp_path), Claims(tmp_path)
     sleeper.take(PAIR)
-    path, = (tmp_path / claims.FOLDER).iterdir()
+    path, = (tmp_path / claims.CLAIMS_FOLDER).iterdir()
     os.utime(path, (0, 0))  # as if this machine had been asleep
     assert not sleeper.lost(PAIR)
     assert other.take(PAIR)
@@ -183,11 +183,11 @@ def test_who_was_wrongly_held_for_dead_knows_it_and_does_no_harm(tmp_path, monke
 def test_a_claim_that_another_made_under_the_same_name_is_not_ones_own(tmp_path):
     sleeper, other = Claims(tmp_path), Claims(tmp_path)
     sleeper.take(PAIR)
-    path, = (tmp_path / claims.FOLDER).iterdir()
+    path, = (tmp_path / claims.CLAIMS_FOLDER).iterdir()
     os.utime(path, (0, 0))
     Claims(tmp_path).sweep()  # which forgets how many claims there have been
     assert other.take(PAIR)
-    assert [p.name for p in (tmp_path / claims.FOLDER).iterdir()] == [path.name]
+    assert [p.name for p in (tmp_path / claims.CLAIMS_FOLDER).iterdir()] == [path.name]
     assert sleeper.lost(PAIR)
     assert not other.lost(PAIR)
     assert sleeper.others() == {PAIR}
@@ -218,7 +218,7 @@ def test_forgetting_a_process_leaves_what_others_write_of_the_same_pair(tmp_path
     ours = tmp_path / "pairs" / f"{PAIR}.{socket.gethostname()}-{pid}1-1.part"
     for folder in (theirs, ours):
         folder.mkdir(parents=True)
-    path = tmp_path / claims.FOLDER / f"{PAIR}.1"
+    path = tmp_path / claims.CLAIMS_FOLDER / f"{PAIR}.1"
     path.write_text(path.read_text().replace("elsewhere", socket.gethostname()))
     Claims(tmp_path).forget(pid)
     assert ours.exists()
@@ -232,7 +232,7 @@ def test_forgetting_a_process_leaves_its_namesake_elsewhere_and_its_neighbours(t
     neighbour = Claims(tmp_path)
     neighbour.take("ffffffffffff")
     Claims(tmp_path).forget(pid)
-    assert {path.name for path in (tmp_path / claims.FOLDER).iterdir()} == {f"{PAIR}.1", "ffffffffffff.1"}
+    assert {path.name for path in (tmp_path / claims.CLAIMS_FOLDER).iterdir()} == {f"{PAIR}.1", "ffffffffffff.1"}
     neighbour.close()
 
 
@@ -250,7 +250,7 @@ def test_sweeping_leaves_the_living_alone(tmp_path):
     assert not gone.exists()
     mine.release(PAIR)
     other.sweep()
-    assert not (tmp_path / claims.FOLDER).exists()
+    assert not (tmp_path / claims.CLAIMS_FOLDER).exists()
 
 
 def test_sweeping_removes_what_a_killed_process_left_of_the_manifest_and_nothing_else(tmp_path):

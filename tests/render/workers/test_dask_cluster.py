@@ -13,7 +13,7 @@ from icymoon.errors import IcyMoonError
 from icymoon.render.plans import frozen_plan as datasets
 from icymoon.render.plans.order import ordered
 from icymoon.render.workers import dask_cluster
-from icymoon.render.workers.runner import Workers
+from icymoon.render.workers.runner import WorkerOptions
 from plans import grid
 from stand import Stand
 
@@ -24,12 +24,12 @@ PAIRS = ordered(grid(seeds=3))
 def stand(tmp_path):
     pytest.importorskip("distributed", reason="Dask is not installed; pip install icymoon[scale]")
     stand = Stand(tmp_path)
-    datasets.freeze(stand.dataset, PAIRS, "")
+    datasets.freeze_plan(stand.dataset, PAIRS, "")
     return stand
 
 
 def run(stand: Stand, address: str = "local:2") -> dict[str, str]:
-    return dask_cluster.run(address, stand.dataset, PAIRS, Workers(1, 1, str(stand.blender)),
+    return dask_cluster.render_on_cluster(address, stand.dataset, PAIRS, WorkerOptions(1, 1, str(stand.blender)),
                        lambda kind, **facts: stand.said.append({"type": kind, **facts}))
 
 

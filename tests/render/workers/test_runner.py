@@ -16,7 +16,7 @@ from icymoon.render.plans import frozen_plan as datasets
 from icymoon.render.workers import runner
 from icymoon.render.workers.claims import Claims
 from icymoon.render.workers.manifest import MANIFEST
-from icymoon.render.workers.runner import Runner, Workers
+from icymoon.render.workers.runner import Runner, WorkerOptions
 from stand import PAIRS, Stand
 
 
@@ -24,7 +24,7 @@ from stand import PAIRS, Stand
 def stand(tmp_path, monkeypatch):
     if os.name == "nt":
         pytest.skip("the false Blender is a script with a #! line")
-    monkeypatch.setattr(runner, "_FAREWELL_S", 0.3)
+    monkeypatch.setattr(runner, "_EXIT_S", 0.3)
     monkeypatch.setattr(runner, "_WAIT_S", 0.05)
     return Stand(tmp_path)
 
@@ -159,7 +159,7 @@ def test_a_worker_that_hangs_is_not_waited_for_when_another_runner_has_done_its_
 
 
 def test_what_a_silent_worker_has_not_begun_is_given_to_another(stand, monkeypatch):
-    monkeypatch.setattr(runner, "_DOUBT_S", 0.5)
+    monkeypatch.setattr(runner, "_SUSPECT_S", 0.5)
     bad = PAIRS[2].id
     stand.behave(**{bad: "hang"})
     hanging = threading.Thread(target=stand.run)
@@ -182,7 +182,7 @@ def test_lines_that_are_no_messages_of_a_worker_do_no_harm(stand):
 @pytest.mark.parametrize("end", ["error", "interrupt", "set aside"])
 def test_the_manifest_says_what_is_there_however_a_run_ends(stand, monkeypatch, end):
     monkeypatch.setattr(batch, "set_stop_handler", lambda handler: None)
-    datasets.freeze(stand.dataset, PAIRS, "")
+    datasets.freeze_plan(stand.dataset, PAIRS, "")
     if end == "error":
         stand.behave(fatal="")
     elif end == "set aside":
@@ -192,7 +192,7 @@ def test_the_manifest_says_what_is_there_however_a_run_ends(stand, monkeypatch, 
         if end == "interrupt" and kind == "pair":
             raise KeyboardInterrupt
 
-    options = stand.dataset, PAIRS, Workers(1, 1, str(stand.blender)), say
+    options = stand.dataset, PAIRS, WorkerOptions(1, 1, str(stand.blender)), say
     if end == "set aside":
         assert batch.render(*options) == 1
     else:
@@ -223,7 +223,7 @@ def test_damaged_pairs_are_missing_and_made_again(stand):
 def test_another_camera_response_is_stated_without_a_render(stand):
     stand.run()
     changed = [type(p)(p.id, {**p.settings, "sensor": {**p.settings["sensor"], "gain": 2.5}}, 0.0) for p in PAIRS]
-    Runner(stand.dataset, changed, Workers(1, 1, str(stand.blender)), lambda *a, **k: None).run()
+    Runner(stand.dataset, changed, WorkerOptions(1, 1, str(stand.blender)), lambda *a, **k: None).run()
     assert len(stand.rendered) == len(PAIRS)
     for pair in changed:
         data = json.loads((pair.folder(stand.dataset) / "pair.json").read_text())

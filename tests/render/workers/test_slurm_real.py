@@ -13,7 +13,7 @@ import pytest
 import slurm
 from icymoon.render.plans import frozen_plan as datasets
 from icymoon.render.plans.order import ordered
-from icymoon.render.workers.slurm_scripts import Request, write_script
+from icymoon.render.workers.slurm_scripts import SlurmRequest, write_script
 from icymoon.render.workers.verify import verify
 from plans import grid
 from stand import Stand
@@ -42,8 +42,8 @@ def test_an_array_of_shares_makes_the_data_set_though_one_is_killed(tmp_path):
     folder.mkdir()
     stand = Stand(folder)
     stand.behave(**{pair.id: "sleep" for pair in PAIRS} | {PAIRS[5].id: "crash once"})
-    frozen = datasets.freeze(stand.dataset, PAIRS, "")
-    script = write_script(stand.dataset, frozen, Request(3, 2, 1, "100M", "00:10:00", ()), sys.executable,
+    frozen = datasets.freeze_plan(stand.dataset, PAIRS, "")
+    script = write_script(stand.dataset, frozen, SlurmRequest(3, 2, 1, "100M", "00:10:00", ()), sys.executable,
                           str(stand.blender))
     with slurm.cluster() as environment:
         subprocess.run(["sbatch", str(script)], env=environment, check=True, capture_output=True)

@@ -12,21 +12,21 @@ from dataclasses import replace
 import pytest
 from icymoon.errors import IcyMoonError
 from icymoon.render.plans import frozen_plan as datasets
-from icymoon.render.plans.order import ordered, share
-from icymoon.render.workers.slurm_scripts import Request, ranges, write_script
+from icymoon.render.plans.order import ordered, shard
+from icymoon.render.workers.slurm_scripts import SlurmRequest, array_ranges, write_script
 from plans import grid
 from stand import Stand
 
-ASKED = Request(4, 2, 3, "2G", "00:10:00", ("--partition=long",))
+ASKED = SlurmRequest(4, 2, 3, "2G", "00:10:00", ("--partition=long",))
 
 
 @pytest.mark.parametrize(("numbers", "text"), [([1], "1"), ([1, 2, 3], "1-3"), ([1, 3, 4, 9], "1,3-4,9"), ([], "")])
 def test_ranges(numbers, text):
-    assert ranges(numbers) == text
+    assert array_ranges(numbers) == text
 
 
 def frozen_in(dataset):
-    return datasets.freeze(dataset, ordered(grid(seeds=3)), "")
+    return datasets.freeze_plan(dataset, ordered(grid(seeds=3)), "")
 
 
 def test_the_array_is_the_shares_that_lack_pairs(tmp_path):
@@ -35,7 +35,7 @@ def test_the_array_is_the_shares_that_lack_pairs(tmp_path):
     stand.run()
     assert write_script(stand.dataset, frozen, ASKED, sys.executable, str(stand.blender)) is None
     for number in (2, 3):
-        shutil.rmtree(share(frozen.pairs, number, 4)[0].folder(stand.dataset))
+        shutil.rmtree(shard(frozen.pairs, number, 4)[0].folder(stand.dataset))
     script = write_script(stand.dataset, frozen, ASKED, sys.executable, str(stand.blender))
     text = script.read_text()
     assert "#SBATCH --array=2-3%2\n" in text
@@ -102,7 +102,7 @@ def cluster(tmp_path):
     folder = tmp_path / "my $HOME folder"
     folder.mkdir()
     stand = Stand(folder)
-    script = write_script(stand.dataset, frozen_in(stand.dataset), Request(1, 0, 1, "1G", "1", ()), sys.executable,
+    script = write_script(stand.dataset, frozen_in(stand.dataset), SlurmRequest(1, 0, 1, "1G", "1", ()), sys.executable,
                           str(stand.blender))
     tool = tmp_path / "bin" / "scontrol"
     tool.parent.mkdir()

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from icymoon.errors import IcyMoonError
-from icymoon.render.cost.tolerance import share, tolerance
+from icymoon.render.cost.tolerance import checked_tolerance, parse_fraction
 from icymoon.render.cost.variants import GROUPS
 from icymoon.stereo.matchers.methods import parse_methods
 from icymoon.stereo.measure.jackknife import jackknife, tile_sums
@@ -248,19 +248,19 @@ def test_a_jackknife_of_a_mean_is_its_standard_error():
     (None, None, False), (0.01, None, None)])
 def test_a_tolerance_is_kept_only_if_noise_cannot_have_done_it(loss, doubt, verdict):
     numbers = {"epe_px": loss, "wrong_or_missing": 0.0}
-    assert tolerance(0.02, None).keeps(numbers, {"epe_px": doubt, "wrong_or_missing": 0.0}) is verdict
-    assert tolerance(None, 0.01).keeps(numbers, {"epe_px": doubt, "wrong_or_missing": 0.001}) is True
+    assert checked_tolerance(0.02, None).keeps(numbers, {"epe_px": doubt, "wrong_or_missing": 0.0}) is verdict
+    assert checked_tolerance(None, 0.01).keeps(numbers, {"epe_px": doubt, "wrong_or_missing": 0.001}) is True
 
 
 @pytest.mark.parametrize("given_px", [0.0, -1.0, float("nan"), float("inf"), 1e9])
 def test_an_impossible_tolerance_is_refused(given_px):
     with pytest.raises(IcyMoonError, match=r"give 0.0001 to 10 px"):
-        tolerance(given_px, None)
+        checked_tolerance(given_px, None)
     with pytest.raises(IcyMoonError, match=r"give 0.001 % to 50 %"):
-        tolerance(None, given_px)
+        checked_tolerance(None, given_px)
 
 
 def test_a_share_is_given_as_one_or_in_per_cent():
-    assert share("0.5%") == share("0.005") == tolerance(None, 0.005).wrong_or_missing
-    assert tolerance(None, None).limits == {"epe_px": 0.02}
-    assert str(tolerance(0.02, 0.005)) == "0.02 px and 0.5 % bad-1"
+    assert parse_fraction("0.5%") == parse_fraction("0.005") == checked_tolerance(None, 0.005).wrong_or_missing
+    assert checked_tolerance(None, None).limits == {"epe_px": 0.02}
+    assert str(checked_tolerance(0.02, 0.005)) == "0.02 px and 0.5 % bad-1"
