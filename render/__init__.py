@@ -1,1 +1,1 @@
-"""From a scene to files: what Cycles is told, the pair folder, the worker process and its queue."""
+"""From a scene to files: the settings of Cycles, the pair folder, and the processes that render."""

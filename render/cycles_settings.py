@@ -1,4 +1,4 @@
-"""What Cycles is told, so that the image is radiance and nothing is decided by a default."""
+"""The settings of Cycles that make the image radiance. All that matter are set, so no default decides."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def detect_abilities(quality: Mapping[str, Any]) -> Abilities:
 
 
 def find_lack(settings: Settings) -> str:
-    """What this Blender lacks for complete settings, as a sentence with the mend; empty if nothing."""
+    """What this Blender lacks for complete settings, as a sentence with the fix; empty if nothing."""
     return lack_for(settings, detect_abilities(settings["quality"]))
 
 

@@ -1,7 +1,7 @@
-"""Labels for what a person put into the scene, for the time of a render.
+"""Labels for objects that the user added to the scene, for the time of a render.
 
-A lander that a person puts into the collection "Icy Moon" has neither an instance nor a semantic
-label unless they gave it or its materials a pass index. Both are lent to it, and taken back.
+A lander that the user puts into the collection "Icy Moon" has no instance label and no semantic label, unless the
+user gave pass indices to it or to its materials. A render sets both, and resets them at the end.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ def _find_user_objects(scene: bpy.types.Scene) -> dict[bpy.types.Object, set[bpy
 
 
 def _make_grey_material() -> bpy.types.Material:
-    """What Cycles shows of a surface without a material: diffuse, 0.8."""
+    """A material like that which Cycles uses where a surface has none: diffuse, 0.8."""
     material = bpy.data.materials.new("Icy Moon Unlabelled")
     tree = compat.ensure_nodes(material)
     tree.nodes.clear()
@@ -61,7 +61,7 @@ def _make_grey_material() -> bpy.types.Material:
 def lend_labels(scene: bpy.types.Scene) -> Iterator[None]:
     """Every surface in the scene has a semantic label, and every object an instance label of its own.
 
-    Pass indices that a person set are kept. Raises IcyMoonError if there are more objects than labels.
+    Pass indices that the user set are kept. Raises IcyMoonError if there are more objects than labels.
     """
     objects = _find_user_objects(scene)
     taken = {item.pass_index for item in (*scene.objects, *objects)}
@@ -70,16 +70,16 @@ def lend_labels(scene: bpy.types.Scene) -> Iterator[None]:
         grey = _make_grey_material()
         undo.callback(bpy.data.materials.remove, grey)
 
-        def lend(block: Any, name: str, value: Any) -> None:
-            undo.callback(setattr, block, name, getattr(block, name))
-            setattr(block, name, value)
+        def lend(datablock: Any, name: str, value: Any) -> None:
+            undo.callback(setattr, datablock, name, getattr(datablock, name))
+            setattr(datablock, name, value)
 
         for item, materials in objects.items():
             if item.pass_index == 0:
                 label = next(free, None)
                 if label is None:
-                    raise IcyMoonError(f"The collection Icy Moon holds more than {LAST_OBJECT_INSTANCE} objects of "
-                                       "yours, which is as many as there are instance labels; join some.")
+                    raise IcyMoonError(f"The collection Icy Moon contains more than {LAST_OBJECT_INSTANCE} objects "
+                                       "of yours, which is the number of instance labels; join some of them.")
                 lend(item, "pass_index", label)
             for material in materials:
                 if material.pass_index == 0:

@@ -1,4 +1,4 @@
-"""What is known of a rendered pair: the content of its ``pair.json``."""
+"""The content of the ``pair.json`` of a rendered pair."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from .plans.planned_pair import PlannedPair
 
 
 def _light_json(built: Built, toward_sun: np.ndarray) -> dict[str, Any]:
-    """The sky that was described, but for the Sun as it stands, which a person may have turned."""
+    """The sky that was described, but for the Sun as it stands, which the user may have turned."""
     described = built.sky
     described["sun"] |= {"direction_to_world": toward_sun.tolist(), "irradiance_wm2": built.sun.data.energy,
                          "angular_diameter_deg": math.degrees(built.sun.data.angle)}
@@ -39,12 +39,12 @@ def _eye_pose(pose: np.ndarray, rotation: np.ndarray) -> np.ndarray:
 
 
 def _channels(depth_alone: bool) -> dict[str, Any]:
-    """What the images hold, in words."""
+    """What the images contain, in words."""
     light: dict[str, Any] = {"radiance": "W/(m² sr) per band, linear",
                              "depth": "planar Z in m at pixel centres, sky 1e10"}
     return light if depth_alone else {
         **light, "normal": "unit, world axes, of the facet", "semantic": {str(k): v for k, v in SEMANTIC.items()},
-        "instance": f"{INSTANCE_AOV} where it is above 0 (blocks, from {FIRST_ROCK_INSTANCE}), else the "
+        "instance": f"{INSTANCE_AOV} where it is above 0 (rocks, from {FIRST_ROCK_INSTANCE}), else the "
                     f"object index ({TERRAIN_INSTANCE} terrain, others objects); 0 sky"}
 
 

@@ -34,7 +34,7 @@ def prepare_scene(scene: bpy.types.Scene, light_groups: bool) -> None:
     """
     layer = scene.view_layers[0]
     layer.material_override = None
-    layer.samples = 0  # as many as the scene says
+    layer.samples = 0  # as many as the scene has
     for name, kind in ((NORMAL_AOV, "COLOR"), (INSTANCE_AOV, "VALUE")):
         aov = layer.aovs.add()
         aov.name, aov.type = name, kind

@@ -1,4 +1,4 @@
-"""How far a render is, from what Cycles says of itself."""
+"""The progress of a render, from the status lines of Cycles."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ class SampleCounter:
     """Fraction of a stereo render that is done, from Cycles' status lines.
 
     Cycles renders the radiance of both eyes, then the truth of both, so many times as it is called for; each run
-    counts its samples from 0 to its own total. ``seconds`` is the time between the status lines that say so.
+    counts its samples from 0 to its own total. ``seconds`` is the time between these status lines.
     """
 
     def __init__(self, samples: int, truths: int = 1) -> None:

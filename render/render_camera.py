@@ -1,7 +1,7 @@
 """The camera that images are taken with: a copy of the built one.
 
-The built camera is the parallel rig without blur, and stays that. What its lens cannot be left with while a person
-works in the scene is given to the copy: where Cycles samples a pixel, overscan, toe-in, depth of field and motion.
+The built camera is the parallel rig without blur, and stays that. What would disturb the user in the scene is given to
+the copy only: where Cycles samples a pixel, overscan, toe-in, depth of field and motion.
 """
 
 from __future__ import annotations
@@ -50,8 +50,8 @@ def set_up_camera(scene: bpy.types.Scene, built: bpy.types.Object, camera: Stere
                   toed: bool) -> Iterator[None]:
     """Let the camera of ``scene``, see ``add_render_camera``, be a copy of the ``built`` one, in its frame.
 
-    With ``toed`` eyes are turned in as ``camera`` says, else they are parallel. ``blur`` is given to the copy's lens
-    and movement, the scene's present frame being the middle of the exposure.
+    With ``toed`` eyes are turned in by the angle of ``camera``, else they are parallel. ``blur`` is given to the
+    copy's lens and movement; the scene's present frame is the middle of the exposure.
     """
     item, pose, baseline = scene.camera, built.matrix_world.copy(), built.data.stereo.interocular_distance
     _copy_lens(built.data, item.data)
@@ -81,10 +81,10 @@ def set_up_camera(scene: bpy.types.Scene, built: bpy.types.Object, camera: Stere
 
 
 def _copy_lens(source: Any, target: Any) -> None:
-    """Give a lens, or a part of it, all that makes another what it is."""
+    """Copy the properties of a lens, or of a part of it, to another."""
     for prop in source.bl_rna.properties:
         name = prop.identifier
-        if name in _OF_ANY_DATABLOCK or name.startswith("angle"):  # another way to say focal length and sensor
+        if name in _OF_ANY_DATABLOCK or name.startswith("angle"):  # follows from focal length and sensor
             continue
         if name in _PARTS:
             _copy_lens(getattr(source, name), getattr(target, name))

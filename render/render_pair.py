@@ -41,7 +41,7 @@ from .plans.planned_pair import PlannedPair
 from .progress import watch_samples
 from .render_camera import add_render_camera, set_up_camera
 
-#: What a pair takes while it is made beside what it takes when it is there, over the latter: Blender's own files.
+#: Disk space for Blender's own files while a pair is rendered, as a multiple of the finished pair.
 _ROOM_WHILE_WRITING = 1.3
 
 
@@ -53,9 +53,9 @@ MOST_KEPT_TRIANGLES = 8_000_000
 def open_render_scene(built: Built, frame: int) -> Iterator[bpy.types.Scene]:
     """A scene of its own that shows the built collection under a black sky, for any number of pairs.
 
-    The person's scene is never changed for a render, so there is nothing to put back; this one is
-    removed at the end whatever happens. As long as no object comes or goes in it, Cycles keeps its tree of triangles
-    from one render to the next, unless there are too many: for the truth that follows the radiance of a pair.
+    The user's scene is never changed for a render, so nothing has to be restored; this one is removed at the end
+    whatever happens. As long as no object is added or removed, Cycles keeps its tree of triangles for the next render,
+    such as that of the truth after the radiance, unless there are too many.
     """
     scene = bpy.data.scenes.new("Icy Moon Render")
     sky = build_sky("Icy Moon Render Sky")
@@ -136,7 +136,7 @@ def render_pair(built: Built, scene: bpy.types.Scene, planned: PlannedPair, data
 
 
 def check_camera(built: Built) -> None:
-    """Raise IcyMoonError if the camera was made, by hand, into one that the settings do not describe."""
+    """Raise IcyMoonError if the camera was changed by hand into one that the settings do not describe."""
     stereo = built.camera.data.stereo
     if (stereo.convergence_mode, stereo.pivot) != ("PARALLEL", "LEFT"):
         raise IcyMoonError(f"The stereo camera's eyes are set to {stereo.convergence_mode.lower()} about "
@@ -151,7 +151,7 @@ def check_camera(built: Built) -> None:
         there = getattr(stereo if name == "interocular_distance" else built.camera.data, name)
         if there != value and (isinstance(value, str) or abs(there - value) > 1e-5 * max(1e-3, abs(value))):
             raise IcyMoonError(f"The stereo camera's {name.replace('_', ' ')} was changed by hand to {there}, which "
-                               f"the calibration would not say; set it back, and set {setting} instead.")
+                               f"the calibration does not contain; set it back, and set {setting} instead.")
 
 
 @dataclass(frozen=True)
@@ -239,7 +239,7 @@ def _render_truth(scene: bpy.types.Scene, stem: Path, planned: PlannedPair) -> d
 
 @contextmanager
 def _report_unreadable(planned: PlannedPair) -> Iterator[None]:
-    """Say it in a sentence if Blender wrote an image that cannot be taken apart."""
+    """Raise IcyMoonError if Blender wrote an image that cannot be read."""
     try:
         yield
     except (ValueError, IndexError, KeyError, struct.error, zlib.error) as error:
@@ -260,7 +260,7 @@ def _run_cycles(scene: bpy.types.Scene, files: dict[str, Path], planned: Planned
 
 
 def first_line(error: Exception) -> str:
-    """What an operator of Blender's failed for."""
+    """Why an operator of Blender failed."""
     lines = [line.removeprefix("Error: ").strip() for line in str(error).splitlines() if line.strip()]
     return lines[0] if lines else type(error).__name__
 

@@ -1,4 +1,4 @@
-"""The scene that the next pair is rendered in: one that stands, or one made of each pair's description."""
+"""Where the scene of the next pair comes from: one built scene, or one built from each pair's settings."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ PreparedScene = tuple[Built, bpy.types.Scene, float]
 
 
 class FixedScene:
-    """A built scene that is rendered as it is, whatever a person has done to it."""
+    """A built scene that is rendered as it is, with all that the user has changed in it."""
 
     def __init__(self, built: Built, frame: int, seconds_build: float) -> None:
         """Raises IcyMoonError if the scene shows a preview or its camera is none for stereo."""
@@ -57,7 +57,7 @@ class FixedScene:
 
 
 class ScenesFromSettings:
-    """Scenes built from settings, each made out of the one before with the least work."""
+    """Scenes built from settings. Each reuses what it can of the one before."""
 
     def __init__(self, warn: Callable[[str], None], extra: str = "") -> None:
         """``warn`` is told each warning once; ``extra`` counts for the pairs' ids beside their description."""
@@ -105,8 +105,8 @@ class ScenesFromSettings:
 
 def _raise_reasons(reasons: Iterable[str]) -> None:
     """Raise IcyMoonError with all reasons, if there are any."""
-    if said := " ".join(reasons):
-        raise IcyMoonError(said)
+    if text := " ".join(reasons):
+        raise IcyMoonError(text)
 
 
 def _same_scene_and_light(one: Settings, other: Settings) -> bool:

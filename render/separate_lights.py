@@ -1,8 +1,8 @@
-"""What has to be rendered by itself, and the scene as it is then.
+"""The lights that are rendered one by one, and the scene for each of these renders.
 
-With Open Shading Language Cycles writes no value passes, so truth is rendered without it. And a surface that
-asks where the light comes from has its law for one source, and one light group for what it gives by itself; so by day
-Sun and planet are rendered one after the other, and their sum is the image.
+With Open Shading Language Cycles writes no value passes, so truth is rendered without it. And a surface whose
+nodes use the direction of the light can follow one source, and gives its own light to one light group. So by day Sun
+and planet are rendered one after the other, and the image is their sum.
 """
 
 from __future__ import annotations
@@ -30,14 +30,14 @@ class LightPass:
 
 
 def _materials_with_sun_inputs(built: Built) -> list[bpy.types.Material]:
-    """The materials that ask where the light comes from."""
+    """The materials whose nodes use the direction of the light."""
     return [material for material in built.materials if sun_inputs.asks(material)]
 
 
 def light_passes(scene: bpy.types.Scene, built: Built) -> list[LightPass]:
-    """What to render one after the other and add up.
+    """The renders whose sum is the image.
 
-    A denoised image is rendered at once: its parts would be denoised apart.
+    A denoised image is one render: its parts would be denoised one by one.
     """
     if (not scene.view_layers[0].lightgroups or built.planetshine is None or scene.cycles.use_denoising
             or not _materials_with_sun_inputs(built)):
@@ -50,15 +50,15 @@ def light_passes(scene: bpy.types.Scene, built: Built) -> list[LightPass]:
 
 @contextmanager
 def use_light(built: Built, light: LightPass) -> Iterator[None]:
-    """The scene has this light."""
+    """Give the scene this light only."""
     if light.group is None:
         yield
         return
     sun = sun_inputs.Sun.from_lamp(built.sun, built.sun.matrix_world)
     with ExitStack() as undo:
-        def lend(block: Any, name: str, value: Any) -> None:
-            undo.callback(setattr, block, name, getattr(block, name))
-            setattr(block, name, value)
+        def lend(datablock: Any, name: str, value: Any) -> None:
+            undo.callback(setattr, datablock, name, getattr(datablock, name))
+            setattr(datablock, name, value)
 
         undo.callback(lambda: sun_inputs.aim(_materials_with_sun_inputs(built), sun, built.planetshine))
         for item in list(built.collection.all_objects):

@@ -1,7 +1,7 @@
-"""The headless worker: builds scenes, renders their pairs, says what it does in JSON lines.
+"""The headless worker: builds scenes, renders their pairs, reports progress in JSON lines.
 
 The window, the command line and a scheduler all run this. A job is a JSON file, see ``job.Job``: the
-pairs of a description, of a scene in a .blend file as a person left it, or of a list.
+pairs of some settings, of a scene in a .blend file as the user left it, or of a list.
 """
 
 from __future__ import annotations
@@ -35,21 +35,21 @@ Send = Callable[..., None]
 
 
 def render_pairs(built: Built, pairs: list[PlannedPair], dataset: Path, frame: int, seconds_build: float,
-                 say: Send, again: bool = False) -> list[Path]:
+                 send: Send, again: bool = False) -> list[Path]:
     """Render the planned pairs of a built scene and return their folders, see ``render_from``.
 
     Raises IcyMoonError at the first failure, and if the scene shows a preview; finished pairs stay.
     """
     with FixedScene(built, frame, seconds_build) as stage:
-        render_from(stage, pairs, dataset, say, again)
+        render_from(stage, pairs, dataset, send, again)
     return [planned.folder(dataset) for planned in pairs]
 
 
-def render_from(stage: FixedScene | ScenesFromSettings, pairs: list[PlannedPair], dataset: Path, say: Send,
+def render_from(stage: FixedScene | ScenesFromSettings, pairs: list[PlannedPair], dataset: Path, send: Send,
                 again: bool = False, keep_going: bool = False) -> None:
     """Render planned pairs, each in the scene that ``stage`` has for it.
 
-    A pair that is already complete is not rendered again unless ``again``. ``say(type, **facts)`` receives
+    A pair that is already complete is not rendered again unless ``again``. ``send(type, **facts)`` receives
     ``progress`` (``fraction`` of all pairs, ``message``, ``pair``) and ``pair`` messages. With ``keep_going`` it
     receives ``error`` messages that name their ``pair``, and what another process is rendering is left to it;
     else IcyMoonError is raised. What the disk refuses is raised always.
@@ -63,25 +63,25 @@ def render_from(stage: FixedScene | ScenesFromSettings, pairs: list[PlannedPair]
                     raise IcyMoonError(f"Pair {planned.id} is being rendered by another process; wait for it.")
                 try:
                     if mine:
-                        _render_one(stage, planned, dataset, say, claims, again, k, len(pairs))
+                        _render_one(stage, planned, dataset, send, claims, again, k, len(pairs))
                 except IcyMoonError as error:
                     if claims.lost(planned.id) and keep_going:
                         continue  # who has it now has also cleared away what was begun here
                     if isinstance(error, DiskError) or not keep_going:
                         raise
-                    say("error", message=str(error), pair=planned.id)
+                    send("error", message=str(error), pair=planned.id)
     finally:
         claims.close()
 
 
-def _render_one(stage: FixedScene | ScenesFromSettings, planned: PlannedPair, dataset: Path, say: Send, claims: Claims,
+def _render_one(stage: FixedScene | ScenesFromSettings, planned: PlannedPair, dataset: Path, send: Send, claims: Claims,
                 again: bool, k: int, total: int) -> None:
     label = f"Pair {k + 1} of {total}"
     folder = planned.folder(dataset)
 
     def report(fraction: float) -> None:
         claims.goes_on()
-        say("progress", fraction=(k + fraction) / total, message=label, pair=planned.id, of_pair=fraction)
+        send("progress", fraction=(k + fraction) / total, message=label, pair=planned.id, of_pair=fraction)
 
     rendered = again or not is_complete(folder)
     start = time.perf_counter()
@@ -90,12 +90,12 @@ def _render_one(stage: FixedScene | ScenesFromSettings, planned: PlannedPair, da
         check(planned.settings, f"Pair {planned.id}")  # an earlier version may have accepted more
         built, scene, seconds_build = stage.set_for(planned)
         render_pair(built, scene, planned, dataset, seconds_build, report, partial(claims.lost, planned.id), again)
-    say("pair", id=planned.id, folder=str(folder), rendered=rendered, done=k + 1, total=total,
-        seconds=round(time.perf_counter() - start, 2))
+    send("pair", id=planned.id, folder=str(folder), rendered=rendered, done=k + 1, total=total,
+         seconds=round(time.perf_counter() - start, 2))
 
 
 def _pairs_of_job(job: dict[str, Any]) -> list[PlannedPair]:
-    """The pairs of a job, with as many threads as it says."""
+    """The pairs of a job, with the threads that it states."""
     if job.get("pairs"):
         described = [(checked_id(pair["id"], "The job"), restored(pair["settings"], "job"))
                      for pair in job["pairs"]]
@@ -108,7 +108,7 @@ def _pairs_of_job(job: dict[str, Any]) -> list[PlannedPair]:
 
 
 def _first_settings(job: dict[str, Any]) -> Settings:
-    """The description of a job's scene, or of its first."""
+    """The settings of a job's scene, or of its first."""
     stated = job["pairs"][0]["settings"] if job.get("pairs") else job.get("settings", {})
     return merged(defaults(), check(stated, "job"))
 
@@ -118,18 +118,18 @@ def _repeat_text(job: dict[str, Any]) -> str:
     return f" repeat {job['repeat']}" if job.get("repeat") else ""
 
 
-def run_job(job: dict[str, Any], say: Send = emit) -> None:
-    """Do a job, see ``job.read_job``. Raises IcyMoonError for what a person can mend."""
+def run_job(job: dict[str, Any], send: Send = emit) -> None:
+    """Do a job, see ``job.read_job``. Raises IcyMoonError for what a user can fix."""
     dataset, again = Path(job["dataset"]), bool(job.get("again"))
-    say("progress", fraction=0.0, message="Building the scene")
+    send("progress", fraction=0.0, message="Building the scene")
     if job.get("blend"):
         built, frame, pairs = _open_blend(job)
-        render_pairs(built, pairs, dataset, frame, 0.0, say, again)
+        render_pairs(built, pairs, dataset, frame, 0.0, send, again)
     else:
         pairs = _pairs_of_job(job)
-        with ScenesFromSettings(lambda warning: say("warning", message=warning), _repeat_text(job)) as stage:
-            render_from(stage, pairs, dataset, say, again, bool(job.get("pairs")))
-    say("done", folders=[str(pair.folder(dataset)) for pair in pairs if is_complete(pair.folder(dataset))])
+        with ScenesFromSettings(lambda warning: send("warning", message=warning), _repeat_text(job)) as stage:
+            render_from(stage, pairs, dataset, send, again, bool(job.get("pairs")))
+    send("done", folders=[str(pair.folder(dataset)) for pair in pairs if is_complete(pair.folder(dataset))])
 
 
 def _open_blend(job: dict[str, Any]) -> tuple[Built, int, list[PlannedPair]]:
@@ -142,7 +142,7 @@ def _open_blend(job: dict[str, Any]) -> tuple[Built, int, list[PlannedPair]]:
     scene = bpy.data.scenes.get(job["scene"])
     built = find(scene) if scene else None
     if scene is None or built is None:
-        raise IcyMoonError(f"{job['blend']} holds no built Icy Moon scene; press Build Scene and render again.")
+        raise IcyMoonError(f"{job['blend']} contains no built Icy Moon scene; press Build Scene and render again.")
     settle(built)
     settings = merged(defaults(), check(job["settings"], "job"))
     return built, scene.frame_current, expand_headings(settings, built.extra + _repeat_text(job))

@@ -44,10 +44,10 @@ MISTAKES: dict[str, tuple[Mistake, ...]] = {
                 "The present settings have no rendered pair in",
                 "press Render Stereo Pair first"),
         Mistake("empty data set", "A folder without pairs is evaluated",
-                "holds no complete stereo pair",
+                "contains no complete stereo pair",
                 "render one first or choose another folder"),
         Mistake("half-written pair", "A pair whose render was interrupted is evaluated",
-                "holds no complete stereo pair",
+                "contains no complete stereo pair",
                 "render one first or choose another folder"),
     ),
     "Blender and the machine": (

@@ -1,4 +1,4 @@
-"""What a Blender can do, asked of itself before anything is promised or rendered. Imports no Blender."""
+"""What a Blender can do. It is asked before anything is estimated or rendered. Imports no Blender."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from ..workers.process import Process
 
 @dataclass(frozen=True)
 class Abilities:
-    """What a Blender has of what settings may ask for; an official build has all, but a graphics card."""
+    """What a Blender has of what settings may need. An official build has all but a graphics card."""
 
     osl: bool = True
     denoiser: bool = True
@@ -45,7 +45,7 @@ def ask_abilities(blender: str) -> Abilities:
 
 
 def lack_for_quality(quality: Mapping[str, Any], able: Abilities) -> str:
-    """What a Blender lacks for settings of the quality, with the mend, as a sentence; empty if nothing."""
+    """What a Blender lacks for settings of the quality, with the fix, as a sentence; empty if nothing."""
     if quality["denoiser"] != "NONE" and not able.denoiser:
         return ("This Blender was built without OpenImageDenoise; set quality.denoiser to NONE or use an official "
                 "build.")
@@ -64,13 +64,13 @@ def lack_for(settings: Settings, able: Abilities) -> str:
 
 
 def needs_full_build(settings: Settings) -> bool:
-    """Whether settings ask for what not every Blender has."""
+    """Whether settings need what not every Blender has."""
     return bool(lack_for(settings, Abilities(osl=False, denoiser=False, gpu=False)))
 
 
 def find_lack(wanted: Iterable[Settings], blender: str) -> str:
-    """What a Blender lacks for some of these settings, and for how many; empty if nothing. It is asked only if any of
-    them asks for what not every Blender has.
+    """What a Blender lacks for some of these settings, and for how many of them; empty if nothing. It is started
+    only if any of them needs what not every Blender has.
 
     Raises IcyMoonError if it reports nothing.
     """
@@ -85,8 +85,8 @@ def find_lack(wanted: Iterable[Settings], blender: str) -> str:
     found = [lack for lack in (lack_for(settings, able) for settings in asked) if lack]
     if not found or count == 1:
         return "".join(found)
-    what, mend = found[0].rstrip(".").split("; ", 1)
-    return f"{what}, which {len(found)} of {count} pairs ask for; {mend}."
+    what, fix = found[0].rstrip(".").split("; ", 1)
+    return f"{what}, which {len(found)} of {count} pairs need; {fix}."
 
 
 def check_abilities(wanted: Iterable[Settings], blender: str) -> None:

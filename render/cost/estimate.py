@@ -1,8 +1,8 @@
-"""What a plan will take before anything starts: processor time, disk, and how far that may be off. Imports no Blender.
+"""Estimates a plan before it starts: processor time, disk space, and how far off they may be. Imports no Blender.
 
-A pair costs processor seconds that are the sum of a few terms, each in proportion to what there is of it; the
-coefficients are measured (``benchmarks/plan_cost.py``). What pairs of the data set that are there already
-took corrects them for the machine.
+The processor seconds of a pair are a sum of a few terms, in proportion to pixels, samples and triangles. Their
+coefficients are measured (``benchmarks/plan_cost.py``). Pairs of the data set that are complete correct the sum for
+this machine.
 """
 
 from __future__ import annotations
@@ -38,8 +38,8 @@ _S_PER_MPX, _TRUTH_S_PER_MPX, _SAMPLE_S_PER_MPX, _DENOISE_S_PER_MPX = 2.1, 1.7, 
 _DEPTH, _NORMAL, _LIGHT, _DENOISED = 4.0, 11.9, 4.2, 12.0
 _LIGHT_OF_ONE_SAMPLE, _LIGHT_PER_DOUBLING = 2.6, 0.4
 _SUN_GROUP, _PLANET_GROUP = 0.97, 0.7  # of the whole light's
-#: Normals of facets are the same on all pixels of one: with edges of e pixels on the screen they take the share
-#: 1 - exp(-a e^b) of the normals', on a grid the third number; what blocks add, with their labels, and all else takes.
+#: Normals of facets are the same on all pixels of one: with edges of e pixels on the screen they take the fraction
+#: 1 - exp(-a e^b) of the normals', on a grid the third number; then what rocks add with their labels, and the rest.
 _FACETS, _FACETS_POWER, _FACETS_GRID, _ROCK_LABELS, _REST = 10.8, -1.21, 0.9, 1.0, 0.2
 #: Neighbours in larger images are more alike: bytes of twice the columns over those of one.
 _DOUBLE_WIDTH = 0.982
@@ -48,7 +48,7 @@ _DOUBLE_WIDTH = 0.982
 _MODELS = {"LAMBERT": 0.75, "LOMMEL_SEELIGER": 0.75, "LUNAR_LAMBERT": 0.8, "PRINCIPLED": 0.95, "HAPKE": 2.65}
 _HAPKE_NODES, _HAPKE_REFERENCE = 1.15, 3.45
 _RELIEF, _RELIEF_CAMERA = 0.25, 0.21  # added by shaded relief, and where the camera alone meets it
-_TRANSMISSION, _IMAGES, _ROCKS = 0.3, 2.9, 0.6  # added by clear ice, images on the ground and blocks
+_TRANSMISSION, _IMAGES, _ROCKS = 0.3, 2.9, 0.6  # added by clear ice, images on the ground and rocks
 #: Added by a walk under the surface, whatever its length, half of it where its weight is this.
 _WALK, _HALF = 12.0, 0.5
 #: Cycles' own least samples under a noise threshold t are 16 t^-0.3; beyond them a pixel of noise s of one sample takes
@@ -86,10 +86,10 @@ class Work:
 def work_of(settings: Settings) -> Work:
     """What a pair with these complete settings asks of the machine."""
     quality = settings["quality"]
-    topics, share = surface_topics(settings), settings["rocks"]["coverage"]
-    weights = (1.0,) if len(topics) == 1 else (1.0 - share, share)
+    topics, coverage = surface_topics(settings), settings["rocks"]["coverage"]
+    weights = (1.0,) if len(topics) == 1 else (1.0 - coverage, coverage)
     relative = sum(weight * _sample_cost(settings, topic) for weight, topic in zip(weights, topics, strict=True))
-    relative += _ROCKS * (share > 0)
+    relative += _ROCKS * (coverage > 0)
     samples = samples_taken(quality["samples"], quality["noise_threshold"])
     return Work(_pixels(settings), samples, relative, quality["denoiser"] != "NONE", quality["truth"] != "DEPTH")
 
@@ -117,12 +117,12 @@ def bytes_of(settings: Settings) -> float:
 def _facets(settings: Settings) -> float:
     """Bytes per pixel of the normals of facets, and of labels."""
     graded = settings["source"]["kind"] == "PROCEDURAL" and settings["mesh"]["kind"] == "GRADED"
-    share = 1.0 - math.exp(-_FACETS * settings["mesh"]["edge_px"] ** _FACETS_POWER) if graded else _FACETS_GRID
-    return _NORMAL * share + _ROCK_LABELS * (settings["rocks"]["coverage"] > 0)
+    fraction = 1.0 - math.exp(-_FACETS * settings["mesh"]["edge_px"] ** _FACETS_POWER) if graded else _FACETS_GRID
+    return _NORMAL * fraction + _ROCK_LABELS * (settings["rocks"]["coverage"] > 0)
 
 
 def sky_fraction(settings: Settings) -> float:
-    """Share of an image that is above the edge of the ground, were that level: the horizon, or the rim of a patch."""
+    """Fraction of an image above the edge of level ground: above the horizon, or above the rim of a patch."""
     rig, source = settings["rig"], settings["source"]
     camera = StereoCamera.from_settings(rig)
     endless = source["kind"] == "PROCEDURAL" and settings["mesh"]["kind"] == "GRADED"
@@ -199,20 +199,20 @@ class Estimate:
     basis: str
 
     def lines(self) -> list[str]:
-        """The estimate for people, a line each."""
+        """The estimate in words, a line each."""
         left = self.left_s / self.processors
         low, high = left / self.factor, left * self.factor
         basis = (f"corrected by {self.measured} rendered pair{'s' * (self.measured != 1)}" if self.measured
                  else f"from {self.basis}")
         there = f", {self.there} of them there already" if self.there else ""
-        said = [f"{self.pairs} pairs{there}",
+        lines = [f"{self.pairs} pairs{there}",
                 f"{self.geometries} ground{'s' * (self.geometries != 1)}, {self.surfaces} surface"
                 f"{'s' * (self.surfaces != 1)}, {self.lights} light{'s' * (self.lights != 1)}; {self.scenes} scene"
                 f"{'s' * (self.scenes != 1)} to build"]
         if self.there < self.pairs:
-            said += [f"{duration_text(left)} on {self.processors} processors ({duration_text(low)} to "
+            lines += [f"{duration_text(left)} on {self.processors} processors ({duration_text(low)} to "
                      f"{duration_text(high)}; {basis})", f"{size_text(self.left_bytes)} on the disk"]
-        return said
+        return lines
 
     def facts(self) -> dict[str, Any]:
         """The estimate for programs."""
@@ -233,8 +233,8 @@ def size_text(count: float) -> str:
 
 
 def estimate(pairs: Sequence[PlannedPair], dataset: Path | None = None, speed: Speed | None = None) -> Estimate:
-    """What planned pairs will take on a machine of a known ``speed``, those that ``dataset`` holds already taken off
-    and learnt from."""
+    """The cost of planned pairs on a machine of a known ``speed``. Pairs that are complete are not counted as left,
+    and correct the estimate."""
     pairs = ordered(pairs)
     keys = [tuple(settings_key(part, pair) for part in (changes.scene, changes.look, changes.light)) for pair in pairs]
     triangles = _count_triangles_of_all({each[0]: pair for each, pair in zip(keys, pairs, strict=True)})
@@ -271,17 +271,17 @@ def _count_triangles_of_all(scenes: Mapping[str, PlannedPair]) -> dict[str, floa
         try:
             counted[name] = count_triangles(scenes[name].settings)
         except IcyMoonError:
-            continue  # a file that cannot be counted; the build will say why
+            continue  # a file that cannot be read; the build reports why
     mean = sum(counted.values()) / len(counted) if counted else 1e6
     return {name: counted.get(name, mean) for name in names}
 
 
 def _read_pairs(pairs: Sequence[PlannedPair], dataset: Path,
                 there: set[str]) -> list[tuple[PlannedPair, dict[str, Any]]]:
-    """What the pairs that are there say of themselves, up to so many of them."""
+    """The ``pair.json`` of complete pairs, of up to ``_MOST_READ`` of them."""
     found = []
     for pair in [pair for pair in pairs if pair.id in there][:_MOST_READ]:
-        with suppress(IcyMoonError):  # it is another's to tell what is wrong with it
+        with suppress(IcyMoonError):  # verify reports what is wrong with it
             found.append((pair, read_pair(pair.folder(dataset)).data))
     return found
 
@@ -307,7 +307,7 @@ def spread_before(speed: Speed | None, gpu: bool) -> float:
 def _corrected(ratios: Sequence[float], speed: Speed | None, gpu: bool) -> tuple[float, float]:
     """The factor on the expected seconds, and the standard deviation of its logarithm.
 
-    Normal distributions of the logarithm: what was known before, and what each pair says.
+    Normal distributions of the logarithm: what was known before, and what each pair adds.
     """
     before = spread_before(speed, gpu) ** -2
     each = _ONE_PAIR**-2

@@ -25,7 +25,7 @@ class QualityPreset:
     seconds: float
     factor: float
     errors: Mapping[str, Any]
-    lacks: str = ""  # what the Blender lacks for it, with the mend
+    lacks: str = ""  # what the Blender lacks for it, with the fix
 
     @property
     def cost(self) -> str:
@@ -51,8 +51,8 @@ def pair_seconds(settings: Settings, triangles: float, speed: Speed | None) -> t
 
 def list_qualities(settings: Settings, triangles: float, speed: Speed | None,
                    able: Abilities = Abilities()) -> list[QualityPreset]:  # noqa: B008, it is frozen
-    """The shipped qualities for a described scene, cheapest first, then the one that it has; those that a Blender that
-    is no more than ``able`` lacks something for say so.
+    """The shipped qualities for a scene, cheapest first, then its own. Each names what a Blender with these abilities
+    lacks for it.
 
     ``errors`` are those of the preset's file: ``sgbm_px`` added to the mean error of SGBM, ``radiance_rms`` and
     ``radiance_bias`` as fractions of the mean radiance, the ``scene`` and the ``command`` that measured them.

@@ -17,7 +17,7 @@ from ...files import parse_path, write_json
 from ...records import COUNT, POSITIVE, TABLE, TEXT, find_fault, read_record
 from ...system import cache_folder, count_processors
 
-#: Names another cache folder, for tests and for people who keep theirs elsewhere.
+#: Names another cache folder, for tests and for users who keep theirs elsewhere.
 FOLDER_VARIABLE = "ICYMOON_CACHE"
 
 
@@ -33,7 +33,7 @@ class Speed:
 
     @property
     def basis(self) -> str:
-        """Where it comes from, for people."""
+        """Where it comes from, in words."""
         return f"this machine, Blender {self.blender}, measured {self.measured[:10]}"
 
 
@@ -44,13 +44,13 @@ _chosen = ""
 
 
 def choose_folder(path: str) -> None:
-    """Keep what is measured in another folder than the person's cache, whatever asks; empty for that cache."""
+    """Keep speeds in another folder than the user's cache; empty for that cache."""
     global _chosen
     _chosen = path
 
 
 def own_cache_folder() -> Path:
-    """The cache folder of Icy Moon, which need not exist: of the environment, the one chosen, the person's own."""
+    """The cache folder of Icy Moon, which may be missing: from the environment, chosen, or the user's own."""
     if given := os.environ.get(FOLDER_VARIABLE) or _chosen:
         return parse_path(given, FOLDER_VARIABLE).absolute()
     return cache_folder() / "icymoon"
@@ -61,7 +61,7 @@ def _speed_file() -> Path:
 
 
 def _read_speeds() -> dict[str, Any]:
-    """All that is remembered; a file that cannot be read is as good as none."""
+    """All speeds that are kept; none if the file cannot be read."""
     try:
         return dict(read_record(_speed_file(), TABLE, "delete it"))
     except (OSError, IcyMoonError):

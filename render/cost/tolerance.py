@@ -1,6 +1,6 @@
-"""How much stereo error may be added to what an image without noise would have. Imports no Blender.
+"""The stereo error that a quality may add to that of an image without noise. Imports no Blender.
 
-The one place that says what may be asked for: by the command line, and by the window.
+The limits of what the user may ask for, in the command line and in the window.
 """
 
 from __future__ import annotations
@@ -13,13 +13,13 @@ from ...errors import IcyMoonError
 
 #: Mean disparity error, px: what is asked for if nothing is, the least and the most.
 PX, PX_LEAST, PX_MOST = 0.02, 1e-4, 10.0
-#: Share of the pixels that are missing or off by more than 1 px, a fraction: the same.
+#: Fraction of the pixels that are missing or off by more than 1 px, a fraction: the same.
 BAD_1, BAD_1_LEAST, BAD_1_MOST = 0.005, 1e-5, 0.5
 
 
 @dataclass(frozen=True)
 class Tolerance:
-    """What may be added at most, None for anything: the mean disparity error in px, and the share of the pixels that
+    """What may be added at most, None for anything: the mean disparity error in px, and the fraction of the pixels that
     are missing or off by more than 1 px, a fraction."""
 
     epe_px: float | None

@@ -1,7 +1,7 @@
-"""The ways to compute one described scene, from the roughest to the most accurate. Imports no Blender.
+"""The ways to compute one scene, from the roughest to the most accurate. Imports no Blender.
 
-A variant differs from the scene as it is described in one respect, and only in respects that this scene has: no
-subsurface model is varied where no light goes under the surface, no mesh error where the ground is a file.
+A variant changes one thing, and only what the scene has: it varies no subsurface model where no light goes under the
+surface, and no mesh error where the ground is a file.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ GROUPS = {
     "relief": "fine relief shaded or real",
     "hapke": "which terms of Hapke's law, and how exactly",
 }
-#: Groups that vary the shape of the ground, to be held against a reference of finer shape.
+#: Groups that vary the shape of the ground, to be compared with a reference of finer shape.
 SHAPES = ("mesh", "relief")
 SAMPLES = (1, 2, 4, 8, 16, 32, 64, 128, 256)
 #: Beyond this a denoiser costs more than it could remove.
@@ -53,7 +53,7 @@ _REFERENCE_ERROR_PX = 0.25
 
 @dataclass(frozen=True)
 class Variant:
-    """One way to compute the scene: what is varied, a name for people, complete settings, and how often to render."""
+    """One way to compute the scene: what is varied, a name, complete settings, and how often to render."""
 
     group: str
     name: str

@@ -55,7 +55,7 @@ class StereoCamera:
     (u + 0.5, v + 0.5), so a ray through it is ((u + 0.5 - cx) / f, (v + 0.5 - cy) / f, 1).
 
     This is the rig that truth and rectified images are of. Images were taken with eyes that may be turned in, by
-    ``toe_in_deg`` each, and rendered with so many pixels more beyond each border as the margins say.
+    ``toe_in_deg`` each, and rendered with the margins as extra pixels beyond each border.
     """
 
     width_px: int
@@ -166,7 +166,7 @@ class Pair:
 
     @property
     def rectified_poses(self) -> dict[str, Any] | None:
-        """Camera-to-world matrices of the eyes of the parallel rig; None if the pair does not say where it was."""
+        """Camera-to-world matrices of the eyes of the parallel rig; None if the pair does not contain them."""
         return self.data.get("poses_rectified_to_world") or self.data.get("poses_camera_to_world")
 
     def _or_image(self, eye: str, name: str) -> Path:
@@ -174,12 +174,12 @@ class Pair:
 
 
 _FIX = "delete the folder and render the pair again"
-#: What says which settings a pair has, and of which version.
+#: The settings of a pair, and the version that wrote them.
 _SETTINGS_SHAPE = {"settings": Each(TABLE, TEXT), "versions": Maybe(Each(TEXT, TEXT))}
 _FILES_SHAPE = {"files": Each({"bytes": COUNT, "sha256": SHA256}, FILE_NAME, _IMAGES)}
 _BOTH_EYES = Maybe(dict.fromkeys(EYES, MATRIX))
 _NUMBERS = Maybe(Each(NUMBER, TEXT))
-#: What ``pair.json`` holds, as far as anything here reads it; of the settings see ``settings.check``.
+#: What ``pair.json`` contains, as far as anything here reads it; of the settings see ``settings.check``.
 _SHAPE = {
     "format": TEXT, "version": COUNT, "id": TEXT, **_SETTINGS_SHAPE, **_FILES_SHAPE,
     "camera": {"width_px": PIXELS, "height_px": PIXELS, "focal_px": POSITIVE, "cx_px": NUMBER, "cy_px": NUMBER,
@@ -194,8 +194,8 @@ _SHAPE = {
 
 
 def _read_pair_json(path: Path) -> str:
-    if path.exists() and not path.is_file():  # nobody may ever write to a pipe
-        raise IcyMoonError(f"{path} is no file; {_FIX}.")
+    if path.exists() and not path.is_file():  # reading a pipe may wait forever
+        raise IcyMoonError(f"{path} is not a file; {_FIX}.")
     try:
         return read_text(path)
     except FileNotFoundError:
@@ -265,9 +265,9 @@ def is_whole(folder: Path) -> bool:
 
 
 def update_response(folder: Path, settings: Settings) -> None:
-    """Let a complete pair state these settings of the camera response, which need no new render.
+    """Write the camera response of these settings into a complete pair, which needs no new render.
 
-    If another pair takes its place meanwhile, that one states them. Raises IcyMoonError when the disk refuses.
+    If another pair takes its place meanwhile, that one gets them. Raises IcyMoonError when the disk refuses.
     """
     path = folder / "pair.json"
     before = _read_pair_json(path)
@@ -290,7 +290,7 @@ def find_pair_folders(path: Path) -> list[Path]:
     root = path / "pairs" if (path / "pairs").is_dir() else path
     folders = sorted(p.parent for p in root.glob("*/pair.json") if not p.parent.name.endswith(PART))
     if not folders:
-        raise IcyMoonError(f"{path} holds no complete stereo pair; render one first or choose another folder.")
+        raise IcyMoonError(f"{path} contains no complete stereo pair; render one first or choose another folder.")
     return folders
 
 

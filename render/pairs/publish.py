@@ -1,9 +1,9 @@
-"""A pair takes its place, whatever other processes do meanwhile and at whatever moment this one ends.
+"""Moves a finished pair to its place, whatever other processes do, and at whatever moment this one ends.
 
 A folder gets its final name by one rename, which fails where something is. Nothing is removed under a name that
-another may have given it: what is in the way is renamed to a name of our own first and looked at there, for it may
-have been finished just now by a process that took this one for dead. So a pair that is there stays there, or lies
-whole beside its place, from where ``resolve_leftover`` puts it back. Imports no Blender.
+another may have given it: what is in the way is first renamed to a name of our own and checked there, for a
+process that took this one for dead may have just finished it. So a complete pair stays, or lies whole beside its
+place, from where ``resolve_leftover`` puts it back. Imports no Blender.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from .pair_folder import is_whole
 def publish(part: Path, folder: Path, lost: Callable[[], bool], again: bool = False) -> None:
     """Make the pair in ``part`` the one at ``folder``, unless a whole one is there; ``again`` replaces that too.
 
-    ``lost`` says whether another process has claimed the pair since, whose pair then stays. Raises IcyMoonError
+    ``lost`` returns whether another process has claimed the pair since, whose pair then stays. Raises IcyMoonError
     if the disk refuses, what is in the way is not ours, or what was rendered is of no use any more and no pair is
     there.
     """
@@ -52,7 +52,7 @@ def publish(part: Path, folder: Path, lost: Callable[[], bool], again: bool = Fa
 
 
 def resolve_leftover(part: Path) -> None:
-    """End what was left beside a pair's place: a whole pair goes there if the place is free, all else is removed.
+    """Move a whole pair that was left beside its place into that place if it is free, and remove anything else.
 
     What is not ours stays, and is not looked at.
     Raises OSError where what is there cannot be read; it is left as it is then.

@@ -1,4 +1,4 @@
-"""From what a plan states to its pairs: every variation of every sweep with every other. Imports no Blender."""
+"""Combines what a plan states into pairs: each variation of a sweep with each of the others. Imports no Blender."""
 
 from __future__ import annotations
 
@@ -34,11 +34,11 @@ _GEOMETRY = [(topic, s.key) for topic, s in all_settings() if s.effect == "geome
 
 @dataclass(frozen=True)
 class Design:
-    """What a plan combines: ``base`` descriptions, the later over the earlier, sweeps, ``seeds`` and their place,
-    the number of pairs that it is thinned to, and the folder of the person's own files."""
+    """What a plan combines: ``base`` settings, the later over the earlier, sweeps, ``seeds`` and their place,
+    the most pairs that it may have, and the folder of the user's own files."""
 
     base: tuple[Variation, ...] = ()
-    blocks: tuple[Sweep, ...] = ()
+    sweeps: tuple[Sweep, ...] = ()
     seeds: tuple[int | list[int], Place] | None = None
     at_most: int | None = None
     files: Path | None = None
@@ -46,18 +46,18 @@ class Design:
 
 @dataclass(frozen=True)
 class _Combination:
-    """A complete description, and the parts that it was made of, the later over the earlier."""
+    """Complete settings, and the parts that they were made of, the later over the earlier."""
 
     settings: Settings
     parts: tuple[Variation, ...]
 
     def over(self, part: Variation) -> _Combination:
-        """This one with a part over it; what the part does not touch is shared, for there may be many."""
+        """This one with a part over it. Both share what the part does not touch, for there may be many."""
         settings = self.settings | {topic: self.settings[topic] | values for topic, values in part.settings.items()}
         return _Combination(settings, (*self.parts, part))
 
     def place_of(self, *names: str) -> Place | None:
-        """Where the last one stated of these settings (``topic.key``) stands, or else of others of their topics."""
+        """The place of the last of these settings (``topic.key``) to be stated, or of another of their topics."""
         keys = [(topic, key) for topic, _, key in (name.partition(".") for name in names)]
         for part in reversed(self.parts):
             for topic, key in keys:
@@ -71,7 +71,7 @@ class _Combination:
 
 
 def _geometry_key(settings: Mapping[str, Mapping[str, Any]]) -> str:
-    """What made-up ground and its blocks hang on."""
+    """What made-up ground and its rocks depend on."""
     return json.dumps([settings[topic][key] for topic, key in _GEOMETRY])
 
 
@@ -85,7 +85,7 @@ class _Grounds:
         """The ground of a complete description. Raises IcyMoonError if it is not made up, or contradicts itself."""
         if settings["source"]["kind"] != "PROCEDURAL":
             raise IcyMoonError("the ground is a file of your own, whose heights are not known here; state rig.x_m, "
-                               "rig.y_m and the pose in a cases block")
+                               "rig.y_m and the pose in a cases sweep")
         key = _geometry_key(settings)
         if key not in self._known:
             self._known[key] = make_rocky_ground(settings)
@@ -94,7 +94,7 @@ class _Grounds:
 
 @dataclass(frozen=True)
 class Combined:
-    """The pairs of a design, and of those that cannot be rendered why, by their ids."""
+    """The pairs of a design, and why some of them cannot be rendered, by their ids."""
 
     pairs: list[PlannedPair]
     refused: dict[str, str]
@@ -104,11 +104,11 @@ def combine(design: Design) -> Combined:
     """The pairs of a design, checked. Raises IcyMoonError that names the line at fault if none can be rendered."""
     grounds = _Grounds()
     made = list(_combinations(design))
-    for block in sorted((b for b in design.blocks if b.kind in poses.KINDS), key=lambda b: poses.KINDS.index(b.kind)):
+    for sweep in sorted((b for b in design.sweeps if b.kind in poses.KINDS), key=lambda b: poses.KINDS.index(b.kind)):
         known: dict[str, list[Variation]] = {}
         made = [each.over(_with_file_paths(part, design)) for each in made
-                for part in _place_cameras(block, each, grounds, known)]
-        check_pair_count(len(made), block.place)
+                for part in _place_cameras(sweep, each, grounds, known)]
+        check_pair_count(len(made), sweep.place)
     _check_headings(made)
     made = [each for whole in made for each in _headings_of(whole)]
     if design.at_most is not None and design.at_most < len(made):
@@ -133,9 +133,9 @@ def _combinations(design: Design) -> Iterator[_Combination]:
     base = _Combination(defaults(), ())
     for part in design.base:
         base = base.over(_with_file_paths(part, design))
-    factors = [[_with_file_paths(part, design) for part in sweeps.make_variations(block, base.settings)]
-               for block in design.blocks if block.kind in sweeps.KINDS]
-    place = design.blocks[0].place if design.blocks else None
+    factors = [[_with_file_paths(part, design) for part in sweeps.make_variations(sweep, base.settings)]
+               for sweep in design.sweeps if sweep.kind in sweeps.KINDS]
+    place = design.sweeps[0].place if design.sweeps else None
     if design.seeds is not None:
         stated, place = design.seeds
         drawn = seeds_of(stated, int(base.settings["dataset"]["seed"]))
@@ -156,16 +156,16 @@ def seeds_of(stated: int | list[int], seed: int) -> list[int]:
     return [int(stream(seed, "plan", k).generate_state(1)[0] >> 1) for k in range(stated)]
 
 
-def _place_cameras(block: Sweep, made: _Combination, grounds: _Grounds,
+def _place_cameras(sweep: Sweep, made: _Combination, grounds: _Grounds,
                    known: dict[str, list[Variation]]) -> list[Variation]:
-    """The cameras of a block in a description; those of the same ground and rig are worked out once."""
+    """The cameras that a sweep gives to a combination; those of the same ground and rig are computed once."""
     rig = made.settings["rig"]
     key = _geometry_key(made.settings) + json.dumps([rig[s.key] for s in TOPICS["rig"].settings])
     if key not in known:
         try:
-            known[key] = poses.make_variations(block, made.settings, grounds.of)
+            known[key] = poses.make_variations(sweep, made.settings, grounds.of)
         except IcyMoonError as error:
-            raise _at_place(error, block.place) from None
+            raise _at_place(error, sweep.place) from None
     return known[key]
 
 
@@ -206,15 +206,15 @@ def _read_content(made: _Combination) -> str:
 
 
 def grounds_to_check(settings: Sequence[Settings]) -> set[str]:
-    """Those of the made-up grounds of descriptions that a plan is checked on, by what they hang on: all, or
-    ``MOST_GROUNDS`` evenly among more, each of which takes some hundredths of a second."""
+    """The made-up grounds that a plan is checked on, by ``_geometry_key``: all, or ``MOST_GROUNDS`` evenly among more.
+    Each takes some hundredths of a second."""
     there = list(dict.fromkeys(_geometry_key(each) for each in settings if each["source"]["kind"] == "PROCEDURAL"))
     return {there[k * len(there) // MOST_GROUNDS] for k in range(MOST_GROUNDS)} if len(there) > MOST_GROUNDS else {
         *there}
 
 
 def unchecked_grounds(settings: Sequence[Settings]) -> int:
-    """The number of made-up grounds that a plan of these descriptions was not checked on."""
+    """The number of made-up grounds that a plan of these settings was not checked on."""
     if len(settings) <= MOST_GROUNDS:
         return 0
     there = {_geometry_key(each) for each in settings if each["source"]["kind"] == "PROCEDURAL"}
@@ -222,9 +222,9 @@ def unchecked_grounds(settings: Sequence[Settings]) -> int:
 
 
 def _find_refusals(made: list[_Combination], grounds: _Grounds) -> list[IcyMoonError | None]:
-    """Of each description why it cannot be rendered, as is known before anything is built.
+    """Why each combination cannot be rendered, as far as that is known before anything is built; None if it can.
 
-    Raises IcyMoonError for a file that is not there and a camera beside the ground.
+    Raises IcyMoonError for a missing file, and for a camera outside the ground.
     """
     seen: set[str] = set()
     known: dict[str, list[Reason]] = {}
@@ -247,13 +247,13 @@ def _find_refusals(made: list[_Combination], grounds: _Grounds) -> list[IcyMoonE
     for ground, those in standing_on.values():
         for k, reason in zip(those, _check_eyes(ground, [made[k] for k in those]), strict=True):
             found[k] += [reason] if reason is not None and reason not in found[k] else []
-    return [_join_reasons(each, said) for each, said in zip(made, found, strict=True)]
+    return [_join_reasons(each, reasons) for each, reasons in zip(made, found, strict=True)]
 
 
 def _check_eyes(ground: RockyGround, made: list[_Combination]) -> list[Reason | None]:
     try:
         found = admission.reasons_of_eyes(ground, [each.settings["rig"] for each in made])
-    except IcyMoonError as error:  # sizes of blocks that contradict each other
+    except IcyMoonError as error:  # sizes of rocks that contradict each other
         return [Reason(str(error)) for _ in made]
     for each, reason in zip(made, found, strict=True):
         if reason is not None and reason.names == admission.OUTSIDE:
@@ -261,16 +261,17 @@ def _check_eyes(ground: RockyGround, made: list[_Combination]) -> list[Reason | 
     return found
 
 
-def _join_reasons(made: _Combination, said: list[Reason]) -> IcyMoonError | None:
+def _join_reasons(made: _Combination, reasons: list[Reason]) -> IcyMoonError | None:
     """All reasons as one error that names the line at fault of the first."""
-    if not said:
+    if not reasons:
         return None
-    error = IcyMoonError(" ".join(said))
-    return _at_place(error, (made.place_of(*said[0].names) if said[0].names else None) or _place_named_in(error, made))
+    error = IcyMoonError(" ".join(reasons))
+    place = made.place_of(*reasons[0].names) if reasons[0].names else None
+    return _at_place(error, place or _place_named_in(error, made))
 
 
 def _place_named_in(error: IcyMoonError, made: _Combination) -> Place | None:
-    """Where the settings stand that an error names."""
+    """The place of the settings that an error names."""
     named = [word.strip(",;:().") for word in str(error).split() if word.count(".") and word.split(".")[0] in TOPICS]
     return made.place_of(*named)
 
@@ -291,6 +292,6 @@ def _check_files(made: _Combination) -> None:
     """Refuse a file that is not there."""
     for name, path in used_files(made.settings).items():
         if not (path.is_file() or (name == "light.kernels" and path.is_dir())):
-            raise _at_place(IcyMoonError(f"{name}: {path} is not there; put it there, or extend this plan by one of "
-                                         "your own that names another or has plan.files, the folder it is in."),
+            raise _at_place(IcyMoonError(f"{name}: {path} is missing; put it there, or extend this plan by one of your "
+                                         "own that names another file, or that states its folder in plan.files."),
                             made.place_of(name))

@@ -1,7 +1,7 @@
-"""A data set's plan, frozen into its folder, and what there is of it. Imports no Blender.
+"""A data set's plan, frozen into its folder, and which of its pairs are complete. Imports no Blender.
 
-``plan.jsonl`` is written once, before the first render: a header, then a line for each pair. What is to be
-done depends on nothing else, so that any process on any machine can do any part of it.
+``plan.jsonl`` is written once, before the first render: a header, then a line for each pair. The work
+depends on nothing else, so any process on any machine can do any part of it.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ _MOST_NAMED = 5
 @dataclass(frozen=True)
 class FrozenPlan:
     """What a data set is to hold: its pairs in the order in which they are rendered, the plan's text, the version of
-    Icy Moon that froze it, and what a person should know of it."""
+    Icy Moon that froze it, and a ``note`` for the user."""
 
     pairs: tuple[PlannedPair, ...]
     text: str
@@ -58,21 +58,21 @@ def freeze_plan(dataset: Path, pairs: Sequence[PlannedPair], text: str) -> Froze
     Raises IcyMoonError for a plan that lacks some, or that has none.
     """
     if not pairs:
-        raise IcyMoonError("The plan has no pair; give it values to vary, or none of them an empty list.")
+        raise IcyMoonError("The plan has no pairs; give it values to vary, and no empty list.")
     path = dataset / PLAN
     if path.exists():
         known = read_frozen_plan(dataset)
         there = {pair.id for pair in pairs}
         lacking = [pair for pair in known.pairs if pair.id not in there]
         if lacking and known.text == text and known.version != version():
-            return replace(known, note=f"{dataset} goes on as Icy Moon {known.version} planned it. {version()} makes "
+            return replace(known, note=f"{dataset} continues as Icy Moon {known.version} planned it. {version()} makes "
                                        f"other pairs of the same plan: {_describe_difference(lacking[0], pairs)}. "
-                                       "For those choose another folder.")
+                                       "To render those, choose another folder.")
         if lacking:
-            raise IcyMoonError(f"{dataset} holds another data set: {len(lacking)} of its {len(known.pairs)} pairs are "
-                               f"not in this plan: {_describe_difference(lacking[0], pairs)}. To go on with what was "
-                               "planned there use icymoon work; for this plan choose another folder, or let it extend "
-                               "that one.")
+            raise IcyMoonError(f"{dataset} contains another data set: {len(lacking)} of its {len(known.pairs)} pairs "
+                               f"are not in this plan: {_describe_difference(lacking[0], pairs)}. To continue that "
+                               "data set, use icymoon work. For this plan choose another folder, or let it extend "
+                               "that plan.")
         if [p.id for p in known.pairs] == [p.id for p in pairs] and known.text == text:
             return known
     base = pairs[0].settings
@@ -85,7 +85,7 @@ def freeze_plan(dataset: Path, pairs: Sequence[PlannedPair], text: str) -> Froze
 
 
 def _describe_difference(pair: PlannedPair, pairs: Sequence[PlannedPair]) -> str:
-    """In what a pair differs from the nearest of others, in words."""
+    """The settings in which a pair differs from the most similar of others, in words."""
     names = [(topic, s.key) for topic, s in all_settings() if counts(s)]
 
     def differing(other: PlannedPair) -> list[tuple[str, str]]:
@@ -93,11 +93,11 @@ def _describe_difference(pair: PlannedPair, pairs: Sequence[PlannedPair]) -> str
 
     nearest = min(pairs, key=lambda other: len(differing(other)))
     found = differing(nearest)
-    said = [f"{topic}.{key} was {pair.settings[topic][key]!r} and is {nearest.settings[topic][key]!r}"
+    texts = [f"{topic}.{key} was {pair.settings[topic][key]!r} and is {nearest.settings[topic][key]!r}"
             for topic, key in found[:_MOST_NAMED]]
     if len(found) > _MOST_NAMED:
-        said.append(f"{len(found) - _MOST_NAMED} settings more")
-    return f"for pair {pair.id} {', '.join(said) or 'a file of yours has another content'}"
+        texts.append(f"{len(found) - _MOST_NAMED} more settings")
+    return f"for pair {pair.id} {', '.join(texts) or 'a file of yours has another content'}"
 
 
 def read_frozen_plan(dataset: Path) -> FrozenPlan:
@@ -119,7 +119,7 @@ def read_frozen_plan(dataset: Path) -> FrozenPlan:
     with told_to_update(str(path), header["icymoon"]):
         pairs = tuple(_parse_pair(line, base, path) for line in lines)
     if len({pair.id for pair in pairs}) != header["pairs"]:
-        raise IcyMoonError(f"{path} holds {len({pair.id for pair in pairs})} of {header['pairs']} pairs; {_FIX}.")
+        raise IcyMoonError(f"{path} contains {len({pair.id for pair in pairs})} of {header['pairs']} pairs; {_FIX}.")
     return FrozenPlan(pairs, header["plan"], header["icymoon"])
 
 

@@ -1,6 +1,6 @@
-"""In which order pairs are rendered, so that little is made again between them. Imports no Blender.
+"""The order in which pairs are rendered, so that as little as possible is built again between two. Imports no Blender.
 
-Dearest first: another scene builds ground and blocks and Cycles' tree of triangles; another surface
+The costly changes come first: another scene builds ground and rocks and Cycles' tree of triangles; another surface
 or light builds that tree; another camera nothing.
 """
 
@@ -16,7 +16,7 @@ from .planned_pair import PlannedPair
 
 _STAGES: tuple[Callable[[Settings], Settings], ...] = (
     changes.scene, changes.look, changes.light, changes.camera, changes.sampling)
-#: Shards per worker that a data set is cut into, so that the last ones of all workers end at about the same time.
+#: Jobs per worker that a data set is cut into, so that the last ones of all workers end at about the same time.
 _JOBS_PER_WORKER = 4
 
 
@@ -28,8 +28,7 @@ def settings_key(part: Callable[[Settings], Settings], pair: PlannedPair) -> str
 def ordered(pairs: Sequence[PlannedPair]) -> list[PlannedPair]:
     """The same pairs, each once, so that scenes change least, then surfaces, then lights, then cameras.
 
-    Whatever was planned first comes first, at each of these stages; the order does not depend on which
-    pairs are already there.
+    At each of these stages the order is that of the plan. It does not depend on which pairs are complete.
     """
     pairs = list({pair.id: pair for pair in pairs}.values())
     keys = [tuple(settings_key(stage, pair) for stage in _STAGES) for pair in pairs]
@@ -44,7 +43,7 @@ def runs_of_scenes(pairs: Sequence[PlannedPair]) -> list[list[PlannedPair]]:
 
 
 def cut_into_jobs(pairs: Sequence[PlannedPair], workers: int, most_scenes: int) -> list[list[PlannedPair]]:
-    """Ordered pairs, in runs of similar length that each go to one process.
+    """Ordered pairs, in runs of similar length, each the job of one process.
 
     A run ends with a scene, unless the scene has so many pairs that several workers should share it.
     A process renders at most ``most_scenes`` scenes.
@@ -65,9 +64,9 @@ def cut_into_jobs(pairs: Sequence[PlannedPair], workers: int, most_scenes: int) 
 
 
 def shard(pairs: Sequence[PlannedPair], number: int, count: int) -> list[PlannedPair]:
-    """Ordered pairs of share ``number`` (from 1) of ``count``: runs of about equal length.
+    """The pairs of shard ``number`` (from 1) of ``count``, in order: runs of about equal length.
 
-    Whole scenes where there are enough of them; the shares of all numbers together are all pairs.
+    Whole scenes where there are enough of them. All shards together are all pairs.
     """
     units = runs_of_scenes(pairs)
     if len(units) < count:
@@ -75,7 +74,7 @@ def shard(pairs: Sequence[PlannedPair], number: int, count: int) -> list[Planned
     ends = [0]
     for unit in units:
         ends.append(ends[-1] + len(unit))
-    # A scene belongs to the share that its middle falls into.
+    # A scene belongs to the shard that its middle falls into.
     middles = [(a + b) / 2 / len(pairs) for a, b in pairwise(ends)]
     return [pair for unit, middle in zip(units, middles, strict=True) if int(middle * count) == number - 1
             for pair in unit]

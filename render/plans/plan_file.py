@@ -1,8 +1,8 @@
-"""A plan of a data set: a TOML file, and the pairs that it asks for. Imports no Blender.
+"""A plan: a TOML file, and the pairs of the data set that it determines. Imports no Blender.
 
 A plan is a settings file with ``[plan]`` for ``[preset]``, and ``[[sweep]]`` tables whose variations are
 combined. It is checked as strictly as settings are, before anything is built: an error names the file,
-the line and the mend. ``docs/datasets.md`` describes the format.
+the line and the fix. ``docs/datasets.md`` describes the format.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ class Plan:
         return Combined(list(found.values()), refused)
 
     def pairs(self) -> list[PlannedPair]:
-        """The pairs, complete and in the order of the plan; what comes twice is there once, at its first place.
+        """The pairs with complete settings, in the order of the plan, each once.
 
         Those of ``refused`` are among them: a render sets them aside. Raises IcyMoonError if none can be rendered, or a
         file is not there.
@@ -56,7 +56,7 @@ class Plan:
         return list(self._combined.pairs)
 
     def refused(self) -> dict[str, str]:
-        """Of the pairs that cannot be rendered why, by their ids: sentences with the line at fault.
+        """Why some pairs cannot be rendered, by their ids: sentences with the line at fault.
 
         Raises IcyMoonError as ``pairs`` does.
         """
@@ -67,14 +67,14 @@ class Plan:
         unseen = unchecked_grounds([pair.settings for pair in self._combined.pairs])
         if not unseen:
             return ""
-        return (f"Of the grounds {MOST_GROUNDS} were looked at, {unseen} were not: there a camera that cannot stand is "
-                "found when its pair is rendered, which is then set aside.")
+        return (f"{MOST_GROUNDS} grounds were checked, {unseen} were not. A camera that cannot stand on one of those "
+                "is found when its pair is rendered, and the pair is set aside.")
 
 
 def find_plan(name: str) -> Path:
-    """The file of a plan: of a shipped one its name, ``datasets/…`` or without that, else a path.
+    """The file of a plan by its name: a shipped one, with or without its folder, or a path.
 
-    Raises IcyMoonError if there is neither.
+    Raises IcyMoonError if there is no such plan.
     """
     shipped = PLANS / f"{name.removeprefix('datasets/')}.toml"
     if ".." not in name and is_file(shipped):
@@ -86,13 +86,13 @@ def find_plan(name: str) -> Path:
 
 
 def read_plan_header(path: Path) -> tuple[str, str]:
-    """(title, description) of a plan, without reading more of it."""
+    """(title, description) of a plan; reads nothing else of it."""
     header = read_toml(path).get("plan", {})
     return str(header.get("title", path.stem)), str(header.get("description", ""))
 
 
 def read_plan(path: Path) -> Plan:
-    """Read and check a plan. Raises IcyMoonError that names the file, the line and the mend."""
+    """Read and check a plan. Raises IcyMoonError that names the file, the line and the fix."""
     return _read_extended(path, ())
 
 
@@ -105,11 +105,11 @@ def _read_extended(path: Path, readers: tuple[Path, ...]) -> Plan:
     data.pop("sources", None)
     place = whole.at("plan")
     check_keys(header, HEADER, place, "[plan]")
-    sweeps = data.pop("sweep", [])
-    if not isinstance(sweeps, list) or not all(isinstance(table, Mapping) for table in sweeps):
+    tables = data.pop("sweep", [])
+    if not isinstance(tables, list) or not all(isinstance(table, Mapping) for table in tables):
         raise IcyMoonError(f"{whole.at('sweep')}: sweeps are tables of a list; write [[sweep]] with two brackets.")
     designs = _read_parents(header, place, (*readers, path.resolve()))
-    for k, table in enumerate(sweeps):
+    for k, table in enumerate(tables):
         designs = _with_sweep(designs, table, whole.at("sweep", k))
     return Plan(path, _text(header, "title", place) or path.stem, _text(header, "description", place), text,
                 tuple(_with_header(_with_settings(design, header, data, whole), header, place) for design in designs))
@@ -145,10 +145,10 @@ def _read_parents(header: Mapping[str, Any], place: Place, readers: tuple[Path, 
             raise IcyMoonError(f"{at}: {error}") from None
     designs = designs or [Design()]
     for name, at in _names(header, "without", place):
-        if not any(name == block.name for design in designs for block in design.blocks):
-            known = sorted({block.name for design in designs for block in design.blocks})
+        if not any(name == sweep.name for design in designs for sweep in design.sweeps):
+            known = sorted({sweep.name for design in designs for sweep in design.sweeps})
             raise IcyMoonError(f"{at}: there is no sweep {name!r} to leave out, {nearest(name, known)}")
-        designs = [replace(design, blocks=tuple(b for b in design.blocks if b.name != name)) for design in designs]
+        designs = [replace(design, sweeps=tuple(b for b in design.sweeps if b.name != name)) for design in designs]
     return designs
 
 
@@ -193,21 +193,21 @@ def _with_sweep(designs: Sequence[Design], table: Mapping[str, Any], place: Plac
     kinds = (*sweeps.KINDS, *poses.KINDS)
     kind, replaces = table.get("kind"), _text(table, "replaces", place) or None
     if kind not in kinds:
-        said = "lacks its kind" if kind is None else f"is of kind {kind!r}"
-        raise IcyMoonError(f"{place.at('kind')}: this sweep {said}, {nearest(str(kind), kinds)}")
-    known = {block.name for design in designs for block in design.blocks}
+        problem = "lacks its kind" if kind is None else f"is of kind {kind!r}"
+        raise IcyMoonError(f"{place.at('kind')}: this sweep {problem}, {nearest(str(kind), kinds)}")
+    known = {sweep.name for design in designs for sweep in design.sweeps}
     if replaces is not None and replaces not in known:
         raise IcyMoonError(f"{place.at('replaces')}: there is no sweep {replaces!r} to replace, "
                            f"{nearest(replaces, sorted(known))}")
-    # Random numbers hang on the name; a made-up one counts the sweeps of its kind in this file.
+    # Random numbers depend on the name; a made-up one counts the sweeps of its kind in this file.
     name = replaces or _text(table, "name", place) or _free_name(kind, known)
     if replaces is None and name in known:
         raise IcyMoonError(f"{place.at('name')}: there is a sweep {name!r} already; write replaces = {name!r} or "
                            "choose another name.")
-    block = Sweep(kind, name, {key: v for key, v in table.items() if key not in ("kind", "name", "replaces")}, place)
+    sweep = Sweep(kind, name, {key: v for key, v in table.items() if key not in ("kind", "name", "replaces")}, place)
     if replaces is None:
-        return [replace(design, blocks=(*design.blocks, block)) for design in designs]
-    return [replace(design, blocks=tuple(block if b.name == name else b for b in design.blocks))
+        return [replace(design, sweeps=(*design.sweeps, sweep)) for design in designs]
+    return [replace(design, sweeps=tuple(sweep if b.name == name else b for b in design.sweeps))
             for design in designs]
 
 

@@ -1,7 +1,7 @@
-"""The ``[[sweep]]`` blocks of a plan that place the camera: complete ``rig`` settings. Imports no Blender.
+"""The ``[[sweep]]`` tables of a plan that place the camera: they set the ``rig``. Imports no Blender.
 
-Heights and blocks are known from the settings alone, so a camera that would stand in the ground or in a
-block is refused before anything is built.
+The heights of ground and rocks follow from the settings alone. So a camera that would stand in the ground or in a
+rock is refused before anything is built.
 """
 
 from __future__ import annotations
@@ -20,109 +20,109 @@ from ...settings.description import Settings
 from .planned_pair import turned_heading_deg
 from .sweeps import Sweep, Variation, axis_generator, check_keys, check_settings, read_count
 
-#: Finds the ground of a complete description, or raises IcyMoonError where it is not made up.
+#: Returns the ground of complete settings, or raises IcyMoonError where it is a file.
 Ground = Callable[[Settings], RockyGround]
 
 
-def _read_numbers(block: Sweep, key: str, default: Sequence[float] | None = None) -> list[float]:
-    """A list of numbers, or a single one, that a block states."""
-    value = block.table.get(key, None if default is None else list(default))
-    place = block.place.at(key)
+def _read_numbers(sweep: Sweep, key: str, default: Sequence[float] | None = None) -> list[float]:
+    """A list of numbers, or a single one, that a sweep states."""
+    value = sweep.table.get(key, None if default is None else list(default))
+    place = sweep.place.at(key)
     values = value if isinstance(value, list) else [value]
     if not values or not all(isinstance(v, (int, float)) and not isinstance(v, bool) and math.isfinite(v)
                              for v in values):
-        said = "is missing" if value is None else f"is {value!r}"
-        raise IcyMoonError(f"{place}: {key} {said}, it must be a number or a list of numbers.")
+        problem = "is missing" if value is None else f"is {value!r}"
+        raise IcyMoonError(f"{place}: {key} {problem}, it must be a number or a list of numbers.")
     return [float(v) for v in values]
 
 
-def _read_length(block: Sweep, key: str, default: float) -> float:
-    [value, *more] = _read_numbers(block, key, (default,))
+def _read_length(sweep: Sweep, key: str, default: float) -> float:
+    [value, *more] = _read_numbers(sweep, key, (default,))
     if more or value < 0:
-        raise IcyMoonError(f"{block.place.at(key)}: {key} must be one number from 0 up, in metres.")
+        raise IcyMoonError(f"{sweep.place.at(key)}: {key} must be one number from 0 up, in metres.")
     return value
 
 
-def _rig_variation(block: Sweep, **values: float) -> Variation:
+def _rig_variation(sweep: Sweep, **values: float) -> Variation:
     """A variation that sets these of the rig, six digits each."""
     rig = {key: float(f"{value:.6g}") for key, value in values.items()}
-    place = Place(block.place.file, block.place.text, block.place.key)
+    place = Place(sweep.place.file, sweep.place.text, sweep.place.key)
     try:
         return Variation(check_settings({"rig": rig}, place), place)
     except IcyMoonError as error:
-        raise IcyMoonError(f"{error} It follows from this {block.kind} block.") from None
+        raise IcyMoonError(f"{error} It follows from this {sweep.kind} sweep.") from None
 
 
-def _make_panorama(block: Sweep, base: Settings, ground: Ground) -> list[Variation]:
-    check_keys(block.table, ("headings", "pitches_deg"), block.place, "a panorama block")
-    stated = block.table.get("headings", 4)
+def _make_panorama(sweep: Sweep, base: Settings, ground: Ground) -> list[Variation]:
+    check_keys(sweep.table, ("headings", "pitches_deg"), sweep.place, "a panorama sweep")
+    stated = sweep.table.get("headings", 4)
     if isinstance(stated, int) and not isinstance(stated, bool) and stated > 0:
         headings = [turned_heading_deg(base, k, stated) for k in range(stated)]
     elif isinstance(stated, list):
-        headings = _read_numbers(block, "headings")
+        headings = _read_numbers(sweep, "headings")
     else:
-        raise IcyMoonError(f"{block.place.at('headings')}: headings is {stated!r}, it must be how many there are or "
+        raise IcyMoonError(f"{sweep.place.at('headings')}: headings is {stated!r}, it must be how many there are or "
                            "list them in degrees.")
-    pitches = _read_numbers(block, "pitches_deg", (base["rig"]["pitch_deg"],))
-    return [_rig_variation(block, heading_deg=heading, pitch_deg=pitch) for pitch in pitches for heading in headings]
+    pitches = _read_numbers(sweep, "pitches_deg", (base["rig"]["pitch_deg"],))
+    return [_rig_variation(sweep, heading_deg=heading, pitch_deg=pitch) for pitch in pitches for heading in headings]
 
 
-def _make_view_sphere(block: Sweep, base: Settings, ground: Ground) -> list[Variation]:
-    check_keys(block.table, ("elevations_deg", "azimuths_deg", "distances_m", "target_height_m"), block.place,
-               "a view_sphere block")
+def _make_view_sphere(sweep: Sweep, base: Settings, ground: Ground) -> list[Variation]:
+    check_keys(sweep.table, ("elevations_deg", "azimuths_deg", "distances_m", "target_height_m"), sweep.place,
+               "a view_sphere sweep")
     standing, rig = ground(base), base["rig"]
-    target = np.array([rig["x_m"], rig["y_m"], _read_length(block, "target_height_m", 0.0)])
+    target = np.array([rig["x_m"], rig["y_m"], _read_length(sweep, "target_height_m", 0.0)])
     target[2] += float(standing.heights(*target[:2]))
     if not math.isfinite(target[2]):
-        raise IcyMoonError(f"{block.place}: there is no ground at the target, east {target[0]:g} m, north "
+        raise IcyMoonError(f"{sweep.place}: there is no ground at the target, east {target[0]:g} m, north "
                            f"{target[1]:g} m; change rig.x_m and rig.y_m.")
     made = []
-    for distance in _read_numbers(block, "distances_m"):
-        for elevation in _read_numbers(block, "elevations_deg"):
-            for azimuth in _read_numbers(block, "azimuths_deg"):
+    for distance in _read_numbers(sweep, "distances_m"):
+        for elevation in _read_numbers(sweep, "elevations_deg"):
+            for azimuth in _read_numbers(sweep, "azimuths_deg"):
                 x, y, z = target + distance * toward(azimuth, elevation)
                 x, y = (float(f"{v:.6g}") for v in (x, y))
                 height = z - float(standing.heights(x, y))
                 at = f"The camera at elevation {elevation:g}°, azimuth {azimuth:g}°, {distance:g} m from the target"
                 if not math.isfinite(height):
-                    raise IcyMoonError(f"{block.place}: {at}, is beyond the ground; come nearer or raise "
+                    raise IcyMoonError(f"{sweep.place}: {at}, is beyond the ground; come nearer or raise "
                                        "terrain.size_m.")
                 if height < LOWEST_M:
-                    raise IcyMoonError(f"{block.place}: {at}, is {-height:.3g} m under the ground; raise "
+                    raise IcyMoonError(f"{sweep.place}: {at}, is {-height:.3g} m under the ground; raise "
                                        "target_height_m, the distance or the elevation, or take other azimuths.")
-                made.append(_rig_variation(block, x_m=x, y_m=y, height_m=height, pitch_deg=elevation,
+                made.append(_rig_variation(sweep, x_m=x, y_m=y, height_m=height, pitch_deg=elevation,
                                            heading_deg=(azimuth + 360.0) % 360.0 - 180.0))
     return made
 
 
-def _make_sites(block: Sweep, base: Settings, ground: Ground) -> list[Variation]:
-    check_keys(block.table, ("count", "clearance_m", "margin_m", "apart_m", "random_headings"), block.place,
-               "a sites block")
-    count, turned = read_count(block, "count"), block.table.get("random_headings", False)
+def _make_sites(sweep: Sweep, base: Settings, ground: Ground) -> list[Variation]:
+    check_keys(sweep.table, ("count", "clearance_m", "margin_m", "apart_m", "random_headings"), sweep.place,
+               "a sites sweep")
+    count, turned = read_count(sweep, "count"), sweep.table.get("random_headings", False)
     if not isinstance(turned, bool):
-        raise IcyMoonError(f"{block.place.at('random_headings')}: random_headings must be true or false.")
-    clearance, margin, apart = (_read_length(block, key, default) for key, default in
+        raise IcyMoonError(f"{sweep.place.at('random_headings')}: random_headings must be true or false.")
+    clearance, margin, apart = (_read_length(sweep, key, default) for key, default in
                                 (("clearance_m", 0.25), ("margin_m", 1.0), ("apart_m", 0.0)))
     seed = int(base["dataset"]["seed"])
-    found = ground(base).choose_places(count, clearance, margin, apart, axis_generator(block, "place", seed))
+    found = ground(base).choose_places(count, clearance, margin, apart, axis_generator(sweep, "place", seed))
     if len(found) < count:
-        raise IcyMoonError(f"{block.place}: the {base['terrain']['size_m']:g} m patch has room for {len(found)} of "
-                           f"{count} sites {clearance:g} m clear of blocks, {margin:g} m from its edge and {apart:g} m "
+        raise IcyMoonError(f"{sweep.place}: the {base['terrain']['size_m']:g} m patch has room for {len(found)} of "
+                           f"{count} sites {clearance:g} m clear of rocks, {margin:g} m from its edge and {apart:g} m "
                            "apart; lower count, clearance_m, margin_m, apart_m or rocks.coverage.")
-    headings = axis_generator(block, "heading", seed).uniform(-180.0, 180.0, count)
+    headings = axis_generator(sweep, "heading", seed).uniform(-180.0, 180.0, count)
     more: list[dict[str, float]] = [{"heading_deg": h} if turned else {} for h in headings.tolist()]
-    return [_rig_variation(block, x_m=x, y_m=y, **extra) for (x, y), extra in zip(found.tolist(), more, strict=True)]
+    return [_rig_variation(sweep, x_m=x, y_m=y, **extra) for (x, y), extra in zip(found.tolist(), more, strict=True)]
 
 
 _MAKERS: dict[str, Callable[[Sweep, Settings, Ground], list[Variation]]] = {
     "sites": _make_sites, "view_sphere": _make_view_sphere, "panorama": _make_panorama}
-#: Kinds of blocks that place the camera, in the order in which they are applied: the site, then the view.
+#: Kinds of sweeps that place the camera, in the order in which they are applied: the site, then the view.
 KINDS = tuple(_MAKERS)
 
 
-def make_variations(block: Sweep, base: Settings, ground: Ground) -> list[Variation]:
-    """The cameras that a block of one of ``KINDS`` puts into a complete description.
+def make_variations(sweep: Sweep, base: Settings, ground: Ground) -> list[Variation]:
+    """The cameras that a sweep of one of ``KINDS`` gives to complete settings.
 
     Raises IcyMoonError that names the line at fault.
     """
-    return _MAKERS[block.kind](block, base, ground)
+    return _MAKERS[sweep.kind](sweep, base, ground)

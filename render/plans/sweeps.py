@@ -1,4 +1,4 @@
-"""The ``[[sweep]]`` blocks of a plan that vary settings: what each of their variations sets. Imports no Blender."""
+"""The ``[[sweep]]`` tables of a plan that vary settings: what each of their variations sets. Imports no Blender."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from ...physics.random_numbers.seeds import generator
 from ...settings.description import Settings, check, load, merged, preset_path
 from ...settings.table import TOPICS, Setting
 
-#: Kinds of blocks that vary settings; ``poses.KINDS`` are the others.
+#: Kinds of sweeps that vary settings; ``poses.KINDS`` are the others.
 KINDS = ("grid", "one_at_a_time", "cases", "random", "sobol", "latin_hypercube")
 _DRAWN = {"random": sampling.independent, "sobol": sampling.sobol, "latin_hypercube": sampling.latin_hypercube}
 _PRESET = "preset"
@@ -33,7 +33,7 @@ _NOT_SWEPT = {"response": "is applied when images are evaluated and needs no oth
 
 @dataclass(frozen=True)
 class Sweep:
-    """A ``[[sweep]]`` table: its kind, its name (of its own or made up), its other keys and where it stands."""
+    """A ``[[sweep]]`` table: its kind, its name (stated or made up), its other keys and its place in the file."""
 
     kind: str
     name: str
@@ -43,7 +43,7 @@ class Sweep:
 
 @dataclass(frozen=True)
 class Variation:
-    """What one variation of a block sets, and where that stands."""
+    """What one variation of a sweep sets, and the place in the file."""
 
     settings: Settings
     place: Place
@@ -64,7 +64,7 @@ def check_keys(table: Mapping[str, Any], known: Sequence[str], place: Place, wha
 
 
 def check_settings(data: Mapping[str, Any], place: Place) -> Settings:
-    """A partial description that stands at ``place``, checked.
+    """Some settings that a plan states at ``place``, checked.
 
     Raises IcyMoonError that names the line of the setting at fault.
     """
@@ -76,7 +76,7 @@ def check_settings(data: Mapping[str, Any], place: Place) -> Settings:
             try:
                 parts.append(check({topic: {key: value}}, "plan"))
             except IcyMoonError:
-                check({topic: {key: value}}, str(place.at(topic, key)))  # once more, now that the line is worth finding
+                check({topic: {key: value}}, str(place.at(topic, key)))  # again, with the line, which is slow to find
     return merged(*parts)
 
 
@@ -90,18 +90,18 @@ def load_preset(name: Any, place: Place) -> Settings:
         raise IcyMoonError(f"{place}: {error}") from None
 
 
-def axis_generator(block: Sweep, axis: str, seed: int) -> np.random.Generator:
-    """The random of one axis of a block. It hangs on names, so that moving or adding others changes nothing."""
-    return generator(seed, "plan", zlib.crc32(block.name.encode()), zlib.crc32(axis.encode()))
+def axis_generator(sweep: Sweep, axis: str, seed: int) -> np.random.Generator:
+    """The random numbers of one axis of a sweep. They depend on names, so other sweeps do not change them."""
+    return generator(seed, "plan", zlib.crc32(sweep.name.encode()), zlib.crc32(axis.encode()))
 
 
-def read_count(block: Sweep, key: str, least: int = 1) -> int:
-    """A count that a block must state."""
-    value = block.table.get(key)
+def read_count(sweep: Sweep, key: str, least: int = 1) -> int:
+    """A count that a sweep must state."""
+    value = sweep.table.get(key)
     if not isinstance(value, int) or isinstance(value, bool) or value < least:
-        said = "is missing" if value is None else f"is {value!r}"
-        raise IcyMoonError(f"{block.place.at(key)}: {key} {said}, it must be a whole number from {least} up.")
-    check_pair_count(value, block.place.at(key))
+        problem = "is missing" if value is None else f"is {value!r}"
+        raise IcyMoonError(f"{sweep.place.at(key)}: {key} {problem}, it must be a whole number from {least} up.")
+    check_pair_count(value, sweep.place.at(key))
     return value
 
 
@@ -109,7 +109,7 @@ def check_pair_count(pairs: int, place: Place) -> None:
     """Raise IcyMoonError if there are more pairs than a plan may have."""
     if pairs > MOST_PAIRS:
         raise IcyMoonError(f"{place}: the sweeps combine to {pairs} pairs, more than {MOST_PAIRS}; list fewer values, "
-                           "or draw fewer with a random, sobol or latin_hypercube block.")
+                           "or draw fewer with a random, sobol or latin_hypercube sweep.")
 
 
 def _find_setting(topic: str, key: str, place: Place) -> Setting:
@@ -124,25 +124,25 @@ def _find_setting(topic: str, key: str, place: Place) -> Setting:
     return known[key]
 
 
-def _read_factors(block: Sweep, also: Sequence[str]) -> list[tuple[str, Setting | None, Any, Place]]:
-    """(name, setting or None for presets, what is stated, place) of what a block varies."""
+def _read_factors(sweep: Sweep, also: Sequence[str]) -> list[tuple[str, Setting | None, Any, Place]]:
+    """(name, setting or None for presets, what is stated, place) of what a sweep varies."""
     found: list[tuple[str, Setting | None, Any, Place]] = []
-    for topic, values in block.table.items():
+    for topic, values in sweep.table.items():
         if topic in also:
             continue
-        place = block.place.at(topic)
+        place = sweep.place.at(topic)
         if topic == _PRESET:
             found.append((_PRESET, None, values, place))
             continue
         if topic not in TOPICS:
-            raise IcyMoonError(f"{place}: a {block.kind} block has no {topic}, {nearest(topic, [*also, *TOPICS])}")
+            raise IcyMoonError(f"{place}: a {sweep.kind} sweep has no {topic}, {nearest(topic, [*also, *TOPICS])}")
         if not isinstance(values, Mapping):
             raise IcyMoonError(f"{place}: {topic} is a topic; name a setting of it, such as {topic}."
                                f"{TOPICS[topic].settings[0].key}.")
         found += [(f"{topic}.{key}", _find_setting(topic, key, place.at(key)), stated, place.at(key))
                   for key, stated in values.items()]
     if not found:
-        raise IcyMoonError(f"{block.place}: this {block.kind} block varies nothing; name a setting, such as "
+        raise IcyMoonError(f"{sweep.place}: this {sweep.kind} sweep varies nothing; name a setting, such as "
                            "light.sun_elevation_deg.")
     return found
 
@@ -155,10 +155,10 @@ def _read_part(name: str, value: Any, place: Place) -> Settings:
     return check_settings({topic: {key: value}}, Place(place.file, place.text, place.key[:-2]))
 
 
-def _read_listed(block: Sweep) -> list[list[Variation]]:
-    """For each factor of a block that lists values, its variations."""
+def _read_listed(sweep: Sweep) -> list[list[Variation]]:
+    """For each factor of a sweep that lists values, its variations."""
     factors = []
-    for name, setting, values, place in _read_factors(block, ()):
+    for name, setting, values, place in _read_factors(sweep, ()):
         if not isinstance(values, list) or not values:
             raise IcyMoonError(f"{place}: {name} must list the values that it takes in turn, as in "
                                f"[{getattr(setting, 'default', 'a preset')!r}, …], not {values!r}.")
@@ -170,23 +170,23 @@ def _joined(parts: Iterable[Variation], place: Place) -> Variation:
     return Variation(merged(*(part.settings for part in parts)), place)
 
 
-def _make_grid(block: Sweep, base: Settings) -> list[Variation]:
-    factors = _read_listed(block)
-    check_pair_count(math.prod(map(len, factors)), block.place)
-    return [_joined(chosen, block.place) for chosen in itertools.product(*factors)]
+def _make_grid(sweep: Sweep, base: Settings) -> list[Variation]:
+    factors = _read_listed(sweep)
+    check_pair_count(math.prod(map(len, factors)), sweep.place)
+    return [_joined(chosen, sweep.place) for chosen in itertools.product(*factors)]
 
 
-def _make_one_at_a_time(block: Sweep, base: Settings) -> list[Variation]:
-    each = [v for factor in _read_listed(block) for v in factor]
+def _make_one_at_a_time(sweep: Sweep, base: Settings) -> list[Variation]:
+    each = [v for factor in _read_listed(sweep) for v in factor]
     other = [v for v in each if any(base[t][k] != x for t, values in v.settings.items() for k, x in values.items())]
-    return [Variation({}, block.place), *other]
+    return [Variation({}, sweep.place), *other]
 
 
-def _make_cases(block: Sweep, base: Settings) -> list[Variation]:
-    check_keys(block.table, ("case",), block.place, "a cases block")
-    cases, place = block.table.get("case"), block.place.at("case")
+def _make_cases(sweep: Sweep, base: Settings) -> list[Variation]:
+    check_keys(sweep.table, ("case",), sweep.place, "a cases sweep")
+    cases, place = sweep.table.get("case"), sweep.place.at("case")
     if not isinstance(cases, list) or not cases or not all(isinstance(case, Mapping) for case in cases):
-        raise IcyMoonError(f"{place}: a cases block lists what goes together: case = [{{ light.sun_elevation_deg = 30, "
+        raise IcyMoonError(f"{place}: a cases sweep lists what goes together: case = [{{ light.sun_elevation_deg = 30, "
                            "light.sun_azimuth_deg = 90 }, …].")
     made = []
     for k, case in enumerate(cases):
@@ -205,18 +205,18 @@ def _make_cases(block: Sweep, base: Settings) -> list[Variation]:
 
 def _read_law(name: str, setting: Setting | None, law: Any, place: Place,
               kind: str) -> Callable[[np.ndarray], list[Any]]:
-    """What turns shares (0 to 1) into values of a factor, from the distribution that is stated."""
+    """A function from fractions (0 to 1) to values of a factor, by the distribution that the plan states."""
     stated = dict(law) if isinstance(law, Mapping) else {}
     within = stated.pop("within", None)
     if len(stated) != 1 or (within is not None and "normal" not in stated):
-        raise IcyMoonError(f"{place}: {name} in a {kind} block is drawn from a distribution, one of "
+        raise IcyMoonError(f"{place}: {name} in a {kind} sweep is drawn from a distribution, one of "
                            "{ uniform = [low, high] }, { log_uniform = [low, high] }, "
                            "{ normal = [mean, deviation], within = [low, high] } or { choice = [values] }.")
     [(law_name, numbers)] = stated.items()
     if law_name == "choice":
         if not isinstance(numbers, list) or not numbers:
             raise IcyMoonError(f"{place}: choice of {name} must list values, not {numbers!r}.")
-        return lambda share: [numbers[k] for k in sampling.whole(share, 0, len(numbers) - 1)]
+        return lambda fraction: [numbers[k] for k in sampling.whole(fraction, 0, len(numbers) - 1)]
     if law_name not in ("uniform", "log_uniform", "normal"):
         raise IcyMoonError(f"{place}: there is no distribution {law_name}, "
                            f"{nearest(law_name, ('uniform', 'log_uniform', 'normal', 'choice'))}")
@@ -231,9 +231,9 @@ def _read_law(name: str, setting: Setting | None, law: Any, place: Place,
     if law_name == "log_uniform" and first <= 0:
         raise IcyMoonError(f"{place}: log_uniform of {name} begins at {first:g}, it must be above 0.")
     if setting.kind == "int" and law_name == "uniform":
-        return lambda share: [int(v) for v in sampling.whole(share, int(first), int(second))]
+        return lambda fraction: [int(v) for v in sampling.whole(fraction, int(first), int(second))]
     draw = sampling.uniform if law_name == "uniform" else sampling.log_uniform
-    return lambda share: _rounded(setting, draw(share, first, second))
+    return lambda fraction: _rounded(setting, draw(fraction, first, second))
 
 
 def _read_normal(setting: Setting, name: str, law: tuple[float, float], limits: tuple[float, float],
@@ -246,11 +246,11 @@ def _read_normal(setting: Setting, name: str, law: tuple[float, float], limits: 
     except ValueError:
         raise IcyMoonError(f"{place}: the normal distribution of {name} has next to nothing within {limits[0]:g} to "
                            f"{limits[1]:g}; widen within.") from None
-    return lambda share: _rounded(setting, sampling.normal(share, *law, *limits))
+    return lambda fraction: _rounded(setting, sampling.normal(fraction, *law, *limits))
 
 
 def _rounded(setting: Setting, values: np.ndarray) -> list[Any]:
-    """Values as the setting takes them: whole, or to the six digits that a description needs to be legible."""
+    """Values as the setting takes them: whole numbers, or six digits, which keeps a file of settings legible."""
     if setting.kind == "int":
         return [round(v) for v in values.tolist()]
     return [float(f"{v:.6g}") for v in values.tolist()]
@@ -273,19 +273,19 @@ def _check_range(setting: Setting, name: str, low: float, high: float, place: Pl
                                f"{setting.maximum:g}{unit}.")
 
 
-def _make_drawn(block: Sweep, base: Settings) -> list[Variation]:
-    count = read_count(block, "count")
-    factors = _read_factors(block, ("count",))
-    if block.kind == "sobol" and len(factors) > sampling.MOST_DIMENSIONS:
-        raise IcyMoonError(f"{block.place}: a sobol block varies up to {sampling.MOST_DIMENSIONS} settings, not "
+def _make_drawn(sweep: Sweep, base: Settings) -> list[Variation]:
+    count = read_count(sweep, "count")
+    factors = _read_factors(sweep, ("count",))
+    if sweep.kind == "sobol" and len(factors) > sampling.MOST_DIMENSIONS:
+        raise IcyMoonError(f"{sweep.place}: a sobol sweep varies up to {sampling.MOST_DIMENSIONS} settings, not "
                            f"{len(factors)}; use latin_hypercube.")
     seed = int(base["dataset"]["seed"])
-    shares = _DRAWN[block.kind](count, [axis_generator(block, name, seed) for name, *_ in factors])
+    fractions = _DRAWN[sweep.kind](count, [axis_generator(sweep, name, seed) for name, *_ in factors])
     columns = []
     for axis, (name, setting, law, place) in enumerate(factors):
-        values = _read_law(name, setting, law, place, block.kind)(shares[:, axis])
+        values = _read_law(name, setting, law, place, sweep.kind)(fractions[:, axis])
         columns.append([Variation(_read_part(name, value, place), place) for value in values])
-    return [_joined(row, block.place) for row in zip(*columns, strict=True)]
+    return [_joined(row, sweep.place) for row in zip(*columns, strict=True)]
 
 
 _MAKERS: dict[str, Callable[[Sweep, Settings], list[Variation]]] = {
@@ -293,9 +293,9 @@ _MAKERS: dict[str, Callable[[Sweep, Settings], list[Variation]]] = {
     **dict.fromkeys(_DRAWN, _make_drawn)}
 
 
-def make_variations(block: Sweep, base: Settings) -> list[Variation]:
-    """What the variations of a block of one of ``KINDS`` set on a complete description.
+def make_variations(sweep: Sweep, base: Settings) -> list[Variation]:
+    """What the variations of a sweep of one of ``KINDS`` set, over complete settings.
 
     Raises IcyMoonError that names the line at fault.
     """
-    return _MAKERS[block.kind](block, base)
+    return _MAKERS[sweep.kind](sweep, base)

@@ -1,9 +1,9 @@
-"""Who renders which pair, among processes and machines that share nothing but a folder. Imports no Blender.
+"""Which process renders which pair, where processes and machines share nothing but a folder. Imports no Blender.
 
-A claim is a file ``claims/<pair>.<n>`` that only one can make. Its maker touches it again and again; when
-that stops, or the maker is known to be gone, the pair may be claimed anew as n + 1, which again only one can.
-So nothing is ever taken out of a living hand, and whoever was wrongly held for dead does no harm: what it
-writes has names of its own until it is whole, and a pair that is there is not written again.
+A claim is a file ``claims/<pair>.<n>``, which only one process can create. That process touches it regularly. When
+the touches stop, or the process is known to be gone, another may claim the pair as n + 1, which again only one can.
+So no claim is taken from a process that runs. A process that was wrongly taken for dead does no harm: what it writes
+has its own names until it is whole, and a complete pair is never written again.
 """
 
 from __future__ import annotations
@@ -27,9 +27,9 @@ from ..pairs.publish import resolve_leftover
 CLAIMS_FOLDER = "claims"
 #: How often a claim is touched, and how long after the last touch it counts for nothing.
 BEAT_S, STALE_S = 10.0, 60.0
-#: How long a claim is touched for a holder that does not say that it goes on, see ``goes_on``: it hangs then.
+#: How long a claim is touched for a holder that reports no progress, see ``goes_on``: it hangs then.
 SILENCE_S = 3600.0
-#: What a claim says of its holder.
+#: What a claim contains: its holder.
 _SHAPE = {"pid": PROCESS, "place": TEXT, "host": TEXT, "key": Maybe(TEXT)}
 
 
@@ -80,7 +80,7 @@ class Claims:
         return True
 
     def goes_on(self) -> None:
-        """Say that whoever holds these claims still gets somewhere with them."""
+        """Note that the holder of these claims makes progress."""
         self._heard = time.monotonic()
 
     def release(self, pair: str) -> None:
@@ -96,7 +96,7 @@ class Claims:
 
     @contextmanager
     def held(self, pair: str) -> Iterator[bool]:
-        """Claim a pair for the block; says whether it could be had."""
+        """Claim a pair until the end of the ``with`` statement; gives whether that succeeded."""
         taken = self.take(pair)
         try:
             yield taken
@@ -112,10 +112,10 @@ class Claims:
         return {pair for pair, path in found.items() if not self._mine(path) and not self._stale(path)}
 
     def holder(self, pair: str) -> str:
-        """Who holds a pair, for people."""
+        """Who holds a pair, in words."""
         claims = self._of(pair)
-        said = _read_claim(claims[max(claims)]) if claims else {}
-        return f"process {said['pid']} on {said['host']}" if said else "another process"
+        holder = _read_claim(claims[max(claims)]) if claims else {}
+        return f"process {holder['pid']} on {holder['host']}" if holder else "another process"
 
     def forget(self, pid: int) -> None:
         """Drop the claims of a process of this machine that has ended, and what it left half-written."""
@@ -198,7 +198,7 @@ class Claims:
     def _beat(self) -> None:
         while not self._stop.wait(BEAT_S):
             for path in list(self._held.values()) if time.monotonic() - self._heard < SILENCE_S else ():
-                with suppress(OSError):  # released just now, or the share is away for a while
+                with suppress(OSError):  # released just now, or the network folder is away for a while
                     if self._mine(path):
                         os.utime(path)
 

@@ -1,7 +1,7 @@
 """A data set rendered by the workers of a Dask cluster. Imports no Blender.
 
-A task is a run of pairs; it does what ``icymoon work`` does, so that it may be killed, repeated or run twice at
-any moment. Dask decides where it runs and starts it again where a machine is lost.
+A task renders a run of pairs, as ``icymoon work`` does, so it may be killed, repeated or run twice at any moment.
+Dask chooses its machine, and starts it again if that machine is lost.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ def _connect(address: str) -> Iterator[Any]:
 
 
 def render_on_cluster(address: str, dataset: Path, pairs: Sequence[PlannedPair], workers: WorkerOptions,
-                      say: Callable[..., None]) -> dict[str, str]:
+                      send: Callable[..., None]) -> dict[str, str]:
     """Render what is missing of ``pairs`` on a cluster; as ``Runner.run``, with each worker a Dask worker's task.
 
     Every Dask worker needs this package, the Blender that ``workers`` names and the folder at the same path.
@@ -73,16 +73,16 @@ def render_on_cluster(address: str, dataset: Path, pairs: Sequence[PlannedPair],
                 for pair in missing:
                     if pair.id not in there and is_complete(pair.folder(dataset)):
                         there.add(pair.id)
-                        say("pair", id=pair.id, folder=str(pair.folder(dataset)), rendered=True, done=len(there),
-                            total=len(pairs), seconds=_read_seconds(pair.folder(dataset)))
-                say("progress", fraction=len(there) / max(1, len(pairs)), done=len(there), total=len(pairs),
-                    message=f"{len(there)} of {len(pairs)} pairs on {slots} workers")
+                        send("pair", id=pair.id, folder=str(pair.folder(dataset)), rendered=True, done=len(there),
+                             total=len(pairs), seconds=_read_seconds(pair.folder(dataset)))
+                send("progress", fraction=len(there) / max(1, len(pairs)), done=len(there), total=len(pairs),
+                     message=f"{len(there)} of {len(pairs)} pairs on {slots} workers")
                 if ended:
                     break
                 time.sleep(_POLL_S)
         finally:
             client.cancel(futures)
-    return _report_failed(jobs, futures, there, say)
+    return _report_failed(jobs, futures, there, send)
 
 
 def _read_seconds(folder: Path) -> float:
@@ -92,7 +92,7 @@ def _read_seconds(folder: Path) -> float:
 
 
 def _report_failed(jobs: list[list[str]], futures: list[Any], there: set[str],
-                   say: Callable[..., None]) -> dict[str, str]:
+                   send: Callable[..., None]) -> dict[str, str]:
     """Why pairs are not there, by id."""
     failed: dict[str, str] = {}
     for names, future in zip(jobs, futures, strict=True):
@@ -103,5 +103,5 @@ def _report_failed(jobs: list[list[str]], futures: list[Any], there: set[str],
             failed |= dict.fromkeys(names, why)
     failed = {name: why for name, why in failed.items() if name not in there}
     for name, why in failed.items():
-        say("error", message=f"Pair {name}: {why}", pair=name)
+        send("error", message=f"Pair {name}: {why}", pair=name)
     return failed

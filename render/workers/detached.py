@@ -1,8 +1,8 @@
-"""A process that may outlive the one that started it, and be heard again by the next. Imports no Blender.
+"""A process that may outlive the one that started it, and that a later one can attach to. Imports no Blender.
 
-What it says goes to a log file instead of a pipe. Whether it lives is told by a locked file that it inherits, as
-its standard input, and that the system closes when it ends, however it ends; who listens holds another. So no
-number of a process is ever mistaken for that of a later one.
+Its output goes to a log file instead of a pipe. It inherits a locked file as its standard input; the system releases
+the lock when the process ends, however it ends. Whoever watches it holds another lock. So a process number that the
+system gives again is never mistaken for this process.
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ _POLL_S = 0.05
 class Detached(ProcessOutput):
     """A running process whose output goes to ``<stem>.log``.
 
-    With ``leave`` it goes on when whoever watches it ends. Beside the log lie ``.lock`` (held by the process),
-    ``.watch`` (held by whoever watches) and ``.json`` (what it is).
+    With ``leave`` it continues when its watcher ends. Beside the log lie ``.lock`` (held by the process),
+    ``.watch`` (held by the watcher) and ``.json`` (what it is).
     """
 
     def __init__(self, stem: Path, facts: Mapping[str, Any], watch: IO[bytes],
@@ -84,7 +84,7 @@ class Detached(ProcessOutput):
 
     def poll(self) -> list[dict[str, Any]]:
         """The messages since the last call."""
-        gone = not self._alive()  # before reading: what it said last is then in the file
+        gone = not self._alive()  # before reading: its last lines are then in the file
         *lines, self._rest = (self._rest + self._log.read()).split(b"\n")
         if gone:
             lines, self._rest = [*lines, self._rest], b""
@@ -105,7 +105,7 @@ class Detached(ProcessOutput):
 
     @property
     def running(self) -> bool:
-        """Whether there may be more to hear."""
+        """Whether there may be more messages."""
         return not self._ended
 
     @property

@@ -1,4 +1,4 @@
-"""How to start our own code in another Python or Blender. Imports no Blender."""
+"""The commands that run our code in another Python or Blender, and the jobs of workers. Imports no Blender."""
 
 from __future__ import annotations
 
@@ -40,15 +40,15 @@ JOB = {"settings": Maybe(Each(TABLE, TEXT), null=True), "dataset": PATH, "again"
 
 def read_job(file: Path) -> dict[str, Any]:
     """A job as it was written. Raises IcyMoonError if it is none."""
-    mend = "write it with Render Stereo Pair or icymoon render"
+    fix = "write it with Render Stereo Pair or icymoon render"
     try:
-        job = dict(read_record(file, JOB, mend))
+        job = dict(read_record(file, JOB, fix))
     except FileNotFoundError:
-        raise IcyMoonError(f"There is no job {file}; {mend}.") from None
+        raise IcyMoonError(f"There is no job {file}; {fix}.") from None
     if not job.get("pairs") and job.get("settings") is None:
-        raise IcyMoonError(f"{file}: settings is missing; {mend}.")
+        raise IcyMoonError(f"{file}: settings is missing; {fix}.")
     if job.get("blend") and not job.get("scene"):
-        raise IcyMoonError(f"{file}: scene is missing; {mend}.")
+        raise IcyMoonError(f"{file}: scene is missing; {fix}.")
     return job
 
 
@@ -83,9 +83,9 @@ class Job:
 
 
 def render_job(job: Job, blender: str, hear: Callable[[Message], None]) -> list[Path]:
-    """The pair folders that a worker has made of a job; ``hear`` gets all that it says.
+    """Render a job with a worker and return the pair folders; ``hear`` receives every message.
 
-    The job is removed, however it ends. Raises IcyMoonError with the worker's own words if it fails.
+    The job is removed, however it ends. Raises IcyMoonError with the worker's own error if it fails.
     """
     folders: list[Path] = []
     failure = ""

@@ -1,6 +1,6 @@
-"""``manifest.json``: what a data set holds, what made it and what that took. Imports no Blender.
+"""``manifest.json``: the pairs of a data set, the versions that made them, and the time that took. Imports no Blender.
 
-Made from the pairs' own files at the end of every run, so that it says what is there, whoever rendered it.
+Written at the end of every run from the pairs' own files, so it lists every pair, whoever rendered it.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ def _counts(values: list[str]) -> dict[str, int]:
 
 
 def _read_pairs(frozen: FrozenPlan, dataset: Path) -> tuple[dict[str, dict[str, Any]], dict[str, str]]:
-    """What the pairs that are there say of themselves, and why others that are there cannot be read, by id."""
+    """The ``pair.json`` of each complete pair, and why others cannot be read, by id."""
     there, unreadable = {}, {}
     for pair in frozen.pairs:
         if is_complete(pair.folder(dataset)):
@@ -37,7 +37,7 @@ def _read_pairs(frozen: FrozenPlan, dataset: Path) -> tuple[dict[str, dict[str, 
 
 
 def write_manifest(dataset: Path, failed: Mapping[str, str]) -> dict[str, Any]:
-    """Write the manifest of a data set and return it; ``failed`` says why pairs were set aside in this run."""
+    """Write the manifest of a data set and return it; ``failed`` is why pairs were set aside in this run."""
     frozen = read_frozen_plan(dataset)
     there, unreadable = _read_pairs(frozen, dataset)
     taken = [facts.get("seconds", {}) for facts in there.values()]

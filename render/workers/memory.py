@@ -1,4 +1,4 @@
-"""What a scene needs memory for, for the sentence of a worker that has run out of it. Imports no Blender."""
+"""What a scene needs memory for: the error of a worker that has run out of it. Imports no Blender."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from pathlib import Path
 from typing import Any
 
 #: Bytes of memory, about: of a vertex with its faces in Blender and in Cycles; of a pixel in both eyes' passes; per
-#: byte of a mesh or height map while it is read, mended and meshed.
+#: byte of a mesh or height map while it is read, repaired and meshed.
 _VERTEX, _PIXEL, _FILE_BYTE = 300, 400, 10
 
 
 def describe_shortage(settings: Mapping[str, Mapping[str, Any]]) -> str:
-    """The sentence that names what of a complete description is largest, and how to make it smaller."""
+    """A sentence that names what needs most memory in complete settings, and how to reduce it."""
     rig, mesh, terrain, source = (settings[topic] for topic in ("rig", "mesh", "terrain", "source"))
     needs = [(_PIXEL * rig["width_px"] * rig["height_px"],
               f"images of {rig['width_px']} x {rig['height_px']} pixels; lower rig.width_px and rig.height_px")]

@@ -1,8 +1,7 @@
-"""The other process: starting it, hearing it, stopping it. Imports no Blender.
+"""Starts, reads and stops another process. Imports no Blender.
 
-A worker says what it does in JSON lines on its standard output; other lines (Cycles talks a lot)
-are kept as a tail for the case that it dies. It may be killed at any moment: nothing it has not
-finished is ever under a final name.
+A worker reports its progress in JSON lines on its standard output. The last of its other lines (Cycles prints many)
+are kept, for the error if it crashes. It may be killed at any moment: nothing unfinished has a final name.
 """
 
 from __future__ import annotations
@@ -27,14 +26,14 @@ _GRACE_S = 3.0
 
 
 def emit(kind: str, **facts: Any) -> None:
-    """Say one thing to whoever started this process: a JSON line with its ``type``."""
+    """Send one message to whoever started this process: a JSON line with its ``type``."""
     print(json.dumps({"type": kind, **facts}), flush=True)
 
 
 class ProcessOutput:
-    """Sorts what a process says: messages, and the last of its other lines.
+    """Sorts the output of a process: messages, and the last of its other lines.
 
-    ``cancelled`` and ``left`` say whether it was made to stop, or left to itself.
+    ``cancelled``: it was made to stop; ``left``: it was left running.
     """
 
     def __init__(self) -> None:
@@ -42,7 +41,7 @@ class ProcessOutput:
         self.cancelled = self.left = False
 
     def _take(self, line: str) -> Message | None:
-        """The message that a line is; what is none is kept as a tail."""
+        """The message in a line; None if it is another line, which is kept."""
         message = _parse(line)
         if message is None:
             self._tail.append(line.rstrip())
@@ -51,12 +50,12 @@ class ProcessOutput:
     @property
     def last_words(self) -> str:
         """The last line that was not a message, for an error that the process could not state."""
-        return next((line for line in reversed(self._tail) if line.strip()), "it said nothing")
+        return next((line for line in reversed(self._tail) if line.strip()), "it printed nothing")
 
 
 @contextmanager
 def report_errors(as_json: bool) -> Iterator[None]:
-    """Say an error that ends the program as a JSON line too, if that is asked for."""
+    """Print an error that ends the program as a JSON line too, if ``as_json``."""
     try:
         yield
     except IcyMoonError as error:
@@ -66,7 +65,7 @@ def report_errors(as_json: bool) -> Iterator[None]:
 
 
 class Process(ProcessOutput):
-    """A running worker. ``poll`` never blocks, so a modal operator can call it on a timer."""
+    """A running worker. ``poll`` never waits, so a modal operator can call it on a timer."""
 
     def __init__(self, command: Sequence[str], environment: Mapping[str, str] | None = None) -> None:
         """Start ``command`` (a list, never a shell line). Raises IcyMoonError if it cannot start."""
@@ -105,7 +104,7 @@ class Process(ProcessOutput):
 
     @property
     def running(self) -> bool:
-        """Whether there may be more to hear."""
+        """Whether there may be more messages."""
         return not self._ended
 
     @property
@@ -151,5 +150,5 @@ def _parse(line: str) -> Message | None:
 
 
 def clean_environment() -> dict[str, str]:
-    """Our environment without what would make another Python load Blender's modules."""
+    """Our environment without the variables that would make another Python load Blender's modules."""
     return {k: v for k, v in os.environ.items() if k not in ("PYTHONPATH", "PYTHONHOME", "PYTHONSTARTUP")}

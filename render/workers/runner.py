@@ -1,7 +1,7 @@
-"""A data set's pairs, rendered by several worker processes, whatever becomes of any of them. Imports no Blender.
+"""Renders the pairs of a data set with several worker processes, whatever happens to any of them. Imports no Blender.
 
-This process holds nothing that could be lost: which pairs there are stands in the data set, which are done
-is asked of the disk, and a pair in progress belongs to whoever holds its claim.
+This process keeps nothing that could be lost. The data set contains its plan, the disk shows which pairs are complete,
+and a pair in progress belongs to whoever holds its claim.
 """
 
 from __future__ import annotations
@@ -25,12 +25,12 @@ from .process import Message, Process
 Send = Callable[..., None]
 #: How often a pair may take its worker with it before it is set aside.
 MOST_CRASHES = 3
-#: A worker that has said that it is done is ended after this; the Blender module may hang when it ends.
+#: A worker that has reported that it is done is ended after this; the Blender module may hang when it ends.
 _EXIT_S = 10.0
-#: A worker that has said nothing for so long may hang: what is left of its pairs is given to others that have time.
+#: A worker that has sent nothing for so long may hang: its other pairs are given to workers that have time.
 _SUSPECT_S = 300.0
 _STEP_S, _WAIT_S = 0.05, 1.0
-#: What workers say, as far as it is heard here.
+#: The messages of workers that are read here.
 _MESSAGES: dict[str, Shape] = {
     "progress": {"pair": Maybe(TEXT), "of_pair": Maybe(NUMBER)}, "pair": {"id": TEXT}, "warning": {"message": TEXT},
     "error": {"message": TEXT, "pair": Maybe(TEXT), "crash": Maybe(FLAG)}, "done": {}}
@@ -39,7 +39,7 @@ _MESSAGES: dict[str, Shape] = {
 @dataclass(frozen=True)
 class WorkerOptions:
     """How many processes render, how many threads each has (0: all), in which Blender; how many scenes a process
-    may render before another takes its place, and the seconds after which one that says nothing is ended."""
+    may render before another takes its place, and the seconds after which one that sends nothing is ended."""
 
     count: int
     threads: int
@@ -58,7 +58,7 @@ class _Worker:
     heard: float = field(default_factory=time.monotonic)
     current: str = ""  # the pair in progress
     fraction: float = 0.0  # of it
-    said: str = ""  # why it failed, in its own words
+    said: str = ""  # its error
     fatal: bool = False
     spoke: bool = False
     done: bool = False
@@ -72,17 +72,17 @@ class _Worker:
 class Runner:
     """Renders what is missing of ``pairs`` into a data set.
 
-    ``say(type, **facts)`` receives ``progress`` (``fraction``, ``message``, ``done``, ``total``), ``pair``, ``warning``
-    and ``error`` messages (of a pair that is set aside, with ``pair``).
+    ``send(type, **facts)`` receives ``progress`` (``fraction``, ``message``, ``done``, ``total``), ``pair``,
+    ``warning`` and ``error`` messages (of a pair that is set aside, with ``pair``).
     """
 
-    def __init__(self, dataset: Path, pairs: Sequence[PlannedPair], workers: WorkerOptions, say: Send) -> None:
-        self._dataset, self._pairs, self._options, self._say = dataset, list(pairs), workers, say
+    def __init__(self, dataset: Path, pairs: Sequence[PlannedPair], workers: WorkerOptions, send: Send) -> None:
+        self._dataset, self._pairs, self._options, self._send = dataset, list(pairs), workers, send
         self._claims = Claims(dataset)
         self._running: list[_Worker] = []
         self._queue: deque[list[PlannedPair]] = deque()
         self._crashes: Counter[str] = Counter()
-        self._still = 0  # workers that ended without a word, one after the other
+        self._still = 0  # workers that ended without a message, one after the other
         self._complete: set[str] = set()
         self._warned: set[str] = set()
         self._known = {None, *(pair.id for pair in self._pairs)}
@@ -121,7 +121,7 @@ class Runner:
             self._complete.add(pair.id)
         except IcyMoonError as error:
             self.failed[pair.id] = str(error)
-            self._say("error", message=str(error), pair=pair.id)
+            self._send("error", message=str(error), pair=pair.id)
 
     def _open(self) -> list[PlannedPair]:
         """The pairs that are neither there nor set aside."""
@@ -138,7 +138,7 @@ class Runner:
         self._queue.extend(jobs)
 
     def _turn(self) -> None:
-        """Start what can be started, hear what was said, see who has ended."""
+        """Start workers, handle their messages, and finish those that have ended."""
         while self._queue and len(self._running) < self._options.count:
             self._start(self._queue.popleft())
         for worker in list(self._running):
@@ -147,7 +147,7 @@ class Runner:
                 self._hear(worker, message)
             silent = time.monotonic() - worker.heard
             if silent > self._patience_s(worker, silent):
-                worker.said = worker.said or f"it said nothing for {silent:.0f} s"
+                worker.said = worker.said or f"it sent nothing for {silent:.0f} s"
                 worker.process.stop()
             elif silent > _SUSPECT_S and len(self._running) < self._options.count and not self._queue:
                 self._relieve(worker)
@@ -156,7 +156,7 @@ class Runner:
                 self._ended(worker)
 
     def _patience_s(self, worker: _Worker, silent: float) -> float:
-        """For how long a worker may say nothing: not long if all that it was to do is done, perhaps by others."""
+        """For how long a worker may send nothing: not long if all its pairs are complete, perhaps by others."""
         idle = worker.done or (silent > _EXIT_S and not self._left(worker))
         return _EXIT_S if idle else self._options.silence_s
 
@@ -185,7 +185,7 @@ class Runner:
         kind = message["type"]
         named = {message.get("pair"), message.get("id")}
         if find_fault(message, _MESSAGES.get(kind, TABLE)) or not self._known >= named:
-            return  # something that other code in that process has printed
+            return  # printed by other code in that process
         if kind == "progress" and "pair" in message:
             worker.current, worker.fraction = message["pair"], message.get("of_pair", 0.0)
             self._report()
@@ -194,10 +194,10 @@ class Runner:
             if is_complete(self._dataset / "pairs" / message["id"]):
                 self._found(message["id"], message)
             else:
-                self._crashed(message["id"], "its files are not what was written")
+                self._crashed(message["id"], "its files are not those that were written")
         elif kind == "warning" and message["message"] not in self._warned:
             self._warned.add(message["message"])
-            self._say("warning", message=message["message"])
+            self._send("warning", message=message["message"])
         elif kind == "error" and "pair" in message:
             worker.current = ""
             self._set_aside(message["pair"], message["message"])
@@ -228,7 +228,7 @@ class Runner:
             facts = {"folder": str(self._dataset / "pairs" / name), "rendered": False, **(message or {}), "id": name,
                      "done": len(self._complete), "total": len(self._pairs)}
             facts.pop("type", None)
-            self._say("pair", **facts)
+            self._send("pair", **facts)
             self._report()
 
     def _crashed(self, name: str, why: str) -> None:
@@ -239,14 +239,15 @@ class Runner:
     def _set_aside(self, name: str, why: str) -> None:
         if not is_complete(self._dataset / "pairs" / name):
             self.failed[name] = why
-            self._say("error", message=why, pair=name)
+            self._send("error", message=why, pair=name)
 
     def _report(self, waiting: Sequence[PlannedPair] = ()) -> None:
-        """Say how far it is, and what it is ``waiting`` for."""
+        """Report the progress, and the pairs that it is ``waiting`` for."""
         total = max(1, len(self._pairs))
         fraction = (len(self._complete) + sum(w.fraction for w in self._running if w.current)) / total
         text = f"{len(self._complete)} of {len(self._pairs)} pairs"
         if waiting:
-            text += f"; {len(waiting)} are others', such as {waiting[0].id} of {self._claims.holder(waiting[0].id)}"
-        self._say("progress", fraction=round(min(1.0, fraction), 6), done=len(self._complete), total=len(self._pairs),
-                  message=text)
+            holder = self._claims.holder(waiting[0].id)
+            text += f"; {len(waiting)} are rendered by others, such as {waiting[0].id} by {holder}"
+        self._send("progress", fraction=round(min(1.0, fraction), 6), done=len(self._complete), total=len(self._pairs),
+                   message=text)

@@ -1,4 +1,4 @@
-"""Job scripts for a cluster with SLURM, where nothing is installed but this folder and Blender. Imports no Blender."""
+"""Job scripts for a cluster with SLURM. Its machines need only this folder and Blender. Imports no Blender."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ _CONTROL = re.compile(r"[\x00-\x1f\x7f]")
 
 @dataclass(frozen=True)
 class SlurmRequest:
-    """What the script asks of SLURM: shares of the data set, how many at once (0: all), processors and memory of each,
-    wall time, and further options as sbatch has them."""
+    """What the script requests from SLURM: shards of the data set, how many at once (0: all), processors and memory of
+    each, wall time, and further options as sbatch has them."""
 
     shards: int
     at_once: int
@@ -32,9 +32,9 @@ class SlurmRequest:
 
 
 _SCRIPT = """#!/bin/bash
-# {pairs} pairs of {dataset} in {shards} shares.
+# {pairs} pairs of {dataset} in {shards} shards.
 # Submit it with: sbatch {file}
-# A share may be killed, requeued or run twice at any moment: finished pairs are kept and none is rendered twice.
+# A shard may be killed, requeued or run twice at any moment: finished pairs are kept and none is rendered twice.
 #SBATCH --job-name=icymoon
 #SBATCH --array={array}
 #SBATCH --ntasks=1
@@ -49,7 +49,7 @@ _SCRIPT = """#!/bin/bash
 most_restarts={restarts}
 
 requeue() {{
-    echo "icymoon: $1; the share is requeued"
+    echo "icymoon: $1; the shard is requeued"
     exec scontrol requeue "${{SLURM_ARRAY_JOB_ID}}_${{SLURM_ARRAY_TASK_ID}}"
 }}
 
@@ -65,11 +65,11 @@ child=$!
 wait "$child"
 status=$?
 [ "$status" -eq 0 ] && exit 0
-[ "${{SLURM_RESTART_COUNT:-0}}" -lt "$most_restarts" ] && requeue "the share ended with status $status"
+[ "${{SLURM_RESTART_COUNT:-0}}" -lt "$most_restarts" ] && requeue "the shard ended with status $status"
 exit "$status"
 """
 
-#: How often a share may have been started again and still is after it failed. When its time is up it always is.
+#: How often a shard is started again after it failed. When its time is up it always is.
 MOST_RESTARTS = 3
 
 
@@ -87,20 +87,20 @@ def array_ranges(numbers: Sequence[int]) -> str:
 def _refuse_lines(text: str) -> None:
     """Raise IcyMoonError if a text would end the line of the script that it stands in, and what follows be run."""
     if _CONTROL.search(text):
-        raise IcyMoonError(f"{text!r} holds a line break or another control character, which no line of a job script "
-                           "can; choose another path or option.")
+        raise IcyMoonError(f"{text!r} contains a line break or another control character, which a job script cannot "
+                           "contain; choose another path or option.")
 
 
 def _quoted(folder: Path) -> str:
     """A folder as sbatch reads it in an option: one word, nothing in it an escape or one of its % patterns."""
     if "\\" in str(folder):
-        raise IcyMoonError(f"{folder} has a backslash, after which SLURM puts in no numbers of jobs; choose another "
-                           "folder.")
+        raise IcyMoonError(f"{folder} contains a backslash, after which SLURM does not replace %A and %a; choose "
+                           "another folder.")
     return '"' + str(folder).replace('"', '\\"').replace("%", "%%") + '"'
 
 
 def write_script(dataset: Path, frozen: FrozenPlan, request: SlurmRequest, python: str, blender: str) -> Path | None:
-    """Write the script of a job array for the shares that lack pairs; None if none does.
+    """Write the script of a job array for the shards that lack pairs; None if all pairs are there.
 
     ``python`` runs this package on the cluster's machines, ``blender`` is their Blender. Raises IcyMoonError for a path
     or an option that no line of such a script can hold.
@@ -108,9 +108,9 @@ def write_script(dataset: Path, frozen: FrozenPlan, request: SlurmRequest, pytho
     for text in (str(dataset), python, blender, request.memory, request.time, *request.options):
         _refuse_lines(text)
     missing = {pair.id for pair in frozen.missing(dataset)}
-    open_shares = [number for number in range(1, request.shards + 1)
+    open_shards = [number for number in range(1, request.shards + 1)
                    if any(pair.id in missing for pair in shard(frozen.pairs, number, request.shards))]
-    if not open_shares:
+    if not open_shards:
         return None
     folder = dataset / SLURM_FOLDER
     file = folder / "job.sh"
@@ -121,7 +121,7 @@ def write_script(dataset: Path, frozen: FrozenPlan, request: SlurmRequest, pytho
     limit = f"%{request.at_once}" if request.at_once else ""
     write_text(file, _SCRIPT.format(
         pairs=len(missing), dataset=dataset, shards=request.shards, file=shlex.quote(str(file)),
-        array=array_ranges(open_shares) + limit, cpus=request.cpus, memory=request.memory, time=request.time,
+        array=array_ranges(open_shards) + limit, cpus=request.cpus, memory=request.memory, time=request.time,
         log=f"{_quoted(folder)}/%A_%a.log", options="".join(f"#SBATCH {option}\n" for option in request.options),
         restarts=MOST_RESTARTS, command=" ".join(command)))
     return file

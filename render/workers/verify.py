@@ -1,4 +1,4 @@
-"""Whether a data set is what its plan says, file by file. Imports no Blender."""
+"""Compares a data set with its plan, file by file. Imports no Blender."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ from ..plans.planned_pair import PlannedPair
 from .claims import CLAIMS_FOLDER, Claims
 from .manifest import MANIFEST
 
-#: What a data set's folder may hold beside its pairs.
+#: What a data set's folder may contain beside its pairs.
 _OUR_FILES = {"pairs", PLAN, MANIFEST, CLAIMS_FOLDER, "evaluation", "evaluation_scene", "slurm"}
 #: What stands for content that the settings do not describe, see ``settings.digest`` and ``nodes.sunlit``.
 _STAND_INS = ("", "Hapke of nodes")
-#: What a pair must say for its files to be held against it: names of files of its own, none of a device or elsewhere.
+#: What a pair must state so that its files can be checked: names of files in its folder, no device, no other folder.
 _FILES_SHAPE = {"files": Each({"sha256": SHA256}, FILE_NAME)}
 
 
 @dataclass(frozen=True)
 class Problem:
-    """Something wrong: of which kind, with what (a pair's id or a path), in a sentence; ``path`` is what may go."""
+    """A problem: its kind, what has it (a pair's id or a path), a sentence, and the ``path`` that may be removed."""
 
     kind: str  # "unreadable", "missing", "broken", "foreign", "leftover" or "kept"
     what: str
@@ -38,13 +38,13 @@ class Problem:
     path: Path | None = None
 
     def facts(self) -> dict[str, Any]:
-        """As a message says it."""
+        """The problem as a message."""
         return {"kind": self.kind, "what": self.what, "message": self.text}
 
 
 @dataclass(frozen=True)
 class Findings:
-    """What ``verify`` found: how many pairs are planned and whole, and what is wrong."""
+    """What ``verify`` found: the number of planned and of complete pairs, and the problems."""
 
     pairs: int
     complete: int
@@ -87,13 +87,13 @@ def _check_pair(dataset: Path, planned: PlannedPair, working: bool) -> Iterator[
     intact = _is_intact(folder)
     try:
         pair = read_pair(folder)
-        said = [*(() if intact else _find_damage(pair)), *_find_contradictions(pair, planned)]
+        texts = [*(() if intact else _find_damage(pair)), *_find_contradictions(pair, planned)]
     except IcyMoonError as error:
-        said = [str(error)]
-    for text in said:
+        texts = [str(error)]
+    for text in texts:
         if intact:
-            yield Problem("foreign", planned.id, f"{text} Its files are as they were rendered, so it stays; move it "
-                          "away to have the pair made again.")
+            yield Problem("foreign", planned.id, f"{text} Its files are as they were rendered, so it stays; to "
+                          "render the pair again, move it away.")
         else:
             yield Problem("broken", planned.id, text, folder)
 

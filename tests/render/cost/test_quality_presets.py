@@ -34,7 +34,7 @@ def test_the_seconds_are_off_by_two_deviations_at_most(device, monkeypatch):
     assert seconds == pytest.approx(work_of(settings).seconds(1e6) / 4)
     assert math.log(factor) == pytest.approx(2 * spread_before(None, device == "GPU"))
     twice_as_slow = SimpleNamespace(factor=2.0)
-    assert seconds_of(settings, 1e6, twice_as_slow)[0] == pytest.approx(2 * seconds)
+    assert pair_seconds(settings, 1e6, twice_as_slow)[0] == pytest.approx(2 * seconds)
 
 
 def test_all_presets_are_listed_cheapest_first_and_the_scene_s_own_last():

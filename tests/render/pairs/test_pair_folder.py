@@ -148,6 +148,6 @@ def test_removing_a_job_removes_what_a_killed_worker_left(tmp_path):
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="this system has no named pipes")
 def test_a_pipe_is_no_pair_and_nobody_waits_for_it(tmp_path):
     os.mkfifo(tmp_path / "pair.json")
-    with pytest.raises(IcyMoonError, match="is no file"):
+    with pytest.raises(IcyMoonError, match="is not a file"):
         read_pair(tmp_path)
     assert not is_complete(tmp_path)

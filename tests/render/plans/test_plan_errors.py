@@ -113,10 +113,10 @@ WRONG = {
                           'kind = "panorama"\nheadings = [10]', ("in a rock",)),
     "contradictory sizes": (HEAD + "[rocks]\ncoverage = 0.1\nlargest_m = 0.05  # !\nsmallest_m = 0.1", ("below",)),
     "a texture that is not there": (HEAD + '[textures]\nset = "OWN"\nalbedo_file = "ice.png"  # !',
-                                    ("ice.png", "is not there", "plan.files")),
+                                    ("ice.png", "is missing", "plan.files")),
     "a mesh that is not there": (HEAD + '[[sweep]]\nkind = "cases"\ncase = [\n'
                                  '{ source.kind = "PROCEDURAL" },\n'
-                                 '{ source.kind = "MESH", source.file = "a.ply" },  # !\n]', ("a.ply", "is not there")),
+                                 '{ source.kind = "MESH", source.file = "a.ply" },  # !\n]', ("a.ply", "is missing")),
     "a mesh without a name": (HEAD + '[source]\nkind = "MESH"  # !', ("source.file", "empty")),
     "sites on a mesh": (HEAD + '[source]\nkind = "MESH"\n[[sweep]]  # !\nkind = "sites"\ncount = 2', ("of your own",)),
     "a date": (HEAD + '[light]\ndirections_from = "DATE"\ndate_utc = "soon"  # !', ("date_utc",)),

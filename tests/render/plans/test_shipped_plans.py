@@ -100,7 +100,7 @@ def test_the_smoke_test_needs_no_files_and_has_every_type():
 
 def test_a_plan_that_needs_files_says_which_and_what_to_do():
     for name in ("guiss_textures", "guiss_reconstructions"):
-        with pytest.raises(IcyMoonError, match=r"guiss_\w+\.toml, line \d+: .*is not there; .*plan\.files"):
+        with pytest.raises(IcyMoonError, match=r"guiss_\w+\.toml, line \d+: .*is missing; .*plan\.files"):
             read_plan(find_plan(name)).pairs()
 
 

@@ -94,7 +94,7 @@ def test_a_worker_that_says_nothing_is_ended(stand):
     stand.behave(**{bad: "hang"})
     failed = stand.run(silence_s=0.5)
     assert list(failed) == [bad]
-    assert "said nothing" in failed[bad]
+    assert "sent nothing" in failed[bad]
     stand.assert_done(bad)
 
 
@@ -133,7 +133,8 @@ def test_what_another_runner_is_at_is_waited_for_and_done_if_it_vanishes(stand):
     assert thread.is_alive()
     assert PAIRS[3].id not in stand.rendered
     last = [m for m in stand.said if m["type"] == "progress"][-1]["message"]
-    assert last.endswith(f"; 1 are others', such as {PAIRS[3].id} of process {os.getpid()} on {system.computer_name()}")
+    holder = f"process {os.getpid()} on {system.computer_name()}"
+    assert last.endswith(f"; 1 are rendered by others, such as {PAIRS[3].id} by {holder}")
     other.close()
     thread.join(60)
     stand.assert_done()
