@@ -70,7 +70,7 @@ def _sky(folder: Path) -> float:
     from icymoon.stereo.images.exr import read_truth
 
     pair = read_pair(folder)
-    return float(np.mean([np.isnan(read_truth(pair.truth_as_taken(eye)).depth).mean() for eye in ("left", "right")]))
+    return float(np.mean([np.isnan(read_truth(pair.truth_of_image(eye)).depth).mean() for eye in ("left", "right")]))
 
 
 def main(arguments: list[str]) -> int:

@@ -140,14 +140,14 @@ def _freeze_plan(plan: str, dataset: Path, blender: str = "") -> datasets.Frozen
     from ..render.plans.plan_file import find_plan, read_plan
 
     read = read_plan(find_plan(plan))
-    if unchecked := read.unchecked():
+    if unchecked := read.describe_unchecked():
         print(f"icymoon: {unchecked}", file=sys.stderr)
     pairs = ordered(read.pairs())
     if blender and not (dataset / datasets.PLAN).exists():
         check_abilities((pair.settings for pair in pairs), blender)
     frozen = datasets.freeze_plan(dataset, pairs, read.text)
     if blender:
-        check_abilities((pair.settings for pair in frozen.missing(dataset)), blender)
+        check_abilities((pair.settings for pair in frozen.find_missing(dataset)), blender)
     return frozen
 
 
@@ -160,7 +160,7 @@ def _run_batch(options: argparse.Namespace) -> int:
             if frozen.note:
                 say("warning", message=frozen.note)
             status = render(dataset, list(frozen.pairs), how, say, options.dask)
-    some = len(frozen.missing(dataset)) < len(frozen.pairs)
+    some = len(frozen.find_missing(dataset)) < len(frozen.pairs)
     failed = _evaluate(dataset, options) if options.evaluate and some else 0
     return _report_status(status, dataset, options.json) or failed
 
@@ -223,7 +223,7 @@ def _run_verify(options: argparse.Namespace) -> int:
     found = verify(options.dataset.absolute(), options.remove)
     for problem in found.problems:
         if options.json:
-            emit("problem", **problem.facts())
+            emit("problem", **problem.to_json())
         else:
             print(problem.text)
     if options.json:

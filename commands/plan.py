@@ -94,10 +94,10 @@ def _print_estimate(plan: Plan, pairs: Sequence[PlannedPair], options: argparse.
     speed = recall_speed(devices.pop()) if len(devices) == 1 else None
     found = estimate(pairs, options.out.absolute() if options.out else None, speed)
     lack = _check_blender(pairs, options)
-    unchecked = plan.unchecked()
+    unchecked = plan.describe_unchecked()
     lines = [*lack, *found.lines(), *_refusal_lines(plan)]
     if options.json:
-        emit("result", plan=str(plan.path), title=plan.title, unchecked=unchecked, **found.facts() | {"lines": lines})
+        emit("result", plan=str(plan.path), title=plan.title, unchecked=unchecked, **found.to_json() | {"lines": lines})
         return
     for line in (plan.title, *lines):
         print(line)

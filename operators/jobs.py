@@ -78,7 +78,7 @@ class Job:
             return f"{self.title} was stopped; what was finished is kept."
         if self.error or self.done:
             return self.error
-        return f"{self.title} ended without a result (status {self.process.returncode}): {self.process.last_words}"
+        return f"{self.title} ended without a result (status {self.process.returncode}): {self.process.last_line}"
 
     def run_to_end(self) -> None:
         """Wait until it has ended. Raises IcyMoonError if it failed."""

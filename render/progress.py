@@ -26,7 +26,7 @@ class SampleCounter:
         self._since: float | None = None
         self.seconds = 0.0
 
-    def time(self, status: str, now_s: float) -> None:
+    def add_time(self, status: str, now_s: float) -> None:
         """Add to ``seconds`` if Cycles has been sampling since the last status line."""
         if self._since is not None:
             self.seconds += now_s - self._since
@@ -53,7 +53,7 @@ def watch_samples(samples: int, truths: int, report: Callable[[float], None]) ->
 
     def listen(*arguments: Any) -> None:
         status = str(arguments[0]) if arguments else ""
-        counter.time(status, time.perf_counter())
+        counter.add_time(status, time.perf_counter())
         fraction = counter.read(status)
         if fraction is not None:
             report(fraction)

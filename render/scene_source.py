@@ -47,7 +47,7 @@ class FixedScene:
                  trace: TracebackType | None) -> None:
         self._held.close()
 
-    def set_for(self, planned: PlannedPair) -> PreparedScene:
+    def prepare(self, planned: PlannedPair) -> PreparedScene:
         """Where this pair is rendered."""
         assert self._scene is not None
         cycles_settings.check_possible(planned.settings["quality"])
@@ -74,7 +74,7 @@ class ScenesFromSettings:
                  trace: TracebackType | None) -> None:
         self._held.close()
 
-    def set_for(self, planned: PlannedPair) -> PreparedScene:
+    def prepare(self, planned: PlannedPair) -> PreparedScene:
         """Where this pair is rendered. Raises IcyMoonError if its scene cannot be built; the next one may."""
         start = time.perf_counter()
         before, self._built = self._built, None
@@ -83,9 +83,9 @@ class ScenesFromSettings:
         shared = before is not None and _same_scene_and_light(before.settings, planned.settings)
         if not shared:  # what Cycles keeps is of no use any more
             self._held.close()
-            self._say(cost_warnings(planned.settings))
+            self._warn_once(cost_warnings(planned.settings))
         built, kept = adapted(before, planned.settings)
-        self._say(built.warnings)
+        self._warn_once(built.warnings)
         _check_id(planned, built, self._extra)
         if not shared or not kept:
             self._held.close()
@@ -96,7 +96,7 @@ class ScenesFromSettings:
         _raise_reasons(eyes_above_ground.of_described(built, self._scene))
         return built, self._scene, time.perf_counter() - start
 
-    def _say(self, warnings: list[str] | tuple[str, ...]) -> None:
+    def _warn_once(self, warnings: list[str] | tuple[str, ...]) -> None:
         for warning in warnings:
             if warning not in self._warned:
                 self._warned.add(warning)

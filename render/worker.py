@@ -40,14 +40,14 @@ def render_pairs(built: Built, pairs: list[PlannedPair], dataset: Path, frame: i
 
     Raises IcyMoonError at the first failure, and if the scene shows a preview; finished pairs stay.
     """
-    with FixedScene(built, frame, seconds_build) as stage:
-        render_from(stage, pairs, dataset, send, again)
+    with FixedScene(built, frame, seconds_build) as source:
+        render_from(source, pairs, dataset, send, again)
     return [planned.folder(dataset) for planned in pairs]
 
 
-def render_from(stage: FixedScene | ScenesFromSettings, pairs: list[PlannedPair], dataset: Path, send: Send,
+def render_from(source: FixedScene | ScenesFromSettings, pairs: list[PlannedPair], dataset: Path, send: Send,
                 again: bool = False, keep_going: bool = False) -> None:
-    """Render planned pairs, each in the scene that ``stage`` has for it.
+    """Render planned pairs, each in the scene that ``source`` has for it.
 
     A pair that is already complete is not rendered again unless ``again``. ``send(type, **facts)`` receives
     ``progress`` (``fraction`` of all pairs, ``message``, ``pair``) and ``pair`` messages. With ``keep_going`` it
@@ -58,14 +58,14 @@ def render_from(stage: FixedScene | ScenesFromSettings, pairs: list[PlannedPair]
     claims = Claims(dataset)
     try:
         for k, planned in enumerate(pairs):
-            with claims.held(planned.id) as mine:
+            with claims.hold(planned.id) as mine:
                 if not mine and not keep_going:
                     raise IcyMoonError(f"Pair {planned.id} is being rendered by another process; wait for it.")
                 try:
                     if mine:
-                        _render_one(stage, planned, dataset, send, claims, again, k, len(pairs))
+                        _render_one(source, planned, dataset, send, claims, again, k, len(pairs))
                 except IcyMoonError as error:
-                    if claims.lost(planned.id) and keep_going:
+                    if claims.is_lost(planned.id) and keep_going:
                         continue  # who has it now has also cleared away what was begun here
                     if isinstance(error, DiskError) or not keep_going:
                         raise
@@ -74,13 +74,13 @@ def render_from(stage: FixedScene | ScenesFromSettings, pairs: list[PlannedPair]
         claims.close()
 
 
-def _render_one(stage: FixedScene | ScenesFromSettings, planned: PlannedPair, dataset: Path, send: Send, claims: Claims,
-                again: bool, k: int, total: int) -> None:
+def _render_one(source: FixedScene | ScenesFromSettings, planned: PlannedPair, dataset: Path, send: Send,
+                claims: Claims, again: bool, k: int, total: int) -> None:
     label = f"Pair {k + 1} of {total}"
     folder = planned.folder(dataset)
 
     def report(fraction: float) -> None:
-        claims.goes_on()
+        claims.report_progress()
         send("progress", fraction=(k + fraction) / total, message=label, pair=planned.id, of_pair=fraction)
 
     rendered = again or not is_complete(folder)
@@ -88,8 +88,8 @@ def _render_one(stage: FixedScene | ScenesFromSettings, planned: PlannedPair, da
     if rendered:
         report(0.0)
         check(planned.settings, f"Pair {planned.id}")  # an earlier version may have accepted more
-        built, scene, seconds_build = stage.set_for(planned)
-        render_pair(built, scene, planned, dataset, seconds_build, report, partial(claims.lost, planned.id), again)
+        built, scene, seconds_build = source.prepare(planned)
+        render_pair(built, scene, planned, dataset, seconds_build, report, partial(claims.is_lost, planned.id), again)
     send("pair", id=planned.id, folder=str(folder), rendered=rendered, done=k + 1, total=total,
          seconds=round(time.perf_counter() - start, 2))
 
@@ -127,8 +127,8 @@ def run_job(job: dict[str, Any], send: Send = emit) -> None:
         render_pairs(built, pairs, dataset, frame, 0.0, send, again)
     else:
         pairs = _pairs_of_job(job)
-        with ScenesFromSettings(lambda warning: send("warning", message=warning), _repeat_text(job)) as stage:
-            render_from(stage, pairs, dataset, send, again, bool(job.get("pairs")))
+        with ScenesFromSettings(lambda warning: send("warning", message=warning), _repeat_text(job)) as source:
+            render_from(source, pairs, dataset, send, again, bool(job.get("pairs")))
     send("done", folders=[str(pair.folder(dataset)) for pair in pairs if is_complete(pair.folder(dataset))])
 
 

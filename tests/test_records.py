@@ -200,9 +200,11 @@ def test_what_a_damaged_file_of_ones_own_remembers_is_forgotten(tmp_path, monkey
     assert results.find_facts(tmp_path, "p") is not None
     assert machine.recall_speed("CPU") == speed
     file = machine._speed_file()
-    for path, act in ((file, lambda: machine.recall_speed("CPU")), (claim, lambda: Claims(tmp_path).others()),
-                      (claim, lambda: Claims(tmp_path).holder(PAIRS[0].id)), (claim, lambda: claims.lost(PAIRS[0].id)),
-                      (running, lambda: Detached.attached(tmp_path / "run")),
+    for path, act in ((file, lambda: machine.recall_speed("CPU")),
+                      (claim, lambda: Claims(tmp_path).find_claimed_elsewhere()),
+                      (claim, lambda: Claims(tmp_path).describe_holder(PAIRS[0].id)),
+                      (claim, lambda: claims.is_lost(PAIRS[0].id)),
+                      (running, lambda: Detached.attach(tmp_path / "run")),
                       (facts, lambda: results.find_facts(tmp_path, "p")),
                       (rows, lambda: RowLog(rows, results.ROW).find("p", "bm", "k"))):
         good, chosen = path.read_text(), random.Random(8)

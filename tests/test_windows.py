@@ -400,7 +400,7 @@ def test_a_batch_that_is_stopped_leaves_nothing_but_pairs_and_the_next_one_goes_
     wait_until(lambda: any((drive / "set" / "pairs").glob("*.part")))
     process.cancel()
     messages = heard(process)
-    assert process.returncode == 130, process.last_words
+    assert process.returncode == 130, process.last_line
     assert "done" not in {message["type"] for message in messages}
     (blender.parent / "behave.json").write_text("{}", encoding="utf-8")
     done = icymoon(*words)
@@ -453,7 +453,7 @@ def test_a_pair_is_published_over_one_that_is_looked_at_once_it_is_closed(drive,
         publish(unfinished(dataset, b"newer"), folder, lambda: False, again=True)
     assert (folder / "left.exr").read_bytes() == b"new"
     assert is_complete(folder)
-    Claims(dataset).sweep()
+    Claims(dataset).clean_up()
     assert [path.name for path in (dataset / "pairs").iterdir()] == [PAIRS[0].id]
 
 
@@ -479,7 +479,7 @@ def test_claims_are_read_while_they_are_given_back(drive):
 
     def look() -> None:
         while not stop.is_set():
-            other.others()
+            other.find_claimed_elsewhere()
 
     thread = threading.Thread(target=look)
     thread.start()
@@ -491,5 +491,5 @@ def test_claims_are_read_while_they_are_given_back(drive):
         stop.set()
         thread.join()
     one.close()
-    other.sweep()
+    other.clean_up()
     assert files_in(drive / "set") == []

@@ -29,12 +29,12 @@ def probe_blender(blender: str) -> dict[str, Any]:
     Raises IcyMoonError if it reports nothing.
     """
     process = Process(blender_command(blender, "probe"))
-    for message in process.messages():
+    for message in process.wait_for_messages():
         if message["type"] == "probe":
             return message
         if message["type"] == "error":
             raise IcyMoonError(message["message"])
-    raise IcyMoonError(f"{blender}: {process.last_words}")
+    raise IcyMoonError(f"{blender}: {process.last_line}")
 
 
 @lru_cache(maxsize=4)

@@ -211,10 +211,10 @@ class Estimate:
                 f"{'s' * (self.scenes != 1)} to build"]
         if self.there < self.pairs:
             lines += [f"{duration_text(left)} on {self.processors} processors ({duration_text(low)} to "
-                     f"{duration_text(high)}; {basis})", f"{size_text(self.left_bytes)} on the disk"]
+                      f"{duration_text(high)}; {basis})", f"{size_text(self.left_bytes)} on the disk"]
         return lines
 
-    def facts(self) -> dict[str, Any]:
+    def to_json(self) -> dict[str, Any]:
         """The estimate for programs."""
         return {name: getattr(self, name) for name in self.__dataclass_fields__} | {"lines": self.lines()}
 

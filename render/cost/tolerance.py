@@ -36,7 +36,7 @@ class Tolerance:
         bad = [] if self.wrong_or_missing is None else [f"{100 * self.wrong_or_missing:g} % bad-1"]
         return " and ".join(px + bad)
 
-    def keeps(self, loss: Mapping[str, float | None], doubt: Mapping[str, float | None]) -> bool | None:
+    def allows(self, loss: Mapping[str, float | None], doubt: Mapping[str, float | None]) -> bool | None:
         """Whether a matcher's ``loss`` is within the tolerance, whatever its ``doubt``; None if that cannot be told."""
         return all_hold(_is_under(loss[key], doubt[key], limit) for key, limit in self.limits.items())
 

@@ -158,18 +158,18 @@ class Pair:
 
     def truth(self, eye: str) -> Path:
         """The file with the truth of the parallel rig's eye: a file of its own unless that is what took the image."""
-        return self._or_image(eye, TRUTH_FILE)
+        return self._file_or_image(eye, TRUTH_FILE)
 
-    def truth_as_taken(self, eye: str) -> Path:
+    def truth_of_image(self, eye: str) -> Path:
         """The file with the truth of the rendered image's own pixels, which differ where eyes are toed in."""
-        return self._or_image(eye, TOED_TRUTH_FILE) if self.camera.toe_in_deg else self.truth(eye)
+        return self._file_or_image(eye, TOED_TRUTH_FILE) if self.camera.toe_in_deg else self.truth(eye)
 
     @property
     def rectified_poses(self) -> dict[str, Any] | None:
         """Camera-to-world matrices of the eyes of the parallel rig; None if the pair does not contain them."""
         return self.data.get("poses_rectified_to_world") or self.data.get("poses_camera_to_world")
 
-    def _or_image(self, eye: str, name: str) -> Path:
+    def _file_or_image(self, eye: str, name: str) -> Path:
         return self.folder / name.format(eye) if name.format(eye) in self.data["files"] else self.image(eye)
 
 

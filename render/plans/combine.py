@@ -51,7 +51,7 @@ class _Combination:
     settings: Settings
     parts: tuple[Variation, ...]
 
-    def over(self, part: Variation) -> _Combination:
+    def with_part(self, part: Variation) -> _Combination:
         """This one with a part over it. Both share what the part does not touch, for there may be many."""
         settings = self.settings | {topic: self.settings[topic] | values for topic, values in part.settings.items()}
         return _Combination(settings, (*self.parts, part))
@@ -81,7 +81,7 @@ class _Grounds:
     def __init__(self) -> None:
         self._known: dict[str, RockyGround] = {}
 
-    def of(self, settings: Settings) -> RockyGround:
+    def find(self, settings: Settings) -> RockyGround:
         """The ground of a complete description. Raises IcyMoonError if it is not made up, or contradicts itself."""
         if settings["source"]["kind"] != "PROCEDURAL":
             raise IcyMoonError("the ground is a file of your own, whose heights are not known here; state rig.x_m, "
@@ -106,7 +106,7 @@ def combine(design: Design) -> Combined:
     made = list(_combinations(design))
     for sweep in sorted((b for b in design.sweeps if b.kind in poses.KINDS), key=lambda b: poses.KINDS.index(b.kind)):
         known: dict[str, list[Variation]] = {}
-        made = [each.over(_with_file_paths(part, design)) for each in made
+        made = [each.with_part(_with_file_paths(part, design)) for each in made
                 for part in _place_cameras(sweep, each, grounds, known)]
         check_pair_count(len(made), sweep.place)
     _check_headings(made)
@@ -132,7 +132,7 @@ def _combinations(design: Design) -> Iterator[_Combination]:
     """The descriptions that the sweeps of settings combine to; the camera is not placed yet."""
     base = _Combination(defaults(), ())
     for part in design.base:
-        base = base.over(_with_file_paths(part, design))
+        base = base.with_part(_with_file_paths(part, design))
     factors = [[_with_file_paths(part, design) for part in sweeps.make_variations(sweep, base.settings)]
                for sweep in design.sweeps if sweep.kind in sweeps.KINDS]
     place = design.sweeps[0].place if design.sweeps else None
@@ -145,7 +145,7 @@ def _combinations(design: Design) -> Iterator[_Combination]:
     for chosen in itertools.product(*factors):
         made = base
         for part in chosen:
-            made = made.over(part)
+            made = made.with_part(part)
         yield made
 
 
@@ -163,7 +163,7 @@ def _place_cameras(sweep: Sweep, made: _Combination, grounds: _Grounds,
     key = _geometry_key(made.settings) + json.dumps([rig[s.key] for s in TOPICS["rig"].settings])
     if key not in known:
         try:
-            known[key] = poses.make_variations(sweep, made.settings, grounds.of)
+            known[key] = poses.make_variations(sweep, made.settings, grounds.find)
         except IcyMoonError as error:
             raise _at_place(error, sweep.place) from None
     return known[key]
@@ -194,8 +194,8 @@ def _headings_of(made: _Combination) -> Iterator[_Combination]:
     place = made.place_of("dataset.headings")
     assert place is not None
     for k in range(headings):
-        yield made.over(Variation({"dataset": {"headings": 1},
-                                   "rig": {"heading_deg": turned_heading_deg(made.settings, k, headings)}}, place))
+        yield made.with_part(Variation({"dataset": {"headings": 1},
+                                        "rig": {"heading_deg": turned_heading_deg(made.settings, k, headings)}}, place))
 
 
 def _read_content(made: _Combination) -> str:
@@ -240,7 +240,7 @@ def _find_refusals(made: list[_Combination], grounds: _Grounds) -> list[IcyMoonE
         found.append(list(known[key]))
         if each.settings["source"]["kind"] == "PROCEDURAL" and _geometry_key(each.settings) in looked_at:
             try:
-                ground = grounds.of(each.settings)
+                ground = grounds.find(each.settings)
                 standing_on.setdefault(id(ground), (ground, []))[1].append(k)
             except IcyMoonError as error:
                 found[k].append(Reason(str(error)))

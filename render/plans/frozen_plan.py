@@ -45,7 +45,7 @@ class FrozenPlan:
     version: str
     note: str = ""
 
-    def missing(self, dataset: Path) -> list[PlannedPair]:
+    def find_missing(self, dataset: Path) -> list[PlannedPair]:
         """The pairs that are not there, or not whole."""
         return [pair for pair in self.pairs if not is_complete(pair.folder(dataset))]
 

@@ -62,7 +62,7 @@ class Plan:
         """
         return dict(self._combined.refused)
 
-    def unchecked(self) -> str:
+    def describe_unchecked(self) -> str:
         """A sentence about the grounds that the pairs were not checked on; empty if there are none."""
         unseen = unchecked_grounds([pair.settings for pair in self._combined.pairs])
         if not unseen:

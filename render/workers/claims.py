@@ -27,7 +27,7 @@ from ..pairs.publish import resolve_leftover
 CLAIMS_FOLDER = "claims"
 #: How often a claim is touched, and how long after the last touch it counts for nothing.
 BEAT_S, STALE_S = 10.0, 60.0
-#: How long a claim is touched for a holder that reports no progress, see ``goes_on``: it hangs then.
+#: How long a claim is touched for a holder that reports no progress, see ``report_progress``: it hangs then.
 SILENCE_S = 3600.0
 #: What a claim contains: its holder.
 _SHAPE = {"pid": PROCESS, "place": TEXT, "host": TEXT, "key": Maybe(TEXT)}
@@ -55,8 +55,8 @@ class Claims:
         system.check_path(self._pairs.parent, part_of(folder / "pair.json"))  # the longest name of what is in a pair
         with explain_disk_errors("write to", self._folder):
             self._folder.mkdir(parents=True, exist_ok=True)
-            claims = self._of(pair)
-            if claims and not self._stale(claims[max(claims)]):
+            claims = self._find_claims(pair)
+            if claims and not self._is_stale(claims[max(claims)]):
                 return False
             number = max(claims, default=0) + 1
             path = self._folder / f"{pair}.{number}"
@@ -71,31 +71,31 @@ class Claims:
         for old in claims.values():
             self._remove(old)
         if claims:
-            self._clear(pair)
+            self._resolve_leftovers(pair)
         self._held[pair] = path
-        self.goes_on()
+        self.report_progress()
         if self._thread is None:
-            self._thread = threading.Thread(target=self._beat, daemon=True)
+            self._thread = threading.Thread(target=self._touch_claims, daemon=True)
             self._thread.start()
         return True
 
-    def goes_on(self) -> None:
+    def report_progress(self) -> None:
         """Note that the holder of these claims makes progress."""
         self._heard = time.monotonic()
 
     def release(self, pair: str) -> None:
         """Give a claim back."""
         path = self._held.pop(pair, None)
-        if path is not None and self._mine(path):
+        if path is not None and self._is_mine(path):
             system.remove(path)
 
-    def lost(self, pair: str) -> bool:
+    def is_lost(self, pair: str) -> bool:
         """Whether a pair that was claimed here has been claimed anew, since this process was taken for dead."""
         path = self._held.get(pair)
-        return path is not None and not self._mine(path)
+        return path is not None and not self._is_mine(path)
 
     @contextmanager
-    def held(self, pair: str) -> Iterator[bool]:
+    def hold(self, pair: str) -> Iterator[bool]:
         """Claim a pair until the end of the ``with`` statement; gives whether that succeeded."""
         taken = self.take(pair)
         try:
@@ -104,33 +104,33 @@ class Claims:
             if taken:
                 self.release(pair)
 
-    def others(self) -> set[str]:
+    def find_claimed_elsewhere(self) -> set[str]:
         """The pairs that living processes hold, this one aside."""
         found: dict[str, Path] = {}
-        for path in sorted(self._all(), key=_claim_number):
+        for path in sorted(self._list_claims(), key=_claim_number):
             found[path.name.split(".")[0]] = path
-        return {pair for pair, path in found.items() if not self._mine(path) and not self._stale(path)}
+        return {pair for pair, path in found.items() if not self._is_mine(path) and not self._is_stale(path)}
 
-    def holder(self, pair: str) -> str:
+    def describe_holder(self, pair: str) -> str:
         """Who holds a pair, in words."""
-        claims = self._of(pair)
+        claims = self._find_claims(pair)
         holder = _read_claim(claims[max(claims)]) if claims else {}
         return f"process {holder['pid']} on {holder['host']}" if holder else "another process"
 
-    def forget(self, pid: int) -> None:
+    def clean_up_after(self, pid: int) -> None:
         """Drop the claims of a process of this machine that has ended, and what it left half-written."""
         for part in self._pairs.glob(f"*.{system.computer_name()}-{pid}-*{PART}"):
             self._settle(part)
-        for path in self._all():
+        for path in self._list_claims():
             holder = _read_claim(path)
             if holder.get("pid") == pid and holder.get("host") == system.computer_name():
                 self._remove(path)
 
-    def sweep(self) -> None:
+    def clean_up(self) -> None:
         """Settle what processes that are gone have left unfinished, and remove the folder if nothing is claimed."""
         # Whoever has begun to write has claimed before: what is there now and has no claim afterwards is left over.
         parts = list(self._pairs.glob(f"*{PART}"))
-        claimed = self.others() | self._held.keys()
+        claimed = self.find_claimed_elsewhere() | self._held.keys()
         for part in parts:
             if part.name.split(".")[0] not in claimed:
                 self._settle(part)
@@ -140,8 +140,8 @@ class Claims:
                 writer = file.name.removesuffix(PART).rsplit("-", 2)[1]
                 if writer.isdecimal() and system.is_gone(int(writer), system.process_scope()):
                     self._remove(file)
-        for path in self._all():
-            if not self._mine(path) and self._stale(path):
+        for path in self._list_claims():
+            if not self._is_mine(path) and self._is_stale(path):
                 self._remove(path)
         with suppress(OSError):  # absent, or in use
             self._folder.rmdir()
@@ -152,16 +152,16 @@ class Claims:
         for pair in list(self._held):
             self.release(pair)
 
-    def _of(self, pair: str) -> dict[int, Path]:
-        return {_claim_number(path): path for path in self._all() if path.name.startswith(f"{pair}.")}
+    def _find_claims(self, pair: str) -> dict[int, Path]:
+        return {_claim_number(path): path for path in self._list_claims() if path.name.startswith(f"{pair}.")}
 
-    def _all(self) -> list[Path]:
+    def _list_claims(self) -> list[Path]:
         return [path for path in self._folder.glob("*.*") if is_claim(path)]
 
     def _remove(self, path: Path) -> None:
         remove_ours(path, self._dataset)
 
-    def _clear(self, pair: str) -> None:
+    def _resolve_leftovers(self, pair: str) -> None:
         for part in self._pairs.glob(f"{pair}.*{PART}"):
             self._settle(part)
 
@@ -171,10 +171,10 @@ class Claims:
             with suppress(OSError):  # which leaves it for another time
                 resolve_leftover(part)
 
-    def _mine(self, claim: Path) -> bool:
+    def _is_mine(self, claim: Path) -> bool:
         return _read_claim(claim).get("key") == self._key
 
-    def _stale(self, claim: Path) -> bool:
+    def _is_stale(self, claim: Path) -> bool:
         try:
             touched = claim.stat().st_mtime
         except FileNotFoundError:
@@ -182,9 +182,9 @@ class Claims:
         holder = _read_claim(claim)
         if holder and system.is_gone(holder["pid"], holder["place"]):
             return True
-        return self._now() - touched > STALE_S
+        return self._read_clock() - touched > STALE_S
 
-    def _now(self) -> float:
+    def _read_clock(self) -> float:
         """The time by the clock that stamps the files of this folder, which may be another machine's."""
         probe = part_of(self._pairs / ".clock")
         with explain_disk_errors("write to", probe.parent):
@@ -195,11 +195,11 @@ class Claims:
             finally:
                 system.remove(probe)
 
-    def _beat(self) -> None:
+    def _touch_claims(self) -> None:
         while not self._stop.wait(BEAT_S):
             for path in list(self._held.values()) if time.monotonic() - self._heard < SILENCE_S else ():
                 with suppress(OSError):  # released just now, or the network folder is away for a while
-                    if self._mine(path):
+                    if self._is_mine(path):
                         os.utime(path)
 
 

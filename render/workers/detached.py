@@ -36,7 +36,7 @@ class Detached(ProcessOutput):
 
     def __init__(self, stem: Path, facts: Mapping[str, Any], watch: IO[bytes],
                  process: subprocess.Popen[bytes] | None) -> None:
-        """Use ``start`` or ``attached``."""
+        """Use ``start`` or ``attach``."""
         super().__init__()
         self.facts, self.leave = dict(facts), False
         self._stem, self._watch, self._process = stem, watch, process
@@ -71,7 +71,7 @@ class Detached(ProcessOutput):
         return cls(stem, facts, watch, process)
 
     @classmethod
-    def attached(cls, stem: Path) -> Detached | None:
+    def attach(cls, stem: Path) -> Detached | None:
         """The process of this name, if it runs and nobody watches it."""
         try:
             facts = read_record(stem.with_suffix(".json"), _SHAPE, "delete it")
@@ -84,14 +84,14 @@ class Detached(ProcessOutput):
 
     def poll(self) -> list[dict[str, Any]]:
         """The messages since the last call."""
-        gone = not self._alive()  # before reading: its last lines are then in the file
+        gone = not self._is_alive()  # before reading: its last lines are then in the file
         *lines, self._rest = (self._rest + self._log.read()).split(b"\n")
         if gone:
             lines, self._rest = [*lines, self._rest], b""
             self._close()
-        return [message for line in lines if (message := self._take(line.decode("utf-8", "replace"))) is not None]
+        return [message for line in lines if (message := self._read_line(line.decode("utf-8", "replace"))) is not None]
 
-    def _alive(self) -> bool:
+    def _is_alive(self) -> bool:
         if self._ended:
             return False
         if self._process is not None:
@@ -116,27 +116,27 @@ class Detached(ProcessOutput):
     def cancel(self) -> None:
         """Ask it to stop, and make it stop if it does not within a few seconds."""
         self.cancelled = True
-        if self._alive():
+        if self._is_alive():
             system.interrupt_other(self._pid, self._stem.with_suffix(".stop"))
-        threading.Thread(target=self._insist, daemon=True).start()
+        threading.Thread(target=self._kill_if_running, daemon=True).start()
 
-    def _insist(self) -> None:
+    def _kill_if_running(self) -> None:
         end = time.monotonic() + _GRACE_S
-        while self._alive() and time.monotonic() < end:
+        while self._is_alive() and time.monotonic() < end:
             time.sleep(_POLL_S)
-        if self._alive():
+        if self._is_alive():
             system.kill_other(self._pid)
 
     def stop(self) -> None:
         """End it at once, if it has not ended, and wait until it is gone; with ``leave``, only watch it no longer."""
-        if self.leave and self._alive():
+        if self.leave and self._is_alive():
             self.left = True
             self._close()
             return
-        if self._alive():
+        if self._is_alive():
             self.cancelled = True
             system.kill_other(self._pid)
-        while self._alive():
+        while self._is_alive():
             time.sleep(_POLL_S)
         self._close()
 
@@ -144,7 +144,7 @@ class Detached(ProcessOutput):
 def find_left_running(folder: Path) -> Detached | None:
     """A process that was left running and that nobody watches, of those whose files lie in ``folder``."""
     for file in sorted(folder.glob("*.lock")):
-        found = Detached.attached(file.with_suffix(""))
+        found = Detached.attach(file.with_suffix(""))
         if found is not None:
             return found
     return None

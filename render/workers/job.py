@@ -79,7 +79,7 @@ class Job:
     def remove(self) -> None:
         """Delete the job's own files, and what a stopped worker left unfinished."""
         self.discard()
-        Claims(self.dataset).sweep()
+        Claims(self.dataset).clean_up()
 
 
 def render_job(job: Job, blender: str, hear: Callable[[Message], None]) -> list[Path]:
@@ -92,7 +92,7 @@ def render_job(job: Job, blender: str, hear: Callable[[Message], None]) -> list[
     try:
         process = Process(blender_command(blender, "worker", str(job.file)))
         try:
-            for message in process.messages():
+            for message in process.wait_for_messages():
                 hear(message)
                 if message["type"] == "error":
                     failure = message["message"]
@@ -104,7 +104,7 @@ def render_job(job: Job, blender: str, hear: Callable[[Message], None]) -> list[
         job.remove()
     if failure or not folders:
         raise IcyMoonError(failure or f"Blender ended without a result (status {process.returncode}): "
-                           f"{process.last_words}")
+                           f"{process.last_line}")
     return folders
 
 

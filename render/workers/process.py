@@ -40,7 +40,7 @@ class ProcessOutput:
         self._tail: deque[str] = deque(maxlen=30)
         self.cancelled = self.left = False
 
-    def _take(self, line: str) -> Message | None:
+    def _read_line(self, line: str) -> Message | None:
         """The message in a line; None if it is another line, which is kept."""
         message = _parse(line)
         if message is None:
@@ -48,7 +48,7 @@ class ProcessOutput:
         return message
 
     @property
-    def last_words(self) -> str:
+    def last_line(self) -> str:
         """The last line that was not a message, for an error that the process could not state."""
         return next((line for line in reversed(self._tail) if line.strip()), "it printed nothing")
 
@@ -93,7 +93,7 @@ class Process(ProcessOutput):
             if line is None:
                 self._ended = True
                 self._process.wait()
-            elif (message := self._take(line)) is not None:
+            elif (message := self._read_line(line)) is not None:
                 messages.append(message)
         return messages
 
@@ -112,7 +112,7 @@ class Process(ProcessOutput):
         """Exit status after the end; negative for a signal."""
         return self._process.wait()
 
-    def messages(self) -> Iterator[Message]:
+    def wait_for_messages(self) -> Iterator[Message]:
         """All messages until the end, waiting for them."""
         while self.running:
             yield from self.poll()
@@ -123,9 +123,9 @@ class Process(ProcessOutput):
         """Ask it to stop, and make it stop if it does not within a few seconds."""
         self.cancelled = True
         system.interrupt(self._process)
-        threading.Thread(target=self._insist, daemon=True).start()
+        threading.Thread(target=self._kill_if_running, daemon=True).start()
 
-    def _insist(self) -> None:
+    def _kill_if_running(self) -> None:
         try:
             self._process.wait(_GRACE_S)
         except subprocess.TimeoutExpired:

@@ -58,7 +58,7 @@ class _Worker:
     heard: float = field(default_factory=time.monotonic)
     current: str = ""  # the pair in progress
     fraction: float = 0.0  # of it
-    said: str = ""  # its error
+    error: str = ""  # its error
     fatal: bool = False
     spoke: bool = False
     done: bool = False
@@ -82,7 +82,7 @@ class Runner:
         self._running: list[_Worker] = []
         self._queue: deque[list[PlannedPair]] = deque()
         self._crashes: Counter[str] = Counter()
-        self._still = 0  # workers that ended without a message, one after the other
+        self._silent_ends = 0  # workers that ended without a message, one after the other
         self._complete: set[str] = set()
         self._warned: set[str] = set()
         self._known = {None, *(pair.id for pair in self._pairs)}
@@ -95,26 +95,26 @@ class Runner:
         it ends, no worker is left.
         """
         try:
-            self._claims.sweep()
+            self._claims.clean_up()
             for pair in self._pairs:
                 if is_complete(pair.folder(self._dataset)):
-                    self._restate(pair)
-            self._report()
-            while missing := self._open():
+                    self._update_response(pair)
+            self._report_progress()
+            while missing := self._find_missing():
                 self._enqueue(missing)
                 while self._queue or self._running:
-                    self._turn()
+                    self._step()
                     time.sleep(_STEP_S)
-                if missing == self._open():  # all of them are other runners'
-                    self._report(missing)
+                if missing == self._find_missing():  # all of them are other runners'
+                    self._report_progress(missing)
                     time.sleep(_WAIT_S)
         finally:
             for worker in self._running:
                 worker.close()
-            self._claims.sweep()
+            self._claims.clean_up()
         return self.failed
 
-    def _restate(self, pair: PlannedPair) -> None:
+    def _update_response(self, pair: PlannedPair) -> None:
         """Count a pair that is there, and let it state the camera response of this plan."""
         try:
             update_response(pair.folder(self._dataset), pair.settings)
@@ -123,51 +123,51 @@ class Runner:
             self.failed[pair.id] = str(error)
             self._send("error", message=str(error), pair=pair.id)
 
-    def _open(self) -> list[PlannedPair]:
+    def _find_missing(self) -> list[PlannedPair]:
         """The pairs that are neither there nor set aside."""
         for pair in self._pairs:
             if pair.id not in self._complete and is_complete(pair.folder(self._dataset)):
-                self._found(pair.id)
+                self._report_pair(pair.id)
         return [pair for pair in self._pairs if pair.id not in self._complete and pair.id not in self.failed]
 
     def _enqueue(self, missing: list[PlannedPair]) -> None:
         """Cut what is missing into jobs; what nobody else is at comes first."""
-        busy = self._claims.others()
+        busy = self._claims.find_claimed_elsewhere()
         jobs = cut_into_jobs([pair for pair in missing if pair.id not in busy], self._options.count,
                              self._options.most_scenes)
         self._queue.extend(jobs)
 
-    def _turn(self) -> None:
+    def _step(self) -> None:
         """Start workers, handle their messages, and finish those that have ended."""
         while self._queue and len(self._running) < self._options.count:
             self._start(self._queue.popleft())
         for worker in list(self._running):
             for message in worker.process.poll():
                 worker.heard, worker.spoke = time.monotonic(), True
-                self._hear(worker, message)
+                self._handle(worker, message)
             silent = time.monotonic() - worker.heard
             if silent > self._patience_s(worker, silent):
-                worker.said = worker.said or f"it sent nothing for {silent:.0f} s"
+                worker.error = worker.error or f"it sent nothing for {silent:.0f} s"
                 worker.process.stop()
             elif silent > _SUSPECT_S and len(self._running) < self._options.count and not self._queue:
-                self._relieve(worker)
+                self._reassign(worker)
             if not worker.process.running:
                 self._running.remove(worker)
-                self._ended(worker)
+                self._finish(worker)
 
     def _patience_s(self, worker: _Worker, silent: float) -> float:
         """For how long a worker may send nothing: not long if all its pairs are complete, perhaps by others."""
-        idle = worker.done or (silent > _EXIT_S and not self._left(worker))
+        idle = worker.done or (silent > _EXIT_S and not self._find_left(worker))
         return _EXIT_S if idle else self._options.silence_s
 
-    def _left(self, worker: _Worker) -> list[PlannedPair]:
+    def _find_left(self, worker: _Worker) -> list[PlannedPair]:
         """What a worker was given that is neither there nor set aside."""
         return [pair for pair in worker.pairs if pair.id not in self.failed
                 and not is_complete(pair.folder(self._dataset))]
 
-    def _relieve(self, worker: _Worker) -> None:
+    def _reassign(self, worker: _Worker) -> None:
         """Give what a worker has not begun to another; if it goes on after all, it finds that done, or claimed."""
-        waiting = [pair for pair in self._left(worker) if pair.id != worker.current]
+        waiting = [pair for pair in self._find_left(worker) if pair.id != worker.current]
         if waiting:
             worker.pairs = [pair for pair in worker.pairs if pair not in waiting]
             self._queue.append(waiting)
@@ -181,20 +181,20 @@ class Runner:
             raise
         self._running.append(_Worker(job, process, pairs))
 
-    def _hear(self, worker: _Worker, message: Message) -> None:
+    def _handle(self, worker: _Worker, message: Message) -> None:
         kind = message["type"]
         named = {message.get("pair"), message.get("id")}
         if find_fault(message, _MESSAGES.get(kind, TABLE)) or not self._known >= named:
             return  # printed by other code in that process
         if kind == "progress" and "pair" in message:
             worker.current, worker.fraction = message["pair"], message.get("of_pair", 0.0)
-            self._report()
+            self._report_progress()
         elif kind == "pair":
             worker.current, worker.fraction = "", 0.0
             if is_complete(self._dataset / "pairs" / message["id"]):
-                self._found(message["id"], message)
+                self._report_pair(message["id"], message)
             else:
-                self._crashed(message["id"], "its files are not those that were written")
+                self._count_crash(message["id"], "its files are not those that were written")
         elif kind == "warning" and message["message"] not in self._warned:
             self._warned.add(message["message"])
             self._send("warning", message=message["message"])
@@ -202,36 +202,36 @@ class Runner:
             worker.current = ""
             self._set_aside(message["pair"], message["message"])
         elif kind == "error":
-            worker.said, worker.fatal = message["message"], not message.get("crash")
+            worker.error, worker.fatal = message["message"], not message.get("crash")
         elif kind == "done":
             worker.done = True
 
-    def _ended(self, worker: _Worker) -> None:
+    def _finish(self, worker: _Worker) -> None:
         """Judge by the disk what a worker has done, and give the rest to another."""
         worker.close()
-        self._claims.forget(worker.process.pid)
+        self._claims.clean_up_after(worker.process.pid)
         if worker.fatal:
-            raise IcyMoonError(worker.said)
-        self._still = 0 if worker.spoke else self._still + 1
-        why = worker.said or f"Blender ended (status {worker.process.returncode}): {worker.process.last_words}"
-        if self._still >= MOST_CRASHES:
+            raise IcyMoonError(worker.error)
+        self._silent_ends = 0 if worker.spoke else self._silent_ends + 1
+        why = worker.error or f"Blender ended (status {worker.process.returncode}): {worker.process.last_line}"
+        if self._silent_ends >= MOST_CRASHES:
             raise IcyMoonError(f"The worker does not start: {why}.")
         if worker.current and not is_complete(self._dataset / "pairs" / worker.current):
-            self._crashed(worker.current, why)
-        left = self._left(worker)
+            self._count_crash(worker.current, why)
+        left = self._find_left(worker)
         if left and not worker.done:
             self._queue.append(left)
 
-    def _found(self, name: str, message: dict[str, Any] | None = None) -> None:
+    def _report_pair(self, name: str, message: dict[str, Any] | None = None) -> None:
         if name not in self._complete:
             self._complete.add(name)
             facts = {"folder": str(self._dataset / "pairs" / name), "rendered": False, **(message or {}), "id": name,
                      "done": len(self._complete), "total": len(self._pairs)}
             facts.pop("type", None)
             self._send("pair", **facts)
-            self._report()
+            self._report_progress()
 
-    def _crashed(self, name: str, why: str) -> None:
+    def _count_crash(self, name: str, why: str) -> None:
         self._crashes[name] += 1
         if self._crashes[name] >= MOST_CRASHES:
             self._set_aside(name, f"Pair {name} failed {MOST_CRASHES} times: {why.rstrip('.')}.")
@@ -241,13 +241,13 @@ class Runner:
             self.failed[name] = why
             self._send("error", message=why, pair=name)
 
-    def _report(self, waiting: Sequence[PlannedPair] = ()) -> None:
+    def _report_progress(self, waiting: Sequence[PlannedPair] = ()) -> None:
         """Report the progress, and the pairs that it is ``waiting`` for."""
         total = max(1, len(self._pairs))
         fraction = (len(self._complete) + sum(w.fraction for w in self._running if w.current)) / total
         text = f"{len(self._complete)} of {len(self._pairs)} pairs"
         if waiting:
-            holder = self._claims.holder(waiting[0].id)
+            holder = self._claims.describe_holder(waiting[0].id)
             text += f"; {len(waiting)} are rendered by others, such as {waiting[0].id} by {holder}"
         self._send("progress", fraction=round(min(1.0, fraction), 6), done=len(self._complete), total=len(self._pairs),
                    message=text)

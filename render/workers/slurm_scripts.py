@@ -107,7 +107,7 @@ def write_script(dataset: Path, frozen: FrozenPlan, request: SlurmRequest, pytho
     """
     for text in (str(dataset), python, blender, request.memory, request.time, *request.options):
         _refuse_lines(text)
-    missing = {pair.id for pair in frozen.missing(dataset)}
+    missing = {pair.id for pair in frozen.find_missing(dataset)}
     open_shards = [number for number in range(1, request.shards + 1)
                    if any(pair.id in missing for pair in shard(frozen.pairs, number, request.shards))]
     if not open_shards:

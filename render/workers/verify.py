@@ -37,7 +37,7 @@ class Problem:
     text: str
     path: Path | None = None
 
-    def facts(self) -> dict[str, Any]:
+    def to_json(self) -> dict[str, Any]:
         """The problem as a message."""
         return {"kind": self.kind, "what": self.what, "message": self.text}
 
@@ -58,7 +58,7 @@ def verify(dataset: Path, remove_broken: bool = False) -> Findings:
     are as they were rendered. Raises IcyMoonError if there is no plan.
     """
     frozen = read_frozen_plan(dataset)
-    working = Claims(dataset).others()
+    working = Claims(dataset).find_claimed_elsewhere()
     problems: list[Problem] = []
     complete = 0
     for planned in frozen.pairs:

@@ -37,7 +37,7 @@ def read_eye(pair: Pair, eye: str) -> tuple[Light, View]:
 def read_sensor_depth(pair: Pair, eye: str, rig: Mapping[str, Any]) -> np.ndarray:
     """Read the depth at the pixels of an eye's sensor, along the eye's own axis: metres, float32 (H, W), NaN for
     none."""
-    path = pair.truth_as_taken(eye)
+    path = pair.truth_of_image(eye)
     depth = scene_depth(read_truth(path, eye))
     _check_size(pair, path, depth)
     lens = lens_of(pair.camera, rig, eye)

@@ -76,7 +76,7 @@ def _matcher_advice(name: str, methods: Sequence[str], rows: Sequence[Row], scen
     hidden, before = [], None
     shown = [row for row in rows if _shows(row)]
     for px in TOLERANCES_PX:
-        keeps = {row["key"]: all_hold(Tolerance(px, None).keeps(row["loss"][method], row["loss_doubt"][method])
+        keeps = {row["key"]: all_hold(Tolerance(px, None).allows(row["loss"][method], row["loss_doubt"][method])
                                       for method in methods) for row in shown}
         best = _cheapest([row for row in shown if keeps[row["key"]]], margin)
         perhaps = _cheapest([row for row in shown if keeps[row["key"]] is None

@@ -98,7 +98,7 @@ class _Search:
 
     def _verdict(self, found: dict[str, Any], share: float) -> bool | None:
         """Whether all matchers are within the tolerance if the doubts were reduced to this share."""
-        return all_hold(self.tolerance.keeps(loss, {key: doubt and share * doubt for key, doubt in found["loss_doubt"][
+        return all_hold(self.tolerance.allows(loss, {key: doubt and share * doubt for key, doubt in found["loss_doubt"][
             label].items()}) for label, loss in found["loss"].items())
 
     def tried_lines(self) -> list[str]:

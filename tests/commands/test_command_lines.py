@@ -190,9 +190,10 @@ def test_a_plan_of_many_grounds_is_looked_at_on_some_and_says_so(place, monkeypa
     assert len(set(looked)) == combine.MOST_GROUNDS
     seeds = [pair.settings["dataset"]["seed"] for pair in many.pairs()]
     assert np.ptp([seeds.index(seed) for seed in looked]) > 900  # from the first to the last
-    assert f"{combine.MOST_GROUNDS} grounds were checked, {1000 - combine.MOST_GROUNDS} were not" in many.unchecked()
+    found = many.describe_unchecked()
+    assert f"{combine.MOST_GROUNDS} grounds were checked, {1000 - combine.MOST_GROUNDS} were not" in found
     (place / "few.toml").write_text(PLAN.replace("1000", "3"))
-    assert plan_file.read_plan(place / "few.toml").unchecked() == ""
+    assert plan_file.read_plan(place / "few.toml").describe_unchecked() == ""
 
 
 @pytest.mark.parametrize(("part", "word"), [

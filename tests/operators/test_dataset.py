@@ -185,7 +185,7 @@ def test_what_is_left_running_is_evaluated_too(described, tmp_path):
 
 def test_a_data_set_without_its_evaluation_is_not_done():
     said = [{"type": "progress", "fraction": 1.0, "message": "2 of 2 pairs"}, {"type": "done", "pairs": 2}]
-    process = SimpleNamespace(cancelled=False, poll=lambda: said, running=True, returncode=1, last_words="Killed")
+    process = SimpleNamespace(cancelled=False, poll=lambda: said, running=True, returncode=1, last_line="Killed")
     job = dataset.DatasetJob("Render Data Set", process, dataset._hear, lambda: None)
     job.evaluates = True
     job.advance()

@@ -45,7 +45,7 @@ def rays(pair: Pair, eye: str) -> tuple[np.ndarray, np.ndarray]:
 
 
 def own_object(built: Built, name: str, shape: str, size_m: float, place: tuple, **properties) -> bpy.types.Object:
-    """Put a sphere (diameter) or a cube (edge) of a person's own into the collection."""
+    """Put a sphere (diameter) or a cube (edge) of the user's own into the collection."""
     if shape == "sphere":
         directions, faces = icosphere(6)
         corners = directions / 2

@@ -29,4 +29,4 @@ def test_a_pair_that_was_taken_out_is_made_again_and_the_others_stay(old, tmp_pa
     assert (again.settings, again.camera, again.data["seeds"]) == (was.settings, was.camera, was.data["seeds"])
     assert again.data["files"].keys() == was.data["files"].keys()
     assert verify(dataset).problems == ()
-    assert datasets.read_frozen_plan(dataset).missing(dataset) == []
+    assert datasets.read_frozen_plan(dataset).find_missing(dataset) == []

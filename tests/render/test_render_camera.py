@@ -126,7 +126,7 @@ def test_toed_in_eyes_see_where_their_poses_say(toed):
     assert left[:3, 2] @ np.array(toed.data["poses_rectified_to_world"]["left"])[:3, 0] == pytest.approx(
         np.sin(np.radians(4.0)), abs=1e-6)
     for eye in EYES:
-        taken = read_truth(toed.truth_as_taken(eye), eye).depth
+        taken = read_truth(toed.truth_of_image(eye), eye).depth
         assert taken.shape == (240 + 2 * 12, 360 + 2 * 18)
         on_ground = plane_points(toed, taken, eye, "poses_camera_to_world", margin=True)
         # A thousandth of a pixel is some 0.01 mm here.

@@ -20,7 +20,7 @@ pytestmark = pytest.mark.skipif(os.name == "nt", reason="the stand-in for Blende
 PLAIN = Abilities(osl=False, denoiser=False, gpu=False)
 DENOISED = {"quality": {"denoiser": "OIDN"}}
 OSL = {"surface": {"model": "HAPKE"}, "hapke": {"backend": "OSL"}}
-SENTENCE = "built without OpenImageDenoise, which 2 of 2 pairs ask for; set quality.denoiser to NONE or use"
+SENTENCE = "built without OpenImageDenoise, which 2 of 2 pairs need; set quality.denoiser to NONE or use"
 
 
 def scene(*parts):
@@ -68,7 +68,7 @@ def test_only_what_the_settings_ask_for_is_lacking(part, said):
 def test_a_blender_is_asked_once_and_only_for_what_not_every_one_has(blender):
     assert find_lack([scene()] * 3, str(blender)) == ""
     assert asked(blender) == []
-    assert "which 2 of 3 pairs ask for; set" in find_lack([scene(DENOISED), scene(), scene(DENOISED)], str(blender))
+    assert "which 2 of 3 pairs need; set" in find_lack([scene(DENOISED), scene(), scene(DENOISED)], str(blender))
     assert find_lack([scene(DENOISED)], str(blender)).startswith("This Blender was built without OpenImageDenoise; ")
     assert asked(blender) == ["probe"]
 
@@ -86,7 +86,7 @@ def test_a_batch_is_refused_before_anything_is_written(blender, plan, tmp_path, 
     assert asked(blender) == ["probe"]
 
 
-def test_so_is_a_share_of_one_that_another_machine_has_planned(blender, plan, tmp_path, capsys):
+def test_so_is_a_shard_of_one_that_another_machine_has_planned(blender, plan, tmp_path, capsys):
     batch._freeze_plan(str(plan), tmp_path / "set")
     assert run("work", tmp_path / "set", "--blender", blender) == 1
     assert SENTENCE in " ".join(capsys.readouterr().err.split())
@@ -102,7 +102,7 @@ def test_a_dry_run_says_it_first(blender, plan, capsys):
 
 def test_the_gallery_is_refused_before_its_first_scene(blender, tmp_path, capsys):
     assert run("gallery", "--out", tmp_path / "out", "--blender", blender) == 1
-    assert "pairs ask for; set quality.denoiser" in " ".join(capsys.readouterr().err.split())
+    assert "pairs need; set quality.denoiser" in " ".join(capsys.readouterr().err.split())
     assert asked(blender) == ["probe"]
 
 

@@ -143,7 +143,7 @@ def test_the_list_is_printed_from_what_is_remembered(capsys):
 
 @pytest.fixture
 def own(monkeypatch, tmp_path):
-    """The person's own cache folder, whatever the system."""
+    """The user's own cache folder, whatever the system."""
     monkeypatch.delenv(machine.FOLDER_VARIABLE)
     monkeypatch.setattr(system, "PLATFORM", "linux")
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "own"))
@@ -151,7 +151,7 @@ def own(monkeypatch, tmp_path):
     machine.choose_folder("")
 
 
-def test_the_environment_goes_before_the_preferences_and_these_before_the_persons_cache(own, tmp_path, monkeypatch):
+def test_the_environment_goes_before_the_preferences_and_these_before_the_users_cache(own, tmp_path, monkeypatch):
     assert machine.own_cache_folder() == own
     machine.choose_folder(str(tmp_path / "chosen"))
     assert machine.own_cache_folder() == tmp_path / "chosen"

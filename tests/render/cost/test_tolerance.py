@@ -49,8 +49,8 @@ def test_it_is_shown_and_searched_for_by_what_is_limited_alone():
     (0.51, 0.0, False), (0.25, None, None), (None, None, False), (None, 0.0, False)])
 def test_a_loss_is_told_from_its_limit_if_it_is_a_doubt_away(loss, doubt, kept):
     one = Tolerance(0.5, None)
-    assert one.keeps({**NOTHING, "epe_px": loss}, {**NOTHING, "epe_px": doubt}) is kept
-    assert one.keeps({**NOTHING, "epe_px": loss, "wrong_or_missing": 9.0}, {**NOTHING, "epe_px": doubt}) is kept
+    assert one.allows({**NOTHING, "epe_px": loss}, {**NOTHING, "epe_px": doubt}) is kept
+    assert one.allows({**NOTHING, "epe_px": loss, "wrong_or_missing": 9.0}, {**NOTHING, "epe_px": doubt}) is kept
 
 
 @pytest.mark.parametrize(("verdicts", "all_of_them"), [

@@ -36,7 +36,7 @@ def everything(folder: Path) -> set[str]:
 
 @pytest.fixture
 def victim(tmp_path):
-    """A folder beside the data set with a person's work in it, some of it called as ours is."""
+    """A folder beside the data set with a user's work in it, some with names like ours."""
     folder = tmp_path / "victim"
     folder.mkdir()
     for name in ("thesis.txt", "left.exr", "pair.json", f"{ID}.1"):
@@ -66,10 +66,10 @@ def sweep(dataset: Path) -> None:
     """Everything that removes something in a data set, of pairs that nobody has claimed."""
     verify(dataset, remove_broken=True)
     claims = Claims(dataset)
-    claims.forget(os.getpid())
+    claims.clean_up_after(os.getpid())
     claims.take(ID)
     claims.close()
-    claims.sweep()
+    claims.clean_up()
 
 
 @pytest.mark.parametrize("name", BAD_IDS)
@@ -225,7 +225,7 @@ def test_rows_of_an_evaluation_name_no_folder(tmp_path):
 
 
 #: Who else removes something, and why it may: what the same process has made a moment before under a name of its own,
-#: and files that a person asks to be replaced or deleted by name.
+#: and files that a user asks to replace or delete by name.
 REMOVES = {"render/pairs/our_files.py": "the one way", "system.py": "how it is done", "files.py": "its own part",
            "render/workers/job.py": "its own temporary folder",
            "render/render_pair.py": "what it wrote into its own part",
@@ -233,7 +233,7 @@ REMOVES = {"render/pairs/our_files.py": "the one way", "system.py": "how it is d
            "stereo/environment/install.py": "the folder that it has made", "stereo/reexpose.py": "what it writes again",
            "operators/trade.py": "its own temporary folder",
            "scratch.py": "its own temporary folder, and those marked by processes of this user that are gone",
-           "operators/presets.py": "the preset that a person removes",
+           "operators/presets.py": "the preset that a user removes",
            "stereo/trade/cheapest_quality.py": "what it writes again"}
 
 

@@ -101,17 +101,17 @@ def _python(code: str) -> Process:
 def test_a_process_is_heard_in_order_and_its_noise_is_kept():
     process = _python("import json\nfor k in range(3): print(json.dumps({'type': 'progress', 'k': k}), flush=True)\n"
                       "print('{not json'); print('Cycles says hello')")
-    assert [m["k"] for m in process.messages()] == [0, 1, 2]
+    assert [m["k"] for m in process.wait_for_messages()] == [0, 1, 2]
     assert process.returncode == 0
-    assert process.last_words == "Cycles says hello"
+    assert process.last_line == "Cycles says hello"
 
 
 def test_a_process_that_ignores_the_request_is_made_to_stop():
     process = _python("import signal, time\nsignal.signal(signal.SIGINT, signal.SIG_IGN)\n"
                       "print('{\"type\": \"ready\"}', flush=True)\ntime.sleep(3600)")
-    next(process.messages())
+    next(process.wait_for_messages())
     process.cancel()
-    list(process.messages())  # which end when the process does
+    list(process.wait_for_messages())  # which end when the process does
     assert process.returncode != 0
     assert process.cancelled
 

@@ -90,7 +90,7 @@ class Worker:
                 part = part_of(self.folder)
                 try:
                     write(part, self.name)
-                    publish(part, self.folder, lambda: self.claims.lost(PAIR), self.again)
+                    publish(part, self.folder, lambda: self.claims.is_lost(PAIR), self.again)
                 finally:
                     discard(part)
         except (IcyMoonError, OSError) as error:  # what it writes may have been taken away
@@ -136,7 +136,7 @@ class Place:
         return content(self.pairs / PAIR)
 
     def assert_tidy(self) -> None:
-        Claims(self.dataset).sweep()
+        Claims(self.dataset).clean_up()
         assert [path.name for path in self.pairs.iterdir()] == [PAIR] * bool(self.there)
         assert not (self.dataset / CLAIMS_FOLDER).exists()
 
@@ -196,7 +196,7 @@ def test_whoever_is_killed_leaves_the_old_pair_or_the_new_one(tmp_path, watched,
         place.age()
         if before == "whole":
             assert any(content(folder) for folder in place.pairs.iterdir()), f"killed before call {k}"
-        Claims(place.dataset).sweep()
+        Claims(place.dataset).clean_up()
         assert place.there in {"": ("", "dead"), "broken": ("", "dead"), "whole": ("old", "dead")}[before]
         after = Worker(place.dataset, "after", True)
         assert after.take()

@@ -33,7 +33,7 @@ def test_a_frozen_plan_is_read_back(tmp_path):
     assert [p.settings for p in frozen.pairs] == [p.settings for p in PAIRS]
     assert frozen.text == "the plan\n"
     assert datasets.read_frozen_plan(tmp_path) == frozen
-    assert frozen.missing(tmp_path) == list(frozen.pairs)
+    assert frozen.find_missing(tmp_path) == list(frozen.pairs)
     stamp = (tmp_path / datasets.PLAN).stat().st_mtime_ns
     datasets.freeze_plan(tmp_path, PAIRS, "the plan\n")
     assert (tmp_path / datasets.PLAN).stat().st_mtime_ns == stamp  # nothing to write
@@ -68,7 +68,7 @@ def test_a_cut_plan_is_a_sentence(tmp_path):
     path = tmp_path / datasets.PLAN
     lines = path.read_text().splitlines(keepends=True)
     path.write_text("".join(lines[:-1]))
-    with pytest.raises(IcyMoonError, match="holds 7 of 8"):
+    with pytest.raises(IcyMoonError, match="contains 7 of 8"):
         datasets.read_frozen_plan(tmp_path)
 
 
@@ -123,7 +123,7 @@ def test_every_fault_is_found_and_taken_away_unless_the_files_are_whole(tmp_path
     assert {(p.kind, p.what) for p in found.problems} == {(kind, frozen.pairs[2].id)}
     assert any(word in p.text for p in found.problems)
     assert found.complete == 7
-    assert frozen.missing(tmp_path) == ([] if kind == "foreign" else [frozen.pairs[2]])
+    assert frozen.find_missing(tmp_path) == ([] if kind == "foreign" else [frozen.pairs[2]])
     assert frozen.pairs[2].folder(tmp_path).exists() == (kind == "foreign")
 
 

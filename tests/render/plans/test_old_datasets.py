@@ -73,7 +73,7 @@ def test_settings_that_a_later_version_adds_change_nothing_of_it(old, dataset, m
     found = verify(dataset, remove_broken=True)
     assert (found.complete, found.problems) == (3, ())
     frozen = datasets.read_frozen_plan(dataset)
-    assert frozen.missing(dataset) == []
+    assert frozen.find_missing(dataset) == []
     assert files(dataset) == before
     for pair in (*frozen.pairs, *find_pairs(dataset)):  # what was not there does what was done then
         assert not pair.settings["quality"]["extra_pass"]
@@ -91,7 +91,7 @@ def test_its_plan_goes_on_as_it_was_planned_after_defaults_have_changed(old, dat
     plan, before = read_plan(DATA / old / "plan.toml"), (dataset / datasets.PLAN).read_bytes()
     assert not {pair.id for pair in plan.pairs()} & {pair.id for pair in datasets.read_frozen_plan(dataset).pairs}
     frozen = datasets.freeze_plan(dataset, plan.pairs(), plan.text)
-    assert frozen.missing(dataset) == []
+    assert frozen.find_missing(dataset) == []
     assert (dataset / datasets.PLAN).read_bytes() == before
     for words in ("light.sun_elevation_deg was 20.0 and is 25.0", "quality.extra_pass was False and is True",
                   "as Icy Moon 0.1.0 planned it"):

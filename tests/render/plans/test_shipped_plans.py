@@ -30,7 +30,7 @@ TYPES = {
 
 @pytest.fixture(scope="module")
 def mine(tmp_path_factory):
-    """Reads a shipped plan as a person does who has the files that it asks for."""
+    """Reads a shipped plan as a user does who has the files that it names."""
     folder = tmp_path_factory.mktemp("files")
     for name in plan_names():
         for file in set(re.findall(r'"([^"/]+\.(?:png|ply))"', find_plan(name).read_text(encoding="utf-8"))):

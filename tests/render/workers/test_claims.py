@@ -40,12 +40,12 @@ def test_one_holder_at_a_time(tmp_path):
     one, other = Claims(tmp_path), Claims(tmp_path)
     assert one.take(PAIR)
     assert not other.take(PAIR)
-    assert other.others() == {PAIR}
-    assert one.others() == set()
+    assert other.find_claimed_elsewhere() == {PAIR}
+    assert one.find_claimed_elsewhere() == set()
     one.release(PAIR)
     assert other.take(PAIR)
     other.close()
-    assert not Claims(tmp_path).others()
+    assert not Claims(tmp_path).find_claimed_elsewhere()
 
 
 def test_a_claim_is_a_file_like_others_of_its_name_even_in_a_new_data_set(tmp_path):
@@ -65,7 +65,7 @@ def test_a_claim_that_is_given_back_while_it_is_read_holds_nothing(tmp_path, mon
         return True
 
     monkeypatch.setattr(claims, "is_claim", listed)
-    assert Claims(tmp_path).others() == set()
+    assert Claims(tmp_path).find_claimed_elsewhere() == set()
 
 
 def test_of_many_that_try_at_once_one_gets_it(tmp_path):
@@ -109,7 +109,7 @@ def test_another_machine_is_believed_for_a_minute(tmp_path):
 def test_a_living_holder_may_miss_two_beats(tmp_path):
     """Where a share is away for a moment, or the machine is busy: its touches come, but late."""
     left_by(tmp_path, 1, "another machine", 3 * claims.BEAT_S)
-    assert Claims(tmp_path).others() == {PAIR}
+    assert Claims(tmp_path).find_claimed_elsewhere() == {PAIR}
     assert not Claims(tmp_path).take(PAIR)
 
 
@@ -119,8 +119,8 @@ def test_of_two_claims_of_a_pair_the_one_made_last_decides(tmp_path, older, newe
     left_by(tmp_path, 1, "another machine", older * claims.STALE_S, f"{PAIR}.9")
     left_by(tmp_path, 2, "another machine", newer * claims.STALE_S, f"{PAIR}.10")
     mine = Claims(tmp_path)
-    assert mine.holder(PAIR) == "process 2 on elsewhere"
-    assert mine.others() == (set() if free else {PAIR})
+    assert mine.describe_holder(PAIR) == "process 2 on elsewhere"
+    assert mine.find_claimed_elsewhere() == (set() if free else {PAIR})
     assert mine.take(PAIR) == free
     if free:
         assert [path.name for path in (tmp_path / claims.CLAIMS_FOLDER).iterdir()] == [f"{PAIR}.11"]
@@ -162,7 +162,7 @@ def test_a_holder_that_gets_nowhere_touches_its_claims_no_more(tmp_path, monkeyp
         if not touched.wait(0.2):
             break
     assert not touched.is_set()
-    mine.goes_on()
+    mine.report_progress()
     assert touched.wait(30)
     mine.close()
 
@@ -172,12 +172,12 @@ def test_who_was_wrongly_held_for_dead_knows_it_and_does_no_harm(tmp_path, monke
     sleeper.take(PAIR)
     path, = (tmp_path / claims.CLAIMS_FOLDER).iterdir()
     os.utime(path, (0, 0))  # as if this machine had been asleep
-    assert not sleeper.lost(PAIR)
+    assert not sleeper.is_lost(PAIR)
     assert other.take(PAIR)
-    assert sleeper.lost(PAIR)
+    assert sleeper.is_lost(PAIR)
     sleeper.release(PAIR)
-    assert Claims(tmp_path).others() == {PAIR}  # the other's claim stands
-    assert not other.lost(PAIR)
+    assert Claims(tmp_path).find_claimed_elsewhere() == {PAIR}  # the other's claim stands
+    assert not other.is_lost(PAIR)
 
 
 def test_a_claim_that_another_made_under_the_same_name_is_not_ones_own(tmp_path):
@@ -185,14 +185,14 @@ def test_a_claim_that_another_made_under_the_same_name_is_not_ones_own(tmp_path)
     sleeper.take(PAIR)
     path, = (tmp_path / claims.CLAIMS_FOLDER).iterdir()
     os.utime(path, (0, 0))
-    Claims(tmp_path).sweep()  # which forgets how many claims there have been
+    Claims(tmp_path).clean_up()  # which forgets how many claims there have been
     assert other.take(PAIR)
     assert [p.name for p in (tmp_path / claims.CLAIMS_FOLDER).iterdir()] == [path.name]
-    assert sleeper.lost(PAIR)
-    assert not other.lost(PAIR)
-    assert sleeper.others() == {PAIR}
+    assert sleeper.is_lost(PAIR)
+    assert not other.is_lost(PAIR)
+    assert sleeper.find_claimed_elsewhere() == {PAIR}
     sleeper.close()
-    assert not other.lost(PAIR)
+    assert not other.is_lost(PAIR)
     other.close()
 
 
@@ -206,7 +206,7 @@ def test_sweeping_puts_a_whole_pair_into_its_place_if_that_is_free(tmp_path):
             (folder / f"{eye}.exr").write_text("x")
         (folder / "pair.json").write_text(json.dumps({"files": {
             f"{eye}.exr": {"bytes": 1, "sha256": "0" * 64} for eye in ("left", "right")}}))
-    Claims(tmp_path).sweep()
+    Claims(tmp_path).clean_up()
     assert [path.name for path in pairs.iterdir()] == [PAIR]
     assert sorted(path.name for path in (pairs / PAIR).iterdir()) == ["left.exr", "pair.json", "right.exr"]
 
@@ -220,7 +220,7 @@ def test_forgetting_a_process_leaves_what_others_write_of_the_same_pair(tmp_path
         folder.mkdir(parents=True)
     path = tmp_path / claims.CLAIMS_FOLDER / f"{PAIR}.1"
     path.write_text(path.read_text().replace("elsewhere", socket.gethostname()))
-    Claims(tmp_path).forget(pid)
+    Claims(tmp_path).clean_up_after(pid)
     assert ours.exists()
     assert not theirs.exists()
     assert not path.exists()
@@ -231,7 +231,7 @@ def test_forgetting_a_process_leaves_its_namesake_elsewhere_and_its_neighbours(t
     left_by(tmp_path, pid, system.process_scope(), 0.0)  # "host": "elsewhere"
     neighbour = Claims(tmp_path)
     neighbour.take("ffffffffffff")
-    Claims(tmp_path).forget(pid)
+    Claims(tmp_path).clean_up_after(pid)
     assert {path.name for path in (tmp_path / claims.CLAIMS_FOLDER).iterdir()} == {f"{PAIR}.1", "ffffffffffff.1"}
     neighbour.close()
 
@@ -244,12 +244,12 @@ def test_sweeping_leaves_the_living_alone(tmp_path):
     whole = tmp_path / "pairs" / "eeeeeeeeeeee"
     for folder in (kept, gone, whole):
         folder.mkdir(parents=True)
-    other.sweep()
+    other.clean_up()
     assert kept.exists()
     assert whole.exists()
     assert not gone.exists()
     mine.release(PAIR)
-    other.sweep()
+    other.clean_up()
     assert not (tmp_path / claims.CLAIMS_FOLDER).exists()
 
 
@@ -264,7 +264,7 @@ def test_sweeping_removes_what_a_killed_process_left_of_the_manifest_and_nothing
     for file in (left, *kept, *also):
         file.parent.mkdir(parents=True, exist_ok=True)
         file.write_text("{}")
-    Claims(tmp_path).sweep()
+    Claims(tmp_path).clean_up()
     assert not left.exists()
     assert not any(file.exists() for file in also)
     assert all(file.exists() for file in kept)

@@ -214,7 +214,7 @@ def test_damaged_pairs_are_missing_and_made_again(stand):
     (folders[2] / "left.exr").write_bytes(b"im")
     (folders[3] / "right.exr").unlink()
     shutil.rmtree(folders[4])
-    assert stand.runner()._open() == PAIRS[:5]
+    assert stand.runner()._find_missing() == PAIRS[:5]
     for folder in folders[:4]:
         shutil.rmtree(folder)  # the false Blender, unlike ours, replaces nothing
     stand.run()

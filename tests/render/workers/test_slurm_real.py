@@ -49,7 +49,7 @@ def test_an_array_of_shares_makes_the_data_set_though_one_is_killed(tmp_path):
         subprocess.run(["sbatch", str(script)], env=environment, check=True, capture_output=True)
         deadline = time.monotonic() + 500
         killed = 0
-        while frozen.missing(stand.dataset):
+        while frozen.find_missing(stand.dataset):
             said = "".join(log.read_text() for log in stand.dataset.glob("slurm/*.log"))
             assert time.monotonic() < deadline, said
             runners = _runners(stand.dataset)

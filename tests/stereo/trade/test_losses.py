@@ -248,8 +248,8 @@ def test_a_jackknife_of_a_mean_is_its_standard_error():
     (None, None, False), (0.01, None, None)])
 def test_a_tolerance_is_kept_only_if_noise_cannot_have_done_it(loss, doubt, verdict):
     numbers = {"epe_px": loss, "wrong_or_missing": 0.0}
-    assert checked_tolerance(0.02, None).keeps(numbers, {"epe_px": doubt, "wrong_or_missing": 0.0}) is verdict
-    assert checked_tolerance(None, 0.01).keeps(numbers, {"epe_px": doubt, "wrong_or_missing": 0.001}) is True
+    assert checked_tolerance(0.02, None).allows(numbers, {"epe_px": doubt, "wrong_or_missing": 0.0}) is verdict
+    assert checked_tolerance(None, 0.01).allows(numbers, {"epe_px": doubt, "wrong_or_missing": 0.001}) is True
 
 
 @pytest.mark.parametrize("given_px", [0.0, -1.0, float("nan"), float("inf"), 1e9])
