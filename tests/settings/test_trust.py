@@ -116,7 +116,7 @@ def test_one_s_own_matcher_is_named_and_takes_harmless_options_from_a_descriptio
 
 @pytest.mark.parametrize(("text", "own", "said"), [
     ("own:mine", [], "no matcher own:mine on this machine \\(none is set up\\)"),
-    ("own:mine", ["yours:bm"], "no matcher own:mine on this machine, known are yours"),
+    ("own:mine", ["yours:bm"], "no matcher own:mine on this machine \\(known are yours\\)"),
     ("own", ["yours:bm"], "no matcher own: "),
     ("own:mine", ["mine:magic"], "NAME:METHOD:KEY=VALUE"),
     ("own:mine", ["a b:bm"], "NAME:METHOD:KEY=VALUE"),
