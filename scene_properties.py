@@ -13,8 +13,9 @@ import bpy
 
 from . import compat
 from .physics.surfaces import principled
-from .settings.description import Settings, canonical, check
+from .settings.description import canonical, check
 from .settings.table import EFFECTS, TOPICS, Setting, Value
+from .typed_settings import Settings, typed
 
 #: Called with a scene and the effects of the settings that the user or a script has changed in it.
 listeners: list[Callable[[Any, frozenset[str]], None]] = []
@@ -131,8 +132,8 @@ def read_settings(group: Any) -> Settings:
 
 def read_unchecked(group: Any) -> Settings:
     """The same, unchecked: to be shown, not to be given to a process."""
-    return {topic: {s.key: _read_property(s, getattr(getattr(group, topic), s.key)) for s in TOPICS[topic].settings}
-            for topic in TOPICS}
+    return typed({topic: {s.key: _read_property(s, getattr(getattr(group, topic), s.key))
+                          for s in TOPICS[topic].settings} for topic in TOPICS})
 
 
 def _read_property(setting: Setting, value: Any) -> Value:

@@ -40,7 +40,7 @@ def picture(preset: str, folder: Path) -> np.ndarray:
     built = build(bpy.context.scene, settings)
     pair = render_pairs(built, expand_headings(settings), folder, 1, 0.0, lambda *a, **k: None)[0]
     light = grey(read_view(pair / "left.exr").radiance)
-    full = np.quantile(light, settings["sensor"]["auto_percentile"]) / settings["sensor"]["auto_target"]
+    full = np.quantile(light, settings.sensor.auto_percentile) / settings.sensor.auto_target
     # A sensor is linear; a screen is not.
     image = np.rint(255 * np.clip(light / full, 0, 1) ** (1 / 2.2)).astype(np.uint8)
     label = np.zeros((LABEL_PX, image.shape[1]), np.uint8)

@@ -28,6 +28,7 @@ from icymoon.render.cost import estimate
 from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.render.worker import render_pairs
 from icymoon.settings import description
+from icymoon.typed_settings import Settings
 
 SMALL: dict[str, Any] = {"rig": {"width_px": 160, "height_px": 120},
                          "quality": {"samples": 16, "noise_threshold": 0.0, "denoiser": "NONE"}}
@@ -50,7 +51,7 @@ ROWS: dict[str, dict[str, Any]] = {
 }
 
 
-def measured(settings: description.Settings, folder: Path) -> tuple[Counter[str], float, float]:
+def measured(settings: Settings, folder: Path) -> tuple[Counter[str], float, float]:
     """Bytes by pass and in all, of a pair, and the share of sky in it."""
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     pair = expand_headings(description.merged(settings, {"dataset": {"headings": 1}}))[0]

@@ -138,8 +138,8 @@ def measure(way: str, preset: str) -> dict[str, Any]:
     if baked is not None:
         _flattened(built.terrain)
         _dice(built.terrain, baked, ground.size_m, changes["px"])
-        rig = settings["rig"]
-        built.camera.matrix_world.translation.z = float(ground.heights(rig["x_m"], rig["y_m"])) + rig["height_m"]
+        rig = settings.rig
+        built.camera.matrix_world.translation.z = float(ground.heights(rig.x_m, rig.y_m)) + rig.height_m
     middle = time.process_time()
     with tempfile.TemporaryDirectory() as folder:
         made = render_pairs(built, expand_headings(settings), Path(folder), 1, 0.0, lambda *a, **k: None)

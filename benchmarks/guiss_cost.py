@@ -36,8 +36,8 @@ import numpy as np
 from icymoon.render.cost.variants import reference
 from icymoon.render.workers import job
 from icymoon.settings import description
-from icymoon.settings.description import Settings
 from icymoon.stereo.trade.measure_variants import scaled_view
+from icymoon.typed_settings import Parts, Settings
 
 if TYPE_CHECKING:  # a process that renders pays for no evaluator
     from icymoon.stereo.matchers.methods import Method
@@ -68,7 +68,7 @@ class Rung:
     """A row: what is changed in the settings and, for what they do not have, in Cycles."""
 
     name: str
-    settings: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    settings: Parts = field(default_factory=dict)
     cycles: Mapping[str, Any] = field(default_factory=dict)
     apart: bool = False  # each eye a render of its own, nothing kept
 

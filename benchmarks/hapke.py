@@ -61,7 +61,7 @@ def _seconds(surface: dict, hapke: dict, textures: dict | None = None) -> float:
     built = build(scene, settings)
     spent = []
     for samples in (1, 64):
-        cycles_settings.apply(scene, {**settings["quality"], "samples": samples}, 1)
+        cycles_settings.apply(scene, settings.quality | {"samples": samples}, 1)
         attune(scene, built.materials, built.sun, built.planetshine)
         scene.render.resolution_x, scene.render.resolution_y, scene.render.threads = 160, 120, 1
         start = time.process_time()
@@ -110,7 +110,7 @@ def planet() -> None:
     for name, preset, diameter, flattening in (("Jupiter", "surfaces/hapke_europa_global", 12.23, 0.065),
                                                ("Saturn", "surfaces/hapke_enceladus_global", 29.33, 0.098)):
         shown = description.merged(description.defaults(), description.load(description.preset_path(preset)))
-        law = albedos.law_of(shown["surface"], shown["hapke"])
+        law = albedos.law_of(shown.surface, shown.hapke)
         errors: dict[int, list[float]] = {}
         for _ in range(100):
             sun = random.normal(size=3)
@@ -157,7 +157,7 @@ def curve(path: Path) -> None:
         phase = np.radians(last) * np.linspace(0, 1, 121) ** 2
         for name, colour in zip(presets, colours, strict=True):
             shown = description.merged(description.defaults(), description.load(description.preset_path(name)))
-            law = albedos.law_of(shown["surface"], shown["hapke"])
+            law = albedos.law_of(shown.surface, shown.hapke)
             bright = photometry.disc_brightness(law, phase)
             points = " ".join(f"{left + width * a / np.radians(last):.2f},{460 - 420 * value / top:.2f}"
                               for a, value in zip(phase, bright, strict=True))

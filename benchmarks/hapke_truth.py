@@ -88,13 +88,13 @@ def of_cycles(folder: Path, hapke: dict[str, Any], surface: dict[str, Any]) -> n
     _flatten(built)
     bpy.context.view_layer.update()
     pair, = render_pairs(built, expand_headings(settings), folder, 1, 0.0, lambda *a, **k: None)
-    q, camera = from_settings(settings["hapke"]), np.array(built.camera.matrix_world)
+    q, camera = from_settings(settings.hapke), np.array(built.camera.matrix_world)
     (folder / "scene.json").write_text(json.dumps({
         "hapke": {"w": q.w, "b": q.b, "c": (1 + q.c) / 2, "theta": math.degrees(q.theta_bar), "B_0": q.b_s0,
                   "h": q.h_s},
         "sun": list(built.sun.matrix_world.to_3x3().col[2]), "width": 160, "height": 120,
-        "fov_deg": math.degrees(2 * math.atan(0.5 * settings["rig"]["sensor_width_mm"]
-                                              / settings["rig"]["focal_length_mm"])),
+        "fov_deg": math.degrees(2 * math.atan(0.5 * settings.rig.sensor_width_mm
+                                              / settings.rig.focal_length_mm)),
         "look_at": [camera[:3, 3].tolist(), (camera[:3, 3] - camera[:3, 2]).tolist(), camera[:3, 1].tolist()]}))
     bpy.ops.object.select_all(action="DESELECT")
     built.terrain.select_set(True)
@@ -123,7 +123,7 @@ def compare(python: str) -> None:
         with tempfile.TemporaryDirectory() as path:
             folder = Path(path)
             settings = complete({"hapke": {**hapke, "h_function": "2002"}, "surface": {"model": "HAPKE"}})
-            bond = albedos(settings["surface"], settings["hapke"]).bond
+            bond = albedos(settings.surface, settings.hapke).bond
             images = {way: of_cycles(folder, {**hapke, **changes}, {"model": "HAPKE"}) for way, changes in WAYS.items()}
             images["Lambert, same albedo"] = of_cycles(folder, hapke, {"model": "LAMBERT", "albedo": bond})
             subprocess.run([python, __file__, "--mitsuba", str(folder)], check=True)

@@ -25,6 +25,7 @@ from icymoon.render.cost import estimate
 from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.render.worker import render_pairs
 from icymoon.settings import description
+from icymoon.typed_settings import Settings
 
 SMALL: dict[str, Any] = {"rig": {"width_px": 160, "height_px": 120}, "mesh": {"error_px": 4.0, "edge_px": 24.0},
                          "quality": {"samples": 8}}
@@ -72,7 +73,7 @@ ROWS: dict[str, dict[str, Any]] = {
 }
 
 
-def measured(settings: description.Settings, folder: Path) -> tuple[float, float, float, float]:
+def measured(settings: Settings, folder: Path) -> tuple[float, float, float, float]:
     """Processor seconds of the build, of the first and of another pair of the scene, and bytes of a pair."""
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     start = time.process_time()

@@ -20,12 +20,13 @@ from icymoon.settings import description
 from icymoon.stereo.matchers.methods import parse_methods
 from icymoon.stereo.trade.losses import measure, read_reference
 from icymoon.stereo.trade.measure_variants import scaled_view
+from icymoon.typed_settings import Settings
 
 SCENE = "scenes/europa_rough_ice"
 METHODS = "sgbm,bm,jplv"
 
 
-def renders(settings: description.Settings, folder: Path, repeats: int = 2) -> list[Path]:
+def renders(settings: Settings, folder: Path, repeats: int = 2) -> list[Path]:
     """Pair folders of so many renders, each by a process of its own."""
     return [render_job(Job(folder, settings, repeat=k), sys.executable, lambda message: None)[0]
             for k in range(repeats)]
@@ -44,8 +45,8 @@ def main(options: argparse.Namespace, out: Path) -> None:
     scene = scaled_view(description.merged(description.defaults(), description.load(description.preset_path(SCENE))),
                    options.scale)
     truth = read_reference(renders(reference(scene, options.reference_samples).settings, out), methods, {})
-    rig = scene["rig"]
-    where = f"{SCENE} at {rig['width_px']} x {rig['height_px']} px"
+    rig = scene.rig
+    where = f"{SCENE} at {rig.width_px} x {rig.height_px} px"
     print(f"{where}; increase of the errors over those on an image without noise ({truth.noise:.2%} noise):")
     print(f"{'':12}{'CPU s':>8}" + "".join(f"{method.label + ' px':>10}" for method in methods)
           + f"{'SGBM wrong':>12}{'bias':>8}{'RMS':>8}")

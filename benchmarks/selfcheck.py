@@ -24,6 +24,7 @@ from icymoon.render.pairs.pair_folder import EYES, StereoCamera, find_pair_folde
 from icymoon.stereo.images.views import read_eye
 from icymoon.stereo.measure.prepare import eyes_of, read_unchanged_pair
 from icymoon.stereo.measure.self_check import Eye, self_check, visibility
+from icymoon.typed_settings import RigSettings
 
 #: Kinds of ground, and how many headings from each. All of the scenes and the gallery, and the paper's terrains.
 GROUNDS = {
@@ -180,16 +181,16 @@ def measure(dataset: Path, log: Path) -> list[dict[str, Any]]:
     with log.open("a", encoding="utf-8") as stream:
         for folder in [folder for folder in folders if folder.name not in done]:
             random = np.random.default_rng(int(folder.name, 16))
-            rig = read_pair(folder).settings["rig"]
+            rig = read_pair(folder).settings.rig
             others = [f for f in random.permutation(np.array(folders, object)) if f != folder][:40]
-            other = next((f for f in others if _fits(rig, read_pair(f).settings["rig"])), None)
+            other = next((f for f in others if _fits(rig, read_pair(f).settings.rig)), None)
             rows.append(row(folder, other, bool(random.random() < 0.5)))
             stream.write(json.dumps(rows[-1]) + "\n")
             stream.flush()
     return rows
 
 
-def _fits(rig: dict[str, Any], other: dict[str, Any]) -> bool:
+def _fits(rig: RigSettings, other: dict[str, Any]) -> bool:
     """Whether another pair was taken with the same cameras, which stood or looked otherwise."""
     same = ("width_px", "focal_length_mm", "sensor_width_mm", "baseline_m")
     return (all(rig[key] == other[key] for key in same)

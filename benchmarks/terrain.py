@@ -24,6 +24,7 @@ from icymoon.physics.terrain.landforms import MAKERS
 from icymoon.physics.terrain.noise.bases import BASES
 from icymoon.physics.terrain.terrain import make_terrain
 from icymoon.settings import description
+from icymoon.typed_settings import Settings
 from mathutils import Vector, noise
 
 SIZE, SIDE, OCTAVES, LOOPED = 20.0, 1000, 8, 200
@@ -52,7 +53,7 @@ def looped(function: Callable[[Vector], float]) -> float:
     return seconds(work) * (1e6 / LOOPED**2)
 
 
-def settings(*parts: dict) -> description.Settings:
+def settings(*parts: dict) -> Settings:
     """The defaults on a million vertices, with changes."""
     size = {"terrain": {"size_m": SIZE, "resolution": SIDE}}
     return description.merged(description.defaults(), size, *(description.check(p, "benchmark") for p in parts))
@@ -82,7 +83,7 @@ def built(*parts: dict) -> Callable[[], Any]:
     described = settings(*parts)
 
     def work() -> None:
-        bpy.data.meshes.remove(build_mesh("benchmark", described["terrain"], make_terrain(described, 1)))
+        bpy.data.meshes.remove(build_mesh("benchmark", described.terrain, make_terrain(described, 1)))
     return work
 
 

@@ -22,6 +22,7 @@ from ..render.workers.process import Message, emit, report_errors
 from ..scratch import scratch_folder
 from ..settings import description
 from ..terminal import as_path, report_end, show_counted_progress, show_progress
+from ..typed_settings import Settings
 from ..version import version
 from . import batch, plan
 
@@ -141,7 +142,7 @@ def _add_scene_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--blender", default=sys.executable, help="Blender, or a Python with bpy (this Python)")
 
 
-def _read_settings(options: argparse.Namespace) -> description.Settings:
+def _read_settings(options: argparse.Namespace) -> Settings:
     return description.merged(
         description.defaults(),
         *(description.load(description.preset_path(name)) for name in options.preset),
@@ -149,7 +150,7 @@ def _read_settings(options: argparse.Namespace) -> description.Settings:
         *(description.override(text) for text in options.overrides))
 
 
-def render_settings(settings: description.Settings, dataset: Path, blender: str, *, again: bool = False) -> list[Path]:
+def render_settings(settings: Settings, dataset: Path, blender: str, *, again: bool = False) -> list[Path]:
     """Render the pairs of a complete description in a worker, showing its progress; their folders.
 
     Raises IcyMoonError with the worker's own message if it fails.
@@ -160,10 +161,10 @@ def render_settings(settings: description.Settings, dataset: Path, blender: str,
 
 def _run_render(options: argparse.Namespace) -> int:
     settings = _read_settings(options)
-    if settings["source"]["file"] and settings["source"]["kind"] == "PROCEDURAL":
+    if settings.source.file and settings.source.kind == "PROCEDURAL":
         print("icymoon: source.file is not used: source.kind is PROCEDURAL; set it to MESH or HEIGHT_MAP.",
               file=sys.stderr)
-    dataset = options.out.absolute() if options.out else absolute_folder(str(settings["dataset"]["folder"]))
+    dataset = options.out.absolute() if options.out else absolute_folder(str(settings.dataset.folder))
     render_settings(settings, dataset, options.blender, again=options.again)
     print(dataset)
     return 0
@@ -295,7 +296,7 @@ def _run_quality(options: argparse.Namespace) -> int:
 
     with report_errors(options.json):
         settings = _read_settings(options)
-        device = str(settings["quality"]["device"])
+        device = str(settings.quality.device)
         speed = None if options.measure else recall_speed(device)
         if speed is None:
             with scratch_folder() as folder, show_progress("Measuring this machine") as show:

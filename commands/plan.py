@@ -90,7 +90,7 @@ def _print_pairs(plan: Plan, pairs: Sequence[PlannedPair], options: argparse.Nam
 
 
 def _print_estimate(plan: Plan, pairs: Sequence[PlannedPair], options: argparse.Namespace) -> None:
-    devices = {str(pair.settings["quality"]["device"]) for pair in pairs}
+    devices = {str(pair.settings.quality.device) for pair in pairs}
     speed = recall_speed(devices.pop()) if len(devices) == 1 else None
     found = estimate(pairs, options.out.absolute() if options.out else None, speed)
     lack = _check_blender(pairs, options)

@@ -15,6 +15,7 @@ from ..errors import IcyMoonError
 from ..render.pairs.pair_folder import find_pair_folders, read_pair
 from ..settings import description
 from ..settings.table import TOPICS, Setting, Value, all_settings
+from ..typed_settings import Settings
 
 #: What stands for a preset where none states the value.
 DEFAULT, BY_HAND = "default", "stated"
@@ -41,7 +42,7 @@ class Origin:
 @dataclass(frozen=True)
 class _Preset:
     name: str
-    stated: description.Settings
+    stated: Settings
     sources: dict[str, str]
     included: tuple[str, ...]
 
@@ -55,8 +56,8 @@ def _read_preset(name: str) -> _Preset:
                    tuple(raw["preset"].get("include", ())))
 
 
-def _likeness(stated: description.Settings, settings: description.Settings,
-              defaults: description.Settings) -> tuple[float, int]:
+def _likeness(stated: Settings, settings: Settings,
+              defaults: Settings) -> tuple[float, int]:
     """The share of the stated values that are in the settings, and their number; defaults count if all are such."""
     listed = [(topic, key, value) for topic, values in stated.items() for key, value in values.items()]
     telling = [each for each in listed if defaults[each[0]][each[1]] != each[2]] or listed
@@ -64,7 +65,7 @@ def _likeness(stated: description.Settings, settings: description.Settings,
     return met / max(len(telling), 1), met
 
 
-def _rank_presets(settings: description.Settings) -> list[_Preset]:
+def _rank_presets(settings: Settings) -> list[_Preset]:
     """The presets that count: first those of the preset that is most like the settings with all that it includes."""
     defaults, known = description.defaults(), {name: _read_preset(name) for name in description.preset_names()}
     whole = {name: description.load(description.preset_path(name)) for name in known}
@@ -86,7 +87,7 @@ def _find_origin(topic: str, setting: Setting, value: Value, default: Value, pre
     return Origin(name, value, setting.unit, BY_HAND, "in no such preset; from the window, a plan, a file or --set")
 
 
-def find_origins(settings: description.Settings, asked: Iterable[str] = ()) -> Iterator[Origin]:
+def find_origins(settings: Settings, asked: Iterable[str] = ()) -> Iterator[Origin]:
     """The origin of each setting of a complete description, in the order of the sidebar.
 
     ``asked`` are topics (``light``) or settings (``light.planet``) to list; none for all but defaults.
@@ -107,7 +108,7 @@ def find_origins(settings: description.Settings, asked: Iterable[str] = ()) -> I
             yield origin
 
 
-def read_pair_settings(path: Path) -> description.Settings:
+def read_pair_settings(path: Path) -> Settings:
     """The complete settings of the pair at ``path``. Raises IcyMoonError if there is not exactly one."""
     folders = find_pair_folders(path)
     if len(folders) != 1:

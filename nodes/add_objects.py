@@ -10,7 +10,7 @@ import numpy as np
 from ..errors import IcyMoonError
 from ..physics.rocks.shapes import make_rock_shapes
 from ..physics.terrain.terrain import make_terrain as make_terrain
-from ..settings.description import Settings
+from ..typed_settings import Settings
 from . import engine
 from .ground.terrain_mesh import build_mesh, mesh_from_arrays
 from .surface.materials import ground_material, rock_material
@@ -23,8 +23,8 @@ def terrain_object(settings: Settings) -> bpy.types.Object:
     Raises IcyMoonError if Cycles is off or a texture of its material cannot be had.
     """
     engine.require()
-    mesh = build_mesh("Icy Terrain", settings["terrain"], make_terrain(settings, int(settings["dataset"]["seed"])))
-    mark_elevation(mesh, settings["surface"])
+    mesh = build_mesh("Icy Terrain", settings.terrain, make_terrain(settings, int(settings.dataset.seed)))
+    mark_elevation(mesh, settings.surface)
     return _with_material(mesh, lambda: ground_material(settings, mesh))
 
 
@@ -35,10 +35,10 @@ def block_object(settings: Settings, diameter_m: float) -> bpy.types.Object:
     off or a texture of its material cannot be had.
     """
     engine.require()
-    rocks = settings["rocks"]
-    shape = make_rock_shapes(rocks["family"], rocks["angularity"], int(settings["dataset"]["seed"]))[0][0]
-    long = float(np.sqrt(max(rocks["elongation"], 1.0)))
-    scale = diameter_m * np.array([long, 1.0 / long, shape.height * rocks["height_ratio"]])
+    rocks = settings.rocks
+    shape = make_rock_shapes(rocks.family, rocks.angularity, int(settings.dataset.seed))[0][0]
+    long = float(np.sqrt(max(rocks.elongation, 1.0)))
+    scale = diameter_m * np.array([long, 1.0 / long, shape.height * rocks.height_ratio])
     vertices = (shape.vertices - [0.0, 0.0, shape.vertices[:, 2].min()]) * scale
     mesh = mesh_from_arrays("Ice Rock", vertices.astype(np.float32), shape.triangles)
     mesh.polygons.foreach_set("use_smooth", ~shape.plane)

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import bpy
 
 from ..errors import IcyMoonError
-from ..settings.description import Settings, merged
+from ..settings.description import merged
 from ..settings.table import TOPICS
+from ..typed_settings import Parts, Settings, typed
 from . import engine
 from .datablocks.fingerprint import MAKER, TAG, added_objects, built_objects, differing, edited, maker, read, updated
 from .datablocks.marks import hashed
@@ -136,9 +136,9 @@ class Built:
     @property
     def preview(self) -> Settings:
         """Settings of which a preview is shown, where ``settings`` say what was built; empty if none is."""
-        return dict(json.loads(self.collection.get(PREVIEW, "{}")))
+        return typed(json.loads(self.collection.get(PREVIEW, "{}")))
 
-    def remember(self, settings: Settings, preview: Settings, *changed: str) -> None:
+    def remember(self, settings: Settings, preview: Parts, *changed: str) -> None:
         """Remember what the scene shows now, of which the ``changed`` parts or roles are as they should be."""
         self.settings = merged(settings)
         self.collection[SETTINGS], self.collection[PREVIEW] = json.dumps(self.settings), json.dumps(preview)
@@ -162,7 +162,7 @@ def find(scene: bpy.types.Scene) -> Built | None:
     roles = built_objects(collection)
     if not {"terrain", "sun", "camera"} <= roles.keys():
         return None
-    return Built(collection, roles["terrain"], roles["sun"], roles["camera"], json.loads(collection[SETTINGS]),
+    return Built(collection, roles["terrain"], roles["sun"], roles["camera"], typed(json.loads(collection[SETTINGS])),
                  scene)
 
 
@@ -193,7 +193,7 @@ def extra(settings: Settings) -> str:
     return content(settings) + reflectance_laws.stand_in(settings)
 
 
-def changed_settings(built: Built, settings: Mapping[str, Mapping[str, Any]]) -> list[str]:
+def changed_settings(built: Built, settings: Settings) -> list[str]:
     """Names of the settings that the built scene does not show yet, those of files also if the content is another."""
     shown = [(topic.key, s.key) for topic in TOPICS.values() for s in topic.settings
              if s.effect in ("geometry", "material", "light", "camera")]

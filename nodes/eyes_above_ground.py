@@ -24,7 +24,7 @@ def of_described(built: Built, scene: bpy.types.Scene | None = None) -> list[str
     """The reasons for the eyes of a scene that was only built: those of its description, else of its mesh, where that
     is not as fine under the camera as the images show. For ``scene`` see ``reasons``."""
     settings = built.settings
-    graded = settings["source"]["kind"] == "PROCEDURAL" and settings["mesh"]["kind"] == "GRADED"
+    graded = settings.source.kind == "PROCEDURAL" and settings.mesh.kind == "GRADED"
     return list(admission.find_reasons(settings)) or ([] if graded else reasons(built, scene=scene))
 
 
@@ -38,7 +38,7 @@ def reasons(built: Built, turn_deg: float = 0.0, scene: bpy.types.Scene | None =
     with nullcontext(scene) if scene else _scene_of(built) as asked:
         layer = asked.view_layers[0]
         layer.update()
-        poses = eye_poses(built.camera.evaluated_get(layer.depsgraph).matrix_world, built.settings["rig"]["baseline_m"])
+        poses = eye_poses(built.camera.evaluated_get(layer.depsgraph).matrix_world, built.settings.rig.baseline_m)
         found = [_of_eye(asked, layer.depsgraph, built, eye, position)
                  for eye, position in _positions(poses, turn_deg).items()]
     return [sentence for sentence in found if sentence]
@@ -63,7 +63,7 @@ def _positions(poses: dict[str, np.ndarray], turn_deg: float) -> dict[str, Vecto
 
 
 def _of_eye(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph, built: Built, eye: str, position: Vector) -> str:
-    rig = built.settings["rig"]
+    rig = built.settings.rig
     role, distance, leaves = _met(scene, depsgraph, position, _UP)
     if role and leaves:
         return buried_sentence(rig, eye, distance) if role == "terrain" else in_rock_sentence(rig, eye)

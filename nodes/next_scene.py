@@ -11,7 +11,7 @@ from ..errors import IcyMoonError
 from ..physics import admission
 from ..physics.camera.stereo_geometry import rounding_advice
 from ..settings import changes
-from ..settings.description import Settings
+from ..typed_settings import Settings
 from . import preview
 from .built import SETTINGS, Built, find
 from .datablocks.user_files import content
@@ -37,13 +37,13 @@ def adapted(built: Built | None, settings: Settings) -> tuple[Built, bool]:
         return open_empty_scene(settings), False
     if content(settings) != built.content:
         return open_empty_scene(settings), False
-    preview.show(built, settings, int(settings["terrain"]["resolution"]))
+    preview.show(built, settings, int(settings.terrain.resolution))
     if preview.notes(bpy.context.scene) or built.preview:  # what cannot be shown is refused, or takes a new scene
         return open_empty_scene(settings), False
     built.remember(settings, {})
     warnings = [*materials.advice(settings), *reflectance_laws.advice(settings),
                 *light_advice(described_sky(settings), settings),
-                *rounding_advice(settings["rig"], built.site_m), *admission.scene_advice(settings)]
+                *rounding_advice(settings.rig, built.site_m), *admission.scene_advice(settings)]
     now = find(bpy.context.scene)
     if now is None:
         raise IcyMoonError("A part of the built scene is gone; render the pair again.")

@@ -24,7 +24,8 @@ from ..physics.rocks.rocks import LEVEL_RANKS, Rocks, scatter
 from ..physics.rocks.shapes import Shape, make_rock_shapes
 from ..settings import changes
 from ..settings.changes import geometry
-from ..settings.description import Settings, merged
+from ..settings.description import merged
+from ..typed_settings import Settings
 from . import scene as scenes
 from .datablocks.fingerprint import TAG, instanced
 from .ground.heights_under import heights_of
@@ -82,7 +83,7 @@ def show(built: scenes.Built, settings: Settings, side: int) -> bool:
             said += _show_lights(built, settings)
     if merged(built.settings, built.preview) != before:
         _show_sunlight(built)
-    if settings["rig"] != before["rig"] or ground is not None:
+    if settings.rig != before.rig or ground is not None:
         if built.edited_parts("camera"):
             said.append(_EDITED.format("camera"))
         else:
@@ -115,33 +116,33 @@ def _show_ground(built: scenes.Built, settings: Settings, side: int) -> Surface:
                                                               "rock data")}
     if by_hand:
         raise IcyMoonError(_EDITED.format("ground" if "terrain" in by_hand else "field of blocks"))
-    coarse = merged(settings, {"terrain": {"resolution": min(side, int(settings["terrain"]["resolution"]))}})
+    coarse = merged(settings, {"terrain": {"resolution": min(side, int(settings.terrain.resolution))}})
     ground = scenes.ground_of(settings)
-    positions, faces = grid(coarse["terrain"], ground)
-    rocks = _scattered(coarse, positions) if coarse["rocks"]["coverage"] > 0 else None
+    positions, faces = grid(coarse.terrain, ground)
+    rocks = _scattered(coarse, positions) if coarse.rocks.coverage > 0 else None
     # Nothing is refused from here on.
     fill_mesh(built.terrain.data, positions, faces)
-    mark_elevation(built.terrain.data, settings["surface"])
+    mark_elevation(built.terrain.data, settings.surface)
     changed = _show_blocks(built, coarse, rocks)
     built.remember(built.settings, merged(built.preview, geometry(settings)), "terrain data", *changed)
     return ground
 
 
 def _coarse_shapes(settings: Settings) -> tuple[tuple[Shape, ...], ...]:
-    rocks = settings["rocks"]
-    return make_rock_shapes(rocks["family"], rocks["angularity"], int(settings["dataset"]["seed"]))[-1:]
+    rocks = settings.rocks
+    return make_rock_shapes(rocks.family, rocks.angularity, int(settings.dataset.seed))[-1:]
 
 
 def _scattered(settings: Settings, positions: np.ndarray) -> Rocks:
     """The largest of the described blocks, of the coarsest shapes, on a grid of positions (n², 3)."""
-    rocks, rig, size = settings["rocks"], settings["rig"], float(settings["terrain"]["size_m"])
+    rocks, rig, size = settings.rocks, settings.rig, float(settings.terrain.size_m)
     n = round(len(positions) ** 0.5)
     pixel = size / (n - 1)
     heights = positions[:, 2].reshape(n, n)[::-1].astype(np.float64)
     ground = HeightMap(heights, (pixel, pixel), -size / 2, -size / 2, size)
-    found = scatter({**rocks, "most": min(rocks["most"], MOST_BLOCKS)}, size, int(settings["dataset"]["seed"]),
+    found = scatter(rocks | {"most": min(rocks.most, MOST_BLOCKS)}, size, int(settings.dataset.seed),
                     ground.heights, _coarse_shapes(settings) * (1 + len(LEVEL_RANKS)),
-                    (rig["x_m"], rig["y_m"], rocks["clear_radius_m"]))
+                    (rig.x_m, rig.y_m, rocks.clear_radius_m))
     return replace(found, level=np.zeros_like(found.level))
 
 
@@ -169,7 +170,7 @@ def _show_blocks(built: scenes.Built, settings: Settings, rocks: Rocks | None) -
 
 def _show_surfaces(built: scenes.Built, settings: Settings, before: Settings) -> list[str]:
     """Make ground and blocks of what ``settings`` say; what keeps that from being done, in sentences."""
-    seeds = settings["dataset"]["seed"], before["dataset"]["seed"]
+    seeds = settings.dataset.seed, before.dataset.seed
     if changes.look(settings) == changes.look(before) and seeds[0] == seeds[1]:
         return []
     made = {"terrain": ("ground", ground_material, [built.terrain]),
@@ -179,9 +180,9 @@ def _show_surfaces(built: scenes.Built, settings: Settings, before: Settings) ->
     by_hand = built.edited_parts(*(f"{role} materials" for role in made))
     said: list[str] = []
     changed: list[str] = []
-    if bool(settings["surface"]["trough_dirt"]) != bool(before["surface"]["trough_dirt"]):
+    if bool(settings.surface.trough_dirt) != bool(before.surface.trough_dirt):
         changed += [] if built.edited_parts("terrain data") else ["terrain data"]
-        mark_elevation(built.terrain.data, settings["surface"], _roundness(built))
+        mark_elevation(built.terrain.data, settings.surface, _roundness(built))
     for role, (name, make, items) in made.items():
         if f"{role} materials" in by_hand:
             said.append(_EDITED.format(f"surface of the {name}"))
@@ -200,10 +201,10 @@ def _show_surfaces(built: scenes.Built, settings: Settings, before: Settings) ->
 
 def _roundness(built: scenes.Built) -> Callable[[np.ndarray, np.ndarray], np.ndarray] | None:
     """How far the ground that is shown falls at coordinates, like the body; None where it is flat."""
-    if is_own(built.settings) or built.settings["mesh"]["kind"] != "GRADED" or "terrain" in built.preview:
+    if is_own(built.settings) or built.settings.mesh.kind != "GRADED" or "terrain" in built.preview:
         return None
-    rig, radius = built.settings["rig"], float(built.settings["terrain"]["body_radius_m"])
-    return lambda x, y: np.asarray(drop_m(np.hypot(x - rig["x_m"], y - rig["y_m"]), radius))
+    rig, radius = built.settings.rig, float(built.settings.terrain.body_radius_m)
+    return lambda x, y: np.asarray(drop_m(np.hypot(x - rig.x_m, y - rig.y_m), radius))
 
 
 def _replace_material(old: bpy.types.Material, new: bpy.types.Material) -> None:
@@ -226,7 +227,7 @@ def _show_lights(built: scenes.Built, settings: Settings) -> list[str]:
     scenes.remove(old)
     for item in [item for item in built.collection.all_objects if item.get(TAG) in ROLES]:
         scenes.free_names([item, item.data, *(slot.material for slot in item.material_slots)])
-    built.remember(merged(built.settings, {"light": settings["light"]}), built.preview, "sun", *ROLES)
+    built.remember(merged(built.settings, {"light": settings.light}), built.preview, "sun", *ROLES)
     return []
 
 
@@ -235,23 +236,23 @@ def _show_rig(built: scenes.Built, settings: Settings, ground: Surface | None) -
 
     On a ground from a file, away from where it was built, the camera is only nearly there.
     """
-    rig, preview = settings["rig"], {topic: values for topic, values in built.preview.items() if topic != "rig"}
-    site_m, stood = built.site_m, built.settings["rig"]
-    moved = (rig["x_m"], rig["y_m"]) != (stood["x_m"], stood["y_m"])
+    rig, preview = settings.rig, {topic: values for topic, values in built.preview.items() if topic != "rig"}
+    site_m, stood = built.site_m, built.settings.rig
+    moved = (rig.x_m, rig.y_m) != (stood.x_m, stood.y_m)
     if not is_own(settings):
         if moved or ground is not None or preview:
             site_m = scenes.site_ground_m(settings, ground or scenes.ground_of(settings))
-        if settings["mesh"]["kind"] == "GRADED":  # the mesh was made for the rig that it was built with
+        if settings.mesh.kind == "GRADED":  # the mesh was made for the rig that it was built with
             other = {key: stood[key] for key in OF_THE_RIG if stood[key] != rig[key]}
             preview |= {"rig": {key: rig[key] for key in other}} if other else {}
             settings = merged(settings, {"rig": other})
     elif moved:
         with heights_of(built.terrain) as height_at:
-            under = float(height_at(np.array([rig["x_m"]]), np.array([rig["y_m"]]))[0])
+            under = float(height_at(np.array([rig.x_m]), np.array([rig.y_m]))[0])
         site_m = site_m if math.isnan(under) else under
-        preview["rig"] = {"x_m": rig["x_m"], "y_m": rig["y_m"]}
-        settings = merged(settings, {"rig": {"x_m": stood["x_m"], "y_m": stood["y_m"]}})
+        preview["rig"] = {"x_m": rig.x_m, "y_m": rig.y_m}
+        settings = merged(settings, {"rig": {"x_m": stood.x_m, "y_m": stood.y_m}})
     place_rig(built.camera, rig, site_m)
     if moved and not preview:
         built.collection[scenes.SITE] = site_m
-    built.remember(merged(built.settings, {"rig": settings["rig"]}), preview, "camera")
+    built.remember(merged(built.settings, {"rig": settings.rig}), preview, "camera")

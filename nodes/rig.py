@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Any
 
 import bpy
@@ -10,19 +9,20 @@ import numpy as np
 from mathutils import Matrix
 
 from ..physics.light.directions import camera_axes
+from ..typed_settings import RigSettings
 
 #: Blender's camera looks along -z with y up; OpenCV's along +z with y down.
 OPENCV_FROM_BLENDER = np.diag([1.0, -1.0, -1.0])
 
 
-def build_rig(name: str, rig: Mapping[str, Any], ground_m: float) -> bpy.types.Object:
+def build_rig(name: str, rig: RigSettings, ground_m: float) -> bpy.types.Object:
     """A camera from ``rig`` settings, standing ``rig.height_m`` above ``ground_m``."""
     camera = bpy.data.objects.new(name, bpy.data.cameras.new(name))
     place_rig(camera, rig, ground_m)
     return camera
 
 
-def place_rig(camera: bpy.types.Object, rig: Mapping[str, Any], ground_m: float) -> None:
+def place_rig(camera: bpy.types.Object, rig: RigSettings, ground_m: float) -> None:
     """Give an existing camera the lens, baseline and pose that ``rig`` settings state."""
     lens = camera.data
     lens.lens_unit = "MILLIMETERS"
@@ -32,23 +32,23 @@ def place_rig(camera: bpy.types.Object, rig: Mapping[str, Any], ground_m: float)
     lens.clip_start, lens.clip_end = 1.0e-4, 1.0e6
     lens.stereo.convergence_mode = "PARALLEL"
     lens.stereo.pivot = "LEFT"
-    lens.stereo.interocular_distance = rig["baseline_m"]
+    lens.stereo.interocular_distance = rig.baseline_m
     lens.stereo.use_spherical_stereo = False
-    axes = camera_axes(rig["heading_deg"], rig["pitch_deg"]) @ OPENCV_FROM_BLENDER
+    axes = camera_axes(rig.heading_deg, rig.pitch_deg) @ OPENCV_FROM_BLENDER
     pose = np.eye(4)
     pose[:3, :3] = axes
-    pose[:3, 3] = rig["x_m"], rig["y_m"], ground_m + rig["height_m"]
+    pose[:3, 3] = rig.x_m, rig.y_m, ground_m + rig.height_m
     camera.matrix_world = Matrix(pose.tolist())
 
 
-def lens_values(rig: Mapping[str, Any]) -> dict[str, tuple[str, Any]]:
+def lens_values(rig: RigSettings) -> dict[str, tuple[str, Any]]:
     """What Blender's lens is given, by its own names: the ``rig`` setting that says it, and the value."""
     # Both shifts in widths of the image, of the frame and not of the axis, y up.
     return {"type": ("rig.focal_length_mm", "PERSP"), "sensor_fit": ("rig.sensor_width_mm", "HORIZONTAL"),
-            "lens": ("rig.focal_length_mm", rig["focal_length_mm"]),
-            "sensor_width": ("rig.sensor_width_mm", rig["sensor_width_mm"]),
-            "shift_x": ("rig.principal_x_px", -rig["principal_x_px"] / rig["width_px"]),
-            "shift_y": ("rig.principal_y_px", rig["principal_y_px"] / rig["width_px"])}
+            "lens": ("rig.focal_length_mm", rig.focal_length_mm),
+            "sensor_width": ("rig.sensor_width_mm", rig.sensor_width_mm),
+            "shift_x": ("rig.principal_x_px", -rig.principal_x_px / rig.width_px),
+            "shift_y": ("rig.principal_y_px", rig.principal_y_px / rig.width_px)}
 
 
 def eye_poses(matrix_world: Matrix, baseline_m: float) -> dict[str, np.ndarray]:

@@ -24,7 +24,8 @@ from ..physics.rocks.rocks import scatter
 from ..physics.rocks.shapes import make_rock_shapes
 from ..physics.terrain.terrain import Terrain, terrain_advice
 from ..physics.terrain.terrain import make_terrain as make_terrain
-from ..settings.description import Settings, merged
+from ..settings.description import merged
+from ..typed_settings import Settings
 from . import engine, eyes_above_ground
 from .built import (
     CONTENT,
@@ -73,22 +74,22 @@ OBJECTS = ("terrain", "sun", "camera", "rock", *ROLES)
 
 def ground_of(settings: Settings) -> Terrain:
     """The height function of the described ground."""
-    return make_terrain(settings, int(settings["dataset"]["seed"]))
+    return make_terrain(settings, int(settings.dataset.seed))
 
 
 def site_ground_m(settings: Settings, ground: Surface) -> float:
     """Height in metres of the ground under the left camera, at the detail of the mesh; NaN beyond the ground."""
-    rig = settings["rig"]
-    return float(ground.heights(rig["x_m"], rig["y_m"], site_wavelength_m(settings["terrain"], ground)))
+    rig = settings.rig
+    return float(ground.heights(rig.x_m, rig.y_m, site_wavelength_m(settings.terrain, ground)))
 
 
 def measured_patch(built: Built) -> np.ndarray | None:
     """Heights (n, n) in metres on a grid over the patch of procedural ground; None of other ground."""
     if is_own(built.settings):
         return None
-    if built.settings["mesh"]["kind"] == "GRADED":
+    if built.settings.mesh.kind == "GRADED":
         return patch_heights(ground_of(built.settings))
-    return grid_heights(built.terrain.data, built.settings["terrain"])
+    return grid_heights(built.terrain.data, built.settings.terrain)
 
 
 def _tagged(block: Any, role: str) -> Any:
@@ -98,13 +99,13 @@ def _tagged(block: Any, role: str) -> Any:
 
 def _site(settings: Settings, ground: Surface, own: OwnGround | None) -> tuple[float, list[str]]:
     """Height in metres of the ground to stand on, and a warning if the camera stands beside it."""
-    rig, size = settings["rig"], settings["terrain"]["size_m"]
+    rig, size = settings.rig, settings.terrain.size_m
     height = site_ground_m(settings, ground)
     if own is not None and math.isnan(height):
-        return own.nearest_height_m(rig["x_m"], rig["y_m"]), [
+        return own.nearest_height_m(rig.x_m, rig.y_m), [
             "There is no ground under the camera; change rig.x_m or rig.y_m, or move the ground with source.origin_x_m "
             "and source.origin_y_m."]
-    if own is None and not isinstance(ground, Graded) and max(abs(rig["x_m"]), abs(rig["y_m"])) > size / 2:
+    if own is None and not isinstance(ground, Graded) and max(abs(rig.x_m), abs(rig.y_m)) > size / 2:
         return height, [f"The camera stands outside the {size:g} m patch of ground; change rig.x_m, rig.y_m or "
                         "terrain.size_m."]
     return height, []
@@ -112,16 +113,16 @@ def _site(settings: Settings, ground: Surface, own: OwnGround | None) -> tuple[f
 
 def _blocks(settings: Settings, terrain: bpy.types.Object, size_m: float) -> tuple[bpy.types.Object, list[str]]:
     """The object that carries the blocks on the ground, and warnings."""
-    seed, described, rig = int(settings["dataset"]["seed"]), settings["rocks"], settings["rig"]
-    shapes = make_rock_shapes(described["family"], described["angularity"], seed)
+    seed, described, rig = int(settings.dataset.seed), settings.rocks, settings.rig
+    shapes = make_rock_shapes(described.family, described.angularity, seed)
     with heights_of(terrain) as height_at:
         rocks = scatter(described, size_m, seed, height_at, shapes,
-                        (rig["x_m"], rig["y_m"], described["clear_radius_m"]))
+                        (rig.x_m, rig.y_m, described.clear_radius_m))
     ice = rock_material(settings, terrain.data)
     blocks = _tagged(build_blocks(f"{NAME} Rock", rocks, shapes, ice, TAG), "rock")
     remove_unused([], [ice])  # if there is room for no block
-    if rocks.smallest_m > described["smallest_m"]:
-        return blocks, [f"Blocks under {rocks.smallest_m:.3g} m are left out to keep to {described['most']} blocks; "
+    if rocks.smallest_m > described.smallest_m:
+        return blocks, [f"Blocks under {rocks.smallest_m:.3g} m are left out to keep to {described.most} blocks; "
                         "raise rocks.most or rocks.smallest_m."]
     return blocks, []
 
@@ -138,17 +139,17 @@ def _make(settings: Settings) -> tuple[list[bpy.types.Object], bpy.types.World, 
     materials.refuse_without_uv(settings, own is not None and own.uv is not None)
     ground: Surface = own.surface if own else as_meshed(ground_of(settings), settings)
     site_m, warnings = _site(settings, ground, own)
-    warnings += [*hapke_warnings, *rounding_advice(settings["rig"], site_m), *admission.scene_advice(settings)]
+    warnings += [*hapke_warnings, *rounding_advice(settings.rig, site_m), *admission.scene_advice(settings)]
     if own is not None:
-        if settings["rocks"]["coverage"] > 0:
-            admission.refuse_no_rocks(settings["rocks"], ground.size_m, "source.file")
+        if settings.rocks.coverage > 0:
+            admission.refuse_no_rocks(settings.rocks, ground.size_m, "source.file")
         warnings += own.warnings
         mesh = own.build_mesh(f"{NAME} Terrain")
     else:
-        warnings += terrain_advice(settings, site_wavelength_m(settings["terrain"], ground))
+        warnings += terrain_advice(settings, site_wavelength_m(settings.terrain, ground))
         warnings += ground.advice(settings) if isinstance(ground, Graded) else []
-        mesh = build_mesh(f"{NAME} Terrain", settings["terrain"], ground)
-    mark_elevation(mesh, settings["surface"], ground.drop_m if isinstance(ground, Graded) else None)
+        mesh = build_mesh(f"{NAME} Terrain", settings.terrain, ground)
+    mark_elevation(mesh, settings.surface, ground.drop_m if isinstance(ground, Graded) else None)
     warnings += materials.advice(settings)
     try:
         mesh.materials.append(ground_material(settings, mesh))
@@ -157,12 +158,12 @@ def _make(settings: Settings) -> tuple[list[bpy.types.Object], bpy.types.World, 
         raise
     terrain = _tagged(bpy.data.objects.new(f"{NAME} Terrain", mesh), "terrain")
     terrain.pass_index = TERRAIN_INSTANCE
-    camera = _tagged(build_rig(f"{NAME} Camera", settings["rig"], site_m), "camera")
+    camera = _tagged(build_rig(f"{NAME} Camera", settings.rig, site_m), "camera")
     lights = build_lights(settings, sky, camera)
     warnings += light_advice(sky, settings)
     warnings += blur.blur_advice(settings)
     objects = [terrain, lights[0], camera, *lights[1:]]
-    if settings["rocks"]["coverage"] > 0:
+    if settings.rocks.coverage > 0:
         blocks, more = _blocks(settings, terrain, ground.size_m)
         objects.append(blocks)
         warnings += more
@@ -317,11 +318,11 @@ def build(scene: bpy.types.Scene, settings: Settings) -> Built:
     try:
         objects, sky, warnings, own, site_m = _make(settings)
     except MemoryError:
-        if settings["source"]["kind"] == "MESH":
+        if settings.source.kind == "MESH":
             raise IcyMoonError("There is not enough memory for the mesh; reduce it before importing it.") from None
-        if settings["mesh"]["kind"] == "GRADED" and not is_own(settings):
+        if settings.mesh.kind == "GRADED" and not is_own(settings):
             raise IcyMoonError("There is not enough memory for the mesh; lower mesh.most.") from None
-        n = settings["terrain"]["resolution"]
+        n = settings.terrain.resolution
         raise IcyMoonError(f"There is not enough memory for {n} x {n} vertices; lower terrain.resolution.") from None
     first = collection is None
     if collection is None:
@@ -353,7 +354,7 @@ def build(scene: bpy.types.Scene, settings: Settings) -> Built:
     collection[CONTENT] = content(settings)
     built = Built(collection, objects[0], objects[1], objects[2], merged(settings), scene, tuple(warnings))
     built.warnings += tuple(eyes_above_ground.of_described(built))
-    roughness = measured(measured_patch(built), settings["terrain"])
+    roughness = measured(measured_patch(built), settings.terrain)
     collection[ROUGHNESS] = roughness.summary() if roughness else ""
     collection[FINGERPRINT], collection[PREVIEW] = json.dumps(parts(collection)), "{}"
     collection[NOTES] = "[]"

@@ -12,6 +12,7 @@ from ..errors import IcyMoonError
 from ..nodes.add_objects import block_object, terrain_object
 from ..settings import description
 from ..settings.table import TOPICS
+from ..typed_settings import Settings
 
 
 def setting_property(topic: str, key: str, **other: Any) -> Any:
@@ -37,7 +38,7 @@ class _AddOperator:
             cls.poll_message_set("Only in Object Mode")  # type: ignore[attr-defined]
         return bool(context.mode == "OBJECT")
 
-    def described(self, context: bpy.types.Context) -> description.Settings:
+    def described(self, context: bpy.types.Context) -> Settings:
         own = [{topic: {key: getattr(self, name)}} for name, (topic, key) in self.taken.items()]
         return description.merged(scene_properties.read_settings(context.scene.icymoon), *own)
 

@@ -13,24 +13,24 @@ from ..nodes import scene as scenes
 from ..nodes.ground.user_ground import cost_warnings
 from ..nodes.measured_surface import clear_points
 from ..physics.surfaces import albedos as surfaces
-from ..settings import description
+from ..typed_settings import Settings
 from . import sidebar_text
 
 _BRIGHTNESS = 0.5  # of sunlit ground in the view, before the view transform
 
 
-def _view(settings: description.Settings) -> tuple[int, int, float | None]:
+def _view(settings: Settings) -> tuple[int, int, float | None]:
     """The stereo camera's frame, and an exposure at which sunlit ground is not white; None if nothing is lit."""
-    rig = settings["rig"]
-    albedos = surfaces.albedos(settings["surface"], settings["hapke"])
-    radiance = (sidebar_text.brightness_wm2(settings["light"])
-                * max(albedos.bond if albedos else settings["surface"]["albedo"], 0.02) / math.pi)
+    rig = settings.rig
+    albedos = surfaces.albedos(settings.surface, settings.hapke)
+    radiance = (sidebar_text.brightness_wm2(settings.light)
+                * max(albedos.bond if albedos else settings.surface.albedo, 0.02) / math.pi)
     exposure = max(-10.0, min(10.0, math.log2(_BRIGHTNESS / radiance))) if radiance > 0 else None
-    return rig["width_px"], rig["height_px"], exposure
+    return rig.width_px, rig.height_px, exposure
 
 
-def frame_and_expose(scene: bpy.types.Scene, settings: description.Settings,
-                     before: description.Settings | None = None) -> None:
+def frame_and_expose(scene: bpy.types.Scene, settings: Settings,
+                     before: Settings | None = None) -> None:
     """Give the view the frame and exposure of ``settings``; where ``before`` are given, what is not theirs stays.
 
     Only what the window shows: images are written as radiance, and rendered in a scene of their own.

@@ -20,9 +20,9 @@ from ..render.plans.plan_file import find_plan, read_plan_header
 from ..render.workers.detached import Detached, find_left_running
 from ..render.workers.job import blender_command, python_command
 from ..render.workers.process import Message, Process, clean_environment
-from ..settings import description
 from ..settings.description import plan_names
 from ..system import user_key
+from ..typed_settings import Settings
 from . import choosers, evaluate, jobs, results
 from .render import dataset_folder
 
@@ -40,12 +40,12 @@ def plan_items(_self: Any = None, _context: Any = None) -> list[tuple[str, str, 
     return _plans
 
 
-def chosen_plan(settings: description.Settings) -> str:
+def chosen_plan(settings: Settings) -> str:
     """The plan that the settings name: a shipped one as it is, a file absolute.
 
     Raises IcyMoonError if there is none.
     """
-    name = str(settings["dataset"]["plan"])
+    name = str(settings.dataset.plan)
     if name in plan_names():
         return name
     saved = os.path.dirname(bpy.data.filepath) if bpy.data.filepath else None
@@ -116,7 +116,7 @@ class ICYMOON_OT_plan_dry_run(jobs.JobOperator, bpy.types.Operator):
     def start(self, context: bpy.types.Context) -> jobs.Job:
         settings = scene_properties.read_settings(context.scene.icymoon)
         plan = chosen_plan(settings)
-        readout.update(plan=settings["dataset"]["plan"], lines=[])
+        readout.update(plan=settings.dataset.plan, lines=[])
         process = Process(command("plan", plan, "--dry-run", "--json", "--out", str(dataset_folder(settings)),
                                   "--blender", jobs.this_blender()),
                           clean_environment())
@@ -199,16 +199,16 @@ class ICYMOON_OT_render_dataset(_Watching, bpy.types.Operator):
 
     def start(self, context: bpy.types.Context) -> jobs.Job:
         settings = scene_properties.read_settings(context.scene.icymoon)
-        described, folder = settings["dataset"], dataset_folder(settings)
-        count = described["workers"] or workers()
+        described, folder = settings.dataset, dataset_folder(settings)
+        count = described.workers or workers()
         # In the process that may be left alone: what is asked for is done whoever watches.
         after = ([*evaluate.matcher_arguments(settings, "--evaluate"), "--evaluator", find_evaluator_python(),
-                  *evaluate.response_arguments(settings)] if described["evaluate"] else [])
+                  *evaluate.response_arguments(settings)] if described.evaluate else [])
         process = Detached.start(
             command("batch", chosen_plan(settings), "--out", str(folder), "--json", "--blender",
                     jobs.this_blender(), *(["--workers", str(count)] if count else []), *after),
             state_folder() / f"{zlib.crc32(str(folder).encode()):08x}",
-            {"title": _TITLE, "dataset": str(folder), "plan": described["plan"], "evaluate": described["evaluate"]},
+            {"title": _TITLE, "dataset": str(folder), "plan": described.plan, "evaluate": described.evaluate},
             clean_environment())
         return self._job_of(process, context)
 

@@ -13,13 +13,13 @@ from ..preferences import find_evaluator_python, own_matcher_arguments
 from ..render.pairs.pair_folder import is_complete
 from ..render.workers.job import python_command
 from ..render.workers.process import Message, Process, clean_environment
-from ..settings import description
 from ..settings.table import all_settings
+from ..typed_settings import Settings
 from . import jobs, results
 from .render import dataset_folder, planned_pairs
 
 
-def rendered_pairs(context: bpy.types.Context, settings: description.Settings) -> list[Path]:
+def rendered_pairs(context: bpy.types.Context, settings: Settings) -> list[Path]:
     """The pairs of the present settings that are there. Raises IcyMoonError if none is."""
     dataset = dataset_folder(settings)
     paths = [path for path in (p.folder(dataset) for p in planned_pairs(context.scene, settings)) if is_complete(path)]
@@ -28,24 +28,24 @@ def rendered_pairs(context: bpy.types.Context, settings: description.Settings) -
     return paths
 
 
-def response_arguments(settings: description.Settings) -> list[str]:
+def response_arguments(settings: Settings) -> list[str]:
     """The settings that need no new render as arguments of the evaluator."""
     texts = [f"{topic}.{s.key}={settings[topic][s.key]}".replace("True", "true").replace("False", "false")
              for topic, s in all_settings() if s.effect == "response"]
     return [word for text in texts for word in ("--set", text)]
 
 
-def matcher_arguments(settings: description.Settings, flag: str = "--methods") -> list[str]:
+def matcher_arguments(settings: Settings, flag: str = "--methods") -> list[str]:
     """The matchers that the settings name, as arguments of the evaluator: ``flag`` with their list, and what those of
     the person's own are. Raises IcyMoonError if one of these is not set up."""
-    methods = str(settings["dataset"]["methods"])
+    methods = str(settings.dataset.methods)
     return [flag, methods, *own_matcher_arguments(methods)]
 
 
 class Keeper:
     """Hears an evaluation of a scene with these settings, and keeps with the scene what it has measured."""
 
-    def __init__(self, scene: bpy.types.Scene, scope: str, settings: description.Settings,
+    def __init__(self, scene: bpy.types.Scene, scope: str, settings: Settings,
                  pairs: Sequence[str] = ()) -> None:
         self._uid = scene.session_uid  # it may get another name, and another place in memory by undo, or go
         self._scope, self._settings, self._pairs = scope, settings, pairs
@@ -80,7 +80,7 @@ class ICYMOON_OT_evaluate(jobs.JobOperator, bpy.types.Operator):
         ("SCENE", "This Scene", "The pairs that the present settings make"),
         ("DATASET", "Whole Data Set", "Every pair in the data set folder")), description="Which pairs to evaluate")
 
-    def _command(self, settings: description.Settings, paths: Sequence[Path]) -> list[str]:
+    def _command(self, settings: Settings, paths: Sequence[Path]) -> list[str]:
         return python_command(find_evaluator_python(), "stereo", "evaluate", *map(str, paths),
                               *matcher_arguments(settings), *response_arguments(settings),
                               *(["--points"] if self.scope == "SCENE" else []),

@@ -11,13 +11,13 @@ from .. import scene_properties
 from ..preferences import find_evaluator_python
 from ..render.workers.job import python_command
 from ..render.workers.process import Message, Process, clean_environment
-from ..settings import description
+from ..typed_settings import Settings
 from . import jobs, results
 from .evaluate import rendered_pairs, response_arguments
 from .render import dataset_folder
 
 
-def develop_job(settings: description.Settings, pairs: list[Path], hear: Callable[[Message], None]) -> jobs.Job:
+def develop_job(settings: Settings, pairs: list[Path], hear: Callable[[Message], None]) -> jobs.Job:
     """A process that exposes pairs with the camera response of ``settings``, into the folder ``exposed``."""
     command = python_command(find_evaluator_python(), "stereo", "develop", *map(str, pairs),
                              *response_arguments(settings),

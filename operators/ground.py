@@ -37,7 +37,7 @@ class ICYMOON_OT_import_ground(choosers.Opened, bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         group = context.scene.icymoon
-        before = scene_properties.read_unchecked(group)["source"]
+        before = scene_properties.read_unchecked(group).source
         path = Path(bpy.path.abspath(self.filepath))
         try:
             scene_properties.write_settings(group, {"source": {"kind": grounds.kind_of(path), "file": str(path)}})

@@ -106,7 +106,7 @@ class ICYMOON_OT_show_roughness(bpy.types.Operator):
 
     def _measure(self, context: bpy.types.Context) -> list[tuple[str, ...]]:
         built = scenes.find(context.scene)
-        return roughness_table(scenes.measured_patch(built), built.settings["terrain"]) if built else []
+        return roughness_table(scenes.measured_patch(built), built.settings.terrain) if built else []
 
     def draw(self, context: bpy.types.Context) -> None:
         grid: Any = self.layout.grid_flow(row_major=True, columns=5, even_columns=True, align=True)

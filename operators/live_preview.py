@@ -16,6 +16,7 @@ from ..errors import IcyMoonError
 from ..nodes import preview
 from ..nodes import scene as scenes
 from ..settings import description
+from ..typed_settings import Settings
 from .build import frame_and_expose
 from .jobs import push_undo
 from .sidebar_text import wrapped
@@ -65,7 +66,7 @@ def next_side(side: int, seconds: float) -> int:
     return finer if seconds * (finer / side) ** 2 < 0.8 * BUDGET_S else side
 
 
-def _changed(built: scenes.Built, settings: description.Settings) -> bool:
+def _changed(built: scenes.Built, settings: Settings) -> bool:
     try:
         return bool(scenes.changed_settings(built, settings))
     except IcyMoonError:

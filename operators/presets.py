@@ -18,6 +18,7 @@ from ..preferences import extension_folder
 from ..render.cycles_settings import find_lack
 from ..settings import description
 from ..system import name_fault, remove
+from ..typed_settings import Settings
 from . import choosers
 
 #: Begins the names of the person's own presets.
@@ -73,7 +74,7 @@ def title_of(name: str) -> str:
     return found or "Choose a Preset"
 
 
-def kept_sources(settings: description.Settings, preset: str) -> dict[str, str]:
+def kept_sources(settings: Settings, preset: str) -> dict[str, str]:
     """The source of each setting by ``topic.key``, as far as one is known: of the person's preset that was loaded last
     where the value is still its own, else of a shipped preset that states it."""
     whole = description.merged(description.defaults(), settings)
@@ -88,18 +89,19 @@ def kept_sources(settings: description.Settings, preset: str) -> dict[str, str]:
     return found | {name: str(source) for name, source in own.items() if name in kept}
 
 
-def _fresh(group: Any) -> description.Settings:
+def _fresh(group: Any) -> Settings:
     """What a whole scene begins with: defaults, but for the data set, and the quality that the person has chosen.
 
     What the scene that was loaded before brought of its quality goes with it.
     """
-    fresh, now = description.defaults(), scene_properties.read_unchecked(group)["quality"]
+    fresh, now = description.defaults(), scene_properties.read_unchecked(group).quality
     try:
         brought = description.load(path_of(group.preset)).get("quality", {}) if group.preset else {}
     except IcyMoonError:  # a preset of one's own that is gone
         brought = {}
-    fresh["quality"].update({key: value for key, value in now.items() if brought.get(key) != value})
-    return {topic: values for topic, values in fresh.items() if topic != "dataset"}
+    fresh.quality.update({key: value for key, value in now.items() if brought.get(key) != value})
+    fresh.pop("dataset")
+    return fresh
 
 
 class ICYMOON_OT_load_preset(choosers.Searched, bpy.types.Operator):

@@ -18,18 +18,18 @@ from ..render.worker import render_pairs
 from ..render.workers.job import Job as JobFiles
 from ..render.workers.job import absolute_folder, blender_command
 from ..render.workers.process import Process
-from ..settings import description
+from ..typed_settings import Settings
 from . import jobs
 from .build import leave_edit_mode, look_through, views_through
 
 
-def dataset_folder(settings: description.Settings) -> Path:
+def dataset_folder(settings: Settings) -> Path:
     """The data set folder of a description, absolute."""
     saved = os.path.dirname(bpy.data.filepath) if bpy.data.filepath else None
-    return absolute_folder(str(settings["dataset"]["folder"]), saved)
+    return absolute_folder(str(settings.dataset.folder), saved)
 
 
-def up_to_date(scene: bpy.types.Scene, settings: description.Settings) -> scenes.Built:
+def up_to_date(scene: bpy.types.Scene, settings: Settings) -> scenes.Built:
     """The built scene as the settings describe it, built (again) where it does not show them.
 
     Raises IcyMoonError if that would overwrite what a person has changed by hand, or may do so. What was put in stays.
@@ -53,14 +53,14 @@ def up_to_date(scene: bpy.types.Scene, settings: description.Settings) -> scenes
     return _built_anew(scene, settings)
 
 
-def _built_anew(scene: bpy.types.Scene, settings: description.Settings) -> scenes.Built:
+def _built_anew(scene: bpy.types.Scene, settings: Settings) -> scenes.Built:
     leave_edit_mode()
     built = scenes.build(scene, settings)
     jobs.push_undo("Build Scene")
     return built
 
 
-def planned_pairs(scene: bpy.types.Scene, settings: description.Settings) -> list[PlannedPair]:
+def planned_pairs(scene: bpy.types.Scene, settings: Settings) -> list[PlannedPair]:
     """The pairs that Render Stereo Pair would make of a scene now."""
     built = scenes.find(scene)
     if built is not None:
@@ -81,7 +81,7 @@ class ICYMOON_OT_render_pair(jobs.JobOperator, bpy.types.Operator):
 
     def start(self, context: bpy.types.Context) -> jobs.Job:
         settings = scene_properties.read_settings(context.scene.icymoon)
-        check_possible(settings["quality"])
+        check_possible(settings.quality)
         before = scenes.find(context.scene)
         views = views_through(context, before.camera if before else None)
         built = up_to_date(context.scene, settings)
@@ -101,7 +101,7 @@ class ICYMOON_OT_render_pair(jobs.JobOperator, bpy.types.Operator):
 
     def run_blocking(self, context: bpy.types.Context) -> None:
         settings = scene_properties.read_settings(context.scene.icymoon)
-        check_possible(settings["quality"])
+        check_possible(settings.quality)
         start = time.perf_counter()
         built = up_to_date(context.scene, settings)
         self._warn(built)

@@ -19,6 +19,7 @@ from ..nodes.measured_surface import build_points, clear_points, find_points
 from ..records import NUMBER, TABLE, TEXT, Each, Maybe, find_fault, parse_json, read_record
 from ..settings import description
 from ..settings.table import TOPICS, Setting, all_settings
+from ..typed_settings import Settings, typed
 from . import own_reports
 from .jobs import push_undo
 from .render import dataset_folder
@@ -44,11 +45,11 @@ class Kept:
     made: str
     scope: str
     pairs: tuple[str, ...]
-    settings: description.Settings
+    settings: Settings
     summary: tuple[dict[str, Any], ...]
 
 
-def keep(scene: bpy.types.Scene, scope: str, settings: description.Settings, pairs: Sequence[str] = ()) -> None:
+def keep(scene: bpy.types.Scene, scope: str, settings: Settings, pairs: Sequence[str] = ()) -> None:
     """Keep with a scene the evaluation that has just been written to ``folder_of`` these settings.
 
     ``pairs`` are the ids of those that were asked for; none if it is of a whole data set. Raises IcyMoonError if it
@@ -83,7 +84,7 @@ def _parsed(text: str) -> Kept | None:
         return None
     if find_fault(found, _SHAPE):
         return None
-    return Kept(_clean(found["made"]), found["scope"], tuple(map(_clean, found["pairs"])), found["settings"],
+    return Kept(_clean(found["made"]), found["scope"], tuple(map(_clean, found["pairs"])), typed(found["settings"]),
                 tuple({**row, "method": _clean(row["method"])} for row in found["summary"]))
 
 
@@ -91,7 +92,7 @@ def _clean(text: str) -> str:
     return "".join(c if c.isprintable() else " " for c in text[:_LONGEST])
 
 
-def folder_of(settings: description.Settings, scope: str) -> Path:
+def folder_of(settings: Settings, scope: str) -> Path:
     """Where the evaluation of a scene ('SCENE') or a whole data set ('DATASET') is written.
 
     Raises IcyMoonError if the data set's folder cannot be told.
@@ -173,7 +174,7 @@ def report_folder(scene: bpy.types.Scene) -> Path:
     found = kept(scene)
     if found is None:
         raise IcyMoonError("Nothing of this scene has been evaluated yet; press Evaluate.")
-    folder = folder_of({"dataset": {"folder": scene.icymoon.dataset.folder}}, found.scope)
+    folder = folder_of(typed({"dataset": {"folder": scene.icymoon.dataset.folder}}), found.scope)
     if _clean(_made(_read(folder))) != found.made:
         raise IcyMoonError(f"{folder} holds another evaluation than the one that is shown; press Evaluate again.")
     return folder

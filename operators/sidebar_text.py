@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import re
 import textwrap
-from collections.abc import Mapping
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -22,8 +21,8 @@ from ..physics.light.sky import sky, sky_facts
 from ..render.cost.abilities import Abilities
 from ..render.cost.quality_presets import list_qualities
 from ..render.cost.speed import Speed, recall_speed
-from ..settings.description import Settings
 from ..settings.table import TOPICS
+from ..typed_settings import LightSettings, RigSettings, SensorSettings, Settings
 
 #: Disparity error, px, that the depth error is stated for: what good matchers leave on textured ground.
 DISPARITY_ERROR_PX = 0.25
@@ -60,44 +59,44 @@ def left_out(settings: Settings) -> tuple[str, ...]:
     """What the settings describe and a render would leave out, as ``pair.json`` says it; nothing of the planet while
     the sky cannot be."""
     try:
-        lights = _facts(tuple(settings["light"].items()), bpy.data.filepath)
+        lights = _facts(tuple(settings.light.items()), bpy.data.filepath)
     except IcyMoonError:
         lights = {"planet": None}
     return tuple(requires.find_left_out(settings, lights))
 
 
-def sky_lines(light: Mapping[str, Any]) -> tuple[str, ...]:
+def sky_lines(light: LightSettings) -> tuple[str, ...]:
     """Elevation, azimuth, apparent size and irradiance of Sun and planet, or why there are none."""
     return _sky_lines(tuple(light.items()), bpy.data.filepath)
 
 
-def rig_lines(rig: Mapping[str, Any]) -> tuple[str, ...]:
+def rig_lines(rig: RigSettings) -> tuple[str, ...]:
     """Field of view, and for the near edge, middle and far edge of the image: distance, sampling, depth error."""
     return _rig_lines(tuple(rig.items()))
 
 
-def camera_notes(settings: Mapping[str, Mapping[str, Any]]) -> tuple[str, ...]:
+def camera_notes(settings: Settings) -> tuple[str, ...]:
     """What blurs the images and what truth then is of, and the overscan that distortion needs, in short lines."""
-    return _camera_notes(tuple(settings["rig"].items()), tuple(settings["sensor"].items()))
+    return _camera_notes(tuple(settings.rig.items()), tuple(settings.sensor.items()))
 
 
 @lru_cache(maxsize=8)
 def _camera_notes(*parts: tuple[tuple[str, Any], ...]) -> tuple[str, ...]:
-    rig, sensor = map(dict, parts)
-    settings = {"rig": rig, "sensor": sensor}
+    rig, sensor = RigSettings(parts[0]), SensorSettings(parts[1])
+    settings = Settings(rig=rig, sensor=sensor)
     said = [line for sentence in blur_advice(settings) for line in wrapped(sentence)]
     try:
         found = blur_of(settings)
     except IcyMoonError:
         found = None
-    for name, row in (("Near edge", float(rig["height_px"])), ("Middle", rig["height_px"] / 2), ("Far edge", 0.0)):
+    for name, row in (("Near edge", float(rig.height_px)), ("Middle", rig.height_px / 2), ("Far edge", 0.0)):
         depth = ground_row(rig, row).depth_m
         if found is not None and math.isfinite(depth):
-            below = row - rig["height_px"] / 2 - float(rig["principal_y_px"])
+            below = row - rig.height_px / 2 - float(rig.principal_y_px)
             said.append(f"{name} focus {confusion_px(depth, rig, found):.3g} px, motion "
                         f"{motion_px(0.0, below, depth, rig, found):.3g} px")
     if any(coefficients(rig)):
-        said.append(_overscan_line(overscan_needed(rig), float(rig["overscan"])))
+        said.append(_overscan_line(overscan_needed(rig), float(rig.overscan)))
     return tuple(said)
 
 
@@ -110,7 +109,7 @@ def _overscan_line(needed: float | None, given: float) -> str:
     return f"The lens needs an overscan of {share:.3f}" + (", has it" if given >= needed else "")
 
 
-def brightness_wm2(light: Mapping[str, Any]) -> float:
+def brightness_wm2(light: LightSettings) -> float:
     """Irradiance of sunlit ground, or else of ground under the planet; 0 in the dark or for a sky that cannot be."""
     try:
         found = _facts(tuple(light.items()), bpy.data.filepath)
@@ -123,7 +122,7 @@ def brightness_wm2(light: Mapping[str, Any]) -> float:
 
 @lru_cache(maxsize=8)
 def _facts(light: tuple[tuple[str, Any], ...], blend: str) -> dict[str, Any]:
-    return sky_facts(sky(dict(light), str(Path(blend).parent) if blend else None))
+    return sky_facts(sky(LightSettings(light), str(Path(blend).parent) if blend else None))
 
 
 def _sky_lines(light: tuple[tuple[str, Any], ...], blend: str) -> tuple[str, ...]:
@@ -149,22 +148,22 @@ def _sky_lines(light: tuple[tuple[str, Any], ...], blend: str) -> tuple[str, ...
 
 @lru_cache(maxsize=8)
 def _rig_lines(rig: tuple[tuple[str, Any], ...]) -> tuple[str, ...]:
-    described = dict(rig)
-    width, height = int(described["width_px"]), int(described["height_px"])
+    described = RigSettings(rig)
+    width, height = int(described.width_px), int(described.height_px)
     focal = focal_px(described)
     fields = [2 * math.degrees(math.atan(n / 2 / focal)) for n in (width, height)]
     lines = [f"Field of view {fields[0]:.1f}° x {fields[1]:.1f}°",
-             f"f {focal:.1f} px, f·B {focal * described['baseline_m']:.2f} px·m",
+             f"f {focal:.1f} px, f·B {focal * described.baseline_m:.2f} px·m",
              f"Level ground, disparity ± {DISPARITY_ERROR_PX:g} px:"]
     for name, row in (("Near edge", float(height)), ("Middle", height / 2), ("Far edge", 0.0)):
         lines += _row_lines(name, ground_row(described, row), described)
     return tuple(lines)
 
 
-def _row_lines(name: str, row: GroundRow, rig: Mapping[str, Any]) -> list[str]:
+def _row_lines(name: str, row: GroundRow, rig: RigSettings) -> list[str]:
     if math.isinf(row.depth_m):
         return [f"{name} above the horizon"]
-    shared = 100 * shared_width_px(rig, row.depth_m) / int(rig["width_px"])
+    shared = 100 * shared_width_px(rig, row.depth_m) / int(rig.width_px)
     return [f"{name} {row.depth_m:.2f} m ± {100 * depth_error_m(row.depth_m, rig, DISPARITY_ERROR_PX):.2g} cm",
             f"    {row.width_m:.3g} m wide, {shared:.0f} % in both eyes",
             f"    {_two_digits(1000 * row.across_m)} x {_two_digits(1000 * row.along_m)} mm per pixel"]
@@ -181,7 +180,7 @@ _TRIANGLES = 1e6
 
 def quality_lines(settings: Settings) -> tuple[str, ...]:
     """Seconds of a pair of the described scene at each quality, and the error that was measured of it."""
-    speed = _speed(str(settings["quality"]["device"]))
+    speed = _speed(str(settings.quality.device))
     lines: list[str] = []
     for quality in list_qualities(settings, _TRIANGLES, speed, Abilities(compat.has_osl(), compat.has_oidn())):
         lines += wrapped(f"{quality.title}: {quality.cost}")

@@ -22,6 +22,7 @@ from ..render.workers.process import Message, Process, clean_environment
 from ..scratch import make_scratch_folder
 from ..settings import description
 from ..system import remove_folder
+from ..typed_settings import Settings
 from . import jobs, sidebar_text
 from .evaluate import matcher_arguments
 from .render import dataset_folder
@@ -30,7 +31,7 @@ from .render import dataset_folder
 said: dict[str, tuple[str, ...]] = {}
 
 
-def _folder(settings: description.Settings) -> Path:
+def _folder(settings: Settings) -> Path:
     """Where what is measured goes."""
     return dataset_folder(settings) / "trade"
 

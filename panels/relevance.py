@@ -8,6 +8,7 @@ from typing import Any
 from ..physics.camera.blur import MOTION
 from ..physics.surfaces.textures import uses_uv
 from ..settings.table import LANDFORMS, TOPICS
+from ..typed_settings import TexturesSettings
 
 _PRINCIPLED_ONLY = {"subsurface_weight", "subsurface_radius_m", "transmission", "roughness", "specular",
                     "refractive_index"}
@@ -79,7 +80,7 @@ def matters(topic: str, key: str, root: Any) -> bool:
     if topic in ("surface", "rock_surface"):
         return bool(key not in _SURFACE_NEEDS or getattr(group, _SURFACE_NEEDS[key]) > 0)
     if topic == "textures" and key in ("width_m", "repeat"):
-        return not uses_uv({"set": group.set, "mapping": group.mapping})
+        return not uses_uv(TexturesSettings(set=group.set, mapping=group.mapping))
     if topic == "textures" and key != "set":
         return bool(key.endswith("_file") or group.set != "MESH")
     return _OFF.get(topic, _always)(key, group)

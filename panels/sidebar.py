@@ -132,7 +132,7 @@ class ICYMOON_PT_sky(Sidebar, bpy.types.Panel):
     bl_parent_id = "ICYMOON_PT_light"
 
     def draw(self, context: bpy.types.Context) -> None:
-        draw_lines(self.layout, sidebar_text.sky_lines(scene_properties.read_unchecked(context.scene.icymoon)["light"]))
+        draw_lines(self.layout, sidebar_text.sky_lines(scene_properties.read_unchecked(context.scene.icymoon).light))
 
 
 class ICYMOON_PT_resolution(Sidebar, bpy.types.Panel):
@@ -143,7 +143,7 @@ class ICYMOON_PT_resolution(Sidebar, bpy.types.Panel):
     bl_parent_id = "ICYMOON_PT_rig"
 
     def draw(self, context: bpy.types.Context) -> None:
-        draw_lines(self.layout, sidebar_text.rig_lines(scene_properties.read_unchecked(context.scene.icymoon)["rig"]))
+        draw_lines(self.layout, sidebar_text.rig_lines(scene_properties.read_unchecked(context.scene.icymoon).rig))
 
 
 class ICYMOON_PT_left_out(Sidebar, bpy.types.Panel):

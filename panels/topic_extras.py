@@ -13,6 +13,7 @@ from ..operators import live_exposure, sidebar_text
 from ..operators.sidebar_text import wrapped
 from ..physics.surfaces import albedos, principled
 from ..settings.table import TOPICS
+from ..typed_settings import HapkeSettings, SurfaceSettings
 from .fields import draw_lines
 
 Extra = Callable[[Any, bpy.types.Context], None]
@@ -48,20 +49,20 @@ def _camera_notes(layout: Any, context: bpy.types.Context) -> None:
 def _surface(topic: str) -> Extra:
     def draw(layout: Any, context: bpy.types.Context) -> None:
         group = getattr(context.scene.icymoon, topic)
-        told = principled.albedo_advice({s.key: getattr(group, s.key) for s in TOPICS[topic].settings})
+        told = principled.albedo_advice(SurfaceSettings({s.key: getattr(group, s.key) for s in TOPICS[topic].settings}))
         if told and group.model == "PRINCIPLED":
             draw_lines(layout, wrapped(told), "INFO")
         values = scene_properties.read_unchecked(context.scene.icymoon)
-        _draw_albedos(layout, values[topic], values["hapke"])
+        _draw_albedos(layout, values[topic], values.hapke)
     return draw
 
 
 def _hapke(layout: Any, context: bpy.types.Context) -> None:
     values = scene_properties.read_unchecked(context.scene.icymoon)
-    _draw_albedos(layout, {**values["surface"], "model": "HAPKE"}, values["hapke"])
+    _draw_albedos(layout, values.surface | {"model": "HAPKE"}, values.hapke)
 
 
-def _draw_albedos(layout: Any, surface: dict[str, Any], hapke: dict[str, Any]) -> None:
+def _draw_albedos(layout: Any, surface: SurfaceSettings, hapke: HapkeSettings) -> None:
     """The albedos that follow from the settings of a surface."""
     found = albedos.albedos(surface, hapke)
     if found is not None:

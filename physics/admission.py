@@ -8,14 +8,14 @@ more light than it gets; rocks of which none fits on the ground; a date outside 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import lru_cache, partial
-from typing import Any
 
 import numpy as np
 
 from ..errors import IcyMoonError
+from ..typed_settings import RigSettings, RocksSettings, Settings
 from .camera.stereo_geometry import coarse_advice, ground_row
 from .left_out import surface_topics
 from .light.sky import check_body, sky
@@ -23,8 +23,6 @@ from .rocks.size_laws import size_law
 from .surfaces.hapke import HapkeParameters, bidirectional_reflectance, from_settings
 from .surfaces.photometry import hemispherical_albedo
 from .terrain.sites import RockyGround, make_rocky_ground
-
-Settings = Mapping[str, Mapping[str, Any]]
 
 #: Least height of an eye above the ground in metres: ten times the distance at which the lens clips.
 LOWEST_M = 1e-3
@@ -54,9 +52,9 @@ class Reason(str):
 def find_reasons(settings: Settings) -> list[Reason]:
     """Why a description is not rendered: all reasons; none if it is."""
     said = reasons_of_settings(settings)
-    if settings["source"]["kind"] == "PROCEDURAL":
+    if settings.source.kind == "PROCEDURAL":
         try:
-            found, = reasons_of_eyes(make_rocky_ground(settings), [settings["rig"]])
+            found, = reasons_of_eyes(make_rocky_ground(settings), [settings.rig])
         except IcyMoonError as error:
             found = Reason(str(error))
         said += [found] if found and found.names != OUTSIDE and found not in said else []
@@ -76,13 +74,13 @@ def reasons_of_settings(settings: Settings) -> list[Reason]:
 
 def scene_advice(settings: Settings) -> list[str]:
     """Sentences about a scene that is rendered although something may not be what the user expects."""
-    rig, patch = settings["rig"], settings["terrain"]
+    rig, patch = settings.rig, settings.terrain
     said = []
-    if not math.isfinite(ground_row(rig, float(rig["height_px"])).depth_m):
+    if not math.isfinite(ground_row(rig, float(rig.height_px)).depth_m):
         said.append("The whole image is above the horizon and shows only sky where the ground is level; raise "
-                    f"rig.pitch_deg ({rig['pitch_deg']:g}°).")
-    if settings["source"]["kind"] == "PROCEDURAL" and settings["mesh"]["kind"] == "GRID":
-        said += coarse_advice(rig, patch["size_m"] / (patch["resolution"] - 1))
+                    f"rig.pitch_deg ({rig.pitch_deg:g}°).")
+    if settings.source.kind == "PROCEDURAL" and settings.mesh.kind == "GRID":
+        said += coarse_advice(rig, patch.size_m / (patch.resolution - 1))
     return said
 
 
@@ -109,7 +107,7 @@ def _excess_light(parameters: HapkeParameters) -> tuple[float, float, float] | N
 
 
 def _ice_reasons(settings: Settings) -> Iterator[Reason]:
-    hapke = settings["hapke"]
+    hapke = settings.hapke
     if not any(settings[topic]["model"] == "HAPKE" for topic in surface_topics(settings)):
         return
     try:
@@ -118,46 +116,46 @@ def _ice_reasons(settings: Settings) -> Iterator[Reason]:
         yield Reason(str(error), "hapke.filling_factor", "hapke.c")
         return
     # The smoother, the brighter. An image goes to half the range under its mean, if it is one of even greys.
-    varies = math.radians(abs(hapke["theta_bar_range_deg"])) / 2 if settings["textures"]["set"] != "NONE" else 0.0
+    varies = math.radians(abs(hapke.theta_bar_range_deg)) / 2 if settings.textures.set != "NONE" else 0.0
     gain = _excess_light(replace(parameters, theta_bar=max(float(parameters.theta_bar) - varies, 0.0)))
     if gain is not None:
         share, incidence, w = gain
         others = [f" or hapke.{key} ({hapke[key]:g})" for key, width in (
-            ("filling_factor", 1.0), ("b_s0", hapke["h_s"]), ("b_c0", hapke["h_c"])) if hapke[key] > 0 and width > 0.05]
+            ("filling_factor", 1.0), ("b_s0", hapke.h_s), ("b_c0", hapke.h_c)) if hapke[key] > 0 and width > 0.05]
         yield Reason(f"Hapke: level ice would return {share:.3g} times the sunlight that it gets from {incidence:.0f}° "
-                     f"off the zenith, with hapke.w {hapke['w']:g}; lower hapke.w to {w:g}{''.join(others)}.",
+                     f"off the zenith, with hapke.w {hapke.w:g}; lower hapke.w to {w:g}{''.join(others)}.",
                      "hapke.filling_factor", "hapke.w")
 
 
 def _rock_reasons(settings: Settings) -> Iterator[Reason]:
-    if settings["source"]["kind"] == "PROCEDURAL" and settings["rocks"]["coverage"] > 0:
+    if settings.source.kind == "PROCEDURAL" and settings.rocks.coverage > 0:
         try:
-            refuse_no_rocks(settings["rocks"], float(settings["terrain"]["size_m"]), "terrain.size_m")
+            refuse_no_rocks(settings.rocks, float(settings.terrain.size_m), "terrain.size_m")
         except IcyMoonError as error:
             yield Reason(str(error), "rocks.largest_m", "rocks.smallest_m", "rocks.coverage", "terrain.size_m")
 
 
-def refuse_no_rocks(rocks: Mapping[str, Any], size_m: float, size_is: str) -> None:
+def refuse_no_rocks(rocks: RocksSettings, size_m: float, size_is: str) -> None:
     """Raise IcyMoonError if ``rocks`` settings contradict each other, or give no rock on a square patch of this side,
     whose setting is called ``size_is``."""
     number = size_law(rocks).total_per_m2 * size_m**2
     if round(number) == 0:
         raise IcyMoonError(
-            f"rocks.coverage is {rocks['coverage']:g}, but a ground of {size_m:g} m ({size_is}) then has "
-            f"{number:.2g} rocks of {rocks['smallest_m']:g} m (rocks.smallest_m) to {rocks['largest_m']:g} m "
+            f"rocks.coverage is {rocks.coverage:g}, but a ground of {size_m:g} m ({size_is}) then has "
+            f"{number:.2g} rocks of {rocks.smallest_m:g} m (rocks.smallest_m) to {rocks.largest_m:g} m "
             "(rocks.largest_m), so none; make the rocks smaller or the ground larger, or set rocks.coverage to 0.")
 
 
 def _sky_reasons(settings: Settings) -> Iterator[Reason]:
     try:
         check_body(settings)
-        if settings["light"]["directions_from"] == "DATE":  # kernels are read where SpiceyPy is
-            sky(settings["light"])
+        if settings.light.directions_from == "DATE":  # kernels are read where SpiceyPy is
+            sky(settings.light)
     except IcyMoonError as error:
         yield Reason(str(error), "light.date_utc", "light.body", "terrain.body_radius_m")
 
 
-def reasons_of_eyes(ground: RockyGround, rigs: Sequence[Mapping[str, Any]]) -> list[Reason | None]:
+def reasons_of_eyes(ground: RockyGround, rigs: Sequence[RigSettings]) -> list[Reason | None]:
     """For each ``rig`` on a ground that is made up, why its camera cannot stand there; None if it can.
 
     Raises IcyMoonError if the settings of ground or rocks contradict each other.
@@ -169,7 +167,7 @@ def reasons_of_eyes(ground: RockyGround, rigs: Sequence[Mapping[str, Any]]) -> l
             zip(rigs, eyes.above_m, eyes.in_rock, strict=True)]
 
 
-def _eye_reason(rig: Mapping[str, Any], above_m: float, in_rock: bool) -> Reason | None:
+def _eye_reason(rig: RigSettings, above_m: float, in_rock: bool) -> Reason | None:
     if not math.isfinite(above_m):
         return Reason(f"{_camera_place(rig)}, stands outside the ground; change rig.x_m, rig.y_m or terrain.size_m.",
                       *OUTSIDE)
@@ -178,18 +176,18 @@ def _eye_reason(rig: Mapping[str, Any], above_m: float, in_rock: bool) -> Reason
     return Reason(in_rock_sentence(rig, "right"), *_POSE) if in_rock else None
 
 
-def _camera_place(rig: Mapping[str, Any]) -> str:
-    return f"The camera at east {rig['x_m']:g} m, north {rig['y_m']:g} m, heading {rig['heading_deg']:g}°"
+def _camera_place(rig: RigSettings) -> str:
+    return f"The camera at east {rig.x_m:g} m, north {rig.y_m:g} m, heading {rig.heading_deg:g}°"
 
 
-def buried_sentence(rig: Mapping[str, Any], eye: str, depth_m: float) -> str:
+def buried_sentence(rig: RigSettings, eye: str, depth_m: float) -> str:
     """The sentence about an eye so far under the ground, or (below 0) less than ``LOWEST_M`` above it."""
     where = f"{depth_m:.3g} m under the ground" if depth_m >= 0 else f"{-depth_m:.2g} m above the ground"
     least = "" if depth_m >= 0 else f", less than {LOWEST_M:g} m"
-    return (f"{_camera_place(rig)}, has its {eye} eye {where}{least}; raise rig.height_m ({rig['height_m']:g} m), or "
+    return (f"{_camera_place(rig)}, has its {eye} eye {where}{least}; raise rig.height_m ({rig.height_m:g} m), or "
             "change the site, rig.heading_deg or rig.baseline_m.")
 
 
-def in_rock_sentence(rig: Mapping[str, Any], eye: str) -> str:
+def in_rock_sentence(rig: RigSettings, eye: str) -> str:
     """The sentence about an eye in a rock."""
     return f"{_camera_place(rig)}, has its {eye} eye in a rock; change the site or raise rocks.clear_radius_m."

@@ -52,10 +52,10 @@ def pair_json(built: Built, planned: PlannedPair, poses: dict[str, np.ndarray], 
            files: dict[str, Any], seconds: dict[str, float]) -> dict[str, Any]:
     """The content of ``pair.json``, but for what is known only when it is finished."""
     settings = planned.settings
-    camera, blur = StereoCamera.from_settings(settings["rig"]), blur_of(settings)
+    camera, blur = StereoCamera.from_settings(settings.rig), blur_of(settings)
     eyes = camera.eyes_json()
     for eye in EYES:
-        eyes[eye]["distortion"] = dict(zip(COEFFICIENTS, coefficients(settings["rig"]), strict=True))
+        eyes[eye]["distortion"] = dict(zip(COEFFICIENTS, coefficients(settings.rig), strict=True))
     return {
         "format": FORMAT, "version": VERSION, "id": planned.id, "settings": settings,
         "edited_by_hand": built.edited, "ground": built.ground, "own_files_sha256": built.content,
@@ -65,12 +65,12 @@ def pair_json(built: Built, planned: PlannedPair, poses: dict[str, np.ndarray], 
         "blur": blur.to_json() if blur else None,
         "light": _light_json(built, toward_sun),
         "left_out": find_left_out(settings, built.sky), "advice": admission.scene_advice(settings),
-        "channels": _channels(settings["quality"]["truth"] == "DEPTH"),
-        "seeds": {"dataset": settings["dataset"]["seed"], "render": planned.render_seed},
+        "channels": _channels(settings.quality.truth == "DEPTH"),
+        "seeds": {"dataset": settings.dataset.seed, "render": planned.render_seed},
         "versions": {"blender": bpy.app.version_string, "python": platform.python_version(),
                      "numpy": np.__version__, "icymoon": version()},
-        "device": settings["quality"]["device"], "osl": compat.has_osl(),
-        "hapke": made_of(built.materials), "denoiser": settings["quality"]["denoiser"],
+        "device": settings.quality.device, "osl": compat.has_osl(),
+        "hapke": made_of(built.materials), "denoiser": settings.quality.denoiser,
         "platform": platform.platform(),
         "seconds": seconds, "peak_memory_mib": peak_memory_mib(),
         "files": files,

@@ -145,8 +145,8 @@ def check_camera(built: Built) -> None:
     if built.camera.data.dof.use_dof:
         raise IcyMoonError("The stereo camera has depth of field of its own, which would blur the true depth too; "
                            "switch it off, and set rig.focus_distance_m instead.")
-    rig = built.settings["rig"]
-    wanted = {**lens_values(rig), "interocular_distance": ("rig.baseline_m", rig["baseline_m"])}
+    rig = built.settings.rig
+    wanted = {**lens_values(rig), "interocular_distance": ("rig.baseline_m", rig.baseline_m)}
     for name, (setting, value) in wanted.items():
         there = getattr(stereo if name == "interocular_distance" else built.camera.data, name)
         if there != value and (isinstance(value, str) or abs(there - value) > 1e-5 * max(1e-3, abs(value))):
@@ -164,7 +164,7 @@ class _CameraSetup:
 
 
 def _depth_alone(planned: PlannedPair) -> bool:
-    return bool(planned.settings["quality"]["truth"] == "DEPTH")
+    return bool(planned.settings.quality.truth == "DEPTH")
 
 
 def _camera_setups(camera: StereoCamera, blur: Blur | None, depth_alone: bool) -> list[_CameraSetup]:
@@ -180,19 +180,19 @@ def _camera_setups(camera: StereoCamera, blur: Blur | None, depth_alone: bool) -
 def _render_into(part: Path, built: Built, scene: bpy.types.Scene, planned: PlannedPair,
                  report: Callable[[float], None]) -> dict[str, Any]:
     settings = planned.settings
-    camera, blur = StereoCamera.from_settings(settings["rig"]), blur_of(settings)
+    camera, blur = StereoCamera.from_settings(settings.rig), blur_of(settings)
     takes = _camera_setups(camera, blur, _depth_alone(planned))
     files: dict[str, dict[str, Path]] = {}
     start = time.perf_counter()
     with _turn_camera(built.camera, planned.turn_deg):
-        cycles_settings.apply(scene, settings["quality"], planned.render_seed, blur is not None)
+        cycles_settings.apply(scene, settings.quality, planned.render_seed, blur is not None)
         attune(scene, built.materials, built.sun, built.planetshine)
         lights = separate_lights.light_passes(scene, built)
         # What moves during a render is not kept from one to the next, nor are surfaces that change between them.
         scene.render.use_persistent_data = (blur is None and len(lights) == 1 and not scene.cycles.shading_system
                                             and _triangle_count(built) <= MOST_KEPT_TRIANGLES)
         truths = sum(layer == TRUTH for take in takes for layer, _ in take.images)
-        with watch_samples(len(lights) * int(settings["quality"]["samples"]), truths, report) as sampling:
+        with watch_samples(len(lights) * int(settings.quality.samples), truths, report) as sampling:
             for k, take in enumerate(takes):
                 with set_up_camera(scene, built.camera, camera, take.blur, take.toed):
                     scene.render.use_motion_blur = take.blur is not None and take.blur.exposure_s is not None

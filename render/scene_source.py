@@ -18,7 +18,8 @@ from ..nodes.scene import Built
 from ..physics import admission
 from ..physics.camera.blur import blur_identity
 from ..settings import changes
-from ..settings.description import Settings, digest
+from ..settings.description import digest
+from ..typed_settings import Settings
 from . import cycles_settings
 from .plans.planned_pair import PlannedPair
 from .render_pair import check_camera, open_render_scene
@@ -50,7 +51,7 @@ class FixedScene:
     def prepare(self, planned: PlannedPair) -> PreparedScene:
         """Where this pair is rendered."""
         assert self._scene is not None
-        cycles_settings.check_possible(planned.settings["quality"])
+        cycles_settings.check_possible(planned.settings.quality)
         _raise_reasons([*admission.reasons_of_settings(planned.settings),
                         *eyes_above_ground.reasons(self._built, planned.turn_deg, self._scene)])
         return self._built, self._scene, self._seconds
@@ -78,7 +79,7 @@ class ScenesFromSettings:
         """Where this pair is rendered. Raises IcyMoonError if its scene cannot be built; the next one may."""
         start = time.perf_counter()
         before, self._built = self._built, None
-        cycles_settings.check_possible(planned.settings["quality"])
+        cycles_settings.check_possible(planned.settings.quality)
         admission.refuse(planned.settings)
         shared = before is not None and _same_scene_and_light(before.settings, planned.settings)
         if not shared:  # what Cycles keeps is of no use any more

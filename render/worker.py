@@ -19,8 +19,9 @@ import bpy
 from .. import scene_properties
 from ..errors import DiskError, IcyMoonError
 from ..nodes.scene import Built, extra, find, settle
-from ..settings.description import Settings, check, defaults, merged, restored
+from ..settings.description import check, defaults, merged, restored
 from ..system import end_at_interrupt
+from ..typed_settings import Settings
 from .pairs.our_files import checked_id
 from .pairs.pair_folder import is_complete
 from .plans.planned_pair import PlannedPair, expand_headings

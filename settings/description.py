@@ -22,11 +22,10 @@ import numpy as np
 
 from ..errors import IcyMoonError
 from ..files import is_file, read_text, shorten
+from ..typed_settings import Settings, typed, typed_table
 from ..version import is_newer, version
 from . import pair_ids, trust
 from .table import TOPICS, Setting, Value
-
-Settings = dict[str, dict[str, Any]]
 
 PRESETS = Path(__file__).resolve().parents[1] / "presets"
 #: Folders of presets, whole scenes first, and what people call their kinds.
@@ -46,7 +45,7 @@ _INFINITE = 2.0**128 - 2.0**103
 
 def defaults() -> Settings:
     """The complete description that a new scene has."""
-    return {topic.key: {s.key: canonical(s, s.default) for s in topic.settings} for topic in TOPICS.values()}
+    return typed({topic.key: {s.key: canonical(s, s.default) for s in topic.settings} for topic in TOPICS.values()})
 
 
 def _nearest(word: str, known: Iterable[str]) -> str:
@@ -135,7 +134,7 @@ def check(data: Mapping[str, Any], where: str, stored: bool = False) -> Settings
     Raises IcyMoonError for an unknown topic or key, a wrong type, a value out of range, or a text that names what
     only the person may (see ``trust``).
     """
-    checked: Settings = {}
+    checked: dict[str, dict[str, Any]] = {}
     for topic, key, value in _stated(data, where):
         name = pair_ids.present_name(f"{topic}.{key}")
         if name in pair_ids.SCHEMA["gone"]:
@@ -148,7 +147,7 @@ def check(data: Mapping[str, Any], where: str, stored: bool = False) -> Settings
         setting = _setting(name, where)
         with suppress(IcyMoonError) if stored and setting.effect == "run" else nullcontext():
             checked.setdefault(name.partition(".")[0], {})[setting.key] = _checked(setting, value, name, where, stored)
-    return checked
+    return typed(checked)
 
 
 def _stated(data: Mapping[str, Any], where: str) -> Iterator[tuple[str, str, Any]]:
@@ -184,8 +183,8 @@ def restored(data: Mapping[str, Any], where: str, written_by: str = "") -> Setti
 
 def _before() -> Settings:
     """The complete description of what was done before anything was added."""
-    return {topic.key: {s.key: canonical(s, pair_ids.before(f"{topic.key}.{s.key}", s)) for s in topic.settings}
-            for topic in TOPICS.values()}
+    return typed({topic.key: {s.key: canonical(s, pair_ids.before(f"{topic.key}.{s.key}", s)) for s in topic.settings}
+                  for topic in TOPICS.values()})
 
 
 @contextmanager
@@ -202,20 +201,20 @@ def told_to_update(where: str, written_by: str) -> Iterator[None]:
 
 def merged(*parts: Mapping[str, Mapping[str, Value]]) -> Settings:
     """One description from several partial ones, the later ones winning."""
-    result: Settings = {}
+    result = Settings()
     for part in parts:
         for topic, values in part.items():
-            result.setdefault(topic, {}).update(values)
+            result.setdefault(topic, typed_table(topic, {})).update(typed_table(topic, values))
     return result
 
 
 def changed(settings: Mapping[str, Mapping[str, Value]], base: Mapping[str, Mapping[str, Value]]) -> Settings:
     """What has to be put over ``base`` to have these settings: those of other values, or not in it."""
-    found: Settings = {}
+    found = Settings()
     for topic, values in settings.items():
         for key, value in values.items():
             if key not in base.get(topic, {}) or base[topic][key] != value:
-                found.setdefault(topic, {})[key] = value
+                found.setdefault(topic, typed_table(topic, {}))[key] = value
     return found
 
 

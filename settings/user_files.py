@@ -7,34 +7,33 @@ from __future__ import annotations
 
 import functools
 import hashlib
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 from ..errors import IcyMoonError
 from ..files import absolute_path, sha256
 from ..formats import mesh_file, mesh_images
+from ..typed_settings import Settings
 from .table import TOPICS
 
 
-def used_files(settings: Mapping[str, Mapping[str, Any]], blend_folder: str | None = None) -> dict[str, Path]:
+def used_files(settings: Settings, blend_folder: str | None = None) -> dict[str, Path]:
     """The absolute path of each file in use, by the setting that names it (``topic.key``).
 
     ``blend_folder`` is what // stands for, None where there is no saved .blend. Raises IcyMoonError if a path is
     empty that must not be, or begins with // without one.
     """
     named = {}
-    if settings["source"]["kind"] != "PROCEDURAL":
-        named["source.file"] = str(settings["source"]["file"])
-    if settings["textures"]["set"] == "OWN":
-        named |= {f"textures.{s.key}": str(settings["textures"][s.key]) for s in TOPICS["textures"].settings
-                  if s.subtype == "FILE_PATH" and settings["textures"][s.key]}
-    if settings["light"]["directions_from"] == "KERNELS":
-        named["light.kernels"] = str(settings["light"]["kernels"])
+    if settings.source.kind != "PROCEDURAL":
+        named["source.file"] = str(settings.source.file)
+    if settings.textures.set == "OWN":
+        named |= {f"textures.{s.key}": str(settings.textures[s.key]) for s in TOPICS["textures"].settings
+                  if s.subtype == "FILE_PATH" and settings.textures[s.key]}
+    if settings.light.directions_from == "KERNELS":
+        named["light.kernels"] = str(settings.light.kernels)
     return {name: absolute_path(text, name, blend_folder) for name, text in named.items()}
 
 
-def content(settings: Mapping[str, Mapping[str, Any]], blend_folder: str | None = None) -> str:
+def content(settings: Settings, blend_folder: str | None = None) -> str:
     """What identifies the content of the files in use; empty if there are none.
 
     Raises IcyMoonError if one cannot be read.
@@ -49,17 +48,17 @@ def content(settings: Mapping[str, Mapping[str, Any]], blend_folder: str | None 
     return hashlib.sha256("".join(marks).encode()).hexdigest() if marks else ""
 
 
-def are_there(settings: Mapping[str, Mapping[str, Any]], blend_folder: str | None = None) -> bool:
+def are_there(settings: Settings, blend_folder: str | None = None) -> bool:
     """Whether every file in use is there, with all that belongs to it."""
     return all(path.is_file() and all(part.is_file() for part in _parts(settings, name, path))
                for name, path in used_files(settings, blend_folder).items())
 
 
-def _parts(settings: Mapping[str, Mapping[str, Any]], name: str, path: Path) -> list[Path]:
+def _parts(settings: Settings, name: str, path: Path) -> list[Path]:
     """The files whose content counts: of a mesh its buffers and, if they are shown, its images, of a folder of
     kernels all."""
     if name == "source.file":
-        shown = mesh_images.find_images(path).files() if settings["textures"]["set"] == "MESH" else []
+        shown = mesh_images.find_images(path).files() if settings.textures.set == "MESH" else []
         return [*mesh_file.find_geometry_files(path), *shown]
     return sorted(part for part in path.iterdir() if part.is_file()) if path.is_dir() else [path]
 

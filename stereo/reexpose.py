@@ -68,19 +68,19 @@ def reexpose(paths: Sequence[Path], out: Path, response: Mapping[str, Mapping[st
 def _reexpose_pair(folder: Path, out: Path, response: Mapping[str, Mapping[str, Any]]) -> Images:
     pair, settings = read_unchanged_pair(folder)
     settings = merged(settings, response)
-    scaled = any(settings["light"][key] != 1 for key in LIGHT_GROUPS.values())
+    scaled = any(settings.light[key] != 1 for key in LIGHT_GROUPS.values())
     left, right = (read_light(pair.image(eye), eye, groups=scaled) for eye in EYES)
     images = develop(pair, left, right, settings)
     for stale in [path for path in out.glob("*") if _STALE.fullmatch(path.name)]:
         remove(stale)
-    for name, numbers in _images_by_name(images, int(settings["sensor"]["bits"])).items():
+    for name, numbers in _images_by_name(images, int(settings.sensor.bits)).items():
         write_png(out / f"{name}.png", numbers)
     for eye in EYES if images.detected_left is not images.left else ():
-        write_npy(out / f"{eye}_distorted_depth.npy", read_sensor_depth(pair, eye, settings["rig"]))
+        write_npy(out / f"{eye}_distorted_depth.npy", read_sensor_depth(pair, eye, settings.rig))
     write_json(out / "images.json", {
         "format": FORMAT, "version": VERSION, "pair": pair.id, "camera": pair.camera.to_json(),
         "eyes": pair.camera.eyes_json(),
-        "distortion": dict(zip(COEFFICIENTS, coefficients(settings["rig"]), strict=True)),
+        "distortion": dict(zip(COEFFICIENTS, coefficients(settings.rig), strict=True)),
         **exposure_facts(images), "settings": {topic: settings[topic] for topic in ("sensor", "light")}})
     return images
 

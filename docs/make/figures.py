@@ -29,6 +29,7 @@ from icymoon.physics.terrain.roughness import statistics
 from icymoon.settings import description
 from icymoon.stereo.measure.metrics import depth_metrics, disparity_metrics, total_metrics
 from icymoon.stereo.trade.losses import pareto_front
+from icymoon.typed_settings import Settings
 from icymoon.version import ROOT
 from matplotlib import rc_context
 from matplotlib.figure import Figure
@@ -40,7 +41,7 @@ STYLE: Any = {
     "lines.linewidth": 1.4, "axes.axisbelow": True, "legend.frameon": False, "figure.constrained_layout.use": True}
 
 
-def described(*presets: str, **topics: dict[str, Any]) -> description.Settings:
+def described(*presets: str, **topics: dict[str, Any]) -> Settings:
     """The defaults with presets and changes."""
     return description.merged(description.defaults(),
                               *(description.load(description.preset_path(name)) for name in presets),
@@ -53,13 +54,13 @@ def terrain_law(figure: Figure) -> None:
     axis = np.linspace(-10, 10, 513)
     for hurst, colour in zip((0.5, 0.7, 0.9), COLOURS, strict=False):
         shown = described(terrain={"hurst": hurst})
-        ground = shown["terrain"]
+        ground = shown.terrain
         spacing = axis[1] - axis[0]
         heights = grounds.make_terrain(shown, 1).heights(axis[None, :], axis[:, None], 2 * spacing)
         low, high = grounds.law_range_m(ground)
-        found = statistics.measure(heights, spacing, ground["slope_baseline_m"], (max(low, 6 * spacing), high))
+        found = statistics.measure(heights, spacing, ground.slope_baseline_m, (max(low, 6 * spacing), high))
         law = np.geomspace(low, high, 20)
-        stated = math.tan(math.radians(ground["rms_slope_deg"])) * law**hurst
+        stated = math.tan(math.radians(ground.rms_slope_deg)) * law**hurst
         axes.loglog(found.lag_m, found.deviation_m, "o", ms=3.5, color=colour, label=f"H {hurst}: measured")
         axes.loglog(law, stated, "-", color=colour, label=f"H {hurst}: stated")
     axes.axvline(2 * spacing, color="#777777", ls=":", lw=1)
@@ -84,11 +85,11 @@ def rock_sizes(figure: Figure) -> None:
     area = 400.0
     for name, colour in zip(description.preset_names("rocks"), COLOURS, strict=False):
         shown = described(name)
-        law = size_laws.size_law(shown["rocks"])
-        diameters, _ = size_laws.draw_diameters(law, area, shown["rocks"]["most"], generator(1, "rocks"))
+        law = size_laws.size_law(shown.rocks)
+        diameters, _ = size_laws.draw_diameters(law, area, shown.rocks.most, generator(1, "rocks"))
         step = max(1, len(diameters) // 60)
         axes.loglog(diameters[::step], (np.arange(len(diameters)) + 1)[::step] / area, "o", ms=3, color=colour)
-        d = np.geomspace(law.smallest_m, 0.999 * shown["rocks"]["largest_m"], 80)
+        d = np.geomspace(law.smallest_m, 0.999 * shown.rocks.largest_m, 80)
         axes.loglog(d, law.per_m2_above(d), "-", color=colour, label=description.preset_header(name)[0])
     axes.set(xlabel="Diameter, m", ylabel="Rocks per m² above it", ylim=(1 / area / 2, None))
     axes.legend(fontsize=8)
@@ -99,7 +100,7 @@ def hapke_phase(figure: Figure) -> None:
     near, far = figure.subplots(1, 2)
     for name in (n for n in description.preset_names("surfaces") if "hapke" in n):
         shown = described(name)
-        law = albedos.law_of(shown["surface"], shown["hapke"])
+        law = albedos.law_of(shown.surface, shown.hapke)
         assert law is not None
         for axes, last in ((near, 8.0), (far, 160.0)):
             phase = np.radians(last) * np.linspace(0, 1, 81) ** 2
@@ -134,11 +135,11 @@ def hapke_roughness(figure: Figure) -> None:
     emission = np.linspace(-85, 85, 341)
     for theta in (0.0, 10.0, 25.0):
         shown = described("surfaces/hapke_europa_global", hapke={"theta_bar_deg": theta})
-        law = albedos.law_of(shown["surface"], shown["hapke"])
+        law = albedos.law_of(shown.surface, shown.hapke)
         assert law is not None
         r = law(np.radians(60.0), np.radians(np.abs(emission)), np.where(emission > 0, 0.0, math.pi))
         axes.plot(emission, math.pi * np.asarray(r), label=f"roughness {theta:g}°")
-    lambert = albedos.law_of(described(surface={"model": "LAMBERT", "albedo": 0.7})["surface"], {})
+    lambert = albedos.law_of(described(surface={"model": "LAMBERT", "albedo": 0.7}).surface, described().hapke)
     assert lambert is not None
     axes.plot(emission, math.pi * np.asarray(lambert(np.radians(60.0), np.radians(np.abs(emission)), 0.0 * emission)),
               "--", color="#777777", label="Lambert, albedo 0.7")
@@ -195,17 +196,17 @@ def photon_transfer(figure: Figure) -> None:
     """Signal-to-noise ratio over signal: drawn images and the formula."""
     axes = figure.subplots()
     for k, name in enumerate(description.preset_names("sensors")):
-        response = described(name)["sensor"]
+        response = described(name).sensor
         well, read, prnu = (float(response[key]) for key in ("full_well_e", "read_noise_e", "prnu"))
         signal = np.geomspace(10, 0.9 * well, 25)
         measured = []
         for j, electrons in enumerate(signal):
             light = np.full((128, 128), electrons)
             pattern = sensor.draw_pattern(1, "left", (128, 128), response)
-            drawn = sensor.electrons(light, 1.0, 1.0, {**response, "dark_current_e_s": 0.0}, generator(1, "sensor", j),
+            drawn = sensor.electrons(light, 1.0, 1.0, response | {"dark_current_e_s": 0.0}, generator(1, "sensor", j),
                                      pattern)
             measured.append(drawn.mean() / drawn.std())
-        dsnu = float(response["dsnu_e"])
+        dsnu = float(response.dsnu_e)
         noise = np.sqrt(signal + read**2 + (prnu * signal) ** 2 + dsnu**2)
         axes.loglog(signal, measured, "o", ms=3.5, color=COLOURS[k])
         axes.loglog(signal, signal / noise, color=COLOURS[k], label=description.preset_header(name)[0])
@@ -217,14 +218,14 @@ def exposure_response(figure: Figure) -> None:
     """Digital number over exposure time for snow under the Suns of Enceladus and Europa."""
     axes = figure.subplots()
     shown = described("sensors/default", "rigs/guiss")
-    response, rig = shown["sensor"], shown["rig"]
+    response, rig = shown.sensor, shown.rig
     pitch = photons.pixel_pitch_m(response, rig)
     seconds = np.geomspace(1e-7, 1e-2, 200)
     for name, irradiance in (("Enceladus", 14.82), ("Europa", 50.26)):
         # Level Lambert ground of albedo 0.8, the Sun 30 degrees high.
         radiance = 0.8 * irradiance * math.sin(math.radians(30)) / math.pi
-        rate = photons.electron_rate(shown["light"], response, pitch)
-        charge = np.minimum(radiance * rate * seconds, response["full_well_e"])
+        rate = photons.electron_rate(shown.light, response, pitch)
+        charge = np.minimum(radiance * rate * seconds, response.full_well_e)
         axes.semilogx(1e3 * seconds, sensor.digital_numbers(charge, response), label=name)
     axes.set(xlabel="Exposure, ms", ylabel="Digital number of level ground")
     axes.legend()
@@ -235,9 +236,9 @@ def depth_error(figure: Figure) -> None:
     axes = figure.subplots()
     depth = np.geomspace(0.5, 50, 100)
     for k, name in enumerate(description.preset_names("rigs")):
-        rig, title = described(name)["rig"], description.preset_header(name)[0]
+        rig, title = described(name).rig, description.preset_header(name)[0]
         axes.loglog(depth, [100 * stereo_geometry.depth_error_m(z, rig, 0.25) for z in depth], "-" if k % 2 else "--",
-                    label=f"{title}, f·B {stereo_geometry.focal_px(rig) * rig['baseline_m']:.0f} px·m")
+                    label=f"{title}, f·B {stereo_geometry.focal_px(rig) * rig.baseline_m:.0f} px·m")
     axes.set(xlabel="Depth, m", ylabel="Depth error for 0.25 px, cm")
     axes.legend(fontsize=8)
 

@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import bpy
 
 from ...settings import user_files
-from ...settings.description import Settings, merged
+from ...settings.description import merged
+from ...typed_settings import Settings
 
 
 def _blend_folder() -> str | None:
     return str(Path(bpy.data.filepath).parent) if bpy.data.filepath else None
 
 
-def used_files(settings: Mapping[str, Mapping[str, Any]]) -> dict[str, Path]:
+def used_files(settings: Settings) -> dict[str, Path]:
     """``own_files.used_files`` beside the .blend that is open."""
     return user_files.used_files(settings, _blend_folder())
 
@@ -27,11 +26,11 @@ def with_absolute_files(settings: Settings) -> Settings:
     return merged(settings, *({topic: {key: path}} for topic, key, path in found))
 
 
-def content(settings: Mapping[str, Mapping[str, Any]]) -> str:
+def content(settings: Settings) -> str:
     """``own_files.content`` beside the .blend that is open."""
     return user_files.content(settings, _blend_folder())
 
 
-def are_there(settings: Mapping[str, Mapping[str, Any]]) -> bool:
+def are_there(settings: Settings) -> bool:
     """``own_files.are_there`` beside the .blend that is open."""
     return user_files.are_there(settings, _blend_folder())

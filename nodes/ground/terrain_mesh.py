@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from typing import Any
 
 import bpy
 import numpy as np
@@ -14,32 +12,33 @@ from ...physics.mesh.graded_ground import Graded, grade_ground
 from ...physics.mesh.height_surface import Surface
 from ...physics.terrain.roughness.statistics import Roughness, measure, power_spectrum
 from ...physics.terrain.terrain import Terrain, law_range_m
+from ...typed_settings import Settings, TerrainSettings
 
 #: Points per side on which the roughness of ground that is no grid is measured.
 _MEASURED = 513
 
 
-def vertex_spacing_m(terrain: Mapping[str, Any]) -> float:
+def vertex_spacing_m(terrain: TerrainSettings) -> float:
     """Distance between neighbouring vertices of the grid in metres."""
-    return terrain["size_m"] / (terrain["resolution"] - 1)
+    return terrain.size_m / (terrain.resolution - 1)
 
 
-def shortest_wavelength_m(terrain: Mapping[str, Any]) -> float:
+def shortest_wavelength_m(terrain: TerrainSettings) -> float:
     """Shortest wavelength in metres that the grid carries: two vertex spacings."""
     return 2 * vertex_spacing_m(terrain)
 
 
-def as_meshed(ground: Terrain, settings: Mapping[str, Mapping[str, Any]]) -> Terrain | Graded:
+def as_meshed(ground: Terrain, settings: Settings) -> Terrain | Graded:
     """Procedural ground as the mesh that ``settings`` ask for shows it: as it is, or graded."""
-    return grade_ground(ground, settings) if settings["mesh"]["kind"] == "GRADED" else ground
+    return grade_ground(ground, settings) if settings.mesh.kind == "GRADED" else ground
 
 
-def site_wavelength_m(terrain: Mapping[str, Any], ground: Surface) -> float:
+def site_wavelength_m(terrain: TerrainSettings, ground: Surface) -> float:
     """Shortest wavelength in metres that the mesh of ``ground`` carries at the site."""
     return ground.site_wavelength_m if isinstance(ground, Graded) else shortest_wavelength_m(terrain)
 
 
-def build_mesh(name: str, terrain: Mapping[str, Any], ground: Surface) -> bpy.types.Mesh:
+def build_mesh(name: str, terrain: TerrainSettings, ground: Surface) -> bpy.types.Mesh:
     """A smooth-shaded mesh of ``ground``: as it is graded, or a grid from ``terrain`` settings, centred on the origin.
 
     Raises ValueError if a height is not finite.
@@ -51,13 +50,13 @@ def build_mesh(name: str, terrain: Mapping[str, Any], ground: Surface) -> bpy.ty
     return mesh_from_arrays(name, *grid(terrain, ground))
 
 
-def grid(terrain: Mapping[str, Any], ground: Surface) -> tuple[np.ndarray, np.ndarray]:
+def grid(terrain: TerrainSettings, ground: Surface) -> tuple[np.ndarray, np.ndarray]:
     """Positions (n², 3) and faces ((n - 1)², 4) of the grid of ``terrain`` settings, rows from south to north.
 
     Raises ValueError if a height is not finite.
     """
-    n = int(terrain["resolution"])
-    axis = np.linspace(-terrain["size_m"] / 2, terrain["size_m"] / 2, n)
+    n = int(terrain.resolution)
+    axis = np.linspace(-terrain.size_m / 2, terrain.size_m / 2, n)
     heights = ground.heights(axis[None, :], axis[:, None], shortest_wavelength_m(terrain))
     _check_finite(heights)
     positions = np.empty((n, n, 3), np.float32)
@@ -72,9 +71,9 @@ def _check_finite(heights: np.ndarray) -> None:
         raise ValueError("terrain heights are not finite")
 
 
-def grid_heights(mesh: bpy.types.Mesh, terrain: Mapping[str, Any]) -> np.ndarray | None:
+def grid_heights(mesh: bpy.types.Mesh, terrain: TerrainSettings) -> np.ndarray | None:
     """Heights (n, n) in metres of a mesh that ``build_mesh`` made as a grid, or None if it is another or was edited."""
-    n = int(terrain["resolution"])
+    n = int(terrain.resolution)
     if len(mesh.vertices) != n * n:
         return None
     positions = np.empty(3 * n * n, np.float32)
@@ -88,17 +87,17 @@ def patch_heights(ground: Surface) -> np.ndarray:
     return ground.heights(axis[None, :], axis[:, None], 2 * (axis[1] - axis[0]))
 
 
-def measured(heights: np.ndarray | None, terrain: Mapping[str, Any]) -> Roughness | None:
+def measured(heights: np.ndarray | None, terrain: TerrainSettings) -> Roughness | None:
     """The roughness of the patch, over the distances that its grid and ``terrain`` settings both cover."""
     if heights is None or min(heights.shape) < 3:
         return None
-    spacing = terrain["size_m"] / (len(heights) - 1)
+    spacing = terrain.size_m / (len(heights) - 1)
     shortest, longest = law_range_m(terrain)
     # Waves of two vertex spacings are cut off, which shows up to three times that distance.
-    return measure(heights, spacing, terrain["slope_baseline_m"], (max(shortest, 6 * spacing), longest))
+    return measure(heights, spacing, terrain.slope_baseline_m, (max(shortest, 6 * spacing), longest))
 
 
-def roughness_table(heights: np.ndarray | None, terrain: Mapping[str, Any]) -> list[tuple[str, ...]]:
+def roughness_table(heights: np.ndarray | None, terrain: TerrainSettings) -> list[tuple[str, ...]]:
     """Rows of text: distance, RMS deviation measured and asked for, their ratio, the power spectral density there.
 
     The density at a distance is that of the wave number 1/distance. Empty if there is no grid to measure.
@@ -107,11 +106,11 @@ def roughness_table(heights: np.ndarray | None, terrain: Mapping[str, Any]) -> l
     if found is None or heights is None:
         return []
     shortest, longest = law_range_m(terrain)
-    waves, density = power_spectrum(heights, terrain["size_m"] / (len(heights) - 1))
+    waves, density = power_spectrum(heights, terrain.size_m / (len(heights) - 1))
     rows: list[tuple[str, ...]] = [("Distance", "RMS deviation", "Asked for", "Ratio", "PSD")]
-    at_baseline = math.tan(math.radians(terrain["rms_slope_deg"])) * terrain["slope_baseline_m"]
+    at_baseline = math.tan(math.radians(terrain.rms_slope_deg)) * terrain.slope_baseline_m
     for distance, deviation in list(zip(found.lag_m, found.deviation_m, strict=True))[::2]:
-        asked = at_baseline * (distance / terrain["slope_baseline_m"]) ** terrain["hurst"]
+        asked = at_baseline * (distance / terrain.slope_baseline_m) ** terrain.hurst
         inside = shortest <= distance <= longest and asked > 0
         there = waves.min() <= 1 / distance <= waves.max() and density.min() > 0
         psd = np.exp(np.interp(-np.log(distance), np.log(waves), np.log(density))) if there else 0.0

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -20,7 +20,7 @@ from ...physics.mesh.height_surface import Surface
 from ...physics.mesh.mesh_heights import MeshGround
 from ...physics.surfaces.textures import uses_uv
 from ...physics.terrain.fine_detail import displace
-from ...settings.description import Settings
+from ...typed_settings import Settings, SourceSettings
 from ..datablocks.user_files import used_files
 from . import import_heights
 from .import_mesh import read_mesh
@@ -66,9 +66,9 @@ class OwnGround:
         return float(self.positions[nearest, 2])
 
 
-def is_own(settings: Mapping[str, Mapping[str, Any]]) -> bool:
+def is_own(settings: Settings) -> bool:
     """Whether the ground comes from a file."""
-    return bool(settings["source"]["kind"] != "PROCEDURAL")
+    return bool(settings.source.kind != "PROCEDURAL")
 
 
 def kind_of(path: Path) -> str:
@@ -79,14 +79,14 @@ def kind_of(path: Path) -> str:
     return "MESH" if suffix in mesh_file.FORMATS else "HEIGHT_MAP"
 
 
-def file_of(settings: Mapping[str, Mapping[str, Any]]) -> Path:
+def file_of(settings: Settings) -> Path:
     """The ground's file, absolute. Raises IcyMoonError if none is stated."""
     return used_files(settings)["source.file"]
 
 
-def cost_warnings(settings: Mapping[str, Mapping[str, Any]]) -> list[str]:
+def cost_warnings(settings: Settings) -> list[str]:
     """What a person should hear before the ground is loaded, because it takes long or much memory."""
-    if settings["source"]["kind"] != "MESH":
+    if settings.source.kind != "MESH":
         return []
     path = file_of(settings)
     cost = mesh_file.estimate_cost(path)
@@ -101,7 +101,7 @@ def own_ground(settings: Settings, made_up: Callable[[Settings], Surface]) -> Ow
     """
     path = file_of(settings)
     try:
-        if settings["source"]["kind"] == "MESH":
+        if settings.source.kind == "MESH":
             return _mesh_ground(path, settings)
         return _height_ground(path, settings, made_up)
     except MemoryError:
@@ -143,7 +143,7 @@ def turned_up(positions: np.ndarray, kind: str, up_axis: str) -> tuple[np.ndarra
 
 
 def _mesh_ground(path: Path, settings: Settings) -> OwnGround:
-    source = settings["source"]
+    source = settings.source
     kind = mesh_file.detect_kind(path)
     positions, faces, uv = read_mesh(path)
     if not np.isfinite(positions).all(axis=1).any():
@@ -152,17 +152,17 @@ def _mesh_ground(path: Path, settings: Settings) -> OwnGround:
     if kind == "USD" and not compat.applies_usd_unit():
         warnings.append(f"This Blender takes the units of {path.name} for metres, whatever the file says; set "
                         "source.scale if they are not.")
-    positions, axis = turned_up(positions * source["scale"], kind, source["up_axis"])
+    positions, axis = turned_up(positions * source.scale, kind, source.up_axis)
     before = check.examine(positions, faces)
     warnings += _check_size(path, np.array(before.extents_m), "set source.scale (0.001 for millimetres).",
                             "mend the vertices that stand out.")
     if before.area_m2 <= 0.0 or before.degenerate_faces == before.triangles:
         raise IcyMoonError(f"{path}: all its {before.triangles} faces are without area; export the mesh again.")
-    if before.non_finite_vertices and not source["repair"]:
+    if before.non_finite_vertices and not source.repair:
         raise IcyMoonError(f"{path}: {before.non_finite_vertices} vertices are not numbers; set source.repair or mend "
                            "the mesh.")
-    report = [f"{kind}, {axis} up, {source['scale']:g} m per unit", *before.lines()]
-    if source["repair"]:
+    report = [f"{kind}, {axis} up, {source.scale:g} m per unit", *before.lines()]
+    if source.repair:
         positions, faces, uv = check.repair(positions, faces, uv)
         after = check.examine(positions, faces)
         report.append("Repaired: " + "; ".join(after.lines()))
@@ -176,11 +176,11 @@ def _mesh_ground(path: Path, settings: Settings) -> OwnGround:
     if uv is not None:
         uv, found = texture_coordinates.repair_coordinates(uv)
         report += found
-        if uses_uv(settings["textures"]):
+        if uses_uv(settings.textures):
             warnings += [f"{path.name}: {sentence}." for sentence in found[1:]]
     if (brought := ", ".join(mesh_images.find_images(path).by_kind)):
         report.append(f"Brings images ({brought}), which textures.set = MESH shows")
-    if source["detail"]:
+    if source.detail:
         positions, faces, uv, sentence = _with_roughness(positions, faces, uv, settings)
         report.append(sentence)
     positions = positions.astype(np.float32)
@@ -191,14 +191,14 @@ def _with_roughness(positions: np.ndarray, faces: np.ndarray, uv: np.ndarray | N
                     settings: Settings) -> tuple[np.ndarray, np.ndarray, np.ndarray | None, str]:
     """The mesh cut as finely as the terrain's vertices and roughened along its normals, and what was done."""
     edge = subdivide.edge_length_m(positions, faces)
-    wanted = shortest_wavelength_m(settings["terrain"]) / 2
+    wanted = shortest_wavelength_m(settings.terrain) / 2
     cuts = subdivide.count_halvings(edge, wanted, len(faces), _MOST_TRIANGLES)
     for _ in range(cuts):
         positions, faces = subdivide.halve_edges(positions, faces)
         uv = None if uv is None else texture_coordinates.halve_coordinates(uv)
     finest = edge / 2**cuts
     roughened = displace(positions, subdivide.vertex_normals(positions, faces), settings,
-                         int(settings["dataset"]["seed"]), 2 * edge, 2 * finest)
+                         int(settings.dataset.seed), 2 * edge, 2 * finest)
     limit = f", not {wanted:.3g} m, to keep to {_MOST_TRIANGLES} triangles" if finest > 1.01 * wanted else ""
     return roughened, faces, uv, (f"Roughness of {2 * finest:.3g} to {2 * edge:.3g} m added on {len(faces)} "
                                   f"triangles, edges of {finest:.3g} m{limit}")
@@ -217,17 +217,17 @@ def _coarse_coordinates(path: Path, positions: np.ndarray) -> list[str]:
             f"{spacing:.2g} apart; subtract an offset before exporting it, or write a PLY in double precision."]
 
 
-def _shift(positions: np.ndarray, source: Mapping[str, Any]) -> np.ndarray:
+def _shift(positions: np.ndarray, source: SourceSettings) -> np.ndarray:
     """What to add to the vertices so that the site's origin is where the settings say."""
-    shift = np.array([-source["origin_x_m"], -source["origin_y_m"], 0.0])
-    if source["centre"]:
+    shift = np.array([-source.origin_x_m, -source.origin_y_m, 0.0])
+    if source.centre:
         low, high = positions.min(axis=0), positions.max(axis=0)
         shift += [-(low[0] + high[0]) / 2, -(low[1] + high[1]) / 2, -float(np.median(positions[:, 2]))]
     return shift
 
 
 def _height_ground(path: Path, settings: Settings, made_up: Callable[[Settings], Surface]) -> OwnGround:
-    source, terrain = settings["source"], settings["terrain"]
+    source, terrain = settings.source, settings.terrain
     read = import_heights.read_heights(path)
     known = np.isfinite(read.values)
     if not known.any():
@@ -236,33 +236,33 @@ def _height_ground(path: Path, settings: Settings, made_up: Callable[[Settings],
     warnings = [f"{path.name}: {sentence}." for sentence in read.warnings]
     if not known.all():
         warnings.append(f"{1 - known.mean():.2%} of {path.name} has no height and was filled in smoothly from around.")
-    heights = height_map.fill_holes(read.values) * source["height_scale_m"]
+    heights = height_map.fill_holes(read.values) * source.height_scale_m
     rows, columns = heights.shape
     extents = np.array([(columns - 1) * pixel[0], (rows - 1) * pixel[1], float(np.ptp(heights))])
     warnings += _check_size(path, extents, "set source.metres_per_pixel.",
                             "set source.height_scale_m, or mark the heights that are missing.")
-    surface, shift = height_map.place_map(heights, pixel, read.corner_m or (0.0, 0.0), centre=bool(source["centre"]),
-                                      origin_m=(source["origin_x_m"], source["origin_y_m"]),
-                                      size_m=float(terrain["size_m"]))
+    surface, shift = height_map.place_map(heights, pixel, read.corner_m or (0.0, 0.0), centre=bool(source.centre),
+                                      origin_m=(source.origin_x_m, source.origin_y_m),
+                                      size_m=float(terrain.size_m))
     west, east, south, north = surface.bounds_m
     if east <= west or north <= south:
-        raise IcyMoonError(f"{path}: has no height within terrain.size_m = {terrain['size_m']:g} m of the origin; set "
+        raise IcyMoonError(f"{path}: has no height within terrain.size_m = {terrain.size_m:g} m of the origin; set "
                            "source.centre, source.origin_x_m or source.origin_y_m.")
-    if source["detail"]:
+    if source.detail:
         surface = height_map.add_roughness(surface, made_up(settings))
     spacing = shortest_wavelength_m(terrain) / 2
     x, y = (np.linspace(a, b, max(2, round((b - a) / spacing) + 1)) for a, b in ((west, east), (south, north)))
     positions, faces = height_map.grid_mesh(surface.heights(x[None, :], y[:, None], 2 * spacing), x, y)
     report = (f"{columns} x {rows} pixels of {pixel[0]:.4g} x {pixel[1]:.4g} m, {_metres(extents)} m", *read.report,
               f"Ground of {east - west:.4g} x {north - south:.4g} m, moved by {_metres(shift)} m",
-              "Procedural roughness below the pixel" if source["detail"] else "Nothing finer than the pixel")
+              "Procedural roughness below the pixel" if source.detail else "Nothing finer than the pixel")
     return OwnGround(positions, faces, surface, report, tuple(warnings))
 
 
-def _pixel_size(path: Path, read: import_heights.Heights, source: Mapping[str, Any]) -> tuple[float, float]:
+def _pixel_size(path: Path, read: import_heights.Heights, source: SourceSettings) -> tuple[float, float]:
     """Metres per pixel (east, north): what the settings say, or else the file."""
-    if source["metres_per_pixel"] > 0:
-        return (source["metres_per_pixel"],) * 2
+    if source.metres_per_pixel > 0:
+        return (source.metres_per_pixel,) * 2
     if read.pixel_m is None:
         raise IcyMoonError(f"{path}: {read.unplaced}; set source.metres_per_pixel.")
     return read.pixel_m

@@ -15,7 +15,7 @@ from ...physics.light.sky import Sky, check_body, sky_facts
 from ...physics.light.sky import sky as sky_of
 from ...physics.light.stars import stars_above_horizon
 from ...physics.light.sunlight import sun_colour
-from ...settings.description import Settings
+from ...typed_settings import Settings
 from ..datablocks.fingerprint import NAME, TAG
 from .celestial import build_planet, build_rings, build_stars
 from .planet import build_planet_light
@@ -30,13 +30,13 @@ def described_sky(settings: Settings) -> Sky:
     """The sky that settings describe. Raises IcyMoonError if a date or kernels cannot give it, or give another
     body's."""
     check_body(settings)
-    return sky_of(settings["light"], str(Path(bpy.data.filepath).parent) if bpy.data.filepath else None)
+    return sky_of(settings.light, str(Path(bpy.data.filepath).parent) if bpy.data.filepath else None)
 
 
 def made_from(settings: Settings) -> list[Any]:
     """The settings that the lights are made from."""
-    of_stars = [focal_px(settings["rig"]), settings["dataset"]["seed"]] if settings["light"]["stars"] else []
-    return [settings["light"], *of_stars]
+    of_stars = [focal_px(settings.rig), settings.dataset.seed] if settings.light.stars else []
+    return [settings.light, *of_stars]
 
 
 def build_lights(settings: Settings, sky: Sky, camera: bpy.types.Object) -> list[bpy.types.Object]:
@@ -49,19 +49,19 @@ def build_lights(settings: Settings, sky: Sky, camera: bpy.types.Object) -> list
 
 def advice(sky: Sky, settings: Settings) -> list[str]:
     """What a person should know of a dark sky, and of what is not in it."""
-    light, said = settings["light"], []
-    if sky.planet is not None and light["planet_rings"] and not sky.planet.rings:
+    light, said = settings.light, []
+    if sky.planet is not None and light.planet_rings and not sky.planet.rings:
         said.append("Only Saturn's rings are bright enough to be seen; light.planet_rings has no effect here.")
-    if light["stars"] and light["irradiance_band"] == "CAMERA":
+    if light.stars and light.irradiance_band == "CAMERA":
         said.append("Stars count all wavelengths, the Sun only the camera's; set light.irradiance_band to BOLOMETRIC "
                     "for stars of the right brightness.")
     if sum(sky.ground_irradiance_wm2) > 0 or (sky.sun_irradiance_wm2 > 0 and sky.sun_is_up and sky.eclipse < 1):
         return said
     if sky.sun_is_up and sky.eclipse >= 1:
-        mend = "move one of them" if light["directions_from"] == "ANGLES" else "choose another light.date_utc"
+        mend = "move one of them" if light.directions_from == "ANGLES" else "choose another light.date_utc"
         return [*said, f"The planet hides the Sun, which gives no light; {mend}."]
     return [*said, "Neither Sun nor planet gives light; raise light.sun_elevation_deg or light.sun_irradiance_wm2."
-            if light["directions_from"] == "ANGLES" else
+            if light.directions_from == "ANGLES" else
             "Neither Sun nor planet gives light; choose another light.date_utc or site."]
 
 
@@ -80,13 +80,13 @@ def change_lights(sun: bpy.types.Object, collection: bpy.types.Collection, setti
 
 
 def _place(sun: bpy.types.Object, settings: Settings, sky: Sky) -> None:
-    place_sun(sun, sky, sun_colour(settings["light"]["sun_temperature_k"]))
+    place_sun(sun, sky, sun_colour(settings.light.sun_temperature_k))
     sun[SKY] = json.dumps(sky_facts(sky))
 
 
 def _others(settings: Settings, sky: Sky, camera: bpy.types.Object) -> list[bpy.types.Object]:
-    light, made = settings["light"], {}
-    colour = sun_colour(light["sun_temperature_k"])
+    light, made = settings.light, {}
+    colour = sun_colour(light.sun_temperature_k)
     if sky.planet is not None and sky.planet_is_up:
         made["planet"] = build_planet(f"{NAME} Planet", sky.planet, colour)
         if planet_gives_light(settings, sky):
@@ -96,10 +96,10 @@ def _others(settings: Settings, sky: Sky, camera: bpy.types.Object) -> list[bpy.
         made["rings"] = build_rings(f"{NAME} Rings", around, colour)
     for item in made.values():
         item.lightgroup = "Planet"
-    if light["stars"]:
-        shown = stars_above_horizon(float(light["stars_faintest_mag"]), int(settings["dataset"]["seed"]),
+    if light.stars:
+        shown = stars_above_horizon(float(light.stars_faintest_mag), int(settings.dataset.seed),
                                     sky.from_j2000)
-        made["stars"] = build_stars(f"{NAME} Stars", shown, 1 / focal_px(settings["rig"]))
+        made["stars"] = build_stars(f"{NAME} Stars", shown, 1 / focal_px(settings.rig))
     for role, item in made.items():
         item[TAG] = role
         if role != "planetshine":

@@ -9,7 +9,6 @@ import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import bpy
 import numpy as np
@@ -19,6 +18,7 @@ from ...formats.mesh_images import MeshImage
 from ...labels import UV_LAYER
 from ...physics.mesh import texture_coordinates
 from ...physics.surfaces.textures import SIZE, make_maps
+from ...typed_settings import TexturesSettings
 
 _KEY, _MEAN = "icymoon_key", "icymoon_mean"  # what an image was made for, and the mean of its linear values
 _SHOWN, _SHOWN_MEAN = "icymoon_shown", "icymoon_shown_mean"  # a mark of what a ground shows of it, and the mean of that
@@ -35,22 +35,22 @@ class Map:
     channel: int = 0
 
 
-def load_maps(textures: Mapping[str, Any], files: Mapping[str, Path | MeshImage]) -> dict[str, Map]:
+def load_maps(textures: TexturesSettings, files: Mapping[str, Path | MeshImage]) -> dict[str, Map]:
     """The maps that ``textures`` settings name, by kind; none if there is no texture.
 
     ``files`` has the image of each kind of the person's own set, or of the mesh's. An image that is there already
     is taken again. Raises IcyMoonError if one cannot be read.
     """
-    if textures["set"] == "NONE":
+    if textures.set == "NONE":
         return {}
-    if textures["set"] == "OWN":
+    if textures.set == "OWN":
         if not files:
             raise IcyMoonError("textures.set is OWN, but no image is named; name one, such as textures.albedo_file, or "
                                "set textures.set to MESH for the images that a mesh brings.")
-    elif textures["set"] != "MESH":
-        return {kind: _made(textures["set"], kind) for kind in ("albedo", "roughness", "height")}
+    elif textures.set != "MESH":
+        return {kind: _made(textures.set, kind) for kind in ("albedo", "roughness", "height")}
     return {kind: _loaded(kind, file if isinstance(file, MeshImage) else MeshImage(file),
-                          f"textures.{kind}_file" if textures["set"] == "OWN" else f"the {kind} image of the mesh")
+                          f"textures.{kind}_file" if textures.set == "OWN" else f"the {kind} image of the mesh")
             for kind, file in files.items()}
 
 

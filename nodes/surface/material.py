@@ -14,8 +14,8 @@ from ...physics.left_out import only_camera_meets_relief
 from ...physics.random_numbers.seeds import generator
 from ...physics.surfaces import principled
 from ...physics.surfaces.hapke import from_settings
-from ...settings.description import Settings
 from ...settings.table import TOPICS
+from ...typed_settings import HapkeSettings, Settings, SurfaceSettings
 from ..tree.builder import Tree
 from ..tree.formula import Number
 from . import reflectance_laws
@@ -33,9 +33,9 @@ def _product(tree: Tree, label: str, a: Any, b: Any) -> Any:
     return tree.node("ShaderNodeVectorMath", label, {"Vector": a, "Vector_001": b}, operation="MULTIPLY").outputs[0]
 
 
-def _wanted(tree: Tree, surface: Mapping[str, Any], grey: Any, colour: Any) -> Any:
+def _wanted(tree: Tree, surface: SurfaceSettings, grey: Any, colour: Any) -> Any:
     """The reflectance albedo x grey x colour: a number, or the output socket of a colour."""
-    albedo = surface["albedo"]
+    albedo = surface.albedo
     if isinstance(grey, float) and colour is None:
         return albedo * grey
     grey = albedo * grey if isinstance(grey, float) else tree.math("MULTIPLY", "Reflectance", grey, albedo)
@@ -54,41 +54,41 @@ def bump_of(tree: Tree, height: Any, distance_m: float, normal: Any = None) -> A
                      if_present={"Filter Width": 0.1}, leave=("Normal",), invert=False).outputs[0]
 
 
-def _fine_height(tree: Tree, surface: Mapping[str, Any], where: Any, place: Sequence[float], pieces: Lying | None,
+def _fine_height(tree: Tree, surface: SurfaceSettings, where: Any, place: Sequence[float], pieces: Lying | None,
                  textured: Textured | None) -> Any:
     """Output socket of the height in metres of grain and height map about their middle, or None without either."""
     parts = []
-    if surface["grain_amplitude_m"] > 0.0:
-        about_0 = grain(tree, where, surface["grain_size_m"], place)
-        parts.append(tree.math("MULTIPLY", "Grain Height", about_0, surface["grain_amplitude_m"]))
+    if surface.grain_amplitude_m > 0.0:
+        about_0 = grain(tree, where, surface.grain_size_m, place)
+        parts.append(tree.math("MULTIPLY", "Grain Height", about_0, surface.grain_amplitude_m))
     if pieces is not None and textured is not None and "height" in textured.maps:
         of = textured.maps["height"]
         sampled = pieces.separated("Map Height", pieces.sample("height", of))[0]
         centred = tree.math("SUBTRACT", "Map About 0", sampled, of.mean[0])
-        parts.append(tree.math("MULTIPLY", "Map Height in Metres", centred, textured.settings["height_m"]))
+        parts.append(tree.math("MULTIPLY", "Map Height in Metres", centred, textured.settings.height_m))
     if len(parts) == 2:
         return tree.math("ADD", "Fine Height", *parts)
     return parts[0] if parts else None
 
 
-def _snow(tree: Tree, label: str, surface: Mapping[str, Any], wanted: Any, varied: Mapping[str, Any],
+def _snow(tree: Tree, label: str, surface: SurfaceSettings, wanted: Any, varied: Mapping[str, Any],
           relief: Mapping[str, Any]) -> Any:
     """Shader socket of the Principled surface whose reflectance is ``wanted``, a number or a socket; ``varied`` and
     ``relief`` hold sockets for some of its inputs."""
-    radius = surface["subsurface_radius_m"]
+    radius = surface.subsurface_radius_m
     if isinstance(wanted, (int, float)):
         base: Any = (*[principled.base_colour(surface, wanted)] * 3, 1.0)
     else:
         base = tree.curve(f"Base of {label}", wanted, *principled.inverse_curve(surface))
     return tree.node("ShaderNodeBsdfPrincipled", label, {
-        "Base Color": base, "Metallic": 0.0, "Roughness": varied.get("roughness", surface["roughness"]),
-        "IOR": surface["refractive_index"], "Alpha": 1.0, **relief,
-        "Subsurface Weight": surface["subsurface_weight"] if radius > 0.0 else 0.0,
+        "Base Color": base, "Metallic": 0.0, "Roughness": varied.get("roughness", surface.roughness),
+        "IOR": surface.refractive_index, "Alpha": 1.0, **relief,
+        "Subsurface Weight": surface.subsurface_weight if radius > 0.0 else 0.0,
         "Subsurface Radius": (1.0, 1.0, 1.0), "Subsurface Scale": radius,
         "Subsurface Anisotropy": 0.0,
-        "Specular IOR Level": surface["specular"], "Specular Tint": WHITE,
+        "Specular IOR Level": surface.specular, "Specular Tint": WHITE,
         "Anisotropic": 0.0, "Anisotropic Rotation": 0.0,
-        "Transmission Weight": varied.get("transmission", surface["transmission"]),
+        "Transmission Weight": varied.get("transmission", surface.transmission),
         "Coat Weight": 0.0, "Coat Roughness": 0.0, "Coat IOR": 1.5, "Coat Tint": WHITE,
         "Sheen Weight": 0.0, "Sheen Roughness": 0.5, "Sheen Tint": WHITE,
         "Emission Color": WHITE, "Emission Strength": 0.0,
@@ -98,46 +98,46 @@ def _snow(tree: Tree, label: str, surface: Mapping[str, Any], wanted: Any, varie
         subsurface_method="RANDOM_WALK").outputs[0]
 
 
-def _principled(tree: Tree, surface: Mapping[str, Any], wanted: Any, varied: Mapping[str, Any],
+def _principled(tree: Tree, surface: SurfaceSettings, wanted: Any, varied: Mapping[str, Any],
                 relief: Mapping[str, Any], smooth: bool) -> Any:
     """Shader socket of Principled ice as it is seen, and, if ``smooth``, as it is without relief to other light."""
     seen = _snow(tree, "Snow", surface, wanted, varied, relief)
     if not smooth or not relief:
         return seen
-    bare = {**surface, "grain_amplitude_m": 0.0}  # loses no light between bumps
+    bare = surface | {"grain_amplitude_m": 0.0}  # loses no light between bumps
     return reflectance_laws.seen_or_not(tree, seen, _snow(tree, "Smooth Snow", bare, wanted, varied, {}))
 
 
-def _numbers_of(surface: Mapping[str, Any], settings: Settings | None, textured: Textured | None) -> tuple[str, ...]:
+def _numbers_of(surface: SurfaceSettings, settings: Settings | None, textured: Textured | None) -> tuple[str, ...]:
     """Kinds of images that give the surface's law numbers, place by place."""
-    if surface["model"] == "PRINCIPLED":
+    if surface.model == "PRINCIPLED":
         return "roughness", "transmission"
-    varies = settings is not None and surface["model"] == "HAPKE" and settings["hapke"]["theta_bar_range_deg"] != 0.0
+    varies = settings is not None and surface.model == "HAPKE" and settings.hapke.theta_bar_range_deg != 0.0
     return ("roughness",) if varies and textured is not None and textured.lie != "MEAN" else ()
 
 
-def _slopes(tree: Tree, hapke: Mapping[str, Any], image: Any, mean: float) -> reflectance_laws.Slopes:
+def _slopes(tree: Tree, hapke: HapkeSettings, image: Any, mean: float) -> reflectance_laws.Slopes:
     """Hapke's θ̄ that the values of a roughness image with this mean vary."""
-    middle, span = math.radians(hapke["theta_bar_deg"]), math.radians(hapke["theta_bar_range_deg"])
+    middle, span = math.radians(hapke.theta_bar_deg), math.radians(hapke.theta_bar_range_deg)
     most = math.radians(TOPICS["hapke"]["theta_bar_deg"].maximum)
     low, high = (min(max(middle + span * (end - mean), 0.0), most) for end in ((0.0, 1.0) if span > 0 else (1.0, 0.0)))
     slope = Number(tree, image).times_plus(span, middle - span * mean).at_least(low).at_most(high)
     return reflectance_laws.Slopes(slope.named("θ̄").value, low, high)
 
 
-def _by_law(material: bpy.types.Material, surface: Mapping[str, Any], settings: Settings | None,
+def _by_law(material: bpy.types.Material, surface: SurfaceSettings, settings: Settings | None,
             ground: reflectance_laws.Ground, smooth: bool) -> dict[str, Any]:
     """Shader sockets of the laws that are not Principled, by the renderer that they are for."""
-    if surface["model"] == "LAMBERT":
-        return {"ALL": reflectance_laws.lambert(ground, surface["albedo"], smooth)}
+    if surface.model == "LAMBERT":
+        return {"ALL": reflectance_laws.lambert(ground, surface.albedo, smooth)}
     if settings is None:
-        raise ValueError(f"{surface['model']} needs the scene's settings: it asks where the Sun is.")
-    sun = Sun.from_settings(settings["light"])
-    if surface["model"] != "HAPKE":
-        share = 1.0 if surface["model"] == "LOMMEL_SEELIGER" else surface["lommel_seeliger_share"]
-        return {"ALL": reflectance_laws.lunar_lambert(ground, surface["albedo"], share, sun)}
-    use_osl, level, _ = reflectance_laws.choose(settings["hapke"], settings["quality"]["device"])
-    grains = reflectance_laws.Grains(from_settings(settings["hapke"]), darkest(surface))
+        raise ValueError(f"{surface.model} needs the scene's settings: it asks where the Sun is.")
+    sun = Sun.from_settings(settings.light)
+    if surface.model != "HAPKE":
+        share = 1.0 if surface.model == "LOMMEL_SEELIGER" else surface.lommel_seeliger_share
+        return {"ALL": reflectance_laws.lunar_lambert(ground, surface.albedo, share, sun)}
+    use_osl, level, _ = reflectance_laws.choose(settings.hapke, settings.quality.device)
+    grains = reflectance_laws.Grains(from_settings(settings.hapke), darkest(surface))
     # What shines because the Sun is traced to it is no lamp, and bump is not to be softened twice.
     material.cycles.emission_sampling = "NONE"
     material.cycles.use_bump_map_correction = False
@@ -147,7 +147,7 @@ def _by_law(material: bpy.types.Material, surface: Mapping[str, Any], settings: 
             "EEVEE": reflectance_laws.hapke_of_nodes(ground, grains, sun)}
 
 
-def build_material(name: str, surface: Mapping[str, Any], seed: int, semantic: int,
+def build_material(name: str, surface: SurfaceSettings, seed: int, semantic: int,
                    textured: Textured | None = None, settings: Settings | None = None) -> bpy.types.Material:
     """A material from ``surface`` settings whose reflectance in a white furnace is its albedo.
 
@@ -169,7 +169,7 @@ def build_material(name: str, surface: Mapping[str, Any], seed: int, semantic: i
     for kind in _numbers_of(surface, settings, textured):
         if pieces is not None and kind in found:
             of = found[kind]
-            surface = {**surface, kind: of.mean[of.channel]}
+            surface = surface | {kind: of.mean[of.channel]}
             varied[kind] = pieces.separated(kind.title(), pieces.sample(kind, of))[of.channel]
     grey = brightness(tree, surface, geometry, patches_at, elevated=semantic == TERRAIN)
     colour = stain(tree, surface, geometry, salt_at)
@@ -184,20 +184,20 @@ def build_material(name: str, surface: Mapping[str, Any], seed: int, semantic: i
     height = _fine_height(tree, surface, geometry.outputs["Position"], grain_at, pieces, textured)
     if pieces is not None and "normal" in found:
         relief["Normal"] = pieces.sample_normal(found["normal"])
-    if height is not None and surface["relief"] == "BUMP":
+    if height is not None and surface.relief == "BUMP":
         relief["Normal"] = bump_of(tree, height, 1.0, relief.get("Normal"))
-    if height is not None and surface["relief"] == "DISPLACEMENT":
+    if height is not None and surface.relief == "DISPLACEMENT":
         material.displacement_method = "DISPLACEMENT"
         displacement["Displacement"] = tree.node("ShaderNodeDisplacement", "Moved", {
             "Height": height, "Midlevel": 0.0, "Scale": 1.0}, leave=("Normal",), space="OBJECT").outputs[0]
     else:
         output_leave.append("Displacement")
-    smooth = settings is not None and only_camera_meets_relief(surface, settings["quality"])
-    if surface["model"] == "PRINCIPLED":
+    smooth = settings is not None and only_camera_meets_relief(surface, settings.quality)
+    if surface.model == "PRINCIPLED":
         wanted = _wanted(tree, surface, grey, colour)
         shaders = {"ALL": _principled(tree, surface, wanted, varied, relief, smooth)}
     else:
-        slopes = (_slopes(tree, settings["hapke"], varied["roughness"], surface["roughness"])
+        slopes = (_slopes(tree, settings.hapke, varied["roughness"], surface.roughness)
                   if settings is not None and "roughness" in varied else None)
         ground = reflectance_laws.Ground(tree, relief.get("Normal"), grey, colour, slopes)
         shaders = _by_law(material, surface, settings, ground, smooth)

@@ -13,7 +13,7 @@ from ...labels import ROCK, TERRAIN, UV_LAYER
 from ...physics.left_out import rendered_surface, surface_topics
 from ...physics.surfaces import principled
 from ...physics.surfaces.textures import uses_uv
-from ...settings.description import Settings
+from ...typed_settings import Settings
 from ..datablocks.fingerprint import NAME, TAG
 from ..datablocks.user_files import used_files
 from ..ground.rocks import label_instances
@@ -25,20 +25,20 @@ from .textures import Textured
 def advice(settings: Settings) -> list[str]:
     """What a person should know about the surfaces that the scene shows: sentences, none if all is well."""
     shown = [rendered_surface(settings, topic) for topic in surface_topics(settings)]
-    told = [principled.albedo_advice(surface) for surface in shown if surface["model"] == "PRINCIPLED"]
-    textures = settings["textures"]
-    if (settings["hapke"]["theta_bar_range_deg"] != 0.0 and any(surface["model"] == "HAPKE" for surface in shown) and (
-            textures["set"] == "NONE" or (textures["set"] == "OWN" and not textures["roughness_file"]))):
+    told = [principled.albedo_advice(surface) for surface in shown if surface.model == "PRINCIPLED"]
+    textures = settings.textures
+    if (settings.hapke.theta_bar_range_deg != 0.0 and any(surface.model == "HAPKE" for surface in shown) and (
+            textures.set == "NONE" or (textures.set == "OWN" and not textures.roughness_file))):
         told.append("hapke.theta_bar_range_deg has no effect, since textures brings no roughness image.")
     return [sentence for sentence in told if sentence]
 
 
 def refuse_without_uv(settings: Settings, has_uv: bool) -> None:
     """Raise IcyMoonError if images are to lie by UV coordinates on a ground that has none."""
-    textures, kind = settings["textures"], settings["source"]["kind"]
+    textures, kind = settings.textures, settings.source.kind
     if not uses_uv(textures) or (has_uv and kind == "MESH"):
         return
-    which, mend = (("textures.set is MESH", "choose another textures.set") if textures["set"] == "MESH" else
+    which, mend = (("textures.set is MESH", "choose another textures.set") if textures.set == "MESH" else
                    ("textures.mapping is UV", "set textures.mapping to OBJECT"))
     if kind == "MESH":
         raise IcyMoonError(f"{used_files(settings)['source.file']}: has no UV coordinates that show an image, but "
@@ -51,7 +51,7 @@ def refuse_without_uv(settings: Settings, has_uv: bool) -> None:
 def _files(settings: Settings) -> dict[str, Path | MeshImage]:
     """The images that the settings or the mesh name, by kind. Raises IcyMoonError if the mesh names none."""
     used = used_files(settings)
-    if settings["textures"]["set"] != "MESH":
+    if settings.textures.set != "MESH":
         return {name.removeprefix("textures.").removesuffix("_file"): path
                 for name, path in used.items() if name.startswith("textures.")}
     path = used["source.file"]
@@ -66,8 +66,8 @@ def _files(settings: Settings) -> dict[str, Path | MeshImage]:
 
 def _textured(settings: Settings, mesh: bpy.types.Mesh) -> Textured | None:
     """The textures of a ground's mesh, or None if there are none."""
-    textures = settings["textures"]
-    if textures["set"] == "NONE":
+    textures = settings.textures
+    if textures.set == "NONE":
         return None
     if not uses_uv(textures):
         return Textured(textures, load_maps(textures, _files(settings)))
@@ -83,7 +83,7 @@ def _of_blocks(settings: Settings, mesh: bpy.types.Mesh) -> Textured | None:
     textured = _textured(settings, mesh)
     if textured is None or textured.lie != "UV":
         return textured
-    if settings["rocks"]["own_surface"]:
+    if settings.rocks.own_surface:
         return None
     return Textured(textured.settings, {kind: of for kind, of in textured.maps.items()
                                         if kind not in ("normal", "height")}, "MEAN")
@@ -91,7 +91,7 @@ def _of_blocks(settings: Settings, mesh: bpy.types.Mesh) -> Textured | None:
 
 def _material(name: str, settings: Settings, topic: str, semantic: int,
               textured: Textured | None) -> bpy.types.Material:
-    made = build_material(f"{NAME} {name}", rendered_surface(settings, topic), int(settings["dataset"]["seed"]),
+    made = build_material(f"{NAME} {name}", rendered_surface(settings, topic), int(settings.dataset.seed),
                           semantic,
                           textured, settings)
     made[TAG] = "material"
@@ -105,7 +105,7 @@ def ground_material(settings: Settings, mesh: bpy.types.Mesh) -> bpy.types.Mater
 
 def rock_material(settings: Settings, mesh: bpy.types.Mesh) -> bpy.types.Material:
     """What the blocks on the ground of this mesh are made of. Raises IcyMoonError if a texture cannot be had."""
-    ice = _material("Rock Surface", settings, "rock_surface" if settings["rocks"]["own_surface"] else "surface", ROCK,
+    ice = _material("Rock Surface", settings, "rock_surface" if settings.rocks.own_surface else "surface", ROCK,
                     _of_blocks(settings, mesh))
     label_instances(ice)
     return ice

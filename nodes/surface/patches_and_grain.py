@@ -8,12 +8,13 @@ from __future__ import annotations
 
 import math
 import statistics
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import bpy
 import numpy as np
 
+from ...typed_settings import SurfaceSettings
 from ..tree.builder import Tree, output
 
 ELEVATION = "icymoon_elevation"  # attribute: height above the mean plane in standard deviations
@@ -61,12 +62,12 @@ def grain(tree: Tree, where: Any, wavelength_m: float, place: Sequence[float]) -
     return tree.math("MULTIPLY", "Grain of Span 1", centred, _GRAIN_SPAN)
 
 
-def mark_elevation(mesh: bpy.types.Mesh, surface: Mapping[str, Any],
+def mark_elevation(mesh: bpy.types.Mesh, surface: SurfaceSettings,
                    drop_m: Callable[[np.ndarray, np.ndarray], np.ndarray] | None = None) -> None:
     """Give the vertices of a mesh their height above its mean plane in standard deviations, if ``surface``
     settings ask for it; else take it from them. ``drop_m`` says by how much round ground falls at coordinates."""
     there = mesh.attributes.get(ELEVATION)
-    if surface["trough_dirt"] == 0.0:
+    if surface.trough_dirt == 0.0:
         if there is not None:
             mesh.attributes.remove(there)
         return
@@ -95,42 +96,42 @@ def _share(tree: Tree, label: str, value: Any, clean: float, dirty: float, smoot
         data_type="FLOAT", interpolation_type="SMOOTHSTEP" if smooth else "LINEAR", clamp=True).outputs[0]
 
 
-def brightness(tree: Tree, surface: Mapping[str, Any], geometry: Any, fourth: float, elevated: bool) -> Any:
+def brightness(tree: Tree, surface: SurfaceSettings, geometry: Any, fourth: float, elevated: bool) -> Any:
     """Grey factor on the clean ice's albedo, an output socket, or 1.0 if it is the same everywhere.
 
     ``elevated`` says whether the mesh has elevations (blocks have none).
     """
     factors: list[Any] = []
-    if surface["albedo_variation"] > 0.0:
-        patches = noise(tree, "Patches", geometry.outputs["Position"], surface["albedo_patch_m"], fourth, 4.0)
-        factors.append(_kept(tree, "Patches", patches, surface["albedo_variation"]))
-    if surface["trough_dirt"] != 0.0 and elevated:
+    if surface.albedo_variation > 0.0:
+        patches = noise(tree, "Patches", geometry.outputs["Position"], surface.albedo_patch_m, fourth, 4.0)
+        factors.append(_kept(tree, "Patches", patches, surface.albedo_variation))
+    if surface.trough_dirt != 0.0 and elevated:
         height = tree.node("ShaderNodeAttribute", "Elevation", attribute_type="GEOMETRY", attribute_name=ELEVATION)
-        clean = math.copysign(1.0, surface["trough_dirt"])
+        clean = math.copysign(1.0, surface.trough_dirt)
         troughs = _share(tree, "Trough Share", output(height, "Fac"), clean, -clean)
-        factors.append(_kept(tree, "Trough", troughs, abs(surface["trough_dirt"])))
-    if surface["slope_dirt"] != 0.0:
+        factors.append(_kept(tree, "Trough", troughs, abs(surface.trough_dirt)))
+    if surface.slope_dirt != 0.0:
         normal = tree.node("ShaderNodeSeparateXYZ", "Upright", {"Vector": geometry.outputs["True Normal"]})
-        ends = (1.0, 1.0 - _STEEP) if surface["slope_dirt"] > 0 else (1.0 - _STEEP, 1.0)
+        ends = (1.0, 1.0 - _STEEP) if surface.slope_dirt > 0 else (1.0 - _STEEP, 1.0)
         slopes = _share(tree, "Slope Share", normal.outputs["Z"], *ends)
-        factors.append(_kept(tree, "Slope", slopes, abs(surface["slope_dirt"])))
+        factors.append(_kept(tree, "Slope", slopes, abs(surface.slope_dirt)))
     product: Any = 1.0
     for k, factor in enumerate(factors):
         product = factor if k == 0 else tree.math("MULTIPLY", "Brightness", product, factor)
     return product
 
 
-def darkest(surface: Mapping[str, Any]) -> float:
+def darkest(surface: SurfaceSettings) -> float:
     """The least that ``brightness`` can be."""
     return float(math.prod(1.0 - abs(surface[key]) for key in ("albedo_variation", "trough_dirt", "slope_dirt")))
 
 
-def stain(tree: Tree, surface: Mapping[str, Any], geometry: Any, fourth: float) -> Any:
+def stain(tree: Tree, surface: SurfaceSettings, geometry: Any, fourth: float) -> Any:
     """Colour factor on the albedo that salt makes, an output socket, or None if there is none."""
-    share = surface["salt_share"]
+    share = surface.salt_share
     if share == 0.0:
         return None
-    field = noise(tree, "Salt", geometry.outputs["Position"], surface["salt_patch_m"], fourth, 4.0)
+    field = noise(tree, "Salt", geometry.outputs["Position"], surface.salt_patch_m, fourth, 4.0)
     threshold = _NOISE_MEAN + _NOISE_DEVIATION * statistics.NormalDist().inv_cdf(min(max(1.0 - share, 1e-4), 1 - 1e-4))
     stained = _share(tree, "Stained", field, threshold - _EDGE, threshold + _EDGE, smooth=True)
     colour = tuple(surface[f"salt_{band}"] for band in ("red", "green", "blue"))

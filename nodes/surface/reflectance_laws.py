@@ -22,7 +22,6 @@ A closure has one weight: it is that for the Sun, and for the planet when the Su
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 from typing import Any
@@ -33,7 +32,7 @@ from ... import compat
 from ...errors import IcyMoonError
 from ...physics.surfaces import hapke as model
 from ...physics.surfaces.photometry import Law, hemispherical_fit, lunar_lambert_normal_albedo
-from ...settings.description import Settings
+from ...typed_settings import HapkeSettings, Settings
 from ..tree.builder import Tree
 from ..tree.formula import Number, Vector
 from . import hapke_nodes
@@ -71,12 +70,12 @@ class Grains:
     darkest: float
 
 
-def choose(hapke: Mapping[str, Any], device: str) -> tuple[bool, str, str]:
+def choose(hapke: HapkeSettings, device: str) -> tuple[bool, str, str]:
     """Whether Hapke's law is made of OSL, its level, and a sentence if that is not what was asked for.
 
     Raises IcyMoonError if OSL is asked for and cannot be had.
     """
-    asked, level = hapke["backend"], hapke["accuracy"]
+    asked, level = hapke.backend, hapke.accuracy
     why = ("" if compat.has_osl() else "this Blender was built without Open Shading Language") or (
         "Open Shading Language traces only on the CPU" if device == "GPU" else "")
     if asked == "OSL" and why:
@@ -92,14 +91,14 @@ def choose(hapke: Mapping[str, Any], device: str) -> tuple[bool, str, str]:
 
 def uses_hapke(settings: Settings) -> bool:
     """Whether the ground or the blocks reflect by Hapke's law."""
-    topics = ["surface"] + (["rock_surface"] if settings["rocks"]["own_surface"] else [])
+    topics = ["surface"] + (["rock_surface"] if settings.rocks.own_surface else [])
     return any(settings[topic]["model"] == "HAPKE" for topic in topics)
 
 
 def stand_in(settings: Settings) -> str:
     """What identifies that nodes stand in for OSL here, which the settings do not say; empty if they do not."""
-    automatic = uses_hapke(settings) and settings["hapke"]["backend"] == "AUTO"
-    of_osl = not automatic or choose(settings["hapke"], settings["quality"]["device"])[0]
+    automatic = uses_hapke(settings) and settings.hapke.backend == "AUTO"
+    of_osl = not automatic or choose(settings.hapke, settings.quality.device)[0]
     return "" if of_osl else "Hapke of nodes"
 
 
@@ -107,8 +106,8 @@ def advice(settings: Settings) -> list[str]:
     """What a person should know of the surface that will be built. Raises IcyMoonError if it cannot be built."""
     if not uses_hapke(settings):
         return []
-    model.from_settings(settings["hapke"])
-    message = choose(settings["hapke"], settings["quality"]["device"])[2]
+    model.from_settings(settings.hapke)
+    message = choose(settings.hapke, settings.quality.device)[2]
     return [message] if message else []
 
 

@@ -6,7 +6,7 @@ See ``sunlit`` for the surfaces themselves.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,6 +17,7 @@ from mathutils import Matrix
 from ... import compat
 from ...errors import IcyMoonError
 from ...physics.light.directions import toward
+from ...typed_settings import LightSettings
 from ..datablocks.fingerprint import TAG
 from ..light.planet import MEAN, planet_inputs
 from . import hapke_nodes
@@ -36,10 +37,10 @@ class Sun:
     angular_diameter: float  # radians
 
     @classmethod
-    def from_settings(cls, light: Mapping[str, Any]) -> Sun:
+    def from_settings(cls, light: LightSettings) -> Sun:
         """The Sun that ``light`` settings describe."""
-        x, y, z = toward(light["sun_azimuth_deg"], light["sun_elevation_deg"])
-        return cls((x, y, z), (light["sun_irradiance_wm2"],) * 3, math.radians(light["sun_angular_diameter_deg"]))
+        x, y, z = toward(light.sun_azimuth_deg, light.sun_elevation_deg)
+        return cls((x, y, z), (light.sun_irradiance_wm2,) * 3, math.radians(light.sun_angular_diameter_deg))
 
     @classmethod
     def from_lamp(cls, lamp: bpy.types.Object, world: Matrix) -> Sun:

@@ -16,6 +16,7 @@ from typing import Any, ClassVar
 
 from ... import compat
 from ...labels import UV_LAYER
+from ...typed_settings import TexturesSettings
 from ..tree.builder import Tree, output
 from .images import Map
 
@@ -31,7 +32,7 @@ class Textured:
     """``textures`` settings with the maps that they name, and how these lie on the surface: by PLACE, by UV, or
     everywhere with their MEAN, for what has no UV coordinates beside a ground that has."""
 
-    settings: Mapping[str, Any]
+    settings: TexturesSettings
     maps: Mapping[str, Map]
     lie: str = "PLACE"
 
@@ -124,23 +125,23 @@ class ByUV(Lying):
 class Pieces(Lying):
     """By place: one piece of a plain repeat, or three."""
 
-    def __init__(self, tree: Tree, textures: Mapping[str, Any], geometry: Any, offset: tuple[float, float]) -> None:
+    def __init__(self, tree: Tree, textures: TexturesSettings, geometry: Any, offset: tuple[float, float]) -> None:
         super().__init__(tree)
         self._place(geometry, textures, offset)
-        if textures["repeat"] == "PLAIN":
+        if textures.repeat == "PLAIN":
             self.pieces = [(self.plane, 1.0, 0.0)]
         else:
-            self._hexagons(turned=textures["repeat"] == "TURNED")
+            self._hexagons(turned=textures.repeat == "TURNED")
 
     def chosen(self, label: str, share: Any, a: Any, b: Any) -> Any:
         """Output socket of vector ``a`` where ``share`` is 0 and ``b`` where it is 1."""
         return output(self.tree.node("ShaderNodeMix", label, {"Factor_Float": share, "A_Vector": a, "B_Vector": b},
                                      data_type="VECTOR", factor_mode="UNIFORM", clamp_factor=True), "Result_Vector")
 
-    def _place(self, geometry: Any, textures: Mapping[str, Any], offset: tuple[float, float]) -> None:
+    def _place(self, geometry: Any, textures: TexturesSettings, offset: tuple[float, float]) -> None:
         """``plane``: place in image widths, seen from above, or from the side on walls."""
         math_ = self.tree.math
-        at = self.vector("SCALE", "Image Widths", geometry.outputs["Position"], scale=1.0 / textures["width_m"])
+        at = self.vector("SCALE", "Image Widths", geometry.outputs["Position"], scale=1.0 / textures.width_m)
         x, y, z = self.separated("Place", self.vector("ADD", "Shifted", at, (*offset, 0.0)))
         self.normal = geometry.outputs["Normal"]
         size = self.vector("ABSOLUTE", "Normal Size", geometry.outputs["True Normal"])

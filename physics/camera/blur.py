@@ -7,13 +7,13 @@ render was made for is stored with it; a warning is given if it is developed as 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from ...errors import IcyMoonError
+from ...typed_settings import RigSettings, Settings
 from .stereo_geometry import focal_px
 
 #: Relative difference of exposure or aperture from which on a warning is given.
@@ -57,36 +57,36 @@ class Blur:
         return PINHOLE.format("" if self.exposure_s is None else " in the middle of the exposure")
 
 
-def blur_of(settings: Mapping[str, Mapping[str, Any]]) -> Blur | None:
+def blur_of(settings: Settings) -> Blur | None:
     """The blur that complete settings describe; None if they describe none.
 
     Raises IcyMoonError for a focus nearer than the focal length, a motion whose exposure is not known, and a turn of
     more than a quarter during it.
     """
-    rig, sensor = settings["rig"], settings["sensor"]
-    focus, velocity, turn = float(rig["focus_distance_m"]), _vector(rig, _SPEEDS), _vector(rig, _TURNS)
+    rig, sensor = settings.rig, settings.sensor
+    focus, velocity, turn = float(rig.focus_distance_m), _vector(rig, _SPEEDS), _vector(rig, _TURNS)
     turn = np.array([-turn[1], turn[0], turn[2]])
     moves = bool(velocity.any() or turn.any())
     if focus == 0 and not moves:
         return None
-    if 0 < focus <= 1e-3 * float(rig["focal_length_mm"]):
-        raise IcyMoonError(f"rig.focus_distance_m is {focus:g} m, and a lens of {rig['focal_length_mm']:g} mm focuses "
+    if 0 < focus <= 1e-3 * float(rig.focal_length_mm):
+        raise IcyMoonError(f"rig.focus_distance_m is {focus:g} m, and a lens of {rig.focal_length_mm:g} mm focuses "
                            "beyond its focal length only; raise it, or set it to 0 for everything sharp.")
-    seconds = float(rig["motion_exposure_s"]) or float(sensor["exposure_s"])
-    if moves and rig["motion_exposure_s"] == 0 and sensor["auto_exposure"]:
+    seconds = float(rig.motion_exposure_s) or float(sensor.exposure_s)
+    if moves and rig.motion_exposure_s == 0 and sensor.auto_exposure:
         raise IcyMoonError("The camera moves, and how long it exposes is not known before the render; set "
                            "rig.motion_exposure_s, or switch sensor.auto_exposure off.")
     if moves and np.linalg.norm(turn) * seconds > _MOST_TURN_DEG:
         raise IcyMoonError(f"The rig turns by {np.linalg.norm(turn) * seconds:.4g}° during an exposure of {seconds:g} "
                            f"s; motion blur is made for {_MOST_TURN_DEG:g}° at most.")
-    return Blur(focus or None, float(sensor["f_number"]), seconds if moves else None, velocity, turn)
+    return Blur(focus or None, float(sensor.f_number), seconds if moves else None, velocity, turn)
 
 
-def _vector(rig: Mapping[str, Any], keys: tuple[str, ...]) -> np.ndarray:
+def _vector(rig: RigSettings, keys: tuple[str, ...]) -> np.ndarray:
     return np.array([float(rig[key]) for key in keys])
 
 
-def blur_advice(settings: Mapping[str, Mapping[str, Any]]) -> list[str]:
+def blur_advice(settings: Settings) -> list[str]:
     """Sentences to show before a render: what the truth belongs to, or why the blur cannot be rendered."""
     try:
         blur = blur_of(settings)
@@ -95,7 +95,7 @@ def blur_advice(settings: Mapping[str, Mapping[str, Any]]) -> list[str]:
     return [blur.warning] if blur else []
 
 
-def blur_identity(settings: Mapping[str, Mapping[str, Any]]) -> str:
+def blur_identity(settings: Settings) -> str:
     """What of the camera response is in the rendered light, for the name of the pair; empty without blur."""
     blur = blur_of(settings)
     if blur is None:
@@ -103,14 +103,14 @@ def blur_identity(settings: Mapping[str, Mapping[str, Any]]) -> str:
     return f"f/{blur.f_number if blur.focus_m is not None else None} {blur.exposure_s} s"
 
 
-def developing_warnings(settings: Mapping[str, Mapping[str, Any]], rendered: Mapping[str, Mapping[str, Any]],
+def developing_warnings(settings: Settings, rendered: Settings,
                         exposures_s: list[float]) -> list[str]:
     """What does not fit together where a pair ``rendered`` with blur is developed with ``settings``: sentences."""
     blur = blur_of(rendered)
     if blur is None:
         return []
     said = [blur.warning]
-    f_number = float(settings["sensor"]["f_number"])
+    f_number = float(settings.sensor.f_number)
     if blur.focus_m is not None and abs(f_number / blur.f_number - 1) > _DIFFERENT:
         said.append(f"Depth of field is that of f/{blur.f_number:g}, at which the pair was rendered, its light that of "
                     f"f/{f_number:g}; render it again.")
@@ -121,18 +121,18 @@ def developing_warnings(settings: Mapping[str, Mapping[str, Any]], rendered: Map
     return said
 
 
-def confusion_px(depth_m: float, rig: Mapping[str, Any], blur: Blur) -> float:
+def confusion_px(depth_m: float, rig: RigSettings, blur: Blur) -> float:
     """Diameter in px of the disc that a point at a planar depth becomes; 0 without depth of field.
 
     Of the thin lens: the aperture, F/N wide, times the difference of inverse depths to the plane in focus.
     """
     if blur.focus_m is None:
         return 0.0
-    aperture_m = 1e-3 * float(rig["focal_length_mm"]) / blur.f_number
+    aperture_m = 1e-3 * float(rig.focal_length_mm) / blur.f_number
     return focal_px(rig) * aperture_m * abs(1 / blur.focus_m - 1 / depth_m)
 
 
-def motion_px(column_px: float, row_px: float, depth_m: float, rig: Mapping[str, Any], blur: Blur) -> float:
+def motion_px(column_px: float, row_px: float, depth_m: float, rig: RigSettings, blur: Blur) -> float:
     """Distance in px between where a point of the scene is seen when the left eye's exposure begins and when it ends.
 
     The point is seen ``column_px`` right of and ``row_px`` below the principal point in the middle of the exposure.

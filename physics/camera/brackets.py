@@ -3,23 +3,23 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 import numpy as np
 
+from ...typed_settings import SensorSettings
 from .sensor import black_dn, capacity_e, gain_dn_per_e, top_dn
 
 MERGED_BITS = 16
 
 
-def exposure_times(seconds: float, sensor: Mapping[str, Any]) -> list[float]:
+def exposure_times(seconds: float, sensor: SensorSettings) -> list[float]:
     """Exposure times in seconds, longest first, ``bracket_stops`` apart and even about ``seconds``."""
-    count = int(sensor["brackets"])
-    return [seconds * 2.0 ** (float(sensor["bracket_stops"]) * ((count - 1) / 2 - k)) for k in range(count)]
+    count = int(sensor.brackets)
+    return [seconds * 2.0 ** (float(sensor.bracket_stops) * ((count - 1) / 2 - k)) for k in range(count)]
 
 
-def merge_exposures(numbers: Sequence[np.ndarray], seconds: Sequence[float], sensor: Mapping[str, Any]) -> np.ndarray:
+def merge_exposures(numbers: Sequence[np.ndarray], seconds: Sequence[float], sensor: SensorSettings) -> np.ndarray:
     """Electrons per second (H, W) that fit digital numbers of several exposures, longest first.
 
     Each exposure's electrons over its time, weighted by the inverse of the variance that shot noise,
@@ -28,8 +28,8 @@ def merge_exposures(numbers: Sequence[np.ndarray], seconds: Sequence[float], sen
     is the shortest.
     """
     gain = gain_dn_per_e(sensor)
-    steady = float(sensor["read_noise_e"]) ** 2 + 1 / (12 * gain**2)
-    reading = math.hypot(float(sensor["read_noise_e"]), float(sensor["dsnu_e"]))
+    steady = float(sensor.read_noise_e) ** 2 + 1 / (12 * gain**2)
+    reading = math.hypot(float(sensor.read_noise_e), float(sensor.dsnu_e))
     full_dn = min(capacity_e(sensor) * gain + black_dn(sensor), float(top_dn(sensor))) - 0.5 - 5 * reading * gain
     charge = [(image - black_dn(sensor)) / gain for image in numbers]
     usable = [(image < full_dn) | (k == len(numbers) - 1) for k, image in enumerate(numbers)]
@@ -44,7 +44,7 @@ def merge_exposures(numbers: Sequence[np.ndarray], seconds: Sequence[float], sen
     return mean([t**2 / (rough * t + steady) for t in seconds])
 
 
-def full_rate(left_rate: np.ndarray, shortest_s: float, sensor: Mapping[str, Any]) -> float:
+def full_rate(left_rate: np.ndarray, shortest_s: float, sensor: SensorSettings) -> float:
     """Electrons per second to put at the top of the merged image of both eyes: a little above all but the
     brightest thousandth of the left one, and no more than fill the shortest exposure."""
     full = capacity_e(sensor) / shortest_s

@@ -5,17 +5,15 @@ Coordinates are normalised: tangents of the angle to the optical axis, x right, 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
-
 import numpy as np
 
 from ...errors import IcyMoonError
+from ...typed_settings import RigSettings
 
 COEFFICIENTS = ("k1", "k2", "p1", "p2", "k3")  # in OpenCV's order
 
 
-def coefficients(rig: Mapping[str, Any]) -> tuple[float, ...]:
+def coefficients(rig: RigSettings) -> tuple[float, ...]:
     """k1, k2, p1, p2, k3 of a ``rig`` topic."""
     return tuple(float(rig[f"distortion_{name}"]) for name in COEFFICIENTS)
 
@@ -68,17 +66,17 @@ def undistort(points: np.ndarray, k: tuple[float, ...]) -> np.ndarray:
     return found
 
 
-def overscan_needed(rig: Mapping[str, Any]) -> float | None:
+def overscan_needed(rig: RigSettings) -> float | None:
     """Share of width and height that has to be rendered beyond each border for every pixel of the sensor to be lit.
 
     Of the borders' pixels, which see farthest. None if the lens sees what no pinhole image has.
     """
-    width, height = int(rig["width_px"]), int(rig["height_px"])
-    focal = float(rig["focal_length_mm"]) / float(rig["sensor_width_mm"]) * width
+    width, height = int(rig.width_px), int(rig.height_px)
+    focal = float(rig.focal_length_mm) / float(rig.sensor_width_mm) * width
     columns, rows = np.arange(width) + 0.5, np.arange(height) + 0.5
     border = np.concatenate([*([[column, edge] for column in columns] for edge in (rows[0], rows[-1])),
                              *([[edge, row] for row in rows] for edge in (columns[0], columns[-1]))])
-    size, shift = np.array([width, height]), np.array([float(rig["principal_x_px"]), float(rig["principal_y_px"])])
+    size, shift = np.array([width, height]), np.array([float(rig.principal_x_px), float(rig.principal_y_px)])
     principal = size / 2 + shift
     seen = undistort((border - principal) / focal, coefficients(rig)) * focal + principal
     if not np.isfinite(seen).all():

@@ -2,27 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
-
 import numpy as np
 
 from ...errors import IcyMoonError
+from ...typed_settings import SensorSettings
 
 MOST_HITS = 1_000_000
 
 
-def expected_hits(sensor: Mapping[str, Any], shape: tuple[int, int], pitch_m: float, seconds: float) -> float:
+def expected_hits(sensor: SensorSettings, shape: tuple[int, int], pitch_m: float, seconds: float) -> float:
     """Mean number of particles through an image (H, W) of pixels of side ``pitch_m`` in an exposure.
 
     ``sensor.radiation_flux_cm2_s`` counts particles per cm² of the sensor's plane and second, of all
     directions, that get through the shield.
     """
     area_cm2 = shape[0] * shape[1] * (pitch_m * 100) ** 2
-    return float(sensor["radiation_flux_cm2_s"]) * area_cm2 * seconds
+    return float(sensor.radiation_flux_cm2_s) * area_cm2 * seconds
 
 
-def draw_hits(sensor: Mapping[str, Any], shape: tuple[int, int], pitch_m: float, seconds: float,
+def draw_hits(sensor: SensorSettings, shape: tuple[int, int], pitch_m: float, seconds: float,
               random: np.random.Generator) -> np.ndarray:
     """Electrons (H, W) that particles leave in one exposure.
 
@@ -37,8 +35,8 @@ def draw_hits(sensor: Mapping[str, Any], shape: tuple[int, int], pitch_m: float,
                            f"{MOST_HITS}; lower it or sensor.exposure_s.")
     count = int(random.poisson(mean))
     cos2 = 1.0 - random.random(count)  # above 0
-    depth_um = float(sensor["radiation_depth_um"])
-    electrons = float(sensor["radiation_e_per_um"]) * depth_um / np.sqrt(cos2)
+    depth_um = float(sensor.radiation_depth_um)
+    electrons = float(sensor.radiation_e_per_um) * depth_um / np.sqrt(cos2)
     length_px = depth_um * 1e-6 * np.sqrt(1 / cos2 - 1) / pitch_m
     direction = random.random(count) * 2 * np.pi
     start = random.random((2, count)) * np.array(shape)[:, None]

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
+
+from ...typed_settings import SensorSettings
 
 _REACH = 4.0  # standard deviations; beyond lies 6e-5 of a Gaussian
 
 
-def apply_lens(radiance: np.ndarray, sensor: Mapping[str, Any]) -> np.ndarray:
+def apply_lens(radiance: np.ndarray, sensor: SensorSettings) -> np.ndarray:
     """Radiance (H, W) as the lens passes it on, float64.
 
     ``sensor.psf_sigma_px``: Gaussian point spread, its standard deviation. ``sensor.veiling_glare``:
@@ -20,7 +20,7 @@ def apply_lens(radiance: np.ndarray, sensor: Mapping[str, Any]) -> np.ndarray:
     border is. Infinite radiance is held at the largest number that can still be added up.
     """
     image = np.minimum(np.asarray(radiance, np.float64), 1e30)
-    sigma, glare = float(sensor["psf_sigma_px"]), float(sensor["veiling_glare"])
+    sigma, glare = float(sensor.psf_sigma_px), float(sensor.veiling_glare)
     if sigma > 0 and image.size:
         image = _blur(_blur(image, sigma, 0), sigma, 1)
     if glare > 0 and image.size:

@@ -12,12 +12,11 @@ exposure or gain never needs a new render.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
+from ...typed_settings import SensorSettings
 from ..random_numbers.seeds import generator
 
 EYE_STREAMS = {"left": 0, "right": 1}
@@ -32,27 +31,27 @@ MOST_SATURATED = 0.02
 _DROWNED_E = 1.0e9
 
 
-def gain_dn_per_e(sensor: Mapping[str, Any]) -> float:
+def gain_dn_per_e(sensor: SensorSettings) -> float:
     """System gain K in digital numbers per electron; at ``gain`` 1 a full well is the converter's top."""
-    return float(sensor["gain"]) * (top_dn(sensor) - black_dn(sensor)) / float(sensor["full_well_e"])
+    return float(sensor.gain) * (top_dn(sensor) - black_dn(sensor)) / float(sensor.full_well_e)
 
 
-def top_dn(sensor: Mapping[str, Any]) -> int:
+def top_dn(sensor: SensorSettings) -> int:
     """The converter's largest number."""
-    return int(2 ** int(sensor["bits"]) - 1)
+    return int(2 ** int(sensor.bits) - 1)
 
 
-def black_dn(sensor: Mapping[str, Any]) -> float:
+def black_dn(sensor: SensorSettings) -> float:
     """Digital number of no light, which ``black_level`` states as a share of the converter's range."""
-    return float(sensor["black_level"]) * top_dn(sensor)
+    return float(sensor.black_level) * top_dn(sensor)
 
 
-def capacity_e(sensor: Mapping[str, Any]) -> float:
+def capacity_e(sensor: SensorSettings) -> float:
     """Electrons at which a pixel's number stops rising: a full well, or the end of the converter's range."""
-    return float(sensor["full_well_e"]) / max(1.0, float(sensor["gain"]))
+    return float(sensor.full_well_e) / max(1.0, float(sensor.gain))
 
 
-def exposure_s(left_light: np.ndarray, rate: float, sensor: Mapping[str, Any]) -> float:
+def exposure_s(left_light: np.ndarray, rate: float, sensor: SensorSettings) -> float:
     """Exposure time in seconds of both eyes.
 
     ``left_light`` is the left eye's grey radiance, any shape. With auto exposure its
@@ -60,40 +59,40 @@ def exposure_s(left_light: np.ndarray, rate: float, sensor: Mapping[str, Any]) -
     black the brightest pixel stands in, and a wholly black image is exposed as if auto exposure
     were off, since it has nothing to measure. The time stays between SHORTEST_S and LONGEST_S.
     """
-    fixed = float(sensor["exposure_s"])
-    if not sensor["auto_exposure"]:
+    fixed = float(sensor.exposure_s)
+    if not sensor.auto_exposure:
         return fixed
     light = _clear_defects(left_light)
     light = light[np.isfinite(light)]
     if light.size == 0:
         return fixed
-    level = float(np.quantile(light, float(sensor["auto_percentile"]))) or float(light.max())
+    level = float(np.quantile(light, float(sensor.auto_percentile))) or float(light.max())
     if level * rate <= 0:
         return fixed
-    return float(np.clip(float(sensor["auto_target"]) * capacity_e(sensor) / (level * rate), SHORTEST_S, LONGEST_S))
+    return float(np.clip(float(sensor.auto_target) * capacity_e(sensor) / (level * rate), SHORTEST_S, LONGEST_S))
 
 
-def exposure_warnings(seconds: float, saturated: float, sensor: Mapping[str, Any]) -> list[str]:
+def exposure_warnings(seconds: float, saturated: float, sensor: SensorSettings) -> list[str]:
     """Sentences about an exposure: auto exposure reached one of its ends, or too many pixels are saturated.
 
     ``saturated`` is the share of the left pixels that are at the converter's top.
     """
     said = []
-    if sensor["auto_exposure"] and seconds in (SHORTEST_S, LONGEST_S):
+    if sensor.auto_exposure and seconds in (SHORTEST_S, LONGEST_S):
         end = "shortest" if seconds == SHORTEST_S else "longest"
         said.append(f"Auto exposure ended at its {end} time, {seconds:g} s; change sensor.f_number, sensor.gain or "
                     "sensor.pixel_pitch_um.")
     if saturated > MOST_SATURATED:
-        cause = "sensor.auto_target or sensor.auto_percentile" if sensor["auto_exposure"] else "sensor.exposure_s"
+        cause = "sensor.auto_target or sensor.auto_percentile" if sensor.auto_exposure else "sensor.exposure_s"
         said.append(f"More than {MOST_SATURATED:.0%} of the left image's pixels are saturated; lower {cause}, or merge "
                     "exposures with sensor.brackets.")
     return said
 
 
-def dark_current_e_s(sensor: Mapping[str, Any]) -> float:
+def dark_current_e_s(sensor: SensorSettings) -> float:
     """Dark current of a pixel at ``temperature_k``: it doubles every ``dark_doubling_k`` (EMVA 1288)."""
-    steps = (float(sensor["temperature_k"]) - float(sensor["dark_reference_k"])) / float(sensor["dark_doubling_k"])
-    return float(sensor["dark_current_e_s"]) * 2.0 ** min(steps, 100.0)
+    steps = (float(sensor.temperature_k) - float(sensor.dark_reference_k)) / float(sensor.dark_doubling_k)
+    return float(sensor.dark_current_e_s) * 2.0 ** min(steps, 100.0)
 
 
 @dataclass(frozen=True)
@@ -104,15 +103,15 @@ class Pattern:
     offset_e: np.ndarray | float = 0.0  # electrons added to the dark signal (DSNU)
 
 
-def draw_pattern(seed: int, eye: str, shape: tuple[int, int], sensor: Mapping[str, Any]) -> Pattern:
+def draw_pattern(seed: int, eye: str, shape: tuple[int, int], sensor: SensorSettings) -> Pattern:
     """The pattern of one eye's sensor: Gaussian, the same in all images of the data set."""
     random = generator(seed, "sensor", EYE_STREAMS[eye])
-    prnu, dsnu = float(sensor["prnu"]), float(sensor["dsnu_e"])
+    prnu, dsnu = float(sensor.prnu), float(sensor.dsnu_e)
     response = np.maximum(1 + prnu * random.standard_normal(shape), 0.0) if prnu > 0 else 1.0
     return Pattern(response, dsnu * random.standard_normal(shape) if dsnu > 0 else 0.0)
 
 
-def electrons(light: np.ndarray, seconds: float, rate: float, sensor: Mapping[str, Any],
+def electrons(light: np.ndarray, seconds: float, rate: float, sensor: SensorSettings,
               random: np.random.Generator, pattern: Pattern | None = None,
               hits_e: np.ndarray | float = 0.0) -> np.ndarray:
     """Electrons, float64 and of the shape of ``light``, that are read from each pixel.
@@ -123,18 +122,18 @@ def electrons(light: np.ndarray, seconds: float, rate: float, sensor: Mapping[st
     negative: the converter, not the well, has a floor.
     """
     pattern = pattern or Pattern()
-    full_well = float(sensor["full_well_e"])
+    full_well = float(sensor.full_well_e)
     with np.errstate(over="ignore", invalid="ignore"):  # a firefly may overflow; infinity is full as well
         charge = _clear_defects(light) * (rate * seconds) * pattern.response
         charge = np.minimum(np.nan_to_num(charge, nan=0.0, posinf=_DROWNED_E) + dark_current_e_s(sensor) * seconds,
                             _DROWNED_E)
-    if sensor["shot_noise"]:
+    if sensor.shot_noise:
         charge = random.poisson(charge).astype(np.float64)
     charge = charge + hits_e
-    if float(sensor["blooming"]) > 0:
-        charge = spread_overflow(charge, full_well, float(sensor["blooming"]))
+    if float(sensor.blooming) > 0:
+        charge = spread_overflow(charge, full_well, float(sensor.blooming))
     charge = np.minimum(charge, full_well) + pattern.offset_e
-    read_noise = float(sensor["read_noise_e"])
+    read_noise = float(sensor.read_noise_e)
     return charge + random.normal(0.0, read_noise, charge.shape) if read_noise > 0 else charge
 
 
@@ -157,7 +156,7 @@ def spread_overflow(charge: np.ndarray, full_well_e: float, share: float) -> np.
     return result
 
 
-def digital_numbers(charge: np.ndarray, sensor: Mapping[str, Any]) -> np.ndarray:
+def digital_numbers(charge: np.ndarray, sensor: SensorSettings) -> np.ndarray:
     """The converter's output, uint16 and of the shape of ``charge`` (electrons).
 
     Linear above the black level with ``gain_dn_per_e``, rounded to the nearest number and held at

@@ -6,11 +6,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
+
+from ...typed_settings import RigSettings
 
 #: Width of triangles over the camera's height up to which the depth of a plane is right to 1e-4; and how far it is off
 #: for each such height of width: at most 0.9e-7, measured from 0.1 to 5e5 heights, a rounding of single precision.
@@ -19,9 +19,9 @@ _WIDEST, _OFF = 1000.0, 0.9e-7
 _ROUNDED_PX = 0.05
 
 
-def focal_px(rig: Mapping[str, Any]) -> float:
+def focal_px(rig: RigSettings) -> float:
     """Focal length in pixels; the sensor width spans the image width, pixels are square."""
-    return float(rig["focal_length_mm"]) / float(rig["sensor_width_mm"]) * int(rig["width_px"])
+    return float(rig.focal_length_mm) / float(rig.sensor_width_mm) * int(rig.width_px)
 
 
 def rounding_m(*coordinates_m: float) -> float:
@@ -29,29 +29,29 @@ def rounding_m(*coordinates_m: float) -> float:
     return float(np.spacing(np.float32(max(abs(c) for c in coordinates_m))))
 
 
-def rounding_px(rig: Mapping[str, Any], ground_m: float) -> float:
+def rounding_px(rig: RigSettings, ground_m: float) -> float:
     """Pixels by which rounded coordinates move the ground under the camera, or one eye from the other, at most.
 
     Half a step of the largest coordinate of the left camera, which stands over ground of this height, at its height.
     """
-    height = float(rig["height_m"])
-    return focal_px(rig) * rounding_m(rig["x_m"], rig["y_m"], ground_m + height) / 2 / height
+    height = float(rig.height_m)
+    return focal_px(rig) * rounding_m(rig.x_m, rig.y_m, ground_m + height) / 2 / height
 
 
-def rounding_advice(rig: Mapping[str, Any], ground_m: float) -> list[str]:
+def rounding_advice(rig: RigSettings, ground_m: float) -> list[str]:
     """Sentences about a camera so far from the origin that single precision is visible; none if it is not."""
     pixels = rounding_px(rig, ground_m)
     if pixels <= _ROUNDED_PX:
         return []
-    step = rounding_m(rig["x_m"], rig["y_m"], ground_m + float(rig["height_m"]))
+    step = rounding_m(rig.x_m, rig.y_m, ground_m + float(rig.height_m))
     return [f"The camera stands so far from the origin that ground and eyes are rounded to {step:.2g} m, up to "
             f"{pixels:.2g} px; stand nearer to it (rig.x_m, rig.y_m), or move your own ground (source.centre, "
             "source.origin_x_m)."]
 
 
-def coarse_advice(rig: Mapping[str, Any], edge_m: float) -> list[str]:
+def coarse_advice(rig: RigSettings, edge_m: float) -> list[str]:
     """Sentences about ground whose triangles, ``edge_m`` wide, are too wide for exact depth; none if they are not."""
-    height = float(rig["height_m"])
+    height = float(rig.height_m)
     if edge_m <= _WIDEST * height:
         return []
     return [f"The triangles of the ground are {edge_m:.3g} m wide, {edge_m / height:.2g} times the height of the "
@@ -60,9 +60,9 @@ def coarse_advice(rig: Mapping[str, Any], edge_m: float) -> list[str]:
             "(terrain.resolution, terrain.size_m), or stand higher."]
 
 
-def depth_error_m(depth_m: float, rig: Mapping[str, Any], disparity_error_px: float) -> float:
+def depth_error_m(depth_m: float, rig: RigSettings, disparity_error_px: float) -> float:
     """Standard deviation of depth Z² σ / (f B) where disparity has that of σ pixels."""
-    return depth_m**2 * disparity_error_px / (focal_px(rig) * float(rig["baseline_m"]))
+    return depth_m**2 * disparity_error_px / (focal_px(rig) * float(rig.baseline_m))
 
 
 @dataclass(frozen=True)
@@ -76,24 +76,24 @@ class GroundRow:
     along_m: float  # and from this row to the next
 
 
-def ground_row(rig: Mapping[str, Any], row: float) -> GroundRow:
+def ground_row(rig: RigSettings, row: float) -> GroundRow:
     """The ground at the level of the site as an image row (pixel-corner coordinates, 0 top) shows it."""
-    focal, pitch, height = focal_px(rig), math.radians(rig["pitch_deg"]), float(rig["height_m"])
-    v = (row - int(rig["height_px"]) / 2 - float(rig["principal_y_px"])) / focal
+    focal, pitch, height = focal_px(rig), math.radians(rig.pitch_deg), float(rig.height_m)
+    v = (row - int(rig.height_px) / 2 - float(rig.principal_y_px)) / focal
     fall = math.sin(pitch) + v * math.cos(pitch)  # of a ray per unit of planar depth
     if fall <= 1e-9:
         return GroundRow(*[math.inf] * 5)
     depth = height / fall
     across = depth / focal
     # Distance is (cos p - v sin p) Z with Z = h / (sin p + v cos p); its derivative by v is -h / fall².
-    return GroundRow(depth, depth * (math.cos(pitch) - v * math.sin(pitch)), across * int(rig["width_px"]), across,
+    return GroundRow(depth, depth * (math.cos(pitch) - v * math.sin(pitch)), across * int(rig.width_px), across,
                      height / fall**2 / focal)
 
 
-def shared_width_px(rig: Mapping[str, Any], depth_m: float) -> float:
+def shared_width_px(rig: RigSettings, depth_m: float) -> float:
     """Columns of the rectified left image that both eyes see at a depth, in the row of the optical axis."""
-    focal, width, turn = focal_px(rig), int(rig["width_px"]), math.radians(float(rig["toe_in_deg"]))
-    centre, disparity = width / 2 + float(rig["principal_x_px"]), focal * float(rig["baseline_m"]) / depth_m
+    focal, width, turn = focal_px(rig), int(rig.width_px), math.radians(float(rig.toe_in_deg))
+    centre, disparity = width / 2 + float(rig.principal_x_px), focal * float(rig.baseline_m) / depth_m
 
     def column(edge: float, angle: float) -> float:
         """Where the rectified image has an edge of what an eye sees that is turned by an angle."""

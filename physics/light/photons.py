@@ -6,10 +6,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
+
+from ...typed_settings import LightSettings, RigSettings, SensorSettings
 
 # CODATA 2018, exact.
 PLANCK_J_S = 6.62607015e-34
@@ -33,49 +33,49 @@ def total_radiance(temperature_k: float) -> float:
     return sigma * temperature_k**4 / math.pi
 
 
-def _band(sensor: Mapping[str, Any]) -> tuple[np.ndarray, np.ndarray]:
+def _band(sensor: SensorSettings) -> tuple[np.ndarray, np.ndarray]:
     """Wavelengths in metres across the camera's band and the weights of an integral over it."""
-    half = sensor["band_width_nm"] * 0.5e-9
-    centre = sensor["band_centre_nm"] * 1e-9
+    half = sensor.band_width_nm * 0.5e-9
+    centre = sensor.band_centre_nm * 1e-9
     low = max(centre - half, 1e-9)
     high = centre + half
     return (high + low) / 2 + (high - low) / 2 * _NODES, (high - low) / 2 * _WEIGHTS
 
 
-def band_share(light: Mapping[str, Any], sensor: Mapping[str, Any]) -> float:
+def band_share(light: LightSettings, sensor: SensorSettings) -> float:
     """Share of the Sun's power that lies in the camera's band, the Sun a black body.
 
     At 5772 K the black body is within 10 % of the solar spectrum in bands 100 nm wide from 450 nm on.
     """
     wavelength, weight = _band(sensor)
-    temperature = float(light["sun_temperature_k"])
+    temperature = float(light.sun_temperature_k)
     return float((planck(wavelength, temperature) * weight).sum() / total_radiance(temperature))
 
 
-def photons_per_joule(light: Mapping[str, Any], sensor: Mapping[str, Any]) -> float:
+def photons_per_joule(light: LightSettings, sensor: SensorSettings) -> float:
     """Photons in the camera's band per joule in the band that ``light.irradiance_band`` names."""
     wavelength, weight = _band(sensor)
-    power = planck(wavelength, float(light["sun_temperature_k"])) * weight
+    power = planck(wavelength, float(light.sun_temperature_k)) * weight
     photons = float((power * wavelength).sum() / power.sum() / (PLANCK_J_S * LIGHT_M_S))
-    return photons if light["irradiance_band"] == "CAMERA" else photons * band_share(light, sensor)
+    return photons if light.irradiance_band == "CAMERA" else photons * band_share(light, sensor)
 
 
-def pixel_pitch_m(sensor: Mapping[str, Any], rig: Mapping[str, Any]) -> float:
+def pixel_pitch_m(sensor: SensorSettings, rig: RigSettings) -> float:
     """Side of a pixel of the sensor in metres: what the sensor states, or else what the rig's width is divided into.
 
     The field of view hangs on the rig alone. A rig in other proportions, such as the paper's with 60 mm behind 640
     columns, sees as a real camera does, but its pixels would be 94 µm wide and gather sixty times the light.
     """
-    stated = float(sensor["pixel_pitch_um"]) * 1e-6
-    return stated if stated > 0 else float(rig["sensor_width_mm"]) * 1e-3 / int(rig["width_px"])
+    stated = float(sensor.pixel_pitch_um) * 1e-6
+    return stated if stated > 0 else float(rig.sensor_width_mm) * 1e-3 / int(rig.width_px)
 
 
-def electron_rate(light: Mapping[str, Any], sensor: Mapping[str, Any], pitch_m: float) -> float:
+def electron_rate(light: LightSettings, sensor: SensorSettings, pitch_m: float) -> float:
     """Photo-electrons per second in a pixel of side ``pitch_m`` per W/(m² sr) of radiance.
 
     EMVA 1288, release 4.0: E = π τ L / (1 + 4 N²) for
     f-number N, transmission τ and radiance L; then photons on the pixel's area times quantum
     efficiency.
     """
-    irradiance = math.pi * float(sensor["transmission"]) / (1 + 4 * float(sensor["f_number"])**2)
-    return irradiance * pitch_m**2 * float(sensor["quantum_efficiency"]) * photons_per_joule(light, sensor)
+    irradiance = math.pi * float(sensor.transmission) / (1 + 4 * float(sensor.f_number)**2)
+    return irradiance * pitch_m**2 * float(sensor.quantum_efficiency) * photons_per_joule(light, sensor)

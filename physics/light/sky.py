@@ -7,7 +7,6 @@ x east, y north, z up, along the normal of the body's ellipsoid.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,6 +14,7 @@ import numpy as np
 
 from ...errors import IcyMoonError
 from ...files import absolute_path
+from ...typed_settings import LightSettings, Settings
 from . import ephemeris, spice
 from .bodies import BODIES
 from .directions import toward
@@ -97,70 +97,70 @@ def azimuth_deg(direction: np.ndarray) -> float:
 _RADIUS_DOUBT = 0.05
 
 
-def check_body(settings: Mapping[str, Mapping[str, Any]]) -> None:
+def check_body(settings: Settings) -> None:
     """Raise IcyMoonError if a date would give the ground of one body the sky of another."""
-    light, radius_km = settings["light"], settings["terrain"]["body_radius_m"] / 1000.0
-    body = BODIES.get(light["body"].strip().upper())
-    if light["directions_from"] == "ANGLES" or body is None:
+    light, radius_km = settings.light, settings.terrain.body_radius_m / 1000.0
+    body = BODIES.get(light.body.strip().upper())
+    if light.directions_from == "ANGLES" or body is None:
         return
     own_km = math.prod(body.radii_km) ** (1 / 3)
     if abs(radius_km / own_km - 1) > _RADIUS_DOUBT:
-        raise IcyMoonError(f"light.body is {light['body']}, which has a radius of {own_km:.0f} km, but "
+        raise IcyMoonError(f"light.body is {light.body}, which has a radius of {own_km:.0f} km, but "
                            f"terrain.body_radius_m is that of a body of {radius_km:.0f} km, which has another sky; set "
                            "light.body to what this is, with kernels, or light.directions_from to ANGLES.")
 
 
-def sky(light: Mapping[str, Any], blend_folder: str | None = None) -> Sky:
+def sky(light: LightSettings, blend_folder: str | None = None) -> Sky:
     """The sky that ``light`` settings describe; ``blend_folder`` is what // means in ``kernels``.
 
     Raises IcyMoonError if it is to come from a date or from kernels and cannot.
     """
-    if light["directions_from"] != "ANGLES":
+    if light.directions_from != "ANGLES":
         return _sky_at_date(light, blend_folder)
-    sun = toward(light["sun_azimuth_deg"], light["sun_elevation_deg"])
-    irradiance = float(light["sun_irradiance_wm2"])
+    sun = toward(light.sun_azimuth_deg, light.sun_elevation_deg)
+    irradiance = float(light.sun_irradiance_wm2)
     planet = Planet(
-        toward(light["planet_azimuth_deg"], light["planet_elevation_deg"]),
-        float(light["planet_angular_diameter_deg"]), float(light["planet_flattening"]),
+        toward(light.planet_azimuth_deg, light.planet_elevation_deg),
+        float(light.planet_angular_diameter_deg), float(light.planet_flattening),
         # Moon and planet turn about axes within a degree of each other.
-        toward(0.0, light["latitude_deg"]), sun, irradiance, float(light["planet_albedo"]),
-        light["planet_phase_law"], _rings(light)) if light["planet"] else None
-    diameter = float(light["sun_angular_diameter_deg"])
+        toward(0.0, light.latitude_deg), sun, irradiance, float(light.planet_albedo),
+        light.planet_phase_law, _rings(light)) if light.planet else None
+    diameter = float(light.sun_angular_diameter_deg)
     return Sky(sun, irradiance, diameter, planet, hidden_share(planet, diameter) if planet else 0.0,
                _stars_by_angles(light))
 
 
-def _rings(light: Mapping[str, Any]) -> tuple[Ring, ...]:
-    return tuple(RINGS.values()) if light["planet_rings"] else ()
+def _rings(light: LightSettings) -> tuple[Ring, ...]:
+    return tuple(RINGS.values()) if light.planet_rings else ()
 
 
-def _stars_by_angles(light: Mapping[str, Any]) -> np.ndarray:
+def _stars_by_angles(light: LightSettings) -> np.ndarray:
     """The J2000 equatorial frame over a site without a date: its pole where that of the body is, right
     ascension 0 h on the meridian, in the south where the pole is up in the north."""
-    latitude = math.radians(light["latitude_deg"])
-    pole = toward(0.0, light["latitude_deg"])
+    latitude = math.radians(light.latitude_deg)
+    pole = toward(0.0, light.latitude_deg)
     culminates = np.array([0.0, -math.sin(latitude), math.cos(latitude)])
     return np.stack([culminates, np.cross(pole, culminates), pole], axis=1)
 
 
-def _positions(light: Mapping[str, Any], blend_folder: str | None) -> Positions:
-    site = light["date_utc"], float(light["latitude_deg"]), float(light["longitude_deg"])
-    if light["directions_from"] == "DATE":
-        ephemeris.refuse_unknown_years(light["date_utc"])
-        return ephemeris.positions(light["body"], *site)
-    return spice.positions(absolute_path(light["kernels"], "light.kernels", blend_folder), light["body"],
-                           light["parent"], *site)
+def _positions(light: LightSettings, blend_folder: str | None) -> Positions:
+    site = light.date_utc, float(light.latitude_deg), float(light.longitude_deg)
+    if light.directions_from == "DATE":
+        ephemeris.refuse_unknown_years(light.date_utc)
+        return ephemeris.positions(light.body, *site)
+    return spice.positions(absolute_path(light.kernels, "light.kernels", blend_folder), light.body,
+                           light.parent, *site)
 
 
-def _sky_at_date(light: Mapping[str, Any], blend_folder: str | None) -> Sky:
+def _sky_at_date(light: LightSettings, blend_folder: str | None) -> Sky:
     at = _positions(light, blend_folder)
     irradiance = sun_irradiance_wm2(at.sun_distance_au)
     planet = Planet(at.planet, apparent_diameter_deg(at.planet_equator_km, at.planet_distance_km),
                     1 - at.planet_pole_km / at.planet_equator_km, at.planet_axis, at.sun, irradiance,
-                    float(light["planet_albedo"]), light["planet_phase_law"],
+                    float(light.planet_albedo), light.planet_phase_law,
                     _rings(light) if at.planet_name in ("SATURN", "699") else ())
     diameter = sun_diameter_deg(at.sun_distance_au)
-    return Sky(at.sun, irradiance, diameter, planet if light["planet"] else None, hidden_share(planet, diameter),
+    return Sky(at.sun, irradiance, diameter, planet if light.planet else None, hidden_share(planet, diameter),
                at.from_j2000)
 
 

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from ...typed_settings import Settings
 from ..terrain.terrain import Terrain
 from .grading import CARRIED, Grading, grade
 from .horizon import drop_m
@@ -60,14 +60,14 @@ class Graded:
             positions[some, 2] = self.heights(positions[some, 0], positions[some, 1], shortest[some])
         return positions, rings.faces()
 
-    def advice(self, settings: Mapping[str, Mapping[str, Any]]) -> list[str]:
+    def advice(self, settings: Settings) -> list[str]:
         """Sentences about a mesh that is coarser than the settings ask; none if it is not."""
-        wanted, mesh = self.grading.wanted_vertices, settings["mesh"]
-        if self.grading.error_px <= mesh["error_px"] and wanted <= mesh["most"]:
+        wanted, mesh = self.grading.wanted_vertices, settings.mesh
+        if self.grading.error_px <= mesh.error_px and wanted <= mesh.most:
             return []
         many = f"{wanted / 1e6:.3g} million" if wanted >= 1e5 else f"{wanted:.0f}"
-        return [f"A mesh within {mesh['error_px']:g} px would take {many} vertices; this one keeps to mesh.most "
-                f"({mesh['most']}) and is within {self.grading.error_px:.2g} px. Raise mesh.most, or mesh.error_px and "
+        return [f"A mesh within {mesh.error_px:g} px would take {many} vertices; this one keeps to mesh.most "
+                f"({mesh.most}) and is within {self.grading.error_px:.2g} px. Raise mesh.most, or mesh.error_px and "
                 "mesh.edge_px."]
 
 
@@ -76,6 +76,6 @@ def _round_to_single(values: np.ndarray) -> np.ndarray:
     return values.astype(np.float32).astype(np.float64)
 
 
-def grade_ground(ground: Terrain, settings: Mapping[str, Mapping[str, Any]]) -> Graded:
+def grade_ground(ground: Terrain, settings: Settings) -> Graded:
     """The graded ground that complete ``settings`` ask for."""
-    return Graded(ground, grade(ground, settings), float(settings["terrain"]["body_radius_m"]))
+    return Graded(ground, grade(ground, settings), float(settings.terrain.body_radius_m))

@@ -14,12 +14,12 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
+from ...typed_settings import RigSettings, Settings
 from ..terrain.terrain import Terrain
 from .horizon import horizon_m
 from .vertex_rings import RINGS_APART, Rings
@@ -65,17 +65,17 @@ class View:
 OF_THE_RIG = ("x_m", "y_m", "height_m", "baseline_m", "focal_length_mm", "sensor_width_mm", "width_px", "height_px")
 
 
-def view_of(rig: Mapping[str, Any]) -> View:
+def view_of(rig: RigSettings) -> View:
     """The view of ``rig`` settings.
 
     A pixel at the tangents (a, b) from the optical axis spans 1 / (1 + a² + b²) of the angle that one on the
     axis does, in the direction away from it; the mean over the image is what counts.
     """
-    half_width = rig["sensor_width_mm"] / 2 / rig["focal_length_mm"]
-    half_height = half_width * rig["height_px"] / rig["width_px"]
+    half_width = rig.sensor_width_mm / 2 / rig.focal_length_mm
+    half_height = half_width * rig.height_px / rig.width_px
     stretch = 1.0 + (half_width**2 + half_height**2) / 3.0
-    return View(rig["x_m"], rig["y_m"], rig["height_m"], rig["baseline_m"],
-                rig["width_px"] / (2.0 * half_width) * stretch)
+    return View(rig.x_m, rig.y_m, rig.height_m, rig.baseline_m,
+                rig.width_px / (2.0 * half_width) * stretch)
 
 
 @dataclass(frozen=True)
@@ -207,24 +207,24 @@ def _count_vertices(grading: Grading) -> float:
     return 1.0 + float(np.sum((density[1:] + density[:-1]) / 2 * np.diff(r)))
 
 
-def grade(ground: Terrain, settings: Mapping[str, Mapping[str, Any]]) -> Grading:
+def grade(ground: Terrain, settings: Settings) -> Grading:
     """The grading that complete ``settings`` ask for on a ground (not yet curved).
 
     Where it would take more than ``mesh.most`` vertices all spacings are widened alike, and ``error_px`` is the
     error that remains.
     """
-    mesh, at, body = settings["mesh"], view_of(settings["rig"]), float(settings["terrain"]["body_radius_m"])
+    mesh, at, body = settings.mesh, view_of(settings.rig), float(settings.terrain.body_radius_m)
     ground_m = float(ground.heights(at.x_m, at.y_m))
-    farthest = max(min(_farthest_m(ground, at, ground_m, body), float(mesh["farthest_m"])), 2.0 * at.height_m)
+    farthest = max(min(_farthest_m(ground, at, ground_m, body), float(mesh.farthest_m)), 2.0 * at.height_m)
     last = float(at.nearest_m(farthest))
     nearest = np.geomspace(at.height_m, last, 1 + max(2, math.ceil(math.log2(last / at.height_m))))
-    longest = mesh["edge_px"] / EDGE_OVER_SPACING
+    longest = mesh.edge_px / EDGE_OVER_SPACING
     probes = []
     for k, distance in enumerate(nearest):
         low, high = (at.baseline_m + math.sqrt(max(d * d - at.height_m**2, 0.0)) for d in
                      (distance / math.sqrt(2.0), min(distance * math.sqrt(2.0), last)))
         probes.append(_Probe(ground, at, ground_m, 0.0 if k == 0 else low, high))
-    curves = [_measure_curve(probe, longest, mesh["error_px"]) for probe in probes]
+    curves = [_measure_curve(probe, longest, mesh.error_px) for probe in probes]
 
     def made(error_px: float, wider: float = 1.0) -> Grading:
         # Six digits, as powers differ between machines in the last ones.
@@ -232,18 +232,18 @@ def grade(ground: Terrain, settings: Mapping[str, Mapping[str, Any]]) -> Grading
                            errors in curves])
         return Grading(at, nearest, wider * pixels * nearest / at.pixels_per_radian, farthest, error_px, wanted)
 
-    error, wider, wanted = float(mesh["error_px"]), 1.0, 0.0
+    error, wider, wanted = float(mesh.error_px), 1.0, 0.0
     grading = made(error)
     wanted = _count_vertices(grading)
-    if wanted <= mesh["most"] and grading.rings.vertices <= mesh["most"]:
+    if wanted <= mesh.most and grading.rings.vertices <= mesh.most:
         return made(error)
     # First the error rises; where the longest edges alone are too many, they grow as well.
     worst = max(errors[0] for _, errors in curves)
-    while _count_vertices(grading) > mesh["most"] and error < worst:
+    while _count_vertices(grading) > mesh.most and error < worst:
         error *= _COARSER
         grading = made(error)
-    wider = max(1.0, math.sqrt(_count_vertices(grading) / mesh["most"]))
-    while (grading := made(error, wider)).rings.vertices > mesh["most"]:
+    wider = max(1.0, math.sqrt(_count_vertices(grading) / mesh.most))
+    while (grading := made(error, wider)).rings.vertices > mesh.most:
         wider *= _COARSER
     left = [probe.error_px(spacing / distance * at.pixels_per_radian)
             for probe, spacing, distance in zip(probes, grading.spacing_m, nearest, strict=True)]

@@ -7,12 +7,12 @@ moves none of them. Nothing here knows Blender: the ground is a function of posi
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
+from ...typed_settings import RocksSettings
 from ..random_numbers.seeds import generator
 from .shapes import Shape
 from .size_laws import draw_diameters, size_law
@@ -48,7 +48,7 @@ class Rocks:
     smallest_m: float
 
 
-def draw_places(rocks: Mapping[str, Any], n: int, size_m: float, random: np.random.Generator) -> np.ndarray:
+def draw_places(rocks: RocksSettings, n: int, size_m: float, random: np.random.Generator) -> np.ndarray:
     """Positions (n, 2) in metres on a square patch centred on the origin.
 
     A share ``clustering`` of the rocks belongs to a Thomas process: clusters at random places, each
@@ -56,10 +56,10 @@ def draw_places(rocks: Mapping[str, Any], n: int, size_m: float, random: np.rand
     What falls off one side of the patch comes in on the other, so the density is even.
     """
     where = random.uniform(-size_m / 2, size_m / 2, (n, 2))
-    clusters = max(1, round(n * rocks["clustering"] / rocks["cluster_blocks"]))
+    clusters = max(1, round(n * rocks.clustering / rocks.cluster_blocks))
     centres = random.uniform(-size_m / 2, size_m / 2, (clusters, 2))
-    member = random.random(n) < rocks["clustering"]
-    of = centres[random.integers(0, clusters, n)] + random.normal(0.0, rocks["cluster_radius_m"], (n, 2))
+    member = random.random(n) < rocks.clustering
+    of = centres[random.integers(0, clusters, n)] + random.normal(0.0, rocks.cluster_radius_m, (n, 2))
     return np.mod(np.where(member[:, None], of, where) + size_m / 2, size_m) - size_m / 2
 
 
@@ -127,7 +127,7 @@ def _extent(rotation: np.ndarray, scale: np.ndarray, level: np.ndarray, shape: n
     return deepest, thickness, reach
 
 
-def scatter(rocks: Mapping[str, Any], size_m: float, seed: int, surface: HeightAt,
+def scatter(rocks: RocksSettings, size_m: float, seed: int, surface: HeightAt,
             shapes: Sequence[Sequence[Shape]], clear_m: tuple[float, float, float]) -> Rocks:
     """The rocks that ``rocks`` settings describe on a square patch of side ``size_m`` about the origin.
 
@@ -136,7 +136,7 @@ def scatter(rocks: Mapping[str, Any], size_m: float, seed: int, surface: HeightA
     or under the deepest ground of its footprint and at or under the ground beneath it: none floats.
     Raises IcyMoonError if the settings contradict each other.
     """
-    diameter, smallest = draw_diameters(size_law(rocks), size_m**2, int(rocks["most"]),
+    diameter, smallest = draw_diameters(size_law(rocks), size_m**2, int(rocks.most),
                                         generator(seed, "rocks", _SIZES))
     n = len(diameter)
     # Rocks stay on the patch: places are drawn on all of it, then drawn in by half a diameter.
@@ -146,14 +146,14 @@ def scatter(rocks: Mapping[str, Any], size_m: float, seed: int, surface: HeightA
     random = generator(seed, "rocks", _POSES)
     level = np.searchsorted(LEVEL_RANKS, np.arange(n), side="right")
     shape = random.integers(0, len(shapes[0]), n)
-    elongation = np.maximum(1.0, rocks["elongation"] * np.exp(random.normal(0, _VARIATION, n)))
+    elongation = np.maximum(1.0, rocks.elongation * np.exp(random.normal(0, _VARIATION, n)))
     height = np.array([s.height for s in shapes[0]])[shape]
-    height *= rocks["height_ratio"] * np.exp(random.normal(0, _VARIATION, n))
+    height *= rocks.height_ratio * np.exp(random.normal(0, _VARIATION, n))
     scale = diameter[:, None] * np.stack([np.sqrt(elongation), 1.0 / np.sqrt(elongation), height], axis=1)
-    tilt = math.radians(rocks["tilt_deg"])
+    tilt = math.radians(rocks.tilt_deg)
     loose = _turn(0, random.normal(0, 1, n) * tilt) @ _turn(1, random.normal(0, 1, n) * tilt)
     loose = loose @ _turn(2, random.uniform(0, 2 * np.pi, n))
-    burial = np.clip(rocks["burial"] + random.normal(0, _BURIAL_VARIATION, n) * (rocks["burial"] > 0), 0.0, 0.95)
+    burial = np.clip(rocks.burial + random.normal(0, _BURIAL_VARIATION, n) * (rocks.burial > 0), 0.0, 0.95)
 
     normal, ground = _footprint_ground(xy, 0.45 * diameter, surface)
     rotation = _upright_to(normal) @ loose

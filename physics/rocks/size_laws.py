@@ -15,14 +15,14 @@ Rocks are counted from the largest down, so that "the n largest of the law" is a
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 
 from ...errors import IcyMoonError
+from ...typed_settings import RocksSettings
 
 _TABLE = 8192  # nodes of Golombek's law; the trapezoidal rule is then within 1e-6
 
@@ -134,18 +134,18 @@ class Golombek:
         return np.exp(np.interp(per_m2, above, np.log(d)))
 
 
-def size_law(rocks: Mapping[str, Any]) -> SizeLaw:
+def size_law(rocks: RocksSettings) -> SizeLaw:
     """The law that ``rocks`` settings describe; their coverage must be above 0.
 
     Raises IcyMoonError if the largest diameter is below the smallest.
     """
-    smallest, largest = float(rocks["smallest_m"]), float(rocks["largest_m"])
+    smallest, largest = float(rocks.smallest_m), float(rocks.largest_m)
     if largest < smallest:
         raise IcyMoonError(f"rocks.largest_m ({largest:g} m) is below rocks.smallest_m ({smallest:g} m); "
                            "raise the one or lower the other.")
-    if rocks["law"] == "GOLOMBEK":
-        return Golombek(float(rocks["coverage"]), smallest, largest)
-    return PowerLaw(float(rocks["coverage"]), smallest, largest, float(rocks["power_index"]))
+    if rocks.law == "GOLOMBEK":
+        return Golombek(float(rocks.coverage), smallest, largest)
+    return PowerLaw(float(rocks.coverage), smallest, largest, float(rocks.power_index))
 
 
 def draw_diameters(law: SizeLaw, area_m2: float, most: int, random: np.random.Generator) -> tuple[np.ndarray, float]:

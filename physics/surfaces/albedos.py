@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from functools import lru_cache, partial
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
+from ...typed_settings import HapkeSettings, SurfaceSettings
 from . import photometry
 from .hapke import HapkeParameters, bidirectional_reflectance, from_settings
 
@@ -18,15 +18,15 @@ class Albedos(NamedTuple):
     bond: float
 
 
-def law_of(surface: Mapping[str, Any], hapke: Mapping[str, Any]) -> photometry.Law | None:
+def law_of(surface: SurfaceSettings, hapke: HapkeSettings) -> photometry.Law | None:
     """The law of ``surface`` settings, without albedo patches and relief; None for Principled snow, which has no
     closed form. Raises IcyMoonError if the parameters are outside of physics."""
-    if surface["model"] == "PRINCIPLED":
+    if surface.model == "PRINCIPLED":
         return None
-    if surface["model"] == "HAPKE":
+    if surface.model == "HAPKE":
         return partial(bidirectional_reflectance, parameters=from_settings(hapke))
-    share = {"LAMBERT": 0.0, "LOMMEL_SEELIGER": 1.0}.get(surface["model"], surface["lommel_seeliger_share"])
-    return photometry.lunar_lambert(surface["albedo"], share)
+    share = {"LAMBERT": 0.0, "LOMMEL_SEELIGER": 1.0}.get(surface.model, surface.lommel_seeliger_share)
+    return photometry.lunar_lambert(surface.albedo, share)
 
 
 @lru_cache(maxsize=32)
@@ -38,9 +38,9 @@ def _albedos(law: photometry.Law) -> Albedos:
     return Albedos(photometry.normal_albedo(law), photometry.geometric_albedo(law), photometry.bond_albedo(law))
 
 
-def albedos(surface: Mapping[str, Any], hapke: Mapping[str, Any]) -> Albedos | None:
+def albedos(surface: SurfaceSettings, hapke: HapkeSettings) -> Albedos | None:
     """Albedos of ``surface`` settings; None for Principled snow. Those of Hapke's law are computed once."""
-    if surface["model"] == "HAPKE":
+    if surface.model == "HAPKE":
         return _hapke_albedos(from_settings(hapke))
     law = law_of(surface, hapke)
     return None if law is None else _albedos(law)

@@ -18,13 +18,13 @@ Nothing here takes the arc cosine of a dot product: near opposition that loses h
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
 
 from ...errors import IcyMoonError
+from ...typed_settings import HapkeSettings
 
 Array = np.ndarray
 
@@ -99,11 +99,11 @@ class HapkeParameters:
             raise IcyMoonError(f"Hapke: {name} is {self._shown(name)}, it must be {side}: {why}.")
 
 
-def from_settings(hapke: Mapping[str, Any]) -> HapkeParameters:
+def from_settings(hapke: HapkeSettings) -> HapkeParameters:
     """Parameters that ``hapke`` settings describe. Raises IcyMoonError if they are outside of physics."""
     same = ("w", "b", "c", "b_s0", "h_s", "b_c0", "h_c", "filling_factor")
-    return HapkeParameters(**{key: hapke[key] for key in same}, theta_bar=np.radians(hapke["theta_bar_deg"]),
-                           h_function=hapke["h_function"])
+    return HapkeParameters(**{key: hapke[key] for key in same}, theta_bar=np.radians(hapke.theta_bar_deg),
+                           h_function=hapke.h_function)
 
 
 def single_lobe(asymmetry: float) -> dict[str, float]:

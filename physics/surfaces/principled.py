@@ -13,11 +13,12 @@ from __future__ import annotations
 import functools
 import json
 import math
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+
+from ...typed_settings import SurfaceSettings
 
 #: The measured tables by the Blender that they were measured with; which one holds, ``use_table`` chooses.
 TABLES = {"4.2": "principled_4_2.json", "5.0": "principled.json", "5.2": "principled_5_2.json"}
@@ -63,27 +64,27 @@ def _interpolate(values: np.ndarray, root: float, roughness: float) -> Any:
     return low + u * (high - low)
 
 
-def curve(surface: Mapping[str, Any]) -> tuple[np.ndarray, np.ndarray]:
+def curve(surface: SurfaceSettings) -> tuple[np.ndarray, np.ndarray]:
     """Base colours (n,) from 0 to 1 and the reflectances (n,) that they give with the other ``surface`` settings.
 
     Between them the reflectance is linear in the base colour.
     """
     table = _table()
-    root = root_f0(surface["refractive_index"], surface["specular"])
-    roughness, weight = surface["roughness"], surface["subsurface_weight"] * (surface["subsurface_radius_m"] > 0.0)
+    root = root_f0(surface.refractive_index, surface.specular)
+    roughness, weight = surface.roughness, surface.subsurface_weight * (surface.subsurface_radius_m > 0.0)
     base = table["base"]
     specular = _interpolate(table["specular"], root, roughness)
     diffuse = specular + (1.0 - specular) * base
     walk = np.maximum.accumulate(_interpolate(table["subsurface"], root, roughness))
     entered = (1.0 - weight) * diffuse + weight * walk
-    share = surface["transmission"]
+    share = surface.transmission
     reflectance = (1.0 - share) * entered + share * _interpolate(table["transmission"], root, roughness)
     # Bumps lose the light that they send downward. Moved vertices lose none, they light each other.
-    steepness = surface["grain_amplitude_m"] / surface["grain_size_m"] * (surface["relief"] == "BUMP")
+    steepness = surface.grain_amplitude_m / surface.grain_size_m * (surface.relief == "BUMP")
     return base, reflectance * np.interp(steepness, table["steepness"], table["bump"])
 
 
-def inverse_curve(surface: Mapping[str, Any]) -> tuple[np.ndarray, np.ndarray]:
+def inverse_curve(surface: SurfaceSettings) -> tuple[np.ndarray, np.ndarray]:
     """Reflectances from 0 to 1 and the base colours that give them, or the nearest that there are, each (n,);
     straight lines are meant between them."""
     base, reflectance = curve(surface)
@@ -95,20 +96,20 @@ def inverse_curve(surface: Mapping[str, Any]) -> tuple[np.ndarray, np.ndarray]:
             np.concatenate([base[:1]] * below + [base] + [base[-1:]] * above))
 
 
-def base_colour(surface: Mapping[str, Any], albedo: float) -> float:
+def base_colour(surface: SurfaceSettings, albedo: float) -> float:
     """Base colour that reflects ``albedo``, or the nearest there is, from 0 to 1."""
     return float(np.interp(albedo, *inverse_curve(surface)))
 
 
-def real_albedo(surface: Mapping[str, Any]) -> float:
+def real_albedo(surface: SurfaceSettings) -> float:
     """Bihemispherical reflectance of clean, flat ice with ``surface`` settings: the albedo or the nearest one."""
     _, reflectance = curve(surface)
-    return float(np.clip(surface["albedo"], reflectance[0], reflectance[-1]))
+    return float(np.clip(surface.albedo, reflectance[0], reflectance[-1]))
 
 
-def albedo_advice(surface: Mapping[str, Any]) -> str:
+def albedo_advice(surface: SurfaceSettings) -> str:
     """A sentence if the surface cannot have the albedo that is asked for; empty if it has."""
-    asked, real = float(surface["albedo"]), real_albedo(surface)
+    asked, real = float(surface.albedo), real_albedo(surface)
     if abs(real - asked) <= REPORTED_FROM * asked:
         return ""
     if real > asked:
@@ -117,9 +118,9 @@ def albedo_advice(surface: Mapping[str, Any]) -> str:
     return f"The albedo is really {real:.2f}, not {asked:.2f}: {lost}; lower {key}."
 
 
-def _lost_most(surface: Mapping[str, Any]) -> tuple[str, str]:
+def _lost_most(surface: SurfaceSettings) -> tuple[str, str]:
     """The largest loss of light at a surface, in words, and the setting to lower."""
     causes = {"transmission": "what is transmitted is lost", "grain_amplitude_m": "steep bumps lose light",
               "subsurface_weight": "snow under the surface absorbs"}
-    most = max(causes, key=lambda k: float(curve({**surface, k: 0.0})[1][-1]))
+    most = max(causes, key=lambda k: float(curve(surface | {k: 0.0})[1][-1]))
     return causes[most], most

@@ -7,12 +7,11 @@ crests, rough hollows and normals belong together. Made up: they stand in where 
 from __future__ import annotations
 
 import functools
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
+from ...typed_settings import TexturesSettings
 from ..random_numbers.seeds import generator
 
 SETS = ("FROST", "GRAINS", "CRACKS")
@@ -94,6 +93,6 @@ def make_maps(name: str) -> Maps:
                       0.4 + 0.2 * value + 0.05 * fine)
 
 
-def uses_uv(textures: Mapping[str, Any]) -> bool:
+def uses_uv(textures: TexturesSettings) -> bool:
     """Whether ``textures`` settings lay images on the ground by its UV coordinates; a mesh's own always are."""
-    return bool(textures["set"] == "MESH" or (textures["set"] != "NONE" and textures["mapping"] == "UV"))
+    return bool(textures.set == "MESH" or (textures.set != "NONE" and textures.mapping == "UV"))

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from ...typed_settings import Settings
 from ..random_numbers.seeds import generator
 from .noise.lattice_noise import gradient_noise_3d
 from .roughness.roughness import RELIEF_SPAN, amplitudes, carried_share, wavelengths_m
@@ -20,7 +21,7 @@ from .roughness.structure_function import structure
 _DIMENSIONS = 3
 
 
-def relief(points_m: np.ndarray, settings: Any, seed: int, longest_m: float = math.inf,
+def relief(points_m: np.ndarray, settings: Settings, seed: int, longest_m: float = math.inf,
            shortest_m: Any = 0.0) -> np.ndarray:
     """Heights (n,) in metres of the described roughness at points (n, 3) in metres, any order.
 
@@ -28,17 +29,17 @@ def relief(points_m: np.ndarray, settings: Any, seed: int, longest_m: float = ma
     ``shortest_m`` (a number, or one per point) what its vertices cannot carry.
     Raises IcyMoonError where the cut-offs make no sense.
     """
-    ground = settings["terrain"]
+    ground = settings.terrain
     wavelength = wavelengths_m(ground)
     random = generator(seed, "terrain", 4)
     keys = [int(k) for k in random.integers(0, 2**32, len(wavelength))]
     offsets = random.uniform(0.0, 1024.0, (len(wavelength), 3))
-    baseline, hurst = float(ground["slope_baseline_m"]), float(ground["hurst"])
+    baseline, hurst = float(ground.slope_baseline_m), float(ground.hurst)
     amplitude = amplitudes(wavelength, hurst, _DIMENSIONS)
-    at_baseline = math.tan(math.radians(ground["rms_slope_deg"])) * baseline
+    at_baseline = math.tan(math.radians(ground.rms_slope_deg)) * baseline
     amplitude *= at_baseline / math.sqrt(float(structure(baseline / wavelength, _DIMENSIONS) @ amplitude**2))
     total, weight, variance = np.zeros(len(points_m)), np.ones(len(points_m)), 0.0
-    mixing, unit_variance = float(ground["multifractality"]), float(structure(np.array(9.0), _DIMENSIONS)) / 2
+    mixing, unit_variance = float(ground.multifractality), float(structure(np.array(9.0), _DIMENSIONS)) / 2
     for k in np.flatnonzero((wavelength <= longest_m) & (amplitude > 0)):
         share = carried_share(wavelength[k], shortest_m)
         if not np.any(share):
@@ -63,7 +64,7 @@ def _expected_weight(mixing: float) -> float:
 _CUT_VARIANCE = (1.0 - 2.0 * 2.0 * math.exp(-2.0) / math.sqrt(2 * math.pi) + 3.0 * math.erfc(math.sqrt(2.0))) / 16.0
 
 
-def displace(points_m: np.ndarray, normals: np.ndarray, settings: Any, seed: int, longest_m: float = math.inf,
+def displace(points_m: np.ndarray, normals: np.ndarray, settings: Settings, seed: int, longest_m: float = math.inf,
              shortest_m: Any = 0.0) -> np.ndarray:
     """Points (n, 3) moved by ``relief`` along their unit ``normals`` (n, 3)."""
     heights = relief(points_m, settings, seed, longest_m, shortest_m)

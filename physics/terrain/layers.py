@@ -8,12 +8,12 @@ unit RMS on points of its own, which depend neither on the patch nor on the mesh
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from ...typed_settings import TerrainLayer
 from .noise.bases import BASES, FRACTALS
 from .noise.lattice_noise import gradient_noise
 from .roughness.roughness import carried_share
@@ -77,11 +77,11 @@ class Layer:
         return x_m + self.warp_m / NOISE_DEVIATION * east, y_m + self.warp_m / NOISE_DEVIATION * north
 
 
-def make_layer(settings: Mapping[str, Any], random: np.random.Generator) -> Layer | None:
+def make_layer(settings: TerrainLayer, random: np.random.Generator) -> Layer | None:
     """The layer that one entry of ``terrain.layers`` describes, or None if it has no height."""
     keys = tuple(int(k) for k in random.integers(0, 2**32, _MOST_OCTAVES + 2))
     offsets = random.uniform(0.0, 1024.0, (_MOST_OCTAVES + 2, 2))
-    if settings["amplitude_m"] == 0.0:
+    if settings.amplitude_m == 0.0:
         return None
     parts = {k: settings[k] for k in ("basis", "fractal", "scale_m", "octaves", "lacunarity", "roughness", "warp_m")}
     raw = Layer(**parts, keys=keys, offsets=offsets)
@@ -89,7 +89,7 @@ def make_layer(settings: Mapping[str, Any], random: np.random.Generator) -> Laye
     mean = float(f"{raw.signal(0, x, y).mean():.9e}")
     sample = raw.heights(x, y)
     deviation = float(sample.std())
-    factor = settings["amplitude_m"] / deviation if deviation > 1e-12 else 0.0
+    factor = settings.amplitude_m / deviation if deviation > 1e-12 else 0.0
     # Ten digits, as sums differ between machines in the last ones.
     return Layer(**parts, keys=keys, offsets=offsets, signal_mean=mean, centre=float(f"{sample.mean():.9e}"),
                  factor=float(f"{factor:.9e}"))

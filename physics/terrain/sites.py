@@ -7,13 +7,14 @@ keeps to within the error that the settings ask for.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
+from ...typed_settings import Settings
 from ..rocks.rocks import Rocks, euler_matrices, scatter
 from ..rocks.shapes import Shape, make_rock_shapes
 from .terrain import Terrain, make_terrain
@@ -36,14 +37,14 @@ class RockyGround:
     """Ground and rocks of complete settings whose ground is procedural."""
 
     ground: Terrain
-    settings: Mapping[str, Mapping[str, Any]]
+    settings: Settings
     half_m: float  # of the square that has ground, infinite where it goes to the horizon
 
     @property
     def shortest_m(self) -> float:
         """Shortest wavelength in metres of the ground that counts: of a grid, what it carries."""
-        patch = self.settings["terrain"]
-        return 2 * patch["size_m"] / (patch["resolution"] - 1) if math.isfinite(self.half_m) else 0.0
+        patch = self.settings.terrain
+        return 2 * patch.size_m / (patch.resolution - 1) if math.isfinite(self.half_m) else 0.0
 
     def heights(self, x_m: Any, y_m: Any) -> np.ndarray:
         """Heights in metres at east and north coordinates; NaN where there is no ground."""
@@ -53,15 +54,15 @@ class RockyGround:
     @cached_property
     def shapes(self) -> Sequence[Sequence[Shape]]:
         """What the rocks are chosen from."""
-        rocks = self.settings["rocks"]
-        return make_rock_shapes(rocks["family"], rocks["angularity"], int(self.settings["dataset"]["seed"]))
+        rocks = self.settings.rocks
+        return make_rock_shapes(rocks.family, rocks.angularity, int(self.settings.dataset.seed))
 
     @cached_property
     def rocks(self) -> Rocks | None:
         """All rocks, those too that a camera's clear circle will take away."""
-        if self.settings["rocks"]["coverage"] <= 0:
+        if self.settings.rocks.coverage <= 0:
             return None
-        return scatter(self.settings["rocks"], self.ground.size_m, int(self.settings["dataset"]["seed"]), self.heights,
+        return scatter(self.settings.rocks, self.ground.size_m, int(self.settings.dataset.seed), self.heights,
                        self.shapes, (0.0, 0.0, -math.inf))
 
     def clearance_m(self, x_m: float, y_m: float) -> float:
@@ -87,7 +88,7 @@ class RockyGround:
 
     def _in_rock(self, eye_m: np.ndarray, left_m: tuple[float, float]) -> bool:
         # The build keeps this circle about the left eye clear; without it rocks need not be drawn.
-        if math.dist(eye_m[:2], left_m) <= self.settings["rocks"]["clear_radius_m"]:
+        if math.dist(eye_m[:2], left_m) <= self.settings.rocks.clear_radius_m:
             return False
         rocks = self.rocks
         if rocks is None:
@@ -95,7 +96,7 @@ class RockyGround:
         centres = rocks.position_m
         near = np.hypot(*(centres[:, :2] - eye_m[:2]).T) < rocks.reach_m
         stays = (np.hypot(*(centres[:, :2] - left_m).T)
-                 > self.settings["rocks"]["clear_radius_m"] + rocks.reach_m)
+                 > self.settings.rocks.clear_radius_m + rocks.reach_m)
         return any(self._contains(rocks, k, eye_m) for k in np.flatnonzero(near & stays))
 
     def _contains(self, rocks: Rocks, k: int, point_m: np.ndarray) -> bool:
@@ -125,10 +126,10 @@ class RockyGround:
         return np.array(places).reshape(-1, 2)
 
 
-def make_rocky_ground(settings: Mapping[str, Mapping[str, Any]]) -> RockyGround:
+def make_rocky_ground(settings: Settings) -> RockyGround:
     """Ground and rocks of complete settings with ``source.kind`` PROCEDURAL.
 
     Raises IcyMoonError where the settings contradict each other.
     """
-    half = math.inf if settings["mesh"]["kind"] == "GRADED" else settings["terrain"]["size_m"] / 2
-    return RockyGround(make_terrain(settings, int(settings["dataset"]["seed"])), settings, half)
+    half = math.inf if settings.mesh.kind == "GRADED" else settings.terrain.size_m / 2
+    return RockyGround(make_terrain(settings, int(settings.dataset.seed)), settings, half)

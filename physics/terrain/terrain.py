@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from ...typed_settings import Settings, TerrainSettings
 from ..random_numbers.seeds import generator
 from .landforms import MAKERS, Landform
 from .layers import Layer, make_layer
@@ -121,22 +122,22 @@ def _order_by_place(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     return np.argsort(row * squares + column, kind="stable")
 
 
-def make_terrain(settings: Any, seed: int) -> Terrain:
+def make_terrain(settings: Settings, seed: int) -> Terrain:
     """The ground of complete settings and of the seed of their data set.
 
     Raises IcyMoonError where lengths contradict each other.
     """
-    ground = settings["terrain"]
-    size = float(ground["size_m"])
-    layers = [make_layer(entry, generator(seed, "terrain", 2, k)) for k, entry in enumerate(ground["layers"])]
+    ground = settings.terrain
+    size = float(ground.size_m)
+    layers = [make_layer(entry, generator(seed, "terrain", 2, k)) for k, entry in enumerate(ground.layers)]
     landforms = [make(settings[topic], generator(seed, "terrain", 3, k), size)
                  for k, (topic, make) in enumerate(MAKERS.items())]
     fall, azimuth = (math.radians(ground[k]) for k in ("regional_slope_deg", "regional_slope_azimuth_deg"))
-    mantle = settings["mantle"]
+    mantle = settings.mantle
     made = Terrain(size, make_rough_surface(ground, size, generator(seed, "terrain", 0)), tuple(a for a in layers if a),
                    tuple(a for a in landforms if a), -math.tan(fall) * math.sin(azimuth),
-                   -math.tan(fall) * math.cos(azimuth), mantle["thickness_m"], mantle["length_m"])
-    if mantle["thickness_m"] and made.landforms:
+                   -math.tan(fall) * math.cos(azimuth), mantle.thickness_m, mantle.length_m)
+    if mantle.thickness_m and made.landforms:
         return _level_mantle(made)
     return made
 
@@ -150,44 +151,44 @@ def _level_mantle(made: Terrain) -> Terrain:
                    made.mantle_thickness_m, made.mantle_length_m, float(f"{mean:.9e}"))
 
 
-def law_range_m(ground: Any) -> tuple[float, float]:
+def law_range_m(ground: TerrainSettings) -> tuple[float, float]:
     """Shortest and longest distance over which ``terrain`` settings ask for the power law."""
-    return LAW_FROM * ground["inner_scale_m"], LAW_TO * ground["outer_scale_m"]
+    return LAW_FROM * ground.inner_scale_m, LAW_TO * ground.outer_scale_m
 
 
-def _lost_share(ground: Any, shortest_m: float) -> float:
+def _lost_share(ground: TerrainSettings, shortest_m: float) -> float:
     """Share of the stated RMS deviation at three times the shortest wavelength that a mesh carries which it loses."""
     wavelength = wavelengths_m(ground)
     lag = 3 * shortest_m
     if not LAW_FROM * wavelength[-1] <= lag <= LAW_TO * wavelength[0]:
         return 0.0
-    squares = amplitudes(wavelength, ground["hurst"]) ** 2 * structure(lag / wavelength)
+    squares = amplitudes(wavelength, ground.hurst) ** 2 * structure(lag / wavelength)
     return 1.0 - math.sqrt(carried_share(wavelength, shortest_m) ** 2 @ squares / squares.sum())
 
 
-def terrain_advice(settings: Any, shortest_m: float) -> list[str]:
+def terrain_advice(settings: Settings, shortest_m: float) -> list[str]:
     """Sentences about what a mesh whose shortest wavelength is ``shortest_m`` cannot show of the ground.
 
     None if it shows all of it.
     """
-    ground, notes = settings["terrain"], []
-    finer = "raise terrain.resolution" if settings["mesh"]["kind"] == "GRID" else "lower mesh.edge_px"
-    finest = max(ground["inner_scale_m"], shortest_m)
-    slope = math.tan(math.radians(ground["rms_slope_deg"]))
-    steep = math.degrees(math.atan(slope * (finest / ground["slope_baseline_m"]) ** (ground["hurst"] - 1.0)))
-    if ground["hurst"] < 0.5 and steep > _ABSURD_DEG:
-        notes.append(f"With a Hurst exponent of {ground['hurst']:g}, {ground['rms_slope_deg']:g} degrees at "
-                     f"{ground['slope_baseline_m']:g} m become {steep:.0f} degrees at {finest:.2g} m, which no ice "
+    ground, notes = settings.terrain, []
+    finer = "raise terrain.resolution" if settings.mesh.kind == "GRID" else "lower mesh.edge_px"
+    finest = max(ground.inner_scale_m, shortest_m)
+    slope = math.tan(math.radians(ground.rms_slope_deg))
+    steep = math.degrees(math.atan(slope * (finest / ground.slope_baseline_m) ** (ground.hurst - 1.0)))
+    if ground.hurst < 0.5 and steep > _ABSURD_DEG:
+        notes.append(f"With a Hurst exponent of {ground.hurst:g}, {ground.rms_slope_deg:g} degrees at "
+                     f"{ground.slope_baseline_m:g} m become {steep:.0f} degrees at {finest:.2g} m, which no ice "
                      "holds; raise terrain.hurst or terrain.inner_scale_m.")
     lost = _lost_share(ground, shortest_m)
     if slope and lost > _MOST_LOST:
         notes.append(f"The mesh carries no wave under {shortest_m:.2g} m, so that the ground is {lost:.0%} smoother "
                      f"than stated at {3 * shortest_m:.2g} m; {finer} or raise terrain.inner_scale_m.")
-    if slope and ground["outer_scale_m"] <= shortest_m:
+    if slope and ground.outer_scale_m <= shortest_m:
         notes.append(f"The mesh carries no wave under {shortest_m:.3g} m, and the longest is terrain.outer_scale_m, "
-                     f"{ground['outer_scale_m']:g} m: the ground is flat; {finer}.")
+                     f"{ground.outer_scale_m:g} m: the ground is flat; {finer}.")
     for topic, make in MAKERS.items():
-        landform = make(settings[topic], np.random.default_rng(0), ground["size_m"])
+        landform = make(settings[topic], np.random.default_rng(0), ground.size_m)
         share = landform.carried_share(shortest_m) if landform else 1.0
         if landform and share < 1.0:
             notes.append(f"The mesh is too coarse for the {topic} (they need vertices {landform.finest_m / 1.5:.2g} m "

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
 from ...errors import IcyMoonError
 from ...physics.left_out import surface_topics
-from ...settings.description import Settings
+from ...typed_settings import QualitySettings, Settings
 from ..workers.job import blender_command
 from ..workers.process import Process
 
@@ -44,23 +44,23 @@ def ask_abilities(blender: str) -> Abilities:
     return Abilities(facts["osl"], facts["denoiser"], bool(facts["devices"]))
 
 
-def lack_for_quality(quality: Mapping[str, Any], able: Abilities) -> str:
+def lack_for_quality(quality: QualitySettings, able: Abilities) -> str:
     """What a Blender lacks for settings of the quality, with the fix, as a sentence; empty if nothing."""
-    if quality["denoiser"] != "NONE" and not able.denoiser:
+    if quality.denoiser != "NONE" and not able.denoiser:
         return ("This Blender was built without OpenImageDenoise; set quality.denoiser to NONE or use an official "
                 "build.")
-    if quality["device"] == "GPU" and not able.gpu:
+    if quality.device == "GPU" and not able.gpu:
         return "Cycles finds no graphics card that it can render on; set quality.device to CPU."
     return ""
 
 
 def lack_for(settings: Settings, able: Abilities) -> str:
     """The same, for complete settings."""
-    if not able.osl and settings["hapke"]["backend"] == "OSL" and any(
+    if not able.osl and settings.hapke.backend == "OSL" and any(
             settings[topic]["model"] == "HAPKE" for topic in surface_topics(settings)):
         return ("This Blender was built without Open Shading Language; set hapke.backend to AUTO or use an official "
                 "build.")
-    return lack_for_quality(settings["quality"], able)
+    return lack_for_quality(settings.quality, able)
 
 
 def needs_full_build(settings: Settings) -> bool:

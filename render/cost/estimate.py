@@ -20,9 +20,9 @@ from ...physics.left_out import only_camera_meets_relief, rendered_surface, surf
 from ...physics.mesh.grading import grade
 from ...physics.terrain.terrain import make_terrain
 from ...settings import changes
-from ...settings.description import Settings
 from ...settings.user_files import used_files
 from ...system import count_processors
+from ...typed_settings import Settings
 from ..pairs.pair_folder import StereoCamera, is_complete, read_pair
 from ..plans.order import ordered, settings_key
 from ..plans.planned_pair import PlannedPair
@@ -85,66 +85,66 @@ class Work:
 
 def work_of(settings: Settings) -> Work:
     """What a pair with these complete settings asks of the machine."""
-    quality = settings["quality"]
-    topics, coverage = surface_topics(settings), settings["rocks"]["coverage"]
+    quality = settings.quality
+    topics, coverage = surface_topics(settings), settings.rocks.coverage
     weights = (1.0,) if len(topics) == 1 else (1.0 - coverage, coverage)
     relative = sum(weight * _sample_cost(settings, topic) for weight, topic in zip(weights, topics, strict=True))
     relative += _ROCKS * (coverage > 0)
-    samples = samples_taken(quality["samples"], quality["noise_threshold"])
-    return Work(_pixels(settings), samples, relative, quality["denoiser"] != "NONE", quality["truth"] != "DEPTH")
+    samples = samples_taken(quality.samples, quality.noise_threshold)
+    return Work(_pixels(settings), samples, relative, quality.denoiser != "NONE", quality.truth != "DEPTH")
 
 
 def _pixels(settings: Settings) -> int:
     """Pixels of both eyes, margins included."""
-    width, height = StereoCamera.from_settings(settings["rig"]).rendered_px
+    width, height = StereoCamera.from_settings(settings.rig).rendered_px
     return 2 * width * height
 
 
 def bytes_of(settings: Settings) -> float:
     """Bytes of the files of a pair with these complete settings, before any pair of the scene is known."""
-    quality, light = settings["quality"], settings["light"]
-    samples = samples_taken(quality["samples"], quality["noise_threshold"])
+    quality, light = settings.quality, settings.light
+    samples = samples_taken(quality.samples, quality.noise_threshold)
     noisy = min(_LIGHT, _LIGHT_OF_ONE_SAMPLE + _LIGHT_PER_DOUBLING * math.log2(samples))
-    seen = _DENOISED if quality["denoiser"] != "NONE" else noisy
-    if light["planet"] or light["stars"]:
+    seen = _DENOISED if quality.denoiser != "NONE" else noisy
+    if light.planet or light.stars:
         seen += (_SUN_GROUP + _PLANET_GROUP) * noisy
-    copies = 1 + (settings["rig"]["toe_in_deg"] != 0)  # the rectified rig's truth, and that of eyes that are turned
-    truth = _DEPTH if quality["truth"] == "DEPTH" else _DEPTH + _NORMAL + _facets(settings)
-    larger = _DOUBLE_WIDTH ** math.log2(settings["rig"]["width_px"] / 160.0)
+    copies = 1 + (settings.rig.toe_in_deg != 0)  # the rectified rig's truth, and that of eyes that are turned
+    truth = _DEPTH if quality.truth == "DEPTH" else _DEPTH + _NORMAL + _facets(settings)
+    larger = _DOUBLE_WIDTH ** math.log2(settings.rig.width_px / 160.0)
     return _pixels(settings) * (larger * (1.0 - sky_fraction(settings)) * (seen + copies * truth) + _REST)
 
 
 def _facets(settings: Settings) -> float:
     """Bytes per pixel of the normals of facets, and of labels."""
-    graded = settings["source"]["kind"] == "PROCEDURAL" and settings["mesh"]["kind"] == "GRADED"
-    fraction = 1.0 - math.exp(-_FACETS * settings["mesh"]["edge_px"] ** _FACETS_POWER) if graded else _FACETS_GRID
-    return _NORMAL * fraction + _ROCK_LABELS * (settings["rocks"]["coverage"] > 0)
+    graded = settings.source.kind == "PROCEDURAL" and settings.mesh.kind == "GRADED"
+    fraction = 1.0 - math.exp(-_FACETS * settings.mesh.edge_px ** _FACETS_POWER) if graded else _FACETS_GRID
+    return _NORMAL * fraction + _ROCK_LABELS * (settings.rocks.coverage > 0)
 
 
 def sky_fraction(settings: Settings) -> float:
     """Fraction of an image above the edge of level ground: above the horizon, or above the rim of a patch."""
-    rig, source = settings["rig"], settings["source"]
+    rig, source = settings.rig, settings.source
     camera = StereoCamera.from_settings(rig)
-    endless = source["kind"] == "PROCEDURAL" and settings["mesh"]["kind"] == "GRADED"
-    down_deg = 0.0 if endless else math.degrees(math.atan2(rig["height_m"], settings["terrain"]["size_m"] / 2))
-    above = math.radians(max(-89.0, min(89.0, rig["pitch_deg"] - down_deg)))  # of the axis, below the edge
+    endless = source.kind == "PROCEDURAL" and settings.mesh.kind == "GRADED"
+    down_deg = 0.0 if endless else math.degrees(math.atan2(rig.height_m, settings.terrain.size_m / 2))
+    above = math.radians(max(-89.0, min(89.0, rig.pitch_deg - down_deg)))  # of the axis, below the edge
     row = camera.cy_px - camera.focal_px * math.tan(above)
     return min(1.0, max(0.0, (row + camera.margin_y_px) / camera.rendered_px[1]))
 
 
 def _sample_cost(settings: Settings, topic: str) -> float:
     """Cost of a sample that meets a surface, over that with Lambert's law and shaded relief."""
-    surface, hapke = rendered_surface(settings, topic), settings["hapke"]
-    relative = _MODELS[surface["model"]]
-    if surface["model"] == "HAPKE":
-        relative = {"REFERENCE": _HAPKE_REFERENCE}.get(hapke["accuracy"], relative)
-        relative = {"NODES": _HAPKE_NODES}.get(hapke["backend"], relative)
-    if surface["model"] == "PRINCIPLED":
-        under = surface["subsurface_weight"]
-        relative += _WALK * under / (under + _HALF) + _TRANSMISSION * surface["transmission"]
-    if surface["relief"] == "BUMP" and surface["grain_amplitude_m"] > 0:
-        relative += _RELIEF_CAMERA if only_camera_meets_relief(surface, settings["quality"]) else _RELIEF
-    return relative + _IMAGES * (settings["textures"]["set"] != "NONE")
+    surface, hapke = rendered_surface(settings, topic), settings.hapke
+    relative = _MODELS[surface.model]
+    if surface.model == "HAPKE":
+        relative = {"REFERENCE": _HAPKE_REFERENCE}.get(hapke.accuracy, relative)
+        relative = {"NODES": _HAPKE_NODES}.get(hapke.backend, relative)
+    if surface.model == "PRINCIPLED":
+        under = surface.subsurface_weight
+        relative += _WALK * under / (under + _HALF) + _TRANSMISSION * surface.transmission
+    if surface.relief == "BUMP" and surface.grain_amplitude_m > 0:
+        relative += _RELIEF_CAMERA if only_camera_meets_relief(surface, settings.quality) else _RELIEF
+    return relative + _IMAGES * (settings.textures.set != "NONE")
 
 
 def samples_taken(samples: int, threshold: float) -> float:
@@ -162,16 +162,16 @@ def count_triangles(settings: Settings) -> float:
 
     Raises IcyMoonError if a file of one's own cannot be read.
     """
-    if settings["source"]["kind"] == "MESH":
+    if settings.source.kind == "MESH":
         return float(mesh_file.estimate_cost(used_files(settings)["source.file"]).triangles)
-    if settings["source"]["kind"] == "PROCEDURAL" and settings["mesh"]["kind"] == "GRADED":
-        return 2.0 * grade(make_terrain(settings, int(settings["dataset"]["seed"])), settings).rings.vertices
-    return 2.0 * (settings["terrain"]["resolution"] - 1) ** 2
+    if settings.source.kind == "PROCEDURAL" and settings.mesh.kind == "GRADED":
+        return 2.0 * grade(make_terrain(settings, int(settings.dataset.seed)), settings).rings.vertices
+    return 2.0 * (settings.terrain.resolution - 1) ** 2
 
 
 def scene_seconds(settings: Settings, triangles: float) -> float:
     """Processor seconds of building a scene."""
-    return _SCENE_S + _BUILD_S_PER_MTRI * triangles / 1e6 + _ROCKS_BUILD_S * (settings["rocks"]["coverage"] > 0)
+    return _SCENE_S + _BUILD_S_PER_MTRI * triangles / 1e6 + _ROCKS_BUILD_S * (settings.rocks.coverage > 0)
 
 
 @dataclass(frozen=True)
@@ -249,7 +249,7 @@ def estimate(pairs: Sequence[PlannedPair], dataset: Path | None = None, speed: S
     expected = {pair.id: work_of(pair.settings).seconds(triangles[each[0]])
                 for each, pair in zip(keys, pairs, strict=True)}
     ratios = _read_ratios(pairs, dataset, there, expected)
-    factor, spread = _corrected(ratios, speed, any(pair.settings["quality"]["device"] == "GPU" for pair in pairs))
+    factor, spread = _corrected(ratios, speed, any(pair.settings.quality.device == "GPU" for pair in pairs))
     left = [pair for pair in pairs if pair.id not in there]
     start = _START_S if left else 0.0
     return Estimate(

@@ -9,8 +9,9 @@ from typing import Any
 
 from ...errors import IcyMoonError
 from ...records import NUMBER, TEXT, read_record
-from ...settings.description import Settings, defaults, merged
+from ...settings.description import defaults, merged
 from ...system import count_processors
+from ...typed_settings import Settings
 from ..workers.job import Job, render_job
 from ..workers.process import Message
 from .abilities import ask_abilities

@@ -8,8 +8,9 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
-from ...settings.description import Settings, load, merged, preset_header, preset_names, preset_path, read_toml
+from ...settings.description import load, merged, preset_header, preset_names, preset_path, read_toml
 from ...system import count_processors
+from ...typed_settings import Settings
 from .abilities import Abilities, lack_for
 from .estimate import duration_text, spread_before, work_of
 from .speed import Speed
@@ -46,7 +47,7 @@ class QualityPreset:
 def pair_seconds(settings: Settings, triangles: float, speed: Speed | None) -> tuple[float, float]:
     """Wall seconds of a further pair of a scene of so many triangles, and the factor that they may be off by."""
     seconds = work_of(settings).seconds(triangles) * (speed.factor if speed else 1.0) / count_processors()
-    return seconds, math.exp(2.0 * spread_before(speed, settings["quality"]["device"] == "GPU"))
+    return seconds, math.exp(2.0 * spread_before(speed, settings.quality.device == "GPU"))
 
 
 def list_qualities(settings: Settings, triangles: float, speed: Speed | None,

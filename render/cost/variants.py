@@ -15,7 +15,8 @@ from ...errors import IcyMoonError
 from ...physics.left_out import follows_walk, relief_of_camera_alone, surface_topics, walk_px
 from ...physics.surfaces.hapke import HapkeParameters, bidirectional_reflectance
 from ...physics.surfaces.photometry import hemispherical_albedo
-from ...settings.description import Settings, merged
+from ...settings.description import merged
+from ...typed_settings import Settings
 from .abilities import Abilities, lack_for
 from .estimate import work_of
 
@@ -78,11 +79,11 @@ def reference(settings: Settings, samples: int = 1024, fine: bool = False) -> Va
                            f"{_REFERENCE_MOST}.")
     parts: list[dict[str, dict[str, Any]]] = [{"quality": {
         "samples": samples // 2, "denoiser": "NONE", "noise_threshold": 0.0, "fine_relief": "ALL",
-        "diffuse_bounces": max(_REFERENCE_BOUNCES, int(settings["quality"]["diffuse_bounces"]))}}]
-    if settings["surface"]["model"] == "HAPKE":
+        "diffuse_bounces": max(_REFERENCE_BOUNCES, int(settings.quality.diffuse_bounces))}}]
+    if settings.surface.model == "HAPKE":
         parts.append({"hapke": {"accuracy": "REFERENCE"}})
     if fine and _has_graded_mesh(settings):
-        parts.append({"mesh": {"error_px": min(_REFERENCE_ERROR_PX, settings["mesh"]["error_px"])}})
+        parts.append({"mesh": {"error_px": min(_REFERENCE_ERROR_PX, settings.mesh.error_px)}})
     if fine:
         parts.append({"surface": {"relief": "DISPLACEMENT"}})
     return Variant("reference", f"{samples} samples{', fine' * fine}", merged(settings, *parts))
@@ -109,7 +110,7 @@ def variants(settings: Settings, groups: Sequence[str] = (), able: Abilities = _
 
 
 def _variants_of(group: str, settings: Settings) -> list[Variant]:
-    samples = int(settings["quality"]["samples"])
+    samples = int(settings.quality.samples)
 
     def made(name: str, part: Mapping[str, Mapping[str, Any]]) -> Variant:
         return Variant(group, name, merged(settings, part))
@@ -126,13 +127,13 @@ def _variants_of(group: str, settings: Settings) -> list[Variant]:
         return [made(f"{error:g} px", {"mesh": {"error_px": error}})
                 for error in _MESH_ERRORS_PX] if _has_graded_mesh(settings) else []
     if group == "shortcuts":
-        quality = settings["quality"]
+        quality = settings.quality
         return [made(*((part.whole, {"quality": {part.key: part.full}}) if quality[part.key] == part.lean else
                        (part.without, {"quality": {part.key: part.lean}}))) for part in _shortcuts(settings)]
     if group == "relief":
-        surface = settings["surface"]
+        surface = settings.surface
         return [made("shaded", {"surface": {"relief": "BUMP"}}), made("real", {"surface": {"relief": "DISPLACEMENT"}})
-                ] if surface["model"] == "PRINCIPLED" and surface["grain_amplitude_m"] > 0 else []
+                ] if surface.model == "PRINCIPLED" and surface.grain_amplitude_m > 0 else []
     return _surface_models(group, settings)
 
 
@@ -156,7 +157,7 @@ def _shortcuts(settings: Settings) -> list[_Shortcut]:
                                "fine relief for all light"))
     walk = max(walk_px(settings, each) for each in topics)
     if 0 < walk < _LONGEST_WALK_PX:
-        least = settings["quality"]["walk_px"]
+        least = settings.quality.walk_px
         lean = least if least > walk else _LONGEST_WALK_PX
         found.append(_Shortcut("walk_px", lean, 0.0, "no walk under the surface", "walk under the surface"))
     return [*found, _Shortcut("truth", "DEPTH", "FULL", "depth alone", "normals and labels")]
@@ -165,17 +166,17 @@ def _shortcuts(settings: Settings) -> list[_Shortcut]:
 def leaner_settings(settings: Settings) -> dict[str, dict[str, dict[str, Any]]]:
     """By name what of the scene's light may still be left out, each alone: for a search that tries one by one."""
     return {part.without: {"quality": {part.key: part.lean}} for part in _shortcuts(settings)
-            if part.key != "truth" and settings["quality"][part.key] != part.lean}
+            if part.key != "truth" and settings.quality[part.key] != part.lean}
 
 
 def _surface_models(group: str, settings: Settings) -> list[Variant]:
-    surface = settings["surface"]
+    surface = settings.surface
     parts: dict[str, dict[str, dict[str, Any]]] = {}
-    if group == "subsurface" and surface["model"] == "PRINCIPLED" and surface["subsurface_weight"] > 0:
+    if group == "subsurface" and surface.model == "PRINCIPLED" and surface.subsurface_weight > 0:
         parts = {**({"none": {"surface": {"subsurface_weight": 0.0}}} if follows_walk(settings, "surface") else {}),
                  "Hapke": {"surface": {"model": "HAPKE"}, "hapke": _isotropic_hapke(settings)},
                  "Lambert": {"surface": {"model": "LAMBERT"}}}
-    if group == "hapke" and surface["model"] == "HAPKE":
+    if group == "hapke" and surface.model == "HAPKE":
         parts = {
             "fast": {"hapke": {"accuracy": "FAST"}}, "accurate": {"hapke": {"accuracy": "ACCURATE"}},
             "reference": {"hapke": {"accuracy": "REFERENCE"}},
@@ -189,7 +190,7 @@ def _surface_models(group: str, settings: Settings) -> list[Variant]:
 def _isotropic_hapke(settings: Settings) -> dict[str, Any]:
     """Hapke settings that reflect the surface's albedo of sunlight on level ground, with nothing else known: isotropic
     grains, no opposition surge, smooth."""
-    incidence = math.radians(90.0 - min(max(settings["light"]["sun_elevation_deg"], 1.0), 90.0))
+    incidence = math.radians(90.0 - min(max(settings.light.sun_elevation_deg, 1.0), 90.0))
 
     def albedo(w: float) -> float:
         def law(i: Any, e: Any, psi: Any) -> Any:
@@ -199,7 +200,7 @@ def _isotropic_hapke(settings: Settings) -> dict[str, Any]:
     low, high = 0.0, 1.0
     for _ in range(30):
         middle = (low + high) / 2
-        low, high = (middle, high) if albedo(middle) < settings["surface"]["albedo"] else (low, middle)
+        low, high = (middle, high) if albedo(middle) < settings.surface.albedo else (low, middle)
     return {"w": high, "b": 0.0, "c": 0.0, "b_s0": 0.0, "h_s": 0.0, "b_c0": 0.0, "h_c": 0.0, "theta_bar_deg": 0.0,
             "filling_factor": 0.0, "h_function": "2002", "accuracy": "FAST"}
 
@@ -220,4 +221,4 @@ def _counted(number: int, what: str) -> str:
 
 
 def _has_graded_mesh(settings: Settings) -> bool:
-    return settings["source"]["kind"] == "PROCEDURAL" and settings["mesh"]["kind"] == "GRADED"
+    return settings.source.kind == "PROCEDURAL" and settings.mesh.kind == "GRADED"

@@ -37,7 +37,8 @@ from ...records import (
     parse_json,
 )
 from ...settings.changes import response
-from ...settings.description import Settings, merged, restored
+from ...settings.description import merged, restored
+from ...typed_settings import RigSettings, Settings
 from .our_files import checked_id
 
 FORMAT = "icymoon-pair"
@@ -69,13 +70,13 @@ class StereoCamera:
     toe_in_deg: float = 0.0
 
     @classmethod
-    def from_settings(cls, rig: dict[str, Any]) -> StereoCamera:
+    def from_settings(cls, rig: RigSettings) -> StereoCamera:
         """From the ``rig`` settings; the sensor width spans the image width, pixels are square."""
-        focal = rig["focal_length_mm"] / rig["sensor_width_mm"] * rig["width_px"]
-        return cls(rig["width_px"], rig["height_px"], focal, rig["width_px"] / 2 + rig["principal_x_px"],
-                   rig["height_px"] / 2 + rig["principal_y_px"], rig["baseline_m"],
-                   math.ceil(rig["overscan"] * rig["width_px"]), math.ceil(rig["overscan"] * rig["height_px"]),
-                   rig["toe_in_deg"])
+        focal = rig.focal_length_mm / rig.sensor_width_mm * rig.width_px
+        return cls(rig.width_px, rig.height_px, focal, rig.width_px / 2 + rig.principal_x_px,
+                   rig.height_px / 2 + rig.principal_y_px, rig.baseline_m,
+                   math.ceil(rig.overscan * rig.width_px), math.ceil(rig.overscan * rig.height_px),
+                   rig.toe_in_deg)
 
     @property
     def focal_baseline_px_m(self) -> float:
@@ -223,7 +224,7 @@ def read_pair(folder: Path) -> Pair:
     check_record(data, _SHAPE, path, _FIX)
     settings = restored(data["settings"], str(path), data.get("versions", {}).get("icymoon", ""))
     camera = StereoCamera.from_json(data["camera"])
-    _check_camera(camera, StereoCamera.from_settings(settings["rig"]), path)
+    _check_camera(camera, StereoCamera.from_settings(settings.rig), path)
     pair = Pair(folder, checked_id(data["id"], path), settings, camera, data)
     for eye in EYES:
         if not pair.image(eye).is_file():

@@ -5,10 +5,9 @@ from __future__ import annotations
 import itertools
 import json
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 from ...errors import IcyMoonError
 from ...formats.toml_lines import Place
@@ -17,9 +16,10 @@ from ...physics.admission import Reason
 from ...physics.camera.blur import blur_identity
 from ...physics.random_numbers.seeds import stream
 from ...physics.terrain.sites import RockyGround, make_rocky_ground
-from ...settings.description import Settings, beside, defaults, digest, merged
+from ...settings.description import beside, defaults, digest, merged
 from ...settings.table import TOPICS, all_settings
 from ...settings.user_files import content, used_files
+from ...typed_settings import Settings
 from . import poses, sweeps
 from .planned_pair import PlannedPair, turned_heading_deg
 from .sweeps import Sweep, Variation, check_pair_count
@@ -70,7 +70,7 @@ class _Combination:
         return self.parts[-1].place if self.parts else None
 
 
-def _geometry_key(settings: Mapping[str, Mapping[str, Any]]) -> str:
+def _geometry_key(settings: Settings) -> str:
     """What made-up ground and its rocks depend on."""
     return json.dumps([settings[topic][key] for topic, key in _GEOMETRY])
 
@@ -83,7 +83,7 @@ class _Grounds:
 
     def find(self, settings: Settings) -> RockyGround:
         """The ground of a complete description. Raises IcyMoonError if it is not made up, or contradicts itself."""
-        if settings["source"]["kind"] != "PROCEDURAL":
+        if settings.source.kind != "PROCEDURAL":
             raise IcyMoonError("the ground is a file of your own, whose heights are not known here; state rig.x_m, "
                                "rig.y_m and the pose in a cases sweep")
         key = _geometry_key(settings)
@@ -138,7 +138,7 @@ def _combinations(design: Design) -> Iterator[_Combination]:
     place = design.sweeps[0].place if design.sweeps else None
     if design.seeds is not None:
         stated, place = design.seeds
-        drawn = seeds_of(stated, int(base.settings["dataset"]["seed"]))
+        drawn = seeds_of(stated, int(base.settings.dataset.seed))
         factors.insert(0, [Variation({"dataset": {"seed": seed}}, place) for seed in drawn])
     if place is not None:
         check_pair_count(math.prod(map(len, factors)), place)
@@ -159,7 +159,7 @@ def seeds_of(stated: int | list[int], seed: int) -> list[int]:
 def _place_cameras(sweep: Sweep, made: _Combination, grounds: _Grounds,
                    known: dict[str, list[Variation]]) -> list[Variation]:
     """The cameras that a sweep gives to a combination; those of the same ground and rig are computed once."""
-    rig = made.settings["rig"]
+    rig = made.settings.rig
     key = _geometry_key(made.settings) + json.dumps([rig[s.key] for s in TOPICS["rig"].settings])
     if key not in known:
         try:
@@ -179,7 +179,7 @@ def _at_place(error: IcyMoonError, place: Place | None) -> IcyMoonError:
 
 def _check_headings(made: list[_Combination]) -> None:
     """Refuse more pairs than a plan may have before they are made."""
-    pairs = sum(int(each.settings["dataset"]["headings"]) for each in made)
+    pairs = sum(int(each.settings.dataset.headings) for each in made)
     place = made[0].place_of("dataset.headings") if made else None
     if place is not None:
         check_pair_count(pairs, place)
@@ -187,7 +187,7 @@ def _check_headings(made: list[_Combination]) -> None:
 
 def _headings_of(made: _Combination) -> Iterator[_Combination]:
     """A description at each of its ``dataset.headings``, which is 1 in what comes of it."""
-    headings = int(made.settings["dataset"]["headings"])
+    headings = int(made.settings.dataset.headings)
     if headings == 1:
         yield made
         return
@@ -208,7 +208,7 @@ def _read_content(made: _Combination) -> str:
 def grounds_to_check(settings: Sequence[Settings]) -> set[str]:
     """The made-up grounds that a plan is checked on, by ``_geometry_key``: all, or ``MOST_GROUNDS`` evenly among more.
     Each takes some hundredths of a second."""
-    there = list(dict.fromkeys(_geometry_key(each) for each in settings if each["source"]["kind"] == "PROCEDURAL"))
+    there = list(dict.fromkeys(_geometry_key(each) for each in settings if each.source.kind == "PROCEDURAL"))
     return {there[k * len(there) // MOST_GROUNDS] for k in range(MOST_GROUNDS)} if len(there) > MOST_GROUNDS else {
         *there}
 
@@ -217,7 +217,7 @@ def unchecked_grounds(settings: Sequence[Settings]) -> int:
     """The number of made-up grounds that a plan of these settings was not checked on."""
     if len(settings) <= MOST_GROUNDS:
         return 0
-    there = {_geometry_key(each) for each in settings if each["source"]["kind"] == "PROCEDURAL"}
+    there = {_geometry_key(each) for each in settings if each.source.kind == "PROCEDURAL"}
     return max(0, len(there) - MOST_GROUNDS)
 
 
@@ -234,11 +234,11 @@ def _find_refusals(made: list[_Combination], grounds: _Grounds) -> list[IcyMoonE
     for k, each in enumerate(made):
         _check_files_once(each, seen)
         key = json.dumps([each.settings[topic] for topic in _OF_SETTINGS]
-                         + [each.settings["terrain"][name] for name in _OF_TERRAIN])
+                         + [each.settings.terrain[name] for name in _OF_TERRAIN])
         if key not in known:
             known[key] = admission.reasons_of_settings(each.settings)
         found.append(list(known[key]))
-        if each.settings["source"]["kind"] == "PROCEDURAL" and _geometry_key(each.settings) in looked_at:
+        if each.settings.source.kind == "PROCEDURAL" and _geometry_key(each.settings) in looked_at:
             try:
                 ground = grounds.find(each.settings)
                 standing_on.setdefault(id(ground), (ground, []))[1].append(k)
@@ -252,7 +252,7 @@ def _find_refusals(made: list[_Combination], grounds: _Grounds) -> list[IcyMoonE
 
 def _check_eyes(ground: RockyGround, made: list[_Combination]) -> list[Reason | None]:
     try:
-        found = admission.reasons_of_eyes(ground, [each.settings["rig"] for each in made])
+        found = admission.reasons_of_eyes(ground, [each.settings.rig for each in made])
     except IcyMoonError as error:  # sizes of rocks that contradict each other
         return [Reason(str(error)) for _ in made]
     for each, reason in zip(made, found, strict=True):

@@ -15,9 +15,10 @@ from typing import Any
 from ...errors import IcyMoonError
 from ...files import explain_disk_errors, read_text, write_text
 from ...records import COUNT, TABLE, TEXT, Each, check_record, parse_json
-from ...settings.description import Settings, changed, check, merged, restored, told_to_update
+from ...settings.description import changed, check, merged, restored, told_to_update
 from ...settings.pair_ids import counts
 from ...settings.table import all_settings
+from ...typed_settings import Settings
 from ...version import version
 from ..pairs.our_files import checked_id
 from ..pairs.pair_folder import is_complete
@@ -77,7 +78,7 @@ def freeze_plan(dataset: Path, pairs: Sequence[PlannedPair], text: str) -> Froze
             return known
     base = pairs[0].settings
     header = {"format": FORMAT, "version": VERSION, "icymoon": version(), "pairs": len(pairs),
-              "seeds": sorted({int(pair.settings["dataset"]["seed"]) for pair in pairs}), "settings": base,
+              "seeds": sorted({int(pair.settings.dataset.seed) for pair in pairs}), "settings": base,
               "plan": text}
     lines = [header, *({"id": pair.id, "changes": changed(pair.settings, base)} for pair in pairs)]
     write_text(path, "".join(json.dumps(line, allow_nan=False) + "\n" for line in lines))

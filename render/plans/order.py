@@ -11,16 +11,16 @@ from collections.abc import Callable, Sequence
 from itertools import groupby, pairwise
 
 from ...settings import changes
-from ...settings.description import Settings
+from ...typed_settings import Parts, Settings
 from .planned_pair import PlannedPair
 
-_STAGES: tuple[Callable[[Settings], Settings], ...] = (
+_STAGES: tuple[Callable[[Settings], Parts], ...] = (
     changes.scene, changes.look, changes.light, changes.camera, changes.sampling)
 #: Jobs per worker that a data set is cut into, so that the last ones of all workers end at about the same time.
 _JOBS_PER_WORKER = 4
 
 
-def settings_key(part: Callable[[Settings], Settings], pair: PlannedPair) -> str:
+def settings_key(part: Callable[[Settings], Parts], pair: PlannedPair) -> str:
     """A text that is equal for pairs that agree in a part of their settings, such as ``changes.scene``."""
     return json.dumps(part(pair.settings))
 

@@ -7,7 +7,8 @@ from pathlib import Path
 
 from ...physics.camera.blur import blur_identity
 from ...physics.random_numbers.seeds import stream
-from ...settings.description import Settings, digest, merged
+from ...settings.description import digest, merged
+from ...typed_settings import Settings
 
 
 @dataclass(frozen=True)
@@ -26,13 +27,13 @@ class PlannedPair:
     @property
     def render_seed(self) -> int:
         """Seed of Cycles' sampling: another one for every pair, the same for the same pair."""
-        state = stream(int(self.settings["dataset"]["seed"]), "render", int(self.id, 16)).generate_state(1)
+        state = stream(int(self.settings.dataset.seed), "render", int(self.id, 16)).generate_state(1)
         return int(state[0] >> 1)
 
 
 def turned_heading_deg(settings: Settings, k: int, headings: int) -> float:
     """Heading of turn ``k`` of so many equal ones, the first being that of ``rig.heading_deg``."""
-    heading = float(settings["rig"]["heading_deg"]) + 360.0 * k / headings
+    heading = float(settings.rig.heading_deg) + 360.0 * k / headings
     return float(f"{heading - 360.0 if heading > 180.0 and k else heading:.6g}")
 
 
@@ -42,7 +43,7 @@ def expand_headings(settings: Settings, extra: str = "") -> list[PlannedPair]:
     ``extra`` identifies content that the settings do not describe (see ``settings.digest``). Raises IcyMoonError for
     blur that cannot be rendered.
     """
-    headings = int(settings["dataset"]["headings"])
+    headings = int(settings.dataset.headings)
     pairs = []
     for k in range(headings):
         turned = merged(settings, {"rig": {"heading_deg": turned_heading_deg(settings, k, headings)}} if k else {})

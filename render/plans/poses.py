@@ -16,7 +16,7 @@ from ...formats.toml_lines import Place
 from ...physics.admission import LOWEST_M
 from ...physics.light.directions import toward
 from ...physics.terrain.sites import RockyGround
-from ...settings.description import Settings
+from ...typed_settings import Settings
 from .planned_pair import turned_heading_deg
 from .sweeps import Sweep, Variation, axis_generator, check_keys, check_settings, read_count
 
@@ -63,15 +63,15 @@ def _make_panorama(sweep: Sweep, base: Settings, ground: Ground) -> list[Variati
     else:
         raise IcyMoonError(f"{sweep.place.at('headings')}: headings is {stated!r}, it must be how many there are or "
                            "list them in degrees.")
-    pitches = _read_numbers(sweep, "pitches_deg", (base["rig"]["pitch_deg"],))
+    pitches = _read_numbers(sweep, "pitches_deg", (base.rig.pitch_deg,))
     return [_rig_variation(sweep, heading_deg=heading, pitch_deg=pitch) for pitch in pitches for heading in headings]
 
 
 def _make_view_sphere(sweep: Sweep, base: Settings, ground: Ground) -> list[Variation]:
     check_keys(sweep.table, ("elevations_deg", "azimuths_deg", "distances_m", "target_height_m"), sweep.place,
                "a view_sphere sweep")
-    standing, rig = ground(base), base["rig"]
-    target = np.array([rig["x_m"], rig["y_m"], _read_length(sweep, "target_height_m", 0.0)])
+    standing, rig = ground(base), base.rig
+    target = np.array([rig.x_m, rig.y_m, _read_length(sweep, "target_height_m", 0.0)])
     target[2] += float(standing.heights(*target[:2]))
     if not math.isfinite(target[2]):
         raise IcyMoonError(f"{sweep.place}: there is no ground at the target, east {target[0]:g} m, north "
@@ -103,10 +103,10 @@ def _make_sites(sweep: Sweep, base: Settings, ground: Ground) -> list[Variation]
         raise IcyMoonError(f"{sweep.place.at('random_headings')}: random_headings must be true or false.")
     clearance, margin, apart = (_read_length(sweep, key, default) for key, default in
                                 (("clearance_m", 0.25), ("margin_m", 1.0), ("apart_m", 0.0)))
-    seed = int(base["dataset"]["seed"])
+    seed = int(base.dataset.seed)
     found = ground(base).choose_places(count, clearance, margin, apart, axis_generator(sweep, "place", seed))
     if len(found) < count:
-        raise IcyMoonError(f"{sweep.place}: the {base['terrain']['size_m']:g} m patch has room for {len(found)} of "
+        raise IcyMoonError(f"{sweep.place}: the {base.terrain.size_m:g} m patch has room for {len(found)} of "
                            f"{count} sites {clearance:g} m clear of rocks, {margin:g} m from its edge and {apart:g} m "
                            "apart; lower count, clearance_m, margin_m, apart_m or rocks.coverage.")
     headings = axis_generator(sweep, "heading", seed).uniform(-180.0, 180.0, count)

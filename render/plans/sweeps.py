@@ -17,8 +17,9 @@ from ...files import parse_path
 from ...formats.toml_lines import Place
 from ...physics.random_numbers import sampling
 from ...physics.random_numbers.seeds import generator
-from ...settings.description import Settings, check, load, merged, preset_path
+from ...settings.description import check, load, merged, preset_path
 from ...settings.table import TOPICS, Setting
+from ...typed_settings import Parts, Settings
 
 #: Kinds of sweeps that vary settings; ``poses.KINDS`` are the others.
 KINDS = ("grid", "one_at_a_time", "cases", "random", "sobol", "latin_hypercube")
@@ -45,7 +46,7 @@ class Sweep:
 class Variation:
     """What one variation of a sweep sets, and the place in the file."""
 
-    settings: Settings
+    settings: Parts
     place: Place
 
 
@@ -279,7 +280,7 @@ def _make_drawn(sweep: Sweep, base: Settings) -> list[Variation]:
     if sweep.kind == "sobol" and len(factors) > sampling.MOST_DIMENSIONS:
         raise IcyMoonError(f"{sweep.place}: a sobol sweep varies up to {sampling.MOST_DIMENSIONS} settings, not "
                            f"{len(factors)}; use latin_hypercube.")
-    seed = int(base["dataset"]["seed"])
+    seed = int(base.dataset.seed)
     fractions = _DRAWN[sweep.kind](count, [axis_generator(sweep, name, seed) for name, *_ in factors])
     columns = []
     for axis, (name, setting, law, place) in enumerate(factors):

@@ -11,8 +11,8 @@ from ...errors import IcyMoonError
 from ...files import absolute_path, explain_disk_errors
 from ...records import COUNT, FLAG, PATH, TABLE, TEXT, WHOLE, Each, Maybe, read_record
 from ...scratch import make_scratch_folder
-from ...settings.description import Settings
 from ...system import is_python, remove_folder
+from ...typed_settings import Settings
 from ...version import ROOT
 from ..plans.planned_pair import PlannedPair
 from .claims import Claims

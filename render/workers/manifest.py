@@ -46,7 +46,7 @@ def write_manifest(dataset: Path, failed: Mapping[str, str]) -> dict[str, Any]:
         "plan_file": PLAN, "pairs": len(frozen.pairs), "complete": len(there),
         "missing": [pair.id for pair in frozen.pairs if pair.id not in there],
         "set_aside": unreadable | {name: why for name, why in failed.items() if name not in there},
-        "seeds": sorted({int(pair.settings["dataset"]["seed"]) for pair in frozen.pairs}),
+        "seeds": sorted({int(pair.settings.dataset.seed) for pair in frozen.pairs}),
         "versions": _counts([json.dumps(facts.get("versions")) for facts in there.values()]),
         "devices": _counts([facts.get("device", "") for facts in there.values()]),
         "platforms": _counts([facts.get("platform", "") for facts in there.values()]),

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+
+from ...typed_settings import Settings
 
 #: Bytes of memory, about: of a vertex with its faces in Blender and in Cycles; of a pixel in both eyes' passes; per
 #: byte of a mesh or height map while it is read, repaired and meshed.
 _VERTEX, _PIXEL, _FILE_BYTE = 300, 400, 10
 
 
-def describe_shortage(settings: Mapping[str, Mapping[str, Any]]) -> str:
+def describe_shortage(settings: Settings) -> str:
     """A sentence that names what needs most memory in complete settings, and how to reduce it."""
     rig, mesh, terrain, source = (settings[topic] for topic in ("rig", "mesh", "terrain", "source"))
     needs = [(_PIXEL * rig["width_px"] * rig["height_px"],

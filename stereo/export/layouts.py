@@ -103,7 +103,7 @@ def _write_8_bit(path: Path, pair: Loaded, eye: str) -> None:
 
 def _calibration(pair: Loaded) -> dict[str, Any]:
     return {"pair": pair.pair.id, "camera": pair.pair.camera.rectified.to_json(),
-            "poses_camera_to_world": pair.pair.rectified_poses, "sensor": pair.settings["sensor"],
+            "poses_camera_to_world": pair.pair.rectified_poses, "sensor": pair.settings.sensor,
             **exposure_facts(pair.images), "self_check": pair.check.to_json()}
 
 

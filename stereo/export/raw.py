@@ -27,8 +27,8 @@ def write_raw(pair: Loaded, out: Path) -> None:
     folder = out / pair.pair.folder.name
     for eye, numbers in (("left", pair.images.detected_left), ("right", pair.images.detected_right)):
         write_png(folder / f"{eye}.png", numbers.astype(np.uint8) if pair.images.bits == 8 else numbers)
-        write_npy(folder / f"depth_{eye}.npy", read_sensor_depth(pair.pair, eye, pair.settings["rig"]))
-    camera, distortion = pair.pair.camera, coefficients(pair.settings["rig"])
+        write_npy(folder / f"depth_{eye}.npy", read_sensor_depth(pair.pair, eye, pair.settings.rig))
+    camera, distortion = pair.pair.camera, coefficients(pair.settings.rig)
     opencv = opencv_calibration(camera, distortion)
     intrinsic = ("M1", "D1", "M2", "D2")
     write_text(folder / "intrinsics.yml", _yaml({key: opencv[key] for key in intrinsic}))
@@ -40,7 +40,7 @@ def write_raw(pair: Loaded, out: Path) -> None:
         "eyes": {eye: eyes[eye] | {"distortion": dict(zip(COEFFICIENTS, distortion, strict=True))}
                  for eye in EYES},
         "opencv": {"pixel_centre": "(u, v)"} | {key: value.tolist() for key, value in opencv.items()},
-        "poses_camera_to_world": pair.pair.data.get("poses_camera_to_world"), "sensor": pair.settings["sensor"],
+        "poses_camera_to_world": pair.pair.data.get("poses_camera_to_world"), "sensor": pair.settings.sensor,
         **exposure_facts(pair.images), "self_check": pair.check.to_json()})
 
 

@@ -28,7 +28,7 @@ from ...physics.camera.sensor import (
 )
 from ...physics.light.photons import electron_rate, pixel_pitch_m
 from ...render.pairs.pair_folder import EYES, Pair, StereoCamera
-from ...settings.description import Settings
+from ...typed_settings import LightSettings, Settings
 from .exr import Light
 from .lens import Lens, lens_of
 
@@ -75,7 +75,7 @@ def grey(radiance: np.ndarray) -> np.ndarray:
     return (radiance[..., 0].astype(np.float64) + radiance[..., 1] + radiance[..., 2]) / 3
 
 
-def scaled_radiance(view: Light, pair: Pair, light: Mapping[str, Any]) -> np.ndarray:
+def scaled_radiance(view: Light, pair: Pair, light: LightSettings) -> np.ndarray:
     """Radiance (H, W, 3) with the Sun and the planet scaled by ``sun_scale`` and ``planet_scale``.
 
     Light is linear, so a new render would give the same. A pair without light groups has one light, the Sun. Raises
@@ -85,7 +85,7 @@ def scaled_radiance(view: Light, pair: Pair, light: Mapping[str, Any]) -> np.nda
     if not view.groups:
         return view.radiance * np.float32(scales["Sun"]) if scales["Sun"] != 1 else view.radiance
     changed = {group: scale for group, scale in scales.items() if scale != 1 and group in view.groups}
-    if changed and pair.settings["quality"]["denoiser"] != "NONE":
+    if changed and pair.settings.quality.denoiser != "NONE":
         raise IcyMoonError(f"{pair.folder} was denoised, but its light groups were not; render it with "
                            f"quality.denoiser NONE to change light.{LIGHT_GROUPS[next(iter(changed))]}.")
     radiance = view.radiance
@@ -101,21 +101,21 @@ def develop(pair: Pair, left: Light, right: Light, settings: Settings) -> Images
     may differ from the one that the pair was rendered with. The same pair, data set seed and noise seed always give
     the same noise.
     """
-    sensor, rig = settings["sensor"], settings["rig"]
+    sensor, rig = settings.sensor, settings.rig
     pitch_m = pixel_pitch_m(sensor, rig)
-    rate = electron_rate(settings["light"], sensor, pitch_m)
+    rate = electron_rate(settings.light, sensor, pitch_m)
     lenses = {eye: lens_of(pair.camera, rig, eye) for eye in EYES}
-    scaled = {eye: grey(scaled_radiance(view, pair, settings["light"]))
+    scaled = {eye: grey(scaled_radiance(view, pair, settings.light))
               for eye, view in (("left", left), ("right", right))}
     light = {eye: apply_lens(_on_sensor(scaled[eye], pair.camera, lenses[eye]), sensor) for eye in EYES}
     metered = exposure_s(light["left"], rate, sensor)
     times = brackets.exposure_times(metered, sensor)
-    seed = int(pair.settings["dataset"]["seed"])
+    seed = int(pair.settings.dataset.seed)
     image = {eye: _exposures(light[eye], times, rate, settings, (seed, pair.id, eye), pitch_m) for eye in EYES}
     frames = tuple(Frame(*each) for each in zip(times, image["left"], image["right"], strict=True))
     full_s = capacity_e(sensor) / times[-1]  # electrons per second
     if len(frames) == 1:
-        bits, final = int(sensor["bits"]), {eye: image[eye][0] for eye in EYES}
+        bits, final = int(sensor.bits), {eye: image[eye][0] for eye in EYES}
     else:
         merged = {eye: brackets.merge_exposures(image[eye], times, sensor) for eye in EYES}
         full_s = brackets.full_rate(merged["left"], times[-1], sensor)
@@ -126,7 +126,7 @@ def develop(pair: Pair, left: Light, right: Light, settings: Settings) -> Images
              for eye, numbers in detected.items()}
     return Images(final["left"], final["right"], detected["left"], detected["right"], bits, frames, metered,
                   gain_dn_per_e(sensor), rate, full_s / rate if rate else float("inf"),
-                  saturated, str(sensor["encoding"]),
+                  saturated, str(sensor.encoding),
                   (*developing_warnings(settings, pair.settings, times),
                    *exposure_warnings(metered, saturated, sensor)))
 
@@ -138,13 +138,13 @@ def _on_sensor(light: np.ndarray, camera: StereoCamera, lens: Lens | None) -> np
 def _exposures(light: np.ndarray, times: list[float], rate: float, settings: Settings,
                stream: tuple[int, str, str], pitch_m: float) -> list[np.ndarray]:
     """Digital numbers of one eye, exposed for each of ``times``."""
-    sensor, seed = settings["sensor"], int(settings["sensor"]["noise_seed"])
+    sensor, seed = settings.sensor, int(settings.sensor.noise_seed)
     shape = light.shape[0], light.shape[1]
     pattern = draw_pattern(stream[0], stream[2], shape, sensor)
     numbers = []
     for k, seconds in enumerate(times):
         freed = draw_hits(sensor, shape, pitch_m, seconds, noise_generator(
-            *stream, seed, k, 1)) if sensor["radiation_flux_cm2_s"] > 0 else 0.0
+            *stream, seed, k, 1)) if sensor.radiation_flux_cm2_s > 0 else 0.0
         charge = electrons(light, seconds, rate, sensor, noise_generator(*stream, seed, k, 0), pattern, freed)
         numbers.append(digital_numbers(charge, sensor))
     return numbers

@@ -26,8 +26,8 @@ def write_picture(pair_folder: Path, file: Path) -> None:
     Matchers get a linear image; this one has the gamma of screens, so it is brighter, and it has no noise.
     """
     pair = read_pair(pair_folder)
-    radiance, sensor = read_light(pair.image("left"), "left", groups=False).radiance, pair.settings["sensor"]
-    full = float(np.quantile(grey(radiance), sensor["auto_percentile"])) / sensor["auto_target"]
+    radiance, sensor = read_light(pair.image("left"), "left", groups=False).radiance, pair.settings.sensor
+    full = float(np.quantile(grey(radiance), sensor.auto_percentile)) / sensor.auto_target
     shown = np.clip(radiance / max(full, 1e-30), 0.0, 1.0) ** _SCREEN_GAMMA
     write_bytes(file, encoded(np.rint(255 * shown[..., ::-1]).astype(np.uint8), ".jpg", 92))
 

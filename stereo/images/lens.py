@@ -7,16 +7,15 @@ get this one, made from the numbers of the sensor.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
 
 import cv2
 import numpy as np
 
 from ...physics.camera.lens_distortion import coefficients, distort, refuse_folds, undistort
 from ...render.pairs.pair_folder import StereoCamera
+from ...typed_settings import RigSettings
 
 
 @dataclass(frozen=True)
@@ -58,7 +57,7 @@ class Lens:
                 & _inside(self.rectified_in_rendered, self.rendered_px, 0.0))
 
 
-def lens_of(camera: StereoCamera, rig: Mapping[str, Any], eye: str) -> Lens | None:
+def lens_of(camera: StereoCamera, rig: RigSettings, eye: str) -> Lens | None:
     """The lens of an eye with the distortion in the ``rig`` settings; None if all three images are the same, except for
     margins.
 

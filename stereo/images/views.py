@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import fields, replace
 from typing import Any, TypeVar
 
@@ -10,6 +9,7 @@ import numpy as np
 
 from ...errors import IcyMoonError
 from ...render.pairs.pair_folder import Pair
+from ...typed_settings import RigSettings
 from .disparity_and_occlusion import scene_depth
 from .exr import Light, Truth, View, read_light, read_truth, read_view
 from .lens import lens_of
@@ -34,7 +34,7 @@ def read_eye(pair: Pair, eye: str) -> tuple[Light, View]:
     return light, View(*_on_parallel_rig(light, pair, eye), real.depth, real.normal, real.instance, real.semantic)
 
 
-def read_sensor_depth(pair: Pair, eye: str, rig: Mapping[str, Any]) -> np.ndarray:
+def read_sensor_depth(pair: Pair, eye: str, rig: RigSettings) -> np.ndarray:
     """Read the depth at the pixels of an eye's sensor, along the eye's own axis: metres, float32 (H, W), NaN for
     none."""
     path = pair.truth_of_image(eye)
@@ -46,7 +46,8 @@ def read_sensor_depth(pair: Pair, eye: str, rig: Mapping[str, Any]) -> np.ndarra
 
 
 def _on_parallel_rig(light: Light, pair: Pair, eye: str) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-    lens = lens_of(pair.camera, {f"distortion_{name}": 0.0 for name in ("k1", "k2", "p1", "p2", "k3")}, eye)
+    plain = RigSettings({f"distortion_{name}": 0.0 for name in ("k1", "k2", "p1", "p2", "k3")})
+    lens = lens_of(pair.camera, plain, eye)
     turn = pair.camera.cropped if lens is None else lens.rectify_radiance
     return turn(light.radiance), {group: turn(radiance) for group, radiance in light.groups.items()}
 

@@ -13,7 +13,8 @@ import numpy as np
 from ...errors import IcyMoonError
 from ...labels import NOT_SEEN
 from ...render.pairs.pair_folder import EYES, Pair, find_changed_files, find_pair_folders, read_pair
-from ...settings.description import Settings, merged
+from ...settings.description import merged
+from ...typed_settings import Settings
 from ..images import colours
 from ..images.develop import Images, develop, exposure_facts, grey
 from ..images.disparity_and_occlusion import scene_depth
@@ -125,7 +126,7 @@ def eyes_of(pair: Pair, settings: Settings, views: Mapping[str, View]) -> tuple[
 
 def _sees(pair: Pair, settings: Settings, eye: str) -> np.ndarray:
     """Boolean (H, W): the sensor sees this pixel. A toed-in eye does not see all that a parallel one does."""
-    lens = lens_of(pair.camera, settings["rig"], eye) if pair.camera.toe_in_deg else None
+    lens = lens_of(pair.camera, settings.rig, eye) if pair.camera.toe_in_deg else None
     return np.ones((pair.camera.height_px, pair.camera.width_px), bool) if lens is None else lens.sees
 
 

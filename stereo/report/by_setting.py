@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from ...settings.description import Settings
 from ...settings.table import TOPICS, all_settings
+from ...typed_settings import Parts
 from .bootstrap import clusters_of, intervals
 from .summary import Table
 
@@ -24,7 +24,7 @@ MOST_LEVELS = 10
 _RESAMPLES = 400
 
 
-def scene_of(settings: Settings) -> str:
+def scene_of(settings: Parts) -> str:
     """A name for the ground of a pair; pairs that see the same ground have the same name."""
     ground = {f"{topic}.{key}": value for topic, values in settings.items() for key, value in values.items()
               if f"{topic}.{key}" in _GROUND}
@@ -108,7 +108,7 @@ def mean_by_level(sweep: Sweep, table: Table, method: int, metric: str, seed: in
     return means, bounds
 
 
-def _flat(settings: Settings) -> dict[str, Any]:
+def _flat(settings: Parts) -> dict[str, Any]:
     return {f"{topic}.{key}": value for topic, values in settings.items() for key, value in values.items()
             if f"{topic}.{key}" not in _NEVER_SWEPT and isinstance(value, (bool, int, float, str))}
 

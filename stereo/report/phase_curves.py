@@ -9,6 +9,7 @@ import numpy as np
 
 from ...physics import left_out
 from ...physics.surfaces import albedos, photometry
+from ...typed_settings import HapkeSettings, SurfaceSettings, typed
 
 #: Most laws that are drawn.
 MOST = 6
@@ -20,8 +21,9 @@ def phase_curves(pairs: Iterable[Mapping[str, Any]]) -> dict[str, np.ndarray]:
     """Brightness (n,) at ``PHASE_DEG``, relative to that at opposition, by the name of each law in the pairs' facts."""
     found: dict[str, np.ndarray] = {}
     for pair in pairs:
-        for topic in left_out.surface_topics(pair["settings"]):
-            surface, hapke = pair["settings"][topic], pair["settings"]["hapke"]
+        settings = typed(pair["settings"])
+        for topic in left_out.surface_topics(settings):
+            surface, hapke = settings[topic], settings.hapke
             name = _law_name(surface, hapke)
             if len(found) == MOST:
                 return found
@@ -32,12 +34,12 @@ def phase_curves(pairs: Iterable[Mapping[str, Any]]) -> dict[str, np.ndarray]:
     return found
 
 
-def _law_name(surface: Mapping[str, Any], hapke: Mapping[str, Any]) -> str:
+def _law_name(surface: SurfaceSettings, hapke: HapkeSettings) -> str:
     """A name of a law with its parameters; empty if it has no closed form or reflects nothing."""
-    if surface["model"] == "PRINCIPLED" or (hapke["w"] if surface["model"] == "HAPKE" else surface["albedo"]) == 0:
+    if surface.model == "PRINCIPLED" or (hapke.w if surface.model == "HAPKE" else surface.albedo) == 0:
         return ""
-    if surface["model"] != "HAPKE":
-        share = f", {surface['lommel_seeliger_share']:g} Lommel-Seeliger" if surface["model"] == "LUNAR_LAMBERT" else ""
-        return surface["model"].replace("_", "-").title() + share
+    if surface.model != "HAPKE":
+        share = f", {surface.lommel_seeliger_share:g} Lommel-Seeliger" if surface.model == "LUNAR_LAMBERT" else ""
+        return surface.model.replace("_", "-").title() + share
     keys = ("w", "b", "c", "b_s0", "h_s", "b_c0", "h_c", "theta_bar_deg")
     return "Hapke " + ", ".join(f"{key} {hapke[key]:g}" for key in keys if key == "w" or hapke[key] != 0.0)

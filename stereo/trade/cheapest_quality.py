@@ -61,7 +61,7 @@ def find_cheapest_quality(bench: Bench, tolerance: Tolerance) -> dict[str, Any]:
         found = search.try_variant(trial) and search.tried[-1]
         if found and found["cpu_s"] < (1 - _SAVED) * cost and abs(found["bias"]) <= _LIGHT:
             chosen, cost = trial, found["cpu_s"]
-    quality = chosen.settings["quality"]
+    quality = chosen.settings.quality
     keys = {*_ALWAYS_WRITTEN, *changed(chosen.settings, bench.settings).get("quality", {})}
     settings = {"quality": {key: quality[key] for key in quality if key in keys}}
     said = [*search.tried_lines(), f"Use {chosen.name}: {cost:.1f} CPU seconds a pair here, within {tolerance} for "

@@ -19,7 +19,8 @@ import numpy as np
 
 from ...errors import IcyMoonError
 from ...render.pairs.pair_folder import EYES, Pair
-from ...settings.description import Settings, merged
+from ...settings.description import merged
+from ...typed_settings import Settings
 from ..images.develop import develop, grey
 from ..images.exr import Light
 from ..matchers import match

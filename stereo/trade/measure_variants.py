@@ -18,7 +18,8 @@ from ...render.cost.abilities import Abilities, ask_abilities, lack_for
 from ...render.cost.variants import GROUPS, SHAPES, Variant, reference, variants
 from ...render.workers.job import Job, render_job
 from ...render.workers.process import Message
-from ...settings.description import Settings, changed, defaults, merged
+from ...settings.description import changed, defaults, merged
+from ...typed_settings import Settings
 from ...version import version
 from ..environment import packages
 
@@ -45,7 +46,7 @@ def scaled_view(settings: Settings, factor: float) -> Settings:
     this is 0.01 to 1."""
     if not 0.01 <= factor <= 1.0:
         raise IcyMoonError(f"An image cannot be scaled by {factor:g} here; give 0.01 to 1.")
-    rig = settings["rig"]
+    rig = settings.rig
     sides = {key: max(4, round(rig[key] * factor)) for key in ("width_px", "height_px")}
     return merged(settings, {"rig": sides | {key: rig[key] * factor for key in ("principal_x_px", "principal_y_px")}})
 

@@ -188,7 +188,7 @@ def test_a_plan_of_many_grounds_is_looked_at_on_some_and_says_so(place, monkeypa
     many = plan_file.read_plan(place / "many.toml")
     assert len(many.pairs()) == 1000
     assert len(set(looked)) == combine.MOST_GROUNDS
-    seeds = [pair.settings["dataset"]["seed"] for pair in many.pairs()]
+    seeds = [pair.settings.dataset.seed for pair in many.pairs()]
     assert np.ptp([seeds.index(seed) for seed in looked]) > 900  # from the first to the last
     found = many.describe_unchecked()
     assert f"{combine.MOST_GROUNDS} grounds were checked, {1000 - combine.MOST_GROUNDS} were not" in found

@@ -6,14 +6,15 @@ import pytest
 from icymoon.commands.sources import BY_HAND, DEFAULT, find_origins
 from icymoon.errors import IcyMoonError
 from icymoon.settings import description
+from icymoon.typed_settings import Settings
 
 
-def described(*presets: str, **changes: dict) -> description.Settings:
+def described(*presets: str, **changes: dict) -> Settings:
     return description.merged(description.defaults(),
                               *(description.load(description.preset_path(name)) for name in presets), changes)
 
 
-def found(settings: description.Settings, *asked: str) -> dict:
+def found(settings: Settings, *asked: str) -> dict:
     return {origin.name: origin for origin in find_origins(settings, asked)}
 
 

@@ -94,7 +94,7 @@ def test_a_data_set_is_rendered_and_the_scene_is_left_alone(described, tmp_path)
     before = [len(getattr(bpy.data, kind)) for kind in ("objects", "meshes", "materials", "scenes", "images")]
     assert bpy.ops.icymoon.render_dataset() == {"FINISHED"}
     pairs = find_pairs(tmp_path / "set")
-    assert {p.settings["light"]["sun_elevation_deg"] for p in pairs} == {20.0, 40.0}
+    assert {p.settings.light.sun_elevation_deg for p in pairs} == {20.0, 40.0}
     assert [len(getattr(bpy.data, kind)) for kind in ("objects", "meshes", "materials", "scenes", "images")] == before
     assert jobs.current is None
     assert dataset.readout["last"].parent == tmp_path / "set" / "pairs"

@@ -19,6 +19,7 @@ from icymoon.operators.render import planned_pairs, up_to_date
 from icymoon.panels import sidebar
 from icymoon.render.worker import render_pairs
 from icymoon.settings import description, table
+from icymoon.typed_settings import Settings
 from panel_drawing import drawn, texts
 
 SIDE = 33
@@ -53,7 +54,7 @@ def change(scene: bpy.types.Scene, name: str, value: object) -> scenes.Built:
     return scenes.find(scene)
 
 
-def current(scene: bpy.types.Scene) -> description.Settings:
+def current(scene: bpy.types.Scene) -> Settings:
     return scene_properties.read_settings(scene.icymoon)
 
 
@@ -66,7 +67,7 @@ def blocks(built: scenes.Built) -> bpy.types.Object | None:
     return next((item for item in built.collection.all_objects if item.get(TAG) == "rock"), None)
 
 
-def fresh(scene: bpy.types.Scene, settings: description.Settings) -> dict[str, str]:
+def fresh(scene: bpy.types.Scene, settings: Settings) -> dict[str, str]:
     """What Build Scene makes of settings where nothing was built before."""
     scenes.clear(scene)
     return state(scenes.build(scene, settings))
@@ -79,11 +80,11 @@ def test_a_terrain_slider_shows_the_height_function_on_a_coarse_grid(watched):
     assert len(mesh.vertices) == SIDE**2
     grid = positions(built.terrain).reshape(SIDE, SIDE, 3)
     settings = current(watched)
-    spacing = settings["terrain"]["size_m"] / (SIDE - 1)
+    spacing = settings.terrain.size_m / (SIDE - 1)
     expected = scenes.ground_of(settings).heights(grid[..., 0], grid[..., 1], 2 * spacing)
     assert np.allclose(grid[..., 2], expected, atol=1e-5)  # metres: float32 coordinates move the points by 1e-6 m
-    assert built.preview["terrain"]["rms_slope_deg"] == 25.0
-    assert built.settings["terrain"]["rms_slope_deg"] == 12.0
+    assert built.preview.terrain.rms_slope_deg == 25.0
+    assert built.settings.terrain.rms_slope_deg == 12.0
     assert not built.edited
     faces = mesh.polygons[0].as_pointer()
     built = change(watched, "terrain.rms_slope_deg", 5.0)
@@ -100,9 +101,9 @@ def test_the_previewed_blocks_lie_on_the_previewed_ground(watched):
     shapes = {len(shape.data.polygons) for shape in preview.instanced(carrier)}
     assert shapes == {320}  # triangles of the coarsest shapes
     where = positions(carrier)
-    ground = scenes.ground_of(settings).heights(where[:, 0], where[:, 1], 2 * settings["terrain"]["size_m"] / SIDE)
+    ground = scenes.ground_of(settings).heights(where[:, 0], where[:, 1], 2 * settings.terrain.size_m / SIDE)
     # A block's centre is within its own size of the ground, and blocks are at most largest_m wide.
-    assert np.all(np.abs(where[:, 2] - ground) < settings["rocks"]["largest_m"])
+    assert np.all(np.abs(where[:, 2] - ground) < settings.rocks.largest_m)
     assert not built.edited
     assert blocks(change(watched, "rocks.coverage", 0.0)) is None
     assert blocks(change(watched, "rocks.coverage", 0.02)) is not None
@@ -148,7 +149,7 @@ def test_build_after_previews_is_build_without(watched):
 
 def test_a_new_seed_shows_ground_blocks_and_grain_of_that_seed(watched):
     built = change(watched, "dataset.seed", 5)
-    assert built.preview["dataset"]["seed"] == 5
+    assert built.preview.dataset.seed == 5
     assert state(built)["terrain materials"] == fresh(watched, current(watched))["terrain materials"]
 
 
@@ -219,7 +220,7 @@ def test_settings_out_of_sense_are_a_sentence_and_keep_the_picture(watched):
     assert any("inner_scale_m" in sentence for sentence in preview.notes(watched))
     assert "Terrain > Smallest Feature" in texts(drawn(sidebar.ICYMOON_PT_main))  # as the sidebar names it
     built = change(watched, "light.sun_elevation_deg", 60.0)  # what makes sense is still shown
-    assert built.settings["light"]["sun_elevation_deg"] == 60.0
+    assert built.settings.light.sun_elevation_deg == 60.0
     assert any("inner_scale_m" in sentence for sentence in preview.notes(watched))
     built = change(watched, "terrain.inner_scale_m", 0.02)
     assert len(live_preview.lines(watched)) == 1
@@ -275,7 +276,7 @@ def test_a_preview_is_never_rendered(watched, tmp_path):
     assert bpy.ops.icymoon.render_pair() == {"FINISHED"}
     built = scenes.find(watched)
     assert built.preview == {}
-    assert len(built.terrain.data.vertices) == current(watched)["terrain"]["resolution"] ** 2
+    assert len(built.terrain.data.vertices) == current(watched).terrain.resolution ** 2
     pairs = list((tmp_path / "dataset" / "pairs").iterdir())
     assert [pair.name for pair in pairs] == planned
     assert not json.loads((pairs[0] / "pair.json").read_text())["edited_by_hand"]
@@ -382,7 +383,7 @@ def test_undo_and_redo_bring_back_what_was_shown(watched):
         assert operator() == {"FINISHED"}
         found, built = there()
         assert found == expected
-    assert built.preview["terrain"]["rms_slope_deg"] == 25.0
+    assert built.preview.terrain.rms_slope_deg == 25.0
 
 
 def test_the_view_follows_unless_a_person_has_set_it(watched):

@@ -9,6 +9,7 @@ from icymoon.errors import IcyMoonError
 from icymoon.operators import presets
 from icymoon.panels import previews
 from icymoon.settings import description
+from icymoon.typed_settings import Settings
 
 NEWER = "9.0.0"
 
@@ -63,7 +64,7 @@ coverage = 0.07
     assert "Celest" not in sources["terrain.body_radius_m"]
     assert sources["light.sun_irradiance_wm2"].startswith("1361 W/m²")
     assert not {"rocks.coverage", "light.planet_albedo"} & set(sources)
-    assert description.load(own / "again.toml")["rocks"]["coverage"] == pytest.approx(0.08)
+    assert description.load(own / "again.toml").rocks.coverage == pytest.approx(0.08)
 
 
 def test_removing_a_preset_of_ones_own(scene, own):
@@ -142,8 +143,10 @@ def test_every_shipped_scene_has_a_picture_that_chooses_it(scene):
     assert choice() == "NONE"
 
 
-def described(group) -> description.Settings:
-    return {topic: values for topic, values in scene_properties.read_settings(group).items() if topic != "dataset"}
+def described(group) -> Settings:
+    found = scene_properties.read_settings(group)
+    del found.dataset
+    return found
 
 
 def test_a_whole_scene_is_the_same_whatever_was_loaded_before(scene):
@@ -168,7 +171,7 @@ def test_a_whole_scene_is_the_same_whatever_was_loaded_before(scene):
         found, wanted = described(scene.icymoon), alone[name]
         if before.startswith("qualities/"):
             own = description.load(description.preset_path(name)).get("quality", {})
-            chosen = description.load(description.preset_path(before))["quality"]
+            chosen = description.load(description.preset_path(before)).quality
             wanted = description.merged(wanted, {"quality": {**chosen, **own}})
         assert found == wanted, (before, name)
         assert scene.icymoon.preset == name
@@ -182,4 +185,4 @@ def test_a_quality_that_a_person_chose_outlives_the_scenes(scene):
     bpy.ops.icymoon.load_preset(preset="gallery/ridge")
     assert scene.icymoon.quality.samples == 8, "as the gallery says"
     bpy.ops.icymoon.load_preset(preset="scenes/europa_rough_ice")
-    assert scene.icymoon.quality.samples == description.defaults()["quality"]["samples"]
+    assert scene.icymoon.quality.samples == description.defaults().quality.samples

@@ -39,7 +39,7 @@ def relevant(topic: str, state: dict[str, dict] | None = None) -> set[str]:
 @pytest.mark.parametrize("key", OTHERS)
 def test_a_number_of_hapke_s_law_is_grey_where_another_changes_no_brightness(state, key):
     def brightness(**changes):
-        law = from_settings({**defaults()["hapke"], "h_s": 0.01, "h_c": 0.01, **state, **changes})
+        law = from_settings(defaults().hapke | {"h_s": 0.01, "h_c": 0.01, **state, **changes})
         incidence, emission, azimuth = np.radians([[0.0, 20.0, 60.0], [1.0, 40.0, 50.0], [1.0, 30.0, 100.0]])
         return bidirectional_reflectance(incidence, emission, azimuth, law)
 
@@ -54,7 +54,7 @@ def test_a_number_of_hapke_s_law_is_grey_where_another_changes_no_brightness(sta
     ("radiation_depth_um", 99.0), ("radiation_e_per_um", 9.0)])
 def test_a_setting_of_exposure_or_radiation_is_grey_where_it_changes_no_exposure(state, key, other):
     def exposures(**changes):
-        response = {**defaults()["sensor"], **state, **changes}
+        response = defaults().sensor | state | changes
         times = exposure_times(exposure_s(np.linspace(0.0, 1.0, 99), 1e4, response), response)
         return [*times, draw_hits(response, (30, 40), 1e-5, 10.0, np.random.default_rng(0)).sum()]
 

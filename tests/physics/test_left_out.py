@@ -26,9 +26,9 @@ def test_the_nearest_ground_is_at_the_foot_of_the_image():
     rig = described({"rig": {"height_m": 2.0, "pitch_deg": 30.0, "focal_length_mm": 30.0, "sensor_width_mm": 60.0,
                              "width_px": 640, "height_px": 640}})["rig"]
     assert left_out.nearest_m(rig) == pytest.approx(2.0 / math.sin(math.radians(30.0 + 45.0)))
-    assert left_out.nearest_m({**rig, "pitch_deg": 80.0}) == 2.0  # straight down is in the image
-    assert left_out.nearest_m({**rig, "pitch_deg": -60.0}) == 2.0  # no level ground is: be careful
-    assert left_out.nearest_m({**rig, "overscan": 1.0}) < left_out.nearest_m(rig)
+    assert left_out.nearest_m(rig | {"pitch_deg": 80.0}) == 2.0  # straight down is in the image
+    assert left_out.nearest_m(rig | {"pitch_deg": -60.0}) == 2.0  # no level ground is: be careful
+    assert left_out.nearest_m(rig | {"overscan": 1.0}) < left_out.nearest_m(rig)
 
 
 def test_a_walk_is_worth_it_where_a_pixel_is_as_small():
@@ -38,7 +38,7 @@ def test_a_walk_is_worth_it_where_a_pixel_is_as_small():
     assert left_out.follows_walk(settings, "surface")
     high = described(SNOW, {"rig": {"height_m": 20.0}})
     assert not left_out.follows_walk(high, "surface")
-    assert left_out.rendered_surface(high, "surface") == {**high["surface"], "subsurface_weight": 0.0}
+    assert left_out.rendered_surface(high, "surface") == high["surface"] | {"subsurface_weight": 0.0}
     assert left_out.follows_walk(described(SNOW, {"rig": {"height_m": 20.0}, "quality": {"walk_px": 0.0}}), "surface")
     assert not left_out.follows_walk(described({"quality": {"walk_px": 0.0}}), "surface")
     assert not left_out.follows_walk(described(SNOW, {"surface": {"model": "LAMBERT"}}), "surface")

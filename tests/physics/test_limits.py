@@ -213,7 +213,7 @@ def test_what_a_camera_can_measure_is_positive_or_nothing(settings, row):
 @pytest.mark.parametrize(("x_m", "step_m"), [(0.0, 1.2e-7), (1000.0, 6.1e-5), (5e4, 3.9e-3)])
 def test_rounding_is_that_of_single_precision(x_m, step_m):
     """24 bits: 2^-23 of the power of two under the number."""
-    rig = description.defaults()["rig"] | {"x_m": x_m}
+    rig = description.defaults().rig | {"x_m": x_m}
     assert stereo_geometry.rounding_m(x_m, 0.0, 1.6) == pytest.approx(step_m, rel=0.03)
     assert stereo_geometry.rounding_px(rig, 0.0) == pytest.approx(341.33 * step_m / 2 / 1.6, rel=0.03)
     assert bool(stereo_geometry.rounding_advice(rig, 0.0)) == (x_m == 5e4)

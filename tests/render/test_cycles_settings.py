@@ -34,7 +34,7 @@ def told(scene: bpy.types.Scene) -> dict[tuple[str, str], object]:
 
 
 def test_nothing_that_a_scene_was_left_with_reaches_the_image(registered):
-    settings = defaults()["quality"]
+    settings = defaults().quality
     fresh = empty_scene()
     cycles_settings.apply(fresh, settings, 5)
     wanted = told(fresh)
@@ -78,7 +78,7 @@ def test_light_is_linear_however_bright_it_is(registered):
     images = []
     for strength in (0.01, 10000.0):
         scene = corner(strength)
-        cycles_settings.apply(scene, {**defaults()["quality"], "samples": 8, "threads": 1, "diffuse_bounces": 2}, 1)
+        cycles_settings.apply(scene, defaults().quality | {"samples": 8, "threads": 1, "diffuse_bounces": 2}, 1)
         images.append(render_pixels(scene) / strength)
     np.testing.assert_allclose(images[1], images[0], rtol=1e-4)
     direct = np.cos(np.radians(45.0)) / np.pi

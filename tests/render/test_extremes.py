@@ -183,7 +183,7 @@ def test_the_camera_a_millimetre_and_ten_kilometres_above_flat_ground(tmp_path, 
     pair, built = fine(settings, tmp_path)
     for eye in EYES:
         _, view = read_eye(pair, eye)
-        truth = depth_of_sphere(pair, eye, settings["terrain"]["body_radius_m"])
+        truth = depth_of_sphere(pair, eye, settings.terrain.body_radius_m)
         seen = np.isfinite(view.depth) & np.isfinite(truth)
         assert np.mean(np.isfinite(view.depth) != np.isfinite(truth)) < 0.02
         assert seen.mean() > 0.5
@@ -236,7 +236,7 @@ def test_black_and_white_ground(tmp_path, model, albedo):
         assert not light.radiance.any()
         assert extremes.why_black(built, pair, view, "left") == "the surface reflects nothing"
         return
-    factor = light.radiance * math.pi / settings["light"]["sun_irradiance_wm2"]
+    factor = light.radiance * math.pi / settings.light.sun_irradiance_wm2
     # Of grains H(1)²/8, and H of 1981 is 3 there; of the simple laws Bond albedo 1 is this normal albedo.
     expected = {"HAPKE": 9 / 8, "LOMMEL_SEELIGER": 1 / LOMMEL_SEELIGER_BOND,
                 "LUNAR_LAMBERT": 1 / (0.3 + 0.7 * LOMMEL_SEELIGER_BOND)}.get(model, 1.0)
@@ -260,14 +260,14 @@ def test_the_sun_at_the_zenith_on_the_horizon_and_below(tmp_path, elevation_deg)
     pair, built = fine(settings, tmp_path)
     radiance = read_eye(pair, "left")[0].radiance
     if elevation_deg == 90.0:
-        assert radiance == pytest.approx(0.9 / math.pi * settings["light"]["sun_irradiance_wm2"], rel=1e-3)
+        assert radiance == pytest.approx(0.9 / math.pi * settings.light.sun_irradiance_wm2, rel=1e-3)
     if elevation_deg < -0.0278:
         assert not radiance.any()
         assert any("Neither Sun nor planet" in text for text in built.warnings)
     else:
         # Never more than of a Sun half a disc higher; Blender 5.2 has normals of 16 bits, 2.2e-5 rad off.
         highest = math.sin(math.radians(max(elevation_deg, 0.0) + 0.0278)) + 2.2e-5
-        assert radiance.max() <= 1.001 * 0.9 / math.pi * settings["light"]["sun_irradiance_wm2"] * min(highest, 1.0)
+        assert radiance.max() <= 1.001 * 0.9 / math.pi * settings.light.sun_irradiance_wm2 * min(highest, 1.0)
 
 
 @pytest.mark.parametrize("width_px", [1, 3])
@@ -330,7 +330,7 @@ def test_the_sky_is_the_same_from_everywhere(tmp_path, rig):
                     "rig": {"width_px": 48, "height_px": 36, "pitch_deg": -30.0}})
     views = []
     for k, parts in enumerate(({}, {"rig": rig})):
-        pair, _ = shot(description.merged(sky, description.merged({"rig": sky["rig"]}, parts)), tmp_path / str(k))
+        pair, _ = shot(description.merged(sky, description.merged({"rig": sky.rig}, parts)), tmp_path / str(k))
         views.append(read_eye(pair, "right")[1].semantic == PLANET)
     assert views[0].sum() > 100
     assert np.count_nonzero(views[0] != views[1]) <= 2  # pixels whose centre the limb passes through

@@ -265,10 +265,10 @@ def test_what_is_added_to_the_tables_of_a_list_counts_where_it_is_used(monkeypat
     upgrade_all(monkeypatch)
     stored, fresh = (settings.restored(old, "pair.json"), settings.merged(
         settings.restored(old, "pair.json"), settings.check(layers, "test")))
-    assert [layer["skew"] for layer in stored["terrain"]["layers"]] == [0.0, 0.0]
-    assert [layer["skew"] for layer in fresh["terrain"]["layers"]] == [0.5, 0.5]
+    assert [layer["skew"] for layer in stored.terrain.layers] == [0.0, 0.0]
+    assert [layer["skew"] for layer in fresh.terrain.layers] == [0.5, 0.5]
     ids = {settings.digest(settings.merged(stored, {"terrain": {"layers": [
-        layer | {"skew": skew} for layer, skew in zip(stored["terrain"]["layers"], skews, strict=True)]}}))
+        layer | {"skew": skew} for layer, skew in zip(stored.terrain.layers, skews, strict=True)]}}))
         for skews in ((0.0, 0.0), (0.5, 0.0), (0.0, 0.5), (0.5, 0.5))}
     assert len(ids) == 4
 
@@ -298,8 +298,8 @@ def test_a_setting_may_get_another_name_and_no_id_changes(monkeypatch):
     monkeypatch.setitem(pair_ids.SCHEMA["renamed"], "surface.albedo", "surface.whiteness")
     assert schema_faults() == []
     now = settings.restored(old, "pair.json")
-    assert now["surface"]["whiteness"] == 0.5
-    assert "albedo" not in now["surface"]
+    assert now.surface["whiteness"] == 0.5
+    assert "albedo" not in now.surface
     assert settings.digest(now) == was
     assert settings.override("surface.albedo=0.4") == {"surface": {"whiteness": 0.4}}
 

@@ -107,7 +107,7 @@ def test_what_passes_the_gate_gives_the_evaluator_no_program(text):
 def test_one_s_own_matcher_is_named_and_takes_harmless_options_from_a_description():
     own = [r"mine:external:command=sh C:\run,me.sh {left} {right} {out}", "mine:external:format=pfm"]
     described = description.check({"dataset": {"methods": "bm,own:mine:timeout_s=5"}}, "scene.toml")
-    bm, mine = parse_methods(described["dataset"]["methods"], own=own)
+    bm, mine = parse_methods(described.dataset.methods, own=own)
     assert (bm.name, bm.options) == ("bm", {})
     assert (mine.label, mine.name) == ("own:mine:timeout_s=5", "external")
     assert mine.options == {"command": r"sh C:\run,me.sh {left} {right} {out}", "format": "pfm", "timeout_s": "5"}

@@ -22,6 +22,7 @@ from icymoon.stereo.evaluate import evaluate
 from icymoon.stereo.images.exr import Light, View
 from icymoon.stereo.images.views import read_eye
 from icymoon.stereo.matchers.methods import parse_methods
+from icymoon.typed_settings import HapkeSettings, Settings, SurfaceSettings
 from mathutils import Vector
 from rendering import empty_scene
 
@@ -46,7 +47,7 @@ _SPEEDS = ("speed_right_m_s", "speed_down_m_s", "speed_forward_m_s", "turn_right
            "roll_deg_s")
 
 
-def complete(*parts: Parts) -> description.Settings:
+def complete(*parts: Parts) -> Settings:
     """The defaults, made cheap, with changes."""
     return description.merged(description.defaults(), CHEAP, *(description.check(part, "test") for part in parts))
 
@@ -104,7 +105,7 @@ def _consistent(found: dict[str, dict[str, Any]]) -> dict[str, dict[str, Any]]:
     return found
 
 
-def story(settings: description.Settings) -> str:
+def story(settings: Settings) -> str:
     """What of a description is not the default, as TOML, for messages."""
     default = description.defaults()
     changed = {topic: {key: value for key, value in values.items() if value != default[topic][key]}
@@ -112,7 +113,7 @@ def story(settings: description.Settings) -> str:
     return description.to_toml({topic: values for topic, values in changed.items() if values})
 
 
-def shot(settings: description.Settings, folder: Path) -> tuple[Pair, Built]:
+def shot(settings: Settings, folder: Path) -> tuple[Pair, Built]:
     """Build and render. Raises IcyMoonError where a description is refused."""
     built = build(empty_scene(), settings)
     (made,) = render_pairs(built, expand_headings(settings), folder, 1, 0.0, lambda *a, **k: None)
@@ -150,20 +151,20 @@ def vertices(mesh: Any) -> np.ndarray:
 
 def unused(built: Built) -> list[str]:
     """Settings that Blender's data do not have as they are stated."""
-    rig, lens = built.settings["rig"], built.camera.data
-    pairs = {"rig.focal_length_mm": (lens.lens, rig["focal_length_mm"]),
-             "rig.sensor_width_mm": (lens.sensor_width, rig["sensor_width_mm"]),
-             "rig.baseline_m": (lens.stereo.interocular_distance, rig["baseline_m"]),
-             "rig.principal_x_px": (-lens.shift_x * rig["width_px"], rig["principal_x_px"]),
-             "rig.principal_y_px": (lens.shift_y * rig["width_px"], rig["principal_y_px"]),
-             "rig.x_m": (built.camera.location.x, rig["x_m"]), "rig.y_m": (built.camera.location.y, rig["y_m"]),
-             "rig.height_m": (built.camera.location.z, built.site_m + rig["height_m"])}
-    if built.settings["light"]["directions_from"] == "ANGLES":
-        light = built.settings["light"]
-        disc = light["sun_angular_diameter_deg"]
+    rig, lens = built.settings.rig, built.camera.data
+    pairs = {"rig.focal_length_mm": (lens.lens, rig.focal_length_mm),
+             "rig.sensor_width_mm": (lens.sensor_width, rig.sensor_width_mm),
+             "rig.baseline_m": (lens.stereo.interocular_distance, rig.baseline_m),
+             "rig.principal_x_px": (-lens.shift_x * rig.width_px, rig.principal_x_px),
+             "rig.principal_y_px": (lens.shift_y * rig.width_px, rig.principal_y_px),
+             "rig.x_m": (built.camera.location.x, rig.x_m), "rig.y_m": (built.camera.location.y, rig.y_m),
+             "rig.height_m": (built.camera.location.z, built.site_m + rig.height_m)}
+    if built.settings.light.directions_from == "ANGLES":
+        light = built.settings.light
+        disc = light.sun_angular_diameter_deg
         pairs["light.sun_angular_diameter_deg"] = math.degrees(built.sun.data.angle), disc
-        if light["sun_elevation_deg"] + disc / 2 > 0 and not built.sky["sun"]["eclipse"]:
-            pairs["light.sun_irradiance_wm2"] = (built.sun.data.energy, light["sun_irradiance_wm2"])
+        if light.sun_elevation_deg + disc / 2 > 0 and not built.sky["sun"]["eclipse"]:
+            pairs["light.sun_irradiance_wm2"] = (built.sun.data.energy, light.sun_irradiance_wm2)
     return [f"{name} is {there:g} in the scene, not {stated:g}" for name, (there, stated) in pairs.items()
             if abs(there - stated) > 1e-6 * abs(stated) + 1e-12]
 
@@ -208,7 +209,7 @@ def rays(pair: Pair, eye: str) -> tuple[np.ndarray, np.ndarray]:
 
 def _against_rays(pair: Pair, view: View, eye: str) -> Iterator[str]:
     """True depth against that of Blender's own rays through the same meshes."""
-    if "DISPLACEMENT" in (pair.settings["surface"]["relief"], pair.settings["rock_surface"]["relief"]):
+    if "DISPLACEMENT" in (pair.settings.surface.relief, pair.settings.rock_surface.relief):
         return  # which Cycles alone does
     start, toward = rays(pair, eye)
     scene, graph = bpy.context.scene, bpy.context.evaluated_depsgraph_get()
@@ -258,28 +259,28 @@ def why_black(built: Built, pair: Pair, view: View, eye: str) -> str:
     lights = ([(built.sun, sun)] if sun else []) + ([(shine, shine.data.energy)] if shine is not None else [])
     if all(power == 0 for _, power in lights):
         return "the lights have no power"
-    topics = {"surface"} | ({"rock_surface"} if built.settings["rocks"]["own_surface"] else set())
-    if all(_is_black(built.settings[topic], built.settings["hapke"]) for topic in topics):
+    topics = {"surface"} | ({"rock_surface"} if built.settings.rocks.own_surface else set())
+    if all(_is_black(built.settings[topic], built.settings.hapke) for topic in topics):
         return "the surface reflects nothing"
     start, toward = rays(pair, eye)
     points = (start + view.depth[..., None] * toward)[surface]
     normals = view.normal[surface]
-    if built.settings["surface"]["trough_dirt"] and _dirty(built, points).all():
+    if built.settings.surface.trough_dirt and _dirty(built, points).all():
         return "only dirt is seen"
     if not any(_reached(points, normals, item) for item, _ in lights):
         return "what is seen is in shadow"
     return ""
 
 
-def _is_black(surface: Mapping[str, Any], hapke: Mapping[str, Any]) -> bool:
-    if surface["model"] == "HAPKE":
-        return hapke["w"] == 0
-    return surface["albedo"] == 0 or (surface["model"] == "PRINCIPLED" and surface["transmission"] == 1)
+def _is_black(surface: SurfaceSettings, hapke: HapkeSettings) -> bool:
+    if surface.model == "HAPKE":
+        return hapke.w == 0
+    return surface.albedo == 0 or (surface.model == "PRINCIPLED" and surface.transmission == 1)
 
 
 def _dirty(built: Built, points: np.ndarray) -> np.ndarray:
     """Whether the ground at points (n, 3) is wholly dark by the dirt of its height."""
-    mesh, dirt = built.terrain.data, built.settings["surface"]["trough_dirt"]
+    mesh, dirt = built.terrain.data, built.settings.surface.trough_dirt
     elevation = np.empty(len(mesh.vertices), np.float32)
     mesh.attributes[ELEVATION].data.foreach_get("value", elevation)
     places = vertices(mesh)

@@ -69,6 +69,6 @@ def expected(pair: Pair, law=None) -> np.ndarray:
     view, light = read_view(pair.image("left")), pair.data["light"]["sun"]
     normal = view.normal.astype(float)
     length = np.linalg.norm(normal, axis=-1, keepdims=True)
-    law = law or partial(bidirectional_reflectance, parameters=from_settings(pair.settings["hapke"]))
+    law = law or partial(bidirectional_reflectance, parameters=from_settings(pair.settings.hapke))
     r = law(*angles(normal / np.where(length > 0, length, 1), np.array(light["direction_to_world"]), rays(pair)))
     return np.where(np.isnan(view.depth), 0.0, light["irradiance_wm2"] * r)

@@ -82,7 +82,7 @@ def write_pair(folder: Path, scene: Scene | None = None, rig: StereoCamera | Non
 
 def described(rig: StereoCamera) -> dict[str, Any]:
     """The ``rig`` settings that this camera is made of."""
-    sensor_width_mm = defaults()["rig"]["sensor_width_mm"]
+    sensor_width_mm = defaults().rig.sensor_width_mm
     return {"width_px": rig.width_px, "height_px": rig.height_px, "baseline_m": rig.baseline_m,
             "sensor_width_mm": sensor_width_mm, "focal_length_mm": rig.focal_px * sensor_width_mm / rig.width_px,
             "principal_x_px": rig.cx_px - rig.width_px / 2, "principal_y_px": rig.cy_px - rig.height_px / 2,

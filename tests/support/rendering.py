@@ -12,12 +12,13 @@ from icymoon.render.pairs.pair_folder import Pair, read_pair
 from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.render.worker import render_pairs
 from icymoon.settings import description
+from icymoon.typed_settings import Settings
 
 SMALL = {"terrain": {"resolution": 65}, "mesh": {"kind": "GRID"}, "quality": {"samples": 2, "threads": 2},
          "rig": {"width_px": 96, "height_px": 72}}
 
 
-def complete(*parts: dict) -> description.Settings:
+def complete(*parts: dict) -> Settings:
     """The defaults, made small, with changes."""
     return description.merged(description.defaults(), SMALL, *(description.check(p, "test") for p in parts))
 

@@ -51,9 +51,9 @@ def test_neither_do_settings_loaded_into_one(scene, tmp_path):
 
 
 def test_such_a_scene_can_still_be_looked_at_and_mended(hostile):
-    assert scene_properties.read_unchecked(hostile.icymoon)["dataset"]["methods"].startswith("bm,external")
+    assert scene_properties.read_unchecked(hostile.icymoon).dataset.methods.startswith("bm,external")
     hostile.icymoon.dataset.methods = "bm"
-    assert scene_properties.read_settings(hostile.icymoon)["dataset"]["methods"] == "bm"
+    assert scene_properties.read_settings(hostile.icymoon).dataset.methods == "bm"
 
 
 @pytest.fixture

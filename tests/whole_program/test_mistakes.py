@@ -187,12 +187,12 @@ def no_osl(place: Place) -> str:
 
 def no_denoiser(place: Place) -> str:
     place.patch.setattr(compat, "has_oidn", lambda: False)
-    return raised(lambda: check_possible(complete({"quality": {"denoiser": "OIDN"}})["quality"]))
+    return raised(lambda: check_possible(complete({"quality": {"denoiser": "OIDN"}}).quality))
 
 
 def no_card(place: Place) -> str:
     place.patch.setattr(compat, "select_gpu_devices", list)
-    return raised(lambda: check_possible(complete({"quality": {"device": "GPU"}})["quality"]))
+    return raised(lambda: check_possible(complete({"quality": {"device": "GPU"}}).quality))
 
 
 def leap_seconds_only(place: Place) -> str:

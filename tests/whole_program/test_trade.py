@@ -95,7 +95,7 @@ def test_the_button_sets_what_the_search_finds(tmp_path):
     assert any(line.startswith(f"{scene.icymoon.quality.samples} sample") for line in tried)
     assert " px" in " ".join(by_error)
     assert "bad" in " ".join(tried)
-    found = description.load(tmp_path / "trade" / "auto.toml")["quality"]
+    found = description.load(tmp_path / "trade" / "auto.toml").quality
     assert {key: getattr(scene.icymoon.quality, key) for key in found} == pytest.approx(found)
     bpy.data.scenes.remove(scene)
 

@@ -6,7 +6,7 @@ A module holds one feature: where it comes from, its limits, and a maker
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -15,7 +15,7 @@ from . import chaos, cracks, craters, hollows, penitentes, ridges
 from .common import Landform
 
 #: In the order in which they shape the ground; the position is part of each one's seed.
-MAKERS: dict[str, Callable[[Mapping[str, Any], np.random.Generator, float], Landform | None]] = {
+MAKERS: dict[str, Callable[[Any, np.random.Generator, float], Landform | None]] = {
     "chaos": chaos.make, "ridges": ridges.make, "cracks": cracks.make, "craters": craters.make,
     "hollows": hollows.make, "penitentes": penitentes.make}
 

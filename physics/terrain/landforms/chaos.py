@@ -7,11 +7,11 @@ Conamara Chaos on Europa has plates of kilometres standing up to hundreds of met
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
+from ....typed_settings import ChaosSettings
 from ..noise.voronoi import voronoi
 from .common import Landform, draw_key, smooth_step, turn, wander
 
@@ -23,15 +23,15 @@ _LOWEST = 0.5
 _MATRIX_RMS = 0.350
 
 
-def make(settings: Mapping[str, Any], random: np.random.Generator, size_m: float) -> Landform | None:
+def make(settings: ChaosSettings, random: np.random.Generator, size_m: float) -> Landform | None:
     """Plates up to ``relief_m`` above a matrix of RMS height ``matrix_m``."""
     keys = [draw_key(random) for _ in range(10)]
-    relief, plate, gap = settings["relief_m"], settings["plate_m"], settings["gap_m"]
-    rough, share = settings["matrix_m"] / _MATRIX_RMS, settings["plate_share"]
+    relief, plate, gap = settings.relief_m, settings.plate_m, settings.gap_m
+    rough, share = settings.matrix_m / _MATRIX_RMS, settings.plate_share
     if relief == 0.0 and rough == 0.0:
         return None
     scarp = max(relief / _SCARP, 0.02 * plate)
-    tilt = math.tan(math.radians(settings["tilt_deg"]))
+    tilt = math.tan(math.radians(settings.tilt_deg))
 
     def matrix(u: np.ndarray, v: np.ndarray) -> np.ndarray:
         return sum((0.5**k * wander(u * 4.0 * 2.0**k, v * 4.0 * 2.0**k, keys[7 + k]) for k in range(3)),

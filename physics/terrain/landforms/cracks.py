@@ -7,11 +7,11 @@ the scale of a lander their size is an assumption).
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
+from ....typed_settings import CracksSettings
 from ..noise.voronoi import voronoi
 from .common import Landform, draw_key, smooth_step, turn, wander
 
@@ -19,17 +19,17 @@ from .common import Landform, draw_key, smooth_step, turn, wander
 _BEND, _BEND_LENGTH = 0.06, 0.6
 
 
-def make(settings: Mapping[str, Any], random: np.random.Generator, size_m: float) -> Landform | None:
+def make(settings: CracksSettings, random: np.random.Generator, size_m: float) -> Landform | None:
     """Cracks ``depth_m`` deep and ``width_m`` wide from edge to edge, with rims over another width to either side."""
     keys = [draw_key(random) for _ in range(3)]
-    depth, width, rim = settings["depth_m"], settings["width_m"], settings["rim_m"]
+    depth, width, rim = settings.depth_m, settings.width_m, settings.rim_m
     if depth == 0.0 and rim == 0.0:
         return None
-    broad = settings["plate_m"]
-    long = broad * settings["elongation"]
+    broad = settings.plate_m
+    long = broad * settings.elongation
 
     def heights(x_m: np.ndarray, y_m: np.ndarray, shortest_m: Any) -> np.ndarray:
-        along, across = turn(x_m, y_m, settings["azimuth_deg"])
+        along, across = turn(x_m, y_m, settings.azimuth_deg)
         u, v = along / long, across / broad
         bend_u, bend_v = (_BEND * wander(u / _BEND_LENGTH, v / _BEND_LENGTH, k) for k in keys[1:])
         distance = voronoi(u + bend_u, v + bend_v, keys[0]).edge_distance(long, broad) / (width / 2)

@@ -8,12 +8,12 @@ the width (Pike 1977, for the Moon; a hypothesis for metres on ice). Age makes t
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
 from ....errors import IcyMoonError
+from ....typed_settings import CratersSettings
 from ...rocks.size_laws import PowerLaw
 from ..roughness.roughness import carried_share
 from .common import Landform, smooth_step
@@ -26,7 +26,7 @@ _CARRIED = 0.5
 _WIPED = 0.8
 
 
-def draw_craters(settings: Mapping[str, Any], random: np.random.Generator, size_m: float) -> np.ndarray:
+def draw_craters(settings: CratersSettings, random: np.random.Generator, size_m: float) -> np.ndarray:
     """Centres x, y, diameters and freshness (4, n) of the craters, largest first.
 
     The patch and a border as wide as the largest crater's ejecta are covered to the stated share.
@@ -37,16 +37,16 @@ def draw_craters(settings: Mapping[str, Any], random: np.random.Generator, size_
         raise IcyMoonError(f"craters.smallest_m ({smallest:g} m) is larger than craters.largest_m ({largest:g} m); "
                            "lower the one or raise the other.")
     side = size_m + _REACH * largest
-    sizes = PowerLaw(float(settings["coverage"]), smallest, largest, index)
+    sizes = PowerLaw(float(settings.coverage), smallest, largest, index)
     count = sizes.total_per_m2 * side**2
-    if count > settings["most"]:
+    if count > settings.most:
         raise IcyMoonError(f"The craters settings ask for {count:.0f} craters, more than craters.most "
-                           f"({settings['most']}); raise craters.smallest_m or lower craters.coverage or "
+                           f"({settings.most}); raise craters.smallest_m or lower craters.coverage or "
                            "craters.largest_m.")
     n = round(count)
     size = np.sort(sizes.diameter_m(random.random(n) * sizes.total_per_m2))[::-1]
     x, y = random.uniform(-side / 2, side / 2, (2, n))
-    return np.stack([x, y, size, random.uniform(settings["freshness"], 1.0, n)])
+    return np.stack([x, y, size, random.uniform(settings.freshness, 1.0, n)])
 
 
 def profile(r: np.ndarray, depth: Any, rim: Any) -> np.ndarray:
@@ -57,15 +57,15 @@ def profile(r: np.ndarray, depth: Any, rim: Any) -> np.ndarray:
     return np.where(r < 1.0, rim - depth * (1.0 - r * r), outside)
 
 
-def make(settings: Mapping[str, Any], random: np.random.Generator, size_m: float) -> Landform | None:
+def make(settings: CratersSettings, random: np.random.Generator, size_m: float) -> Landform | None:
     """Craters on the patch, the smaller ones on the larger ones, whose relief they wipe out."""
-    if settings["coverage"] == 0.0:
+    if settings.coverage == 0.0:
         return None
     x, y, size, fresh = draw_craters(settings, random, size_m)
     depths, rims = (settings[k] * size * fresh for k in ("depth_ratio", "rim_ratio"))
     reach = _REACH * size / 2
     # Beyond the patch its craters come again; the border is so wide that none reaches round onto the patch.
-    period = size_m + _REACH * float(settings["largest_m"])
+    period = size_m + _REACH * float(settings.largest_m)
 
     def heights(x_m: np.ndarray, y_m: np.ndarray, shortest_m: Any) -> np.ndarray:
         x_m, y_m, shortest_m = np.broadcast_arrays(x_m, y_m, shortest_m)

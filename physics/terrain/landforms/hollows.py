@@ -7,11 +7,11 @@ on an airless moon.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
+from ....typed_settings import HollowsSettings
 from ..noise.voronoi import voronoi
 from .common import Landform, draw_key, turn, wander
 
@@ -21,16 +21,16 @@ _BEND, _BEND_LENGTH = 0.15, 0.8
 _SHALLOWEST = 0.6
 
 
-def make(settings: Mapping[str, Any], random: np.random.Generator, size_m: float) -> Landform | None:
+def make(settings: HollowsSettings, random: np.random.Generator, size_m: float) -> Landform | None:
     """Hollows between rims at the level of the ground, the deepest ``depth_m`` deep."""
     keys = [draw_key(random) for _ in range(4)]
-    depth, diameter = settings["depth_m"], settings["diameter_m"]
+    depth, diameter = settings.depth_m, settings.diameter_m
     if depth == 0.0:
         return None
 
     def heights(x_m: np.ndarray, y_m: np.ndarray, shortest_m: Any) -> np.ndarray:
-        along, across = turn(x_m, y_m, settings["azimuth_deg"])
-        u, v = along / (diameter * settings["elongation"]), across / diameter
+        along, across = turn(x_m, y_m, settings.azimuth_deg)
+        u, v = along / (diameter * settings.elongation), across / diameter
         bend_u, bend_v = (_BEND * wander(u / _BEND_LENGTH, v / _BEND_LENGTH, k) for k in keys[2:])
         cells = voronoi(u + bend_u, v + bend_v, keys[0])
         deep = depth * (_SHALLOWEST + (1.0 - _SHALLOWEST) * cells.random(keys[1]))

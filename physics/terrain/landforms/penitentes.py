@@ -10,11 +10,11 @@ hypothesis. A height field cannot overhang: the lean is held to what leaves the 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
+from ....typed_settings import PenitentesSettings
 from ..noise.lattice_noise import hash_lattice, to_uniform
 from .common import Landform, draw_key, smooth_step, turn, wander
 
@@ -30,15 +30,15 @@ _SHALLOWER = 0.6
 _TEETH, _TOOTH = 0.4, 0.25
 
 
-def make(settings: Mapping[str, Any], random: np.random.Generator, size_m: float) -> Landform | None:
+def make(settings: PenitentesSettings, random: np.random.Generator, size_m: float) -> Landform | None:
     """Penitentes of the stated height, crest to trough, above the ground."""
     keys = [draw_key(random) for _ in range(7)]
-    height, spacing = settings["height_m"], settings["spacing_m"]
+    height, spacing = settings.height_m, settings.spacing_m
     if height == 0.0:
         return None
-    length = spacing * settings["elongation"]
-    sharpness, variation = settings["sharpness"], settings["variation"]
-    lean = math.tan(math.radians(settings["lean_deg"])) * height / spacing
+    length = spacing * settings.elongation
+    sharpness, variation = settings.sharpness, settings.variation
+    lean = math.tan(math.radians(settings.lean_deg)) * height / spacing
     lean = min(lean, _MOST_LEAN - _ASTRAY)
 
     def chance(place: np.ndarray, row: np.ndarray, key: int) -> np.ndarray:
@@ -59,7 +59,7 @@ def make(settings: Mapping[str, Any], random: np.random.Generator, size_m: float
         return tall * toothed * (1.0 - variation * notch * (1.0 - 2.0 * np.abs(place - end)))
 
     def heights(x_m: np.ndarray, y_m: np.ndarray, shortest_m: Any) -> np.ndarray:
-        across, along = turn(x_m, y_m, settings["noon_azimuth_deg"])
+        across, along = turn(x_m, y_m, settings.noon_azimuth_deg)
         u, v = along / (_WANDER_LENGTH * length), across / (_WANDER_LENGTH * length)
         place = across / spacing + _WANDER * wander(u, v, keys[4]) + 0.5 * _WANDER * wander(
             2.3 * u, 2.3 * v, keys[5])

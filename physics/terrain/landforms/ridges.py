@@ -7,11 +7,11 @@ Images resolve no narrower ones, so ridges of metres are a hypothesis of scale.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
+from ....typed_settings import RidgesSettings
 from ..noise.lattice_noise import hash_lattice, to_uniform
 from .common import Landform, draw_key, smooth_step, turn, wander
 
@@ -29,13 +29,13 @@ def profile(place: np.ndarray, trough: float) -> np.ndarray:
     return np.where(place < _CREST, inner, 0.5 * (down + smooth_step(down)))
 
 
-def make(settings: Mapping[str, Any], random: np.random.Generator, size_m: float) -> Landform | None:
+def make(settings: RidgesSettings, random: np.random.Generator, size_m: float) -> Landform | None:
     """Sets of parallel ridges in different directions, each crossing the sets before it."""
     most = 6
     keys = [draw_key(random) for _ in range(2 * most)]
     turns = random.uniform(-1.0, 1.0, most)
-    height, width, spacing = settings["height_m"], settings["width_m"], settings["spacing_m"]
-    sets = int(settings["sets"])
+    height, width, spacing = settings.height_m, settings.width_m, settings.spacing_m
+    sets = int(settings.sets)
     if height == 0.0:
         return None
     # Ridges of a set must not overlap: their middles keep a width between them.
@@ -44,7 +44,7 @@ def make(settings: Mapping[str, Any], random: np.random.Generator, size_m: float
 
     def one_set(k: int, x_m: np.ndarray, y_m: np.ndarray) -> np.ndarray:
         """Distance to the ridge of the set's strip, in half widths."""
-        along, across = turn(x_m, y_m, settings["azimuth_deg"] + turns[k] * settings["spread_deg"])
+        along, across = turn(x_m, y_m, settings.azimuth_deg + turns[k] * settings.spread_deg)
         place = across / spacing + _WANDER * wander(along / (_WANDER_LENGTH * spacing), across / (4 * spacing),
                                                     keys[2 * k])
         strip = np.floor(place)
@@ -58,7 +58,7 @@ def make(settings: Mapping[str, Any], random: np.random.Generator, size_m: float
             place = one_set(k, x_m, y_m)
             # A younger ridge buries what was there, from its foot inward.
             total *= 1.0 - smooth_step(2.0 * (1.0 - np.abs(place)))
-            total += height * profile(place, settings["trough"])
+            total += height * profile(place, settings.trough)
         return total
 
     return Landform(width * min(_CREST, 1 - _CREST) / 2, heights)

@@ -14,13 +14,13 @@ octaves are therefore measured on the patch, about its mean plane, and the fit i
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from ....errors import IcyMoonError
+from ....typed_settings import TerrainSettings
 from ..noise.lattice_noise import gradient_noise
 from .statistics import detrend
 from .structure_function import NOISE_DEVIATION, structure
@@ -46,7 +46,7 @@ RELIEF_SPAN = 4.0
 _RELIEF_SHARE = 0.01
 
 
-def wavelengths_m(terrain: Mapping[str, Any]) -> np.ndarray:
+def wavelengths_m(terrain: TerrainSettings) -> np.ndarray:
     """Wavelengths of the octaves, longest first, from one cut-off to the other: evenly spaced in the logarithm
     and no further apart than the lacunarity. Raises IcyMoonError where the cut-offs make no sense."""
     outer, inner, lacunarity = (float(terrain[k]) for k in ("outer_scale_m", "inner_scale_m", "lacunarity"))
@@ -179,7 +179,7 @@ def _round_digits(values: np.ndarray) -> np.ndarray:
     return np.array([float(f"{v:.9e}") for v in values])
 
 
-def make_rough_surface(terrain: Mapping[str, Any], size_m: float, random: np.random.Generator) -> RoughSurface:
+def make_rough_surface(terrain: TerrainSettings, size_m: float, random: np.random.Generator) -> RoughSurface:
     """The random surface that ``terrain`` settings state, on a patch of side ``size_m``.
 
     Raises IcyMoonError where the cut-offs make no sense.
@@ -188,12 +188,12 @@ def make_rough_surface(terrain: Mapping[str, Any], size_m: float, random: np.ran
     n = len(wavelength)
     keys = tuple(int(k) for k in random.integers(0, 2**32, MOST_OCTAVES)[:n])
     offsets = random.uniform(0.0, 1024.0, (MOST_OCTAVES, 2))[:n]
-    baseline, hurst = float(terrain["slope_baseline_m"]), float(terrain["hurst"])
-    at_baseline = math.tan(math.radians(terrain["rms_slope_deg"])) * baseline
+    baseline, hurst = float(terrain.slope_baseline_m), float(terrain.hurst)
+    at_baseline = math.tan(math.radians(terrain.rms_slope_deg)) * baseline
     unit = amplitudes(wavelength, hurst)
     # The deviation at the baseline is what is stated, also where the baseline is outside the cut-offs.
     unit *= at_baseline / math.sqrt(float(structure(baseline / wavelength) @ unit**2))
-    plain = RoughSurface(wavelength, _round_digits(unit), keys, offsets, float(terrain["multifractality"]), np.ones(n))
+    plain = RoughSurface(wavelength, _round_digits(unit), keys, offsets, float(terrain.multifractality), np.ones(n))
     if at_baseline == 0.0:
         return plain
     return _fit_to_patch(plain, size_m, baseline, at_baseline, hurst)

@@ -101,7 +101,7 @@ def test_the_bound_holds_in_every_heading_and_both_eyes(tmp_path, case):
     shares = []
     for pair in map(read_pair, folders):
         for eye in ("left", "right"):
-            shares.append(float(np.mean(off_px(pair, ground, eye) <= settings["mesh"]["error_px"])))
+            shares.append(float(np.mean(off_px(pair, ground, eye) <= settings.mesh.error_px)))
     assert len(shares) == 8
     assert min(shares) >= 0.95, shares
 
@@ -118,7 +118,7 @@ def test_the_camera_stands_over_the_mesh_and_two_builds_are_equal():
     with heights_of(built.terrain) as height_at:
         under = float(height_at(np.array([3.0]), np.array([-4.0]))[0])
         wide = height_at(np.array([1000.0, -1000.0]), np.array([500.0, 0.0]))
-    assert built.camera.location.z - under == pytest.approx(settings["rig"]["height_m"], abs=1e-5)
+    assert built.camera.location.z - under == pytest.approx(settings.rig.height_m, abs=1e-5)
     assert np.isfinite(wide).all()
     again = scenes.build(bpy.context.scene, settings)
     assert np.array_equal(vertices(again.terrain), first)
@@ -134,7 +134,7 @@ def test_it_reaches_the_horizon_of_the_body():
 def test_the_roughness_of_the_patch_is_measured():
     settings = complete(GRADED)
     built = scenes.build(empty_scene(), settings)
-    found = measured(scenes.measured_patch(built), settings["terrain"])
+    found = measured(scenes.measured_patch(built), settings.terrain)
     # The patch is made to show what is asked for, to a tenth.
-    assert found.slope_deg == pytest.approx(settings["terrain"]["rms_slope_deg"], rel=0.1)
+    assert found.slope_deg == pytest.approx(settings.terrain.rms_slope_deg, rel=0.1)
     assert scenes.measured_roughness(bpy.context.scene) == found.summary()

@@ -25,6 +25,7 @@ from icymoon.physics.mesh.check import examine
 from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.settings import description
 from icymoon.stereo.images.exr import read_view
+from icymoon.typed_settings import Settings
 from mathutils.bvhtree import BVHTree
 from mesh_exports import FORMATS, export
 from rendering import complete, empty_scene, render
@@ -49,7 +50,7 @@ def write_ply(path: Path, positions: np.ndarray, faces: np.ndarray) -> Path:
     return path
 
 
-def own(path: Path, **source) -> description.Settings:
+def own(path: Path, **source) -> Settings:
     """Settings of a small scene that stands on a file."""
     return complete({"source": {"kind": grounds.kind_of(path), "file": str(path), **source}})
 
@@ -349,8 +350,8 @@ def height_files(folder: Path) -> dict[str, tuple[Path, dict, float, float]]:
     bpy.data.images.remove(image)
     half = {"metres_per_pixel": 0.5}
     return {"npy": (folder / "a.npy", half, 0.0, 1e-12),
-            "png16": (folder / "a16.png", {**half, "height_scale_m": 2e-4}, 2.0, 1.001e-4),
-            "png8": (folder / "a8.png", {**half, "height_scale_m": 0.05}, 2.0, 0.02501),
+            "png16": (folder / "a16.png", half | {"height_scale_m": 2e-4}, 2.0, 1.001e-4),
+            "png8": (folder / "a8.png", half | {"height_scale_m": 0.05}, 2.0, 0.02501),
             "float tiff": (folder / "a.tif", {}, 0.0, 2.5e-7),
             "int16 tiff": (folder / "i.tif", {"height_scale_m": 0.001}, 0.0, 5.001e-4),
             "exr": (folder / "a.exr", half, 0.0, 2.5e-7)}

@@ -158,8 +158,8 @@ def test_blocks_are_made_of_the_ground_or_of_their_own():
         return material.node_tree.nodes["Snow"].inputs["Base Color"].default_value[0]
 
     defaults = complete()
-    assert reflectance(own_surface=False) == pytest.approx(base_colour(defaults["surface"], 0.9))
-    assert reflectance(own_surface=True) == pytest.approx(base_colour(defaults["rock_surface"], 0.3))
+    assert reflectance(own_surface=False) == pytest.approx(base_colour(defaults.surface, 0.9))
+    assert reflectance(own_surface=True) == pytest.approx(base_colour(defaults.rock_surface, 0.3))
 
 
 def test_a_contradiction_is_a_sentence_and_changes_nothing():

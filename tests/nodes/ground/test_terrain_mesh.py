@@ -32,7 +32,7 @@ def _built(*parts: dict) -> scenes.Built:
 
 def test_the_mesh_has_the_heights_of_the_ground():
     built = _built(LAW, {"craters": {"coverage": 0.1, "smallest_m": 1.0}})
-    terrain = built.settings["terrain"]
+    terrain = built.settings.terrain
     axis = np.linspace(-10, 10, 257)
     ground = scenes.ground_of(built.settings)
     heights = ground.heights(axis[None, :], axis[:, None], shortest_wavelength_m(terrain))
@@ -48,15 +48,15 @@ def test_the_mesh_has_the_heights_of_the_ground():
 @pytest.mark.parametrize("multifractality", [0.0, 1.0])
 def test_the_built_mesh_has_the_stated_roughness(hurst, multifractality):
     built = _built(LAW, {"terrain": {"hurst": hurst, "multifractality": multifractality}})
-    terrain = built.settings["terrain"]
+    terrain = built.settings.terrain
     found = measured(scenes.measured_patch(built), terrain)
     assert found is not None
     spacing = vertex_spacing_m(terrain)
     inside = (found.lag_m >= 3 * spacing) & (found.lag_m <= 0.25 * 12.0)
-    asked = math.tan(math.radians(terrain["rms_slope_deg"])) * found.lag_m**hurst
+    asked = math.tan(math.radians(terrain.rms_slope_deg)) * found.lag_m**hurst
     assert inside.sum() > 8
     assert np.abs(found.deviation_m / asked - 1)[inside].max() < 0.1
-    assert found.slope_deg == pytest.approx(terrain["rms_slope_deg"], rel=0.04)
+    assert found.slope_deg == pytest.approx(terrain.rms_slope_deg, rel=0.04)
     assert found.hurst == pytest.approx(hurst, abs=0.06)
 
 
@@ -84,7 +84,7 @@ def test_what_the_panel_says_is_what_is_measured():
 
 def test_the_table_of_roughness():
     built = _built(LAW)
-    terrain = built.settings["terrain"]
+    terrain = built.settings.terrain
     head, *rows = roughness_table(scenes.measured_patch(built), terrain)
     assert head == ("Distance", "RMS deviation", "Asked for", "Ratio", "PSD")
     heights = grid_heights(built.terrain.data, terrain)
@@ -114,11 +114,11 @@ def test_the_table_of_roughness():
 def test_no_roughness_is_shown_of_a_mesh_that_is_not_the_grid():
     built = _built(LAW)
     built.terrain.data = bpy.data.meshes.new("other")
-    assert measured(scenes.measured_patch(built), built.settings["terrain"]) is None
-    assert roughness_table(scenes.measured_patch(built), built.settings["terrain"]) == []
+    assert measured(scenes.measured_patch(built), built.settings.terrain) is None
+    assert roughness_table(scenes.measured_patch(built), built.settings.terrain) == []
     flat = _built({"terrain": {"rms_slope_deg": 0.0}})
     assert scenes.measured_roughness(bpy.context.scene).startswith("0.0°")
-    assert roughness_table(scenes.measured_patch(flat), flat.settings["terrain"])[1][2:4] == ("", "")
+    assert roughness_table(scenes.measured_patch(flat), flat.settings.terrain)[1][2:4] == ("", "")
 
 
 def test_layers_are_added_moved_and_removed(scene):
@@ -144,8 +144,8 @@ def test_layers_are_added_moved_and_removed(scene):
 def test_layers_reach_the_mesh():
     bare, layered = (_built({"terrain": {"rms_slope_deg": 0.0, "layers": layers}})
                      for layers in ([], [{"amplitude_m": 0.5, "scale_m": 4.0}]))
-    heights = grid_heights(layered.terrain.data, layered.settings["terrain"])
+    heights = grid_heights(layered.terrain.data, layered.settings.terrain)
     assert heights is not None
     # Twenty-five waves on the patch: their RMS height is that of all within a fifth.
     assert heights.std() == pytest.approx(0.5, rel=0.25)
-    assert bare.settings["terrain"]["layers"] == []
+    assert bare.settings.terrain.layers == []

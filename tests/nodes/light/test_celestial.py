@@ -42,7 +42,7 @@ def solid_angles(camera):
 def test_each_star_has_its_light_and_place_and_no_depth(tmp_path):
     pair, _ = render(tmp_path, LAMBERT, UP, {"light": NIGHT | {"stars": True, "latitude_deg": 45.0},
                                              "rig": {"heading_deg": 90.0}, "quality": {"samples": 100}})
-    shown = stars_above_horizon(2.5, 1, sky(pair.settings["light"]).from_j2000)
+    shown = stars_above_horizon(2.5, 1, sky(pair.settings.light).from_j2000)
     for eye in ("left", "right"):  # at infinity: both eyes see them in the same pixels
         view, camera = read_view(pair.image(eye)), pair.camera
         light = view.radiance * solid_angles(camera)[..., None]
@@ -111,7 +111,7 @@ def test_rings_are_seen_as_bright_as_they_are_before_and_behind_the_planet(tmp_p
     assert set(np.unique(view.semantic)) == {0, PLANET}
     assert np.isnan(scene_depth(view)).all()
     np.testing.assert_allclose(sum(view.groups.values()), view.radiance, atol=1e-5 * view.radiance.max())
-    shown = sky(light | {k: v for k, v in complete()["light"].items() if k not in light}).planet
+    shown = sky(complete().light | light).planet
     x = (np.arange(camera.width_px) + 0.5 - camera.cx_px) / camera.focal_px
     y = (np.arange(camera.height_px) + 0.5 - camera.cy_px) / camera.focal_px
     ray = np.stack(np.broadcast_arrays(x[None, :], y[:, None], np.ones(1)), axis=-1)
@@ -148,7 +148,7 @@ def test_saturn_shines_less_through_the_shadow_of_its_rings(tmp_path):
     for has in (True, False):
         pair, _ = render(tmp_path, LAMBERT, {"light": light | {"planet_rings": has}, "quality": {"samples": 256},
                                              "rig": {"pitch_deg": 90.0, "width_px": 48, "height_px": 36}})
-        expected = sky(pair.settings["light"]).ground_irradiance_wm2[1] * 0.8 / math.pi
+        expected = sky(pair.settings.light).ground_irradiance_wm2[1] * 0.8 / math.pi
         found[has] = read_view(pair.image("left")).radiance.mean()
         assert found[has] == pytest.approx(expected, rel=2e-3)
     assert found[True] < 0.97 * found[False]
@@ -172,7 +172,7 @@ def test_rings_give_the_ground_nothing_and_go_when_they_are_below():
 
 
 def test_the_panel_says_how_the_rings_stand_and_that_there_is_an_eclipse():
-    light = complete({"light": SATURN})["light"]
+    light = complete({"light": SATURN}).light
     assert "Rings 30° from edge-on, seen from north" in sidebar_text.sky_lines(light)
     assert "Rings exactly edge-on: not seen" in sidebar_text.sky_lines(light | {"planet_elevation_deg": 10.0})
     eclipsed = light | {"sun_elevation_deg": 40.0, "sun_azimuth_deg": 0.0}

@@ -73,7 +73,7 @@ def test_the_planet_is_seen_where_it_stands_as_big_and_bright_as_it_is(tmp_path)
     cosine = 1 / np.sqrt(1 + x[None, :] ** 2 + y[:, None] ** 2)
     # The disc as the camera sees it sheds on a facing surface what the integral says: pixels times their solid angle.
     seen = (view.radiance.mean(axis=-1) * cosine**4 / camera.focal_px**2).sum()
-    assert seen == pytest.approx(irradiance_wm2(sky(pair.settings["light"]).planet), rel=3e-3)
+    assert seen == pytest.approx(irradiance_wm2(sky(pair.settings.light).planet), rel=3e-3)
     # The terminator: the Sun is 30° below the southern horizon, so the planet's upper side is the bright one.
     rows = np.nonzero(on.any(axis=1))[0]
     upper, lower = (view.radiance[row][on[row]].mean() for row in (rows[8], rows[-8]))
@@ -150,7 +150,7 @@ def test_a_dark_sky_is_said_with_its_mend():
     assert "hides the Sun" in said(SATURN | {"sun_elevation_deg": 50.0, "sun_azimuth_deg": 20.0})
     dated = {"directions_from": "DATE", "body": "ENCELADUS", "latitude_deg": 0.0, "longitude_deg": 0.0}
     eclipsed = "2038-06-02T08:00:00"
-    assert sky(complete({"light": dated | {"date_utc": eclipsed}})["light"]).eclipse == 1
+    assert sky(complete({"light": dated | {"date_utc": eclipsed}}).light).eclipse == 1
     assert "light.date_utc" in said(dated | {"date_utc": eclipsed})
     assert not said(SATURN | {"sun_elevation_deg": 10.0})
     assert not said({"sun_elevation_deg": 0.01})
@@ -220,13 +220,13 @@ def test_planet_and_world_are_replaced_and_cleared():
 def test_the_panel_says_what_is_in_the_sky_and_what_the_camera_resolves():
     from icymoon.operators import sidebar_text
 
-    light = complete({"light": SATURN | {"sun_elevation_deg": 20.0}})["light"]
+    light = complete({"light": SATURN | {"sun_elevation_deg": 20.0}}).light
     text = "\n".join(sidebar_text.sky_lines(light))
     assert "Sun 20.00° high, azimuth 60.00°\n    0.0556° wide\n    14.8 W/m², 5.07 on flat ground" in text
     assert "Planet 50.00° high, azimuth 20.00°\n    29.3° wide, phase" in text
-    assert "Light > Date" in sidebar_text.sky_lines({**light, "directions_from": "DATE", "date_utc": "soon"})[0]
+    assert "Light > Date" in sidebar_text.sky_lines(light | {"directions_from": "DATE", "date_utc": "soon"})[0]
     assert max(map(len, sidebar_text.sky_lines(light))) <= 40
-    rig = complete()["rig"] | {"width_px": 640, "height_px": 480}
+    rig = complete().rig | {"width_px": 640, "height_px": 480}
     lines = sidebar_text.rig_lines(rig)
     assert lines[:2] == ("Field of view 86.3° x 70.2°", "f 341.3 px, f·B 85.33 px·m")
     # 1.6 m above the ground, 45.84° down: 2.23 m deep in the middle, 2.23² x 0.25 / 85.333 = 1.5 cm.
@@ -269,7 +269,7 @@ def test_the_preview_moves_the_planet_and_takes_it_away():
         fresh = scenes.Built(built.collection, built.terrain, built.sun, built.camera, settings, scene)
         assert preview.notes(scene) == []
         assert not built.edited
-        assert fresh.sky == sky_facts(sky(settings["light"]))
+        assert fresh.sky == sky_facts(sky(settings.light))
         assert [o.name for o in bpy.data.objects if "Planet" in o.name] == (
             [] if "planet" in change else ["Icy Moon Planet", "Icy Moon Planetshine"])
     preview.show(built, complete({"light": {"directions_from": "DATE", "date_utc": "soon"}}), 65)
@@ -285,6 +285,6 @@ def test_a_pair_is_named_by_what_its_kernels_hold(tmp_path):
     (tmp_path / "a.tls").write_text("two, longer")
     assert content(described) != first
     assert content(complete({"light": {"kernels": str(tmp_path)}})) == ""  # which the angles do not need
-    assert with_absolute_files(described)["light"]["kernels"] == str(tmp_path)
+    assert with_absolute_files(described).light.kernels == str(tmp_path)
     with pytest.raises(IcyMoonError, match=r"light\.kernels"):
         content(complete({"light": {"directions_from": "KERNELS", "kernels": str(tmp_path / "none")}}))

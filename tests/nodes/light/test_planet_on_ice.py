@@ -24,8 +24,8 @@ CRESCENT = SATURN | {"sun_azimuth_deg": 30.0, "sun_elevation_deg": -1.0, "planet
 
 def by_integral(pair: Pair, steps: int = 24) -> np.ndarray:
     """Radiance (H, W) of level ground in the planet's light alone, which is all in front of its rays."""
-    ray, brought = light_rays(sky(pair.settings["light"]).planet, steps)
-    law = partial(bidirectional_reflectance, parameters=from_settings(pair.settings["hapke"]))
+    ray, brought = light_rays(sky(pair.settings.light).planet, steps)
+    law = partial(bidirectional_reflectance, parameters=from_settings(pair.settings.hapke))
     up, eye = np.array([0.0, 0.0, 1.0]), rays(pair)
     total = np.zeros(eye.shape[:2])
     for direction, irradiance in zip(ray[brought > 0], brought[brought > 0], strict=True):

@@ -16,7 +16,7 @@ def measured(settings, **view) -> np.ndarray:
 
 
 def surface(**changes):
-    return {**defaults()["surface"], "grain_amplitude_m": 0.0, **check({"surface": changes}, "test")["surface"]}
+    return {**defaults().surface, "grain_amplitude_m": 0.0, **check({"surface": changes}, "test").surface}
 
 
 @pytest.mark.parametrize("changes", [
@@ -45,10 +45,10 @@ def test_bumps_as_high_as_they_are_wide_lose_the_light_that_is_reckoned_with(sub
 
 @pytest.mark.parametrize("name", ["fresh_snow", "rough_ice"])
 def test_presets_have_their_albedo(name):
-    settings = merged(defaults(), load(preset_path(f"surfaces/{name}")))["surface"]
-    settings["albedo_variation"] = 0.0
-    assert real_albedo(settings) == pytest.approx(settings["albedo"], rel=0.01)
-    assert measured(settings, view_m=1.0) == pytest.approx(settings["albedo"], rel=0.01)
+    settings = merged(defaults(), load(preset_path(f"surfaces/{name}"))).surface
+    settings.albedo_variation = 0.0
+    assert real_albedo(settings) == pytest.approx(settings.albedo, rel=0.01)
+    assert measured(settings, view_m=1.0) == pytest.approx(settings.albedo, rel=0.01)
 
 
 def test_patches_darken_by_half_their_depth_on_average():

@@ -36,7 +36,7 @@ def tree_of(*changes):
     """What the ground's material is made of, node by node, and its links."""
     empty_scene()
     settings = complete(*changes)
-    tree = build_material("Test", settings["surface"], 1, TERRAIN, None, settings).node_tree
+    tree = build_material("Test", settings.surface, 1, TERRAIN, None, settings).node_tree
     return ([(node.bl_idname, node.name, held(node), [_value(s) for s in node.inputs]) for node in tree.nodes],
             [(k.from_node.name, k.from_socket.identifier, k.to_node.name, k.to_socket.identifier) for k in tree.links])
 
@@ -54,7 +54,7 @@ def bounced(folder, *changes):
 @pytest.mark.parametrize("law", LAWS, ids=lambda law: law["model"])
 def test_direct_light_is_the_same_to_rounding(law, tmp_path, one_seed):
     """Without bounces, of gloss neither, the camera's is the only light."""
-    scene = (BUMPY, {"surface": {**law, "specular": 0.0, "grain_amplitude_m": 0.02}},
+    scene = (BUMPY, {"surface": law | {"specular": 0.0, "grain_amplitude_m": 0.02}},
              {"quality": {"diffuse_bounces": 0, "samples": 4}})
     pairs = [render(tmp_path / name, *scene, choice)[0] for name, choice in (("all", ALL), ("camera", CAMERA))]
     found, truth = ([read(pair) for pair in pairs] for read in (
@@ -116,7 +116,7 @@ def test_grain_is_of_a_span_and_told_apart_by_the_seed():
     fields = []
     for seed in (1, 2):
         empty_scene()
-        settings = {**complete()["surface"], "grain_size_m": 0.1, "grain_amplitude_m": 1.0, "relief": "DISPLACEMENT"}
+        settings = complete().surface | {"grain_size_m": 0.1, "grain_amplitude_m": 1.0, "relief": "DISPLACEMENT"}
         material = build_material("Height", settings, seed, TERRAIN)
         tree = Tree(material.node_tree, keep=True)
         height = tree.math("ADD", "Height over -1", tree.tree.nodes["Grain Height"].outputs[0], 1.0)

@@ -171,7 +171,7 @@ def test_dirt_drives_w_and_salt_tints(tmp_path, made_of):
     pair, _ = picture(tmp_path, {
         "surface": {"slope_dirt": -0.5, "salt_share": 1.0, "salt_red": 1.0, "salt_green": 0.7, "salt_blue": 0.4},
         "hapke": {"backend": made_of}})
-    darker = from_settings({**pair.settings["hapke"], "w": pair.settings["hapke"]["w"] * 0.5})
+    darker = from_settings(pair.settings.hapke | {"w": pair.settings.hapke.w * 0.5})
     truth = expected(pair, partial(bidirectional_reflectance, parameters=darker))
     image = read_view(pair.image("left")).radiance
     ground = truth > 0
@@ -235,7 +235,7 @@ def test_the_blur_of_the_surge_is_that_of_the_suns_disc(tmp_path):
                       "height_px": 18}}
     point = mean_radiance(picture(tmp_path / "p", behind, {"hapke": surge, "light": POINT})[0])
     fast = mean_radiance(picture(tmp_path / "f", behind, {"hapke": surge})[0])
-    exact = mean_radiance(picture(tmp_path / "e", behind, {"hapke": {**surge, "accuracy": "ACCURATE"},
+    exact = mean_radiance(picture(tmp_path / "e", behind, {"hapke": surge | {"accuracy": "ACCURATE"},
                                                            "quality": {"samples": 256}})[0])
     assert exact < 0.98 * point
     # The closed form is wrong by up to an eighth of what the disc takes away; noise adds a little.
@@ -266,7 +266,7 @@ def test_what_lights_itself_leaves_the_lamp_to_the_persons_objects(tmp_path):
 
 
 def test_without_osl_and_on_a_gpu_nodes_are_taken_and_it_is_said(monkeypatch):
-    hapke = complete({"hapke": {"accuracy": "REFERENCE"}})["hapke"]
+    hapke = complete({"hapke": {"accuracy": "REFERENCE"}}).hapke
     assert reflectance_laws.choose(hapke, "CPU") == (True, "REFERENCE", "")
     use_osl, level, message = reflectance_laws.choose(hapke, "GPU")
     assert (use_osl, level) == (False, "FAST")
@@ -359,7 +359,7 @@ def test_the_reference_level_has_the_law_at_every_end_of_three_interreflections(
         "light": {"sun_azimuth_deg": 200.0, "sun_elevation_deg": 30.0},
         "rig": {"width_px": 32, "height_px": 24}}, change=valley)
     view, light = read_view(pair.image("left")), pair.data["light"]["sun"]
-    law = partial(bidirectional_reflectance, parameters=from_settings(pair.settings["hapke"]))
+    law = partial(bidirectional_reflectance, parameters=from_settings(pair.settings.hapke))
     pose, sun = np.array(pair.data["poses_camera_to_world"]["left"]), np.array(light["direction_to_world"])
     eye = rays(pair)
     forward = -eye @ pose[:3, 2]

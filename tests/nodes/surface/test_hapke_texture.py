@@ -61,7 +61,7 @@ def test_each_half_has_its_own_roughness(tmp_path, made_of, accuracy, theta_bar_
     east, image = east_m(pair), read_view(pair.image("left")).radiance[..., 0]
     assert np.isfinite(image).all()
     for side, value in ((-1, 0.0), (1, 1.0)):
-        there = {**pair.settings["hapke"], "theta_bar_deg": theta_bar_deg + (value - 0.5) * range_deg}
+        there = pair.settings.hapke | {"theta_bar_deg": theta_bar_deg + (value - 0.5) * range_deg}
         truth = expected(pair, partial(bidirectional_reflectance, parameters=from_settings(there)))
         seen = (truth > 0) & (side * east > SIDE_M / PIXELS)  # beside the step, where texels are blended
         assert seen.mean() > 0.2
@@ -72,7 +72,7 @@ def test_each_half_has_its_own_roughness(tmp_path, made_of, accuracy, theta_bar_
 def test_an_even_image_is_the_constant(tmp_path, made_of, accuracy):
     hapke = {"backend": made_of, "accuracy": accuracy, "theta_bar_deg": 20.0}
     images = [read_view(picture(tmp_path / str(range_deg), textured(
-        tmp_path / str(range_deg), 0.6, {**hapke, "theta_bar_range_deg": range_deg}))[0].image("left")).radiance
+        tmp_path / str(range_deg), 0.6, hapke | {"theta_bar_range_deg": range_deg}))[0].image("left")).radiance
         for range_deg in (0.0, 30.0)]
     assert np.allclose(images[1], images[0], rtol=SMOOTH)
 
@@ -96,7 +96,7 @@ def test_what_is_off_costs_no_node(made_of):
                                                        (1.0, (0.0, 60.0), 0.012), (0.447, (5.0, 25.0), 0.006)])
 def test_the_albedo_for_the_sky_follows_the_roughness(w, span_deg, within):
     """The polynomial against the integral, at slopes and angles between those that it was fitted to."""
-    q = from_settings(complete({"hapke": {"w": w}})["hapke"])
+    q = from_settings(complete({"hapke": {"w": w}}).hapke)
     low, high = np.radians(span_deg)
     coefficients = reflectance_laws._fit(q, 0.5, (float(low), float(high)))
     mu = np.linspace(0.05, 1.0, 9)
@@ -104,7 +104,7 @@ def test_the_albedo_for_the_sky_follows_the_roughness(w, span_deg, within):
         for grey in (1.0, 0.7):
             gamma = np.sqrt(1 - w * grey)
             at = from_settings(complete({"hapke": {
-                "w": w * grey, "theta_bar_deg": span_deg[0] + share * (span_deg[1] - span_deg[0])}})["hapke"])
+                "w": w * grey, "theta_bar_deg": span_deg[0] + share * (span_deg[1] - span_deg[0])}}).hapke)
             truth = hemispherical_albedo(partial(bidirectional_reflectance, parameters=at), np.arccos(mu))
             found = np.einsum("knm,kx,n,m->x", coefficients, mu ** np.arange(4)[:, None],
                               ((1 - gamma) / (1 + gamma)) ** np.arange(3), (2 * share - 1) ** np.arange(5))
@@ -134,7 +134,7 @@ def test_shaded_ground_has_the_albedo_of_its_roughness(tmp_path, made_of, accura
         "rig": {"width_px": 32, "height_px": 24}}, change=dome)
     east, view, eye = east_m(pair), read_view(pair.image("left")), rays(pair)
     for side, value in ((-1, 0.0), (1, 1.0)):
-        there = from_settings({**pair.settings["hapke"], "theta_bar_deg": 20.0 + (value - 0.5) * 30.0})
+        there = from_settings(pair.settings.hapke | {"theta_bar_deg": 20.0 + (value - 0.5) * 30.0})
         seen = (view.instance == 1) & (side * east > 0.7) & (eye[..., 2] > 0.2)
         assert seen.mean() > 0.1
         law = partial(bidirectional_reflectance, parameters=there)

@@ -21,9 +21,9 @@ from rendering import complete, empty_scene, png
 
 def measured(surface: dict, textures: dict, files=None, **view) -> np.ndarray:
     """What a white furnace measures on a textured surface."""
-    settings = {**defaults()["surface"], "grain_amplitude_m": 0.0, "specular": 0.0,
+    settings = defaults().surface | {"grain_amplitude_m": 0.0, "specular": 0.0,
                 **check({"surface": surface}, "test").get("surface", {})}
-    described = {**defaults()["textures"], **check({"textures": textures}, "test")["textures"]}
+    described = defaults().textures | check({"textures": textures}, "test").textures
     return furnace(lambda: build_material("Test", settings, 1, TERRAIN,
                                           Textured(described, load_maps(described, files or {}))), **view)
 
@@ -80,8 +80,8 @@ def test_repeats_do_not_show():
 def seen(textures: dict) -> np.ndarray:
     """The emission (128, 128) of a flat textured surface 2 m wide, seen from above, as its albedo."""
     empty_scene()
-    described = {**defaults()["textures"], **check({"textures": textures}, "test")["textures"]}
-    settings = {**defaults()["surface"], "grain_amplitude_m": 0.0, "specular": 0.0, "albedo": 0.5}
+    described = defaults().textures | check({"textures": textures}, "test").textures
+    settings = defaults().surface | {"grain_amplitude_m": 0.0, "specular": 0.0, "albedo": 0.5}
     material = build_material("Test", settings, 1, TERRAIN, Textured(described, load_maps(described, {})))
     tree = material.node_tree
     colour = tree.nodes["Snow"].inputs["Base Color"].links[0].from_socket
@@ -100,8 +100,8 @@ def test_a_normal_map_tilts_as_it_says(tmp_path):
     normal = np.array([0.5, 0.0, 1.0]) / np.hypot(0.5, 1.0)
     path = png(tmp_path / "n.png", np.broadcast_to(0.5 + 0.5 * normal, (8, 8, 3)))
     empty_scene()
-    described = {**defaults()["textures"], "set": "OWN", "repeat": "PLAIN"}
-    settings = {**defaults()["surface"], "grain_amplitude_m": 0.0, "specular": 0.0, "albedo": 0.5}
+    described = defaults().textures | {"set": "OWN", "repeat": "PLAIN"}
+    settings = defaults().surface | {"grain_amplitude_m": 0.0, "specular": 0.0, "albedo": 0.5}
     material = build_material("Test", settings, 1, TERRAIN,
                               Textured(described, load_maps(described, {"normal": path})))
     scene = bpy.context.scene

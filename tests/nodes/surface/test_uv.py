@@ -22,6 +22,7 @@ from icymoon.panels.relevance import matters, shown
 from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.settings import description
 from icymoon.settings.table import TOPICS
+from icymoon.typed_settings import Settings
 from mesh_exports import FORMATS, export
 from obj_files import obj
 from rendering import complete, empty_scene, png
@@ -139,7 +140,7 @@ WRITERS: dict[str, Callable[..., Path]] = {
     "uv.ply": vertex_ply(("u", "v")), "texture.ply": vertex_ply(("texture_u", "texture_v"))}
 
 
-def described(path: Path, textures: dict, source: dict | None = None, *more: dict) -> description.Settings:
+def described(path: Path, textures: dict, source: dict | None = None, *more: dict) -> Settings:
     """Settings of a plain matt ground from a file, the Sun in the zenith."""
     return complete({"source": {"kind": "MESH", "file": str(path), "up_axis": "Z", "origin_x_m": ASIDE_M,
                                 **(source or {})},
@@ -148,13 +149,13 @@ def described(path: Path, textures: dict, source: dict | None = None, *more: dic
                      "textures": textures}, *more)
 
 
-def above(settings: description.Settings, samples: int = 4) -> np.ndarray:
+def above(settings: Settings, samples: int = 4) -> np.ndarray:
     """Reflectance (PIXELS, PIXELS, 3) of the ground seen from above, row 0 southernmost and column 0 westernmost:
     radiance over that of level, white ground under a Sun in the zenith."""
     scene = empty_scene()
     scenes.build(scene, settings)
     scene.render.engine, scene.cycles.samples = "CYCLES", samples
-    return radiance(scene, 0.0, SIDE_M, PIXELS)[::-1, ::-1] * np.pi / settings["light"]["sun_irradiance_wm2"]
+    return radiance(scene, 0.0, SIDE_M, PIXELS)[::-1, ::-1] * np.pi / settings.light.sun_irradiance_wm2
 
 
 def expected(wanted: np.ndarray | None = None) -> np.ndarray:
@@ -426,14 +427,14 @@ def test_a_ground_with_faces_of_four_corners_has_the_same_mean(tmp_path):
     settings = described(obj(tmp_path / "a.obj", positions, faces, uv), {"set": "OWN", "mapping": "UV",
                                                                           "albedo_file": str(image)})
     mesh = scenes.build(scene, settings).terrain.data
-    before = images.means_on(mesh, images.load_maps(settings["textures"], {"albedo": image}))["albedo"].mean
+    before = images.means_on(mesh, images.load_maps(settings.textures, {"albedo": image}))["albedo"].mean
     edited = bmesh.new()
     edited.from_mesh(mesh)
     bmesh.ops.join_triangles(edited, faces=edited.faces[:], angle_face_threshold=0.1, angle_shape_threshold=3.0)
     edited.to_mesh(mesh)
     edited.free()
     assert len(mesh.polygons) < len(faces)
-    after = images.means_on(mesh, images.load_maps(settings["textures"], {"albedo": image}))["albedo"].mean
+    after = images.means_on(mesh, images.load_maps(settings.textures, {"albedo": image}))["albedo"].mean
     assert after == pytest.approx(before, abs=0.005)
 
 

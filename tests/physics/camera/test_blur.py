@@ -36,7 +36,7 @@ def test_without_blur_there_is_none_and_the_response_does_not_name_the_pair():
     ({"focus_distance_m": 2.0}, {"f_number": 8.0}, {"f_number": 4.0}, {"exposure_s": 1.0}),
     ({"roll_deg_s": 3.0}, {"exposure_s": 0.01}, {"exposure_s": 0.02}, {"f_number": 4.0})])
 def test_what_of_the_response_is_in_the_light_names_the_pair(rig, one, other, same):
-    base = described(rig, {"sensor": defaults()["sensor"] | FIXED["sensor"]})
+    base = described(rig, {"sensor": defaults().sensor | FIXED["sensor"]})
     name = [expand_headings(merged(base, {"sensor": values}))[0].id for values in (one, other, one | same)]
     assert name[0] == name[2] != name[1]
 
@@ -54,7 +54,7 @@ def test_blur_that_cannot_be_rendered_is_refused_in_a_sentence(rig, sensor, said
 
 
 def test_focus_at_depth_and_at_infinity():
-    rig = defaults()["rig"]
+    rig = defaults().rig
     blur = blur_of(described({"focus_distance_m": 2.0}, {"sensor": {"f_number": 4.0}}))
     assert confusion_px(2.0, rig, blur) == 0
     # f²/N over the pixel's width, of the inverse focus: the disc of what is infinitely far, a textbook's.
@@ -110,7 +110,7 @@ def test_the_report_and_developed_images_say_what_truth_is_of_and_what_does_not_
 
 
 def test_a_camera_is_read_back_and_older_pairs_have_parallel_eyes_without_margins():
-    rig = defaults()["rig"] | {"overscan": 0.031, "toe_in_deg": 3.0}
+    rig = defaults().rig | {"overscan": 0.031, "toe_in_deg": 3.0}
     camera = StereoCamera.from_settings(rig)
     assert camera.rendered_px == (640 + 2 * 20, 480 + 2 * 15)
     stored = json.loads(json.dumps(camera.to_json()))
@@ -122,7 +122,7 @@ def test_a_camera_is_read_back_and_older_pairs_have_parallel_eyes_without_margin
 
 @pytest.mark.parametrize("toe_in", [0.0, 3.0, 45.0])
 def test_a_point_is_where_the_calibration_of_each_eye_says(toe_in):
-    camera = StereoCamera.from_settings(defaults()["rig"] | {"toe_in_deg": toe_in})
+    camera = StereoCamera.from_settings(defaults().rig | {"toe_in_deg": toe_in})
     point = np.array([0.1, -0.2, 2.0])
     eyes = camera.eyes_json()
     for eye, at in (("left", [0, 0, 0]), ("right", [camera.baseline_m, 0, 0])):

@@ -17,8 +17,8 @@ pytestmark = pytest.mark.filterwarnings("error")
 
 def settings(**sensor):
     described = defaults()
-    described["sensor"] |= sensor
-    return described["light"], described["sensor"]
+    described.sensor |= sensor
+    return described.light, described.sensor
 
 
 def random():
@@ -57,7 +57,7 @@ def test_the_lens_keeps_an_even_image_and_the_total_of_a_point():
     image = apply_lens(point, sensor)
     assert image.sum() == pytest.approx(1.0, rel=1e-9)
     assert image[0, 0] == pytest.approx(0.05 / 61**2, rel=1e-6)
-    sharp = apply_lens(point, {**sensor, "veiling_glare": 0.0})
+    sharp = apply_lens(point, sensor | {"veiling_glare": 0.0})
     offsets = np.arange(61) - 30.0
     # A pixel's own width adds its variance, 1/12, and the cut at four deviations takes 1e-3 of it.
     assert (sharp.sum(axis=0) * offsets**2).sum() == pytest.approx(1.3**2 + 1 / 12, rel=3e-3)
@@ -100,19 +100,19 @@ def test_electrons_are_those_of_a_photon_budget_by_hand():
     """Radiance x solid angle x pixel area x exposure x efficiency over the energy of a photon, in a narrow band."""
     light, sensor = settings(pixel_pitch_um=6.4, f_number=12.0, transmission=0.85, quantum_efficiency=0.45,
                              band_centre_nm=600.0, band_width_nm=0.1)
-    light = {**light, "irradiance_band": "CAMERA"}
+    light = light | {"irradiance_band": "CAMERA"}
     radiance, seconds = 12.5, 3e-3
     # A lens of f/N seen from its image fills sin² of half its angle = 1 / (1 + 4 N²): that times pi is its solid
     # angle, each direction weighted by its slant. Photons of 600 nm have hc/λ to (0.05 / 600)² within the band.
     solid_angle_sr = math.pi / (1 + 4 * 12.0**2)
     joules = radiance * 0.85 * solid_angle_sr * (6.4e-6) ** 2 * seconds
     by_hand = 0.45 * joules / (6.62607015e-34 * 299792458.0 / 600e-9)
-    pitch_m = pixel_pitch_m(sensor, defaults()["rig"])
+    pitch_m = pixel_pitch_m(sensor, defaults().rig)
     assert electron_rate(light, sensor, pitch_m) * radiance * seconds == pytest.approx(by_hand, rel=1e-6)
 
 
 def test_the_pixel_is_the_sensors_or_else_the_rigs():
-    rig = defaults()["rig"]
+    rig = defaults().rig
     assert pixel_pitch_m(settings()[1], rig) == pytest.approx(60e-3 / 640)
     assert pixel_pitch_m(settings(pixel_pitch_um=12.0)[1], rig) == pytest.approx(12e-6)
 
@@ -124,28 +124,28 @@ def test_real_pixels_expose_sunlit_europa_as_long_as_real_cameras_do(name):
     # Level Lambert ground of albedo 0.6 under the Sun of Europa, 30 degrees high.
     radiance = np.full((8, 8), 0.6 * 50.26 * 0.5 / math.pi)
     def auto(sensor):
-        rate = electron_rate(described["light"], sensor, pixel_pitch_m(sensor, described["rig"]))
+        rate = electron_rate(described.light, sensor, pixel_pitch_m(sensor, described.rig))
         return exposure_s(radiance, rate, sensor)
-    real, wide = auto(described["sensor"]), auto({**described["sensor"], "pixel_pitch_um": 0.0})
+    real, wide = auto(described.sensor), auto(described.sensor | {"pixel_pitch_um": 0.0})
     assert 0.01 < real < 0.5
-    assert wide / real == pytest.approx((described["sensor"]["pixel_pitch_um"] / 93.75) ** 2, rel=1e-6)
-    assert not exposure_warnings(auto(described["sensor"]), 0.0, described["sensor"])
+    assert wide / real == pytest.approx((described.sensor.pixel_pitch_um / 93.75) ** 2, rel=1e-6)
+    assert not exposure_warnings(auto(described.sensor), 0.0, described.sensor)
 
 
 def test_particles_of_jupiters_belts_are_seen_in_an_exposure_of_sunlit_ice():
     """Flux x area x exposure by hand, at the flux of the preset. With auto exposure it is the same for pixels of any
     size, which gather light and particles alike, but tracks are longer than a small pixel."""
     described = merged(defaults(), load(preset_path("rigs/guiss")), load(preset_path("sensors/europa_radiation")))
-    sensor = described["sensor"]
-    pitch_m = pixel_pitch_m(sensor, described["rig"])
+    sensor = described.sensor
+    pitch_m = pixel_pitch_m(sensor, described.rig)
     seconds = exposure_s(np.full((8, 8), 0.6 * 50.26 * 0.5 / math.pi),
-                         electron_rate(described["light"], sensor, pitch_m), sensor)
+                         electron_rate(described.light, sensor, pitch_m), sensor)
     by_hand = 1e5 * (640 * 6.5e-4) * (480 * 6.5e-4) * seconds
     assert expected_hits(sensor, (480, 640), pitch_m, seconds) == pytest.approx(by_hand, rel=1e-9)
     assert 10 < by_hand < 1000
     freed = draw_hits(sensor, (480, 640), pitch_m, seconds, random())
     assert freed.sum() > 0.9 * by_hand * 80 * 10  # each 80 e- per µm over 10 µm at least, less what leaves the image
-    assert np.count_nonzero(freed > 5 * sensor["read_noise_e"]) > 1.5 * by_hand
+    assert np.count_nonzero(freed > 5 * sensor.read_noise_e) > 1.5 * by_hand
     wide = draw_hits(sensor, (480, 640), 93.75e-6, seconds * (6.5 / 93.75) ** 2, random())
     assert np.count_nonzero(wide) < 1.3 * by_hand
 

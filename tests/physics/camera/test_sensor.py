@@ -27,7 +27,7 @@ QUIET = {"shot_noise": False, "read_noise_e": 0.0, "dark_current_e_s": 0.0}
 
 
 def sensor(**changes):
-    return defaults()["sensor"] | {"dark_current_e_s": 0.0} | changes
+    return defaults().sensor | {"dark_current_e_s": 0.0} | changes
 
 
 def random():
@@ -106,7 +106,7 @@ def test_dark_current_doubles_with_temperature_and_has_shot_noise():
     charge = exposed(np.zeros(N), settings, seconds=10.0)
     assert abs(charge.mean() - 2000) < 5 * np.sqrt(2000 / N)
     assert abs(charge.var() - 2000) < 5 * 2000 * np.sqrt(2 / N)
-    assert dark_current_e_s({**settings, "temperature_k": 0.0}) < 1e-8
+    assert dark_current_e_s(settings | {"temperature_k": 0.0}) < 1e-8
 
 
 def test_fixed_patterns_have_their_width_and_stay():
@@ -229,17 +229,17 @@ _EXTREMES = [pytest.param(s.key, value, id=f"{s.key}-{value:g}") for s in SENSOR
 def test_no_extreme_of_the_sensor_makes_anything_but_numbers(key, value, light):
     kind = int if SENSOR[key].kind == "int" else float
     settings = defaults()
-    settings["sensor"] |= {"auto_exposure": key.startswith("auto"), "blooming": 0.5, key: kind(value)}
-    rate = electron_rate(settings["light"], settings["sensor"], 94e-6)
+    settings.sensor |= {"auto_exposure": key.startswith("auto"), "blooming": 0.5, key: kind(value)}
+    rate = electron_rate(settings.light, settings.sensor, 94e-6)
     assert np.isfinite(rate)
     image = np.full((12, 9), light)
     image[3, 3] = np.nan
-    seconds = exposure_s(image, rate, settings["sensor"])
-    charge = electrons(image, seconds, rate, settings["sensor"], random(),
-                       draw_pattern(1, "left", image.shape, settings["sensor"]))
+    seconds = exposure_s(image, rate, settings.sensor)
+    charge = electrons(image, seconds, rate, settings.sensor, random(),
+                       draw_pattern(1, "left", image.shape, settings.sensor))
     assert np.isfinite(charge).all()
-    numbers = digital_numbers(charge, settings["sensor"])
-    assert numbers.max() <= 2 ** settings["sensor"]["bits"] - 1
+    numbers = digital_numbers(charge, settings.sensor)
+    assert numbers.max() <= 2 ** settings.sensor.bits - 1
 
 
 def test_a_well_of_one_electron_counts_photons():

@@ -8,7 +8,7 @@ from icymoon.physics.camera.stereo_geometry import depth_error_m, focal_px, grou
 from icymoon.render.pairs.pair_folder import StereoCamera
 from icymoon.settings.description import defaults, load, merged, preset_path
 
-RIG = defaults()["rig"]
+RIG = defaults().rig
 
 
 def hit(rig, row, column=320.0):
@@ -32,7 +32,7 @@ def test_a_row_of_the_image_on_the_ground(row):
 
 
 def test_depth_error_is_what_a_disparity_error_makes():
-    fb = focal_px(RIG) * RIG["baseline_m"]
+    fb = focal_px(RIG) * RIG.baseline_m
     assert fb == pytest.approx(85.333, abs=1e-3)
     for depth in (1.0, 5.0, 20.0):
         disparity = fb / depth
@@ -65,6 +65,6 @@ def test_what_both_eyes_see_is_counted_ray_by_ray(toe_in, depth):
 @pytest.mark.parametrize(("name", "horizontal_deg"), [
     ("guiss", 86.3), ("mer_navcam", 45.4), ("mer_pancam", 16.3), ("mars2020_navcam", 96.0), ("europa_lander", 21.0)])
 def test_rigs_have_their_published_fields_of_view(name, horizontal_deg):
-    rig = merged(defaults(), load(preset_path(f"rigs/{name}")))["rig"]
-    assert 2 * math.degrees(math.atan(rig["width_px"] / 2 / focal_px(rig))) == pytest.approx(horizontal_deg, abs=0.1)
-    assert math.isfinite(ground_row(rig, rig["height_px"]).depth_m)
+    rig = merged(defaults(), load(preset_path(f"rigs/{name}"))).rig
+    assert 2 * math.degrees(math.atan(rig.width_px / 2 / focal_px(rig))) == pytest.approx(horizontal_deg, abs=0.1)
+    assert math.isfinite(ground_row(rig, rig.height_px).depth_m)

@@ -194,7 +194,7 @@ def test_spice_and_the_elements_agree(kernels):
 
 def test_the_sky_of_a_date_and_of_kernels(kernels):
     light = description.merged(
-        description.defaults(), description.load(description.preset_path("bodies/enceladus")))["light"]
+        description.defaults(), description.load(description.preset_path("bodies/enceladus"))).light
     dated = sky(light | {"directions_from": "DATE", "date_utc": DATE})
     exact = sky(light | {"directions_from": "KERNELS", "date_utc": DATE, "kernels": str(kernels)})
     for shown in (dated, exact):
@@ -207,7 +207,7 @@ def test_the_sky_of_a_date_and_of_kernels(kernels):
 
 def test_the_planet_eclipses_the_sun_once_an_orbit(tmp_path):
     """Shown or not; for as long as the Sun takes to pass behind an ellipse, which it does not in the solstices."""
-    light = description.defaults()["light"] | {"body": "ENCELADUS", "latitude_deg": 0.0, "longitude_deg": 0.0}
+    light = description.defaults().light | {"body": "ENCELADUS", "latitude_deg": 0.0, "longitude_deg": 0.0}
     date = "2038-06-01T12:00:00"
     kernels = written_kernels(tmp_path, date)
 

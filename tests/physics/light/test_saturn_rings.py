@@ -13,7 +13,7 @@ from icymoon.settings import description
 pytestmark = pytest.mark.filterwarnings("error")
 
 ENCELADUS = description.merged(
-    description.defaults(), description.load(description.preset_path("bodies/enceladus")))["light"]
+    description.defaults(), description.load(description.preset_path("bodies/enceladus"))).light
 
 
 def dated(date, latitude):

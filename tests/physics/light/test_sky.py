@@ -152,7 +152,7 @@ def test_the_mesh_is_the_ellipsoid_in_size_light_and_side():
 
 def test_the_sky_of_the_settings():
     light = description.merged(
-        description.defaults(), description.load(description.preset_path("bodies/enceladus")))["light"]
+        description.defaults(), description.load(description.preset_path("bodies/enceladus"))).light
     shown = sky(light | {"sun_elevation_deg": 20.0, "sun_azimuth_deg": 300.0})
     assert (elevation_deg(shown.sun), azimuth_deg(shown.sun)) == pytest.approx((20.0, 300.0))
     assert shown.ground_irradiance_wm2[0] == pytest.approx(14.82 * math.sin(math.radians(20)))
@@ -166,7 +166,7 @@ def test_the_sky_of_the_settings():
 
 @pytest.mark.parametrize(("elevation", "up"), [(-5.0, False), (-0.02, True), (0.0, True), (0.01, True), (90.0, True)])
 def test_the_sun_is_up_while_any_of_it_is(elevation, up):
-    shown = sky(description.defaults()["light"] | {"sun_elevation_deg": elevation})
+    shown = sky(description.defaults().light | {"sun_elevation_deg": elevation})
     assert shown.sun_is_up is up
     assert shown.ground_irradiance_wm2[0] == pytest.approx(14.82 * max(0.0, math.sin(math.radians(elevation))))
 
@@ -219,7 +219,7 @@ def test_an_ellipsoid_hides_what_rays_meet():
 
 
 def test_an_eclipse_takes_the_light_of_the_ground():
-    light = description.defaults()["light"] | {"planet": True, "planet_elevation_deg": 20.0, "planet_azimuth_deg": 60.0}
+    light = description.defaults().light | {"planet": True, "planet_elevation_deg": 20.0, "planet_azimuth_deg": 60.0}
     assert sky(light).eclipse == 1.0
     assert sky(light).ground_irradiance_wm2 == (0.0, 0.0)
     part = sky(light | {"planet_angular_diameter_deg": 0.05})
@@ -232,7 +232,7 @@ def test_an_eclipse_takes_the_light_of_the_ground():
 def test_every_scene_preset_has_light():
     for name in description.preset_names("scenes"):
         shown = sky(description.merged(
-            description.defaults(), description.load(description.preset_path(name)))["light"])
+            description.defaults(), description.load(description.preset_path(name))).light)
         assert shown.eclipse == 0.0, name
         assert sum(shown.ground_irradiance_wm2) > (0.05 if name.endswith("shine") else 1.0), name
 
@@ -250,7 +250,7 @@ def test_a_body_has_the_same_planet_in_its_sky_by_angles_and_by_date(name):
     by_angles = sky_facts(sky(light))["planet"]
     for day in range(0, 400, 9):
         date = str(np.datetime64("2031-01-01T00:00") + np.timedelta64(day * 1440 + 61 * day, "m"))
-        by_date = sky_facts(sky({**light, "directions_from": "DATE", "date_utc": date}))["planet"]
+        by_date = sky_facts(sky(light | {"directions_from": "DATE", "date_utc": date}))["planet"]
         off = math.degrees(math.acos(min(1.0, np.dot(by_date["direction_to_world"], by_angles["direction_to_world"]))))
         assert off < 1.5
         assert by_date["angular_diameter_deg"] == pytest.approx(by_angles["angular_diameter_deg"], rel=0.015)
@@ -265,7 +265,7 @@ def test_ground_of_one_body_gets_no_sky_of_another(way, body, other):
     dated = {"light": {"directions_from": way}}
     of_body, of_other = (description.load(description.preset_path(f"bodies/{name}")) for name in (body, other))
     check_body(described(of_body, dated))
-    for ground in (GANYMEDE, {"terrain": of_other["terrain"]}):
+    for ground in (GANYMEDE, {"terrain": of_other.terrain}):
         check_body(described(of_body, ground))  # at angles, the sky is what is stated
         with pytest.raises(IcyMoonError, match=r"light\.body is E.* another sky; set light\.body to what this is"):
             check_body(described(of_body, ground, dated))

@@ -11,7 +11,7 @@ from icymoon.settings import description
 
 pytestmark = pytest.mark.filterwarnings("error")
 
-LIGHT = description.defaults()["light"]
+LIGHT = description.defaults().light
 
 
 def star(name):
@@ -34,7 +34,7 @@ def test_a_star_of_magnitude_zero_has_the_light_of_vegas_zero_point():
 
 def test_a_camera_counts_the_photons_of_a_star():
     """A thousand photons per cm², second and Ångström at V = 0 (Bessell 1979, PASP 91, 589), through f/8 of 32 mm."""
-    sensor = description.defaults()["sensor"] | {
+    sensor = description.defaults().sensor | {
         "band_centre_nm": 545.0, "band_width_nm": 80.0, "f_number": 8.0, "transmission": 1.0, "quantum_efficiency": 1.0}
     pitch, focal = 94e-6, 32e-3
     radiance = stars.V0_WM2 / (pitch / focal) ** 2  # of the one pixel that has all of it

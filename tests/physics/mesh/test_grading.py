@@ -113,10 +113,10 @@ def test_no_edge_on_level_ground_is_longer_than_stated():
 
 
 def test_the_pixels_of_a_radian_are_those_of_the_image():
-    at = view_of(merged(defaults(), {"rig": {"focal_length_mm": 1000.0}})["rig"])
+    at = view_of(merged(defaults(), {"rig": {"focal_length_mm": 1000.0}}).rig)
     # A narrow lens has f pixels per radian everywhere: 640 * 1000 / 60.
     assert at.pixels_per_radian == pytest.approx(640 * 1000 / 60, rel=1e-3)
-    wide = view_of(defaults()["rig"])
+    wide = view_of(defaults().rig)
     # The mean over the paper's image of 1 + tan², on a grid.
     a, b = np.linspace(-30, 30, 601) / 32, np.linspace(-22.5, 22.5, 451) / 32
     assert wide.pixels_per_radian == pytest.approx(640 * 32 / 60 * (1 + (a**2).mean() + (b**2).mean()), rel=1e-2)

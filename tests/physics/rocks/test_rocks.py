@@ -21,7 +21,7 @@ SIZE_M = 20.0
 
 def described(**changes):
     """``rocks`` settings: the defaults with 10 % of the ground covered, and changes."""
-    return merged(defaults(), {"rocks": {"coverage": 0.1, "most": 200_000, **changes}})["rocks"]
+    return merged(defaults(), {"rocks": {"coverage": 0.1, "most": 200_000, **changes}}).rocks
 
 
 def strewn(surface, seed: int = 5, clear=(0.0, 0.0, 0.0), size_m: float = SIZE_M, **changes):

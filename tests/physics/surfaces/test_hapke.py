@@ -50,7 +50,7 @@ def test_arrays_broadcast_and_give_what_single_angles_give():
     assert together.shape == (3, 2, 4)
     assert together[2, 1, 1] == bidirectional_reflectance(i[2, 0, 0], e[1, 0], psi[1], HapkeParameters(**EUROPA))
     assert together[..., 3] == pytest.approx(together[..., 1], rel=1e-12)  # the plane of incidence is a mirror
-    textured = bidirectional_reflectance(0.5, 0.6, 0.7, HapkeParameters(**{**EUROPA, "w": np.array([0.2, 0.964])}))
+    textured = bidirectional_reflectance(0.5, 0.6, 0.7, HapkeParameters(**EUROPA | {"w": np.array([0.2, 0.964])}))
     assert textured[1] == bidirectional_reflectance(0.5, 0.6, 0.7, HapkeParameters(**EUROPA))
     assert textured[0] < textured[1]
 
@@ -275,8 +275,8 @@ def test_europas_terrains_are_as_bright_beside_each_other_as_stated():
 def test_the_laws_of_settings():
     settings = description.defaults()
     for model, share in (("LAMBERT", 0.0), ("LOMMEL_SEELIGER", 1.0), ("LUNAR_LAMBERT", 0.7)):
-        surface = {**settings["surface"], "model": model, "albedo": 0.4}
-        assert albedos.albedos(surface, settings["hapke"]).bond == pytest.approx(0.4)
-        law_here, plain = albedos.law_of(surface, settings["hapke"]), photometry.lunar_lambert(0.4, share)
+        surface = settings.surface | {"model": model, "albedo": 0.4}
+        assert albedos.albedos(surface, settings.hapke).bond == pytest.approx(0.4)
+        law_here, plain = albedos.law_of(surface, settings.hapke), photometry.lunar_lambert(0.4, share)
         assert float(law_here(0.3, 1.2, 0.5)) == pytest.approx(float(plain(0.3, 1.2, 0.5)))
-    assert albedos.albedos({**settings["surface"], "model": "PRINCIPLED"}, settings["hapke"]) is None
+    assert albedos.albedos(settings.surface | {"model": "PRINCIPLED"}, settings.hapke) is None

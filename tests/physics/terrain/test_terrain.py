@@ -12,8 +12,9 @@ from hypothesis import settings as hypothesis
 from hypothesis import strategies as st
 from icymoon.physics.terrain.landforms import MAKERS
 from icymoon.physics.terrain.terrain import Terrain, make_terrain, terrain_advice
-from icymoon.settings.description import Settings, check, defaults, load, merged, preset_names, preset_path
+from icymoon.settings.description import check, defaults, load, merged, preset_names, preset_path
 from icymoon.settings.table import TOPICS
+from icymoon.typed_settings import Settings
 
 #: Every landform at once, two layers, snow and a slope.
 EVERYTHING = check({
@@ -132,19 +133,19 @@ def _extremes() -> list[tuple[str, str, object]]:
 def test_every_setting_may_be_at_the_end_of_its_range(topic, key, value):
     rough = {"lacunarity": 2.0} if key != "lacunarity" else {}
     settings = _settings(EVERYTHING, {"terrain": {"size_m": 20.0, **rough}}, {topic: {key: value}})
-    ground_settings = settings["terrain"]
-    ground_settings["inner_scale_m"] = min(ground_settings["inner_scale_m"], ground_settings["outer_scale_m"])
+    ground_settings = settings.terrain
+    ground_settings.inner_scale_m = min(ground_settings.inner_scale_m, ground_settings.outer_scale_m)
     if key == "outer_scale_m":
-        ground_settings["inner_scale_m"] = value / 100
+        ground_settings.inner_scale_m = value / 100
     if key == "inner_scale_m":
-        ground_settings["outer_scale_m"] = max(value, 1.0)
+        ground_settings.outer_scale_m = max(value, 1.0)
     if topic == "craters":
-        settings["craters"]["smallest_m"] = min(settings["craters"]["smallest_m"], settings["craters"]["largest_m"])
+        settings.craters.smallest_m = min(settings.craters.smallest_m, settings.craters.largest_m)
         # Not more craters than one may ask for.
         few = {"smallest_m": 1e-5, "largest_m": 1e-10}.get(key, 2.0)
-        settings["craters"].update(coverage=min(settings["craters"]["coverage"], few), most=50_000)
+        settings.craters.update(coverage=min(settings.craters.coverage, few), most=50_000)
     if key == "size_m":
-        settings["craters"]["coverage"] = 0.0
+        settings.craters.coverage = 0.0
     with np.errstate(all="raise", under="ignore"):
         ground = make_terrain(settings, 1)
         heights = _grid(ground, 33, 2 * ground.size_m / 32)
@@ -184,8 +185,8 @@ def test_what_a_mesh_cannot_show_is_said():
 @pytest.mark.parametrize("name", preset_names("terrains"))
 def test_a_preset_is_what_its_mesh_can_show(name):
     settings = _settings(load(preset_path(name)))
-    ground = settings["terrain"]
-    spacing = ground["size_m"] / (ground["resolution"] - 1)
+    ground = settings.terrain
+    spacing = ground.size_m / (ground.resolution - 1)
     assert terrain_advice(settings, 2 * spacing) == []
     assert np.isfinite(_grid(make_terrain(settings, 1), 65, 2 * spacing)).all()
 

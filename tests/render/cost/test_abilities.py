@@ -109,8 +109,8 @@ def test_the_gallery_is_refused_before_its_first_scene(blender, tmp_path, capsys
 def test_a_search_and_a_trade_leave_out_what_is_denoised(blender, tmp_path):
     for found in (candidates(scene(), PLAIN), variants(scene(), ["samples"], PLAIN)):
         assert len(found) > 5
-        assert {variant.settings["quality"]["denoiser"] for variant in found} == {"NONE"}
-    assert {variant.settings["quality"]["denoiser"] for variant in candidates(scene())} == {"NONE", "OIDN"}
+        assert {variant.settings.quality.denoiser for variant in found} == {"NONE"}
+    assert {variant.settings.quality.denoiser for variant in candidates(scene())} == {"NONE", "OIDN"}
     told = []
     bench = measure_variants.Bench(scene(), tmp_path, str(blender), "bm", 2, 1, told.append)
     assert measure_variants.check_abilities(bench, bench.settings) == PLAIN
@@ -129,7 +129,7 @@ def test_a_quality_that_cannot_be_had_shows_why_in_place_of_its_cost():
 
 def test_a_machine_is_measured_without_the_denoiser_that_it_lacks(tmp_path):
     settings = measure_speed.small_render("CPU", denoiser=False)
-    assert settings["quality"]["denoiser"] == "NONE"
+    assert settings.quality.denoiser == "NONE"
     folders = [tmp_path / str(k) for k in range(2)]
     expected = work_of(settings).seconds(count_triangles(settings))
     for folder in folders:

@@ -32,7 +32,7 @@ def finish(dataset, pair, seconds, size=1000):
     settings = description.merged(pair.settings, {"quality": {"threads": 1}})
     (folder / "pair.json").write_text(json.dumps({
         "format": "icymoon-pair", "version": 1, "id": pair.id, "settings": settings,
-        "camera": StereoCamera.from_settings(settings["rig"]).to_json(),
+        "camera": StereoCamera.from_settings(settings.rig).to_json(),
         "seconds": {"render": seconds, "write": 0.0, "build": 0.0},
         "files": {f"{eye}.exr": {"bytes": int(size), "sha256": "0" * 64} for eye in ("left", "right")}}))
 

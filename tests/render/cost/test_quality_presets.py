@@ -56,6 +56,6 @@ def test_what_a_blender_lacks_is_shown_with_each_quality_that_asks_for_it():
     *shipped, own = list_qualities(denoised, 1e6, None, plain)
     assert "OpenImageDenoise" in own.lacks
     for quality in shipped:
-        asks = merged(denoised, load(preset_path(quality.name)))["quality"]["denoiser"] != "NONE"
+        asks = merged(denoised, load(preset_path(quality.name))).quality.denoiser != "NONE"
         assert bool(quality.lacks) == asks
     assert not any(quality.lacks for quality in list_qualities(denoised, 1e6, None))

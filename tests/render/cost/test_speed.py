@@ -90,8 +90,8 @@ def test_a_probe_that_says_nothing_is_an_error(tmp_path):
 def test_the_probe_is_small_and_has_all_that_a_pair_has():
     settings = measure_speed.small_render("GPU")
     assert 1.0 < estimate.work_of(settings).seconds(estimate.count_triangles(settings)) < 6.0
-    assert (settings["quality"]["device"], settings["quality"]["denoiser"]) == ("GPU", "OIDN")
-    assert settings["dataset"]["headings"] > 1
+    assert (settings.quality.device, settings.quality.denoiser) == ("GPU", "OIDN")
+    assert settings.dataset.headings > 1
 
 
 def test_plans_take_as_much_longer_as_the_machine_is_slower():

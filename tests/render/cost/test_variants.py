@@ -12,8 +12,8 @@ OWN = {"scene": set(), "samples": {"quality.samples", "quality.denoiser"}, "boun
        "threshold": {"quality.samples", "quality.noise_threshold"}, "mesh": {"mesh.error_px"},
        "relief": {"surface.relief"}, "shortcuts": {"quality.fine_relief", "quality.walk_px", "quality.truth"},
        "subsurface": {"surface.subsurface_weight", "surface.model",
-                      *(f"hapke.{key}" for key in description.defaults()["hapke"])},
-       "hapke": {"surface.model", *(f"hapke.{key}" for key in description.defaults()["hapke"])}}
+                      *(f"hapke.{key}" for key in description.defaults().hapke)},
+       "hapke": {"surface.model", *(f"hapke.{key}" for key in description.defaults().hapke)}}
 
 
 def scene(name, *overrides):
@@ -90,14 +90,14 @@ def test_asking_for_what_is_not_there_is_refused():
 def test_the_reference_is_the_most_accurate_of_all(fine):
     base = scene("europa_ridged_plain_hapke")
     best = reference(base, 4096, fine).settings
-    assert best["quality"]["denoiser"] == "NONE"
-    assert best["quality"]["noise_threshold"] == 0
-    assert best["hapke"]["accuracy"] == "REFERENCE"
+    assert best.quality.denoiser == "NONE"
+    assert best.quality.noise_threshold == 0
+    assert best.hapke.accuracy == "REFERENCE"
     for variant in variants(base):
         if (variant.group in SHAPES) == fine:
-            assert best["quality"]["diffuse_bounces"] >= variant.settings["quality"]["diffuse_bounces"]
-            assert 2 * best["quality"]["samples"] >= variant.settings["quality"]["samples"]
-            assert best["mesh"]["error_px"] <= variant.settings["mesh"]["error_px"] or not fine
+            assert best.quality.diffuse_bounces >= variant.settings.quality.diffuse_bounces
+            assert 2 * best.quality.samples >= variant.settings.quality.samples
+            assert best.mesh.error_px <= variant.settings.mesh.error_px or not fine
 
 
 def test_hapkes_ice_is_as_bright_as_the_snow_that_it_stands_for():
@@ -107,15 +107,15 @@ def test_hapkes_ice_is_as_bright_as_the_snow_that_it_stands_for():
 
     from icymoon.physics.surfaces.hapke import bidirectional_reflectance, from_settings
     from icymoon.physics.surfaces.photometry import hemispherical_albedo
-    parameters = from_settings(hapke.settings["hapke"])
+    parameters = from_settings(hapke.settings.hapke)
     assert float(hemispherical_albedo(lambda i, e, psi: bidirectional_reflectance(i, e, psi, parameters),
                                       radians(60))) == pytest.approx(0.8, abs=1e-6)
 
 
 def test_the_search_goes_from_cheap_to_dear():
-    ladder = [variant.settings["quality"] for variant in candidates(scene("europa_rough_ice"))]
+    ladder = [variant.settings.quality for variant in candidates(scene("europa_rough_ice"))]
     for denoiser in ("NONE", "OIDN"):
-        own = [step["samples"] for step in ladder if step["denoiser"] == denoiser]
+        own = [step.samples for step in ladder if step.denoiser == denoiser]
         assert own == sorted(set(own))
         assert own
     costs = [work_of(variant.settings).seconds(0.0) for variant in candidates(scene("europa_rough_ice"))]
@@ -170,17 +170,17 @@ def test_a_reference_is_two_renders_of_half_its_samples():
     base = scene("europa_rough_ice", "mesh.error_px=1", "surface.relief=BUMP", "quality.fine_relief=CAMERA")
     plain, fine = reference(base, 200), reference(base, 200, fine=True)
     assert (plain.name, fine.name, plain.repeats, fine.repeats) == ("200 samples", "200 samples, fine", 2, 2)
-    assert plain.settings["quality"]["samples"] == fine.settings["quality"]["samples"] == 100
-    assert (plain.settings["quality"]["fine_relief"], plain.settings["quality"]["diffuse_bounces"]) == ("ALL", 32)
-    assert (plain.settings["mesh"]["error_px"], plain.settings["surface"]["relief"]) == (1, "BUMP")
-    assert (fine.settings["mesh"]["error_px"], fine.settings["surface"]["relief"]) == (0.25, "DISPLACEMENT")
-    assert reference(scene("europa_rough_ice", "mesh.error_px=0.1"), 2, True).settings["mesh"]["error_px"] == 0.1
-    assert reference(scene("europa_rough_ice", "quality.diffuse_bounces=99")).settings["quality"] | {
+    assert plain.settings.quality.samples == fine.settings.quality.samples == 100
+    assert (plain.settings.quality.fine_relief, plain.settings.quality.diffuse_bounces) == ("ALL", 32)
+    assert (plain.settings.mesh.error_px, plain.settings.surface.relief) == (1, "BUMP")
+    assert (fine.settings.mesh.error_px, fine.settings.surface.relief) == (0.25, "DISPLACEMENT")
+    assert reference(scene("europa_rough_ice", "mesh.error_px=0.1"), 2, True).settings.mesh.error_px == 0.1
+    assert reference(scene("europa_rough_ice", "quality.diffuse_bounces=99")).settings.quality | {
         "samples": 512, "diffuse_bounces": 99} == reference(
-            scene("europa_rough_ice", "quality.diffuse_bounces=99"), 1024).settings["quality"]
+            scene("europa_rough_ice", "quality.diffuse_bounces=99"), 1024).settings.quality
     assert {variant.repeats for variant in variants(base, ["bounces"])} == {2}
     for samples in (2, 131072):
-        assert reference(base, samples).settings["quality"]["samples"] == samples // 2
+        assert reference(base, samples).settings.quality.samples == samples // 2
     with pytest.raises(AttributeError):
         plain.repeats = 3
 
@@ -195,8 +195,8 @@ def test_a_walk_is_left_out_up_to_the_longest_that_a_setting_takes():
 
 def test_a_search_tries_neither_a_denoiser_by_colour_nor_a_threshold():
     found = candidates(scene("europa_rough_ice", "quality.noise_threshold=0.1", "quality.denoiser=OIDN_COLOUR"))
-    assert {variant.settings["quality"]["denoiser"] for variant in found} == {"NONE", "OIDN"}
-    assert {variant.settings["quality"]["noise_threshold"] for variant in found} == {0.0}
+    assert {variant.settings.quality.denoiser for variant in found} == {"NONE", "OIDN"}
+    assert {variant.settings.quality.noise_threshold for variant in found} == {0.0}
     assert {variant.name for variant in found} == {f"{2**k} sample{'s' * (k > 0)}{text}" for text, most in (
         ("", 8), (", denoised", 6)) for k in range(most + 1)}
     assert {variant.key for variant in found} == {f"auto: {variant.name}" for variant in found}

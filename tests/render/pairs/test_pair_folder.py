@@ -21,7 +21,7 @@ from pairs import camera, write_pair
 
 
 def test_the_papers_camera():
-    camera = StereoCamera.from_settings(description.defaults()["rig"])
+    camera = StereoCamera.from_settings(description.defaults().rig)
     assert camera.focal_px == pytest.approx(640 * 32 / 60)
     assert camera.focal_baseline_px_m == pytest.approx(85.3333333)  # not 80, which is 6.25 % off
     assert camera.field_of_view_deg == pytest.approx((86.3, 70.2), abs=0.1)
@@ -51,7 +51,7 @@ def test_headings_are_equal_turns_with_their_own_ids():
     base = description.merged(description.defaults(), {"dataset": {"headings": 4}, "rig": {"heading_deg": 100.0}})
     pairs = expand_headings(base)
     assert [p.turn_deg for p in pairs] == [0, 90, 180, 270]
-    assert [p.settings["rig"]["heading_deg"] for p in pairs] == [100, -170, -80, 10]
+    assert [p.settings.rig.heading_deg for p in pairs] == [100, -170, -80, 10]
     assert len({p.id for p in pairs}) == 4
     assert len({p.render_seed for p in pairs}) == 4
     assert [p.id for p in expand_headings(base)] == [p.id for p in pairs]

@@ -272,7 +272,7 @@ def test_settings_stated_anew_never_meet_the_images_of_another_pair(tmp_path, wa
         assert place.there == ("another" if came else "old")  # which compares what pair.json says with the images
         if not came:
             break
-        assert stated["settings"]["sensor"]["gain"] in (7.0, defaults()["sensor"]["gain"])
+        assert stated["settings"]["sensor"]["gain"] in (7.0, defaults().sensor.gain)
         assert not list((place.pairs / PAIR).glob(f"*{PART}"))
         place.assert_tidy()
     assert 5 < k < 99

@@ -43,7 +43,7 @@ def test_lists_of_tables_survive(tmp_path):
     layered = planned({"terrain": {"layers": [{"amplitude_m": 0.5}, {"scale_m": 1.0}]}})
     frozen = datasets.freeze_plan(tmp_path, [planned(), layered, planned({"dataset": {"seed": 9}})], "")
     assert frozen.pairs[1].settings == layered.settings
-    assert frozen.pairs[2].settings["terrain"]["layers"] == []
+    assert frozen.pairs[2].settings.terrain.layers == []
 
 
 def test_a_data_set_may_grow_but_not_become_another(tmp_path):

@@ -79,7 +79,7 @@ def test_settings_that_a_later_version_adds_change_nothing_of_it(old, dataset, m
         assert not pair.settings["quality"]["extra_pass"]
         assert (pair.settings["rig"]["wobble_deg"], pair.settings["sensor"]["hum_e"]) == (0.0, 0.0)
         assert all(layer["skew"] == 0.0 for layer in pair.settings["terrain"]["layers"])
-    assert any(pair.settings["terrain"]["layers"] for pair in frozen.pairs)
+    assert any(pair.settings.terrain.layers for pair in frozen.pairs)
 
 
 def test_its_plan_goes_on_as_it_was_planned_after_defaults_have_changed(old, dataset, monkeypatch):
@@ -142,8 +142,8 @@ def test_what_is_accepted_no_more_can_still_be_measured_but_not_rendered_again(o
     stated["settings"]["dataset"]["methods"] = "external:command=sh -c evil"
     path.write_text(json.dumps(stated))
     read = find_pairs(pair.folder)[0]
-    assert read.settings["surface"]["albedo"] == 22.0
-    assert "evil" not in read.settings["dataset"]["methods"]
+    assert read.settings.surface.albedo == 22.0
+    assert "evil" not in read.settings.dataset.methods
     assert stereo(["develop", str(pair.folder), "--out", str(tmp_path / "images")]) == 0
     with pytest.raises(IcyMoonError, match=r"surface\.albedo is 22"):
         description.check(read.settings, "Pair")

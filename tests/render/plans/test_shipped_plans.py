@@ -94,7 +94,7 @@ def test_all_types_together_are_the_papers_5020(mine, name):
 def test_the_smoke_test_needs_no_files_and_has_every_type():
     pairs = read_plan(find_plan("guiss_smoke")).pairs()
     assert len(pairs) == 14
-    assert not any(value for p in pairs for key, value in p.settings["textures"].items() if key.endswith("_file"))
+    assert not any(value for p in pairs for key, value in p.settings.textures.items() if key.endswith("_file"))
     assert values(pairs, "source.kind") == {"PROCEDURAL": 14}
 
 

@@ -17,6 +17,7 @@ from icymoon.render.workers import runner
 from icymoon.render.workers.claims import Claims
 from icymoon.render.workers.manifest import MANIFEST
 from icymoon.render.workers.runner import Runner, WorkerOptions
+from icymoon.settings.description import merged
 from stand import PAIRS, Stand
 
 
@@ -223,7 +224,7 @@ def test_damaged_pairs_are_missing_and_made_again(stand):
 
 def test_another_camera_response_is_stated_without_a_render(stand):
     stand.run()
-    changed = [type(p)(p.id, {**p.settings, "sensor": {**p.settings["sensor"], "gain": 2.5}}, 0.0) for p in PAIRS]
+    changed = [type(p)(p.id, merged(p.settings, {"sensor": {"gain": 2.5}}), 0.0) for p in PAIRS]
     Runner(stand.dataset, changed, WorkerOptions(1, 1, str(stand.blender)), lambda *a, **k: None).run()
     assert len(stand.rendered) == len(PAIRS)
     for pair in changed:

@@ -42,7 +42,7 @@ def test_exposure_time_is_that_of_the_photons(tmp_path):
     """By hand: what 1 W/(m² sr) of sunlight frees in a pixel of the paper's lens, and how long it takes to fill."""
     folder = pairs.write_pair(tmp_path / "pair")
     settings = read_pair(folder).settings
-    pitch = settings["rig"]["sensor_width_mm"] * 1e-3 / settings["rig"]["width_px"]
+    pitch = settings.rig.sensor_width_mm * 1e-3 / settings.rig.width_px
     images = developed(folder, f_number=16.0, **QUIET)
     wide = developed(folder, f_number=8.0, **QUIET)
     assert images.exposure_s / wide.exposure_s == pytest.approx((1 + 4 * 256) / (1 + 4 * 64), rel=1e-6)
@@ -95,19 +95,19 @@ def test_sun_and_planet_can_be_scaled_after_rendering(tmp_path):
     folder = pairs.write_pair(tmp_path / "pair", planet_share=0.25)
     pair, view = read_pair(folder), read_light(folder / "left.exr")
     np.testing.assert_allclose(sum(view.groups.values()), view.radiance, rtol=1e-5)
-    light = pair.settings["light"]
-    night = scaled_radiance(view, pair, {**light, "sun_scale": 0.0, "planet_scale": 2.0})
+    light = pair.settings.light
+    night = scaled_radiance(view, pair, light | {"sun_scale": 0.0, "planet_scale": 2.0})
     np.testing.assert_allclose(night, 0.5 * view.radiance, rtol=1e-5)
     assert scaled_radiance(view, pair, light) is view.radiance
     dim = developed(folder, light={"sun_scale": 0.5, "planet_scale": 0.5}, **QUIET)
     assert dim.exposure_s == pytest.approx(2 * developed(folder, **QUIET).exposure_s, rel=1e-4)
     alone = read_light(pairs.write_pair(tmp_path / "alone") / "left.exr")
-    np.testing.assert_allclose(scaled_radiance(alone, pair, {**light, "sun_scale": 3.0}), 3 * alone.radiance, rtol=1e-6)
+    np.testing.assert_allclose(scaled_radiance(alone, pair, light | {"sun_scale": 3.0}), 3 * alone.radiance, rtol=1e-6)
 
 
 def test_scaling_the_lights_of_a_denoised_pair_is_refused(tmp_path):
     settings = defaults()
-    settings["quality"]["denoiser"] = "OIDN"
+    settings.quality.denoiser = "OIDN"
     folder = pairs.write_pair(tmp_path / "pair", planet_share=0.25, settings=settings)
     developed(folder)
     with pytest.raises(IcyMoonError, match=r"denoised.*quality\.denoiser.*planet_scale"):

@@ -20,7 +20,7 @@ def test_there_are_twelve_of_960_by_720_each_another():
     described = [description.merged(description.defaults(), description.load(description.preset_path(name)))
                  for name in NAMES]
     assert len({description.digest(each) for each in described}) == len(NAMES) == 12
-    assert {(each["rig"]["width_px"], each["rig"]["height_px"]) for each in described} == {(960, 720)}
+    assert {(each.rig.width_px, each.rig.height_px) for each in described} == {(960, 720)}
     assert len({description.preset_header(name)[0] for name in NAMES}) == 12
     for name in NAMES:  # the sheet's letters are ASCII
         assert description.preset_header(name)[0].isascii()
@@ -31,9 +31,9 @@ def test_a_picture_shows_the_light_as_a_screen_does(tmp_path):
     pairs.write_pair(folder)
     write_picture(folder, tmp_path / "a.jpg")
     image = cv2.imread(str(tmp_path / "a.jpg")).astype(float) / 255
-    sensor = description.defaults()["sensor"]
+    sensor = description.defaults().sensor
     # The quantile that the exposure is metered by is at its target, linearly; JPEG is off by a few of 255 steps.
-    assert np.quantile(image, sensor["auto_percentile"]) ** 2.2 == pytest.approx(sensor["auto_target"], abs=0.03)
+    assert np.quantile(image, sensor.auto_percentile) ** 2.2 == pytest.approx(sensor.auto_target, abs=0.03)
 
 
 def test_a_sheet_keeps_to_its_bytes_and_holds_every_picture(tmp_path):

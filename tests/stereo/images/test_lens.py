@@ -95,18 +95,18 @@ def test_opencv_rectifies_the_detected_image_with_the_calibration(tmp_path):
 
 def test_where_the_render_does_not_reach_is_dark_and_without_truth(tmp_path):
     pair = read_pair(pairs.write_pair(tmp_path / "pair"))
-    lens = lens_of(pair.camera, defaults()["rig"] | lens_settings(), "left")
+    lens = lens_of(pair.camera, defaults().rig | lens_settings(), "left")
     truth = lens.truth_of_sensor(np.ones((144, 256)))
     assert np.isnan(truth[0, 0])
     assert truth[72, 128] == 1.0
     assert lens.distort(np.ones((144, 256)))[0, 0] == 0.0
-    assert lens_of(pair.camera, defaults()["rig"], "left") is None
+    assert lens_of(pair.camera, defaults().rig, "left") is None
 
 
 @pytest.mark.parametrize("k", [BARREL, (-0.2, 0.05, 0.0, 0.0, 0.0), (0.0, 0.0, 0.02, -0.03, 0.0)])
 @pytest.mark.parametrize("shift", [0.0, 9.5])
 def test_the_overscan_that_is_needed_lights_every_pixel_and_less_does_not(k, shift):
-    rig = defaults()["rig"] | lens_settings(k) | {"width_px": 200, "height_px": 160, "principal_y_px": shift}
+    rig = defaults().rig | lens_settings(k) | {"width_px": 200, "height_px": 160, "principal_y_px": shift}
     needed = overscan_needed(rig)
     assert 0 < needed < 0.5
 
@@ -119,17 +119,17 @@ def test_the_overscan_that_is_needed_lights_every_pixel_and_less_does_not(k, shi
 
 
 def test_a_lens_that_sees_less_needs_no_overscan_and_beyond_a_fold_none_helps():
-    assert overscan_needed(defaults()["rig"]) == 0.0
-    assert overscan_needed(defaults()["rig"] | lens_settings((0.1, 0.0, 0.0, 0.0, 0.0))) == 0.0
-    assert overscan_needed(defaults()["rig"] | lens_settings((-0.3, 0.0, 0.0, 0.0, 0.0))) is None
+    assert overscan_needed(defaults().rig) == 0.0
+    assert overscan_needed(defaults().rig | lens_settings((0.1, 0.0, 0.0, 0.0, 0.0))) == 0.0
+    assert overscan_needed(defaults().rig | lens_settings((-0.3, 0.0, 0.0, 0.0, 0.0))) is None
 
 
 @pytest.mark.parametrize("toe_in", [0.0, 5.0, 45.0])
 def test_rectification_of_turned_eyes_is_the_homography_of_the_turn(toe_in):
     camera = replace(pairs.camera(), toe_in_deg=toe_in)
-    assert (lens_of(camera, defaults()["rig"], "left") is None) == (toe_in == 0)
+    assert (lens_of(camera, defaults().rig, "left") is None) == (toe_in == 0)
     for eye in ("left", "right") if toe_in else ():
-        lens = lens_of(camera, defaults()["rig"], eye)
+        lens = lens_of(camera, defaults().rig, eye)
         matrix = np.array(camera.matrix)
         matrix[:2, 2] -= 0.5
         turn = matrix @ camera.eye_rotation(eye) @ np.linalg.inv(matrix)

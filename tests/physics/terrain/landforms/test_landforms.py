@@ -230,7 +230,7 @@ def test_the_profile_of_a_crater():
 
 
 def _law(**changes: object) -> np.ndarray:
-    return craters.draw_craters(merged(defaults(), {"craters": changes})["craters"], np.random.default_rng(3), 100.0)
+    return craters.draw_craters(merged(defaults(), {"craters": changes}).craters, np.random.default_rng(3), 100.0)
 
 
 @pytest.mark.parametrize("index", [1.5, 2.0, 3.5])

@@ -11,12 +11,13 @@ from icymoon.physics.terrain.layers import Layer, make_layer
 from icymoon.physics.terrain.noise.bases import BASES, FRACTALS
 from icymoon.physics.terrain.roughness.statistics import power_spectrum, rms_deviation
 from icymoon.settings.table import LAYER
+from icymoon.typed_settings import TerrainLayer
 
-DEFAULTS = {setting.key: setting.default for setting in LAYER}
+DEFAULTS = TerrainLayer({setting.key: setting.default for setting in LAYER})
 
 
 def _layer(seed: int = 0, **changes: object) -> Layer:
-    made = make_layer({**DEFAULTS, **changes}, np.random.default_rng(seed))
+    made = make_layer(DEFAULTS | changes, np.random.default_rng(seed))
     assert made is not None
     return made
 
@@ -92,4 +93,4 @@ def test_the_seed_moves_a_layer_and_nothing_is_nothing():
     x, y = np.random.default_rng(5).uniform(-5, 5, (2, 100))
     assert np.array_equal(_layer(1).heights(x, y), _layer(1).heights(x, y))
     assert not np.array_equal(_layer(1).heights(x, y), _layer(2).heights(x, y))
-    assert make_layer({**DEFAULTS, "amplitude_m": 0.0}, np.random.default_rng(0)) is None
+    assert make_layer(DEFAULTS | {"amplitude_m": 0.0}, np.random.default_rng(0)) is None

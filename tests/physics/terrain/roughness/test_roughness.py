@@ -13,6 +13,7 @@ from icymoon.physics.terrain.roughness.statistics import detrend, lags, measure,
 from icymoon.physics.terrain.roughness.structure_function import structure
 from icymoon.physics.terrain.terrain import law_range_m, make_terrain, terrain_advice
 from icymoon.settings.description import defaults, merged
+from icymoon.typed_settings import TerrainSettings
 from marks import heavy_but
 
 SIZE, N = 20.0, 1025
@@ -150,7 +151,7 @@ def test_a_mesh_that_loses_the_law_says_so():
 @pytest.mark.parametrize("lacunarity", [1.3, 2.0, 3.7])
 @pytest.mark.parametrize("inner", [0.02, 0.3, 7.9, 8.0])
 def test_octaves_go_from_one_cut_off_to_the_other(inner, lacunarity):
-    wavelength = wavelengths_m({"outer_scale_m": 8.0, "inner_scale_m": inner, "lacunarity": lacunarity})
+    wavelength = wavelengths_m(TerrainSettings(outer_scale_m=8.0, inner_scale_m=inner, lacunarity=lacunarity))
     assert (wavelength[0], wavelength[-1]) == pytest.approx((8.0, inner))
     ratios = wavelength[:-1] / wavelength[1:]
     assert np.ptp(ratios) < 1e-6 if len(ratios) else inner == 8.0
@@ -161,8 +162,8 @@ def test_cut_offs_that_make_no_sense():
     for changes, word in (({"outer_scale_m": 0.5, "inner_scale_m": 1.0}, "longer than"),
                           ({"outer_scale_m": 1e5, "inner_scale_m": 1e-4, "lacunarity": 1.2}, "octaves")):
         with pytest.raises(IcyMoonError, match=word):
-            wavelengths_m(merged(defaults(), {"terrain": changes})["terrain"])
-    assert law_range_m(defaults()["terrain"]) == pytest.approx((0.01, 2.4))
+            wavelengths_m(merged(defaults(), {"terrain": changes}).terrain)
+    assert law_range_m(defaults().terrain) == pytest.approx((0.01, 2.4))
 
 
 def test_the_measures_on_surfaces_that_are_known():

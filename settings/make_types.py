@@ -1,0 +1,96 @@
+"""Writes the types of the settings, ``typed_settings.py``, from the table of settings.
+
+    python -m icymoon.settings.make_types
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from ..files import read_text, write_text
+from .table import TOPICS, Setting, Topic
+
+PATH = Path(__file__).resolve().parents[1] / "typed_settings.py"
+MARK = "# MADE FROM HERE ON\n"
+_WIDTH = 120
+
+
+def class_name(topic: str) -> str:
+    """The class of a topic, such as ``RockSurfaceSettings``; physics has classes of the bare names."""
+    return f"{_camel_case(topic)}Settings"
+
+
+def entry_name(topic: str, key: str) -> str:
+    """The class of an entry of a list, such as ``TerrainLayer`` of ``terrain.layers``."""
+    return f"{_camel_case(topic)}{_camel_case(key).removesuffix('s')}"
+
+
+def _camel_case(key: str) -> str:
+    return "".join(word.capitalize() for word in key.split("_"))
+
+
+def made() -> str:
+    """All of the file below the mark."""
+    classes = []
+    for topic in TOPICS.values():
+        classes += [_class(entry_name(topic.key, s.key), topic.key, f"An entry of ``{topic.key}.{s.key}``.", s.entries)
+                    for s in topic.settings if s.entries]
+        classes.append(_topic(topic))
+    lists = {topic.key: {s.key: entry_name(topic.key, s.key) for s in topic.settings if s.entries}
+             for topic in TOPICS.values()}
+    tables = [f"    {_quoted(key)}: {class_name(key)},\n" for key in TOPICS]
+    entries = [f"    {_quoted(topic)}: {{{', '.join(f'{_quoted(key)}: {name}' for key, name in named.items())}}},\n"
+               for topic, named in lists.items() if named]
+    return "".join([
+        *(f"\n\n{text}" for text in classes), "\n\nclass Settings(Table):\n",
+        '    """Everything that describes a scene."""\n\n    __slots__ = ()\n',
+        *(f"    {key}: {class_name(key)}\n" for key in TOPICS),
+        "\n\nTABLES: dict[str, type[Table]] = {\n", *tables,
+        "}\nENTRIES: dict[str, dict[str, type[Table]]] = {\n", *entries, "}\n"])
+
+
+def _topic(topic: Topic) -> str:
+    """A topic that has all settings of an earlier one is of a type derived from that one's."""
+    for other in TOPICS.values():
+        if other is topic:
+            break
+        if other.settings is topic.settings:
+            return _class(class_name(topic.key), topic.key, f"{topic.description}.", (), class_name(other.key))
+    return _class(class_name(topic.key), topic.key, f"{topic.description}.", topic.settings)
+
+
+def _class(name: str, topic: str, doc: str, settings: tuple[Setting, ...], base: str = "Table") -> str:
+    return "".join([f"class {name}({base}):\n", f'    """{doc}"""\n\n', "    __slots__ = ()\n",
+                    *(_attribute(topic, s) for s in settings)])
+
+
+def _attribute(topic: str, setting: Setting) -> str:
+    """A declaration, with its unit behind it where it has one."""
+    if setting.kind == "choice":
+        return _choice(setting)
+    kind = "str" if setting.kind == "text" else setting.kind
+    if setting.kind == "list":
+        kind = f"list[{entry_name(topic, setting.key)}]"
+    unit = f"  # {setting.unit}" if setting.unit not in ("", "1") else ""
+    return f"    {setting.key}: {kind}{unit}\n"
+
+
+def _choice(setting: Setting) -> str:
+    names = [_quoted(choice[0]) for choice in setting.choices]
+    line = f"    {setting.key}: Literal[{', '.join(names)}]\n"
+    if len(line) <= _WIDTH:
+        return line
+    return f"    {setting.key}: Literal[\n" + "".join(f"        {name},\n" for name in names) + "    ]\n"
+
+
+def _quoted(text: str) -> str:
+    return f'"{text}"'
+
+
+def complete(text: str) -> str:
+    """The text of the file with what the table gives below the mark."""
+    return text[:text.index(MARK) + len(MARK)] + made()
+
+
+if __name__ == "__main__":
+    write_text(PATH, complete(read_text(PATH)))

@@ -1,0 +1,107 @@
+"""The types of the settings: made from the table, dictionaries at run time, known to mypy."""
+
+from __future__ import annotations
+
+import copy
+import json
+import keyword
+import os
+import pickle
+import subprocess
+import sys
+from pathlib import Path
+
+import icymoon
+import pytest
+from icymoon.settings import description, make_types
+from icymoon.settings.table import TOPICS
+from icymoon.typed_settings import ENTRIES, TABLES, Settings, TerrainLayer, TerrainSettings, typed
+
+LAYERED = {"terrain": {"layers": [{"amplitude_m": 0.5}]}}
+
+
+def test_the_types_are_those_of_the_table():
+    text = make_types.PATH.read_text(encoding="utf-8")
+    assert text == make_types.complete(text), "python -m icymoon.settings.make_types writes it anew"
+
+
+def test_no_setting_has_a_name_that_a_dictionary_uses_itself():
+    keys = {*TOPICS, *(part.key for topic in TOPICS.values() for s in topic.settings for part in (s, *s.entries))}
+    assert not {key for key in keys if hasattr(dict, key) or keyword.iskeyword(key) or not key.isidentifier()}
+
+
+def is_typed(settings: Settings) -> bool:
+    """Whether a description, its tables and the entries of their lists are of their types."""
+    return type(settings) is Settings and all(
+        type(values) is TABLES[topic] and all(type(entry) is kind for key, kind in ENTRIES.get(topic, {}).items()
+                                              for entry in values.get(key, []))
+        for topic, values in settings.items())
+
+
+@pytest.mark.parametrize("made", [
+    lambda whole: whole, lambda whole: description.merged(whole, {"rig": {"width_px": 64}}),
+    lambda whole: description.merged({"rig": {"width_px": 64}}, json.loads(json.dumps(whole))),
+    lambda whole: description.check(json.loads(json.dumps(whole)), "a test"),
+    lambda whole: description.restored(json.loads(json.dumps(whole)), "a test"),
+    lambda whole: description.changed(whole, description.defaults()),
+    lambda whole: description.load(description.preset_path("europa_rough_ice")),
+    lambda whole: description.override("rig.width_px=64"), lambda whole: typed(json.loads(json.dumps(whole))),
+    copy.copy, copy.deepcopy, lambda whole: whole.copy(), lambda whole: whole | {"rig": whole.rig | {"x_m": 1.0}},
+    lambda whole: pickle.loads(pickle.dumps(whole))])  # noqa: S301  our own bytes
+def test_what_comes_out_is_typed(made):
+    whole = description.merged(description.defaults(), description.check(LAYERED, "a test"))
+    assert is_typed(whole)
+    assert is_typed(made(whole))
+
+
+def test_a_key_is_read_and_set_as_an_attribute():
+    settings = description.merged(description.defaults(), description.check(LAYERED, "a test"))
+    settings.terrain.hurst = 0.5
+    assert settings.terrain.hurst == settings.terrain.hurst == 0.5
+    assert settings.terrain.layers[0].amplitude_m == 0.5
+    assert settings == json.loads(json.dumps(settings))
+    assert not hasattr(settings.terrain, "hurzt")
+    with pytest.raises(AttributeError, match="TerrainSettings has no hurst"):
+        _ = TerrainSettings().hurst
+
+
+def test_to_merge_changes_nothing_that_was_merged():
+    part = {"terrain": {"layers": [TerrainLayer(amplitude_m=1.0)]}}
+    merged = description.merged(part)
+    merged.terrain.layers[0].amplitude_m = 2.0
+    merged.terrain.hurst = 0.9
+    assert part == {"terrain": {"layers": [{"amplitude_m": 1.0}]}}
+
+
+@pytest.fixture(scope="module")
+def complaints(tmp_path_factory: pytest.TempPathFactory) -> list[str]:
+    """What mypy has against each of ``LINES``, in their order; empty for nothing."""
+    folder = tmp_path_factory.mktemp("types")
+    package = folder / "icymoon"
+    package.mkdir()
+    (package / "__init__.py").touch()
+    source = Path(icymoon.__file__).parent / "typed_settings.py"
+    (package / "typed_settings.py").write_text(source.read_text(encoding="utf-8"), encoding="utf-8")
+    lines = ["from icymoon.typed_settings import Settings", "settings = Settings()", *LINES]
+    (folder / "used.py").write_text("\n".join(lines), encoding="utf-8")
+    ended = subprocess.run([sys.executable, "-m", "mypy", "--config-file", os.devnull, "used.py"], cwd=folder,
+                           capture_output=True, text=True, encoding="utf-8", timeout=300, check=False)
+    found = [""] * len(lines)
+    for line in ended.stdout.splitlines():
+        if line.startswith("used.py:"):
+            found[int(line.split(":")[1]) - 1] = line
+    assert ended.stdout.splitlines()[-1].startswith("Found"), ended.stdout + ended.stderr
+    return found[2:]
+
+
+#: A line of code, and whether it is right.
+LINES = {"settings.terrain.hurst + 1.0": True, "settings.terrain.hurzt": False, "settings.terain": False,
+         'settings.mesh.kind == "GRID"': True, 'settings.mesh.kind = "GRID"': True,
+         'settings.mesh.kind = "GIRD"': False,
+         "settings.rig.width_px = 64": True, "settings.rig.width_px = 0.5": False, "settings.rig.widht_px = 64": False,
+         "settings.terrain.layers[0].basis": True, "settings.terrain.layers[0].base": False,
+         'settings["terrain"]["hurst"]': True, "settings.rock_surface.albedo": True}
+
+
+def test_mypy_finds_a_misspelt_key_and_a_wrong_value(complaints):
+    assert [not said for said in complaints] == list(LINES.values()), complaints

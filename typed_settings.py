@@ -1,0 +1,478 @@
+"""The settings of a scene as types: ``settings.terrain.hurst`` is a number that the type checker knows.
+
+A description is still plain data: each table is a dictionary, so that JSON, TOML, comparing, copying and
+``settings[topic][key]`` with a computed key are what they are for any dictionary. What is new is that a key is read
+and set as an attribute too, and that mypy knows only those which ``settings.table`` states. Imports nothing of ours:
+physics is told about settings by these types alone.
+
+A partial description, such as that of a preset, has the same types and lacks some of the tables and keys.
+
+What follows ``MADE FROM HERE ON`` is written by ``python -m icymoon.settings.make_types``; a test compares.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, Literal, Self
+
+#: Tables of settings by topic, complete or not, of these types or of plain dictionaries.
+Parts = Mapping[str, Mapping[str, Any]]
+
+
+class Table(dict[str, Any]):
+    """A dictionary whose keys are attributes too. A subclass declares those that it may have."""
+
+    __slots__ = ()
+
+    if not TYPE_CHECKING:  # else any name would be an attribute to mypy
+
+        def __getattr__(self, key: str) -> Any:
+            try:
+                return self[key]
+            except KeyError:
+                raise AttributeError(f"{type(self).__name__} has no {key}") from None
+
+        def __setattr__(self, key: str, value: Any) -> None:
+            self[key] = value
+
+    def __or__(self, other: Mapping[str, Any]) -> Self:  # type: ignore[override]
+        return type(self)({**self, **other})
+
+    def copy(self) -> Self:
+        return type(self)(self)
+
+
+def typed(tables: Parts) -> Settings:
+    """A copy of a description whose tables, and the entries of whose lists, are of their types."""
+    return Settings({topic: typed_table(topic, values) for topic, values in tables.items()})
+
+
+def typed_table(topic: str, values: Mapping[str, Any]) -> Table:
+    """A copy of one table. What no table is called today stays a table of nothing declared."""
+    table = TABLES.get(topic, Table)(values)
+    for key, entry in ENTRIES.get(topic, {}).items():
+        if key in table:
+            table[key] = [entry(each) for each in table[key]]
+    return table
+
+
+# MADE FROM HERE ON
+
+
+class SourceSettings(Table):
+    """Where the ground comes from: made up, or a mesh or height map of your own."""
+
+    __slots__ = ()
+    kind: Literal["PROCEDURAL", "MESH", "HEIGHT_MAP"]
+    file: str
+    scale: float  # m/unit
+    up_axis: Literal["AUTO", "X", "Y", "Z", "-X", "-Y", "-Z"]
+    centre: bool
+    origin_x_m: float  # m
+    origin_y_m: float  # m
+    metres_per_pixel: float  # m
+    height_scale_m: float  # m
+    detail: bool
+    repair: bool
+
+
+class TerrainLayer(Table):
+    """An entry of ``terrain.layers``."""
+
+    __slots__ = ()
+    basis: Literal["GRADIENT", "MIDPOINT", "CELLS", "VORONOI_F1", "VORONOI_F2", "VORONOI_F2_F1", "CRACKLE"]
+    fractal: Literal["FBM", "MULTIFRACTAL", "HYBRID", "RIDGED", "HETERO", "TURBULENCE"]
+    amplitude_m: float  # m
+    scale_m: float  # m
+    octaves: int  # octaves
+    lacunarity: float
+    roughness: float
+    warp_m: float  # m
+
+
+class TerrainSettings(Table):
+    """Shape of the ground as a random surface with stated statistics."""
+
+    __slots__ = ()
+    size_m: float  # m
+    resolution: int  # vertices
+    rms_slope_deg: float  # deg
+    slope_baseline_m: float  # m
+    hurst: float
+    multifractality: float
+    outer_scale_m: float  # m
+    inner_scale_m: float  # m
+    lacunarity: float
+    regional_slope_deg: float  # deg
+    regional_slope_azimuth_deg: float  # deg
+    body_radius_m: float  # m
+    layers: list[TerrainLayer]
+
+
+class MeshSettings(Table):
+    """How finely procedural ground is cut into triangles, and how far it goes."""
+
+    __slots__ = ()
+    kind: Literal["GRADED", "GRID"]
+    error_px: float  # px
+    edge_px: float  # px
+    farthest_m: float  # m
+    most: int  # vertices
+
+
+class RidgesSettings(Table):
+    """Double ridges with a trough between, young ones over old ones."""
+
+    __slots__ = ()
+    height_m: float  # m
+    width_m: float  # m
+    spacing_m: float  # m
+    trough: float
+    sets: int  # sets
+    azimuth_deg: float  # deg
+    spread_deg: float  # deg
+
+
+class CracksSettings(Table):
+    """Fractures along the edges of plates."""
+
+    __slots__ = ()
+    depth_m: float  # m
+    width_m: float  # m
+    rim_m: float  # m
+    plate_m: float  # m
+    elongation: float
+    azimuth_deg: float  # deg
+
+
+class ChaosSettings(Table):
+    """Plates of broken crust, lifted and tilted, in a lumpy matrix."""
+
+    __slots__ = ()
+    relief_m: float  # m
+    plate_m: float  # m
+    plate_share: float
+    gap_m: float  # m
+    tilt_deg: float  # deg
+    matrix_m: float  # m
+
+
+class CratersSettings(Table):
+    """Small bowl-shaped craters, their sizes a power law."""
+
+    __slots__ = ()
+    coverage: float
+    smallest_m: float  # m
+    largest_m: float  # m
+    power_index: float
+    depth_ratio: float
+    rim_ratio: float
+    freshness: float
+    most: int  # craters
+
+
+class HollowsSettings(Table):
+    """Cups with sharp rims left by sublimation without wind."""
+
+    __slots__ = ()
+    depth_m: float  # m
+    diameter_m: float  # m
+    elongation: float
+    azimuth_deg: float  # deg
+
+
+class PenitentesSettings(Table):
+    """Blades of ice in rows along the Sun's path, leaning toward noon."""
+
+    __slots__ = ()
+    height_m: float  # m
+    spacing_m: float  # m
+    sharpness: float
+    elongation: float
+    variation: float
+    noon_azimuth_deg: float  # deg
+    lean_deg: float  # deg
+
+
+class MantleSettings(Table):
+    """Snow that smooths the ground by filling its hollows."""
+
+    __slots__ = ()
+    thickness_m: float  # m
+    length_m: float  # m
+
+
+class SurfaceSettings(Table):
+    """Snow or ice that the ground is made of."""
+
+    __slots__ = ()
+    model: Literal["PRINCIPLED", "LAMBERT", "LOMMEL_SEELIGER", "LUNAR_LAMBERT", "HAPKE"]
+    albedo: float
+    lommel_seeliger_share: float
+    albedo_variation: float
+    albedo_patch_m: float  # m
+    trough_dirt: float
+    slope_dirt: float
+    salt_share: float
+    salt_patch_m: float  # m
+    salt_red: float
+    salt_green: float
+    salt_blue: float
+    subsurface_weight: float
+    subsurface_radius_m: float  # m
+    transmission: float
+    roughness: float
+    specular: float
+    refractive_index: float
+    grain_size_m: float  # m
+    grain_amplitude_m: float  # m
+    relief: Literal["BUMP", "DISPLACEMENT"]
+
+
+class HapkeSettings(Table):
+    """Parameters of Hapke's law, for every surface whose model it is."""
+
+    __slots__ = ()
+    w: float
+    b: float
+    c: float
+    b_s0: float
+    h_s: float
+    b_c0: float
+    h_c: float
+    theta_bar_deg: float  # deg
+    theta_bar_range_deg: float  # deg
+    filling_factor: float
+    h_function: Literal["1981", "1993", "2002"]
+    accuracy: Literal["FAST", "ACCURATE", "REFERENCE"]
+    backend: Literal["AUTO", "OSL", "NODES"]
+
+
+class TexturesSettings(Table):
+    """Images on the ground and blocks, without visible repeats or as baked."""
+
+    __slots__ = ()
+    set: Literal["NONE", "FROST", "GRAINS", "CRACKS", "OWN", "MESH"]
+    mapping: Literal["OBJECT", "UV"]
+    width_m: float  # m
+    repeat: Literal["TURNED", "SHIFTED", "PLAIN"]
+    height_m: float  # m
+    albedo_file: str
+    roughness_file: str
+    normal_file: str
+    transmission_file: str
+    height_file: str
+
+
+class RocksSettings(Table):
+    """Ice blocks lying on the ground."""
+
+    __slots__ = ()
+    law: Literal["POWER", "GOLOMBEK"]
+    coverage: float
+    smallest_m: float  # m
+    largest_m: float  # m
+    power_index: float
+    family: Literal["MIXED", "FRAGMENTS", "BOULDERS", "SLABS"]
+    angularity: float
+    elongation: float
+    height_ratio: float
+    tilt_deg: float  # deg
+    burial: float
+    clustering: float
+    cluster_blocks: float  # blocks
+    cluster_radius_m: float  # m
+    clear_radius_m: float  # m
+    most: int  # blocks
+    own_surface: bool
+
+
+class RockSurfaceSettings(SurfaceSettings):
+    """Snow or ice that blocks with a surface of their own are made of."""
+
+    __slots__ = ()
+
+
+class LightSettings(Table):
+    """The Sun and the planet as the body's sky shows them; nothing else lights the ground."""
+
+    __slots__ = ()
+    directions_from: Literal["ANGLES", "DATE", "KERNELS"]
+    body: str
+    parent: str
+    date_utc: str
+    latitude_deg: float  # deg
+    longitude_deg: float  # deg
+    kernels: str
+    sun_irradiance_wm2: float  # W/m²
+    sun_angular_diameter_deg: float  # deg
+    irradiance_band: Literal["BOLOMETRIC", "CAMERA"]
+    sun_scale: float
+    planet_scale: float
+    sun_temperature_k: float  # K
+    sun_elevation_deg: float  # deg
+    sun_azimuth_deg: float  # deg
+    planet: bool
+    planet_elevation_deg: float  # deg
+    planet_azimuth_deg: float  # deg
+    planet_angular_diameter_deg: float  # deg
+    planet_flattening: float
+    planet_albedo: float
+    planet_phase_law: Literal["LAMBERT", "SATURN", "JUPITER"]
+    planet_least: float
+    planet_rings: bool
+    stars: bool
+    stars_faintest_mag: float  # mag
+
+
+class RigSettings(Table):
+    """Two identical cameras, parallel unless toed in; the left one is the reference."""
+
+    __slots__ = ()
+    baseline_m: float  # m
+    focal_length_mm: float  # mm
+    sensor_width_mm: float  # mm
+    width_px: int  # px
+    height_px: int  # px
+    height_m: float  # m
+    pitch_deg: float  # deg
+    heading_deg: float  # deg
+    principal_x_px: float  # px
+    principal_y_px: float  # px
+    distortion_k1: float
+    distortion_k2: float
+    distortion_p1: float
+    distortion_p2: float
+    distortion_k3: float
+    overscan: float
+    toe_in_deg: float  # deg
+    focus_distance_m: float  # m
+    speed_right_m_s: float  # m/s
+    speed_down_m_s: float  # m/s
+    speed_forward_m_s: float  # m/s
+    turn_right_deg_s: float  # deg/s
+    turn_down_deg_s: float  # deg/s
+    roll_deg_s: float  # deg/s
+    motion_exposure_s: float  # s
+    x_m: float  # m
+    y_m: float  # m
+
+
+class SensorSettings(Table):
+    """From radiance to digital numbers (EMVA 1288); applied when images are evaluated, never needs a new render."""
+
+    __slots__ = ()
+    auto_exposure: bool
+    auto_percentile: float
+    auto_target: float
+    exposure_s: float  # s
+    brackets: int  # exposures
+    bracket_stops: float  # stops
+    encoding: Literal["LINEAR", "SQUARE_ROOT"]
+    f_number: float
+    pixel_pitch_um: float  # µm
+    transmission: float
+    band_centre_nm: float  # nm
+    band_width_nm: float  # nm
+    quantum_efficiency: float
+    full_well_e: float  # e-
+    gain: float
+    read_noise_e: float  # e-
+    shot_noise: bool
+    dark_current_e_s: float  # e-/s
+    temperature_k: float  # K
+    dark_reference_k: float  # K
+    dark_doubling_k: float  # K
+    prnu: float
+    dsnu_e: float  # e-
+    blooming: float
+    black_level: float
+    bits: int  # bits
+    psf_sigma_px: float  # px
+    veiling_glare: float
+    radiation_flux_cm2_s: float  # 1/(cm² s)
+    radiation_depth_um: float  # µm
+    radiation_e_per_um: float  # e-/µm
+    noise_seed: int
+
+
+class QualitySettings(Table):
+    """What a render may cost."""
+
+    __slots__ = ()
+    samples: int  # samples
+    denoiser: Literal["NONE", "OIDN", "OIDN_COLOUR"]
+    noise_threshold: float
+    diffuse_bounces: int  # bounces
+    walk_px: float  # px
+    fine_relief: Literal["ALL", "CAMERA"]
+    truth: Literal["FULL", "DEPTH"]
+    device: Literal["CPU", "GPU"]
+    threads: int  # threads
+
+
+class DatasetSettings(Table):
+    """Where pairs go and how they vary."""
+
+    __slots__ = ()
+    folder: str
+    seed: int
+    headings: int  # pairs
+    plan: str
+    workers: int  # processes
+    evaluate: bool
+    leave_running: bool
+    methods: str
+
+
+class Settings(Table):
+    """Everything that describes a scene."""
+
+    __slots__ = ()
+    source: SourceSettings
+    terrain: TerrainSettings
+    mesh: MeshSettings
+    ridges: RidgesSettings
+    cracks: CracksSettings
+    chaos: ChaosSettings
+    craters: CratersSettings
+    hollows: HollowsSettings
+    penitentes: PenitentesSettings
+    mantle: MantleSettings
+    surface: SurfaceSettings
+    hapke: HapkeSettings
+    textures: TexturesSettings
+    rocks: RocksSettings
+    rock_surface: RockSurfaceSettings
+    light: LightSettings
+    rig: RigSettings
+    sensor: SensorSettings
+    quality: QualitySettings
+    dataset: DatasetSettings
+
+
+TABLES: dict[str, type[Table]] = {
+    "source": SourceSettings,
+    "terrain": TerrainSettings,
+    "mesh": MeshSettings,
+    "ridges": RidgesSettings,
+    "cracks": CracksSettings,
+    "chaos": ChaosSettings,
+    "craters": CratersSettings,
+    "hollows": HollowsSettings,
+    "penitentes": PenitentesSettings,
+    "mantle": MantleSettings,
+    "surface": SurfaceSettings,
+    "hapke": HapkeSettings,
+    "textures": TexturesSettings,
+    "rocks": RocksSettings,
+    "rock_surface": RockSurfaceSettings,
+    "light": LightSettings,
+    "rig": RigSettings,
+    "sensor": SensorSettings,
+    "quality": QualitySettings,
+    "dataset": DatasetSettings,
+}
+ENTRIES: dict[str, dict[str, type[Table]]] = {
+    "terrain": {"layers": TerrainLayer},
+}
