@@ -8,12 +8,11 @@ a description has one spelling (and one pair id) whether it comes from the windo
 
 from __future__ import annotations
 
-import difflib
 import hashlib
 import json
 import math
 import tomllib
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, nullcontext, suppress
 from pathlib import Path
 from typing import Any
@@ -22,6 +21,7 @@ import numpy as np
 
 from ..errors import IcyMoonError
 from ..files import is_file, read_text, shorten
+from ..suggestions import nearest
 from ..typed_settings import Settings, typed, typed_table
 from ..version import is_newer, version
 from . import pair_ids, trust
@@ -34,6 +34,8 @@ KINDS = {"scenes": "Scenes", "gallery": "Gallery", "bodies": "Bodies", "terrains
          "qualities": "Qualities"}
 #: Kinds of presets that describe a whole scene, a person's own among them; others describe a part of one.
 WHOLE = ("scenes", "gallery", "own")
+#: How like a known word an unknown one must be for the error to name it; see ``suggestions.nearest``.
+_LIKE = 0.4
 _HEADER = ("title", "description", "include", "made_with")
 #: Shipped plans of data sets, which are more than settings: ``render.sweep`` reads them.
 PLANS = PRESETS / "datasets"
@@ -46,12 +48,6 @@ _INFINITE = 2.0**128 - 2.0**103
 def defaults() -> Settings:
     """The complete description that a new scene has."""
     return typed({topic.key: {s.key: canonical(s, s.default) for s in topic.settings} for topic in TOPICS.values()})
-
-
-def _nearest(word: str, known: Iterable[str]) -> str:
-    names = list(known)
-    close = difflib.get_close_matches(word, names, n=1, cutoff=0.4)
-    return f"did you mean {close[0]!r}?" if close else f"known are {', '.join(names)}."
 
 
 def _number(value: float) -> float:
@@ -87,7 +83,7 @@ def _checked_list(setting: Setting, value: Any, name: str, where: str, stored: b
     for k, entry in enumerate(value):
         for key in entry:
             if key not in known:
-                raise IcyMoonError(f"{where}: unknown setting {name}[{k}].{key}, {_nearest(key, known)}")
+                raise IcyMoonError(f"{where}: unknown setting {name}[{k}].{key}, {nearest(key, known, _LIKE)}")
         tables.append({key: _checked(s, entry.get(key, missing[key]), f"{name}[{k}].{key}", where, stored)
                        for key, s in known.items()})
     return tables
@@ -107,7 +103,7 @@ def _checked(setting: Setting, value: Any, name: str, where: str, stored: bool) 
     if setting.kind == "choice":
         names = [choice[0] for choice in setting.choices]
         if value not in names:
-            raise IcyMoonError(f"{where}: {name} is {value!r}, {_nearest(value, names)}")
+            raise IcyMoonError(f"{where}: {name} is {value!r}, {nearest(value, names, _LIKE)}")
     if setting.kind == "text" and (fault := trust.fault(setting.trust, value)):
         raise IcyMoonError(f"{where}: {name} {fault}")
     if setting.kind in ("int", "float"):
@@ -155,7 +151,7 @@ def _stated(data: Mapping[str, Any], where: str) -> Iterator[tuple[str, str, Any
     once = {name.partition(".")[0] for name in (*pair_ids.SCHEMA["renamed"], *pair_ids.SCHEMA["gone"])}
     for topic, values in data.items():
         if topic not in TOPICS and topic not in once:
-            raise IcyMoonError(f"{where}: unknown topic [{topic}], {_nearest(topic, TOPICS)}")
+            raise IcyMoonError(f"{where}: unknown topic [{topic}], {nearest(topic, TOPICS, _LIKE)}")
         if not isinstance(values, Mapping):
             raise IcyMoonError(f"{where}: [{topic}] must be a table of settings, not {values!r}.")
         yield from ((topic, key, value) for key, value in values.items())
@@ -168,7 +164,7 @@ def _setting(name: str, where: str) -> Setting:
         return TOPICS[topic][key]
     except KeyError:
         known = (s.key for s in TOPICS[topic].settings) if topic in TOPICS else TOPICS
-        raise IcyMoonError(f"{where}: unknown setting {name}, {_nearest(key, known)}") from None
+        raise IcyMoonError(f"{where}: unknown setting {name}, {nearest(key, known, _LIKE)}") from None
 
 
 def restored(data: Mapping[str, Any], where: str, written_by: str = "") -> Settings:
@@ -256,7 +252,7 @@ def _checked_header(header: Any, path: Path) -> list[str]:
         raise IcyMoonError(f"{path}: [preset] must be a table, not {header!r}.")
     unknown = sorted(set(header) - set(_HEADER))
     if unknown:
-        raise IcyMoonError(f"{path}: unknown key preset.{unknown[0]}, {_nearest(unknown[0], _HEADER)}")
+        raise IcyMoonError(f"{path}: unknown key preset.{unknown[0]}, {nearest(unknown[0], _HEADER, _LIKE)}")
     included = header.get("include", [])
     if not isinstance(included, list) or not all(isinstance(name, str) for name in included):
         raise IcyMoonError(f"{path}: preset.include must be a list of names in quotes, not {included!r}.")
@@ -293,7 +289,7 @@ def preset_path(name: str) -> Path:
     for candidate in (PRESETS / f"{name}.toml", PRESETS / "scenes" / f"{name}.toml"):
         if ".." not in name and is_file(candidate):
             return candidate
-    raise IcyMoonError(f"Unknown preset {shorten(name)!r}, {_nearest(shorten(name), preset_names())}")
+    raise IcyMoonError(f"Unknown preset {shorten(name)!r}, {nearest(shorten(name), preset_names(), _LIKE)}")
 
 
 def preview_path(name: str) -> Path:

@@ -17,10 +17,11 @@ from ...errors import IcyMoonError
 from ...files import is_file, parse_path
 from ...formats.toml_lines import Place
 from ...settings.description import PLANS, check, plan_names, read_toml, toml_and_text
+from ...suggestions import nearest
 from . import poses, sweeps
 from .combine import MOST_GROUNDS, Combined, Design, combine, unchecked_grounds
 from .planned_pair import PlannedPair
-from .sweeps import Sweep, Variation, check_keys, check_settings, load_preset, nearest
+from .sweeps import Sweep, Variation, check_keys, check_settings, load_preset
 
 HEADER = ("title", "description", "extends", "include", "seeds", "at_most", "files", "without")
 _SEEDS_MOST = 100000

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import itertools
 import math
 import zlib
@@ -19,6 +18,7 @@ from ...physics.random_numbers import sampling
 from ...physics.random_numbers.seeds import generator
 from ...settings.description import check, load, merged, preset_path
 from ...settings.table import TOPICS, Setting
+from ...suggestions import nearest
 from ...typed_settings import Parts, Settings
 
 #: Kinds of sweeps that vary settings; ``poses.KINDS`` are the others.
@@ -48,13 +48,6 @@ class Variation:
 
     settings: Parts
     place: Place
-
-
-def nearest(word: str, known: Iterable[str]) -> str:
-    """'did you mean …?' or what there is."""
-    names = list(known)
-    close = difflib.get_close_matches(word, names, n=1, cutoff=0.5)
-    return f"did you mean {close[0]!r}?" if close else f"known are {', '.join(names) or 'none'}."
 
 
 def check_keys(table: Mapping[str, Any], known: Sequence[str], place: Place, what: str) -> None:

@@ -20,7 +20,8 @@ import numpy as np
 
 from ...errors import IcyMoonError
 from ...render.pairs.pair_folder import StereoCamera
-from .options import nearest, resolve
+from ...suggestions import nearest
+from .options import resolve
 from .result import Result
 
 #: The matchers; each is the module of this name.

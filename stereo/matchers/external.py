@@ -23,9 +23,10 @@ import numpy as np
 from ...errors import IcyMoonError
 from ...render.pairs.pair_folder import StereoCamera
 from ...scratch import scratch_folder
+from ...suggestions import nearest
 from ...system import kill_all, split_command, start
 from ..images.image_files import read_pfm, read_png, write_png
-from .options import Option, nearest
+from .options import Option
 from .result import Result
 
 COLOUR = True

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 
 from ...errors import IcyMoonError
 from ...settings.trust import OWN, OWN_NAME, listed
+from ...suggestions import nearest
 from . import MATCHERS, check_options
-from .options import nearest
 
 
 @dataclass(frozen=True)

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import difflib
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from ...errors import IcyMoonError
 from ...settings.trust import LOADS
+from ...suggestions import nearest
 
 
 @dataclass(frozen=True)
@@ -42,13 +42,6 @@ class Option:
         if isinstance(self.default, str):
             return "text"
         return f"{self.minimum} to {self.maximum}" + (f" in steps of {self.step}" if self.step > 1 else "")
-
-
-def nearest(word: str, known: Iterable[str]) -> str:
-    """The end of a sentence about an unknown word: the likeliest one that was meant, or all."""
-    names = list(known)
-    close = difflib.get_close_matches(word, names, n=1, cutoff=0.5)
-    return f"did you mean {close[0]!r}?" if close else f"known are {', '.join(names)}."
 
 
 def resolve(method: str, declared: Sequence[Option], presets: Mapping[str, Mapping[str, Any]],

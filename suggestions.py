@@ -1,0 +1,16 @@
+"""What was meant by a word that is not known."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+
+
+def nearest(word: str, known: Iterable[str], cutoff: float = 0.5) -> str:
+    """The end of a sentence about an unknown word: the likeliest one that was meant, or all there are.
+
+    ``cutoff`` is how like a word must be, from 0 to 1 for the same.
+    """
+    names = list(known)
+    close = difflib.get_close_matches(word, names, n=1, cutoff=cutoff)
+    return f"did you mean {close[0]!r}?" if close else f"known are {', '.join(names) or 'none'}."
