@@ -147,8 +147,7 @@ def test_a_node_with_an_input_nobody_set_is_refused():
         tree.node("ShaderNodeMath", "Misspelt", {"Value": 1.0, "Value_001": 0.0, "Heihgt": 1.0}, operation="ADD")
 
 
-def test_property_groups_hold_a_description_and_give_it_back():
-    scene = empty_scene()
+def test_property_groups_hold_a_description_and_give_it_back(scene):
     loaded = description.merged(description.defaults(),
                                 description.load(description.preset_path("scenes/europa_rough_ice")))
     scene_properties.write_settings(scene.icymoon, loaded)
