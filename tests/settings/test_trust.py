@@ -120,7 +120,7 @@ def test_one_s_own_matcher_is_named_and_takes_harmless_options_from_a_descriptio
     ("own", ["yours:bm"], "no matcher own: "),
     ("own:mine", ["mine:magic"], "NAME:METHOD:KEY=VALUE"),
     ("own:mine", ["a b:bm"], "NAME:METHOD:KEY=VALUE"),
-    ("own:mine", ["mine:bm", "mine:sgbm"], "is bm already"),
+    ("own:mine", ["mine:bm", "mine:sgbm"], "is already bm"),
     ("own:mine", ["mine:bm:window"], "key=value")])
 def test_what_is_no_matcher_of_one_s_own_is_said_in_a_sentence(text, own, said):
     with pytest.raises(IcyMoonError, match=said):
