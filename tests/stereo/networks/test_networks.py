@@ -154,7 +154,7 @@ def test_images_without_anything_in_them(method, shape, level, checkpoints):
 @pytest.mark.parametrize("method", BUILD)
 def test_a_missing_checkpoint_is_named_with_its_place(method, tmp_path, monkeypatch):
     monkeypatch.setenv(learned.FOLDER_VARIABLE, str(tmp_path))
-    with pytest.raises(IcyMoonError, match=rf"{method} has no checkpoint at .*{method}.pth: download .*github.com.*"
+    with pytest.raises(IcyMoonError, match=rf"{method} has no checkpoint at .*{method}.pth; download .*github.com.*"
                                            rf"put it there, or give {method}.checkpoint=FILE"):
         check_options(method, {})
     with pytest.raises(IcyMoonError, match=r"no checkpoint at .*mine.pth"):
