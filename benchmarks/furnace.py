@@ -20,8 +20,8 @@ from typing import Any
 import bpy
 import numpy as np
 from icymoon import compat
-from icymoon.nodes.surface.material import WHITE, bump_of
-from icymoon.nodes.surface.patches_and_grain import grain
+from icymoon.nodes.surface.ice_material import WHITE, add_bump
+from icymoon.nodes.surface.patches_and_grain import add_grain
 from icymoon.nodes.tree.builder import Tree
 from mathutils import Vector
 
@@ -135,12 +135,12 @@ def principled(**inputs: Any) -> bpy.types.Material:
 
 
 def bumpy(steepness: float) -> bpy.types.Material:
-    """A white matt surface with bumps as ``nodes/surface/material.py`` makes them."""
+    """A white matt surface with bumps as ``nodes/surface/ice_material.py`` makes them."""
     material = principled(Base_Color=WHITE, Specular_IOR_Level=0.0)
     tree, wavelength_m = Tree(material.node_tree, keep=True), 0.02
     where = tree.node("ShaderNodeNewGeometry", "Geometry").outputs["Position"]
-    height = grain(tree, where, wavelength_m, (0.0, 0.0, 0.0))
-    bump = bump_of(tree, height, steepness * wavelength_m)
+    height = add_grain(tree, where, wavelength_m, (0.0, 0.0, 0.0))
+    bump = add_bump(tree, height, steepness * wavelength_m)
     tree.tree.links.new(bump, tree.tree.nodes["Principled BSDF"].inputs["Normal"])
     return material
 

@@ -50,7 +50,7 @@ def _seconds(surface: dict, hapke: dict, textures: dict | None = None) -> float:
     """Processor seconds of 63 samples a pixel of an open ground under a low Sun."""
     import bpy
     from icymoon.nodes.scene import build
-    from icymoon.nodes.surface.sun_inputs import attune
+    from icymoon.nodes.surface.sun_inputs import prepare_for_cycles
     from icymoon.render import cycles_settings
     from rendering import complete, empty_scene
 
@@ -62,7 +62,7 @@ def _seconds(surface: dict, hapke: dict, textures: dict | None = None) -> float:
     spent = []
     for samples in (1, 64):
         cycles_settings.apply(scene, settings.quality | {"samples": samples}, 1)
-        attune(scene, built.materials, built.sun, built.planetshine)
+        prepare_for_cycles(scene, built.materials, built.sun, built.planetshine)
         scene.render.resolution_x, scene.render.resolution_y, scene.render.threads = 160, 120, 1
         start = time.process_time()
         bpy.ops.render.render()

@@ -12,12 +12,12 @@ from ..physics.rocks.shapes import make_rock_shapes
 from ..physics.terrain.terrain import make_terrain as make_terrain
 from ..typed_settings import Settings
 from . import engine
-from .ground.terrain_mesh import build_mesh, mesh_from_arrays
-from .surface.materials import ground_material, rock_material
+from .ground.terrain_mesh import build_mesh, build_mesh_from_arrays
+from .surface.ground_and_rock_materials import build_ground_material, build_rock_material
 from .surface.patches_and_grain import mark_elevation
 
 
-def terrain_object(settings: Settings) -> bpy.types.Object:
+def build_terrain_object(settings: Settings) -> bpy.types.Object:
     """The procedural ground of the settings as a grid, not yet in a scene.
 
     Raises IcyMoonError if Cycles is off or a texture of its material cannot be had.
@@ -25,10 +25,10 @@ def terrain_object(settings: Settings) -> bpy.types.Object:
     engine.require()
     mesh = build_mesh("Icy Terrain", settings.terrain, make_terrain(settings, int(settings.dataset.seed)))
     mark_elevation(mesh, settings.surface)
-    return _with_material(mesh, lambda: ground_material(settings, mesh))
+    return _build_object(mesh, lambda: build_ground_material(settings, mesh))
 
 
-def block_object(settings: Settings, diameter_m: float) -> bpy.types.Object:
+def build_rock_object(settings: Settings, diameter_m: float) -> bpy.types.Object:
     """One block of the shape that the settings describe, standing on its origin, not yet in a scene.
 
     ``diameter_m`` is that of a circle of the same area, seen from above. Raises IcyMoonError if Cycles is
@@ -40,12 +40,12 @@ def block_object(settings: Settings, diameter_m: float) -> bpy.types.Object:
     long = float(np.sqrt(max(rocks.elongation, 1.0)))
     scale = diameter_m * np.array([long, 1.0 / long, shape.height * rocks.height_ratio])
     vertices = (shape.vertices - [0.0, 0.0, shape.vertices[:, 2].min()]) * scale
-    mesh = mesh_from_arrays("Ice Rock", vertices.astype(np.float32), shape.triangles)
+    mesh = build_mesh_from_arrays("Ice Rock", vertices.astype(np.float32), shape.triangles)
     mesh.polygons.foreach_set("use_smooth", ~shape.plane)
-    return _with_material(mesh, lambda: rock_material(settings, mesh))
+    return _build_object(mesh, lambda: build_rock_material(settings, mesh))
 
 
-def _with_material(mesh: bpy.types.Mesh, make: Callable[[], bpy.types.Material]) -> bpy.types.Object:
+def _build_object(mesh: bpy.types.Mesh, make: Callable[[], bpy.types.Material]) -> bpy.types.Object:
     try:
         mesh.materials.append(make())
     except IcyMoonError:  # an image that cannot be read

@@ -13,10 +13,20 @@ from ..settings.description import merged
 from ..settings.table import TOPICS
 from ..typed_settings import Parts, Settings, typed
 from . import engine
-from .datablocks.fingerprint import MAKER, TAG, added_objects, built_objects, differing, edited, maker, read, updated
+from .datablocks.fingerprint import (
+    MAKER,
+    TAG,
+    added_objects,
+    built_objects,
+    differing,
+    edited_parts,
+    maker,
+    read_marks,
+    updated_marks,
+)
 from .datablocks.marks import hashed
 from .datablocks.user_files import are_there, content, used_files
-from .light.lights import ROLES, SKY
+from .light.scene_lights import ROLES, SKY
 from .remove import materials_of, with_parts
 from .surface import reflectance_laws
 
@@ -70,7 +80,7 @@ class Built:
     def _edits(self) -> str:
         """The mark of what was edited and added by hand, and of the frame if that matters; empty without any."""
         refuse_excluded(self.scene, self.collection)
-        found = read(self.collection)
+        found = read_marks(self.collection)
         by_hand = sorted(differing(found.parts, self._known()))
         if not by_hand and "added" not in found.parts:
             return ""
@@ -115,7 +125,7 @@ class Built:
 
         Raises IcyMoonError if that cannot be told.
         """
-        return edited(self.collection, self._known(), *wanted)
+        return edited_parts(self.collection, self._known(), *wanted)
 
     @property
     def sky(self) -> dict[str, Any]:
@@ -143,7 +153,7 @@ class Built:
         self.settings = merged(settings)
         self.collection[SETTINGS], self.collection[PREVIEW] = json.dumps(self.settings), json.dumps(preview)
         known = json.loads(self.collection[FINGERPRINT])
-        self.collection[FINGERPRINT] = json.dumps(updated(self.collection, known, *changed))
+        self.collection[FINGERPRINT] = json.dumps(updated_marks(self.collection, known, *changed))
 
 
 def find_collection(scene: bpy.types.Scene) -> bpy.types.Collection | None:

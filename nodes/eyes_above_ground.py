@@ -20,7 +20,7 @@ _UP = Vector((0.0, 0.0, 1.0))
 _MOST_PASSED = 1000
 
 
-def of_described(built: Built, scene: bpy.types.Scene | None = None) -> list[str]:
+def reasons_when_built(built: Built, scene: bpy.types.Scene | None = None) -> list[str]:
     """The reasons for the eyes of a scene that was only built: those of its description, else of its mesh, where that
     is not as fine under the camera as the images show. For ``scene`` see ``reasons``."""
     settings = built.settings
@@ -35,17 +35,17 @@ def reasons(built: Built, turn_deg: float = 0.0, scene: bpy.types.Scene | None =
     overhang's other side, or nothing. Asked in ``scene``, which shows what is built and nothing else, or in one that
     comes and goes, so that nothing is worked out in the person's.
     """
-    with nullcontext(scene) if scene else _scene_of(built) as asked:
+    with nullcontext(scene) if scene else _make_scene(built) as asked:
         layer = asked.view_layers[0]
         layer.update()
         poses = eye_poses(built.camera.evaluated_get(layer.depsgraph).matrix_world, built.settings.rig.baseline_m)
-        found = [_of_eye(asked, layer.depsgraph, built, eye, position)
+        found = [_reason_of_eye(asked, layer.depsgraph, built, eye, position)
                  for eye, position in _positions(poses, turn_deg).items()]
     return [sentence for sentence in found if sentence]
 
 
 @contextmanager
-def _scene_of(built: Built) -> Iterator[bpy.types.Scene]:
+def _make_scene(built: Built) -> Iterator[bpy.types.Scene]:
     scene = bpy.data.scenes.new("Icy Moon Eyes")
     try:
         scene.collection.children.link(built.collection)
@@ -62,17 +62,18 @@ def _positions(poses: dict[str, np.ndarray], turn_deg: float) -> dict[str, Vecto
     return {"left": Vector(left.tolist()), "right": Vector(right.tolist())}
 
 
-def _of_eye(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph, built: Built, eye: str, position: Vector) -> str:
+def _reason_of_eye(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph, built: Built, eye: str,
+                   position: Vector) -> str:
     rig = built.settings.rig
-    role, distance, leaves = _met(scene, depsgraph, position, _UP)
+    role, distance, leaves = _cast_ray(scene, depsgraph, position, _UP)
     if role and leaves:
         return buried_sentence(rig, eye, distance) if role == "terrain" else in_rock_sentence(rig, eye)
-    role, distance, _ = _met(scene, depsgraph, position, -_UP)
+    role, distance, _ = _cast_ray(scene, depsgraph, position, -_UP)
     return buried_sentence(rig, eye, -distance) if role == "terrain" and distance < LOWEST_M / 2 else ""
 
 
-def _met(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph, start: Vector,
-         toward: Vector) -> tuple[str, float, bool]:
+def _cast_ray(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph, start: Vector,
+              toward: Vector) -> tuple[str, float, bool]:
     """The role of the ground or block that a ray meets first, empty for none, how far that is in metres, and whether
     the ray leaves it there; what is the person's own is passed."""
     at = start

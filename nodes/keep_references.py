@@ -12,20 +12,20 @@ import bpy
 
 from .. import compat
 from .datablocks.fingerprint import OWN, TAG
-from .datablocks.stored_properties import stored
-from .remove import leftovers, sweep
+from .datablocks.stored_properties import stored_properties
+from .remove import leftovers, remove_if_unused
 
 #: What is given to an object or made in it by itself.
 _BY_ITSELF = {"data", "animation_data", "pose"}
 
 
-def claims(collection: bpy.types.Collection) -> dict[str, Any]:
+def owned_blocks(collection: bpy.types.Collection) -> dict[str, Any]:
     """What a built collection says is its own: objects by role, "ROLE data" and "ROLE material"."""
     return {key.removeprefix(OWN): collection[key] for key in collection.keys()  # noqa: SIM118 - no mapping
             if key.startswith(OWN) and collection[key] is not None}
 
 
-def claim(collection: bpy.types.Collection, what: dict[str, Any]) -> None:
+def set_owned_blocks(collection: bpy.types.Collection, what: dict[str, Any]) -> None:
     """Say what is a built collection's own, and nothing else."""
     for key in [key for key in collection.keys() if key.startswith(OWN)]:  # noqa: SIM118
         del collection[key]
@@ -33,13 +33,13 @@ def claim(collection: bpy.types.Collection, what: dict[str, Any]) -> None:
         collection[f"{OWN}{name}"] = block
 
 
-def claimed_elsewhere(collection: bpy.types.Collection, block: Any) -> bool:
+def is_owned_elsewhere(collection: bpy.types.Collection, block: Any) -> bool:
     """Whether another built collection has a data-block too, as the full copy of a scene has its materials."""
-    return any(block in claims(other).values() for other in bpy.data.collections
+    return any(block in owned_blocks(other).values() for other in bpy.data.collections
                if other != collection and other.get(TAG) == "scene")
 
 
-def succeed(old: Any, new: Any) -> None:
+def replace_block(old: Any, new: Any) -> None:
     """Put a new data-block in the place of an old one, with its name and for all its users."""
     name = old.name
     old.user_remap(new)
@@ -47,26 +47,26 @@ def succeed(old: Any, new: Any) -> None:
     new.name = name
 
 
-def keep(old: bpy.types.Object, new: bpy.types.Object) -> bpy.types.Object:
+def update_object(old: bpy.types.Object, new: bpy.types.Object) -> bpy.types.Object:
     """Make an object what ``new`` is, which is gone afterwards, and return it."""
     found = leftovers([old])
-    _empty(old)
+    _clear_object(old)
     old.data = new.data
-    _assign(old, new)
+    _copy_properties(old, new)
     for modifier in new.modifiers:
-        _assign(old.modifiers.new(modifier.name, modifier.type), modifier)
+        _copy_properties(old.modifiers.new(modifier.name, modifier.type), modifier)
     for constraint in new.constraints:
-        _assign(old.constraints.new(constraint.type), constraint)
+        _copy_properties(old.constraints.new(constraint.type), constraint)
     for key in compat.custom_properties(new):
         if not hasattr(new[key], "keys"):
             old[key] = new[key]
     new.user_remap(old)  # the planet follows the camera
     bpy.data.batch_remove([new])
-    sweep(found)
+    remove_if_unused(found)
     return old
 
 
-def _empty(item: bpy.types.Object) -> None:
+def _clear_object(item: bpy.types.Object) -> None:
     item.animation_data_clear()
     item.modifiers.clear()
     item.constraints.clear()
@@ -77,11 +77,11 @@ def _empty(item: bpy.types.Object) -> None:
             del item[key]
 
 
-def _assign(old: Any, new: Any) -> None:
+def _copy_properties(old: Any, new: Any) -> None:
     """Give a structure the properties of another that count; what only the window shows stays."""
     kind: Any = type(new)
     # Blender turns all rotations into those of another mode.
-    for name, how in sorted(stored(kind), key=lambda each: each[0] != "rotation_mode"):
+    for name, how in sorted(stored_properties(kind), key=lambda each: each[0] != "rotation_mode"):
         value = getattr(new, name)
         if name in _BY_ITSELF or how == "items":
             continue
@@ -89,4 +89,4 @@ def _assign(old: Any, new: Any) -> None:
             if how != "pointer" or getattr(old, name) != value:
                 setattr(old, name, value)
         elif isinstance(value, bpy.types.bpy_struct) and not isinstance(value, bpy.types.ID):
-            _assign(getattr(old, name), value)
+            _copy_properties(getattr(old, name), value)

@@ -64,8 +64,8 @@ def build_points(scene: bpy.types.Scene, paths: Iterable[Path], title: str) -> b
     if not len(position):
         raise IcyMoonError(f"{title} measured nothing here; choose another matcher.")
     clear_points(scene)
-    mesh = _mesh(squares(position, toward, width), colour)
-    mesh.materials.append(_material())
+    mesh = _build_mesh(squares(position, toward, width), colour)
+    mesh.materials.append(_build_material())
     item = bpy.data.objects.new(f"{NAME}: {title}", mesh)
     item[TAG] = ROLE
     item[_COUNTS] = _counts(error, [ply.read_comment_number(path, "missing") for path in paths])
@@ -105,7 +105,7 @@ def legend(scene: bpy.types.Scene) -> tuple[tuple[str, str], ...]:
     return (*lines, (f"Full colour at {FULL_M:g} m, log scale", "BLANK1"))
 
 
-def _mesh(corners: np.ndarray, colour: np.ndarray) -> bpy.types.Mesh:
+def _build_mesh(corners: np.ndarray, colour: np.ndarray) -> bpy.types.Mesh:
     count = len(corners)
     mesh = bpy.data.meshes.new(NAME)
     mesh.vertices.add(4 * count)
@@ -124,7 +124,7 @@ def _mesh(corners: np.ndarray, colour: np.ndarray) -> bpy.types.Mesh:
     return mesh
 
 
-def _material() -> bpy.types.Material:
+def _build_material() -> bpy.types.Material:
     """The squares' own colours, whatever the light."""
     material = bpy.data.materials.new(NAME)
     material[TAG] = ROLE

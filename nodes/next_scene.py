@@ -15,10 +15,10 @@ from ..typed_settings import Settings
 from . import preview
 from .built import SETTINGS, Built, find
 from .datablocks.user_files import content
-from .light.lights import advice as light_advice
-from .light.lights import described_sky
+from .light.scene_lights import advice as light_advice
+from .light.scene_lights import described_sky
 from .scene import build
-from .surface import materials, reflectance_laws
+from .surface import ground_and_rock_materials, reflectance_laws
 
 
 def open_empty_scene(settings: Settings) -> Built:
@@ -27,7 +27,7 @@ def open_empty_scene(settings: Settings) -> Built:
     return build(bpy.context.scene, settings)
 
 
-def adapted(built: Built | None, settings: Settings) -> tuple[Built, bool]:
+def adapt_scene(built: Built | None, settings: Settings) -> tuple[Built, bool]:
     """The built scene of complete ``settings``, and whether it was made out of ``built``, which nobody has edited.
 
     Surfaces, lights and camera are made anew where their settings differ. Where more differs, or
@@ -37,11 +37,11 @@ def adapted(built: Built | None, settings: Settings) -> tuple[Built, bool]:
         return open_empty_scene(settings), False
     if content(settings) != built.content:
         return open_empty_scene(settings), False
-    preview.show(built, settings, int(settings.terrain.resolution))
+    preview.show_settings(built, settings, int(settings.terrain.resolution))
     if preview.notes(bpy.context.scene) or built.preview:  # what cannot be shown is refused, or takes a new scene
         return open_empty_scene(settings), False
     built.remember(settings, {})
-    warnings = [*materials.advice(settings), *reflectance_laws.advice(settings),
+    warnings = [*ground_and_rock_materials.advice(settings), *reflectance_laws.advice(settings),
                 *light_advice(described_sky(settings), settings),
                 *rounding_advice(settings.rig, built.site_m), *admission.scene_advice(settings)]
     now = find(bpy.context.scene)

@@ -27,20 +27,20 @@ from ..settings.changes import geometry
 from ..settings.description import merged
 from ..typed_settings import Settings
 from . import scene as scenes
-from .datablocks.fingerprint import TAG, instanced
-from .ground.heights_under import heights_of
-from .ground.rocks import build_blocks, parts_of
+from .datablocks.fingerprint import TAG, instanced_objects
+from .ground.heights_under import probe_heights
+from .ground.rocks import build_rocks, parts_of
 from .ground.terrain_mesh import fill_mesh, grid
-from .ground.user_ground import is_own
-from .light.lights import ROLES, change_lights, described_sky, made_from
+from .ground.user_ground import is_from_file
+from .light.scene_lights import ROLES, change_lights, described_sky, settings_of_lights
 from .rig import place_rig
+from .surface.ground_and_rock_materials import build_ground_material, build_rock_material
 from .surface.images import remove_unused_images
-from .surface.materials import ground_material, rock_material
 from .surface.patches_and_grain import mark_elevation
 from .tree.builder import take_values
 
 #: Most blocks that a preview shows; the smallest are left out.
-MOST_BLOCKS = 1000
+MOST_ROCKS = 1000
 _EDITED = "The {} was edited by hand, so sliders leave it as it is; Build Scene makes it anew."
 
 
@@ -54,14 +54,14 @@ def notes(scene: bpy.types.Scene) -> list[str]:
     return said + (["Preview: press Build Scene"] if shows and not said else [])
 
 
-def note(built: scenes.Built, sentences: list[str]) -> None:
+def set_notes(built: scenes.Built, sentences: list[str]) -> None:
     """Set what ``notes`` says; nothing is written where nothing changes."""
     sentences = list(dict.fromkeys(sentences))  # one cause, such as a file that is missing, may keep two parts back
     if json.dumps(sentences) != built.collection.get(scenes.NOTES, "[]"):
         built.collection[scenes.NOTES] = json.dumps(sentences)
 
 
-def show(built: scenes.Built, settings: Settings, side: int) -> bool:
+def show_settings(built: scenes.Built, settings: Settings, side: int) -> bool:
     """Show complete ``settings`` in a built scene, the ground with at most ``side`` vertices per side.
 
     Returns whether the ground was made anew. What cannot be shown is in ``notes``; nothing is raised for it.
@@ -76,7 +76,7 @@ def show(built: scenes.Built, settings: Settings, side: int) -> bool:
             said.append(str(error))
             settings = merged(settings, geometry(before))
     said += _show_surfaces(built, settings, before)
-    if made_from(settings) != made_from(before):
+    if settings_of_lights(settings) != settings_of_lights(before):
         if built.edited_parts("sun"):
             said.append(_EDITED.format("Sun"))
         else:
@@ -88,7 +88,7 @@ def show(built: scenes.Built, settings: Settings, side: int) -> bool:
             said.append(_EDITED.format("camera"))
         else:
             _show_rig(built, settings, ground)
-    note(built, said)
+    set_notes(built, said)
     return ground is not None
 
 
@@ -99,7 +99,7 @@ def _show_sunlight(built: scenes.Built) -> None:
     """
     parts = ("sun object", "planetshine object", "terrain object", "rock object")
     by_hand = built.edited_parts(*parts)
-    scenes.sun_shines(built.collection)
+    scenes.update_sunlight(built.collection)
     built.remember(built.settings, built.preview, *(part for part in parts if part not in by_hand))
 
 
@@ -108,7 +108,7 @@ def _show_ground(built: scenes.Built, settings: Settings, side: int) -> Surface:
 
     Raises IcyMoonError if that cannot or must not be done; the scene is then unchanged.
     """
-    if is_own(settings):
+    if is_from_file(settings):
         raise IcyMoonError("Your own ground and the blocks on it are made by Build Scene, not while settings change.")
     if built.terrain.mode != "OBJECT":
         raise IcyMoonError("The ground is being edited; leave Edit or Sculpt Mode to see changes of its settings.")
@@ -119,11 +119,11 @@ def _show_ground(built: scenes.Built, settings: Settings, side: int) -> Surface:
     coarse = merged(settings, {"terrain": {"resolution": min(side, int(settings.terrain.resolution))}})
     ground = scenes.ground_of(settings)
     positions, faces = grid(coarse.terrain, ground)
-    rocks = _scattered(coarse, positions) if coarse.rocks.coverage > 0 else None
+    rocks = _scatter_largest(coarse, positions) if coarse.rocks.coverage > 0 else None
     # Nothing is refused from here on.
     fill_mesh(built.terrain.data, positions, faces)
     mark_elevation(built.terrain.data, settings.surface)
-    changed = _show_blocks(built, coarse, rocks)
+    changed = _show_rocks(built, coarse, rocks)
     built.remember(built.settings, merged(built.preview, geometry(settings)), "terrain data", *changed)
     return ground
 
@@ -133,28 +133,28 @@ def _coarse_shapes(settings: Settings) -> tuple[tuple[Shape, ...], ...]:
     return make_rock_shapes(rocks.family, rocks.angularity, int(settings.dataset.seed))[-1:]
 
 
-def _scattered(settings: Settings, positions: np.ndarray) -> Rocks:
+def _scatter_largest(settings: Settings, positions: np.ndarray) -> Rocks:
     """The largest of the described blocks, of the coarsest shapes, on a grid of positions (n², 3)."""
     rocks, rig, size = settings.rocks, settings.rig, float(settings.terrain.size_m)
     n = round(len(positions) ** 0.5)
     pixel = size / (n - 1)
     heights = positions[:, 2].reshape(n, n)[::-1].astype(np.float64)
     ground = HeightMap(heights, (pixel, pixel), -size / 2, -size / 2, size)
-    found = scatter(rocks | {"most": min(rocks.most, MOST_BLOCKS)}, size, int(settings.dataset.seed),
+    found = scatter(rocks | {"most": min(rocks.most, MOST_ROCKS)}, size, int(settings.dataset.seed),
                     ground.heights, _coarse_shapes(settings) * (1 + len(LEVEL_RANKS)),
                     (rig.x_m, rig.y_m, rocks.clear_radius_m))
     return replace(found, level=np.zeros_like(found.level))
 
 
-def _show_blocks(built: scenes.Built, settings: Settings, rocks: Rocks | None) -> tuple[str, ...]:
+def _show_rocks(built: scenes.Built, settings: Settings, rocks: Rocks | None) -> tuple[str, ...]:
     """Put ``rocks`` in the place of the blocks there are; which parts that has changed."""
     there = next((item for item in built.collection.all_objects if item.get(TAG) == "rock"), None)
     if rocks is None:
         scenes.remove([there] if there else [])
         return ("rock",)
-    ice = next((shape.data.materials[0] for shape in instanced(there)), None) if there else None
-    new = build_blocks(f"{scenes.NAME} Rock", rocks, _coarse_shapes(settings),
-                       ice or rock_material(settings, built.terrain.data), TAG)
+    ice = next((shape.data.materials[0] for shape in instanced_objects(there)), None) if there else None
+    new = build_rocks(f"{scenes.NAME} Rock", rocks, _coarse_shapes(settings),
+                      ice or build_rock_material(settings, built.terrain.data), TAG)
     if there is None:
         there = new
         there[TAG] = "rock"
@@ -164,7 +164,7 @@ def _show_blocks(built: scenes.Built, settings: Settings, rocks: Rocks | None) -
         ours, theirs = there.modifiers[0], new.modifiers[0]
         ours.node_group, theirs.node_group = theirs.node_group, ours.node_group
         scenes.remove([new])
-    scenes.free_names([there.data, *parts_of(there, TAG), *(shape.data for shape in instanced(there))])
+    scenes.free_names([there.data, *parts_of(there, TAG), *(shape.data for shape in instanced_objects(there))])
     return ("rock object", "rock data") if ice else ("rock",)
 
 
@@ -173,10 +173,10 @@ def _show_surfaces(built: scenes.Built, settings: Settings, before: Settings) ->
     seeds = settings.dataset.seed, before.dataset.seed
     if changes.look(settings) == changes.look(before) and seeds[0] == seeds[1]:
         return []
-    made = {"terrain": ("ground", ground_material, [built.terrain]),
-            "rock": ("blocks", rock_material,
+    made = {"terrain": ("ground", build_ground_material, [built.terrain]),
+            "rock": ("blocks", build_rock_material,
                      [shape for item in built.collection.all_objects if item.get(TAG) == "rock"
-                      for shape in instanced(item)])}
+                      for shape in instanced_objects(item)])}
     by_hand = built.edited_parts(*(f"{role} materials" for role in made))
     said: list[str] = []
     changed: list[str] = []
@@ -201,7 +201,7 @@ def _show_surfaces(built: scenes.Built, settings: Settings, before: Settings) ->
 
 def _roundness(built: scenes.Built) -> Callable[[np.ndarray, np.ndarray], np.ndarray] | None:
     """How far the ground that is shown falls at coordinates, like the body; None where it is flat."""
-    if is_own(built.settings) or built.settings.mesh.kind != "GRADED" or "terrain" in built.preview:
+    if is_from_file(built.settings) or built.settings.mesh.kind != "GRADED" or "terrain" in built.preview:
         return None
     rig, radius = built.settings.rig, float(built.settings.terrain.body_radius_m)
     return lambda x, y: np.asarray(drop_m(np.hypot(x - rig.x_m, y - rig.y_m), radius))
@@ -239,7 +239,7 @@ def _show_rig(built: scenes.Built, settings: Settings, ground: Surface | None) -
     rig, preview = settings.rig, {topic: values for topic, values in built.preview.items() if topic != "rig"}
     site_m, stood = built.site_m, built.settings.rig
     moved = (rig.x_m, rig.y_m) != (stood.x_m, stood.y_m)
-    if not is_own(settings):
+    if not is_from_file(settings):
         if moved or ground is not None or preview:
             site_m = scenes.site_ground_m(settings, ground or scenes.ground_of(settings))
         if settings.mesh.kind == "GRADED":  # the mesh was made for the rig that it was built with
@@ -247,7 +247,7 @@ def _show_rig(built: scenes.Built, settings: Settings, ground: Surface | None) -
             preview |= {"rig": {key: rig[key] for key in other}} if other else {}
             settings = merged(settings, {"rig": other})
     elif moved:
-        with heights_of(built.terrain) as height_at:
+        with probe_heights(built.terrain) as height_at:
             under = float(height_at(np.array([rig.x_m]), np.array([rig.y_m]))[0])
         site_m = site_m if math.isnan(under) else under
         preview["rig"] = {"x_m": rig.x_m, "y_m": rig.y_m}

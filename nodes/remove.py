@@ -37,7 +37,7 @@ def remove_leftovers() -> None:
     """Remove built worlds, lamps' collections and shapes of blocks that are no longer used."""
     parts = [block for kind in (bpy.data.node_groups, bpy.data.collections, bpy.data.objects) for block in kind
              if block.get(TAG) in ("rock shapes", "rock shape")]
-    sweep((parts, {item.data for item in parts if isinstance(item, bpy.types.Object)}, set()))
+    remove_if_unused((parts, {item.data for item in parts if isinstance(item, bpy.types.Object)}, set()))
     remove_unused([], [w for w in bpy.data.worlds if TAG in w])
     remove_unused([], [c for c in bpy.data.collections if c.get(TAG) == sun_inputs.SHARED])
 
@@ -50,7 +50,7 @@ def leftovers(objects: list[bpy.types.Object]) -> tuple[list[Any], set[Any], set
             {m for m in materials_of(every) if TAG in m})
 
 
-def sweep(found: tuple[list[Any], set[Any], set[Any]]) -> None:
+def remove_if_unused(found: tuple[list[Any], set[Any], set[Any]]) -> None:
     """Remove of ``leftovers`` what nothing uses now; copies of a scene may use the rest."""
     parts, data, materials = found
     for kind in (bpy.types.NodeTree, bpy.types.Collection, bpy.types.Object):  # each is held by the one before
@@ -64,7 +64,7 @@ def remove(objects: list[bpy.types.Object]) -> None:
     found = leftovers(objects)
     _release([*objects, *found[1], *found[2]])
     bpy.data.batch_remove(objects)
-    sweep(found)
+    remove_if_unused(found)
 
 
 def _release(blocks: list[Any]) -> None:

@@ -47,26 +47,45 @@ from .built import (
     find_collection,
     measured_roughness,
 )
-from .datablocks.fingerprint import NAME, TAG, built_objects, instanced, parts
+from .datablocks.fingerprint import NAME, TAG, built_objects, instanced_objects, parts
 from .datablocks.user_files import content
-from .ground.heights_under import heights_of
-from .ground.rocks import build_blocks
-from .ground.terrain_mesh import as_meshed, build_mesh, grid_heights, measured, patch_heights, site_wavelength_m
-from .ground.user_ground import OwnGround, is_own, own_ground
-from .keep_references import claim, claimed_elsewhere, claims, keep, succeed
-from .light.lights import ROLES, build_lights, described_sky
-from .light.lights import advice as light_advice
-from .light.sun import build_sky
+from .ground.heights_under import probe_heights
+from .ground.rocks import build_rocks
+from .ground.terrain_mesh import as_meshed, build_mesh, grid_heights, patch_heights, patch_roughness, site_wavelength_m
+from .ground.user_ground import UserGround, is_from_file, load_ground
+from .keep_references import is_owned_elsewhere, owned_blocks, replace_block, set_owned_blocks, update_object
+from .light.scene_lights import ROLES, build_lights, described_sky
+from .light.scene_lights import advice as light_advice
+from .light.sun_lamp import build_sky
 from .remove import free_names, materials_of, remove, remove_leftovers, remove_unused, with_parts
 from .rig import build_rig
-from .surface import materials, reflectance_laws, sun_inputs
-from .surface.materials import ground_material, rock_material
+from .surface import ground_and_rock_materials, reflectance_laws, sun_inputs
+from .surface.ground_and_rock_materials import build_ground_material, build_rock_material
 from .surface.patches_and_grain import mark_elevation
 
 #: With what is built here, all that others ask of a scene.
-__all__ = ["NAME", "NOTES", "PREVIEW", "SITE", "Built", "build", "changed_settings", "clear", "extra", "find",
-           "find_collection", "free_names", "ground_of", "measured_patch", "measured_roughness", "remove",
-           "settle", "shares", "site_ground_m", "sun_shines"]
+__all__ = [
+    "NAME",
+    "NOTES",
+    "PREVIEW",
+    "SITE",
+    "Built",
+    "build",
+    "changed_settings",
+    "clear",
+    "extra",
+    "find",
+    "find_collection",
+    "free_names",
+    "ground_of",
+    "measured_patch",
+    "measured_roughness",
+    "remove",
+    "separate_copies",
+    "site_ground_m",
+    "update_sunlight",
+    "why_shared",
+]
 
 #: The roles of objects that are built into a collection.
 OBJECTS = ("terrain", "sun", "camera", "rock", *ROLES)
@@ -85,19 +104,19 @@ def site_ground_m(settings: Settings, ground: Surface) -> float:
 
 def measured_patch(built: Built) -> np.ndarray | None:
     """Heights (n, n) in metres on a grid over the patch of procedural ground; None of other ground."""
-    if is_own(built.settings):
+    if is_from_file(built.settings):
         return None
     if built.settings.mesh.kind == "GRADED":
         return patch_heights(ground_of(built.settings))
     return grid_heights(built.terrain.data, built.settings.terrain)
 
 
-def _tagged(block: Any, role: str) -> Any:
+def _tag(block: Any, role: str) -> Any:
     block[TAG] = role
     return block
 
 
-def _site(settings: Settings, ground: Surface, own: OwnGround | None) -> tuple[float, list[str]]:
+def _site(settings: Settings, ground: Surface, own: UserGround | None) -> tuple[float, list[str]]:
     """Height in metres of the ground to stand on, and a warning if the camera stands beside it."""
     rig, size = settings.rig, settings.terrain.size_m
     height = site_ground_m(settings, ground)
@@ -111,15 +130,15 @@ def _site(settings: Settings, ground: Surface, own: OwnGround | None) -> tuple[f
     return height, []
 
 
-def _blocks(settings: Settings, terrain: bpy.types.Object, size_m: float) -> tuple[bpy.types.Object, list[str]]:
+def _build_rocks(settings: Settings, terrain: bpy.types.Object, size_m: float) -> tuple[bpy.types.Object, list[str]]:
     """The object that carries the blocks on the ground, and warnings."""
     seed, described, rig = int(settings.dataset.seed), settings.rocks, settings.rig
     shapes = make_rock_shapes(described.family, described.angularity, seed)
-    with heights_of(terrain) as height_at:
+    with probe_heights(terrain) as height_at:
         rocks = scatter(described, size_m, seed, height_at, shapes,
                         (rig.x_m, rig.y_m, described.clear_radius_m))
-    ice = rock_material(settings, terrain.data)
-    blocks = _tagged(build_blocks(f"{NAME} Rock", rocks, shapes, ice, TAG), "rock")
+    ice = build_rock_material(settings, terrain.data)
+    blocks = _tag(build_rocks(f"{NAME} Rock", rocks, shapes, ice, TAG), "rock")
     remove_unused([], [ice])  # if there is room for no block
     if rocks.smallest_m > described.smallest_m:
         return blocks, [f"Blocks under {rocks.smallest_m:.3g} m are left out to keep to {described.most} blocks; "
@@ -127,7 +146,8 @@ def _blocks(settings: Settings, terrain: bpy.types.Object, size_m: float) -> tup
     return blocks, []
 
 
-def _make(settings: Settings) -> tuple[list[bpy.types.Object], bpy.types.World, list[str], OwnGround | None, float]:
+def _build_objects(
+        settings: Settings) -> tuple[list[bpy.types.Object], bpy.types.World, list[str], UserGround | None, float]:
     """All objects of the scene (terrain, Sun, camera, then others), its sky, warnings, the person's own ground, and
     the height of the ground under the camera."""
     # What can be refused comes first: nothing has been made yet.
@@ -135,8 +155,8 @@ def _make(settings: Settings) -> tuple[list[bpy.types.Object], bpy.types.World, 
         raise IcyMoonError(" ".join(said))
     hapke_warnings = reflectance_laws.advice(settings)
     sky = described_sky(settings)
-    own = own_ground(settings, ground_of) if is_own(settings) else None
-    materials.refuse_without_uv(settings, own is not None and own.uv is not None)
+    own = load_ground(settings, ground_of) if is_from_file(settings) else None
+    ground_and_rock_materials.refuse_without_uv(settings, own is not None and own.uv is not None)
     ground: Surface = own.surface if own else as_meshed(ground_of(settings), settings)
     site_m, warnings = _site(settings, ground, own)
     warnings += [*hapke_warnings, *rounding_advice(settings.rig, site_m), *admission.scene_advice(settings)]
@@ -150,24 +170,24 @@ def _make(settings: Settings) -> tuple[list[bpy.types.Object], bpy.types.World, 
         warnings += ground.advice(settings) if isinstance(ground, Graded) else []
         mesh = build_mesh(f"{NAME} Terrain", settings.terrain, ground)
     mark_elevation(mesh, settings.surface, ground.drop_m if isinstance(ground, Graded) else None)
-    warnings += materials.advice(settings)
+    warnings += ground_and_rock_materials.advice(settings)
     try:
-        mesh.materials.append(ground_material(settings, mesh))
+        mesh.materials.append(build_ground_material(settings, mesh))
     except IcyMoonError:  # an image that cannot be read
         bpy.data.meshes.remove(mesh)
         raise
-    terrain = _tagged(bpy.data.objects.new(f"{NAME} Terrain", mesh), "terrain")
+    terrain = _tag(bpy.data.objects.new(f"{NAME} Terrain", mesh), "terrain")
     terrain.pass_index = TERRAIN_INSTANCE
-    camera = _tagged(build_rig(f"{NAME} Camera", settings.rig, site_m), "camera")
+    camera = _tag(build_rig(f"{NAME} Camera", settings.rig, site_m), "camera")
     lights = build_lights(settings, sky, camera)
     warnings += light_advice(sky, settings)
     warnings += blur.blur_advice(settings)
     objects = [terrain, lights[0], camera, *lights[1:]]
     if settings.rocks.coverage > 0:
-        blocks, more = _blocks(settings, terrain, ground.size_m)
+        blocks, more = _build_rocks(settings, terrain, ground.size_m)
         objects.append(blocks)
         warnings += more
-    return objects, _tagged(build_sky(f"{NAME} Sky"), "sky"), warnings, own, site_m
+    return objects, _tag(build_sky(f"{NAME} Sky"), "sky"), warnings, own, site_m
 
 
 def _adopt_children(gone: list[bpy.types.Object], terrain: bpy.types.Object) -> None:
@@ -179,7 +199,7 @@ def _adopt_children(gone: list[bpy.types.Object], terrain: bpy.types.Object) -> 
             item.matrix_parent_inverse = inverse
 
 
-def sun_shines(collection: bpy.types.Collection) -> None:
+def update_sunlight(collection: bpy.types.Collection) -> None:
     """Make surfaces, lamps and window agree, after any of them has changed: the surfaces know where Sun and planet are,
     a lamp lights only what does not trace it, and the scenes use Open Shading Language if a surface needs it."""
     objects = list(built_objects(collection).values())
@@ -188,17 +208,18 @@ def sun_shines(collection: bpy.types.Collection) -> None:
     used = {item: materials_of(with_parts([item])[0]) for item in objects}
     every = set().union(*used.values())
     # As the lamp has it, in single precision, so that aiming again at render time changes nothing.
-    sun_inputs.aim(every, sun_inputs.Sun.from_lamp(lamp, lamp.matrix_basis), shine)
+    sun_inputs.aim_surfaces(every, sun_inputs.Sun.from_lamp(lamp, lamp.matrix_basis), shine)
     of_osl = [item for item in objects if any(map(sun_inputs.is_osl, used[item]))]
-    sun_inputs.share_lamp(f"{NAME} Traced Sun", lamp, [i for i in of_osl if any(map(sun_inputs.traces, used[i]))])
+    sun_inputs.exempt_from_lamp(f"{NAME} Traced Sun", lamp,
+                                [i for i in of_osl if any(map(sun_inputs.traces_sun, used[i]))])
     if shine is not None:
-        sun_inputs.share_lamp(f"{NAME} Traced Planet", shine, of_osl)
+        sun_inputs.exempt_from_lamp(f"{NAME} Traced Planet", shine, of_osl)
     for item in objects:
         if item[TAG] in ("terrain", "rock"):
             # Hapke's law in OSL gives all of the planet's light, and all or part of the Sun's, as if it shone by
             # itself. By day ``render.apart`` tells the two apart.
             group = "Sun" if lamp.data.energy > 0 or shine is None else "Planet"
-            for each in (item, *instanced(item)):
+            for each in (item, *instanced_objects(item)):
                 each.lightgroup = group if item in of_osl else ""
     remove_leftovers()
     for scene in bpy.data.scenes:
@@ -213,20 +234,20 @@ def _refuse_editing(ours: list[bpy.types.Object]) -> None:
             raise IcyMoonError(f"{item.name} is being edited; go to Object Mode to build the scene.")
 
 
-def _there(scene: bpy.types.Scene, collection: bpy.types.Collection | None) -> dict[str, Any]:
+def _find_built_blocks(scene: bpy.types.Scene, collection: bpy.types.Collection | None) -> dict[str, Any]:
     """What was built before, see ``claims``: also without the collection, which a person may have deleted."""
     if collection is not None:
-        return {**built_objects(collection), **claims(collection)}
+        return {**built_objects(collection), **owned_blocks(collection)}
     theirs = {block for other in bpy.data.collections if other.get(TAG) == "scene"
-              for block in (*claims(other).values(), *other.all_objects)}
+              for block in (*owned_blocks(other).values(), *other.all_objects)}
     strays = [item for item in bpy.data.objects if item.get(TAG) in OBJECTS and item not in theirs
               and (item.name in scene.objects or not item.users_collection)]
     return {item[TAG]: item for item in reversed(strays)}
 
 
-def _new_collection(scene: bpy.types.Scene, ours: list[bpy.types.Object]) -> bpy.types.Collection:
+def _make_collection(scene: bpy.types.Scene, ours: list[bpy.types.Object]) -> bpy.types.Collection:
     """The collection of what is built, which knows what the scene was like before; ``ours`` are taken out of others."""
-    collection = _tagged(bpy.data.collections.new(NAME), "scene")
+    collection = _tag(bpy.data.collections.new(NAME), "scene")
     for item in ours:
         for other in item.users_collection:
             other.objects.unlink(item)
@@ -241,21 +262,21 @@ def _new_collection(scene: bpy.types.Scene, ours: list[bpy.types.Object]) -> bpy
     return collection
 
 
-def _in_place(collection: bpy.types.Collection, there: dict[str, Any],
-              new: list[bpy.types.Object]) -> tuple[list[bpy.types.Object], list[Any]]:
+def _put_in_place(collection: bpy.types.Collection, there: dict[str, Any],
+                  new: list[bpy.types.Object]) -> tuple[list[bpy.types.Object], list[Any]]:
     """Put new objects in the place of those that are ``there``; the objects that are built now, and the data-blocks
     among them that keep their names."""
-    claim(collection, {})  # or what is of no use any more would be held
+    set_owned_blocks(collection, {})  # or what is of no use any more would be held
     old = {role: item for role, item in there.items() if role in OBJECTS}
     named, objects = list(old.values()), []
     for item in new:
         role = item[TAG]
         successors = {f"{role} data": item.data} | {f"{role} material": material for material in _material(item)}
         for name, block in successors.items():
-            if name in there and not claimed_elsewhere(collection, there[name]):
-                succeed(there[name], block)
+            if name in there and not is_owned_elsewhere(collection, there[name]):
+                replace_block(there[name], block)
                 named.append(block)
-        objects.append(keep(old.pop(role), item) if role in old else item)
+        objects.append(update_object(old.pop(role), item) if role in old else item)
     _adopt_children(list(old.values()), objects[0])
     remove(list(old.values()))
     return objects, named
@@ -263,11 +284,11 @@ def _in_place(collection: bpy.types.Collection, there: dict[str, Any],
 
 def _material(item: bpy.types.Object) -> list[bpy.types.Material]:
     """The material of the ground or of the blocks."""
-    meshes = [each.data for each in (item, *instanced(item)) if isinstance(each.data, bpy.types.Mesh)]
+    meshes = [each.data for each in (item, *instanced_objects(item)) if isinstance(each.data, bpy.types.Mesh)]
     return [mesh.materials[0] for mesh in meshes if len(mesh.materials)][:1]
 
 
-def _claims(objects: list[bpy.types.Object]) -> dict[str, Any]:
+def _blocks_to_own(objects: list[bpy.types.Object]) -> dict[str, Any]:
     """What is built, as ``claim`` takes it: other people's objects may use the mesh of the ground, and surfaces."""
     found: dict[str, Any] = {item[TAG]: item for item in objects}
     found["terrain data"] = found["terrain"].data
@@ -283,7 +304,7 @@ def disown_copies(collection: bpy.types.Collection) -> None:
             del item[TAG]
 
 
-def settle(built: Built) -> None:
+def separate_copies(built: Built) -> None:
     """Make a built scene its own again that a person has copied as a whole or in part."""
     disown_copies(built.collection)
     lamps = [item for role, item in built_objects(built.collection).items() if role in ("sun", "planetshine")]
@@ -291,13 +312,13 @@ def settle(built: Built) -> None:
               and lamp.light_linking.receiver_collection.get(TAG) == sun_inputs.SHARED
               for item in lamp.light_linking.receiver_collection.objects]
     if any(item not in list(built.collection.all_objects) for item in exempt):
-        sun_shines(built.collection)
+        update_sunlight(built.collection)
 
 
-def shares(built: Built) -> str:
+def why_shared(built: Built) -> str:
     """Why live settings would change another scene too, in a sentence; empty if they would not."""
-    surfaces = [block for name, block in claims(built.collection).items() if name.endswith(" material")]
-    if any(claimed_elsewhere(built.collection, surface) for surface in surfaces):
+    surfaces = [block for name, block in owned_blocks(built.collection).items() if name.endswith(" material")]
+    if any(is_owned_elsewhere(built.collection, surface) for surface in surfaces):
         return "This scene has its surfaces in common with the one it is a copy of; press Build Scene to part them."
     return ""
 
@@ -312,28 +333,28 @@ def build(scene: bpy.types.Scene, settings: Settings) -> Built:
     """
     collection = find_collection(scene)
     engine.require()
-    there = _there(scene, collection)
+    there = _find_built_blocks(scene, collection)
     ours = [item for role, item in there.items() if role in OBJECTS]
     _refuse_editing(ours)
     try:
-        objects, sky, warnings, own, site_m = _make(settings)
+        objects, sky, warnings, own, site_m = _build_objects(settings)
     except MemoryError:
         if settings.source.kind == "MESH":
             raise IcyMoonError("There is not enough memory for the mesh; reduce it before importing it.") from None
-        if settings.mesh.kind == "GRADED" and not is_own(settings):
+        if settings.mesh.kind == "GRADED" and not is_from_file(settings):
             raise IcyMoonError("There is not enough memory for the mesh; lower mesh.most.") from None
         n = settings.terrain.resolution
         raise IcyMoonError(f"There is not enough memory for {n} x {n} vertices; lower terrain.resolution.") from None
     first = collection is None
     if collection is None:
-        collection = _new_collection(scene, ours)
+        collection = _make_collection(scene, ours)
     blocks_collection = next((c for c in collection.children if c.get(TAG) == "rocks"), None)
     if blocks_collection is None:
-        blocks_collection = _tagged(bpy.data.collections.new(f"{NAME} Rocks"), "rocks")
+        blocks_collection = _tag(bpy.data.collections.new(f"{NAME} Rocks"), "rocks")
         collection.children.link(blocks_collection)
     takes_camera = first or scene.camera is None or scene.camera in ours
     takes_world = first or scene.world is None or TAG in scene.world
-    objects, kept = _in_place(collection, there, objects)
+    objects, kept = _put_in_place(collection, there, objects)
     for item in objects:
         if item not in list(collection.all_objects):
             (blocks_collection if item[TAG] == "rock" else collection).objects.link(item)
@@ -345,16 +366,16 @@ def build(scene: bpy.types.Scene, settings: Settings) -> Built:
     made, others = with_parts(objects)
     named = [*made, *(o.data for o in made), *others, *materials_of(made)] + ([sky] if takes_world else [])
     free_names([block for block in named if block not in kept])
-    claim(collection, _claims(objects))
+    set_owned_blocks(collection, _blocks_to_own(objects))
     disown_copies(collection)
-    sun_shines(collection)
+    update_sunlight(collection)
     collection[SETTINGS] = json.dumps(merged(settings))
     collection[GROUND] = json.dumps({"report": own.report, "site_m": site_m} if own else {})
     collection[SITE] = site_m
     collection[CONTENT] = content(settings)
     built = Built(collection, objects[0], objects[1], objects[2], merged(settings), scene, tuple(warnings))
-    built.warnings += tuple(eyes_above_ground.of_described(built))
-    roughness = measured(measured_patch(built), settings.terrain)
+    built.warnings += tuple(eyes_above_ground.reasons_when_built(built))
+    roughness = patch_roughness(measured_patch(built), settings.terrain)
     collection[ROUGHNESS] = roughness.summary() if roughness else ""
     collection[FINGERPRINT], collection[PREVIEW] = json.dumps(parts(collection)), "{}"
     collection[NOTES] = "[]"
@@ -371,7 +392,7 @@ def clear(scene: bpy.types.Scene) -> bool:
     if collection is None:
         return False
     previous_world, previous_camera = collection.get(PREVIOUS_WORLD), collection.get(PREVIOUS_CAMERA)
-    ours = [item for role, item in _there(scene, collection).items() if role in OBJECTS]
+    ours = [item for role, item in _find_built_blocks(scene, collection).items() if role in OBJECTS]
     scene.view_settings.exposure, *resolution = collection[PREVIOUS_VIEW]
     if not engine.why_not():
         scene.cycles.shading_system = bool(collection.get(PREVIOUS_OSL, False))

@@ -9,7 +9,7 @@ import bpy
 
 from .. import scene_properties
 from ..errors import IcyMoonError
-from ..nodes.add_objects import block_object, terrain_object
+from ..nodes.add_objects import build_rock_object, build_terrain_object
 from ..settings import description
 from ..settings.table import TOPICS
 from ..typed_settings import Settings
@@ -29,7 +29,7 @@ class _AddOperator:
     """Mix-in: an object is made of the scene's settings and those of the operator, and put at the 3D cursor."""
 
     #: Settings that the operator has of its own, by its properties.
-    taken: dict[str, tuple[str, str]]
+    own_settings: dict[str, tuple[str, str]]
     seed: Any
 
     @classmethod
@@ -39,7 +39,7 @@ class _AddOperator:
         return bool(context.mode == "OBJECT")
 
     def described(self, context: bpy.types.Context) -> Settings:
-        own = [{topic: {key: getattr(self, name)}} for name, (topic, key) in self.taken.items()]
+        own = [{topic: {key: getattr(self, name)}} for name, (topic, key) in self.own_settings.items()]
         return description.merged(scene_properties.read_settings(context.scene.icymoon), *own)
 
     def add(self, context: bpy.types.Context, make: Callable[[], bpy.types.Object]) -> set[str]:
@@ -64,7 +64,7 @@ class ICYMOON_OT_add_terrain(_AddOperator, bpy.types.Operator):
     bl_label = "Icy Terrain"
     bl_options = {"REGISTER", "UNDO"}
 
-    taken = {"size_m": ("terrain", "size_m"), "resolution": ("terrain", "resolution"),
+    own_settings = {"size_m": ("terrain", "size_m"), "resolution": ("terrain", "resolution"),
              "rms_slope_deg": ("terrain", "rms_slope_deg"), "seed": ("dataset", "seed")}
     size_m: setting_property("terrain", "size_m", unit="LENGTH")  # type: ignore[valid-type]
     resolution: setting_property("terrain", "resolution", default=257)  # type: ignore[valid-type]
@@ -72,7 +72,7 @@ class ICYMOON_OT_add_terrain(_AddOperator, bpy.types.Operator):
     seed: setting_property("dataset", "seed")  # type: ignore[valid-type]
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        return self.add(context, lambda: terrain_object(self.described(context)))
+        return self.add(context, lambda: build_terrain_object(self.described(context)))
 
 
 class ICYMOON_OT_add_block(_AddOperator, bpy.types.Operator):
@@ -82,7 +82,7 @@ class ICYMOON_OT_add_block(_AddOperator, bpy.types.Operator):
     bl_label = "Ice Rock"
     bl_options = {"REGISTER", "UNDO"}
 
-    taken = {key: ("rocks", key) for key in ("family", "angularity", "elongation", "height_ratio")} | {
+    own_settings = {key: ("rocks", key) for key in ("family", "angularity", "elongation", "height_ratio")} | {
         "seed": ("dataset", "seed")}
     diameter_m: bpy.props.FloatProperty(  # type: ignore[valid-type]
         name="Diameter", default=0.5, min=1.0e-3, max=1.0e4, soft_min=0.05, soft_max=10.0, subtype="DISTANCE",
@@ -96,7 +96,7 @@ class ICYMOON_OT_add_block(_AddOperator, bpy.types.Operator):
     seed: setting_property("dataset", "seed")  # type: ignore[valid-type]
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        return self.add(context, lambda: block_object(self.described(context), self.diameter_m))
+        return self.add(context, lambda: build_rock_object(self.described(context), self.diameter_m))
 
 
 CLASSES = (ICYMOON_OT_add_terrain, ICYMOON_OT_add_block)

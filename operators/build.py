@@ -12,19 +12,19 @@ from ..errors import IcyMoonError
 from ..nodes import scene as scenes
 from ..nodes.ground.user_ground import cost_warnings
 from ..nodes.measured_surface import clear_points
-from ..physics.surfaces import albedos as surfaces
+from ..physics.surfaces import albedos
 from ..typed_settings import Settings
 from . import sidebar_text
 
 _BRIGHTNESS = 0.5  # of sunlit ground in the view, before the view transform
 
 
-def _view(settings: Settings) -> tuple[int, int, float | None]:
+def _frame_and_exposure(settings: Settings) -> tuple[int, int, float | None]:
     """The stereo camera's frame, and an exposure at which sunlit ground is not white; None if nothing is lit."""
     rig = settings.rig
-    albedos = surfaces.albedos(settings.surface, settings.hapke)
+    found = albedos.albedos(settings.surface, settings.hapke)
     radiance = (sidebar_text.brightness_wm2(settings.light)
-                * max(albedos.bond if albedos else settings.surface.albedo, 0.02) / math.pi)
+                * max(found.bond if found else settings.surface.albedo, 0.02) / math.pi)
     exposure = max(-10.0, min(10.0, math.log2(_BRIGHTNESS / radiance))) if radiance > 0 else None
     return rig.width_px, rig.height_px, exposure
 
@@ -35,7 +35,7 @@ def frame_and_expose(scene: bpy.types.Scene, settings: Settings,
 
     Only what the window shows: images are written as radiance, and rendered in a scene of their own.
     """
-    had, wanted = _view(before) if before else None, _view(settings)
+    had, wanted = _frame_and_exposure(before) if before else None, _frame_and_exposure(settings)
     if had is None or had[:2] == (scene.render.resolution_x, scene.render.resolution_y):
         scene.render.resolution_x, scene.render.resolution_y = wanted[:2]
     exposure = scene.view_settings.exposure

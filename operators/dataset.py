@@ -23,7 +23,7 @@ from ..render.workers.process import Message, Process, clean_environment
 from ..settings.description import plan_names
 from ..system import user_key
 from ..typed_settings import Settings
-from . import choosers, evaluate, jobs, results
+from . import dialogs, evaluate, jobs, results
 from .render import dataset_folder
 
 _TITLE = "Render Data Set"
@@ -66,12 +66,12 @@ def state_folder() -> Path:
         return Path(tempfile.gettempdir()) / f"icymoon-running-{user_key()}"
 
 
-def command(*arguments: str) -> list[str]:
+def verb_command(*arguments: str) -> list[str]:
     """Command of a verb, in this Blender; where it is a module of Python, in that."""
     return blender_command(jobs.this_blender(), *arguments)
 
 
-class ICYMOON_OT_choose_plan(choosers.Searched, bpy.types.Operator):
+class ICYMOON_OT_choose_plan(dialogs.SearchDialog, bpy.types.Operator):
     """Choose one of the shipped plans of data sets"""
 
     bl_idname = "icymoon.choose_plan"
@@ -87,7 +87,7 @@ class ICYMOON_OT_choose_plan(choosers.Searched, bpy.types.Operator):
         return {"FINISHED"}
 
 
-class ICYMOON_OT_open_plan(choosers.OpenedToml, bpy.types.Operator):
+class ICYMOON_OT_open_plan(dialogs.TomlFileDialog, bpy.types.Operator):
     """Choose a plan of your own, a TOML file"""
 
     bl_idname = "icymoon.open_plan"
@@ -117,8 +117,8 @@ class ICYMOON_OT_plan_dry_run(jobs.JobOperator, bpy.types.Operator):
         settings = scene_properties.read_settings(context.scene.icymoon)
         plan = chosen_plan(settings)
         readout.update(plan=settings.dataset.plan, lines=[])
-        process = Process(command("plan", plan, "--dry-run", "--json", "--out", str(dataset_folder(settings)),
-                                  "--blender", jobs.this_blender()),
+        process = Process(verb_command("plan", plan, "--dry-run", "--json", "--out", str(dataset_folder(settings)),
+                                       "--blender", jobs.this_blender()),
                           clean_environment())
         return jobs.Job(self.bl_label, process, self._hear, lambda: None)
 
@@ -126,7 +126,7 @@ class ICYMOON_OT_plan_dry_run(jobs.JobOperator, bpy.types.Operator):
         if message["type"] == "result":
             readout["lines"] = list(message["lines"])
 
-    def succeeded(self, context: bpy.types.Context) -> None:
+    def report_success(self, context: bpy.types.Context) -> None:
         for line in readout["lines"]:
             self.report({"INFO"}, line)
 
@@ -168,7 +168,7 @@ class _Watching(jobs.JobOperator):
     _process: Detached
     _keeper: evaluate.Keeper
 
-    def watched(self, context: bpy.types.Context) -> None:
+    def watch(self, context: bpy.types.Context) -> None:
         self._process.leave = bool(context.scene.icymoon.dataset.leave_running)
 
     def _job_of(self, process: Detached, context: bpy.types.Context) -> jobs.Job:
@@ -185,7 +185,7 @@ class _Watching(jobs.JobOperator):
         job.evaluates = bool(process.facts.get("evaluate"))
         return job
 
-    def succeeded(self, context: bpy.types.Context) -> None:
+    def report_success(self, context: bpy.types.Context) -> None:
         self.report({"INFO"}, f"The data set in {self._process.facts['dataset']} is rendered")  # type: ignore[attr-defined]
         if self._process.facts.get("evaluate"):
             self._keeper.tell(self, context)  # type: ignore[arg-type]
@@ -205,8 +205,8 @@ class ICYMOON_OT_render_dataset(_Watching, bpy.types.Operator):
         after = ([*evaluate.matcher_arguments(settings, "--evaluate"), "--evaluator", find_evaluator_python(),
                   *evaluate.response_arguments(settings)] if described.evaluate else [])
         process = Detached.start(
-            command("batch", chosen_plan(settings), "--out", str(folder), "--json", "--blender",
-                    jobs.this_blender(), *(["--workers", str(count)] if count else []), *after),
+            verb_command("batch", chosen_plan(settings), "--out", str(folder), "--json", "--blender",
+                         jobs.this_blender(), *(["--workers", str(count)] if count else []), *after),
             state_folder() / f"{zlib.crc32(str(folder).encode()):08x}",
             {"title": _TITLE, "dataset": str(folder), "plan": described.plan, "evaluate": described.evaluate},
             clean_environment())
@@ -254,11 +254,11 @@ class ICYMOON_OT_show_last_pair(bpy.types.Operator):
         except IcyMoonError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
-        bpy.app.timers.register(lambda: _shown(process), first_interval=_LOOK_S)
+        bpy.app.timers.register(lambda: _show_when_developed(process), first_interval=_LOOK_S)
         return {"FINISHED"}
 
 
-def _shown(process: Process) -> float | None:
+def _show_when_developed(process: Process) -> float | None:
     """Show the developed image as soon as it is there; the seconds until the next look."""
     for message in process.poll():
         if message["type"] == "result":
@@ -281,7 +281,7 @@ def _watch_again() -> None:
 
 
 @bpy.app.handlers.persistent
-def _after_load(*_: Any) -> None:
+def _look_after_load(*_: Any) -> None:
     if not bpy.app.background:
         bpy.app.timers.register(_watch_again, first_interval=_LOOK_S)
 
@@ -292,12 +292,12 @@ CLASSES = (ICYMOON_OT_choose_plan, ICYMOON_OT_open_plan, ICYMOON_OT_plan_dry_run
 
 def register() -> None:
     """Look for what was left running, now and whenever a file is opened."""
-    bpy.app.handlers.load_post.append(_after_load)
-    _after_load()
+    bpy.app.handlers.load_post.append(_look_after_load)
+    _look_after_load()
 
 
 def unregister() -> None:
     """Look no longer."""
-    bpy.app.handlers.load_post.remove(_after_load)
+    bpy.app.handlers.load_post.remove(_look_after_load)
     if bpy.app.timers.is_registered(_watch_again):
         bpy.app.timers.unregister(_watch_again)

@@ -58,7 +58,7 @@ class Keeper:
     def __call__(self, message: Message) -> None:
         """Take up the report that was written."""
         if message["type"] == "result" and self.scene is not None:
-            results.keep(self.scene, self._scope, self._settings, self._pairs)
+            results.keep_results(self.scene, self._scope, self._settings, self._pairs)
 
     def tell(self, operator: bpy.types.Operator, context: bpy.types.Context) -> None:
         """Tell the person what was measured."""
@@ -93,7 +93,7 @@ class ICYMOON_OT_evaluate(jobs.JobOperator, bpy.types.Operator):
         self._keeper = Keeper(context.scene, self.scope, settings, [folder.name for folder in found])
         return jobs.Job("Evaluate", Process(command, clean_environment()), self._keeper, lambda: None)
 
-    def succeeded(self, context: bpy.types.Context) -> None:
+    def report_success(self, context: bpy.types.Context) -> None:
         self._keeper.tell(self, context)
 
 

@@ -79,7 +79,7 @@ class ICYMOON_OT_install_evaluator(jobs.JobOperator, bpy.types.Operator):
         command = python_command(base_python(), "install", str(folder))
         return jobs.Job("Install", Process(command, clean_environment()), lambda message: None, lambda: None)
 
-    def succeeded(self, context: bpy.types.Context) -> None:
+    def report_success(self, context: bpy.types.Context) -> None:
         show_findings([Finding("Evaluator", "ok", "installed")])
         self.report({"INFO"}, "The evaluator is installed")
 

@@ -17,7 +17,7 @@ from .evaluate import rendered_pairs, response_arguments
 from .render import dataset_folder
 
 
-def develop_job(settings: Settings, pairs: list[Path], hear: Callable[[Message], None]) -> jobs.Job:
+def start_developing(settings: Settings, pairs: list[Path], hear: Callable[[Message], None]) -> jobs.Job:
     """A process that exposes pairs with the camera response of ``settings``, into the folder ``exposed``."""
     command = python_command(find_evaluator_python(), "stereo", "develop", *map(str, pairs),
                              *response_arguments(settings),
@@ -34,13 +34,13 @@ class ICYMOON_OT_expose(jobs.JobOperator, bpy.types.Operator):
     def start(self, context: bpy.types.Context) -> jobs.Job:
         settings = scene_properties.read_settings(context.scene.icymoon)
         self._images: list[Path] = []
-        return develop_job(settings, rendered_pairs(context, settings), self._hear)
+        return start_developing(settings, rendered_pairs(context, settings), self._hear)
 
     def _hear(self, message: Message) -> None:
         if message["type"] == "result":
             self._images = [Path(folder) / f"{eye}.png" for folder in message["folders"] for eye in ("left", "right")]
 
-    def succeeded(self, context: bpy.types.Context) -> None:
+    def report_success(self, context: bpy.types.Context) -> None:
         self.report({"INFO"}, f"{len(self._images)} images in {self._images[0].parent.parent}")
         results.show_images(context, self._images, open_window=True)
 

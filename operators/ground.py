@@ -11,19 +11,19 @@ from .. import scene_properties
 from ..errors import IcyMoonError
 from ..nodes import scene as scenes
 from ..nodes.ground import user_ground as grounds
-from . import choosers
+from . import dialogs
 from .build import build_and_report
 from .sidebar_text import LINE
 
 
-def report(scene: bpy.types.Scene) -> list[str]:
+def report_lines(scene: bpy.types.Scene) -> list[str]:
     """What the import of the built ground found, in lines that fit the sidebar; empty if it is made up."""
     built = scenes.find(scene)
     found = built.ground.get("report", []) if built is not None else []
     return [line for text in found for line in textwrap.wrap(text, LINE, subsequent_indent="   ")]
 
 
-class ICYMOON_OT_import_ground(choosers.Opened, bpy.types.Operator):
+class ICYMOON_OT_import_ground(dialogs.FileDialog, bpy.types.Operator):
     """Stand on your own ground: a reconstructed mesh (OBJ, PLY, STL, glTF, USD, FBX) or a height map (GeoTIFF, NPY, EXR, grey PNG); the scene is built on it"""  # noqa: E501
 
     bl_idname = "icymoon.import_ground"

@@ -155,12 +155,12 @@ class JobOperator:
 
     def run_blocking(self, context: bpy.types.Context) -> None:
         self.start(context).run_to_end()
-        self.succeeded(context)
+        self.report_success(context)
 
-    def succeeded(self, context: bpy.types.Context) -> None:
+    def report_success(self, context: bpy.types.Context) -> None:
         raise NotImplementedError
 
-    def watched(self, context: bpy.types.Context) -> None:
+    def watch(self, context: bpy.types.Context) -> None:
         """Called again and again while it runs."""
 
     @classmethod
@@ -203,7 +203,7 @@ class JobOperator:
             return {"RUNNING_MODAL"}
         if event.type != "TIMER":
             return {"PASS_THROUGH"}
-        self.watched(context)
+        self.watch(context)
         before = self._job.shown
         running = self._job.advance()
         if self._job.shown != before:
@@ -235,7 +235,7 @@ class JobOperator:
         if job.failure:
             return self.fail(IcyMoonError(job.failure))
         try:
-            self.succeeded(context)
+            self.report_success(context)
         except IcyMoonError as error:
             return self.fail(error)
         return {"FINISHED"}
@@ -263,16 +263,16 @@ CLASSES = (ICYMOON_OT_cancel,)
 
 
 @bpy.app.handlers.persistent
-def _before_load(*_: Any) -> None:
+def _stop_before_load(*_: Any) -> None:
     stop_current()
 
 
 def register() -> None:
     """Stop a running job before another file is opened."""
-    bpy.app.handlers.load_pre.append(_before_load)
+    bpy.app.handlers.load_pre.append(_stop_before_load)
 
 
 def unregister() -> None:
     """Stop a running job and listen no longer."""
-    bpy.app.handlers.load_pre.remove(_before_load)
+    bpy.app.handlers.load_pre.remove(_stop_before_load)
     stop_current()

@@ -15,7 +15,7 @@ from ..errors import IcyMoonError
 from ..render.pairs.pair_folder import is_complete
 from ..render.workers.process import Message
 from . import jobs, live_preview
-from .expose import develop_job
+from .expose import start_developing
 from .render import dataset_folder
 from .sidebar_text import wrapped
 
@@ -39,9 +39,9 @@ def shown_paths() -> list[Path]:
     return [Path(bpy.path.abspath(space.image.filepath)) for space in spaces if space.image and space.image.filepath]
 
 
-def changed(scene: bpy.types.Scene, effects: frozenset[str]) -> None:
+def listen(scene: bpy.types.Scene, effects: frozenset[str]) -> None:
     """Listen to changes of settings."""
-    if "response" not in effects or scene is None or not live_preview.watched() or not scene.icymoon.follow:
+    if "response" not in effects or scene is None or not live_preview.has_window() or not scene.icymoon.follow:
         return
     _waiting.add(scene.name)
     if _job is None:
@@ -78,7 +78,7 @@ def _start() -> jobs.Job | None:
     exposed = exposed_folder(scene)
     names = {path.parent.name for path in shown_paths() if path.parent.parent == exposed}
     pairs = [folder for folder in (exposed.parent / "pairs" / name for name in sorted(names)) if is_complete(folder)]
-    return develop_job(scene_properties.read_settings(scene.icymoon), pairs, _hear) if pairs else None
+    return start_developing(scene_properties.read_settings(scene.icymoon), pairs, _hear) if pairs else None
 
 
 def _hear(message: Message) -> None:
@@ -128,12 +128,12 @@ def _forget(*_: object) -> None:
 
 def register() -> None:
     """Listen."""
-    scene_properties.listeners.append(changed)
+    scene_properties.listeners.append(listen)
     bpy.app.handlers.load_pre.append(_forget)
 
 
 def unregister() -> None:
     """Listen no longer; what runs is stopped."""
-    scene_properties.listeners.remove(changed)
+    scene_properties.listeners.remove(listen)
     bpy.app.handlers.load_pre.remove(_forget)
     _forget()

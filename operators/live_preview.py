@@ -30,7 +30,7 @@ _side = SIDES[1]
 _waiting: set[str] = set()  # names of scenes with changes that the timer is to show
 
 
-def watched() -> bool:
+def has_window() -> bool:
     """Whether there is a window to preview in."""
     return not bpy.app.background
 
@@ -42,16 +42,16 @@ def update(scene: bpy.types.Scene) -> bool:
     if built is None:
         return False
     settings, before = scene_properties.read_unchecked(scene.icymoon), description.merged(built.settings, built.preview)
-    scenes.settle(built)
-    if why := built.outdated or scenes.shares(built):
-        preview.note(built, [why])
+    scenes.separate_copies(built)
+    if why := built.outdated or scenes.why_shared(built):
+        preview.set_notes(built, [why])
         return False
     if not scene.icymoon.live:
         stale = _changed(built, settings)
-        preview.note(built, ["Settings have changed; press Build Scene to show them."] if stale else [])
+        preview.set_notes(built, ["Settings have changed; press Build Scene to show them."] if stale else [])
         return False
     start = time.perf_counter()
-    if preview.show(built, settings, _side):
+    if preview.show_settings(built, settings, _side):
         _side = next_side(_side, time.perf_counter() - start)
     now = description.merged(built.settings, built.preview)
     frame_and_expose(scene, now, before)
@@ -73,18 +73,18 @@ def _changed(built: scenes.Built, settings: Settings) -> bool:
         return True  # the file of a ground of one's own is gone: Build Scene says so
 
 
-def changed(scene: bpy.types.Scene, effects: frozenset[str]) -> None:
+def listen(scene: bpy.types.Scene, effects: frozenset[str]) -> None:
     """Listen to changes of settings."""
-    if not watched() or not effects & _SHOWN or scene is None:
+    if not has_window() or not effects & _SHOWN or scene is None:
         return
-    if bpy.app.timers.is_registered(flush):
+    if bpy.app.timers.is_registered(show_waiting):
         _waiting.add(scene.name)
         return
-    bpy.app.timers.register(flush, first_interval=0.0)
+    bpy.app.timers.register(show_waiting, first_interval=0.0)
     update(scene)
 
 
-def flush() -> None:
+def show_waiting() -> None:
     """Show the changes that wait; the timer calls it in the next turn of the event loop."""
     names, shown = sorted(_waiting), False
     _waiting.clear()
@@ -107,12 +107,12 @@ def lines(scene: bpy.types.Scene) -> list[str]:
 
 def register() -> None:
     """Listen."""
-    scene_properties.listeners.append(changed)
+    scene_properties.listeners.append(listen)
 
 
 def unregister() -> None:
     """Listen no longer."""
-    scene_properties.listeners.remove(changed)
+    scene_properties.listeners.remove(listen)
     _waiting.clear()
-    if bpy.app.timers.is_registered(flush):
-        bpy.app.timers.unregister(flush)
+    if bpy.app.timers.is_registered(show_waiting):
+        bpy.app.timers.unregister(show_waiting)

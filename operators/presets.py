@@ -19,7 +19,7 @@ from ..render.cycles_settings import find_lack
 from ..settings import description
 from ..system import name_fault, remove
 from ..typed_settings import Settings
-from . import choosers
+from . import dialogs
 
 #: Begins the names of the person's own presets.
 OWN = "own/"
@@ -74,7 +74,7 @@ def title_of(name: str) -> str:
     return found or "Choose a Preset"
 
 
-def kept_sources(settings: Settings, preset: str) -> dict[str, str]:
+def known_sources(settings: Settings, preset: str) -> dict[str, str]:
     """The source of each setting by ``topic.key``, as far as one is known: of the person's preset that was loaded last
     where the value is still its own, else of a shipped preset that states it."""
     whole = description.merged(description.defaults(), settings)
@@ -89,7 +89,7 @@ def kept_sources(settings: Settings, preset: str) -> dict[str, str]:
     return found | {name: str(source) for name, source in own.items() if name in kept}
 
 
-def _fresh(group: Any) -> Settings:
+def _fresh_settings(group: Any) -> Settings:
     """What a whole scene begins with: defaults, but for the data set, and the quality that the person has chosen.
 
     What the scene that was loaded before brought of its quality goes with it.
@@ -104,7 +104,7 @@ def _fresh(group: Any) -> Settings:
     return fresh
 
 
-class ICYMOON_OT_load_preset(choosers.Searched, bpy.types.Operator):
+class ICYMOON_OT_load_preset(dialogs.SearchDialog, bpy.types.Operator):
     """Load a preset; one of a whole scene sets everything but the data set and the quality you chose, others set their part"""  # noqa: E501
 
     bl_idname = "icymoon.load_preset"
@@ -128,7 +128,7 @@ class ICYMOON_OT_load_preset(choosers.Searched, bpy.types.Operator):
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
         if description.is_whole(self.preset):
-            loaded = description.merged(_fresh(group), loaded)
+            loaded = description.merged(_fresh_settings(group), loaded)
             group.preset = self.preset
         scene_properties.write_settings(group, loaded)
         if "quality" in loaded and (lack := find_lack(description.merged(description.defaults(), loaded))):
@@ -158,7 +158,7 @@ class ICYMOON_OT_add_preset(bpy.types.Operator):
             wanted = with_absolute_files(scene_properties.read_settings(group))
             wanted.pop("dataset")
             write_text(own_folder() / f"{stem}.toml", description.preset_text(
-                self.title, "A preset of yours", wanted, kept_sources(wanted, group.preset)))
+                self.title, "A preset of yours", wanted, known_sources(wanted, group.preset)))
         except IcyMoonError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}

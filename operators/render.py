@@ -29,15 +29,15 @@ def dataset_folder(settings: Settings) -> Path:
     return absolute_folder(str(settings.dataset.folder), saved)
 
 
-def up_to_date(scene: bpy.types.Scene, settings: Settings) -> scenes.Built:
+def bring_up_to_date(scene: bpy.types.Scene, settings: Settings) -> scenes.Built:
     """The built scene as the settings describe it, built (again) where it does not show them.
 
     Raises IcyMoonError if that would overwrite what a person has changed by hand, or may do so. What was put in stays.
     """
     built = scenes.find(scene)
     if built is None:
-        return _built_anew(scene, settings)
-    scenes.settle(built)
+        return _build_anew(scene, settings)
+    scenes.separate_copies(built)
     if built.outdated:
         raise IcyMoonError(built.outdated)
     changed = scenes.changed_settings(built, settings)
@@ -50,10 +50,10 @@ def up_to_date(scene: bpy.types.Scene, settings: Settings) -> scenes.Built:
     if by_hand:
         raise IcyMoonError(f"{changed[0]} was changed after the scene was built and edited by hand; press Build Scene "
                            "to build it anew, or set it back to keep your edits.")
-    return _built_anew(scene, settings)
+    return _build_anew(scene, settings)
 
 
-def _built_anew(scene: bpy.types.Scene, settings: Settings) -> scenes.Built:
+def _build_anew(scene: bpy.types.Scene, settings: Settings) -> scenes.Built:
     leave_edit_mode()
     built = scenes.build(scene, settings)
     jobs.push_undo("Build Scene")
@@ -64,7 +64,7 @@ def planned_pairs(scene: bpy.types.Scene, settings: Settings) -> list[PlannedPai
     """The pairs that Render Stereo Pair would make of a scene now."""
     built = scenes.find(scene)
     if built is not None:
-        scenes.settle(built)
+        scenes.separate_copies(built)
     if built is not None and (built.edited or not scenes.changed_settings(built, settings)):
         return expand_headings(settings, built.extra)
     return expand_headings(settings, scenes.extra(settings))
@@ -84,7 +84,7 @@ class ICYMOON_OT_render_pair(jobs.JobOperator, bpy.types.Operator):
         check_possible(settings.quality)
         before = scenes.find(context.scene)
         views = views_through(context, before.camera if before else None)
-        built = up_to_date(context.scene, settings)
+        built = bring_up_to_date(context.scene, settings)
         look_through(views, built)
         self._warn(built)
         edited = built.edited
@@ -103,14 +103,14 @@ class ICYMOON_OT_render_pair(jobs.JobOperator, bpy.types.Operator):
         settings = scene_properties.read_settings(context.scene.icymoon)
         check_possible(settings.quality)
         start = time.perf_counter()
-        built = up_to_date(context.scene, settings)
+        built = bring_up_to_date(context.scene, settings)
         self._warn(built)
         folders = render_pairs(built, planned_pairs(context.scene, settings), dataset_folder(settings),
                                context.scene.frame_current, time.perf_counter() - start, lambda *a, **k: None,
                                self.again)
         self.report({"INFO"}, f"{len(folders)} stereo pair(s) in {folders[0].parent}")
 
-    def succeeded(self, context: bpy.types.Context) -> None:
+    def report_success(self, context: bpy.types.Context) -> None:
         self.report({"INFO"}, "Stereo pair rendered; press Evaluate to measure it")
 
     def _warn(self, built: scenes.Built) -> None:

@@ -49,14 +49,14 @@ class Kept:
     summary: tuple[dict[str, Any], ...]
 
 
-def keep(scene: bpy.types.Scene, scope: str, settings: Settings, pairs: Sequence[str] = ()) -> None:
+def keep_results(scene: bpy.types.Scene, scope: str, settings: Settings, pairs: Sequence[str] = ()) -> None:
     """Keep with a scene the evaluation that has just been written to ``folder_of`` these settings.
 
     ``pairs`` are the ids of those that were asked for; none if it is of a whole data set. Raises IcyMoonError if it
     cannot be read.
     """
     folder = folder_of(settings, scope)
-    report = _read(folder)
+    report = _read_report(folder)
     own_reports.remember(folder / "report.html")
     for name, value in report.get("provenance", {}).get("response_overrides", {}).items():  # as it was measured indeed
         topic, _, key = name.partition(".")
@@ -66,12 +66,12 @@ def keep(scene: bpy.types.Scene, scope: str, settings: Settings, pairs: Sequence
     scene.icymoon.results = json.dumps(kept)
 
 
-def clear(scene: bpy.types.Scene) -> None:
+def clear_results(scene: bpy.types.Scene) -> None:
     """Forget the last evaluation of a scene."""
     scene.icymoon.results = ""
 
 
-def kept(scene: bpy.types.Scene) -> Kept | None:
+def kept_results(scene: bpy.types.Scene) -> Kept | None:
     """What a scene keeps of its last evaluation; None if there was none, or if it cannot be read."""
     return _parsed(scene.icymoon.results)
 
@@ -102,7 +102,7 @@ def folder_of(settings: Settings, scope: str) -> Path:
 
 def summary(scene: bpy.types.Scene) -> list[dict[str, Any]]:
     """One row of metrics per matcher of a scene's last evaluation; empty if there was none."""
-    found = kept(scene)
+    found = kept_results(scene)
     return list(found.summary) if found else []
 
 
@@ -112,7 +112,7 @@ def differences(scene: bpy.types.Scene) -> list[str]:
 
 
 def _differing(scene: bpy.types.Scene) -> list[tuple[str, Setting]]:
-    found = kept(scene)
+    found = kept_results(scene)
     if found is None:
         return []
     present = scene_properties.read_unchecked(scene.icymoon)
@@ -134,7 +134,7 @@ def _label(topic: str, setting: Setting) -> str:
 
 def notes(scene: bpy.types.Scene) -> list[str]:
     """What the sidebar says of a scene's last evaluation: of what and when it was, then what is not as it was."""
-    found = kept(scene)
+    found = kept_results(scene)
     if found is None:
         return []
     of = "Of the data set" if found.scope == "DATASET" else f"Of pair {', '.join(found.pairs[:1])}"
@@ -150,7 +150,7 @@ def notes(scene: bpy.types.Scene) -> list[str]:
     return said
 
 
-def _read(folder: Path) -> dict[str, Any]:
+def _read_report(folder: Path) -> dict[str, Any]:
     """A finished evaluation: its ``summary.json``, or where there is none its whole ``report.json``."""
     brief = folder / "summary.json"
     path = brief if brief.is_file() else folder / "report.json"
@@ -171,11 +171,11 @@ def _made(report: Mapping[str, Any]) -> str:
 
 def report_folder(scene: bpy.types.Scene) -> Path:
     """The folder of a scene's last evaluation. Raises IcyMoonError if that is gone, or another has taken its place."""
-    found = kept(scene)
+    found = kept_results(scene)
     if found is None:
         raise IcyMoonError("Nothing of this scene has been evaluated yet; press Evaluate.")
     folder = folder_of(typed({"dataset": {"folder": scene.icymoon.dataset.folder}}), found.scope)
-    if _clean(_made(_read(folder))) != found.made:
+    if _clean(_made(_read_report(folder))) != found.made:
         raise IcyMoonError(f"{folder} holds another evaluation than the one that is shown; press Evaluate again.")
     return folder
 
@@ -194,7 +194,7 @@ def _files(scene: bpy.types.Scene, kind: str) -> list[tuple[str, Path]]:
     """(matcher, file) of the files of a kind that are on disk, those of the best matcher first."""
     try:
         folder = report_folder(scene)
-        report = _read(folder)
+        report = _read_report(folder)
     except IcyMoonError:
         return []
     l1 = {row["method"]: row.get("l1_m") for row in report["summary"]}
@@ -264,7 +264,7 @@ class _ResultOperator:
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        found = kept(context.scene) is not None
+        found = kept_results(context.scene) is not None
         if not found:
             cls.poll_message_set("Nothing of this scene has been evaluated yet")  # type: ignore[attr-defined]
         return found

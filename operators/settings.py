@@ -10,10 +10,10 @@ from .. import scene_properties
 from ..errors import IcyMoonError
 from ..files import write_text
 from ..settings import description
-from . import choosers
+from . import dialogs
 
 
-class ICYMOON_OT_load_settings(choosers.OpenedToml, bpy.types.Operator):
+class ICYMOON_OT_load_settings(dialogs.TomlFileDialog, bpy.types.Operator):
     """Load settings from a TOML file; what the file does not state stays as it is"""
 
     bl_idname = "icymoon.load_settings"
@@ -33,7 +33,7 @@ class ICYMOON_OT_load_settings(choosers.OpenedToml, bpy.types.Operator):
         return {"FINISHED"}
 
 
-class ICYMOON_OT_save_settings(choosers.OpenedToml, bpy.types.Operator):
+class ICYMOON_OT_save_settings(dialogs.TomlFileDialog, bpy.types.Operator):
     """Save all settings to a TOML file"""
 
     bl_idname = "icymoon.save_settings"

@@ -13,10 +13,10 @@ import bpy
 
 from .. import compat
 from ..errors import IcyMoonError
-from ..physics import left_out as requires
 from ..physics.camera.blur import blur_advice, blur_of, confusion_px, motion_px
 from ..physics.camera.lens_distortion import coefficients, overscan_needed
 from ..physics.camera.stereo_geometry import GroundRow, depth_error_m, focal_px, ground_row, shared_width_px
+from ..physics.left_out import find_left_out
 from ..physics.light.sky import sky, sky_facts
 from ..render.cost.abilities import Abilities
 from ..render.cost.quality_presets import list_qualities
@@ -55,14 +55,14 @@ def wrapped(sentence: str) -> tuple[str, ...]:
     return tuple(textwrap.wrap(plain(sentence), LINE))
 
 
-def left_out(settings: Settings) -> tuple[str, ...]:
+def left_out_lines(settings: Settings) -> tuple[str, ...]:
     """What the settings describe and a render would leave out, as ``pair.json`` says it; nothing of the planet while
     the sky cannot be."""
     try:
         lights = _facts(tuple(settings.light.items()), bpy.data.filepath)
     except IcyMoonError:
         lights = {"planet": None}
-    return tuple(requires.find_left_out(settings, lights))
+    return tuple(find_left_out(settings, lights))
 
 
 def sky_lines(light: LightSettings) -> tuple[str, ...]:

@@ -28,7 +28,7 @@ from .evaluate import matcher_arguments
 from .render import dataset_folder
 
 #: What the last measurement or search said, for the panel; per scene name.
-said: dict[str, tuple[str, ...]] = {}
+last_lines: dict[str, tuple[str, ...]] = {}
 
 
 def _folder(settings: Settings) -> Path:
@@ -63,7 +63,7 @@ def _wrapped(sentences: Sequence[str]) -> tuple[str, ...]:
                                                                           subsequent_indent="    "))
 
 
-class _Measured:
+class _MeasureDialog:
     """Mix-in: how large the images are, and how good the reference."""
 
     scale: bpy.props.FloatProperty(  # type: ignore[valid-type]
@@ -88,7 +88,7 @@ class _Measured:
         return jobs.JobOperator.invoke(self, context, None)  # type: ignore[arg-type]
 
 
-class ICYMOON_OT_trade(_Measured, jobs.JobOperator, bpy.types.Operator):
+class ICYMOON_OT_trade(_MeasureDialog, jobs.JobOperator, bpy.types.Operator):
     """Render the scene in every cheaper way, measure what each costs in light, depth and stereo error, and write a report that says which to use; takes minutes to hours"""  # noqa: E501
 
     bl_idname = "icymoon.trade"
@@ -101,11 +101,11 @@ class ICYMOON_OT_trade(_Measured, jobs.JobOperator, bpy.types.Operator):
 
         def hear(message: Message) -> None:
             if message["type"] == "result":
-                said[name] = _wrapped(message["advice"])
+                last_lines[name] = _wrapped(message["advice"])
 
         return _begin(context, "trade", self.bl_label, hear, *self._common())
 
-    def succeeded(self, context: bpy.types.Context) -> None:
+    def report_success(self, context: bpy.types.Context) -> None:
         self.report({"INFO"}, f"The report is {self._page}")
         if not bpy.app.background:
             bpy.ops.wm.url_open(url=self._page.as_uri())
@@ -113,7 +113,7 @@ class ICYMOON_OT_trade(_Measured, jobs.JobOperator, bpy.types.Operator):
     _page: Path
 
 
-class ICYMOON_OT_auto_quality(_Measured, jobs.JobOperator, bpy.types.Operator):
+class ICYMOON_OT_auto_quality(_MeasureDialog, jobs.JobOperator, bpy.types.Operator):
     """Find the cheapest samples and denoiser whose stereo error is tolerable in this scene, and set them"""
 
     bl_idname = "icymoon.auto_quality"
@@ -153,13 +153,13 @@ class ICYMOON_OT_auto_quality(_Measured, jobs.JobOperator, bpy.types.Operator):
         def hear(message: Message) -> None:
             if message["type"] == "result":
                 self._last, self._chosen = message["said"][-1], message["chosen"]
-                said[scene.name] = (*_wrapped([self._last]), *(
+                last_lines[scene.name] = (*_wrapped([self._last]), *(
                     f"{step['name']}: {step['cpu_s']:.1f} CPU s" for step in message["tried"]))
                 scene_properties.write_settings(scene.icymoon, message["settings"])
 
         return _begin(context, "auto", self.bl_label, hear, *tolerances, *self._common())
 
-    def succeeded(self, context: bpy.types.Context) -> None:
+    def report_success(self, context: bpy.types.Context) -> None:
         self.report({"INFO" if self._chosen else "WARNING"}, self._last)
 
     _last: str = ""
@@ -193,7 +193,7 @@ class ICYMOON_OT_measure_machine(jobs.JobOperator, bpy.types.Operator):
             raise
         return jobs.Job(self.bl_label, process, hear, clean)
 
-    def succeeded(self, context: bpy.types.Context) -> None:
+    def report_success(self, context: bpy.types.Context) -> None:
         speed.remember_speed(self._speed)
         sidebar_text.forget_speed()
         self.report({"INFO"}, f"This machine takes {self._speed.factor:.2g} times the seconds of the one that the "

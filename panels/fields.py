@@ -7,7 +7,7 @@ from typing import Any
 
 from ..operators.sidebar_text import wrapped
 from ..settings.table import TOPICS, Setting
-from .relevance import matters, shown
+from .relevance import has_effect, is_shown
 
 #: Choices whose cost and shortcomings stand in the panel, not only in the tooltip.
 _EXPLAINED = {("surface", "model"), ("rock_surface", "model"), ("hapke", "accuracy")}
@@ -17,10 +17,10 @@ def draw_settings(layout: Any, root: Any, topic: str, keys: Iterable[str]) -> No
     """Those settings of a topic that have a meaning now; ``root`` is ``Scene.icymoon``."""
     group = getattr(root, topic)
     for key in keys:
-        if not shown(topic, key, root):
+        if not is_shown(topic, key, root):
             continue
         setting, row = TOPICS[topic][key], layout.row()
-        row.enabled = matters(topic, key, root)
+        row.enabled = has_effect(topic, key, root)
         if setting.kind == "list":
             _draw_list(row.column(), group, setting)
         else:

@@ -91,7 +91,7 @@ class ICYMOON_MT_icymoon(bpy.types.Menu):
         layout.operator("icymoon.install_evaluator", text="Install Evaluator")
 
 
-def _draw(self: Any, context: bpy.types.Context) -> None:
+def _draw_menu(self: Any, context: bpy.types.Context) -> None:
     self.layout.separator()
     self.layout.menu(ICYMOON_MT_icymoon.bl_idname, icon="WORLD")
 
@@ -120,7 +120,7 @@ CLASSES = (ICYMOON_MT_presets, ICYMOON_MT_icymoon)
 
 def register() -> None:
     """Add the menu to Render in the top bar, the meshes to Add ▸ Mesh, and the running job to the status bar."""
-    bpy.types.TOPBAR_MT_render.append(_draw)
+    bpy.types.TOPBAR_MT_render.append(_draw_menu)
     bpy.types.VIEW3D_MT_mesh_add.append(_draw_meshes)
     bpy.types.STATUSBAR_HT_header.append(_draw_status)
 
@@ -129,4 +129,4 @@ def unregister() -> None:
     """Take them out again."""
     bpy.types.STATUSBAR_HT_header.remove(_draw_status)
     bpy.types.VIEW3D_MT_mesh_add.remove(_draw_meshes)
-    bpy.types.TOPBAR_MT_render.remove(_draw)
+    bpy.types.TOPBAR_MT_render.remove(_draw_menu)

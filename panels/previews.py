@@ -17,7 +17,7 @@ _pictures: Any = None
 _items: list[tuple[str, str, str, int, int]] = []
 
 
-def _choices(_self: Any = None, _context: Any = None) -> list[tuple[str, str, str, int, int]]:
+def _load_choices(_self: Any = None, _context: Any = None) -> list[tuple[str, str, str, int, int]]:
     """The shipped scenes that have a picture, read once; Blender needs them kept alive."""
     global _pictures
     if not _items:
@@ -33,11 +33,11 @@ def _choices(_self: Any = None, _context: Any = None) -> list[tuple[str, str, st
 
 def _get(_self: Any) -> int:
     loaded = bpy.context.scene.icymoon.preset
-    return next((number for name, *_, number in _choices() if name == loaded), 0)
+    return next((number for name, *_, number in _load_choices() if name == loaded), 0)
 
 
 def _set(_self: Any, number: int) -> None:
-    name = _choices()[number][0]
+    name = _load_choices()[number][0]
     if number and name != bpy.context.scene.icymoon.preset:
         bpy.ops.icymoon.load_preset("EXEC_DEFAULT", True, preset=name)
 
@@ -45,7 +45,7 @@ def _set(_self: Any, number: int) -> None:
 def register() -> None:
     """Add the choice to the window manager."""
     setattr(bpy.types.WindowManager, CHOICE, bpy.props.EnumProperty(
-        items=_choices, get=_get, set=_set, name="Scene", description="Choose a scene preset by its picture"))
+        items=_load_choices, get=_get, set=_set, name="Scene", description="Choose a scene preset by its picture"))
 
 
 def unregister() -> None:

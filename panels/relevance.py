@@ -21,11 +21,11 @@ _WITH_NORMAL = ("LAMBERT", "PRINCIPLED")
 _SKY_ANGLES = ("_elevation_deg", "_azimuth_deg", "_diameter_deg", "_wm2", "_flattening")
 
 
-def shown(topic: str, key: str, root: Any) -> bool:
+def is_shown(topic: str, key: str, root: Any) -> bool:
     """Whether the choices that are made leave a setting a meaning; ``root`` is ``Scene.icymoon``."""
     group = getattr(root, topic)
     if topic == "terrain":
-        return _terrain_shown(key, root)
+        return _is_terrain_shown(key, root)
     if topic == "mesh":
         return bool(key == "kind" or group.kind == "GRADED")
     if topic == "source" and key != "kind":
@@ -38,7 +38,7 @@ def shown(topic: str, key: str, root: Any) -> bool:
     if topic == "textures" and key != "set":
         return bool(group.set == "OWN" if key.endswith("_file") else group.set != "NONE")
     if topic == "light":
-        return _light_shown(key, group)
+        return _is_light_shown(key, group)
     if topic == "rocks" and key == "power_index":
         return bool(group.law == "POWER")
     if topic == "dataset" and key == "plan":
@@ -49,7 +49,7 @@ def shown(topic: str, key: str, root: Any) -> bool:
     return True
 
 
-def _terrain_shown(key: str, root: Any) -> bool:
+def _is_terrain_shown(key: str, root: Any) -> bool:
     source = root.source
     graded = source.kind == "PROCEDURAL" and root.mesh.kind == "GRADED"
     return bool((source.kind == "PROCEDURAL" and key != ("resolution" if graded else "body_radius_m"))
@@ -57,7 +57,7 @@ def _terrain_shown(key: str, root: Any) -> bool:
                 or (source.kind == "HEIGHT_MAP" and key in ("size_m", "resolution")))
 
 
-def _light_shown(key: str, group: Any) -> bool:
+def _is_light_shown(key: str, group: Any) -> bool:
     """What a date gives is not asked for."""
     dated = group.directions_from != "ANGLES"
     if key in ("body", "date_utc", "longitude_deg"):
@@ -67,7 +67,7 @@ def _light_shown(key: str, group: Any) -> bool:
     return not (dated and key.endswith(_SKY_ANGLES))
 
 
-def matters(topic: str, key: str, root: Any) -> bool:
+def has_effect(topic: str, key: str, root: Any) -> bool:
     """Whether a setting that is shown has an effect beside the numbers and ticks around it."""
     group = getattr(root, topic)
     if TOPICS[topic].parent == LANDFORMS:
@@ -83,20 +83,20 @@ def matters(topic: str, key: str, root: Any) -> bool:
         return not uses_uv(TexturesSettings(set=group.set, mapping=group.mapping))
     if topic == "textures" and key != "set":
         return bool(key.endswith("_file") or group.set != "MESH")
-    return _OFF.get(topic, _always)(key, group)
+    return _HAS_EFFECT.get(topic, _always)(key, group)
 
 
 def _always(key: str, group: Any) -> bool:
     return True
 
 
-def _hapke(key: str, group: Any) -> bool:
+def _hapke_has_effect(key: str, group: Any) -> bool:
     off = {"c": group.b == 0.0, "h_s": group.b_s0 == 0.0, "h_c": group.b_c0 == 0.0,
            "accuracy": group.backend == "NODES"}
     return not off.get(key, False)
 
 
-def _light(key: str, group: Any) -> bool:
+def _light_has_effect(key: str, group: Any) -> bool:
     if key == "stars_faintest_mag":
         return bool(group.stars)
     if key == "latitude_deg":
@@ -104,15 +104,16 @@ def _light(key: str, group: Any) -> bool:
     return bool(not key.startswith("planet_") or group.planet)
 
 
-def _sensor(key: str, group: Any) -> bool:
+def _sensor_has_effect(key: str, group: Any) -> bool:
     on = {"auto_percentile": group.auto_exposure, "auto_target": group.auto_exposure,
           "exposure_s": not group.auto_exposure, "bracket_stops": group.brackets > 1,
           "radiation_depth_um": group.radiation_flux_cm2_s > 0, "radiation_e_per_um": group.radiation_flux_cm2_s > 0}
     return bool(on.get(key, True))
 
 
-def _rig(key: str, group: Any) -> bool:
+def _rig_has_effect(key: str, group: Any) -> bool:
     return key != "motion_exposure_s" or any(getattr(group, moving) != 0 for moving in MOTION)
 
 
-_OFF = {"hapke": _hapke, "light": _light, "sensor": _sensor, "rig": _rig}
+_HAS_EFFECT = {"hapke": _hapke_has_effect, "light": _light_has_effect,
+               "sensor": _sensor_has_effect, "rig": _rig_has_effect}

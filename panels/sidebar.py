@@ -155,10 +155,10 @@ class ICYMOON_PT_left_out(Sidebar, bpy.types.Panel):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        return bool(sidebar_text.left_out(scene_properties.read_unchecked(context.scene.icymoon)))
+        return bool(sidebar_text.left_out_lines(scene_properties.read_unchecked(context.scene.icymoon)))
 
     def draw(self, context: bpy.types.Context) -> None:
-        for sentence in sidebar_text.left_out(scene_properties.read_unchecked(context.scene.icymoon)):
+        for sentence in sidebar_text.left_out_lines(scene_properties.read_unchecked(context.scene.icymoon)):
             draw_lines(self.layout, wrapped(sentence), "INFO")
 
 
@@ -207,10 +207,10 @@ class ICYMOON_PT_ground_report(Sidebar, bpy.types.Panel):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        return bool(ground.report(context.scene))
+        return bool(ground.report_lines(context.scene))
 
     def draw(self, context: bpy.types.Context) -> None:
-        draw_lines(self.layout, tuple(ground.report(context.scene)))
+        draw_lines(self.layout, tuple(ground.report_lines(context.scene)))
 
 
 CLASSES = (ICYMOON_UL_layers, ICYMOON_PT_main, ICYMOON_PT_results, ICYMOON_PT_evaluation)

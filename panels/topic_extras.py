@@ -19,34 +19,34 @@ from .fields import draw_lines
 Extra = Callable[[Any, bpy.types.Context], None]
 
 
-def _import(layout: Any, context: bpy.types.Context) -> None:
+def _draw_import(layout: Any, context: bpy.types.Context) -> None:
     layout.operator("icymoon.import_ground", text="Import Ground…", icon="IMPORT")
 
 
-def _seed(layout: Any, context: bpy.types.Context) -> None:
+def _draw_seed(layout: Any, context: bpy.types.Context) -> None:
     root = context.scene.icymoon
     layout.prop(root.dataset, "seed")
     if root.source.kind != "PROCEDURAL" and not root.source.detail:
         draw_lines(layout, wrapped("The ground is a file's; Ground > Add Roughness adds to it what is here."), "INFO")
 
 
-def _roughness(layout: Any, context: bpy.types.Context) -> None:
+def _draw_roughness(layout: Any, context: bpy.types.Context) -> None:
     measured = scenes.measured_roughness(context.scene)
     if measured:
         layout.operator("icymoon.show_roughness", text=f"Measured: {measured}", icon="DRIVER_DISTANCE")
 
 
-def _expose(layout: Any, context: bpy.types.Context) -> None:
+def _draw_expose(layout: Any, context: bpy.types.Context) -> None:
     layout.operator("icymoon.expose", icon="IMAGE_DATA")
     layout.prop(context.scene.icymoon, "follow")
     draw_lines(layout, tuple(live_exposure.lines()), "INFO")
 
 
-def _camera_notes(layout: Any, context: bpy.types.Context) -> None:
+def _draw_camera_notes(layout: Any, context: bpy.types.Context) -> None:
     draw_lines(layout, sidebar_text.camera_notes(scene_properties.read_unchecked(context.scene.icymoon)), "INFO")
 
 
-def _surface(topic: str) -> Extra:
+def _make_surface_extra(topic: str) -> Extra:
     def draw(layout: Any, context: bpy.types.Context) -> None:
         group = getattr(context.scene.icymoon, topic)
         told = principled.albedo_advice(SurfaceSettings({s.key: getattr(group, s.key) for s in TOPICS[topic].settings}))
@@ -57,7 +57,7 @@ def _surface(topic: str) -> Extra:
     return draw
 
 
-def _hapke(layout: Any, context: bpy.types.Context) -> None:
+def _draw_hapke(layout: Any, context: bpy.types.Context) -> None:
     values = scene_properties.read_unchecked(context.scene.icymoon)
     _draw_albedos(layout, values.surface | {"model": "HAPKE"}, values.hapke)
 
@@ -72,6 +72,7 @@ def _draw_albedos(layout: Any, surface: SurfaceSettings, hapke: HapkeSettings) -
 
 
 #: By topic.
-BEFORE: dict[str, Extra] = {"source": _import, "terrain": _seed, "sensor": _expose}
-AFTER: dict[str, Extra] = {"terrain": _roughness, "surface": _surface("surface"),
-                           "rock_surface": _surface("rock_surface"), "hapke": _hapke, "rig": _camera_notes}
+BEFORE: dict[str, Extra] = {"source": _draw_import, "terrain": _draw_seed, "sensor": _draw_expose}
+AFTER: dict[str, Extra] = {"terrain": _draw_roughness, "surface": _make_surface_extra("surface"),
+                           "rock_surface": _make_surface_extra("rock_surface"), "hapke": _draw_hapke,
+                           "rig": _draw_camera_notes}

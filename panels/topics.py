@@ -7,7 +7,7 @@ import bpy
 from ..operators.sidebar_text import wrapped
 from ..settings.table import LANDFORMS, TOPICS, Topic
 from .fields import draw_lines, draw_settings
-from .relevance import shown
+from .relevance import is_shown
 from .sections import ELSEWHERE, INSIDE, SECTIONS, Section, main_settings
 from .sidebar import FIRST, Sidebar
 from .topic_extras import AFTER, BEFORE
@@ -21,7 +21,7 @@ class _TopicPanel(Sidebar):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        return _wanted(cls.topic.key, context.scene.icymoon)
+        return _is_topic_shown(cls.topic.key, context.scene.icymoon)
 
     def draw(self, context: bpy.types.Context) -> None:
         layout, key = self.layout, self.topic.key
@@ -33,7 +33,7 @@ class _TopicPanel(Sidebar):
             AFTER[key](layout, context)
 
 
-def _wanted(topic: str, root: object) -> bool:
+def _is_topic_shown(topic: str, root: object) -> bool:
     """Whether a topic has anything to say beside the choices that are made."""
     if topic == "mesh":
         return bool(root.source.kind == "PROCEDURAL")  # type: ignore[attr-defined]
@@ -51,7 +51,7 @@ class _SectionPanel(Sidebar):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        return any(shown(cls.section.topic, key, context.scene.icymoon) for key in cls.section.settings)
+        return any(is_shown(cls.section.topic, key, context.scene.icymoon) for key in cls.section.settings)
 
     def draw(self, context: bpy.types.Context) -> None:
         root = context.scene.icymoon
@@ -81,7 +81,7 @@ def _switch(topic: str, key: str) -> dict[str, object]:
     return {"draw_header": draw_header}
 
 
-def _topic_panel(topic: Topic, order: int) -> type:
+def _make_topic_panel(topic: Topic, order: int) -> type:
     own: dict[str, object] = {}
     if topic.parent == LANDFORMS:
         own["bl_parent_id"] = ICYMOON_PT_landforms.bl_idname
@@ -94,7 +94,7 @@ def _topic_panel(topic: Topic, order: int) -> type:
         "bl_order": order, "topic": topic, **own})
 
 
-def _section_panel(section: Section, order: int) -> type:
+def _make_section_panel(section: Section, order: int) -> type:
     own = _switch(section.topic, section.switch) if section.switch else {}
     name = f"ICYMOON_PT_{section.topic}_{section.key}"
     return type(name, (_SectionPanel, bpy.types.Panel), {
@@ -102,5 +102,5 @@ def _section_panel(section: Section, order: int) -> type:
         "bl_parent_id": f"ICYMOON_PT_{section.topic}", "section": section, **own})
 
 
-CLASSES = (ICYMOON_PT_landforms, *(_topic_panel(topic, FIRST + k) for k, topic in enumerate(TOPICS.values())),
-           *(_section_panel(section, k) for k, section in enumerate(SECTIONS)))
+CLASSES = (ICYMOON_PT_landforms, *(_make_topic_panel(topic, FIRST + k) for k, topic in enumerate(TOPICS.values())),
+           *(_make_section_panel(section, k) for k, section in enumerate(SECTIONS)))

@@ -27,7 +27,7 @@ class ICYMOON_PT_trade(Sidebar, bpy.types.Panel):
         layout.operator("icymoon.measure_machine")
         layout.operator("icymoon.auto_quality", text="Find Quality…")
         layout.operator("icymoon.trade", text="Measure…")
-        draw_lines(layout, trade.said.get(context.scene.name, ()))
+        draw_lines(layout, trade.last_lines.get(context.scene.name, ()))
 
 
 CLASSES = (ICYMOON_PT_trade,)

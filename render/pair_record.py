@@ -12,7 +12,7 @@ import numpy as np
 from .. import compat
 from ..labels import FIRST_ROCK_INSTANCE, INSTANCE_AOV, SEMANTIC, TERRAIN_INSTANCE
 from ..nodes.scene import Built
-from ..nodes.surface.sun_inputs import made_of
+from ..nodes.surface.sun_inputs import describe_hapke
 from ..physics import admission
 from ..physics.camera.blur import blur_of
 from ..physics.camera.lens_distortion import COEFFICIENTS, coefficients
@@ -70,7 +70,7 @@ def pair_json(built: Built, planned: PlannedPair, poses: dict[str, np.ndarray], 
         "versions": {"blender": bpy.app.version_string, "python": platform.python_version(),
                      "numpy": np.__version__, "icymoon": version()},
         "device": settings.quality.device, "osl": compat.has_osl(),
-        "hapke": made_of(built.materials), "denoiser": settings.quality.denoiser,
+        "hapke": describe_hapke(built.materials), "denoiser": settings.quality.denoiser,
         "platform": platform.platform(),
         "seconds": seconds, "peak_memory_mib": peak_memory_mib(),
         "files": files,

@@ -26,10 +26,10 @@ from ..formats.exr_parts import join_files
 from ..formats.exr_pixels import drop_passes
 from ..formats.exr_sum import add_planet
 from ..labels import BEAUTY, TRUTH
-from ..nodes.light.sun import build_sky
+from ..nodes.light.sun_lamp import build_sky
 from ..nodes.rig import eye_poses, lens_values
 from ..nodes.scene import Built
-from ..nodes.surface.sun_inputs import attune
+from ..nodes.surface.sun_inputs import prepare_for_cycles
 from ..physics.camera.blur import Blur, blur_of
 from . import cycles_settings, passes, separate_lights
 from .cost.estimate import bytes_of, count_bytes_left
@@ -186,7 +186,7 @@ def _render_into(part: Path, built: Built, scene: bpy.types.Scene, planned: Plan
     start = time.perf_counter()
     with _turn_camera(built.camera, planned.turn_deg):
         cycles_settings.apply(scene, settings.quality, planned.render_seed, blur is not None)
-        attune(scene, built.materials, built.sun, built.planetshine)
+        prepare_for_cycles(scene, built.materials, built.sun, built.planetshine)
         lights = separate_lights.light_passes(scene, built)
         # What moves during a render is not kept from one to the next, nor are surfaces that change between them.
         scene.render.use_persistent_data = (blur is None and len(lights) == 1 and not scene.cycles.shading_system

@@ -13,7 +13,7 @@ import bpy
 from ..errors import IcyMoonError
 from ..nodes import eyes_above_ground
 from ..nodes.ground.user_ground import cost_warnings
-from ..nodes.next_scene import adapted
+from ..nodes.next_scene import adapt_scene
 from ..nodes.scene import Built
 from ..physics import admission
 from ..physics.camera.blur import blur_identity
@@ -85,7 +85,7 @@ class ScenesFromSettings:
         if not shared:  # what Cycles keeps is of no use any more
             self._held.close()
             self._warn_once(cost_warnings(planned.settings))
-        built, kept = adapted(before, planned.settings)
+        built, kept = adapt_scene(before, planned.settings)
         self._warn_once(built.warnings)
         _check_id(planned, built, self._extra)
         if not shared or not kept:
@@ -94,7 +94,7 @@ class ScenesFromSettings:
         assert self._scene is not None
         self._built = built
         # Not in a scene that comes and goes, after which Cycles would build its tree of triangles again.
-        _raise_reasons(eyes_above_ground.of_described(built, self._scene))
+        _raise_reasons(eyes_above_ground.reasons_when_built(built, self._scene))
         return built, self._scene, time.perf_counter() - start
 
     def _warn_once(self, warnings: list[str] | tuple[str, ...]) -> None:

@@ -14,8 +14,8 @@ from typing import Any
 
 import bpy
 
-from ..nodes.datablocks.fingerprint import TAG, instanced
-from ..nodes.light.lights import ROLES
+from ..nodes.datablocks.fingerprint import TAG, instanced_objects
+from ..nodes.light.scene_lights import ROLES
 from ..nodes.scene import Built
 from ..nodes.surface import sun_inputs
 
@@ -31,7 +31,7 @@ class LightPass:
 
 def _materials_with_sun_inputs(built: Built) -> list[bpy.types.Material]:
     """The materials whose nodes use the direction of the light."""
-    return [material for material in built.materials if sun_inputs.asks(material)]
+    return [material for material in built.materials if sun_inputs.has_one_light_source(material)]
 
 
 def light_passes(scene: bpy.types.Scene, built: Built) -> list[LightPass]:
@@ -60,15 +60,15 @@ def use_light(built: Built, light: LightPass) -> Iterator[None]:
             undo.callback(setattr, datablock, name, getattr(datablock, name))
             setattr(datablock, name, value)
 
-        undo.callback(lambda: sun_inputs.aim(_materials_with_sun_inputs(built), sun, built.planetshine))
+        undo.callback(lambda: sun_inputs.aim_surfaces(_materials_with_sun_inputs(built), sun, built.planetshine))
         for item in list(built.collection.all_objects):
             if item.get(TAG) in light.dark:
                 lend(item, "hide_render", True)
-            for each in (item, *instanced(item)) if item.get(TAG) in ("terrain", "rock") else ():
+            for each in (item, *instanced_objects(item)) if item.get(TAG) in ("terrain", "rock") else ():
                 if each.lightgroup:
                     lend(each, "lightgroup", light.group)
-        sun_inputs.aim(_materials_with_sun_inputs(built),
-                       replace(sun, irradiance_wm2=(0.0, 0.0, 0.0)) if "sun" in light.dark else sun, built.planetshine)
+        sun_inputs.aim_surfaces(_materials_with_sun_inputs(built),
+                                replace(sun, irradiance_wm2=(0.0, 0.0, 0.0)) if "sun" in light.dark else sun, built.planetshine)
         yield
 
 

@@ -18,7 +18,7 @@ import bpy
 
 from .. import scene_properties
 from ..errors import DiskError, IcyMoonError
-from ..nodes.scene import Built, extra, find, settle
+from ..nodes.scene import Built, extra, find, separate_copies
 from ..settings.description import check, defaults, merged, restored
 from ..system import end_at_interrupt
 from ..typed_settings import Settings
@@ -144,7 +144,7 @@ def _open_blend(job: dict[str, Any]) -> tuple[Built, int, list[PlannedPair]]:
     built = find(scene) if scene else None
     if scene is None or built is None:
         raise IcyMoonError(f"{job['blend']} contains no built Icy Moon scene; press Build Scene and render again.")
-    settle(built)
+    separate_copies(built)
     settings = merged(defaults(), check(job["settings"], "job"))
     return built, scene.frame_current, expand_headings(settings, built.extra + _repeat_text(job))
 

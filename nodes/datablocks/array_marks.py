@@ -46,7 +46,7 @@ def mark(values: np.ndarray, indices: bool = False) -> str:
     return found.hexdigest()
 
 
-def read(items: Any, name: str, kind: Any = np.float32, width: int = 1) -> np.ndarray:
+def read_property(items: Any, name: str, kind: Any = np.float32, width: int = 1) -> np.ndarray:
     """One property, of ``width`` numbers, of all items of a collection."""
     values = np.empty(len(items) * width, kind)
     items.foreach_get(name, values)
@@ -65,7 +65,7 @@ def attributes(geometry: Any) -> list[tuple[str, ...]]:
             continue
         if kind in _READ:
             dtype, key, width = _READ[kind]
-            values = read(attribute.data, key, dtype, width)
+            values = read_property(attribute.data, key, dtype, width)
             if (kind == "BOOLEAN" or name == "material_index") and not values.any():
                 continue
             marked = mark(values, name in _INDICES)
@@ -79,7 +79,7 @@ def mesh_arrays(mesh: bpy.types.Mesh) -> list[Any]:
     """Marks of all that a mesh holds in arrays. A mesh that is being edited has none: give a copy of it."""
     normals = []
     if mesh.has_custom_normals and "custom_normal" not in mesh.attributes:  # before 4.5
-        normals = [mark(read(mesh.corner_normals, "vector", width=3))]
+        normals = [mark(read_property(mesh.corner_normals, "vector", width=3))]
     shown_uv = next((layer.name for layer in mesh.uv_layers if layer.active_render), "")
     sizes = [len(mesh.vertices), len(mesh.edges), len(mesh.loops), len(mesh.polygons)]
     return [sizes, attributes(mesh), normals, shown_uv, mesh.attributes.default_color_name or ""]

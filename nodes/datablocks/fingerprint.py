@@ -47,7 +47,7 @@ def added_objects(collection: bpy.types.Collection) -> list[bpy.types.Object]:
     return [item for item in collection.all_objects if item not in ours]
 
 
-def instanced(item: bpy.types.Object) -> Iterator[bpy.types.Object]:
+def instanced_objects(item: bpy.types.Object) -> Iterator[bpy.types.Object]:
     """The objects that the node groups of an object's modifiers put into instances."""
     for tree in (getattr(modifier, "node_group", None) for modifier in item.modifiers):
         for socket in (s for node in tree.nodes for s in node.inputs if s.type == "COLLECTION") if tree else ():
@@ -57,7 +57,7 @@ def instanced(item: bpy.types.Object) -> Iterator[bpy.types.Object]:
 def _surfaces(item: bpy.types.Object) -> list[list[bpy.types.Material | None]]:
     """The materials of an object, and of those that it instances: once if they have the same, however many they are."""
     own, others = ([list(each.data.materials) for each in items if isinstance(each.data, bpy.types.Mesh)]
-                   for items in ((item,), instanced(item)))
+                   for items in ((item,), instanced_objects(item)))
     return own + (others[:1] if all(slots == others[0] for slots in others) else others)
 
 
@@ -65,11 +65,11 @@ def _among(part: str, wanted: tuple[str, ...]) -> bool:
     return part != MAKER and (not wanted or part in wanted or part.split()[0] in wanted)
 
 
-def _shown(collection: bpy.types.Collection) -> set[bpy.types.Object]:
+def _rendered_objects(collection: bpy.types.Collection) -> set[bpy.types.Object]:
     """The objects that are in a collection which is rendered."""
     if collection.hide_render:
         return set()
-    return set(collection.objects).union(*map(_shown, collection.children))
+    return set(collection.objects).union(*map(_rendered_objects, collection.children))
 
 
 @dataclass
@@ -81,13 +81,13 @@ class Reading:
     changes_with_time: bool
 
 
-def read(collection: bpy.types.Collection, *wanted: str) -> Reading:
+def read_marks(collection: bpy.types.Collection, *wanted: str) -> Reading:
     """The marks of everything in a built collection, or of wanted parts and roles.
 
     The parts are called "ROLE object", "ROLE data" and "ROLE materials", and "added" is what a person has put in.
     They are equal in every process that loads the file.
     """
-    ours, shown = built_objects(collection), _shown(collection)
+    ours, shown = built_objects(collection), _rendered_objects(collection)
     roles: dict[Any, str] = {item: f"the {role}" for role, item in ours.items()}
     surfaces = {role: _surfaces(item) for role, item in ours.items()}
     listed = {material for each in surfaces.values() for slots in each for material in slots if material is not None}
@@ -113,7 +113,7 @@ def read(collection: bpy.types.Collection, *wanted: str) -> Reading:
 
 def parts(collection: bpy.types.Collection, *wanted: str) -> dict[str, str]:
     """The marks of ``read``, with what they are made by."""
-    return {**read(collection, *wanted).parts, MAKER: maker()}
+    return {**read_marks(collection, *wanted).parts, MAKER: maker()}
 
 
 def fingerprint(collection: bpy.types.Collection) -> str:
@@ -127,12 +127,12 @@ def differing(now: Mapping[str, str], known: Mapping[str, str], *wanted: str) ->
     return {part for part in names if now.get(part) != known.get(part)}
 
 
-def edited(collection: bpy.types.Collection, known: Mapping[str, str], *wanted: str) -> set[str]:
+def edited_parts(collection: bpy.types.Collection, known: Mapping[str, str], *wanted: str) -> set[str]:
     """``differing`` of a collection as it is now."""
-    return differing(read(collection, *wanted).parts, known, *wanted)
+    return differing(read_marks(collection, *wanted).parts, known, *wanted)
 
 
-def updated(collection: bpy.types.Collection, known: Mapping[str, str], *changed: str) -> dict[str, str]:
+def updated_marks(collection: bpy.types.Collection, known: Mapping[str, str], *changed: str) -> dict[str, str]:
     """``known`` with the changed parts and roles as they are now."""
     kept = {part: mark for part, mark in known.items() if not (changed and _among(part, changed))}
-    return kept | (read(collection, *changed).parts if changed else {})
+    return kept | (read_marks(collection, *changed).parts if changed else {})

@@ -16,8 +16,8 @@ import bpy
 
 from ... import compat
 from ...files import sha256
-from .array_marks import attributes, mark, mesh_arrays, read
-from .stored_properties import OF_THE_VIEW, stored
+from .array_marks import attributes, mark, mesh_arrays, read_property
+from .stored_properties import OF_THE_VIEW, stored_properties
 
 #: Modifiers whose result is kept in a cache, or comes from particles.
 _SIMULATED = {"PARTICLE_SYSTEM", "PARTICLE_INSTANCE", "EXPLODE", "CLOTH", "SOFT_BODY", "FLUID", "DYNAMIC_PAINT"}
@@ -89,7 +89,7 @@ class Walk:
             return ["up"]
         self._structs.append(key)
         found: list[Any] = [kind.bl_rna.identifier]
-        for name, how in stored(kind):
+        for name, how in stored_properties(kind):
             if name not in omit:
                 found.append((name, self._property(struct, name, how)))
         self._structs.pop()
@@ -270,7 +270,7 @@ class Walk:
     def of_shape(self, key: Any) -> list[Any]:
         """Where a shape puts its points."""
         if len(key.data) and type(key.data[0]).bl_rna.identifier == "ShapeKeyPoint":
-            return [mark(read(key.data, "co", width=3))]
+            return [mark(read_property(key.data, "co", width=3))]
         return [self.value(item) for item in key.data]
 
     def of_animation(self, animation: Any) -> list[Any]:

@@ -150,7 +150,7 @@ def _reasons() -> dict[tuple[str, str], str]:
             for name in names.split()}
 
 
-def left_out(struct: Any, name: str) -> str | None:
+def why_left_out(struct: Any, name: str) -> str | None:
     """Why a property does not count, or None if it does."""
     found = next((_reasons()[kind, name] for kind in _kinds(struct) if (kind, name) in _reasons()), None)
     if found is None and issubclass(struct, bpy.types.Node) and name.startswith(("bl_", "active_")):
@@ -159,7 +159,7 @@ def left_out(struct: Any, name: str) -> str | None:
 
 
 @lru_cache(maxsize=1024)
-def stored(struct: Any) -> tuple[tuple[str, str], ...]:
+def stored_properties(struct: Any) -> tuple[tuple[str, str], ...]:
     """Names of the properties of a kind of structure that count, with how each is read.
 
     ``value``, ``file`` (the path of one), ``pointer``, ``name`` (a pointer of which the name counts) or ``items``.
@@ -169,7 +169,7 @@ def stored(struct: Any) -> tuple[tuple[str, str], ...]:
     found = []
     for prop in struct.bl_rna.properties:
         name = prop.identifier
-        if (name in _OF_EVERY_BLOCK or getattr(prop, "is_deprecated", False) or left_out(struct, name)
+        if (name in _OF_EVERY_BLOCK or getattr(prop, "is_deprecated", False) or why_left_out(struct, name)
                 or _of_an_add_on(struct, prop)):
             continue
         if prop.type in _PLAIN and (not prop.is_readonly or name in fixed):

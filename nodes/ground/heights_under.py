@@ -14,7 +14,7 @@ _ABOVE_M = 1.0
 
 
 @contextmanager
-def heights_of(ground: bpy.types.Object) -> Iterator[HeightAt]:
+def probe_heights(ground: bpy.types.Object) -> Iterator[HeightAt]:
     """A function that gives the highest surface of a mesh object at east and north coordinates.
 
     The height is that of the triangles themselves, not of the function they were made from: what
@@ -35,7 +35,7 @@ def heights_of(ground: bpy.types.Object) -> Iterator[HeightAt]:
 
         def heights(x_m: np.ndarray, y_m: np.ndarray) -> np.ndarray:
             x, y = np.broadcast_arrays(x_m, y_m)
-            return _dropped(scene, points, x.ravel(), y.ravel(), start_m).reshape(x.shape)
+            return _drop_points(scene, points, x.ravel(), y.ravel(), start_m).reshape(x.shape)
 
         yield heights
     finally:
@@ -45,8 +45,8 @@ def heights_of(ground: bpy.types.Object) -> Iterator[HeightAt]:
         bpy.data.meshes.remove(mesh)
 
 
-def _dropped(scene: bpy.types.Scene, points: bpy.types.Object, x_m: np.ndarray, y_m: np.ndarray,
-             start_m: float) -> np.ndarray:
+def _drop_points(scene: bpy.types.Scene, points: bpy.types.Object, x_m: np.ndarray, y_m: np.ndarray,
+                 start_m: float) -> np.ndarray:
     """Heights (n,) in metres at which points let fall from ``start_m`` meet the ground, else NaN."""
     if len(x_m) == 0:
         return np.zeros(0)

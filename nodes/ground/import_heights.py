@@ -20,7 +20,7 @@ from ...formats import geotiff
 from ...formats.exr_layout import is_whole
 from ...formats.mesh_file import read_opening
 from ...physics.mesh.height_map import NO_HEIGHT
-from .import_mesh import scratch_scene
+from .import_mesh import open_scratch_scene
 
 SUFFIXES = (".tif", ".tiff", ".npy", ".png", ".exr")
 _EXR_MAGIC = b"\x76\x2f\x31\x01"
@@ -49,7 +49,7 @@ def read_heights(path: Path) -> Heights:
     if suffix not in SUFFIXES:
         raise IcyMoonError(f"{path}: is not a height map that Icy Moon reads; give one of {', '.join(SUFFIXES)}.")
     start = read_opening(path)
-    reader = {".tif": _tiff, ".tiff": _tiff, ".npy": _npy, ".png": _png, ".exr": _exr}[suffix]
+    reader = {".tif": _read_tiff, ".tiff": _read_tiff, ".npy": _read_npy, ".png": _read_png, ".exr": _read_exr}[suffix]
     heights = reader(path, start)
     if min(heights.values.shape) < 2:
         rows, columns = heights.values.shape
@@ -57,14 +57,14 @@ def read_heights(path: Path) -> Heights:
     return heights
 
 
-def _tiff(path: Path, start: bytes) -> Heights:
+def _read_tiff(path: Path, start: bytes) -> Heights:
     if start[:4] not in (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"):
         raise IcyMoonError(f"{path}: is not a TIFF file, whatever its name says.")
     tiff = geotiff.read(path)
     return Heights(tiff.heights_m, tiff.pixel_m, tiff.corner_m, tiff.unplaced, tiff.report, tiff.warnings)
 
 
-def _npy(path: Path, start: bytes) -> Heights:
+def _read_npy(path: Path, start: bytes) -> Heights:
     try:
         values = np.load(path, allow_pickle=False)
     except (OSError, ValueError, EOFError) as error:
@@ -75,7 +75,7 @@ def _npy(path: Path, start: bytes) -> Heights:
     return Heights(_without_absurd(values.astype(np.float64)))
 
 
-def _png(path: Path, start: bytes) -> Heights:
+def _read_png(path: Path, start: bytes) -> Heights:
     if not start.startswith(b"\x89PNG\r\n\x1a\n") or len(start) < 33:
         raise IcyMoonError(f"{path}: is not a PNG file, whatever its name says.")
     if not _chunks_are_whole(path.read_bytes()):
@@ -84,7 +84,7 @@ def _png(path: Path, start: bytes) -> Heights:
     if colour not in (0, 4):
         raise IcyMoonError(f"{path}: is a colour image, not heights; save it as 16-bit grey.")
     highest = 2**bits - 1
-    return Heights(np.rint(_pixels(path).astype(np.float64) * highest))
+    return Heights(np.rint(_load_pixels(path).astype(np.float64) * highest))
 
 
 def _chunks_are_whole(data: bytes) -> bool:
@@ -101,7 +101,7 @@ def _chunks_are_whole(data: bytes) -> bool:
     return False
 
 
-def _exr(path: Path, start: bytes) -> Heights:
+def _read_exr(path: Path, start: bytes) -> Heights:
     if not start.startswith(_EXR_MAGIC):
         raise IcyMoonError(f"{path}: is not an EXR file, whatever its name says.")
     channels = _exr_channels(start)
@@ -110,7 +110,7 @@ def _exr(path: Path, start: bytes) -> Heights:
                            "save the heights as one channel called Y.")
     if not is_whole(path):  # Blender crashes on it
         raise IcyMoonError(f"{path}: is torn, or stored in tiles; save it again, in scan lines.")
-    return Heights(_without_absurd(_pixels(path).astype(np.float64)))
+    return Heights(_without_absurd(_load_pixels(path).astype(np.float64)))
 
 
 def _without_absurd(values: np.ndarray) -> np.ndarray:
@@ -131,9 +131,9 @@ def _exr_channels(start: bytes) -> list[str]:
     return names
 
 
-def _pixels(path: Path) -> np.ndarray:
+def _load_pixels(path: Path) -> np.ndarray:
     """The first channel (rows, columns) float32 as Blender loads it without colour conversion."""
-    with scratch_scene():
+    with open_scratch_scene():
         try:
             image = bpy.data.images.load(str(path), check_existing=False)
         except RuntimeError as error:

@@ -29,7 +29,7 @@ def _data_blocks() -> set[Any]:
 
 
 @contextlib.contextmanager
-def scratch_scene() -> Iterator[bpy.types.Scene]:
+def open_scratch_scene() -> Iterator[bpy.types.Scene]:
     """A scene of its own as the context; it and all data made meanwhile are removed at the end."""
     before = _data_blocks()
     scene = bpy.data.scenes.new("Icy Moon Import")
@@ -43,7 +43,7 @@ def scratch_scene() -> Iterator[bpy.types.Scene]:
 
 
 @contextlib.contextmanager
-def _importer(kind: str, path: Path) -> Iterator[Any]:
+def _enable_importer(kind: str, path: Path) -> Iterator[Any]:
     """The operator and its options; a switched-off add-on is on meanwhile. Raises IcyMoonError if there is none."""
     found, name = compat.find_mesh_importer(kind), compat.IMPORT_ADD_ONS.get(kind)
     enabled = False
@@ -70,23 +70,23 @@ def read_mesh(path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
     unreadable or holds no face.
     """
     kind = detect_kind(path)
-    with _importer(kind, path) as (operator, options), scratch_scene():
+    with _enable_importer(kind, path) as (operator, options), open_scratch_scene():
         try:
             operator("EXEC_DEFAULT", filepath=str(path), **options)
         except RuntimeError as error:
             raise IcyMoonError(f"{path}: Blender cannot read it as {kind} ({_last_line(error)}); "
                                "export it again.") from None
-        positions, faces, uv = _geometry()
+        positions, faces, uv = _read_geometry()
     if kind == "PLY":
-        positions, uv = _as_written(path, positions, faces, uv)
+        positions, uv = _read_as_written(path, positions, faces, uv)
     if not len(faces):
         what = f"is a point cloud of {len(positions)} points" if len(positions) else "holds no mesh"
         raise IcyMoonError(f"{path}: {what}; give a mesh with faces.")
     return positions, faces, uv
 
 
-def _as_written(path: Path, positions: np.ndarray, faces: np.ndarray,
-                uv: np.ndarray | None) -> tuple[np.ndarray, np.ndarray | None]:
+def _read_as_written(path: Path, positions: np.ndarray, faces: np.ndarray,
+                     uv: np.ndarray | None) -> tuple[np.ndarray, np.ndarray | None]:
     """Vertices and UV coordinates of a PLY file as they stand in it, where the vertices are those that Blender gave."""
     try:
         written = ply.read_vertices(path)
@@ -103,7 +103,7 @@ def _last_line(error: Exception) -> str:
     return lines[-1].rstrip(".") if lines else type(error).__name__
 
 
-def _corners_uv(mesh: bpy.types.Mesh, loops: np.ndarray) -> np.ndarray | None:
+def _read_corners_uv(mesh: bpy.types.Mesh, loops: np.ndarray) -> np.ndarray | None:
     """UV coordinates (m, 3, 2) of triangles' corners (m, 3) by the layer that is rendered, None without one."""
     layer = next((each for each in mesh.uv_layers if each.active_render), None)
     if layer is None:
@@ -113,7 +113,7 @@ def _corners_uv(mesh: bpy.types.Mesh, loops: np.ndarray) -> np.ndarray | None:
     return values.reshape(-1, 2)[loops]
 
 
-def _geometry() -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
+def _read_geometry() -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
     """All visible meshes of the context's scene as one, instances and transforms applied; see ``read_mesh``."""
     bpy.context.view_layer.update()
     positions, faces, offset = [np.empty((0, 3))], [np.empty((0, 3), np.int32)], 0
@@ -132,7 +132,7 @@ def _geometry() -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
         loops = loops.reshape(-1, 3)
         if np.linalg.det(matrix[:3, :3]) < 0:
             triangles, loops = triangles[:, ::-1], loops[:, ::-1]  # a mirrored instance shows its other side
-        uvs.append((len(triangles), _corners_uv(mesh, loops)))
+        uvs.append((len(triangles), _read_corners_uv(mesh, loops)))
         positions.append(points.reshape(-1, 3).astype(np.float64) @ matrix[:3, :3].T + matrix[:3, 3])
         faces.append(triangles + np.int32(offset))
         offset += len(mesh.vertices)

@@ -17,7 +17,7 @@ from ...labels import FIRST_ROCK_INSTANCE, INSTANCE_AOV, INSTANCE_ATTRIBUTE
 from ...physics.rocks.rocks import Rocks
 from ...physics.rocks.shapes import Shape
 from ..tree.builder import Tree
-from .terrain_mesh import mesh_from_arrays
+from .terrain_mesh import build_mesh_from_arrays
 
 _SHAPE, _ROTATION, _SCALE = "shape", "rotation", "scale"
 
@@ -41,15 +41,15 @@ def build_shapes(name: str, shapes: Sequence[Sequence[Shape]], used: np.ndarray,
     objects = []
     for number in used.tolist():
         level, shape = divmod(number, len(shapes[0]))
-        mesh = mesh_from_arrays(f"{name} Shape {number:03d}", shapes[level][shape].vertices,
-                                shapes[level][shape].triangles)
+        mesh = build_mesh_from_arrays(f"{name} Shape {number:03d}", shapes[level][shape].vertices,
+                                      shapes[level][shape].triangles)
         mesh.polygons.foreach_set("use_smooth", ~shapes[level][shape].plane)
         mesh.materials.append(material)
         objects.append(bpy.data.objects.new(mesh.name, mesh))
     return objects
 
 
-def _named(tree: Tree, label: str, attribute: str, data_type: str) -> bpy.types.NodeSocket:
+def _add_named_attribute(tree: Tree, label: str, attribute: str, data_type: str) -> bpy.types.NodeSocket:
     """Output socket of the value that each point has of an attribute."""
     node = tree.node("GeometryNodeInputNamedAttribute", label, {"Name": attribute}, data_type=data_type)
     return next(socket for socket in node.outputs if socket.enabled)
@@ -67,23 +67,23 @@ def _build_group(name: str, shapes: bpy.types.Collection) -> bpy.types.NodeTree:
                         transform_space="ORIGINAL")
     blocks = tree.node("GeometryNodeInstanceOnPoints", "Blocks", {
         "Points": points.outputs[0], "Selection": True, "Instance": library.outputs[0], "Pick Instance": True,
-        "Instance Index": _named(tree, "Shape", _SHAPE, "INT"),
-        "Rotation": _named(tree, "Rotation", _ROTATION, "FLOAT_VECTOR"),
-        "Scale": _named(tree, "Scale", _SCALE, "FLOAT_VECTOR")})
+        "Instance Index": _add_named_attribute(tree, "Shape", _SHAPE, "INT"),
+        "Rotation": _add_named_attribute(tree, "Rotation", _ROTATION, "FLOAT_VECTOR"),
+        "Scale": _add_named_attribute(tree, "Scale", _SCALE, "FLOAT_VECTOR")})
     tree.node("NodeGroupOutput", "Geometry", {result: blocks.outputs[0]}, leave=("__extend__",))
     tree.arrange()
     return group
 
 
-def _set(mesh: bpy.types.Mesh, name: str, data_type: str, values: np.ndarray) -> None:
+def _set_attribute(mesh: bpy.types.Mesh, name: str, data_type: str, values: np.ndarray) -> None:
     """Give a mesh's points an attribute."""
     attribute = mesh.attributes.new(name, data_type, "POINT")
     kind, key = (np.int32, "value") if data_type == "INT" else (np.float32, "value" if values.ndim == 1 else "vector")
     attribute.data.foreach_set(key, np.ascontiguousarray(values, kind).ravel())
 
 
-def build_blocks(name: str, rocks: Rocks, shapes: Sequence[Sequence[Shape]], material: bpy.types.Material,
-                 tag: str) -> bpy.types.Object:
+def build_rocks(name: str, rocks: Rocks, shapes: Sequence[Sequence[Shape]], material: bpy.types.Material,
+                tag: str) -> bpy.types.Object:
     """The object whose points carry the blocks; ``parts_of`` gives what else it needs.
 
     A block's label is its place in the order of size, largest first. Everything but the object
@@ -101,10 +101,10 @@ def build_blocks(name: str, rocks: Rocks, shapes: Sequence[Sequence[Shape]], mat
     mesh = bpy.data.meshes.new(name)
     mesh.vertices.add(len(pick))
     mesh.vertices.foreach_set("co", rocks.position_m.astype(np.float32).ravel())
-    _set(mesh, INSTANCE_ATTRIBUTE, "FLOAT", FIRST_ROCK_INSTANCE + np.arange(len(pick)))
-    _set(mesh, _SHAPE, "INT", pick)
-    _set(mesh, _ROTATION, "FLOAT_VECTOR", rocks.rotation)
-    _set(mesh, _SCALE, "FLOAT_VECTOR", rocks.scale_m)
+    _set_attribute(mesh, INSTANCE_ATTRIBUTE, "FLOAT", FIRST_ROCK_INSTANCE + np.arange(len(pick)))
+    _set_attribute(mesh, _SHAPE, "INT", pick)
+    _set_attribute(mesh, _ROTATION, "FLOAT_VECTOR", rocks.rotation)
+    _set_attribute(mesh, _SCALE, "FLOAT_VECTOR", rocks.scale_m)
     blocks = bpy.data.objects.new(name, mesh)
     blocks.modifiers.new("Blocks", "NODES").node_group = group
     return blocks

@@ -46,8 +46,8 @@ def build_mesh(name: str, terrain: TerrainSettings, ground: Surface) -> bpy.type
     if isinstance(ground, Graded):
         positions, faces = ground.mesh()
         _check_finite(positions[:, 2])
-        return mesh_from_arrays(name, positions, faces)
-    return mesh_from_arrays(name, *grid(terrain, ground))
+        return build_mesh_from_arrays(name, positions, faces)
+    return build_mesh_from_arrays(name, *grid(terrain, ground))
 
 
 def grid(terrain: TerrainSettings, ground: Surface) -> tuple[np.ndarray, np.ndarray]:
@@ -87,7 +87,7 @@ def patch_heights(ground: Surface) -> np.ndarray:
     return ground.heights(axis[None, :], axis[:, None], 2 * (axis[1] - axis[0]))
 
 
-def measured(heights: np.ndarray | None, terrain: TerrainSettings) -> Roughness | None:
+def patch_roughness(heights: np.ndarray | None, terrain: TerrainSettings) -> Roughness | None:
     """The roughness of the patch, over the distances that its grid and ``terrain`` settings both cover."""
     if heights is None or min(heights.shape) < 3:
         return None
@@ -102,7 +102,7 @@ def roughness_table(heights: np.ndarray | None, terrain: TerrainSettings) -> lis
 
     The density at a distance is that of the wave number 1/distance. Empty if there is no grid to measure.
     """
-    found = measured(heights, terrain)
+    found = patch_roughness(heights, terrain)
     if found is None or heights is None:
         return []
     shortest, longest = law_range_m(terrain)
@@ -119,8 +119,8 @@ def roughness_table(heights: np.ndarray | None, terrain: TerrainSettings) -> lis
     return rows
 
 
-def mesh_from_arrays(name: str, positions: np.ndarray, faces: np.ndarray,
-                     uv: np.ndarray | None = None) -> bpy.types.Mesh:
+def build_mesh_from_arrays(name: str, positions: np.ndarray, faces: np.ndarray,
+                           uv: np.ndarray | None = None) -> bpy.types.Mesh:
     """A smooth-shaded mesh from float32 positions (n, 3) and int32 faces (m, corners per face), with the UV
     coordinates (m, corners per face, 2) of the corners if there are any."""
     mesh = bpy.data.meshes.new(name)

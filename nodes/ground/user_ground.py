@@ -24,7 +24,7 @@ from ...typed_settings import Settings, SourceSettings
 from ..datablocks.user_files import used_files
 from . import import_heights
 from .import_mesh import read_mesh
-from .terrain_mesh import mesh_from_arrays, shortest_wavelength_m
+from .terrain_mesh import build_mesh_from_arrays, shortest_wavelength_m
 
 #: Extents in metres beyond which a ground is not a landing site in any unit.
 _SMALLEST_M, _LARGEST_M = 1e-3, 1e5
@@ -44,7 +44,7 @@ SUFFIXES = (*mesh_file.FORMATS, *import_heights.SUFFIXES)
 
 
 @dataclass(frozen=True)
-class OwnGround:
+class UserGround:
     """A ground from a file: vertices (n, 3) and faces (m, 3 or 4), the surface to stand on, what was
     found (``report``), what a person should know (``warnings``), and the UV coordinates (m, 3, 2) of the
     corners, if it has any."""
@@ -58,7 +58,7 @@ class OwnGround:
 
     def build_mesh(self, name: str) -> bpy.types.Mesh:
         """A smooth-shaded mesh of it."""
-        return mesh_from_arrays(name, self.positions, self.faces, self.uv)
+        return build_mesh_from_arrays(name, self.positions, self.faces, self.uv)
 
     def nearest_height_m(self, x_m: float, y_m: float) -> float:
         """Height of the vertex that is nearest on the map."""
@@ -66,7 +66,7 @@ class OwnGround:
         return float(self.positions[nearest, 2])
 
 
-def is_own(settings: Settings) -> bool:
+def is_from_file(settings: Settings) -> bool:
     """Whether the ground comes from a file."""
     return bool(settings.source.kind != "PROCEDURAL")
 
@@ -93,7 +93,7 @@ def cost_warnings(settings: Settings) -> list[str]:
     return [f"{cost.sentence(path)}."] if cost.is_high else []
 
 
-def own_ground(settings: Settings, made_up: Callable[[Settings], Surface]) -> OwnGround:
+def load_ground(settings: Settings, made_up: Callable[[Settings], Surface]) -> UserGround:
     """Load the ground that ``source`` settings name.
 
     ``made_up`` makes the procedural ground that ``source.detail`` adds below the file's resolution.
@@ -102,8 +102,8 @@ def own_ground(settings: Settings, made_up: Callable[[Settings], Surface]) -> Ow
     path = file_of(settings)
     try:
         if settings.source.kind == "MESH":
-            return _mesh_ground(path, settings)
-        return _height_ground(path, settings, made_up)
+            return _load_mesh(path, settings)
+        return _load_height_map(path, settings, made_up)
     except MemoryError:
         raise IcyMoonError(f"{path}: is too large for the memory of this machine; cut out the part that you need, "
                            "or make it coarser.") from None
@@ -142,7 +142,7 @@ def turned_up(positions: np.ndarray, kind: str, up_axis: str) -> tuple[np.ndarra
     return np.stack([sign * positions[:, k] for k, sign in _TURNS[axis]], axis=1), axis
 
 
-def _mesh_ground(path: Path, settings: Settings) -> OwnGround:
+def _load_mesh(path: Path, settings: Settings) -> UserGround:
     source = settings.source
     kind = mesh_file.detect_kind(path)
     positions, faces, uv = read_mesh(path)
@@ -184,7 +184,7 @@ def _mesh_ground(path: Path, settings: Settings) -> OwnGround:
         positions, faces, uv, sentence = _with_roughness(positions, faces, uv, settings)
         report.append(sentence)
     positions = positions.astype(np.float32)
-    return OwnGround(positions, faces, MeshGround(positions, faces), tuple(report), tuple(warnings), uv)
+    return UserGround(positions, faces, MeshGround(positions, faces), tuple(report), tuple(warnings), uv)
 
 
 def _with_roughness(positions: np.ndarray, faces: np.ndarray, uv: np.ndarray | None,
@@ -226,7 +226,7 @@ def _shift(positions: np.ndarray, source: SourceSettings) -> np.ndarray:
     return shift
 
 
-def _height_ground(path: Path, settings: Settings, made_up: Callable[[Settings], Surface]) -> OwnGround:
+def _load_height_map(path: Path, settings: Settings, made_up: Callable[[Settings], Surface]) -> UserGround:
     source, terrain = settings.source, settings.terrain
     read = import_heights.read_heights(path)
     known = np.isfinite(read.values)
@@ -256,7 +256,7 @@ def _height_ground(path: Path, settings: Settings, made_up: Callable[[Settings],
     report = (f"{columns} x {rows} pixels of {pixel[0]:.4g} x {pixel[1]:.4g} m, {_metres(extents)} m", *read.report,
               f"Ground of {east - west:.4g} x {north - south:.4g} m, moved by {_metres(shift)} m",
               "Procedural roughness below the pixel" if source.detail else "Nothing finer than the pixel")
-    return OwnGround(positions, faces, surface, report, tuple(warnings))
+    return UserGround(positions, faces, surface, report, tuple(warnings))
 
 
 def _pixel_size(path: Path, read: import_heights.Heights, source: SourceSettings) -> tuple[float, float]:

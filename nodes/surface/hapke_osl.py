@@ -26,7 +26,7 @@ _PARAMETER = re.compile(r"^(o?param)\t(closure color|\w+)\t(\w+)", re.MULTILINE)
 
 
 @lru_cache(maxsize=1)
-def compiled() -> str:
+def compile_source() -> str:
     """The byte code of ``hapke.osl``. Raises RuntimeError if it does not compile."""
     with scratch_folder() as folder:
         target = folder / "hapke.oso"
@@ -35,9 +35,9 @@ def compiled() -> str:
         return target.read_text(encoding="utf-8")
 
 
-def script_node(tree: Tree, label: str, inputs: Mapping[str, Any]) -> Any:
+def add_script_node(tree: Tree, label: str, inputs: Mapping[str, Any]) -> Any:
     """Add the script node with every input set, and return it."""
-    code = compiled()
+    code = compile_source()
     node = tree.tree.nodes.new("ShaderNodeScript")
     node.name = node.label = label
     node.mode = "INTERNAL"

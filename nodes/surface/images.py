@@ -48,9 +48,9 @@ def load_maps(textures: TexturesSettings, files: Mapping[str, Path | MeshImage])
             raise IcyMoonError("textures.set is OWN, but no image is named; name one, such as textures.albedo_file, or "
                                "set textures.set to MESH for the images that a mesh brings.")
     elif textures.set != "MESH":
-        return {kind: _made(textures.set, kind) for kind in ("albedo", "roughness", "height")}
-    return {kind: _loaded(kind, file if isinstance(file, MeshImage) else MeshImage(file),
-                          f"textures.{kind}_file" if textures.set == "OWN" else f"the {kind} image of the mesh")
+        return {kind: _make_map(textures.set, kind) for kind in ("albedo", "roughness", "height")}
+    return {kind: _load_map(kind, file if isinstance(file, MeshImage) else MeshImage(file),
+                            f"textures.{kind}_file" if textures.set == "OWN" else f"the {kind} image of the mesh")
             for kind, file in files.items()}
 
 
@@ -61,7 +61,7 @@ def remove_unused_images() -> None:
         bpy.data.batch_remove(unused)
 
 
-def means_on(mesh: bpy.types.Mesh, found: Mapping[str, Map]) -> dict[str, Map]:
+def measure_means(mesh: bpy.types.Mesh, found: Mapping[str, Map]) -> dict[str, Map]:
     """The maps with the means of what a mesh shows of them by its UV coordinates.
 
     Less than half of a baked image may lie on the surface, and what lies between the pieces is often black.
@@ -81,27 +81,27 @@ def means_on(mesh: bpy.types.Mesh, found: Mapping[str, Map]) -> dict[str, Map]:
     mark = hashlib.sha256(points.tobytes() + weight.tobytes()).hexdigest()
     for each in found.values():
         if each.image.get(_SHOWN) != mark:
-            pixels = _pixels(each.image)
+            pixels = _read_pixels(each.image)
             values = _linear(each.image, pixels[texture_coordinates.pixels_at(points, *pixels.shape[:2])])
             each.image[_SHOWN], each.image[_SHOWN_MEAN] = mark, (weight @ values).tolist()
     return {kind: replace(each, mean=tuple(each.image[_SHOWN_MEAN])) for kind, each in found.items()}
 
 
-def _there(key: str) -> Map | None:
+def _find_map(key: str) -> Map | None:
     """The map whose image was made for the same ``key`` before."""
     image = next((image for image in bpy.data.images if image.get(_KEY) == key), None)
     return Map(image, tuple(image[_MEAN])) if image else None
 
 
-def _kept(key: str, image: bpy.types.Image, mean: np.ndarray) -> Map:
+def _remember_map(key: str, image: bpy.types.Image, mean: np.ndarray) -> Map:
     """A map of an image with the ``mean`` (3,) of its linear values, to be found again."""
     image[_KEY], image[_MEAN] = key, mean.tolist()
     return Map(image, tuple(mean.tolist()))
 
 
-def _made(name: str, kind: str) -> Map:
+def _make_map(name: str, kind: str) -> Map:
     key = f"{name} {kind}"
-    there = _there(key)
+    there = _find_map(key)
     if there is not None:
         return there
     values = getattr(make_maps(name), kind)
@@ -110,29 +110,29 @@ def _made(name: str, kind: str) -> Map:
     pixels[..., :3] = values[..., None]
     image.pixels.foreach_set(pixels.ravel())
     image.pack()  # else it is lost when the file is saved
-    return _kept(key, image, pixels[..., :3].reshape(-1, 3).mean(axis=0, dtype=np.float64))
+    return _remember_map(key, image, pixels[..., :3].reshape(-1, 3).mean(axis=0, dtype=np.float64))
 
 
-def _loaded(kind: str, source: MeshImage, name: str) -> Map:
+def _load_map(kind: str, source: MeshImage, name: str) -> Map:
     path = source.file
     if not path.is_file():
         raise IcyMoonError(f"{path}: there is no such file; check {name}.")
     state = path.stat()
     key = f"{path} {state.st_size} {state.st_mtime_ns} {source.place} {kind}"
-    there = _there(key)
+    there = _find_map(key)
     if there is None:
-        image = _unpacked(source) if source.data else bpy.data.images.load(str(path), check_existing=False)
+        image = _unpack_image(source) if source.data else bpy.data.images.load(str(path), check_existing=False)
         if kind != "albedo" and not image.is_float:
             image.colorspace_settings.name = "Non-Color"
         try:
-            there = _kept(key, image, _mean(path, name, image))
+            there = _remember_map(key, image, _mean(path, name, image))
         except IcyMoonError:
             bpy.data.images.remove(image)
             raise
     return replace(there, channel=source.channel)
 
 
-def _unpacked(source: MeshImage) -> bpy.types.Image:
+def _unpack_image(source: MeshImage) -> bpy.types.Image:
     """An image from bytes within a file, which stay with the .blend."""
     data = source.data() if source.data else b""
     image = bpy.data.images.new(f"{source.file.name} {source.place}", 1, 1)
@@ -145,7 +145,7 @@ def _mean(path: Path, name: str, image: bpy.types.Image) -> np.ndarray:
     """Mean (3,) of an image's linear values. Raises IcyMoonError if it has none or some are not numbers."""
     if image.size[0] * image.size[1] == 0:
         raise IcyMoonError(f"{path}: is not an image that Blender reads; give a PNG, JPEG, TIFF or EXR as {name}.")
-    pixels, total = _pixels(image), np.zeros(3)
+    pixels, total = _read_pixels(image), np.zeros(3)
     for some in np.array_split(pixels, 1 + pixels.size // _AT_ONCE):
         values = _linear(image, some)
         if not np.isfinite(values).all():
@@ -154,7 +154,7 @@ def _mean(path: Path, name: str, image: bpy.types.Image) -> np.ndarray:
     return total / (pixels.shape[0] * pixels.shape[1])
 
 
-def _pixels(image: bpy.types.Image) -> np.ndarray:
+def _read_pixels(image: bpy.types.Image) -> np.ndarray:
     """Pixels (rows, columns, channels) of an image as they are stored, row 0 at the bottom."""
     width, height = image.size
     pixels = np.empty(width * height * image.channels, np.float32)

@@ -35,14 +35,14 @@ _STEEP = 1.0 - math.cos(math.radians(45.0))
 _MOST_ELEVATION = 3.0
 
 
-def noise(tree: Tree, label: str, where: Any, wavelength_m: float, fourth: float, octaves: float) -> Any:
+def add_noise(tree: Tree, label: str, where: Any, wavelength_m: float, fourth: float, octaves: float) -> Any:
     """Output socket of Blender's noise, about 0.5, of a longest wavelength; ``fourth`` tells fields apart."""
     return tree.node("ShaderNodeTexNoise", label, {
         "Vector": where, "W": fourth, "Scale": 1.0 / wavelength_m, "Detail": octaves, "Roughness": 0.5,
         "Lacunarity": 2.0, "Distortion": 0.0}, noise_dimensions="4D", noise_type="FBM", normalize=True).outputs[0]
 
 
-def grain(tree: Tree, where: Any, wavelength_m: float, place: Sequence[float]) -> Any:
+def add_grain(tree: Tree, where: Any, wavelength_m: float, place: Sequence[float]) -> Any:
     """Output socket of the height of grain about 0, of a longest wavelength; ``place`` (3), wavelengths, tells fields
     apart.
 
@@ -84,37 +84,37 @@ def mark_elevation(mesh: bpy.types.Mesh, surface: SurfaceSettings,
     attribute.data.foreach_set("value", np.clip(elevation, -_MOST_ELEVATION, _MOST_ELEVATION).astype(np.float32))
 
 
-def _kept(tree: Tree, label: str, share: Any, dirt: float) -> Any:
+def _add_kept(tree: Tree, label: str, share: Any, dirt: float) -> Any:
     """1 - dirt x share."""
     return tree.math("SUBTRACT", f"{label} Kept", 1.0, tree.math("MULTIPLY", f"{label} Darkening", share, dirt))
 
 
-def _share(tree: Tree, label: str, value: Any, clean: float, dirty: float, smooth: bool = False) -> Any:
+def _add_share(tree: Tree, label: str, value: Any, clean: float, dirty: float, smooth: bool = False) -> Any:
     """0 where ``value`` is ``clean``, 1 where it is ``dirty``, held to that range."""
     return tree.node("ShaderNodeMapRange", label, {
         "Value": value, "From Min": clean, "From Max": dirty, "To Min": 0.0, "To Max": 1.0},
         data_type="FLOAT", interpolation_type="SMOOTHSTEP" if smooth else "LINEAR", clamp=True).outputs[0]
 
 
-def brightness(tree: Tree, surface: SurfaceSettings, geometry: Any, fourth: float, elevated: bool) -> Any:
+def add_brightness(tree: Tree, surface: SurfaceSettings, geometry: Any, fourth: float, elevated: bool) -> Any:
     """Grey factor on the clean ice's albedo, an output socket, or 1.0 if it is the same everywhere.
 
     ``elevated`` says whether the mesh has elevations (blocks have none).
     """
     factors: list[Any] = []
     if surface.albedo_variation > 0.0:
-        patches = noise(tree, "Patches", geometry.outputs["Position"], surface.albedo_patch_m, fourth, 4.0)
-        factors.append(_kept(tree, "Patches", patches, surface.albedo_variation))
+        patches = add_noise(tree, "Patches", geometry.outputs["Position"], surface.albedo_patch_m, fourth, 4.0)
+        factors.append(_add_kept(tree, "Patches", patches, surface.albedo_variation))
     if surface.trough_dirt != 0.0 and elevated:
         height = tree.node("ShaderNodeAttribute", "Elevation", attribute_type="GEOMETRY", attribute_name=ELEVATION)
         clean = math.copysign(1.0, surface.trough_dirt)
-        troughs = _share(tree, "Trough Share", output(height, "Fac"), clean, -clean)
-        factors.append(_kept(tree, "Trough", troughs, abs(surface.trough_dirt)))
+        troughs = _add_share(tree, "Trough Share", output(height, "Fac"), clean, -clean)
+        factors.append(_add_kept(tree, "Trough", troughs, abs(surface.trough_dirt)))
     if surface.slope_dirt != 0.0:
         normal = tree.node("ShaderNodeSeparateXYZ", "Upright", {"Vector": geometry.outputs["True Normal"]})
         ends = (1.0, 1.0 - _STEEP) if surface.slope_dirt > 0 else (1.0 - _STEEP, 1.0)
-        slopes = _share(tree, "Slope Share", normal.outputs["Z"], *ends)
-        factors.append(_kept(tree, "Slope", slopes, abs(surface.slope_dirt)))
+        slopes = _add_share(tree, "Slope Share", normal.outputs["Z"], *ends)
+        factors.append(_add_kept(tree, "Slope", slopes, abs(surface.slope_dirt)))
     product: Any = 1.0
     for k, factor in enumerate(factors):
         product = factor if k == 0 else tree.math("MULTIPLY", "Brightness", product, factor)
@@ -126,14 +126,14 @@ def darkest(surface: SurfaceSettings) -> float:
     return float(math.prod(1.0 - abs(surface[key]) for key in ("albedo_variation", "trough_dirt", "slope_dirt")))
 
 
-def stain(tree: Tree, surface: SurfaceSettings, geometry: Any, fourth: float) -> Any:
+def add_stain(tree: Tree, surface: SurfaceSettings, geometry: Any, fourth: float) -> Any:
     """Colour factor on the albedo that salt makes, an output socket, or None if there is none."""
     share = surface.salt_share
     if share == 0.0:
         return None
-    field = noise(tree, "Salt", geometry.outputs["Position"], surface.salt_patch_m, fourth, 4.0)
+    field = add_noise(tree, "Salt", geometry.outputs["Position"], surface.salt_patch_m, fourth, 4.0)
     threshold = _NOISE_MEAN + _NOISE_DEVIATION * statistics.NormalDist().inv_cdf(min(max(1.0 - share, 1e-4), 1 - 1e-4))
-    stained = _share(tree, "Stained", field, threshold - _EDGE, threshold + _EDGE, smooth=True)
+    stained = _add_share(tree, "Stained", field, threshold - _EDGE, threshold + _EDGE, smooth=True)
     colour = tuple(surface[f"salt_{band}"] for band in ("red", "green", "blue"))
     return output(tree.node("ShaderNodeMix", "Salt Colour", {
         "Factor_Float": stained, "A_Color": (1.0, 1.0, 1.0, 1.0), "B_Color": (*colour, 1.0)},

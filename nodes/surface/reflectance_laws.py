@@ -36,7 +36,7 @@ from ...typed_settings import HapkeSettings, Settings
 from ..tree.builder import Tree
 from ..tree.formula import Number, Vector
 from . import hapke_nodes
-from .hapke_osl import script_node
+from .hapke_osl import add_script_node
 from .sun_inputs import BLUR, DIRECTION, LEVELS, SCRIPT, Sun, planet_inputs, sun_inputs
 
 
@@ -70,7 +70,7 @@ class Grains:
     darkest: float
 
 
-def choose(hapke: HapkeSettings, device: str) -> tuple[bool, str, str]:
+def choose_backend(hapke: HapkeSettings, device: str) -> tuple[bool, str, str]:
     """Whether Hapke's law is made of OSL, its level, and a sentence if that is not what was asked for.
 
     Raises IcyMoonError if OSL is asked for and cannot be had.
@@ -98,7 +98,7 @@ def uses_hapke(settings: Settings) -> bool:
 def stand_in(settings: Settings) -> str:
     """What identifies that nodes stand in for OSL here, which the settings do not say; empty if they do not."""
     automatic = uses_hapke(settings) and settings.hapke.backend == "AUTO"
-    of_osl = not automatic or choose(settings.hapke, settings.quality.device)[0]
+    of_osl = not automatic or choose_backend(settings.hapke, settings.quality.device)[0]
     return "" if of_osl else "Hapke of nodes"
 
 
@@ -107,11 +107,11 @@ def advice(settings: Settings) -> list[str]:
     if not uses_hapke(settings):
         return []
     model.from_settings(settings.hapke)
-    message = choose(settings.hapke, settings.quality.device)[2]
+    message = choose_backend(settings.hapke, settings.quality.device)[2]
     return [message] if message else []
 
 
-def _sight(ground: Ground, sun: Sun) -> tuple[Vector, Vector, Vector]:
+def _add_sight(ground: Ground, sun: Sun) -> tuple[Vector, Vector, Vector]:
     """Normal, direction to the Sun and to the viewer."""
     tree = ground.tree
     geometry = tree.node("ShaderNodeNewGeometry", "Sight")
@@ -120,7 +120,7 @@ def _sight(ground: Ground, sun: Sun) -> tuple[Vector, Vector, Vector]:
             Vector(tree, toward_sun.outputs[0]), Vector(tree, geometry.outputs["Incoming"]))
 
 
-def _reflected(ground: Ground, label: str, weight: Number) -> Any:
+def _add_reflectance(ground: Ground, label: str, weight: Number) -> Any:
     """A reflectance times the ground's colour: a colour, or an output socket that gives one."""
     value = weight.value
     if ground.colour is not None:
@@ -129,29 +129,29 @@ def _reflected(ground: Ground, label: str, weight: Number) -> Any:
     return (*[float(value)] * 3, 1.0) if isinstance(value, (int, float)) else value
 
 
-def _closure(tree: Tree, label: str, colour: Any, normal: Any) -> Any:
+def _add_closure(tree: Tree, label: str, colour: Any, normal: Any) -> Any:
     """Shader socket of Lambert's law about a normal (None: the mesh's own)."""
     about = {} if normal is None else {"Normal": normal}
     return tree.node("ShaderNodeBsdfDiffuse", label, {"Color": colour, "Roughness": 0.0, **about},
                      if_present={"Weight": 0.0}, leave=("Normal",) if normal is None else ()).outputs[0]
 
 
-def _diffuse(ground: Ground, label: str, weight: Number) -> Any:
+def _add_diffuse(ground: Ground, label: str, weight: Number) -> Any:
     """Shader socket of Lambert's law with this reflectance times the ground's colour."""
-    return _closure(ground.tree, label, _reflected(ground, label, weight), ground.normal)
+    return _add_closure(ground.tree, label, _add_reflectance(ground, label, weight), ground.normal)
 
 
-def _lit_or_not(ground: Ground, mu0: Number, lit: Number, other: Number) -> Any:
+def _add_lit_or_not(ground: Ground, mu0: Number, lit: Number, other: Number) -> Any:
     """Shader socket: one weight of the diffuse closure where the Sun is above the surface, another elsewhere.
 
     Cycles leaves out the nodes of the side that it does not need.
     """
     return ground.tree.node("ShaderNodeMixShader", "Sunlit or Not", {
-        "Fac": mu0.exceeds(0.0).value, "Shader": _diffuse(ground, "Shaded", other),
-        "Shader_001": _diffuse(ground, "Sunlit", lit)}).outputs[0]
+        "Fac": mu0.exceeds(0.0).value, "Shader": _add_diffuse(ground, "Shaded", other),
+        "Shader_001": _add_diffuse(ground, "Sunlit", lit)}).outputs[0]
 
 
-def seen_or_not(tree: Tree, seen: Any, other: Any) -> Any:
+def add_seen_or_not(tree: Tree, seen: Any, other: Any) -> Any:
     """Shader socket: one closure where the camera sees the ground, another for the light that comes by way of it.
 
     Cycles leaves out the nodes of the side that it does not need.
@@ -160,23 +160,23 @@ def seen_or_not(tree: Tree, seen: Any, other: Any) -> Any:
     return tree.node("ShaderNodeMixShader", "Seen or Not", {"Fac": ray, "Shader": other, "Shader_001": seen}).outputs[0]
 
 
-def lambert(ground: Ground, albedo: float, smooth: bool) -> Any:
+def add_lambert(ground: Ground, albedo: float, smooth: bool) -> Any:
     """Shader socket of Lambert's law; light that comes by way of ``smooth`` ground meets the mesh's own normal."""
-    colour = _reflected(ground, "Lambert", Number(ground.tree, ground.grey) * albedo)
-    seen = _closure(ground.tree, "Lambert", colour, ground.normal)
+    colour = _add_reflectance(ground, "Lambert", Number(ground.tree, ground.grey) * albedo)
+    seen = _add_closure(ground.tree, "Lambert", colour, ground.normal)
     if not smooth or ground.normal is None:
         return seen
-    return seen_or_not(ground.tree, seen, _closure(ground.tree, "Smooth Lambert", colour, None))
+    return add_seen_or_not(ground.tree, seen, _add_closure(ground.tree, "Smooth Lambert", colour, None))
 
 
-def lunar_lambert(ground: Ground, albedo: float, share: float, sun: Sun) -> Any:
+def add_lunar_lambert(ground: Ground, albedo: float, share: float, sun: Sun) -> Any:
     """Shader socket of ``physics.photometry.lunar_lambert``."""
-    n, toward_sun, eye = _sight(ground, sun)
+    n, toward_sun, eye = _add_sight(ground, sun)
     mu0, mu = n.dot(toward_sun).named("µ0"), n.dot(eye).at_least(1e-6).named("µ")
     bond = Number(ground.tree, ground.grey) * albedo
     seeliger = (2.0 * share) / (mu0 + mu).at_least(1e-6)
     lit = (seeliger + (1.0 - share)) * (bond * lunar_lambert_normal_albedo(1.0, share))
-    return _lit_or_not(ground, mu0, lit, bond)
+    return _add_lit_or_not(ground, mu0, lit, bond)
 
 
 @lru_cache(maxsize=64)
@@ -217,9 +217,9 @@ def _known(ground: Ground, q: model.HapkeParameters) -> hapke_nodes.Grains:
         float(model.porosity_factor(q.filling_factor)), q.h_function)
 
 
-def hapke_of_nodes(ground: Ground, grains: Grains, sun: Sun) -> Any:
+def add_hapke_of_nodes(ground: Ground, grains: Grains, sun: Sun) -> Any:
     """Shader socket of Hapke's law made of nodes."""
-    n, toward_sun, eye = _sight(ground, sun)
+    n, toward_sun, eye = _add_sight(ground, sun)
     tree, known = ground.tree, _known(ground, grains.parameters)
     blur = tree.math("ADD", BLUR, sun.blur, 0.0)  # a node whose number can be set
     weight = hapke_nodes.brdf(n, toward_sun, eye, Number(tree, blur), known) * math.pi
@@ -229,10 +229,10 @@ def hapke_of_nodes(ground: Ground, grains: Grains, sun: Sun) -> Any:
     r0 = (1.0 - gamma) / (gamma + 1.0)
     for c0, c1, c2 in reversed(_white(ground, grains)):
         white = white.times_plus(mu, r0.times_plus(c2, c1).times_plus(r0, c0))
-    return _lit_or_not(ground, n.dot(toward_sun), weight, white.at_least(0.0).at_most(1.0))
+    return _add_lit_or_not(ground, n.dot(toward_sun), weight, white.at_least(0.0).at_most(1.0))
 
 
-def _vector(tree: Tree, label: str, numbers: list[Number]) -> Any:
+def _add_vector(tree: Tree, label: str, numbers: list[Number]) -> Any:
     """Three numbers, or the output socket of what combines them."""
     if all(number.known is not None for number in numbers):
         return tuple(number.known for number in numbers)
@@ -240,15 +240,15 @@ def _vector(tree: Tree, label: str, numbers: list[Number]) -> Any:
     return tree.node("ShaderNodeCombineXYZ", label, values).outputs[0]
 
 
-def hapke_of_osl(ground: Ground, grains: Grains, sun: Sun, level: str) -> Any:
+def add_hapke_of_osl(ground: Ground, grains: Grains, sun: Sun, level: str) -> Any:
     """Shader socket of Hapke's law in Open Shading Language."""
     tree, q = ground.tree, grains.parameters
     known = _known(ground, q)
     normal = ground.normal
     if normal is None:
         normal = tree.node("ShaderNodeNewGeometry", "Sight").outputs["Normal"]
-    albedo = {f"Albedo{k}": _vector(tree, f"Albedo {k}", row) for k, row in enumerate(_white(ground, grains))}
-    return script_node(tree, SCRIPT, {
+    albedo = {f"Albedo{k}": _add_vector(tree, f"Albedo {k}", row) for k, row in enumerate(_white(ground, grains))}
+    return add_script_node(tree, SCRIPT, {
         "W": known.w.value, "B": q.b, "C": q.c, "BS0": q.b_s0, "HS": q.h_s, "BC0": q.b_c0, "HC": q.h_c,
         "TanTheta": known.tan_theta.value, "K": known.k, "HFunction": int(q.h_function),
         "Tint": (1.0, 1.0, 1.0, 1.0) if ground.colour is None else ground.colour,

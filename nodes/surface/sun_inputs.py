@@ -19,7 +19,7 @@ from ...errors import IcyMoonError
 from ...physics.light.directions import toward
 from ...typed_settings import LightSettings
 from ..datablocks.fingerprint import TAG
-from ..light.planet import MEAN, planet_inputs
+from ..light.planet_lamp import MEAN, planet_inputs
 from . import hapke_nodes
 
 LEVELS = ("FAST", "ACCURATE", "REFERENCE")
@@ -77,51 +77,52 @@ def sun_inputs(sun: Sun) -> dict[str, Any]:
             "SunBlur": sun.blur}
 
 
-def _own(material: bpy.types.Material, name: str, kind: str) -> Any:
+def _find_own_node(material: bpy.types.Material, name: str, kind: str) -> Any:
     """A node that was made here, or None; a person may have put another material in the place of ours."""
     node = material.node_tree.nodes.get(name) if material.node_tree else None
     return node if node and node.bl_idname == kind else None
 
 
-def _set(socket: Any, value: Any) -> None:
+def _set_input(socket: Any, value: Any) -> None:
     """Set an input, unless it has that value: any change of a material makes Cycles build its scene again."""
     if not np.array_equal(np.float32(socket.default_value), np.float32(value)):
         socket.default_value = value
 
 
-def aim(materials: Iterable[bpy.types.Material], sun: Sun, shine: bpy.types.Object | None) -> None:
+def aim_surfaces(materials: Iterable[bpy.types.Material], sun: Sun, shine: bpy.types.Object | None) -> None:
     """Tell surfaces where the Sun and the planet, of which ``shine`` is the lamp, are now.
 
     A surface of nodes has its law for one source only: the Sun, or, if that is dark, the planet.
     """
     lit_by = Sun.of_planet(shine) if shine is not None and not any(sun.irradiance_wm2) else sun
     for material in materials:
-        if node := _own(material, DIRECTION, "ShaderNodeCombineXYZ"):
+        if node := _find_own_node(material, DIRECTION, "ShaderNodeCombineXYZ"):
             for axis, value in zip("XYZ", lit_by.direction, strict=True):
-                _set(node.inputs[axis], value)
-        if node := _own(material, BLUR, "ShaderNodeMath"):
-            _set(node.inputs[0], lit_by.blur)
-        if node := _own(material, SCRIPT, "ShaderNodeScript"):
+                _set_input(node.inputs[axis], value)
+        if node := _find_own_node(material, BLUR, "ShaderNodeMath"):
+            _set_input(node.inputs[0], lit_by.blur)
+        if node := _find_own_node(material, SCRIPT, "ShaderNodeScript"):
             for name, value in {**sun_inputs(sun), **planet_inputs(shine)}.items():
-                _set(node.inputs[name], value)
+                _set_input(node.inputs[name], value)
 
 
-def asks(material: bpy.types.Material) -> bool:
+def has_one_light_source(material: bpy.types.Material) -> bool:
     """Whether a material has its law for one source of light."""
-    return any(_own(material, *node) for node in ((DIRECTION, "ShaderNodeCombineXYZ"), (SCRIPT, "ShaderNodeScript")))
+    return any(_find_own_node(material, *node)
+               for node in ((DIRECTION, "ShaderNodeCombineXYZ"), (SCRIPT, "ShaderNodeScript")))
 
 
 def is_osl(material: bpy.types.Material) -> bool:
     """Whether a material needs Open Shading Language."""
-    return _own(material, SCRIPT, "ShaderNodeScript") is not None
+    return _find_own_node(material, SCRIPT, "ShaderNodeScript") is not None
 
 
 def _level(material: bpy.types.Material) -> str:
-    node = _own(material, SCRIPT, "ShaderNodeScript")
+    node = _find_own_node(material, SCRIPT, "ShaderNodeScript")
     return LEVELS[node.inputs["Level"].default_value] if node else LEVELS[0]
 
 
-def traces(material: bpy.types.Material) -> bool:
+def traces_sun(material: bpy.types.Material) -> bool:
     """Whether a material traces the Sun itself, so that the lamp must not light it; the planet every OSL one does."""
     return _level(material) != LEVELS[0]
 
@@ -130,7 +131,7 @@ def traces(material: bpy.types.Material) -> bool:
 _VARYING = {"W": "w", "TanTheta": "theta_bar_deg", "Tint": "colour"}
 
 
-def made_of(materials: Iterable[bpy.types.Material]) -> dict[str, Any] | None:
+def describe_hapke(materials: Iterable[bpy.types.Material]) -> dict[str, Any] | None:
     """What Hapke's law is made of in these materials and at which accuracy; None if none has it.
 
     ``neighbours_as_here`` is what varies from place to place though interreflections take it to be at both ends what
@@ -147,7 +148,7 @@ def made_of(materials: Iterable[bpy.types.Material]) -> dict[str, Any] | None:
     return known and {**known, "neighbours_as_here": sorted(taken)}
 
 
-def share_lamp(name: str, lamp: bpy.types.Object, tracing: Iterable[bpy.types.Object]) -> None:
+def exempt_from_lamp(name: str, lamp: bpy.types.Object, tracing: Iterable[bpy.types.Object]) -> None:
     """Let a lamp light everything but the objects that trace it themselves."""
     linking, tracing = lamp.light_linking, list(tracing)
     if linking.receiver_collection is not None and linking.receiver_collection.get(TAG) == SHARED:
@@ -161,8 +162,8 @@ def share_lamp(name: str, lamp: bpy.types.Object, tracing: Iterable[bpy.types.Ob
             entry.light_linking.link_state = "EXCLUDE"
 
 
-def attune(scene: bpy.types.Scene, materials: Iterable[bpy.types.Material], lamp: bpy.types.Object,
-           shine: bpy.types.Object | None) -> None:
+def prepare_for_cycles(scene: bpy.types.Scene, materials: Iterable[bpy.types.Material], lamp: bpy.types.Object,
+                       shine: bpy.types.Object | None) -> None:
     """Make a scene that is set up for Cycles render these materials right, wherever the lamp has been turned to.
 
     Raises IcyMoonError if they need Open Shading Language and the scene cannot have it.
@@ -170,12 +171,12 @@ def attune(scene: bpy.types.Scene, materials: Iterable[bpy.types.Material], lamp
     materials = list(materials)
     depsgraph = scene.view_layers[0].depsgraph
     depsgraph.update()  # a lamp that was only just made or turned has no world matrix yet
-    aim(materials, Sun.from_lamp(lamp, lamp.evaluated_get(depsgraph).matrix_world), shine)
+    aim_surfaces(materials, Sun.from_lamp(lamp, lamp.evaluated_get(depsgraph).matrix_world), shine)
     if any(map(is_osl, materials)):
         if not compat.has_osl() or scene.cycles.device == "GPU":
             raise IcyMoonError("The surface was built for Open Shading Language on the CPU; build the scene again "
                                "here, or set quality.device to CPU.")
         scene.cycles.shading_system = True
-    if any(map(traces, materials)):
+    if any(map(traces_sun, materials)):
         # What a ray finds at its end shines by itself, a bounce earlier than a lamp would light it.
         scene.cycles.diffuse_bounces = max(scene.cycles.diffuse_bounces - 1, 0)

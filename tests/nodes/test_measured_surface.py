@@ -176,4 +176,4 @@ def test_by_operator(shown, tmp_path):
         assert bpy.ops.icymoon.hide_surface() == {"FINISHED"}
         assert not bpy.ops.icymoon.hide_surface.poll()
     finally:
-        results.clear(scene)
+        results.clear_results(scene)

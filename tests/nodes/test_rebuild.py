@@ -160,14 +160,14 @@ def test_copies_of_what_is_built_are_the_persons_own():
     built.collection.objects.link(rock)
     found = scenes.find(scene)
     assert (found.terrain, found.edited, found.edited_parts()) == (terrain, True, set())
-    scenes.settle(found)
+    scenes.separate_copies(found)
     assert held(found) == before
     built = scenes.build(scene, complete(ROUGHER))
     assert held(built) == before
     assert sorted(o.name for o in built.collection.all_objects if TAG not in o) == sorted(
         [sun.name, rock.name, "A copy", "A copy.001"])
-    assert len(list(scenes.instanced(rock))) > 0  # its shapes are still there
-    assert all(shape.data is not None for shape in scenes.instanced(rock))
+    assert len(list(scenes.instanced_objects(rock))) > 0  # its shapes are still there
+    assert all(shape.data is not None for shape in scenes.instanced_objects(rock))
     scenes.clear(scene)
     assert {o.name for o in scene.objects} == {sun.name, rock.name, "A copy", "A copy.001"}
 
@@ -180,15 +180,15 @@ def test_the_full_copy_of_a_scene_is_a_built_scene_of_its_own(settings):
     marks = parts(first.collection)
     bpy.ops.scene.new(type="FULL_COPY")
     copy = bpy.context.scene
-    built = render.up_to_date(copy, scene_properties.read_settings(copy.icymoon))
+    built = render.bring_up_to_date(copy, scene_properties.read_settings(copy.icymoon))
     assert built.terrain not in (None, first.terrain)
     assert not built.edited
     assert built.extra == first.extra == scenes.extra(built.settings)
-    assert "press Build Scene" in scenes.shares(built)
+    assert "press Build Scene" in scenes.why_shared(built)
     light = copy.icymoon.light
     light.sun_elevation_deg += 5.0
     built = scenes.build(copy, scene_properties.read_settings(copy.icymoon))
-    assert scenes.shares(built) == ""
+    assert scenes.why_shared(built) == ""
     assert parts(scenes.find(scene).collection) == marks
     assert not scenes.find(scene).edited
     bpy.data.scenes.remove(copy)
@@ -196,7 +196,7 @@ def test_the_full_copy_of_a_scene_is_a_built_scene_of_its_own(settings):
 
 
 def test_live_settings_of_a_full_copy_change_no_other_scene(monkeypatch):
-    monkeypatch.setattr(live_preview, "watched", lambda: True)
+    monkeypatch.setattr(live_preview, "has_window", lambda: True)
     scene = empty_scene()
     scene_properties.write_settings(scene.icymoon, description.merged(description.check(SMALL, "x"), TINY))
     first = scenes.build(scene, scene_properties.read_settings(scene.icymoon))
@@ -205,7 +205,7 @@ def test_live_settings_of_a_full_copy_change_no_other_scene(monkeypatch):
     copy = bpy.context.scene
     copy.icymoon.surface.albedo = 0.2
     live_preview.update(copy)
-    live_preview.flush()
+    live_preview.show_waiting()
     assert any("press Build Scene" in line for line in preview.notes(copy))
     assert parts(scenes.find(scene).collection) == marks
 
@@ -276,8 +276,8 @@ def test_without_cycles_nothing_is_made(operator, small):
 
 
 def test_a_built_scene_outlives_a_while_without_cycles(small, monkeypatch):
-    monkeypatch.setattr(live_preview, "watched", lambda: True)
-    built = render.up_to_date(small, scene_properties.read_settings(small.icymoon))
+    monkeypatch.setattr(live_preview, "has_window", lambda: True)
+    built = render.bring_up_to_date(small, scene_properties.read_settings(small.icymoon))
     with cycles_off():
         before = everything()
         for operator in ("build_scene", "render_pair", "evaluate"):

@@ -33,7 +33,7 @@ def test_the_rendered_pair_is_exposed_with_the_present_response(small, tmp_path)
 @pytest.fixture
 def shown(small, monkeypatch, tmp_path):
     """A rendered pair whose left camera image is shown as in a window; what the panel says of it is a function."""
-    monkeypatch.setattr(live_preview, "watched", lambda: True)
+    monkeypatch.setattr(live_preview, "has_window", lambda: True)
     small.icymoon.live = False
     assert bpy.ops.icymoon.build_scene() == {"FINISHED"}
     assert bpy.ops.icymoon.render_pair() == {"FINISHED"}

@@ -15,10 +15,10 @@ from icymoon.nodes import preview
 from icymoon.nodes import scene as scenes
 from icymoon.nodes.datablocks.fingerprint import TAG, fingerprint, parts
 from icymoon.operators import live_preview
-from icymoon.operators.render import planned_pairs, up_to_date
+from icymoon.operators.render import bring_up_to_date, planned_pairs
 from icymoon.panels import sidebar
 from icymoon.render.worker import render_pairs
-from icymoon.settings import description, table
+from icymoon.settings import description
 from icymoon.typed_settings import Settings
 from panel_drawing import drawn, texts
 
@@ -28,7 +28,7 @@ SIDE = 33
 @pytest.fixture
 def watched(small, monkeypatch):
     """The small scene, built, as in a window: changes are shown at once and coarsely."""
-    monkeypatch.setattr(live_preview, "watched", lambda: True)
+    monkeypatch.setattr(live_preview, "has_window", lambda: True)
     monkeypatch.setattr(live_preview, "SIDES", (SIDE,))
     monkeypatch.setattr(live_preview, "_side", SIDE)
     small.icymoon.rocks.coverage = 0.05
@@ -41,9 +41,9 @@ def watched(small, monkeypatch):
 
 def _turn() -> None:
     """What the event loop does after the change: let the timer show what waits."""
-    if bpy.app.timers.is_registered(live_preview.flush):
-        bpy.app.timers.unregister(live_preview.flush)
-    live_preview.flush()
+    if bpy.app.timers.is_registered(live_preview.show_waiting):
+        bpy.app.timers.unregister(live_preview.show_waiting)
+    live_preview.show_waiting()
 
 
 def change(scene: bpy.types.Scene, name: str, value: object) -> scenes.Built:
@@ -93,12 +93,12 @@ def test_a_terrain_slider_shows_the_height_function_on_a_coarse_grid(watched):
 
 
 def test_the_previewed_blocks_lie_on_the_previewed_ground(watched):
-    mark = next(iter(preview.instanced(blocks(scenes.find(watched))))).data.materials[0]
+    mark = next(iter(preview.instanced_objects(blocks(scenes.find(watched))))).data.materials[0]
     built = change(watched, "rocks.coverage", 0.1)
     settings, carrier = current(watched), blocks(built)
     assert len(carrier.data.vertices) > 10
-    assert next(iter(preview.instanced(carrier))).data.materials[0] == mark
-    shapes = {len(shape.data.polygons) for shape in preview.instanced(carrier)}
+    assert next(iter(preview.instanced_objects(carrier))).data.materials[0] == mark
+    shapes = {len(shape.data.polygons) for shape in preview.instanced_objects(carrier)}
     assert shapes == {320}  # triangles of the coarsest shapes
     where = positions(carrier)
     ground = scenes.ground_of(settings).heights(where[:, 0], where[:, 1], 2 * settings.terrain.size_m / SIDE)
@@ -124,7 +124,7 @@ def test_light_camera_and_surface_become_what_build_scene_makes(watched, name, v
     assert scenes.changed_settings(built, current(watched)) == []
     assert preview.notes(watched) == []
     assert np.array_equal(positions(built.terrain), before)  # at full resolution
-    assert up_to_date(watched, current(watched)).collection == built.collection
+    assert bring_up_to_date(watched, current(watched)).collection == built.collection
     assert shown == fresh(watched, current(watched))
     assert names == sorted(o.name for o in scenes.find(watched).collection.all_objects)
 
@@ -165,7 +165,7 @@ def test_changes_of_a_script_are_two_updates(watched, monkeypatch):
     monkeypatch.setattr(live_preview, "update", lambda scene: updates.append(scene) or False)
     for degrees in range(10):
         watched.icymoon.terrain.rms_slope_deg = degrees
-    assert bpy.app.timers.is_registered(live_preview.flush)
+    assert bpy.app.timers.is_registered(live_preview.show_waiting)
     assert len(updates) == 1
     _turn()
     assert len(updates) == 2
@@ -185,7 +185,7 @@ def test_what_changes_no_picture_changes_nothing(watched):
     built = change(watched, "quality.samples", 7)
     change(watched, "sensor.bits", 10)
     assert built.collection["icymoon_settings"] == before
-    assert not bpy.app.timers.is_registered(live_preview.flush)
+    assert not bpy.app.timers.is_registered(live_preview.show_waiting)
 
 
 def test_without_a_window_nothing_is_previewed(small):
@@ -193,7 +193,7 @@ def test_without_a_window_nothing_is_previewed(small):
     mark = fingerprint(scenes.find_collection(small))
     small.icymoon.terrain.rms_slope_deg = 30.0
     assert fingerprint(scenes.find_collection(small)) == mark
-    assert not bpy.app.timers.is_registered(live_preview.flush)
+    assert not bpy.app.timers.is_registered(live_preview.show_waiting)
 
 
 def test_switched_off_the_panel_says_that_settings_have_changed(watched):
@@ -226,7 +226,7 @@ def test_settings_out_of_sense_are_a_sentence_and_keep_the_picture(watched):
     assert len(live_preview.lines(watched)) == 1
     assert preview.notes(watched) == ["Preview: press Build Scene"]
     with pytest.raises(IcyMoonError):
-        up_to_date(watched, description.merged(current(watched), {"rocks": {"smallest_m": 5.0}}))
+        bring_up_to_date(watched, description.merged(current(watched), {"rocks": {"smallest_m": 5.0}}))
 
 
 def test_edits_by_hand_stay(watched):
@@ -241,7 +241,7 @@ def test_edits_by_hand_stay(watched):
     assert built.edited_parts() == {"terrain data"}
     change(watched, "terrain.rms_slope_deg", 12.0)
     assert preview.notes(watched) == []
-    assert up_to_date(watched, current(watched)).edited  # the sculpted ground under the new Sun is what is rendered
+    assert bring_up_to_date(watched, current(watched)).edited  # the sculpted ground under the new Sun is rendered
     built.sun.rotation_euler.x += 0.1
     turned = built.sun.matrix_basis.copy()
     built = change(watched, "light.sun_elevation_deg", 10.0)
@@ -286,7 +286,7 @@ def test_an_edited_preview_is_not_rendered(watched):
     built = change(watched, "terrain.rms_slope_deg", 25.0)
     built.terrain.data.vertices[7].co.z += 0.5
     with pytest.raises(IcyMoonError, match="preview"):
-        up_to_date(watched, current(watched))
+        bring_up_to_date(watched, current(watched))
     before = positions(built.terrain)
     assert np.array_equal(positions(change(watched, "terrain.rms_slope_deg", 5.0).terrain), before)
 
@@ -295,7 +295,7 @@ def test_a_lander_does_not_keep_a_preview_from_being_built(watched):
     lander = bpy.data.objects.new("Lander", None)
     scenes.find(watched).collection.objects.link(lander)
     change(watched, "terrain.rms_slope_deg", 25.0)
-    built = up_to_date(watched, current(watched))
+    built = bring_up_to_date(watched, current(watched))
     assert built.preview == {}
     assert lander.name in built.collection.objects
     assert built.edited
@@ -325,7 +325,7 @@ def test_a_ground_of_ones_own_is_left_but_light_and_camera_follow(watched, tmp_p
     near = built.camera.location.z
     assert not built.edited
     assert scenes.changed_settings(built, current(watched)) == ["rig.x_m"]
-    built = up_to_date(watched, current(watched))
+    built = bring_up_to_date(watched, current(watched))
     assert built.preview == {}
     # The mesh is bilinear between vertices as the height map is, but for the diagonal of each square.
     assert built.camera.location.z == pytest.approx(near, abs=1e-3)
@@ -354,7 +354,7 @@ def test_a_preview_survives_saving_and_loading(watched, tmp_path):
     assert state(built) == before
     assert not built.edited
     assert preview.notes(scene) == ["Preview: press Build Scene"]
-    assert not bpy.app.timers.is_registered(live_preview.flush)  # loading a file changes no setting
+    assert not bpy.app.timers.is_registered(live_preview.show_waiting)  # loading a file changes no setting
 
 
 def test_undo_and_redo_bring_back_what_was_shown(watched):
@@ -411,7 +411,7 @@ def test_the_grid_is_as_fine_as_the_time_allows():
 
 def test_a_failing_listener_does_not_hold_back_the_next_changes(scene, monkeypatch):
     heard = []
-    monkeypatch.setattr(table, "listeners", [lambda scene, effects: heard.append(effects)])
+    monkeypatch.setattr(scene_properties, "listeners", [lambda scene, effects: heard.append(effects)])
 
     def fail() -> None:
         with scene_properties.batch_changes():

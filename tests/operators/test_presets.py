@@ -131,7 +131,7 @@ def test_without_an_installed_extension_there_is_no_place_for_presets(scene):
 
 
 def test_every_shipped_scene_has_a_picture_that_chooses_it(scene):
-    pictures = [item[0] for item in previews._choices()][1:]
+    pictures = [item[0] for item in previews._load_choices()][1:]
     assert pictures == description.preset_names("scenes")
     assert choice() == "NONE"
     for name in pictures:

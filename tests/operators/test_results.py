@@ -21,14 +21,14 @@ def shown(scene) -> bool:
 
 def test_they_survive_saving_and_are_none_of_another_file(scene, tmp_path):
     evaluated(scene, tmp_path)
-    before = results.kept(scene)
+    before = results.kept_results(scene)
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "a.blend"))
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
-    assert results.kept(bpy.context.scene) is None
+    assert results.kept_results(bpy.context.scene) is None
     assert not shown(bpy.context.scene)
     assert not bpy.ops.icymoon.open_report.poll()
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "a.blend"))
-    assert results.kept(bpy.context.scene) == before
+    assert results.kept_results(bpy.context.scene) == before
     assert shown(bpy.context.scene)
     assert results.notes(bpy.context.scene) == [f"Of pair {PAIR}, 2038-06-01 12:34 UTC"]
     assert results.report_folder(bpy.context.scene) == tmp_path / "evaluation_scene"
@@ -37,7 +37,7 @@ def test_they_survive_saving_and_are_none_of_another_file(scene, tmp_path):
 def test_each_scene_has_its_own_and_a_copy_those_of_its_settings(scene, tmp_path):
     evaluated(scene, tmp_path)
     other = bpy.data.scenes.new("Other")
-    assert results.kept(other) is None
+    assert results.kept_results(other) is None
     assert not shown(other)
     copy = scene.copy()
     assert results.notes(copy) == results.notes(scene)
@@ -83,7 +83,7 @@ def test_the_response_that_was_measured_with_is_the_reports_own(scene, tmp_path)
     report = json.loads((folder / "summary.json").read_text())
     report["provenance"]["response_overrides"] = {"sensor.gain": 3.0}
     (folder / "summary.json").write_text(json.dumps(report))
-    results.keep(scene, "DATASET", settings)
+    results.keep_results(scene, "DATASET", settings)
     assert "Gain" in results.notes(scene)[1]
     scene.icymoon.sensor.gain = 3.0
     assert len(results.notes(scene)) == 1
@@ -136,7 +136,7 @@ def test_only_a_report_that_was_made_here_is_opened(scene, tmp_path, monkeypatch
     json.dumps({"made": "x", "scope": "SCENE", "pairs": [], "settings": {}, "summary": [{"method": ["bm"]}]})])
 def test_what_is_no_result_is_none(scene, text):
     scene.icymoon.results = text
-    assert results.kept(scene) is None
+    assert results.kept_results(scene) is None
     assert not shown(scene)
 
 
@@ -162,5 +162,5 @@ def test_a_scene_that_is_renamed_or_gone_meanwhile_is_found_or_left_out(scene, t
     bpy.data.scenes.new("Other")
     for keeper in keepers:
         keeper({"type": "result", "report": "unused"})
-    assert results.kept(bpy.data.scenes["Renamed"]).pairs == (PAIR,)
-    assert results.kept(bpy.data.scenes["Other"]) is None
+    assert results.kept_results(bpy.data.scenes["Renamed"]).pairs == (PAIR,)
+    assert results.kept_results(bpy.data.scenes["Other"]) is None

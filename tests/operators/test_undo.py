@@ -35,10 +35,10 @@ def test_no_operator_that_starts_a_process_can_be_done_again_with_other_options(
 
 def test_a_render_that_builds_the_scene_is_a_step_and_one_that_does_not_is_none(small, pushed):
     settings = scene_properties.read_settings(small.icymoon)
-    render.up_to_date(small, settings)
+    render.bring_up_to_date(small, settings)
     assert pushed == ["Build Scene"]
-    render.up_to_date(small, settings)
+    render.bring_up_to_date(small, settings)
     assert pushed == ["Build Scene"]
     small.icymoon.terrain.rms_slope_deg += 1.0
-    render.up_to_date(small, scene_properties.read_settings(small.icymoon))
+    render.bring_up_to_date(small, scene_properties.read_settings(small.icymoon))
     assert pushed == ["Build Scene"] * 2

@@ -23,7 +23,7 @@ def everything() -> list:
     record = [entry for cls in CLASSES
               if issubclass(cls, bpy.types.Panel | bpy.types.Menu) for entry in drawn(cls)]
     top = SimpleNamespace(layout=Layout(record))
-    menu._draw(top, bpy.context)
+    menu._draw_menu(top, bpy.context)
     menu._draw_meshes(top, bpy.context)
     return record
 

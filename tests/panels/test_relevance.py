@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from icymoon.panels.relevance import matters, shown
+from icymoon.panels.relevance import has_effect, is_shown
 from icymoon.physics.camera.blur import MOTION, blur_of
 from icymoon.physics.camera.brackets import exposure_times
 from icymoon.physics.camera.particle_hits import draw_hits
@@ -30,7 +30,7 @@ def relevant(topic: str, state: dict[str, dict] | None = None) -> set[str]:
     """The settings of a topic that are neither hidden nor grey."""
     of_scene = root(**(state or {}))
     return {setting.key for setting in TOPICS[topic].settings
-            if shown(topic, setting.key, of_scene) and matters(topic, setting.key, of_scene)}
+            if is_shown(topic, setting.key, of_scene) and has_effect(topic, setting.key, of_scene)}
 
 
 @pytest.mark.parametrize("state", [
@@ -44,7 +44,7 @@ def test_a_number_of_hapke_s_law_is_grey_where_another_changes_no_brightness(sta
         return bidirectional_reflectance(incidence, emission, azimuth, law)
 
     acts = bool(np.any(brightness(**{key: OTHERS[key]}) != brightness()))
-    assert matters("hapke", key, root(hapke=state)) == acts
+    assert has_effect("hapke", key, root(hapke=state)) == acts
 
 
 @pytest.mark.parametrize("state", [
@@ -58,14 +58,14 @@ def test_a_setting_of_exposure_or_radiation_is_grey_where_it_changes_no_exposure
         times = exposure_times(exposure_s(np.linspace(0.0, 1.0, 99), 1e4, response), response)
         return [*times, draw_hits(response, (30, 40), 1e-5, 10.0, np.random.default_rng(0)).sum()]
 
-    assert matters("sensor", key, root(sensor=state)) == (exposures(**{key: other}) != exposures())
+    assert has_effect("sensor", key, root(sensor=state)) == (exposures(**{key: other}) != exposures())
 
 
 def test_the_exposure_of_a_motion_is_grey_unless_something_moves():
-    assert not matters("rig", "motion_exposure_s", root())
+    assert not has_effect("rig", "motion_exposure_s", root())
     for moving in MOTION:
         for speed in (-0.5, 0.5):
-            assert matters("rig", "motion_exposure_s", root(rig={moving: speed}))
+            assert has_effect("rig", "motion_exposure_s", root(rig={moving: speed}))
             assert blur_of(merged(defaults(), {"rig": {moving: speed, "motion_exposure_s": 0.1}})) is not None
 
 

@@ -20,7 +20,7 @@ from pathlib import Path
 
 import pytest
 from icymoon.nodes.datablocks.fingerprint import parts
-from icymoon.nodes.next_scene import adapted, open_empty_scene
+from icymoon.nodes.next_scene import adapt_scene, open_empty_scene
 from icymoon.render.plans import frozen_plan as datasets
 from icymoon.render.plans.order import ordered
 from icymoon.render.plans.planned_pair import PlannedPair
@@ -92,7 +92,7 @@ def test_a_scene_made_out_of_another_is_the_scene_built_anew(kind, scene):
     first, second = planned(ROCKS).settings, planned(ROCKS, change).settings
     for one, other in ((first, second), (second, first)):
         wanted = parts(open_empty_scene(other).collection)
-        built, kept = adapted(open_empty_scene(one), other)
+        built, kept = adapt_scene(open_empty_scene(one), other)
         assert kept == reuse
         assert parts(built.collection) == wanted
         assert built.settings == other
@@ -101,7 +101,7 @@ def test_a_scene_made_out_of_another_is_the_scene_built_anew(kind, scene):
 
 def test_a_scene_that_is_gone_is_built_anew(scene):
     settings = planned().settings
-    assert adapted(None, settings)[1] is False
+    assert adapt_scene(None, settings)[1] is False
 
 
 @pytest.mark.parametrize("kind", heavy_but(["camera", "sun", "albedo"], [

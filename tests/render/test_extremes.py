@@ -347,7 +347,7 @@ def test_dirt_in_the_troughs_of_round_ground_is_the_same_from_a_slider():
 
     wanted = elevation(scenes.build(empty_scene(), dirty)).copy()
     built = scenes.build(empty_scene(), complete(GRADED))
-    preview.show(built, dirty, 33)
+    preview.show_settings(built, dirty, 33)
     np.testing.assert_array_equal(elevation(scenes.find(bpy.context.scene)), wanted)
 
 

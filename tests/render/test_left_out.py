@@ -5,7 +5,7 @@ from __future__ import annotations
 import bpy
 import numpy as np
 import pytest
-from icymoon.nodes.next_scene import adapted, open_empty_scene
+from icymoon.nodes.next_scene import adapt_scene, open_empty_scene
 from icymoon.nodes.scene import build
 from icymoon.nodes.surface.sun_inputs import is_osl
 from icymoon.stereo.images.exr import read_truth, read_view
@@ -24,7 +24,7 @@ def test_light_is_followed_under_the_surface_only_where_a_camera_could_tell():
     far, near = complete(SNOW), complete(SNOW, {"rig": {"height_m": 0.02}})
     built = open_empty_scene(far)
     assert snow(built).inputs["Subsurface Weight"].default_value == 0.0
-    built, kept = adapted(built, near)
+    built, kept = adapt_scene(built, near)
     assert kept
     assert snow(built).inputs["Subsurface Weight"].default_value == 1.0
     always = build(empty_scene(), complete(SNOW, {"quality": {"walk_px": 0.0}}))

@@ -10,7 +10,7 @@ import bpy
 import numpy as np
 import pytest
 from icymoon.labels import FIRST_OBJECT_INSTANCE, FIRST_ROCK_INSTANCE, LANDER, ROCK, TERRAIN, TERRAIN_INSTANCE
-from icymoon.nodes.ground.terrain_mesh import mesh_from_arrays
+from icymoon.nodes.ground.terrain_mesh import build_mesh_from_arrays
 from icymoon.nodes.scene import Built, build
 from icymoon.physics.rocks.shapes import icosphere
 from icymoon.render.pairs.pair_folder import EYES, Pair, read_pair
@@ -52,7 +52,7 @@ def own_object(built: Built, name: str, shape: str, size_m: float, place: tuple,
     else:
         corners = np.array(list(np.ndindex(2, 2, 2))) - 0.5
         faces = np.array([[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]])
-    item = bpy.data.objects.new(name, mesh_from_arrays(name, corners * size_m, faces))
+    item = bpy.data.objects.new(name, build_mesh_from_arrays(name, corners * size_m, faces))
     item.location = place
     for key, value in properties.items():
         setattr(item, key, value)

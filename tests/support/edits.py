@@ -359,7 +359,7 @@ def hidden_collection(built):
 
 def surface_of_a_rock(built):
     rock = next(item for item in built.collection.all_objects if item.get(fingerprint.TAG) == "rock")
-    shape = next(iter(fingerprint.instanced(rock)))
+    shape = next(iter(fingerprint.instanced_objects(rock)))
     return swap(lambda: shape.data.vertices[0], "co", (7.0, 0.0, 0.0))
 
 

@@ -27,4 +27,4 @@ def evaluated(scene: bpy.types.Scene, dataset: Path, *rows: dict, scope: str = "
     scene.icymoon.dataset.folder = str(dataset)
     settings = scene_properties.read_settings(scene.icymoon)
     write_evaluation(results.folder_of(settings, scope), *rows, **facts)
-    results.keep(scene, scope, settings, [] if scope == "DATASET" else [PAIR])
+    results.keep_results(scene, scope, settings, [] if scope == "DATASET" else [PAIR])

@@ -26,7 +26,7 @@ from icymoon.errors import IcyMoonError
 from icymoon.nodes import scene as scenes
 from icymoon.nodes.datablocks.array_marks import mark
 from icymoon.nodes.datablocks.marks import Walk
-from icymoon.nodes.datablocks.stored_properties import LEFT_OUT, OF_THE_VIEW, left_out
+from icymoon.nodes.datablocks.stored_properties import LEFT_OUT, OF_THE_VIEW, why_left_out
 from rendering import complete, empty_scene
 
 
@@ -327,7 +327,7 @@ def reachable(start: list[Any]) -> dict[tuple[str, str], list[Place]]:
         for prop in struct.bl_rna.properties:
             name = prop.identifier
             if name in NOWHERE or getattr(prop, "is_deprecated", False) or (
-                    left_out(type(struct), name) and name not in ("nodes", "links", "inputs", "outputs")):
+                    why_left_out(type(struct), name) and name not in ("nodes", "links", "inputs", "outputs")):
                 continue
             if not prop.is_readonly and prop.type != "COLLECTION":
                 same = found.setdefault((type(struct).bl_rna.identifier, name), [])

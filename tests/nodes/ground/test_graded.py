@@ -6,8 +6,8 @@ import bpy
 import numpy as np
 import pytest
 from icymoon.nodes import scene as scenes
-from icymoon.nodes.ground.heights_under import heights_of
-from icymoon.nodes.ground.terrain_mesh import measured
+from icymoon.nodes.ground.heights_under import probe_heights
+from icymoon.nodes.ground.terrain_mesh import patch_roughness
 from icymoon.physics.mesh.horizon import drop_m, horizon_m
 from icymoon.render.pairs.pair_folder import read_pair
 from icymoon.render.plans.planned_pair import expand_headings
@@ -115,7 +115,7 @@ def test_the_camera_stands_over_the_mesh_and_two_builds_are_equal():
     built.terrain.data.polygons.foreach_get("normal", normals)
     assert normals[2::3].min() > 0
     assert np.allclose(first[0, :2], [3.0, -4.0])
-    with heights_of(built.terrain) as height_at:
+    with probe_heights(built.terrain) as height_at:
         under = float(height_at(np.array([3.0]), np.array([-4.0]))[0])
         wide = height_at(np.array([1000.0, -1000.0]), np.array([500.0, 0.0]))
     assert built.camera.location.z - under == pytest.approx(settings.rig.height_m, abs=1e-5)
@@ -134,7 +134,7 @@ def test_it_reaches_the_horizon_of_the_body():
 def test_the_roughness_of_the_patch_is_measured():
     settings = complete(GRADED)
     built = scenes.build(empty_scene(), settings)
-    found = measured(scenes.measured_patch(built), settings.terrain)
+    found = patch_roughness(scenes.measured_patch(built), settings.terrain)
     # The patch is made to show what is asked for, to a tenth.
     assert found.slope_deg == pytest.approx(settings.terrain.rms_slope_deg, rel=0.1)
     assert scenes.measured_roughness(bpy.context.scene) == found.summary()

@@ -491,8 +491,8 @@ def test_the_operator_imports_builds_and_takes_back_what_failed(scene, tmp_path)
     assert scene.icymoon.source.kind == "MESH"
     built = scenes.find(scene)
     assert len(built.terrain.data.polygons) == 128
-    from icymoon.operators.ground import report
-    assert any("81 vertices" in line for line in report(scene))
+    from icymoon.operators.ground import report_lines
+    assert any("81 vertices" in line for line in report_lines(scene))
     for bad in ("absent.ply", "a.jpg"):
         with pytest.raises(RuntimeError, match=bad):
             bpy.ops.icymoon.import_ground(filepath=str(tmp_path / bad))

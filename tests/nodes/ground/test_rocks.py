@@ -9,7 +9,7 @@ from icymoon.errors import IcyMoonError
 from icymoon.labels import FIRST_ROCK_INSTANCE, INSTANCE_ATTRIBUTE
 from icymoon.nodes import scene as scenes
 from icymoon.nodes.datablocks.fingerprint import TAG, fingerprint
-from icymoon.nodes.ground.heights_under import heights_of
+from icymoon.nodes.ground.heights_under import probe_heights
 from icymoon.physics.surfaces.principled import base_colour
 from rendering import complete, empty_scene
 
@@ -95,7 +95,7 @@ def test_no_block_floats_over_the_mesh_that_is_rendered(terrain, kind):
     vertices = [shapes[mesh] @ matrix[:3, :3].T + matrix[:3, 3] for matrix, mesh in found]
     starts = np.append(0, np.cumsum([len(v) for v in vertices])[:-1])
     x, y, z = np.concatenate(vertices).T
-    with heights_of(built.terrain) as height_at:
+    with probe_heights(built.terrain) as height_at:
         gap = z - height_at(x, y)  # NaN beyond the patch
     # The deepest vertex is in the ground; float32 leaves a few micrometres at 10 m from the origin.
     assert np.fmin.reduceat(gap, starts).max() < 1e-5
@@ -109,7 +109,7 @@ def test_heights_are_those_of_the_triangles():
     ground = built.terrain.evaluated_get(bpy.context.evaluated_depsgraph_get())
     x, y = np.random.default_rng(0).uniform(-4.5, 4.5, (2, 3, 200))
     before = data_blocks()
-    with heights_of(built.terrain) as height_at:
+    with probe_heights(built.terrain) as height_at:
         heights = height_at(x, y)
         assert height_at(np.zeros(0), np.zeros(0)).shape == (0,)
     assert data_blocks() == before

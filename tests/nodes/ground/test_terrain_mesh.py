@@ -11,7 +11,7 @@ from icymoon import scene_properties
 from icymoon.nodes import scene as scenes
 from icymoon.nodes.ground.terrain_mesh import (
     grid_heights,
-    measured,
+    patch_roughness,
     roughness_table,
     shortest_wavelength_m,
     vertex_spacing_m,
@@ -49,7 +49,7 @@ def test_the_mesh_has_the_heights_of_the_ground():
 def test_the_built_mesh_has_the_stated_roughness(hurst, multifractality):
     built = _built(LAW, {"terrain": {"hurst": hurst, "multifractality": multifractality}})
     terrain = built.settings.terrain
-    found = measured(scenes.measured_patch(built), terrain)
+    found = patch_roughness(scenes.measured_patch(built), terrain)
     assert found is not None
     spacing = vertex_spacing_m(terrain)
     inside = (found.lag_m >= 3 * spacing) & (found.lag_m <= 0.25 * 12.0)
@@ -114,7 +114,7 @@ def test_the_table_of_roughness():
 def test_no_roughness_is_shown_of_a_mesh_that_is_not_the_grid():
     built = _built(LAW)
     built.terrain.data = bpy.data.meshes.new("other")
-    assert measured(scenes.measured_patch(built), built.settings.terrain) is None
+    assert patch_roughness(scenes.measured_patch(built), built.settings.terrain) is None
     assert roughness_table(scenes.measured_patch(built), built.settings.terrain) == []
     flat = _built({"terrain": {"rms_slope_deg": 0.0}})
     assert scenes.measured_roughness(bpy.context.scene).startswith("0.0°")

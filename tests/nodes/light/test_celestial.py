@@ -87,7 +87,7 @@ def test_stars_are_made_for_the_lens_and_cost_nothing_when_off():
     sizes = []
     for change in ({"light": {"stars": True}}, {"light": {"stars": True}, "rig": {"focal_length_mm": 64.0}},
                    {"light": {"stars": True, "stars_faintest_mag": 5.0}}, {"light": {"stars": False}}):
-        preview.show(built, complete({"light": NIGHT}, change), 65)
+        preview.show_settings(built, complete({"light": NIGHT}, change), 65)
         built = scenes.find(scene)
         assert not built.edited
         found = [item for item in bpy.data.objects if "Stars" in item.name]
@@ -162,7 +162,7 @@ def test_rings_give_the_ground_nothing_and_go_when_they_are_below():
     assert min(v.co.z for v in item.data.vertices) >= 0
     for change in ({"planet_elevation_deg": -60.0}, {"planet": False}, {"planet_rings": False},
                    {"planet_elevation_deg": 10.0}):  # the last has the site exactly in their plane
-        preview.show(built, complete({"light": SATURN | change}), 65)
+        preview.show_settings(built, complete({"light": SATURN | change}), 65)
         assert not [item for item in bpy.data.objects if "Rings" in item.name]
         assert not [m for m in bpy.data.materials if "Rings" in m.name]
         assert not built.edited

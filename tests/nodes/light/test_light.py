@@ -265,14 +265,14 @@ def test_the_preview_moves_the_planet_and_takes_it_away():
     built = scenes.build(scene, complete({"light": SATURN}))
     for change in ({"planet_azimuth_deg": 200.0}, {"sun_elevation_deg": -20.0}, {"planet": False}):
         settings = complete({"light": SATURN | change})
-        preview.show(built, settings, 65)
+        preview.show_settings(built, settings, 65)
         fresh = scenes.Built(built.collection, built.terrain, built.sun, built.camera, settings, scene)
         assert preview.notes(scene) == []
         assert not built.edited
         assert fresh.sky == sky_facts(sky(settings.light))
         assert [o.name for o in bpy.data.objects if "Planet" in o.name] == (
             [] if "planet" in change else ["Icy Moon Planet", "Icy Moon Planetshine"])
-    preview.show(built, complete({"light": {"directions_from": "DATE", "date_utc": "soon"}}), 65)
+    preview.show_settings(built, complete({"light": {"directions_from": "DATE", "date_utc": "soon"}}), 65)
     assert "light.date_utc" in preview.notes(scene)[0]
 
 

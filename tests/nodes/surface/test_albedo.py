@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from icymoon.benchmarks.furnace import albedo as furnace
 from icymoon.labels import TERRAIN
-from icymoon.nodes.surface.material import build_material
+from icymoon.nodes.surface.ice_material import build_material
 from icymoon.physics.surfaces.principled import real_albedo
 from icymoon.settings.description import check, defaults, load, merged, preset_path
 

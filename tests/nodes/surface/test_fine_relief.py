@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from icymoon.benchmarks.furnace import plane, radiance
 from icymoon.labels import TERRAIN
-from icymoon.nodes.surface.material import build_material
+from icymoon.nodes.surface.ice_material import build_material
 from icymoon.nodes.tree.builder import Tree, held
 from icymoon.render import cycles_settings
 from icymoon.stereo.images.exr import read_truth, read_view

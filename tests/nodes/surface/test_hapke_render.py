@@ -267,8 +267,8 @@ def test_what_lights_itself_leaves_the_lamp_to_the_persons_objects(tmp_path):
 
 def test_without_osl_and_on_a_gpu_nodes_are_taken_and_it_is_said(monkeypatch):
     hapke = complete({"hapke": {"accuracy": "REFERENCE"}}).hapke
-    assert reflectance_laws.choose(hapke, "CPU") == (True, "REFERENCE", "")
-    use_osl, level, message = reflectance_laws.choose(hapke, "GPU")
+    assert reflectance_laws.choose_backend(hapke, "CPU") == (True, "REFERENCE", "")
+    use_osl, level, message = reflectance_laws.choose_backend(hapke, "GPU")
     assert (use_osl, level) == (False, "FAST")
     assert "CPU" in message
     monkeypatch.setattr(compat, "has_osl", lambda: False)

@@ -10,8 +10,8 @@ from icymoon.benchmarks.furnace import plane, radiance
 from icymoon.errors import IcyMoonError
 from icymoon.labels import TERRAIN
 from icymoon.nodes import scene as scenes
+from icymoon.nodes.surface.ice_material import build_material
 from icymoon.nodes.surface.images import load_maps
-from icymoon.nodes.surface.material import build_material
 from icymoon.nodes.surface.textures import Textured
 from icymoon.physics.surfaces.textures import SETS, SIZE, make_maps
 from icymoon.render.plans.planned_pair import expand_headings

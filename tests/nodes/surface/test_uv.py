@@ -15,10 +15,10 @@ from icymoon.errors import IcyMoonError
 from icymoon.labels import UV_LAYER
 from icymoon.nodes import preview
 from icymoon.nodes import scene as scenes
-from icymoon.nodes.datablocks.fingerprint import TAG, instanced
+from icymoon.nodes.datablocks.fingerprint import TAG, instanced_objects
 from icymoon.nodes.ground.import_mesh import read_mesh
 from icymoon.nodes.surface import images
-from icymoon.panels.relevance import matters, shown
+from icymoon.panels.relevance import has_effect, is_shown
 from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.settings import description
 from icymoon.settings.table import TOPICS
@@ -281,7 +281,7 @@ def test_the_mean_is_that_of_the_ground_and_blocks_take_it(tmp_path):
     assert built.block_count > 3
     assert not built.edited
     blocks = next(item for item in built.collection.all_objects if item.get(TAG) == "rock")
-    material = next(iter(instanced(blocks))).data.materials[0]
+    material = next(iter(instanced_objects(blocks))).data.materials[0]
     assert not [n for n in material.node_tree.nodes if n.bl_idname == "ShaderNodeTexImage"]
     own = description.merged(settings, {"rocks": {"own_surface": True}})
     scenes.build(empty_scene(), own)
@@ -408,7 +408,7 @@ def test_of_two_layers_the_rendered_one_counts(tmp_path):
     scene.collection.objects.link(item)
     from icymoon.nodes.ground import import_mesh
 
-    _, triangles, found = import_mesh._geometry()
+    _, triangles, found = import_mesh._read_geometry()
     assert np.array_equal(triangles, faces)
     assert np.allclose(found, uv)
     # Of a file it is the first, TEXCOORD_0: `seen_by_glb` has another in TEXCOORD_1.
@@ -427,14 +427,14 @@ def test_a_ground_with_faces_of_four_corners_has_the_same_mean(tmp_path):
     settings = described(obj(tmp_path / "a.obj", positions, faces, uv), {"set": "OWN", "mapping": "UV",
                                                                           "albedo_file": str(image)})
     mesh = scenes.build(scene, settings).terrain.data
-    before = images.means_on(mesh, images.load_maps(settings.textures, {"albedo": image}))["albedo"].mean
+    before = images.measure_means(mesh, images.load_maps(settings.textures, {"albedo": image}))["albedo"].mean
     edited = bmesh.new()
     edited.from_mesh(mesh)
     bmesh.ops.join_triangles(edited, faces=edited.faces[:], angle_face_threshold=0.1, angle_shape_threshold=3.0)
     edited.to_mesh(mesh)
     edited.free()
     assert len(mesh.polygons) < len(faces)
-    after = images.means_on(mesh, images.load_maps(settings.textures, {"albedo": image}))["albedo"].mean
+    after = images.measure_means(mesh, images.load_maps(settings.textures, {"albedo": image}))["albedo"].mean
     assert after == pytest.approx(before, abs=0.005)
 
 
@@ -525,7 +525,7 @@ def test_the_window_follows_and_says_what_it_cannot_show(tmp_path):
     plain = described(path, {})
     built = scenes.build(scene, plain)
     shown = described(path, {"set": "MESH"})
-    preview.show(built, shown, 33)
+    preview.show_settings(built, shown, 33)
     assert preview.notes(scene) == []
     made = scenes.find(scene)
     assert made.settings["textures"]["set"] == "MESH"
@@ -535,16 +535,16 @@ def test_the_window_follows_and_says_what_it_cannot_show(tmp_path):
     assert Path(bpy.path.abspath(nodes["Albedo 0"].image.filepath)) == image
     bpy.context.view_layer.objects.active = made.terrain
     bpy.ops.object.mode_set(mode="EDIT")
-    preview.show(made, description.merged(shown, {"surface": {"albedo": 0.5}}), 33)
+    preview.show_settings(made, description.merged(shown, {"surface": {"albedo": 0.5}}), 33)
     assert any("leave Edit Mode" in note for note in preview.notes(scene))
     bpy.ops.object.mode_set(mode="OBJECT")
-    preview.show(made, description.merged(shown, {"surface": {"albedo": 0.6}}), 33)
+    preview.show_settings(made, description.merged(shown, {"surface": {"albedo": 0.6}}), 33)
     assert preview.notes(scene) == []
     procedural = scenes.build(scene, complete())
-    preview.show(procedural, complete({"textures": {"set": "FROST", "mapping": "UV"}}), 33)
+    preview.show_settings(procedural, complete({"textures": {"set": "FROST", "mapping": "UV"}}), 33)
     assert any("textures.mapping is UV" in note for note in preview.notes(scene))
     procedural.terrain.data.uv_layers.new(name=UV_LAYER)  # by hand, which the settings do not say
-    preview.show(procedural, complete({"textures": {"set": "MESH"}}), 33)
+    preview.show_settings(procedural, complete({"textures": {"set": "MESH"}}), 33)
     assert any("textures.set is MESH, but procedural" in note for note in preview.notes(scene))
 
 
@@ -552,7 +552,7 @@ def test_the_panel_greys_what_does_not_count(scene):
     group = scene.icymoon.textures
 
     def counts(*keys: str) -> set[str]:
-        return {key for key in keys if all(asked("textures", key, scene.icymoon) for asked in (shown, matters))}
+        return {key for key in keys if all(asked("textures", key, scene.icymoon) for asked in (is_shown, has_effect))}
 
     every = tuple(s.key for s in TOPICS["textures"].settings)
     files = {key for key in every if key.endswith("_file")}

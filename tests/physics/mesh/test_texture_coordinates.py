@@ -13,7 +13,7 @@ import pytest
 from icymoon.errors import IcyMoonError
 from icymoon.formats import mesh_images
 from icymoon.formats.ply import read_texture_coordinates
-from icymoon.physics.mesh import texture_coordinates as meshuv
+from icymoon.physics.mesh import texture_coordinates
 from icymoon.physics.mesh.check import repair
 from icymoon.physics.mesh.subdivide import halve_edges
 from sheets import sheet
@@ -62,13 +62,13 @@ def test_cutting_puts_new_corners_in_the_middle_and_keeps_seams():
     positions, faces, uv = laid()
     for _ in range(2):
         positions, faces = halve_edges(positions, faces)
-        uv = meshuv.halve_coordinates(uv)
+        uv = texture_coordinates.halve_coordinates(uv)
     assert uv.dtype == np.float32
     assert agrees(positions, faces, uv)
 
 
 def mean_shown(image: np.ndarray, points: np.ndarray, weight: np.ndarray) -> np.ndarray:
-    return weight @ image[meshuv.pixels_at(points, *image.shape[:2])]
+    return weight @ image[texture_coordinates.pixels_at(points, *image.shape[:2])]
 
 
 def test_the_mean_is_of_what_the_surface_shows():
@@ -79,13 +79,14 @@ def test_the_mean_is_of_what_the_surface_shows():
     image = np.zeros((10, 20, 3))
     image[:, 10:] = (1.0, 0.5, 0.25)
     expected = 0.75 * np.array([1.0, 0.5, 0.25])
-    assert mean_shown(image, *meshuv.sample_surface(positions, faces, uv)) == pytest.approx(expected, abs=1e-4)
+    samples = texture_coordinates.sample_surface(positions, faces, uv)
+    assert mean_shown(image, *samples) == pytest.approx(expected, abs=1e-4)
     # The same surface of many triangles, of which some stand for all.
     for _ in range(8):
         positions, faces = halve_edges(positions, faces)
-        uv = meshuv.halve_coordinates(uv)
+        uv = texture_coordinates.halve_coordinates(uv)
     assert len(faces) == 2 * 4**8
-    points, weight = meshuv.sample_surface(positions, faces, uv)
+    points, weight = texture_coordinates.sample_surface(positions, faces, uv)
     assert len(points) < 70000
     assert weight.sum() == pytest.approx(1.0)
     assert mean_shown(image, points, weight) == pytest.approx(expected, abs=0.01)
@@ -97,20 +98,20 @@ def test_the_mean_is_of_what_the_surface_shows():
 
 def test_what_is_no_number_is_zero_and_said():
     _, _, uv = laid()
-    kept, found = meshuv.repair_coordinates(uv)
+    kept, found = texture_coordinates.repair_coordinates(uv)
     assert np.array_equal(kept, uv)
     assert len(found) == 1
     torn = uv.copy()
     torn[3, 1, 0], torn[5, 2] = np.nan, np.inf
     torn[7] = torn[7, :1]
-    kept, found = meshuv.repair_coordinates(torn)
+    kept, found = texture_coordinates.repair_coordinates(torn)
     assert np.isfinite(kept).all()
     assert np.array_equal(kept[3, 1], (0, 0))
     assert np.array_equal(kept[8:], uv[8:])
     assert any("2 of 150 face corners" in sentence for sentence in found)
     assert any("1 of 50 triangles" in sentence for sentence in found)
     for nothing in (np.full_like(uv, np.nan), np.full_like(uv, 0.5), uv * np.float32([1, 0])):
-        kept, found = meshuv.repair_coordinates(nothing)
+        kept, found = texture_coordinates.repair_coordinates(nothing)
         assert kept is None
         assert "no area" in found[0]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import bpy
 
 
-class Searched:
+class SearchDialog:
     """Mix-in: an operator whose ``bl_property``, unless it is given, is chosen in a search box."""
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
@@ -15,7 +15,7 @@ class Searched:
         return {"RUNNING_MODAL"}
 
 
-class Opened:
+class FileDialog:
     """Mix-in: an operator whose ``filepath`` is chosen in a file browser."""
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
@@ -23,7 +23,7 @@ class Opened:
         return {"RUNNING_MODAL"}
 
 
-class OpenedToml(Opened):
+class TomlFileDialog(FileDialog):
     """Mix-in: the same of a TOML file."""
 
     filter_glob: bpy.props.StringProperty(default="*.toml", options={"HIDDEN"})  # type: ignore[valid-type]

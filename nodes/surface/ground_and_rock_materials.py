@@ -17,8 +17,8 @@ from ...typed_settings import Settings
 from ..datablocks.fingerprint import NAME, TAG
 from ..datablocks.user_files import used_files
 from ..ground.rocks import label_instances
-from .images import load_maps, means_on
-from .material import build_material
+from .ice_material import build_material
+from .images import load_maps, measure_means
 from .textures import Textured
 
 
@@ -48,7 +48,7 @@ def refuse_without_uv(settings: Settings, has_uv: bool) -> None:
                        "(source.kind).")
 
 
-def _files(settings: Settings) -> dict[str, Path | MeshImage]:
+def _image_files(settings: Settings) -> dict[str, Path | MeshImage]:
     """The images that the settings or the mesh name, by kind. Raises IcyMoonError if the mesh names none."""
     used = used_files(settings)
     if settings.textures.set != "MESH":
@@ -64,23 +64,23 @@ def _files(settings: Settings) -> dict[str, Path | MeshImage]:
     return dict(found)
 
 
-def _textured(settings: Settings, mesh: bpy.types.Mesh) -> Textured | None:
+def _load_textures(settings: Settings, mesh: bpy.types.Mesh) -> Textured | None:
     """The textures of a ground's mesh, or None if there are none."""
     textures = settings.textures
     if textures.set == "NONE":
         return None
     if not uses_uv(textures):
-        return Textured(textures, load_maps(textures, _files(settings)))
+        return Textured(textures, load_maps(textures, _image_files(settings)))
     if mesh.is_editmode:  # which keeps the coordinates to itself
         raise IcyMoonError("The ground is being edited; leave Edit Mode to see changes of surfaces with images by UV.")
     refuse_without_uv(settings, UV_LAYER in mesh.attributes)
-    return Textured(textures, means_on(mesh, load_maps(textures, _files(settings))), "UV")
+    return Textured(textures, measure_means(mesh, load_maps(textures, _image_files(settings))), "UV")
 
 
-def _of_blocks(settings: Settings, mesh: bpy.types.Mesh) -> Textured | None:
+def _load_rock_textures(settings: Settings, mesh: bpy.types.Mesh) -> Textured | None:
     """The textures of blocks, which have no UV coordinates: in place of an image made for the ground they take its
     mean over the ground, if they are made of the same."""
-    textured = _textured(settings, mesh)
+    textured = _load_textures(settings, mesh)
     if textured is None or textured.lie != "UV":
         return textured
     if settings.rocks.own_surface:
@@ -89,8 +89,8 @@ def _of_blocks(settings: Settings, mesh: bpy.types.Mesh) -> Textured | None:
                                         if kind not in ("normal", "height")}, "MEAN")
 
 
-def _material(name: str, settings: Settings, topic: str, semantic: int,
-              textured: Textured | None) -> bpy.types.Material:
+def _build_named_material(name: str, settings: Settings, topic: str, semantic: int,
+                          textured: Textured | None) -> bpy.types.Material:
     made = build_material(f"{NAME} {name}", rendered_surface(settings, topic), int(settings.dataset.seed),
                           semantic,
                           textured, settings)
@@ -98,14 +98,14 @@ def _material(name: str, settings: Settings, topic: str, semantic: int,
     return made
 
 
-def ground_material(settings: Settings, mesh: bpy.types.Mesh) -> bpy.types.Material:
+def build_ground_material(settings: Settings, mesh: bpy.types.Mesh) -> bpy.types.Material:
     """What the ground is made of that has this mesh. Raises IcyMoonError if a texture cannot be had."""
-    return _material("Surface", settings, "surface", TERRAIN, _textured(settings, mesh))
+    return _build_named_material("Surface", settings, "surface", TERRAIN, _load_textures(settings, mesh))
 
 
-def rock_material(settings: Settings, mesh: bpy.types.Mesh) -> bpy.types.Material:
+def build_rock_material(settings: Settings, mesh: bpy.types.Mesh) -> bpy.types.Material:
     """What the blocks on the ground of this mesh are made of. Raises IcyMoonError if a texture cannot be had."""
-    ice = _material("Rock Surface", settings, "rock_surface" if settings.rocks.own_surface else "surface", ROCK,
-                    _of_blocks(settings, mesh))
+    topic = "rock_surface" if settings.rocks.own_surface else "surface"
+    ice = _build_named_material("Rock Surface", settings, topic, ROCK, _load_rock_textures(settings, mesh))
     label_instances(ice)
     return ice

@@ -37,7 +37,7 @@ def build_planet_light(name: str, planet: Planet, colour: np.ndarray) -> bpy.typ
                    * math.sin(lamp.angle / 2) ** 2)
     tree = Tree(compat.ensure_light_nodes(lamp))
     light = tree.node("ShaderNodeEmission", "Planet", {
-        "Color": (1.0, 1.0, 1.0, 1.0), "Strength": _sunlit(tree, planet)}, if_present={"Weight": 0.0})
+        "Color": (1.0, 1.0, 1.0, 1.0), "Strength": _add_sunlit(tree, planet)}, if_present={"Weight": 0.0})
     tree.node("ShaderNodeOutputLight", "Light", {"Surface": light.outputs[0]}, target="ALL")
     tree.arrange()
     item = bpy.data.objects.new(name, lamp)
@@ -63,7 +63,7 @@ def planet_inputs(shine: bpy.types.Object | None) -> dict[str, Any]:
     return {"PlanetRadiance": (*(full * band for band in shine.data.color), 1.0), **json.loads(shine[SHAPE])}
 
 
-def _sunlit(tree: Tree, planet: Planet) -> Any:
+def _add_sunlit(tree: Tree, planet: Planet) -> Any:
     """Output socket: cosine of the Sun's zenith distance on the planet in the direction that is asked for.
 
     The ray o + t w meets the ellipsoid that is the unit sphere once space is stretched along the pole.

@@ -36,13 +36,13 @@ def build_planet(name: str, planet: Planet, colour: np.ndarray) -> bpy.types.Obj
     """The part of the planet that is above the horizon (z > 0), in true proportion."""
     shown = disc_mesh(planet)
     faces = [tuple(dict.fromkeys(face)) for face in shown.faces.tolist()]
-    return _far(name, DISTANCE_M * shown.vertices, faces, {RADIANCE: shown.radiance}, colour)
+    return _build_far_mesh(name, DISTANCE_M * shown.vertices, faces, {RADIANCE: shown.radiance}, colour)
 
 
 def build_rings(name: str, rings: RingMesh, colour: np.ndarray) -> bpy.types.Object:
     """The part of the rings that is above the horizon."""
-    return _far(name, DISTANCE_M * rings.vertices, rings.faces.tolist(),
-                {RADIANCE: rings.radiance, TRANSMISSION: rings.transmission}, colour)
+    return _build_far_mesh(name, DISTANCE_M * rings.vertices, rings.faces.tolist(),
+                           {RADIANCE: rings.radiance, TRANSMISSION: rings.transmission}, colour)
 
 
 def build_stars(name: str, stars: Stars, pixel_rad: float) -> bpy.types.Object:
@@ -65,19 +65,19 @@ def build_stars(name: str, stars: Stars, pixel_rad: float) -> bpy.types.Object:
     corner = np.arange(6)
     triangles = np.stack([0 * corner, 1 + corner, 1 + (corner + 1) % 6], axis=1)
     faces = (7 * np.arange(n)[:, None, None] + triangles).reshape(-1, 3)
-    return _far(name, STARS_M * vertices, faces.tolist(), {RADIANCE: radiance, TRANSMISSION: np.ones(7 * n)},
-                np.ones(3))
+    return _build_far_mesh(name, STARS_M * vertices, faces.tolist(), {RADIANCE: radiance, TRANSMISSION: np.ones(7 * n)},
+                           np.ones(3))
 
 
-def _far(name: str, vertices: np.ndarray, faces: list[Any], attributes: Mapping[str, np.ndarray],
-         colour: np.ndarray) -> bpy.types.Object:
+def _build_far_mesh(name: str, vertices: np.ndarray, faces: list[Any], attributes: Mapping[str, np.ndarray],
+                    colour: np.ndarray) -> bpy.types.Object:
     """A mesh that only the camera sees, with attributes of its vertices, cut at the horizon."""
     mesh = bpy.data.meshes.new(name)
     mesh.from_pydata(vertices.tolist(), [], faces)
     for key, values in attributes.items():
         kind, field = ("FLOAT", "value") if values.ndim == 1 else ("FLOAT_VECTOR", "vector")
         mesh.attributes.new(key, kind, "POINT").data.foreach_set(field, values.ravel().astype(np.float32))
-    mesh.materials.append(_shining(name, colour, attributes))
+    mesh.materials.append(_build_shining_material(name, colour, attributes))
     if len(vertices) and vertices[:, 2].min() < 0:
         _cut_below_horizon(mesh)
     item = bpy.data.objects.new(name, mesh)
@@ -96,7 +96,7 @@ def _cut_below_horizon(mesh: bpy.types.Mesh) -> None:
     edited.free()
 
 
-def _shining(name: str, colour: np.ndarray, attributes: Mapping[str, np.ndarray]) -> bpy.types.Material:
+def _build_shining_material(name: str, colour: np.ndarray, attributes: Mapping[str, np.ndarray]) -> bpy.types.Material:
     """Radiance, a colour times an attribute, and behind it what lets light through, if there is an attribute for it."""
     material = bpy.data.materials.new(name)
     tree = Tree(compat.ensure_nodes(material))

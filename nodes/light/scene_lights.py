@@ -17,9 +17,9 @@ from ...physics.light.stars import stars_above_horizon
 from ...physics.light.sunlight import sun_colour
 from ...typed_settings import Settings
 from ..datablocks.fingerprint import NAME, TAG
-from .celestial import build_planet, build_rings, build_stars
-from .planet import build_planet_light
-from .sun import build_sun, place_sun
+from .celestial_meshes import build_planet, build_rings, build_stars
+from .planet_lamp import build_planet_light
+from .sun_lamp import build_sun, place_sun
 
 SKY = "icymoon_sky"  # of the Sun: where the lights stand and how bright they are
 #: Roles of what shines beside the Sun.
@@ -33,7 +33,7 @@ def described_sky(settings: Settings) -> Sky:
     return sky_of(settings.light, str(Path(bpy.data.filepath).parent) if bpy.data.filepath else None)
 
 
-def made_from(settings: Settings) -> list[Any]:
+def settings_of_lights(settings: Settings) -> list[Any]:
     """The settings that the lights are made from."""
     of_stars = [focal_px(settings.rig), settings.dataset.seed] if settings.light.stars else []
     return [settings.light, *of_stars]
@@ -43,8 +43,8 @@ def build_lights(settings: Settings, sky: Sky, camera: bpy.types.Object) -> list
     """The Sun, and what else shines: in the sky of a camera."""
     sun = build_sun(f"{NAME} Sun")
     sun[TAG], sun.lightgroup = "sun", "Sun"
-    _place(sun, settings, sky)
-    return [sun, *_others(settings, sky, camera)]
+    _place_sun(sun, settings, sky)
+    return [sun, *_build_others(settings, sky, camera)]
 
 
 def advice(sky: Sky, settings: Settings) -> list[str]:
@@ -71,20 +71,20 @@ def change_lights(sun: bpy.types.Object, collection: bpy.types.Collection, setti
 
     Returns the objects in ``collection`` that are to be removed; what replaces them is in it.
     """
-    _place(sun, settings, sky)
+    _place_sun(sun, settings, sky)
     old = [item for item in collection.all_objects if item.get(TAG) in ROLES]
     camera = next(item for item in collection.all_objects if item.get(TAG) == "camera")
-    for item in _others(settings, sky, camera):
+    for item in _build_others(settings, sky, camera):
         collection.objects.link(item)
     return old
 
 
-def _place(sun: bpy.types.Object, settings: Settings, sky: Sky) -> None:
+def _place_sun(sun: bpy.types.Object, settings: Settings, sky: Sky) -> None:
     place_sun(sun, sky, sun_colour(settings.light.sun_temperature_k))
     sun[SKY] = json.dumps(sky_facts(sky))
 
 
-def _others(settings: Settings, sky: Sky, camera: bpy.types.Object) -> list[bpy.types.Object]:
+def _build_others(settings: Settings, sky: Sky, camera: bpy.types.Object) -> list[bpy.types.Object]:
     light, made = settings.light, {}
     colour = sun_colour(light.sun_temperature_k)
     if sky.planet is not None and sky.planet_is_up:

@@ -19,21 +19,21 @@ from ...typed_settings import HapkeSettings, Settings, SurfaceSettings
 from ..tree.builder import Tree
 from ..tree.formula import Number
 from . import reflectance_laws
-from .patches_and_grain import GRAIN_FARTHEST, brightness, darkest, grain, stain
+from .patches_and_grain import GRAIN_FARTHEST, add_brightness, add_grain, add_stain, darkest
 from .sun_inputs import Sun
 from .textures import Lying, Textured
 
 WHITE = (1.0, 1.0, 1.0, 1.0)
 
 
-def _product(tree: Tree, label: str, a: Any, b: Any) -> Any:
+def _add_product(tree: Tree, label: str, a: Any, b: Any) -> Any:
     """Output socket of the product of two colours; either may be None, which is white."""
     if a is None or b is None:
         return b if a is None else a
     return tree.node("ShaderNodeVectorMath", label, {"Vector": a, "Vector_001": b}, operation="MULTIPLY").outputs[0]
 
 
-def _wanted(tree: Tree, surface: SurfaceSettings, grey: Any, colour: Any) -> Any:
+def _add_reflectance(tree: Tree, surface: SurfaceSettings, grey: Any, colour: Any) -> Any:
     """The reflectance albedo x grey x colour: a number, or the output socket of a colour."""
     albedo = surface.albedo
     if isinstance(grey, float) and colour is None:
@@ -46,7 +46,7 @@ def _wanted(tree: Tree, surface: SurfaceSettings, grey: Any, colour: Any) -> Any
                      operation="SCALE").outputs[0]
 
 
-def bump_of(tree: Tree, height: Any, distance_m: float, normal: Any = None) -> Any:
+def add_bump(tree: Tree, height: Any, distance_m: float, normal: Any = None) -> Any:
     """Output socket of the normal of bumps that are ``distance_m`` high where ``height`` is 1, on the surface's
     own normal or another."""
     return tree.node("ShaderNodeBump", "Relief", {"Strength": 1.0, "Distance": distance_m, "Height": height,
@@ -54,12 +54,12 @@ def bump_of(tree: Tree, height: Any, distance_m: float, normal: Any = None) -> A
                      if_present={"Filter Width": 0.1}, leave=("Normal",), invert=False).outputs[0]
 
 
-def _fine_height(tree: Tree, surface: SurfaceSettings, where: Any, place: Sequence[float], pieces: Lying | None,
-                 textured: Textured | None) -> Any:
+def _add_fine_height(tree: Tree, surface: SurfaceSettings, where: Any, place: Sequence[float], pieces: Lying | None,
+                     textured: Textured | None) -> Any:
     """Output socket of the height in metres of grain and height map about their middle, or None without either."""
     parts = []
     if surface.grain_amplitude_m > 0.0:
-        about_0 = grain(tree, where, surface.grain_size_m, place)
+        about_0 = add_grain(tree, where, surface.grain_size_m, place)
         parts.append(tree.math("MULTIPLY", "Grain Height", about_0, surface.grain_amplitude_m))
     if pieces is not None and textured is not None and "height" in textured.maps:
         of = textured.maps["height"]
@@ -71,8 +71,8 @@ def _fine_height(tree: Tree, surface: SurfaceSettings, where: Any, place: Sequen
     return parts[0] if parts else None
 
 
-def _snow(tree: Tree, label: str, surface: SurfaceSettings, wanted: Any, varied: Mapping[str, Any],
-          relief: Mapping[str, Any]) -> Any:
+def _add_snow(tree: Tree, label: str, surface: SurfaceSettings, wanted: Any, varied: Mapping[str, Any],
+              relief: Mapping[str, Any]) -> Any:
     """Shader socket of the Principled surface whose reflectance is ``wanted``, a number or a socket; ``varied`` and
     ``relief`` hold sockets for some of its inputs."""
     radius = surface.subsurface_radius_m
@@ -98,14 +98,14 @@ def _snow(tree: Tree, label: str, surface: SurfaceSettings, wanted: Any, varied:
         subsurface_method="RANDOM_WALK").outputs[0]
 
 
-def _principled(tree: Tree, surface: SurfaceSettings, wanted: Any, varied: Mapping[str, Any],
-                relief: Mapping[str, Any], smooth: bool) -> Any:
+def _add_principled(tree: Tree, surface: SurfaceSettings, wanted: Any, varied: Mapping[str, Any],
+                    relief: Mapping[str, Any], smooth: bool) -> Any:
     """Shader socket of Principled ice as it is seen, and, if ``smooth``, as it is without relief to other light."""
-    seen = _snow(tree, "Snow", surface, wanted, varied, relief)
+    seen = _add_snow(tree, "Snow", surface, wanted, varied, relief)
     if not smooth or not relief:
         return seen
     bare = surface | {"grain_amplitude_m": 0.0}  # loses no light between bumps
-    return reflectance_laws.seen_or_not(tree, seen, _snow(tree, "Smooth Snow", bare, wanted, varied, {}))
+    return reflectance_laws.add_seen_or_not(tree, seen, _add_snow(tree, "Smooth Snow", bare, wanted, varied, {}))
 
 
 def _numbers_of(surface: SurfaceSettings, settings: Settings | None, textured: Textured | None) -> tuple[str, ...]:
@@ -116,7 +116,7 @@ def _numbers_of(surface: SurfaceSettings, settings: Settings | None, textured: T
     return ("roughness",) if varies and textured is not None and textured.lie != "MEAN" else ()
 
 
-def _slopes(tree: Tree, hapke: HapkeSettings, image: Any, mean: float) -> reflectance_laws.Slopes:
+def _add_slopes(tree: Tree, hapke: HapkeSettings, image: Any, mean: float) -> reflectance_laws.Slopes:
     """Hapke's θ̄ that the values of a roughness image with this mean vary."""
     middle, span = math.radians(hapke.theta_bar_deg), math.radians(hapke.theta_bar_range_deg)
     most = math.radians(TOPICS["hapke"]["theta_bar_deg"].maximum)
@@ -125,26 +125,26 @@ def _slopes(tree: Tree, hapke: HapkeSettings, image: Any, mean: float) -> reflec
     return reflectance_laws.Slopes(slope.named("θ̄").value, low, high)
 
 
-def _by_law(material: bpy.types.Material, surface: SurfaceSettings, settings: Settings | None,
-            ground: reflectance_laws.Ground, smooth: bool) -> dict[str, Any]:
+def _add_law(material: bpy.types.Material, surface: SurfaceSettings, settings: Settings | None,
+             ground: reflectance_laws.Ground, smooth: bool) -> dict[str, Any]:
     """Shader sockets of the laws that are not Principled, by the renderer that they are for."""
     if surface.model == "LAMBERT":
-        return {"ALL": reflectance_laws.lambert(ground, surface.albedo, smooth)}
+        return {"ALL": reflectance_laws.add_lambert(ground, surface.albedo, smooth)}
     if settings is None:
         raise ValueError(f"{surface.model} needs the scene's settings: it asks where the Sun is.")
     sun = Sun.from_settings(settings.light)
     if surface.model != "HAPKE":
         share = 1.0 if surface.model == "LOMMEL_SEELIGER" else surface.lommel_seeliger_share
-        return {"ALL": reflectance_laws.lunar_lambert(ground, surface.albedo, share, sun)}
-    use_osl, level, _ = reflectance_laws.choose(settings.hapke, settings.quality.device)
+        return {"ALL": reflectance_laws.add_lunar_lambert(ground, surface.albedo, share, sun)}
+    use_osl, level, _ = reflectance_laws.choose_backend(settings.hapke, settings.quality.device)
     grains = reflectance_laws.Grains(from_settings(settings.hapke), darkest(surface))
     # What shines because the Sun is traced to it is no lamp, and bump is not to be softened twice.
     material.cycles.emission_sampling = "NONE"
     material.cycles.use_bump_map_correction = False
     if not use_osl:
-        return {"ALL": reflectance_laws.hapke_of_nodes(ground, grains, sun)}
-    return {"CYCLES": reflectance_laws.hapke_of_osl(ground, grains, sun, level),
-            "EEVEE": reflectance_laws.hapke_of_nodes(ground, grains, sun)}
+        return {"ALL": reflectance_laws.add_hapke_of_nodes(ground, grains, sun)}
+    return {"CYCLES": reflectance_laws.add_hapke_of_osl(ground, grains, sun, level),
+            "EEVEE": reflectance_laws.add_hapke_of_nodes(ground, grains, sun)}
 
 
 def build_material(name: str, surface: SurfaceSettings, seed: int, semantic: int,
@@ -171,21 +171,21 @@ def build_material(name: str, surface: SurfaceSettings, seed: int, semantic: int
             of = found[kind]
             surface = surface | {kind: of.mean[of.channel]}
             varied[kind] = pieces.separated(kind.title(), pieces.sample(kind, of))[of.channel]
-    grey = brightness(tree, surface, geometry, patches_at, elevated=semantic == TERRAIN)
-    colour = stain(tree, surface, geometry, salt_at)
+    grey = add_brightness(tree, surface, geometry, patches_at, elevated=semantic == TERRAIN)
+    colour = add_stain(tree, surface, geometry, salt_at)
     if pieces is not None and "albedo" in found:
         mean = max(sum(found["albedo"].mean) / 3, 1e-6)
         of_mean = pieces.vector("SCALE", "Albedo over Mean", pieces.sample("albedo", found["albedo"]), scale=1 / mean)
-        colour = _product(tree, "Stained Map", of_mean, colour)
+        colour = _add_product(tree, "Stained Map", of_mean, colour)
     output_leave = ["Volume", "Thickness"]
     relief: dict[str, Any] = {}
     displacement: dict[str, Any] = {}
     material.displacement_method = "BUMP"
-    height = _fine_height(tree, surface, geometry.outputs["Position"], grain_at, pieces, textured)
+    height = _add_fine_height(tree, surface, geometry.outputs["Position"], grain_at, pieces, textured)
     if pieces is not None and "normal" in found:
         relief["Normal"] = pieces.sample_normal(found["normal"])
     if height is not None and surface.relief == "BUMP":
-        relief["Normal"] = bump_of(tree, height, 1.0, relief.get("Normal"))
+        relief["Normal"] = add_bump(tree, height, 1.0, relief.get("Normal"))
     if height is not None and surface.relief == "DISPLACEMENT":
         material.displacement_method = "DISPLACEMENT"
         displacement["Displacement"] = tree.node("ShaderNodeDisplacement", "Moved", {
@@ -194,13 +194,13 @@ def build_material(name: str, surface: SurfaceSettings, seed: int, semantic: int
         output_leave.append("Displacement")
     smooth = settings is not None and only_camera_meets_relief(surface, settings.quality)
     if surface.model == "PRINCIPLED":
-        wanted = _wanted(tree, surface, grey, colour)
-        shaders = {"ALL": _principled(tree, surface, wanted, varied, relief, smooth)}
+        wanted = _add_reflectance(tree, surface, grey, colour)
+        shaders = {"ALL": _add_principled(tree, surface, wanted, varied, relief, smooth)}
     else:
-        slopes = (_slopes(tree, settings.hapke, varied["roughness"], surface.roughness)
+        slopes = (_add_slopes(tree, settings.hapke, varied["roughness"], surface.roughness)
                   if settings is not None and "roughness" in varied else None)
         ground = reflectance_laws.Ground(tree, relief.get("Normal"), grey, colour, slopes)
-        shaders = _by_law(material, surface, settings, ground, smooth)
+        shaders = _add_law(material, surface, settings, ground, smooth)
     for target, shader in shaders.items():
         tree.node("ShaderNodeOutputMaterial", "Surface in EEVEE" if target == "EEVEE" else "Surface",
                   {"Surface": shader, **displacement}, leave=output_leave, target=target)
