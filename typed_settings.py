@@ -60,7 +60,7 @@ def typed_table(topic: str, values: Mapping[str, Any]) -> Table:
 
 
 class SourceSettings(Table):
-    """Where the ground comes from: made up, or a mesh or height map of your own."""
+    """Where the ground comes from: generated, or a mesh or height map of your own."""
 
     __slots__ = ()
     kind: Literal["PROCEDURAL", "MESH", "HEIGHT_MAP"]
@@ -249,7 +249,7 @@ class HapkeSettings(Table):
 
 
 class TexturesSettings(Table):
-    """Images on the ground and blocks, without visible repeats or as baked."""
+    """Images on the ground and rocks, without visible repeats or as baked."""
 
     __slots__ = ()
     set: Literal["NONE", "FROST", "GRAINS", "CRACKS", "OWN", "MESH"]
@@ -265,7 +265,7 @@ class TexturesSettings(Table):
 
 
 class RocksSettings(Table):
-    """Ice blocks lying on the ground."""
+    """Rocks lying on the ground."""
 
     __slots__ = ()
     law: Literal["POWER", "GOLOMBEK"]
@@ -288,7 +288,7 @@ class RocksSettings(Table):
 
 
 class RockSurfaceSettings(SurfaceSettings):
-    """Snow or ice that blocks with a surface of their own are made of."""
+    """Snow or ice that rocks with a surface of their own are made of."""
 
     __slots__ = ()
 
@@ -397,7 +397,7 @@ class SensorSettings(Table):
 
 
 class QualitySettings(Table):
-    """What a render may cost."""
+    """Noise, bias and speed of a render."""
 
     __slots__ = ()
     samples: int  # samples

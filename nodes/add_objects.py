@@ -1,4 +1,4 @@
-"""A patch of ground or a block as a plain mesh object of the person's own, which Build and Clear Scene leave alone."""
+"""A patch of ground or a rock as a plain mesh object of the user's own, which Build and Clear Scene leave alone."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from .surface.patches_and_grain import mark_elevation
 def build_terrain_object(settings: Settings) -> bpy.types.Object:
     """The procedural ground of the settings as a grid, not yet in a scene.
 
-    Raises IcyMoonError if Cycles is off or a texture of its material cannot be had.
+    Raises IcyMoonError if Cycles is off or a texture of its material is not available.
     """
     engine.require()
     mesh = build_mesh("Icy Terrain", settings.terrain, make_terrain(settings, int(settings.dataset.seed)))
@@ -29,10 +29,10 @@ def build_terrain_object(settings: Settings) -> bpy.types.Object:
 
 
 def build_rock_object(settings: Settings, diameter_m: float) -> bpy.types.Object:
-    """One block of the shape that the settings describe, standing on its origin, not yet in a scene.
+    """One rock of the shape that the settings describe, standing on its origin, not yet in a scene.
 
     ``diameter_m`` is that of a circle of the same area, seen from above. Raises IcyMoonError if Cycles is
-    off or a texture of its material cannot be had.
+    off or a texture of its material is not available.
     """
     engine.require()
     rocks = settings.rocks

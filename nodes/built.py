@@ -36,7 +36,7 @@ SETTINGS, FINGERPRINT, PREVIOUS_WORLD, PREVIOUS_CAMERA, PREVIOUS_VIEW, GROUND = 
     "icymoon_previous_view", "icymoon_ground")
 PREVIOUS_OSL = "icymoon_previous_osl"
 SITE = "icymoon_site_m"  # height of the ground that the camera stands on
-CONTENT = "icymoon_content"  # hash of the person's own files
+CONTENT = "icymoon_content"  # hash of the user's own files
 ROUGHNESS = "icymoon_roughness"  # measured on the built ground
 PREVIEW = "icymoon_preview"  # settings that are shown otherwise than Build Scene would show them
 NOTES = "icymoon_notes"  # why not all settings are shown
@@ -66,12 +66,12 @@ class Built:
 
     @property
     def content(self) -> str:
-        """Hash of the content of the person's own files that it was built from; empty without any."""
+        """Hash of the content of the user's own files that it was built from; empty without any."""
         return str(self.collection.get(CONTENT, ""))
 
     @property
     def extra(self) -> str:
-        """What identifies the scene beside the settings: the person's own files, what stands in, edits by hand.
+        """What identifies the scene beside the settings: the user's own files, what stands in, edits by hand.
 
         Raises IcyMoonError if there are edits that no mark would tell from others.
         """
@@ -97,7 +97,7 @@ class Built:
 
     @property
     def outdated(self) -> str:
-        """Why nobody can tell whether the scene was edited by hand, in a sentence; empty if that can be told."""
+        """Why Icy Moon cannot tell whether the scene was edited by hand, in a sentence; empty if that can be told."""
         if why := engine.why_not():  # whose settings count
             return why
         if json.loads(self.collection[FINGERPRINT]).get(MAKER) == maker():
@@ -107,7 +107,7 @@ class Built:
 
     @property
     def materials(self) -> list[bpy.types.Material]:
-        """The materials of the ground and the blocks."""
+        """The materials of the ground and the rocks."""
         return sorted(materials_of(with_parts(list(self.collection.all_objects))[0]), key=lambda m: m.name)
 
     @property
@@ -117,11 +117,11 @@ class Built:
 
     @property
     def block_count(self) -> int:
-        """Number of ice blocks."""
+        """Number of rocks."""
         return sum(len(item.data.vertices) for item in self.collection.all_objects if item.get(TAG) == "rock")
 
     def edited_parts(self, *wanted: str) -> set[str]:
-        """Which parts, of these parts and roles or of all, a person has changed since they were built.
+        """Which parts, of these parts and roles or of all, the user has changed since they were built.
 
         Raises IcyMoonError if that cannot be told.
         """
@@ -134,13 +134,13 @@ class Built:
 
     @property
     def several_lights(self) -> bool:
-        """Whether there may be other light than the Sun's: the planet's, stars', or that of what a person added."""
+        """Whether there may be other light than the Sun's: the planet's, stars', or that of what the user added."""
         return (any(item.get(TAG) in ROLES for item in self.collection.all_objects)
                 or bool(added_objects(self.collection)))
 
     @property
     def edited(self) -> bool:
-        """Whether a person has changed or added something since it was built."""
+        """Whether the user has changed or added something since it was built."""
         return bool(added_objects(self.collection)) or bool(self.edited_parts())
 
     @property

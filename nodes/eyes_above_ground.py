@@ -1,4 +1,4 @@
-"""Whether the eyes of a built scene are in its ground or in a block, asked of what is rendered itself."""
+"""Whether the eyes of a built scene are in its ground or in a rock, asked of what is rendered itself."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from .datablocks.fingerprint import TAG
 from .rig import eye_poses
 
 _UP = Vector((0.0, 0.0, 1.0))
-#: Faces that a ray may pass before it is given up, of objects that are the person's own.
+#: Faces that a ray may pass before it is given up, of objects that are the user's own.
 _MOST_PASSED = 1000
 
 
@@ -31,9 +31,9 @@ def reasons_when_built(built: Built, scene: bpy.types.Scene | None = None) -> li
 def reasons(built: Built, turn_deg: float = 0.0, scene: bpy.types.Scene | None = None) -> list[str]:
     """Why the camera of what is built sees black from where it is, turned so far: sentences, none if it does not.
 
-    A ray upward from an eye in the ground or in a block leaves by the outer side of a face; from the open it meets an
+    A ray upward from an eye in the ground or in a rock leaves by the outer side of a face; from the open it meets an
     overhang's other side, or nothing. Asked in ``scene``, which shows what is built and nothing else, or in one that
-    comes and goes, so that nothing is worked out in the person's.
+    comes and goes, so that nothing is computed in the scene of the user.
     """
     with nullcontext(scene) if scene else _make_scene(built) as asked:
         layer = asked.view_layers[0]
@@ -74,8 +74,8 @@ def _reason_of_eye(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph, built
 
 def _cast_ray(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph, start: Vector,
               toward: Vector) -> tuple[str, float, bool]:
-    """The role of the ground or block that a ray meets first, empty for none, how far that is in metres, and whether
-    the ray leaves it there; what is the person's own is passed."""
+    """The role of the ground or rock that a ray meets first, empty for none, how far that is in metres, and whether
+    the ray leaves it there; what is the user's own is passed."""
     at = start
     for _ in range(_MOST_PASSED):
         hit, place, normal, _, item, _ = scene.ray_cast(depsgraph, at, toward)

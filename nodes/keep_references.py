@@ -20,7 +20,7 @@ _BY_ITSELF = {"data", "animation_data", "pose"}
 
 
 def owned_blocks(collection: bpy.types.Collection) -> dict[str, Any]:
-    """What a built collection says is its own: objects by role, "ROLE data" and "ROLE material"."""
+    """What a built collection states is its own: objects by role, "ROLE data" and "ROLE material"."""
     return {key.removeprefix(OWN): collection[key] for key in collection.keys()  # noqa: SIM118 - no mapping
             if key.startswith(OWN) and collection[key] is not None}
 

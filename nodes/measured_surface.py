@@ -152,6 +152,6 @@ def clear_points(scene: bpy.types.Scene) -> bool:
         meshes = {item.data for item in items}
         materials = {slot.material for item in items for slot in item.material_slots if slot.material}
         for other in [item for item in collection.objects if item not in items]:
-            scene.collection.objects.link(other)  # a person's own
+            scene.collection.objects.link(other)  # the user's own
         bpy.data.batch_remove([*items, *meshes, *(m for m in materials if m.get(TAG) == ROLE), collection])
     return bool(collections)

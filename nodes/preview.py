@@ -1,8 +1,8 @@
 """What changed settings look like, at once, in the scene that is built.
 
 Light, camera and surfaces become what Build Scene would make of them. The ground becomes a coarse
-grid of the same height function with the largest blocks on it, which Build Scene replaces and
-nothing renders. What a person has edited by hand is left as it is, and so is a ground from a file.
+grid of the same height function with the largest rocks on it, which Build Scene replaces and
+nothing renders. What the user has edited by hand is left as it is, and so is a ground from a file.
 """
 
 from __future__ import annotations
@@ -39,13 +39,13 @@ from .surface.images import remove_unused_images
 from .surface.patches_and_grain import mark_elevation
 from .tree.builder import take_values
 
-#: Most blocks that a preview shows; the smallest are left out.
+#: Most rocks that a preview shows; the smallest are left out.
 MOST_ROCKS = 1000
 _EDITED = "The {} was edited by hand, so sliders leave it as it is; Build Scene makes it anew."
 
 
 def notes(scene: bpy.types.Scene) -> list[str]:
-    """What a person should know about how the scene shows the settings: sentences, none if it shows them all."""
+    """What the user should know about how the scene shows the settings: sentences, none if it shows them all."""
     collection = scenes.find_collection(scene)
     if collection is None:
         return []
@@ -55,7 +55,7 @@ def notes(scene: bpy.types.Scene) -> list[str]:
 
 
 def set_notes(built: scenes.Built, sentences: list[str]) -> None:
-    """Set what ``notes`` says; nothing is written where nothing changes."""
+    """Set what ``notes`` states; nothing is written where nothing changes."""
     sentences = list(dict.fromkeys(sentences))  # one cause, such as a file that is missing, may keep two parts back
     if json.dumps(sentences) != built.collection.get(scenes.NOTES, "[]"):
         built.collection[scenes.NOTES] = json.dumps(sentences)
@@ -93,7 +93,7 @@ def show_settings(built: scenes.Built, settings: Settings, side: int) -> bool:
 
 
 def _show_sunlight(built: scenes.Built) -> None:
-    """Make surfaces and lamp agree; what a person has edited of either stays an edit.
+    """Make surfaces and lamp agree; what the user has edited of either stays an edit.
 
     What surfaces know of the Sun is no part of their marks.
     """
@@ -104,18 +104,18 @@ def _show_sunlight(built: scenes.Built) -> None:
 
 
 def _show_ground(built: scenes.Built, settings: Settings, side: int) -> Surface:
-    """Make the ground and its blocks as ``settings`` say, coarsely, and return the ground's height function.
+    """Make the ground and its rocks as ``settings`` say, coarsely, and return the ground's height function.
 
     Raises IcyMoonError if that cannot or must not be done; the scene is then unchanged.
     """
     if is_from_file(settings):
-        raise IcyMoonError("Your own ground and the blocks on it are made by Build Scene, not while settings change.")
+        raise IcyMoonError("Your own ground and the rocks on it are made by Build Scene, not while settings change.")
     if built.terrain.mode != "OBJECT":
         raise IcyMoonError("The ground is being edited; leave Edit or Sculpt Mode to see changes of its settings.")
     by_hand = {part.split()[0] for part in built.edited_parts("terrain object", "terrain data", "rock object",
                                                               "rock data")}
     if by_hand:
-        raise IcyMoonError(_EDITED.format("ground" if "terrain" in by_hand else "field of blocks"))
+        raise IcyMoonError(_EDITED.format("ground" if "terrain" in by_hand else "field of rocks"))
     coarse = merged(settings, {"terrain": {"resolution": min(side, int(settings.terrain.resolution))}})
     ground = scenes.ground_of(settings)
     positions, faces = grid(coarse.terrain, ground)
@@ -134,7 +134,7 @@ def _coarse_shapes(settings: Settings) -> tuple[tuple[Shape, ...], ...]:
 
 
 def _scatter_largest(settings: Settings, positions: np.ndarray) -> Rocks:
-    """The largest of the described blocks, of the coarsest shapes, on a grid of positions (n², 3)."""
+    """The largest of the described rocks, of the coarsest shapes, on a grid of positions (n², 3)."""
     rocks, rig, size = settings.rocks, settings.rig, float(settings.terrain.size_m)
     n = round(len(positions) ** 0.5)
     pixel = size / (n - 1)
@@ -147,7 +147,7 @@ def _scatter_largest(settings: Settings, positions: np.ndarray) -> Rocks:
 
 
 def _show_rocks(built: scenes.Built, settings: Settings, rocks: Rocks | None) -> tuple[str, ...]:
-    """Put ``rocks`` in the place of the blocks there are; which parts that has changed."""
+    """Put ``rocks`` in the place of the rocks there are; which parts that has changed."""
     there = next((item for item in built.collection.all_objects if item.get(TAG) == "rock"), None)
     if rocks is None:
         scenes.remove([there] if there else [])
@@ -169,7 +169,7 @@ def _show_rocks(built: scenes.Built, settings: Settings, rocks: Rocks | None) ->
 
 
 def _show_surfaces(built: scenes.Built, settings: Settings, before: Settings) -> list[str]:
-    """Make ground and blocks of what ``settings`` say; what keeps that from being done, in sentences."""
+    """Make ground and rocks of what ``settings`` say; what keeps that from being done, in sentences."""
     seeds = settings.dataset.seed, before.dataset.seed
     if changes.look(settings) == changes.look(before) and seeds[0] == seeds[1]:
         return []

@@ -34,7 +34,7 @@ def remove_unused(meshes: Iterable[Any], others: Iterable[Any]) -> None:
 
 
 def remove_leftovers() -> None:
-    """Remove built worlds, lamps' collections and shapes of blocks that are no longer used."""
+    """Remove built worlds, lamps' collections and shapes of rocks that are no longer used."""
     parts = [block for kind in (bpy.data.node_groups, bpy.data.collections, bpy.data.objects) for block in kind
              if block.get(TAG) in ("rock shapes", "rock shape")]
     remove_if_unused((parts, {item.data for item in parts if isinstance(item, bpy.types.Object)}, set()))

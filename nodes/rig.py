@@ -42,7 +42,7 @@ def place_rig(camera: bpy.types.Object, rig: RigSettings, ground_m: float) -> No
 
 
 def lens_values(rig: RigSettings) -> dict[str, tuple[str, Any]]:
-    """What Blender's lens is given, by its own names: the ``rig`` setting that says it, and the value."""
+    """What Blender's lens is given, by its own names: the ``rig`` setting that states it, and the value."""
     # Both shifts in widths of the image, of the frame and not of the axis, y up.
     return {"type": ("rig.focal_length_mm", "PERSP"), "sensor_fit": ("rig.sensor_width_mm", "HORIZONTAL"),
             "lens": ("rig.focal_length_mm", rig.focal_length_mm),

@@ -1,7 +1,7 @@
 """The whole scene from its settings, in a collection of its own.
 
 What the builders make is tagged; building again replaces exactly that. Everything else in the
-file, in the collection too, is the person's and stays.
+file, in the collection too, is the user's and stays.
 """
 
 from __future__ import annotations
@@ -131,7 +131,7 @@ def _site(settings: Settings, ground: Surface, own: UserGround | None) -> tuple[
 
 
 def _build_rocks(settings: Settings, terrain: bpy.types.Object, size_m: float) -> tuple[bpy.types.Object, list[str]]:
-    """The object that carries the blocks on the ground, and warnings."""
+    """The object that carries the rocks on the ground, and warnings."""
     seed, described, rig = int(settings.dataset.seed), settings.rocks, settings.rig
     shapes = make_rock_shapes(described.family, described.angularity, seed)
     with probe_heights(terrain) as height_at:
@@ -139,16 +139,16 @@ def _build_rocks(settings: Settings, terrain: bpy.types.Object, size_m: float) -
                         (rig.x_m, rig.y_m, described.clear_radius_m))
     ice = build_rock_material(settings, terrain.data)
     blocks = _tag(build_rocks(f"{NAME} Rock", rocks, shapes, ice, TAG), "rock")
-    remove_unused([], [ice])  # if there is room for no block
+    remove_unused([], [ice])  # if there is room for no rock
     if rocks.smallest_m > described.smallest_m:
-        return blocks, [f"Blocks under {rocks.smallest_m:.3g} m are left out to keep to {described.most} blocks; "
+        return blocks, [f"Rocks under {rocks.smallest_m:.3g} m are left out to keep to {described.most} rocks; "
                         "raise rocks.most or rocks.smallest_m."]
     return blocks, []
 
 
 def _build_objects(
         settings: Settings) -> tuple[list[bpy.types.Object], bpy.types.World, list[str], UserGround | None, float]:
-    """All objects of the scene (terrain, Sun, camera, then others), its sky, warnings, the person's own ground, and
+    """All objects of the scene (terrain, Sun, camera, then others), its sky, warnings, the user's own ground, and
     the height of the ground under the camera."""
     # What can be refused comes first: nothing has been made yet.
     if said := admission.reasons_of_settings(settings):
@@ -191,7 +191,7 @@ def _build_objects(
 
 
 def _adopt_children(gone: list[bpy.types.Object], terrain: bpy.types.Object) -> None:
-    """Attach the person's objects to the ground that were attached to what is not built any more."""
+    """Attach the user's objects to the ground that were attached to what is not built any more."""
     for item in bpy.data.objects:
         if item.parent in gone and item not in gone:
             inverse = item.matrix_parent_inverse.copy()
@@ -235,7 +235,7 @@ def _refuse_editing(ours: list[bpy.types.Object]) -> None:
 
 
 def _find_built_blocks(scene: bpy.types.Scene, collection: bpy.types.Collection | None) -> dict[str, Any]:
-    """What was built before, see ``claims``: also without the collection, which a person may have deleted."""
+    """What was built before, see ``owned_blocks``: also without the collection, which the user may have deleted."""
     if collection is not None:
         return {**built_objects(collection), **owned_blocks(collection)}
     theirs = {block for other in bpy.data.collections if other.get(TAG) == "scene"
@@ -283,13 +283,13 @@ def _put_in_place(collection: bpy.types.Collection, there: dict[str, Any],
 
 
 def _material(item: bpy.types.Object) -> list[bpy.types.Material]:
-    """The material of the ground or of the blocks."""
+    """The material of the ground or of the rocks."""
     meshes = [each.data for each in (item, *instanced_objects(item)) if isinstance(each.data, bpy.types.Mesh)]
     return [mesh.materials[0] for mesh in meshes if len(mesh.materials)][:1]
 
 
 def _blocks_to_own(objects: list[bpy.types.Object]) -> dict[str, Any]:
-    """What is built, as ``claim`` takes it: other people's objects may use the mesh of the ground, and surfaces."""
+    """What is built, as ``set_owned_blocks`` takes it: the user's objects may use the ground's mesh."""
     found: dict[str, Any] = {item[TAG]: item for item in objects}
     found["terrain data"] = found["terrain"].data
     return found | {f"{role} material": material for role in ("terrain", "rock") if role in found
@@ -297,7 +297,7 @@ def _blocks_to_own(objects: list[bpy.types.Object]) -> dict[str, Any]:
 
 
 def disown_copies(collection: bpy.types.Collection) -> None:
-    """Make copies that a person made of what is built, marks and all, the person's own."""
+    """Make copies that the user made of what is built, marks and all, the user's own."""
     ours = built_objects(collection).values()
     for item in collection.all_objects:
         if TAG in item and item not in ours:
@@ -305,7 +305,7 @@ def disown_copies(collection: bpy.types.Collection) -> None:
 
 
 def separate_copies(built: Built) -> None:
-    """Make a built scene its own again that a person has copied as a whole or in part."""
+    """Make a built scene its own again that the user has copied as a whole or in part."""
     disown_copies(built.collection)
     lamps = [item for role, item in built_objects(built.collection).items() if role in ("sun", "planetshine")]
     exempt = [item for lamp in lamps if lamp.light_linking.receiver_collection is not None
@@ -326,7 +326,7 @@ def why_shared(built: Built) -> str:
 def build(scene: bpy.types.Scene, settings: Settings) -> Built:
     """Build, or build again, the scene that complete ``settings`` describe.
 
-    Sets the scene's camera and world to the built ones unless the person has set others since the
+    Sets the scene's camera and world to the built ones unless the user has set others since the
     first build. What was built before stays the same objects, for whatever points to them. Raises IcyMoonError if
     Cycles is off, the ground is being edited, there is not enough memory, or the ground's file cannot be used; the
     scene is then unchanged.
@@ -385,7 +385,7 @@ def build(scene: bpy.types.Scene, settings: Settings) -> Built:
 def clear(scene: bpy.types.Scene) -> bool:
     """Remove what Build made and give the scene its earlier world, camera, frame and view exposure back.
 
-    Objects that a person put into the collection stay, in the scene's own collection.
+    Objects that the user put into the collection stay, in the scene's own collection.
     Returns whether there was anything to remove.
     """
     collection = find_collection(scene)

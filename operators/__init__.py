@@ -1,4 +1,4 @@
-"""The person's verbs: thin operators on the builders, the worker and the evaluator."""
+"""The user's verbs: thin operators on the builders, the worker and the evaluator."""
 
 from __future__ import annotations
 

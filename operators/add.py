@@ -1,4 +1,4 @@
-"""Add ▸ Mesh: a patch of icy ground, or an ice block, as an object like any other."""
+"""Add ▸ Mesh: a patch of icy ground, or a rock, as an object like any other."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ class ICYMOON_OT_add_terrain(_AddOperator, bpy.types.Operator):
 
 
 class ICYMOON_OT_add_block(_AddOperator, bpy.types.Operator):
-    """Add an ice block as a mesh of your own, made of the surface that blocks have in the sidebar; put into the collection Icy Moon it is in the images"""  # noqa: E501
+    """Add a rock as a mesh of your own, made of the surface that rocks have in the sidebar; put into the collection Icy Moon it is in the images"""  # noqa: E501
 
     bl_idname = "icymoon.add_block"
     bl_label = "Ice Rock"
@@ -86,10 +86,10 @@ class ICYMOON_OT_add_block(_AddOperator, bpy.types.Operator):
         "seed": ("dataset", "seed")}
     diameter_m: bpy.props.FloatProperty(  # type: ignore[valid-type]
         name="Diameter", default=0.5, min=1.0e-3, max=1.0e4, soft_min=0.05, soft_max=10.0, subtype="DISTANCE",
-        unit="LENGTH", description="Of a circle of the same area as the block, seen from above")
+        unit="LENGTH", description="Of a circle of the same area as the rock, seen from above")
     family: bpy.props.EnumProperty(  # type: ignore[valid-type]
         name="Shape", items=TOPICS["rocks"]["family"].choices[1:], default="FRAGMENTS",
-        description="What the block looks like")
+        description="What the rock looks like")
     angularity: setting_property("rocks", "angularity")  # type: ignore[valid-type]
     elongation: setting_property("rocks", "elongation")  # type: ignore[valid-type]
     height_ratio: setting_property("rocks", "height_ratio")  # type: ignore[valid-type]

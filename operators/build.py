@@ -46,7 +46,7 @@ def frame_and_expose(scene: bpy.types.Scene, settings: Settings,
 def show_scene(context: bpy.types.Context, built: scenes.Built) -> None:
     """Look through the stereo camera, lit, in the 3D View the button was pressed in.
 
-    Objects of the person's own that would stand in the picture are left out of this view only
+    Objects of the user that would stand in the picture are left out of this view only
     (Blender's local view); they are neither changed nor rendered.
     """
     space: Any = context.space_data
@@ -114,12 +114,12 @@ def build_and_report(operator: bpy.types.Operator, context: bpy.types.Context) -
         show_scene(context, built)
     mesh = built.terrain.data
     operator.report({"INFO"}, f"Built {len(mesh.loops) - 2 * len(mesh.polygons)} ground triangles "
-                             f"and {built.block_count} blocks")
+                             f"and {built.block_count} rocks")
     return {"FINISHED"}
 
 
 class ICYMOON_OT_build_scene(bpy.types.Operator):
-    """Make the ground, blocks, Sun and stereo camera that the settings describe; what was built before is replaced, nothing of yours is touched"""  # noqa: E501
+    """Make the ground, rocks, Sun and stereo camera that the settings describe; what was built before is replaced, nothing of yours is touched"""  # noqa: E501
 
     bl_idname = "icymoon.build_scene"
     bl_label = "Build Scene"

@@ -29,7 +29,7 @@ from .render import dataset_folder
 _TITLE = "Render Data Set"
 _LOOK_S = 0.5
 _plans: list[tuple[str, str, str]] = []
-#: What the last dry run said of which plan, the pairs set aside and why, and the pair that was rendered last.
+#: What the last dry run reported of which plan, the pairs set aside and why, and the pair that was rendered last.
 readout: dict[str, Any] = {"plan": "", "lines": [], "set_aside": [], "last": None}
 
 
@@ -132,7 +132,7 @@ class ICYMOON_OT_plan_dry_run(jobs.JobOperator, bpy.types.Operator):
 
 
 def _hear(message: Message) -> None:
-    """Remember what a running data set says of its pairs."""
+    """Remember what a running data set states of its pairs."""
     if message["type"] == "pair":
         readout["last"] = Path(message["folder"])
     elif message["type"] == "error" and "pair" in message:

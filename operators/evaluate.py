@@ -37,7 +37,7 @@ def response_arguments(settings: Settings) -> list[str]:
 
 def matcher_arguments(settings: Settings, flag: str = "--methods") -> list[str]:
     """The matchers that the settings name, as arguments of the evaluator: ``flag`` with their list, and what those of
-    the person's own are. Raises IcyMoonError if one of these is not set up."""
+    the user's own are. Raises IcyMoonError if one of these is not set up."""
     methods = str(settings.dataset.methods)
     return [flag, methods, *own_matcher_arguments(methods)]
 
@@ -61,7 +61,7 @@ class Keeper:
             results.keep_results(self.scene, self._scope, self._settings, self._pairs)
 
     def tell(self, operator: bpy.types.Operator, context: bpy.types.Context) -> None:
-        """Tell the person what was measured."""
+        """Tell the user what was measured."""
         jobs.push_undo("Evaluate")  # or undo would take the results back along with the step before
         for row in results.summary(self.scene) if self.scene is not None else ():
             operator.report({"INFO"}, f"{row['method']}: L1 {results.number(row['l1_m'], 3)} m, "

@@ -35,7 +35,7 @@ def _makes_environments(python: Path) -> bool:
 
 
 def all_findings() -> list[Finding]:
-    """What ``doctor`` says of this Blender, of the evaluator and of the preferred kernels."""
+    """What ``doctor`` states of this Blender, of the evaluator and of the preferred kernels."""
     try:
         found = examine_evaluator(find_evaluator_python())
     except IcyMoonError as error:

@@ -1,4 +1,4 @@
-"""Long work in another process, watched by a modal operator that never blocks the window."""
+"""Long work in another process, watched by a modal operator that leaves the window free."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def this_blender() -> str:
 
 @dataclass
 class Job:
-    """One running process and what it has said so far; the panel shows it."""
+    """One running process and what it has reported so far; the panel shows it."""
 
     title: str
     process: Process | Detached
@@ -51,7 +51,7 @@ class Job:
         return (time.monotonic() - self.started) * (1.0 - self.fraction) / self.fraction
 
     def advance(self) -> bool:
-        """Take in what the process has said; False when it has ended."""
+        """Take in what the process has reported; False when it has ended."""
         running = self.process.running
         for message in self.process.poll():
             self.hear(message)
@@ -59,7 +59,7 @@ class Job:
         return running
 
     def hear(self, message: Message) -> None:
-        """Take in one thing that the process has said."""
+        """Take in one thing that the process has reported."""
         kind = message["type"]
         if kind == "progress":
             self.fraction = float(message["fraction"])
@@ -141,11 +141,11 @@ def stop_current() -> None:
 class JobOperator:
     """Mix-in of an operator whose work runs in another process.
 
-    ``start`` returns the job; ``succeeded`` is called when it has done its work. From a script
+    ``start`` returns the job; ``report_success`` is called when it has done its work. From a script
     (``EXEC_DEFAULT``) the operator returns when the work is done.
     """
 
-    #: Whether Esc stops it. Not what runs for hours while a person goes on working, in which Esc means other things.
+    #: Whether Esc stops it. Not what runs for hours while the user goes on working, in which Esc means other things.
     escapes = True
     _timer: Any = None
     _job: Job
@@ -178,7 +178,7 @@ class JobOperator:
         return {"FINISHED"}
 
     def fail(self, error: Exception) -> set[str]:
-        """Report an error to the person and cancel."""
+        """Report an error to the user and cancel."""
         self.report({"ERROR"}, str(error))  # type: ignore[attr-defined]
         return {"CANCELLED"}
 

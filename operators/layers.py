@@ -14,7 +14,7 @@ from ..settings.table import TOPICS
 
 
 def _announce(context: bpy.types.Context) -> None:
-    """Say that the list has changed: Blender tells only of changed entries."""
+    """Announce that the list has changed: Blender tells only of changed entries."""
     announce(context.scene, TOPICS["terrain"]["layers"].effect)
 
 
@@ -116,7 +116,7 @@ class ICYMOON_OT_show_roughness(bpy.types.Operator):
 
 
 def layer_title(entry: Any) -> str:
-    """One line that says what a layer is."""
+    """One line that reports what a layer is."""
     names = {s.key: {c[0]: c[1] for c in s.choices} for s in description.TOPICS["terrain"]["layers"].entries}
     return f"{names['basis'][entry.basis]}, {names['fractal'][entry.fractal]}, {entry.amplitude_m:.3g} m"
 

@@ -104,7 +104,7 @@ def _say(sentences: list[str]) -> None:
 
 
 def lines() -> list[str]:
-    """What the sidebar says of the last development by itself: warnings or why it failed, in lines that fit it."""
+    """What the sidebar shows of the last development by itself: warnings or why it failed, in lines that fit it."""
     return [line for sentence in _said for line in wrapped(sentence)]
 
 

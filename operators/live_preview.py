@@ -70,7 +70,7 @@ def _changed(built: scenes.Built, settings: Settings) -> bool:
     try:
         return bool(scenes.changed_settings(built, settings))
     except IcyMoonError:
-        return True  # the file of a ground of one's own is gone: Build Scene says so
+        return True  # the file of a ground of one's own is gone: Build Scene reports it
 
 
 def listen(scene: bpy.types.Scene, effects: frozenset[str]) -> None:
@@ -95,7 +95,7 @@ def show_waiting() -> None:
 
 
 def lines(scene: bpy.types.Scene) -> list[str]:
-    """What the sidebar says about how the scene shows its settings, in lines that fit it; none before it is built.
+    """What the sidebar shows about how the scene shows its settings, in lines that fit it; none before it is built.
 
     Always a line, or the fields below would move away from under the mouse that drags one of them.
     """

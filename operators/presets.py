@@ -1,4 +1,4 @@
-"""Presets: the shipped ones, and the person's own, which are kept where Blender keeps an extension's files."""
+"""Presets: the shipped ones, and the user's own, which are kept where Blender keeps an extension's files."""
 
 from __future__ import annotations
 
@@ -21,19 +21,19 @@ from ..system import name_fault, remove
 from ..typed_settings import Settings
 from . import dialogs
 
-#: Begins the names of the person's own presets.
+#: Begins the names of the user's own presets.
 OWN = "own/"
 _shipped: list[tuple[str, str, str]] = []
 _kept: dict[tuple[str, str, str], tuple[str, str, str]] = {}  # Blender needs the texts of items kept alive
 
 
 def own_folder() -> Path:
-    """Where the person's own presets are. Raises IcyMoonError if there is no such place."""
+    """Where the user's own presets are. Raises IcyMoonError if there is no such place."""
     return extension_folder() / "presets"
 
 
 def own_presets() -> dict[str, Path]:
-    """The person's own presets by name, ``own/my_site``."""
+    """The user's own presets by name, ``own/my_site``."""
     try:
         return {f"{OWN}{path.stem}": path for path in sorted(own_folder().glob("*.toml"))}
     except IcyMoonError:  # not installed as an extension
@@ -41,7 +41,7 @@ def own_presets() -> dict[str, Path]:
 
 
 def path_of(name: str) -> Path:
-    """The file of a preset, shipped or the person's own. Raises IcyMoonError if there is none."""
+    """The file of a preset, shipped or the user's own. Raises IcyMoonError if there is none."""
     if not name.startswith(OWN):
         return description.preset_path(name)
     try:
@@ -61,7 +61,7 @@ def preset_items(_self: Any = None, _context: Any = None) -> list[tuple[str, str
 
 @lru_cache(maxsize=256)
 def _header(path: Path, modified_ns: int) -> tuple[str, str]:
-    """(title, description) of the person's own preset, read once in each state: the sidebar asks at every redraw."""
+    """(title, description) of the user's own preset, read once in each state: the sidebar asks at every redraw."""
     try:
         return description.header_of(path, path.stem)
     except IcyMoonError as error:
@@ -75,7 +75,7 @@ def title_of(name: str) -> str:
 
 
 def known_sources(settings: Settings, preset: str) -> dict[str, str]:
-    """The source of each setting by ``topic.key``, as far as one is known: of the person's preset that was loaded last
+    """The source of each setting by ``topic.key``, as far as one is known: of the user's preset that was loaded last
     where the value is still its own, else of a shipped preset that states it."""
     whole = description.merged(description.defaults(), settings)
     found = {origin.name: origin.source for origin in find_origins(whole)
@@ -90,7 +90,7 @@ def known_sources(settings: Settings, preset: str) -> dict[str, str]:
 
 
 def _fresh_settings(group: Any) -> Settings:
-    """What a whole scene begins with: defaults, but for the data set, and the quality that the person has chosen.
+    """What a whole scene begins with: defaults, but for the data set, and the quality that the user has chosen.
 
     What the scene that was loaded before brought of its quality goes with it.
     """

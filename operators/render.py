@@ -32,7 +32,7 @@ def dataset_folder(settings: Settings) -> Path:
 def bring_up_to_date(scene: bpy.types.Scene, settings: Settings) -> scenes.Built:
     """The built scene as the settings describe it, built (again) where it does not show them.
 
-    Raises IcyMoonError if that would overwrite what a person has changed by hand, or may do so. What was put in stays.
+    Raises IcyMoonError if that would overwrite what the user has changed by hand, or may do so. What was put in stays.
     """
     built = scenes.find(scene)
     if built is None:

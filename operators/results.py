@@ -40,7 +40,7 @@ _COUNT_TOO = {"DATASET": ("folder", "methods"), "SCENE": ("folder", "methods", "
 @dataclass(frozen=True)
 class Kept:
     """What a scene keeps of its last evaluation: when it was made, of which scope and pairs, with which settings, and
-    a row of ``METRICS`` per matcher. It is what a file says: to be shown, never to be opened or run."""
+    a row of ``METRICS`` per matcher. It is what a file states: to be shown, never to be opened or run."""
 
     made: str
     scope: str
@@ -133,7 +133,7 @@ def _label(topic: str, setting: Setting) -> str:
 
 
 def notes(scene: bpy.types.Scene) -> list[str]:
-    """What the sidebar says of a scene's last evaluation: of what and when it was, then what is not as it was."""
+    """What the sidebar shows of a scene's last evaluation: of what and when it was, then what is not as it was."""
     found = kept_results(scene)
     if found is None:
         return []

@@ -51,12 +51,12 @@ def _named(found: re.Match[str]) -> str:
 
 
 def wrapped(sentence: str) -> tuple[str, ...]:
-    """A sentence as the sidebar says it, in lines of its width."""
+    """A sentence as the sidebar shows it, in lines of its width."""
     return tuple(textwrap.wrap(plain(sentence), LINE))
 
 
 def left_out_lines(settings: Settings) -> tuple[str, ...]:
-    """What the settings describe and a render would leave out, as ``pair.json`` says it; nothing of the planet while
+    """What the settings describe and a render would leave out, as ``pair.json`` states it; nothing of the planet while
     the sky cannot be."""
     try:
         lights = _facts(tuple(settings.light.items()), bpy.data.filepath)

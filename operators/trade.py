@@ -89,7 +89,7 @@ class _MeasureDialog:
 
 
 class ICYMOON_OT_trade(_MeasureDialog, jobs.JobOperator, bpy.types.Operator):
-    """Render the scene in every cheaper way, measure what each costs in light, depth and stereo error, and write a report that says which to use; takes minutes to hours"""  # noqa: E501
+    """Render the scene in every cheaper way, measure what each costs in light, depth and stereo error, and write a report that shows which to use; takes minutes to hours"""  # noqa: E501
 
     bl_idname = "icymoon.trade"
     bl_label = "Measure Speed and Accuracy"

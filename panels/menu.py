@@ -20,7 +20,7 @@ _TITLES = {"own": "Yours", **KINDS}
 
 
 def presets_by_kind() -> list[tuple[str, list[tuple[str, str]]]]:
-    """Titles of the kinds of presets, the person's own first, each with (name, title) of its presets."""
+    """Titles of the kinds of presets, the user's own first, each with (name, title) of its presets."""
     kinds: dict[str, list[tuple[str, str]]] = {}
     for name, title, _ in preset_items():
         kinds.setdefault(name.split("/")[0], []).append((name, title))

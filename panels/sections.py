@@ -32,9 +32,9 @@ SECTIONS = (
             ("layers",)),
     *_of_surface("surface"),
     *_of_surface("rock_surface"),
-    Section("rocks", "shape", "Shape", "What each block looks like and how it lies", (
+    Section("rocks", "shape", "Shape", "What each rock looks like and how it lies", (
         "family", "angularity", "elongation", "height_ratio", "tilt_deg", "burial")),
-    Section("rocks", "place", "Placement", "Where the blocks are", (
+    Section("rocks", "place", "Placement", "Where the rocks are", (
         "clustering", "cluster_blocks", "cluster_radius_m", "clear_radius_m", "most")),
     Section("light", "planet", "Planet", "The planet in the sky, and the light that it sheds", (
         "planet_elevation_deg", "planet_azimuth_deg", "planet_angular_diameter_deg", "planet_flattening",

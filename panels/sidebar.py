@@ -199,7 +199,7 @@ class ICYMOON_PT_plan(Sidebar, bpy.types.Panel):
 
 
 class ICYMOON_PT_ground_report(Sidebar, bpy.types.Panel):
-    """What was found and mended in the file that the ground was built from"""
+    """What was found and fixed in the file that the ground was built from"""
 
     bl_idname = "ICYMOON_PT_ground_report"
     bl_label = "Import Report"

@@ -67,8 +67,8 @@ def use_light(built: Built, light: LightPass) -> Iterator[None]:
             for each in (item, *instanced_objects(item)) if item.get(TAG) in ("terrain", "rock") else ():
                 if each.lightgroup:
                     lend(each, "lightgroup", light.group)
-        sun_inputs.aim_surfaces(_materials_with_sun_inputs(built),
-                                replace(sun, irradiance_wm2=(0.0, 0.0, 0.0)) if "sun" in light.dark else sun, built.planetshine)
+        shining = replace(sun, irradiance_wm2=(0.0, 0.0, 0.0)) if "sun" in light.dark else sun
+        sun_inputs.aim_surfaces(_materials_with_sun_inputs(built), shining, built.planetshine)
         yield
 
 

@@ -1,6 +1,6 @@
 """What has to be made again when a description changes. Imports no Blender.
 
-Made once and kept for as long as possible: the scene (ground, blocks and what they are marked with),
+Made once and kept for as long as possible: the scene (ground, rocks and what they are marked with),
 then its surfaces, its lights, its camera.
 """
 
@@ -34,7 +34,7 @@ def _part(settings: Settings, keys: Iterable[tuple[str, str]]) -> dict[str, dict
 
 
 def geometry(settings: Settings) -> Parts:
-    """The settings that the ground and the blocks are made from, whatever the mesh."""
+    """The settings that the ground and the rocks are made from, whatever the mesh."""
     return _geometry(settings)
 
 

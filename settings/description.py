@@ -32,7 +32,7 @@ PRESETS = Path(__file__).resolve().parents[1] / "presets"
 KINDS = {"scenes": "Scenes", "gallery": "Gallery", "bodies": "Bodies", "terrains": "Terrains", "rocks": "Rocks",
          "surfaces": "Surfaces", "lights": "Lights", "rigs": "Stereo Cameras", "sensors": "Camera Responses",
          "qualities": "Qualities"}
-#: Kinds of presets that describe a whole scene, a person's own among them; others describe a part of one.
+#: Kinds of presets that describe a whole scene, the user's own among them; others describe a part of one.
 WHOLE = ("scenes", "gallery", "own")
 #: How like a known word an unknown one must be for the error to name it; see ``suggestions.nearest``.
 _LIKE = 0.4
@@ -128,7 +128,7 @@ def check(data: Mapping[str, Any], where: str, stored: bool = False) -> Settings
     all was accepted then, a value may lie outside of today's range, settings of how to run that are of no use here are
     left out, and settings that there are no more stay.
     Raises IcyMoonError for an unknown topic or key, a wrong type, a value out of range, or a text that names what
-    only the person may (see ``trust``).
+    only the user may (see ``trust``).
     """
     checked: dict[str, dict[str, Any]] = {}
     for topic, key, value in _stated(data, where):
@@ -171,7 +171,7 @@ def restored(data: Mapping[str, Any], where: str, written_by: str = "") -> Setti
     """The complete settings that some version has stored, such as in ``pair.json``; see ``check``.
 
     What was not there yet has the value that means what was done then. ``written_by`` is that version. Raises
-    IcyMoonError as ``check``; if a later version wrote it, that says to update.
+    IcyMoonError as ``check``; if a later version wrote it, that states to update.
     """
     with told_to_update(where, written_by):
         return merged(_before(), check(data, where, stored=True))
@@ -311,7 +311,7 @@ def header_of(path: Path, name: str) -> tuple[str, str]:
 
 
 def preset_text(title: str, told: str, settings: Settings, sources: Mapping[str, str]) -> str:
-    """A preset file that ``load`` reads back, and that says which version wrote it and, by ``topic.key``, where its
+    """A preset file that ``load`` reads back, and that shows which version wrote it and, by ``topic.key``, where its
     values are from."""
     header = {"title": title, "description": told, "made_with": version()}
     lines = ["[preset]", *(f"{key} = {_toml_value(value)}" for key, value in header.items()), ""]

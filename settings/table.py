@@ -1,11 +1,11 @@
-"""The scene description: every setting there is, once.
+"""The table of settings: every setting there is, once.
 
 ``TOPICS`` is the only list of settings. Blender's property groups (``Scene.icymoon``), the keys of
 presets and TOML files, ``--set topic.key=value``, the documentation and the provenance in
 ``pair.json`` are all made from it. ``scene_properties`` gives Blender its properties.
 
 Units are part of the names (``_m``, ``_deg``, ``_px`` …) and the number is the same everywhere:
-what the sidebar shows is what the TOML file says.
+what the sidebar shows is what the TOML file states.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from . import trust
 Value = bool | int | float | str | list[dict[str, Any]]
 
 #: What a change of a setting forces to be made again, dearest first. "response" only needs the
-#: images to be developed again, "run" says where and how fast and changes no result.
+#: images to be developed again, "run" states where and how fast and changes no result.
 EFFECTS = ("geometry", "material", "light", "camera", "sampling", "response", "run")
 
 
@@ -181,7 +181,7 @@ MESH = Topic("mesh", "Mesh", "How finely procedural ground is cut into triangles
             "Distance at which the ground ends, if no horizon hides it before", "geometry"),
     Setting("most", "Most Vertices", 2000000,
             "Upper bound on the number of vertices; where the largest error asks for more, the mesh keeps to this and "
-            "says what error it has", "geometry", "vertices", 1000, 100000000, (10000, 10000000)),
+            "reports what error it has", "geometry", "vertices", 1000, 100000000, (10000, 10000000)),
 ))
 
 RIDGES = Topic("ridges", "Ridges", "Double ridges with a trough between, young ones over old ones", (
@@ -275,7 +275,7 @@ MANTLE = Topic("mantle", "Mantle", "Snow that smooths the ground by filling its 
             "Wavelength below which the snow's surface is smooth", "geometry"),
 ), LANDFORMS)
 
-SOURCE = Topic("source", "Ground", "Where the ground comes from: made up, or a mesh or height map of your own", (
+SOURCE = Topic("source", "Ground", "Where the ground comes from: generated, or a mesh or height map of your own", (
     Setting("kind", "Source", "PROCEDURAL", "What the ground is made of", "geometry",
             choices=(("PROCEDURAL", "Procedural", "A random surface with the statistics of the Terrain topic"),
                      ("MESH", "Mesh File", "A reconstructed mesh: OBJ, PLY, STL, glTF, USD or FBX"),
@@ -287,7 +287,7 @@ SOURCE = Topic("source", "Ground", "Where the ground comes from: made up, or a m
             "themselves; this is applied on top", "geometry", "m/unit", 1.0e-6, 1.0e6, (0.001, 1000.0), precision=6),
     Setting("up_axis", "Up Axis", "AUTO", "Axis of a mesh file's coordinates that points up; for USD and FBX, of the "
             "scene that they become in Blender", "geometry",
-            choices=(("AUTO", "As Usual", "What the format says or usually is: Y in OBJ and glTF, Z in PLY and STL, "
+            choices=(("AUTO", "As Usual", "What the format states or usually is: Y in OBJ and glTF, Z in PLY and STL, "
                       "as stated inside USD and FBX"),
                      ("X", "X", "+X points up"), ("Y", "Y", "+Y points up"), ("Z", "Z", "+Z points up"),
                      ("-X", "-X", "-X points up"), ("-Y", "-Y", "-Y points up"), ("-Z", "-Z", "-Z points up"))),
@@ -365,20 +365,20 @@ SURFACE = Topic("surface", "Surface", "Snow or ice that the ground is made of", 
                       "is left out"))),
 ))
 
-TEXTURES = Topic("textures", "Textures", "Images on the ground and blocks, without visible repeats or as baked", (
-    Setting("set", "Texture", "NONE", "Which images lie on the ground and on blocks", "material",
+TEXTURES = Topic("textures", "Textures", "Images on the ground and rocks, without visible repeats or as baked", (
+    Setting("set", "Texture", "NONE", "Which images lie on the ground and on rocks", "material",
             choices=(("NONE", "None", "Procedural ice only"),
-                     ("FROST", "Frost", "Made up: crystals of hoar with bright tips"),
-                     ("GRAINS", "Grains", "Made up: rounded grains with dark gaps"),
-                     ("CRACKS", "Cracks", "Made up: plates of crust with dark cracks between"),
+                     ("FROST", "Frost", "Generated: crystals of hoar with bright tips"),
+                     ("GRAINS", "Grains", "Generated: rounded grains with dark gaps"),
+                     ("CRACKS", "Cracks", "Generated: plates of crust with dark cracks between"),
                      ("OWN", "Own Images", "The files below; those left empty are not used"),
-                     ("MESH", "The Mesh's", "Albedo, roughness and normals that an OBJ, glTF or PLY file of the ground "
+                     ("MESH", "From Mesh", "Albedo, roughness and normals that an OBJ, glTF or PLY file of the ground "
                       "names or holds, by its UV coordinates"))),
     Setting("mapping", "Mapping", "OBJECT", "How the images lie on the ground; those of the mesh always lie by UV",
             "material",
-            choices=(("OBJECT", "By Place", "Seen from above, on walls from the side, as wide as Image Width says"),
+            choices=(("OBJECT", "By Place", "Seen from above, on walls from the side, as wide as Image Width states"),
                      ("UV", "By UV", "Where the UV coordinates of a mesh file say, as they were baked; Image Width and "
-                      "Repeats do not count. Blocks, which have none, take the images' mean"))),
+                      "Repeats do not count. Rocks, which have none, take the images' mean"))),
     _metres("width_m", "Image Width", 0.5, 1.0e-3, 1.0e4, (0.05, 10.0), "Width of the image mapped by place",
             "material"),
     Setting("repeat", "Repeats", "TURNED", "How the image, mapped by place, goes on beyond its edges", "material",
@@ -395,7 +395,7 @@ TEXTURES = Topic("textures", "Textures", "Images on the ground and blocks, witho
     _file("height_file", "Height", "Image of heights, see Relief Height"),
 ))
 
-ROCK_SURFACE = Topic("rock_surface", "Rock Surface", "Snow or ice that blocks with a surface of their own are made of",
+ROCK_SURFACE = Topic("rock_surface", "Rock Surface", "Snow or ice that rocks with a surface of their own are made of",
                      SURFACE.settings)
 
 HAPKE = Topic("hapke", "Hapke", "Parameters of Hapke's law, for every surface whose model it is", (
@@ -436,61 +436,61 @@ HAPKE = Topic("hapke", "Hapke", "Parameters of Hapke's law, for every surface wh
                       "mean, 1 % in shadows. Between ice only: objects of your own get no sunlight back. Approximate "
                       "where dirt or images vary the ice: neighbours are taken to be like the place they light. Needs "
                       "OSL and the CPU"))),
-    Setting("backend", "Shader", "AUTO", "How the law is put into Cycles", "material",
-            choices=(("AUTO", "Automatic", "OSL where it can be had, else nodes; says so if that lowers the accuracy"),
+    Setting("backend", "Shader", "AUTO", "How the law is built in Cycles", "material",
+            choices=(("AUTO", "Automatic", "OSL where it is available, else nodes; warns if that lowers accuracy"),
                      ("OSL", "OSL", "Open Shading Language; refused where there is none and on the GPU"),
                      ("NODES", "Nodes", "Works in every Blender on every device; fast accuracy only"))),
 ))
 
-ROCKS = Topic("rocks", "Rocks", "Ice blocks lying on the ground", (
-    Setting("law", "Size Law", "POWER", "How many blocks there are of each size", "geometry",
+ROCKS = Topic("rocks", "Rocks", "Rocks lying on the ground", (
+    Setting("law", "Size Law", "POWER", "How many rocks there are of each size", "geometry",
             choices=(("POWER", "Power Law", "N(>D) ~ D^-index, as fitted to block counts on Enceladus"),
                      ("GOLOMBEK", "Golombek", "Covered share k exp(-q D), q = 1.79 + 0.152/k per m, k the coverage: "
                                               "fitted to rocks on Mars, an analogue"))),
     _fraction("coverage", "Coverage", 0.0,
-              "Share of the ground under blocks, overlaps counted twice; 0 for none. In Golombek's law the share "
+              "Share of the ground under rocks, overlaps counted twice; 0 for none. In Golombek's law the share "
               "under rocks of all sizes, of which those from smallest to largest are made", "geometry", high=0.5),
     _metres("smallest_m", "Smallest", 0.1, 1.0e-3, 100.0, (0.02, 1.0),
             "Diameter at which the size distribution starts", "geometry"),
     _metres("largest_m", "Largest", 0.8, 1.0e-3, 100.0, (0.05, 5.0),
             "Diameter at which the size distribution ends", "geometry"),
     Setting("power_index", "Size Index", 3.0,
-            "Exponent of the cumulative power law N(>D) ~ D^-index: higher means more small blocks", "geometry",
+            "Exponent of the cumulative power law N(>D) ~ D^-index: higher means more small rocks", "geometry",
             "1", 0.5, 6.0, (1.0, 5.0)),
-    Setting("family", "Shapes", "MIXED", "What the blocks look like", "geometry",
+    Setting("family", "Shapes", "MIXED", "What the rocks look like", "geometry",
             choices=(("MIXED", "Mixed", "Fragments, boulders and slabs in equal numbers"),
                      ("FRAGMENTS", "Fragments", "Broken polyhedra"),
                      ("BOULDERS", "Boulders", "Worn and lumpy"),
                      ("SLABS", "Slabs", "Flat plates with broken sides"))),
     _fraction("angularity", "Angularity", 0.7,
               "0: worn round; 1: freshly broken, with sharp edges. Boulders stay half worn", "geometry"),
-    Setting("elongation", "Elongation", 1.4, "Length over width of a block seen from above, median", "geometry", "1",
+    Setting("elongation", "Elongation", 1.4, "Length over width of a rock seen from above, median", "geometry", "1",
             1.0, 5.0, (1.0, 3.0)),
     Setting("height_ratio", "Height over Width", 0.6,
-            "Height of a block over its mean width, median; slabs have 0.45 of it", "geometry", "1",
+            "Height of a rock over its mean width, median; slabs have 0.45 of it", "geometry", "1",
             0.05, 3.0, (0.2, 1.5)),
     _degrees("tilt_deg", "Tilt", 15.0, 0.0, 180.0,
-             "RMS angle, about each of two axes, by which blocks lean from lying along the ground", "geometry",
+             "RMS angle, about each of two axes, by which rocks lean from lying along the ground", "geometry",
              (0.0, 60.0)),
-    _fraction("burial", "Burial", 0.25, "Mean share of a block's height that is under the ground", "geometry",
+    _fraction("burial", "Burial", 0.25, "Mean share of a rock's height that is under the ground", "geometry",
               high=0.9),
-    _fraction("clustering", "Clustering", 0.0, "Share of the blocks that lie in clusters; the others lie anywhere",
+    _fraction("clustering", "Clustering", 0.0, "Share of the rocks that lie in clusters; the others lie anywhere",
               "geometry"),
-    Setting("cluster_blocks", "Blocks per Cluster", 20.0, "Mean number of blocks in a cluster", "geometry", "blocks",
+    Setting("cluster_blocks", "Rocks per Cluster", 20.0, "Mean number of rocks in a cluster", "geometry", "blocks",
             1.0, 1.0e5, (2.0, 200.0)),
     _metres("cluster_radius_m", "Cluster Radius", 1.0, 1.0e-3, 1.0e4, (0.1, 10.0),
-            "Standard deviation, east and north, of a cluster's blocks about its centre", "geometry"),
+            "Standard deviation, east and north, of a cluster's rocks about its centre", "geometry"),
     _metres("clear_radius_m", "Clear Radius", 0.0, 0.0, 1.0e4, (0.0, 5.0),
-            "Radius of the circle about the site of the camera that no block reaches into, for a lander", "geometry"),
-    Setting("most", "Most Blocks", 20000,
-            "Upper bound on the number of blocks; the smallest ones are left out, with a warning, to keep it",
+            "Radius of the circle about the site of the camera that no rock reaches into, for a lander", "geometry"),
+    Setting("most", "Most Rocks", 20000,
+            "Upper bound on the number of rocks; the smallest ones are left out, with a warning, to keep it",
             "geometry", "blocks", 0, 200000, (0, 50000)),
     Setting("own_surface", "Own Surface", False,
-            "Make the blocks of what Rock Surface describes, instead of what the ground is made of", "material"),
+            "Make the rocks of what Rock Surface describes, instead of what the ground is made of", "material"),
 ))
 
 LIGHT = Topic("light", "Light", "The Sun and the planet as the body's sky shows them; nothing else lights the ground", (
-    Setting("directions_from", "Sky From", "ANGLES", "What says where Sun and planet stand, and so how bright they are",
+    Setting("directions_from", "Sky From", "ANGLES", "Where the positions of Sun and planet come from",
             "light", choices=(
                 ("ANGLES", "Angles", "The settings below"),
                 ("DATE", "Date", "Body, date and site; elements good to 0.25° from 2000 to 2060"),
@@ -589,26 +589,26 @@ RIG = Topic("rig", "Stereo Camera", "Two identical cameras, parallel unless toed
             (-50.0, 50.0), subtype="PIXEL"),
     *(Setting(f"distortion_{name}", f"Distortion {name}", 0.0, text, "response", "1", -10.0, 10.0, (-0.5, 0.5),
               precision=5) for name, text in (
-        ("k1", "Radial distortion, r² term, of the model of Brown and Conrady as OpenCV has it; below 0 is a barrel"),
+        ("k1", "Radial distortion, r² term, in OpenCV's Brown-Conrady model. Below 0 gives barrel distortion"),
         ("k2", "Radial distortion, r⁴ term"), ("p1", "Tangential distortion, vertical decentring"),
         ("p2", "Tangential distortion, horizontal decentring"), ("k3", "Radial distortion, r⁶ term"))),
-    _fraction("overscan", "Overscan", 0.0, "Share of the width and height that is rendered beyond each border, for a "
-              "distorting lens or turned eyes to see", "camera", high=2.0),
+    _fraction("overscan", "Overscan", 0.0, "Margin rendered beyond each border, as a share of the width and height. A "
+              "lens with distortion and turned eyes need it", "camera", high=2.0),
     _degrees("toe_in_deg", "Toe-in", 0.0, 0.0, 45.0, "Angle by which each eye is turned toward the other about its own "
              "vertical; 0 for parallel eyes", "camera", (0.0, 10.0), 3),
     _metres("focus_distance_m", "Focus Distance", 0.0, 0.0, 1.0e5, (0.0, 10.0),
-            "Depth that is sharp, the aperture that of the camera response; 0 for everything sharp. Truth is sharp "
-            "always", "camera"),
-    *(Setting(key, label, 0.0, f"{text} during the exposure; it blurs the images, truth is of the middle of the "
-              "exposure", "camera", unit, -1.0e4, 1.0e4, (-soft, soft)) for key, label, unit, soft, text in (
+            "Depth that is in focus; 0 for everything. The camera response sets the aperture. Truth is always "
+            "sharp", "camera"),
+    *(Setting(key, label, 0.0, f"{text} during the exposure. It blurs the images; the truth is that of the middle "
+              "of the exposure", "camera", unit, -1.0e4, 1.0e4, (-soft, soft)) for key, label, unit, soft, text in (
         ("speed_right_m_s", "Speed Right (m/s)", "m/s", 1.0, "Motion of both eyes to the right"),
         ("speed_down_m_s", "Speed Down (m/s)", "m/s", 1.0, "Motion of both eyes along the image's columns"),
         ("speed_forward_m_s", "Speed Forward (m/s)", "m/s", 1.0, "Motion of both eyes along the optical axis"),
         ("turn_right_deg_s", "Turn Right (°/s)", "deg/s", 30.0, "Turn of the rig to the right about the left eye"),
         ("turn_down_deg_s", "Turn Down (°/s)", "deg/s", 30.0, "Turn of the rig downward about the left eye"),
         ("roll_deg_s", "Roll (°/s)", "deg/s", 30.0, "Turn of the rig clockwise about the left eye's optical axis"))),
-    Setting("motion_exposure_s", "Motion Exposure (s)", 0.0, "Exposure that motion is rendered for; 0 for the camera "
-            "response's own, which must not be automatic then", "camera", "s", 0.0, 1.0e5, (0.0, 1.0), precision=6),
+    Setting("motion_exposure_s", "Motion Exposure (s)", 0.0, "Exposure time for motion blur. 0 takes that of the "
+            "camera response, which must not be automatic then", "camera", "s", 0.0, 1.0e5, (0.0, 1.0), precision=6),
     _metres("x_m", "Site East", 0.0, -5.0e4, 5.0e4, (-10.0, 10.0), "East coordinate of the left camera", "camera"),
     _metres("y_m", "Site North", 0.0, -5.0e4, 5.0e4, (-10.0, 10.0), "North coordinate of the left camera",
             "camera"),
@@ -620,9 +620,9 @@ SENSOR = Topic("sensor", "Camera Response",
     Setting("auto_exposure", "Auto Exposure", True,
             "Choose one exposure for both eyes from the brightest part of the left image", "response"),
     _fraction("auto_percentile", "Auto Percentile", 0.99,
-              "Share of the pixels that the exposure target is met or undercut by", "response"),
+              "Share of the pixels that are at or below the exposure target", "response"),
     _fraction("auto_target", "Auto Target", 0.8,
-              "Share of the capacity (full well over gain, if that is above 1) that the percentile is exposed to",
+              "Exposure target, as a share of the full well (divided by the gain where that is above 1)",
               "response", low=0.01),
     Setting("exposure_s", "Exposure (s)", 0.001, "Exposure time when auto exposure is off", "response", "s",
             1.0e-7, 1.0e5, (1.0e-5, 1.0), precision=6),
@@ -631,13 +631,14 @@ SENSOR = Topic("sensor", "Camera Response",
     Setting("bracket_stops", "Exposure Step (stops)", 2.0,
             "Ratio of successive exposures as a power of two; they lie evenly about the exposure", "response",
             "stops", 0.1, 8.0, (0.5, 4.0)),
-    Setting("encoding", "8-bit Encoding", "LINEAR", "How matchers, which take 8 bits, are given more bits", "response",
+    Setting("encoding", "8-bit Encoding", "LINEAR", "How images of more than 8 bits become 8 bits for matchers",
+            "response",
             choices=(("LINEAR", "Linear", "The top bits"),
                      ("SQUARE_ROOT", "Square Root", "Equal steps of shot noise, as rovers send their images"))),
     Setting("f_number", "f-Number", 8.0, "Focal length over the diameter of the aperture", "response", "1",
             0.5, 256.0, (1.0, 32.0)),
-    Setting("pixel_pitch_um", "Pixel Pitch (µm)", 0.0, "Side of a pixel, which its light and the particles that hit it "
-            "hang on; 0 for the rig's sensor width over its columns", "response", "µm", 0.0, 1000.0, (0.0, 30.0),
+    Setting("pixel_pitch_um", "Pixel Pitch (µm)", 0.0, "Side of a pixel, which sets how much light and how many "
+            "particles it receives; 0 for sensor width / columns", "response", "µm", 0.0, 1000.0, (0.0, 30.0),
             precision=2),
     _fraction("transmission", "Transmission", 0.9, "Share of the light that lens and filter pass on", "response"),
     Setting("band_centre_nm", "Band Centre (nm)", 600.0, "Middle of the band of wavelengths that is detected",
@@ -647,18 +648,18 @@ SENSOR = Topic("sensor", "Camera Response",
     _fraction("quantum_efficiency", "Quantum Efficiency", 0.5, "Electrons per photon, mean over the band", "response"),
     Setting("full_well_e", "Full Well (e-)", 20000.0, "Electrons that a pixel holds before it saturates",
             "response", "e-", 1.0, 1.0e7, (1000.0, 1.0e5), precision=0),
-    Setting("gain", "Gain", 1.0, "Relative to the gain at which a full well is the converter's largest number",
+    Setting("gain", "Gain", 1.0, "Gain, relative to that at which a full well gives the largest number",
             "response", "1", 0.01, 1000.0, (0.5, 16.0)),
     Setting("read_noise_e", "Read Noise (e-)", 15.0, "Standard deviation of the noise of reading a pixel",
             "response", "e-", 0.0, 1.0e5, (0.0, 100.0), precision=1),
     Setting("shot_noise", "Shot Noise", True, "Poisson noise of photo-electrons and dark current", "response"),
     Setting("dark_current_e_s", "Dark Current (e-/s)", 10.0, "Electrons per second without light at the reference "
             "temperature", "response", "e-/s", 0.0, 1.0e7, (0.0, 1000.0)),
-    Setting("temperature_k", "Temperature (K)", 253.0, "Temperature of the sensor, which its dark current depends on",
+    Setting("temperature_k", "Temperature (K)", 253.0, "Temperature of the sensor, which sets its dark current",
             "response", "K", 0.0, 500.0, (150.0, 330.0), precision=0),
-    Setting("dark_reference_k", "Dark Reference (K)", 293.0, "Temperature that the dark current is stated at",
+    Setting("dark_reference_k", "Dark Reference (K)", 293.0, "Temperature for which the dark current is given",
             "response", "K", 1.0, 500.0, (200.0, 330.0), precision=0),
-    Setting("dark_doubling_k", "Dark Doubling (K)", 8.0, "Rise of temperature that doubles the dark current",
+    Setting("dark_doubling_k", "Dark Doubling (K)", 8.0, "Rise in temperature that doubles the dark current",
             "response", "K", 1.0, 50.0, (4.0, 12.0), precision=1),
     _fraction("prnu", "PRNU", 0.0, "Photo-response non-uniformity: standard deviation of the pixels' sensitivity",
               "response"),
@@ -675,15 +676,15 @@ SENSOR = Topic("sensor", "Camera Response",
               "(ISO 9358)", "response"),
     Setting("radiation_flux_cm2_s", "Particles (1/cm² s)", 0.0, "Charged particles per cm² of the sensor and second "
             "that get through the shield", "response", "1/(cm² s)", 0.0, 1.0e12, (0.0, 1.0e6), precision=0),
-    Setting("radiation_depth_um", "Sensitive Depth (µm)", 10.0, "Depth of silicon that particles free electrons in",
+    Setting("radiation_depth_um", "Sensitive Depth (µm)", 10.0, "Depth of silicon in which particles free electrons",
             "response", "µm", 0.1, 1000.0, (2.0, 50.0), precision=1),
     Setting("radiation_e_per_um", "Ionisation (e-/µm)", 80.0, "Electrons that a particle frees per micrometre",
             "response", "e-/µm", 0.0, 1.0e6, (50.0, 500.0), precision=0),
-    Setting("noise_seed", "Noise Seed", 0, "Another number draws other noise, with the same sensor", "response", "1",
-            0, 2147483647, (0, 100)),
+    Setting("noise_seed", "Noise Seed", 0, "Seed of the noise. Another seed draws other noise for the same sensor",
+            "response", "1", 0, 2147483647, (0, 100)),
 ))
 
-QUALITY = Topic("quality", "Render Quality", "What a render may cost", (
+QUALITY = Topic("quality", "Render Quality", "Noise, bias and speed of a render", (
     Setting("samples", "Samples", 32, "Light paths per pixel and eye", "sampling", "samples", 1, 65536, (1, 1024)),
     Setting("denoiser", "Denoiser", "NONE",
             "Applied to each eye; the truth is never touched", "sampling",
@@ -712,11 +713,11 @@ QUALITY = Topic("quality", "Render Quality", "What a render may cost", (
                      ("CAMERA", "Camera Alone", "Light comes by way of ground as smooth as its mesh. Saves a tenth of "
                       "a pair; under a low Sun shadows are brighter, by 2 % where relief is a twenty-fifth as high as "
                       "wide, by 5 % at an eighth, and the mean is off by less than 0.1 % and 0.3 %"))),
-    Setting("truth", "Truth", "FULL", "What there is beside the images", "sampling",
+    Setting("truth", "Truth", "FULL", "Which truth is rendered with the images", "sampling",
             choices=(("FULL", "Full", "Depth, normals and labels, in a render of their own, one light path per pixel"),
                      ("DEPTH", "Depth Alone", "Out of the render of the light, which saves the other one where the "
                       "images are neither blurred nor turned in"))),
-    Setting("device", "Device", "CPU", "What the light paths are computed on", "run",
+    Setting("device", "Device", "CPU", "Processor that computes the light paths", "run",
             choices=(("CPU", "CPU", "All processor cores"),
                      ("GPU", "GPU", "The graphics cards that Cycles can use; refused if there is none"))),
     Setting("threads", "Threads", 0, "Processor threads; 0 for all", "run", "threads", 0, 1024, (0, 64)),
@@ -727,16 +728,16 @@ DATASET = Topic("dataset", "Data Set", "Where pairs go and how they vary", (
             "Where the data set is written; ~ is your home folder, // the folder of the .blend file",
             "run", subtype="DIR_PATH", trust="written"),
     Setting("seed", "Seed", 1,
-            "The one seed from which terrain, blocks, grains, render noise and sensor noise are all drawn",
+            "The one seed from which terrain, rocks, grains, render noise and sensor noise are all drawn",
             "geometry", "1", 0, 2147483647, (0, 100)),
     Setting("headings", "Headings", 1,
-            "Pairs rendered at the site, the rig turned by equal steps; 4 is the paper's panorama", "run",
+            "Pairs rendered at the site, with the rig turned by equal steps between them; 4 for a panorama", "run",
             "pairs", 1, 360, (1, 12)),
     Setting("plan", "Plan", "datasets/guiss_smoke",
-            "Plan of a data set: a TOML file, or the name of a shipped one. Nothing of the present scene is in it",
+            "Plan of a data set: a TOML file, or the name of a shipped one. It does not use the present scene",
             "run", trust="read"),
-    Setting("workers", "Workers", 0, "Processes that render a data set side by side; 0 for what the preferences say, "
-            "or else one per four processors", "run", "processes", 0, 1024, (0, 16)),
+    Setting("workers", "Workers", 0, "Processes that render a data set side by side; 0 for the number in the "
+            "preferences, or else one per four processors", "run", "processes", 0, 1024, (0, 16)),
     Setting("evaluate", "Evaluate Afterwards", False,
             "Match and measure the whole data set when all of it is rendered", "run"),
     Setting("leave_running", "Leave Running", False, "Go on rendering the data set when Blender is closed or another "

@@ -1,11 +1,11 @@
-"""The trust boundary: what a description may name, and what only the person may.
+"""The trust boundary: what a description may name, and what only the user may.
 
 A scene, a .blend file, a settings file, a preset, a plan, a job, a data set and a pair are descriptions. They come
 from anyone and are data: they name numbers, choices, files that are read as data and a folder that is written to.
 They name no command, program, interpreter or checkpoint. Those come from the preferences of the add-on, from the
-command line and from environment variables, which are the person's own.
+command line and from environment variables, which are the user's own.
 
-Every setting that is a text states one of ``CLASSES``, and ``fault`` says what none of that class may hold.
+Every setting that is a text states one of ``CLASSES``, and ``fault`` reports what none of that class may hold.
 ``settings.check`` asks it of every description, whatever it came from. What a text of a matcher may name is in
 ``LOADS``, and ``stereo.matchers.options.Option`` admits no other text. Imports nothing but the standard library.
 """
@@ -19,9 +19,9 @@ from collections.abc import Iterable
 CLASSES = {"name": "A name or a date that is looked up", "read": "A file that is read as data",
            "written": "A folder that results are written to",
            "matchers": "Names of matchers with their numbers and choices, no program or file"}
-#: Options of matchers that name what is run or loaded; only the person gives them.
+#: Options of matchers that name what is run or loaded; only the user gives them.
 LOADS = ("command", "checkpoint")
-#: Begins the name of a matcher that the person has set up, as in own:mine.
+#: Begins the name of a matcher that the user has set up, as in own:mine.
 OWN = "own"
 OWN_NAME = re.compile(r"[A-Za-z0-9_-]{1,40}")
 
@@ -33,7 +33,7 @@ def listed(text: str) -> list[tuple[str, list[str]]]:
 
 
 def own_names(text: str) -> list[str]:
-    """Names of the person's own matchers in a list of matchers, each once."""
+    """Names of the user's own matchers in a list of matchers, each once."""
     return list(dict.fromkeys(options[0] for name, options in listed(text) if name == OWN and options))
 
 

@@ -1,4 +1,4 @@
-"""The person's own files that a description names: where they are, and what is in them.
+"""The user's own files that a description names: where they are, and what is in them.
 
 A pair is named by what made it; of a file that is its content, not its place. Imports no Blender.
 """

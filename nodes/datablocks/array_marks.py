@@ -32,8 +32,8 @@ def _weights() -> np.ndarray:
 def mark(values: np.ndarray, indices: bool = False) -> str:
     """A mark of an array's bytes; it need not withstand an attack, so it takes a third of the time of SHA-256.
 
-    The sum of every block's words with random weights. Changes of the highest bits of two words would cancel in it,
-    so of anything but ``indices``, which never have that bit, the words' upper halves are summed too.
+    The sum of the array's words with random weights, part by part. Changes of the highest bits of two words would
+    cancel in it, so of anything but ``indices``, which never have that bit, the words' upper halves are summed too.
     """
     weights, raw = _weights(), np.ascontiguousarray(values).reshape(-1).view(np.uint8)
     words = raw[:len(raw) // (8 * _BLOCK) * 8 * _BLOCK].view(np.uint64).reshape(-1, _BLOCK)

@@ -1,6 +1,6 @@
-"""Whether a built scene is still what its settings say.
+"""Whether a built scene is still what its settings state.
 
-A pair is named by the settings that made it. When a person has sculpted the ground, moved the
+A pair is named by the settings that made it. When the user has sculpted the ground, moved the
 camera, edited the material or put a lander in, the settings no longer say it all, and the name
 must change. The marks cover all that a render can show, in parts, so that an edit of one part
 leaves the others to the settings; anything that the builders did not make counts as added.
@@ -33,7 +33,7 @@ def maker() -> str:
 
 
 def built_objects(collection: bpy.types.Collection) -> dict[str, bpy.types.Object]:
-    """What the builders made in a collection, by role. A copy that a person made of it is the person's own."""
+    """What the builders made in a collection, by role. A copy that the user made of it is the user's own."""
     tagged = [item for item in collection.all_objects if TAG in item]
     roles = {item[TAG]: item for item in reversed(tagged)}
     pointed = {role: collection.get(f"{OWN}{role}") for role in roles if f"{OWN}{role}" in collection}
@@ -84,7 +84,7 @@ class Reading:
 def read_marks(collection: bpy.types.Collection, *wanted: str) -> Reading:
     """The marks of everything in a built collection, or of wanted parts and roles.
 
-    The parts are called "ROLE object", "ROLE data" and "ROLE materials", and "added" is what a person has put in.
+    The parts are called "ROLE object", "ROLE data" and "ROLE materials", and "added" is what the user has put in.
     They are equal in every process that loads the file.
     """
     ours, shown = built_objects(collection), _rendered_objects(collection)
@@ -112,7 +112,7 @@ def read_marks(collection: bpy.types.Collection, *wanted: str) -> Reading:
 
 
 def parts(collection: bpy.types.Collection, *wanted: str) -> dict[str, str]:
-    """The marks of ``read``, with what they are made by."""
+    """The marks of ``read_marks``, with what they are made by."""
     return {**read_marks(collection, *wanted).parts, MAKER: maker()}
 
 

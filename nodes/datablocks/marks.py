@@ -23,7 +23,8 @@ from .stored_properties import OF_THE_VIEW, stored_properties
 _SIMULATED = {"PARTICLE_SYSTEM", "PARTICLE_INSTANCE", "EXPLODE", "CLOTH", "SOFT_BODY", "FLUID", "DYNAMIC_PAINT"}
 _OF_TIME = {"WAVE", "BUILD", "OCEAN", "MESH_CACHE", "MESH_SEQUENCE_CACHE"}
 _OF_CLIPS = {"CAMERA_SOLVER", "OBJECT_SOLVER", "FOLLOW_TRACK"}
-#: Inputs that ``sunlight.aim`` sets for every render: by name and kind of the node, how their identifiers begin.
+#: Inputs that ``sun_inputs.aim_surfaces`` sets for every render: by name and kind of
+#: the node, how their identifiers begin.
 _AIMED = {("Sun Direction", "ShaderNodeCombineXYZ"): ("X", "Y", "Z"), ("Surge Blur", "ShaderNodeMath"): ("Value",),
           ("Hapke", "ShaderNodeScript"): ("Sun", "Planet")}
 _CACHED_NODES = ("GeometryNodeSimulationOutput", "GeometryNodeBake")
@@ -258,7 +259,7 @@ class Walk:
             return ["?"]
 
     def of_nodes(self, modifier: Any) -> list[Any]:
-        """Inputs of a modifier of nodes, which it may not have yet where they are as its group says; from 5.2 on they
+        """Inputs of a modifier of nodes, which it may not have yet where they are as its group states; from 5.2 on they
         are properties like others."""
         items = modifier.node_group.interface.items_tree if modifier.node_group else ()
         given = {key: modifier[key] for key in compat.custom_properties(modifier)}

@@ -131,7 +131,7 @@ _FIXED = {"ShapeKey": {"frame"}, "NodeTreeInterfaceItem": {"item_type"},
           "Bone": {"head_local", "tail_local", "matrix_local"},
           "NodeTreeInterfaceSocket": {"identifier", "in_out"}, "Object": {"type"}, "ActionSlot": {"handle"},
           "ActionChannelbag": {"slot_handle"}, "VertexGroupElement": {"group"}}
-#: Pointers to what is stored elsewhere, of which the name says enough.
+#: Pointers to what is stored elsewhere, of which the name is enough.
 BY_NAME = {("ShapeKey", "relative_key"), ("Key", "reference_key"), ("Bone", "parent"),
            ("Bone", "bbone_custom_handle_start"), ("Bone", "bbone_custom_handle_end"),
            ("PoseBone", "bbone_custom_handle_start"), ("PoseBone", "bbone_custom_handle_end")}

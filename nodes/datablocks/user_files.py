@@ -1,4 +1,4 @@
-"""The person's own files, where // is the folder of the .blend that is open."""
+"""The user's own files, where // is the folder of the .blend that is open."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ def _blend_folder() -> str | None:
 
 
 def used_files(settings: Settings) -> dict[str, Path]:
-    """``own_files.used_files`` beside the .blend that is open."""
+    """``settings.user_files.used_files`` beside the .blend that is open."""
     return user_files.used_files(settings, _blend_folder())
 
 
@@ -27,10 +27,10 @@ def with_absolute_files(settings: Settings) -> Settings:
 
 
 def content(settings: Settings) -> str:
-    """``own_files.content`` beside the .blend that is open."""
+    """``settings.user_files.content`` beside the .blend that is open."""
     return user_files.content(settings, _blend_folder())
 
 
 def are_there(settings: Settings) -> bool:
-    """``own_files.are_there`` beside the .blend that is open."""
+    """``settings.user_files.are_there`` beside the .blend that is open."""
     return user_files.are_there(settings, _blend_folder())

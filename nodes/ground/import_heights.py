@@ -31,8 +31,8 @@ class Heights:
     """Values (rows, columns) float64, row 0 northernmost, missing ones NaN: metres in a GeoTIFF, else the file's unit.
 
     ``pixel_m`` (east, north) and ``corner_m`` (centre of the lower left pixel) are what the file states, or
-    None; ``unplaced`` then says why, as the end of a sentence. ``report`` is what else the file states,
-    ``warnings`` what a person should know of it.
+    None; ``unplaced`` then states why, as the end of a sentence. ``report`` is what else the file states,
+    ``warnings`` what the user should know of it.
     """
 
     values: np.ndarray
@@ -59,7 +59,7 @@ def read_heights(path: Path) -> Heights:
 
 def _read_tiff(path: Path, start: bytes) -> Heights:
     if start[:4] not in (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"):
-        raise IcyMoonError(f"{path}: is not a TIFF file, whatever its name says.")
+        raise IcyMoonError(f"{path}: is not a TIFF file, despite its name.")
     tiff = geotiff.read(path)
     return Heights(tiff.heights_m, tiff.pixel_m, tiff.corner_m, tiff.unplaced, tiff.report, tiff.warnings)
 
@@ -77,7 +77,7 @@ def _read_npy(path: Path, start: bytes) -> Heights:
 
 def _read_png(path: Path, start: bytes) -> Heights:
     if not start.startswith(b"\x89PNG\r\n\x1a\n") or len(start) < 33:
-        raise IcyMoonError(f"{path}: is not a PNG file, whatever its name says.")
+        raise IcyMoonError(f"{path}: is not a PNG file, despite its name.")
     if not _chunks_are_whole(path.read_bytes()):
         raise IcyMoonError(f"{path}: is torn or damaged; copy it again.")
     bits, colour = start[24], start[25]
@@ -103,7 +103,7 @@ def _chunks_are_whole(data: bytes) -> bool:
 
 def _read_exr(path: Path, start: bytes) -> Heights:
     if not start.startswith(_EXR_MAGIC):
-        raise IcyMoonError(f"{path}: is not an EXR file, whatever its name says.")
+        raise IcyMoonError(f"{path}: is not an EXR file, despite its name.")
     channels = _exr_channels(start)
     if not {"Y", "R"} & set(channels):
         raise IcyMoonError(f"{path}: has the channels {', '.join(channels) or '(several parts)'}; "

@@ -1,7 +1,7 @@
 """Geometry of a mesh file, read by this Blender's own importers into a scratch scene.
 
 Only vertices, faces and texture coordinates are kept. Whatever else an importer makes (materials, images, cameras,
-collections) is removed again, also when it fails half-way, and the person's scene is never the
+collections) is removed again, also when it fails half-way, and the user's scene is never the
 one imported into.
 """
 

@@ -1,8 +1,8 @@
-"""Ice blocks as instances: one object of points, one node group, a few meshes.
+"""Rocks as instances: one object of points, one node group, a few meshes.
 
 A hundred thousand objects take half a minute and five gigabytes to render; as many instances take
 three seconds and 0.2 (``benchmarks/rocks.py``). Each instance carries its label as an attribute of
-its own, which the blocks' material writes into a value pass.
+its own, which the rocks' material writes into a value pass.
 """
 
 from __future__ import annotations
@@ -84,9 +84,9 @@ def _set_attribute(mesh: bpy.types.Mesh, name: str, data_type: str, values: np.n
 
 def build_rocks(name: str, rocks: Rocks, shapes: Sequence[Sequence[Shape]], material: bpy.types.Material,
                 tag: str) -> bpy.types.Object:
-    """The object whose points carry the blocks; ``parts_of`` gives what else it needs.
+    """The object whose points carry the rocks; ``parts_of`` gives what else it needs.
 
-    A block's label is its place in the order of size, largest first. Everything but the object
+    A rock's label is its place in the order of size, largest first. Everything but the object
     itself is marked with the custom property ``tag``.
     """
     number = rocks.level * len(shapes[0]) + rocks.shape
@@ -111,7 +111,7 @@ def build_rocks(name: str, rocks: Rocks, shapes: Sequence[Sequence[Shape]], mate
 
 
 def parts_of(item: bpy.types.Object, tag: str) -> list[Any]:
-    """Node groups, collections and shape objects that the blocks of an object are made with; of others, none."""
+    """Node groups, collections and shape objects that the rocks of an object are made with; of others, none."""
     groups = [m.node_group for m in item.modifiers if m.type == "NODES" and m.node_group and tag in m.node_group]
     libraries = [socket.default_value for group in groups for node in group.nodes for socket in node.inputs
                  if socket.type == "COLLECTION" and socket.default_value]

@@ -132,7 +132,7 @@ def build_mesh_from_arrays(name: str, positions: np.ndarray, faces: np.ndarray,
 
 
 def fill_mesh(mesh: bpy.types.Mesh, positions: np.ndarray, faces: np.ndarray) -> None:
-    """Give a mesh other geometry, as ``mesh_from_arrays``; where only positions differ, its faces are kept."""
+    """Give a mesh other geometry, as ``build_mesh_from_arrays``; where only positions differ, its faces are kept."""
     if (len(mesh.vertices), len(mesh.polygons)) == (len(positions), len(faces)):
         mesh.attributes["position"].data.foreach_set("vector", np.ascontiguousarray(positions, np.float32).ravel())
         mesh.update()

@@ -1,4 +1,4 @@
-"""The person's own ground: a mesh or height map from a file, placed where the settings say."""
+"""The user's own ground: a mesh or height map from a file, placed where the settings state."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ SUFFIXES = (*mesh_file.FORMATS, *import_heights.SUFFIXES)
 @dataclass(frozen=True)
 class UserGround:
     """A ground from a file: vertices (n, 3) and faces (m, 3 or 4), the surface to stand on, what was
-    found (``report``), what a person should know (``warnings``), and the UV coordinates (m, 3, 2) of the
+    found (``report``), what the user should know (``warnings``), and the UV coordinates (m, 3, 2) of the
     corners, if it has any."""
 
     positions: np.ndarray
@@ -85,7 +85,7 @@ def file_of(settings: Settings) -> Path:
 
 
 def cost_warnings(settings: Settings) -> list[str]:
-    """What a person should hear before the ground is loaded, because it takes long or much memory."""
+    """What the user should hear before the ground is loaded, because it takes long or much memory."""
     if settings.source.kind != "MESH":
         return []
     path = file_of(settings)
@@ -113,21 +113,21 @@ def _metres(values: Any) -> str:
     return ", ".join(f"{float(v):.6g}" for v in values)
 
 
-def _check_size(path: Path, extents_m: np.ndarray, mend: str, mend_height: str) -> list[str]:
+def _check_size(path: Path, extents_m: np.ndarray, fix: str, fix_height: str) -> list[str]:
     """Refuse absurd extents; warn of unlikely ones."""
     widest, relief = float(max(extents_m[:2])), float(extents_m[2])
     if not _SMALLEST_M <= widest <= _LARGEST_M:
         raise IcyMoonError(f"{path}: is {widest:.3g} m wide, which is no landing site ({_SMALLEST_M:g} to "
-                           f"{_LARGEST_M:g} m); {mend}")
+                           f"{_LARGEST_M:g} m); {fix}")
     if not relief <= _LARGEST_M:
         raise IcyMoonError(f"{path}: has a relief of {relief:.3g} m, which is no landing site ({_LARGEST_M:g} m at "
-                           f"most); {mend_height}")
+                           f"most); {fix_height}")
     warnings = []
     if not _UNLIKELY_M[0] <= widest <= _UNLIKELY_M[1]:
-        warnings.append(f"{path.name} is {widest:.3g} m wide; if its unit is not what you meant, {mend}")
+        warnings.append(f"{path.name} is {widest:.3g} m wide; if its unit is not what you meant, {fix}")
     if relief > _UNLIKELY_RELIEF * widest:
         warnings.append(f"{path.name} has a relief of {relief:.3g} m on {widest:.3g} m; if its unit is not what you "
-                        f"meant, {mend_height}")
+                        f"meant, {fix_height}")
     return warnings
 
 
@@ -150,16 +150,16 @@ def _load_mesh(path: Path, settings: Settings) -> UserGround:
         raise IcyMoonError(f"{path}: none of its {len(positions)} vertices is a number; export the mesh again.")
     warnings = _coarse_coordinates(path, positions)
     if kind == "USD" and not compat.applies_usd_unit():
-        warnings.append(f"This Blender takes the units of {path.name} for metres, whatever the file says; set "
+        warnings.append(f"This Blender takes the units of {path.name} for metres, whatever the file states; set "
                         "source.scale if they are not.")
     positions, axis = turned_up(positions * source.scale, kind, source.up_axis)
     before = check.examine(positions, faces)
     warnings += _check_size(path, np.array(before.extents_m), "set source.scale (0.001 for millimetres).",
-                            "mend the vertices that stand out.")
+                            "fix the vertices that stand out.")
     if before.area_m2 <= 0.0 or before.degenerate_faces == before.triangles:
         raise IcyMoonError(f"{path}: all its {before.triangles} faces are without area; export the mesh again.")
     if before.non_finite_vertices and not source.repair:
-        raise IcyMoonError(f"{path}: {before.non_finite_vertices} vertices are not numbers; set source.repair or mend "
+        raise IcyMoonError(f"{path}: {before.non_finite_vertices} vertices are not numbers; set source.repair or fix "
                            "the mesh.")
     report = [f"{kind}, {axis} up, {source.scale:g} m per unit", *before.lines()]
     if source.repair:
@@ -218,7 +218,7 @@ def _coarse_coordinates(path: Path, positions: np.ndarray) -> list[str]:
 
 
 def _shift(positions: np.ndarray, source: SourceSettings) -> np.ndarray:
-    """What to add to the vertices so that the site's origin is where the settings say."""
+    """What to add to the vertices so that the site's origin is where the settings state."""
     shift = np.array([-source.origin_x_m, -source.origin_y_m, 0.0])
     if source.centre:
         low, high = positions.min(axis=0), positions.max(axis=0)
@@ -260,7 +260,7 @@ def _load_height_map(path: Path, settings: Settings, made_up: Callable[[Settings
 
 
 def _pixel_size(path: Path, read: import_heights.Heights, source: SourceSettings) -> tuple[float, float]:
-    """Metres per pixel (east, north): what the settings say, or else the file."""
+    """Metres per pixel (east, north): what the settings state, or else the file."""
     if source.metres_per_pixel > 0:
         return (source.metres_per_pixel,) * 2
     if read.pixel_m is None:

@@ -48,7 +48,7 @@ def build_lights(settings: Settings, sky: Sky, camera: bpy.types.Object) -> list
 
 
 def advice(sky: Sky, settings: Settings) -> list[str]:
-    """What a person should know of a dark sky, and of what is not in it."""
+    """What the user should know of a dark sky, and of what is not in it."""
     light, said = settings.light, []
     if sky.planet is not None and light.planet_rings and not sky.planet.rings:
         said.append("Only Saturn's rings are bright enough to be seen; light.planet_rings has no effect here.")
@@ -58,8 +58,8 @@ def advice(sky: Sky, settings: Settings) -> list[str]:
     if sum(sky.ground_irradiance_wm2) > 0 or (sky.sun_irradiance_wm2 > 0 and sky.sun_is_up and sky.eclipse < 1):
         return said
     if sky.sun_is_up and sky.eclipse >= 1:
-        mend = "move one of them" if light.directions_from == "ANGLES" else "choose another light.date_utc"
-        return [*said, f"The planet hides the Sun, which gives no light; {mend}."]
+        fix = "move one of them" if light.directions_from == "ANGLES" else "choose another light.date_utc"
+        return [*said, f"The planet hides the Sun, which gives no light; {fix}."]
     return [*said, "Neither Sun nor planet gives light; raise light.sun_elevation_deg or light.sun_irradiance_wm2."
             if light.directions_from == "ANGLES" else
             "Neither Sun nor planet gives light; choose another light.date_utc or site."]
@@ -67,7 +67,7 @@ def advice(sky: Sky, settings: Settings) -> list[str]:
 
 def change_lights(sun: bpy.types.Object, collection: bpy.types.Collection, settings: Settings,
                   sky: Sky) -> list[bpy.types.Object]:
-    """Give an existing Sun and the rest of the lights what settings say.
+    """Give an existing Sun and the rest of the lights what settings state.
 
     Returns the objects in ``collection`` that are to be removed; what replaces them is in it.
     """

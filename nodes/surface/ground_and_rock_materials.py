@@ -1,4 +1,4 @@
-"""What ground and blocks are made of, from the whole description."""
+"""What ground and rocks are made of, from the whole description."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from .textures import Textured
 
 
 def advice(settings: Settings) -> list[str]:
-    """What a person should know about the surfaces that the scene shows: sentences, none if all is well."""
+    """What the user should know about the surfaces that the scene shows: sentences, none if all is well."""
     shown = [rendered_surface(settings, topic) for topic in surface_topics(settings)]
     told = [principled.albedo_advice(surface) for surface in shown if surface.model == "PRINCIPLED"]
     textures = settings.textures
@@ -38,13 +38,13 @@ def refuse_without_uv(settings: Settings, has_uv: bool) -> None:
     textures, kind = settings.textures, settings.source.kind
     if not uses_uv(textures) or (has_uv and kind == "MESH"):
         return
-    which, mend = (("textures.set is MESH", "choose another textures.set") if textures.set == "MESH" else
+    which, fix = (("textures.set is MESH", "choose another textures.set") if textures.set == "MESH" else
                    ("textures.mapping is UV", "set textures.mapping to OBJECT"))
     if kind == "MESH":
         raise IcyMoonError(f"{used_files(settings)['source.file']}: has no UV coordinates that show an image, but "
-                           f"{which}; export it with them, or {mend}.")
+                           f"{which}; export it with them, or {fix}.")
     ground = "a height map" if kind == "HEIGHT_MAP" else "procedural ground"
-    raise IcyMoonError(f"{which}, but {ground} has no UV coordinates; {mend}, or stand on a mesh that has them "
+    raise IcyMoonError(f"{which}, but {ground} has no UV coordinates; {fix}, or stand on a mesh that has them "
                        "(source.kind).")
 
 
@@ -78,7 +78,7 @@ def _load_textures(settings: Settings, mesh: bpy.types.Mesh) -> Textured | None:
 
 
 def _load_rock_textures(settings: Settings, mesh: bpy.types.Mesh) -> Textured | None:
-    """The textures of blocks, which have no UV coordinates: in place of an image made for the ground they take its
+    """The textures of rocks, which have no UV coordinates: in place of an image made for the ground they take its
     mean over the ground, if they are made of the same."""
     textured = _load_textures(settings, mesh)
     if textured is None or textured.lie != "UV":
@@ -99,12 +99,12 @@ def _build_named_material(name: str, settings: Settings, topic: str, semantic: i
 
 
 def build_ground_material(settings: Settings, mesh: bpy.types.Mesh) -> bpy.types.Material:
-    """What the ground is made of that has this mesh. Raises IcyMoonError if a texture cannot be had."""
+    """What the ground is made of that has this mesh. Raises IcyMoonError if a texture is not available."""
     return _build_named_material("Surface", settings, "surface", TERRAIN, _load_textures(settings, mesh))
 
 
 def build_rock_material(settings: Settings, mesh: bpy.types.Mesh) -> bpy.types.Material:
-    """What the blocks on the ground of this mesh are made of. Raises IcyMoonError if a texture cannot be had."""
+    """What the rocks on the ground of this mesh are made of. Raises IcyMoonError if a texture is not available."""
     topic = "rock_surface" if settings.rocks.own_surface else "surface"
     ice = _build_named_material("Rock Surface", settings, topic, ROCK, _load_rock_textures(settings, mesh))
     label_instances(ice)

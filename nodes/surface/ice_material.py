@@ -1,4 +1,4 @@
-"""What ground and blocks are made of: snow and ice by the law of reflection that is chosen, with procedural grain."""
+"""What ground and rocks are made of: snow and ice by the law of reflection that is chosen, with procedural grain."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Images for surfaces: a person's own files, those that a mesh brings, and made-up sets.
+"""Images for surfaces: the user's own files, those that a mesh brings, and made-up sets.
 
 An image is loaded once, and found again by what it was made for.
 """
@@ -38,7 +38,7 @@ class Map:
 def load_maps(textures: TexturesSettings, files: Mapping[str, Path | MeshImage]) -> dict[str, Map]:
     """The maps that ``textures`` settings name, by kind; none if there is no texture.
 
-    ``files`` has the image of each kind of the person's own set, or of the mesh's. An image that is there already
+    ``files`` has the image of each kind of the user's own set, or of the mesh's. An image that is there already
     is taken again. Raises IcyMoonError if one cannot be read.
     """
     if textures.set == "NONE":
@@ -149,7 +149,7 @@ def _mean(path: Path, name: str, image: bpy.types.Image) -> np.ndarray:
     for some in np.array_split(pixels, 1 + pixels.size // _AT_ONCE):
         values = _linear(image, some)
         if not np.isfinite(values).all():
-            raise IcyMoonError(f"{path}: has pixels that are not numbers; mend the image or choose another for {name}.")
+            raise IcyMoonError(f"{path}: has pixels that are not numbers; fix the image or choose another for {name}.")
         total += values.sum(axis=(0, 1), dtype=np.float64)
     return total / (pixels.shape[0] * pixels.shape[1])
 

@@ -65,7 +65,7 @@ def add_grain(tree: Tree, where: Any, wavelength_m: float, place: Sequence[float
 def mark_elevation(mesh: bpy.types.Mesh, surface: SurfaceSettings,
                    drop_m: Callable[[np.ndarray, np.ndarray], np.ndarray] | None = None) -> None:
     """Give the vertices of a mesh their height above its mean plane in standard deviations, if ``surface``
-    settings ask for it; else take it from them. ``drop_m`` says by how much round ground falls at coordinates."""
+    settings ask for it; else take it from them. ``drop_m`` states by how much round ground falls at coordinates."""
     there = mesh.attributes.get(ELEVATION)
     if surface.trough_dirt == 0.0:
         if there is not None:
@@ -99,7 +99,7 @@ def _add_share(tree: Tree, label: str, value: Any, clean: float, dirty: float, s
 def add_brightness(tree: Tree, surface: SurfaceSettings, geometry: Any, fourth: float, elevated: bool) -> Any:
     """Grey factor on the clean ice's albedo, an output socket, or 1.0 if it is the same everywhere.
 
-    ``elevated`` says whether the mesh has elevations (blocks have none).
+    ``elevated`` states whether the mesh has elevations (rocks have none).
     """
     factors: list[Any] = []
     if surface.albedo_variation > 0.0:

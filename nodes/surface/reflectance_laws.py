@@ -73,7 +73,7 @@ class Grains:
 def choose_backend(hapke: HapkeSettings, device: str) -> tuple[bool, str, str]:
     """Whether Hapke's law is made of OSL, its level, and a sentence if that is not what was asked for.
 
-    Raises IcyMoonError if OSL is asked for and cannot be had.
+    Raises IcyMoonError if OSL is asked for and is not available.
     """
     asked, level = hapke.backend, hapke.accuracy
     why = ("" if compat.has_osl() else "this Blender was built without Open Shading Language") or (
@@ -90,7 +90,7 @@ def choose_backend(hapke: HapkeSettings, device: str) -> tuple[bool, str, str]:
 
 
 def uses_hapke(settings: Settings) -> bool:
-    """Whether the ground or the blocks reflect by Hapke's law."""
+    """Whether the ground or the rocks reflect by Hapke's law."""
     topics = ["surface"] + (["rock_surface"] if settings.rocks.own_surface else [])
     return any(settings[topic]["model"] == "HAPKE" for topic in topics)
 
@@ -103,7 +103,7 @@ def stand_in(settings: Settings) -> str:
 
 
 def advice(settings: Settings) -> list[str]:
-    """What a person should know of the surface that will be built. Raises IcyMoonError if it cannot be built."""
+    """What the user should know of the surface that will be built. Raises IcyMoonError if it cannot be built."""
     if not uses_hapke(settings):
         return []
     model.from_settings(settings.hapke)

@@ -1,6 +1,6 @@
 """Sun and planet as surfaces know them, and what lamps and scene need for such surfaces.
 
-See ``sunlit`` for the surfaces themselves.
+See ``reflectance_laws`` for the surfaces themselves.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ class Sun:
 
     @classmethod
     def from_lamp(cls, lamp: bpy.types.Object, world: Matrix) -> Sun:
-        """The Sun that a lamp is; ``world`` is its matrix, wherever a person has turned it."""
+        """The Sun that a lamp is; ``world`` is its matrix, wherever the user has turned it."""
         x, y, z = world.to_3x3().col[2].normalized()
         red, green, blue = (lamp.data.energy * band for band in lamp.data.color)
         return cls((x, y, z), (red, green, blue), lamp.data.angle)
@@ -78,7 +78,7 @@ def sun_inputs(sun: Sun) -> dict[str, Any]:
 
 
 def _find_own_node(material: bpy.types.Material, name: str, kind: str) -> Any:
-    """A node that was made here, or None; a person may have put another material in the place of ours."""
+    """A node that was made here, or None; the user may have put another material in the place of ours."""
     node = material.node_tree.nodes.get(name) if material.node_tree else None
     return node if node and node.bl_idname == kind else None
 

@@ -91,7 +91,7 @@ class Lying:
         return self._blended(kind, self._images(kind, of), of.mean)
 
     def sample_normal(self, of: Map) -> Any:
-        """Output socket of the surface's normal tilted as a normal map says (x right, y up, z out; OpenGL)."""
+        """Output socket of the surface's normal tilted as a normal map states (x right, y up, z out; OpenGL)."""
         raise NotImplementedError
 
 
@@ -186,7 +186,7 @@ class Pieces(Lying):
                               rotation_type="Z_AXIS", invert=back).outputs[0]
 
     def sample_normal(self, of: Map) -> Any:
-        """Output socket of the surface's normal tilted as a normal map says (x right, y up, z out; OpenGL)."""
+        """Output socket of the surface's normal tilted as a normal map states (x right, y up, z out; OpenGL)."""
         slopes = []
         for k, colour in enumerate(self._images("normal", of)):
             scaled = self.vector("SCALE", f"Normal {k} Doubled", colour, scale=2.0)

@@ -16,9 +16,7 @@ from icymoon.settings.table import TOPICS
 from icymoon.version import ROOT
 
 #: What still uses other words, by kind and by the beginning of its path. An entry that is no longer needed fails.
-NOT_YET: tuple[tuple[str, str], ...] = (
-    ("message", "nodes/"), ("message", "operators/"), ("message", "panels/"), ("message", "settings/"),
-    ("docstring", "nodes/"), ("docstring", "operators/"), ("docstring", "panels/"), ("docstring", "settings/"))
+NOT_YET: tuple[tuple[str, str], ...] = ()
 #: A row of the glossary: its word, its meaning, the words that are not used for it.
 _ROW = re.compile(r"^\| ([^|]+) \| ([^|]+) \|([^|]*)\|$", re.MULTILINE)
 _PAPER = ("Ramchander Bhaskara et al.", "Icy Moon Surface Simulation and Stereo Depth Estimation for Sampling Autonomy",

@@ -253,7 +253,7 @@ def test_edits_by_hand_stay(watched):
     (lambda b: setattr(b.camera.location, "x", 3.0), "rig.height_m", 2.0, "camera was edited"),
     (lambda b: setattr(b.terrain.data.materials[0].node_tree.nodes["Snow"].inputs["Roughness"], "default_value", 0.1),
      "surface.albedo", 0.3, "surface of the ground"),
-    (lambda b: setattr(blocks(b).data.vertices[0].co, "z", 3.0), "rocks.coverage", 0.1, "field of blocks")])
+    (lambda b: setattr(blocks(b).data.vertices[0].co, "z", 3.0), "rocks.coverage", 0.1, "field of rocks")])
 def test_each_edited_part_says_so_and_stays(watched, edit, name, value, said):
     built = scenes.find(watched)
     edit(built)

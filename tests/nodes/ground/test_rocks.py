@@ -1,4 +1,4 @@
-"""Ice blocks in Blender: the same every time, on the mesh, noticed when edited, gone when cleared."""
+"""Rocks in Blender: the same every time, on the mesh, noticed when edited, gone when cleared."""
 
 from __future__ import annotations
 
