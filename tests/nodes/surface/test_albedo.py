@@ -16,7 +16,7 @@ def measured(settings, **view) -> np.ndarray:
 
 
 def surface(**changes):
-    return {**defaults().surface, "grain_amplitude_m": 0.0, **check({"surface": changes}, "test").surface}
+    return defaults().surface | {"grain_amplitude_m": 0.0} | check({"surface": changes}, "test").surface
 
 
 @pytest.mark.parametrize("changes", [

@@ -19,7 +19,7 @@ def table(request):
 
 
 def surface(**changes):
-    return {**defaults().surface, "grain_amplitude_m": 0.0, **changes}
+    return defaults().surface | {"grain_amplitude_m": 0.0, **changes}
 
 
 def fresnel(index: float) -> float:
