@@ -36,7 +36,7 @@ def described(scene, tmp_path, monkeypatch):
     group.plan, group.folder, group.leave_running = str(tmp_path / "plan.toml"), str(tmp_path / "set"), False
     dataset.readout.update(plan="", lines=[], set_aside=[], last=None)
     yield scene
-    process = dataset.left_running(tmp_path / "running")
+    process = dataset.find_left_running(tmp_path / "running")
     if process is not None:
         process.stop()
 
@@ -147,7 +147,7 @@ def test_it_is_left_running_and_found_again(described, tmp_path):
     job, operator = started(described)
     described.icymoon.dataset.leave_running = True
     operator._job = job
-    dataset.ICYMOON_OT_render_dataset.watched(operator, SimpleNamespace(scene=described))
+    dataset.ICYMOON_OT_render_dataset.watch(operator, SimpleNamespace(scene=described))
     jobs.current = job
     jobs.stop_current()  # as when Blender closes
     assert jobs.current is None

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import bpy
+import edits
 import numpy as np
 import pytest
 from edits import (
@@ -28,6 +29,8 @@ from icymoon.nodes.datablocks.array_marks import mark
 from icymoon.nodes.datablocks.marks import Walk
 from icymoon.nodes.datablocks.stored_properties import LEFT_OUT, OF_THE_VIEW, why_left_out
 from rendering import complete, empty_scene
+
+built = edits.built  # a fixture
 
 
 def unsaved_paint(built):
