@@ -75,11 +75,6 @@ def pytest_pycollect_makemodule(module_path: Path, parent: pytest.Collector) -> 
                                                                                                   path=module_path)
 
 
-def pytest_itemcollected(item: pytest.Item) -> None:
-    if needs_blender(item.path):
-        item.add_marker(pytest.mark.usefixtures("registered"))
-
-
 @pytest.fixture(scope="session")
 def registered() -> Iterator[None]:
     """Icy Moon registered in Blender, once for all tests of a process."""
@@ -88,6 +83,13 @@ def registered() -> Iterator[None]:
     icymoon.register()
     yield
     icymoon.unregister()
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _registered_where_needed(request: pytest.FixtureRequest) -> None:
+    """Register Icy Moon before anything else of a room that needs Blender."""
+    if needs_blender(request.path):
+        request.getfixturevalue("registered")
 
 
 @pytest.fixture

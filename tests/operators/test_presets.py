@@ -145,7 +145,7 @@ def test_every_shipped_scene_has_a_picture_that_chooses_it(scene):
 
 def described(group) -> Settings:
     found = scene_properties.read_settings(group)
-    del found.dataset
+    del found["dataset"]
     return found
 
 
