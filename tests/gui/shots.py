@@ -111,7 +111,7 @@ def built() -> None:
     (FOLDER / "evaluation_scene" / "report.json").write_text(json.dumps({
         "summary": [row, {**row, "method": "sgbm"}], "rows": [],
         "provenance": {"created": "2038-06-01T12:00:00+00:00"}}))
-    module("operators.results").keep(
+    module("operators.results").keep_results(
         bpy.context.scene, "SCENE", module("scene_properties").read_settings(settings()), ["0" * 12])
     module("operators.dataset").readout.update(plan=settings().dataset.plan, lines=[
         "12 pairs", "about 3 min and 40 MB on this machine with 1 process"])
@@ -124,7 +124,7 @@ def built() -> None:
 def otherwise() -> None:
     """Other choices than the defaults: a mesh of one's own, images, planet by date, lens faults, landforms."""
     module("operators.jobs").current = None
-    module("operators.results").clear(bpy.context.scene)
+    module("operators.results").clear_results(bpy.context.scene)
     group = settings()
     for topic, key, value in (
             ("source", "kind", "MESH"), ("source", "detail", True), ("ridges", "height_m", 1.0),
