@@ -15,8 +15,6 @@ from icymoon.settings.description import read_toml
 from icymoon.settings.table import TOPICS
 from icymoon.version import ROOT
 
-#: What still uses other words, by kind and by the beginning of its path. An entry that is no longer needed fails.
-NOT_YET: tuple[tuple[str, str], ...] = ()
 #: A row of the glossary: its word, its meaning, the words that are not used for it.
 _ROW = re.compile(r"^\| ([^|]+) \| ([^|]+) \|([^|]*)\|$", re.MULTILINE)
 _PAPER = ("Ramchander Bhaskara et al.", "Icy Moon Surface Simulation and Stereo Depth Estimation for Sampling Autonomy",
@@ -103,19 +101,10 @@ def found() -> list[tuple[str, str, str]]:
     return [(kind, name, fault) for kind, name, text in _texts() for fault in faults(text)]
 
 
-def _is_not_yet(kind: str, name: str) -> bool:
-    return any(kind == other and name.startswith(beginning) for other, beginning in NOT_YET)
-
-
 @pytest.mark.parametrize("kind", ["page", "preset", "benchmark", "message", "docstring"])
 def test_words_are_those_of_the_glossary(kind):
-    bad = [f"{name}: {fault}" for each, name, fault in found() if each == kind and not _is_not_yet(each, name)]
+    bad = [f"{name}: {fault}" for each, name, fault in found() if each == kind]
     assert not bad, "\n".join(bad)
-
-
-@pytest.mark.parametrize(("kind", "beginning"), NOT_YET)
-def test_what_is_not_yet_done_is_not(kind, beginning):
-    assert any(each == kind and name.startswith(beginning) for each, name, _ in found()), "take it off NOT_YET"
 
 
 @pytest.mark.parametrize("page", sorted(manual.written()))
