@@ -14,7 +14,7 @@ from .commands.doctor import Finding
 from .errors import IcyMoonError
 from .files import parse_path
 from .render.cost import speed
-from .settings import trust
+from .settings import trust_boundary
 from .stereo.environment.install import is_unfinished
 from .stereo.environment.packages import PACKAGES
 from .system import venv_python
@@ -87,10 +87,10 @@ def own_matcher_arguments(methods: str) -> list[str]:
     preferences = _preferences()
     known = {item.name: item for item in preferences.matchers} if preferences else {}
     arguments = []
-    for name in trust.own_names(methods):
+    for name in trust_boundary.own_names(methods):
         if name not in known:
-            raise IcyMoonError(f"The matcher {trust.OWN}:{name} is not set up on this machine; add it under Own "
-                               "Matchers in the preferences of Icy Moon, or leave it out.")
+            raise IcyMoonError(f"The matcher {trust_boundary.OWN}:{name} is not set up on this machine; add it under "
+                               "Own Matchers in the preferences of Icy Moon, or leave it out.")
         arguments += [word for text in _matcher_texts(known[name]) for word in ("--own", text)]
     return arguments
 

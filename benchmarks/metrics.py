@@ -24,7 +24,7 @@ from icymoon.stereo.images.disparity_and_occlusion import visible_in_right
 from icymoon.stereo.matchers import match
 from icymoon.stereo.measure.by_pixel_class import sums_by_class, texture
 from icymoon.stereo.measure.depth_order import depth_order_disagreement, sampled_disagreement
-from icymoon.stereo.measure.guiss_metrics import reference_metrics
+from icymoon.stereo.measure.guiss_reference_code import reference_metrics
 from icymoon.stereo.measure.metrics import (
     depth_metrics,
     disparity_metrics,
@@ -33,7 +33,7 @@ from icymoon.stereo.measure.metrics import (
     total_metrics,
 )
 from icymoon.stereo.measure.prepare import load, prepare
-from icymoon.stereo.measure.row import common_numbers, depth_of, own_numbers
+from icymoon.stereo.measure.result_row import common_numbers, depth_of, own_numbers
 from icymoon.stereo.report.bootstrap import intervals
 
 

@@ -21,7 +21,7 @@ import numpy as np
 from icymoon.nodes.ground.terrain_mesh import build_mesh
 from icymoon.physics.terrain.fine_detail import relief
 from icymoon.physics.terrain.landforms import MAKERS
-from icymoon.physics.terrain.noise.bases import BASES
+from icymoon.physics.terrain.noise.bases_and_fractals import BASES
 from icymoon.physics.terrain.terrain import make_terrain
 from icymoon.settings import description
 from icymoon.typed_settings import Settings

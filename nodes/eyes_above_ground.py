@@ -9,9 +9,9 @@ import bpy
 import numpy as np
 from mathutils import Vector
 
-from ..physics import admission
-from ..physics.admission import LOWEST_M, buried_sentence, in_rock_sentence
-from .built import Built
+from ..physics import refused_scenes
+from ..physics.refused_scenes import LOWEST_M, buried_sentence, in_rock_sentence
+from .built_scene import Built
 from .datablocks.fingerprint import TAG
 from .rig import eye_poses
 
@@ -25,7 +25,7 @@ def reasons_when_built(built: Built, scene: bpy.types.Scene | None = None) -> li
     is not as fine under the camera as the images show. For ``scene`` see ``reasons``."""
     settings = built.settings
     graded = settings.source.kind == "PROCEDURAL" and settings.mesh.kind == "GRADED"
-    return list(admission.find_reasons(settings)) or ([] if graded else reasons(built, scene=scene))
+    return list(refused_scenes.find_reasons(settings)) or ([] if graded else reasons(built, scene=scene))
 
 
 def reasons(built: Built, turn_deg: float = 0.0, scene: bpy.types.Scene | None = None) -> list[str]:

@@ -8,13 +8,13 @@ from __future__ import annotations
 import bpy
 
 from ..errors import IcyMoonError
-from ..physics import admission
+from ..physics import refused_scenes
 from ..physics.camera.stereo_geometry import rounding_advice
 from ..settings import changes
 from ..typed_settings import Settings
 from . import preview
-from .built import SETTINGS, Built, find
-from .datablocks.user_files import content
+from .built_scene import SETTINGS, Built, find
+from .datablocks.blend_file_paths import content
 from .light.scene_lights import advice as light_advice
 from .light.scene_lights import described_sky
 from .scene import build
@@ -43,7 +43,7 @@ def adapt_scene(built: Built | None, settings: Settings) -> tuple[Built, bool]:
     built.remember(settings, {})
     warnings = [*ground_and_rock_materials.advice(settings), *reflectance_laws.advice(settings),
                 *light_advice(described_sky(settings), settings),
-                *rounding_advice(settings.rig, built.site_m), *admission.scene_advice(settings)]
+                *rounding_advice(settings.rig, built.site_m), *refused_scenes.scene_advice(settings)]
     now = find(bpy.context.scene)
     if now is None:
         raise IcyMoonError("A part of the built scene is gone; render the pair again.")

@@ -15,7 +15,7 @@ import numpy as np
 
 from ..errors import IcyMoonError
 from ..labels import TERRAIN_INSTANCE
-from ..physics import admission
+from ..physics import refused_scenes
 from ..physics.camera import blur
 from ..physics.camera.stereo_geometry import rounding_advice
 from ..physics.mesh.graded_ground import Graded
@@ -27,7 +27,7 @@ from ..physics.terrain.terrain import make_terrain as make_terrain
 from ..settings.description import merged
 from ..typed_settings import Settings
 from . import engine, eyes_above_ground
-from .built import (
+from .built_scene import (
     CONTENT,
     FINGERPRINT,
     GROUND,
@@ -47,11 +47,18 @@ from .built import (
     find_collection,
     measured_roughness,
 )
+from .datablocks.blend_file_paths import content
 from .datablocks.fingerprint import NAME, TAG, built_objects, instanced_objects, parts
-from .datablocks.user_files import content
 from .ground.heights_under import probe_heights
 from .ground.rocks import build_rocks
-from .ground.terrain_mesh import as_meshed, build_mesh, grid_heights, patch_heights, patch_roughness, site_wavelength_m
+from .ground.terrain_mesh import (
+    as_meshed,
+    build_mesh,
+    grid_heights,
+    patch_heights,
+    patch_roughness,
+    site_wavelength_m,
+)
 from .ground.user_ground import UserGround, is_from_file, load_ground
 from .keep_references import is_owned_elsewhere, owned_blocks, replace_block, set_owned_blocks, update_object
 from .light.scene_lights import ROLES, build_lights, described_sky
@@ -151,7 +158,7 @@ def _build_objects(
     """All objects of the scene (terrain, Sun, camera, then others), its sky, warnings, the user's own ground, and
     the height of the ground under the camera."""
     # What can be refused comes first: nothing has been made yet.
-    if said := admission.reasons_of_settings(settings):
+    if said := refused_scenes.reasons_of_settings(settings):
         raise IcyMoonError(" ".join(said))
     hapke_warnings = reflectance_laws.advice(settings)
     sky = described_sky(settings)
@@ -159,10 +166,10 @@ def _build_objects(
     ground_and_rock_materials.refuse_without_uv(settings, own is not None and own.uv is not None)
     ground: Surface = own.surface if own else as_meshed(ground_of(settings), settings)
     site_m, warnings = _site(settings, ground, own)
-    warnings += [*hapke_warnings, *rounding_advice(settings.rig, site_m), *admission.scene_advice(settings)]
+    warnings += [*hapke_warnings, *rounding_advice(settings.rig, site_m), *refused_scenes.scene_advice(settings)]
     if own is not None:
         if settings.rocks.coverage > 0:
-            admission.refuse_no_rocks(settings.rocks, ground.size_m, "source.file")
+            refused_scenes.refuse_no_rocks(settings.rocks, ground.size_m, "source.file")
         warnings += own.warnings
         mesh = own.build_mesh(f"{NAME} Terrain")
     else:

@@ -13,7 +13,7 @@ from .. import scene_properties
 from ..commands.sources import BY_HAND, DEFAULT, find_origins
 from ..errors import IcyMoonError
 from ..files import explain_disk_errors, write_text
-from ..nodes.datablocks.user_files import with_absolute_files
+from ..nodes.datablocks.blend_file_paths import with_absolute_files
 from ..preferences import extension_folder
 from ..render.cycles_settings import find_lack
 from ..settings import description

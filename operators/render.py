@@ -11,7 +11,7 @@ import bpy
 from .. import scene_properties
 from ..errors import IcyMoonError
 from ..nodes import scene as scenes
-from ..nodes.datablocks.user_files import with_absolute_files
+from ..nodes.datablocks.blend_file_paths import with_absolute_files
 from ..render.cycles_settings import check_possible
 from ..render.plans.planned_pair import PlannedPair, expand_headings
 from ..render.worker import render_pairs

@@ -13,7 +13,7 @@ import bpy
 from .. import compat, scene_properties
 from ..errors import IcyMoonError
 from ..files import write_text
-from ..nodes.datablocks.user_files import with_absolute_files
+from ..nodes.datablocks.blend_file_paths import with_absolute_files
 from ..nodes.scene import find
 from ..preferences import find_evaluator_python
 from ..render.cost import measure_speed, speed, tolerance

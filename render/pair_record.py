@@ -13,10 +13,10 @@ from .. import compat
 from ..labels import FIRST_ROCK_INSTANCE, INSTANCE_AOV, SEMANTIC, TERRAIN_INSTANCE
 from ..nodes.scene import Built
 from ..nodes.surface.sun_inputs import describe_hapke
-from ..physics import admission
+from ..physics import refused_scenes
 from ..physics.camera.blur import blur_of
 from ..physics.camera.lens_distortion import COEFFICIENTS, coefficients
-from ..physics.left_out import find_left_out
+from ..physics.scene_requirements import find_left_out
 from ..system import peak_memory_mib
 from ..version import version
 from .pairs.pair_folder import EYES, FORMAT, VERSION, StereoCamera
@@ -64,7 +64,7 @@ def pair_json(built: Built, planned: PlannedPair, poses: dict[str, np.ndarray], 
         "poses_rectified_to_world": {eye: poses[eye].tolist() for eye in EYES},
         "blur": blur.to_json() if blur else None,
         "light": _light_json(built, toward_sun),
-        "left_out": find_left_out(settings, built.sky), "advice": admission.scene_advice(settings),
+        "left_out": find_left_out(settings, built.sky), "advice": refused_scenes.scene_advice(settings),
         "channels": _channels(settings.quality.truth == "DEPTH"),
         "seeds": {"dataset": settings.dataset.seed, "render": planned.render_seed},
         "versions": {"blender": bpy.app.version_string, "python": platform.python_version(),

@@ -21,10 +21,10 @@ from mathutils import Matrix
 from .. import system
 from ..errors import DiskError, IcyMoonError
 from ..files import explain_disk_errors, part_of, sha256, write_json
+from ..formats.exr_add import add_planet
 from ..formats.exr_layout import is_whole
 from ..formats.exr_parts import join_files
 from ..formats.exr_pixels import drop_passes
-from ..formats.exr_sum import add_planet
 from ..labels import BEAUTY, TRUTH
 from ..nodes.light.sun_lamp import build_sky
 from ..nodes.rig import eye_poses, lens_values

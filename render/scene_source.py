@@ -15,7 +15,7 @@ from ..nodes import eyes_above_ground
 from ..nodes.ground.user_ground import cost_warnings
 from ..nodes.next_scene import adapt_scene
 from ..nodes.scene import Built
-from ..physics import admission
+from ..physics import refused_scenes
 from ..physics.camera.blur import blur_identity
 from ..settings import changes
 from ..settings.description import digest
@@ -52,7 +52,7 @@ class FixedScene:
         """Where this pair is rendered."""
         assert self._scene is not None
         cycles_settings.check_possible(planned.settings.quality)
-        _raise_reasons([*admission.reasons_of_settings(planned.settings),
+        _raise_reasons([*refused_scenes.reasons_of_settings(planned.settings),
                         *eyes_above_ground.reasons(self._built, planned.turn_deg, self._scene)])
         return self._built, self._scene, self._seconds
 
@@ -80,7 +80,7 @@ class ScenesFromSettings:
         start = time.perf_counter()
         before, self._built = self._built, None
         cycles_settings.check_possible(planned.settings.quality)
-        admission.refuse(planned.settings)
+        refused_scenes.refuse(planned.settings)
         shared = before is not None and _same_scene_and_light(before.settings, planned.settings)
         if not shared:  # what Cycles keeps is of no use any more
             self._held.close()

@@ -9,8 +9,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
-from ..physics.left_out import SURFACES, follows_walk
 from ..physics.mesh.grading import OF_THE_RIG
+from ..physics.scene_requirements import SURFACES, follows_walk
 from ..typed_settings import Parts, Settings
 from .table import TOPICS
 

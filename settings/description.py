@@ -24,7 +24,7 @@ from ..files import is_file, read_text, shorten
 from ..suggestions import nearest
 from ..typed_settings import Settings, typed, typed_table
 from ..version import is_newer, version
-from . import pair_ids, trust
+from . import pair_ids, trust_boundary
 from .table import TOPICS, Setting, Value
 
 PRESETS = Path(__file__).resolve().parents[1] / "presets"
@@ -104,7 +104,7 @@ def _checked(setting: Setting, value: Any, name: str, where: str, stored: bool) 
         names = [choice[0] for choice in setting.choices]
         if value not in names:
             raise IcyMoonError(f"{where}: {name} is {value!r}, {nearest(value, names, _LIKE)}")
-    if setting.kind == "text" and (fault := trust.fault(setting.trust, value)):
+    if setting.kind == "text" and (fault := trust_boundary.fault(setting.trust, value)):
         raise IcyMoonError(f"{where}: {name} {fault}")
     if setting.kind in ("int", "float"):
         _check_range(setting, value, name, where, stored)
@@ -128,7 +128,7 @@ def check(data: Mapping[str, Any], where: str, stored: bool = False) -> Settings
     all was accepted then, a value may lie outside of today's range, settings of how to run that are of no use here are
     left out, and settings that there are no more stay.
     Raises IcyMoonError for an unknown topic or key, a wrong type, a value out of range, or a text that names what
-    only the user may (see ``trust``).
+    only the user may (see ``trust_boundary``).
     """
     checked: dict[str, dict[str, Any]] = {}
     for topic, key, value in _stated(data, where):

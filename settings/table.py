@@ -14,7 +14,7 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
-from . import trust
+from . import trust_boundary
 
 Value = bool | int | float | str | list[dict[str, Any]]
 
@@ -40,10 +40,10 @@ class Setting:
     subtype: str = "NONE"
     precision: int = 3
     entries: tuple[Setting, ...] = ()  # of a list of tables, the settings of each table
-    trust: str = ""  # of a text, which of ``trust.CLASSES`` it is
+    trust: str = ""  # of a text, which of ``trust_boundary.CLASSES`` it is
 
     def __post_init__(self) -> None:
-        if (self.kind == "text") != (self.trust in trust.CLASSES):
+        if (self.kind == "text") != (self.trust in trust_boundary.CLASSES):
             raise ValueError(f"{self.key} must state as trust what a text of it may name, and only a text may.")
 
     @property

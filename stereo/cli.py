@@ -149,7 +149,7 @@ def _run_match(parsed: argparse.Namespace) -> int:
 
 def _run_metrics(parsed: argparse.Namespace) -> int:
     packages.require("numpy")
-    from .measure.of_files import measure_files
+    from .measure.measure_files import measure_files
 
     numbers = measure_files(parsed.prediction, parsed.disparity, parsed.truth, parsed.focal_baseline, parsed.guiss)
     _print_json_line({key: value if math.isfinite(value) else None for key, value in numbers.items()})

@@ -27,7 +27,7 @@ from .export.points import add_points, pose_of
 from .matchers import complete_options, match
 from .matchers.methods import Method
 from .measure.prepare import Prepared, distinct_pairs, prepare
-from .measure.row import COMMON_NUMBERS, NUMBERS, common_numbers, own_numbers
+from .measure.result_row import COMMON_NUMBERS, NUMBERS, common_numbers, own_numbers
 from .report.results import ROW, find_facts, write_results
 from .report.row_log import Row, RowLog
 

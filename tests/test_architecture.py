@@ -120,7 +120,7 @@ def test_imports_go_down(path):
     ("physics.camera.point_spread", {"stereo.trade.measure_variants", "commands.cli"}),
     ("physics.camera.point_spread", {"settings", "settings.table"}), ("errors", {"files"}),
     ("render.plans.order", {"render.workers.claims"}), ("nodes.scene", {"render.worker"}),
-    ("stereo.measure.metrics", {"stereo.report.html"}), ("physics.light.sky", {"physics.left_out"})])
+    ("stereo.measure.metrics", {"stereo.report.html"}), ("physics.light.sky", {"physics.scene_requirements"})])
 def test_an_import_upwards_is_found(module, used):
     assert upward(module, used) == sorted(used - {"settings"})
 

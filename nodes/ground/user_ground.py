@@ -21,7 +21,7 @@ from ...physics.mesh.mesh_heights import MeshGround
 from ...physics.surfaces.textures import uses_uv
 from ...physics.terrain.fine_detail import displace
 from ...typed_settings import Settings, SourceSettings
-from ..datablocks.user_files import used_files
+from ..datablocks.blend_file_paths import used_files
 from . import import_heights
 from .import_mesh import read_mesh
 from .terrain_mesh import build_mesh_from_arrays, shortest_wavelength_m

@@ -9,12 +9,12 @@ from typing import Any
 import bpy
 
 from ...physics.camera.stereo_geometry import focal_px
-from ...physics.left_out import planet_gives_light
 from ...physics.light.saturn_rings import ring_mesh
 from ...physics.light.sky import Sky, check_body, sky_facts
 from ...physics.light.sky import sky as sky_of
 from ...physics.light.stars import stars_above_horizon
 from ...physics.light.sunlight import sun_colour
+from ...physics.scene_requirements import planet_gives_light
 from ...typed_settings import Settings
 from ..datablocks.fingerprint import NAME, TAG
 from .celestial_meshes import build_planet, build_rings, build_stars

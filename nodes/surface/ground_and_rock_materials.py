@@ -10,12 +10,12 @@ from ...errors import IcyMoonError
 from ...formats import mesh_images
 from ...formats.mesh_images import MeshImage
 from ...labels import ROCK, TERRAIN, UV_LAYER
-from ...physics.left_out import rendered_surface, surface_topics
+from ...physics.scene_requirements import rendered_surface, surface_topics
 from ...physics.surfaces import principled
 from ...physics.surfaces.textures import uses_uv
 from ...typed_settings import Settings
+from ..datablocks.blend_file_paths import used_files
 from ..datablocks.fingerprint import NAME, TAG
-from ..datablocks.user_files import used_files
 from ..ground.rocks import label_instances
 from .ice_material import build_material
 from .images import load_maps, measure_means

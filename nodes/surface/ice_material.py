@@ -10,8 +10,8 @@ import bpy
 
 from ... import compat
 from ...labels import NORMAL_AOV, TERRAIN
-from ...physics.left_out import only_camera_meets_relief
 from ...physics.random_numbers.seeds import generator
+from ...physics.scene_requirements import only_camera_meets_relief
 from ...physics.surfaces import principled
 from ...physics.surfaces.hapke import from_settings
 from ...settings.table import TOPICS

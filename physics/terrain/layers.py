@@ -1,8 +1,8 @@
 """Extra layers of fractal noise on the ground, each of a stated RMS height.
 
-A layer is a fractal sum (``bases.FRACTALS``) over octaves of a noise (``bases.BASES``), optionally with
-its domain warped. Sum and noise have their own mean and range, so a layer is brought to zero mean and
-unit RMS on points of its own, which depend neither on the patch nor on the mesh.
+A layer is a fractal sum (``FRACTALS``) over octaves of a noise (``BASES``), optionally with its domain warped. Sum and
+noise have their own mean and range, so a layer is brought to zero mean and unit RMS on points of its own, which depend
+neither on the patch nor on the mesh.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from ...typed_settings import TerrainLayer
-from .noise.bases import BASES, FRACTALS
+from .noise.bases_and_fractals import BASES, FRACTALS
 from .noise.lattice_noise import gradient_noise
 from .roughness.roughness import carried_share
 from .roughness.structure_function import NOISE_DEVIATION

@@ -8,7 +8,7 @@ from functools import lru_cache
 from typing import Any
 
 from ...errors import IcyMoonError
-from ...physics.left_out import surface_topics
+from ...physics.scene_requirements import surface_topics
 from ...typed_settings import QualitySettings, Settings
 from ..workers.job import blender_command
 from ..workers.process import Process

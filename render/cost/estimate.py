@@ -16,8 +16,8 @@ from typing import Any
 
 from ...errors import IcyMoonError
 from ...formats import mesh_file
-from ...physics.left_out import only_camera_meets_relief, rendered_surface, surface_topics
 from ...physics.mesh.grading import grade
+from ...physics.scene_requirements import only_camera_meets_relief, rendered_surface, surface_topics
 from ...physics.terrain.terrain import make_terrain
 from ...settings import changes
 from ...settings.user_files import used_files

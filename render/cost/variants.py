@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from ...errors import IcyMoonError
-from ...physics.left_out import follows_walk, relief_of_camera_alone, surface_topics, walk_px
+from ...physics.scene_requirements import follows_walk, relief_of_camera_alone, surface_topics, walk_px
 from ...physics.surfaces.hapke import HapkeParameters, bidirectional_reflectance
 from ...physics.surfaces.photometry import hemispherical_albedo
 from ...settings.description import merged

@@ -11,10 +11,10 @@ from pathlib import Path
 
 from ...errors import IcyMoonError
 from ...formats.toml_lines import Place
-from ...physics import admission
-from ...physics.admission import Reason
+from ...physics import refused_scenes
 from ...physics.camera.blur import blur_identity
 from ...physics.random_numbers.seeds import stream
+from ...physics.refused_scenes import Reason
 from ...physics.terrain.sites import RockyGround, make_rocky_ground
 from ...settings.description import beside, defaults, digest, merged
 from ...settings.table import TOPICS, all_settings
@@ -26,7 +26,7 @@ from .sweeps import Sweep, Variation, check_pair_count
 
 #: Grounds that a plan is checked on before it is rendered.
 MOST_GROUNDS = 200
-#: Topics that ``admission.reasons_of_settings`` asks, and what it asks of the terrain.
+#: Topics that ``refused_scenes.reasons_of_settings`` asks, and what it asks of the terrain.
 _OF_SETTINGS = ("source", "surface", "rock_surface", "hapke", "textures", "rocks", "light")
 _OF_TERRAIN = ("size_m", "body_radius_m")
 _GEOMETRY = [(topic, s.key) for topic, s in all_settings() if s.effect == "geometry"]
@@ -236,7 +236,7 @@ def _find_refusals(made: list[_Combination], grounds: _Grounds) -> list[IcyMoonE
         key = json.dumps([each.settings[topic] for topic in _OF_SETTINGS]
                          + [each.settings.terrain[name] for name in _OF_TERRAIN])
         if key not in known:
-            known[key] = admission.reasons_of_settings(each.settings)
+            known[key] = refused_scenes.reasons_of_settings(each.settings)
         found.append(list(known[key]))
         if each.settings.source.kind == "PROCEDURAL" and _geometry_key(each.settings) in looked_at:
             try:
@@ -252,11 +252,11 @@ def _find_refusals(made: list[_Combination], grounds: _Grounds) -> list[IcyMoonE
 
 def _check_eyes(ground: RockyGround, made: list[_Combination]) -> list[Reason | None]:
     try:
-        found = admission.reasons_of_eyes(ground, [each.settings.rig for each in made])
+        found = refused_scenes.reasons_of_eyes(ground, [each.settings.rig for each in made])
     except IcyMoonError as error:  # sizes of rocks that contradict each other
         return [Reason(str(error)) for _ in made]
     for each, reason in zip(made, found, strict=True):
-        if reason is not None and reason.names == admission.OUTSIDE:
+        if reason is not None and reason.names == refused_scenes.OUTSIDE:
             raise _at_place(IcyMoonError(reason), each.place_of(*reason.names))
     return found
 

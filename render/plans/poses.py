@@ -13,8 +13,8 @@ import numpy as np
 
 from ...errors import IcyMoonError
 from ...formats.toml_lines import Place
-from ...physics.admission import LOWEST_M
 from ...physics.light.directions import toward
+from ...physics.refused_scenes import LOWEST_M
 from ...physics.terrain.sites import RockyGround
 from ...typed_settings import Settings
 from .planned_pair import turned_heading_deg

@@ -10,7 +10,7 @@ import numpy as np
 from ..images.colours import ERROR
 from ..images.image_files import write_bytes
 from ..measure.prepare import Prepared
-from ..measure.row import depth_of
+from ..measure.result_row import depth_of
 
 #: Most points of one pair; of a larger image every second, third and so on row and column is taken.
 MOST_POINTS = 60_000

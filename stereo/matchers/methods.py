@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from ...errors import IcyMoonError
-from ...settings.trust import OWN, OWN_NAME, listed
+from ...settings.trust_boundary import OWN, OWN_NAME, listed
 from ...suggestions import nearest
 from . import MATCHERS, check_options
 

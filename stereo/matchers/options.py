@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from ...errors import IcyMoonError
-from ...settings.trust import LOADS
+from ...settings.trust_boundary import LOADS
 from ...suggestions import nearest
 
 
@@ -16,7 +16,7 @@ class Option:
     """One option: a whole number (any number if the default is a float), one of ``choices``, or text.
 
     ``opencv`` is its name in OpenCV's manual, which is accepted too. An option that is text must be one of
-    ``trust.LOADS``, which no scene and no file may set.
+    ``trust_boundary.LOADS``, which no scene and no file may set.
     """
 
     key: str
@@ -31,8 +31,8 @@ class Option:
     def __post_init__(self) -> None:
         is_text = isinstance(self.default, str) and not self.choices
         if is_text != (self.key in LOADS) or (is_text and self.opencv):
-            raise ValueError(f"{self.key}: options that are text, and only these, are in trust.LOADS, without a second "
-                             "name.")
+            raise ValueError(f"{self.key}: options that are text, and only these, are in trust_boundary.LOADS, "
+                             "without a second name.")
 
     @property
     def range(self) -> str:

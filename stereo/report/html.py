@@ -22,7 +22,7 @@ from ...settings.description import to_toml
 from ..images import colours
 from ..images.image_files import encoded, read_png
 from ..matchers.methods import Method
-from ..measure.row import REGION_METRICS, REGIONS
+from ..measure.result_row import REGION_METRICS, REGIONS
 from .by_setting import Sweep
 from .charts import MOST_SWEEPS, draw_charts
 from .phase_curves import phase_curves

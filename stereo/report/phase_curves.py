@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ...physics import left_out
+from ...physics import scene_requirements
 from ...physics.surfaces import albedos, photometry
 from ...typed_settings import HapkeSettings, SurfaceSettings, typed
 
@@ -22,7 +22,7 @@ def phase_curves(pairs: Iterable[Mapping[str, Any]]) -> dict[str, np.ndarray]:
     found: dict[str, np.ndarray] = {}
     for pair in pairs:
         settings = typed(pair["settings"])
-        for topic in left_out.surface_topics(settings):
+        for topic in scene_requirements.surface_topics(settings):
             surface, hapke = settings[topic], settings.hapke
             name = _law_name(surface, hapke)
             if len(found) == MOST:

@@ -19,7 +19,7 @@ from ..environment import packages
 from ..matchers import complete_options
 from ..matchers.methods import Method
 from ..measure.metrics import ERROR_STEPS_M, SHARES
-from ..measure.row import NUMBERS, REGIONS
+from ..measure.result_row import NUMBERS, REGIONS
 from .by_setting import scene_of, swept_settings
 from .html import choose_pairs, write_report
 from .row_log import LazyRows, Row, RowLog

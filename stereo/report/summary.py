@@ -10,7 +10,7 @@ import numpy as np
 
 from ..measure import by_pixel_class
 from ..measure.metrics import BAD, ERROR_STEPS_M, SHARES
-from ..measure.row import NUMBERS, REGION_METRICS
+from ..measure.result_row import NUMBERS, REGION_METRICS
 from .bootstrap import clusters_of, intervals
 
 #: Metrics that are means over pixels, so that the pixels of all pairs can be pooled. The scale-invariant and order

@@ -9,7 +9,7 @@ import pytest
 from icymoon.stereo.evaluate import evaluate
 from icymoon.stereo.matchers.methods import parse_methods
 from icymoon.stereo.measure.prepare import prepare
-from icymoon.stereo.measure.row import NUMBERS, common_numbers, own_numbers
+from icymoon.stereo.measure.result_row import NUMBERS, common_numbers, own_numbers
 
 pytestmark = pytest.mark.filterwarnings("error")
 

@@ -277,7 +277,7 @@ def test_the_preview_moves_the_planet_and_takes_it_away():
 
 
 def test_a_pair_is_named_by_what_its_kernels_hold(tmp_path):
-    from icymoon.nodes.datablocks.user_files import content, with_absolute_files
+    from icymoon.nodes.datablocks.blend_file_paths import content, with_absolute_files
 
     described = complete({"light": {"directions_from": "KERNELS", "kernels": str(tmp_path)}})
     (tmp_path / "a.tls").write_text("one")

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from icymoon.physics.terrain.noise import lattice_noise, voronoi
-from icymoon.physics.terrain.noise.bases import BASES
+from icymoon.physics.terrain.noise.bases_and_fractals import BASES
 from icymoon.physics.terrain.roughness.structure_function import NOISE_DEVIATION, structure
 
 COORDINATE = st.floats(-1e6, 1e6) | st.integers(-1000, 1000).map(float)

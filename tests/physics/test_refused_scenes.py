@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from icymoon.errors import IcyMoonError
-from icymoon.physics import admission
+from icymoon.physics import refused_scenes
 from icymoon.physics.surfaces.hapke import HapkeParameters, bidirectional_reflectance, from_settings
 from icymoon.physics.terrain.sites import make_rocky_ground
 from icymoon.physics.terrain.terrain import make_terrain
@@ -35,24 +35,24 @@ def test_an_eye_in_the_ground_is_refused_and_admitted_from_where_it_is_above():
     # As the rig is described: the right eye is east of the left one and as high, the left one over the origin.
     rise = float(ground.heights(0.3, 0.0) - ground.heights(0.0, 0.0))
     assert rise > 0.1
-    (said,) = admission.find_reasons(settings)
+    (said,) = refused_scenes.find_reasons(settings)
     assert is_sentence(said)
     assert f"right eye {rise - 0.1:.3g} m under the ground" in said
     assert "rig.height_m (0.1 m)" in said
     for above_m, admitted in ((0.5e-3, False), (2e-3, True)):  # of the least height, a millimetre
         near = complete(UNDERGROUND, {"rig": {"height_m": rise + above_m}})
-        assert bool(admission.find_reasons(near)) != admitted
+        assert bool(refused_scenes.find_reasons(near)) != admitted
 
 
 def test_rocks_of_which_none_fits_are_refused():
     """Of 25 m² 30 % are under rocks of 1963 m²: 0.004 rocks."""
     none = complete({"terrain": {"size_m": 5.0}, "rocks": {"coverage": 0.3, "smallest_m": 50.0, "largest_m": 50.0}})
-    (said,) = admission.find_reasons(none)
+    (said,) = refused_scenes.find_reasons(none)
     assert is_sentence(said)
     assert "0.0038 rocks" in said
     # As many as there are then: those that the build draws.
     some = complete(none, {"rocks": {"smallest_m": 2.0, "largest_m": 2.0}, "terrain": {"rms_slope_deg": 0.0}})
-    assert not admission.find_reasons(some)
+    assert not refused_scenes.find_reasons(some)
     rocks = make_rocky_ground(some).rocks
     assert rocks is not None
     assert len(rocks.diameter_m) == round(0.3 * 25 / np.pi)
@@ -71,19 +71,19 @@ def returned(parameters, incidence_deg):
     {"w": 1.0, "b": 0.9, "c": 1.0, "theta_bar_deg": 0.0}, {"filling_factor": 0.75}])
 def test_ice_that_makes_light_is_refused_up_to_the_w_that_is_advised(hapke):
     settings = complete({"surface": {"model": "HAPKE"}, "hapke": hapke})
-    (said,) = admission.find_reasons(settings)
+    (said,) = refused_scenes.find_reasons(settings)
     assert is_sentence(said)
     parameters = from_settings(settings["hapke"])
-    share, incidence_deg = admission.returned_share(parameters)
+    share, incidence_deg = refused_scenes.returned_share(parameters)
     assert f"{share:.3g} times" in said
     # 100 000 directions, of which few hold the peak: 2 %.
     assert returned(parameters, incidence_deg) == pytest.approx(share, rel=0.02)
     advised = float(said.split("lower hapke.w to ")[1].split()[0].rstrip("."))
     most = 1.045 if parameters.h_function == "1981" else 1.01
     for w, admitted in ((advised, True), (advised + 0.01, False)):
-        assert (admission.returned_share(replace(parameters, w=min(w, 1.0)))[0] <= most) == admitted
-    assert not admission.find_reasons(complete(settings, {"hapke": {"w": advised}}))
-    assert not admission.find_reasons(complete(settings,
+        assert (refused_scenes.returned_share(replace(parameters, w=min(w, 1.0)))[0] <= most) == admitted
+    assert not refused_scenes.find_reasons(complete(settings, {"hapke": {"w": advised}}))
+    assert not refused_scenes.find_reasons(complete(settings,
                                                {"surface": {"model": "LAMBERT"}}))  # which has no such parameters
 
 
@@ -94,16 +94,16 @@ def test_ice_that_makes_light_is_refused_up_to_the_w_that_is_advised(hapke):
     HapkeParameters(0.998, 0.39, 1.0, 0.21, 0.014, theta_bar=np.radians(6), h_function="1981"),
     HapkeParameters(0.97943, 0.39, 1.0, 1.256, 0.014, theta_bar=np.radians(6))])
 def test_parameters_that_were_published_are_admitted(parameters):
-    assert admission.returned_share(parameters)[0] <= (1.045 if parameters.h_function == "1981" else 1.01)
+    assert refused_scenes.returned_share(parameters)[0] <= (1.045 if parameters.h_function == "1981" else 1.01)
 
 
 def test_an_image_that_smooths_the_ice_counts():
     bright = {"surface": {"model": "HAPKE"}, "hapke": {"w": 1.0, "b": 0.3, "c": 1.0, "theta_bar_deg": 25.0,
                                                        "h_function": "2002"}}
     smoothing = complete(bright, {"hapke": {"theta_bar_range_deg": 50.0}})
-    assert not admission.find_reasons(complete(bright))
-    assert not admission.find_reasons(smoothing)  # without an image
-    assert admission.find_reasons(complete(smoothing, {"textures": {"set": "FROST"}}))
+    assert not refused_scenes.find_reasons(complete(bright))
+    assert not refused_scenes.find_reasons(smoothing)  # without an image
+    assert refused_scenes.find_reasons(complete(smoothing, {"textures": {"set": "FROST"}}))
 
 
 @pytest.mark.parametrize(("date", "admitted"), [
@@ -111,15 +111,15 @@ def test_an_image_that_smooths_the_ice_counts():
     ("2061-01-01T00:00:01", False), ("9999-01-01", False)])
 def test_a_date_of_years_that_are_not_known_is_refused(date, admitted):
     at = complete({"light": {"directions_from": "DATE", "date_utc": date}})
-    said = admission.find_reasons(at)
+    said = refused_scenes.find_reasons(at)
     assert bool(said) != admitted
     assert all(is_sentence(each) and date in each and "2060" in each for each in said)
-    assert not admission.find_reasons(complete(at, {"light": {"directions_from": "ANGLES"}}))
+    assert not refused_scenes.find_reasons(complete(at, {"light": {"directions_from": "ANGLES"}}))
 
 
 def test_all_reasons_are_said_at_once():
     with pytest.raises(IcyMoonError) as caught:
-        admission.refuse(complete(UNDERGROUND, {
+        refused_scenes.refuse(complete(UNDERGROUND, {
             "light": {"directions_from": "DATE", "date_utc": "1850-01-01"},
             "rock_surface": {"model": "HAPKE"}, "hapke": {"w": 1.0, "filling_factor": 0.7},
             "rocks": {"own_surface": True, "coverage": 0.01, "smallest_m": 90.0, "largest_m": 90.0}}))
@@ -129,19 +129,19 @@ def test_all_reasons_are_said_at_once():
 
 def test_what_may_be_meant_is_told_and_not_refused():
     up = complete({"rig": {"pitch_deg": -60.0}})
-    assert not admission.find_reasons(up)
-    assert "above the horizon" in admission.scene_advice(up)[0]
+    assert not refused_scenes.find_reasons(up)
+    assert "above the horizon" in refused_scenes.scene_advice(up)[0]
     wide = complete({"mesh": {"kind": "GRID"}, "terrain": {"resolution": 2, "size_m": 2000.0, "rms_slope_deg": 0.0}})
-    assert "2e+03 m wide" in admission.scene_advice(wide)[0]
-    assert not admission.find_reasons(wide)
-    assert not admission.scene_advice(complete())
+    assert "2e+03 m wide" in refused_scenes.scene_advice(wide)[0]
+    assert not refused_scenes.find_reasons(wide)
+    assert not refused_scenes.scene_advice(complete())
 
 
 @pytest.mark.parametrize("name", description.preset_names())
 def test_every_shipped_preset_is_admitted(name):
     settings = complete(description.load(description.preset_path(name)))
-    assert not admission.find_reasons(settings)
-    assert not admission.scene_advice(settings)
+    assert not refused_scenes.find_reasons(settings)
+    assert not refused_scenes.scene_advice(settings)
 
 
 PLAN = """[plan]
@@ -166,7 +166,7 @@ def test_a_plan_sets_aside_what_is_refused_and_keeps_the_others(tmp_path):
     assert 0 < len(refused) < 6
     for name, pair in pairs.items():  # the same as one that renders says of it, with the line
         assert refused.get(name,
-                           "").removeprefix(f"{file}, line 8: ") == " ".join(admission.find_reasons(pair.settings))
+                           "").removeprefix(f"{file}, line 8: ") == " ".join(refused_scenes.find_reasons(pair.settings))
     for options in ([], ["--dry-run"]):
         done = subprocess.run([sys.executable, str(ROOT / "__main__.py"), "plan", str(file), *options], text=True,
                               capture_output=True, timeout=120, check=False)

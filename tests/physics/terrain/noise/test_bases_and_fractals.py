@@ -8,7 +8,7 @@ import noise_reference as reference
 import numpy as np
 import pytest
 from icymoon.physics.terrain.layers import Layer, make_layer
-from icymoon.physics.terrain.noise.bases import BASES, FRACTALS
+from icymoon.physics.terrain.noise.bases_and_fractals import BASES, FRACTALS
 from icymoon.physics.terrain.roughness.statistics import power_spectrum, rms_deviation
 from icymoon.settings.table import LAYER
 from icymoon.typed_settings import TerrainLayer

@@ -17,9 +17,9 @@ import numpy as np
 from ..errors import IcyMoonError
 from ..typed_settings import RigSettings, RocksSettings, Settings
 from .camera.stereo_geometry import coarse_advice, ground_row
-from .left_out import surface_topics
 from .light.sky import check_body, sky
 from .rocks.size_laws import size_law
+from .scene_requirements import surface_topics
 from .surfaces.hapke import HapkeParameters, bidirectional_reflectance, from_settings
 from .surfaces.photometry import hemispherical_albedo
 from .terrain.sites import RockyGround, make_rocky_ground

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from icymoon.stereo.measure.guiss_metrics import depth_map_metrics, lattice, reference_metrics
+from icymoon.stereo.measure.guiss_reference_code import depth_map_metrics, lattice, reference_metrics
 from icymoon.stereo.measure.metrics import depth_metrics
 
 pytestmark = pytest.mark.filterwarnings("error")

@@ -9,7 +9,7 @@ import subprocess
 import sys
 
 import pytest
-from icymoon.physics import left_out
+from icymoon.physics import scene_requirements
 from icymoon.physics.light.sky import sky, sky_facts
 from icymoon.settings import changes, description
 from icymoon.version import ROOT
@@ -25,34 +25,35 @@ SNOW = {"surface": {"subsurface_weight": 1.0, "subsurface_radius_m": 0.005}}
 def test_the_nearest_ground_is_at_the_foot_of_the_image():
     rig = described({"rig": {"height_m": 2.0, "pitch_deg": 30.0, "focal_length_mm": 30.0, "sensor_width_mm": 60.0,
                              "width_px": 640, "height_px": 640}})["rig"]
-    assert left_out.nearest_m(rig) == pytest.approx(2.0 / math.sin(math.radians(30.0 + 45.0)))
-    assert left_out.nearest_m(rig | {"pitch_deg": 80.0}) == 2.0  # straight down is in the image
-    assert left_out.nearest_m(rig | {"pitch_deg": -60.0}) == 2.0  # no level ground is: be careful
-    assert left_out.nearest_m(rig | {"overscan": 1.0}) < left_out.nearest_m(rig)
+    assert scene_requirements.nearest_m(rig) == pytest.approx(2.0 / math.sin(math.radians(30.0 + 45.0)))
+    assert scene_requirements.nearest_m(rig | {"pitch_deg": 80.0}) == 2.0  # straight down is in the image
+    assert scene_requirements.nearest_m(rig | {"pitch_deg": -60.0}) == 2.0  # no level ground is: be careful
+    assert scene_requirements.nearest_m(rig | {"overscan": 1.0}) < scene_requirements.nearest_m(rig)
 
 
 def test_a_walk_is_worth_it_where_a_pixel_is_as_small():
     """5 mm at 1.6 m: 341 px of focal length make it 1.07 px, a tenth at ten times the height."""
     settings = described(SNOW)
-    assert left_out.walk_px(settings, "surface") == pytest.approx(0.005 * 341.33 / 1.6, rel=0.02)
-    assert left_out.follows_walk(settings, "surface")
+    assert scene_requirements.walk_px(settings, "surface") == pytest.approx(0.005 * 341.33 / 1.6, rel=0.02)
+    assert scene_requirements.follows_walk(settings, "surface")
     high = described(SNOW, {"rig": {"height_m": 20.0}})
-    assert not left_out.follows_walk(high, "surface")
-    assert left_out.rendered_surface(high, "surface") == high["surface"] | {"subsurface_weight": 0.0}
-    assert left_out.follows_walk(described(SNOW, {"rig": {"height_m": 20.0}, "quality": {"walk_px": 0.0}}), "surface")
-    assert not left_out.follows_walk(described({"quality": {"walk_px": 0.0}}), "surface")
-    assert not left_out.follows_walk(described(SNOW, {"surface": {"model": "LAMBERT"}}), "surface")
+    assert not scene_requirements.follows_walk(high, "surface")
+    assert scene_requirements.rendered_surface(high, "surface") == high["surface"] | {"subsurface_weight": 0.0}
+    exact = described(SNOW, {"rig": {"height_m": 20.0}, "quality": {"walk_px": 0.0}})
+    assert scene_requirements.follows_walk(exact, "surface")
+    assert not scene_requirements.follows_walk(described({"quality": {"walk_px": 0.0}}), "surface")
+    assert not scene_requirements.follows_walk(described(SNOW, {"surface": {"model": "LAMBERT"}}), "surface")
     assert changes.look(high) != changes.look(settings)
     assert changes.look(described(SNOW, {"rig": {"pitch_deg": 50.0}})) == changes.look(settings)
 
 
 def test_what_is_left_out_is_told_with_its_reason():
     plain = described()
-    assert left_out.find_left_out(plain, sky_facts(sky(plain["light"]))) == []
+    assert scene_requirements.find_left_out(plain, sky_facts(sky(plain["light"]))) == []
     own = described({"rocks": {"own_surface": True, "coverage": 0.1}, "rock_surface": SNOW["surface"],
                      "rig": {"height_m": 50.0}, "light": {"planet": True, "planet_elevation_deg": -50.0},
                      "quality": {"truth": "DEPTH"}})
-    said = left_out.find_left_out(own, sky_facts(sky(own["light"])))
+    said = scene_requirements.find_left_out(own, sky_facts(sky(own["light"])))
     assert [line.split(":")[0] for line in said] == ["rock_surface", "light", "truth"]
     assert "5 mm is 0.03" in said[0]
 

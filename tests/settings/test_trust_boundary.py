@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from icymoon.errors import IcyMoonError
 from icymoon.render.plans import frozen_plan
 from icymoon.render.plans.plan_file import read_plan
-from icymoon.settings import description, trust
+from icymoon.settings import description, trust_boundary
 from icymoon.settings.table import Setting, all_settings
 from icymoon.stereo.matchers import MATCHERS
 from icymoon.stereo.matchers.methods import parse_methods
@@ -27,7 +27,7 @@ REFUSED = "dataset.methods names a c.*only you may"
 def test_every_text_says_what_it_may_name():
     texts = {f"{topic}.{s.key}": s.trust for topic, s in all_settings() if s.kind == "text"}
     assert len(texts) > 5
-    assert set(texts.values()) == set(trust.CLASSES)
+    assert set(texts.values()) == set(trust_boundary.CLASSES)
     with pytest.raises(ValueError, match="must state"):
         Setting("program", "Program", "", "Something that is run", "run")
     with pytest.raises(ValueError, match="only a text may"):
@@ -39,7 +39,7 @@ def test_a_matcher_has_no_text_but_those_that_descriptions_may_not_set():
         Option("script", "", "Something that is run")
     with pytest.raises(ValueError, match="LOADS"):
         Option("command", 3, "Something that is counted", 0, 5)
-    assert {option.key for _, option in OPTIONS if option.range == "text"} == set(trust.LOADS)
+    assert {option.key for _, option in OPTIONS if option.range == "text"} == set(trust_boundary.LOADS)
 
 
 @pytest.mark.parametrize(("name", "option"), OPTIONS, ids=[f"{name}.{option.key}" for name, option in OPTIONS])
@@ -100,7 +100,7 @@ def test_what_passes_the_gate_gives_the_evaluator_no_program(text):
     except IcyMoonError:
         return
     for method in methods:
-        assert method.label.startswith("own:mine") or not set(method.options) & set(trust.LOADS)
+        assert method.label.startswith("own:mine") or not set(method.options) & set(trust_boundary.LOADS)
         assert method.options.get("command", "sh mine {left} {right} {out}") == "sh mine {left} {right} {out}"
 
 
@@ -111,7 +111,7 @@ def test_one_s_own_matcher_is_named_and_takes_harmless_options_from_a_descriptio
     assert (bm.name, bm.options) == ("bm", {})
     assert (mine.label, mine.name) == ("own:mine:timeout_s=5", "external")
     assert mine.options == {"command": r"sh C:\run,me.sh {left} {right} {out}", "format": "pfm", "timeout_s": "5"}
-    assert trust.own_names("bm, own:a:x=1,own:b,own:a") == ["a", "b"]
+    assert trust_boundary.own_names("bm, own:a:x=1,own:b,own:a") == ["a", "b"]
 
 
 @pytest.mark.parametrize(("text", "own", "said"), [

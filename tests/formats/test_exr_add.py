@@ -7,10 +7,10 @@ from functools import partial
 import numpy as np
 import OpenEXR
 import pytest
+from icymoon.formats.exr_add import add_planet
 from icymoon.formats.exr_layout import is_whole
 from icymoon.formats.exr_parts import join_files, read_pieces
 from icymoon.formats.exr_pixels import drop_passes
-from icymoon.formats.exr_sum import add_planet
 from icymoon.stereo.images.exr import read_light
 
 LIGHT = ("Combined", "Combined_Sun", "Combined_Planet")

@@ -10,7 +10,7 @@ import numpy as np
 from ...errors import IcyMoonError
 from ...physics.random_numbers.seeds import generator
 from .depth_order import depth_order_disagreement, sampled_disagreement
-from .guiss_metrics import depth_map_metrics, reference_metrics
+from .guiss_reference_code import depth_map_metrics, reference_metrics
 from .metrics import depth_metrics, disparity_metrics, total_metrics, usable
 
 SAMPLED_PAIRS = 300_000

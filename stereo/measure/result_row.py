@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from .by_pixel_class import sums_by_class
-from .guiss_metrics import METRICS as GUISS_METRICS
-from .guiss_metrics import reference_metrics
+from .guiss_reference_code import METRICS as GUISS_METRICS
+from .guiss_reference_code import reference_metrics
 from .metrics import (
     DEPTH_METRICS,
     DISPARITY_METRICS,
@@ -48,7 +48,7 @@ def depth_of(prepared: Prepared, disparity: np.ndarray) -> np.ndarray:
 def own_numbers(prepared: Prepared, disparity: np.ndarray, bm_min_disparity: int | None = None) -> dict[str, Any]:
     """OWN_NUMBERS except ``seconds``, and ``error_curve``, ``sparsification`` and ``strata``, of a disparity map.
 
-    ``bm_min_disparity``: see ``guiss_metrics.reference_metrics``.
+    ``bm_min_disparity``: see ``guiss_reference_code.reference_metrics``.
     """
     disparity = np.where(usable(disparity), disparity, np.nan)
     depth, truth = depth_of(prepared, disparity), prepared.truth

@@ -13,6 +13,7 @@ from ..settings.description import merged
 from ..settings.table import TOPICS
 from ..typed_settings import Parts, Settings, typed
 from . import engine
+from .datablocks.blend_file_paths import are_there, content, used_files
 from .datablocks.fingerprint import (
     MAKER,
     TAG,
@@ -25,7 +26,6 @@ from .datablocks.fingerprint import (
     updated_marks,
 )
 from .datablocks.marks import hashed
-from .datablocks.user_files import are_there, content, used_files
 from .light.scene_lights import ROLES, SKY
 from .remove import materials_of, with_parts
 from .surface import reflectance_laws
