@@ -21,7 +21,7 @@ import numpy as np
 from icymoon.nodes.scene import build
 from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.render.worker import render_pairs
-from icymoon.settings import description
+from icymoon.settings import description, preset_files
 from icymoon.stereo.matchers import match
 from icymoon.stereo.measure.prepare import load
 
@@ -62,7 +62,7 @@ def main(arguments: list[str]) -> None:
     icymoon.register()
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     base = description.merged(
-        description.defaults(), description.load(description.preset_path("enceladus_block_field")),
+        description.defaults(), preset_files.load_preset("enceladus_block_field"),
         {"rig": {"width_px": width, "height_px": width * 3 // 4, "motion_exposure_s": SECONDS},
          "quality": {"samples": samples, "threads": 1}})
     built = build(bpy.context.scene, base)

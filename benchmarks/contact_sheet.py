@@ -20,7 +20,7 @@ import numpy as np
 from icymoon.nodes.scene import build
 from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.render.worker import render_pairs
-from icymoon.settings import description
+from icymoon.settings import description, preset_files
 from icymoon.stereo.images.develop import grey
 from icymoon.stereo.images.exr import read_view
 
@@ -34,8 +34,8 @@ COLUMNS, LABEL_PX = 4, 18
 
 def picture(preset: str, folder: Path) -> np.ndarray:
     """The left image (rows, columns) of a preset as 8-bit grey values, with its name below."""
-    snow = description.load(description.preset_path("surfaces/fresh_snow"))
-    settings = description.merged(description.defaults(), snow, description.load(description.preset_path(preset)), VIEW)
+    snow = preset_files.load_preset("surfaces/fresh_snow")
+    settings = description.merged(description.defaults(), snow, preset_files.load_preset(preset), VIEW)
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     built = build(bpy.context.scene, settings)
     pair = render_pairs(built, expand_headings(settings), folder, 1, 0.0, lambda *a, **k: None)[0]
@@ -54,7 +54,7 @@ def main(arguments: list[str]) -> None:
     """Render and write the sheet."""
     icymoon.register()
     sheet = Path(arguments[0]) if arguments else SHEET
-    presets = arguments[1:] or description.preset_names("terrains")
+    presets = arguments[1:] or preset_files.preset_names("terrains")
     with tempfile.TemporaryDirectory() as folder:
         images = []
         for preset in presets:

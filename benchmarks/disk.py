@@ -27,7 +27,7 @@ from icymoon.nodes.scene import build
 from icymoon.render.cost import estimate
 from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.render.worker import render_pairs
-from icymoon.settings import description
+from icymoon.settings import description, preset_files
 from icymoon.typed_settings import Settings
 
 SMALL: dict[str, Any] = {"rig": {"width_px": 160, "height_px": 120},
@@ -77,8 +77,8 @@ def _sky(folder: Path) -> float:
 def main(arguments: list[str]) -> int:
     ratios = []
     rows = {name: (changes,) for name, changes in ROWS.items()}
-    for preset in (*description.preset_names("gallery"), *description.preset_names("scenes")):
-        rows[preset] = (description.load(description.preset_path(preset)), SMALL)  # its own scene, seen small
+    for preset in (*preset_files.preset_names("gallery"), *preset_files.preset_names("scenes")):
+        rows[preset] = (preset_files.load_preset(preset), SMALL)  # its own scene, seen small
     for name, parts in rows.items():
         if arguments and not any(word.lower() in name.lower() for word in arguments):
             continue

@@ -121,13 +121,13 @@ def measure(way: str, preset: str) -> dict[str, Any]:
     from icymoon.render.pairs.pair_folder import read_pair
     from icymoon.render.plans.planned_pair import expand_headings
     from icymoon.render.worker import render_pairs
-    from icymoon.settings import description
+    from icymoon.settings import description, preset_files
 
     icymoon.register()
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     kind, changes = WAYS[way]
     settings = description.merged(
-        description.defaults(), description.load(description.preset_path(preset)), {"quality": {"samples": 1}},
+        description.defaults(), preset_files.load_preset(preset), {"quality": {"samples": 1}},
         {"mesh": {"kind": "GRADED" if kind == "mesh" else "GRID"}},
         {kind: changes} if kind != "dice" else {"terrain": {"resolution": 65}})
     ground = scenes.ground_of(settings)

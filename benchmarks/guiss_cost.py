@@ -35,7 +35,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from icymoon.render.cost.variants import reference
 from icymoon.render.workers import job
-from icymoon.settings import description
+from icymoon.settings import description, preset_files
 from icymoon.stereo.trade.measure_variants import scaled_view
 from icymoon.typed_settings import Parts, Settings
 
@@ -97,7 +97,7 @@ def ladder() -> list[Rung]:
 
 def snow(scale: float) -> Settings:
     """Complete settings of the scene with the paper's quality."""
-    made = description.merged(description.defaults(), *(description.load(description.preset_path(p)) for p in PRESETS),
+    made = description.merged(description.defaults(), *(preset_files.load_preset(p) for p in PRESETS),
                               description.check(SNOW, "benchmark"))
     return scaled_view(made, scale)
 

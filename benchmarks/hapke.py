@@ -102,14 +102,14 @@ def planet() -> None:
     """Print the errors of few directions."""
     from icymoon.physics.light.planetshine import Planet, light_rays
     from icymoon.physics.surfaces import albedos
-    from icymoon.settings import description
+    from icymoon.settings import description, preset_files
     from test_hapke_render import angles
 
     random = np.random.default_rng(1)
     up = np.array([0.0, 0.0, 1.0])
     for name, preset, diameter, flattening in (("Jupiter", "surfaces/hapke_europa_global", 12.23, 0.065),
                                                ("Saturn", "surfaces/hapke_enceladus_global", 29.33, 0.098)):
-        shown = description.merged(description.defaults(), description.load(description.preset_path(preset)))
+        shown = description.merged(description.defaults(), preset_files.load_preset(preset))
         law = albedos.law_of(shown.surface, shown.hapke)
         errors: dict[int, list[float]] = {}
         for _ in range(100):
@@ -139,9 +139,9 @@ def planet() -> None:
 def curve(path: Path) -> None:
     """Draw brightness over phase angle, the last degrees before opposition apart."""
     from icymoon.physics.surfaces import albedos, photometry
-    from icymoon.settings import description
+    from icymoon.settings import description, preset_files
 
-    presets = [name for name in description.preset_names("surfaces") if "hapke" in name]
+    presets = [name for name in preset_files.preset_names("surfaces") if "hapke" in name]
     colours = ("#1b6ca8", "#3fa7d6", "#7a6fc2", "#c25b8f", "#8c2f39", "#2a9d5c", "#8ac926", "#777777")
     top, panels = 1.6, ((70.0, 380.0, 8.0, "Opposition"), (480.0, 380.0, 160.0, "All phases"))
     lines = ['<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 1120 520" font-family="sans-serif" font-size="13">',
@@ -156,14 +156,14 @@ def curve(path: Path) -> None:
                       f'<path d="M{left} {y}h{width}" stroke="#ddd"/>']
         phase = np.radians(last) * np.linspace(0, 1, 121) ** 2
         for name, colour in zip(presets, colours, strict=True):
-            shown = description.merged(description.defaults(), description.load(description.preset_path(name)))
+            shown = description.merged(description.defaults(), preset_files.load_preset(name))
             law = albedos.law_of(shown.surface, shown.hapke)
             bright = photometry.disc_brightness(law, phase)
             points = " ".join(f"{left + width * a / np.radians(last):.2f},{460 - 420 * value / top:.2f}"
                               for a, value in zip(phase, bright, strict=True))
             lines.append(f'<polyline points="{points}" fill="none" stroke="{colour}" stroke-width="1.6"/>')
     for k, (name, colour) in enumerate(zip(presets, colours, strict=True)):
-        title = description.preset_header(name)[0].removesuffix(" (Hapke)")
+        title = preset_files.preset_header(name)[0].removesuffix(" (Hapke)")
         lines += [f'<path d="M870 {70 + 24 * k}h24" stroke="{colour}" stroke-width="3"/>',
                   f'<text x="900" y="{74 + 24 * k}">{title}</text>']
     lines += ['<text x="535" y="508" text-anchor="middle">Phase angle; brightness of the whole disc over that of a '

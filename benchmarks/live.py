@@ -21,7 +21,7 @@ import icymoon
 from icymoon import scene_properties
 from icymoon.nodes import scene as scenes
 from icymoon.operators import live_preview
-from icymoon.settings import description
+from icymoon.settings import preset_files
 
 SIDES = live_preview.SIDES[0], live_preview.SIDES[-1]
 WARM_UP, UPDATES = 2, 12
@@ -47,7 +47,7 @@ def built(name: str) -> tuple[bpy.types.Scene, float]:
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     scene = bpy.context.scene
     scene.icymoon.live = False
-    scene_properties.write_settings(scene.icymoon, description.load(description.preset_path(name)))
+    scene_properties.write_settings(scene.icymoon, preset_files.load_preset(name))
     start = time.process_time()
     scenes.build(scene, scene_properties.read_settings(scene.icymoon))
     build = time.process_time() - start
@@ -78,7 +78,7 @@ def main(words: list[str]) -> None:
         name = f"{topic}.{key} at full resolution"
         print(f"{name:40}{cell(seconds(scene, topic, key), build)}", flush=True)
     print(f"{'preset':40}" + "".join(f"   {side:>6} a side         full" for side in SIDES))
-    for name in description.preset_names():
+    for name in preset_files.preset_names():
         if name.startswith(("terrains/", "scenes/")) and (not words or any(word in name for word in words)):
             print(drag(name), flush=True)
     sys.stdout.flush()

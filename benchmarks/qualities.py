@@ -16,7 +16,7 @@ from typing import Any
 
 from icymoon.render.cost.variants import reference
 from icymoon.render.workers.job import Job, render_job
-from icymoon.settings import description
+from icymoon.settings import description, preset_files
 from icymoon.stereo.matchers.methods import parse_methods
 from icymoon.stereo.trade.losses import measure, read_reference
 from icymoon.stereo.trade.measure_variants import scaled_view
@@ -42,7 +42,7 @@ def written(path: Path, table: dict[str, Any]) -> None:
 def main(options: argparse.Namespace, out: Path) -> None:
     """Measure and print the table."""
     methods = parse_methods(METHODS)
-    scene = scaled_view(description.merged(description.defaults(), description.load(description.preset_path(SCENE))),
+    scene = scaled_view(description.merged(description.defaults(), preset_files.load_preset(SCENE)),
                    options.scale)
     truth = read_reference(renders(reference(scene, options.reference_samples).settings, out), methods, {})
     rig = scene.rig
@@ -50,8 +50,8 @@ def main(options: argparse.Namespace, out: Path) -> None:
     print(f"{where}; increase of the errors over those on an image without noise ({truth.noise:.2%} noise):")
     print(f"{'':12}{'CPU s':>8}" + "".join(f"{method.label + ' px':>10}" for method in methods)
           + f"{'SGBM wrong':>12}{'bias':>8}{'RMS':>8}")
-    for name in description.preset_names("qualities"):
-        settings = description.merged(scene, description.load(description.preset_path(name)))
+    for name in preset_files.preset_names("qualities"):
+        settings = description.merged(scene, preset_files.load_preset(name))
         found = measure(renders(settings, out), truth, methods)
         loss = found["loss"]
         print(f"{name.split('/')[1]:12}{found['cpu_s']:8.2f}"
@@ -59,7 +59,7 @@ def main(options: argparse.Namespace, out: Path) -> None:
               + f"{100 * loss['sgbm']['wrong_or_missing']:+11.2f}%{100 * found['bias']:+7.2f}%"
               f"{100 * found['rmse']:7.2f}%", flush=True)
         if options.write:
-            written(description.preset_path(name), {
+            written(preset_files.preset_path(name), {
                 "sgbm_px": loss["sgbm"]["epe_px"], "sgbm_wrong": loss["sgbm"]["wrong_or_missing"],
                 "radiance_bias": found["bias"], "radiance_rms": found["rmse"], "scene": where,
                 "command": f"python benchmarks/qualities.py --scale {options.scale:g} --reference-samples "

@@ -23,7 +23,7 @@ from icymoon.physics.terrain.fine_detail import relief
 from icymoon.physics.terrain.landforms import MAKERS
 from icymoon.physics.terrain.noise.bases_and_fractals import BASES
 from icymoon.physics.terrain.terrain import make_terrain
-from icymoon.settings import description
+from icymoon.settings import description, preset_files
 from icymoon.typed_settings import Settings
 from mathutils import Vector, noise
 
@@ -118,8 +118,7 @@ def main() -> None:
         row(f"built terrain with {topic}", seconds(built({topic: LANDFORMS[topic]})))
     row("built terrain with a mantle", seconds(built({"mantle": {"thickness_m": 0.2}})))
     for name in ("medium_4", "tiger_stripe_flank"):
-        row(f"built terrain, preset {name}", seconds(built(description.load(
-            description.preset_path(f"terrains/{name}")))))
+        row(f"built terrain, preset {name}", seconds(built(preset_files.load_preset(f"terrains/{name}"))))
 
 
 if __name__ == "__main__":

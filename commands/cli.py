@@ -20,7 +20,7 @@ from ..render.cost.tolerance import PX, checked_tolerance, parse_fraction
 from ..render.workers.job import Job, absolute_folder, render_job
 from ..render.workers.process import Message, emit, report_errors
 from ..scratch import scratch_folder
-from ..settings import description
+from ..settings import description, preset_files, toml_text
 from ..terminal import as_path, report_end, show_counted_progress, show_progress
 from ..typed_settings import Settings
 from ..version import version
@@ -68,7 +68,7 @@ def _make_parser() -> argparse.ArgumentParser:
 
     settings = verbs.add_parser("settings", help="print the described scene as TOML, every setting stated")
     _add_scene_options(settings)
-    settings.set_defaults(run=lambda options: print(description.to_toml(_read_settings(options)), end="") or 0)
+    settings.set_defaults(run=lambda options: print(toml_text.to_toml(_read_settings(options)), end="") or 0)
 
     presets = verbs.add_parser("presets", help="list the shipped presets")
     presets.set_defaults(run=_run_presets)
@@ -145,8 +145,8 @@ def _add_scene_options(parser: argparse.ArgumentParser) -> None:
 def _read_settings(options: argparse.Namespace) -> Settings:
     return description.merged(
         description.defaults(),
-        *(description.load(description.preset_path(name)) for name in options.preset),
-        *(description.load(path) for path in options.settings),
+        *(preset_files.load_preset(name) for name in options.preset),
+        *(preset_files.load(path) for path in options.settings),
         *(description.override(text) for text in options.overrides))
 
 
@@ -181,10 +181,10 @@ def _run_evaluate(options: argparse.Namespace) -> int:
 def _run_demo(options: argparse.Namespace) -> int:
     dataset = options.out.absolute()
     for name in _DEMO_PRESETS:
-        path = description.preset_path(name)
-        print(f"{description.preset_header(name)[0]}")
-        settings = description.merged(description.defaults(), description.load(path),
-                                      description.load(description.preset_path("qualities/draft")))
+        path = preset_files.preset_path(name)
+        print(f"{preset_files.preset_header(name)[0]}")
+        settings = description.merged(description.defaults(), preset_files.load(path),
+                                      preset_files.load_preset("qualities/draft"))
         render_settings(settings, dataset, sys.executable)
     from ..stereo.cli import main as stereo
 
@@ -202,16 +202,17 @@ def _run_gallery(options: argparse.Namespace) -> int:
     from ..stereo.images.gallery import write_picture, write_sheet
     from ..stereo.trade.measure_variants import scaled_view
 
-    known, out = [name.removeprefix("gallery/") for name in description.preset_names("gallery")], options.out.absolute()
+    known = [name.removeprefix("gallery/") for name in preset_files.preset_names("gallery")]
+    out = options.out.absolute()
     if unknown := sorted(set(options.only) - set(known)):
         raise IcyMoonError(f"--only: no scene of the gallery is called {unknown[0]!r}; there are {', '.join(known)}.")
     chosen, shown_on_sheet = options.only or known, []
-    described = {name: description.merged(description.defaults(), description.load(
-        description.preset_path(f"gallery/{name}"))) for name in chosen}
+    described = {name: description.merged(description.defaults(), preset_files.load_preset(f"gallery/{name}"))
+                 for name in chosen}
     check_abilities(described.values(), options.blender)
     for name in known:
         preset, picture = f"gallery/{name}", out / f"{name}.jpg"
-        title, text = description.preset_header(preset)
+        title, text = preset_files.preset_header(preset)
         command = f"icymoon render --preset {preset}"
         if name in chosen:
             print(f"{title}. {text}: python -m {command} --out DATASET", flush=True)
@@ -268,14 +269,14 @@ def _run_auto(options: argparse.Namespace) -> int:
         if found["chosen"] is None:
             raise IcyMoonError(last)
         print(f"{last} Add --settings {found['file']} to a command to use it:")
-        print(description.to_toml(found["settings"]), end="")
+        print(toml_text.to_toml(found["settings"]), end="")
 
     return _run_bench(options, "Trying", lambda bench: find_cheapest_quality(bench, allowed), show)
 
 
 def _run_presets(options: argparse.Namespace) -> int:
-    for name in description.preset_names():
-        title, text = description.preset_header(name)
+    for name in preset_files.preset_names():
+        title, text = preset_files.preset_header(name)
         print(f"{name:32} {title}. {text}")
     return 0
 

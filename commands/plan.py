@@ -16,7 +16,7 @@ from ..render.pairs.pair_folder import is_complete
 from ..render.plans.plan_file import Plan, find_plan, read_plan, read_plan_header
 from ..render.plans.planned_pair import PlannedPair
 from ..render.workers.process import emit, report_errors
-from ..settings.description import plan_names
+from ..settings.preset_files import plan_names
 from ..settings.table import all_settings
 from ..terminal import as_path
 

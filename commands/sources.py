@@ -13,7 +13,7 @@ from pathlib import Path
 
 from ..errors import IcyMoonError
 from ..render.pairs.pair_folder import find_pair_folders, read_pair
-from ..settings import description
+from ..settings import description, preset_files, toml_text
 from ..settings.table import TOPICS, Setting, Value, all_settings
 from ..typed_settings import Settings
 
@@ -49,8 +49,8 @@ class _Preset:
 
 def _read_preset(name: str) -> _Preset:
     """A shipped preset without what it includes."""
-    path = description.preset_path(name)
-    raw = description.read_toml(path)
+    path = preset_files.preset_path(name)
+    raw = toml_text.read_toml(path)
     stated = {topic: values for topic, values in raw.items() if topic in TOPICS}
     return _Preset(name, description.check(stated, str(path)), raw.get("sources", {}),
                    tuple(raw["preset"].get("include", ())))
@@ -67,8 +67,8 @@ def _likeness(stated: Settings, settings: Settings,
 
 def _rank_presets(settings: Settings) -> list[_Preset]:
     """The presets that count: first those of the preset that is most like the settings with all that it includes."""
-    defaults, known = description.defaults(), {name: _read_preset(name) for name in description.preset_names()}
-    whole = {name: description.load(description.preset_path(name)) for name in known}
+    defaults, known = description.defaults(), {name: _read_preset(name) for name in preset_files.preset_names()}
+    whole = {name: preset_files.load_preset(name) for name in known}
     family = [max(known, key=lambda name: _likeness(whole[name], settings, defaults))]
     for name in family:  # which grows by what is included
         family += known[name].included

@@ -20,7 +20,7 @@ from ..render.plans.plan_file import find_plan, read_plan_header
 from ..render.workers.detached import Detached, find_left_running
 from ..render.workers.job import blender_command, python_command
 from ..render.workers.process import Message, Process, clean_environment
-from ..settings.description import plan_names
+from ..settings.preset_files import plan_names
 from ..system import user_key
 from ..typed_settings import Settings
 from . import dialogs, evaluate, jobs, results

@@ -16,7 +16,7 @@ from ..files import explain_disk_errors, write_text
 from ..nodes.datablocks.blend_file_paths import with_absolute_files
 from ..preferences import extension_folder
 from ..render.cycles_settings import find_lack
-from ..settings import description
+from ..settings import description, preset_files, toml_text
 from ..system import name_fault, remove
 from ..typed_settings import Settings
 from . import dialogs
@@ -43,7 +43,7 @@ def own_presets() -> dict[str, Path]:
 def path_of(name: str) -> Path:
     """The file of a preset, shipped or the user's own. Raises IcyMoonError if there is none."""
     if not name.startswith(OWN):
-        return description.preset_path(name)
+        return preset_files.preset_path(name)
     try:
         return own_presets()[name]
     except KeyError:
@@ -54,7 +54,7 @@ def path_of(name: str) -> Path:
 def preset_items(_self: Any = None, _context: Any = None) -> list[tuple[str, str, str]]:
     """(name, title, description) of all presets, the shipped ones read once."""
     if not _shipped:
-        _shipped.extend((name, *description.preset_header(name)) for name in description.preset_names())
+        _shipped.extend((name, *preset_files.preset_header(name)) for name in preset_files.preset_names())
     own = [(name, *_header(path, path.stat().st_mtime_ns)) for name, path in own_presets().items()]
     return [*_shipped, *(_kept.setdefault(item, item) for item in own)]
 
@@ -63,7 +63,7 @@ def preset_items(_self: Any = None, _context: Any = None) -> list[tuple[str, str
 def _header(path: Path, modified_ns: int) -> tuple[str, str]:
     """(title, description) of the user's own preset, read once in each state: the sidebar asks at every redraw."""
     try:
-        return description.header_of(path, path.stem)
+        return preset_files.header_of(path, path.stem)
     except IcyMoonError as error:
         return path.stem, str(error)
 
@@ -83,7 +83,7 @@ def known_sources(settings: Settings, preset: str) -> dict[str, str]:
     path = own_presets().get(preset)
     if path is None:
         return found
-    stated, own = description.load(path), description.read_toml(path).get("sources", {})
+    stated, own = preset_files.load(path), toml_text.read_toml(path).get("sources", {})
     kept = {f"{topic}.{key}" for topic, values in stated.items() for key, value in values.items()
             if whole[topic][key] == value}
     return found | {name: str(source) for name, source in own.items() if name in kept}
@@ -96,7 +96,7 @@ def _fresh_settings(group: Any) -> Settings:
     """
     fresh, now = description.defaults(), scene_properties.read_unchecked(group).quality
     try:
-        brought = description.load(path_of(group.preset)).get("quality", {}) if group.preset else {}
+        brought = preset_files.load(path_of(group.preset)).get("quality", {}) if group.preset else {}
     except IcyMoonError:  # a preset of one's own that is gone
         brought = {}
     fresh.quality.update({key: value for key, value in now.items() if brought.get(key) != value})
@@ -123,11 +123,11 @@ class ICYMOON_OT_load_preset(dialogs.SearchDialog, bpy.types.Operator):
     def execute(self, context: bpy.types.Context) -> set[str]:
         group = context.scene.icymoon
         try:
-            loaded = description.load(path_of(self.preset))
+            loaded = preset_files.load(path_of(self.preset))
         except IcyMoonError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
-        if description.is_whole(self.preset):
+        if preset_files.is_whole(self.preset):
             loaded = description.merged(_fresh_settings(group), loaded)
             group.preset = self.preset
         scene_properties.write_settings(group, loaded)
@@ -157,7 +157,7 @@ class ICYMOON_OT_add_preset(bpy.types.Operator):
                 raise IcyMoonError(f"The preset's name is {self.title!r}; give it a name with letters or digits.")
             wanted = with_absolute_files(scene_properties.read_settings(group))
             wanted.pop("dataset")
-            write_text(own_folder() / f"{stem}.toml", description.preset_text(
+            write_text(own_folder() / f"{stem}.toml", preset_files.preset_text(
                 self.title, "A preset of yours", wanted, known_sources(wanted, group.preset)))
         except IcyMoonError as error:
             self.report({"ERROR"}, str(error))

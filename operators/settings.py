@@ -9,7 +9,7 @@ import bpy
 from .. import scene_properties
 from ..errors import IcyMoonError
 from ..files import write_text
-from ..settings import description
+from ..settings import preset_files, toml_text
 from . import dialogs
 
 
@@ -26,7 +26,7 @@ class ICYMOON_OT_load_settings(dialogs.TomlFileDialog, bpy.types.Operator):
     def execute(self, context: bpy.types.Context) -> set[str]:
         try:
             scene_properties.write_settings(context.scene.icymoon,
-                                            description.load(Path(bpy.path.abspath(self.filepath))))
+                                            preset_files.load(Path(bpy.path.abspath(self.filepath))))
         except IcyMoonError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
@@ -49,7 +49,7 @@ class ICYMOON_OT_save_settings(dialogs.TomlFileDialog, bpy.types.Operator):
     def execute(self, context: bpy.types.Context) -> set[str]:
         path = Path(bpy.path.abspath(self.filepath)).with_suffix(".toml")
         try:
-            write_text(path, description.to_toml(scene_properties.read_settings(context.scene.icymoon)))
+            write_text(path, toml_text.to_toml(scene_properties.read_settings(context.scene.icymoon)))
         except IcyMoonError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}

@@ -20,7 +20,7 @@ from ..render.cost import measure_speed, speed, tolerance
 from ..render.workers.job import Job, blender_command, python_command
 from ..render.workers.process import Message, Process, clean_environment
 from ..scratch import make_scratch_folder
-from ..settings import description
+from ..settings import toml_text
 from ..system import remove_folder
 from ..typed_settings import Settings
 from . import jobs, sidebar_text
@@ -46,7 +46,7 @@ def _begin(context: bpy.types.Context, verb: str, title: str, handle: Any, *argu
     python, matchers = find_evaluator_python(), matcher_arguments(settings)
     folder = make_scratch_folder()
     file = folder / "scene.toml"
-    write_text(file, description.to_toml(settings))
+    write_text(file, toml_text.to_toml(settings))
     command = python_command(python, verb, "--settings", str(file), "--blender", jobs.this_blender(),
                              *matchers, "--out", str(_folder(settings)), "--json-lines", *arguments)
     try:

@@ -8,7 +8,7 @@ import bpy
 
 from ..operators import jobs
 from ..operators.presets import preset_items
-from ..settings.description import KINDS
+from ..settings.preset_files import KINDS
 
 #: Lines of a column of the presets' menu: more would not fit a small screen.
 _LINES = 26

@@ -8,7 +8,7 @@ import bpy
 import bpy.utils.previews
 
 from ..operators.presets import preset_items
-from ..settings.description import is_whole, preview_path
+from ..settings.preset_files import is_whole, preview_path
 
 #: Property of the window manager, which no file keeps: the scene preset that the sidebar's picture shows.
 CHOICE = "icymoon_scene_preset"

@@ -1,4 +1,4 @@
-"""Scene descriptions as plain data: ``{topic: {key: value}}``, TOML files, presets, overrides.
+"""Scene descriptions as plain data: ``{topic: {key: value}}``, checked, combined and named by an id.
 
 Blender clamps what is out of range without a word; nothing here does. An unknown key, a wrong type
 or a value out of range is an :class:`~icymoon.errors.IcyMoonError` that names the key, the value,
@@ -14,33 +14,19 @@ import math
 import tomllib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, nullcontext, suppress
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ..errors import IcyMoonError
-from ..files import is_file, read_text, shorten
 from ..suggestions import nearest
 from ..typed_settings import Settings, typed, typed_table
 from ..version import is_newer, version
 from . import pair_ids, trust_boundary
 from .table import TOPICS, Setting, Value
 
-PRESETS = Path(__file__).resolve().parents[1] / "presets"
-#: Folders of presets, whole scenes first, and what people call their kinds.
-KINDS = {"scenes": "Scenes", "gallery": "Gallery", "bodies": "Bodies", "terrains": "Terrains", "rocks": "Rocks",
-         "surfaces": "Surfaces", "lights": "Lights", "rigs": "Stereo Cameras", "sensors": "Camera Responses",
-         "qualities": "Qualities"}
-#: Kinds of presets that describe a whole scene, the user's own among them; others describe a part of one.
-WHOLE = ("scenes", "gallery", "own")
 #: How like a known word an unknown one must be for the error to name it; see ``suggestions.nearest``.
-_LIKE = 0.4
-_HEADER = ("title", "description", "include", "made_with")
-#: Shipped plans of data sets, which are more than settings: ``render.sweep`` reads them.
-PLANS = PRESETS / "datasets"
-
-
+LIKE = 0.4
 #: From here on single precision rounds to infinity: its largest number and half a step.
 _INFINITE = 2.0**128 - 2.0**103
 
@@ -83,7 +69,7 @@ def _checked_list(setting: Setting, value: Any, name: str, where: str, stored: b
     for k, entry in enumerate(value):
         for key in entry:
             if key not in known:
-                raise IcyMoonError(f"{where}: unknown setting {name}[{k}].{key}, {nearest(key, known, _LIKE)}")
+                raise IcyMoonError(f"{where}: unknown setting {name}[{k}].{key}, {nearest(key, known, LIKE)}")
         tables.append({key: _checked(s, entry.get(key, missing[key]), f"{name}[{k}].{key}", where, stored)
                        for key, s in known.items()})
     return tables
@@ -103,7 +89,7 @@ def _checked(setting: Setting, value: Any, name: str, where: str, stored: bool) 
     if setting.kind == "choice":
         names = [choice[0] for choice in setting.choices]
         if value not in names:
-            raise IcyMoonError(f"{where}: {name} is {value!r}, {nearest(value, names, _LIKE)}")
+            raise IcyMoonError(f"{where}: {name} is {value!r}, {nearest(value, names, LIKE)}")
     if setting.kind == "text" and (fault := trust_boundary.fault(setting.trust, value)):
         raise IcyMoonError(f"{where}: {name} {fault}")
     if setting.kind in ("int", "float"):
@@ -151,7 +137,7 @@ def _stated(data: Mapping[str, Any], where: str) -> Iterator[tuple[str, str, Any
     once = {name.partition(".")[0] for name in (*pair_ids.SCHEMA["renamed"], *pair_ids.SCHEMA["gone"])}
     for topic, values in data.items():
         if topic not in TOPICS and topic not in once:
-            raise IcyMoonError(f"{where}: unknown topic [{topic}], {nearest(topic, TOPICS, _LIKE)}")
+            raise IcyMoonError(f"{where}: unknown topic [{topic}], {nearest(topic, TOPICS, LIKE)}")
         if not isinstance(values, Mapping):
             raise IcyMoonError(f"{where}: [{topic}] must be a table of settings, not {values!r}.")
         yield from ((topic, key, value) for key, value in values.items())
@@ -164,7 +150,7 @@ def _setting(name: str, where: str) -> Setting:
         return TOPICS[topic][key]
     except KeyError:
         known = (s.key for s in TOPICS[topic].settings) if topic in TOPICS else TOPICS
-        raise IcyMoonError(f"{where}: unknown setting {name}, {nearest(key, known, _LIKE)}") from None
+        raise IcyMoonError(f"{where}: unknown setting {name}, {nearest(key, known, LIKE)}") from None
 
 
 def restored(data: Mapping[str, Any], where: str, written_by: str = "") -> Settings:
@@ -214,111 +200,6 @@ def changed(settings: Mapping[str, Mapping[str, Value]], base: Mapping[str, Mapp
     return found
 
 
-def toml_and_text(path: Path) -> tuple[dict[str, Any], str]:
-    """The raw content of a TOML file, and its text. Raises IcyMoonError if it cannot be read or parsed."""
-    try:
-        text = read_text(path)
-        return tomllib.loads(text), text
-    except OSError as error:
-        raise IcyMoonError(f"{path}: cannot be read ({error.strerror}).") from None
-    except (ValueError, RecursionError) as error:  # what is no TOML or no text, too large a number, too deep a list
-        raise IcyMoonError(f"{path}: is not valid TOML ({error}).") from None
-
-
-def read_toml(path: Path) -> dict[str, Any]:
-    """The raw content of a TOML file. Raises IcyMoonError if it cannot be read or parsed."""
-    return toml_and_text(path)[0]
-
-
-def load(path: Path) -> Settings:
-    """The partial description in a settings file, its ``[preset]`` includes first.
-
-    A file may open with ``[preset]`` (``title``, ``description``, ``include = ["bodies/europa", …]``, and
-    ``made_with``, the version that wrote it) and close with ``[sources]`` (where each number comes from) and
-    ``[measured]`` (what was found of it); the rest are topics. Raises IcyMoonError if it cannot be read.
-    """
-    data = read_toml(path)
-    header = data.pop("preset", {})
-    data.pop("sources", None)
-    data.pop("measured", None)
-    with told_to_update(str(path), str(header.get("made_with", "")) if isinstance(header, Mapping) else ""):
-        included = [load(preset_path(name)) for name in _checked_header(header, path)]
-        return merged(*included, beside(path.parent, check(data, str(path))))
-
-
-def _checked_header(header: Any, path: Path) -> list[str]:
-    """What the ``[preset]`` table of a file includes."""
-    if not isinstance(header, Mapping):
-        raise IcyMoonError(f"{path}: [preset] must be a table, not {header!r}.")
-    unknown = sorted(set(header) - set(_HEADER))
-    if unknown:
-        raise IcyMoonError(f"{path}: unknown key preset.{unknown[0]}, {nearest(unknown[0], _HEADER, _LIKE)}")
-    included = header.get("include", [])
-    if not isinstance(included, list) or not all(isinstance(name, str) for name in included):
-        raise IcyMoonError(f"{path}: preset.include must be a list of names in quotes, not {included!r}.")
-    return included
-
-
-def beside(folder: Path, settings: Settings) -> Settings:
-    """The same settings, files that are named without a folder being those in this one."""
-    for topic, values in settings.items():
-        for key, value in values.items():
-            if TOPICS[topic][key].subtype == "FILE_PATH" and value and not value.startswith(("~", "//")):
-                values[key] = str(folder.absolute() / value)
-    return settings
-
-
-def preset_names(kind: str = "") -> list[str]:
-    """Names such as ``scenes/europa_rough_ice`` of the shipped presets, all or of one kind."""
-    return sorted(p.relative_to(PRESETS).with_suffix("").as_posix() for p in (PRESETS / kind).rglob("*.toml")
-                  if p.parent != PLANS)
-
-
-def is_whole(name: str) -> bool:
-    """Whether a preset such as ``scenes/europa_rough_ice`` describes a whole scene."""
-    return name.split("/")[0] in WHOLE
-
-
-def plan_names() -> list[str]:
-    """Names such as ``datasets/guiss_rocks`` of the shipped plans."""
-    return sorted(p.relative_to(PRESETS).with_suffix("").as_posix() for p in PLANS.glob("*.toml"))
-
-
-def preset_path(name: str) -> Path:
-    """The file of a shipped preset: ``kind/name``, or the bare name of a scene preset."""
-    for candidate in (PRESETS / f"{name}.toml", PRESETS / "scenes" / f"{name}.toml"):
-        if ".." not in name and is_file(candidate):
-            return candidate
-    raise IcyMoonError(f"Unknown preset {shorten(name)!r}, {nearest(shorten(name), preset_names(), _LIKE)}")
-
-
-def preview_path(name: str) -> Path:
-    """The picture of a shipped scene preset, or 'choose', the one of all; not every preset has one."""
-    return PRESETS / "previews" / f"{name.split('/')[-1]}.jpg"
-
-
-def preset_header(name: str) -> tuple[str, str]:
-    """(title, description) of a shipped preset."""
-    return header_of(preset_path(name), name)
-
-
-def header_of(path: Path, name: str) -> tuple[str, str]:
-    """(title, description) of a preset's file; ``name`` where it has no title. Raises IcyMoonError as ``read_toml``."""
-    header = read_toml(path).get("preset", {})
-    if not isinstance(header, Mapping):
-        return name, ""
-    return str(header.get("title", name)), str(header.get("description", ""))
-
-
-def preset_text(title: str, told: str, settings: Settings, sources: Mapping[str, str]) -> str:
-    """A preset file that ``load`` reads back, and that shows which version wrote it and, by ``topic.key``, where its
-    values are from."""
-    header = {"title": title, "description": told, "made_with": version()}
-    lines = ["[preset]", *(f"{key} = {_toml_value(value)}" for key, value in header.items()), ""]
-    told_sources = [f"{_toml_value(name)} = {_toml_value(source)}" for name, source in sources.items()]
-    return "\n".join(lines) + "\n" + to_toml(settings) + "\n".join(["[sources]", *told_sources, ""])
-
-
 def override(text: str) -> Settings:
     """The partial description that ``topic.key=value`` states; the value is read as TOML,
     or as a text where the setting is one."""
@@ -337,26 +218,6 @@ def override(text: str) -> Settings:
         except (ValueError, RecursionError):
             parsed = value
     return check({topic_key: {key: parsed}}, f"--set {text}")
-
-
-def to_toml(settings: Mapping[str, Mapping[str, Value]]) -> str:
-    """A description as TOML text that ``load`` reads back to the same values."""
-    lines = []
-    for topic, values in settings.items():
-        lines.append(f"[{topic}]")
-        # The lists of tables come last: what follows a [[table]] header belongs to that table.
-        lines += [f"{key} = {_toml_value(value)}" for key, value in values.items()
-                  if not isinstance(value, list) or not value]
-        for key, value in values.items():
-            for entry in value if isinstance(value, list) else ():
-                lines += ["", f"[[{topic}.{key}]]", *(f"{k} = {_toml_value(v)}" for k, v in entry.items())]
-        lines.append("")
-    return "\n".join(lines)
-
-
-def _toml_value(value: Any) -> str:
-    # JSON's spelling of numbers, booleans and texts is TOML's, but for one control character.
-    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
 def digest(settings: Mapping[str, Mapping[str, Value]], extra: str = "") -> str:

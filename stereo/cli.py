@@ -225,10 +225,11 @@ def _run_develop(parsed: argparse.Namespace) -> int:
 
 def _read_response(presets: Sequence[str], overrides: Sequence[str]) -> dict[str, dict[str, Any]]:
     """The settings of presets and ``--set``. Raises IcyMoonError for one that needs a new render."""
-    from ..settings.description import load, merged, override, preset_path
+    from ..settings.description import merged, override
+    from ..settings.preset_files import load_preset
     from ..settings.table import TOPICS
 
-    settings = merged(*(load(preset_path(name)) for name in presets), *(override(text) for text in overrides))
+    settings = merged(*(load_preset(name) for name in presets), *(override(text) for text in overrides))
     for topic, values in settings.items():
         for key in values:
             if TOPICS[topic][key].effect != "response":

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import icymoon
 import pytest
-from icymoon.settings import description, make_types
+from icymoon.settings import description, make_types, preset_files
 from icymoon.settings.table import TOPICS
 from icymoon.typed_settings import ENTRIES, TABLES, Settings, TerrainLayer, TerrainSettings, typed
 
@@ -44,7 +44,7 @@ def is_typed(settings: Settings) -> bool:
     lambda whole: description.check(json.loads(json.dumps(whole)), "a test"),
     lambda whole: description.restored(json.loads(json.dumps(whole)), "a test"),
     lambda whole: description.changed(whole, description.defaults()),
-    lambda whole: description.load(description.preset_path("europa_rough_ice")),
+    lambda whole: preset_files.load_preset("europa_rough_ice"),
     lambda whole: description.override("rig.width_px=64"), lambda whole: typed(json.loads(json.dumps(whole))),
     copy.copy, copy.deepcopy, lambda whole: whole.copy(), lambda whole: whole | {"rig": whole.rig | {"x_m": 1.0}},
     lambda whole: pickle.loads(pickle.dumps(whole))])  # noqa: S301  our own bytes

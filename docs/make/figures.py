@@ -26,7 +26,7 @@ from icymoon.physics.surfaces import albedos, photometry
 from icymoon.physics.surfaces.hapke import bidirectional_reflectance
 from icymoon.physics.terrain import terrain as grounds
 from icymoon.physics.terrain.roughness import statistics
-from icymoon.settings import description
+from icymoon.settings import description, preset_files
 from icymoon.stereo.measure.metrics import depth_metrics, disparity_metrics, total_metrics
 from icymoon.stereo.trade.losses import pareto_front
 from icymoon.typed_settings import Settings
@@ -44,7 +44,7 @@ STYLE: Any = {
 def described(*presets: str, **topics: dict[str, Any]) -> Settings:
     """The defaults with presets and changes."""
     return description.merged(description.defaults(),
-                              *(description.load(description.preset_path(name)) for name in presets),
+                              *(preset_files.load_preset(name) for name in presets),
                               description.check(topics, "figure"))
 
 
@@ -83,14 +83,14 @@ def rock_sizes(figure: Figure) -> None:
     """Rocks per square metre above a diameter: the laws of the rock presets and the rocks drawn from them."""
     axes = figure.subplots()
     area = 400.0
-    for name, colour in zip(description.preset_names("rocks"), COLOURS, strict=False):
+    for name, colour in zip(preset_files.preset_names("rocks"), COLOURS, strict=False):
         shown = described(name)
         law = size_laws.size_law(shown.rocks)
         diameters, _ = size_laws.draw_diameters(law, area, shown.rocks.most, generator(1, "rocks"))
         step = max(1, len(diameters) // 60)
         axes.loglog(diameters[::step], (np.arange(len(diameters)) + 1)[::step] / area, "o", ms=3, color=colour)
         d = np.geomspace(law.smallest_m, 0.999 * shown.rocks.largest_m, 80)
-        axes.loglog(d, law.per_m2_above(d), "-", color=colour, label=description.preset_header(name)[0])
+        axes.loglog(d, law.per_m2_above(d), "-", color=colour, label=preset_files.preset_header(name)[0])
     axes.set(xlabel="Diameter, m", ylabel="Rocks per m² above it", ylim=(1 / area / 2, None))
     axes.legend(fontsize=8)
 
@@ -98,14 +98,14 @@ def rock_sizes(figure: Figure) -> None:
 def hapke_phase(figure: Figure) -> None:
     """Brightness of a sphere over phase angle for the presets with Hapke's law."""
     near, far = figure.subplots(1, 2)
-    for name in (n for n in description.preset_names("surfaces") if "hapke" in n):
+    for name in (n for n in preset_files.preset_names("surfaces") if "hapke" in n):
         shown = described(name)
         law = albedos.law_of(shown.surface, shown.hapke)
         assert law is not None
         for axes, last in ((near, 8.0), (far, 160.0)):
             phase = np.radians(last) * np.linspace(0, 1, 81) ** 2
             axes.plot(np.degrees(phase), photometry.disc_brightness(law, phase),
-                      label=description.preset_header(name)[0].removesuffix(" (Hapke)"))
+                      label=preset_files.preset_header(name)[0].removesuffix(" (Hapke)"))
     near.set(xlabel="Phase angle, °", ylabel="Brightness over a white, facing disc", ylim=(0, None))
     far.set(xlabel="Phase angle, °", ylim=(0, None))
     far.legend(fontsize=7)
@@ -195,7 +195,7 @@ def planet_phase(figure: Figure) -> None:
 def photon_transfer(figure: Figure) -> None:
     """Signal-to-noise ratio over signal: drawn images and the formula."""
     axes = figure.subplots()
-    for k, name in enumerate(description.preset_names("sensors")):
+    for k, name in enumerate(preset_files.preset_names("sensors")):
         response = described(name).sensor
         well, read, prnu = (float(response[key]) for key in ("full_well_e", "read_noise_e", "prnu"))
         signal = np.geomspace(10, 0.9 * well, 25)
@@ -209,7 +209,7 @@ def photon_transfer(figure: Figure) -> None:
         dsnu = float(response.dsnu_e)
         noise = np.sqrt(signal + read**2 + (prnu * signal) ** 2 + dsnu**2)
         axes.loglog(signal, measured, "o", ms=3.5, color=COLOURS[k])
-        axes.loglog(signal, signal / noise, color=COLOURS[k], label=description.preset_header(name)[0])
+        axes.loglog(signal, signal / noise, color=COLOURS[k], label=preset_files.preset_header(name)[0])
     axes.set(xlabel="Photo-electrons", ylabel="Signal over noise")
     axes.legend(fontsize=8)
 
@@ -235,8 +235,8 @@ def depth_error(figure: Figure) -> None:
     """Depth error over depth of the shipped rigs, for a quarter of a pixel."""
     axes = figure.subplots()
     depth = np.geomspace(0.5, 50, 100)
-    for k, name in enumerate(description.preset_names("rigs")):
-        rig, title = described(name).rig, description.preset_header(name)[0]
+    for k, name in enumerate(preset_files.preset_names("rigs")):
+        rig, title = described(name).rig, preset_files.preset_header(name)[0]
         axes.loglog(depth, [100 * stereo_geometry.depth_error_m(z, rig, 0.25) for z in depth], "-" if k % 2 else "--",
                     label=f"{title}, f·B {stereo_geometry.focal_px(rig) * rig.baseline_m:.0f} px·m")
     axes.set(xlabel="Depth, m", ylabel="Depth error for 0.25 px, cm")

@@ -17,7 +17,7 @@ import cv2
 import numpy as np
 from icymoon.commands.cli import render_settings
 from icymoon.render.workers.job import python_command
-from icymoon.settings import description
+from icymoon.settings import description, preset_files
 
 #: Pixels of a preview, and light paths per pixel: it is shown at about a third of this width.
 WIDTH, HEIGHT, SAMPLES = 256, 192, 32
@@ -26,8 +26,7 @@ JPEG_QUALITY = 82
 
 def make(name: str, folder: Path) -> Path:
     """Render one scene preset into a folder and write its preview; returns the preview."""
-    described = description.merged(description.defaults(), description.load(
-        description.preset_path(f"scenes/{name}")), {
+    described = description.merged(description.defaults(), preset_files.load_preset(f"scenes/{name}"), {
         "rig": {"width_px": WIDTH, "height_px": HEIGHT}, "quality": {"samples": SAMPLES}})
     render_settings(described, folder / name, sys.executable)
     (pair,) = (folder / name).glob("pairs/*/")
@@ -35,7 +34,7 @@ def make(name: str, folder: Path) -> Path:
     subprocess.run(python_command(sys.executable, "stereo", "develop", str(pair), "--out", str(shown)), check=True,
                    stdout=subprocess.DEVNULL)
     image = cv2.imread(str(next(shown.rglob("left.png"))))
-    target = description.preview_path(f"scenes/{name}")
+    target = preset_files.preview_path(f"scenes/{name}")
     _write(target, image)
     return target
 
@@ -47,15 +46,15 @@ def _write(target: Path, image: np.ndarray) -> None:
 
 def make_choice(columns: int = 3) -> None:
     """Write the picture of all scenes, as large as one of them."""
-    images = [cv2.imread(str(description.preview_path(name))) for name in description.preset_names("scenes")]
+    images = [cv2.imread(str(preset_files.preview_path(name))) for name in preset_files.preset_names("scenes")]
     size = WIDTH // columns, HEIGHT // columns
     small = [cv2.resize(image, size, interpolation=cv2.INTER_AREA) for image in images]
     rows = [np.hstack(small[k:k + columns]) for k in range(0, len(small) - columns + 1, columns)]
-    _write(description.preview_path("choose"), np.vstack(rows))
+    _write(preset_files.preview_path("choose"), np.vstack(rows))
 
 
 if __name__ == "__main__":
     with tempfile.TemporaryDirectory(prefix="icymoon-previews-") as made:
-        for wanted in sys.argv[1:] or [name.split("/")[1] for name in description.preset_names("scenes")]:
+        for wanted in sys.argv[1:] or [name.split("/")[1] for name in preset_files.preset_names("scenes")]:
             print(make(wanted, Path(made)), flush=True)
     make_choice()

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from icymoon.commands import cli
-from icymoon.settings import description
+from icymoon.settings import preset_files, toml_text
 from icymoon.settings.table import TOPICS, Setting
 from icymoon.stereo import cli as stereo_cli
 from icymoon.stereo.matchers import MATCHERS
@@ -122,15 +122,15 @@ def _presets() -> str:
              "These presets are shipped in `presets/`. Each is a TOML file, and every number in it has a source. A "
              "preset of a scene includes others. `--preset` may be given several times; the later preset wins. "
              "*Chosen* means that no measurement is known and that the value is a decision.\n"]
-    kinds = sorted({name.split("/")[0] for name in description.preset_names()}, key=[*description.KINDS].index)
+    kinds = sorted({name.split("/")[0] for name in preset_files.preset_names()}, key=[*preset_files.KINDS].index)
     for kind in kinds:
-        parts.append(f"## {description.KINDS[kind]}\n")
-        parts += [_preset(name) for name in description.preset_names(kind)]
+        parts.append(f"## {preset_files.KINDS[kind]}\n")
+        parts += [_preset(name) for name in preset_files.preset_names(kind)]
     return "\n".join(parts)
 
 
 def _preset(name: str) -> str:
-    raw = description.read_toml(description.preset_path(name))
+    raw = toml_text.read_toml(preset_files.preset_path(name))
     header, sources, measured = raw.pop("preset"), raw.pop("sources"), raw.pop("measured", None)
     text = f"### {name}\n\n**{header['title']}.** {header['description']}.\n"
     if included := header.get("include"):

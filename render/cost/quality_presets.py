@@ -8,7 +8,9 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
-from ...settings.description import load, merged, preset_header, preset_names, preset_path, read_toml
+from ...settings.description import merged
+from ...settings.preset_files import load, preset_header, preset_names, preset_path
+from ...settings.toml_text import read_toml
 from ...system import count_processors
 from ...typed_settings import Settings
 from .abilities import Abilities, lack_for

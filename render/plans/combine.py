@@ -16,7 +16,8 @@ from ...physics.camera.blur import blur_identity
 from ...physics.random_numbers.seeds import stream
 from ...physics.refused_scenes import Reason
 from ...physics.terrain.sites import RockyGround, make_rocky_ground
-from ...settings.description import beside, defaults, digest, merged
+from ...settings.description import defaults, digest, merged
+from ...settings.preset_files import beside
 from ...settings.table import TOPICS, all_settings
 from ...settings.user_files import content, used_files
 from ...typed_settings import Settings

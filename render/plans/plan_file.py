@@ -16,12 +16,14 @@ from typing import Any
 from ...errors import IcyMoonError
 from ...files import is_file, parse_path
 from ...formats.toml_lines import Place
-from ...settings.description import PLANS, check, plan_names, read_toml, toml_and_text
+from ...settings.description import check
+from ...settings.preset_files import PLANS, plan_names
+from ...settings.toml_text import read_toml, toml_and_text
 from ...suggestions import nearest
 from . import poses, sweeps
 from .combine import MOST_GROUNDS, Combined, Design, combine, unchecked_grounds
 from .planned_pair import PlannedPair
-from .sweeps import Sweep, Variation, check_keys, check_settings, load_preset
+from .sweeps import Sweep, Variation, check_keys, check_settings, load_included
 
 HEADER = ("title", "description", "extends", "include", "seeds", "at_most", "files", "without")
 _SEEDS_MOST = 100000
@@ -156,7 +158,7 @@ def _read_parents(header: Mapping[str, Any], place: Place, readers: tuple[Path, 
 def _with_settings(design: Design, header: Mapping[str, Any], data: Mapping[str, Any], whole: Place) -> Design:
     """A design with the presets and settings of a plan over its own."""
     place = whole.at("plan")
-    parts = [Variation(load_preset(name, at), at) for name, at in _names(header, "include", place)]
+    parts = [Variation(load_included(name, at), at) for name, at in _names(header, "include", place)]
     return replace(design, base=(*design.base, *parts, Variation(check_settings(data, whole), whole)))
 
 

@@ -16,7 +16,8 @@ from ...files import parse_path
 from ...formats.toml_lines import Place
 from ...physics.random_numbers import sampling
 from ...physics.random_numbers.seeds import generator
-from ...settings.description import check, load, merged, preset_path
+from ...settings.description import check, merged
+from ...settings.preset_files import load, preset_path
 from ...settings.table import TOPICS, Setting
 from ...suggestions import nearest
 from ...typed_settings import Parts, Settings
@@ -74,7 +75,7 @@ def check_settings(data: Mapping[str, Any], place: Place) -> Settings:
     return merged(*parts)
 
 
-def load_preset(name: Any, place: Place) -> Settings:
+def load_included(name: Any, place: Place) -> Settings:
     """The settings of a shipped preset, or of a settings file whose name ends in .toml, beside the plan."""
     if not isinstance(name, str):
         raise IcyMoonError(f"{place}: a preset is named by a text in quotes, not {name!r}.")
@@ -144,7 +145,7 @@ def _read_factors(sweep: Sweep, also: Sequence[str]) -> list[tuple[str, Setting 
 def _read_part(name: str, value: Any, place: Place) -> Settings:
     """What a factor's value sets."""
     if name == _PRESET:
-        return load_preset(value, place)
+        return load_included(value, place)
     topic, key = name.split(".")
     return check_settings({topic: {key: value}}, Place(place.file, place.text, place.key[:-2]))
 
@@ -192,7 +193,7 @@ def _make_cases(sweep: Sweep, base: Settings) -> list[Variation]:
         for topic, values in stated.items():
             for key in values if isinstance(values, Mapping) else ():
                 _find_setting(topic, key, place.at(k))
-        made.append(Variation(merged(*(load_preset(name, place.at(k, _PRESET)) for name in presets),
+        made.append(Variation(merged(*(load_included(name, place.at(k, _PRESET)) for name in presets),
                                      check_settings(stated, place.at(k))), place.at(k)))
     return made
 

@@ -18,7 +18,7 @@ import jinja2
 import numpy as np
 
 from ...files import write_text
-from ...settings.description import to_toml
+from ...settings.toml_text import to_toml
 from ..images import colours
 from ..images.image_files import encoded, read_png
 from ..matchers.methods import Method

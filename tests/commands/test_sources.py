@@ -5,26 +5,26 @@ from __future__ import annotations
 import pytest
 from icymoon.commands.sources import BY_HAND, DEFAULT, find_origins
 from icymoon.errors import IcyMoonError
-from icymoon.settings import description
+from icymoon.settings import description, preset_files, toml_text
 from icymoon.typed_settings import Settings
 
 
 def described(*presets: str, **changes: dict) -> Settings:
     return description.merged(description.defaults(),
-                              *(description.load(description.preset_path(name)) for name in presets), changes)
+                              *(preset_files.load_preset(name) for name in presets), changes)
 
 
 def found(settings: Settings, *asked: str) -> dict:
     return {origin.name: origin for origin in find_origins(settings, asked)}
 
 
-@pytest.mark.parametrize("scene", description.preset_names("scenes"))
+@pytest.mark.parametrize("scene", preset_files.preset_names("scenes"))
 def test_every_number_that_a_scene_preset_states_is_traced_to_it_or_to_what_it_includes(scene):
     """Followed back by hand: the files that the scene includes, and theirs."""
     files, family = [scene], {}
     while files:
         name = files.pop()
-        raw = description.read_toml(description.preset_path(name))
+        raw = toml_text.read_toml(preset_files.preset_path(name))
         files += raw["preset"].get("include", [])
         family[name] = raw
     settings = described(scene)

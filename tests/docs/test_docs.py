@@ -11,7 +11,7 @@ import tomllib
 import manual
 import pytest
 from icymoon.render.plans.plan_file import read_plan
-from icymoon.settings import description
+from icymoon.settings import preset_files
 from icymoon.version import ROOT, version
 
 import commands
@@ -127,7 +127,7 @@ def test_every_settings_file_loads(block, tmp_path):
     if "plan" in raw:
         assert block.code.startswith("# not counted") or read_plan(file).pairs()
         return
-    assert description.load(file) or not raw
+    assert preset_files.load(file) or not raw
     for name in set(raw.get("sources", {})):
         topic, _, key = name.partition(".")
         assert key in raw[topic], f"{block}: a source of {name}, which it does not set"

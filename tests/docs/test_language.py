@@ -11,8 +11,8 @@ from pathlib import Path
 
 import manual
 import pytest
-from icymoon.settings.description import read_toml
 from icymoon.settings.table import TOPICS
+from icymoon.settings.toml_text import read_toml
 from icymoon.version import ROOT
 
 #: A row of the glossary: its word, its meaning, the words that are not used for it.

@@ -14,7 +14,7 @@ from icymoon.nodes import scene as scenes
 from icymoon.nodes.datablocks.fingerprint import TAG, fingerprint
 from icymoon.nodes.tree.builder import Tree
 from icymoon.physics.light.directions import toward
-from icymoon.settings import description
+from icymoon.settings import description, preset_files
 from rendering import complete, empty_scene
 
 
@@ -149,7 +149,7 @@ def test_a_node_with_an_input_nobody_set_is_refused():
 
 def test_property_groups_hold_a_description_and_give_it_back(scene):
     loaded = description.merged(description.defaults(),
-                                description.load(description.preset_path("scenes/europa_rough_ice")))
+                                preset_files.load_preset("scenes/europa_rough_ice"))
     scene_properties.write_settings(scene.icymoon, loaded)
     assert scene_properties.read_settings(scene.icymoon) == loaded
 

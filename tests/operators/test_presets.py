@@ -8,7 +8,7 @@ from icymoon import scene_properties
 from icymoon.errors import IcyMoonError
 from icymoon.operators import presets
 from icymoon.panels import previews
-from icymoon.settings import description
+from icymoon.settings import description, preset_files, toml_text
 from icymoon.typed_settings import Settings
 
 NEWER = "9.0.0"
@@ -40,7 +40,7 @@ def test_a_preset_of_ones_own_comes_back_as_it_was(scene, own):
     assert after.pop("dataset")["seed"] == 9, "a preset is not of the data set"
     before.pop("dataset")
     assert after == before
-    assert description.load(own / "zürich_2nd_try.toml") == before, "the command line reads it too"
+    assert preset_files.load(own / "zürich_2nd_try.toml") == before, "the command line reads it too"
 
 
 def test_a_preset_of_ones_own_says_where_its_values_are_from(scene, own):
@@ -59,12 +59,12 @@ coverage = 0.07
     scene.icymoon.rocks.coverage = 0.08  # which the source does not speak of
     scene.icymoon.light.planet_albedo = 0.123
     assert bpy.ops.icymoon.add_preset(title="Again") == {"FINISHED"}
-    sources = description.read_toml(own / "again.toml")["sources"]
+    sources = toml_text.read_toml(own / "again.toml")["sources"]
     assert sources["terrain.body_radius_m"] == 'Archinal et al. 2018, "mean"'
     assert "Celest" not in sources["terrain.body_radius_m"]
     assert sources["light.sun_irradiance_wm2"].startswith("1361 W/m²")
     assert not {"rocks.coverage", "light.planet_albedo"} & set(sources)
-    assert description.load(own / "again.toml").rocks.coverage == pytest.approx(0.08)
+    assert preset_files.load(own / "again.toml").rocks.coverage == pytest.approx(0.08)
 
 
 def test_removing_a_preset_of_ones_own(scene, own):
@@ -132,13 +132,13 @@ def test_without_an_installed_extension_there_is_no_place_for_presets(scene):
 
 def test_every_shipped_scene_has_a_picture_that_chooses_it(scene):
     pictures = [item[0] for item in previews._load_choices()][1:]
-    assert pictures == description.preset_names("scenes")
+    assert pictures == preset_files.preset_names("scenes")
     assert choice() == "NONE"
     for name in pictures:
         setattr(bpy.context.window_manager, previews.CHOICE, name)
         assert scene.icymoon.preset == name
         assert choice() == name
-        assert description.preview_path(name).stat().st_size < 20_000, "it goes into the zip"
+        assert preset_files.preview_path(name).stat().st_size < 20_000, "it goes into the zip"
     scene.icymoon.preset = ""
     assert choice() == "NONE"
 
@@ -151,8 +151,8 @@ def described(group) -> Settings:
 
 def test_a_whole_scene_is_the_same_whatever_was_loaded_before(scene):
     """After every other preset; but the quality that a person chose by a preset of qualities stays."""
-    names = description.preset_names()
-    whole = [name for name in names if description.is_whole(name)]
+    names = preset_files.preset_names()
+    whole = [name for name in names if preset_files.is_whole(name)]
     assert {name.split("/")[0] for name in whole} == {"scenes", "gallery"}
     alone = {}
     for name in whole:
@@ -161,7 +161,7 @@ def test_a_whole_scene_is_the_same_whatever_was_loaded_before(scene):
         bpy.ops.icymoon.load_preset(preset=name)
         alone[name] = described(scene.icymoon)
         assert alone[name] == {topic: values for topic, values in description.merged(
-            description.defaults(), description.load(description.preset_path(name))).items() if topic != "dataset"}
+            description.defaults(), preset_files.load_preset(name)).items() if topic != "dataset"}
     for k, before in enumerate(names):  # every one before some whole scene, and each of these after some other
         name = whole[k % len(whole)]
         scene_properties.write_settings(scene.icymoon, description.defaults())
@@ -170,8 +170,8 @@ def test_a_whole_scene_is_the_same_whatever_was_loaded_before(scene):
         bpy.ops.icymoon.load_preset(preset=name)
         found, wanted = described(scene.icymoon), alone[name]
         if before.startswith("qualities/"):
-            own = description.load(description.preset_path(name)).get("quality", {})
-            chosen = description.load(description.preset_path(before)).quality
+            own = preset_files.load_preset(name).get("quality", {})
+            chosen = preset_files.load_preset(before).quality
             wanted = description.merged(wanted, {"quality": {**chosen, **own}})
         assert found == wanted, (before, name)
         assert scene.icymoon.preset == name

@@ -202,7 +202,7 @@ def test_a_built_scene_draws_its_preset(small):
 
 
 def test_every_preset_is_in_the_menu(scene):
-    from icymoon.settings.description import preset_header, preset_names
+    from icymoon.settings.preset_files import preset_header, preset_names
 
     shown = texts(drawn(menu.ICYMOON_MT_presets))
     assert all(preset_header(name)[0] in shown for name in preset_names())

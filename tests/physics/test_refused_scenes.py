@@ -14,7 +14,7 @@ from icymoon.physics.surfaces.hapke import HapkeParameters, bidirectional_reflec
 from icymoon.physics.terrain.sites import make_rocky_ground
 from icymoon.physics.terrain.terrain import make_terrain
 from icymoon.render.plans.plan_file import read_plan
-from icymoon.settings import description
+from icymoon.settings import description, preset_files
 from icymoon.version import ROOT
 
 #: The scene of which the right eye was in the ground, and its images black, without a word.
@@ -137,9 +137,9 @@ def test_what_may_be_meant_is_told_and_not_refused():
     assert not refused_scenes.scene_advice(complete())
 
 
-@pytest.mark.parametrize("name", description.preset_names())
+@pytest.mark.parametrize("name", preset_files.preset_names())
 def test_every_shipped_preset_is_admitted(name):
-    settings = complete(description.load(description.preset_path(name)))
+    settings = complete(preset_files.load_preset(name))
     assert not refused_scenes.find_reasons(settings)
     assert not refused_scenes.scene_advice(settings)
 

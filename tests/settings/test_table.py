@@ -6,7 +6,7 @@ import ast
 import math
 
 import pytest
-from icymoon.settings import description
+from icymoon.settings import preset_files, toml_text
 from icymoon.settings.table import TOPICS, Setting, all_settings
 from icymoon.version import ROOT
 
@@ -69,13 +69,13 @@ def test_a_panel_says_what_it_is_and_names_nothing_twice(topic):
         assert len(set(labels)) == len(labels)
 
 
-@pytest.mark.parametrize("name", description.preset_names())
+@pytest.mark.parametrize("name", preset_files.preset_names())
 def test_a_preset_says_what_it_is(name):
-    header = description.read_toml(description.preset_path(name))["preset"]
+    header = toml_text.read_toml(preset_files.preset_path(name))["preset"]
     assert header["title"].strip()
     assert len(header["description"]) > 15
-    same = [other for other in description.preset_names(name.split("/")[0])
-            if description.preset_header(other)[0] == header["title"]]
+    same = [other for other in preset_files.preset_names(name.split("/")[0])
+            if preset_files.preset_header(other)[0] == header["title"]]
     assert same == [name], "two presets of one menu have one title"
 
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from icymoon.errors import IcyMoonError
 from icymoon.render.plans import frozen_plan
 from icymoon.render.plans.plan_file import read_plan
-from icymoon.settings import description, trust_boundary
+from icymoon.settings import description, preset_files, toml_text, trust_boundary
 from icymoon.settings.table import Setting, all_settings
 from icymoon.stereo.matchers import MATCHERS
 from icymoon.stereo.matchers.methods import parse_methods
@@ -53,12 +53,12 @@ def test_a_description_may_set_an_option_exactly_if_it_names_no_program(name, op
 
 
 def _in_a_settings_file(folder):
-    (folder / "scene.toml").write_text(description.to_toml({"dataset": {"methods": EVIL}}), encoding="utf-8")
-    description.load(folder / "scene.toml")
+    (folder / "scene.toml").write_text(toml_text.to_toml({"dataset": {"methods": EVIL}}), encoding="utf-8")
+    preset_files.load(folder / "scene.toml")
 
 
 def _in_a_plan(folder):
-    (folder / "plan.toml").write_text('[plan]\ntitle = "Evil"\n' + description.to_toml({"dataset": {"methods": EVIL}}),
+    (folder / "plan.toml").write_text('[plan]\ntitle = "Evil"\n' + toml_text.to_toml({"dataset": {"methods": EVIL}}),
                                       encoding="utf-8")
     read_plan(folder / "plan.toml").pairs()
 

@@ -12,7 +12,7 @@ from contextlib import redirect_stderr
 from typing import Any
 
 from icymoon.commands import cli
-from icymoon.settings import description
+from icymoon.settings import description, preset_files
 from icymoon.settings.table import TOPICS
 from icymoon.stereo import cli as stereo_cli
 from icymoon.stereo.matchers import complete_options
@@ -104,7 +104,7 @@ def _parsed(program: str, words: list[str]) -> str:
     except SystemExit:
         return said.getvalue().strip().splitlines()[-1]
     for name in options.get("preset") or ():
-        description.preset_path(name)
+        preset_files.preset_path(name)
     changed = options.get("overrides", options.get("set")) or ()
     for text in changed:
         description.override(text)
@@ -150,7 +150,7 @@ def _call_fault(call: ast.Call, names: dict[str, str]) -> str:
     for word in call.keywords:
         if word.arg not in operator.properties:
             return f"icymoon.{call.func.attr} has no {word.arg}"
-        if word.arg == "preset" and ast.literal_eval(word.value) not in description.preset_names():
+        if word.arg == "preset" and ast.literal_eval(word.value) not in preset_files.preset_names():
             return f"there is no preset {ast.unparse(word.value)}"
     return ""
 

@@ -16,7 +16,7 @@ from icymoon.physics.camera.stereo_geometry import rounding_m
 from icymoon.render.pairs.pair_folder import EYES, Pair, read_pair
 from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.render.worker import render_pairs
-from icymoon.settings import description
+from icymoon.settings import description, toml_text
 from icymoon.settings.table import TOPICS, Setting
 from icymoon.stereo.evaluate import evaluate
 from icymoon.stereo.images.exr import Light, View
@@ -110,7 +110,7 @@ def story(settings: Settings) -> str:
     default = description.defaults()
     changed = {topic: {key: value for key, value in values.items() if value != default[topic][key]}
                for topic, values in settings.items()}
-    return description.to_toml({topic: values for topic, values in changed.items() if values})
+    return toml_text.to_toml({topic: values for topic, values in changed.items() if values})
 
 
 def shot(settings: Settings, folder: Path) -> tuple[Pair, Built]:

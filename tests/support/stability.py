@@ -22,7 +22,7 @@ from icymoon.nodes.scene import Built, build
 from icymoon.render.pairs.pair_folder import EYES, read_pair
 from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.render.worker import render_pairs
-from icymoon.settings import description
+from icymoon.settings import description, preset_files
 from icymoon.stereo.images.exr import read_view
 from rendering import empty_scene
 
@@ -47,7 +47,7 @@ def built(name: str) -> Built:
     preset, changes = SCENES[name]
     return build(empty_scene(), description.merged(
         description.defaults(), *(description.check(part, name) for part in (
-            description.load(description.preset_path(preset)), changes, SIZE))))
+            preset_files.load_preset(preset), changes, SIZE))))
 
 
 def of_ground(scene: Built) -> dict[str, Any]:

@@ -28,7 +28,7 @@ from icymoon.physics.camera.blur import blur_of
 from icymoon.render import render_pair
 from icymoon.render.cycles_settings import check_possible
 from icymoon.render.workers.job import python_command
-from icymoon.settings import description
+from icymoon.settings import preset_files
 from rendering import complete
 
 ROOT = Path(icymoon.__file__).parent
@@ -246,7 +246,7 @@ def empty_dataset(place: Place) -> str:
 
 
 def settings_file(text: str) -> Callable[[Place], str]:
-    return lambda place: raised(lambda: description.load(place.file("site.toml", text)))
+    return lambda place: raised(lambda: preset_files.load(place.file("site.toml", text)))
 
 
 MADE: dict[str, Callable[[Place], str]] = {

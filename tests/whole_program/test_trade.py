@@ -10,7 +10,7 @@ from icymoon import scene_properties
 from icymoon.operators import jobs, sidebar_text, trade
 from icymoon.render.cost import speed
 from icymoon.render.workers.job import python_command
-from icymoon.settings import description
+from icymoon.settings import description, preset_files
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(900)]
 SCENE = ("--preset", "europa_rough_ice", "--scale", "0.15", "--reference-samples", "32", "--methods", "sgbm",
@@ -56,7 +56,7 @@ def test_auto_stops_at_the_first_that_is_good_enough(tmp_path):
     ladder = [step for step in found["tried"] if step["name"].removesuffix(", denoised").endswith(("ple", "ples"))]
     assert [step["within"] for step in ladder].count(True) == 1  # stopped there
     description.check(found["settings"], "auto")
-    assert description.load(Path(found["file"])) == found["settings"]
+    assert preset_files.load(Path(found["file"])) == found["settings"]
 
 
 @pytest.mark.parametrize(("words", "said"), [
@@ -82,7 +82,7 @@ def test_the_button_sets_what_the_search_finds(tmp_path):
 
     scene = bpy.data.scenes.new("Trade")
     scene_properties.write_settings(scene.icymoon, description.merged(
-        description.load(description.preset_path("europa_rough_ice")),
+        preset_files.load_preset("europa_rough_ice"),
         {"mesh": {"most": 20000}, "dataset": {"folder": str(tmp_path), "methods": "sgbm"}}))
     with bpy.context.temp_override(scene=scene):
         assert bpy.ops.icymoon.auto_quality(scale=0.15, reference_samples=32, tolerance_px=0.5) == {"FINISHED"}
@@ -95,7 +95,7 @@ def test_the_button_sets_what_the_search_finds(tmp_path):
     assert any(line.startswith(f"{scene.icymoon.quality.samples} sample") for line in tried)
     assert " px" in " ".join(by_error)
     assert "bad" in " ".join(tried)
-    found = description.load(tmp_path / "trade" / "auto.toml").quality
+    found = preset_files.load(tmp_path / "trade" / "auto.toml").quality
     assert {key: getattr(scene.icymoon.quality, key) for key in found} == pytest.approx(found)
     bpy.data.scenes.remove(scene)
 

@@ -8,7 +8,8 @@ from icymoon.benchmarks.furnace import albedo as furnace
 from icymoon.labels import TERRAIN
 from icymoon.nodes.surface.ice_material import build_material
 from icymoon.physics.surfaces.principled import real_albedo
-from icymoon.settings.description import check, defaults, load, merged, preset_path
+from icymoon.settings.description import check, defaults, merged
+from icymoon.settings.preset_files import load_preset
 
 
 def measured(settings, **view) -> np.ndarray:
@@ -45,7 +46,7 @@ def test_bumps_as_high_as_they_are_wide_lose_the_light_that_is_reckoned_with(sub
 
 @pytest.mark.parametrize("name", ["fresh_snow", "rough_ice"])
 def test_presets_have_their_albedo(name):
-    settings = merged(defaults(), load(preset_path(f"surfaces/{name}"))).surface
+    settings = merged(defaults(), load_preset(f"surfaces/{name}")).surface
     settings.albedo_variation = 0.0
     assert real_albedo(settings) == pytest.approx(settings.albedo, rel=0.01)
     assert measured(settings, view_m=1.0) == pytest.approx(settings.albedo, rel=0.01)

@@ -10,7 +10,8 @@ from icymoon.physics.camera.particle_hits import draw_hits, expected_hits
 from icymoon.physics.camera.point_spread import apply_lens, gaussian_kernel
 from icymoon.physics.camera.sensor import digital_numbers, electrons, exposure_s, exposure_warnings, noise_generator
 from icymoon.physics.light.photons import band_share, electron_rate, pixel_pitch_m, planck, total_radiance
-from icymoon.settings.description import defaults, load, merged, preset_path
+from icymoon.settings.description import defaults, merged
+from icymoon.settings.preset_files import load_preset
 
 pytestmark = pytest.mark.filterwarnings("error")
 
@@ -120,7 +121,7 @@ def test_the_pixel_is_the_sensors_or_else_the_rigs():
 @pytest.mark.parametrize("name", ["mer_ccd", "mars2020_cmos", "europa_radiation"])
 def test_real_pixels_expose_sunlit_europa_as_long_as_real_cameras_do(name):
     """Tens of milliseconds and more; the 94 µm that the paper's 60 mm make of 640 columns take a hundredth of it."""
-    described = merged(defaults(), load(preset_path("rigs/guiss")), load(preset_path(f"sensors/{name}")))
+    described = merged(defaults(), load_preset("rigs/guiss"), load_preset(f"sensors/{name}"))
     # Level Lambert ground of albedo 0.6 under the Sun of Europa, 30 degrees high.
     radiance = np.full((8, 8), 0.6 * 50.26 * 0.5 / math.pi)
     def auto(sensor):
@@ -135,7 +136,7 @@ def test_real_pixels_expose_sunlit_europa_as_long_as_real_cameras_do(name):
 def test_particles_of_jupiters_belts_are_seen_in_an_exposure_of_sunlit_ice():
     """Flux x area x exposure by hand, at the flux of the preset. With auto exposure it is the same for pixels of any
     size, which gather light and particles alike, but tracks are longer than a small pixel."""
-    described = merged(defaults(), load(preset_path("rigs/guiss")), load(preset_path("sensors/europa_radiation")))
+    described = merged(defaults(), load_preset("rigs/guiss"), load_preset("sensors/europa_radiation"))
     sensor = described.sensor
     pitch_m = pixel_pitch_m(sensor, described.rig)
     seconds = exposure_s(np.full((8, 8), 0.6 * 50.26 * 0.5 / math.pi),

@@ -11,7 +11,7 @@ from icymoon.physics.light import ephemeris, spice
 from icymoon.physics.light.bodies import BODIES
 from icymoon.physics.light.sky import azimuth_deg, elevation_deg, sky
 from icymoon.physics.light.sunlight import AU_KM
-from icymoon.settings import description
+from icymoon.settings import description, preset_files
 
 pytestmark = pytest.mark.filterwarnings("error")
 
@@ -194,7 +194,7 @@ def test_spice_and_the_elements_agree(kernels):
 
 def test_the_sky_of_a_date_and_of_kernels(kernels):
     light = description.merged(
-        description.defaults(), description.load(description.preset_path("bodies/enceladus"))).light
+        description.defaults(), preset_files.load_preset("bodies/enceladus")).light
     dated = sky(light | {"directions_from": "DATE", "date_utc": DATE})
     exact = sky(light | {"directions_from": "KERNELS", "date_utc": DATE, "kernels": str(kernels)})
     for shown in (dated, exact):

@@ -8,12 +8,12 @@ import pytest
 from icymoon.physics.light.planetshine import Planet, Ring, disc_mesh, irradiance_wm2, unshaded_share
 from icymoon.physics.light.saturn_rings import RINGS, brightness, phase_function, ring_mesh, shadow_half_angle
 from icymoon.physics.light.sky import sky
-from icymoon.settings import description
+from icymoon.settings import description, preset_files
 
 pytestmark = pytest.mark.filterwarnings("error")
 
 ENCELADUS = description.merged(
-    description.defaults(), description.load(description.preset_path("bodies/enceladus"))).light
+    description.defaults(), preset_files.load_preset("bodies/enceladus")).light
 
 
 def dated(date, latitude):

@@ -19,7 +19,7 @@ from icymoon.physics.light.planetshine import (
 from icymoon.physics.light.sky import azimuth_deg, check_body, elevation_deg, sky, sky_facts
 from icymoon.physics.light.sunlight import apparent_diameter_deg, sun_colour, sun_diameter_deg, sun_irradiance_wm2
 from icymoon.render.plans.plan_file import read_plan
-from icymoon.settings import description
+from icymoon.settings import description, preset_files
 
 pytestmark = pytest.mark.filterwarnings("error")
 
@@ -152,7 +152,7 @@ def test_the_mesh_is_the_ellipsoid_in_size_light_and_side():
 
 def test_the_sky_of_the_settings():
     light = description.merged(
-        description.defaults(), description.load(description.preset_path("bodies/enceladus"))).light
+        description.defaults(), preset_files.load_preset("bodies/enceladus")).light
     shown = sky(light | {"sun_elevation_deg": 20.0, "sun_azimuth_deg": 300.0})
     assert (elevation_deg(shown.sun), azimuth_deg(shown.sun)) == pytest.approx((20.0, 300.0))
     assert shown.ground_irradiance_wm2[0] == pytest.approx(14.82 * math.sin(math.radians(20)))
@@ -230,9 +230,9 @@ def test_an_eclipse_takes_the_light_of_the_ground():
 
 
 def test_every_scene_preset_has_light():
-    for name in description.preset_names("scenes"):
+    for name in preset_files.preset_names("scenes"):
         shown = sky(description.merged(
-            description.defaults(), description.load(description.preset_path(name))).light)
+            description.defaults(), preset_files.load_preset(name)).light)
         assert shown.eclipse == 0.0, name
         assert sum(shown.ground_irradiance_wm2) > (0.05 if name.endswith("shine") else 1.0), name
 
@@ -246,7 +246,7 @@ def test_a_body_has_the_same_planet_in_its_sky_by_angles_and_by_date(name):
     """But for what the planet swings, twice the eccentricity of the orbit and more (``ephemeris``), and for the lean
     of the ellipsoid's normal, which angles know not: 1.1° and 0.1° on Europa, 0.8° and 0.7° at 80° south on
     Enceladus. Of its apparent size the eccentricity, a hundredth and a two-hundredth, is left, and half of the moon."""
-    light = described(description.load(description.preset_path(f"bodies/{name}")))["light"]
+    light = described(preset_files.load_preset(f"bodies/{name}"))["light"]
     by_angles = sky_facts(sky(light))["planet"]
     for day in range(0, 400, 9):
         date = str(np.datetime64("2031-01-01T00:00") + np.timedelta64(day * 1440 + 61 * day, "m"))
@@ -263,7 +263,7 @@ GANYMEDE = {"terrain": {"body_radius_m": 2631200.0}}
 @pytest.mark.parametrize(("body", "other"), [("europa", "enceladus"), ("enceladus", "europa")])
 def test_ground_of_one_body_gets_no_sky_of_another(way, body, other):
     dated = {"light": {"directions_from": way}}
-    of_body, of_other = (description.load(description.preset_path(f"bodies/{name}")) for name in (body, other))
+    of_body, of_other = (preset_files.load_preset(f"bodies/{name}") for name in (body, other))
     check_body(described(of_body, dated))
     for ground in (GANYMEDE, {"terrain": of_other.terrain}):
         check_body(described(of_body, ground))  # at angles, the sky is what is stated
@@ -273,9 +273,9 @@ def test_ground_of_one_body_gets_no_sky_of_another(way, body, other):
 
 
 def test_the_manuals_ganymede_has_no_europas_sky(tmp_path):
-    page = (description.PRESETS.parent / "docs" / "howto" / "another-body.md").read_text(encoding="utf-8")
+    page = (preset_files.PRESETS.parent / "docs" / "howto" / "another-body.md").read_text(encoding="utf-8")
     (tmp_path / "ganymede.toml").write_text(page.split("```toml\n")[1].split("```")[0], encoding="utf-8")
-    found = described(description.load(tmp_path / "ganymede.toml"), {"light": {"directions_from": "DATE"}})
+    found = described(preset_files.load(tmp_path / "ganymede.toml"), {"light": {"directions_from": "DATE"}})
     check_body(found)
     with pytest.raises(IcyMoonError, match="'GANYMEDE'; without kernels only ENCELADUS and EUROPA"):
         sky(found["light"])

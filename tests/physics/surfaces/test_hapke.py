@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from icymoon.errors import IcyMoonError
 from icymoon.physics.surfaces import albedos, hapke, photometry
 from icymoon.physics.surfaces.hapke import HapkeParameters, bidirectional_reflectance
-from icymoon.settings import description
+from icymoon.settings import description, preset_files
 
 EUROPA = {"w": 0.964, "b": 0.429, "c": 0.113, "b_s0": 0.5, "h_s": 0.0016, "theta_bar": math.radians(10.0)}
 HALF_PI = math.pi / 2
@@ -245,7 +245,7 @@ def test_europa_is_as_bright_as_observed():
 
 
 def _preset(name: str) -> dict:
-    loaded = description.load(description.preset_path(f"surfaces/hapke_{name}"))
+    loaded = preset_files.load_preset(f"surfaces/hapke_{name}")
     return description.merged(description.defaults(), loaded)
 
 

@@ -12,7 +12,8 @@ from hypothesis import settings as hypothesis
 from hypothesis import strategies as st
 from icymoon.physics.terrain.landforms import MAKERS
 from icymoon.physics.terrain.terrain import Terrain, make_terrain, terrain_advice
-from icymoon.settings.description import check, defaults, load, merged, preset_names, preset_path
+from icymoon.settings.description import check, defaults, merged
+from icymoon.settings.preset_files import load_preset, preset_names
 from icymoon.settings.table import TOPICS
 from icymoon.typed_settings import Settings
 
@@ -184,7 +185,7 @@ def test_what_a_mesh_cannot_show_is_said():
 
 @pytest.mark.parametrize("name", preset_names("terrains"))
 def test_a_preset_is_what_its_mesh_can_show(name):
-    settings = _settings(load(preset_path(name)))
+    settings = _settings(load_preset(name))
     ground = settings.terrain
     spacing = ground.size_m / (ground.resolution - 1)
     assert terrain_advice(settings, 2 * spacing) == []
@@ -193,7 +194,7 @@ def test_a_preset_is_what_its_mesh_can_show(name):
 
 def test_the_papers_terrains_get_rougher_from_low_to_very_high():
     def slope(name: str) -> float:
-        heights = _grid(_ground(load(preset_path(f"terrains/{name}"))), 257, 2 * 20 / 256)
+        heights = _grid(_ground(load_preset(f"terrains/{name}")), 257, 2 * 20 / 256)
         lag = round(1.0 / (20 / 256))
         return float(np.sqrt(np.mean((heights[:, lag:] - heights[:, :-lag]) ** 2)))
 

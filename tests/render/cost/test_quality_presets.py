@@ -9,7 +9,8 @@ import pytest
 from icymoon.render.cost.abilities import Abilities
 from icymoon.render.cost.estimate import spread_before, work_of
 from icymoon.render.cost.quality_presets import QualityPreset, list_qualities, pair_seconds
-from icymoon.settings.description import defaults, load, merged, preset_header, preset_names, preset_path
+from icymoon.settings.description import defaults, merged
+from icymoon.settings.preset_files import load_preset, preset_header, preset_names
 
 ERRORS = {"sgbm_px": 0.0314, "radiance_rms": 0.4567}
 
@@ -45,7 +46,7 @@ def test_all_presets_are_listed_cheapest_first_and_the_scene_s_own_last():
     assert (own.name, own.title, own.errors, own.lacks) == ("", "As described", {}, "")
     assert (own.seconds, own.factor) == pair_seconds(settings, 1e6, None)
     for quality in shipped:
-        whole = merged(settings, load(preset_path(quality.name)))
+        whole = merged(settings, load_preset(quality.name))
         assert quality.title == preset_header(quality.name)[0]
         assert (quality.seconds, quality.factor) == pair_seconds(whole, 1e6, None)
 
@@ -56,6 +57,6 @@ def test_what_a_blender_lacks_is_shown_with_each_quality_that_asks_for_it():
     *shipped, own = list_qualities(denoised, 1e6, None, plain)
     assert "OpenImageDenoise" in own.lacks
     for quality in shipped:
-        asks = merged(denoised, load(preset_path(quality.name))).quality.denoiser != "NONE"
+        asks = merged(denoised, load_preset(quality.name)).quality.denoiser != "NONE"
         assert bool(quality.lacks) == asks
     assert not any(quality.lacks for quality in list_qualities(denoised, 1e6, None))

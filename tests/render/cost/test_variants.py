@@ -4,7 +4,7 @@ import pytest
 from icymoon.errors import IcyMoonError
 from icymoon.render.cost.estimate import work_of
 from icymoon.render.cost.variants import GROUPS, SHAPES, candidates, leaner_settings, reference, variants
-from icymoon.settings import description
+from icymoon.settings import description, preset_files
 
 SCENES = ("enceladus_fresh_snow", "europa_rough_ice", "europa_ridged_plain_hapke")
 #: Settings that each group may change.
@@ -17,7 +17,7 @@ OWN = {"scene": set(), "samples": {"quality.samples", "quality.denoiser"}, "boun
 
 
 def scene(name, *overrides):
-    return description.merged(description.defaults(), description.load(description.preset_path(name)),
+    return description.merged(description.defaults(), preset_files.load_preset(name),
                               *map(description.override, overrides))
 
 

@@ -15,7 +15,7 @@ from icymoon.physics.light.directions import camera_axes
 from icymoon.physics.terrain.sites import make_rocky_ground
 from icymoon.render.plans.plan_file import read_plan
 from icymoon.render.plans.planned_pair import expand_headings
-from icymoon.settings import description
+from icymoon.settings import description, preset_files
 
 HEAD = '[plan]\ntitle = "Test"\n'
 
@@ -37,7 +37,7 @@ def taken(pairs, name):
 
 def test_a_plan_without_sweeps_is_the_pair_that_its_settings_make(plan):
     (pair,) = plan(HEAD + 'include = ["rigs/mer_navcam"]\n[terrain]\nrms_slope_deg = 5').pairs()
-    described = description.merged(description.defaults(), description.load(description.preset_path("rigs/mer_navcam")),
+    described = description.merged(description.defaults(), preset_files.load_preset("rigs/mer_navcam"),
                                 {"terrain": {"rms_slope_deg": 5.0}})
     assert pair == expand_headings(described)[0]
 

@@ -10,20 +10,20 @@ import numpy as np
 import pairs
 import pytest
 from icymoon.errors import IcyMoonError
-from icymoon.settings import description
+from icymoon.settings import description, preset_files
 from icymoon.stereo.images.gallery import write_picture, write_sheet
 
-NAMES = description.preset_names("gallery")
+NAMES = preset_files.preset_names("gallery")
 
 
 def test_there_are_twelve_of_960_by_720_each_another():
-    described = [description.merged(description.defaults(), description.load(description.preset_path(name)))
+    described = [description.merged(description.defaults(), preset_files.load_preset(name))
                  for name in NAMES]
     assert len({description.digest(each) for each in described}) == len(NAMES) == 12
     assert {(each.rig.width_px, each.rig.height_px) for each in described} == {(960, 720)}
-    assert len({description.preset_header(name)[0] for name in NAMES}) == 12
+    assert len({preset_files.preset_header(name)[0] for name in NAMES}) == 12
     for name in NAMES:  # the sheet's letters are ASCII
-        assert description.preset_header(name)[0].isascii()
+        assert preset_files.preset_header(name)[0].isascii()
 
 
 def test_a_picture_shows_the_light_as_a_screen_does(tmp_path):

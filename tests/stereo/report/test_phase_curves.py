@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from icymoon.settings.description import defaults, load, merged, preset_path
+from icymoon.settings.description import defaults, merged
+from icymoon.settings.preset_files import load_preset
 from icymoon.stereo.report.charts import draw_charts
 from icymoon.stereo.report.phase_curves import MOST, PHASE_DEG, phase_curves
 
@@ -25,7 +26,7 @@ def test_lamberts_sphere_is_as_in_closed_form():
 
 
 def test_each_law_is_drawn_once_and_that_of_rocks_with_their_own_surface_too():
-    hapke = load(preset_path("surfaces/hapke_europa_bright_plains"))
+    hapke = load_preset("surfaces/hapke_europa_bright_plains")
     found = phase_curves([facts(hapke), facts(hapke), facts(hapke, {"rocks": {"coverage": 0.1, "own_surface": True},
                                                               "rock_surface": {"model": "LOMMEL_SEELIGER"}})])
     assert [name.split()[0] for name in found] == ["Hapke", "Lommel-Seeliger"]

@@ -5,7 +5,7 @@ from icymoon.errors import IcyMoonError
 from icymoon.render.cost.abilities import Abilities
 from icymoon.render.cost.estimate import work_of
 from icymoon.render.cost.tolerance import checked_tolerance
-from icymoon.settings import description
+from icymoon.settings import description, preset_files
 from icymoon.stereo.trade import cheapest_quality as search
 from icymoon.stereo.trade import losses as measuring
 from icymoon.stereo.trade.measure_variants import Bench
@@ -61,7 +61,7 @@ def test_the_search_stops_at_the_first_that_is_within_and_reports_what_it_tried(
     assert found["settings"] == {"quality": {"samples": 16, "denoiser": "OIDN", "noise_threshold": 0.0}}
     assert [step["name"] for step in found["tried"]] == rendered
     assert [step["within"] for step in found["tried"]] == [False] * (len(rendered) - 1) + [True]
-    assert description.load(tmp_path / "auto.toml") == found["settings"]
+    assert preset_files.load(tmp_path / "auto.toml") == found["settings"]
     assert found["said"][-1].startswith("Use 16 samples, denoised: ")
     assert len(found["said"]) == len(rendered) + 1
 

@@ -1,0 +1,49 @@
+"""Settings as TOML text, and the raw content of TOML files."""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from ..errors import IcyMoonError
+from ..files import read_text
+from .table import Value
+
+
+def toml_and_text(path: Path) -> tuple[dict[str, Any], str]:
+    """The raw content of a TOML file, and its text. Raises IcyMoonError if it cannot be read or parsed."""
+    try:
+        text = read_text(path)
+        return tomllib.loads(text), text
+    except OSError as error:
+        raise IcyMoonError(f"{path}: cannot be read ({error.strerror}).") from None
+    except (ValueError, RecursionError) as error:  # what is no TOML or no text, too large a number, too deep a list
+        raise IcyMoonError(f"{path}: is not valid TOML ({error}).") from None
+
+
+def read_toml(path: Path) -> dict[str, Any]:
+    """The raw content of a TOML file. Raises IcyMoonError if it cannot be read or parsed."""
+    return toml_and_text(path)[0]
+
+
+def to_toml(settings: Mapping[str, Mapping[str, Value]]) -> str:
+    """A description as TOML text that ``load`` reads back to the same values."""
+    lines = []
+    for topic, values in settings.items():
+        lines.append(f"[{topic}]")
+        # The lists of tables come last: what follows a [[table]] header belongs to that table.
+        lines += [f"{key} = {toml_value(value)}" for key, value in values.items()
+                  if not isinstance(value, list) or not value]
+        for key, value in values.items():
+            for entry in value if isinstance(value, list) else ():
+                lines += ["", f"[[{topic}.{key}]]", *(f"{k} = {toml_value(v)}" for k, v in entry.items())]
+        lines.append("")
+    return "\n".join(lines)
+
+
+def toml_value(value: Any) -> str:
+    # JSON's spelling of numbers, booleans and texts is TOML's, but for one control character.
+    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")

@@ -1,0 +1,25 @@
+"""Any description that the table of settings admits, for hypothesis."""
+
+from __future__ import annotations
+
+from hypothesis import strategies as st
+from icymoon.settings.table import TOPICS
+
+
+def _values(setting):
+    if setting.kind == "bool":
+        return st.booleans()
+    if setting.kind == "choice":
+        return st.sampled_from([c[0] for c in setting.choices])
+    if setting.kind == "text":
+        return st.text(max_size=30)
+    if setting.kind == "list":
+        return st.lists(st.fixed_dictionaries({s.key: _values(s) for s in setting.entries}), max_size=2)
+    if setting.kind == "int":
+        return st.integers(int(setting.minimum), int(setting.maximum))
+    return st.floats(setting.minimum, setting.maximum)
+
+
+#: Complete descriptions, every setting within its limits.
+DESCRIPTIONS = st.fixed_dictionaries({
+    topic.key: st.fixed_dictionaries({s.key: _values(s) for s in topic.settings}) for topic in TOPICS.values()})
