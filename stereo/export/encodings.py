@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 
-from ...errors import IcyMoonError
 from ..images.image_files import write_bytes, write_png
 
 #: KITTI and others store 256 times the disparity as 16-bit PNG; 0 is no value.
@@ -25,41 +24,12 @@ def write_pfm(path: Path, values: np.ndarray) -> None:
     write_bytes(path, header + np.ascontiguousarray(single[::-1]).tobytes())
 
 
-def read_pfm(path: Path) -> np.ndarray:
-    """A portable float map of either byte order as float32, (H, W) or (H, W, 3; R, G, B), infinity as NaN.
-
-    Raises IcyMoonError if it is missing, of another kind, or not of the size in its header.
-    """
-    try:
-        content = path.read_bytes()
-    except OSError as error:
-        raise IcyMoonError(f"{path} cannot be read ({error.strerror}); give an existing PFM file.") from None
-    try:
-        kind, size, scale = (line.decode("ascii").strip() for line in content.split(b"\n", 3)[:3])
-        width, height = (int(word) for word in size.split())
-        bands = {"Pf": 1, "PF": 3}[kind]
-        order = "<" if float(scale) < 0 else ">"
-    except (ValueError, KeyError):
-        raise IcyMoonError(f"{path} is not a portable float map; give a PFM file.") from None
-    body = content.split(b"\n", 3)[3] if content.count(b"\n") >= 3 else b""
-    if width < 1 or height < 1 or len(body) != 4 * width * height * bands:
-        raise IcyMoonError(f"{path} is damaged or incomplete; make it again.")
-    values = np.frombuffer(body, f"{order}f4").astype(np.float32)
-    values = values.reshape(height, width, bands)[::-1] if bands == 3 else values.reshape(height, width)[::-1]
-    return np.where(np.isinf(values), np.float32(np.nan), values)
-
-
 def write_scaled(path: Path, values: np.ndarray, scale: float) -> None:
     """Write (H, W) times ``scale`` as 16-bit PNG, 0 where undefined or outside 1 / scale to 65535 / scale."""
     with np.errstate(invalid="ignore", over="ignore"):
         steps = np.rint(values * scale)
         fits = (steps >= 1) & (steps <= 65535)  # False for NaN
     write_png(path, np.where(fits, steps, 0).astype(np.uint16))
-
-
-def unscaled(steps: np.ndarray, scale: float) -> np.ndarray:
-    """The values, float64, that ``write_scaled`` wrote as ``steps``; NaN where these are 0."""
-    return np.where(steps > 0, steps / scale, np.nan)
 
 
 def run_lengths(pixels: np.ndarray, count: int) -> list[int]:

@@ -12,8 +12,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
-from icymoon.errors import IcyMoonError
-from icymoon.stereo.export.encodings import read_pfm, run_lengths, unscaled, write_pfm, write_scaled
+from icymoon.stereo.export.encodings import run_lengths, write_pfm, write_scaled
 from icymoon.stereo.export.layouts import FORMATS, coco_annotations, export, write_truth
 from icymoon.stereo.images.exr import read_view
 
@@ -48,6 +47,18 @@ def read(path):
     image = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
     assert image is not None, path
     return image
+
+
+def unscaled(steps, scale):
+    """The values of a 16-bit PNG in which 0 means unknown."""
+    return np.where(steps > 0, steps / scale, np.nan)
+
+
+def read_pfm(path):
+    """OpenCV's reading of a PFM file, infinity as NaN and colours as R, G, B."""
+    values = read(path)
+    values = values[..., ::-1] if values.ndim == 3 else values
+    return np.where(np.isinf(values), np.float32(np.nan), values)
 
 
 @pytest.mark.parametrize("name", SCENES)
@@ -182,22 +193,6 @@ def test_pfm_keeps_every_finite_number(tmp_path_factory, values):
     path = tmp_path_factory.getbasetemp() / "values.pfm"
     write_pfm(path, values)
     np.testing.assert_array_equal(read_pfm(path), np.where(np.isfinite(values), values, np.nan))
-
-
-def test_pfm_of_the_other_byte_order(tmp_path):
-    values = np.arange(6, dtype=">f4").reshape(2, 3)
-    (tmp_path / "big.pfm").write_bytes(b"Pf\n3 2\n1.0\n" + values[::-1].tobytes())
-    np.testing.assert_array_equal(read_pfm(tmp_path / "big.pfm"), values)
-
-
-@pytest.mark.parametrize("content", [b"", b"Pf", b"P5\n2 2\n255\nabcd", b"Pf\n2 2\n-1\n" + b"\0" * 15, b"Pf\n2\n-1\n",
-                                     b"Pf\n-1 -1\n-1\n\0\0\0\0", b"Pf\n2 2\nx\n" + b"\0" * 16, b"\xff\xfe\n\n\n\n"])
-def test_a_file_that_is_not_pfm_is_refused(tmp_path, content):
-    (tmp_path / "bad.pfm").write_bytes(content)
-    with pytest.raises(IcyMoonError, match=r"bad\.pfm"):
-        read_pfm(tmp_path / "bad.pfm")
-    with pytest.raises(IcyMoonError, match="cannot be read"):
-        read_pfm(tmp_path / "none.pfm")
 
 
 def test_what_does_not_fit_16_bits_is_unknown_never_wrapped(tmp_path):
