@@ -39,7 +39,7 @@ def add_verbs(verbs: Any) -> None:
     batch.add_argument("--out", type=as_path, required=True, metavar="DATASET", help="folder of the data set")
     batch.add_argument("--evaluate", metavar="METHODS", help="then match its pairs with these, separated by commas")
     batch.add_argument("--own", action="append", default=[], metavar="NAME:METHOD:KEY=VALUE",
-                       help="option of a matcher of your own, which --evaluate then names as own:NAME; may repeat")
+                       help="option of your own matcher, which --evaluate then names as own:NAME; may repeat")
     batch.add_argument("--evaluator", metavar="PYTHON", help="Python that matches them (this Python)")
     batch.add_argument("--set", action="append", default=[], metavar="sensor.KEY=VALUE",
                        help="another camera response to match them with than they were rendered for")

@@ -127,7 +127,7 @@ def _make_parser() -> argparse.ArgumentParser:
 def _add_bench_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--methods", default="sgbm,bm,jplv", help="matchers, separated by commas (%(default)s)")
     parser.add_argument("--own", action="append", default=[], metavar="NAME:METHOD:KEY=VALUE",
-                        help="option of a matcher of your own, which --methods then names as own:NAME; may repeat")
+                        help="option of your own matcher, which --methods then names as own:NAME; may repeat")
     parser.add_argument("--reference-samples", type=int, default=1024,
                         help="light paths per pixel of the reference (%(default)s)")
     parser.add_argument("--scale", type=float, default=1.0, help="share of the image's width and height (%(default)s)")
