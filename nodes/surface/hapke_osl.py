@@ -27,12 +27,16 @@ _PARAMETER = re.compile(r"^(o?param)\t(closure color|\w+)\t(\w+)", re.MULTILINE)
 
 @lru_cache(maxsize=1)
 def compile_source() -> str:
-    """The byte code of ``hapke.osl``. Raises RuntimeError if it does not compile."""
+    """The byte code of ``hapke.osl``. Raises RuntimeError if it does not compile.
+
+    It is free of the compiler's comments, which name folders of this machine and differ from call to call.
+    """
     with scratch_folder() as folder:
         target = folder / "hapke.oso"
         if not compat.compile_osl(SOURCE, target):
             raise RuntimeError(f"Cycles could not compile {SOURCE.name}.")
-        return target.read_text(encoding="utf-8")
+        lines = target.read_text(encoding="utf-8").splitlines(keepends=True)
+        return "".join(line for line in lines if not line.startswith("#"))
 
 
 def add_script_node(tree: Tree, label: str, inputs: Mapping[str, Any]) -> Any:
