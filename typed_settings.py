@@ -60,7 +60,7 @@ def typed_table(topic: str, values: Mapping[str, Any]) -> Table:
 
 
 class SourceSettings(Table):
-    """Where the ground comes from: generated, or a mesh or height map of your own."""
+    """Source of the ground: generated, or your own mesh or height map."""
 
     __slots__ = ()
     kind: Literal["PROCEDURAL", "MESH", "HEIGHT_MAP"]
@@ -91,7 +91,7 @@ class TerrainLayer(Table):
 
 
 class TerrainSettings(Table):
-    """Shape of the ground as a random surface with stated statistics."""
+    """Shape of the ground: a random surface with given statistics."""
 
     __slots__ = ()
     size_m: float  # m
@@ -110,7 +110,7 @@ class TerrainSettings(Table):
 
 
 class MeshSettings(Table):
-    """How finely procedural ground is cut into triangles, and how far it goes."""
+    """Resolution and extent of the mesh of procedural ground."""
 
     __slots__ = ()
     kind: Literal["GRADED", "GRID"]
@@ -121,7 +121,7 @@ class MeshSettings(Table):
 
 
 class RidgesSettings(Table):
-    """Double ridges with a trough between, young ones over old ones."""
+    """Double ridges with a trough between the crests; young ridges cross old ones."""
 
     __slots__ = ()
     height_m: float  # m
@@ -146,7 +146,7 @@ class CracksSettings(Table):
 
 
 class ChaosSettings(Table):
-    """Plates of broken crust, lifted and tilted, in a lumpy matrix."""
+    """Raised and tilted plates of broken crust in a lumpy matrix."""
 
     __slots__ = ()
     relief_m: float  # m
@@ -158,7 +158,7 @@ class ChaosSettings(Table):
 
 
 class CratersSettings(Table):
-    """Small bowl-shaped craters, their sizes a power law."""
+    """Small bowl-shaped craters with a power law of sizes."""
 
     __slots__ = ()
     coverage: float
@@ -172,7 +172,7 @@ class CratersSettings(Table):
 
 
 class HollowsSettings(Table):
-    """Cups with sharp rims left by sublimation without wind."""
+    """Cups with sharp rims, formed by sublimation without wind."""
 
     __slots__ = ()
     depth_m: float  # m
@@ -182,7 +182,7 @@ class HollowsSettings(Table):
 
 
 class PenitentesSettings(Table):
-    """Blades of ice in rows along the Sun's path, leaning toward noon."""
+    """Rows of ice blades that lean toward the noon Sun."""
 
     __slots__ = ()
     height_m: float  # m
@@ -195,7 +195,7 @@ class PenitentesSettings(Table):
 
 
 class MantleSettings(Table):
-    """Snow that smooths the ground by filling its hollows."""
+    """Snow that fills hollows and smooths the ground."""
 
     __slots__ = ()
     thickness_m: float  # m
@@ -230,7 +230,7 @@ class SurfaceSettings(Table):
 
 
 class HapkeSettings(Table):
-    """Parameters of Hapke's law, for every surface whose model it is."""
+    """Parameters of Hapke's law, for every surface that uses it."""
 
     __slots__ = ()
     w: float
@@ -249,7 +249,7 @@ class HapkeSettings(Table):
 
 
 class TexturesSettings(Table):
-    """Images on the ground and rocks, without visible repeats or as baked."""
+    """Images on the ground and on rocks."""
 
     __slots__ = ()
     set: Literal["NONE", "FROST", "GRAINS", "CRACKS", "OWN", "MESH"]
@@ -265,7 +265,7 @@ class TexturesSettings(Table):
 
 
 class RocksSettings(Table):
-    """Rocks lying on the ground."""
+    """Rocks on the ground."""
 
     __slots__ = ()
     law: Literal["POWER", "GOLOMBEK"]
@@ -280,21 +280,21 @@ class RocksSettings(Table):
     tilt_deg: float  # deg
     burial: float
     clustering: float
-    cluster_blocks: float  # blocks
+    cluster_blocks: float  # rocks
     cluster_radius_m: float  # m
     clear_radius_m: float  # m
-    most: int  # blocks
+    most: int  # rocks
     own_surface: bool
 
 
 class RockSurfaceSettings(SurfaceSettings):
-    """Snow or ice that rocks with a surface of their own are made of."""
+    """Snow or ice of rocks that have their own surface."""
 
     __slots__ = ()
 
 
 class LightSettings(Table):
-    """The Sun and the planet as the body's sky shows them; nothing else lights the ground."""
+    """The Sun and the planet, which are the only light on the ground."""
 
     __slots__ = ()
     directions_from: Literal["ANGLES", "DATE", "KERNELS"]
@@ -326,7 +326,7 @@ class LightSettings(Table):
 
 
 class RigSettings(Table):
-    """Two identical cameras, parallel unless toed in; the left one is the reference."""
+    """Two identical cameras, parallel unless toed in. The left one is the reference."""
 
     __slots__ = ()
     baseline_m: float  # m
@@ -359,7 +359,7 @@ class RigSettings(Table):
 
 
 class SensorSettings(Table):
-    """From radiance to digital numbers (EMVA 1288); applied when images are evaluated, never needs a new render."""
+    """From radiance to digital numbers (EMVA 1288). Changes need no new render."""
 
     __slots__ = ()
     auto_exposure: bool
@@ -412,7 +412,7 @@ class QualitySettings(Table):
 
 
 class DatasetSettings(Table):
-    """Where pairs go and how they vary."""
+    """Folder and plan of a data set."""
 
     __slots__ = ()
     folder: str

@@ -1,4 +1,4 @@
-"""The sidebar, top to bottom as the work goes: describe, build, render, evaluate. No logic here."""
+"""The sidebar: panels in the order of the work, from settings to evaluation. They contain no logic."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ FIRST, LAST = 10, 1000
 
 
 class Sidebar:
-    """Where every panel of Icy Moon is."""
+    """The place of every panel of Icy Moon."""
 
     bl_space_type = "VIEW_3D"
     bl_region_type = "UI"
@@ -39,7 +39,7 @@ def _draw_job(layout: Any) -> None:
 
 
 class ICYMOON_PT_main(Sidebar, bpy.types.Panel):
-    """Preset, and the three steps from nothing to a measured stereo error"""
+    """Presets, and the three steps to a measured stereo error"""
 
     bl_idname = "ICYMOON_PT_main"
     bl_label = "Icy Moon"
@@ -63,7 +63,7 @@ class ICYMOON_PT_main(Sidebar, bpy.types.Panel):
 
 
 class ICYMOON_PT_results(Sidebar, bpy.types.Panel):
-    """Metrics of the last evaluation, mean over its pairs"""
+    """Metrics of the last evaluation, as the mean over its pairs"""
 
     bl_idname = "ICYMOON_PT_results"
     bl_label = "Stereo Error"
@@ -75,13 +75,13 @@ class ICYMOON_PT_results(Sidebar, bpy.types.Panel):
 
     def draw(self, context: bpy.types.Context) -> None:
         layout = self.layout
-        rows, said = results.summary(context.scene), results.notes(context.scene)
-        first, *rest = said
-        draw_lines(layout, wrapped(first), "TIME")
-        for sentence in rest:
+        rows = results.summary(context.scene)
+        origin, *warnings = results.notes(context.scene)
+        draw_lines(layout, wrapped(origin), "TIME")
+        for sentence in warnings:
             draw_lines(layout, wrapped(sentence), "ERROR")
         table = layout.column()
-        table.active = not rest
+        table.active = not warnings
         grid = table.grid_flow(row_major=True, columns=len(rows) + 1, even_columns=True, align=True)
         grid.label(text="")
         for row in rows:
@@ -109,7 +109,7 @@ class ICYMOON_PT_results(Sidebar, bpy.types.Panel):
 
 
 class ICYMOON_PT_evaluation(Sidebar, bpy.types.Panel):
-    """Which matchers are measured, and measuring them on every pair of the data set"""
+    """Choose matchers and evaluate the scene or the whole data set"""
 
     bl_idname = "ICYMOON_PT_evaluation"
     bl_label = "Evaluation"
@@ -125,7 +125,7 @@ class ICYMOON_PT_evaluation(Sidebar, bpy.types.Panel):
 
 
 class ICYMOON_PT_sky(Sidebar, bpy.types.Panel):
-    """Where Sun and planet stand, how large they look and what they shed on level ground"""
+    """Position, apparent size and irradiance of the Sun and the planet"""
 
     bl_idname = "ICYMOON_PT_sky"
     bl_label = "In the Sky"
@@ -136,7 +136,7 @@ class ICYMOON_PT_sky(Sidebar, bpy.types.Panel):
 
 
 class ICYMOON_PT_resolution(Sidebar, bpy.types.Panel):
-    """What the stereo camera sees of level ground, and how well depth can be measured there"""
+    """Field of view of the stereo camera on level ground, and the depth error there"""
 
     bl_idname = "ICYMOON_PT_resolution"
     bl_label = "Depth Resolution"
@@ -147,10 +147,10 @@ class ICYMOON_PT_resolution(Sidebar, bpy.types.Panel):
 
 
 class ICYMOON_PT_left_out(Sidebar, bpy.types.Panel):
-    """What the settings describe and a render leaves out, since it would not be seen"""
+    """Parts of the settings that a render omits, with the reasons"""
 
     bl_idname = "ICYMOON_PT_left_out"
-    bl_label = "Left Out"
+    bl_label = "Not Rendered"
     bl_parent_id = "ICYMOON_PT_quality"
 
     @classmethod
@@ -163,7 +163,7 @@ class ICYMOON_PT_left_out(Sidebar, bpy.types.Panel):
 
 
 class ICYMOON_UL_layers(bpy.types.UIList):
-    """Layers of noise, a line each"""
+    """List of the layers of noise"""
 
     bl_idname = "ICYMOON_UL_layers"
 
@@ -173,7 +173,7 @@ class ICYMOON_UL_layers(bpy.types.UIList):
 
 
 class ICYMOON_PT_plan(Sidebar, bpy.types.Panel):
-    """The plan of a data set: what it will take, and rendering it"""
+    """Choose the plan of a data set, estimate its cost and render it"""
 
     bl_idname = "ICYMOON_PT_plan"
     bl_label = "Plan"
@@ -199,7 +199,7 @@ class ICYMOON_PT_plan(Sidebar, bpy.types.Panel):
 
 
 class ICYMOON_PT_ground_report(Sidebar, bpy.types.Panel):
-    """What was found and fixed in the file that the ground was built from"""
+    """What the import found and repaired in the file of the ground"""
 
     bl_idname = "ICYMOON_PT_ground_report"
     bl_label = "Import Report"

@@ -1,6 +1,6 @@
-"""What a scene requires of the renderer, and what is left out because it would not be seen.
+"""What a scene requires of the renderer, and what a render omits because it would not be visible.
 
-``settings`` are complete.
+All functions take complete ``settings``.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ SURFACES = ("surface", "rock_surface")
 
 
 def surface_topics(settings: Settings) -> tuple[str, ...]:
-    """The topics of the surfaces that the scene shows: rocks may have one of their own."""
+    """The topics of the surfaces in the scene: rocks may have their own surface."""
     return SURFACES if settings.rocks.coverage > 0 and settings.rocks.own_surface else SURFACES[:1]
 
 
@@ -30,7 +30,7 @@ def nearest_m(rig: RigSettings) -> float:
 
 
 def walk_px(settings: Settings, topic: str) -> float:
-    """Mean free path of the light under a surface, in pixels where the ground is nearest; 0 if no light enters it."""
+    """Mean free path of subsurface light, in pixels of the nearest level ground; 0 if no light enters the surface."""
     surface = settings[topic]
     if surface["model"] != "PRINCIPLED" or surface["subsurface_weight"] <= 0:
         return 0.0
@@ -38,27 +38,30 @@ def walk_px(settings: Settings, topic: str) -> float:
 
 
 def follows_walk(settings: Settings, topic: str) -> bool:
-    """Whether the way of light under a surface is to be followed, see ``quality.walk_px``."""
+    """Whether subsurface light is traced through a surface, see ``quality.walk_px``."""
     length = walk_px(settings, topic)
     return length > 0 and length >= settings.quality.walk_px
 
 
 def rendered_surface(settings: Settings, topic: str) -> SurfaceSettings:
-    """The settings of a surface as it is rendered: without a walk light leaves where it entered, as much of it."""
+    """The settings of a surface as it is rendered, without subsurface scattering that is not traced."""
     surface: SurfaceSettings = settings[topic]
     return surface if follows_walk(settings, topic) else surface | {"subsurface_weight": 0.0}
 
 
 def only_camera_meets_relief(surface: SurfaceSettings, quality: QualitySettings) -> bool:
-    """Whether light that comes by way of a surface finds it as smooth as its mesh, see ``quality.fine_relief``;
-    ``surface`` as it is shown. A walk ends where the light leaves the surface anew, which the camera sees too."""
+    """Whether a surface reflects light onto other ground as if it were smooth, see ``quality.fine_relief``.
+
+    ``surface`` is as ``rendered_surface`` returns it. A surface with subsurface scattering always keeps its relief,
+    since camera rays too see the light that leaves at the end of a random walk.
+    """
     law = surface.model
     return quality.fine_relief == "CAMERA" and (
         law == "LAMBERT" or (law == "PRINCIPLED" and surface.subsurface_weight == 0))
 
 
 def relief_of_camera_alone(settings: Settings, topic: str) -> bool:
-    """Whether a surface shades fine relief, of its own or of images on it, that only the camera meets."""
+    """Whether a surface has fine relief, its own or that of images, which only camera rays see."""
     surface = rendered_surface(settings, topic)
     shaded = (surface.relief == "BUMP" and surface.grain_amplitude_m > 0) or (
         settings.textures.set != "NONE")
@@ -71,25 +74,24 @@ def planet_gives_light(settings: Settings, sky: Sky) -> bool:
 
 
 def find_left_out(settings: Settings, lights: Mapping[str, Any]) -> list[str]:
-    """What the settings describe but is not rendered, since it would not be seen: sentences, for the user and
-    ``pair.json``.
+    """Sentences, for the user and ``pair.json``, on each part of the settings that is not rendered, with its reason.
 
-    ``lights`` are the ``sky.sky_facts`` of what was built.
+    ``lights`` are the ``sky.sky_facts`` of the built scene.
     """
-    said = []
+    sentences = []
     for topic in surface_topics(settings):
         length = walk_px(settings, topic)
         if length > 0 and not follows_walk(settings, topic):
-            said.append(f"{topic}: light is not followed under the surface, since its mean free path of "
-                        f"{1e3 * settings[topic]['subsurface_radius_m']:.3g} mm is {length:.2g} of the nearest pixel, "
-                        f"under quality.walk_px.")
+            sentences.append(f"{topic}: no subsurface scattering, because its mean free path of "
+                             f"{1e3 * settings[topic]['subsurface_radius_m']:.3g} mm is {length:.2g} of the nearest "
+                             "pixel, which is below quality.walk_px.")
         if relief_of_camera_alone(settings, topic):
-            said.append(f"{topic}: only the camera meets its fine relief, since quality.fine_relief is CAMERA.")
+            sentences.append(f"{topic}: fine relief for camera rays only, because quality.fine_relief is CAMERA.")
     share = lights["planet"].get("over_sun") if lights["planet"] else None  # None by night too
     if share is not None and (share == 0 or share < settings.light.planet_least):
-        said.append("light: the planet gives no light, since "
-                    + (f"it would be {share:.2g} of the Sun's, under light.planet_least." if share > 0 else
-                       "it is below the horizon or unlit."))
+        sentences.append("light: no light from the planet, because "
+                         + (f"it is {share:.2g} of the Sun's, which is below light.planet_least." if share > 0 else
+                            "the planet is below the horizon or unlit."))
     if settings.quality.truth == "DEPTH":
-        said.append("truth: no normals and no labels, since quality.truth is DEPTH.")
-    return said
+        sentences.append("truth: no normals and no labels, because quality.truth is DEPTH.")
+    return sentences

@@ -321,7 +321,7 @@ def _requires() -> str:
             for row in found["rows"].values()]
     return ("# What a scene requires\n\n"
             "Icy Moon switches each of these parts on only where a scene needs it. If the settings describe a part "
-            "that a pair leaves out, the sidebar shows the reason under Render Quality ▸ Left Out, and `pair.json` "
+            "that a pair leaves out, the sidebar shows the reason under Render Quality ▸ Not Rendered, and `pair.json` "
             "contains it under `left_out`.\n\n"
             + _table(("Part", "On with", "Cost on", "Cost off", "Ratio", "Mean radiance", "What it changes"), rows)
             + f"\nThe table is made by `{found['command']}` in Blender {found['blender']}. Costs are processor seconds "

@@ -139,7 +139,8 @@ def _variants_of(group: str, settings: Settings) -> list[Variant]:
 
 @dataclass(frozen=True)
 class _Shortcut:
-    """What may be computed or left out: the setting of quality, its values without and with it, names of both."""
+    """A part that may be rendered or left out: the setting of quality, its values without and with the part, and the
+    names of both variants."""
 
     key: str
     lean: Any
@@ -149,18 +150,18 @@ class _Shortcut:
 
 
 def _shortcuts(settings: Settings) -> list[_Shortcut]:
-    """Those that the scene has: shaded relief, a surface that light can walk under, labels and normals."""
+    """The parts that the scene has: shaded relief, subsurface scattering, labels and normals."""
     found = []
     topics = surface_topics(settings)
     if any(relief_of_camera_alone(merged(settings, {"quality": {"fine_relief": "CAMERA"}}), each) for each in topics):
-        found.append(_Shortcut("fine_relief", "CAMERA", "ALL", "fine relief for the camera alone",
+        found.append(_Shortcut("fine_relief", "CAMERA", "ALL", "fine relief for camera rays only",
                                "fine relief for all light"))
     walk = max(walk_px(settings, each) for each in topics)
     if 0 < walk < _LONGEST_WALK_PX:
         least = settings.quality.walk_px
         lean = least if least > walk else _LONGEST_WALK_PX
-        found.append(_Shortcut("walk_px", lean, 0.0, "no walk under the surface", "walk under the surface"))
-    return [*found, _Shortcut("truth", "DEPTH", "FULL", "depth alone", "normals and labels")]
+        found.append(_Shortcut("walk_px", lean, 0.0, "no subsurface scattering", "subsurface scattering"))
+    return [*found, _Shortcut("truth", "DEPTH", "FULL", "depth only", "normals and labels")]
 
 
 def leaner_settings(settings: Settings) -> dict[str, dict[str, dict[str, Any]]]:

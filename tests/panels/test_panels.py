@@ -128,8 +128,8 @@ def test_a_panel_begins_with_what_turns_the_others_on():
 
 @pytest.mark.parametrize(("sentence", "said"), [
     ("light.kernels is empty; choose a path.", "Light > Kernels is empty; choose a path."),
-    ("truth: none, since quality.truth is DEPTH.", "Truth: none, since Render Quality > Truth is Depth Alone."),
-    ("rock_surface: under quality.walk_px.", "Rock Surface: under Render Quality > Shortest Walk."),
+    ("truth: none, since quality.truth is DEPTH.", "Truth: none, since Render Quality > Truth is Depth Only."),
+    ("rock_surface: under quality.walk_px.", "Rock Surface: under Render Quality > Subsurface Cutoff."),
     ("the file a.toml is not there.", "The file a.toml is not there."),
     ("Settings that rig.no_such is of stay.", "Settings that rig.no_such is of stay.")])
 def test_the_sidebar_names_settings_as_it_shows_them(sentence, said):
@@ -141,8 +141,8 @@ def test_what_is_left_out_is_said_where_it_is_chosen_and_only_then(scene):
     assert drawn(sidebar.ICYMOON_PT_left_out) == []
     group.quality.truth, group.light.planet, group.light.planet_elevation_deg = "DEPTH", True, -40.0
     said = " ".join(entry[2]["text"] for entry in drawn(sidebar.ICYMOON_PT_left_out) if entry[0] == "label")
-    assert "Light: the planet gives no light, since it is below the horizon or unlit." in said
-    assert "Truth: no normals and no labels, since Render Quality > Truth is Depth Alone." in said
+    assert "Light: no light from the planet, because the planet is below the horizon or unlit." in said
+    assert "Truth: no normals and no labels, because Render Quality > Truth is Depth Only." in said
     assert sidebar.ICYMOON_PT_left_out.bl_parent_id == "ICYMOON_PT_quality"
     group.light.directions_from = "KERNELS"  # of which none are given, so there is no sky to speak of
     said = texts(drawn(sidebar.ICYMOON_PT_left_out))

@@ -58,13 +58,13 @@ def shortcuts(*overrides):
 
 def test_what_may_be_left_out_is_varied_to_what_it_is_not():
     bare = ("surface.subsurface_weight=0",)
-    assert shortcuts(*bare) == {"fine relief for the camera alone", "depth alone"}
+    assert shortcuts(*bare) == {"fine relief for camera rays only", "depth only"}
     assert shortcuts(*bare, "quality.fine_relief=CAMERA", "quality.truth=DEPTH") == {
         "fine relief for all light", "normals and labels"}
-    assert shortcuts(*bare, "surface.grain_amplitude_m=0") == {"depth alone"}
+    assert shortcuts(*bare, "surface.grain_amplitude_m=0") == {"depth only"}
     # With a walk all light meets the relief, so that there is none to leave out.
-    assert shortcuts(*WALK) == {"no walk under the surface", "depth alone"}
-    assert "walk under the surface" in shortcuts(*WALK, "quality.walk_px=90")
+    assert shortcuts(*WALK) == {"no subsurface scattering", "depth only"}
+    assert "subsurface scattering" in shortcuts(*WALK, "quality.walk_px=90")
 
 
 @pytest.mark.parametrize("overrides", [(), WALK, ("surface.subsurface_weight=0",)])
@@ -187,9 +187,9 @@ def test_a_reference_is_two_renders_of_half_its_samples():
 
 def test_a_walk_is_left_out_up_to_the_longest_that_a_setting_takes():
     found = leaner_settings(scene("europa_rough_ice", *WALK))
-    assert found["no walk under the surface"] == {"quality": {"walk_px": 100.0}}
-    assert "no walk under the surface" not in leaner_settings(scene("europa_rough_ice", "surface.subsurface_weight=0"))
-    assert "no walk under the surface" not in leaner_settings(
+    assert found["no subsurface scattering"] == {"quality": {"walk_px": 100.0}}
+    assert "no subsurface scattering" not in leaner_settings(scene("europa_rough_ice", "surface.subsurface_weight=0"))
+    assert "no subsurface scattering" not in leaner_settings(
         scene("europa_rough_ice", *WALK[:1], "surface.subsurface_radius_m=9"))  # longer than can be left out
 
 

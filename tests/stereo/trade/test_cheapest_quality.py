@@ -97,7 +97,7 @@ def test_a_tolerance_that_nothing_meets_gives_the_fix(tmp_path, monkeypatch):
 def test_parts_of_the_light_are_left_out_if_the_error_stays_within(tmp_path, monkeypatch):
     walk = ("surface.subsurface_weight=1", "surface.subsurface_radius_m=0.05", *BARE)
     found, _ = searched(tmp_path, monkeypatch, checked_tolerance(0.02, None), by_samples, overrides=walk)
-    assert found["chosen"] == "16 samples, denoised, no walk under the surface"
+    assert found["chosen"] == "16 samples, denoised, no subsurface scattering"
     assert found["settings"]["quality"]["walk_px"] == 100.0
     darker, _ = searched(tmp_path, monkeypatch, checked_tolerance(0.02, None), by_samples, bias=-0.03, overrides=walk)
     assert darker["chosen"] == "16 samples, denoised"
