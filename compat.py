@@ -1,6 +1,6 @@
-"""Every difference between Blender 4.2 and 5.2 that this extension meets, and nothing else.
+"""All differences between Blender 4.2 and 5.2 that matter to this extension.
 
-Differences are found by feature, not by version number.
+They are detected by feature where possible, otherwise by version number.
 """
 
 from __future__ import annotations
@@ -12,24 +12,24 @@ import bpy
 
 
 def path_options() -> set[str]:
-    """Options of a folder property: ``//`` paths need a flag that 4.2 does not know."""
+    """Options of a path property: from 4.5 on, paths with ``//`` need a flag."""
     return {"PATH_SUPPORTS_BLEND_RELATIVE"} if bpy.app.version >= (4, 5, 0) else set()
 
 
 def principled_table() -> str:
-    """The key of ``principled.TABLES`` for this Blender, which only its version tells."""
+    """The key of ``principled.TABLES`` for this version of Blender."""
     if bpy.app.version < (4, 3, 0):
         return "4.2"
     return "5.2" if bpy.app.version >= (5, 2, 0) else "5.0"
 
 
 def blender_series() -> str:
-    """The Blenders that have the same properties as this one, such as 5.0."""
+    """The series of this Blender, such as 5.0. All versions of a series have the same properties."""
     return f"{bpy.app.version[0]}.{bpy.app.version[1]}"
 
 
 def custom_properties(struct: Any) -> list[str]:
-    """Names of a structure's custom properties; modifiers have none from 5.2 on."""
+    """Names of the custom properties of a structure. From 5.2 on, modifiers have none."""
     try:
         return list(struct.keys())
     except TypeError:
@@ -37,37 +37,37 @@ def custom_properties(struct: Any) -> list[str]:
 
 
 def is_module() -> bool:
-    """Whether Blender runs as a Python module; before 4.3 only its lack of a program tells."""
+    """Whether Blender runs as a Python module. Before 4.3, only the missing path of a program shows this."""
     return bool(getattr(bpy.app, "module", not bpy.app.binary_path))
 
 
 def ensure_nodes(data_block: Any) -> Any:
-    """The node tree of a new material or world, made if this Blender does not make it itself."""
+    """The node tree of a new material or world, made here if this Blender does not make it."""
     if data_block.node_tree is None:
         data_block.use_nodes = True
     return data_block.node_tree
 
 
 def uses_nodes(material: Any) -> bool:
-    """Whether Cycles shows a material's nodes, which from 5.0 on it always does."""
+    """Whether Cycles uses the nodes of a material. From 5.0 on it always does."""
     return bpy.app.version >= (5, 0, 0) or bool(material.use_nodes)
 
 
 def ensure_light_nodes(light: Any) -> Any:
-    """The node tree of a lamp, which does nothing until it is switched on."""
+    """The node tree of a lamp, which this function switches on."""
     light.use_nodes = True
     return light.node_tree
 
 
 def use_multilayer_exr(image_settings: Any) -> None:
-    """Choose multilayer OpenEXR; from 5.0 the media type comes first."""
+    """Choose multilayer OpenEXR. From 5.0 on, the media type must be set first."""
     if hasattr(image_settings, "media_type"):
         image_settings.media_type = "MULTI_LAYER_IMAGE"
     image_settings.file_format = "OPEN_EXR_MULTILAYER"
 
 
 def disable_light_factors(light: Any) -> None:
-    """Switch off what later Blenders multiply a lamp's energy with (exposure, temperature)."""
+    """Switch off exposure and temperature, by which later Blenders multiply the energy of a lamp."""
     if hasattr(light, "exposure"):
         light.exposure = 0.0
     if hasattr(light, "use_temperature"):
@@ -75,12 +75,12 @@ def disable_light_factors(light: Any) -> None:
 
 
 def has_cycles() -> bool:
-    """Whether the add-on that brings Cycles is on."""
+    """Whether the add-on of Cycles is enabled."""
     return hasattr(bpy.types.Scene, "cycles")
 
 
 def has_osl() -> bool:
-    """Whether Cycles was built with Open Shading Language; without it script nodes render black."""
+    """Whether Cycles was built with Open Shading Language. Without it, script nodes render black."""
     try:
         import _cycles
     except ImportError:
@@ -89,14 +89,17 @@ def has_osl() -> bool:
 
 
 def compile_osl(source: Path, target: Path) -> bool:
-    """Compile a shader with Cycles' own compiler; the wheels from 4.5 on lack what Blender's Python uses for it."""
+    """Compile a shader with the compiler in Cycles; whether it succeeded.
+
+    Blender's own Python code needs ``oslquery``, which the wheels from 4.5 on do not contain.
+    """
     import _cycles
 
     return bool(_cycles.osl_compile(str(source), str(target)))
 
 
 def has_oidn() -> bool:
-    """Whether Cycles was built with OpenImageDenoise; without it a denoised render fails."""
+    """Whether Cycles was built with OpenImageDenoise. Without it, a denoised render fails."""
     try:
         import _cycles
     except ImportError:
@@ -105,9 +108,9 @@ def has_oidn() -> bool:
 
 
 def select_gpu_devices() -> list[str]:
-    """Names of the graphics cards that Cycles can render on, of the first backend that has any.
+    """Names of the graphics cards that Cycles can render on, for the first backend that has any.
 
-    Selects that backend and its cards in this session's preferences, which are not saved.
+    Selects that backend and its cards in the preferences of this session, which are not saved.
     """
     add_on = bpy.context.preferences.addons.get("cycles")
     if add_on is None:
@@ -130,8 +133,8 @@ def select_gpu_devices() -> list[str]:
 def find_mesh_importer(kind: str) -> tuple[Any, dict[str, Any]] | None:
     """The operator that reads a kind of mesh file and its options, or None if this Blender has none.
 
-    OBJ, PLY and STL keep their coordinates, the others are turned as their own header states. Meshes
-    are not validated where that can be left out: validation would hide what is wrong with them.
+    OBJ, PLY and STL keep their coordinates. The others are rotated as their headers state. Meshes are not validated
+    if the importer allows that, since validation would hide their faults.
     """
     as_is = {"forward_axis": "Y", "up_axis": "Z"}
     candidates: dict[str, tuple[tuple[str, str, dict[str, Any]], ...]] = {
@@ -147,20 +150,21 @@ def find_mesh_importer(kind: str) -> tuple[Any, dict[str, Any]] | None:
         try:
             known = operator.get_rna_type().properties
         except KeyError:
-            continue  # from 5.0 on FBX is read by wm; a build may leave a format out
+            continue  # FBX is in wm from 5.0 on only, and a build may lack a format
         return operator, {key: value for key, value in options.items() if key in known}
     return None
 
 
 def applies_usd_unit() -> bool:
-    """Whether the USD importer turns the unit that the file states into metres (from 4.5 on)."""
+    """Whether the USD importer converts the unit of the file to metres (from 4.5 on)."""
     found = find_mesh_importer("USD")
     return found is not None and "apply_unit_conversion_scale" in found[0].get_rna_type().properties
 
 
-#: What Normal Map nodes have from 5.1 on: green up, and the mesh before displacement, as it always was.
+#: Properties of Normal Map nodes from 5.1 on, with the values that earlier Blenders imply: green is up, and the normal
+#: is that of the mesh before displacement.
 NORMAL_MAP = {name: value for name, value in (("convention", "OPENGL"), ("base", "ORIGINAL"))
               if name in bpy.types.ShaderNodeNormalMap.bl_rna.properties}
 
-#: The add-on that reads a format which Blender itself does not.
+#: The add-on that reads a format, for formats that Blender itself does not read.
 IMPORT_ADD_ONS = {"glTF": "io_scene_gltf2", "FBX": "io_scene_fbx"}

@@ -1,4 +1,4 @@
-"""Preferences of the user on this machine, which belong to no scene."""
+"""Preferences of the user on this machine, which no scene contains."""
 
 from __future__ import annotations
 
@@ -19,21 +19,21 @@ from .stereo.environment.install import is_unfinished
 from .stereo.environment.packages import PACKAGES
 from .system import venv_python
 
-#: What the evaluator's Python needs, as shown to the user.
+#: Packages that the evaluator's Python needs, as shown to the user.
 _NEEDED = ", ".join(name for name, *_ in PACKAGES.values())
 
 
 def extension_folder() -> Path:
-    """A folder of the extension's own that survives its upgrades. Raises IcyMoonError if there is none."""
+    """The extension's own folder, which upgrades keep. Raises IcyMoonError if there is none."""
     try:
         return Path(bpy.utils.extension_path_user(__package__, create=True))
     except ValueError:
-        raise IcyMoonError("Icy Moon does not run as an installed extension; give the evaluator's Python by "
-                           "ICYMOON_EVALUATOR.") from None
+        raise IcyMoonError("Icy Moon does not run as an installed extension; set ICYMOON_EVALUATOR to the evaluator's "
+                           "Python.") from None
 
 
 def own_evaluator_python() -> Path:
-    """The Python of the evaluator that the Install button makes."""
+    """The Python of the evaluator that the Install button installs."""
     return venv_python(extension_folder() / "evaluator")
 
 
@@ -43,10 +43,10 @@ def _preferences() -> Any:
 
 
 def find_evaluator_python() -> str:
-    """Path of the Python that evaluates: the preference, ``ICYMOON_EVALUATOR``, the one that the
-    Install button made, or this Python where Blender is itself a module of it.
+    """Path of the Python that evaluates.
 
-    Raises IcyMoonError if there is none.
+    It is the first of these: the preference, ``ICYMOON_EVALUATOR``, this Python if Blender is a module of it, the
+    Python that the Install button installed. Raises IcyMoonError if there is none.
     """
     preferences = _preferences()
     chosen = bpy.path.abspath(preferences.evaluator) if preferences and preferences.evaluator else ""
@@ -55,7 +55,7 @@ def find_evaluator_python() -> str:
         if candidate:
             path = parse_path(candidate, f"The evaluator's Python, named by {origin},")
             if not path.is_file():
-                raise IcyMoonError(f"The evaluator's Python {path}, named by {origin}, is not there; "
+                raise IcyMoonError(f"The evaluator's Python {path}, named by {origin}, does not exist; "
                                    "correct the path or install the evaluator in the preferences.")
             return str(path)
     if not bpy.app.binary_path:
@@ -64,25 +64,25 @@ def find_evaluator_python() -> str:
     if own.is_file() and not is_unfinished(own.parents[1]):
         return str(own)
     raise IcyMoonError("There is no evaluator yet; open Preferences > Add-ons > Icy Moon and press Install Evaluator, "
-                       f"or give a Python that has {_NEEDED}.")
+                       f"or choose a Python that has {_NEEDED}.")
 
 
 def workers() -> int:
-    """Processes that render a data set whose own setting is 0; 0 for as many as the machine suggests."""
+    """Number of processes that render a data set whose ``dataset.workers`` is 0; 0 for the default of the machine."""
     preferences = _preferences()
     return int(preferences.workers) if preferences else 0
 
 
 def kernels() -> str:
-    """The meta-kernel or folder of SPICE kernels that a scene gets which names none; empty if none is chosen."""
+    """The meta-kernel or folder of SPICE kernels for scenes that name none; empty if the user has chosen none."""
     preferences = _preferences()
     return bpy.path.abspath(preferences.kernels) if preferences and preferences.kernels else ""
 
 
 def own_matcher_arguments(methods: str) -> list[str]:
-    """The user's own matchers that a list of matchers names, as arguments of the evaluator.
+    """The arguments of the evaluator for the user's own matchers in a list of matchers.
 
-    Raises IcyMoonError if one is not set up here.
+    Raises IcyMoonError if one is not set up on this machine.
     """
     preferences = _preferences()
     known = {item.name: item for item in preferences.matchers} if preferences else {}
@@ -96,7 +96,7 @@ def own_matcher_arguments(methods: str) -> list[str]:
 
 
 def _matcher_texts(item: Any) -> list[str]:
-    """``NAME:METHOD:KEY=VALUE`` of each option of one of the user's matchers."""
+    """``NAME:METHOD:KEY=VALUE`` for each option of one of the user's matchers."""
     key = "command" if item.method == "external" else "checkpoint"
     options = [f"{key}={item.program}"] if item.program else []
     options += [option for option in item.options.split(":") if option.strip()]
@@ -107,26 +107,26 @@ def _choose_cache(preferences: Any, context: bpy.types.Context) -> None:
     speed.choose_folder(bpy.path.abspath(preferences.cache) if preferences and preferences.cache else "")
 
 
-#: What Check has found in this session; the page of the preferences shows it.
+#: Findings of the last Check in this session, which the preferences show.
 findings: list[Finding] = []
 _ICONS = {"ok": "CHECKMARK", "limited": "INFO", "missing": "ERROR"}
 
 
 class ICYMOON_PG_matcher(bpy.types.PropertyGroup):
-    """A matcher of the user's own, which scenes name as own:NAME"""
+    """One of the user's own matchers, which scenes name as own:NAME"""
 
     name: bpy.props.StringProperty(  # type: ignore[valid-type]
-        name="Name", description="Letters, digits, - and _; a scene names it as own:NAME")
+        name="Name", description="Name with letters, digits, - and _. A scene names the matcher as own:NAME")
     method: bpy.props.EnumProperty(  # type: ignore[valid-type]
-        name="Kind", description="What it is", items=(
-            ("external", "Program", "A program that takes two images and writes a disparity map"),
-            ("igev", "IGEV", "The network IGEV-Stereo with a checkpoint of yours"),
-            ("dsmnet", "DSMNet", "The network DSMNet with a checkpoint of yours")))
+        name="Kind", description="Kind of matcher", items=(
+            ("external", "Program", "A program that reads two images and writes a disparity map"),
+            ("igev", "IGEV", "The network IGEV-Stereo with your own checkpoint"),
+            ("dsmnet", "DSMNet", "The network DSMNet with your own checkpoint")))
     program: bpy.props.StringProperty(  # type: ignore[valid-type]
         name="Command or Checkpoint",
-        description="Of a program its command with {left}, {right} and {out}, of a network the file of its parameters")
+        description="For a program, its command with {left}, {right} and {out}. For a network, its checkpoint file")
     options: bpy.props.StringProperty(  # type: ignore[valid-type]
-        name="Options", description="Further options, separated by colons, as in format=pfm:timeout_s=60")
+        name="Options", description="Other options, separated by colons, such as format=pfm:timeout_s=60")
 
 
 class ICYMOON_AP_preferences(bpy.types.AddonPreferences):
@@ -136,27 +136,27 @@ class ICYMOON_AP_preferences(bpy.types.AddonPreferences):
 
     evaluator: bpy.props.StringProperty(  # type: ignore[valid-type]
         name="Evaluator's Python", subtype="FILE_PATH", default="",
-        description=f"Python that measures the pairs, with {_NEEDED}; empty for the one that Install makes")
+        description=f"Python that evaluates pairs, with {_NEEDED}. Empty for the one that Install Evaluator installs")
     kernels: bpy.props.StringProperty(  # type: ignore[valid-type]
         name="SPICE Kernels", subtype="FILE_PATH", default="",
-        description="A meta-kernel, or a folder of kernels, that a scene gets whose sky is to come from kernels and "
-                    "which names none. Needed for no other scene")
+        description="A meta-kernel, or a folder of kernels, for scenes whose sky positions are from SPICE kernels and "
+                    "that name no kernels")
     cache: bpy.props.StringProperty(  # type: ignore[valid-type]
         name="Cache", subtype="DIR_PATH", default="", update=_choose_cache,
-        description="Folder that keeps how fast this machine was measured to be, for the seconds that are shown before "
-                    "a render; empty for your own cache, which the command line reads too")
+        description="Folder for the measured speed of this machine, from which render times are estimated. Empty for "
+                    "your user cache, which the command line uses too")
     workers: bpy.props.IntProperty(  # type: ignore[valid-type]
         name="Workers", min=0, max=1024, soft_max=16, default=0,
-        description="Processes that render a data set side by side where the data set's own setting is 0. Each needs "
-                    "one to two gigabytes of memory; 0 for one per four processors")
+        description="Number of processes that render a data set whose own number is 0. Each needs one to two gigabytes "
+                    "of memory; 0 for one for each four processors")
     matchers: bpy.props.CollectionProperty(  # type: ignore[valid-type]
         type=ICYMOON_PG_matcher, name="Own Matchers",
-        description="Programs and networks of your own. Only here, not in a scene or a file, can they be named")
+        description="Your own programs and networks. For security, scenes and files cannot contain them")
 
     def draw(self, context: bpy.types.Context) -> None:
         layout = self.layout
         layout.use_property_split = True
-        row = layout.row()  # first, or it is below the edge of the window
+        row = layout.row()  # at the top, where it is visible without scrolling
         row.operator("icymoon.check_evaluator", icon="CHECKMARK")
         row.operator("icymoon.install_evaluator", text="Install Evaluator", icon="IMPORT")
         if not bpy.app.online_access:
@@ -187,7 +187,7 @@ def _draw_matchers(layout: Any, matchers: Any) -> None:
 
 
 def matchers() -> Any:
-    """The list of the user's own matchers. Raises IcyMoonError where the add-on has no preferences."""
+    """The list of the user's own matchers. Raises IcyMoonError if the add-on has no preferences."""
     preferences = _preferences()
     if preferences is None:
         raise IcyMoonError("Icy Moon does not run as an installed add-on, so it has no preferences; name your matcher "
@@ -196,12 +196,12 @@ def matchers() -> Any:
 
 
 def show_findings(found: list[Finding]) -> None:
-    """Show what a check found in the preferences."""
+    """Show the findings of a check in the preferences."""
     findings[:] = found
 
 
 def register() -> None:
-    """Register the preferences; a scene whose sky is to come from kernels gets the preferred ones."""
+    """Register the preferences. From now on, scenes that need kernels and name none get the preferred ones."""
     bpy.utils.register_class(ICYMOON_PG_matcher)
     bpy.utils.register_class(ICYMOON_AP_preferences)
     scene_properties.listeners.append(_give_kernels)

@@ -1,6 +1,6 @@
-"""The settings as Blender's properties, ``Scene.icymoon``: made from the table, read, written, and listened to.
+"""The settings as Blender's properties, ``Scene.icymoon``: made from the table, read, written and listened to.
 
-Each change of a property is announced to the listeners, with the effect that the table states for its setting.
+Listeners are told of each change of a property, with the effect of its setting as in the table.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ from .settings.description import canonical, check
 from .settings.table import EFFECTS, TOPICS, Setting, Value
 from .typed_settings import Settings, typed
 
-#: Called with a scene and the effects of the settings that the user or a script has changed in it.
+#: Called with a scene and the effects of the settings that changed in it.
 listeners: list[Callable[[Any, frozenset[str]], None]] = []
-_held: dict[Any, set[str]] | None = None  # what changed in each scene while ``batch_changes`` holds it back
+_held: dict[Any, set[str]] | None = None  # effects that ``batch_changes`` holds back, by scene
 
 
 def announce(scene: Any, effect: str) -> None:
@@ -33,7 +33,7 @@ def announce(scene: Any, effect: str) -> None:
 
 @contextmanager
 def batch_changes() -> Iterator[None]:
-    """Tell the listeners of all changes made inside at once, at the end."""
+    """Tell the listeners of all changes inside the block at once, at its end."""
     global _held
     if _held is not None:
         yield
@@ -89,30 +89,32 @@ _classes: list[type] = []
 
 
 def register() -> None:
-    """Make the property groups from ``TOPICS`` and hang them on ``Scene.icymoon``; what is known of surfaces is from
-    now on what holds for this Blender."""
+    """Make the property groups from ``TOPICS`` and add them as ``Scene.icymoon``.
+
+    Also selects the table of Principled albedos for this version of Blender.
+    """
     principled.use_table(compat.principled_table())
     pointers: dict[str, Any] = {}
     for topic in TOPICS.values():
         members = {s.key: _make_property(topic.key, s) for s in topic.settings}
         members |= {f"{s.key}_active": bpy.props.IntProperty(name=f"Selected of {s.label}", min=0,
-                                                               description="Which one the sidebar shows")
-                    for s in topic.settings if s.kind == "list"}  # which one the sidebar's list shows
+                                                               description="The entry that the sidebar shows")
+                    for s in topic.settings if s.kind == "list"}
         group = _register_group(f"ICYMOON_PG_{topic.key}", topic.description, members)
         pointers[topic.key] = bpy.props.PointerProperty(type=group, name=topic.label,
                                                         description=topic.description)
     pointers["results"] = bpy.props.StringProperty(name="Results", options={"HIDDEN"},
-                                                   description="What was measured last, and with which settings")
-    pointers["preset"] = bpy.props.StringProperty(name="Preset", description="The scene preset last loaded")
+                                                   description="The last evaluation and its settings")
+    pointers["preset"] = bpy.props.StringProperty(name="Preset", description="The scene preset that was loaded last")
     pointers["live"] = bpy.props.BoolProperty(
         name="Live Preview", default=True, update=lambda group, context: announce(group.id_data, EFFECTS[0]),
-        description="Show changed settings at once in the scene that is built, the ground coarsely until Build Scene")
+        description="Show changed settings at once in the built scene. The ground is coarse until Build Scene")
     pointers["follow"] = bpy.props.BoolProperty(
         name="Keep Image Up to Date", default=True,
-        description="Expose the camera image that is shown again whenever the camera response changes")
-    root = _register_group("ICYMOON_PG_description", "Everything that describes an Icy Moon scene", pointers)
+        description="Develop the shown camera image again when the camera response changes")
+    root = _register_group("ICYMOON_PG_description", "All settings of an Icy Moon scene", pointers)
     bpy.types.Scene.icymoon = bpy.props.PointerProperty(
-        type=root, name="Icy Moon", description="Everything that describes an Icy Moon scene")
+        type=root, name="Icy Moon", description="All settings of an Icy Moon scene")
 
 
 def unregister() -> None:
@@ -123,15 +125,15 @@ def unregister() -> None:
 
 
 def read_settings(group: Any) -> Settings:
-    """The complete description that a ``Scene.icymoon`` property group holds.
+    """The complete settings in a ``Scene.icymoon`` property group.
 
-    The scene may be anyone's: IcyMoonError is raised for what a file could not state either.
+    Anyone may have made the scene. Raises IcyMoonError if a settings file with these values would be refused.
     """
     return check(read_unchecked(group), "This scene")
 
 
 def read_unchecked(group: Any) -> Settings:
-    """The same, unchecked: to be shown, not to be given to a process."""
+    """The complete settings without a check: to show them, not to pass them to a process."""
     return typed({topic: {s.key: _read_property(s, getattr(getattr(group, topic), s.key))
                           for s in TOPICS[topic].settings} for topic in TOPICS})
 
@@ -143,7 +145,7 @@ def _read_property(setting: Setting, value: Any) -> Value:
 
 
 def write_settings(group: Any, settings: Mapping[str, Mapping[str, Value]]) -> None:
-    """Write a (partial) description, already checked, into a ``Scene.icymoon`` property group."""
+    """Write checked settings, all or some, into a ``Scene.icymoon`` property group."""
     with batch_changes():
         for topic, values in settings.items():
             for key, value in values.items():
@@ -155,7 +157,7 @@ def write_settings(group: Any, settings: Mapping[str, Mapping[str, Value]]) -> N
 
 
 def _fill(collection: Any, entries: list[dict[str, Any]]) -> None:
-    """Make a list of property groups hold these tables."""
+    """Replace the entries of a list of property groups."""
     collection.clear()
     for entry in entries:
         item = collection.add()

@@ -1,4 +1,4 @@
-"""The Icy Moon tab of the 3D View's sidebar, and the menu that F3 searches."""
+"""The Icy Moon tab in the sidebar of the 3D View, and the menus."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def register() -> None:
 
 
 def unregister() -> None:
-    """Unregister them."""
+    """Unregister panels and menus."""
     menu.unregister()
     previews.unregister()
     _unregister()

@@ -1,4 +1,4 @@
-"""Drawing settings from their table: a field each, with room for its name."""
+"""Draws settings from their table, one field each, with room for the label."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from ..operators.sidebar_text import wrapped
 from ..settings.table import TOPICS, Setting
 from .relevance import has_effect, is_shown
 
-#: Choices whose cost and shortcomings stand in the panel, not only in the tooltip.
+#: Choices whose cost and limits the panel shows, not only the tooltip.
 _EXPLAINED = {("surface", "model"), ("rock_surface", "model"), ("hapke", "accuracy")}
 
 
 def draw_settings(layout: Any, root: Any, topic: str, keys: Iterable[str]) -> None:
-    """Those settings of a topic that have a meaning now; ``root`` is ``Scene.icymoon``."""
+    """Draw the settings of a topic that the present choices use; ``root`` is ``Scene.icymoon``."""
     group = getattr(root, topic)
     for key in keys:
         if not is_shown(topic, key, root):
@@ -26,19 +26,19 @@ def draw_settings(layout: Any, root: Any, topic: str, keys: Iterable[str]) -> No
         else:
             _draw_field(row, group, setting)
         if (topic, key) in _EXPLAINED:
-            told = next(choice[2] for choice in setting.choices if choice[0] == getattr(group, key))
-            draw_lines(layout, wrapped(told))
+            meaning = next(choice[2] for choice in setting.choices if choice[0] == getattr(group, key))
+            draw_lines(layout, wrapped(meaning))
 
 
 def draw_lines(layout: Any, lines: tuple[str, ...], icon: str = "NONE") -> None:
-    """Lines of text, an icon before the first."""
+    """Draw lines of text, with an icon before the first."""
     column = layout.column(align=True)
     for k, line in enumerate(lines):
         column.label(text=line, icon="BLANK1" if k and icon != "NONE" else icon)
 
 
 def _draw_field(layout: Any, group: Any, setting: Setting) -> None:
-    """A setting's field; where Blender puts the name beside it, with room for the name."""
+    """Draw a setting's field, with a split where Blender would leave too little room for the label."""
     if setting.kind in ("choice", "text"):
         split = layout.split(factor=0.45 if setting.choices else 0.38)
         split.label(text=setting.label)
@@ -48,7 +48,7 @@ def _draw_field(layout: Any, group: Any, setting: Setting) -> None:
 
 
 def _draw_list(layout: Any, group: Any, setting: Setting) -> None:
-    """A list of tables with its buttons, and the settings of the selected table."""
+    """Draw a list of tables with its buttons, and the settings of the selected table."""
     row = layout.row()
     row.template_list("ICYMOON_UL_layers", "", group, setting.key, group, f"{setting.key}_active", rows=3)
     buttons = row.column(align=True)

@@ -1,4 +1,4 @@
-"""Render > Icy Moon, Add > Mesh and the status bar; operators must sit in a menu for F3 to find them."""
+"""The menus Render > Icy Moon and Add > Mesh, and the status bar. F3 finds only operators that are in a menu."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from ..operators import jobs
 from ..operators.presets import preset_items
 from ..settings.preset_files import KINDS
 
-#: Lines of a column of the presets' menu: more would not fit a small screen.
+#: Lines in a column of the presets menu: more would not fit on a small screen.
 _LINES = 26
-#: Width of the bar in the status bar, in heights of a button: its text is cut where the bar is as narrow as Blender's.
+#: Width of the progress bar in heights of a button. At Blender's default width its text would be cut.
 _BAR_UNITS = 15
 
 
@@ -20,7 +20,7 @@ _TITLES = {"own": "Yours", **KINDS}
 
 
 def presets_by_kind() -> list[tuple[str, list[tuple[str, str]]]]:
-    """Titles of the kinds of presets, the user's own first, each with (name, title) of its presets."""
+    """(title, presets) of each kind of preset, the user's own first; each preset is (name, title)."""
     kinds: dict[str, list[tuple[str, str]]] = {}
     for name, title, _ in preset_items():
         kinds.setdefault(name.split("/")[0], []).append((name, title))
@@ -28,7 +28,7 @@ def presets_by_kind() -> list[tuple[str, list[tuple[str, str]]]]:
 
 
 class ICYMOON_MT_presets(bpy.types.Menu):
-    """Presets of whole scenes and of parts of them"""
+    """Presets of whole scenes and of their parts"""
 
     bl_idname = "ICYMOON_MT_presets"
     bl_label = "Icy Moon Presets"
@@ -47,7 +47,7 @@ class ICYMOON_MT_presets(bpy.types.Menu):
 
 
 class ICYMOON_MT_icymoon(bpy.types.Menu):
-    """Everything that Icy Moon does"""
+    """All commands of Icy Moon"""
 
     bl_idname = "ICYMOON_MT_icymoon"
     bl_label = "Icy Moon"
@@ -103,7 +103,7 @@ def _draw_meshes(self: Any, context: bpy.types.Context) -> None:
 
 
 def _draw_status(self: Any, context: bpy.types.Context) -> None:
-    """The running job at the right end of the status bar, which is there when no sidebar is."""
+    """Draw the running job in the status bar, which is visible without the sidebar too."""
     job = jobs.current
     if job is None:
         return
@@ -126,7 +126,7 @@ def register() -> None:
 
 
 def unregister() -> None:
-    """Take them out again."""
+    """Remove the menus and the status bar."""
     bpy.types.STATUSBAR_HT_header.remove(_draw_status)
     bpy.types.VIEW3D_MT_mesh_add.remove(_draw_meshes)
     bpy.types.TOPBAR_MT_render.remove(_draw_menu)

@@ -1,4 +1,4 @@
-"""Pictures of the shipped scenes, to choose one by."""
+"""Pictures of the shipped scenes, by which the user chooses one."""
 
 from __future__ import annotations
 
@@ -10,24 +10,24 @@ import bpy.utils.previews
 from ..operators.presets import preset_items
 from ..settings.preset_files import is_whole, preview_path
 
-#: Property of the window manager, which no file keeps: the scene preset that the sidebar's picture shows.
+#: Property of the window manager, which is not saved: the scene preset whose picture the sidebar shows.
 CHOICE = "icymoon_scene_preset"
-_NONE = ("NONE", "Choose a Scene", "The settings come from none of these scenes")
+_NONE = ("NONE", "Choose a Scene", "The settings are not from one of these scenes")
 _pictures: Any = None
 _items: list[tuple[str, str, str, int, int]] = []
 
 
 def _load_choices(_self: Any = None, _context: Any = None) -> list[tuple[str, str, str, int, int]]:
-    """The shipped scenes that have a picture, read once; Blender needs them kept alive."""
+    """The shipped scenes that have a picture, read once. Blender requires that Python keeps the strings."""
     global _pictures
     if not _items:
         _pictures = bpy.utils.previews.new()
         _items.append((*_NONE, _pictures.load("choose", str(preview_path("choose")), "IMAGE").icon_id, 0))
-        for name, title, told in preset_items():
+        for name, title, meaning in preset_items():
             path = preview_path(name)
             if is_whole(name) and path.is_file():
                 picture = _pictures.load(name, str(path), "IMAGE")
-                _items.append((name, title, told, picture.icon_id, len(_items)))
+                _items.append((name, title, meaning, picture.icon_id, len(_items)))
     return _items
 
 
@@ -49,7 +49,7 @@ def register() -> None:
 
 
 def unregister() -> None:
-    """Take it away, and the pictures."""
+    """Remove the choice and the pictures."""
     global _pictures
     delattr(bpy.types.WindowManager, CHOICE)
     _items.clear()

@@ -1,5 +1,8 @@
-"""Which settings have an effect beside the others: what a choice rules out is hidden, what a number or a tick turns
-off is grey, so that it is seen where it would be and fields do not move while a number is dragged."""
+"""Which settings have an effect, given the other settings.
+
+A setting that a choice rules out is hidden. One that a number or a tick turns off is grey: fields must not move while
+the user drags a number.
+"""
 
 from __future__ import annotations
 
@@ -12,17 +15,17 @@ from ..typed_settings import TexturesSettings
 
 _PRINCIPLED_ONLY = {"subsurface_weight", "subsurface_radius_m", "transmission", "roughness", "specular",
                     "refractive_index"}
-#: Surface settings that have an effect only beside another that is above 0.
+#: Surface settings, and the setting that must be above 0 for them to have an effect.
 _SURFACE_NEEDS = {"albedo_patch_m": "albedo_variation", "subsurface_radius_m": "subsurface_weight",
                   "grain_size_m": "grain_amplitude_m", "relief": "grain_amplitude_m",
                   **{f"salt_{key}": "salt_share" for key in ("patch_m", "red", "green", "blue")}}
-#: Laws of reflection that ``quality.fine_relief`` is about.
+#: Reflectance laws that use ``quality.fine_relief``.
 _WITH_NORMAL = ("LAMBERT", "PRINCIPLED")
 _SKY_ANGLES = ("_elevation_deg", "_azimuth_deg", "_diameter_deg", "_wm2", "_flattening")
 
 
 def is_shown(topic: str, key: str, root: Any) -> bool:
-    """Whether the choices that are made leave a setting a meaning; ``root`` is ``Scene.icymoon``."""
+    """Whether the present choices use a setting; ``root`` is ``Scene.icymoon``."""
     group = getattr(root, topic)
     if topic == "terrain":
         return _is_terrain_shown(key, root)
@@ -42,7 +45,7 @@ def is_shown(topic: str, key: str, root: Any) -> bool:
     if topic == "rocks" and key == "power_index":
         return bool(group.law == "POWER")
     if topic == "dataset" and key == "plan":
-        return str(group.plan).endswith(".toml")  # a shipped one has its title on the button
+        return str(group.plan).endswith(".toml")  # the button shows the title of a shipped plan
     if topic == "quality" and key == "fine_relief":
         return root.surface.model in _WITH_NORMAL or bool(root.rocks.own_surface
                                                           and root.rock_surface.model in _WITH_NORMAL)
@@ -58,7 +61,7 @@ def _is_terrain_shown(key: str, root: Any) -> bool:
 
 
 def _is_light_shown(key: str, group: Any) -> bool:
-    """What a date gives is not asked for."""
+    """Angles are hidden if a date determines them."""
     dated = group.directions_from != "ANGLES"
     if key in ("body", "date_utc", "longitude_deg"):
         return dated
@@ -68,7 +71,7 @@ def _is_light_shown(key: str, group: Any) -> bool:
 
 
 def has_effect(topic: str, key: str, root: Any) -> bool:
-    """Whether a setting that is shown has an effect beside the numbers and ticks around it."""
+    """Whether a setting that is shown has an effect, given the present numbers and ticks."""
     group = getattr(root, topic)
     if TOPICS[topic].parent == LANDFORMS:
         # The first setting of a landform, its height, depth or coverage, turns it on.

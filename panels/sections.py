@@ -1,4 +1,4 @@
-"""Which settings of a long topic have a sub-panel of their own, closed until it is wanted."""
+"""Which settings of a long topic are in a sub-panel, which is closed at first."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from ..settings.table import TOPICS
 
 @dataclass(frozen=True)
 class Section:
-    """A sub-panel of a topic's panel. ``switch`` is the tick in its header, a setting of the topic, if it has one."""
+    """A sub-panel of a topic's panel. ``switch`` is the setting whose tick is in its header, if it has one."""
 
     topic: str
     key: str
@@ -20,7 +20,7 @@ class Section:
 
 
 def _of_surface(topic: str) -> tuple[Section, ...]:
-    return (Section(topic, "dirt", "Patches, Dirt and Salts", "What makes the ice darker or redder in places", (
+    return (Section(topic, "dirt", "Patches, Dirt and Salts", "Patches of darker or redder ice", (
                 "albedo_variation", "albedo_patch_m", "trough_dirt", "slope_dirt", "salt_share", "salt_patch_m",
                 "salt_red", "salt_green", "salt_blue")),
             Section(topic, "grain", "Grains", "Relief that is finer than the mesh", (
@@ -28,50 +28,50 @@ def _of_surface(topic: str) -> tuple[Section, ...]:
 
 
 SECTIONS = (
-    Section("terrain", "noise", "Layers of Noise", "Shapes of your own choice on top of the random surface",
+    Section("terrain", "noise", "Layers of Noise", "Fractal noise that is added to the random surface",
             ("layers",)),
     *_of_surface("surface"),
     *_of_surface("rock_surface"),
-    Section("rocks", "shape", "Shape", "What each rock looks like and how it lies", (
+    Section("rocks", "shape", "Shape", "Shape, tilt and burial of each rock", (
         "family", "angularity", "elongation", "height_ratio", "tilt_deg", "burial")),
-    Section("rocks", "place", "Placement", "Where the rocks are", (
+    Section("rocks", "place", "Placement", "Clusters, clear ground and maximum number of rocks", (
         "clustering", "cluster_blocks", "cluster_radius_m", "clear_radius_m", "most")),
-    Section("light", "planet", "Planet", "The planet in the sky, and the light that it sheds", (
+    Section("light", "planet", "Planet", "The planet in the sky and its light", (
         "planet_elevation_deg", "planet_azimuth_deg", "planet_angular_diameter_deg", "planet_flattening",
         "planet_albedo", "planet_phase_law", "planet_rings", "planet_least"), switch="planet"),
-    Section("light", "stars", "Stars", "Stars in the sky, which give the ground no light", ("stars_faintest_mag",),
+    Section("light", "stars", "Stars", "Stars in the sky, which do not light the ground", ("stars_faintest_mag",),
             switch="stars"),
-    Section("light", "balance", "Light at Evaluation", "Light that is changed without a new render", (
+    Section("light", "balance", "Light at Evaluation", "Brightness of the light; changes need no new render", (
         "irradiance_band", "sun_scale", "planet_scale")),
-    Section("rig", "lens", "Lens and Alignment", "What a real lens does, and how the eyes are turned", (
+    Section("rig", "lens", "Lens and Alignment", "Distortion and focus of the lens, and alignment of the eyes", (
         "principal_x_px", "principal_y_px", "distortion_k1", "distortion_k2", "distortion_p1", "distortion_p2",
         "distortion_k3", "overscan", "toe_in_deg", "focus_distance_m")),
-    Section("rig", "motion", "Motion", "How the cameras move while they expose", (
+    Section("rig", "motion", "Motion", "Motion of the cameras during the exposure", (
         "speed_right_m_s", "speed_down_m_s", "speed_forward_m_s", "turn_right_deg_s", "turn_down_deg_s", "roll_deg_s",
         "motion_exposure_s")),
-    Section("sensor", "optics", "Optics", "What the lens and filter let through", (
+    Section("sensor", "optics", "Optics", "Aperture, wavelengths and sharpness of lens and filter", (
         "f_number", "pixel_pitch_um", "transmission", "band_centre_nm", "band_width_nm", "psf_sigma_px",
         "veiling_glare")),
     Section("sensor", "detector", "Detector", "From photons to numbers", (
         "quantum_efficiency", "full_well_e", "gain", "bits", "black_level", "blooming")),
-    Section("sensor", "noise", "Noise", "What no two exposures, or no two pixels, have alike", (
+    Section("sensor", "noise", "Noise", "Noise of the sensor, between exposures and between pixels", (
         "read_noise_e", "shot_noise", "dark_current_e_s", "temperature_k", "dark_reference_k", "dark_doubling_k",
         "prnu", "dsnu_e", "noise_seed")),
     Section("sensor", "radiation", "Radiation", "Tracks of charged particles, as in Jupiter's belts", (
         "radiation_flux_cm2_s", "radiation_depth_um", "radiation_e_per_um")),
 )
-#: Topics whose panel is inside another topic's, which they detail. ``switch`` is a setting of that one.
+#: Topics whose panel is inside the panel of another topic.
 INSIDE = {"mesh": "terrain", "hapke": "surface", "textures": "surface", "rock_surface": "rocks"}
-#: Settings that panels other than their topic's draw: the tick in a header, the plan, the matchers.
+#: Settings that the panel of another topic draws: the tick in a header, the plan, the matchers.
 ELSEWHERE = {"rocks": ("own_surface",), "dataset": ("plan", "workers", "evaluate", "leave_running", "methods")}
-#: What a topic's panel begins with, where that is not the first of its settings: what turns the others on, and what
-#: most scenes change.
+#: Settings at the top of a topic's panel if they are not the first in the table: the one that turns the others on,
+#: and those that most scenes change.
 FIRST = {"rocks": ("coverage",), "light": ("directions_from", "sun_elevation_deg", "sun_azimuth_deg")}
 
 
 def main_settings(topic: str) -> tuple[str, ...]:
-    """Settings that the topic's own panel draws, in its order."""
-    taken = {key for section in SECTIONS if section.topic == topic for key in (*section.settings, section.switch)}
+    """Settings that the topic's own panel draws, in order."""
+    elsewhere = {key for section in SECTIONS if section.topic == topic for key in (*section.settings, section.switch)}
     first = FIRST.get(topic, ())
-    taken |= {*ELSEWHERE.get(topic, ()), *first}
-    return (*first, *(s.key for s in TOPICS[topic].settings if s.key not in taken))
+    elsewhere |= {*ELSEWHERE.get(topic, ()), *first}
+    return (*first, *(s.key for s in TOPICS[topic].settings if s.key not in elsewhere))

@@ -1,4 +1,4 @@
-"""What stands in a topic's panel beside its settings: buttons before them, what follows from them after them."""
+"""What a topic's panel contains besides settings: buttons above them, derived values below them."""
 
 from __future__ import annotations
 
@@ -27,7 +27,8 @@ def _draw_seed(layout: Any, context: bpy.types.Context) -> None:
     root = context.scene.icymoon
     layout.prop(root.dataset, "seed")
     if root.source.kind != "PROCEDURAL" and not root.source.detail:
-        draw_lines(layout, wrapped("The ground is a file's; Ground > Add Roughness adds to it what is here."), "INFO")
+        draw_lines(layout, wrapped("The ground is from a file. Ground > Add Roughness adds the roughness of this "
+                                   "panel to it."), "INFO")
 
 
 def _draw_roughness(layout: Any, context: bpy.types.Context) -> None:
@@ -49,9 +50,10 @@ def _draw_camera_notes(layout: Any, context: bpy.types.Context) -> None:
 def _make_surface_extra(topic: str) -> Extra:
     def draw(layout: Any, context: bpy.types.Context) -> None:
         group = getattr(context.scene.icymoon, topic)
-        told = principled.albedo_advice(SurfaceSettings({s.key: getattr(group, s.key) for s in TOPICS[topic].settings}))
-        if told and group.model == "PRINCIPLED":
-            draw_lines(layout, wrapped(told), "INFO")
+        surface = SurfaceSettings({s.key: getattr(group, s.key) for s in TOPICS[topic].settings})
+        advice = principled.albedo_advice(surface)
+        if advice and group.model == "PRINCIPLED":
+            draw_lines(layout, wrapped(advice), "INFO")
         values = scene_properties.read_unchecked(context.scene.icymoon)
         _draw_albedos(layout, values[topic], values.hapke)
     return draw
@@ -63,7 +65,7 @@ def _draw_hapke(layout: Any, context: bpy.types.Context) -> None:
 
 
 def _draw_albedos(layout: Any, surface: SurfaceSettings, hapke: HapkeSettings) -> None:
-    """The albedos that follow from the settings of a surface."""
+    """Draw the albedos that follow from the settings of a surface."""
     found = albedos.albedos(surface, hapke)
     if found is not None:
         column = layout.column(align=True)
@@ -71,7 +73,7 @@ def _draw_albedos(layout: Any, surface: SurfaceSettings, hapke: HapkeSettings) -
             column.label(text=f"{label} albedo {value:.3f}")
 
 
-#: By topic.
+#: Functions that draw above and below the settings, by topic.
 BEFORE: dict[str, Extra] = {"source": _draw_import, "terrain": _draw_seed, "sensor": _draw_expose}
 AFTER: dict[str, Extra] = {"terrain": _draw_roughness, "surface": _make_surface_extra("surface"),
                            "rock_surface": _make_surface_extra("rock_surface"), "hapke": _draw_hapke,

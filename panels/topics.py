@@ -1,4 +1,4 @@
-"""A panel for each topic of the settings, with sub-panels for what only some scenes need."""
+"""A panel for each topic of the settings, with sub-panels for settings that only some scenes need."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class _TopicPanel(Sidebar):
 
 
 def _is_topic_shown(topic: str, root: object) -> bool:
-    """Whether a topic has anything to say beside the choices that are made."""
+    """Whether the present choices use a topic."""
     if topic == "mesh":
         return bool(root.source.kind == "PROCEDURAL")  # type: ignore[attr-defined]
     if topic == "hapke":
@@ -60,7 +60,7 @@ class _SectionPanel(Sidebar):
 
 
 class ICYMOON_PT_landforms(Sidebar, bpy.types.Panel):
-    """Features of icy ground, each off until its height, depth or coverage is above 0"""
+    """Landforms of icy ground. Each is off while its height, depth or coverage is 0"""
 
     bl_idname = "ICYMOON_PT_landforms"
     bl_label = LANDFORMS

@@ -1,4 +1,4 @@
-"""Under Quality: what it costs, measured on this scene."""
+"""The panel Speed and Accuracy below Render Quality: measured costs and errors of this scene."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from .sidebar import Sidebar
 
 
 class ICYMOON_PT_trade(Sidebar, bpy.types.Panel):
-    """Which quality this scene needs, by measurement"""
+    """Measure which quality this scene needs"""
 
     bl_idname = "ICYMOON_PT_trade"
     bl_label = "Speed and Accuracy"
