@@ -116,7 +116,7 @@ class Built:
         return next((item for item in self.collection.all_objects if item.get(TAG) == "planetshine"), None)
 
     @property
-    def block_count(self) -> int:
+    def rock_count(self) -> int:
         """Number of rocks."""
         return sum(len(item.data.vertices) for item in self.collection.all_objects if item.get(TAG) == "rock")
 

@@ -1,4 +1,4 @@
-"""The user's verbs: thin operators on the builders, the worker and the evaluator."""
+"""What buttons and F3 do: thin operators that call the builders, the worker and the evaluator."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def register() -> None:
 
 
 def unregister() -> None:
-    """Unregister them; a running worker is stopped."""
+    """Unregister the operators and stop a running job."""
     live_exposure.unregister()
     live_preview.unregister()
     dataset.unregister()

@@ -1,4 +1,4 @@
-"""Add ▸ Mesh: a patch of icy ground, or a rock, as an object like any other."""
+"""Add ▸ Mesh: a patch of icy ground, or a rock, as an ordinary object."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from ..typed_settings import Settings
 
 
 def setting_property(topic: str, key: str, **other: Any) -> Any:
-    """An operator's property that is a setting."""
+    """A property of an operator with the label, range and tooltip of a setting."""
     setting = TOPICS[topic][key]
     low, high = setting.soft or (setting.minimum, setting.maximum)
     make = bpy.props.IntProperty if setting.kind == "int" else bpy.props.FloatProperty
@@ -26,9 +26,9 @@ def setting_property(topic: str, key: str, **other: Any) -> Any:
 
 
 class _AddOperator:
-    """Mix-in: an object is made of the scene's settings and those of the operator, and put at the 3D cursor."""
+    """Mix-in: makes an object from the settings of the scene and of the operator, at the 3D cursor."""
 
-    #: Settings that the operator has of its own, by its properties.
+    #: (topic, key) of each setting that the operator replaces, by the name of its property.
     own_settings: dict[str, tuple[str, str]]
     seed: Any
 
@@ -38,7 +38,7 @@ class _AddOperator:
             cls.poll_message_set("Only in Object Mode")  # type: ignore[attr-defined]
         return bool(context.mode == "OBJECT")
 
-    def described(self, context: bpy.types.Context) -> Settings:
+    def read_settings(self, context: bpy.types.Context) -> Settings:
         own = [{topic: {key: getattr(self, name)}} for name, (topic, key) in self.own_settings.items()]
         return description.merged(scene_properties.read_settings(context.scene.icymoon), *own)
 
@@ -58,7 +58,7 @@ class _AddOperator:
 
 
 class ICYMOON_OT_add_terrain(_AddOperator, bpy.types.Operator):
-    """Add a patch of procedural ice as a mesh of your own: the landforms, layers and surface of the sidebar, with the size and ruggedness given here"""  # noqa: E501
+    """Add a patch of procedural ice as an ordinary mesh. Landforms, layers and surface are those of the sidebar"""
 
     bl_idname = "icymoon.add_terrain"
     bl_label = "Icy Terrain"
@@ -72,11 +72,11 @@ class ICYMOON_OT_add_terrain(_AddOperator, bpy.types.Operator):
     seed: setting_property("dataset", "seed")  # type: ignore[valid-type]
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        return self.add(context, lambda: build_terrain_object(self.described(context)))
+        return self.add(context, lambda: build_terrain_object(self.read_settings(context)))
 
 
 class ICYMOON_OT_add_block(_AddOperator, bpy.types.Operator):
-    """Add a rock as a mesh of your own, made of the surface that rocks have in the sidebar; put into the collection Icy Moon it is in the images"""  # noqa: E501
+    """Add a rock as an ordinary mesh, with the surface that rocks have in the sidebar. In the collection Icy Moon it is rendered"""  # noqa: E501
 
     bl_idname = "icymoon.add_block"
     bl_label = "Ice Rock"
@@ -86,17 +86,17 @@ class ICYMOON_OT_add_block(_AddOperator, bpy.types.Operator):
         "seed": ("dataset", "seed")}
     diameter_m: bpy.props.FloatProperty(  # type: ignore[valid-type]
         name="Diameter", default=0.5, min=1.0e-3, max=1.0e4, soft_min=0.05, soft_max=10.0, subtype="DISTANCE",
-        unit="LENGTH", description="Of a circle of the same area as the rock, seen from above")
+        unit="LENGTH", description="Diameter of a circle with the same area as the rock, seen from above")
     family: bpy.props.EnumProperty(  # type: ignore[valid-type]
         name="Shape", items=TOPICS["rocks"]["family"].choices[1:], default="FRAGMENTS",
-        description="What the rock looks like")
+        description="Shape of the rock")
     angularity: setting_property("rocks", "angularity")  # type: ignore[valid-type]
     elongation: setting_property("rocks", "elongation")  # type: ignore[valid-type]
     height_ratio: setting_property("rocks", "height_ratio")  # type: ignore[valid-type]
     seed: setting_property("dataset", "seed")  # type: ignore[valid-type]
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        return self.add(context, lambda: build_rock_object(self.described(context), self.diameter_m))
+        return self.add(context, lambda: build_rock_object(self.read_settings(context), self.diameter_m))
 
 
 CLASSES = (ICYMOON_OT_add_terrain, ICYMOON_OT_add_block)

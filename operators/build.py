@@ -20,7 +20,7 @@ _BRIGHTNESS = 0.5  # of sunlit ground in the view, before the view transform
 
 
 def _frame_and_exposure(settings: Settings) -> tuple[int, int, float | None]:
-    """The stereo camera's frame, and an exposure at which sunlit ground is not white; None if nothing is lit."""
+    """Width and height of the image, and an exposure at which sunlit ground is grey; None if nothing is lit."""
     rig = settings.rig
     found = albedos.albedos(settings.surface, settings.hapke)
     radiance = (sidebar_text.brightness_wm2(settings.light)
@@ -31,23 +31,23 @@ def _frame_and_exposure(settings: Settings) -> tuple[int, int, float | None]:
 
 def frame_and_expose(scene: bpy.types.Scene, settings: Settings,
                      before: Settings | None = None) -> None:
-    """Give the view the frame and exposure of ``settings``; where ``before`` are given, what is not theirs stays.
+    """Set the frame and exposure of the view from ``settings``.
 
-    Only what the window shows: images are written as radiance, and rendered in a scene of their own.
+    With the settings ``before`` the change, values that the user has set by hand stay. Images do not depend on them:
+    they contain radiance and are rendered in a separate scene.
     """
-    had, wanted = _frame_and_exposure(before) if before else None, _frame_and_exposure(settings)
-    if had is None or had[:2] == (scene.render.resolution_x, scene.render.resolution_y):
-        scene.render.resolution_x, scene.render.resolution_y = wanted[:2]
+    old, new = _frame_and_exposure(before) if before else None, _frame_and_exposure(settings)
+    if old is None or old[:2] == (scene.render.resolution_x, scene.render.resolution_y):
+        scene.render.resolution_x, scene.render.resolution_y = new[:2]
     exposure = scene.view_settings.exposure
-    if wanted[2] is not None and (had is None or (had[2] is not None and abs(had[2] - exposure) < 1e-4)):
-        scene.view_settings.exposure = wanted[2]
+    if new[2] is not None and (old is None or (old[2] is not None and abs(old[2] - exposure) < 1e-4)):
+        scene.view_settings.exposure = new[2]
 
 
 def show_scene(context: bpy.types.Context, built: scenes.Built) -> None:
-    """Look through the stereo camera, lit, in the 3D View the button was pressed in.
+    """Look through the stereo camera in the 3D View with the button, with rendered shading.
 
-    Objects of the user that would stand in the picture are left out of this view only
-    (Blender's local view); they are neither changed nor rendered.
+    The local view hides the user's objects in this view. They are not changed.
     """
     space: Any = context.space_data
     if context.area is None or context.area.type != "VIEW_3D":
@@ -77,7 +77,7 @@ def show_scene(context: bpy.types.Context, built: scenes.Built) -> None:
 
 
 def views_through(context: bpy.types.Context, camera: bpy.types.Object | None) -> list[Any]:
-    """The 3D Views of all windows that look through a camera."""
+    """The 3D Views, in all windows, that look through ``camera``."""
     spaces = [area.spaces.active for window in context.window_manager.windows for area in window.screen.areas
               if area.type == "VIEW_3D"]
     return [space for space in spaces if camera is not None and space.region_3d.view_perspective == "CAMERA"
@@ -85,41 +85,41 @@ def views_through(context: bpy.types.Context, camera: bpy.types.Object | None) -
 
 
 def look_through(spaces: list[Any], built: scenes.Built) -> None:
-    """Let 3D Views that looked through the camera before it was built anew look through it again."""
+    """Make 3D Views look through the camera of a scene that was built again."""
     for space in spaces:
-        space.camera = built.camera  # in a local view Blender does not, even where it is the scene's
+        space.camera = built.camera  # in a local view Blender does not set it, even to the scene's camera
         space.region_3d.view_perspective = "CAMERA"
         for item in built.collection.all_objects if space.local_view else ():
             item.local_view_set(space, True)
 
 
 def leave_edit_mode() -> None:
-    """Go to Object Mode, if something is being edited, as what is built anew must not be."""
+    """Go to Object Mode: the builders cannot replace an object that is being edited."""
     if bpy.context.mode != "OBJECT":
         bpy.ops.object.mode_set(mode="OBJECT")
 
 
 def build_and_report(operator: bpy.types.Operator, context: bpy.types.Context) -> set[str]:
-    """Build what the scene's settings describe, show it, and let the operator report it; its result."""
+    """Build the scene from its settings, show it and report it; the result of the operator."""
     leave_edit_mode()
     try:
         built = scenes.build(context.scene, scene_properties.read_settings(context.scene.icymoon))
     except IcyMoonError as error:
         operator.report({"ERROR"}, str(error))
         return {"CANCELLED"}
-    clear_points(context.scene)  # it was measured on what was there before
+    clear_points(context.scene)  # the measured surface is of the previous scene
     for warning in built.warnings:
         operator.report({"WARNING"}, warning)
     if not bpy.app.background:
         show_scene(context, built)
     mesh = built.terrain.data
     operator.report({"INFO"}, f"Built {len(mesh.loops) - 2 * len(mesh.polygons)} ground triangles "
-                             f"and {built.block_count} rocks")
+                             f"and {built.rock_count} rocks")
     return {"FINISHED"}
 
 
 class ICYMOON_OT_build_scene(bpy.types.Operator):
-    """Make the ground, rocks, Sun and stereo camera that the settings describe; what was built before is replaced, nothing of yours is touched"""  # noqa: E501
+    """Build ground, rocks, Sun and stereo camera from the settings. This replaces an earlier build and keeps your own objects"""  # noqa: E501
 
     bl_idname = "icymoon.build_scene"
     bl_label = "Build Scene"
@@ -127,13 +127,13 @@ class ICYMOON_OT_build_scene(bpy.types.Operator):
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         try:
-            dear = cost_warnings(scene_properties.read_settings(context.scene.icymoon))
+            warnings = cost_warnings(scene_properties.read_settings(context.scene.icymoon))
         except IcyMoonError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
-        if dear and not bpy.app.background:
+        if warnings and not bpy.app.background:
             return set(context.window_manager.invoke_confirm(self, event, title="Load a Large Mesh?",
-                                                             message=dear[0], confirm_text="Load"))
+                                                             message=warnings[0], confirm_text="Load"))
         return self.execute(context)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
@@ -141,7 +141,7 @@ class ICYMOON_OT_build_scene(bpy.types.Operator):
 
 
 class ICYMOON_OT_clear_scene(bpy.types.Operator):
-    """Remove what Build Scene made and give the scene its earlier camera and world back"""
+    """Remove what Build Scene made, and restore the earlier camera and world"""
 
     bl_idname = "icymoon.clear_scene"
     bl_label = "Clear Scene"

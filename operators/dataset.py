@@ -1,4 +1,4 @@
-"""Data sets: choosing a plan, what it will take, rendering it in a process that may outlive Blender."""
+"""Data sets: choose a plan, estimate its cost, and render it in a process that may outlive Blender."""
 
 from __future__ import annotations
 
@@ -29,28 +29,28 @@ from .render import dataset_folder
 _TITLE = "Render Data Set"
 _LOOK_S = 0.5
 _plans: list[tuple[str, str, str]] = []
-#: What the last dry run reported of which plan, the pairs set aside and why, and the pair that was rendered last.
+#: The plan and lines of the last dry run, the pairs that were set aside and why, and the pair that was rendered last.
 readout: dict[str, Any] = {"plan": "", "lines": [], "set_aside": [], "last": None}
 
 
 def plan_items(_self: Any = None, _context: Any = None) -> list[tuple[str, str, str]]:
-    """(name, title, description) of the shipped plans, read once; Blender needs them kept alive."""
+    """(name, title, description) of the shipped plans, read once. Blender requires that Python keeps the strings."""
     if not _plans:
         _plans.extend((name, *read_plan_header(find_plan(name))) for name in plan_names())
     return _plans
 
 
 def chosen_plan(settings: Settings) -> str:
-    """The plan that the settings name: a shipped one as it is, a file absolute.
+    """The plan that the settings name: the name of a shipped plan, or the absolute path of a file.
 
-    Raises IcyMoonError if there is none.
+    Raises IcyMoonError if there is no such plan.
     """
     name = str(settings.dataset.plan)
     if name in plan_names():
         return name
     saved = os.path.dirname(bpy.data.filepath) if bpy.data.filepath else None
     path = find_plan(str(absolute_path(name, "dataset.plan", saved)) if name.endswith(".toml") else name)
-    return str(path.absolute())  # so that no command line takes a name for one of its options
+    return str(path.absolute())  # an absolute path cannot look like an option of a command
 
 
 def title_of(name: str) -> str:
@@ -59,7 +59,7 @@ def title_of(name: str) -> str:
 
 
 def state_folder() -> Path:
-    """Where what is running is remembered from one Blender to the next."""
+    """The folder that records running data sets, for the next Blender."""
     try:
         return extension_folder() / "running"
     except IcyMoonError:  # not installed as an extension
@@ -67,7 +67,7 @@ def state_folder() -> Path:
 
 
 def verb_command(*arguments: str) -> list[str]:
-    """Command of a verb, in this Blender; where it is a module of Python, in that."""
+    """The command that runs a verb in this Blender, or in its Python if Blender is a module."""
     return blender_command(jobs.this_blender(), *arguments)
 
 
@@ -80,7 +80,7 @@ class ICYMOON_OT_choose_plan(dialogs.SearchDialog, bpy.types.Operator):
     bl_property = "plan"
 
     plan: bpy.props.EnumProperty(items=plan_items, name="Plan",  # type: ignore[valid-type]
-                                 description="What to render")
+                                 description="Plan to render")
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         context.scene.icymoon.dataset.plan = self.plan
@@ -88,7 +88,7 @@ class ICYMOON_OT_choose_plan(dialogs.SearchDialog, bpy.types.Operator):
 
 
 class ICYMOON_OT_open_plan(dialogs.TomlFileDialog, bpy.types.Operator):
-    """Choose a plan of your own, a TOML file"""
+    """Choose your own plan, a TOML file"""
 
     bl_idname = "icymoon.open_plan"
     bl_label = "Open Plan"
@@ -108,7 +108,7 @@ class ICYMOON_OT_open_plan(dialogs.TomlFileDialog, bpy.types.Operator):
 
 
 class ICYMOON_OT_plan_dry_run(jobs.JobOperator, bpy.types.Operator):
-    """Check the plan and say how many pairs it has and what they will take, before anything is rendered"""
+    """Check the plan without rendering it, and estimate its number of pairs, time and disk space"""
 
     bl_idname = "icymoon.plan_dry_run"
     bl_label = "Dry Run"
@@ -120,9 +120,9 @@ class ICYMOON_OT_plan_dry_run(jobs.JobOperator, bpy.types.Operator):
         process = Process(verb_command("plan", plan, "--dry-run", "--json", "--out", str(dataset_folder(settings)),
                                        "--blender", jobs.this_blender()),
                           clean_environment())
-        return jobs.Job(self.bl_label, process, self._hear, lambda: None)
+        return jobs.Job(self.bl_label, process, self._handle, lambda: None)
 
-    def _hear(self, message: Message) -> None:
+    def _handle(self, message: Message) -> None:
         if message["type"] == "result":
             readout["lines"] = list(message["lines"])
 
@@ -131,8 +131,8 @@ class ICYMOON_OT_plan_dry_run(jobs.JobOperator, bpy.types.Operator):
             self.report({"INFO"}, line)
 
 
-def _hear(message: Message) -> None:
-    """Remember what a running data set states of its pairs."""
+def _note_pairs(message: Message) -> None:
+    """Note the last pair and the pairs that were set aside, for the sidebar."""
     if message["type"] == "pair":
         readout["last"] = Path(message["folder"])
     elif message["type"] == "error" and "pair" in message:
@@ -140,9 +140,9 @@ def _hear(message: Message) -> None:
 
 
 class DatasetJob(jobs.Job):
-    """A data set that is being rendered; a pair that is set aside does not end it.
+    """A data set that is being rendered. A pair that is set aside does not end it.
 
-    Where it ``evaluates``, what it has rendered is not yet the result.
+    If it ``evaluates``, it is not done when all pairs are rendered: its progress starts again.
     """
 
     evaluates = False
@@ -162,11 +162,11 @@ class DatasetJob(jobs.Job):
 
 
 class _Watching(jobs.JobOperator):
-    """What the operators that watch a data set have in common."""
+    """Mix-in: an operator that watches a data set."""
 
     escapes = False
     _process: Detached
-    _keeper: evaluate.Keeper
+    _keeper: evaluate.ResultKeeper
 
     def watch(self, context: bpy.types.Context) -> None:
         self._process.leave = bool(context.scene.icymoon.dataset.leave_running)
@@ -174,47 +174,49 @@ class _Watching(jobs.JobOperator):
     def _job_of(self, process: Detached, context: bpy.types.Context) -> jobs.Job:
         readout.update(set_aside=[], last=None)
         self._process = process
-        began = time.monotonic() - (time.time() - process.facts["started"])  # of an earlier Blender's, perhaps long ago
-        self._keeper = evaluate.Keeper(context.scene, "DATASET", scene_properties.read_settings(context.scene.icymoon))
+        # An earlier Blender may have started it.
+        began = time.monotonic() - (time.time() - process.facts["started"])
+        settings = scene_properties.read_settings(context.scene.icymoon)
+        self._keeper = evaluate.ResultKeeper(context.scene, "DATASET", settings)
 
-        def hear(message: Message) -> None:
+        def handle(message: Message) -> None:
             self._keeper(message)
-            _hear(message)
+            _note_pairs(message)
 
-        job = DatasetJob(_TITLE, process, hear, lambda: None, began)
+        job = DatasetJob(_TITLE, process, handle, lambda: None, began)
         job.evaluates = bool(process.facts.get("evaluate"))
         return job
 
     def report_success(self, context: bpy.types.Context) -> None:
         self.report({"INFO"}, f"The data set in {self._process.facts['dataset']} is rendered")  # type: ignore[attr-defined]
         if self._process.facts.get("evaluate"):
-            self._keeper.tell(self, context)  # type: ignore[arg-type]
+            self._keeper.report(self, context)  # type: ignore[arg-type]
 
 
 class ICYMOON_OT_render_dataset(_Watching, bpy.types.Operator):
-    """Render all pairs of the plan into the data set folder, in processes of their own; those that are there already are kept. Nothing of the present scene is used or changed"""  # noqa: E501
+    """Render the missing pairs of the plan into the data set folder, in separate processes. The present scene is neither used nor changed"""  # noqa: E501
 
     bl_idname = "icymoon.render_dataset"
     bl_label = _TITLE
 
     def start(self, context: bpy.types.Context) -> jobs.Job:
         settings = scene_properties.read_settings(context.scene.icymoon)
-        described, folder = settings.dataset, dataset_folder(settings)
-        count = described.workers or workers()
-        # In the process that may be left alone: what is asked for is done whoever watches.
+        wanted, folder = settings.dataset, dataset_folder(settings)
+        count = wanted.workers or workers()
+        # The same process evaluates, so that it does so even after this Blender is closed.
         after = ([*evaluate.matcher_arguments(settings, "--evaluate"), "--evaluator", find_evaluator_python(),
-                  *evaluate.response_arguments(settings)] if described.evaluate else [])
+                  *evaluate.response_arguments(settings)] if wanted.evaluate else [])
         process = Detached.start(
             verb_command("batch", chosen_plan(settings), "--out", str(folder), "--json", "--blender",
                          jobs.this_blender(), *(["--workers", str(count)] if count else []), *after),
             state_folder() / f"{zlib.crc32(str(folder).encode()):08x}",
-            {"title": _TITLE, "dataset": str(folder), "plan": described.plan, "evaluate": described.evaluate},
+            {"title": _TITLE, "dataset": str(folder), "plan": wanted.plan, "evaluate": wanted.evaluate},
             clean_environment())
         return self._job_of(process, context)
 
 
 class ICYMOON_OT_watch_dataset(_Watching, bpy.types.Operator):
-    """Show again the data set that an earlier Blender has left rendering"""
+    """Show the progress of a data set that an earlier Blender left running"""
 
     bl_idname = "icymoon.watch_dataset"
     bl_label = "Watch Data Set"
@@ -222,7 +224,7 @@ class ICYMOON_OT_watch_dataset(_Watching, bpy.types.Operator):
     def start(self, context: bpy.types.Context) -> jobs.Job:
         process = find_left_running(state_folder())
         if process is None:
-            raise IcyMoonError("No data set is being rendered that nobody watches.")
+            raise IcyMoonError("No data set was left running; press Render Data Set to start one.")
         group, facts = context.scene.icymoon.dataset, process.facts
         group.folder, group.plan, group.evaluate = facts["dataset"], facts["plan"], facts["evaluate"]
         group.leave_running = True
@@ -231,7 +233,7 @@ class ICYMOON_OT_watch_dataset(_Watching, bpy.types.Operator):
 
 
 class ICYMOON_OT_show_last_pair(bpy.types.Operator):
-    """Show what the left camera gives of the pair that was rendered last"""
+    """Show the left camera image of the pair that was rendered last"""
 
     bl_idname = "icymoon.show_last_pair"
     bl_label = "Show Last Pair"
@@ -239,14 +241,14 @@ class ICYMOON_OT_show_last_pair(bpy.types.Operator):
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         if readout["last"] is None:
-            cls.poll_message_set("No pair of a data set was rendered yet")
+            cls.poll_message_set("No pair of a data set has been rendered yet")
         return readout["last"] is not None
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         folder, settings = readout["last"], scene_properties.read_settings(context.scene.icymoon)
         try:
             if not is_complete(folder):
-                raise IcyMoonError(f"{folder} is not there any more.")
+                raise IcyMoonError(f"{folder} does not exist any more; render the data set again.")
             process = Process(python_command(find_evaluator_python(), "stereo", "develop", str(folder),
                                              *evaluate.response_arguments(settings), "--out",
                                              str(folder.parent.parent / "exposed"), "--json-lines"),
@@ -259,7 +261,7 @@ class ICYMOON_OT_show_last_pair(bpy.types.Operator):
 
 
 def _show_when_developed(process: Process) -> float | None:
-    """Show the developed image as soon as it is there; the seconds until the next look."""
+    """Show the developed image as soon as it is written; the seconds until the next check, None at the end."""
     for message in process.poll():
         if message["type"] == "result":
             results.show_images(bpy.context, [Path(message["folders"][0]) / "left.png"], open_window=True)
@@ -267,7 +269,7 @@ def _show_when_developed(process: Process) -> float | None:
 
 
 def _watch_again() -> None:
-    """Take up what an earlier Blender, or this one before it opened another file, has left running."""
+    """Watch a data set that an earlier Blender, or this one before it opened another file, left running."""
     manager = bpy.context.window_manager
     if jobs.current is not None or not manager.windows or not any(state_folder().glob("*.lock")):
         return
@@ -276,7 +278,7 @@ def _watch_again() -> None:
             process = find_left_running(state_folder())
             if process is not None:
                 process.leave = True
-                process.stop()  # the operator takes it up
+                process.stop()  # stops watching only: the operator finds it again
                 bpy.ops.icymoon.watch_dataset("INVOKE_DEFAULT")
 
 
@@ -291,13 +293,13 @@ CLASSES = (ICYMOON_OT_choose_plan, ICYMOON_OT_open_plan, ICYMOON_OT_plan_dry_run
 
 
 def register() -> None:
-    """Look for what was left running, now and whenever a file is opened."""
+    """Look for a data set that was left running, now and after each file is opened."""
     bpy.app.handlers.load_post.append(_look_after_load)
     _look_after_load()
 
 
 def unregister() -> None:
-    """Look no longer."""
+    """Stop looking for data sets."""
     bpy.app.handlers.load_post.remove(_look_after_load)
     if bpy.app.timers.is_registered(_watch_again):
         bpy.app.timers.unregister(_watch_again)

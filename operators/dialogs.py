@@ -1,4 +1,4 @@
-"""How operators ask for what they were not told."""
+"""Dialogs in which operators ask for a missing property."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import bpy
 
 
 class SearchDialog:
-    """Mix-in: an operator whose ``bl_property``, unless it is given, is chosen in a search box."""
+    """Mix-in: an operator whose ``bl_property`` is chosen in a search box if it is not given."""
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         if self.properties.is_property_set(self.bl_property):  # type: ignore[attr-defined]
@@ -24,6 +24,6 @@ class FileDialog:
 
 
 class TomlFileDialog(FileDialog):
-    """Mix-in: the same of a TOML file."""
+    """Mix-in: an operator whose ``filepath`` is a TOML file, chosen in a file browser."""
 
     filter_glob: bpy.props.StringProperty(default="*.toml", options={"HIDDEN"})  # type: ignore[valid-type]

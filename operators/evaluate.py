@@ -1,4 +1,4 @@
-"""Evaluate: the matchers run in the evaluator's own Python."""
+"""Evaluate: run the matchers in the evaluator's Python."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from .render import dataset_folder, planned_pairs
 
 
 def rendered_pairs(context: bpy.types.Context, settings: Settings) -> list[Path]:
-    """The pairs of the present settings that are there. Raises IcyMoonError if none is."""
+    """The folders of the rendered pairs of the present settings. Raises IcyMoonError if there are none."""
     dataset = dataset_folder(settings)
     paths = [path for path in (p.folder(dataset) for p in planned_pairs(context.scene, settings)) if is_complete(path)]
     if not paths:
@@ -29,40 +29,42 @@ def rendered_pairs(context: bpy.types.Context, settings: Settings) -> list[Path]
 
 
 def response_arguments(settings: Settings) -> list[str]:
-    """The settings that need no new render as arguments of the evaluator."""
+    """The settings that need no new render, as arguments of the evaluator."""
     texts = [f"{topic}.{s.key}={settings[topic][s.key]}".replace("True", "true").replace("False", "false")
              for topic, s in all_settings() if s.effect == "response"]
     return [word for text in texts for word in ("--set", text)]
 
 
 def matcher_arguments(settings: Settings, flag: str = "--methods") -> list[str]:
-    """The matchers that the settings name, as arguments of the evaluator: ``flag`` with their list, and what those of
-    the user's own are. Raises IcyMoonError if one of these is not set up."""
+    """The matchers of the settings as arguments of the evaluator: ``flag`` with their list, then the user's own.
+
+    Raises IcyMoonError if one of the user's own matchers is not set up.
+    """
     methods = str(settings.dataset.methods)
     return [flag, methods, *own_matcher_arguments(methods)]
 
 
-class Keeper:
-    """Hears an evaluation of a scene with these settings, and keeps with the scene what it has measured."""
+class ResultKeeper:
+    """Handles the messages of an evaluation, and stores its results with the scene and the settings."""
 
     def __init__(self, scene: bpy.types.Scene, scope: str, settings: Settings,
                  pairs: Sequence[str] = ()) -> None:
-        self._uid = scene.session_uid  # it may get another name, and another place in memory by undo, or go
+        self._uid = scene.session_uid  # the user may rename or delete the scene, and undo moves it in memory
         self._scope, self._settings, self._pairs = scope, settings, pairs
 
     @property
     def scene(self) -> bpy.types.Scene | None:
-        """The scene, if it is still there."""
+        """The scene, if it still exists."""
         return next((scene for scene in bpy.data.scenes if scene.session_uid == self._uid), None)
 
     def __call__(self, message: Message) -> None:
-        """Take up the report that was written."""
+        """Store the results after the evaluator has written its report."""
         if message["type"] == "result" and self.scene is not None:
             results.keep_results(self.scene, self._scope, self._settings, self._pairs)
 
-    def tell(self, operator: bpy.types.Operator, context: bpy.types.Context) -> None:
-        """Tell the user what was measured."""
-        jobs.push_undo("Evaluate")  # or undo would take the results back along with the step before
+    def report(self, operator: bpy.types.Operator, context: bpy.types.Context) -> None:
+        """Report the metrics to the user."""
+        jobs.push_undo("Evaluate")  # otherwise undoing the previous step would remove the results too
         for row in results.summary(self.scene) if self.scene is not None else ():
             operator.report({"INFO"}, f"{row['method']}: L1 {results.number(row['l1_m'], 3)} m, "
                                       f"coverage {results.percent(row['coverage'])}")
@@ -71,13 +73,13 @@ class Keeper:
 
 
 class ICYMOON_OT_evaluate(jobs.JobOperator, bpy.types.Operator):
-    """Match the rendered pairs with every chosen stereo matcher, measure the error against the truth and write a report"""  # noqa: E501
+    """Run the chosen stereo matchers on the rendered pairs, compare the result with the truth and write a report"""
 
     bl_idname = "icymoon.evaluate"
     bl_label = "Evaluate"
 
     scope: bpy.props.EnumProperty(name="Scope", default="SCENE", items=(  # type: ignore[valid-type]
-        ("SCENE", "This Scene", "The pairs that the present settings make"),
+        ("SCENE", "This Scene", "The pairs of the present settings"),
         ("DATASET", "Whole Data Set", "Every pair in the data set folder")), description="Which pairs to evaluate")
 
     def _command(self, settings: Settings, paths: Sequence[Path]) -> list[str]:
@@ -90,11 +92,11 @@ class ICYMOON_OT_evaluate(jobs.JobOperator, bpy.types.Operator):
         settings = scene_properties.read_settings(context.scene.icymoon)
         found = [] if self.scope == "DATASET" else rendered_pairs(context, settings)
         command = self._command(settings, found or [dataset_folder(settings)])
-        self._keeper = Keeper(context.scene, self.scope, settings, [folder.name for folder in found])
+        self._keeper = ResultKeeper(context.scene, self.scope, settings, [folder.name for folder in found])
         return jobs.Job("Evaluate", Process(command, clean_environment()), self._keeper, lambda: None)
 
     def report_success(self, context: bpy.types.Context) -> None:
-        self._keeper.tell(self, context)
+        self._keeper.report(self, context)
 
 
 CLASSES = (ICYMOON_OT_evaluate,)

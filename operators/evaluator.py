@@ -1,4 +1,4 @@
-"""Checking and installing the evaluator's Python."""
+"""Check and install the evaluator's Python."""
 
 from __future__ import annotations
 
@@ -22,30 +22,30 @@ def base_python() -> str:
         if is_python(str(candidate)) and candidate.is_file() and _makes_environments(candidate):
             return str(candidate)
     raise IcyMoonError("No Python that can make a virtual environment was found; install Python 3.11 or later with "
-                       "venv (on Debian and Ubuntu the package python3-venv), or give a Python that has the "
-                       "evaluator's packages in the preferences.")
+                       "venv (on Debian and Ubuntu the package python3-venv), or choose a Python with the evaluator's "
+                       "packages in the preferences.")
 
 
 def _makes_environments(python: Path) -> bool:
     try:
         done = run([str(python), "-I", "-c", "import venv, ensurepip"], clean_environment(), timeout_s=30.0)
         return done.returncode == 0
-    except OSError:  # such as the name by which Windows offers its shop
+    except OSError:  # such as the python.exe of Windows that only opens the Microsoft Store
         return False
 
 
 def all_findings() -> list[Finding]:
-    """What ``doctor`` states of this Blender, of the evaluator and of the preferred kernels."""
+    """The findings of ``doctor`` on this Blender, the evaluator and the preferred kernels."""
     try:
         found = examine_evaluator(find_evaluator_python())
     except IcyMoonError as error:
         found = [Finding("Evaluator", "missing", str(error).rstrip("."))]
-    # Blender in a process of its own, since asking Cycles for its cards selects them.
+    # Blender is examined in a separate process, since listing the graphics cards in Cycles also selects them.
     return [*found, *examine_kernels(kernels()), *examine_blender(bpy.app.binary_path or sys.executable)]
 
 
 class ICYMOON_OT_check_evaluator(bpy.types.Operator):
-    """Say what this Blender can do, whether the evaluator's Python has its packages and whether the kernels are there, and what to do about what is missing; takes some seconds"""  # noqa: E501
+    """Check Blender's abilities, the evaluator's packages and the SPICE kernels, and show how to fix problems. Takes some seconds"""  # noqa: E501
 
     bl_idname = "icymoon.check_evaluator"
     bl_label = "Check"
@@ -62,7 +62,7 @@ class ICYMOON_OT_check_evaluator(bpy.types.Operator):
 
 
 class ICYMOON_OT_install_evaluator(jobs.JobOperator, bpy.types.Operator):
-    """Make a Python environment for the evaluator in the extension's own folder and install its packages from the Internet (about 100 MB)"""  # noqa: E501
+    """Make a Python environment for the evaluator in the extension's folder, and install its packages from the Internet (about 100 MB)"""  # noqa: E501
 
     bl_idname = "icymoon.install_evaluator"
     bl_label = "Install"
@@ -85,7 +85,7 @@ class ICYMOON_OT_install_evaluator(jobs.JobOperator, bpy.types.Operator):
 
 
 class ICYMOON_OT_add_matcher(bpy.types.Operator):
-    """Add a program or a network of your own, which scenes then name as own:NAME"""
+    """Add your own program or network as a matcher, which scenes name as own:NAME"""
 
     bl_idname = "icymoon.add_matcher"
     bl_label = "Add Matcher"
@@ -104,12 +104,12 @@ class ICYMOON_OT_add_matcher(bpy.types.Operator):
 
 
 class ICYMOON_OT_remove_matcher(bpy.types.Operator):
-    """Take this matcher out of the preferences; the program or file stays"""
+    """Remove this matcher from the preferences. Its program or file is not deleted"""
 
     bl_idname = "icymoon.remove_matcher"
     bl_label = "Remove Matcher"
 
-    index: bpy.props.IntProperty(name="Index", min=0, description="Which one")  # type: ignore[valid-type]
+    index: bpy.props.IntProperty(name="Index", min=0, description="Index of the matcher")  # type: ignore[valid-type]
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         try:

@@ -1,4 +1,4 @@
-"""Show Camera Image: what the present camera response makes of the rendered pair."""
+"""Show Camera Image: develop the rendered pair by the present camera response."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ from .evaluate import rendered_pairs, response_arguments
 from .render import dataset_folder
 
 
-def start_developing(settings: Settings, pairs: list[Path], hear: Callable[[Message], None]) -> jobs.Job:
-    """A process that exposes pairs with the camera response of ``settings``, into the folder ``exposed``."""
+def start_developing(settings: Settings, pairs: list[Path], handle: Callable[[Message], None]) -> jobs.Job:
+    """Start a process that develops pairs by the camera response of ``settings``, into the folder ``exposed``."""
     command = python_command(find_evaluator_python(), "stereo", "develop", *map(str, pairs),
                              *response_arguments(settings),
                              "--out", str(dataset_folder(settings) / "exposed"), "--json-lines")
-    return jobs.Job("Expose", Process(command, clean_environment()), hear, lambda: None)
+    return jobs.Job("Expose", Process(command, clean_environment()), handle, lambda: None)
 
 
 class ICYMOON_OT_expose(jobs.JobOperator, bpy.types.Operator):
-    """Expose the rendered pair with the present camera response, without a new render, and show what the cameras give"""  # noqa: E501
+    """Develop the rendered pair by the present camera response and show the camera images. Needs no new render"""
 
     bl_idname = "icymoon.expose"
     bl_label = "Show Camera Image"
@@ -34,9 +34,9 @@ class ICYMOON_OT_expose(jobs.JobOperator, bpy.types.Operator):
     def start(self, context: bpy.types.Context) -> jobs.Job:
         settings = scene_properties.read_settings(context.scene.icymoon)
         self._images: list[Path] = []
-        return start_developing(settings, rendered_pairs(context, settings), self._hear)
+        return start_developing(settings, rendered_pairs(context, settings), self._handle)
 
-    def _hear(self, message: Message) -> None:
+    def _handle(self, message: Message) -> None:
         if message["type"] == "result":
             self._images = [Path(folder) / f"{eye}.png" for folder in message["folders"] for eye in ("left", "right")]
 

@@ -1,4 +1,4 @@
-"""Import Ground: standing on a mesh or height map of one's own."""
+"""Import Ground: the user's own mesh or height map as the ground."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from .sidebar_text import LINE
 
 
 def report_lines(scene: bpy.types.Scene) -> list[str]:
-    """What the import of the built ground found, in lines that fit the sidebar; empty if it is made up."""
+    """What the import of the built ground found, in lines that fit the sidebar; empty for procedural ground."""
     built = scenes.find(scene)
     found = built.ground.get("report", []) if built is not None else []
     return [line for text in found for line in textwrap.wrap(text, LINE, subsequent_indent="   ")]
 
 
 class ICYMOON_OT_import_ground(dialogs.FileDialog, bpy.types.Operator):
-    """Stand on your own ground: a reconstructed mesh (OBJ, PLY, STL, glTF, USD, FBX) or a height map (GeoTIFF, NPY, EXR, grey PNG); the scene is built on it"""  # noqa: E501
+    """Build the scene on your own ground: a mesh (OBJ, PLY, STL, glTF, USD, FBX) or a height map (GeoTIFF, NPY, EXR, grey PNG)"""  # noqa: E501
 
     bl_idname = "icymoon.import_ground"
     bl_label = "Import Ground"
@@ -41,18 +41,18 @@ class ICYMOON_OT_import_ground(dialogs.FileDialog, bpy.types.Operator):
         path = Path(bpy.path.abspath(self.filepath))
         try:
             scene_properties.write_settings(group, {"source": {"kind": grounds.kind_of(path), "file": str(path)}})
-            dear = grounds.cost_warnings(scene_properties.read_settings(group))
+            warnings = grounds.cost_warnings(scene_properties.read_settings(group))
         except IcyMoonError as error:
             scene_properties.write_settings(group, {"source": before})
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
-        if dear and not bpy.app.background:
-            bpy.ops.icymoon.build_scene("INVOKE_DEFAULT")  # which asks first
+        if warnings and not bpy.app.background:
+            bpy.ops.icymoon.build_scene("INVOKE_DEFAULT")  # asks the user first
             return {"FINISHED"}
-        done = build_and_report(self, context)
-        if done == {"CANCELLED"}:
+        result = build_and_report(self, context)
+        if result == {"CANCELLED"}:
             scene_properties.write_settings(group, {"source": before})
-        return done
+        return result
 
 
 CLASSES = (ICYMOON_OT_import_ground,)

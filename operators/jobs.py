@@ -1,4 +1,4 @@
-"""Long work in another process, watched by a modal operator that leaves the window free."""
+"""Jobs: long work in another process, which a modal operator watches so that the window stays usable."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ _INTERVAL_S = 0.1
 
 
 def this_blender() -> str:
-    """What starts another of this Blender; where it is a module of Python, that Python."""
+    """The program that starts another Blender like this one: Blender, or Python if Blender is a module of it."""
     return str(bpy.app.binary_path or sys.executable)
 
 
 @dataclass
 class Job:
-    """One running process and what it has reported so far; the panel shows it."""
+    """One running process and its reports so far, which the panel shows."""
 
     title: str
     process: Process | Detached
@@ -39,19 +39,19 @@ class Job:
 
     @property
     def shown(self) -> tuple[str, int, str]:
-        """What the panel shows of it: text, per cent, remaining time."""
+        """Text, per cent and remaining time, as the panel shows them."""
         text = "Stopping" if self.process.cancelled else self.text or self.title
         return text, int(100 * self.fraction), remaining_text(self.remaining_s)
 
     @property
     def remaining_s(self) -> float | None:
-        """Seconds that are left at the present rate, or None before there is one."""
+        """Estimate of the remaining seconds, or None while there is none."""
         if self.fraction <= 0.02:
             return None
         return (time.monotonic() - self.started) * (1.0 - self.fraction) / self.fraction
 
     def advance(self) -> bool:
-        """Take in what the process has reported; False when it has ended."""
+        """Handle the new messages of the process; False when it has ended."""
         running = self.process.running
         for message in self.process.poll():
             self.hear(message)
@@ -59,7 +59,7 @@ class Job:
         return running
 
     def hear(self, message: Message) -> None:
-        """Take in one thing that the process has reported."""
+        """Handle one message of the process."""
         kind = message["type"]
         if kind == "progress":
             self.fraction = float(message["fraction"])
@@ -73,7 +73,7 @@ class Job:
 
     @property
     def failure(self) -> str:
-        """Why it did not do its work, or an empty text if it did."""
+        """Why the job failed, or an empty text if it succeeded."""
         if self.process.cancelled:
             return f"{self.title} was stopped; what was finished is kept."
         if self.error or self.done:
@@ -81,7 +81,7 @@ class Job:
         return f"{self.title} ended without a result (status {self.process.returncode}): {self.process.last_line}"
 
     def run_to_end(self) -> None:
-        """Wait until it has ended. Raises IcyMoonError if it failed."""
+        """Wait until the process has ended. Raises IcyMoonError if the job failed."""
         try:
             while self.advance():
                 time.sleep(_INTERVAL_S)
@@ -96,7 +96,7 @@ current: Job | None = None
 
 
 def remaining_text(seconds: float | None) -> str:
-    """'1:05 left', '2:03:20 left', or '' while it is not known."""
+    """'1:05 left', '2:03:20 left', or '' for None."""
     if seconds is None:
         return ""
     minutes, rest = divmod(int(seconds), 60)
@@ -104,9 +104,9 @@ def remaining_text(seconds: float | None) -> str:
 
 
 def redraw() -> None:
-    """Draw what shows the job again: sidebars, status bar, preferences; not the views, which may take seconds."""
+    """Redraw sidebars, status bar and preferences, which show the job. Views are left alone: they may take seconds."""
     for window in bpy.context.window_manager.windows:
-        window.workspace.status_text_set(None)  # which has the status bar drawn anew
+        window.workspace.status_text_set(None)  # redraws the status bar
         for area in window.screen.areas:
             for region in area.regions:
                 if (area.type, region.type) in (("VIEW_3D", "UI"), ("PREFERENCES", "WINDOW")):
@@ -114,8 +114,11 @@ def redraw() -> None:
 
 
 def push_undo(message: str) -> None:
-    """Take an undo step of what was changed outside one that Blender takes, or undo would take it back along with the
-    step before. Nothing without a window, where there is no undo."""
+    """Push an undo step after a change outside Blender's own steps.
+
+    Without it, undoing the previous step would revert this change too. Does nothing without a window, where there is
+    no undo.
+    """
     windows = bpy.context.window_manager.windows
     if windows and not bpy.app.background:
         with bpy.context.temp_override(window=bpy.context.window or windows[0]):
@@ -123,7 +126,7 @@ def push_undo(message: str) -> None:
 
 
 def finish(job: Job) -> None:
-    """Release what a job holds."""
+    """Clean up after a job, which is then no longer the current one."""
     global current
     job.clean_up()
     if current is job:
@@ -132,20 +135,20 @@ def finish(job: Job) -> None:
 
 
 def stop_current() -> None:
-    """Stop the running job, if any: Blender is about to end or to open another file."""
+    """Stop the running job, if any, before Blender ends or opens another file."""
     if current is not None:
         current.process.stop()
         finish(current)
 
 
 class JobOperator:
-    """Mix-in of an operator whose work runs in another process.
+    """Mix-in: an operator whose work runs in another process.
 
-    ``start`` returns the job; ``report_success`` is called when it has done its work. From a script
-    (``EXEC_DEFAULT``) the operator returns when the work is done.
+    ``start`` returns the job, and ``report_success`` is called after it has succeeded. From a script
+    (``EXEC_DEFAULT``) the operator returns when the job has ended.
     """
 
-    #: Whether Esc stops it. Not what runs for hours while the user goes on working, in which Esc means other things.
+    #: Whether Esc stops the job. It does not stop jobs of hours, during which the user presses Esc for other reasons.
     escapes = True
     _timer: Any = None
     _job: Job
@@ -161,7 +164,7 @@ class JobOperator:
         raise NotImplementedError
 
     def watch(self, context: bpy.types.Context) -> None:
-        """Called again and again while it runs."""
+        """Called repeatedly while the job runs."""
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -214,7 +217,7 @@ class JobOperator:
         return self._end(context)
 
     def cancel(self, context: bpy.types.Context) -> None:
-        """Called by Blender when the window closes or another file is opened, or a dialog before any work."""
+        """Called by Blender when the window closes, another file is opened, or the user cancels the dialog."""
         if self._timer is None:
             return
         self._job.process.stop()
@@ -242,7 +245,7 @@ class JobOperator:
 
 
 class ICYMOON_OT_cancel(bpy.types.Operator):
-    """Stop the running work; what is finished is kept"""
+    """Stop the running job. Finished pairs are kept"""
 
     bl_idname = "icymoon.cancel"
     bl_label = "Cancel"
@@ -268,11 +271,11 @@ def _stop_before_load(*_: Any) -> None:
 
 
 def register() -> None:
-    """Stop a running job before another file is opened."""
+    """Make Blender stop a running job before it opens another file."""
     bpy.app.handlers.load_pre.append(_stop_before_load)
 
 
 def unregister() -> None:
-    """Stop a running job and listen no longer."""
+    """Stop a running job and remove the handler."""
     bpy.app.handlers.load_pre.remove(_stop_before_load)
     stop_current()

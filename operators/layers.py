@@ -1,4 +1,4 @@
-"""The list of noise layers: add, remove, move; and the table of measured roughness."""
+"""The list of noise layers (add, remove, move) and the table of measured roughness."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from ..settings.table import TOPICS
 
 
 def _announce(context: bpy.types.Context) -> None:
-    """Announce that the list has changed: Blender tells only of changed entries."""
+    """Announce a change of the list. Blender itself calls updates for changed entries only."""
     announce(context.scene, TOPICS["terrain"]["layers"].effect)
 
 
 class _LayerOperator:
-    """What changes the list of layers of the context's scene."""
+    """Mix-in: an operator that changes the list of layers, which must not be empty."""
 
     bl_options = {"REGISTER", "UNDO"}
 
@@ -61,13 +61,13 @@ class ICYMOON_OT_layer_remove(_LayerOperator, bpy.types.Operator):
 
 
 class ICYMOON_OT_layer_move(_LayerOperator, bpy.types.Operator):
-    """Move the selected layer of noise; a layer's place is part of its seed, so its hills change"""
+    """Move the selected layer of noise. Its shape changes, because its seed depends on its position"""
 
     bl_idname = "icymoon.layer_move"
     bl_label = "Move Layer"
 
     direction: bpy.props.EnumProperty(  # type: ignore[valid-type]
-        name="Direction", description="Which way the layer moves in the list",
+        name="Direction", description="Direction in which the layer moves in the list",
         items=(("UP", "Up", "Toward the first"), ("DOWN", "Down", "Toward the last")))
 
     def execute(self, context: bpy.types.Context) -> set[str]:
@@ -83,7 +83,7 @@ class ICYMOON_OT_layer_move(_LayerOperator, bpy.types.Operator):
 
 
 class ICYMOON_OT_show_roughness(bpy.types.Operator):
-    """Show the RMS deviation and the power spectrum measured on the built ground, beside what was asked for"""
+    """Show the measured RMS deviation and power spectrum of the built ground, and the values from the settings"""
 
     bl_idname = "icymoon.show_roughness"
     bl_label = "Measured Roughness"
@@ -116,7 +116,7 @@ class ICYMOON_OT_show_roughness(bpy.types.Operator):
 
 
 def layer_title(entry: Any) -> str:
-    """One line that reports what a layer is."""
+    """A line that describes a layer: basis, fractal and amplitude."""
     names = {s.key: {c[0]: c[1] for c in s.choices} for s in description.TOPICS["terrain"]["layers"].entries}
     return f"{names['basis'][entry.basis]}, {names['fractal'][entry.fractal]}, {entry.amplitude_m:.3g} m"
 

@@ -1,7 +1,7 @@
-"""The shown camera image follows the camera response: it is developed again when a setting of that changes.
+"""Develops the shown camera image again when a setting of the camera response changes.
 
-The evaluator's own process does it, after the hand has rested for a moment; a timer hears it, so the window never
-waits. What changes meanwhile is developed when it has ended.
+The evaluator develops it in its own process, after the settings have not changed for a moment. A timer handles its
+messages, so the window never waits. Changes during the development are developed afterwards.
 """
 
 from __future__ import annotations
@@ -19,28 +19,28 @@ from .expose import start_developing
 from .render import dataset_folder
 from .sidebar_text import wrapped
 
-#: How long the hand rests before an image is developed.
+#: Seconds without a change of settings before an image is developed.
 REST_S = 0.3
 _INTERVAL_S = 0.1
 _waiting: set[str] = set()  # names of scenes whose images are to be developed
 _job: jobs.Job | None = None
-_said: list[str] = []  # what the last development warned of, or why it failed
+_messages: list[str] = []  # warnings of the last development, or why it failed
 
 
 def exposed_folder(scene: bpy.types.Scene) -> Path:
-    """Where the camera images of a scene's data set are. Raises IcyMoonError if that cannot be told."""
+    """The folder of a scene's camera images. Raises IcyMoonError if the data set has no valid folder."""
     return dataset_folder(scene_properties.read_settings(scene.icymoon)) / "exposed"
 
 
 def shown_paths() -> list[Path]:
-    """The files that are shown in Image Editors."""
+    """The image files that Image Editors show."""
     spaces = [area.spaces.active for window in bpy.context.window_manager.windows for area in window.screen.areas
               if area.type == "IMAGE_EDITOR"]
     return [Path(bpy.path.abspath(space.image.filepath)) for space in spaces if space.image and space.image.filepath]
 
 
 def listen(scene: bpy.types.Scene, effects: frozenset[str]) -> None:
-    """Listen to changes of settings."""
+    """Schedule a development after a change of the camera response; a listener of ``scene_properties``."""
     if "response" not in effects or scene is None or not live_preview.has_window() or not scene.icymoon.follow:
         return
     _waiting.add(scene.name)
@@ -55,7 +55,7 @@ def _call_again(seconds: float) -> None:
 
 
 def work() -> float | None:
-    """Start what waits, or hear what runs; the timer calls it until there is neither."""
+    """Start a waiting development or handle messages of a running one. The timer calls it until there is neither."""
     global _job
     try:
         if _job is None:
@@ -64,14 +64,14 @@ def work() -> float | None:
             _finish(_job)
     except IcyMoonError as error:
         _stop()
-        _say([str(error)])
+        _show_messages([str(error)])
     return _INTERVAL_S if _job is not None or _waiting else None
 
 
 def _start() -> jobs.Job | None:
-    """A process that develops what is shown of a waiting scene's; None if nothing is, or another job runs."""
+    """Start to develop the shown images of a waiting scene; None if there are none, or another job runs."""
     if jobs.current is not None:
-        return None  # which may be writing these very images; they wait
+        return None  # the other job may be writing the same images
     scene = bpy.data.scenes.get(_waiting.pop()) if _waiting else None
     if scene is None or not scene.icymoon.follow:
         return None
@@ -91,21 +91,21 @@ def _hear(message: Message) -> None:
 
 def _finish(job: jobs.Job) -> None:
     _stop()
-    _say([job.failure] if job.failure else job.warnings)
+    _show_messages([job.failure] if job.failure else job.warnings)
     for window in bpy.context.window_manager.windows:
         for area in window.screen.areas:
             if area.type == "IMAGE_EDITOR":
                 area.tag_redraw()
 
 
-def _say(sentences: list[str]) -> None:
-    _said[:] = sentences
+def _show_messages(sentences: list[str]) -> None:
+    _messages[:] = sentences
     jobs.redraw()
 
 
 def lines() -> list[str]:
-    """What the sidebar shows of the last development by itself: warnings or why it failed, in lines that fit it."""
-    return [line for sentence in _said for line in wrapped(sentence)]
+    """Warnings of the last development, or why it failed, in lines that fit the sidebar."""
+    return [line for sentence in _messages for line in wrapped(sentence)]
 
 
 def _stop() -> None:
@@ -118,22 +118,22 @@ def _stop() -> None:
 
 @bpy.app.handlers.persistent
 def _forget(*_: object) -> None:
-    """Another file is about to be opened."""
+    """Stop, and forget what waits, before another file is opened."""
     _stop()
     _waiting.clear()
-    _said.clear()
+    _messages.clear()
     if bpy.app.timers.is_registered(work):
         bpy.app.timers.unregister(work)
 
 
 def register() -> None:
-    """Listen."""
+    """Listen to changes of settings."""
     scene_properties.listeners.append(listen)
     bpy.app.handlers.load_pre.append(_forget)
 
 
 def unregister() -> None:
-    """Listen no longer; what runs is stopped."""
+    """Stop listening, and stop a running development."""
     scene_properties.listeners.remove(listen)
     bpy.app.handlers.load_pre.remove(_forget)
     _forget()

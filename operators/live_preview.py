@@ -1,8 +1,8 @@
-"""Live preview: what is built follows the settings while they change.
+"""Live preview: the built scene follows the settings while they change.
 
-The first change in a turn of Blender's event loop is shown before the property's callback returns,
-so that the undo step which the window then takes holds both. Further changes in the same turn are a
-script's; a timer shows them together. Without a window nothing is previewed.
+The first change in a turn of Blender's event loop is shown before the callback of the property returns. The undo step
+that the window then takes contains both. More changes in the same turn come from a script, and a timer shows them
+together. Without a window there is no preview.
 """
 
 from __future__ import annotations
@@ -21,22 +21,22 @@ from .build import frame_and_expose
 from .jobs import push_undo
 from .sidebar_text import wrapped
 
-#: What an update of the ground may take, so that there are ten a second and time to draw them.
+#: Seconds that an update of the ground may take: this allows ten updates a second and leaves time to draw them.
 BUDGET_S = 0.08
 #: Vertices per side of the previewed ground.
 SIDES = (129, 193, 257)
 _SHOWN = {"geometry", "material", "light", "camera"}
 _side = SIDES[1]
-_waiting: set[str] = set()  # names of scenes with changes that the timer is to show
+_waiting: set[str] = set()  # names of scenes with changes that the timer will show
 
 
 def has_window() -> bool:
-    """Whether there is a window to preview in."""
+    """Whether there is a window for the preview."""
     return not bpy.app.background
 
 
 def update(scene: bpy.types.Scene) -> bool:
-    """Show a scene's settings in what is built of it, or note why not; whether anything looks otherwise now."""
+    """Show the settings of a scene in its built objects, or note why not; whether anything has changed."""
     global _side
     built = scenes.find(scene)
     if built is None:
@@ -70,11 +70,11 @@ def _changed(built: scenes.Built, settings: Settings) -> bool:
     try:
         return bool(scenes.changed_settings(built, settings))
     except IcyMoonError:
-        return True  # the file of a ground of one's own is gone: Build Scene reports it
+        return True  # the file of the ground is missing, which Build Scene reports
 
 
 def listen(scene: bpy.types.Scene, effects: frozenset[str]) -> None:
-    """Listen to changes of settings."""
+    """Show a change of settings, or schedule it; a listener of ``scene_properties``."""
     if not has_window() or not effects & _SHOWN or scene is None:
         return
     if bpy.app.timers.is_registered(show_waiting):
@@ -85,7 +85,7 @@ def listen(scene: bpy.types.Scene, effects: frozenset[str]) -> None:
 
 
 def show_waiting() -> None:
-    """Show the changes that wait; the timer calls it in the next turn of the event loop."""
+    """Show the waiting changes. The timer calls this in the next turn of the event loop."""
     names, shown = sorted(_waiting), False
     _waiting.clear()
     for scene in (bpy.data.scenes.get(name) for name in names):
@@ -95,23 +95,23 @@ def show_waiting() -> None:
 
 
 def lines(scene: bpy.types.Scene) -> list[str]:
-    """What the sidebar shows about how the scene shows its settings, in lines that fit it; none before it is built.
+    """How well the built scene shows the settings, in lines that fit the sidebar; none without a built scene.
 
-    Always a line, or the fields below would move away from under the mouse that drags one of them.
+    There is always a line. Otherwise the fields below would move while the user drags one of them.
     """
     if scenes.find_collection(scene) is None:
         return []
-    said = preview.notes(scene) or ["Shown at full resolution"]
-    return [line for sentence in said for line in wrapped(sentence)]
+    sentences = preview.notes(scene) or ["Shown at full resolution"]
+    return [line for sentence in sentences for line in wrapped(sentence)]
 
 
 def register() -> None:
-    """Listen."""
+    """Listen to changes of settings."""
     scene_properties.listeners.append(listen)
 
 
 def unregister() -> None:
-    """Listen no longer."""
+    """Stop listening."""
     scene_properties.listeners.remove(listen)
     _waiting.clear()
     if bpy.app.timers.is_registered(show_waiting):

@@ -1,7 +1,7 @@
-"""Which reports were made here: no other is opened in the browser.
+"""Records the reports that this user's evaluator wrote. No other report is opened in the browser.
 
-A report is a web page, and a page runs what whoever made it wrote into it. One that came along with somebody's data
-set looks like ours; that its content is what this user's evaluator wrote is kept by its checksum.
+A report is a web page, and a browser runs the scripts in it. A report in somebody else's data set looks the same, so
+the user's own reports are known by their checksums.
 """
 
 from __future__ import annotations
@@ -14,9 +14,9 @@ from ..files import sha256, write_json
 from ..records import TABLE, read_record
 from ..render.cost.speed import own_cache_folder
 
-#: How many are remembered, the newest last.
+#: Maximum number of checksums in the file, the newest last.
 _MOST = 500
-#: Those of this session, for a cache folder that cannot be written to.
+#: Checksums of this session, in case the cache folder is not writable.
 _session: set[str] = set()
 
 
@@ -31,15 +31,15 @@ def _known() -> list[str]:
 
 
 def remember(page: Path) -> None:
-    """Keep that this page, which has just been written, was made here."""
-    with suppress(OSError):  # a page that is gone already is not opened either
-        made = sha256(page)
-        _session.add(made)
+    """Record the checksum of a page that the evaluator has just written."""
+    with suppress(OSError):  # a page that no longer exists needs no record
+        checksum = sha256(page)
+        _session.add(checksum)
         with suppress(IcyMoonError):
-            write_json(_file(), dict.fromkeys([*_known(), made][-_MOST:], "sha256 of a report that was made here"))
+            write_json(_file(), dict.fromkeys([*_known(), checksum][-_MOST:], "sha256 of a report that was made here"))
 
 
 def is_ours(page: Path) -> bool:
-    """Whether this page is, byte for byte, one that was made here. Raises OSError if it cannot be read."""
-    made = sha256(page)
-    return made in _session or made in _known()
+    """Whether a page is one that was recorded, byte for byte. Raises OSError if it cannot be read."""
+    checksum = sha256(page)
+    return checksum in _session or checksum in _known()

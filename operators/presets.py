@@ -1,4 +1,4 @@
-"""Presets: the shipped ones, and the user's own, which are kept where Blender keeps an extension's files."""
+"""Presets: the shipped ones, and the user's own in the extension's folder."""
 
 from __future__ import annotations
 
@@ -21,19 +21,19 @@ from ..system import name_fault, remove
 from ..typed_settings import Settings
 from . import dialogs
 
-#: Begins the names of the user's own presets.
+#: Prefix of the names of the user's own presets.
 OWN = "own/"
 _shipped: list[tuple[str, str, str]] = []
-_kept: dict[tuple[str, str, str], tuple[str, str, str]] = {}  # Blender needs the texts of items kept alive
+_kept: dict[tuple[str, str, str], tuple[str, str, str]] = {}  # Blender requires that Python keeps the strings of items
 
 
 def own_folder() -> Path:
-    """Where the user's own presets are. Raises IcyMoonError if there is no such place."""
+    """The folder of the user's own presets. Raises IcyMoonError if there is none."""
     return extension_folder() / "presets"
 
 
 def own_presets() -> dict[str, Path]:
-    """The user's own presets by name, ``own/my_site``."""
+    """The files of the user's own presets by name, such as ``own/my_site``."""
     try:
         return {f"{OWN}{path.stem}": path for path in sorted(own_folder().glob("*.toml"))}
     except IcyMoonError:  # not installed as an extension
@@ -47,12 +47,12 @@ def path_of(name: str) -> Path:
     try:
         return own_presets()[name]
     except KeyError:
-        raise IcyMoonError(f"Your preset {name.removeprefix(OWN)!r} is not on this machine; "
+        raise IcyMoonError(f"Your preset {name.removeprefix(OWN)!r} does not exist on this machine; "
                            "choose another one.") from None
 
 
 def preset_items(_self: Any = None, _context: Any = None) -> list[tuple[str, str, str]]:
-    """(name, title, description) of all presets, the shipped ones read once."""
+    """(name, title, description) of all presets. The shipped ones are read once."""
     if not _shipped:
         _shipped.extend((name, *preset_files.preset_header(name)) for name in preset_files.preset_names())
     own = [(name, *_header(path, path.stat().st_mtime_ns)) for name, path in own_presets().items()]
@@ -61,7 +61,7 @@ def preset_items(_self: Any = None, _context: Any = None) -> list[tuple[str, str
 
 @lru_cache(maxsize=256)
 def _header(path: Path, modified_ns: int) -> tuple[str, str]:
-    """(title, description) of the user's own preset, read once in each state: the sidebar asks at every redraw."""
+    """(title, description) of one of the user's own presets, cached because the sidebar asks at every redraw."""
     try:
         return preset_files.header_of(path, path.stem)
     except IcyMoonError as error:
@@ -69,14 +69,17 @@ def _header(path: Path, modified_ns: int) -> tuple[str, str]:
 
 
 def title_of(name: str) -> str:
-    """What the sidebar calls the preset that was loaded last."""
+    """The title of a preset in the sidebar."""
     found = next((title for known, title, _ in preset_items() if known == name), name.split("/")[-1])
     return found or "Choose a Preset"
 
 
 def known_sources(settings: Settings, preset: str) -> dict[str, str]:
-    """The source of each setting by ``topic.key``, as far as one is known: of the user's preset that was loaded last
-    where the value is still its own, else of a shipped preset that states it."""
+    """The known sources of settings, by ``topic.key``.
+
+    A source is from the user's preset that was loaded last if the value is still the same, otherwise from a shipped
+    preset with this value.
+    """
     whole = description.merged(description.defaults(), settings)
     found = {origin.name: origin.source for origin in find_origins(whole)
              if origin.preset not in (DEFAULT, BY_HAND) and origin.name.partition(".")[0] in settings}
@@ -90,22 +93,22 @@ def known_sources(settings: Settings, preset: str) -> dict[str, str]:
 
 
 def _fresh_settings(group: Any) -> Settings:
-    """What a whole scene begins with: defaults, but for the data set, and the quality that the user has chosen.
+    """The settings to which a preset of a whole scene is applied: defaults, and the quality that the user has chosen.
 
-    What the scene that was loaded before brought of its quality goes with it.
+    Values of quality that the previously loaded preset set become defaults. Settings of the data set are left out.
     """
     fresh, now = description.defaults(), scene_properties.read_unchecked(group).quality
     try:
-        brought = preset_files.load(path_of(group.preset)).get("quality", {}) if group.preset else {}
-    except IcyMoonError:  # a preset of one's own that is gone
-        brought = {}
-    fresh.quality.update({key: value for key, value in now.items() if brought.get(key) != value})
+        of_previous = preset_files.load(path_of(group.preset)).get("quality", {}) if group.preset else {}
+    except IcyMoonError:  # the user has deleted the preset
+        of_previous = {}
+    fresh.quality.update({key: value for key, value in now.items() if of_previous.get(key) != value})
     fresh.pop("dataset")
     return fresh
 
 
 class ICYMOON_OT_load_preset(dialogs.SearchDialog, bpy.types.Operator):
-    """Load a preset; one of a whole scene sets everything but the data set and the quality you chose, others set their part"""  # noqa: E501
+    """Load a preset. A scene preset keeps the data set and your quality, other presets set only their part"""
 
     bl_idname = "icymoon.load_preset"
     bl_label = "Load Preset"
@@ -113,12 +116,12 @@ class ICYMOON_OT_load_preset(dialogs.SearchDialog, bpy.types.Operator):
     bl_property = "preset"
 
     preset: bpy.props.EnumProperty(items=preset_items, name="Preset",  # type: ignore[valid-type]
-                                   description="What to load")
+                                   description="Preset to load")
 
     @classmethod
     def description(cls, context: bpy.types.Context, properties: Any) -> str:
-        told = next((told for name, _, told in preset_items() if name == properties.preset), "")
-        return told or str(cls.__doc__)
+        found = next((text for name, _, text in preset_items() if name == properties.preset), "")
+        return found or str(cls.__doc__)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         group = context.scene.icymoon
@@ -137,21 +140,21 @@ class ICYMOON_OT_load_preset(dialogs.SearchDialog, bpy.types.Operator):
 
 
 class ICYMOON_OT_add_preset(bpy.types.Operator):
-    """Keep the present settings, all but those of the data set, as a preset of your own; one of the same name is replaced"""  # noqa: E501
+    """Save the present settings, without those of the data set, as your own preset. It replaces one of the same name"""
 
     bl_idname = "icymoon.add_preset"
     bl_label = "Add Preset"
     bl_options = {"UNDO"}
 
     title: bpy.props.StringProperty(name="Name", default="My Site", maxlen=60,  # type: ignore[valid-type]
-                                    description="What the preset is called in the menu")
+                                    description="Name of the preset in the menu")
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         return set(context.window_manager.invoke_props_dialog(self))
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         group, stem = context.scene.icymoon, re.sub(r"\W+", "_", self.title.lower()).strip("_")
-        stem += "_" if name_fault(stem) else ""  # con, which is a device of Windows, wherever it is kept
+        stem += "_" if name_fault(stem) else ""  # such as con, the name of a device in Windows
         try:
             if not stem:
                 raise IcyMoonError(f"The preset's name is {self.title!r}; give it a name with letters or digits.")
@@ -168,7 +171,7 @@ class ICYMOON_OT_add_preset(bpy.types.Operator):
 
 
 class ICYMOON_OT_remove_preset(bpy.types.Operator):
-    """Delete the preset of your own that was loaded last; the settings stay as they are"""
+    """Delete your own preset that was loaded last. The settings stay as they are"""
 
     bl_idname = "icymoon.remove_preset"
     bl_label = "Remove Preset"
@@ -178,7 +181,7 @@ class ICYMOON_OT_remove_preset(bpy.types.Operator):
     def poll(cls, context: bpy.types.Context) -> bool:
         own = context.scene.icymoon.preset in own_presets()
         if not own:
-            cls.poll_message_set("Load a preset of your own first; those that come with Icy Moon stay")
+            cls.poll_message_set("Load one of your own presets first; the presets of Icy Moon cannot be removed")
         return own
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:

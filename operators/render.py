@@ -24,15 +24,15 @@ from .build import leave_edit_mode, look_through, views_through
 
 
 def dataset_folder(settings: Settings) -> Path:
-    """The data set folder of a description, absolute."""
+    """The absolute path of the data set folder that the settings name."""
     saved = os.path.dirname(bpy.data.filepath) if bpy.data.filepath else None
     return absolute_folder(str(settings.dataset.folder), saved)
 
 
 def bring_up_to_date(scene: bpy.types.Scene, settings: Settings) -> scenes.Built:
-    """The built scene as the settings describe it, built (again) where it does not show them.
+    """The built scene, after it is built again if it does not show the settings.
 
-    Raises IcyMoonError if that would overwrite what the user has changed by hand, or may do so. What was put in stays.
+    Objects that the user added stay. Raises IcyMoonError if building again would, or might, overwrite edits by hand.
     """
     built = scenes.find(scene)
     if built is None:
@@ -61,7 +61,7 @@ def _build_anew(scene: bpy.types.Scene, settings: Settings) -> scenes.Built:
 
 
 def planned_pairs(scene: bpy.types.Scene, settings: Settings) -> list[PlannedPair]:
-    """The pairs that Render Stereo Pair would make of a scene now."""
+    """The pairs that Render Stereo Pair would render of a scene now."""
     built = scenes.find(scene)
     if built is not None:
         scenes.separate_copies(built)
@@ -71,13 +71,13 @@ def planned_pairs(scene: bpy.types.Scene, settings: Settings) -> list[PlannedPai
 
 
 class ICYMOON_OT_render_pair(jobs.JobOperator, bpy.types.Operator):
-    """Render what the stereo camera sees, with exact truth, into the data set folder; in a process of its own, so that you can go on working (Esc stops it)"""  # noqa: E501
+    """Render a stereo pair with exact truth into the data set folder. Runs in a separate process; Esc stops it"""
 
     bl_idname = "icymoon.render_pair"
     bl_label = "Render Stereo Pair"
 
     again: bpy.props.BoolProperty(  # type: ignore[valid-type]
-        name="Again", default=False, description="Render pairs that are already complete once more")
+        name="Again", default=False, description="Render pairs again that are already complete")
 
     def start(self, context: bpy.types.Context) -> jobs.Job:
         settings = scene_properties.read_settings(context.scene.icymoon)

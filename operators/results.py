@@ -1,4 +1,4 @@
-"""What the evaluator found, brought back into Blender."""
+"""Results of the evaluator in Blender: metrics, error images and measured surfaces."""
 
 from __future__ import annotations
 
@@ -24,23 +24,25 @@ from . import own_reports
 from .jobs import push_undo
 from .render import dataset_folder
 
-#: Of a matcher's row in a report, what is kept with the scene.
+#: Columns of a matcher's row in a report that the scene keeps.
 METRICS = ("l1_m", "l1_rate_10", "si_rmse", "dod", "coverage")
 _ROW = {"method": TEXT, **{name: Maybe(NUMBER, null=True) for name in METRICS}}
 _SHAPE = {"made": TEXT, "scope": TEXT, "pairs": Each(TEXT), "settings": Each(TABLE, TEXT), "summary": Each(_ROW)}
 _FILES = Maybe(Each({"method": TEXT, "images": Maybe(Each(TEXT, TEXT))}))
 _REPORT = {"summary": Each(_ROW), "shown": _FILES, "rows": _FILES,
            "provenance": Maybe({"created": Maybe(TEXT), "response_overrides": Maybe(TABLE)})}
-#: How much of a text of a file is shown, and how many settings are named.
+#: Maximum length of a text from a file, and maximum number of settings that a note names.
 _LONGEST, _MOST_NAMED = 40, 3
-#: Settings of how to run on which results of each scope hang nevertheless.
+#: Settings of the data set, with the effect "run", on which the results of each scope depend nevertheless.
 _COUNT_TOO = {"DATASET": ("folder", "methods"), "SCENE": ("folder", "methods", "headings")}
 
 
 @dataclass(frozen=True)
 class Kept:
-    """What a scene keeps of its last evaluation: when it was made, of which scope and pairs, with which settings, and
-    a row of ``METRICS`` per matcher. It is what a file states: to be shown, never to be opened or run."""
+    """The last evaluation of a scene: its time, scope, pairs and settings, and a row of ``METRICS`` for each matcher.
+
+    It comes from a .blend file, which anyone may have written: show it, but never open or run anything in it.
+    """
 
     made: str
     scope: str
@@ -50,15 +52,14 @@ class Kept:
 
 
 def keep_results(scene: bpy.types.Scene, scope: str, settings: Settings, pairs: Sequence[str] = ()) -> None:
-    """Keep with a scene the evaluation that has just been written to ``folder_of`` these settings.
+    """Store with a scene the evaluation that was just written to ``folder_of`` these settings.
 
-    ``pairs`` are the ids of those that were asked for; none if it is of a whole data set. Raises IcyMoonError if it
-    cannot be read.
+    ``pairs`` are the ids of its pairs, empty for a whole data set. Raises IcyMoonError if the report cannot be read.
     """
     folder = folder_of(settings, scope)
     report = _read_report(folder)
     own_reports.remember(folder / "report.html")
-    for name, value in report.get("provenance", {}).get("response_overrides", {}).items():  # as it was measured indeed
+    for name, value in report.get("provenance", {}).get("response_overrides", {}).items():  # the response that was used
         topic, _, key = name.partition(".")
         settings = description.merged(settings, description.check({topic: {key: value}}, "report.json"))
     kept = {"made": _made(report), "scope": scope, "pairs": list(pairs), "settings": settings,
@@ -72,7 +73,7 @@ def clear_results(scene: bpy.types.Scene) -> None:
 
 
 def kept_results(scene: bpy.types.Scene) -> Kept | None:
-    """What a scene keeps of its last evaluation; None if there was none, or if it cannot be read."""
+    """The last evaluation of a scene; None if there was none, or if it cannot be read."""
     return _parsed(scene.icymoon.results)
 
 
@@ -93,21 +94,21 @@ def _clean(text: str) -> str:
 
 
 def folder_of(settings: Settings, scope: str) -> Path:
-    """Where the evaluation of a scene ('SCENE') or a whole data set ('DATASET') is written.
+    """The folder for the evaluation of a scene ('SCENE') or a whole data set ('DATASET').
 
-    Raises IcyMoonError if the data set's folder cannot be told.
+    Raises IcyMoonError if the data set has no valid folder.
     """
     return dataset_folder(settings) / ("evaluation" if scope == "DATASET" else "evaluation_scene")
 
 
 def summary(scene: bpy.types.Scene) -> list[dict[str, Any]]:
-    """One row of metrics per matcher of a scene's last evaluation; empty if there was none."""
+    """One row of metrics for each matcher of a scene's last evaluation; empty if there was none."""
     found = kept_results(scene)
     return list(found.summary) if found else []
 
 
 def differences(scene: bpy.types.Scene) -> list[str]:
-    """Labels of the settings that are not what the last evaluation was made with."""
+    """Labels of the settings that have changed since the last evaluation."""
     return [_label(topic, s) for topic, s in _differing(scene)]
 
 
@@ -122,7 +123,10 @@ def _differing(scene: bpy.types.Scene) -> list[tuple[str, Setting]]:
 
 
 def _counts(topic: str, setting: Setting, scope: str) -> bool:
-    """Whether results of a scope hang on a setting: those of a data set on none that pairs are rendered with."""
+    """Whether results of a scope depend on a setting.
+
+    Results of a data set do not depend on the settings for rendering, since its plan contains its own.
+    """
     if setting.effect == "run":
         return topic == "dataset" and setting.key in _COUNT_TOO.get(scope, ())
     return scope == "SCENE" or setting.effect == "response"
@@ -133,25 +137,25 @@ def _label(topic: str, setting: Setting) -> str:
 
 
 def notes(scene: bpy.types.Scene) -> list[str]:
-    """What the sidebar shows of a scene's last evaluation: of what and when it was, then what is not as it was."""
+    """Sentences on a scene's last evaluation: its pairs and time, then which settings have changed since, if any."""
     found = kept_results(scene)
     if found is None:
         return []
-    of = "Of the data set" if found.scope == "DATASET" else f"Of pair {', '.join(found.pairs[:1])}"
+    subject = "Of the data set" if found.scope == "DATASET" else f"Of pair {', '.join(found.pairs[:1])}"
     more = f" and {len(found.pairs) - 1} more" if len(found.pairs) > 1 else ""
-    said = [f"{of}{more}, {found.made.replace('T', ' ')[:16]} UTC"]
+    sentences = [f"{subject}{more}, {found.made.replace('T', ' ')[:16]} UTC"]
     other = _differing(scene)
     if other:
         rest = f" and {len(other) - _MOST_NAMED} more" if len(other) > _MOST_NAMED else ""
         labels = ", ".join(_label(topic, s) for topic, s in other[:_MOST_NAMED])
         rendered = any(s.effect != "response" and s.key != "methods" for _, s in other)
-        said.append(f"Measured with other settings than the present ones: {labels}{rest}. "
-                    f"{'Render and evaluate' if rendered else 'Evaluate'} again.")
-    return said
+        sentences.append(f"Measured with other settings than the present ones: {labels}{rest}. "
+                         f"{'Render and evaluate' if rendered else 'Evaluate'} again.")
+    return sentences
 
 
 def _read_report(folder: Path) -> dict[str, Any]:
-    """A finished evaluation: its ``summary.json``, or where there is none its whole ``report.json``."""
+    """A finished evaluation: its ``summary.json``, or its ``report.json`` if there is none."""
     brief = folder / "summary.json"
     path = brief if brief.is_file() else folder / "report.json"
     try:
@@ -170,28 +174,28 @@ def _made(report: Mapping[str, Any]) -> str:
 
 
 def report_folder(scene: bpy.types.Scene) -> Path:
-    """The folder of a scene's last evaluation. Raises IcyMoonError if that is gone, or another has taken its place."""
+    """The folder of a scene's last evaluation. Raises IcyMoonError if it is missing or contains another evaluation."""
     found = kept_results(scene)
     if found is None:
-        raise IcyMoonError("Nothing of this scene has been evaluated yet; press Evaluate.")
+        raise IcyMoonError("This scene has not been evaluated yet; press Evaluate.")
     folder = folder_of(typed({"dataset": {"folder": scene.icymoon.dataset.folder}}), found.scope)
     if _clean(_made(_read_report(folder))) != found.made:
-        raise IcyMoonError(f"{folder} holds another evaluation than the one that is shown; press Evaluate again.")
+        raise IcyMoonError(f"{folder} contains another evaluation than the one that is shown; press Evaluate again.")
     return folder
 
 
 def number(value: float | None, digits: int) -> str:
-    """A metric for people; a metric over no pixels is a dash."""
+    """A metric as text; a dash if it has no value."""
     return "-" if value is None else f"{value:.{digits}f}"
 
 
 def percent(value: float | None) -> str:
-    """A fraction as per cent; a metric over no pixels is a dash."""
+    """A share as per cent; a dash if it has no value."""
     return "-" if value is None else f"{100 * value:.1f} %"
 
 
 def _files(scene: bpy.types.Scene, kind: str) -> list[tuple[str, Path]]:
-    """(matcher, file) of the files of a kind that are on disk, those of the best matcher first."""
+    """(matcher, file) of each file of a kind that exists, from the best matcher to the worst."""
     try:
         folder = report_folder(scene)
         report = _read_report(folder)
@@ -206,36 +210,35 @@ def _files(scene: bpy.types.Scene, kind: str) -> list[tuple[str, Path]]:
 
 
 def error_images(scene: bpy.types.Scene) -> list[Path]:
-    """The error images of the last evaluation that are on disk, those of the best matcher first."""
+    """The error images of the last evaluation that exist, from the best matcher to the worst."""
     return [path for _, path in _files(scene, "error")]
 
 
 def depth_images(scene: bpy.types.Scene) -> list[Path]:
-    """The measured depth images of the last evaluation that are on disk, those of the best matcher first."""
+    """The measured depth images of the last evaluation that exist, from the best matcher to the worst."""
     return [path for _, path in _files(scene, "depth")]
 
 
 def point_files(scene: bpy.types.Scene, method: str) -> list[Path]:
-    """The measured surfaces of a matcher, of each pair that was evaluated."""
+    """The measured surfaces of a matcher, one for each evaluated pair."""
     return [path for name, path in _files(scene, "points") if name == method]
 
 
 def methods_with_points(scene: bpy.types.Scene) -> list[str]:
-    """The matchers whose measured surface can be shown, the best first."""
+    """The matchers whose measured surface can be shown, from the best to the worst."""
     return list(dict.fromkeys(method for method, _ in _files(scene, "points")))
 
 
 def show_error_image(context: bpy.types.Context, open_window: bool) -> bool:
-    """``show_images`` of the error images, with the depth images to choose from too."""
+    """``show_images`` for the error images, and for the depth images if there are error images."""
     errors = error_images(context.scene)
     return show_images(context, [*errors, *depth_images(context.scene)] if errors else [], open_window)
 
 
 def show_images(context: bpy.types.Context, paths: list[Path], open_window: bool) -> bool:
-    """Load images and show the first in an Image Editor, which is a step that undo takes back; False if there is no
-    place.
+    """Load images and show the first in an Image Editor, as a step of undo; False if there is no Image Editor.
 
-    Without an Image Editor on the screen, ``open_window`` opens a window with one.
+    If no Image Editor is open, ``open_window`` opens a window with one.
     """
     if not paths or bpy.app.background:
         return False
@@ -260,25 +263,25 @@ def show_images(context: bpy.types.Context, paths: list[Path], open_window: bool
 
 
 class _ResultOperator:
-    """Mix-in: there must be a result to show."""
+    """Mix-in: an operator that needs an evaluation of the scene."""
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         found = kept_results(context.scene) is not None
         if not found:
-            cls.poll_message_set("Nothing of this scene has been evaluated yet")  # type: ignore[attr-defined]
+            cls.poll_message_set("This scene has not been evaluated yet")  # type: ignore[attr-defined]
         return found
 
 
 class ICYMOON_OT_show_error(_ResultOperator, bpy.types.Operator):
-    """Show where and by how much the matcher is wrong, in an Image Editor"""
+    """Show the errors of the most accurate matcher in an Image Editor"""
 
     bl_idname = "icymoon.show_error"
     bl_label = "Show Error Image"
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         if not error_images(context.scene):
-            self.report({"ERROR"}, "The error images are gone from the disk; press Evaluate again.")
+            self.report({"ERROR"}, "The error images do not exist any more; press Evaluate again.")
             return {"CANCELLED"}
         show_error_image(context, open_window=True)
         return {"FINISHED"}
@@ -294,11 +297,11 @@ class ICYMOON_OT_open_report(_ResultOperator, bpy.types.Operator):
         try:
             page = report_folder(context.scene) / "report.html"
             if not page.is_file():
-                raise IcyMoonError("The report is gone from the disk; press Evaluate again.")
+                raise IcyMoonError("The report does not exist any more; press Evaluate again.")
             with explain_disk_errors("read", page):
                 if not own_reports.is_ours(page):
-                    raise IcyMoonError(f"{page} was not made by you here, and a web page runs what its maker wrote; "
-                                       "press Evaluate to make it anew.")
+                    raise IcyMoonError(f"{page} was not made by you on this machine, and a web page can run unknown "
+                                       "scripts; press Evaluate to make it again.")
         except IcyMoonError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
@@ -307,31 +310,31 @@ class ICYMOON_OT_open_report(_ResultOperator, bpy.types.Operator):
 
 
 def show_points(context: bpy.types.Context, item: bpy.types.Object) -> None:
-    """Let the 3D View the button was pressed in show an object's own colours, also beside a local view."""
+    """Make the 3D View with the button show the colours of an object, in its local view too."""
     space = context.space_data
     if context.area is None or context.area.type != "VIEW_3D":
         return
     if space.local_view is not None:
         item.local_view_set(space, True)
-    space.shading.color_type = "VERTEX"  # of Solid shading; the others show the material
+    space.shading.color_type = "VERTEX"  # for Solid shading; other modes show the material
 
 
 class ICYMOON_OT_show_surface(_ResultOperator, bpy.types.Operator):
-    """Show the surface that a matcher measured in front of the true ground, coloured by its error: red is too far, blue too near, full at 1 m, white below 1 cm"""  # noqa: E501
+    """Show the surface that a matcher measured, coloured by its error: red is too far, blue is too near, white is within 1 cm"""  # noqa: E501
 
     bl_idname = "icymoon.show_surface"
     bl_label = "Show Measured Surface"
     bl_options = {"REGISTER", "UNDO"}
 
-    method: bpy.props.StringProperty(name="Matcher", description="Whose surface; empty for the most accurate")  # type: ignore[valid-type]
+    method: bpy.props.StringProperty(name="Matcher", description="Matcher of the surface; empty for the most accurate")  # type: ignore[valid-type]
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         method = self.method or next(iter(methods_with_points(context.scene)), "")
         try:
             paths = point_files(context.scene, method)
             if not paths:
-                raise IcyMoonError("There are no measured surfaces of this evaluation; press Evaluate, which writes "
-                                   "those of the present scene.")
+                raise IcyMoonError("This evaluation has no measured surfaces; press Evaluate to measure those of the "
+                                   "present scene.")
             item = build_points(context.scene, paths, method)
         except IcyMoonError as error:
             self.report({"ERROR"}, str(error))

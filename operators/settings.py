@@ -1,4 +1,4 @@
-"""Settings from and to TOML files."""
+"""Load settings from TOML files, and save them."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from . import dialogs
 
 
 class ICYMOON_OT_load_settings(dialogs.TomlFileDialog, bpy.types.Operator):
-    """Load settings from a TOML file; what the file does not state stays as it is"""
+    """Load settings from a TOML file. Settings that the file does not contain stay as they are"""
 
     bl_idname = "icymoon.load_settings"
     bl_label = "Load Settings"

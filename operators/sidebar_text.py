@@ -1,4 +1,4 @@
-"""Lines that the sidebar shows of what follows from the settings; worked out once for each change."""
+"""Lines of the sidebar that are derived from the settings, computed once for each change."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from ..render.cost.speed import Speed, recall_speed
 from ..settings.table import TOPICS
 from ..typed_settings import LightSettings, RigSettings, SensorSettings, Settings
 
-#: Disparity error, px, that the depth error is stated for: what good matchers leave on textured ground.
+#: Disparity error, px, for which the depth error is given: that of good matchers on textured ground.
 DISPARITY_ERROR_PX = 0.25
 LINE = 36  # characters that fit the sidebar as Blender opens it
 _NAME = re.compile(r"\b([a-z_]+)[.]([a-z]\w*)(?: is ([A-Z]\w*))?")  # 'quality.truth', 'quality.truth is DEPTH'
@@ -32,32 +32,34 @@ _UNIT = re.compile(r" [(][^)]*[)]$")
 
 
 def plain(sentence: str) -> str:
-    """A sentence with the settings in it as the sidebar names them: 'Render Quality > Truth is Depth Alone' for
-    'quality.truth is DEPTH', and 'Rock Surface: ' for the topic that it begins with."""
-    about, colon, rest = sentence.partition(": ")
-    if colon and about in TOPICS:
-        return f"{TOPICS[about].label}: {_NAME.sub(_named, rest)}"
-    said = _NAME.sub(_named, sentence)
-    return said[:1].upper() + said[1:]
+    """A sentence with labels instead of keys.
+
+    'quality.truth is DEPTH' becomes 'Render Quality > Truth is Depth Only', and a topic at the beginning, such as
+    'rock_surface: ', becomes 'Rock Surface: '.
+    """
+    topic, colon, rest = sentence.partition(": ")
+    if colon and topic in TOPICS:
+        return f"{TOPICS[topic].label}: {_NAME.sub(_label_of, rest)}"
+    text = _NAME.sub(_label_of, sentence)
+    return text[:1].upper() + text[1:]
 
 
-def _named(found: re.Match[str]) -> str:
+def _label_of(found: re.Match[str]) -> str:
     topic, key, chosen = found.groups()
     for setting in TOPICS[topic].settings if topic in TOPICS else ():
         if setting.key == key:
-            told = {choice[0]: choice[1] for choice in setting.choices}.get(chosen, chosen)
-            return f"{TOPICS[topic].label} > {_UNIT.sub('', setting.label)}" + (f" is {told}" if told else "")
+            value = {choice[0]: choice[1] for choice in setting.choices}.get(chosen, chosen)
+            return f"{TOPICS[topic].label} > {_UNIT.sub('', setting.label)}" + (f" is {value}" if value else "")
     return found[0]
 
 
 def wrapped(sentence: str) -> tuple[str, ...]:
-    """A sentence as the sidebar shows it, in lines of its width."""
+    """A sentence in lines that fit the sidebar, with labels instead of keys."""
     return tuple(textwrap.wrap(plain(sentence), LINE))
 
 
 def left_out_lines(settings: Settings) -> tuple[str, ...]:
-    """What the settings describe and a render would leave out, as ``pair.json`` states it; nothing of the planet while
-    the sky cannot be."""
+    """Sentences on what a render would omit, as in ``pair.json``; none on the planet if the sky cannot be computed."""
     try:
         lights = _facts(tuple(settings.light.items()), bpy.data.filepath)
     except IcyMoonError:
@@ -66,17 +68,17 @@ def left_out_lines(settings: Settings) -> tuple[str, ...]:
 
 
 def sky_lines(light: LightSettings) -> tuple[str, ...]:
-    """Elevation, azimuth, apparent size and irradiance of Sun and planet, or why there are none."""
+    """Elevation, azimuth, apparent size and irradiance of Sun and planet, or why the sky cannot be computed."""
     return _sky_lines(tuple(light.items()), bpy.data.filepath)
 
 
 def rig_lines(rig: RigSettings) -> tuple[str, ...]:
-    """Field of view, and for the near edge, middle and far edge of the image: distance, sampling, depth error."""
+    """Field of view; then distance, sampling and depth error at the near edge, the middle and the far edge."""
     return _rig_lines(tuple(rig.items()))
 
 
 def camera_notes(settings: Settings) -> tuple[str, ...]:
-    """What blurs the images and what truth then is of, and the overscan that distortion needs, in short lines."""
+    """Blur of the images and its effect on the truth, and the overscan that the distortion needs."""
     return _camera_notes(tuple(settings.rig.items()), tuple(settings.sensor.items()))
 
 
@@ -84,7 +86,7 @@ def camera_notes(settings: Settings) -> tuple[str, ...]:
 def _camera_notes(*parts: tuple[tuple[str, Any], ...]) -> tuple[str, ...]:
     rig, sensor = RigSettings(parts[0]), SensorSettings(parts[1])
     settings = Settings(rig=rig, sensor=sensor)
-    said = [line for sentence in blur_advice(settings) for line in wrapped(sentence)]
+    lines = [line for sentence in blur_advice(settings) for line in wrapped(sentence)]
     try:
         found = blur_of(settings)
     except IcyMoonError:
@@ -93,30 +95,30 @@ def _camera_notes(*parts: tuple[tuple[str, Any], ...]) -> tuple[str, ...]:
         depth = ground_row(rig, row).depth_m
         if found is not None and math.isfinite(depth):
             below = row - rig.height_px / 2 - float(rig.principal_y_px)
-            said.append(f"{name} focus {confusion_px(depth, rig, found):.3g} px, motion "
-                        f"{motion_px(0.0, below, depth, rig, found):.3g} px")
+            lines.append(f"{name} focus {confusion_px(depth, rig, found):.3g} px, motion "
+                         f"{motion_px(0.0, below, depth, rig, found):.3g} px")
     if any(coefficients(rig)):
-        said.append(_overscan_line(overscan_needed(rig), float(rig.overscan)))
-    return tuple(said)
+        lines.append(_overscan_line(overscan_needed(rig), float(rig.overscan)))
+    return tuple(lines)
 
 
 def _overscan_line(needed: float | None, given: float) -> str:
     if needed is None:
-        return "No overscan reaches what the lens sees"
+        return "No overscan is enough for this lens"
     if needed == 0:
-        return "The lens sees no more than is rendered"
+        return "The lens needs no overscan"
     share = math.ceil(1000 * needed) / 1000
-    return f"The lens needs an overscan of {share:.3f}" + (", has it" if given >= needed else "")
+    return f"Overscan {share:.3f} needed" + (", and set" if given >= needed else "")
 
 
 def brightness_wm2(light: LightSettings) -> float:
-    """Irradiance of sunlit ground, or else of ground under the planet; 0 in the dark or for a sky that cannot be."""
+    """Irradiance of the ground from Sun and planet, in W/m²; 0 in the dark or if the sky cannot be computed."""
     try:
         found = _facts(tuple(light.items()), bpy.data.filepath)
     except IcyMoonError:
         return 0.0
     sun, planet = found["sun"], found["planet"] or {}
-    slope = 0.02 * sun["irradiance_wm2"] * (1 - sun["eclipse"]) * (sun["elevation_deg"] > -1)  # which sees a low Sun
+    slope = 0.02 * sun["irradiance_wm2"] * (1 - sun["eclipse"]) * (sun["elevation_deg"] > -1)  # slopes see a low Sun
     return float(max(slope, sun["ground_irradiance_wm2"] + planet.get("ground_irradiance_wm2", 0.0)))
 
 
@@ -174,12 +176,12 @@ def _two_digits(value: float) -> str:
     return f"{float(f'{value:.2g}'):,.10g}".replace(",", " ")
 
 
-#: Triangles of a ground that is not built yet, for an estimate: they count for little beside the light.
+#: Number of triangles in estimates, for ground that is not built yet. The time depends little on it.
 _TRIANGLES = 1e6
 
 
 def quality_lines(settings: Settings) -> tuple[str, ...]:
-    """Seconds of a pair of the described scene at each quality, and the error that was measured of it."""
+    """For each quality, the seconds for a pair of this scene and its measured error."""
     speed = _speed(str(settings.quality.device))
     lines: list[str] = []
     for quality in list_qualities(settings, _TRIANGLES, speed, Abilities(compat.has_osl(), compat.has_oidn())):
@@ -191,10 +193,10 @@ def quality_lines(settings: Settings) -> tuple[str, ...]:
 
 @lru_cache(maxsize=2)
 def _speed(device: str) -> Speed | None:
-    """The speed of this machine with this Blender, read once."""
+    """The measured speed of this machine with this Blender, read once; None if there is none."""
     return recall_speed(device, bpy.app.version_string)
 
 
 def forget_speed() -> None:
-    """Read the speed again, which was measured anew."""
+    """Read the speed again after a new measurement."""
     _speed.cache_clear()

@@ -1,4 +1,4 @@
-"""Speed against accuracy: of this machine, of the present scene, and the cheapest quality that will do, found."""
+"""Speed and accuracy: measure this machine and the present scene, and find the cheapest sufficient quality."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ from . import jobs, sidebar_text
 from .evaluate import matcher_arguments
 from .render import dataset_folder
 
-#: What the last measurement or search said, for the panel; per scene name.
+#: Result of the last measurement or search as lines for the panel, by the name of the scene.
 last_lines: dict[str, tuple[str, ...]] = {}
 
 
 def _folder(settings: Settings) -> Path:
-    """Where what is measured goes."""
+    """The folder of the measurements."""
     return dataset_folder(settings) / "trade"
 
 
@@ -41,8 +41,8 @@ def _begin(context: bpy.types.Context, verb: str, title: str, handle: Any, *argu
     settings = with_absolute_files(scene_properties.read_settings(context.scene.icymoon))
     built = find(context.scene)
     if built is not None and built.edited:
-        raise IcyMoonError("The scene was edited by hand; what is measured is built from the settings alone. Press "
-                           "Build Scene to set the edits back.")
+        raise IcyMoonError("The scene was edited by hand, but measurements use the settings only; press Build Scene to "
+                           "undo the edits.")
     python, matchers = find_evaluator_python(), matcher_arguments(settings)
     folder = make_scratch_folder()
     file = folder / "scene.toml"
@@ -58,20 +58,20 @@ def _begin(context: bpy.types.Context, verb: str, title: str, handle: Any, *argu
 
 
 def _wrapped(sentences: Sequence[str]) -> tuple[str, ...]:
-    """As lines that fit the sidebar."""
+    """Sentences as lines that fit the sidebar."""
     return tuple(line for sentence in sentences for line in textwrap.wrap(sentence, sidebar_text.LINE,
                                                                           subsequent_indent="    "))
 
 
 class _MeasureDialog:
-    """Mix-in: how large the images are, and how good the reference."""
+    """Mix-in: a dialog with the scale of the images and the samples of the reference."""
 
     scale: bpy.props.FloatProperty(  # type: ignore[valid-type]
         name="Image Scale", default=0.5, min=0.01, max=1.0,
-        description="Share of the image's width and height that is measured; a half takes a quarter of the time")
+        description="Scale of width and height of the measured images. A scale of 0.5 takes a quarter of the time")
     reference_samples: bpy.props.IntProperty(  # type: ignore[valid-type]
         name="Reference Samples", default=1024, min=2, max=65536,
-        description="Light paths per pixel of the image that all others are held against")
+        description="Samples per pixel of the reference image, with which all others are compared")
 
     def _common(self) -> list[str]:
         return ["--scale", f"{self.scale:g}", "--reference-samples", str(self.reference_samples)]
@@ -82,21 +82,21 @@ class _MeasureDialog:
         return context.window_manager.invoke_props_dialog(self)  # type: ignore[no-any-return]
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        """In a window the dialog ends here, and the work begins."""
+        """Called after the dialog: starts the job."""
         if bpy.app.background:
             return jobs.JobOperator.execute(self, context)  # type: ignore[arg-type]
         return jobs.JobOperator.invoke(self, context, None)  # type: ignore[arg-type]
 
 
 class ICYMOON_OT_trade(_MeasureDialog, jobs.JobOperator, bpy.types.Operator):
-    """Render the scene in every cheaper way, measure what each costs in light, depth and stereo error, and write a report that shows which to use; takes minutes to hours"""  # noqa: E501
+    """Render the scene at cheaper qualities, measure the errors of light, depth and stereo, and write a report. Takes minutes to hours"""  # noqa: E501
 
     bl_idname = "icymoon.trade"
     bl_label = "Measure Speed and Accuracy"
 
     def start(self, context: bpy.types.Context) -> jobs.Job:
         name = context.scene.name
-        # Opened later: a page that we know, not what a message names.
+        # For security, the page that is opened later is this one, not one that a message names.
         self._page = _folder(scene_properties.read_settings(context.scene.icymoon)) / "trade.html"
 
         def hear(message: Message) -> None:
@@ -114,27 +114,27 @@ class ICYMOON_OT_trade(_MeasureDialog, jobs.JobOperator, bpy.types.Operator):
 
 
 class ICYMOON_OT_auto_quality(_MeasureDialog, jobs.JobOperator, bpy.types.Operator):
-    """Find the cheapest samples and denoiser whose stereo error is tolerable in this scene, and set them"""
+    """Find and set the cheapest quality whose stereo error is within the tolerance in this scene"""
 
     bl_idname = "icymoon.auto_quality"
     bl_label = "Find Quality"
     bl_options = {"UNDO"}
 
     judged_by: bpy.props.EnumProperty(  # type: ignore[valid-type]
-        name="Judged By", description="What of a matcher's error is held against the tolerance",
-        items=(("PX", "Mean Error", "Mean disparity error of what is measured"),
-               ("BAD_1", "Wrong Pixels", "Pixels that are missing or off by more than 1 px"),
-               ("BOTH", "Both", "Neither may be more than tolerable")))
+        name="Error", description="The error of a matcher that must be within the tolerance",
+        items=(("PX", "Mean Error", "Mean disparity error of the measured pixels"),
+               ("BAD_1", "Wrong Pixels", "Share of the pixels that are missing or wrong by more than 1 px"),
+               ("BOTH", "Both", "Both errors must be within their tolerances")))
     tolerance_px: bpy.props.FloatProperty(  # type: ignore[valid-type]
         name="Added Error (px)", default=tolerance.PX, min=tolerance.PX_LEAST, max=tolerance.PX_MOST, precision=3,
-        description="Mean disparity error that may be added to what a noise-free image would have")
+        description="Tolerance: mean disparity error above that of a noise-free image")
     tolerance_bad_1: bpy.props.FloatProperty(  # type: ignore[valid-type]
         name="Added Bad-1 (%)", default=100 * tolerance.BAD_1, min=100 * tolerance.BAD_1_LEAST,
         max=100 * tolerance.BAD_1_MOST, precision=2,
-        description="Per cent of the pixels that may be added to those that are missing or off by more than 1 px")
+        description="Tolerance: per cent of wrong pixels above that of a noise-free image")
 
     def draw(self, context: bpy.types.Context) -> None:
-        """In the dialog: only the tolerances that count."""
+        """Draw the dialog, with only the tolerances that are used."""
         layout: Any = self.layout
         layout.use_property_split = True
         layout.prop(self, "judged_by")
@@ -167,7 +167,7 @@ class ICYMOON_OT_auto_quality(_MeasureDialog, jobs.JobOperator, bpy.types.Operat
 
 
 class ICYMOON_OT_measure_machine(jobs.JobOperator, bpy.types.Operator):
-    """Render a small pair and remember how long it took, so that expected seconds are those of this machine"""
+    """Render a small pair and record its time, to estimate render times on this machine"""
 
     bl_idname = "icymoon.measure_machine"
     bl_label = "Measure This Machine"
@@ -196,8 +196,8 @@ class ICYMOON_OT_measure_machine(jobs.JobOperator, bpy.types.Operator):
     def report_success(self, context: bpy.types.Context) -> None:
         speed.remember_speed(self._speed)
         sidebar_text.forget_speed()
-        self.report({"INFO"}, f"This machine takes {self._speed.factor:.2g} times the seconds of the one that the "
-                    "estimates were made on")
+        self.report({"INFO"}, f"This machine takes {self._speed.factor:.2g} times as long as the machine of the "
+                    "estimates")
 
     _device: str = "CPU"
     _speed: speed.Speed

@@ -42,7 +42,7 @@ def test_a_perfect_measurement_lies_on_the_ground_that_was_built(shown):
     centres = corners(item).mean(axis=1)
     away = np.array([ground.find_nearest(Vector(c))[3] for c in centres.tolist()])
     # Depth is true to 1e-4 of it, some metres here; blocks are off the ground, and there are none.
-    assert built.block_count == 0
+    assert built.rock_count == 0
     assert np.median(away) < 1e-3
     assert np.quantile(away, 0.99) < 1e-2
     wrong = measured_surface.build_points(bpy.context.scene, [folder / "wrong.ply"], "wrong")

@@ -162,7 +162,7 @@ def test_it_is_left_running_and_found_again(described, tmp_path):
         time.sleep(0.02)
     assert again.failure == ""
     assert len(find_pairs(tmp_path / "set")) == 2
-    with pytest.raises(RuntimeError, match="nobody watches"):
+    with pytest.raises(RuntimeError, match="No data set was left running"):
         bpy.ops.icymoon.watch_dataset()
 
 
@@ -186,7 +186,7 @@ def test_what_is_left_running_is_evaluated_too(described, tmp_path):
 def test_a_data_set_without_its_evaluation_is_not_done():
     said = [{"type": "progress", "fraction": 1.0, "message": "2 of 2 pairs"}, {"type": "done", "pairs": 2}]
     process = SimpleNamespace(cancelled=False, poll=lambda: said, running=True, returncode=1, last_line="Killed")
-    job = dataset.DatasetJob("Render Data Set", process, dataset._hear, lambda: None)
+    job = dataset.DatasetJob("Render Data Set", process, dataset._note_pairs, lambda: None)
     job.evaluates = True
     job.advance()
     assert job.fraction == 0.0
@@ -209,7 +209,7 @@ def test_a_pair_that_is_set_aside_is_named_and_does_not_end_the_others():
         {"type": "progress", "fraction": 0.5, "message": "Pair 2 of 3"},
         {"type": "pair", "id": "b", "folder": "/set/pairs/b"}, {"type": "done", "pairs": 2}], running=True)
     dataset.readout.update(set_aside=[], last=None)
-    job = dataset.DatasetJob("Render Data Set", process, dataset._hear, lambda: None)
+    job = dataset.DatasetJob("Render Data Set", process, dataset._note_pairs, lambda: None)
     job.advance()
     assert job.shown[:2] == ("Pair 2 of 3", 50)
     assert job.failure == "1 pair was set aside, first abc: Cycles could not"

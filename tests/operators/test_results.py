@@ -100,9 +100,9 @@ def test_files_of_another_evaluation_are_not_shown_as_those_of_this_one(scene, t
     write_evaluation(folder, shown=[shown_row], created="2039-01-01T00:00:00+00:00")
     assert results.methods_with_points(scene) == []
     assert results.summary(scene)[0]["l1_m"] == ROW["l1_m"]
-    with pytest.raises(IcyMoonError, match="holds another evaluation"):
+    with pytest.raises(IcyMoonError, match="contains another evaluation"):
         results.report_folder(scene)
-    with pytest.raises(RuntimeError, match="holds another evaluation"):
+    with pytest.raises(RuntimeError, match="contains another evaluation"):
         bpy.ops.icymoon.open_report()
     (folder / "summary.json").unlink()
     with pytest.raises(RuntimeError, match="no report"):
@@ -121,11 +121,11 @@ def test_only_a_report_that_was_made_here_is_opened(scene, tmp_path, monkeypatch
     assert opened == [page.as_uri()] * 2
     ours = page.read_text()
     page.write_text(f"{ours}<script>fetch('https://example.org')</script>")
-    with pytest.raises(RuntimeError, match="was not made by you here"):
+    with pytest.raises(RuntimeError, match="was not made by you on this machine"):
         bpy.ops.icymoon.open_report()
     page.write_text(ours)
     monkeypatch.setenv("ICYMOON_CACHE", str(tmp_path / "another's cache"))
-    with pytest.raises(RuntimeError, match="was not made by you here"):
+    with pytest.raises(RuntimeError, match="was not made by you on this machine"):
         bpy.ops.icymoon.open_report()
     assert len(opened) == 2
 
@@ -156,7 +156,7 @@ def test_a_scene_that_is_renamed_or_gone_meanwhile_is_found_or_left_out(scene, t
     settings = scene_properties.read_settings(scene.icymoon)
     write_evaluation(tmp_path / "evaluation_scene")
     other = bpy.data.scenes.new("Other")
-    keepers = [evaluate.Keeper(each, "SCENE", settings, [PAIR]) for each in (scene, other)]
+    keepers = [evaluate.ResultKeeper(each, "SCENE", settings, [PAIR]) for each in (scene, other)]
     scene.name = "Renamed"
     bpy.data.scenes.remove(other)
     bpy.data.scenes.new("Other")

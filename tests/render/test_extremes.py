@@ -354,14 +354,14 @@ def test_dirt_in_the_troughs_of_round_ground_is_the_same_from_a_slider():
 @pytest.mark.parametrize("rocks", [{"coverage": 0.0}, {"coverage": 0.3, "most": 0}], ids=["none", "none allowed"])
 def test_no_rocks(tmp_path, rocks):
     settings = complete({"rocks": rocks})
-    assert fine(settings, tmp_path)[1].block_count == 0
+    assert fine(settings, tmp_path)[1].rock_count == 0
 
 
 @pytest.mark.slow
 @pytest.mark.timeout(600)
 def test_a_hundred_thousand_rocks(tmp_path):
     settings = complete(GRID, {"rocks": {"coverage": 0.3, "smallest_m": 0.02, "most": 100_000}})
-    assert fine(settings, tmp_path)[1].block_count == 100_000
+    assert fine(settings, tmp_path)[1].rock_count == 100_000
 
 
 @pytest.mark.slow

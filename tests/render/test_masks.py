@@ -65,7 +65,7 @@ def test_every_pixel_has_the_label_that_another_ray_caster_finds(tmp_path):
                                    "terrain": {"rms_slope_deg": 15.0}, "quality": {"samples": 1}})
     bpy.context.view_layer.update()
     graph = bpy.context.evaluated_depsgraph_get()
-    places = np.empty(built.block_count * 3, np.float32)
+    places = np.empty(built.rock_count * 3, np.float32)
     next(o for o in built.collection.all_objects if o.name == "Icy Moon Rock").data.vertices.foreach_get("co", places)
     block = {tuple(np.round(p, 4)): FIRST_ROCK_INSTANCE + k for k, p in enumerate(places.reshape(-1, 3).tolist())}
     for eye, view in views(pair).items():
@@ -186,7 +186,7 @@ def test_what_is_the_persons_has_labels_and_is_left_as_it_was(tmp_path):
 def test_labels_of_a_hundred_thousand_blocks_are_exact(tmp_path):
     pair, built = shoot(tmp_path, {"rocks": {"coverage": 0.4, "smallest_m": 0.01, "most": 100_000},
                                    "rig": {"width_px": 640, "height_px": 480}, "quality": {"samples": 1}})
-    known = FIRST_ROCK_INSTANCE + built.block_count
+    known = FIRST_ROCK_INSTANCE + built.rock_count
     for view in views(pair).values():
         assert view.instance.max() < known
         assert len(np.unique(view.instance)) > 2000

@@ -106,7 +106,7 @@ def test_labels_and_normals_are_of_single_facets(tmp_path):
     view = read_view(pair.image("left"))
     assert set(np.unique(view.semantic)) <= {0, TERRAIN, ROCK}
     assert {TERRAIN, ROCK} <= set(np.unique(view.semantic))
-    blocks = FIRST_ROCK_INSTANCE + np.arange(built.block_count)
+    blocks = FIRST_ROCK_INSTANCE + np.arange(built.rock_count)
     assert set(np.unique(view.instance)) <= {0, TERRAIN_INSTANCE, *blocks.tolist()}
     assert np.array_equal(view.semantic == ROCK, view.instance >= FIRST_ROCK_INSTANCE)
     lengths = np.linalg.norm(view.normal[view.semantic > 0], axis=1)

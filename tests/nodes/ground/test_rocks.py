@@ -46,16 +46,16 @@ def test_two_builds_are_equal_and_clear_removes_everything():
     scene = empty_scene()
     before = data_blocks()
     first = scenes.build(scene, complete(STREWN))
-    mark, counts, blocks = fingerprint(first.collection), data_blocks(), first.block_count
+    mark, counts, blocks = fingerprint(first.collection), data_blocks(), first.rock_count
     assert blocks > 100
     names = sorted(o.name for o in bpy.data.objects)
     for _ in range(2):
         again = scenes.build(scene, complete(STREWN))
-        assert (fingerprint(again.collection), data_blocks(), again.block_count) == (mark, counts, blocks)
+        assert (fingerprint(again.collection), data_blocks(), again.rock_count) == (mark, counts, blocks)
         assert sorted(o.name for o in bpy.data.objects) == names
     assert fingerprint(scenes.build(scene, complete(STREWN, {"dataset": {"seed": 2}})).collection) != mark
     scenes.build(scene, complete())
-    assert scenes.find(scene).block_count == 0
+    assert scenes.find(scene).rock_count == 0
     scenes.build(scene, complete(STREWN))
     scenes.clear(scene)
     assert data_blocks() == before
@@ -65,7 +65,7 @@ def test_every_point_is_an_instance_with_the_pose_that_was_computed():
     built = scenes.build(empty_scene(), complete(STREWN))
     found = instances(built)
     mesh = carrier(built).data
-    assert len(found) == built.block_count == len(mesh.vertices)
+    assert len(found) == built.rock_count == len(mesh.vertices)
     scales = np.empty(len(found) * 3, np.float32)
     mesh.attributes["scale"].data.foreach_get("vector", scales)
     positions = corners(mesh)
@@ -143,11 +143,11 @@ def test_edits_of_blocks_are_noticed():
 
 def test_blocks_survive_saving_and_loading(tmp_path):
     built = scenes.build(empty_scene(), complete(STREWN))
-    mark, n = fingerprint(built.collection), built.block_count
+    mark, n = fingerprint(built.collection), built.rock_count
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "a.blend"))
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "a.blend"))
     found = scenes.find(bpy.context.scene)
-    assert (fingerprint(found.collection), found.block_count, len(instances(found))) == (mark, n, n)
+    assert (fingerprint(found.collection), found.rock_count, len(instances(found))) == (mark, n, n)
 
 
 def test_blocks_are_made_of_the_ground_or_of_their_own():
@@ -173,13 +173,13 @@ def test_a_contradiction_is_a_sentence_and_changes_nothing():
 
 def test_left_out_blocks_are_a_warning():
     built = scenes.build(empty_scene(), complete({"rocks": {"coverage": 0.1, "smallest_m": 0.02, "most": 50}}))
-    assert built.block_count <= 50
+    assert built.rock_count <= 50
     assert any("rocks.most" in warning for warning in built.warnings)
 
 
 def test_a_hundred_thousand_blocks_are_few_objects():
     built = scenes.build(empty_scene(), complete(
         {"rocks": {"coverage": 0.3, "smallest_m": 0.01, "largest_m": 1.0, "most": 100_000}}))
-    assert built.block_count == 100_000
+    assert built.rock_count == 100_000
     assert len({o.data for o in bpy.data.objects}) < 70
     assert len(bpy.data.objects) < 80  # as single objects they would take ten times as long to build

@@ -278,7 +278,7 @@ def test_the_mean_is_that_of_the_ground_and_blocks_take_it(tmp_path):
     # Light that went by two blocks is redder, (0.67, 0.17, 0.17) of it; grey would be a third of each.
     assert share == pytest.approx(np.broadcast_to([0.5, 0.25, 0.25], share.shape), abs=0.06)
     built = scenes.find(bpy.context.scene)
-    assert built.block_count > 3
+    assert built.rock_count > 3
     assert not built.edited
     blocks = next(item for item in built.collection.all_objects if item.get(TAG) == "rock")
     material = next(iter(instanced_objects(blocks))).data.materials[0]
