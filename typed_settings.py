@@ -91,7 +91,7 @@ class TerrainLayer(Table):
 
 
 class TerrainSettings(Table):
-    """Shape of the ground: a random surface with given statistics."""
+    """Shape of the ground: a random surface with given statistics, and its landforms."""
 
     __slots__ = ()
     size_m: float  # m

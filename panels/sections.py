@@ -9,7 +9,10 @@ from ..settings.table import TOPICS
 
 @dataclass(frozen=True)
 class Section:
-    """A sub-panel of a topic's panel. ``switch`` is the setting whose tick is in its header, if it has one."""
+    """A sub-panel of a topic's panel. ``switch`` is the setting whose tick is in its header, if it has one.
+
+    The section ADVANCED holds what few scenes change, and comes last.
+    """
 
     topic: str
     key: str
@@ -19,23 +22,37 @@ class Section:
     switch: str = ""
 
 
+ADVANCED = "advanced"
+
+
+def _advanced(topic: str, *settings: str) -> Section:
+    return Section(topic, ADVANCED, "Advanced", "Settings that few scenes change", settings)
+
+
 def _of_surface(topic: str) -> tuple[Section, ...]:
     return (Section(topic, "dirt", "Patches, Dirt and Salts", "Patches of darker or redder ice", (
                 "albedo_variation", "albedo_patch_m", "trough_dirt", "slope_dirt", "salt_share", "salt_patch_m",
                 "salt_red", "salt_green", "salt_blue")),
             Section(topic, "grain", "Grains", "Relief that is finer than the mesh", (
-                "grain_size_m", "grain_amplitude_m", "relief")))
+                "grain_size_m", "grain_amplitude_m", "relief")),
+            _advanced(topic, "lommel_seeliger_share", "subsurface_radius_m", "transmission", "specular",
+                      "refractive_index"))
 
 
 SECTIONS = (
     Section("terrain", "noise", "Layers of Noise", "Fractal noise that is added to the random surface",
             ("layers",)),
+    _advanced("terrain", "resolution", "slope_baseline_m", "hurst", "multifractality", "outer_scale_m", "inner_scale_m",
+              "lacunarity", "regional_slope_azimuth_deg", "body_radius_m"),
     *_of_surface("surface"),
     *_of_surface("rock_surface"),
+    _advanced("hapke", "b_s0", "h_s", "b_c0", "h_c", "theta_bar_range_deg", "filling_factor", "h_function", "accuracy",
+              "backend"),
     Section("rocks", "shape", "Shape", "Shape, tilt and burial of each rock", (
         "family", "angularity", "elongation", "height_ratio", "tilt_deg", "burial")),
     Section("rocks", "place", "Placement", "Clusters, clear ground and maximum number of rocks", (
         "clustering", "cluster_blocks", "cluster_radius_m", "clear_radius_m", "most")),
+    _advanced("rocks", "law", "power_index"),
     Section("light", "planet", "Planet", "The planet in the sky and its light", (
         "planet_elevation_deg", "planet_azimuth_deg", "planet_angular_diameter_deg", "planet_flattening",
         "planet_albedo", "planet_phase_law", "planet_rings", "planet_least"), switch="planet"),
@@ -43,12 +60,14 @@ SECTIONS = (
             switch="stars"),
     Section("light", "balance", "Light at Evaluation", "Brightness of the light; changes need no new render", (
         "irradiance_band", "sun_scale", "planet_scale")),
+    _advanced("light", "parent", "kernels", "sun_irradiance_wm2", "sun_angular_diameter_deg", "sun_temperature_k"),
     Section("rig", "lens", "Lens and Alignment", "Distortion and focus of the lens, and alignment of the eyes", (
         "principal_x_px", "principal_y_px", "distortion_k1", "distortion_k2", "distortion_p1", "distortion_p2",
         "distortion_k3", "overscan", "toe_in_deg", "focus_distance_m")),
     Section("rig", "motion", "Motion", "Motion of the cameras during the exposure", (
         "speed_right_m_s", "speed_down_m_s", "speed_forward_m_s", "turn_right_deg_s", "turn_down_deg_s", "roll_deg_s",
         "motion_exposure_s")),
+    _advanced("rig", "sensor_width_mm", "heading_deg", "x_m", "y_m"),
     Section("sensor", "optics", "Optics", "Aperture, wavelengths and sharpness of lens and filter", (
         "f_number", "pixel_pitch_um", "transmission", "band_centre_nm", "band_width_nm", "psf_sigma_px",
         "veiling_glare")),
@@ -59,14 +78,16 @@ SECTIONS = (
         "prnu", "dsnu_e", "noise_seed")),
     Section("sensor", "radiation", "Radiation", "Tracks of charged particles, as in Jupiter's belts", (
         "radiation_flux_cm2_s", "radiation_depth_um", "radiation_e_per_um")),
+    _advanced("sensor", "auto_percentile", "auto_target", "bracket_stops"),
+    _advanced("quality", "noise_threshold", "diffuse_bounces", "walk_px", "fine_relief", "truth", "device", "threads"),
 )
 #: Topics whose panel is inside the panel of another topic.
-INSIDE = {"mesh": "terrain", "hapke": "surface", "textures": "surface", "rock_surface": "rocks"}
+INSIDE = {"source": "terrain", "mesh": "terrain", "hapke": "surface", "textures": "surface", "rock_surface": "rocks"}
 #: Settings that the panel of another topic draws: the tick in a header, the plan, the matchers.
 ELSEWHERE = {"rocks": ("own_surface",), "dataset": ("plan", "workers", "evaluate", "leave_running", "methods")}
 #: Settings at the top of a topic's panel if they are not the first in the table: the one that turns the others on,
 #: and those that most scenes change.
-FIRST = {"rocks": ("coverage",), "light": ("directions_from", "sun_elevation_deg", "sun_azimuth_deg")}
+FIRST = {"terrain": ("rms_slope_deg", "size_m"), "light": ("directions_from", "sun_elevation_deg", "sun_azimuth_deg")}
 
 
 def main_settings(topic: str) -> tuple[str, ...]:

@@ -27,8 +27,8 @@ def _draw_seed(layout: Any, context: bpy.types.Context) -> None:
     root = context.scene.icymoon
     layout.prop(root.dataset, "seed")
     if root.source.kind != "PROCEDURAL" and not root.source.detail:
-        draw_lines(layout, wrapped("The ground is from a file. Ground > Add Roughness adds the roughness of this "
-                                   "panel to it."), "INFO")
+        draw_lines(layout, wrapped("The ground is from a file. Add Roughness, under Ground from a File, adds the "
+                                   "roughness of this panel to it."), "INFO")
 
 
 def _draw_roughness(layout: Any, context: bpy.types.Context) -> None:

@@ -8,8 +8,8 @@ from ..operators.sidebar_text import wrapped
 from ..settings.table import LANDFORMS, TOPICS, Topic
 from .fields import draw_lines, draw_settings
 from .relevance import is_shown
-from .sections import ELSEWHERE, INSIDE, SECTIONS, Section, main_settings
-from .sidebar import FIRST, Sidebar
+from .sections import ADVANCED, ELSEWHERE, INSIDE, SECTIONS, Section, main_settings
+from .sidebar import FIRST, LAST, Sidebar
 from .topic_extras import AFTER, BEFORE
 
 
@@ -65,7 +65,7 @@ class ICYMOON_PT_landforms(Sidebar, bpy.types.Panel):
     bl_idname = "ICYMOON_PT_landforms"
     bl_label = LANDFORMS
     bl_options = {"DEFAULT_CLOSED"}
-    bl_order = FIRST + next(k for k, topic in enumerate(TOPICS.values()) if topic.parent == LANDFORMS)
+    bl_parent_id = "ICYMOON_PT_terrain"
 
     def draw(self, context: bpy.types.Context) -> None:
         group = context.scene.icymoon
@@ -98,9 +98,14 @@ def _make_section_panel(section: Section, order: int) -> type:
     own = _switch(section.topic, section.switch) if section.switch else {}
     name = f"ICYMOON_PT_{section.topic}_{section.key}"
     return type(name, (_SectionPanel, bpy.types.Panel), {
-        "__doc__": section.description, "bl_idname": name, "bl_label": section.label, "bl_order": order,
+        "__doc__": section.description, "bl_idname": name, "bl_label": section.label,
+        "bl_order": LAST if section.key == ADVANCED else order,
         "bl_parent_id": f"ICYMOON_PT_{section.topic}", "section": section, **own})
 
 
-CLASSES = (ICYMOON_PT_landforms, *(_make_topic_panel(topic, FIRST + k) for k, topic in enumerate(TOPICS.values())),
+#: Blender registers a panel after the one that it is in.
+_PANELS = {topic.key: _make_topic_panel(topic, FIRST + k) for k, topic in enumerate(TOPICS.values())}
+_TOPS = [key for key, topic in TOPICS.items() if not topic.parent and key not in INSIDE]
+CLASSES = (*(_PANELS[key] for key in _TOPS), ICYMOON_PT_landforms,
+           *(panel for key, panel in _PANELS.items() if key not in _TOPS),
            *(_make_section_panel(section, k) for k, section in enumerate(SECTIONS)))

@@ -128,18 +128,18 @@ LAYER = (
             "RMS horizontal displacement of the layer, by noise of the same scale", "geometry"),
 )
 
-TERRAIN = Topic("terrain", "Terrain", "Shape of the ground: a random surface with given statistics", (
+TERRAIN = Topic("terrain", "Ground", "Shape of the ground: a random surface with given statistics, and its landforms", (
     _metres("size_m", "Size", 20.0, 0.01, 1.0e5, (1.0, 100.0),
             "Side of the square patch of ground, centred on the origin", "geometry"),
     Setting("resolution", "Vertices per Side", 1025,
             "Vertices along each side of the patch; their spacing is size / (vertices - 1)", "geometry",
             "vertices", 2, 4097, (65, 2049)),
-    _degrees("rms_slope_deg", "Ruggedness, RMS Slope", 12.0, 0.0, 75.0,
+    _degrees("rms_slope_deg", "Roughness, RMS Slope", 12.0, 0.0, 75.0,
              "Root-mean-square slope between points that are one slope baseline apart. "
              "Smooth plains have about 5, ridged plains 10 to 15, broken ground above 25", "geometry",
              (0.0, 45.0)),
     _metres("slope_baseline_m", "Slope Baseline", 1.0, 1.0e-3, 1.0e4, (0.1, 10.0),
-            "Distance between the points whose slope is the ruggedness", "geometry"),
+            "Distance between the points whose slope is the roughness", "geometry"),
     Setting("hurst", "Hurst Exponent", 0.8,
             "How roughness changes with scale: the RMS deviation grows as distance to this power. "
             "Below 0.5, slopes over centimetres are unrealistically steep", "geometry", "1", 0.05, 1.0, (0.3, 1.0)),
@@ -155,7 +155,7 @@ TERRAIN = Topic("terrain", "Terrain", "Shape of the ground: a random surface wit
             "Largest ratio of the wavelengths of successive octaves, which are spaced evenly. "
             "Above 2.5 the roughness law shows steps", "geometry", "1", 1.2, 4.0, (1.5, 3.0)),
     _degrees("regional_slope_deg", "Regional Slope", 0.0, 0.0, 60.0,
-             "Slope of the whole patch, as on the flank of a ridge. The ruggedness does not include it", "geometry",
+             "Slope of the whole patch, as on the flank of a ridge. The roughness does not include it", "geometry",
              (0.0, 30.0)),
     _degrees("regional_slope_azimuth_deg", "Downslope Direction", 180.0, -360.0, 360.0,
              "Direction in which the whole patch slopes down, from north (+Y) over east (+X)", "geometry"),
@@ -170,7 +170,7 @@ MESH = Topic("mesh", "Mesh", "Resolution and extent of the mesh of procedural gr
     Setting("kind", "Spacing", "GRADED", "How the vertices of procedural ground are spaced", "geometry",
             choices=(("GRADED", "Graded",
                       "Rings around the site, out to the horizon, with triangles as fine as the images resolve"),
-                     ("GRID", "Uniform Grid", "A square of Terrain Size with equal spacing"))),
+                     ("GRID", "Uniform Grid", "A square of Ground Size with equal spacing"))),
     Setting("error_px", "Largest Error", 1.0,
             "Distance between the mesh and the exact ground, in pixels of the nearer eye. 95 % of the pixels are "
             "within it, for every heading", "geometry", "px", 1.0e-3, 100.0, (0.05, 5.0), subtype="PIXEL"),
@@ -274,9 +274,9 @@ MANTLE = Topic("mantle", "Mantle", "Snow that fills hollows and smooths the grou
             "Wavelength below which the surface of the snow is smooth", "geometry"),
 ), LANDFORMS)
 
-SOURCE = Topic("source", "Ground", "Source of the ground: generated, or your own mesh or height map", (
+SOURCE = Topic("source", "Ground from a File", "Source of the ground: generated, or your own mesh or height map", (
     Setting("kind", "Source", "PROCEDURAL", "What the ground is made from", "geometry",
-            choices=(("PROCEDURAL", "Procedural", "A random surface with the statistics of the Terrain topic"),
+            choices=(("PROCEDURAL", "Procedural", "A random surface with the statistics under Ground"),
                      ("MESH", "Mesh File", "A reconstructed mesh: OBJ, PLY, STL, glTF, USD or FBX"),
                      ("HEIGHT_MAP", "Height Map", "A digital elevation model: GeoTIFF, NPY, EXR or grey PNG"))),
     Setting("file", "File", "", "Mesh or height map that is the ground. ~ is your home folder, // the folder of the "
@@ -304,12 +304,12 @@ SOURCE = Topic("source", "Ground", "Source of the ground: generated, or your own
             "and scale that a GeoTIFF contains", "geometry", "m",
             1.0e-9, 1.0e6, (1.0e-3, 10.0), precision=6),
     Setting("detail", "Add Roughness", False,
-            "Add roughness from the Terrain topic at wavelengths that the file does not resolve", "geometry"),
+            "Add roughness from Ground at wavelengths that the file does not resolve", "geometry"),
     Setting("repair", "Repair", True,
             "Remove broken faces, merge duplicate vertices and turn the upper side of a mesh up", "geometry"),
 ))
 
-SURFACE = Topic("surface", "Surface", "Snow or ice that the ground is made of", (
+SURFACE = Topic("surface", "Ice", "Snow or ice that the ground is made of", (
     Setting("model", "Model", "PRINCIPLED", "Reflectance law of the surface", "material",
             choices=(("PRINCIPLED", "Snow (Principled)", "Subsurface scattering and gloss, like snow and ice on Earth. "
                       "No opposition surge. Costs 1.4 times Lambert, or 7 times if all light is subsurface"),
@@ -321,7 +321,7 @@ SURFACE = Topic("surface", "Surface", "Snow or ice that the ground is made of", 
                       "of moons. No phase function and no opposition surge. Costs little more than Lambert"),
                      ("HAPKE", "Hapke", "Particulate ice with phase function, opposition surge and roughness, see the "
                       "Hapke panel. No gloss. Costs 1.2 times Lambert with OSL, 1.8 times without"))),
-    _fraction("albedo", "Albedo", 0.9,
+    _fraction("albedo", "Albedo (Brightness)", 0.9,
               "Share of the light that clean, flat ice reflects under uniform light from all directions",
               "material"),
     _fraction("lommel_seeliger_share", "Lommel-Seeliger Share", 0.7, "Share of Lommel-Seeliger in the lunar-Lambert "
@@ -398,7 +398,7 @@ TEXTURES = Topic("textures", "Textures", "Images on the ground and on rocks", (
     _file("height_file", "Height", "Image of heights, see Relief Height"),
 ))
 
-ROCK_SURFACE = Topic("rock_surface", "Rock Surface", "Snow or ice of rocks that have their own surface",
+ROCK_SURFACE = Topic("rock_surface", "Ice of Rocks", "Snow or ice of rocks that have their own surface",
                      SURFACE.settings)
 
 HAPKE = Topic("hapke", "Hapke", "Parameters of Hapke's law, for every surface that uses it", (

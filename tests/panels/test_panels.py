@@ -129,7 +129,7 @@ def test_a_panel_begins_with_what_turns_the_others_on():
 @pytest.mark.parametrize(("sentence", "said"), [
     ("light.kernels is empty; choose a path.", "Light > Kernels is empty; choose a path."),
     ("truth: none, since quality.truth is DEPTH.", "Truth: none, since Render Quality > Truth is Depth Only."),
-    ("rock_surface: under quality.walk_px.", "Rock Surface: under Render Quality > Subsurface Cutoff."),
+    ("rock_surface: under quality.walk_px.", "Ice of Rocks: under Render Quality > Subsurface Cutoff."),
     ("the file a.toml is not there.", "The file a.toml is not there."),
     ("Settings that rig.no_such is of stay.", "Settings that rig.no_such is of stay.")])
 def test_the_sidebar_names_settings_as_it_shows_them(sentence, said):
@@ -161,8 +161,21 @@ def test_the_matchers_there_are_stand_in_the_tooltip():
 def test_the_panels_follow_the_work_from_top_to_bottom():
     tops = [cls for cls in CLASSES if issubclass(cls, bpy.types.Panel) and not hasattr(cls, "bl_parent_id")]
     assert [cls.bl_label for cls in sorted(tops, key=lambda cls: getattr(cls, "bl_order", 0))] == [
-        "Icy Moon", "Ground", "Terrain", "Landforms", "Surface", "Rocks", "Light", "Stereo Camera", "Camera Response",
+        "Icy Moon", "Ground", "Ice", "Rocks", "Light", "Stereo Camera", "Camera Response",
         "Render Quality", "Data Set", "Evaluation"]
+
+
+def test_a_panel_opens_with_few_settings():
+    """Six at most, and what few scenes change comes last, under Advanced."""
+    long = {key: main for key, topic in TOPICS.items() if not topic.parent and key not in sections.INSIDE
+            and len(main := sections.main_settings(key)) > 6 and key != "light"}
+    assert long == {}
+    dated = {"body", "date_utc", "latitude_deg", "longitude_deg"}  # two or four of Light's are shown at once
+    assert len(set(sections.main_settings("light")) - dated) <= 4
+    for topic in {section.topic for section in sections.SECTIONS}:
+        within = [cls for cls in CLASSES if getattr(cls, "bl_parent_id", "") == f"ICYMOON_PT_{topic}"]
+        last = max(within, key=lambda cls: getattr(cls, "bl_order", 0)).bl_label
+        assert last == "Advanced" or "Advanced" not in [cls.bl_label for cls in within]
 
 
 def test_a_setting_has_one_place():
