@@ -13,6 +13,7 @@ from ..nodes.add_objects import build_rock_object, build_terrain_object
 from ..settings import description
 from ..settings.table import TOPICS
 from ..typed_settings import Settings
+from .sidebar_text import in_window
 
 
 def setting_property(topic: str, key: str, **other: Any) -> Any:
@@ -46,7 +47,7 @@ class _AddOperator:
         try:
             item = make()
         except IcyMoonError as error:
-            self.report({"ERROR"}, str(error))  # type: ignore[attr-defined]
+            self.report({"ERROR"}, in_window(error))  # type: ignore[attr-defined]
             return {"CANCELLED"}
         context.collection.objects.link(item)
         item.location = context.scene.cursor.location

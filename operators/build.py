@@ -15,6 +15,7 @@ from ..nodes.measured_surface import clear_points
 from ..physics.surfaces import albedos
 from ..typed_settings import Settings
 from . import sidebar_text
+from .sidebar_text import in_window
 
 _BRIGHTNESS = 0.5  # of sunlit ground in the view, before the view transform
 
@@ -105,11 +106,11 @@ def build_and_report(operator: bpy.types.Operator, context: bpy.types.Context) -
     try:
         built = scenes.build(context.scene, scene_properties.read_settings(context.scene.icymoon))
     except IcyMoonError as error:
-        operator.report({"ERROR"}, str(error))
+        operator.report({"ERROR"}, in_window(error))
         return {"CANCELLED"}
     clear_points(context.scene)  # the measured surface is of the previous scene
     for warning in built.warnings:
-        operator.report({"WARNING"}, warning)
+        operator.report({"WARNING"}, in_window(warning))
     if not bpy.app.background:
         show_scene(context, built)
     mesh = built.terrain.data
@@ -129,7 +130,7 @@ class ICYMOON_OT_build_scene(bpy.types.Operator):
         try:
             warnings = cost_warnings(scene_properties.read_settings(context.scene.icymoon))
         except IcyMoonError as error:
-            self.report({"ERROR"}, str(error))
+            self.report({"ERROR"}, in_window(error))
             return {"CANCELLED"}
         if warnings and not bpy.app.background:
             return set(context.window_manager.invoke_confirm(self, event, title="Load a Large Mesh?",

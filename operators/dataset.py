@@ -25,6 +25,7 @@ from ..system import user_key
 from ..typed_settings import Settings
 from . import dialogs, evaluate, jobs, results
 from .render import dataset_folder
+from .sidebar_text import in_window
 
 _TITLE = "Render Data Set"
 _LOOK_S = 0.5
@@ -101,7 +102,7 @@ class ICYMOON_OT_open_plan(dialogs.TomlFileDialog, bpy.types.Operator):
         try:
             read_plan_header(Path(bpy.path.abspath(self.filepath)))
         except IcyMoonError as error:
-            self.report({"ERROR"}, str(error))
+            self.report({"ERROR"}, in_window(error))
             return {"CANCELLED"}
         context.scene.icymoon.dataset.plan = self.filepath
         return {"FINISHED"}
@@ -254,7 +255,7 @@ class ICYMOON_OT_show_last_pair(bpy.types.Operator):
                                              str(folder.parent.parent / "exposed"), "--json-lines"),
                               clean_environment())
         except IcyMoonError as error:
-            self.report({"ERROR"}, str(error))
+            self.report({"ERROR"}, in_window(error))
             return {"CANCELLED"}
         bpy.app.timers.register(lambda: _show_when_developed(process), first_interval=_LOOK_S)
         return {"FINISHED"}

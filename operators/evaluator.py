@@ -14,6 +14,7 @@ from ..render.workers.job import python_command
 from ..render.workers.process import Process, clean_environment
 from ..system import find_pythons, is_python, run
 from . import jobs
+from .sidebar_text import in_window
 
 
 def base_python() -> str:
@@ -94,7 +95,7 @@ class ICYMOON_OT_add_matcher(bpy.types.Operator):
         try:
             known = matchers()
         except IcyMoonError as error:
-            self.report({"ERROR"}, str(error))
+            self.report({"ERROR"}, in_window(error))
             return {"CANCELLED"}
         names = {item.name for item in known}
         item = known.add()
@@ -115,7 +116,7 @@ class ICYMOON_OT_remove_matcher(bpy.types.Operator):
         try:
             matchers().remove(self.index)
         except IcyMoonError as error:
-            self.report({"ERROR"}, str(error))
+            self.report({"ERROR"}, in_window(error))
             return {"CANCELLED"}
         context.preferences.is_dirty = True
         return {"FINISHED"}

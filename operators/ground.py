@@ -13,7 +13,7 @@ from ..nodes import scene as scenes
 from ..nodes.ground import user_ground as grounds
 from . import dialogs
 from .build import build_and_report
-from .sidebar_text import LINE
+from .sidebar_text import LINE, in_window
 
 
 def report_lines(scene: bpy.types.Scene) -> list[str]:
@@ -44,7 +44,7 @@ class ICYMOON_OT_import_ground(dialogs.FileDialog, bpy.types.Operator):
             warnings = grounds.cost_warnings(scene_properties.read_settings(group))
         except IcyMoonError as error:
             scene_properties.write_settings(group, {"source": before})
-            self.report({"ERROR"}, str(error))
+            self.report({"ERROR"}, in_window(error))
             return {"CANCELLED"}
         if warnings and not bpy.app.background:
             bpy.ops.icymoon.build_scene("INVOKE_DEFAULT")  # asks the user first

@@ -13,6 +13,7 @@ import bpy
 from ..errors import IcyMoonError
 from ..render.workers.detached import Detached
 from ..render.workers.process import Message, Process
+from .sidebar_text import in_window
 
 _INTERVAL_S = 0.1
 
@@ -182,7 +183,7 @@ class JobOperator:
 
     def fail(self, error: Exception) -> set[str]:
         """Report an error to the user and cancel."""
-        self.report({"ERROR"}, str(error))  # type: ignore[attr-defined]
+        self.report({"ERROR"}, in_window(error))  # type: ignore[attr-defined]
         return {"CANCELLED"}
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
@@ -229,11 +230,11 @@ class JobOperator:
         job = self._job
         finish(job)
         for warning in job.warnings:
-            self.report({"WARNING"}, warning)  # type: ignore[attr-defined]
+            self.report({"WARNING"}, in_window(warning))  # type: ignore[attr-defined]
         if job.process.left:
             return {"FINISHED"}
         if job.process.cancelled:
-            self.report({"WARNING"}, job.failure)  # type: ignore[attr-defined]
+            self.report({"WARNING"}, in_window(job.failure))  # type: ignore[attr-defined]
             return {"CANCELLED"}
         if job.failure:
             return self.fail(IcyMoonError(job.failure))

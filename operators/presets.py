@@ -20,6 +20,7 @@ from ..settings import description, preset_files, toml_text
 from ..system import name_fault, remove
 from ..typed_settings import Settings
 from . import dialogs
+from .sidebar_text import in_window
 
 #: Prefix of the names of the user's own presets.
 OWN = "own/"
@@ -128,14 +129,14 @@ class ICYMOON_OT_load_preset(dialogs.SearchDialog, bpy.types.Operator):
         try:
             loaded = preset_files.load(path_of(self.preset))
         except IcyMoonError as error:
-            self.report({"ERROR"}, str(error))
+            self.report({"ERROR"}, in_window(error))
             return {"CANCELLED"}
         if preset_files.is_whole(self.preset):
             loaded = description.merged(_fresh_settings(group), loaded)
             group.preset = self.preset
         scene_properties.write_settings(group, loaded)
         if "quality" in loaded and (lack := find_lack(description.merged(description.defaults(), loaded))):
-            self.report({"WARNING"}, lack)
+            self.report({"WARNING"}, in_window(lack))
         return {"FINISHED"}
 
 
@@ -163,7 +164,7 @@ class ICYMOON_OT_add_preset(bpy.types.Operator):
             write_text(own_folder() / f"{stem}.toml", preset_files.preset_text(
                 self.title, "A preset of yours", wanted, known_sources(wanted, group.preset)))
         except IcyMoonError as error:
-            self.report({"ERROR"}, str(error))
+            self.report({"ERROR"}, in_window(error))
             return {"CANCELLED"}
         group.preset = f"{OWN}{stem}"
         self.report({"INFO"}, f"Saved {own_folder() / stem}.toml")
@@ -194,7 +195,7 @@ class ICYMOON_OT_remove_preset(bpy.types.Operator):
             with explain_disk_errors("delete", path):
                 remove(path)
         except IcyMoonError as error:
-            self.report({"ERROR"}, str(error))
+            self.report({"ERROR"}, in_window(error))
             return {"CANCELLED"}
         group.preset = ""
         return {"FINISHED"}

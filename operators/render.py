@@ -21,6 +21,7 @@ from ..render.workers.process import Process
 from ..typed_settings import Settings
 from . import jobs
 from .build import leave_edit_mode, look_through, views_through
+from .sidebar_text import in_window
 
 
 def dataset_folder(settings: Settings) -> Path:
@@ -115,7 +116,7 @@ class ICYMOON_OT_render_pair(jobs.JobOperator, bpy.types.Operator):
 
     def _warn(self, built: scenes.Built) -> None:
         for warning in built.warnings:
-            self.report({"WARNING"}, warning)
+            self.report({"WARNING"}, in_window(warning))
 
 
 CLASSES = (ICYMOON_OT_render_pair,)

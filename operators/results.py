@@ -23,6 +23,7 @@ from ..typed_settings import Settings, typed
 from . import own_reports
 from .jobs import push_undo
 from .render import dataset_folder
+from .sidebar_text import in_window
 
 #: Columns of a matcher's row in a report that the scene keeps.
 METRICS = ("l1_m", "l1_rate_10", "si_rmse", "dod", "coverage")
@@ -303,7 +304,7 @@ class ICYMOON_OT_open_report(_ResultOperator, bpy.types.Operator):
                     raise IcyMoonError(f"{page} was not made by you on this machine, and a web page can run unknown "
                                        "scripts; press Evaluate to make it again.")
         except IcyMoonError as error:
-            self.report({"ERROR"}, str(error))
+            self.report({"ERROR"}, in_window(error))
             return {"CANCELLED"}
         bpy.ops.wm.url_open(url=page.as_uri())
         return {"FINISHED"}
@@ -337,7 +338,7 @@ class ICYMOON_OT_show_surface(_ResultOperator, bpy.types.Operator):
                                    "present scene.")
             item = build_points(context.scene, paths, method)
         except IcyMoonError as error:
-            self.report({"ERROR"}, str(error))
+            self.report({"ERROR"}, in_window(error))
             return {"CANCELLED"}
         show_points(context, item)
         self.report({"INFO"}, f"{len(item.data.polygons)} points measured by {method}")

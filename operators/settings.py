@@ -11,6 +11,7 @@ from ..errors import IcyMoonError
 from ..files import write_text
 from ..settings import preset_files, toml_text
 from . import dialogs
+from .sidebar_text import in_window
 
 
 class ICYMOON_OT_load_settings(dialogs.TomlFileDialog, bpy.types.Operator):
@@ -28,7 +29,7 @@ class ICYMOON_OT_load_settings(dialogs.TomlFileDialog, bpy.types.Operator):
             scene_properties.write_settings(context.scene.icymoon,
                                             preset_files.load(Path(bpy.path.abspath(self.filepath))))
         except IcyMoonError as error:
-            self.report({"ERROR"}, str(error))
+            self.report({"ERROR"}, in_window(error))
             return {"CANCELLED"}
         return {"FINISHED"}
 
@@ -51,7 +52,7 @@ class ICYMOON_OT_save_settings(dialogs.TomlFileDialog, bpy.types.Operator):
         try:
             write_text(path, toml_text.to_toml(scene_properties.read_settings(context.scene.icymoon)))
         except IcyMoonError as error:
-            self.report({"ERROR"}, str(error))
+            self.report({"ERROR"}, in_window(error))
             return {"CANCELLED"}
         self.report({"INFO"}, f"Saved {path}")
         return {"FINISHED"}

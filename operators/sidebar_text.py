@@ -19,7 +19,7 @@ from ..physics.camera.stereo_geometry import GroundRow, depth_error_m, focal_px,
 from ..physics.light.sky import sky, sky_facts
 from ..physics.scene_requirements import find_left_out
 from ..render.cost.abilities import Abilities
-from ..render.cost.quality_presets import list_qualities
+from ..render.cost.quality_presets import QualityPreset, list_qualities
 from ..render.cost.speed import Speed, recall_speed
 from ..settings.table import TOPICS
 from ..typed_settings import LightSettings, RigSettings, SensorSettings, Settings
@@ -51,6 +51,11 @@ def _label_of(found: re.Match[str]) -> str:
             value = {choice[0]: choice[1] for choice in setting.choices}.get(chosen, chosen)
             return f"{TOPICS[topic].label} > {_UNIT.sub('', setting.label)}" + (f" is {value}" if value else "")
     return found[0]
+
+
+def in_window(message: object) -> str:
+    """A message as an operator reports it: in the window with the labels of settings, headless with their keys."""
+    return str(message) if bpy.app.background else plain(str(message))
 
 
 def wrapped(sentence: str) -> tuple[str, ...]:
@@ -180,15 +185,16 @@ def _two_digits(value: float) -> str:
 _TRIANGLES = 1e6
 
 
-def quality_lines(settings: Settings) -> tuple[str, ...]:
-    """For each quality, the seconds for a pair of this scene and its measured error."""
+def list_quality_presets(settings: Settings) -> list[QualityPreset]:
+    """The qualities of the described scene, each with its seconds a pair on this machine; see ``list_qualities``."""
+    return list_qualities(settings, _TRIANGLES, _speed(str(settings.quality.device)),
+                          Abilities(compat.has_osl(), compat.has_oidn()))
+
+
+def speed_line(settings: Settings) -> str:
+    """Of which machine the seconds are."""
     speed = _speed(str(settings.quality.device))
-    lines: list[str] = []
-    for quality in list_qualities(settings, _TRIANGLES, speed, Abilities(compat.has_osl(), compat.has_oidn())):
-        lines += wrapped(f"{quality.title}: {quality.cost}")
-        lines += [f"    {quality.error}"] if quality.error and not quality.lacks else []
-    basis = f"Seconds of {speed.basis}" if speed else "Seconds of another machine; measure this one"
-    return (*lines, *textwrap.wrap(basis, LINE))
+    return f"Seconds of {speed.basis}" if speed else "Seconds of another machine; measure this one"
 
 
 @lru_cache(maxsize=2)

@@ -43,6 +43,26 @@ def _draw_expose(layout: Any, context: bpy.types.Context) -> None:
     draw_lines(layout, tuple(live_exposure.lines()), "INFO")
 
 
+def _draw_qualities(layout: Any, context: bpy.types.Context) -> None:
+    """A button for each quality with its seconds and its error; the one that the scene has is pressed."""
+    settings = scene_properties.read_unchecked(context.scene.icymoon)
+    column = layout.column(align=True)
+    *shipped, own = sidebar_text.list_quality_presets(settings)
+    for quality in shipped:
+        row = column.split(factor=0.45, align=True)
+        button = row.row(align=True)
+        button.enabled = not quality.lacks
+        button.operator("icymoon.load_preset", text=quality.title, depress=quality.chosen).preset = quality.name
+        row.label(text=quality.brief)
+        if quality.lacks:
+            draw_lines(column, wrapped(quality.lacks), "ERROR")
+    if own.chosen:
+        column.label(text=f"With the settings below {own.brief}")
+    draw_lines(column, wrapped(sidebar_text.speed_line(settings)))
+    layout.operator_context = "INVOKE_DEFAULT"
+    layout.operator("icymoon.auto_quality", text="Find the Cheapest That Is Good Enough…", icon="VIEWZOOM")
+
+
 def _draw_camera_notes(layout: Any, context: bpy.types.Context) -> None:
     draw_lines(layout, sidebar_text.camera_notes(scene_properties.read_unchecked(context.scene.icymoon)), "INFO")
 
@@ -74,7 +94,8 @@ def _draw_albedos(layout: Any, surface: SurfaceSettings, hapke: HapkeSettings) -
 
 
 #: Functions that draw above and below the settings, by topic.
-BEFORE: dict[str, Extra] = {"source": _draw_import, "terrain": _draw_seed, "sensor": _draw_expose}
+BEFORE: dict[str, Extra] = {"source": _draw_import, "terrain": _draw_seed, "sensor": _draw_expose,
+                            "quality": _draw_qualities}
 AFTER: dict[str, Extra] = {"terrain": _draw_roughness, "surface": _make_surface_extra("surface"),
                            "rock_surface": _make_surface_extra("rock_surface"), "hapke": _draw_hapke,
                            "rig": _draw_camera_notes}

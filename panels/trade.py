@@ -6,8 +6,7 @@ from typing import Any
 
 import bpy
 
-from .. import scene_properties
-from ..operators import sidebar_text, trade
+from ..operators import trade
 from .fields import draw_lines
 from .sidebar import Sidebar
 
@@ -23,9 +22,7 @@ class ICYMOON_PT_trade(Sidebar, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         layout: Any = self.layout
         layout.operator_context = "INVOKE_DEFAULT"
-        draw_lines(layout, sidebar_text.quality_lines(scene_properties.read_unchecked(context.scene.icymoon)))
         layout.operator("icymoon.measure_machine")
-        layout.operator("icymoon.auto_quality", text="Find Quality…")
         layout.operator("icymoon.trade", text="Measure…")
         draw_lines(layout, trade.last_lines.get(context.scene.name, ()))
 

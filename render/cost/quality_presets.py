@@ -29,6 +29,7 @@ class QualityPreset:
     factor: float
     errors: Mapping[str, Any]
     lacks: str = ""  # what the Blender lacks for it, with the fix
+    chosen: bool = False  # whether the scene is described with it
 
     @property
     def cost(self) -> str:
@@ -37,6 +38,12 @@ class QualityPreset:
             return self.lacks
         low, high = duration_text(self.seconds / self.factor), duration_text(self.seconds * self.factor)
         return f"{duration_text(self.seconds)} ({low} to {high})"
+
+    @property
+    def brief(self) -> str:
+        """Such as '12 s, +0.03 px': the seconds of a pair, and the error that it adds to SGBM's if one was measured."""
+        added = f", {self.errors['sgbm_px']:+.2f} px" if self.errors else ""
+        return "" if self.lacks else f"{duration_text(self.seconds)}{added}"
 
     @property
     def error(self) -> str:
@@ -64,8 +71,10 @@ def list_qualities(settings: Settings, triangles: float, speed: Speed | None,
     for name in preset_names("qualities"):
         title, preset, errors = _read_preset(name)
         whole = merged(settings, preset)
-        found.append(QualityPreset(name, title, *pair_seconds(whole, triangles, speed), errors, lack_for(whole, able)))
-    own = QualityPreset("", "As described", *pair_seconds(settings, triangles, speed), {}, lack_for(settings, able))
+        found.append(QualityPreset(name, title, *pair_seconds(whole, triangles, speed), errors, lack_for(whole, able),
+                                   chosen=whole == settings))
+    own = QualityPreset("", "As described", *pair_seconds(settings, triangles, speed), {}, lack_for(settings, able),
+                        chosen=not any(quality.chosen for quality in found))
     return [*sorted(found, key=lambda quality: quality.seconds), own]
 
 

@@ -178,6 +178,15 @@ def test_a_panel_opens_with_few_settings():
         assert last == "Advanced" or "Advanced" not in [cls.bl_label for cls in within]
 
 
+def test_a_quality_is_a_button_and_a_message_has_the_labels_of_settings(scene, monkeypatch):
+    buttons = {entry[1:] for entry in drawn(bpy.types.ICYMOON_PT_quality) if entry[0] == "operator"}
+    assert {("icymoon.load_preset", title) for title in ("Draft", "Paper", "Standard", "Reference")} <= buttons
+    sentence = "This Blender was built without OpenImageDenoise; set quality.denoiser to NONE."
+    assert sidebar_text.in_window(sentence) == sentence
+    monkeypatch.setattr(bpy, "app", SimpleNamespace(background=False))
+    assert "Render Quality > Denoiser to NONE" in sidebar_text.in_window(sentence)
+
+
 def test_a_setting_has_one_place():
     for topic in TOPICS.values():
         parts = [sections.main_settings(topic.key), sections.ELSEWHERE.get(topic.key, ()),

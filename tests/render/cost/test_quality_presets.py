@@ -51,6 +51,20 @@ def test_all_presets_are_listed_cheapest_first_and_the_scene_s_own_last():
         assert (quality.seconds, quality.factor) == pair_seconds(whole, 1e6, None)
 
 
+def test_the_quality_that_the_scene_has_is_chosen_and_no_other():
+    for name in preset_names("qualities"):
+        listed = list_qualities(merged(defaults(), {"terrain": {"size_m": 7.0}}, load_preset(name)), 1e6, None)
+        assert [quality.name for quality in listed if quality.chosen] == [name]
+    listed = list_qualities(merged(defaults(), {"quality": {"samples": 7}}), 1e6, None)
+    assert [quality.title for quality in listed if quality.chosen] == ["As described"]
+
+
+def test_a_button_has_room_for_the_seconds_and_the_error_only():
+    assert QualityPreset("", "Mine", 12.0, 1.5, ERRORS).brief == "12 s, +0.03 px"
+    assert QualityPreset("", "Mine", 12.0, 1.5, {}).brief == "12 s"
+    assert QualityPreset("", "Mine", 12.0, 1.5, ERRORS, "It cannot.").brief == ""
+
+
 def test_what_a_blender_lacks_is_shown_with_each_quality_that_asks_for_it():
     plain = Abilities(osl=False, denoiser=False, gpu=False)
     denoised = merged(defaults(), {"quality": {"denoiser": "OIDN"}})
