@@ -79,6 +79,12 @@ def kernels() -> str:
     return bpy.path.abspath(preferences.kernels) if preferences and preferences.kernels else ""
 
 
+def own_matcher_names() -> list[str]:
+    """Names of the user's own matchers that are set up on this machine."""
+    preferences = _preferences()
+    return [item.name for item in preferences.matchers] if preferences else []
+
+
 def own_matcher_arguments(methods: str) -> list[str]:
     """The arguments of the evaluator for the user's own matchers in a list of matchers.
 

@@ -33,7 +33,7 @@ def announce(scene: Any, effect: str) -> None:
 
 @contextmanager
 def batch_changes() -> Iterator[None]:
-    """Tell the listeners of all changes inside the block at once, at its end."""
+    """Tell the listeners of all changes inside it at once, at its end."""
     global _held
     if _held is not None:
         yield

@@ -14,6 +14,9 @@ from ..render.pairs.pair_folder import is_complete
 from ..render.workers.job import python_command
 from ..render.workers.process import Message, Process, clean_environment
 from ..settings.table import all_settings
+from ..settings.trust_boundary import OWN
+from ..stereo.matchers import TITLES
+from ..stereo.matchers.methods import toggle_method
 from ..typed_settings import Settings
 from . import jobs, results
 from .render import dataset_folder, planned_pairs
@@ -66,7 +69,7 @@ class ResultKeeper:
         """Report the metrics to the user."""
         jobs.push_undo("Evaluate")  # otherwise undoing the previous step would remove the results too
         for row in results.summary(self.scene) if self.scene is not None else ():
-            operator.report({"INFO"}, f"{row['method']}: L1 {results.number(row['l1_m'], 3)} m, "
+            operator.report({"INFO"}, f"{row['method']}: L1 {results.metres(row['l1_m'])}, "
                                       f"coverage {results.percent(row['coverage'])}")
         if self.scene == context.scene:
             results.show_error_image(context, open_window=False)
@@ -99,4 +102,23 @@ class ICYMOON_OT_evaluate(jobs.JobOperator, bpy.types.Operator):
         self._keeper.report(self, context)
 
 
-CLASSES = (ICYMOON_OT_evaluate,)
+class ICYMOON_OT_toggle_matcher(bpy.types.Operator):
+    """Evaluate with this matcher, or without it"""
+
+    bl_idname = "icymoon.toggle_matcher"
+    bl_label = "Toggle Matcher"
+    bl_options = {"REGISTER", "UNDO"}
+
+    matcher: bpy.props.StringProperty(  # type: ignore[valid-type]
+        name="Matcher", default="bm", description="Name of the matcher, such as sgbm or own:mine")
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        group = context.scene.icymoon.dataset
+        if not self.matcher.startswith(f"{OWN}:") and self.matcher not in TITLES:
+            self.report({"ERROR"}, f"There is no matcher {self.matcher}; choose {', '.join(TITLES)} or {OWN}:NAME.")
+            return {"CANCELLED"}
+        group.methods = toggle_method(group.methods, self.matcher)
+        return {"FINISHED"}
+
+
+CLASSES = (ICYMOON_OT_evaluate, ICYMOON_OT_toggle_matcher)

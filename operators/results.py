@@ -187,12 +187,17 @@ def report_folder(scene: bpy.types.Scene) -> Path:
 
 def number(value: float | None, digits: int) -> str:
     """A metric as text; a dash if it has no value."""
-    return "-" if value is None else f"{value:.{digits}f}"
+    return "–" if value is None else f"{value:.{digits}f}"
 
 
 def percent(value: float | None) -> str:
     """A share as per cent; a dash if it has no value."""
-    return "-" if value is None else f"{100 * value:.1f} %"
+    return "–" if value is None else f"{100 * value:.1f} %"
+
+
+def metres(value: float | None) -> str:
+    """A length in metres to a millimetre. If there is none, a dash without a unit."""
+    return "–" if value is None else f"{value:.3f} m"
 
 
 def _files(scene: bpy.types.Scene, kind: str) -> list[tuple[str, Path]]:
@@ -210,9 +215,16 @@ def _files(scene: bpy.types.Scene, kind: str) -> list[tuple[str, Path]]:
             if path.resolve().is_relative_to(folder.resolve()) and path.is_file()]
 
 
-def error_images(scene: bpy.types.Scene) -> list[Path]:
-    """The error images of the last evaluation that exist, from the best matcher to the worst."""
-    return [path for _, path in _files(scene, "error")]
+def error_images(scene: bpy.types.Scene, method: str = "") -> list[Path]:
+    """The error images of the last evaluation that exist: those of ``method``, then from the best matcher to the
+    worst."""
+    found = sorted(_files(scene, "error"), key=lambda each: each[0] != method)
+    return [path for _, path in found]
+
+
+def methods_with_error_images(scene: bpy.types.Scene) -> set[str]:
+    """The matchers that have an error image."""
+    return {method for method, _ in _files(scene, "error")}
 
 
 def depth_images(scene: bpy.types.Scene) -> list[Path]:
@@ -230,9 +242,9 @@ def methods_with_points(scene: bpy.types.Scene) -> list[str]:
     return list(dict.fromkeys(method for method, _ in _files(scene, "points")))
 
 
-def show_error_image(context: bpy.types.Context, open_window: bool) -> bool:
-    """``show_images`` for the error images, and for the depth images if there are error images."""
-    errors = error_images(context.scene)
+def show_error_image(context: bpy.types.Context, open_window: bool, method: str = "") -> bool:
+    """``show_images`` for the error images, that of ``method`` first, and for the depth images if there are any."""
+    errors = error_images(context.scene, method)
     return show_images(context, [*errors, *depth_images(context.scene)] if errors else [], open_window)
 
 
@@ -275,16 +287,18 @@ class _ResultOperator:
 
 
 class ICYMOON_OT_show_error(_ResultOperator, bpy.types.Operator):
-    """Show the errors of the most accurate matcher in an Image Editor"""
+    """Show the errors of a matcher in an Image Editor"""
 
     bl_idname = "icymoon.show_error"
     bl_label = "Show Error Image"
+
+    method: bpy.props.StringProperty(name="Matcher", description="Matcher of the errors; empty for the most accurate")  # type: ignore[valid-type]
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         if not error_images(context.scene):
             self.report({"ERROR"}, "The error images do not exist any more; press Evaluate again.")
             return {"CANCELLED"}
-        show_error_image(context, open_window=True)
+        show_error_image(context, open_window=True, method=self.method)
         return {"FINISHED"}
 
 

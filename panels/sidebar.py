@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import bpy
@@ -10,6 +11,10 @@ from .. import scene_properties
 from ..nodes import measured_surface
 from ..operators import dataset, ground, jobs, layers, live_preview, presets, results, sidebar_text
 from ..operators.sidebar_text import wrapped
+from ..preferences import own_matcher_names
+from ..settings.trust_boundary import OWN
+from ..stereo.matchers import NEEDS, TITLES
+from ..stereo.matchers.methods import names_method
 from . import previews
 from .fields import draw_lines, draw_settings
 
@@ -62,6 +67,26 @@ class ICYMOON_PT_main(Sidebar, bpy.types.Panel):
         _draw_job(layout)
 
 
+def _draw_results(layout: Any, scene: bpy.types.Scene, rows: Sequence[Mapping[str, Any]]) -> None:
+    """Two lines for each matcher: its error and coverage with the buttons of its images, then its other metrics."""
+    with_image, with_surface = results.methods_with_error_images(scene), results.methods_with_points(scene)
+    for row in rows:
+        method, box = row["method"], layout.box().column(align=True)
+        first = box.row(align=True)
+        first.label(text=method)
+        first.label(text=results.metres(row["l1_m"]))
+        first.label(text=f"{results.percent(row['coverage'])} covered")
+        image, surface = first.row(align=True), first.row(align=True)
+        image.enabled, surface.enabled = method in with_image, method in with_surface
+        image.operator("icymoon.show_error", text="", icon="IMAGE_DATA").method = method
+        surface.operator("icymoon.show_surface", text="", icon="MESH_GRID").method = method
+        second = box.row(align=True)
+        second.active = False
+        second.label(text=f">10 cm {results.percent(row['l1_rate_10'])}")
+        second.label(text=f"si-RMSE {results.number(row['si_rmse'], 4)}")
+        second.label(text=f"DOD {results.percent(row['dod'])}")
+
+
 class ICYMOON_PT_results(Sidebar, bpy.types.Panel):
     """Metrics of the last evaluation, as the mean over its pairs"""
 
@@ -82,27 +107,10 @@ class ICYMOON_PT_results(Sidebar, bpy.types.Panel):
             draw_lines(layout, wrapped(sentence), "ERROR")
         table = layout.column()
         table.active = not warnings
-        grid = table.grid_flow(row_major=True, columns=len(rows) + 1, even_columns=True, align=True)
-        grid.label(text="")
-        for row in rows:
-            grid.label(text=row["method"])
-        lines = (("L1 error", lambda r: f"{results.number(r['l1_m'], 3)} m"),
-                 ("L1 > 10 cm", lambda r: results.percent(r["l1_rate_10"])),
-                 ("si-RMSE", lambda r: results.number(r["si_rmse"], 4)),
-                 ("Order (DOD)", lambda r: results.percent(r["dod"])),
-                 ("Coverage", lambda r: results.percent(r["coverage"])))
-        for label, text in lines:
-            grid.label(text=label)
-            for row in rows:
-                grid.label(text=text(row))
+        _draw_results(table, context.scene, rows)
         buttons = layout.row(align=True)
         buttons.operator("icymoon.open_report", icon="URL")
-        buttons.operator("icymoon.show_error", text="Error Image", icon="IMAGE_DATA")
-        surfaces = layout.row(align=True)
-        methods = results.methods_with_points(context.scene)
-        for method in methods:
-            surfaces.operator("icymoon.show_surface", text=f"Surface {method}", icon="MESH_GRID").method = method
-        surfaces.operator("icymoon.hide_surface", text="" if methods else "Remove Surface", icon="X")
+        buttons.operator("icymoon.hide_surface", text="Remove Surface", icon="X")
         column = layout.column(align=True)
         for meaning, icon in measured_surface.legend(context.scene):
             column.label(text=meaning, icon=icon)
@@ -117,6 +125,14 @@ class ICYMOON_PT_evaluation(Sidebar, bpy.types.Panel):
     bl_order = LAST
 
     def draw(self, context: bpy.types.Context) -> None:
+        methods = context.scene.icymoon.dataset.methods
+        column = self.layout.column(align=True)
+        for name, title in {**TITLES, **{f"{OWN}:{own}": own for own in own_matcher_names()}}.items():
+            row, chosen = column.row(align=True), names_method(methods, name)
+            row.operator("icymoon.toggle_matcher", text=title, depress=chosen,
+                         icon="CHECKBOX_HLT" if chosen else "CHECKBOX_DEHLT").matcher = name
+            if chosen and name in NEEDS:
+                draw_lines(column, wrapped(f"{title} needs {NEEDS[name]}."), "INFO")
         draw_settings(self.layout, context.scene.icymoon, "dataset", ("methods",))
         column = self.layout.column(align=True)
         column.operator("icymoon.evaluate", text="Evaluate This Scene", icon="VIEWZOOM").scope = "SCENE"

@@ -26,6 +26,10 @@ from .result import Result
 
 #: The matchers; each is the module of this name.
 MATCHERS = ("bm", "sgbm", "sgbm_wls", "jplv", "igev", "dsmnet", "external")
+#: What the window calls those that need no setting up of the user's, and what they need beside the evaluator.
+TITLES = {"bm": "StereoBM", "sgbm": "SGBM", "sgbm_wls": "SGBM with WLS Filter", "jplv": "JPLV", "igev": "IGEV-Stereo",
+          "dsmnet": "DSMNet"}
+NEEDS = {"igev": "PyTorch and a checkpoint", "dsmnet": "PyTorch and a checkpoint"}
 
 
 def match(method: str, left: np.ndarray, right: np.ndarray, options: Mapping[str, Any] | None = None,

@@ -34,6 +34,22 @@ def parse_key_value(text: str, where: str) -> tuple[str, str]:
     return key, value
 
 
+def names_method(text: str, name: str) -> bool:
+    """Whether a comma-separated list of methods has a matcher, with or without options. ``name`` may be own:NAME."""
+    return any(_is_of(entry, name) for entry in text.split(","))
+
+
+def toggle_method(text: str, name: str) -> str:
+    """The list without a matcher that it has, or else with it at its end. Other methods keep their options."""
+    entries = [entry.strip() for entry in text.split(",") if entry.strip()]
+    kept = [entry for entry in entries if not _is_of(entry, name)]
+    return ",".join(kept if len(kept) < len(entries) else [*entries, name])
+
+
+def _is_of(entry: str, name: str) -> bool:
+    return f"{entry.strip()}:".startswith(f"{name}:")
+
+
 def parse_own_matchers(texts: Sequence[str]) -> dict[str, Method]:
     """The user's own matchers by name, from a ``NAME:METHOD:KEY=VALUE`` for each option, or ``NAME:METHOD``.
 

@@ -14,6 +14,7 @@ from icymoon.operators.presets import preset_items
 from icymoon.operators.sidebar_text import LINE
 from icymoon.panels import CLASSES, menu, sections, sidebar
 from icymoon.settings.table import TOPICS, all_settings
+from icymoon.stereo.matchers import TITLES
 from panel_drawing import Layout, drawn, texts
 
 
@@ -260,8 +261,34 @@ def test_nothing_runs_and_the_status_bar_is_left_alone(scene):
 def test_results_are_shown_with_their_units_and_a_dash_for_none(scene, measured):
     record = drawn(sidebar.ICYMOON_PT_results)
     labels = [entry[2]["text"] for entry in record if entry[0] == "label"]
-    assert {"bm", "sgbm", "0.123 m", "50.0 %", "25.0 %", "75.0 %", "-"} <= set(labels)
-    assert {"icymoon.open_report", "icymoon.show_error"} <= operators(record)
+    assert {"bm", "sgbm", "0.123 m", ">10 cm 50.0 %", "DOD 25.0 %", "75.0 % covered", "si-RMSE –"} <= set(labels)
+    assert {"icymoon.open_report", "icymoon.show_error", "icymoon.show_surface"} <= operators(record)
+
+
+def test_each_matcher_has_its_own_two_lines(scene, tmp_path):
+    """Any number fits, as a column for each would not."""
+    names = ["bm", "sgbm", "sgbm_wls", "jplv", "own:mine"]
+    evaluated(scene, tmp_path, *({**ROW, "method": name, "l1_m": None} for name in names))
+    record = drawn(sidebar.ICYMOON_PT_results)
+    labels = [entry[2]["text"] for entry in record if entry[0] == "label"]
+    assert [label for label in labels if label in names] == names
+    assert labels.count("–") == len(names)
+    assert [entry[1] for entry in record if entry[0] == "operator"].count("icymoon.show_error") == len(names)
+
+
+def test_matchers_are_ticked_and_keep_their_options(scene):
+    group = scene.icymoon.dataset
+    group.methods = "bm, sgbm:window=7"
+    ticked = {entry[2] for entry in drawn(sidebar.ICYMOON_PT_evaluation)
+              if entry[:2] == ("operator", "icymoon.toggle_matcher")}
+    assert ticked == set(TITLES.values())
+    assert bpy.ops.icymoon.toggle_matcher(matcher="igev") == {"FINISHED"}
+    assert group.methods == "bm,sgbm:window=7,igev"
+    assert "PyTorch" in texts(drawn(sidebar.ICYMOON_PT_evaluation))
+    assert bpy.ops.icymoon.toggle_matcher(matcher="sgbm") == {"FINISHED"}
+    assert group.methods == "bm,igev"
+    with pytest.raises(RuntimeError, match="There is no matcher nonsense"):
+        bpy.ops.icymoon.toggle_matcher(matcher="nonsense")
 
 
 def test_the_preferences_are_drawn(scene):
