@@ -1,1 +1,1 @@
-"""What is made: meshes, materials, lights. Builders take plain settings and return data-blocks."""
+"""Builders of meshes, materials and lights. They take plain settings and return data-blocks."""

@@ -1,4 +1,4 @@
-"""A patch of ground or a rock as a plain mesh object of the user's own, which Build and Clear Scene leave alone."""
+"""A patch of ground or a rock as an ordinary mesh object, which Build Scene and Clear Scene do not change."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from .surface.patches_and_grain import mark_elevation
 
 
 def build_terrain_object(settings: Settings) -> bpy.types.Object:
-    """The procedural ground of the settings as a grid, not yet in a scene.
+    """The procedural ground of the settings as a grid; the caller links it to a scene.
 
     Raises IcyMoonError if Cycles is off or a texture of its material is not available.
     """
@@ -29,10 +29,10 @@ def build_terrain_object(settings: Settings) -> bpy.types.Object:
 
 
 def build_rock_object(settings: Settings, diameter_m: float) -> bpy.types.Object:
-    """One rock of the shape that the settings describe, standing on its origin, not yet in a scene.
+    """One rock of the shape in the settings, with its origin at its bottom; the caller links it to a scene.
 
-    ``diameter_m`` is that of a circle of the same area, seen from above. Raises IcyMoonError if Cycles is
-    off or a texture of its material is not available.
+    ``diameter_m`` is the diameter in metres of a circle of the same area, seen from above. Raises IcyMoonError if
+    Cycles is off or a texture of its material is not available.
     """
     engine.require()
     rocks = settings.rocks

@@ -1,4 +1,4 @@
-"""What Build made in a scene: found again, and what it shows of the settings."""
+"""The built part of a scene: finding it again, its settings, and whether it was edited by hand."""
 
 from __future__ import annotations
 
@@ -35,16 +35,16 @@ SETTINGS, FINGERPRINT, PREVIOUS_WORLD, PREVIOUS_CAMERA, PREVIOUS_VIEW, GROUND = 
     "icymoon_settings", "icymoon_fingerprint", "icymoon_previous_world", "icymoon_previous_camera",
     "icymoon_previous_view", "icymoon_ground")
 PREVIOUS_OSL = "icymoon_previous_osl"
-SITE = "icymoon_site_m"  # height of the ground that the camera stands on
+SITE = "icymoon_site_m"  # height of the ground under the camera
 CONTENT = "icymoon_content"  # hash of the user's own files
 ROUGHNESS = "icymoon_roughness"  # measured on the built ground
-PREVIEW = "icymoon_preview"  # settings that are shown otherwise than Build Scene would show them
-NOTES = "icymoon_notes"  # why not all settings are shown
+PREVIEW = "icymoon_preview"  # settings that are shown as a preview, not as Build Scene would show them
+NOTES = "icymoon_notes"  # why some settings are not shown
 
 
 @dataclass
 class Built:
-    """A scene that has been built: its collection, objects and the settings it was built from."""
+    """A built scene: its collection, its objects and the settings that it was built from."""
 
     collection: bpy.types.Collection
     terrain: bpy.types.Object
@@ -56,29 +56,29 @@ class Built:
 
     @property
     def ground(self) -> dict[str, Any]:
-        """Of a ground from a file, the ``report`` of its import; else empty."""
+        """For a ground from a file, the ``report`` of its import; otherwise empty."""
         return dict(json.loads(self.collection.get(GROUND, "{}")))
 
     @property
     def site_m(self) -> float:
-        """Height in metres of the ground that the camera was built to stand on."""
+        """Height in metres of the ground under the camera, as it was built."""
         return float(self.collection[SITE])
 
     @property
     def content(self) -> str:
-        """Hash of the content of the user's own files that it was built from; empty without any."""
+        """Hash of the content of the user's own files in the scene; empty if there are none."""
         return str(self.collection.get(CONTENT, ""))
 
     @property
     def extra(self) -> str:
-        """What identifies the scene beside the settings: the user's own files, what stands in, edits by hand.
+        """What identifies the scene besides its settings: the user's own files, nodes instead of OSL, edits by hand.
 
-        Raises IcyMoonError if there are edits that no mark would tell from others.
+        Raises IcyMoonError if there are edits that no mark can identify.
         """
-        return self.content + reflectance_laws.stand_in(self.settings) + self._edits()
+        return self.content + reflectance_laws.osl_substitute(self.settings) + self._edits()
 
     def _edits(self) -> str:
-        """The mark of what was edited and added by hand, and of the frame if that matters; empty without any."""
+        """The mark of everything edited or added by hand, and of the frame if it matters; empty without edits."""
         refuse_excluded(self.scene, self.collection)
         found = read_marks(self.collection)
         by_hand = sorted(differing(found.parts, self._known()))
@@ -90,20 +90,20 @@ class Built:
         return hashed([[(part, found.parts.get(part)) for part in (*by_hand, "added")], frame])
 
     def _known(self) -> dict[str, str]:
-        """The marks of what was built. Raises IcyMoonError if they cannot be compared with marks that are made here."""
+        """The marks of the scene as it was built. Raises IcyMoonError if they cannot be compared with present marks."""
         if self.outdated:
             raise IcyMoonError(self.outdated)
         return dict(json.loads(self.collection[FINGERPRINT]))
 
     @property
     def outdated(self) -> str:
-        """Why Icy Moon cannot tell whether the scene was edited by hand, in a sentence; empty if that can be told."""
-        if why := engine.why_not():  # whose settings count
+        """Why Icy Moon cannot detect edits by hand, in a sentence; empty if it can."""
+        if why := engine.why_unavailable():  # marks include the settings of Cycles
             return why
         if json.loads(self.collection[FINGERPRINT]).get(MAKER) == maker():
             return ""
-        return ("The scene was built by another version of Icy Moon or Blender, so edits by hand cannot be told from "
-                "what it made; press Build Scene to build it anew.")
+        return ("The scene was built by another version of Icy Moon or Blender, so edits by hand cannot be detected; "
+                "press Build Scene to build it again.")
 
     @property
     def materials(self) -> list[bpy.types.Material]:
@@ -121,35 +121,35 @@ class Built:
         return sum(len(item.data.vertices) for item in self.collection.all_objects if item.get(TAG) == "rock")
 
     def edited_parts(self, *wanted: str) -> set[str]:
-        """Which parts, of these parts and roles or of all, the user has changed since they were built.
+        """The parts that the user has edited since they were built, among the ``wanted`` parts and roles or all.
 
-        Raises IcyMoonError if that cannot be told.
+        Raises IcyMoonError if edits cannot be detected.
         """
         return edited_parts(self.collection, self._known(), *wanted)
 
     @property
     def sky(self) -> dict[str, Any]:
-        """Where the lights stand and how bright they are, see ``physics.light.sky.sky_facts``."""
+        """Positions and brightness of the lights, see ``physics.light.sky.sky_facts``."""
         return dict(json.loads(self.sun.get(SKY, "{}")))
 
     @property
     def several_lights(self) -> bool:
-        """Whether there may be other light than the Sun's: the planet's, stars', or that of what the user added."""
+        """Whether there may be light besides the Sun's: from the planet, stars or objects that the user added."""
         return (any(item.get(TAG) in ROLES for item in self.collection.all_objects)
                 or bool(added_objects(self.collection)))
 
     @property
     def edited(self) -> bool:
-        """Whether the user has changed or added something since it was built."""
+        """Whether the user has edited or added something since the scene was built."""
         return bool(added_objects(self.collection)) or bool(self.edited_parts())
 
     @property
     def preview(self) -> Settings:
-        """Settings of which a preview is shown, where ``settings`` say what was built; empty if none is."""
+        """Settings that are shown as a preview, in place of those of ``settings``; empty if there are none."""
         return typed(json.loads(self.collection.get(PREVIEW, "{}")))
 
     def remember(self, settings: Settings, preview: Parts, *changed: str) -> None:
-        """Remember what the scene shows now, of which the ``changed`` parts or roles are as they should be."""
+        """Store the settings that the scene shows now, and new marks of the ``changed`` parts or roles."""
         self.settings = merged(settings)
         self.collection[SETTINGS], self.collection[PREVIEW] = json.dumps(self.settings), json.dumps(preview)
         known = json.loads(self.collection[FINGERPRINT])
@@ -165,7 +165,7 @@ def find_collection(scene: bpy.types.Scene) -> bpy.types.Collection | None:
 
 
 def find(scene: bpy.types.Scene) -> Built | None:
-    """What Build made in this scene, or None if it has not, or if a part of it was deleted."""
+    """The built scene; None if nothing was built, or a part was deleted."""
     collection = find_collection(scene)
     if collection is None or SETTINGS not in collection:
         return None
@@ -177,7 +177,7 @@ def find(scene: bpy.types.Scene) -> Built | None:
 
 
 def refuse_excluded(scene: bpy.types.Scene, collection: bpy.types.Collection) -> None:
-    """Raise IcyMoonError if a part of what was built is kept out of the view layers, which renders do not follow."""
+    """Raise IcyMoonError if a built part is excluded from all view layers, which renders of pairs ignore."""
     ours = {collection, *collection.children_recursive}
 
     def kept_out(layer: bpy.types.LayerCollection) -> set[str]:
@@ -188,28 +188,28 @@ def refuse_excluded(scene: bpy.types.Scene, collection: bpy.types.Collection) ->
     names = set.intersection(*(kept_out(layer.layer_collection) for layer in scene.view_layers))
     if names:
         raise IcyMoonError(f"The collection {min(names)} is excluded from the view layer, held out or indirect only, "
-                           "which renders of pairs do not follow; undo that, and use its camera icon (Disable in "
-                           "Renders) instead.")
+                           "which renders of pairs ignore; undo that, and use its camera icon (Disable in Renders) "
+                           "instead.")
 
 
 def measured_roughness(scene: bpy.types.Scene) -> str:
-    """What Build measured on the ground it made from the ``terrain`` settings, in a line; empty if it made none."""
+    """A line with the measured roughness of ground that was built from ``terrain`` settings; empty for other ground."""
     built = find(scene)
     return str(built.collection.get(ROUGHNESS, "")) if built and not built.preview else ""
 
 
 def extra(settings: Settings) -> str:
-    """``Built.extra`` of the scene that settings would build."""
-    return content(settings) + reflectance_laws.stand_in(settings)
+    """``Built.extra`` of a scene newly built from settings."""
+    return content(settings) + reflectance_laws.osl_substitute(settings)
 
 
 def changed_settings(built: Built, settings: Settings) -> list[str]:
-    """Names of the settings that the built scene does not show yet, those of files also if the content is another."""
+    """Names of the settings that the built scene does not show yet, and of files whose content has changed."""
     shown = [(topic.key, s.key) for topic in TOPICS.values() for s in topic.settings
              if s.effect in ("geometry", "material", "light", "camera")]
     changed = [f"{topic}.{key}" for topic, key in shown
                if built.settings.get(topic, {}).get(key) != settings[topic][key]]
-    # A file that is gone changes nothing: what was built from it is still there.
+    # A missing file changes nothing: the scene still contains what was built from it.
     if are_there(settings) and built.content != content(settings):
         changed += used_files(settings)
     return changed

@@ -1,20 +1,20 @@
-"""Cycles renders all images, and what is built is set up for it."""
+"""Whether Cycles is enabled, which renders all images and needs its own settings in built scenes."""
 
 from __future__ import annotations
 
 from .. import compat
 from ..errors import IcyMoonError
 
-_OFF = ("Cycles is switched off, and only Cycles renders what Icy Moon builds; enable the add-on Cycles Render Engine "
-        "in Preferences ▸ Add-ons.")
+_OFF = ("Cycles is switched off, but Icy Moon renders with it; enable the add-on Cycles Render Engine in Preferences ▸ "
+        "Add-ons.")
 
 
-def why_not() -> str:
-    """Why nothing can be built or rendered here, in a sentence; empty if it can."""
+def why_unavailable() -> str:
+    """Why this Blender cannot build and render, in a sentence; empty if it can."""
     return "" if compat.has_cycles() else _OFF
 
 
 def require() -> None:
     """Raise IcyMoonError if Cycles is switched off."""
-    if why := why_not():
+    if why := why_unavailable():
         raise IcyMoonError(why)

@@ -1,4 +1,4 @@
-"""Whether the eyes of a built scene are in its ground or in a rock, asked of what is rendered itself."""
+"""Whether the eyes of a built scene are inside its ground or a rock, tested on the rendered meshes."""
 
 from __future__ import annotations
 
@@ -16,30 +16,33 @@ from .datablocks.fingerprint import TAG
 from .rig import eye_poses
 
 _UP = Vector((0.0, 0.0, 1.0))
-#: Faces that a ray may pass before it is given up, of objects that are the user's own.
+#: Maximum number of faces of the user's own objects that a ray passes before the test gives up.
 _MOST_PASSED = 1000
 
 
 def reasons_when_built(built: Built, scene: bpy.types.Scene | None = None) -> list[str]:
-    """The reasons for the eyes of a scene that was only built: those of its description, else of its mesh, where that
-    is not as fine under the camera as the images show. For ``scene`` see ``reasons``."""
+    """``reasons`` for a scene that was just built.
+
+    They follow from the settings if possible. The mesh is tested only if it may be coarser than the images under the
+    camera.
+    """
     settings = built.settings
     graded = settings.source.kind == "PROCEDURAL" and settings.mesh.kind == "GRADED"
     return list(refused_scenes.find_reasons(settings)) or ([] if graded else reasons(built, scene=scene))
 
 
 def reasons(built: Built, turn_deg: float = 0.0, scene: bpy.types.Scene | None = None) -> list[str]:
-    """Why the camera of what is built sees black from where it is, turned so far: sentences, none if it does not.
+    """Sentences on each eye that sees only black because it is inside the ground or a rock.
 
-    A ray upward from an eye in the ground or in a rock leaves by the outer side of a face; from the open it meets an
-    overhang's other side, or nothing. Asked in ``scene``, which shows what is built and nothing else, or in one that
-    comes and goes, so that nothing is computed in the scene of the user.
+    The rig is turned clockwise by ``turn_deg``. A ray upward from inside the ground or a rock leaves through the outer
+    side of a face. From outside it hits nothing, or enters an overhang. The test runs in ``scene``, which contains
+    only the built scene, or in a temporary scene, so that Blender computes nothing in the user's scene.
     """
-    with nullcontext(scene) if scene else _make_scene(built) as asked:
-        layer = asked.view_layers[0]
+    with nullcontext(scene) if scene else _make_scene(built) as test_scene:
+        layer = test_scene.view_layers[0]
         layer.update()
         poses = eye_poses(built.camera.evaluated_get(layer.depsgraph).matrix_world, built.settings.rig.baseline_m)
-        found = [_reason_of_eye(asked, layer.depsgraph, built, eye, position)
+        found = [_reason_of_eye(test_scene, layer.depsgraph, built, eye, position)
                  for eye, position in _positions(poses, turn_deg).items()]
     return [sentence for sentence in found if sentence]
 
@@ -55,7 +58,7 @@ def _make_scene(built: Built) -> Iterator[bpy.types.Scene]:
 
 
 def _positions(poses: dict[str, np.ndarray], turn_deg: float) -> dict[str, Vector]:
-    """Where the eyes are when the rig is turned clockwise about the vertical through the left one."""
+    """Positions of the eyes after the rig is turned clockwise about the vertical through the left eye."""
     left, turn = poses["left"][:3, 3], np.radians(-turn_deg)
     x, y, z = poses["right"][:3, 3] - left
     right = left + np.array([x * np.cos(turn) - y * np.sin(turn), x * np.sin(turn) + y * np.cos(turn), z])
@@ -74,8 +77,10 @@ def _reason_of_eye(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph, built
 
 def _cast_ray(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph, start: Vector,
               toward: Vector) -> tuple[str, float, bool]:
-    """The role of the ground or rock that a ray meets first, empty for none, how far that is in metres, and whether
-    the ray leaves it there; what is the user's own is passed."""
+    """Role and distance in metres of the first ground or rock that a ray hits, and whether the ray leaves it there.
+
+    The role is empty if the ray hits none. The ray passes the user's own objects.
+    """
     at = start
     for _ in range(_MOST_PASSED):
         hit, place, normal, _, item, _ = scene.ray_cast(depsgraph, at, toward)

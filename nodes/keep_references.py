@@ -1,7 +1,7 @@
-"""Building again in what is there, so that whatever points to the ground, the Sun or the camera still does.
+"""Builds again into the existing objects, so that references to the ground, the Sun or the camera stay valid.
 
-Objects stay, with what the window knows of them: names, selection, whether they are hidden in views. What they hold
-takes the place of what they held, for everyone who uses it.
+Objects keep their names, their selection and whether they are hidden in views. Their new data replaces the old data
+for all its users.
 """
 
 from __future__ import annotations
@@ -15,32 +15,32 @@ from .datablocks.fingerprint import OWN, TAG
 from .datablocks.stored_properties import stored_properties
 from .remove import leftovers, remove_if_unused
 
-#: What is given to an object or made in it by itself.
-_BY_ITSELF = {"data", "animation_data", "pose"}
+#: Properties that ``_copy_properties`` does not copy: they are set, or made by Blender, separately.
+_SET_SEPARATELY = {"data", "animation_data", "pose"}
 
 
 def owned_blocks(collection: bpy.types.Collection) -> dict[str, Any]:
-    """What a built collection states is its own: objects by role, "ROLE data" and "ROLE material"."""
+    """The data-blocks that a built collection owns: objects by role, "ROLE data" and "ROLE material"."""
     return {key.removeprefix(OWN): collection[key] for key in collection.keys()  # noqa: SIM118 - no mapping
             if key.startswith(OWN) and collection[key] is not None}
 
 
-def set_owned_blocks(collection: bpy.types.Collection, what: dict[str, Any]) -> None:
-    """Say what is a built collection's own, and nothing else."""
+def set_owned_blocks(collection: bpy.types.Collection, blocks: dict[str, Any]) -> None:
+    """Replace the data-blocks that a built collection owns."""
     for key in [key for key in collection.keys() if key.startswith(OWN)]:  # noqa: SIM118
         del collection[key]
-    for name, block in what.items():
+    for name, block in blocks.items():
         collection[f"{OWN}{name}"] = block
 
 
 def is_owned_elsewhere(collection: bpy.types.Collection, block: Any) -> bool:
-    """Whether another built collection has a data-block too, as the full copy of a scene has its materials."""
+    """Whether another built collection owns a data-block too. After a full copy of a scene, both own the materials."""
     return any(block in owned_blocks(other).values() for other in bpy.data.collections
                if other != collection and other.get(TAG) == "scene")
 
 
 def replace_block(old: Any, new: Any) -> None:
-    """Put a new data-block in the place of an old one, with its name and for all its users."""
+    """Replace a data-block for all its users. The new one takes its name."""
     name = old.name
     old.user_remap(new)
     bpy.data.batch_remove([old])
@@ -48,7 +48,7 @@ def replace_block(old: Any, new: Any) -> None:
 
 
 def update_object(old: bpy.types.Object, new: bpy.types.Object) -> bpy.types.Object:
-    """Make an object what ``new`` is, which is gone afterwards, and return it."""
+    """Give an object the data and properties of ``new``, remove ``new``, and return the object."""
     found = leftovers([old])
     _clear_object(old)
     old.data = new.data
@@ -78,12 +78,12 @@ def _clear_object(item: bpy.types.Object) -> None:
 
 
 def _copy_properties(old: Any, new: Any) -> None:
-    """Give a structure the properties of another that count; what only the window shows stays."""
+    """Copy the properties that a render can show from ``new`` to ``old``; those of the window stay."""
     kind: Any = type(new)
-    # Blender turns all rotations into those of another mode.
+    # The rotation mode comes first: Blender converts all rotations when it changes.
     for name, how in sorted(stored_properties(kind), key=lambda each: each[0] != "rotation_mode"):
         value = getattr(new, name)
-        if name in _BY_ITSELF or how == "items":
+        if name in _SET_SEPARATELY or how == "items":
             continue
         if not new.bl_rna.properties[name].is_readonly:
             if how != "pointer" or getattr(old, name) != value:

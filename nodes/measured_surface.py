@@ -1,8 +1,8 @@
-"""The surface that a matcher measured, over the true one: each point a small square in the colour of its error.
+"""The surface that a matcher measured: each point is a small square in the colour of its error.
 
-Squares, not a point cloud: every Blender and every shading of the viewport shows a mesh's colours. They are drawn in
-front of everything, since what is too far lies under the true ground: half of the errors would be hidden by it, and
-those that are seen would all be too near. So the ground itself is left as it is.
+It consists of squares because every Blender shows the colours of a mesh, in every shading of the viewport, but not
+those of a point cloud. The squares are drawn in front of everything. Otherwise the true ground would hide all points
+that are too far.
 """
 
 from __future__ import annotations
@@ -21,30 +21,32 @@ from .datablocks.fingerprint import TAG
 from .tree.builder import Tree
 
 NAME = "Icy Moon Measured Surface"
-ROLE = "measured surface"  # value of the custom property that marks what is made here
+ROLE = "measured surface"  # value of the custom property ``TAG`` of objects, collection and material
 _COLOUR = "error"  # colour attribute
-_COUNTS = "icymoon_points"  # custom property, see _counts
-#: Depth errors, m, at the ends of the colours: white up to the first, full from the second on, as the evaluator's
-#: scale has them.
+_COUNTS = "icymoon_points"  # custom property, see ``_counts``
+#: Depth errors, m, at the ends of the evaluator's colour scale: white up to the first, full colour from the second.
 RIGHT_M, FULL_M = 0.01, 1.0
 _CORNERS = np.array([(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)])
 
 
 def read_points(path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Positions (n, 3) m, unit vectors to the camera (n, 3), sRGB colours (n, 3) 0 to 1, widths (n,) m and errors (n,)
-    m, NaN without a true depth, of a file that the evaluator wrote. Raises IcyMoonError if it is gone or damaged."""
+    """Read a file of points that the evaluator wrote. Raises IcyMoonError if it is missing or damaged.
+
+    Returns positions (n, 3) in metres, unit vectors to the camera (n, 3), sRGB colours (n, 3) from 0 to 1, widths (n,)
+    in metres, and depth errors (n,) in metres, which are NaN without a true depth.
+    """
     try:
         table = ply.read_properties(path, "x", "y", "z", "nx", "ny", "nz", "red", "green", "blue", "size_m", "error_m")
     except (OSError, ValueError):
         table = None
     if table is None or not np.isfinite(table[:, :10]).all():
-        raise IcyMoonError(f"{path} is gone or damaged; press Evaluate again.")
+        raise IcyMoonError(f"{path} is missing or damaged; press Evaluate again.")
     return table[:, :3], table[:, 3:6], table[:, 6:9] / 255.0, table[:, 9], table[:, 10]
 
 
 def squares(position: np.ndarray, toward: np.ndarray, width: np.ndarray) -> np.ndarray:
     """Corners (n, 4, 3), counter-clockwise seen from the camera, of squares of ``width`` that face it."""
-    # Two axes across the line of sight; the second start serves where a line of sight is vertical.
+    # Two axes across the line of sight. Where it is nearly vertical, they start from y instead of z.
     up = np.where(np.abs(toward[:, 2:]) < 0.99, [[0.0, 0.0, 1.0]], [[0.0, 1.0, 0.0]])
     right = np.cross(up, toward)
     right /= np.linalg.norm(right, axis=1, keepdims=True)
@@ -53,10 +55,10 @@ def squares(position: np.ndarray, toward: np.ndarray, width: np.ndarray) -> np.n
 
 
 def build_points(scene: bpy.types.Scene, paths: Iterable[Path], title: str) -> bpy.types.Object:
-    """Show the points of the files as one object, in a collection of their own, instead of earlier ones.
+    """Show the points of the files as one object in its own collection, which replaces an earlier one.
 
-    The object is drawn in front of others and never rendered, and is no part of the built scene. Raises IcyMoonError,
-    changing nothing, if a file cannot be used or all are empty.
+    The object is drawn in front of others and never rendered. It is no part of the built scene. Raises IcyMoonError
+    before any change if a file cannot be used or all files are empty.
     """
     paths = list(paths)
     position, toward, colour, width, error = (np.concatenate(parts)
@@ -80,17 +82,18 @@ def build_points(scene: bpy.types.Scene, paths: Iterable[Path], title: str) -> b
 
 
 def _counts(error_m: np.ndarray, missing: list[int | None]) -> dict[str, int]:
-    """Points by what became of them; ``missing`` is left out where a file of an older version does not say it."""
+    """Number of points by the kind of their error. Files of older versions do not contain the number of ``missing``."""
     counts = {"far": int((error_m > RIGHT_M).sum()), "near": int((error_m < -RIGHT_M).sum()),
               "right": int((np.abs(error_m) <= RIGHT_M).sum()), "unknown": int(np.isnan(error_m).sum())}
     return counts if None in missing else counts | {"missing": sum(count or 0 for count in missing)}
 
 
 def legend(scene: bpy.types.Scene) -> tuple[tuple[str, str], ...]:
-    """What the colours of the shown surface mean and how many points have them: lines of text, each with an icon."""
+    """The meaning of the colours of the shown surface and the share of points of each: (text, icon) of each line."""
     item = find_points(scene)
-    held: Any = item.get(_COUNTS) if item else None
-    counts = {key: number for key, number in held.items() if isinstance(number, int)} if hasattr(held, "items") else {}
+    stored: Any = item.get(_COUNTS) if item else None
+    counts = ({key: number for key, number in stored.items() if isinstance(number, int)}
+              if hasattr(stored, "items") else {})
     true = sum(counts.get(key, 0) for key in ("far", "near", "right", "missing"))
     if not true:
         return ()
@@ -125,7 +128,7 @@ def _build_mesh(corners: np.ndarray, colour: np.ndarray) -> bpy.types.Mesh:
 
 
 def _build_material() -> bpy.types.Material:
-    """The squares' own colours, whatever the light."""
+    """A material that shows the colours of the squares independent of the light."""
     material = bpy.data.materials.new(NAME)
     material[TAG] = ROLE
     tree = Tree(compat.ensure_nodes(material))
@@ -145,7 +148,7 @@ def find_points(scene: bpy.types.Scene) -> bpy.types.Object | None:
 
 
 def clear_points(scene: bpy.types.Scene) -> bool:
-    """Remove what ``build_points`` made in this scene, all of it; whether there was anything."""
+    """Remove everything that ``build_points`` made in this scene; whether there was anything."""
     collections = [c for c in scene.collection.children if c.get(TAG) == ROLE]
     for collection in collections:
         items = [item for item in collection.objects if item.get(TAG) == ROLE]

@@ -1,6 +1,6 @@
-"""From one description to the next with the least work, for a program that renders many.
+"""Changes the built scene to other settings with as little work as possible, for programs that render many scenes.
 
-The result is the scene that Build Scene would make of the description in an empty file.
+The result is the scene that Build Scene would build from the settings in an empty file.
 """
 
 from __future__ import annotations
@@ -22,23 +22,23 @@ from .surface import ground_and_rock_materials, reflectance_laws
 
 
 def open_empty_scene(settings: Settings) -> Built:
-    """Build a described scene in a new, empty file; what was open is gone, with all that it held in memory."""
+    """Open a new, empty file and build a scene in it. This frees the memory of the previous file."""
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     return build(bpy.context.scene, settings)
 
 
 def adapt_scene(built: Built | None, settings: Settings) -> tuple[Built, bool]:
-    """The built scene of complete ``settings``, and whether it was made out of ``built``, which nobody has edited.
+    """The built scene of complete ``settings``, and whether it was made from ``built``, which must be unedited.
 
-    Surfaces, lights and camera are made anew where their settings differ. Where more differs, or
-    without a scene, a new file is opened. Raises IcyMoonError as ``build`` does; there is no scene then.
+    Surfaces, lights and camera are made again if their settings differ. If more differs, or there is no built scene, a
+    new file is opened. Raises IcyMoonError as ``build`` does; then there is no scene.
     """
     if built is None or SETTINGS not in built.collection or changes.scene(settings) != changes.scene(built.settings):
         return open_empty_scene(settings), False
     if content(settings) != built.content:
         return open_empty_scene(settings), False
     preview.show_settings(built, settings, int(settings.terrain.resolution))
-    if preview.notes(bpy.context.scene) or built.preview:  # what cannot be shown is refused, or takes a new scene
+    if preview.notes(bpy.context.scene) or built.preview:  # the preview cannot show these settings
         return open_empty_scene(settings), False
     built.remember(settings, {})
     warnings = [*ground_and_rock_materials.advice(settings), *reflectance_laws.advice(settings),
@@ -46,5 +46,5 @@ def adapt_scene(built: Built | None, settings: Settings) -> tuple[Built, bool]:
                 *rounding_advice(settings.rig, built.site_m), *refused_scenes.scene_advice(settings)]
     now = find(bpy.context.scene)
     if now is None:
-        raise IcyMoonError("A part of the built scene is gone; render the pair again.")
+        raise IcyMoonError("A part of the built scene is missing; render the pair again.")
     return Built(now.collection, now.terrain, now.sun, now.camera, now.settings, now.scene, tuple(warnings)), True

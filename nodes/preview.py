@@ -1,8 +1,8 @@
-"""What changed settings look like, at once, in the scene that is built.
+"""Shows changed settings at once in the built scene.
 
-Light, camera and surfaces become what Build Scene would make of them. The ground becomes a coarse
-grid of the same height function with the largest rocks on it, which Build Scene replaces and
-nothing renders. What the user has edited by hand is left as it is, and so is a ground from a file.
+Light, camera and surfaces become as Build Scene would make them. The ground becomes a coarse grid of the same height
+function with the largest rocks, which is never rendered and which Build Scene replaces. Parts that the user has edited
+by hand, and ground from a file, stay as they are.
 """
 
 from __future__ import annotations
@@ -39,24 +39,24 @@ from .surface.images import remove_unused_images
 from .surface.patches_and_grain import mark_elevation
 from .tree.builder import take_values
 
-#: Most rocks that a preview shows; the smallest are left out.
+#: Maximum number of rocks in a preview. The smallest are left out.
 MOST_ROCKS = 1000
-_EDITED = "The {} was edited by hand, so sliders leave it as it is; Build Scene makes it anew."
+_EDITED = "The {} was edited by hand, so sliders do not change it; press Build Scene to build it again."
 
 
 def notes(scene: bpy.types.Scene) -> list[str]:
-    """What the user should know about how the scene shows the settings: sentences, none if it shows them all."""
+    """Sentences on settings that the scene does not show, or shows as a preview; none if it shows all of them."""
     collection = scenes.find_collection(scene)
     if collection is None:
         return []
-    said: list[str] = json.loads(collection.get(scenes.NOTES, "[]"))
-    shows = json.loads(collection.get(scenes.PREVIEW, "{}"))
-    return said + (["Preview: press Build Scene"] if shows and not said else [])
+    sentences: list[str] = json.loads(collection.get(scenes.NOTES, "[]"))
+    previewed = json.loads(collection.get(scenes.PREVIEW, "{}"))
+    return sentences + (["Preview: press Build Scene"] if previewed and not sentences else [])
 
 
 def set_notes(built: scenes.Built, sentences: list[str]) -> None:
-    """Set what ``notes`` states; nothing is written where nothing changes."""
-    sentences = list(dict.fromkeys(sentences))  # one cause, such as a file that is missing, may keep two parts back
+    """Store the sentences of ``notes``, unless they are stored already."""
+    sentences = list(dict.fromkeys(sentences))  # one cause, such as a missing file, may affect two parts
     if json.dumps(sentences) != built.collection.get(scenes.NOTES, "[]"):
         built.collection[scenes.NOTES] = json.dumps(sentences)
 
@@ -64,38 +64,38 @@ def set_notes(built: scenes.Built, sentences: list[str]) -> None:
 def show_settings(built: scenes.Built, settings: Settings, side: int) -> bool:
     """Show complete ``settings`` in a built scene, the ground with at most ``side`` vertices per side.
 
-    Returns whether the ground was made anew. What cannot be shown is in ``notes``; nothing is raised for it.
+    Returns whether the ground was made again. Settings that cannot be shown raise no error: ``notes`` reports them.
     """
-    said: list[str] = []
+    messages: list[str] = []
     before = merged(built.settings, built.preview)
     ground = None
     if geometry(settings) != geometry(before):
         try:
             ground = _show_ground(built, settings, side)
         except IcyMoonError as error:
-            said.append(str(error))
+            messages.append(str(error))
             settings = merged(settings, geometry(before))
-    said += _show_surfaces(built, settings, before)
+    messages += _show_surfaces(built, settings, before)
     if settings_of_lights(settings) != settings_of_lights(before):
         if built.edited_parts("sun"):
-            said.append(_EDITED.format("Sun"))
+            messages.append(_EDITED.format("Sun"))
         else:
-            said += _show_lights(built, settings)
+            messages += _show_lights(built, settings)
     if merged(built.settings, built.preview) != before:
         _show_sunlight(built)
     if settings.rig != before.rig or ground is not None:
         if built.edited_parts("camera"):
-            said.append(_EDITED.format("camera"))
+            messages.append(_EDITED.format("camera"))
         else:
             _show_rig(built, settings, ground)
-    set_notes(built, said)
+    set_notes(built, messages)
     return ground is not None
 
 
 def _show_sunlight(built: scenes.Built) -> None:
-    """Make surfaces and lamp agree; what the user has edited of either stays an edit.
+    """Update what surfaces and lamps know of each other, without losing the marks of the user's edits.
 
-    What surfaces know of the Sun is no part of their marks.
+    The Sun's direction in surfaces is no part of their marks.
     """
     parts = ("sun object", "planetshine object", "terrain object", "rock object")
     by_hand = built.edited_parts(*parts)
@@ -104,12 +104,12 @@ def _show_sunlight(built: scenes.Built) -> None:
 
 
 def _show_ground(built: scenes.Built, settings: Settings, side: int) -> Surface:
-    """Make the ground and its rocks as ``settings`` say, coarsely, and return the ground's height function.
+    """Make a coarse ground with rocks from ``settings``, and return the height function of the ground.
 
-    Raises IcyMoonError if that cannot or must not be done; the scene is then unchanged.
+    Raises IcyMoonError, without changing the scene, if the ground is from a file, being edited or edited by hand.
     """
     if is_from_file(settings):
-        raise IcyMoonError("Your own ground and the rocks on it are made by Build Scene, not while settings change.")
+        raise IcyMoonError("Ground from a file has no live preview; press Build Scene to build it with its rocks.")
     if built.terrain.mode != "OBJECT":
         raise IcyMoonError("The ground is being edited; leave Edit or Sculpt Mode to see changes of its settings.")
     by_hand = {part.split()[0] for part in built.edited_parts("terrain object", "terrain data", "rock object",
@@ -120,7 +120,7 @@ def _show_ground(built: scenes.Built, settings: Settings, side: int) -> Surface:
     ground = scenes.ground_of(settings)
     positions, faces = grid(coarse.terrain, ground)
     rocks = _scatter_largest(coarse, positions) if coarse.rocks.coverage > 0 else None
-    # Nothing is refused from here on.
+    # From here on nothing raises, so the scene is changed completely or not at all.
     fill_mesh(built.terrain.data, positions, faces)
     mark_elevation(built.terrain.data, settings.surface)
     changed = _show_rocks(built, coarse, rocks)
@@ -134,7 +134,7 @@ def _coarse_shapes(settings: Settings) -> tuple[tuple[Shape, ...], ...]:
 
 
 def _scatter_largest(settings: Settings, positions: np.ndarray) -> Rocks:
-    """The largest of the described rocks, of the coarsest shapes, on a grid of positions (n², 3)."""
+    """The largest rocks of the settings, with the coarsest shapes, on a grid of positions (n², 3)."""
     rocks, rig, size = settings.rocks, settings.rig, float(settings.terrain.size_m)
     n = round(len(positions) ** 0.5)
     pixel = size / (n - 1)
@@ -147,60 +147,61 @@ def _scatter_largest(settings: Settings, positions: np.ndarray) -> Rocks:
 
 
 def _show_rocks(built: scenes.Built, settings: Settings, rocks: Rocks | None) -> tuple[str, ...]:
-    """Put ``rocks`` in the place of the rocks there are; which parts that has changed."""
-    there = next((item for item in built.collection.all_objects if item.get(TAG) == "rock"), None)
+    """Replace the rocks in the scene by ``rocks``; the names of the changed parts."""
+    old = next((item for item in built.collection.all_objects if item.get(TAG) == "rock"), None)
     if rocks is None:
-        scenes.remove([there] if there else [])
+        scenes.remove([old] if old else [])
         return ("rock",)
-    ice = next((shape.data.materials[0] for shape in instanced_objects(there)), None) if there else None
+    ice = next((shape.data.materials[0] for shape in instanced_objects(old)), None) if old else None
     new = build_rocks(f"{scenes.NAME} Rock", rocks, _coarse_shapes(settings),
                       ice or build_rock_material(settings, built.terrain.data), TAG)
-    if there is None:
-        there = new
-        there[TAG] = "rock"
-        next(c for c in built.collection.children if c.get(TAG) == "rocks").objects.link(there)
+    if old is None:
+        shown = new
+        shown[TAG] = "rock"
+        next(c for c in built.collection.children if c.get(TAG) == "rocks").objects.link(shown)
     else:
-        there.data, new.data = new.data, there.data
-        ours, theirs = there.modifiers[0], new.modifiers[0]
+        shown = old
+        shown.data, new.data = new.data, shown.data
+        ours, theirs = shown.modifiers[0], new.modifiers[0]
         ours.node_group, theirs.node_group = theirs.node_group, ours.node_group
         scenes.remove([new])
-    scenes.free_names([there.data, *parts_of(there, TAG), *(shape.data for shape in instanced_objects(there))])
+    scenes.free_names([shown.data, *parts_of(shown, TAG), *(shape.data for shape in instanced_objects(shown))])
     return ("rock object", "rock data") if ice else ("rock",)
 
 
 def _show_surfaces(built: scenes.Built, settings: Settings, before: Settings) -> list[str]:
-    """Make ground and rocks of what ``settings`` say; what keeps that from being done, in sentences."""
+    """Replace the materials of ground and rocks by those of ``settings``; sentences on those that stay."""
     seeds = settings.dataset.seed, before.dataset.seed
     if changes.look(settings) == changes.look(before) and seeds[0] == seeds[1]:
         return []
-    made = {"terrain": ("ground", build_ground_material, [built.terrain]),
-            "rock": ("blocks", build_rock_material,
-                     [shape for item in built.collection.all_objects if item.get(TAG) == "rock"
-                      for shape in instanced_objects(item)])}
-    by_hand = built.edited_parts(*(f"{role} materials" for role in made))
-    said: list[str] = []
+    builders = {"terrain": ("ground", build_ground_material, [built.terrain]),
+                "rock": ("rocks", build_rock_material,
+                         [shape for item in built.collection.all_objects if item.get(TAG) == "rock"
+                          for shape in instanced_objects(item)])}
+    by_hand = built.edited_parts(*(f"{role} materials" for role in builders))
+    messages: list[str] = []
     changed: list[str] = []
     if bool(settings.surface.trough_dirt) != bool(before.surface.trough_dirt):
         changed += [] if built.edited_parts("terrain data") else ["terrain data"]
         mark_elevation(built.terrain.data, settings.surface, _roundness(built))
-    for role, (name, make, items) in made.items():
+    for role, (name, make, items) in builders.items():
         if f"{role} materials" in by_hand:
-            said.append(_EDITED.format(f"surface of the {name}"))
+            messages.append(_EDITED.format(f"surface of the {name}"))
         elif items:
             try:
                 _replace_material(items[0].data.materials[0], make(settings, built.terrain.data))
                 changed.append(f"{role} materials")
             except IcyMoonError as error:  # an image that cannot be read
-                said.append(str(error))
+                messages.append(str(error))
                 break
     remove_unused_images()
-    shown = built.settings if said else merged(built.settings, changes.materials(settings))
+    shown = built.settings if messages else merged(built.settings, changes.materials(settings))
     built.remember(shown, built.preview, *changed)
-    return said
+    return messages
 
 
 def _roundness(built: scenes.Built) -> Callable[[np.ndarray, np.ndarray], np.ndarray] | None:
-    """How far the ground that is shown falls at coordinates, like the body; None where it is flat."""
+    """Function that returns how far the curved ground drops below the plane at coordinates; None for flat ground."""
     if is_from_file(built.settings) or built.settings.mesh.kind != "GRADED" or "terrain" in built.preview:
         return None
     rig, radius = built.settings.rig, float(built.settings.terrain.body_radius_m)
@@ -208,7 +209,7 @@ def _roundness(built: scenes.Built) -> Callable[[np.ndarray, np.ndarray], np.nda
 
 
 def _replace_material(old: bpy.types.Material, new: bpy.types.Material) -> None:
-    """Make one material what another is, which is gone afterwards; its own nodes stay if only numbers differ."""
+    """Replace a material by a new one. If only numbers differ, the old material takes them and keeps its nodes."""
     if old.displacement_method == new.displacement_method and take_values(old.node_tree, new.node_tree):
         bpy.data.materials.remove(new)
         return
@@ -218,7 +219,7 @@ def _replace_material(old: bpy.types.Material, new: bpy.types.Material) -> None:
 
 
 def _show_lights(built: scenes.Built, settings: Settings) -> list[str]:
-    """Make the lights what ``settings`` say; what keeps that from being done, in sentences."""
+    """Change the lights to those of ``settings``; a sentence if the sky cannot be computed."""
     try:
         sky = described_sky(settings)
     except IcyMoonError as error:  # no such date, or no kernels
@@ -232,18 +233,18 @@ def _show_lights(built: scenes.Built, settings: Settings) -> list[str]:
 
 
 def _show_rig(built: scenes.Built, settings: Settings, ground: Surface | None) -> None:
-    """Put the camera where ``settings`` say, on the ``ground`` if it has been made already.
+    """Move the camera to the site of ``settings``, on ``ground`` if it has been made already.
 
-    On a ground from a file, away from where it was built, the camera is only nearly there.
+    On ground from a file, away from the site where it was built, the height is that of the mesh and only approximate.
     """
     rig, preview = settings.rig, {topic: values for topic, values in built.preview.items() if topic != "rig"}
-    site_m, stood = built.site_m, built.settings.rig
-    moved = (rig.x_m, rig.y_m) != (stood.x_m, stood.y_m)
+    site_m, built_rig = built.site_m, built.settings.rig
+    moved = (rig.x_m, rig.y_m) != (built_rig.x_m, built_rig.y_m)
     if not is_from_file(settings):
         if moved or ground is not None or preview:
             site_m = scenes.site_ground_m(settings, ground or scenes.ground_of(settings))
         if settings.mesh.kind == "GRADED":  # the mesh was made for the rig that it was built with
-            other = {key: stood[key] for key in OF_THE_RIG if stood[key] != rig[key]}
+            other = {key: built_rig[key] for key in OF_THE_RIG if built_rig[key] != rig[key]}
             preview |= {"rig": {key: rig[key] for key in other}} if other else {}
             settings = merged(settings, {"rig": other})
     elif moved:
@@ -251,7 +252,7 @@ def _show_rig(built: scenes.Built, settings: Settings, ground: Surface | None) -
             under = float(height_at(np.array([rig.x_m]), np.array([rig.y_m]))[0])
         site_m = site_m if math.isnan(under) else under
         preview["rig"] = {"x_m": rig.x_m, "y_m": rig.y_m}
-        settings = merged(settings, {"rig": {"x_m": stood.x_m, "y_m": stood.y_m}})
+        settings = merged(settings, {"rig": {"x_m": built_rig.x_m, "y_m": built_rig.y_m}})
     place_rig(built.camera, rig, site_m)
     if moved and not preview:
         built.collection[scenes.SITE] = site_m

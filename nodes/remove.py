@@ -1,4 +1,4 @@
-"""Removing what was built, with all that only it uses."""
+"""Removes built objects with the data-blocks that only they use."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from .surface.images import remove_unused_images
 
 
 def with_parts(objects: list[bpy.types.Object]) -> tuple[list[bpy.types.Object], list[Any]]:
-    """Objects with those that others among them are made with, and the other data-blocks of that kind."""
+    """Objects with the shapes of rocks that they instance, and the node groups and collections of these instances."""
     others = [part for item in objects for part in parts_of(item, TAG)]
     return ([*objects, *(part for part in others if isinstance(part, bpy.types.Object))],
             [part for part in others if not isinstance(part, bpy.types.Object)])
@@ -26,7 +26,7 @@ def materials_of(objects: list[bpy.types.Object]) -> set[bpy.types.Material]:
 
 
 def remove_unused(meshes: Iterable[Any], others: Iterable[Any]) -> None:
-    """Remove data-blocks that nothing uses: an orphaned mesh would stay in memory for good."""
+    """Remove data-blocks without users: an orphaned mesh would stay in memory."""
     for blocks in (meshes, others):
         unused = [block for block in blocks if block is not None and block.users == 0]
         if unused:
@@ -34,7 +34,7 @@ def remove_unused(meshes: Iterable[Any], others: Iterable[Any]) -> None:
 
 
 def remove_leftovers() -> None:
-    """Remove built worlds, lamps' collections and shapes of rocks that are no longer used."""
+    """Remove built worlds, collections of lamps and shapes of rocks that have no users."""
     parts = [block for kind in (bpy.data.node_groups, bpy.data.collections, bpy.data.objects) for block in kind
              if block.get(TAG) in ("rock shapes", "rock shape")]
     remove_if_unused((parts, {item.data for item in parts if isinstance(item, bpy.types.Object)}, set()))
@@ -43,7 +43,7 @@ def remove_leftovers() -> None:
 
 
 def leftovers(objects: list[bpy.types.Object]) -> tuple[list[Any], set[Any], set[Any]]:
-    """What may be of no use once objects are gone: what they are made with, their data and their materials."""
+    """What may have no users after objects are removed: their parts, their data and their materials."""
     every, others = with_parts(objects)
     parts = [*others, *(item for item in every if item not in objects)]
     return (parts, {item.data for item in every if item.data is not None},
@@ -51,9 +51,9 @@ def leftovers(objects: list[bpy.types.Object]) -> tuple[list[Any], set[Any], set
 
 
 def remove_if_unused(found: tuple[list[Any], set[Any], set[Any]]) -> None:
-    """Remove of ``leftovers`` what nothing uses now; copies of a scene may use the rest."""
+    """Remove those of ``leftovers`` that have no users. Copies of a scene may use the others."""
     parts, data, materials = found
-    for kind in (bpy.types.NodeTree, bpy.types.Collection, bpy.types.Object):  # each is held by the one before
+    for kind in (bpy.types.NodeTree, bpy.types.Collection, bpy.types.Object):  # each uses the next
         remove_unused([], [part for part in parts if isinstance(part, kind)])
     remove_unused(data, materials)
     remove_unused_images()
@@ -68,7 +68,7 @@ def remove(objects: list[bpy.types.Object]) -> None:
 
 
 def _release(blocks: list[Any]) -> None:
-    """Let no built collection hold data-blocks that are to go."""
+    """Remove references of built collections to data-blocks that will be removed."""
     for collection in bpy.data.collections:
         for key in [key for key in collection.keys() if key.startswith(OWN)]:  # noqa: SIM118 - no mapping
             if collection[key] in blocks:
@@ -76,6 +76,6 @@ def _release(blocks: list[Any]) -> None:
 
 
 def free_names(blocks: Iterable[Any]) -> None:
-    """Give data-blocks the names that were taken by those which they replace."""
+    """Give data-blocks their names without a number, which the blocks that they replace had."""
     for block in blocks:
         block.name = block.name.split(".")[0]

@@ -1,4 +1,4 @@
-"""The stereo camera: one Blender camera with two parallel eyes, of which the left is the camera itself."""
+"""The stereo camera: one Blender camera with two parallel eyes. The left eye is at the position of the camera."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ OPENCV_FROM_BLENDER = np.diag([1.0, -1.0, -1.0])
 
 
 def build_rig(name: str, rig: RigSettings, ground_m: float) -> bpy.types.Object:
-    """A camera from ``rig`` settings, standing ``rig.height_m`` above ``ground_m``."""
+    """A camera from ``rig`` settings, ``rig.height_m`` above the ground at ``ground_m``."""
     camera = bpy.data.objects.new(name, bpy.data.cameras.new(name))
     place_rig(camera, rig, ground_m)
     return camera
 
 
 def place_rig(camera: bpy.types.Object, rig: RigSettings, ground_m: float) -> None:
-    """Give an existing camera the lens, baseline and pose that ``rig`` settings state."""
+    """Give an existing camera the lens, baseline and pose of ``rig`` settings."""
     lens = camera.data
     lens.lens_unit = "MILLIMETERS"
     for name, (_, value) in lens_values(rig).items():
@@ -42,8 +42,8 @@ def place_rig(camera: bpy.types.Object, rig: RigSettings, ground_m: float) -> No
 
 
 def lens_values(rig: RigSettings) -> dict[str, tuple[str, Any]]:
-    """What Blender's lens is given, by its own names: the ``rig`` setting that states it, and the value."""
-    # Both shifts in widths of the image, of the frame and not of the axis, y up.
+    """The ``rig`` setting and the value of each property of Blender's camera."""
+    # Both shifts are in widths of the image, y up, and move the frame, not the axis.
     return {"type": ("rig.focal_length_mm", "PERSP"), "sensor_fit": ("rig.sensor_width_mm", "HORIZONTAL"),
             "lens": ("rig.focal_length_mm", rig.focal_length_mm),
             "sensor_width": ("rig.sensor_width_mm", rig.sensor_width_mm),

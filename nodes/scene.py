@@ -1,7 +1,7 @@
-"""The whole scene from its settings, in a collection of its own.
+"""Builds the whole scene from its settings, in its own collection.
 
-What the builders make is tagged; building again replaces exactly that. Everything else in the
-file, in the collection too, is the user's and stays.
+The builders tag what they make, and building again replaces only that. Everything else in the file and in the
+collection is the user's and stays.
 """
 
 from __future__ import annotations
@@ -70,7 +70,7 @@ from .surface import ground_and_rock_materials, reflectance_laws, sun_inputs
 from .surface.ground_and_rock_materials import build_ground_material, build_rock_material
 from .surface.patches_and_grain import mark_elevation
 
-#: With what is built here, all that others ask of a scene.
+#: Names for users of a scene, with those of ``built_scene`` and ``remove``.
 __all__ = [
     "NAME",
     "NOTES",
@@ -94,23 +94,23 @@ __all__ = [
     "why_shared",
 ]
 
-#: The roles of objects that are built into a collection.
+#: Roles of the objects in a built collection.
 OBJECTS = ("terrain", "sun", "camera", "rock", *ROLES)
 
 
 def ground_of(settings: Settings) -> Terrain:
-    """The height function of the described ground."""
+    """The height function of the procedural ground."""
     return make_terrain(settings, int(settings.dataset.seed))
 
 
 def site_ground_m(settings: Settings, ground: Surface) -> float:
-    """Height in metres of the ground under the left camera, at the detail of the mesh; NaN beyond the ground."""
+    """Height in metres of the ground under the left camera, with the detail of the mesh; NaN outside the ground."""
     rig = settings.rig
     return float(ground.heights(rig.x_m, rig.y_m, site_wavelength_m(settings.terrain, ground)))
 
 
 def measured_patch(built: Built) -> np.ndarray | None:
-    """Heights (n, n) in metres on a grid over the patch of procedural ground; None of other ground."""
+    """Heights (n, n) in metres on a grid over the patch of procedural ground; None for other ground."""
     if is_from_file(built.settings):
         return None
     if built.settings.mesh.kind == "GRADED":
@@ -124,7 +124,7 @@ def _tag(block: Any, role: str) -> Any:
 
 
 def _site(settings: Settings, ground: Surface, own: UserGround | None) -> tuple[float, list[str]]:
-    """Height in metres of the ground to stand on, and a warning if the camera stands beside it."""
+    """Height in metres of the ground under the camera, and a warning if the camera is beside the ground."""
     rig, size = settings.rig, settings.terrain.size_m
     height = site_ground_m(settings, ground)
     if own is not None and math.isnan(height):
@@ -132,32 +132,34 @@ def _site(settings: Settings, ground: Surface, own: UserGround | None) -> tuple[
             "There is no ground under the camera; change rig.x_m or rig.y_m, or move the ground with source.origin_x_m "
             "and source.origin_y_m."]
     if own is None and not isinstance(ground, Graded) and max(abs(rig.x_m), abs(rig.y_m)) > size / 2:
-        return height, [f"The camera stands outside the {size:g} m patch of ground; change rig.x_m, rig.y_m or "
+        return height, [f"The camera is outside the {size:g} m patch of ground; change rig.x_m, rig.y_m or "
                         "terrain.size_m."]
     return height, []
 
 
 def _build_rocks(settings: Settings, terrain: bpy.types.Object, size_m: float) -> tuple[bpy.types.Object, list[str]]:
-    """The object that carries the rocks on the ground, and warnings."""
-    seed, described, rig = int(settings.dataset.seed), settings.rocks, settings.rig
-    shapes = make_rock_shapes(described.family, described.angularity, seed)
+    """The object whose points are the rocks on the ground, and warnings."""
+    seed, wanted, rig = int(settings.dataset.seed), settings.rocks, settings.rig
+    shapes = make_rock_shapes(wanted.family, wanted.angularity, seed)
     with probe_heights(terrain) as height_at:
-        rocks = scatter(described, size_m, seed, height_at, shapes,
-                        (rig.x_m, rig.y_m, described.clear_radius_m))
+        rocks = scatter(wanted, size_m, seed, height_at, shapes,
+                        (rig.x_m, rig.y_m, wanted.clear_radius_m))
     ice = build_rock_material(settings, terrain.data)
-    blocks = _tag(build_rocks(f"{NAME} Rock", rocks, shapes, ice, TAG), "rock")
-    remove_unused([], [ice])  # if there is room for no rock
-    if rocks.smallest_m > described.smallest_m:
-        return blocks, [f"Rocks under {rocks.smallest_m:.3g} m are left out to keep to {described.most} rocks; "
-                        "raise rocks.most or rocks.smallest_m."]
-    return blocks, []
+    item = _tag(build_rocks(f"{NAME} Rock", rocks, shapes, ice, TAG), "rock")
+    remove_unused([], [ice])  # it has no users if there are no rocks
+    if rocks.smallest_m > wanted.smallest_m:
+        return item, [f"Rocks under {rocks.smallest_m:.3g} m are left out to keep to {wanted.most} rocks; "
+                      "raise rocks.most or rocks.smallest_m."]
+    return item, []
 
 
 def _build_objects(
         settings: Settings) -> tuple[list[bpy.types.Object], bpy.types.World, list[str], UserGround | None, float]:
-    """All objects of the scene (terrain, Sun, camera, then others), its sky, warnings, the user's own ground, and
-    the height of the ground under the camera."""
-    # What can be refused comes first: nothing has been made yet.
+    """Make all objects of the scene (terrain, Sun, camera, then others) and its world.
+
+    Also returns warnings, the user's own ground or None, and the height in metres of the ground under the camera.
+    """
+    # Errors come first, before anything is made.
     if said := refused_scenes.reasons_of_settings(settings):
         raise IcyMoonError(" ".join(said))
     hapke_warnings = reflectance_laws.advice(settings)
@@ -191,14 +193,14 @@ def _build_objects(
     warnings += blur.blur_advice(settings)
     objects = [terrain, lights[0], camera, *lights[1:]]
     if settings.rocks.coverage > 0:
-        blocks, more = _build_rocks(settings, terrain, ground.size_m)
-        objects.append(blocks)
-        warnings += more
+        rocks, rock_warnings = _build_rocks(settings, terrain, ground.size_m)
+        objects.append(rocks)
+        warnings += rock_warnings
     return objects, _tag(build_sky(f"{NAME} Sky"), "sky"), warnings, own, site_m
 
 
 def _adopt_children(gone: list[bpy.types.Object], terrain: bpy.types.Object) -> None:
-    """Attach the user's objects to the ground that were attached to what is not built any more."""
+    """Make the ground the parent of the user's objects whose parent is removed."""
     for item in bpy.data.objects:
         if item.parent in gone and item not in gone:
             inverse = item.matrix_parent_inverse.copy()
@@ -207,14 +209,17 @@ def _adopt_children(gone: list[bpy.types.Object], terrain: bpy.types.Object) -> 
 
 
 def update_sunlight(collection: bpy.types.Collection) -> None:
-    """Make surfaces, lamps and window agree, after any of them has changed: the surfaces know where Sun and planet are,
-    a lamp lights only what does not trace it, and the scenes use Open Shading Language if a surface needs it."""
+    """Update what surfaces, lamps and scenes know of each other, after any of them has changed.
+
+    Surfaces get the directions of Sun and planet. A lamp no longer lights surfaces that trace it themselves. Scenes use
+    Open Shading Language if a surface needs it.
+    """
     objects = list(built_objects(collection).values())
     lamp = next(item for item in objects if item[TAG] == "sun")
     shine = next((item for item in objects if item[TAG] == "planetshine"), None)
     used = {item: materials_of(with_parts([item])[0]) for item in objects}
     every = set().union(*used.values())
-    # As the lamp has it, in single precision, so that aiming again at render time changes nothing.
+    # From the lamp, in single precision, so that aiming again at render time changes nothing.
     sun_inputs.aim_surfaces(every, sun_inputs.Sun.from_lamp(lamp, lamp.matrix_basis), shine)
     of_osl = [item for item in objects if any(map(sun_inputs.is_osl, used[item]))]
     sun_inputs.exempt_from_lamp(f"{NAME} Traced Sun", lamp,
@@ -223,8 +228,8 @@ def update_sunlight(collection: bpy.types.Collection) -> None:
         sun_inputs.exempt_from_lamp(f"{NAME} Traced Planet", shine, of_osl)
     for item in objects:
         if item[TAG] in ("terrain", "rock"):
-            # Hapke's law in OSL gives all of the planet's light, and all or part of the Sun's, as if it shone by
-            # itself. By day ``render.apart`` tells the two apart.
+            # Hapke's law in OSL emits all of the planet's light and all or part of the Sun's. By day,
+            # ``render.separate_lights`` separates the two.
             group = "Sun" if lamp.data.energy > 0 or shine is None else "Planet"
             for each in (item, *instanced_objects(item)):
                 each.lightgroup = group if item in of_osl else ""
@@ -235,14 +240,14 @@ def update_sunlight(collection: bpy.types.Collection) -> None:
 
 
 def _refuse_editing(ours: list[bpy.types.Object]) -> None:
-    """Raise IcyMoonError if what is to be made anew is being edited."""
+    """Raise IcyMoonError if an object that will be replaced is being edited."""
     for item in ours:
         if item.mode != "OBJECT":
             raise IcyMoonError(f"{item.name} is being edited; go to Object Mode to build the scene.")
 
 
 def _find_built_blocks(scene: bpy.types.Scene, collection: bpy.types.Collection | None) -> dict[str, Any]:
-    """What was built before, see ``owned_blocks``: also without the collection, which the user may have deleted."""
+    """What was built before, see ``owned_blocks``, even if the user has deleted the collection."""
     if collection is not None:
         return {**built_objects(collection), **owned_blocks(collection)}
     theirs = {block for other in bpy.data.collections if other.get(TAG) == "scene"
@@ -253,7 +258,10 @@ def _find_built_blocks(scene: bpy.types.Scene, collection: bpy.types.Collection 
 
 
 def _make_collection(scene: bpy.types.Scene, ours: list[bpy.types.Object]) -> bpy.types.Collection:
-    """The collection of what is built, which knows what the scene was like before; ``ours`` are taken out of others."""
+    """A new built collection, with the scene's present camera, world and view, which Clear Scene restores.
+
+    ``ours`` are unlinked from other collections.
+    """
     collection = _tag(bpy.data.collections.new(NAME), "scene")
     for item in ours:
         for other in item.users_collection:
@@ -271,9 +279,11 @@ def _make_collection(scene: bpy.types.Scene, ours: list[bpy.types.Object]) -> bp
 
 def _put_in_place(collection: bpy.types.Collection, there: dict[str, Any],
                   new: list[bpy.types.Object]) -> tuple[list[bpy.types.Object], list[Any]]:
-    """Put new objects in the place of those that are ``there``; the objects that are built now, and the data-blocks
-    among them that keep their names."""
-    set_owned_blocks(collection, {})  # or what is of no use any more would be held
+    """Replace the blocks that are ``there`` by new objects.
+
+    Returns the objects of the scene, and the data-blocks that keep the names of earlier ones.
+    """
+    set_owned_blocks(collection, {})  # otherwise unused data-blocks would keep a user
     old = {role: item for role, item in there.items() if role in OBJECTS}
     named, objects = list(old.values()), []
     for item in new:
@@ -296,7 +306,7 @@ def _material(item: bpy.types.Object) -> list[bpy.types.Material]:
 
 
 def _blocks_to_own(objects: list[bpy.types.Object]) -> dict[str, Any]:
-    """What is built, as ``set_owned_blocks`` takes it: the user's objects may use the ground's mesh."""
+    """The built data-blocks by role, for ``set_owned_blocks``."""
     found: dict[str, Any] = {item[TAG]: item for item in objects}
     found["terrain data"] = found["terrain"].data
     return found | {f"{role} material": material for role in ("terrain", "rock") if role in found
@@ -304,7 +314,7 @@ def _blocks_to_own(objects: list[bpy.types.Object]) -> dict[str, Any]:
 
 
 def disown_copies(collection: bpy.types.Collection) -> None:
-    """Make copies that the user made of what is built, marks and all, the user's own."""
+    """Remove the tags from copies of built objects, which then are the user's own objects."""
     ours = built_objects(collection).values()
     for item in collection.all_objects:
         if TAG in item and item not in ours:
@@ -312,7 +322,7 @@ def disown_copies(collection: bpy.types.Collection) -> None:
 
 
 def separate_copies(built: Built) -> None:
-    """Make a built scene its own again that the user has copied as a whole or in part."""
+    """Separate a built scene from copies that the user has made of it or of its objects."""
     disown_copies(built.collection)
     lamps = [item for role, item in built_objects(built.collection).items() if role in ("sun", "planetshine")]
     exempt = [item for lamp in lamps if lamp.light_linking.receiver_collection is not None
@@ -323,20 +333,20 @@ def separate_copies(built: Built) -> None:
 
 
 def why_shared(built: Built) -> str:
-    """Why live settings would change another scene too, in a sentence; empty if they would not."""
+    """Why the live preview would change another scene too, in a sentence; empty if it would not."""
     surfaces = [block for name, block in owned_blocks(built.collection).items() if name.endswith(" material")]
     if any(is_owned_elsewhere(built.collection, surface) for surface in surfaces):
-        return "This scene has its surfaces in common with the one it is a copy of; press Build Scene to part them."
+        return "This scene shares its surfaces with the scene that it is a copy of; press Build Scene to separate them."
     return ""
 
 
 def build(scene: bpy.types.Scene, settings: Settings) -> Built:
-    """Build, or build again, the scene that complete ``settings`` describe.
+    """Build, or build again, the scene of complete ``settings``.
 
-    Sets the scene's camera and world to the built ones unless the user has set others since the
-    first build. What was built before stays the same objects, for whatever points to them. Raises IcyMoonError if
-    Cycles is off, the ground is being edited, there is not enough memory, or the ground's file cannot be used; the
-    scene is then unchanged.
+    Sets the scene's camera and world to the built ones, unless the user has set others since the first build. Objects
+    that were built before are kept and updated, so that references to them stay valid. Raises IcyMoonError, without
+    changing the scene, if Cycles is off, the ground is being edited, there is not enough memory, or the file of the
+    ground cannot be used.
     """
     collection = find_collection(scene)
     engine.require()
@@ -347,7 +357,7 @@ def build(scene: bpy.types.Scene, settings: Settings) -> Built:
         objects, sky, warnings, own, site_m = _build_objects(settings)
     except MemoryError:
         if settings.source.kind == "MESH":
-            raise IcyMoonError("There is not enough memory for the mesh; reduce it before importing it.") from None
+            raise IcyMoonError("There is not enough memory for the mesh; make it coarser before the import.") from None
         if settings.mesh.kind == "GRADED" and not is_from_file(settings):
             raise IcyMoonError("There is not enough memory for the mesh; lower mesh.most.") from None
         n = settings.terrain.resolution
@@ -355,16 +365,16 @@ def build(scene: bpy.types.Scene, settings: Settings) -> Built:
     first = collection is None
     if collection is None:
         collection = _make_collection(scene, ours)
-    blocks_collection = next((c for c in collection.children if c.get(TAG) == "rocks"), None)
-    if blocks_collection is None:
-        blocks_collection = _tag(bpy.data.collections.new(f"{NAME} Rocks"), "rocks")
-        collection.children.link(blocks_collection)
+    rocks_collection = next((c for c in collection.children if c.get(TAG) == "rocks"), None)
+    if rocks_collection is None:
+        rocks_collection = _tag(bpy.data.collections.new(f"{NAME} Rocks"), "rocks")
+        collection.children.link(rocks_collection)
     takes_camera = first or scene.camera is None or scene.camera in ours
     takes_world = first or scene.world is None or TAG in scene.world
     objects, kept = _put_in_place(collection, there, objects)
     for item in objects:
         if item not in list(collection.all_objects):
-            (blocks_collection if item[TAG] == "rock" else collection).objects.link(item)
+            (rocks_collection if item[TAG] == "rock" else collection).objects.link(item)
     if takes_camera:
         scene.camera = objects[2]
     if takes_world:
@@ -390,10 +400,10 @@ def build(scene: bpy.types.Scene, settings: Settings) -> Built:
 
 
 def clear(scene: bpy.types.Scene) -> bool:
-    """Remove what Build made and give the scene its earlier world, camera, frame and view exposure back.
+    """Remove what Build Scene made, and restore the earlier world, camera, frame and view exposure.
 
-    Objects that the user put into the collection stay, in the scene's own collection.
-    Returns whether there was anything to remove.
+    Objects that the user put into the collection move to the scene's own collection. Returns whether anything was
+    built.
     """
     collection = find_collection(scene)
     if collection is None:
@@ -401,7 +411,7 @@ def clear(scene: bpy.types.Scene) -> bool:
     previous_world, previous_camera = collection.get(PREVIOUS_WORLD), collection.get(PREVIOUS_CAMERA)
     ours = [item for role, item in _find_built_blocks(scene, collection).items() if role in OBJECTS]
     scene.view_settings.exposure, *resolution = collection[PREVIOUS_VIEW]
-    if not engine.why_not():
+    if not engine.why_unavailable():
         scene.cycles.shading_system = bool(collection.get(PREVIOUS_OSL, False))
     scene.render.resolution_x, scene.render.resolution_y = (int(n) for n in resolution)
     if scene.camera in ours or scene.camera is None:

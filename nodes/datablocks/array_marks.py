@@ -1,4 +1,4 @@
-"""Marks of large arrays, such as the attributes of a mesh."""
+"""Marks (hashes) of large arrays, such as the attributes of a mesh."""
 
 from __future__ import annotations
 
@@ -10,30 +10,30 @@ import bpy
 import numpy as np
 
 _BLOCK, _HALF = 4096, np.uint64(32)
-#: How attributes are read, by their type: as what, by which name, and how many numbers each element has.
+#: How attributes of each type are read: type of the array, name of the property, numbers for each element.
 _READ: dict[str, tuple[Any, str, int]] = {
     "FLOAT": (np.float32, "value", 1), "INT": (np.int32, "value", 1), "BOOLEAN": (np.bool_, "value", 1),
     "FLOAT_VECTOR": (np.float32, "vector", 3), "FLOAT2": (np.float32, "vector", 2),
     "FLOAT_COLOR": (np.float32, "color", 4), "BYTE_COLOR": (np.float32, "color_srgb", 4),
     "INT8": (np.int8, "value", 1), "INT16_2D": (np.int16, "value", 2), "INT32_2D": (np.int32, "value", 2),
     "INT32_3D": (np.int32, "value", 3), "QUATERNION": (np.float32, "value", 4), "FLOAT4X4": (np.float32, "value", 16)}
-#: Attributes of what is chosen and hidden in Edit Mode, and one that follows from others:
-#: the edges of the corners follow from the vertices of the edges and of the corners.
+#: Attributes that are not marked: what is selected or hidden in Edit Mode, and the edges of corners, which follow from
+#: the vertices of edges and corners.
 _LEFT_OUT = (".select", ".hide", ".uv_select", ".pin", ".vs.", ".es.", ".pn.", ".corner_edge")
 _INDICES = (".corner_vert", ".edge_verts")
 
 
 @lru_cache(maxsize=1)
 def _weights() -> np.ndarray:
-    numbers = np.random.default_rng(1)  # whatever the seed of a scene: marks are to be compared
+    numbers = np.random.default_rng(1)  # a fixed seed, so that marks can be compared
     return numbers.integers(0, 2**64, (2, _BLOCK), np.uint64) | np.uint64(1)
 
 
 def mark(values: np.ndarray, indices: bool = False) -> str:
-    """A mark of an array's bytes; it need not withstand an attack, so it takes a third of the time of SHA-256.
+    """A mark of an array's bytes. It need not withstand attacks, so it takes a third of the time of SHA-256.
 
-    The sum of the array's words with random weights, part by part. Changes of the highest bits of two words would
-    cancel in it, so of anything but ``indices``, which never have that bit, the words' upper halves are summed too.
+    It hashes the sums of the array's words with random weights, block by block. In such a sum, changes of the highest
+    bits of two words would cancel, so the upper halves of the words are summed too. ``indices`` never have that bit.
     """
     weights, raw = _weights(), np.ascontiguousarray(values).reshape(-1).view(np.uint8)
     words = raw[:len(raw) // (8 * _BLOCK) * 8 * _BLOCK].view(np.uint64).reshape(-1, _BLOCK)
@@ -47,7 +47,7 @@ def mark(values: np.ndarray, indices: bool = False) -> str:
 
 
 def read_property(items: Any, name: str, kind: Any = np.float32, width: int = 1) -> np.ndarray:
-    """One property, of ``width`` numbers, of all items of a collection."""
+    """An array of one property, of ``width`` numbers, of all items of a collection."""
     values = np.empty(len(items) * width, kind)
     items.foreach_get(name, values)
     return values
@@ -56,7 +56,7 @@ def read_property(items: Any, name: str, kind: Any = np.float32, width: int = 1)
 def attributes(geometry: Any) -> list[tuple[str, ...]]:
     """Name, domain, type and mark of each attribute of a mesh, curves or points.
 
-    What is false or 0 everywhere counts as not there: Blender makes and removes such attributes as it likes.
+    Attributes that are false or 0 everywhere are left out, since Blender adds and removes them by itself.
     """
     found = []
     for attribute in geometry.attributes:
@@ -76,7 +76,7 @@ def attributes(geometry: Any) -> list[tuple[str, ...]]:
 
 
 def mesh_arrays(mesh: bpy.types.Mesh) -> list[Any]:
-    """Marks of all that a mesh holds in arrays. A mesh that is being edited has none: give a copy of it."""
+    """Marks of all arrays of a mesh. A mesh in Edit Mode has no arrays: pass a copy."""
     normals = []
     if mesh.has_custom_normals and "custom_normal" not in mesh.attributes:  # before 4.5
         normals = [mark(read_property(mesh.corner_normals, "vector", width=3))]

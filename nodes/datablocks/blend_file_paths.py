@@ -1,4 +1,4 @@
-"""The user's own files, where // is the folder of the .blend that is open."""
+"""The user's own files in the settings, with // as the folder of the open .blend file."""
 
 from __future__ import annotations
 
@@ -16,21 +16,21 @@ def _blend_folder() -> str | None:
 
 
 def used_files(settings: Settings) -> dict[str, Path]:
-    """``settings.user_files.used_files`` beside the .blend that is open."""
+    """``settings.user_files.used_files`` with the folder of the open .blend file."""
     return user_files.used_files(settings, _blend_folder())
 
 
 def with_absolute_files(settings: Settings) -> Settings:
-    """The settings for another process, to which // means nothing."""
+    """The settings with absolute paths of files, for another process, which cannot resolve //."""
     found = [(*name.split("."), str(path)) for name, path in used_files(settings).items()]
     return merged(settings, *({topic: {key: path}} for topic, key, path in found))
 
 
 def content(settings: Settings) -> str:
-    """``settings.user_files.content`` beside the .blend that is open."""
+    """``settings.user_files.content`` with the folder of the open .blend file."""
     return user_files.content(settings, _blend_folder())
 
 
 def are_there(settings: Settings) -> bool:
-    """``settings.user_files.are_there`` beside the .blend that is open."""
+    """``settings.user_files.are_there`` with the folder of the open .blend file."""
     return user_files.are_there(settings, _blend_folder())

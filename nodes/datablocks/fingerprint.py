@@ -1,9 +1,9 @@
-"""Whether a built scene is still what its settings state.
+"""Detects whether a built scene was edited by hand.
 
-A pair is named by the settings that made it. When the user has sculpted the ground, moved the
-camera, edited the material or put a lander in, the settings no longer say it all, and the name
-must change. The marks cover all that a render can show, in parts, so that an edit of one part
-leaves the others to the settings; anything that the builders did not make counts as added.
+The id of a pair comes from the settings. If the user has sculpted the ground, moved the camera, edited a material or
+added a lander, the settings no longer determine the images, so the id must change. Marks (hashes) cover everything
+that a render can show. There is one for each part, so that an edit of one part does not affect the others. Everything
+that the builders did not make counts as added.
 """
 
 from __future__ import annotations
@@ -17,23 +17,23 @@ import bpy
 from ... import compat
 from .marks import Walk, hashed
 
-NAME = "Icy Moon"  # what the names of all that the builders make begin with
-TAG = "icymoon"  # custom property that marks what the builders made, its value the role
-OWN = "icymoon_own_"  # begins the custom properties of a built collection that point to its objects, by their roles
+NAME = "Icy Moon"  # prefix of the names of everything that the builders make
+TAG = "icymoon"  # custom property of everything that the builders make; its value is the role
+OWN = "icymoon_own_"  # prefix of the custom properties of a built collection that point to its objects, by role
 
-#: What marks are made by, under this name among them: those of other makers cannot be compared.
+#: Key, among the marks, of their ``maker``. Marks of different makers cannot be compared.
 MAKER = "maker"
-#: To be raised when the same settings come to be built in another way, or marked in another way.
+#: Raise this number when the same settings are built or marked in another way.
 _SCHEME = 2
 
 
 def maker() -> str:
-    """What makes marks here: this scheme in this Blender, whose properties differ from those of another."""
+    """The scheme of the marks and the series of Blender, since each series has other properties."""
     return f"{_SCHEME} {compat.blender_series()}"
 
 
 def built_objects(collection: bpy.types.Collection) -> dict[str, bpy.types.Object]:
-    """What the builders made in a collection, by role. A copy that the user made of it is the user's own."""
+    """The objects that the builders made in a collection, by role, without copies that the user made of them."""
     tagged = [item for item in collection.all_objects if TAG in item]
     roles = {item[TAG]: item for item in reversed(tagged)}
     pointed = {role: collection.get(f"{OWN}{role}") for role in roles if f"{OWN}{role}" in collection}
@@ -48,14 +48,14 @@ def added_objects(collection: bpy.types.Collection) -> list[bpy.types.Object]:
 
 
 def instanced_objects(item: bpy.types.Object) -> Iterator[bpy.types.Object]:
-    """The objects that the node groups of an object's modifiers put into instances."""
+    """The objects that an object instances through the node groups of its modifiers."""
     for tree in (getattr(modifier, "node_group", None) for modifier in item.modifiers):
         for socket in (s for node in tree.nodes for s in node.inputs if s.type == "COLLECTION") if tree else ():
             yield from sorted(socket.default_value.all_objects if socket.default_value else (), key=lambda o: o.name)
 
 
 def _surfaces(item: bpy.types.Object) -> list[list[bpy.types.Material | None]]:
-    """The materials of an object, and of those that it instances: once if they have the same, however many they are."""
+    """The materials of an object and of the objects that it instances, which count once if all have the same."""
     own, others = ([list(each.data.materials) for each in items if isinstance(each.data, bpy.types.Mesh)]
                    for items in ((item,), instanced_objects(item)))
     return own + (others[:1] if all(slots == others[0] for slots in others) else others)
@@ -66,7 +66,7 @@ def _among(part: str, wanted: tuple[str, ...]) -> bool:
 
 
 def _rendered_objects(collection: bpy.types.Collection) -> set[bpy.types.Object]:
-    """The objects that are in a collection which is rendered."""
+    """The objects of a collection that are rendered."""
     if collection.hide_render:
         return set()
     return set(collection.objects).union(*map(_rendered_objects, collection.children))
@@ -74,7 +74,7 @@ def _rendered_objects(collection: bpy.types.Collection) -> set[bpy.types.Object]
 
 @dataclass
 class Reading:
-    """Marks of the parts of a collection, why some of them cannot be marked, and whether the frame counts."""
+    """Marks of the parts of a collection, why some of them cannot be marked, and whether they change with the frame."""
 
     parts: dict[str, str]
     refused: list[str]
@@ -82,10 +82,10 @@ class Reading:
 
 
 def read_marks(collection: bpy.types.Collection, *wanted: str) -> Reading:
-    """The marks of everything in a built collection, or of wanted parts and roles.
+    """The marks of everything in a built collection, or of the wanted parts and roles.
 
-    The parts are called "ROLE object", "ROLE data" and "ROLE materials", and "added" is what the user has put in.
-    They are equal in every process that loads the file.
+    The parts are "ROLE object", "ROLE data" and "ROLE materials", and "added" for objects that the user has added. The
+    marks are equal in every process that loads the file.
     """
     ours, shown = built_objects(collection), _rendered_objects(collection)
     roles: dict[Any, str] = {item: f"the {role}" for role, item in ours.items()}
@@ -112,7 +112,7 @@ def read_marks(collection: bpy.types.Collection, *wanted: str) -> Reading:
 
 
 def parts(collection: bpy.types.Collection, *wanted: str) -> dict[str, str]:
-    """The marks of ``read_marks``, with what they are made by."""
+    """The marks of ``read_marks`` and their ``maker``."""
     return {**read_marks(collection, *wanted).parts, MAKER: maker()}
 
 
@@ -122,17 +122,17 @@ def fingerprint(collection: bpy.types.Collection) -> str:
 
 
 def differing(now: Mapping[str, str], known: Mapping[str, str], *wanted: str) -> set[str]:
-    """Names of the parts, all or the wanted parts and roles, that are not as ``known``; what was added is none."""
+    """Names of the parts, all or the wanted parts and roles, whose marks differ from ``known``, without "added"."""
     names = {part for part in now.keys() | known.keys() if _among(part, wanted)} - {"added"}
     return {part for part in names if now.get(part) != known.get(part)}
 
 
 def edited_parts(collection: bpy.types.Collection, known: Mapping[str, str], *wanted: str) -> set[str]:
-    """``differing`` of a collection as it is now."""
+    """``differing`` for the present marks of a collection."""
     return differing(read_marks(collection, *wanted).parts, known, *wanted)
 
 
 def updated_marks(collection: bpy.types.Collection, known: Mapping[str, str], *changed: str) -> dict[str, str]:
-    """``known`` with the changed parts and roles as they are now."""
+    """``known`` with present marks of the changed parts and roles."""
     kept = {part: mark for part, mark in known.items() if not (changed and _among(part, changed))}
     return kept | (read_marks(collection, *changed).parts if changed else {})

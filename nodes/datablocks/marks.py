@@ -1,7 +1,7 @@
-"""Marks of data-blocks: of all that Blender stores of them and of what they refer to, as far as a render can show it.
+"""Marks (hashes) of data-blocks: of everything in them, and in the data-blocks they refer to, that a render can show.
 
-They are equal in every process that loads the file, whatever the data-blocks are called. What cannot be
-marked, since Blender keeps it elsewhere or it changes by itself, is refused in a sentence.
+Marks are equal in every process that loads the file and do not depend on the names of data-blocks. Data that cannot be
+marked, because Blender stores it elsewhere or it changes by itself, is refused with a sentence.
 """
 
 from __future__ import annotations
@@ -19,25 +19,25 @@ from ...files import sha256
 from .array_marks import attributes, mark, mesh_arrays, read_property
 from .stored_properties import OF_THE_VIEW, stored_properties
 
-#: Modifiers whose result is kept in a cache, or comes from particles.
+#: Modifiers whose result is in a cache or comes from particles.
 _SIMULATED = {"PARTICLE_SYSTEM", "PARTICLE_INSTANCE", "EXPLODE", "CLOTH", "SOFT_BODY", "FLUID", "DYNAMIC_PAINT"}
 _OF_TIME = {"WAVE", "BUILD", "OCEAN", "MESH_CACHE", "MESH_SEQUENCE_CACHE"}
 _OF_CLIPS = {"CAMERA_SOLVER", "OBJECT_SOLVER", "FOLLOW_TRACK"}
-#: Inputs that ``sun_inputs.aim_surfaces`` sets for every render: by name and kind of
-#: the node, how their identifiers begin.
+#: Inputs that ``sun_inputs.aim_surfaces`` sets for every render: prefixes of their identifiers, by name and kind of the
+#: node.
 _AIMED = {("Sun Direction", "ShaderNodeCombineXYZ"): ("X", "Y", "Z"), ("Surge Blur", "ShaderNodeMath"): ("Value",),
           ("Hapke", "ShaderNodeScript"): ("Sun", "Planet")}
 _CACHED_NODES = ("GeometryNodeSimulationOutput", "GeometryNodeBake")
-#: What a picture does not show of a data-block that refers to it.
+#: Kinds of data-blocks that an object may refer to without an effect on its picture.
 _ELSEWHERE = (bpy.types.Scene, bpy.types.World, bpy.types.Screen, bpy.types.WindowManager, bpy.types.WorkSpace,
               bpy.types.Library)
 
 
 class Walk:
-    """One reading of data-blocks. Those of ``known`` count as their names there, without what is in them."""
+    """One pass over data-blocks. Those in ``known`` count as their names there, without their content."""
 
     def __init__(self, known: Mapping[Any, str], aimed: Collection[Any] = ()) -> None:
-        """``aimed`` are the node trees with inputs that are set anew for every render."""
+        """``aimed`` are the node trees with inputs that are set for every render."""
         self.refused: list[str] = []
         self.changes_with_time = False
         self.known = known
@@ -48,7 +48,10 @@ class Walk:
         self._structs: list[tuple[int, type]] = []
 
     def mark(self, block: Any) -> str:
-        """The mark of a data-block and of what it refers to. One that is being read counts by how far up it is."""
+        """The mark of a data-block and of what it refers to.
+
+        A reference back to a data-block that is still being read counts as its distance, which ends circles.
+        """
         if isinstance(block, _ELSEWHERE):
             return "elsewhere"
         found = self.known.get(block) or self._marks.get(block)
@@ -61,18 +64,18 @@ class Walk:
         self._open[block], outside, self._lowest = depth, self._lowest, depth
         found = hashed(self.content(block))
         del self._open[block]
-        if self._lowest >= depth:  # it depends on nothing that is still being read
+        if self._lowest >= depth:  # no reference in it leads to a data-block that is still being read
             self._marks[block] = found
         self._lowest = min(outside, self._lowest)
         return found
 
     def content(self, block: Any, omit: tuple[str, ...] = ()) -> list[Any]:
-        """What a data-block holds, without the properties to ``omit``."""
+        """The content of a data-block, without the properties to ``omit``."""
         if getattr(block, "is_missing", False):
-            self._refuse(block, "is missing in the library it is linked from; bring the library back, or remove it.")
+            self._refuse(block, "is missing in the library it is linked from; restore the library, or remove it.")
         if isinstance(block, bpy.types.Material) and compat.uses_nodes(block):
             omit = (*omit, *OF_THE_VIEW)
-        if getattr(block, "use_auto_texspace", False):  # which Blender computes when it is asked for
+        if getattr(block, "use_auto_texspace", False):  # Blender computes the space on access
             omit = (*omit, "texspace_location", "texspace_size")
         return [*self._struct(block, omit), *self._custom(block), *self._beside(_BLOCKS, block)]
 
@@ -109,7 +112,7 @@ class Walk:
         return self.ordered(value) if isinstance(struct, bpy.types.PropertyGroup) else self.value(value)
 
     def value(self, value: Any) -> Any:
-        """What a pointer, a socket or a custom property refers to, or its value."""
+        """The mark of what a pointer, a socket or a custom property refers to, or its value."""
         if isinstance(value, bpy.types.ID):
             return self.mark(value)
         if isinstance(value, bpy.types.bpy_struct):
@@ -117,20 +120,20 @@ class Walk:
         return _plain(value)
 
     def _custom(self, block: Any) -> list[Any]:
-        """Custom properties, which attribute nodes and geometry nodes read; groups are other add-ons'."""
+        """Custom properties, which attribute and geometry nodes read, without groups, which other add-ons make."""
         values = [(key, block[key]) for key in sorted(set(compat.custom_properties(block)) - {"icymoon", "_RNA_UI"})]
         return [(key, self.ordered(value)) for key, value in values
                 if isinstance(value, bpy.types.ID) or not hasattr(value, "keys")]
 
     def ordered(self, value: Any) -> Any:
-        """As ``value``, of a collection also the order of names, by which geometry nodes pick its items."""
+        """As ``value``. For a collection also its items in the order of names, by which geometry nodes pick them."""
         if not isinstance(value, bpy.types.Collection):
             return self.value(value)
         items = sorted([*value.children, *value.objects], key=lambda item: item.name)
         return [self.mark(value), [self.ordered(item) for item in items]]
 
     def _file(self, struct: Any, path: str) -> Any:
-        """The mark of a file's content; where it lies does not count."""
+        """The mark of a file's content, which does not depend on its path."""
         packed = getattr(struct, "packed_file", None)
         if packed or not path or path == "<builtin>" or getattr(struct, "mode", "") == "INTERNAL":
             return self.packed(packed)
@@ -138,14 +141,13 @@ class Walk:
             self._refuse(struct, "is read from many files; use a single one.")
         owner = struct.id_data
         file = Path(bpy.path.abspath(path, library=owner.library))
-        if file.is_dir():  # an empty path, which Blender has made relative
+        if file.is_dir():  # Blender has made an empty path relative
             return ""
         if file.is_file():
             state = file.stat()
             return _content(str(file), state.st_size, state.st_mtime_ns)
-        if not isinstance(struct, bpy.types.OceanModifier):  # which names one before it is there
-            self.refused.append(f"{file}: there is no such file, which {_named(owner)} names; bring it back or choose "
-                                "another.")
+        if not isinstance(struct, bpy.types.OceanModifier):  # it names a file before the file is made
+            self.refused.append(f"{file}: this file of {_named(owner)} does not exist; restore it or choose another.")
         return "missing"
 
     def packed(self, packed: Any) -> str:
@@ -153,15 +155,15 @@ class Walk:
         return hashlib.sha256(packed.data).hexdigest() if packed else ""
 
     def random(self, tree: Any) -> bool:
-        """Whether a node tree gives each object a number of its own, which Cycles makes of the object's name."""
+        """Whether a node tree uses the random number of an object, which Cycles computes from the object's name."""
         return tree is not None and any(
             node.outputs["Random"].is_linked if node.bl_idname == "ShaderNodeObjectInfo" else
             self.random(getattr(node, "node_tree", None)) for node in tree.nodes)
 
-    # How kinds of data-blocks and structures are read beside their properties.
+    # Content of data-blocks and structures that is not in their properties, by kind.
 
     def of_object(self, item: Any) -> list[Any]:
-        """Names where they count, weights of vertex groups, and what is refused of an object."""
+        """Name, shape key and weights of an object where they have an effect; refuses what cannot be marked."""
         for modifier in item.modifiers:
             if modifier.type in _SIMULATED and modifier.show_render:
                 self._refuse(item, f"has the modifier {modifier.name!r}, whose result is kept in a cache; apply it, "
@@ -171,7 +173,7 @@ class Walk:
             if constraint.type in _OF_CLIPS:
                 self._refuse(item, f"follows a movie clip by the constraint {constraint.name!r}; apply it.")
         if item.rigid_body:
-            self._refuse(item, "is a rigid body, and simulations are not rendered; apply its place and remove the "
+            self._refuse(item, "is a rigid body, and simulations are not rendered; apply its transform and remove the "
                                "rigid body.")
         if item.type in ("GREASEPENCIL", "GPENCIL"):
             self._refuse(item, "is made of Grease Pencil strokes; convert it to curves or a mesh.")
@@ -185,7 +187,7 @@ class Walk:
         return [item.name if counts else "", key, weights]
 
     def of_mesh(self, mesh: Any) -> list[Any]:
-        """All arrays of a mesh; one that is being edited is read from a copy, since Blender keeps it back."""
+        """All arrays of a mesh. In Edit Mode they are read from a copy, since the mesh itself has none."""
         if not mesh.is_editmode:
             return mesh_arrays(mesh)
         for item in bpy.data.objects:
@@ -198,10 +200,10 @@ class Walk:
             bpy.data.meshes.remove(copy)
 
     def of_image(self, image: Any) -> list[Any]:
-        """The content of an image's files, which are as many as it has tiles."""
+        """The content of an image's files, one for each tile."""
         if image.source in ("MOVIE", "SEQUENCE", "VIEWER"):
-            self._refuse(image, f"is a {image.source.lower()}, of which no picture can be told from another; use a "
-                                "single image.")
+            self._refuse(image, f"is a {image.source.lower()}, whose pictures have no marks of their own; use a single "
+                                "image.")
             return []
         if image.is_dirty:
             self._refuse(image, "was painted on and not saved; save or pack it.")
@@ -213,13 +215,13 @@ class Walk:
             image.source == "TILED") else [self._file(image, image.filepath or f"//{image.name}")]
 
     def of_tree(self, tree: Any) -> list[Any]:
-        """Nodes by their names, which the builders' own are found by, with the values of their sockets, and links."""
+        """Nodes by name, since the builders find their own by name, with the values of their sockets; and links."""
         nodes = []
         for node in sorted(tree.nodes, key=lambda n: n.name):
             if node.bl_idname == "NodeFrame":
                 continue
             if node.bl_idname in _CACHED_NODES or node.bl_idname.startswith("GeometryNodeImport"):
-                self._refuse(tree, f"has the node {node.name!r}, whose result is kept outside of the scene; apply the "
+                self._refuse(tree, f"has the node {node.name!r}, whose result is stored outside the scene; apply the "
                                    "modifier or remove the node.")
             self.changes_with_time |= node.bl_idname == "GeometryNodeInputSceneTime"
             nodes.append([node.bl_idname, self._struct(node), self._sockets(node, tree in self._aimed)])
@@ -233,7 +235,7 @@ class Walk:
                 if not (aimed and not socket.is_output and is_aimed(node, socket.identifier))]
 
     def of_collection(self, collection: Any) -> list[Any]:
-        """What is in a collection, in no order."""
+        """The objects and children of a collection, independent of their order."""
         items = [(self.mark(item), each.light_linking.link_state)
                  for item, each in zip(collection.objects, collection.collection_objects, strict=True)]
         children = [(self.mark(item), each.light_linking.link_state)
@@ -241,26 +243,28 @@ class Walk:
         return [sorted(items), sorted(children)]
 
     def of_driver(self, driver: Any) -> list[Any]:
-        """Refuses what only this window computes."""
+        """Refuses drivers that a render does not evaluate as the window does."""
         self.changes_with_time = True
         if driver.type == "SCRIPTED" and not driver.is_simple_expression:
-            self._refuse(driver.id_data, f"has the driver {driver.expression!r}, which runs Python, and renders run "
-                                         "none that a file brings; use a simple expression.")
+            self._refuse(driver.id_data, f"has the driver {driver.expression!r}, which runs Python, but renders do not "
+                                         "run Python from a file; use a simple expression.")
         if any(variable.type == "CONTEXT_PROP" for variable in driver.variables):
-            self._refuse(driver.id_data, "has a driver that reads the active scene, which in a render is another; let "
-                                         "it read an object.")
+            self._refuse(driver.id_data, "has a driver that reads the active scene, which is another one in a render; "
+                                         "let it read an object.")
         return []
 
     def of_target(self, target: Any) -> list[Any]:
-        """What a driver reads."""
+        """The value that a driver reads."""
         try:
             return [_plain(target.id.path_resolve(target.data_path)) if target.id and target.data_path else None]
         except (ValueError, TypeError):
             return ["?"]
 
     def of_nodes(self, modifier: Any) -> list[Any]:
-        """Inputs of a modifier of nodes, which it may not have yet where they are as its group states; from 5.2 on they
-        are properties like others."""
+        """Inputs of a modifier of nodes. Inputs at the defaults of the group may be missing in the modifier.
+
+        From 5.2 on they are ordinary properties.
+        """
         items = modifier.node_group.interface.items_tree if modifier.node_group else ()
         given = {key: modifier[key] for key in compat.custom_properties(modifier)}
         return [
@@ -269,13 +273,13 @@ class Walk:
              given.get(f"{item.identifier}_attribute_name", "")) for item in items if item.item_type == "SOCKET"]
 
     def of_shape(self, key: Any) -> list[Any]:
-        """Where a shape puts its points."""
+        """Positions of the points of a shape key."""
         if len(key.data) and type(key.data[0]).bl_rna.identifier == "ShapeKeyPoint":
             return [mark(read_property(key.data, "co", width=3))]
         return [self.value(item) for item in key.data]
 
     def of_animation(self, animation: Any) -> list[Any]:
-        """Where there are keys, the frame counts."""
+        """Notes whether the content changes with the frame."""
         self.changes_with_time |= bool(animation.action or animation.nla_tracks)
         return []
 
@@ -296,12 +300,12 @@ _STRUCTS: tuple[tuple[Any, Callable[[Walk, Any], list[Any]]], ...] = (
 
 
 def hashed(content: Any) -> str:
-    """SHA-256 of what ``Walk.content`` gives."""
+    """SHA-256 of the result of ``Walk.content``."""
     return hashlib.sha256(repr(content).encode()).hexdigest()
 
 
 def is_aimed(node: Any, socket: str) -> bool:
-    """Whether an input of a node knows the Sun or the planet, and is set anew for every render."""
+    """Whether an input of a node describes the Sun or the planet, and so is set for every render."""
     prefixes = _AIMED.get((node.name, node.bl_idname))
     return prefixes is not None and socket.startswith(prefixes)
 
@@ -317,7 +321,7 @@ def _of_tile(path: str, number: int) -> str:
 
 @lru_cache(maxsize=4096)
 def _content(file: str, size: int, modified_ns: int) -> str:
-    """SHA-256 of a file, read once in each state."""
+    """SHA-256 of a file, read once for each size and time of change."""
     return sha256(Path(file))
 
 

@@ -1,7 +1,7 @@
 """Which properties of Blender's structures a render can show.
 
-All that Blender stores counts, so that what a later Blender adds counts by itself. What does not count
-is listed here with its reason, which a test asks of every property that does not change a fingerprint.
+Every property that Blender stores counts, unless it is listed here with a reason. So properties that a later Blender
+adds count without a change here. A test requires a reason for every property that does not change a fingerprint.
 """
 
 from __future__ import annotations
@@ -11,9 +11,9 @@ from typing import Any
 
 import bpy
 
-#: Reasons for leaving properties out: of structures and all that are kinds of them, by their names in RNA.
+#: Properties that do not count, by the reason and by the RNA name of the structure. They hold for derived structures.
 LEFT_OUT: dict[str, dict[str, str]] = {
-    "what it is called or where it is listed; nothing refers to it by that": {
+    "only names or lists it, and nothing refers to it by that": {
         "ID": "name name_full use_fake_user use_extra_user tag asset_data library_weak_reference is_editable "
               "is_runtime_data",
         "Modifier": "name", "Constraint": "name", "MaterialSlot": "name", "Node": "label",
@@ -21,7 +21,7 @@ LEFT_OUT: dict[str, dict[str, str]] = {
         "NlaStrip": "name last_slot_identifier", "NlaTrack": "name", "Collection": "color_tag",
         "Action": "pose_markers",
         "Bone": "collections", "Armature": "collections collections_all"},
-    "which one is chosen in a list or an editor": {
+    "selection in a list or an editor": {
         "Collection": "active_exporter_index exporters", "Modifier": "is_active", "Constraint": "active",
         "ActionSlot": "select", "FCurve": "select",
         "Keyframe": "select_left_handle select_right_handle select_control_point",
@@ -33,7 +33,7 @@ LEFT_OUT: dict[str, dict[str, str]] = {
         "Material": "paint_active_slot paint_clone_slot texture_paint_images texture_paint_slots",
         "NodesModifier": "panels", "GeometryNodesModifierInterface": "panels",
         "TextCurve": "active_textbox edit_format"},
-    "how editors and the 3D View show it": {
+    "display in editors and in the 3D View": {
         "Object": "hide_viewport hide_select display display_type show_bounds display_bounds_type show_name show_axis "
                   "show_texture_space show_wire show_all_edges show_transparent show_in_front empty_display_type "
                   "empty_display_size empty_image_offset empty_image_depth empty_image_side use_empty_image_alpha "
@@ -74,7 +74,7 @@ LEFT_OUT: dict[str, dict[str, str]] = {
                     "show_bone_colors", "Pose": "animation_visualization",
         "Volume": "display", "MetaBall": "resolution update_method",
         "SplinePoint": "hide", "BezierSplinePoint": "hide", "Spline": "hide"},
-    "only tools and importers use it": {
+    "used only by tools and importers": {
         "Object": "lock_location lock_rotation lock_rotation_w lock_rotations_4d lock_scale use_mesh_mirror_x "
                   "use_mesh_mirror_y use_mesh_mirror_z use_camera_lock_parent use_shape_key_edit_mode",
         "PoseBone": "lock_location lock_rotation lock_rotation_w lock_rotations_4d lock_scale",
@@ -91,7 +91,7 @@ LEFT_OUT: dict[str, dict[str, str]] = {
                 "select_end_character",
         "Image": "resolution display_aspect use_view_as_render seam_margin", "ShaderNodeScript": "use_auto_update",
         "Action": "use_frame_range use_cyclic frame_start frame_end frame_range"},
-    "only EEVEE, Freestyle, line art or simulations, none of which are rendered, use it": {
+    "used only by EEVEE, Freestyle, line art or simulations, which are not rendered": {
         "Object": "lineart field collision soft_body rigid_body rigid_body_constraint shader_effects",
         "Collection": "lineart_usage lineart_use_intersection_mask lineart_intersection_mask "
                       "lineart_intersection_priority use_lineart_intersection_priority",
@@ -101,7 +101,7 @@ LEFT_OUT: dict[str, dict[str, str]] = {
                     "use_sss_translucency refraction_depth thickness_mode use_thickness_from_shadow line_color "
                     "line_priority lineart grease_pencil specular_color specular_intensity max_vertex_displacement",
         "SplinePoint": "weight_softbody", "BezierSplinePoint": "weight_softbody", "LatticePoint": "weight_softbody"},
-    "it follows from others that count, or is read by itself": {
+    "follows from other properties that count, or is read separately": {
         "Object": "matrix_world matrix_local matrix_basis dimensions bound_box mode particle_systems",
         "PoseBone": "matrix matrix_basis matrix_channel parent child bone",
         "Mesh": "vertices edges loops polygons vertex_normals polygon_normals corner_normals loop_triangles "
@@ -124,14 +124,14 @@ LEFT_OUT: dict[str, dict[str, str]] = {
         "ColorManagedInputColorspaceSettings": "is_data"},
 }
 
-#: What the 3D View alone shows of a material that has nodes.
+#: Properties of a material with nodes that only the 3D View shows.
 OF_THE_VIEW = ("diffuse_color", "roughness", "metallic")
-#: What Blender reports but does not let anyone set, and still stores.
+#: Read-only properties that Blender stores nevertheless.
 _FIXED = {"ShapeKey": {"frame"}, "NodeTreeInterfaceItem": {"item_type"},
           "Bone": {"head_local", "tail_local", "matrix_local"},
           "NodeTreeInterfaceSocket": {"identifier", "in_out"}, "Object": {"type"}, "ActionSlot": {"handle"},
           "ActionChannelbag": {"slot_handle"}, "VertexGroupElement": {"group"}}
-#: Pointers to what is stored elsewhere, of which the name is enough.
+#: Pointers to data that counts elsewhere, for which the name is enough.
 BY_NAME = {("ShapeKey", "relative_key"), ("Key", "reference_key"), ("Bone", "parent"),
            ("Bone", "bbone_custom_handle_start"), ("Bone", "bbone_custom_handle_end"),
            ("PoseBone", "bbone_custom_handle_start"), ("PoseBone", "bbone_custom_handle_end")}
@@ -140,7 +140,7 @@ _PLAIN = {"BOOLEAN", "INT", "FLOAT", "STRING", "ENUM"}
 
 
 def _kinds(struct: Any) -> list[str]:
-    """The name in RNA of a structure and of those that it is a kind of."""
+    """The RNA names of a structure and of its base structures."""
     return [base.bl_rna.identifier for base in struct.__mro__ if hasattr(base, "bl_rna")]
 
 
@@ -154,15 +154,15 @@ def why_left_out(struct: Any, name: str) -> str | None:
     """Why a property does not count, or None if it does."""
     found = next((_reasons()[kind, name] for kind in _kinds(struct) if (kind, name) in _reasons()), None)
     if found is None and issubclass(struct, bpy.types.Node) and name.startswith(("bl_", "active_")):
-        return "how the node's kind is defined, or which of its items is chosen"
+        return "definition of the kind of node, or selection of one of its items"
     return found
 
 
 @lru_cache(maxsize=1024)
 def stored_properties(struct: Any) -> tuple[tuple[str, str], ...]:
-    """Names of the properties of a kind of structure that count, with how each is read.
+    """(name, how to read it) of each property of a structure that counts.
 
-    ``value``, ``file`` (the path of one), ``pointer``, ``name`` (a pointer of which the name counts) or ``items``.
+    It is read as ``value``, ``file`` (a path), ``pointer``, ``name`` (a pointer whose name counts) or ``items``.
     """
     fixed = set().union(*(_FIXED.get(kind, set()) for kind in _kinds(struct)))
     by_name = {name for kind, name in BY_NAME if kind in _kinds(struct)}
@@ -182,8 +182,8 @@ def stored_properties(struct: Any) -> tuple[tuple[str, str], ...]:
 
 
 def _of_an_add_on(struct: Any, prop: Any) -> bool:
-    """Whether a property is another add-on's, which Cycles does not see and workers do not load."""
-    # Blender makes some properties of its own nodes, and from 5.2 on the inputs of their modifiers, as add-ons do.
+    """Whether a property belongs to an add-on, which has no effect on Cycles and is not loaded by workers."""
+    # Blender registers some properties of its nodes, and from 5.2 on the inputs of modifiers, in the way of add-ons.
     by_blender = (issubclass(struct, (bpy.types.PropertyGroup, bpy.types.Node))
                   or struct.bl_rna.identifier == "GeometryNodesModifierInterface")
     return prop.is_runtime and not by_blender and not prop.identifier.startswith("cycles")

@@ -95,7 +95,7 @@ def uses_hapke(settings: Settings) -> bool:
     return any(settings[topic]["model"] == "HAPKE" for topic in topics)
 
 
-def stand_in(settings: Settings) -> str:
+def osl_substitute(settings: Settings) -> str:
     """What identifies that nodes stand in for OSL here, which the settings do not say; empty if they do not."""
     automatic = uses_hapke(settings) and settings.hapke.backend == "AUTO"
     of_osl = not automatic or choose_backend(settings.hapke, settings.quality.device)[0]

@@ -74,7 +74,7 @@ def simulated(built):
 
 REFUSED = {"unsaved_paint": (unsaved_paint, "save or pack"), "excluded_collection": (excluded_collection, "excluded"),
            "particles": (particles, "cache"), "cloth": (cloth, "cache"), "movie": (movie, "movie"),
-           "python_driver": (python_driver, "Python"), "simulated": (simulated, "outside of the scene")}
+           "python_driver": (python_driver, "Python"), "simulated": (simulated, "outside the scene")}
 
 
 @pytest.mark.parametrize("name", EDITS)
