@@ -11,8 +11,10 @@ from .. import scene_properties
 from ..errors import IcyMoonError
 from ..nodes.add_objects import build_rock_object, build_terrain_object
 from ..settings import description
-from ..settings.table import TOPICS
+from ..settings.preset_files import load_preset
+from ..settings.table import LANDFORMS, TOPICS
 from ..typed_settings import Settings
+from .presets import preset_items
 from .sidebar_text import in_window
 
 
@@ -58,22 +60,93 @@ class _AddOperator:
         return {"FINISHED"}
 
 
+#: Of the ground itself, what the redo panel shows at once; the rest is under Advanced.
+_MAIN = ("size_m", "resolution", "rms_slope_deg", "hurst")
+_LANDFORMS = tuple(key for key, topic in TOPICS.items() if topic.parent == LANDFORMS)
+#: Does not change a patch that is flat and no horizon.
+_WITHOUT = ("body_radius_m",)
+
+
+def _shape_settings() -> dict[str, tuple[str, str]]:
+    """(topic, key) of every number of the ground and its landforms, by the name of the operator's property."""
+    ground = {s.key: ("terrain", s.key) for s in TOPICS["terrain"].settings
+              if s.kind in ("int", "float") and s.key not in _WITHOUT}
+    return {**ground, "seed": ("dataset", "seed"),
+            **{f"{topic}_{s.key}": (topic, s.key) for topic in _LANDFORMS for s in TOPICS[topic].settings}}
+
+
+_OPTIONS: dict[str, dict[str, Any]] = {"size_m": {"unit": "LENGTH"}, "resolution": {"default": 257}}
+
+
+def _list_terrains(_self: Any = None, _context: Any = None) -> list[tuple[str, str, str]]:
+    terrains = [item for item in preset_items() if item[0].startswith("terrains/")]
+    return [_AS_IN_SIDEBAR, *terrains]
+
+
+_AS_IN_SIDEBAR = ("SIDEBAR", "As in the Sidebar", "The ground that the sidebar describes")
+
+
 class ICYMOON_OT_add_terrain(_AddOperator, bpy.types.Operator):
-    """Add a patch of procedural ice as an ordinary mesh. Landforms, layers and surface are those of the sidebar"""
+    """Add a patch of procedural ice as an ordinary mesh, of the ground in the sidebar or of a preset"""
 
     bl_idname = "icymoon.add_terrain"
     bl_label = "Icy Terrain"
     bl_options = {"REGISTER", "UNDO"}
 
-    own_settings = {"size_m": ("terrain", "size_m"), "resolution": ("terrain", "resolution"),
-             "rms_slope_deg": ("terrain", "rms_slope_deg"), "seed": ("dataset", "seed")}
-    size_m: setting_property("terrain", "size_m", unit="LENGTH")  # type: ignore[valid-type]
-    resolution: setting_property("terrain", "resolution", default=257)  # type: ignore[valid-type]
-    rms_slope_deg: setting_property("terrain", "rms_slope_deg")  # type: ignore[valid-type]
-    seed: setting_property("dataset", "seed")  # type: ignore[valid-type]
+    own_settings = _shape_settings()
+    __annotations__ = {
+        name: setting_property(topic, key, options={"SKIP_SAVE"}, **_OPTIONS.get(name, {}))
+        for name, (topic, key) in own_settings.items()}
+    preset: bpy.props.EnumProperty(  # type: ignore[valid-type]
+        items=_list_terrains, name="Ground", description="Ground to start from", options={"SKIP_SAVE"})
+    advanced: bpy.props.BoolProperty(  # type: ignore[valid-type]
+        name="Advanced", description="Show all settings of the ground", options={"SKIP_SAVE"})
+    #: The preset that the other properties were filled from; empty before the first execution.
+    filled_from: bpy.props.StringProperty(options={"HIDDEN", "SKIP_SAVE"})  # type: ignore[valid-type]
+
+    def read_settings(self, context: bpy.types.Context) -> Settings:
+        """The settings of the sidebar or of the preset, with what was changed here."""
+        start = scene_properties.read_settings(context.scene.icymoon)
+        if self.preset != _AS_IN_SIDEBAR[0]:
+            start = description.merged(start, {key: description.defaults()[key] for key in ("terrain", *_LANDFORMS)},
+                                       load_preset(self.preset))
+        if self.filled_from != self.preset:
+            self._fill(start)
+        own = [{topic: {key: getattr(self, name)}} for name, (topic, key) in self.own_settings.items()]
+        return description.merged(start, *own)
+
+    def _fill(self, start: Settings) -> None:
+        """Take what was not given from ``start``.
+
+        A preset that is chosen later, in the redo panel, replaces all but size, resolution and seed.
+        """
+        first = not self.filled_from
+        for name, (topic, key) in self.own_settings.items():
+            given = self.properties.is_property_set(name) if first else name in ("size_m", "seed")
+            if not given and name != "resolution":
+                setattr(self, name, start[topic][key])
+        self.filled_from = self.preset
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         return self.add(context, lambda: build_terrain_object(self.read_settings(context)))
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout: Any = self.layout
+        layout.use_property_split = True
+        layout.prop(self, "preset")
+        ground = [name for name, (topic, _) in self.own_settings.items() if topic == "terrain"]
+        for name in (*_MAIN, "seed"):
+            layout.prop(self, name)
+        for topic in _LANDFORMS:
+            names = [name for name, (owner, _) in self.own_settings.items() if owner == topic]
+            column = layout.column(align=True)
+            column.prop(self, names[0], text=f"{TOPICS[topic].label}: {TOPICS[topic].settings[0].label}")
+            for name in names[1:] if getattr(self, names[0]) > 0 else ():
+                column.prop(self, name)
+        layout.prop(self, "advanced")
+        for name in ground if self.advanced else ():
+            if name not in _MAIN:
+                layout.prop(self, name)
 
 
 class ICYMOON_OT_add_block(_AddOperator, bpy.types.Operator):

@@ -1,10 +1,13 @@
-"""Add ▸ Mesh: ground and blocks as objects of the person's own."""
+"""Add ▸ Mesh: ground and rocks as ordinary objects."""
 
 from __future__ import annotations
+
+from types import SimpleNamespace
 
 import bpy
 import numpy as np
 import pytest
+from icymoon.settings.table import LANDFORMS, TOPICS
 from mathutils import Vector
 
 SMALL = {"size_m": 8.0, "resolution": 65}
@@ -28,6 +31,42 @@ def test_terrain_has_the_size_and_slope_that_are_asked_for(scene):
     # The heights of one seed are in proportion to the slope's tangent.
     assert np.ptp(positions(bpy.context.object)[:, 2]) / gentle == pytest.approx(
         np.tan(np.radians(20.0)) / np.tan(np.radians(10.0)), rel=0.02)
+
+
+def test_terrain_is_that_of_the_sidebar_but_for_what_is_given(scene):
+    scene.icymoon.terrain.rms_slope_deg = 20.0
+    bpy.ops.icymoon.add_terrain(**SMALL)
+    as_described = positions(bpy.context.object)
+    bpy.ops.icymoon.add_terrain(**SMALL, rms_slope_deg=20.0)
+    np.testing.assert_array_equal(positions(bpy.context.object), as_described)
+    bpy.ops.icymoon.add_terrain(**SMALL, ridges_height_m=1.0)
+    assert np.ptp(positions(bpy.context.object)[:, 2]) > np.ptp(as_described[:, 2])
+    assert scene.icymoon.ridges.height_m == 0.0
+
+
+def test_terrain_of_a_preset_is_what_the_sidebar_makes_of_it(scene):
+    scene.icymoon.ridges.height_m = 1.0  # which the preset does not have
+    bpy.ops.icymoon.add_terrain(**SMALL, preset="terrains/high_1")
+    of_preset = positions(bpy.context.object)
+    scene.icymoon.ridges.height_m = 0.0
+    bpy.ops.icymoon.load_preset(preset="terrains/high_1")
+    bpy.ops.icymoon.add_terrain(**SMALL)
+    np.testing.assert_array_equal(positions(bpy.context.object), of_preset)
+
+
+def test_the_redo_panel_shows_every_setting_of_ground_and_landforms(scene):
+    kind = bpy.types.ICYMOON_OT_add_terrain
+    there = set(bpy.ops.icymoon.add_terrain.get_rna_type().properties.keys())
+    numbers = {s.key for s in TOPICS["terrain"].settings if s.kind in ("int", "float")} - {"body_radius_m"}
+    numbers |= {f"{key}_{s.key}" for key, topic in TOPICS.items() if topic.parent == LANDFORMS for s in topic.settings}
+    assert numbers <= there
+    shown: list[str] = []
+    layout = SimpleNamespace(prop=lambda data, key, **_: shown.append(key))
+    layout.column = lambda align: layout
+    values = dict.fromkeys(kind.own_settings, 1.0)
+    kind.draw(SimpleNamespace(layout=layout, own_settings=kind.own_settings, advanced=True, **values), bpy.context)
+    assert numbers | {"seed", "preset"} <= set(shown)
+    assert len(shown) == len(set(shown))
 
 
 def test_a_block_stands_on_the_cursor_and_is_as_wide_as_asked_for(scene):
