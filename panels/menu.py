@@ -10,8 +10,6 @@ from ..operators import jobs
 from ..operators.presets import preset_items
 from ..settings.preset_files import KINDS
 
-#: Lines in a column of the presets menu: more would not fit on a small screen.
-_LINES = 26
 #: Width of the progress bar in heights of a button. At Blender's default width its text would be cut.
 _BAR_UNITS = 15
 
@@ -27,23 +25,38 @@ def presets_by_kind() -> list[tuple[str, list[tuple[str, str]]]]:
     return [(title, kinds[kind]) for kind, title in _TITLES.items() if kind in kinds]
 
 
+class _KindMenu:
+    """Mix-in: the presets of one kind."""
+
+    kind: str
+    layout: Any
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return any(title == cls.kind for title, _ in presets_by_kind())
+
+    def draw(self, context: bpy.types.Context) -> None:
+        for name, title in dict(presets_by_kind()).get(self.kind, []):
+            self.layout.operator("icymoon.load_preset", text=title).preset = name
+
+
+_KINDS = {f"ICYMOON_MT_presets_{kind}": title for kind, title in _TITLES.items()}
+_KIND_MENUS = [type(name, (_KindMenu, bpy.types.Menu), {
+    "__doc__": f"Presets: {title}", "bl_idname": name, "bl_label": title, "kind": title})
+    for name, title in _KINDS.items()]
+
+
 class ICYMOON_MT_presets(bpy.types.Menu):
-    """Presets of whole scenes and of their parts"""
+    """Presets of whole scenes and of parts of them, by kind"""
 
     bl_idname = "ICYMOON_MT_presets"
     bl_label = "Icy Moon Presets"
 
     def draw(self, context: bpy.types.Context) -> None:
-        columns = self.layout.row()
-        column, free = columns.column(), _LINES
-        for kind, presets in presets_by_kind():
-            if free < len(presets) + 2:
-                column, free = columns.column(), _LINES
-            column.label(text=kind)
-            for name, title in presets:
-                column.operator("icymoon.load_preset", text=title).preset = name
-            column.separator()
-            free -= len(presets) + 2
+        there = {title for title, _ in presets_by_kind()}
+        for name, title in _KINDS.items():
+            if title in there:
+                self.layout.menu(name)
 
 
 class ICYMOON_MT_icymoon(bpy.types.Menu):
@@ -115,7 +128,7 @@ def _draw_status(self: Any, context: bpy.types.Context) -> None:
     row.operator("icymoon.cancel", text="", icon="X")
 
 
-CLASSES = (ICYMOON_MT_presets, ICYMOON_MT_icymoon)
+CLASSES = (*_KIND_MENUS, ICYMOON_MT_presets, ICYMOON_MT_icymoon)
 
 
 def register() -> None:

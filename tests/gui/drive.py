@@ -130,13 +130,19 @@ def open_the_tab() -> Waiting:
 def load_europa() -> Waiting:
     """Choose a preset in the menu with mouse and keys, and make it small."""
     _, y = yield from find("icymoon.build_scene")
-    titles = [name for _, presets in module("panels.menu").presets_by_kind() for name, _ in presets]
+    kinds = module("panels.menu").presets_by_kind()
+    scenes = [name for name, _ in dict(kinds)["Scenes"]]
     yield from to(region("UI").x + COLUMNS[0] * region("UI").width, y + 24)  # above it, left of the + button
     xdotool("click", 1)
     yield 20 * TICK_S  # for the menu in the picture; keys wait for it by themselves
     yield from screenshot("presets_menu")
     yield from key("Home")
-    for _ in range(titles.index("scenes/europa_rough_ice")):
+    for _ in range([title for title, _ in kinds].index("Scenes")):
+        yield from key("Down")
+    yield from key("Right")  # into the menu of its kind
+    yield 5 * TICK_S
+    yield from key("Home")
+    for _ in range(scenes.index("scenes/europa_rough_ice")):
         yield from key("Down")
     yield from key("Return")
     yield from until(lambda: settings().preset == "scenes/europa_rough_ice", "Loading a preset")

@@ -74,7 +74,7 @@ def drawn(cls: type) -> list:
     if not getattr(cls, "poll", lambda context: True)(bpy.context):
         return []
     layout = Layout()
-    instance = SimpleNamespace(layout=layout, **{name: getattr(cls, name) for name in ("topic", "section")
+    instance = SimpleNamespace(layout=layout, **{name: getattr(cls, name) for name in ("topic", "section", "kind")
                                                  if hasattr(cls, name)})
     if "draw_header" in cls.__dict__:
         cls.draw_header(instance, bpy.context)
