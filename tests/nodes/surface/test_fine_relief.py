@@ -37,7 +37,8 @@ def tree_of(*changes):
     empty_scene()
     settings = complete(*changes)
     tree = build_material("Test", settings.surface, 1, TERRAIN, None, settings).node_tree
-    return ([(node.bl_idname, node.name, contents_beside_sockets(node), [_value(s) for s in node.inputs]) for node in tree.nodes],
+    return ([(node.bl_idname, node.name, contents_beside_sockets(node), [_value(s) for s in node.inputs])
+             for node in tree.nodes],
             [(k.from_node.name, k.from_socket.identifier, k.to_node.name, k.to_socket.identifier) for k in tree.links])
 
 
