@@ -1,1 +1,1 @@
-"""The ground and its rocks as meshes."""
+"""Builders of the ground and its rocks."""

@@ -1,8 +1,8 @@
-"""Heights from a file: GeoTIFF and NPY from their bytes, PNG and EXR through Blender's image loader.
+"""Reads heights from a file: GeoTIFF and NPY from their bytes, PNG and EXR through Blender's image loader.
 
-Measured in 4.2, 5.0 and 5.2: Blender gives every 8 and 16-bit grey level and every 32-bit float of an
-EXR exactly, but scales the whole numbers of a TIFF and, up to 5.0, returns rubbish for an EXR whose
-one channel is not called Y.
+Measured in 4.2, 5.0 and 5.2: Blender reads all 8 and 16-bit grey levels, and all 32-bit floats of an EXR, exactly. It
+scales the whole numbers of a TIFF, though, and up to 5.0 it returns wrong values for an EXR whose only channel is not
+called Y.
 """
 
 from __future__ import annotations
@@ -28,11 +28,11 @@ _EXR_MAGIC = b"\x76\x2f\x31\x01"
 
 @dataclass(frozen=True)
 class Heights:
-    """Values (rows, columns) float64, row 0 northernmost, missing ones NaN: metres in a GeoTIFF, else the file's unit.
+    """Values (rows, columns) float64, with row 0 in the north and NaN for missing values.
 
-    ``pixel_m`` (east, north) and ``corner_m`` (centre of the lower left pixel) are what the file states, or
-    None; ``unplaced`` then states why, as the end of a sentence. ``report`` is what else the file states,
-    ``warnings`` what the user should know of it.
+    Their unit is metres for a GeoTIFF, otherwise that of the file. ``pixel_m`` (east, north) and ``corner_m`` (centre
+    of the lower left pixel) are from the file, or None; then ``unplaced`` is the reason, as the end of a sentence.
+    ``report`` contains other facts from the file, and ``warnings`` are for the user.
     """
 
     values: np.ndarray
@@ -44,7 +44,7 @@ class Heights:
 
 
 def read_heights(path: Path) -> Heights:
-    """Read a height map. Raises IcyMoonError if it is absent, of another kind, unreadable or too small."""
+    """Read a height map. Raises IcyMoonError if it is missing, of another kind, unreadable or too small."""
     suffix = path.suffix.lower()
     if suffix not in SUFFIXES:
         raise IcyMoonError(f"{path}: is not a height map that Icy Moon reads; give one of {', '.join(SUFFIXES)}.")
@@ -53,7 +53,7 @@ def read_heights(path: Path) -> Heights:
     heights = reader(path, start)
     if min(heights.values.shape) < 2:
         rows, columns = heights.values.shape
-        raise IcyMoonError(f"{path}: has {columns} x {rows} pixels, a height map needs 2 x 2 at least.")
+        raise IcyMoonError(f"{path}: has {columns} x {rows} pixels; a height map needs at least 2 x 2.")
     return heights
 
 
@@ -70,16 +70,16 @@ def _read_npy(path: Path, start: bytes) -> Heights:
     except (OSError, ValueError, EOFError) as error:
         raise IcyMoonError(f"{path}: is not an array that numpy.save wrote ({error}).") from None
     if values.ndim != 2 or values.dtype.kind not in "iuf":
-        raise IcyMoonError(f"{path}: holds {values.dtype} values of shape {values.shape}; "
+        raise IcyMoonError(f"{path}: contains {values.dtype} values of shape {values.shape}; "
                            "save one number per pixel as an array (rows, columns), north first.")
-    return Heights(_without_absurd(values.astype(np.float64)))
+    return Heights(_mask_missing(values.astype(np.float64)))
 
 
 def _read_png(path: Path, start: bytes) -> Heights:
     if not start.startswith(b"\x89PNG\r\n\x1a\n") or len(start) < 33:
         raise IcyMoonError(f"{path}: is not a PNG file, despite its name.")
     if not _chunks_are_whole(path.read_bytes()):
-        raise IcyMoonError(f"{path}: is torn or damaged; copy it again.")
+        raise IcyMoonError(f"{path}: is incomplete or damaged; copy it again.")
     bits, colour = start[24], start[25]
     if colour not in (0, 4):
         raise IcyMoonError(f"{path}: is a colour image, not heights; save it as 16-bit grey.")
@@ -88,7 +88,7 @@ def _read_png(path: Path, start: bytes) -> Heights:
 
 
 def _chunks_are_whole(data: bytes) -> bool:
-    """Whether a PNG goes on to its end and every checksum is right; Blender shows black where it is not."""
+    """Whether a PNG is complete and all its checksums are right. Otherwise Blender would show black."""
     at = 8
     while at + 12 <= len(data):
         length, kind = struct.unpack_from(">I4s", data, at)
@@ -108,18 +108,18 @@ def _read_exr(path: Path, start: bytes) -> Heights:
     if not {"Y", "R"} & set(channels):
         raise IcyMoonError(f"{path}: has the channels {', '.join(channels) or '(several parts)'}; "
                            "save the heights as one channel called Y.")
-    if not is_whole(path):  # Blender crashes on it
-        raise IcyMoonError(f"{path}: is torn, or stored in tiles; save it again, in scan lines.")
-    return Heights(_without_absurd(_load_pixels(path).astype(np.float64)))
+    if not is_whole(path):  # Blender crashes on an incomplete file
+        raise IcyMoonError(f"{path}: is incomplete, or stored in tiles; save it again, in scan lines.")
+    return Heights(_mask_missing(_load_pixels(path).astype(np.float64)))
 
 
-def _without_absurd(values: np.ndarray) -> np.ndarray:
-    """The values with NaN where none is stated or where it can be no height."""
+def _mask_missing(values: np.ndarray) -> np.ndarray:
+    """The values, with NaN for those that are missing or too large to be a height."""
     return np.where(np.abs(values) < NO_HEIGHT, values, np.nan)
 
 
 def _exr_channels(start: bytes) -> list[str]:
-    """Names in the channel list of the (first) header."""
+    """Names of the channels in the first header."""
     at = start.find(b"channels\0chlist\0")
     if at < 0 or struct.unpack_from("<I", start, 4)[0] & 0x1000:
         return []
@@ -132,7 +132,7 @@ def _exr_channels(start: bytes) -> list[str]:
 
 
 def _load_pixels(path: Path) -> np.ndarray:
-    """The first channel (rows, columns) float32 as Blender loads it without colour conversion."""
+    """The first channel (rows, columns) float32, loaded by Blender without colour conversion."""
     with open_scratch_scene():
         try:
             image = bpy.data.images.load(str(path), check_existing=False)

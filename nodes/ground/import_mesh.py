@@ -1,8 +1,7 @@
-"""Geometry of a mesh file, read by this Blender's own importers into a scratch scene.
+"""Reads the geometry of a mesh file by Blender's importers.
 
-Only vertices, faces and texture coordinates are kept. Whatever else an importer makes (materials, images, cameras,
-collections) is removed again, also when it fails half-way, and the user's scene is never the
-one imported into.
+An importer runs in a scratch scene, never in the user's scene. Only vertices, faces and texture coordinates are kept.
+Everything else that it makes (materials, images, cameras, collections) is removed, even if it fails.
 """
 
 from __future__ import annotations
@@ -23,14 +22,14 @@ from ...formats.mesh_file import detect_kind
 
 
 def _data_blocks() -> set[Any]:
-    """Every data-block of the file."""
+    """All data-blocks of the open file."""
     return {block for prop in bpy.data.bl_rna.properties if prop.type == "COLLECTION"
             for block in getattr(bpy.data, prop.identifier)}
 
 
 @contextlib.contextmanager
 def open_scratch_scene() -> Iterator[bpy.types.Scene]:
-    """A scene of its own as the context; it and all data made meanwhile are removed at the end."""
+    """A temporary scene as the context. The scene and all data-blocks made meanwhile are removed at the end."""
     before = _data_blocks()
     scene = bpy.data.scenes.new("Icy Moon Import")
     layer = scene.view_layers[0]
@@ -44,7 +43,7 @@ def open_scratch_scene() -> Iterator[bpy.types.Scene]:
 
 @contextlib.contextmanager
 def _enable_importer(kind: str, path: Path) -> Iterator[Any]:
-    """The operator and its options; a switched-off add-on is on meanwhile. Raises IcyMoonError if there is none."""
+    """The import operator and its options; its add-on is enabled meanwhile. Raises IcyMoonError if there is none."""
     found, name = compat.find_mesh_importer(kind), compat.IMPORT_ADD_ONS.get(kind)
     enabled = False
     if found is None and name is not None:
@@ -52,7 +51,7 @@ def _enable_importer(kind: str, path: Path) -> Iterator[Any]:
         found = compat.find_mesh_importer(kind)
     try:
         if found is None:
-            raise IcyMoonError(f"{path}: this Blender {bpy.app.version_string} reads no {kind}; "
+            raise IcyMoonError(f"{path}: this Blender {bpy.app.version_string} cannot read {kind}; "
                                "use an official build or export the mesh as PLY.")
         yield found
     finally:
@@ -61,13 +60,12 @@ def _enable_importer(kind: str, path: Path) -> Iterator[Any]:
 
 
 def read_mesh(path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
-    """Vertices (n, 3) float64, triangles (m, 3) int32 of all meshes in a file, and their corners' UV coordinates.
+    """Vertices (n, 3) float64 and triangles (m, 3) int32 of all meshes in a file, and UV coordinates of the corners.
 
-    These are (m, 3, 2) float32 of the layer that is rendered where there are several, NaN where a mesh has none;
-    None if no mesh has any.
-    Coordinates are the file's own for OBJ, PLY and STL; glTF, USD and FBX are turned z up and scaled
-    to metres as their headers say. Raises IcyMoonError if the file is absent, of the wrong kind,
-    unreadable or holds no face.
+    UV coordinates (m, 3, 2) float32 are those of the layer that is rendered, NaN for meshes without any, and None if no
+    mesh has any. Vertices of OBJ, PLY and STL files keep their coordinates. Those of glTF, USD and FBX files are
+    rotated to z up and scaled to metres as the headers state. Raises IcyMoonError if the file is missing, of the wrong
+    kind, unreadable or without faces.
     """
     kind = detect_kind(path)
     with _enable_importer(kind, path) as (operator, options), open_scratch_scene():
@@ -80,22 +78,22 @@ def read_mesh(path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
     if kind == "PLY":
         positions, uv = _read_as_written(path, positions, faces, uv)
     if not len(faces):
-        what = f"is a point cloud of {len(positions)} points" if len(positions) else "holds no mesh"
-        raise IcyMoonError(f"{path}: {what}; give a mesh with faces.")
+        fault = f"is a point cloud of {len(positions)} points" if len(positions) else "contains no mesh"
+        raise IcyMoonError(f"{path}: {fault}; choose a mesh with faces.")
     return positions, faces, uv
 
 
 def _read_as_written(path: Path, positions: np.ndarray, faces: np.ndarray,
                      uv: np.ndarray | None) -> tuple[np.ndarray, np.ndarray | None]:
-    """Vertices and UV coordinates of a PLY file as they stand in it, where the vertices are those that Blender gave."""
+    """Vertices and UV coordinates of a PLY file in full precision, if their number agrees with Blender's import."""
     try:
         written = ply.read_vertices(path)
         if written is None or written.shape != positions.shape:
             return positions, uv
-        stated = ply.read_texture_coordinates(path, faces)
+        written_uv = ply.read_texture_coordinates(path, faces)
     except (OSError, ValueError, IndexError):
         return positions, uv
-    return written, uv if stated is None else stated.astype(np.float32)
+    return written, uv if written_uv is None else written_uv.astype(np.float32)
 
 
 def _last_line(error: Exception) -> str:
@@ -104,7 +102,7 @@ def _last_line(error: Exception) -> str:
 
 
 def _read_corners_uv(mesh: bpy.types.Mesh, loops: np.ndarray) -> np.ndarray | None:
-    """UV coordinates (m, 3, 2) of triangles' corners (m, 3) by the layer that is rendered, None without one."""
+    """UV coordinates (m, 3, 2) of the corners (m, 3) of triangles in the rendered layer; None if there is no layer."""
     layer = next((each for each in mesh.uv_layers if each.active_render), None)
     if layer is None:
         return None
@@ -114,7 +112,7 @@ def _read_corners_uv(mesh: bpy.types.Mesh, loops: np.ndarray) -> np.ndarray | No
 
 
 def _read_geometry() -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
-    """All visible meshes of the context's scene as one, instances and transforms applied; see ``read_mesh``."""
+    """All visible meshes of the context's scene as one, with instances and transforms applied; see ``read_mesh``."""
     bpy.context.view_layer.update()
     positions, faces, offset = [np.empty((0, 3))], [np.empty((0, 3), np.int32)], 0
     uvs: list[tuple[int, np.ndarray | None]] = []

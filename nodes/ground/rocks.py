@@ -1,8 +1,8 @@
 """Rocks as instances: one object of points, one node group, a few meshes.
 
-A hundred thousand objects take half a minute and five gigabytes to render; as many instances take
-three seconds and 0.2 (``benchmarks/rocks.py``). Each instance carries its label as an attribute of
-its own, which the rocks' material writes into a value pass.
+To render 100 000 objects takes half a minute and five gigabytes. The same number of instances takes three seconds and
+0.2 gigabytes (``benchmarks/rocks.py``). An attribute of each instance is its label, which the material of rocks writes
+into a value pass.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ _SHAPE, _ROTATION, _SCALE = "shape", "rotation", "scale"
 
 
 def label_instances(material: bpy.types.Material) -> None:
-    """Make a material write the label of the instance it is on into the value pass ``INSTANCE_AOV``."""
+    """Make a material write the label of its instance into the value pass ``INSTANCE_AOV``."""
     tree = Tree(material.node_tree, keep=True)
     label = tree.node("ShaderNodeAttribute", "Instance", attribute_type="INSTANCER",
                       attribute_name=INSTANCE_ATTRIBUTE)
@@ -36,8 +36,10 @@ def label_instances(material: bpy.types.Material) -> None:
 
 def build_shapes(name: str, shapes: Sequence[Sequence[Shape]], used: np.ndarray,
                  material: bpy.types.Material) -> list[bpy.types.Object]:
-    """An object for each shape of ``shapes[level][shape]`` whose number (level times the number of
-    shapes, plus shape) is in ``used``, in the order of the names, which is the order of the numbers."""
+    """An object for each of the ``shapes[level][shape]`` whose number is in ``used``.
+
+    The number is level times the number of shapes, plus shape. Objects are in the order of numbers, and so of names.
+    """
     objects = []
     for number in used.tolist():
         level, shape = divmod(number, len(shapes[0]))
@@ -50,13 +52,13 @@ def build_shapes(name: str, shapes: Sequence[Sequence[Shape]], used: np.ndarray,
 
 
 def _add_named_attribute(tree: Tree, label: str, attribute: str, data_type: str) -> bpy.types.NodeSocket:
-    """Output socket of the value that each point has of an attribute."""
+    """Output socket of an attribute of points."""
     node = tree.node("GeometryNodeInputNamedAttribute", label, {"Name": attribute}, data_type=data_type)
     return next(socket for socket in node.outputs if socket.enabled)
 
 
 def _build_group(name: str, shapes: bpy.types.Collection) -> bpy.types.NodeTree:
-    """The node group that puts the shape, turned and scaled as its attributes say, on each point."""
+    """The node group that puts a shape on each point, rotated and scaled by the attributes of the point."""
     group = bpy.data.node_groups.new(name, "GeometryNodeTree")
     _, result = (group.interface.new_socket("Geometry", in_out=direction, socket_type="NodeSocketGeometry").identifier
                  for direction in ("INPUT", "OUTPUT"))
@@ -65,18 +67,18 @@ def _build_group(name: str, shapes: bpy.types.Collection) -> bpy.types.NodeTree:
     library = tree.node("GeometryNodeCollectionInfo", "Shapes",
                         {"Collection": shapes, "Separate Children": True, "Reset Children": True},
                         transform_space="ORIGINAL")
-    blocks = tree.node("GeometryNodeInstanceOnPoints", "Blocks", {
+    instances = tree.node("GeometryNodeInstanceOnPoints", "Blocks", {
         "Points": points.outputs[0], "Selection": True, "Instance": library.outputs[0], "Pick Instance": True,
         "Instance Index": _add_named_attribute(tree, "Shape", _SHAPE, "INT"),
         "Rotation": _add_named_attribute(tree, "Rotation", _ROTATION, "FLOAT_VECTOR"),
         "Scale": _add_named_attribute(tree, "Scale", _SCALE, "FLOAT_VECTOR")})
-    tree.node("NodeGroupOutput", "Geometry", {result: blocks.outputs[0]}, leave=("__extend__",))
+    tree.node("NodeGroupOutput", "Geometry", {result: instances.outputs[0]}, leave=("__extend__",))
     tree.arrange()
     return group
 
 
 def _set_attribute(mesh: bpy.types.Mesh, name: str, data_type: str, values: np.ndarray) -> None:
-    """Give a mesh's points an attribute."""
+    """Add an attribute to the points of a mesh."""
     attribute = mesh.attributes.new(name, data_type, "POINT")
     kind, key = (np.int32, "value") if data_type == "INT" else (np.float32, "value" if values.ndim == 1 else "vector")
     attribute.data.foreach_set(key, np.ascontiguousarray(values, kind).ravel())
@@ -84,10 +86,10 @@ def _set_attribute(mesh: bpy.types.Mesh, name: str, data_type: str, values: np.n
 
 def build_rocks(name: str, rocks: Rocks, shapes: Sequence[Sequence[Shape]], material: bpy.types.Material,
                 tag: str) -> bpy.types.Object:
-    """The object whose points carry the rocks; ``parts_of`` gives what else it needs.
+    """The object whose points are the rocks. ``parts_of`` returns the other data-blocks that it needs.
 
-    A rock's label is its place in the order of size, largest first. Everything but the object
-    itself is marked with the custom property ``tag``.
+    Labels of rocks follow their sizes, the largest first. Everything except the object itself gets the custom property
+    ``tag``.
     """
     number = rocks.level * len(shapes[0]) + rocks.shape
     used, pick = np.unique(number, return_inverse=True)
@@ -105,13 +107,13 @@ def build_rocks(name: str, rocks: Rocks, shapes: Sequence[Sequence[Shape]], mate
     _set_attribute(mesh, _SHAPE, "INT", pick)
     _set_attribute(mesh, _ROTATION, "FLOAT_VECTOR", rocks.rotation)
     _set_attribute(mesh, _SCALE, "FLOAT_VECTOR", rocks.scale_m)
-    blocks = bpy.data.objects.new(name, mesh)
-    blocks.modifiers.new("Blocks", "NODES").node_group = group
-    return blocks
+    item = bpy.data.objects.new(name, mesh)
+    item.modifiers.new("Blocks", "NODES").node_group = group
+    return item
 
 
 def parts_of(item: bpy.types.Object, tag: str) -> list[Any]:
-    """Node groups, collections and shape objects that the rocks of an object are made with; of others, none."""
+    """Node groups, collections and shape objects that an object of rocks uses; empty for other objects."""
     groups = [m.node_group for m in item.modifiers if m.type == "NODES" and m.node_group and tag in m.node_group]
     libraries = [socket.default_value for group in groups for node in group.nodes for socket in node.inputs
                  if socket.type == "COLLECTION" and socket.default_value]

@@ -1,4 +1,4 @@
-"""Procedural ground as a mesh: a uniform grid over the patch, or graded out to the horizon."""
+"""Procedural ground as a mesh: a uniform grid over the patch, or a graded mesh out to the horizon."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from ...physics.terrain.roughness.statistics import Roughness, measure, power_sp
 from ...physics.terrain.terrain import Terrain, law_range_m
 from ...typed_settings import Settings, TerrainSettings
 
-#: Points per side on which the roughness of ground that is no grid is measured.
+#: Points per side of the grid on which the roughness of a graded ground is measured.
 _MEASURED = 513
 
 
@@ -24,22 +24,22 @@ def vertex_spacing_m(terrain: TerrainSettings) -> float:
 
 
 def shortest_wavelength_m(terrain: TerrainSettings) -> float:
-    """Shortest wavelength in metres that the grid carries: two vertex spacings."""
+    """Shortest wavelength in metres that the grid can contain: two vertex spacings."""
     return 2 * vertex_spacing_m(terrain)
 
 
 def as_meshed(ground: Terrain, settings: Settings) -> Terrain | Graded:
-    """Procedural ground as the mesh that ``settings`` ask for shows it: as it is, or graded."""
+    """Procedural ground with the mesh of ``settings``: unchanged for a grid, or graded."""
     return grade_ground(ground, settings) if settings.mesh.kind == "GRADED" else ground
 
 
 def site_wavelength_m(terrain: TerrainSettings, ground: Surface) -> float:
-    """Shortest wavelength in metres that the mesh of ``ground`` carries at the site."""
+    """Shortest wavelength in metres that the mesh of ``ground`` can contain at the site."""
     return ground.site_wavelength_m if isinstance(ground, Graded) else shortest_wavelength_m(terrain)
 
 
 def build_mesh(name: str, terrain: TerrainSettings, ground: Surface) -> bpy.types.Mesh:
-    """A smooth-shaded mesh of ``ground``: as it is graded, or a grid from ``terrain`` settings, centred on the origin.
+    """A smooth-shaded mesh of ``ground``: graded, or a grid from ``terrain`` settings that is centred on the origin.
 
     Raises ValueError if a height is not finite.
     """
@@ -72,7 +72,7 @@ def _check_finite(heights: np.ndarray) -> None:
 
 
 def grid_heights(mesh: bpy.types.Mesh, terrain: TerrainSettings) -> np.ndarray | None:
-    """Heights (n, n) in metres of a mesh that ``build_mesh`` made as a grid, or None if it is another or was edited."""
+    """Heights (n, n) in metres of a mesh that ``build_mesh`` made as a grid; None if it is not such a grid any more."""
     n = int(terrain.resolution)
     if len(mesh.vertices) != n * n:
         return None
@@ -82,32 +82,32 @@ def grid_heights(mesh: bpy.types.Mesh, terrain: TerrainSettings) -> np.ndarray |
 
 
 def patch_heights(ground: Surface) -> np.ndarray:
-    """Heights (n, n) in metres of a ground over its patch, with the wavelengths that this grid carries."""
+    """Heights (n, n) in metres of a ground over its patch, with the wavelengths that this grid can contain."""
     axis = np.linspace(-ground.size_m / 2, ground.size_m / 2, _MEASURED)
     return ground.heights(axis[None, :], axis[:, None], 2 * (axis[1] - axis[0]))
 
 
 def patch_roughness(heights: np.ndarray | None, terrain: TerrainSettings) -> Roughness | None:
-    """The roughness of the patch, over the distances that its grid and ``terrain`` settings both cover."""
+    """The roughness of the patch over the distances that both its grid and ``terrain`` settings include."""
     if heights is None or min(heights.shape) < 3:
         return None
     spacing = terrain.size_m / (len(heights) - 1)
     shortest, longest = law_range_m(terrain)
-    # Waves of two vertex spacings are cut off, which shows up to three times that distance.
+    # The grid cuts off wavelengths below two spacings, which affects distances up to three times that.
     return measure(heights, spacing, terrain.slope_baseline_m, (max(shortest, 6 * spacing), longest))
 
 
 def roughness_table(heights: np.ndarray | None, terrain: TerrainSettings) -> list[tuple[str, ...]]:
-    """Rows of text: distance, RMS deviation measured and asked for, their ratio, the power spectral density there.
+    """Rows of text with distance, measured and set RMS deviation, their ratio, and power spectral density.
 
-    The density at a distance is that of the wave number 1/distance. Empty if there is no grid to measure.
+    The density is that at the wave number 1/distance. Empty if there is no grid to measure.
     """
     found = patch_roughness(heights, terrain)
     if found is None or heights is None:
         return []
     shortest, longest = law_range_m(terrain)
     waves, density = power_spectrum(heights, terrain.size_m / (len(heights) - 1))
-    rows: list[tuple[str, ...]] = [("Distance", "RMS deviation", "Asked for", "Ratio", "PSD")]
+    rows: list[tuple[str, ...]] = [("Distance", "RMS deviation", "Setting", "Ratio", "PSD")]
     at_baseline = math.tan(math.radians(terrain.rms_slope_deg)) * terrain.slope_baseline_m
     for distance, deviation in list(zip(found.lag_m, found.deviation_m, strict=True))[::2]:
         asked = at_baseline * (distance / terrain.slope_baseline_m) ** terrain.hurst
@@ -132,7 +132,7 @@ def build_mesh_from_arrays(name: str, positions: np.ndarray, faces: np.ndarray,
 
 
 def fill_mesh(mesh: bpy.types.Mesh, positions: np.ndarray, faces: np.ndarray) -> None:
-    """Give a mesh other geometry, as ``build_mesh_from_arrays``; where only positions differ, its faces are kept."""
+    """Replace the geometry of a mesh, see ``build_mesh_from_arrays``. If only positions differ, faces are kept."""
     if (len(mesh.vertices), len(mesh.polygons)) == (len(positions), len(faces)):
         mesh.attributes["position"].data.foreach_set("vector", np.ascontiguousarray(positions, np.float32).ravel())
         mesh.update()
@@ -142,7 +142,7 @@ def fill_mesh(mesh: bpy.types.Mesh, positions: np.ndarray, faces: np.ndarray) ->
     mesh.loops.add(faces.size)
     mesh.polygons.add(len(faces))
     mesh.attributes["position"].data.foreach_set("vector", np.ascontiguousarray(positions, np.float32).ravel())
-    # The same as loops.foreach_set("vertex_index"), which takes a third of a second per million triangles.
+    # loops.foreach_set("vertex_index") does the same, but takes a third of a second for each million triangles.
     mesh.attributes[".corner_vert"].data.foreach_set("value", np.ascontiguousarray(faces, np.int32).ravel())
     mesh.polygons.foreach_set("loop_start", np.arange(0, faces.size, faces.shape[1], dtype=np.int32))
     mesh.update(calc_edges=True)

@@ -1,4 +1,4 @@
-"""The user's own ground: a mesh or height map from a file, placed where the settings state."""
+"""The user's own ground: a mesh or height map from a file, placed at the origin of the settings."""
 
 from __future__ import annotations
 
@@ -26,15 +26,15 @@ from . import import_heights
 from .import_mesh import read_mesh
 from .terrain_mesh import build_mesh_from_arrays, shortest_wavelength_m
 
-#: Extents in metres beyond which a ground is not a landing site in any unit.
+#: Limits in metres outside which a ground cannot be a landing site, whatever its unit.
 _SMALLEST_M, _LARGEST_M = 1e-3, 1e5
-#: Extents that are possible but look like a forgotten unit.
+#: Limits in metres outside which the unit is probably wrong.
 _UNLIKELY_M = (0.2, 2e4)
-#: Relief, of the width, above which a unit was probably forgotten.
+#: Relief divided by width above which the unit is probably wrong.
 _UNLIKELY_RELIEF = 2.0
-#: Most triangles that a mesh is cut into to carry roughness.
+#: Maximum number of triangles into which a mesh is divided for added roughness.
 _MOST_TRIANGLES = 8_000_000
-#: Rows of the matrix that turns file coordinates z up, each the file axis (and sign) that it takes.
+#: Rows of the matrix that rotates file coordinates to z up: each the axis of the file and its sign.
 _TURNS = {"X": ((1, 1), (2, 1), (0, 1)), "Y": ((0, 1), (2, -1), (1, 1)), "Z": ((0, 1), (1, 1), (2, 1)),
           "-X": ((2, 1), (1, 1), (0, -1)), "-Y": ((0, 1), (2, 1), (1, -1)), "-Z": ((0, 1), (1, -1), (2, -1))}
 
@@ -45,9 +45,10 @@ SUFFIXES = (*mesh_file.FORMATS, *import_heights.SUFFIXES)
 
 @dataclass(frozen=True)
 class UserGround:
-    """A ground from a file: vertices (n, 3) and faces (m, 3 or 4), the surface to stand on, what was
-    found (``report``), what the user should know (``warnings``), and the UV coordinates (m, 3, 2) of the
-    corners, if it has any."""
+    """A ground from a file: vertices (n, 3), faces (m, 3 or 4), and UV coordinates (m, 3, 2) of the corners or None.
+
+    ``surface`` gives its heights. ``report`` contains what the import found, and ``warnings`` are for the user.
+    """
 
     positions: np.ndarray
     faces: np.ndarray
@@ -57,11 +58,11 @@ class UserGround:
     uv: np.ndarray | None = None
 
     def build_mesh(self, name: str) -> bpy.types.Mesh:
-        """A smooth-shaded mesh of it."""
+        """A smooth-shaded mesh of the ground."""
         return build_mesh_from_arrays(name, self.positions, self.faces, self.uv)
 
     def nearest_height_m(self, x_m: float, y_m: float) -> float:
-        """Height of the vertex that is nearest on the map."""
+        """Height in metres of the vertex that is nearest on the map."""
         nearest = np.argmin(np.hypot(self.positions[:, 0] - x_m, self.positions[:, 1] - y_m))
         return float(self.positions[nearest, 2])
 
@@ -72,20 +73,20 @@ def is_from_file(settings: Settings) -> bool:
 
 
 def kind_of(path: Path) -> str:
-    """``source.kind`` of a file by its suffix. Raises IcyMoonError if it can be none."""
+    """``source.kind`` of a file by its suffix. Raises IcyMoonError if the file cannot be a ground."""
     suffix = path.suffix.lower()
     if suffix not in SUFFIXES:
-        raise IcyMoonError(f"{path}: is no ground that Icy Moon reads; give one of {', '.join(SUFFIXES)}.")
+        raise IcyMoonError(f"{path}: is not a ground that Icy Moon reads; choose one of {', '.join(SUFFIXES)}.")
     return "MESH" if suffix in mesh_file.FORMATS else "HEIGHT_MAP"
 
 
 def file_of(settings: Settings) -> Path:
-    """The ground's file, absolute. Raises IcyMoonError if none is stated."""
+    """The absolute path of the ground's file. Raises IcyMoonError if the settings name none."""
     return used_files(settings)["source.file"]
 
 
 def cost_warnings(settings: Settings) -> list[str]:
-    """What the user should hear before the ground is loaded, because it takes long or much memory."""
+    """A sentence for the user before a ground is loaded that takes long or much memory; otherwise empty."""
     if settings.source.kind != "MESH":
         return []
     path = file_of(settings)
@@ -93,17 +94,17 @@ def cost_warnings(settings: Settings) -> list[str]:
     return [f"{cost.sentence(path)}."] if cost.is_high else []
 
 
-def load_ground(settings: Settings, made_up: Callable[[Settings], Surface]) -> UserGround:
+def load_ground(settings: Settings, make_procedural: Callable[[Settings], Surface]) -> UserGround:
     """Load the ground that ``source`` settings name.
 
-    ``made_up`` makes the procedural ground that ``source.detail`` adds below the file's resolution.
-    Raises IcyMoonError if the file is not a usable ground; nothing of it stays in Blender.
+    ``make_procedural`` makes the procedural ground that ``source.detail`` adds below the resolution of the file.
+    Raises IcyMoonError if the file is not a usable ground; then Blender keeps no data of it.
     """
     path = file_of(settings)
     try:
         if settings.source.kind == "MESH":
             return _load_mesh(path, settings)
-        return _load_height_map(path, settings, made_up)
+        return _load_height_map(path, settings, make_procedural)
     except MemoryError:
         raise IcyMoonError(f"{path}: is too large for the memory of this machine; cut out the part that you need, "
                            "or make it coarser.") from None
@@ -114,7 +115,7 @@ def _metres(values: Any) -> str:
 
 
 def _check_size(path: Path, extents_m: np.ndarray, fix: str, fix_height: str) -> list[str]:
-    """Refuse absurd extents; warn of unlikely ones."""
+    """Warnings of unlikely extents. Raises IcyMoonError for impossible ones."""
     widest, relief = float(max(extents_m[:2])), float(extents_m[2])
     if not _SMALLEST_M <= widest <= _LARGEST_M:
         raise IcyMoonError(f"{path}: is {widest:.3g} m wide, which is no landing site ({_SMALLEST_M:g} to "
@@ -132,7 +133,7 @@ def _check_size(path: Path, extents_m: np.ndarray, fix: str, fix_height: str) ->
 
 
 def turned_up(positions: np.ndarray, kind: str, up_axis: str) -> tuple[np.ndarray, str]:
-    """Vertices as ``read_mesh`` gives them, turned so that ``up_axis`` of the file is z, and that axis."""
+    """Vertices of ``read_mesh``, rotated so that ``up_axis`` of the file is z, and that axis."""
     usual = "Y" if kind in ("OBJ", "glTF") else "Z"
     axis = usual if up_axis == "AUTO" else up_axis
     if kind == "glTF":
@@ -147,19 +148,20 @@ def _load_mesh(path: Path, settings: Settings) -> UserGround:
     kind = mesh_file.detect_kind(path)
     positions, faces, uv = read_mesh(path)
     if not np.isfinite(positions).all(axis=1).any():
-        raise IcyMoonError(f"{path}: none of its {len(positions)} vertices is a number; export the mesh again.")
+        raise IcyMoonError(f"{path}: none of its {len(positions)} vertices has finite coordinates; export the mesh "
+                           "again.")
     warnings = _coarse_coordinates(path, positions)
     if kind == "USD" and not compat.applies_usd_unit():
-        warnings.append(f"This Blender takes the units of {path.name} for metres, whatever the file states; set "
-                        "source.scale if they are not.")
+        warnings.append(f"This Blender ignores the unit that {path.name} states and uses metres; set source.scale if "
+                        "it is another unit.")
     positions, axis = turned_up(positions * source.scale, kind, source.up_axis)
     before = check.examine(positions, faces)
     warnings += _check_size(path, np.array(before.extents_m), "set source.scale (0.001 for millimetres).",
                             "fix the vertices that stand out.")
     if before.area_m2 <= 0.0 or before.degenerate_faces == before.triangles:
-        raise IcyMoonError(f"{path}: all its {before.triangles} faces are without area; export the mesh again.")
+        raise IcyMoonError(f"{path}: none of its {before.triangles} faces has an area; export the mesh again.")
     if before.non_finite_vertices and not source.repair:
-        raise IcyMoonError(f"{path}: {before.non_finite_vertices} vertices are not numbers; set source.repair or fix "
+        raise IcyMoonError(f"{path}: {before.non_finite_vertices} vertices are not finite; set source.repair or fix "
                            "the mesh.")
     report = [f"{kind}, {axis} up, {source.scale:g} m per unit", *before.lines()]
     if source.repair:
@@ -169,7 +171,8 @@ def _load_mesh(path: Path, settings: Settings) -> UserGround:
     else:
         after = before
     if after.up != "Z":
-        warnings.append(f"Most of {path.name} faces along {after.up}, it may stand on edge; set source.up_axis.")
+        warnings.append(f"Most faces of {path.name} point along {after.up}, so another axis may point up; set "
+                        "source.up_axis.")
     shift = _shift(positions, source)
     positions = positions + shift
     report.append(f"Moved by {_metres(shift)} m")
@@ -178,8 +181,8 @@ def _load_mesh(path: Path, settings: Settings) -> UserGround:
         report += found
         if uses_uv(settings.textures):
             warnings += [f"{path.name}: {sentence}." for sentence in found[1:]]
-    if (brought := ", ".join(mesh_images.find_images(path).by_kind)):
-        report.append(f"Brings images ({brought}), which textures.set = MESH shows")
+    if (kinds := ", ".join(mesh_images.find_images(path).by_kind)):
+        report.append(f"Contains images ({kinds}), which textures.set = MESH shows")
     if source.detail:
         positions, faces, uv, sentence = _with_roughness(positions, faces, uv, settings)
         report.append(sentence)
@@ -189,7 +192,7 @@ def _load_mesh(path: Path, settings: Settings) -> UserGround:
 
 def _with_roughness(positions: np.ndarray, faces: np.ndarray, uv: np.ndarray | None,
                     settings: Settings) -> tuple[np.ndarray, np.ndarray, np.ndarray | None, str]:
-    """The mesh cut as finely as the terrain's vertices and roughened along its normals, and what was done."""
+    """The mesh, divided to the vertex spacing of ``terrain`` and displaced along its normals, and a sentence on it."""
     edge = subdivide.edge_length_m(positions, faces)
     wanted = shortest_wavelength_m(settings.terrain) / 2
     cuts = subdivide.count_halvings(edge, wanted, len(faces), _MOST_TRIANGLES)
@@ -205,7 +208,7 @@ def _with_roughness(positions: np.ndarray, faces: np.ndarray, uv: np.ndarray | N
 
 
 def _coarse_coordinates(path: Path, positions: np.ndarray) -> list[str]:
-    """A warning if the coordinates are so large that single precision rounds them by a per mille of the spacing."""
+    """A warning if single precision rounds large coordinates by more than a thousandth of the vertex spacing."""
     positions = positions[np.isfinite(positions).all(axis=1)]
     if not np.array_equal(positions, positions.astype(np.float32)):
         return []  # double precision
@@ -213,12 +216,12 @@ def _coarse_coordinates(path: Path, positions: np.ndarray) -> list[str]:
     spacing = float(np.ptp(positions, axis=0).max()) / math.sqrt(len(positions))
     if step < 1e-3 * spacing:
         return []
-    return [f"The coordinates of {path.name} are so large that they are rounded to {step:.2g} units where vertices are "
-            f"{spacing:.2g} apart; subtract an offset before exporting it, or write a PLY in double precision."]
+    return [f"The coordinates of {path.name} are so large that they are rounded to {step:.2g} units, but vertices are "
+            f"{spacing:.2g} apart; subtract an offset before the export, or write a PLY in double precision."]
 
 
 def _shift(positions: np.ndarray, source: SourceSettings) -> np.ndarray:
-    """What to add to the vertices so that the site's origin is where the settings state."""
+    """Vector that moves the vertices so that the origin of the site is as in the settings."""
     shift = np.array([-source.origin_x_m, -source.origin_y_m, 0.0])
     if source.centre:
         low, high = positions.min(axis=0), positions.max(axis=0)
@@ -226,16 +229,16 @@ def _shift(positions: np.ndarray, source: SourceSettings) -> np.ndarray:
     return shift
 
 
-def _load_height_map(path: Path, settings: Settings, made_up: Callable[[Settings], Surface]) -> UserGround:
+def _load_height_map(path: Path, settings: Settings, make_procedural: Callable[[Settings], Surface]) -> UserGround:
     source, terrain = settings.source, settings.terrain
     read = import_heights.read_heights(path)
     known = np.isfinite(read.values)
     if not known.any():
-        raise IcyMoonError(f"{path}: none of its {known.size} pixels is a height; check its missing-value mark.")
+        raise IcyMoonError(f"{path}: none of its {known.size} pixels is a height; check its no-data value.")
     pixel = _pixel_size(path, read, source)
     warnings = [f"{path.name}: {sentence}." for sentence in read.warnings]
     if not known.all():
-        warnings.append(f"{1 - known.mean():.2%} of {path.name} has no height and was filled in smoothly from around.")
+        warnings.append(f"{1 - known.mean():.2%} of {path.name} has no height and was interpolated smoothly.")
     heights = height_map.fill_holes(read.values) * source.height_scale_m
     rows, columns = heights.shape
     extents = np.array([(columns - 1) * pixel[0], (rows - 1) * pixel[1], float(np.ptp(heights))])
@@ -249,18 +252,18 @@ def _load_height_map(path: Path, settings: Settings, made_up: Callable[[Settings
         raise IcyMoonError(f"{path}: has no height within terrain.size_m = {terrain.size_m:g} m of the origin; set "
                            "source.centre, source.origin_x_m or source.origin_y_m.")
     if source.detail:
-        surface = height_map.add_roughness(surface, made_up(settings))
+        surface = height_map.add_roughness(surface, make_procedural(settings))
     spacing = shortest_wavelength_m(terrain) / 2
     x, y = (np.linspace(a, b, max(2, round((b - a) / spacing) + 1)) for a, b in ((west, east), (south, north)))
     positions, faces = height_map.grid_mesh(surface.heights(x[None, :], y[:, None], 2 * spacing), x, y)
     report = (f"{columns} x {rows} pixels of {pixel[0]:.4g} x {pixel[1]:.4g} m, {_metres(extents)} m", *read.report,
               f"Ground of {east - west:.4g} x {north - south:.4g} m, moved by {_metres(shift)} m",
-              "Procedural roughness below the pixel" if source.detail else "Nothing finer than the pixel")
+              "Procedural roughness below the pixel size" if source.detail else "Nothing finer than the pixel size")
     return UserGround(positions, faces, surface, report, tuple(warnings))
 
 
 def _pixel_size(path: Path, read: import_heights.Heights, source: SourceSettings) -> tuple[float, float]:
-    """Metres per pixel (east, north): what the settings state, or else the file."""
+    """Metres per pixel (east, north) from the settings, or from the file if they state none."""
     if source.metres_per_pixel > 0:
         return (source.metres_per_pixel,) * 2
     if read.pixel_m is None:

@@ -1,7 +1,7 @@
-"""What the camera sees in the sky beside the Sun: planet, rings and stars, as far meshes that shine.
+"""Planet, rings and stars in the sky, as far meshes that emit light.
 
-They have a depth and a label (but for what lets more than half of the light behind it through), and give no
-light and no shadow: the ground is lit by lamps.
+Only the camera sees them: lamps light the ground, and the meshes cast no light and no shadows. They have a depth and a
+label where they hide at least half of the light behind them.
 """
 
 from __future__ import annotations
@@ -20,35 +20,36 @@ from ...physics.light.saturn_rings import RingMesh
 from ...physics.light.stars import Stars
 from ..tree.builder import Tree, output
 
-#: Where the planet stands, in metres from the camera, which it follows: so far that both eyes see it in the same
-#: direction. Its size and its distances are in proportion, so it looks as the planet does.
+#: Distance of the planet from the camera in metres. The planet follows the camera and is so far away that both eyes see
+#: it in the same direction. Its size is in proportion, so it looks as large as the real planet.
 DISTANCE_M = 1.0e5
-STARS_M = 9.0e5  # behind planet and rings, before the camera's far end
-#: Attributes of the vertices: W/(m² sr), a number or one for R, G and B, and the share of light that passes.
+STARS_M = 9.0e5  # behind planet and rings, within the camera's clipping distance
+#: Attributes of the vertices: radiance in W/(m² sr), one number or R, G and B, and the share of light that passes.
 RADIANCE, TRANSMISSION = "radiance", "transmission"
-#: Radius of a star's image in pixels. Cycles' filter is narrower than a pixel, so that of a point its pixels
-#: would get 3.5 times its light or none of it, by where it falls; of a cone this wide they get all of it
-#: to within 2 %, in the middle of the image, and to within 5 % where it looks larger.
+#: Radius of a star's image in pixels. Cycles' pixel filter is narrower than a pixel, so the pixels of a point would get
+#: between none and 3.5 times its light. A cone of this radius gives all of its light within 2 % in the middle of the
+#: image, and within 5 % near the borders.
 STAR_PX = 1.0
 
 
 def build_planet(name: str, planet: Planet, colour: np.ndarray) -> bpy.types.Object:
-    """The part of the planet that is above the horizon (z > 0), in true proportion."""
+    """The part of the planet above the horizon (z > 0), in true proportion."""
     shown = disc_mesh(planet)
     faces = [tuple(dict.fromkeys(face)) for face in shown.faces.tolist()]
     return _build_far_mesh(name, DISTANCE_M * shown.vertices, faces, {RADIANCE: shown.radiance}, colour)
 
 
 def build_rings(name: str, rings: RingMesh, colour: np.ndarray) -> bpy.types.Object:
-    """The part of the rings that is above the horizon."""
+    """The part of the rings above the horizon."""
     return _build_far_mesh(name, DISTANCE_M * rings.vertices, rings.faces.tolist(),
                            {RADIANCE: rings.radiance, TRANSMISSION: rings.transmission}, colour)
 
 
 def build_stars(name: str, stars: Stars, pixel_rad: float) -> bpy.types.Object:
-    """A cone of radiance for each star, as wide as ``STAR_PX`` pixels of an angle; it hides nothing.
+    """A hexagon for each star, transparent, whose radiance falls linearly from its centre to zero at its rim.
 
-    A hexagon of circumradius ρ has the area 3√3/2 ρ², and a cone a third of its height on average.
+    ``pixel_rad`` is the angle of a pixel in radians. A hexagon of circumradius ρ has the area 3√3/2 ρ², and the mean of
+    the radiance is a third of its peak.
     """
     radius = STAR_PX * pixel_rad
     peak = 3 * stars.irradiance_wm2 / (1.5 * np.sqrt(3.0) * radius**2)
@@ -57,8 +58,8 @@ def build_stars(name: str, stars: Stars, pixel_rad: float) -> bpy.types.Object:
     x /= np.linalg.norm(x, axis=1, keepdims=True)
     y = np.cross(stars.direction, x)
     angle = np.arange(6) * np.pi / 3
-    round_about = np.cos(angle)[:, None] * x[:, None] + np.sin(angle)[:, None] * y[:, None]
-    rim = stars.direction[:, None] + radius * round_about
+    around = np.cos(angle)[:, None] * x[:, None] + np.sin(angle)[:, None] * y[:, None]
+    rim = stars.direction[:, None] + radius * around
     n = len(stars.direction)
     vertices = np.concatenate([stars.direction[:, None], rim], axis=1).reshape(-1, 3)
     radiance = np.concatenate([peak[:, None], np.zeros((n, 6, 3))], axis=1).reshape(-1, 3)
@@ -71,7 +72,7 @@ def build_stars(name: str, stars: Stars, pixel_rad: float) -> bpy.types.Object:
 
 def _build_far_mesh(name: str, vertices: np.ndarray, faces: list[Any], attributes: Mapping[str, np.ndarray],
                     colour: np.ndarray) -> bpy.types.Object:
-    """A mesh that only the camera sees, with attributes of its vertices, cut at the horizon."""
+    """A mesh with attributes of its vertices that only the camera sees, cut at the horizon."""
     mesh = bpy.data.meshes.new(name)
     mesh.from_pydata(vertices.tolist(), [], faces)
     for key, values in attributes.items():
@@ -87,7 +88,7 @@ def _build_far_mesh(name: str, vertices: np.ndarray, faces: list[Any], attribute
 
 
 def _cut_below_horizon(mesh: bpy.types.Mesh) -> None:
-    """Remove what is below z = 0, which the body hides; the ground is only a patch of it."""
+    """Remove the part below z = 0, which the moon would hide: the ground is only a patch of it."""
     edited = bmesh.new()
     edited.from_mesh(mesh)
     bmesh.ops.bisect_plane(edited, geom=[*edited.verts, *edited.edges, *edited.faces], plane_co=(0.0, 0.0, 0.0),
@@ -97,7 +98,7 @@ def _cut_below_horizon(mesh: bpy.types.Mesh) -> None:
 
 
 def _build_shining_material(name: str, colour: np.ndarray, attributes: Mapping[str, np.ndarray]) -> bpy.types.Material:
-    """Radiance, a colour times an attribute, and behind it what lets light through, if there is an attribute for it."""
+    """A material that emits a colour times an attribute, and is transparent if there is an attribute for that."""
     material = bpy.data.materials.new(name)
     tree = Tree(compat.ensure_nodes(material))
 

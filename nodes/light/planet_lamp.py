@@ -1,8 +1,8 @@
-"""The planet as a lamp; ``celestial`` has what the camera sees of it.
+"""The planet as a lamp. ``celestial_meshes`` makes the planet that the camera sees.
 
-Cycles loses up to a fifth of the light of a far mesh (how it samples a triangle depends on the
-triangle's size in metres), so the ground is lit by a Sun lamp of the planet's size, which is at
-infinity, and whose radiance follows from the direction by the formula itself.
+Cycles loses up to a fifth of the light of a far mesh, because it samples a triangle by its size in metres. So a Sun
+lamp with the angular size of the planet lights the ground. It is at infinity, and its nodes compute the radiance in
+each direction.
 """
 
 from __future__ import annotations
@@ -19,15 +19,15 @@ from ... import compat
 from ...physics.light.planetshine import Planet, ellipsoid, lit_chords, mean_direction, unshaded_share
 from ..tree.builder import Tree
 
-SHAPE = "icymoon_shape"  # of the lamp: what ``hapke.osl`` has to know of the planet beside its radiance
-MEAN = "icymoon_mean"  # of the lamp: the direction that its light comes from in the mean
+SHAPE = "icymoon_shape"  # property of the lamp: inputs of ``hapke.osl`` on the planet, without its radiance
+MEAN = "icymoon_mean"  # property of the lamp: the mean direction of its light
 
 
 def build_planet_light(name: str, planet: Planet, colour: np.ndarray) -> bpy.types.Object:
-    """The lamp that the planet is: a disc of its equator's size that shines where the planet does.
+    """A Sun lamp with the angular size of the planet's equator, which shines where the planet is sunlit.
 
-    A Sun lamp of energy E and half its angle r has the radiance E / (π sin² r) times what its shader emits. What
-    the shadow of rings takes is taken from all of the disc alike.
+    A Sun lamp of energy E and angular radius r has the radiance E / (π sin² r) times the strength of its shader. The
+    shadow of the rings darkens the whole disc evenly.
     """
     lamp = bpy.data.lights.new(name, "SUN")
     lamp.color = tuple(map(float, colour))
@@ -42,7 +42,7 @@ def build_planet_light(name: str, planet: Planet, colour: np.ndarray) -> bpy.typ
     tree.arrange()
     item = bpy.data.objects.new(name, lamp)
     item.rotation_euler = Vector(planet.direction).to_track_quat("Z", "Y").to_euler()
-    item.location = planet.direction * 10.0  # where the symbol is drawn
+    item.location = planet.direction * 10.0  # only moves the symbol in the viewport
     across, lit = lit_chords(planet)
     item[SHAPE] = json.dumps({
         "PlanetAcross": across.tolist(), "PlanetLit": lit,
@@ -54,7 +54,7 @@ def build_planet_light(name: str, planet: Planet, colour: np.ndarray) -> bpy.typ
 
 
 def planet_inputs(shine: bpy.types.Object | None) -> dict[str, Any]:
-    """Inputs of ``hapke.osl`` that the planet's lamp decides; dark without one."""
+    """Inputs of ``hapke.osl`` for the planet's lamp; without a lamp, they are dark."""
     if shine is None or shine.hide_render:
         return {"PlanetRadiance": (0.0, 0.0, 0.0, 1.0), "PlanetDirection": (0.0, 0.0, 1.0), "PlanetRadius": 0.0,
                 "PlanetObserver": (0.0, 0.0, -2.0), "PlanetPole": (0.0, 0.0, 1.0), "PlanetStretch": 0.0,
@@ -64,9 +64,9 @@ def planet_inputs(shine: bpy.types.Object | None) -> dict[str, Any]:
 
 
 def _add_sunlit(tree: Tree, planet: Planet) -> Any:
-    """Output socket: cosine of the Sun's zenith distance on the planet in the direction that is asked for.
+    """Output socket: cosine of the Sun's zenith distance on the planet in the direction of the light.
 
-    The ray o + t w meets the ellipsoid that is the unit sphere once space is stretched along the pole.
+    The ray o + t w meets an ellipsoid, which is the unit sphere after space is stretched along the pole.
     """
     shape = ellipsoid(planet)
 

@@ -1,4 +1,4 @@
-"""The lights of a scene: the Sun and, if it is up, the planet with its light, each in a light group; and stars."""
+"""The lights of a scene: the Sun and the planet, each in a light group, and the stars."""
 
 from __future__ import annotations
 
@@ -21,26 +21,25 @@ from .celestial_meshes import build_planet, build_rings, build_stars
 from .planet_lamp import build_planet_light
 from .sun_lamp import build_sun, place_sun
 
-SKY = "icymoon_sky"  # of the Sun: where the lights stand and how bright they are
-#: Roles of what shines beside the Sun.
+SKY = "icymoon_sky"  # property of the Sun: positions and brightness of the lights
+#: Roles of the objects that shine, without the Sun.
 ROLES = ("planet", "planetshine", "rings", "stars")
 
 
 def described_sky(settings: Settings) -> Sky:
-    """The sky that settings describe. Raises IcyMoonError if a date or kernels cannot give it, or give another
-    body's."""
+    """The sky of the settings. Raises IcyMoonError if the date or kernels give no sky, or that of another body."""
     check_body(settings)
     return sky_of(settings.light, str(Path(bpy.data.filepath).parent) if bpy.data.filepath else None)
 
 
 def settings_of_lights(settings: Settings) -> list[Any]:
-    """The settings that the lights are made from."""
+    """The settings on which the lights depend."""
     of_stars = [focal_px(settings.rig), settings.dataset.seed] if settings.light.stars else []
     return [settings.light, *of_stars]
 
 
 def build_lights(settings: Settings, sky: Sky, camera: bpy.types.Object) -> list[bpy.types.Object]:
-    """The Sun, and what else shines: in the sky of a camera."""
+    """The Sun, then the other objects that shine, which follow the ``camera``."""
     sun = build_sun(f"{NAME} Sun")
     sun[TAG], sun.lightgroup = "sun", "Sun"
     _place_sun(sun, settings, sky)
@@ -48,28 +47,28 @@ def build_lights(settings: Settings, sky: Sky, camera: bpy.types.Object) -> list
 
 
 def advice(sky: Sky, settings: Settings) -> list[str]:
-    """What the user should know of a dark sky, and of what is not in it."""
-    light, said = settings.light, []
+    """Sentences for the user on a dark sky, on rings that are not shown and on stars of wrong brightness."""
+    light, sentences = settings.light, []
     if sky.planet is not None and light.planet_rings and not sky.planet.rings:
-        said.append("Only Saturn's rings are bright enough to be seen; light.planet_rings has no effect here.")
+        sentences.append("Only Saturn has bright rings; light.planet_rings has no effect for this planet.")
     if light.stars and light.irradiance_band == "CAMERA":
-        said.append("Stars count all wavelengths, the Sun only the camera's; set light.irradiance_band to BOLOMETRIC "
-                    "for stars of the right brightness.")
+        sentences.append("Stars include all wavelengths, but the Sun only those of the camera; set "
+                         "light.irradiance_band to BOLOMETRIC for stars of the right brightness.")
     if sum(sky.ground_irradiance_wm2) > 0 or (sky.sun_irradiance_wm2 > 0 and sky.sun_is_up and sky.eclipse < 1):
-        return said
+        return sentences
     if sky.sun_is_up and sky.eclipse >= 1:
         fix = "move one of them" if light.directions_from == "ANGLES" else "choose another light.date_utc"
-        return [*said, f"The planet hides the Sun, which gives no light; {fix}."]
-    return [*said, "Neither Sun nor planet gives light; raise light.sun_elevation_deg or light.sun_irradiance_wm2."
+        return [*sentences, f"The planet hides the Sun, so there is no light; {fix}."]
+    return [*sentences, "Neither Sun nor planet gives light; raise light.sun_elevation_deg or light.sun_irradiance_wm2."
             if light.directions_from == "ANGLES" else
             "Neither Sun nor planet gives light; choose another light.date_utc or site."]
 
 
 def change_lights(sun: bpy.types.Object, collection: bpy.types.Collection, settings: Settings,
                   sky: Sky) -> list[bpy.types.Object]:
-    """Give an existing Sun and the rest of the lights what settings state.
+    """Change an existing Sun to the settings, and make the other lights again.
 
-    Returns the objects in ``collection`` that are to be removed; what replaces them is in it.
+    The new lights are linked to ``collection``. Returns the old ones, which the caller must remove.
     """
     _place_sun(sun, settings, sky)
     old = [item for item in collection.all_objects if item.get(TAG) in ROLES]
@@ -85,25 +84,24 @@ def _place_sun(sun: bpy.types.Object, settings: Settings, sky: Sky) -> None:
 
 
 def _build_others(settings: Settings, sky: Sky, camera: bpy.types.Object) -> list[bpy.types.Object]:
-    light, made = settings.light, {}
+    light, items = settings.light, {}
     colour = sun_colour(light.sun_temperature_k)
     if sky.planet is not None and sky.planet_is_up:
-        made["planet"] = build_planet(f"{NAME} Planet", sky.planet, colour)
+        items["planet"] = build_planet(f"{NAME} Planet", sky.planet, colour)
         if planet_gives_light(settings, sky):
-            made["planetshine"] = build_planet_light(f"{NAME} Planetshine", sky.planet, colour)
-    around = ring_mesh(sky.planet) if sky.planet is not None else None
-    if around is not None and around.vertices[:, 2].max() > 0:
-        made["rings"] = build_rings(f"{NAME} Rings", around, colour)
-    for item in made.values():
+            items["planetshine"] = build_planet_light(f"{NAME} Planetshine", sky.planet, colour)
+    rings = ring_mesh(sky.planet) if sky.planet is not None else None
+    if rings is not None and rings.vertices[:, 2].max() > 0:
+        items["rings"] = build_rings(f"{NAME} Rings", rings, colour)
+    for item in items.values():
         item.lightgroup = "Planet"
     if light.stars:
-        shown = stars_above_horizon(float(light.stars_faintest_mag), int(settings.dataset.seed),
-                                    sky.from_j2000)
-        made["stars"] = build_stars(f"{NAME} Stars", shown, 1 / focal_px(settings.rig))
-    for role, item in made.items():
+        stars = stars_above_horizon(float(light.stars_faintest_mag), int(settings.dataset.seed), sky.from_j2000)
+        items["stars"] = build_stars(f"{NAME} Stars", stars, 1 / focal_px(settings.rig))
+    for role, item in items.items():
         item[TAG] = role
         if role != "planetshine":
             item.data.materials[0][TAG] = "material"
-            # As far away as it really is, it looks the same from everywhere on the ground.
+            # The real body is so far away that it looks the same from everywhere on the ground.
             item.constraints.new("COPY_LOCATION").target = camera
-    return list(made.values())
+    return list(items.values())

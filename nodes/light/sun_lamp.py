@@ -14,28 +14,28 @@ from ..tree.builder import Tree
 
 
 def build_sun(name: str) -> bpy.types.Object:
-    """A Sun lamp, which ``place_sun`` is to make what it is."""
+    """A Sun lamp, which ``place_sun`` must set up."""
     lamp = bpy.data.lights.new(name, "SUN")
     compat.disable_light_factors(lamp)
     return bpy.data.objects.new(name, lamp)
 
 
 def place_sun(sun: bpy.types.Object, sky: Sky, colour: np.ndarray) -> None:
-    """Give a Sun its direction, disc and irradiance in W/m² on a facing surface, of which ``colour`` is the share
-    in R, G, B.
+    """Set the direction, angular size and irradiance of a Sun lamp.
 
-    A Sun that is down gives no light: the body hides it, of which the ground is only a patch. What the
-    planet covers of it gives none either.
+    The irradiance is in W/m² on a surface that faces the Sun, and ``colour`` contains the factors for R, G and B. A Sun
+    below the horizon gives no light: the moon hides it, but the ground is only a patch of the moon. The part that the
+    planet covers gives no light either.
     """
     sun.data.color = tuple(map(float, colour))
     sun.data.energy = sky.sun_irradiance_wm2 * (1.0 - sky.eclipse) if sky.sun_is_up else 0.0
     sun.data.angle = math.radians(sky.sun_diameter_deg)
     sun.rotation_euler = Vector(sky.sun).to_track_quat("Z", "Y").to_euler()
-    sun.location = sky.sun * 10.0  # where the symbol is drawn; a Sun lamp has no place
+    sun.location = sky.sun * 10.0  # only moves the symbol in the viewport
 
 
 def build_sky(name: str) -> bpy.types.World:
-    """A world that gives no light: on an airless moon only the bodies shine."""
+    """A black world: an airless moon has no light from its sky."""
     world = bpy.data.worlds.new(name)
     tree = Tree(compat.ensure_nodes(world))
     black = tree.node("ShaderNodeBackground", "Space", {"Color": (0.0, 0.0, 0.0, 1.0), "Strength": 0.0},

@@ -15,7 +15,7 @@ import bpy
 COLUMN, ROW = 220.0, 260.0
 
 
-def contents_beside_sockets(node: Any) -> list[Any]:
+def non_socket_values(node: Any) -> list[Any]:
     """What a node holds beside sockets: its image's name, the points of its curves, the UV layer that it reads."""
     image, mapping = getattr(node, "image", None), getattr(node, "mapping", None)
     curves = getattr(mapping, "curves", ())
@@ -116,7 +116,7 @@ def take_values(target: bpy.types.NodeTree, source: bpy.types.NodeTree) -> bool:
     A tree that keeps its nodes keeps its compiled shader too, so that the view follows a slider.
     """
     def structure(tree: bpy.types.NodeTree) -> list[Any]:
-        return [[(n.bl_idname, n.name, _plain(n), contents_beside_sockets(n)) for n in tree.nodes],
+        return [[(n.bl_idname, n.name, _plain(n), non_socket_values(n)) for n in tree.nodes],
                 [(k.from_node.name, k.from_socket.identifier, k.to_node.name, k.to_socket.identifier)
                  for k in tree.links]]
 

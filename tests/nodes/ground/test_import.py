@@ -110,10 +110,10 @@ def test_any_axis_of_the_file_can_be_up(tmp_path, axis):
     path = write_ply(tmp_path / "a.ply", TURNED[axis](positions), faces)
     built = scenes.build(empty_scene(), own(path, up_axis=axis, centre=False, repair=False))
     assert np.abs(positions_of(built.terrain) - positions).max() < 1e-5
-    assert not any("on edge" in warning for warning in built.warnings)
+    assert not any("may point up" in warning for warning in built.warnings)
     if axis in "XY":
         wrong = scenes.build(empty_scene(), own(path))
-        assert any(f"faces along {axis}" in warning and "source.up_axis" in warning for warning in wrong.warnings)
+        assert any(f"point along {axis}" in warning and "source.up_axis" in warning for warning in wrong.warnings)
 
 
 @pytest.mark.parametrize("name", ["a.obj", "a.glb"])
@@ -257,10 +257,10 @@ def bad_inputs(folder: Path) -> dict[str, tuple[Path, dict, str]]:
     cases = {
         "absent mesh": ("absent.ply", {}, "cannot be read"), "wrong mesh": ("text.obj", {}, "not a OBJ file"),
         "empty file": ("empty.ply", {}, "is empty"), "torn glb": ("torn.glb", {}, "torn.glb"),
-        "point cloud": ("no_faces.obj", {}, "point cloud"), "no mesh": ("nothing.obj", {}, "holds no mesh"),
+        "point cloud": ("no_faces.obj", {}, "point cloud"), "no mesh": ("nothing.obj", {}, "contains no mesh"),
         "torn stl": ("torn.stl", {}, "torn.stl"), "torn fbx": ("torn.fbx", {}, "torn.fbx"),
         "torn usd": ("torn.usda", {}, "torn.usda"), "wrong kind": ("mesh.jpg", {"kind": "MESH"}, "not a mesh"),
-        "no area": (write_ply(folder / "line.ply", positions * [1, 0, 0], faces), {}, "without area"),
+        "no area": (write_ply(folder / "line.ply", positions * [1, 0, 0], faces), {}, "has an area"),
         "all nan": (write_ply(folder / "nan.ply", positions * math.nan, faces), {}, "none of its 9 vertices"),
         "tiny": (write_ply(folder / "tiny.ply", positions * 1e-5, faces), {}, "source.scale"),
         "vast": (write_ply(folder / "vast.ply", positions, faces), {"scale": 1e6}, "source.scale"),
@@ -297,7 +297,7 @@ def test_bad_input_is_a_sentence_and_changes_nothing(tmp_path):
         settings = complete({"source": {"kind": source.get("kind") or grounds.kind_of(path),
                                         "file": str(path) if path.name else "", **source}})
         if path.suffix == ".usda" and compat.find_mesh_importer("USD") is None:
-            words = "reads no USD"
+            words = "cannot read USD"
         try:
             scenes.build(scene, settings)
             pytest.fail(f"{name} was accepted")

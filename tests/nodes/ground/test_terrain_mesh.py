@@ -86,7 +86,7 @@ def test_the_table_of_roughness():
     built = _built(LAW)
     terrain = built.settings.terrain
     head, *rows = roughness_table(scenes.measured_patch(built), terrain)
-    assert head == ("Distance", "RMS deviation", "Asked for", "Ratio", "PSD")
+    assert head == ("Distance", "RMS deviation", "Setting", "Ratio", "PSD")
     heights = grid_heights(built.terrain.data, terrain)
     assert heights is not None
     ratios, waves, densities = [], [], []

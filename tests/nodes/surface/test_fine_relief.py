@@ -8,7 +8,7 @@ import pytest
 from icymoon.benchmarks.furnace import plane, radiance
 from icymoon.labels import TERRAIN
 from icymoon.nodes.surface.ice_material import build_material
-from icymoon.nodes.tree.builder import Tree, contents_beside_sockets
+from icymoon.nodes.tree.builder import Tree, non_socket_values
 from icymoon.render import cycles_settings
 from icymoon.stereo.images.exr import read_truth, read_view
 from rendering import complete, empty_scene, png, render
@@ -37,7 +37,7 @@ def tree_of(*changes):
     empty_scene()
     settings = complete(*changes)
     tree = build_material("Test", settings.surface, 1, TERRAIN, None, settings).node_tree
-    return ([(node.bl_idname, node.name, contents_beside_sockets(node), [_value(s) for s in node.inputs])
+    return ([(node.bl_idname, node.name, non_socket_values(node), [_value(s) for s in node.inputs])
              for node in tree.nodes],
             [(k.from_node.name, k.from_socket.identifier, k.to_node.name, k.to_socket.identifier) for k in tree.links])
 
