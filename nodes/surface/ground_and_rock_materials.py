@@ -1,4 +1,4 @@
-"""What ground and rocks are made of, from the whole description."""
+"""The materials of ground and rocks, from the settings of the whole scene."""
 
 from __future__ import annotations
 
@@ -23,18 +23,18 @@ from .textures import Textured
 
 
 def advice(settings: Settings) -> list[str]:
-    """What the user should know about the surfaces that the scene shows: sentences, none if all is well."""
+    """Sentences of advice on the surfaces in the scene; none if there is no problem."""
     shown = [rendered_surface(settings, topic) for topic in surface_topics(settings)]
-    told = [principled.albedo_advice(surface) for surface in shown if surface.model == "PRINCIPLED"]
+    sentences = [principled.albedo_advice(surface) for surface in shown if surface.model == "PRINCIPLED"]
     textures = settings.textures
     if (settings.hapke.theta_bar_range_deg != 0.0 and any(surface.model == "HAPKE" for surface in shown) and (
             textures.set == "NONE" or (textures.set == "OWN" and not textures.roughness_file))):
-        told.append("hapke.theta_bar_range_deg has no effect, since textures brings no roughness image.")
-    return [sentence for sentence in told if sentence]
+        sentences.append("hapke.theta_bar_range_deg has no effect, because the textures have no roughness image.")
+    return [sentence for sentence in sentences if sentence]
 
 
 def refuse_without_uv(settings: Settings, has_uv: bool) -> None:
-    """Raise IcyMoonError if images are to lie by UV coordinates on a ground that has none."""
+    """Raise IcyMoonError if images are mapped by UV coordinates, but the ground has none."""
     textures, kind = settings.textures, settings.source.kind
     if not uses_uv(textures) or (has_uv and kind == "MESH"):
         return
@@ -44,12 +44,12 @@ def refuse_without_uv(settings: Settings, has_uv: bool) -> None:
         raise IcyMoonError(f"{used_files(settings)['source.file']}: has no UV coordinates that show an image, but "
                            f"{which}; export it with them, or {fix}.")
     ground = "a height map" if kind == "HEIGHT_MAP" else "procedural ground"
-    raise IcyMoonError(f"{which}, but {ground} has no UV coordinates; {fix}, or stand on a mesh that has them "
+    raise IcyMoonError(f"{which}, but {ground} has no UV coordinates; {fix}, or choose a mesh that has them "
                        "(source.kind).")
 
 
 def _image_files(settings: Settings) -> dict[str, Path | MeshImage]:
-    """The images that the settings or the mesh name, by kind. Raises IcyMoonError if the mesh names none."""
+    """The images that the settings or the mesh name, by kind. Raises IcyMoonError if the mesh has none."""
     used = used_files(settings)
     if settings.textures.set != "MESH":
         return {name.removeprefix("textures.").removesuffix("_file"): path
@@ -57,31 +57,34 @@ def _image_files(settings: Settings) -> dict[str, Path | MeshImage]:
     path = used["source.file"]
     found = mesh_images.choose_images(path)
     if not found:
-        what = (f"Icy Moon finds images in {', '.join(mesh_images.KINDS)} files only"
-                if path.suffix.lower() not in mesh_images.KINDS else "its materials name no image that is there")
-        raise IcyMoonError(f"{path}: brings no images, since {what}; set textures.set to OWN and name them, such as "
+        reason = (f"Icy Moon finds images only in {', '.join(mesh_images.KINDS)} files"
+                  if path.suffix.lower() not in mesh_images.KINDS else "its materials name no image that exists")
+        raise IcyMoonError(f"{path}: has no images, because {reason}; set textures.set to OWN and name them, such as "
                            "textures.albedo_file.")
     return dict(found)
 
 
 def _load_textures(settings: Settings, mesh: bpy.types.Mesh) -> Textured | None:
-    """The textures of a ground's mesh, or None if there are none."""
+    """The textures of a ground's mesh; None if there are none."""
     textures = settings.textures
     if textures.set == "NONE":
         return None
     if not uses_uv(textures):
         return Textured(textures, load_maps(textures, _image_files(settings)))
-    if mesh.is_editmode:  # which keeps the coordinates to itself
+    if mesh.is_editmode:  # in Edit Mode the mesh has no UV coordinates
         raise IcyMoonError("The ground is being edited; leave Edit Mode to see changes of surfaces with images by UV.")
     refuse_without_uv(settings, UV_LAYER in mesh.attributes)
     return Textured(textures, measure_means(mesh, load_maps(textures, _image_files(settings))), "UV")
 
 
 def _load_rock_textures(settings: Settings, mesh: bpy.types.Mesh) -> Textured | None:
-    """The textures of rocks, which have no UV coordinates: in place of an image made for the ground they take its
-    mean over the ground, if they are made of the same."""
+    """The textures of rocks; None if there are none.
+
+    Rocks have no UV coordinates. If images are mapped by UV and rocks have the surface of the ground, rocks get the
+    means of the images over the ground.
+    """
     textured = _load_textures(settings, mesh)
-    if textured is None or textured.lie != "UV":
+    if textured is None or textured.placement != "UV":
         return textured
     if settings.rocks.own_surface:
         return None
@@ -91,20 +94,19 @@ def _load_rock_textures(settings: Settings, mesh: bpy.types.Mesh) -> Textured | 
 
 def _build_named_material(name: str, settings: Settings, topic: str, semantic: int,
                           textured: Textured | None) -> bpy.types.Material:
-    made = build_material(f"{NAME} {name}", rendered_surface(settings, topic), int(settings.dataset.seed),
-                          semantic,
-                          textured, settings)
-    made[TAG] = "material"
-    return made
+    material = build_material(f"{NAME} {name}", rendered_surface(settings, topic), int(settings.dataset.seed), semantic,
+                              textured, settings)
+    material[TAG] = "material"
+    return material
 
 
 def build_ground_material(settings: Settings, mesh: bpy.types.Mesh) -> bpy.types.Material:
-    """What the ground is made of that has this mesh. Raises IcyMoonError if a texture is not available."""
+    """The material of the ground with this mesh. Raises IcyMoonError if a texture is not available."""
     return _build_named_material("Surface", settings, "surface", TERRAIN, _load_textures(settings, mesh))
 
 
 def build_rock_material(settings: Settings, mesh: bpy.types.Mesh) -> bpy.types.Material:
-    """What the rocks on the ground of this mesh are made of. Raises IcyMoonError if a texture is not available."""
+    """The material of rocks on the ground with this mesh. Raises IcyMoonError if a texture is not available."""
     topic = "rock_surface" if settings.rocks.own_surface else "surface"
     ice = _build_named_material("Rock Surface", settings, topic, ROCK, _load_rock_textures(settings, mesh))
     label_instances(ice)

@@ -1,9 +1,7 @@
-"""Hapke's reflectance as nodes that every Blender and every device has.
+"""Hapke's reflectance as nodes, which work in every Blender and on every device.
 
-The formula is in ``physics/surfaces/hapke.py``.
-
-Only what the parameters ask for is built: a smooth surface without surges takes about fifty nodes,
-a rough one with both about a hundred and thirty.
+The formula is that of ``physics/surfaces/hapke.py``. Terms that the parameters switch off get no nodes: a smooth
+surface without surges has about 50 nodes, a rough one with both surges about 130.
 """
 
 from __future__ import annotations
@@ -18,7 +16,7 @@ NAME = "Hapke's BRDF"  # label of the last node
 
 @dataclass(frozen=True)
 class Grains:
-    """Parameters as ``hapke.osl`` has them; w and tan_theta may come from nodes, the others are known."""
+    """The parameters of ``hapke.osl``. Nodes may give w and tan_theta; the others are constants."""
 
     w: Number
     tan_theta: Number
@@ -33,11 +31,11 @@ class Grains:
 
 
 def brdf(n: Vector, l: Vector, v: Vector, blur: Number, q: Grains) -> Number:  # noqa: E741
-    """Radiance over the irradiance on the surface in 1/sr; n, l, v are unit vectors, l on the side of n.
+    """Radiance divided by irradiance on the surface, in 1/sr.
 
-    Where n turns away from v, whose facet is seen all the same, it is that of grazing sight.
-
-    ``blur`` is the mean distance within the source's disc from its middle, as the tangent of half an angle.
+    n, l and v are unit vectors, with l on the side of n. If a shading normal n points away from v although the facet is
+    visible, the result is that for a grazing view. ``blur`` is the mean distance of points on the source's disc from
+    its centre, as the tangent of half the angle.
     """
     mu0, mu = n.dot(l).at_least(1e-6).named("µ0"), n.dot(v).at_least(1e-6).named("µ")
     single = backscatter = Number(n.tree, 1.0)
@@ -51,7 +49,7 @@ def brdf(n: Vector, l: Vector, v: Vector, blur: Number, q: Grains) -> Number:  #
             single = single * (q.h_s / (t + q.h_s)).times_plus(q.b_s0, 1.0).named("1 + BS0 BS")
         if q.b_c0 * q.h_c > 0.0:
             backscatter = _coherent_backscatter(t, q.h_c).times_plus(q.b_c0, 1.0).named("1 + BC0 BC")
-    # A BRDF does not tell the Sun from the observer: 'n' is the ray nearer to the normal, 'f' the farther one.
+    # A BRDF is symmetric in Sun and observer: 'n' is the ray nearer to the normal, 'f' the farther one.
     mu_n, mu_f = mu0.at_least(mu), mu0.at_most(mu)
     scale, shadowing = Number(n.tree, 1.0 / q.k), Number(n.tree, 1.0)
     if q.tan_theta.known != 0.0:
@@ -70,7 +68,7 @@ def _phase_function(near: Number, far: Number, q: Grains) -> Number:
     if q.b == 0.0:
         return Number(near.tree, 1.0)
     total = Number(near.tree, 0.0)
-    # For b < 0 the lobes change places, which keeps the sums positive.
+    # For b < 0 the lobes are exchanged, which keeps the sums positive.
     toward, away = (near, far) if q.b > 0 else (far, near)
     for distance, weight in ((toward, (1 + q.c) / 2), (away, (1 - q.c) / 2)):
         if weight:
@@ -81,7 +79,7 @@ def _phase_function(near: Number, far: Number, q: Grains) -> Number:
 
 def _coherent_backscatter(t: Number, h_c: float) -> Number:
     x = (t / h_c).at_most(1e6).named("x")
-    # The difference of near numbers is left to the series where it loses digits.
+    # For small x, a series replaces the difference of nearly equal numbers, which would lose digits.
     small = -x.at_most(0.1)
     series = small.times_plus(1 / 24, 1 / 6).times_plus(small, 0.5).times_plus(small, 1.0)
     exact = (1.0 - (-x).exp()) / x.at_least(1e-3)
@@ -105,7 +103,7 @@ def _h_function(x: Number, q: Grains) -> Number:
 
 def _rough(n: Vector, l: Vector, v: Vector, mu_n: Number, mu_f: Number,  # noqa: E741
            tan_theta: Number) -> tuple[Number, Number, Number]:
-    """Effective cosines without their common factor χ, and S mu_n mu_f / (µ0 χ)."""
+    """Both effective cosines without their common factor χ, and S mu_n mu_f / (µ0 χ)."""
     l_t, v_t = l.cross(n), v.cross(n)
     p, s = l_t.unit(), v_t.unit()
     apart, together = p.distance(s), (p + s).length().at_least(1e-7)

@@ -1,7 +1,7 @@
-"""The script node of ``hapke.osl``, made without Blender's Python for script nodes.
+"""The script node of ``hapke.osl``, made without Blender's own Python code for script nodes.
 
-Blender's own way needs ``oslquery``, which the wheels from 4.5 on do not have. Cycles' compiler is in
-all of them; the sockets are read from what it writes.
+That code needs ``oslquery``, which the wheels from 4.5 on do not contain. All wheels contain the compiler of Cycles.
+The sockets of the node are read from its output.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ def compile_source() -> str:
 
 
 def add_script_node(tree: Tree, label: str, inputs: Mapping[str, Any]) -> Any:
-    """Add the script node with every input set, and return it."""
+    """Add the script node and set all its inputs. Raises ValueError if an input is missing or unknown."""
     code = compile_source()
     node = tree.tree.nodes.new("ShaderNodeScript")
     node.name = node.label = label
@@ -49,8 +49,8 @@ def add_script_node(tree: Tree, label: str, inputs: Mapping[str, Any]) -> Any:
         (node.inputs if kind == "param" else node.outputs).new(_SOCKETS[type_name], name)
     node.bytecode = code
     node.bytecode_hash = hashlib.md5(code.encode(), usedforsecurity=False).hexdigest()
-    if missing := {s.name for s in node.inputs} ^ set(inputs):
-        raise ValueError(f"{SOURCE.name}: inputs not set or not there: {sorted(missing)}")
+    if wrong := {s.name for s in node.inputs} ^ set(inputs):
+        raise ValueError(f"{SOURCE.name}: inputs not set or unknown: {sorted(wrong)}")
     for name, value in inputs.items():
         if isinstance(value, bpy.types.NodeSocket):
             tree.tree.links.new(value, node.inputs[name])

@@ -1,4 +1,4 @@
-"""What ground and rocks are made of: snow and ice by the law of reflection that is chosen, with procedural grain."""
+"""Materials of snow and ice with the chosen reflectance law, procedural grain and images."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ from ..tree.formula import Number
 from . import reflectance_laws
 from .patches_and_grain import GRAIN_FARTHEST, add_brightness, add_grain, add_stain, darkest
 from .sun_inputs import Sun
-from .textures import Lying, Textured
+from .textures import Sampler, Textured
 
 WHITE = (1.0, 1.0, 1.0, 1.0)
 
 
 def _add_product(tree: Tree, label: str, a: Any, b: Any) -> Any:
-    """Output socket of the product of two colours; either may be None, which is white."""
+    """Output socket of the product of two colours. None is white."""
     if a is None or b is None:
         return b if a is None else a
     return tree.node("ShaderNodeVectorMath", label, {"Vector": a, "Vector_001": b}, operation="MULTIPLY").outputs[0]
@@ -47,16 +47,18 @@ def _add_reflectance(tree: Tree, surface: SurfaceSettings, grey: Any, colour: An
 
 
 def add_bump(tree: Tree, height: Any, distance_m: float, normal: Any = None) -> Any:
-    """Output socket of the normal of bumps that are ``distance_m`` high where ``height`` is 1, on the surface's
-    own normal or another."""
+    """Output socket of the normal with bumps, which are ``distance_m`` high where ``height`` is 1.
+
+    The bumps are on the surface's own normal, or on ``normal``.
+    """
     return tree.node("ShaderNodeBump", "Relief", {"Strength": 1.0, "Distance": distance_m, "Height": height,
                                                   **({} if normal is None else {"Normal": normal})},
                      if_present={"Filter Width": 0.1}, leave=("Normal",), invert=False).outputs[0]
 
 
-def _add_fine_height(tree: Tree, surface: SurfaceSettings, where: Any, place: Sequence[float], pieces: Lying | None,
+def _add_fine_height(tree: Tree, surface: SurfaceSettings, where: Any, place: Sequence[float], pieces: Sampler | None,
                      textured: Textured | None) -> Any:
-    """Output socket of the height in metres of grain and height map about their middle, or None without either."""
+    """Output socket of the height in metres of grain and height image, with a mean of 0; None if there is neither."""
     parts = []
     if surface.grain_amplitude_m > 0.0:
         about_0 = add_grain(tree, where, surface.grain_size_m, place)
@@ -73,8 +75,10 @@ def _add_fine_height(tree: Tree, surface: SurfaceSettings, where: Any, place: Se
 
 def _add_snow(tree: Tree, label: str, surface: SurfaceSettings, wanted: Any, varied: Mapping[str, Any],
               relief: Mapping[str, Any]) -> Any:
-    """Shader socket of the Principled surface whose reflectance is ``wanted``, a number or a socket; ``varied`` and
-    ``relief`` hold sockets for some of its inputs."""
+    """Shader socket of a Principled surface with the reflectance ``wanted``, a number or a socket.
+
+    ``varied`` and ``relief`` contain sockets for some of its inputs.
+    """
     radius = surface.subsurface_radius_m
     if isinstance(wanted, (int, float)):
         base: Any = (*[principled.base_colour(surface, wanted)] * 3, 1.0)
@@ -100,24 +104,24 @@ def _add_snow(tree: Tree, label: str, surface: SurfaceSettings, wanted: Any, var
 
 def _add_principled(tree: Tree, surface: SurfaceSettings, wanted: Any, varied: Mapping[str, Any],
                     relief: Mapping[str, Any], smooth: bool) -> Any:
-    """Shader socket of Principled ice as it is seen, and, if ``smooth``, as it is without relief to other light."""
+    """Shader socket of Principled ice. If ``smooth``, it has its relief for camera rays only."""
     seen = _add_snow(tree, "Snow", surface, wanted, varied, relief)
     if not smooth or not relief:
         return seen
-    bare = surface | {"grain_amplitude_m": 0.0}  # loses no light between bumps
+    bare = surface | {"grain_amplitude_m": 0.0}  # its albedo needs no correction for light lost between bumps
     return reflectance_laws.add_seen_or_not(tree, seen, _add_snow(tree, "Smooth Snow", bare, wanted, varied, {}))
 
 
 def _numbers_of(surface: SurfaceSettings, settings: Settings | None, textured: Textured | None) -> tuple[str, ...]:
-    """Kinds of images that give the surface's law numbers, place by place."""
+    """Kinds of images that vary inputs of the surface's reflectance law."""
     if surface.model == "PRINCIPLED":
         return "roughness", "transmission"
     varies = settings is not None and surface.model == "HAPKE" and settings.hapke.theta_bar_range_deg != 0.0
-    return ("roughness",) if varies and textured is not None and textured.lie != "MEAN" else ()
+    return ("roughness",) if varies and textured is not None and textured.placement != "MEAN" else ()
 
 
 def _add_slopes(tree: Tree, hapke: HapkeSettings, image: Any, mean: float) -> reflectance_laws.Slopes:
-    """Hapke's θ̄ that the values of a roughness image with this mean vary."""
+    """Hapke's θ̄ as varied by the values of a roughness image with the given ``mean``."""
     middle, span = math.radians(hapke.theta_bar_deg), math.radians(hapke.theta_bar_range_deg)
     most = math.radians(TOPICS["hapke"]["theta_bar_deg"].maximum)
     low, high = (min(max(middle + span * (end - mean), 0.0), most) for end in ((0.0, 1.0) if span > 0 else (1.0, 0.0)))
@@ -127,18 +131,18 @@ def _add_slopes(tree: Tree, hapke: HapkeSettings, image: Any, mean: float) -> re
 
 def _add_law(material: bpy.types.Material, surface: SurfaceSettings, settings: Settings | None,
              ground: reflectance_laws.Ground, smooth: bool) -> dict[str, Any]:
-    """Shader sockets of the laws that are not Principled, by the renderer that they are for."""
+    """Shader sockets of a law other than Principled, by the renderer that they are for."""
     if surface.model == "LAMBERT":
         return {"ALL": reflectance_laws.add_lambert(ground, surface.albedo, smooth)}
     if settings is None:
-        raise ValueError(f"{surface.model} needs the scene's settings: it asks where the Sun is.")
+        raise ValueError(f"{surface.model} depends on the direction of the Sun; pass the settings of the scene.")
     sun = Sun.from_settings(settings.light)
     if surface.model != "HAPKE":
         share = 1.0 if surface.model == "LOMMEL_SEELIGER" else surface.lommel_seeliger_share
         return {"ALL": reflectance_laws.add_lunar_lambert(ground, surface.albedo, share, sun)}
     use_osl, level, _ = reflectance_laws.choose_backend(settings.hapke, settings.quality.device)
     grains = reflectance_laws.Grains(from_settings(settings.hapke), darkest(surface))
-    # What shines because the Sun is traced to it is no lamp, and bump is not to be softened twice.
+    # The emission of a surface that traces the Sun is not a light source, and the law handles grazing bumps itself.
     material.cycles.emission_sampling = "NONE"
     material.cycles.use_bump_map_correction = False
     if not use_osl:
@@ -151,20 +155,19 @@ def build_material(name: str, surface: SurfaceSettings, seed: int, semantic: int
                    textured: Textured | None = None, settings: Settings | None = None) -> bpy.types.Material:
     """A material from ``surface`` settings whose reflectance in a white furnace is its albedo.
 
-    ``settings`` are all of the scene's; the laws that ask where the Sun is need them.
-    Fine relief shades as bump, so that the true depth stays that of the mesh, or moves the mesh's vertices. The
-    geometric normal goes to the value pass ``NORMAL_AOV``, because Cycles' own Normal pass contains the bump.
-    ``semantic`` is the label that the material-index pass carries.
+    ``settings`` are those of the whole scene, which laws that depend on the Sun need. ``semantic`` is the label in the
+    material-index pass. Fine relief is bump, so that the true depth is that of the mesh, or it displaces the vertices.
+    The geometric normal goes to the value pass ``NORMAL_AOV``, because Cycles' own Normal pass contains the bump.
     """
     material = bpy.data.materials.new(name)
     material.pass_index = semantic
     tree = Tree(compat.ensure_nodes(material))
-    drawn = map(float, generator(seed, "surface").uniform(0.0, 1000.0, 7))
-    patches_at, grain_x, salt_at, east, north, *grain_yz = drawn
+    offsets = map(float, generator(seed, "surface").uniform(0.0, 1000.0, 7))
+    patches_at, grain_x, salt_at, east, north, *grain_yz = offsets
     grain_at = [w % GRAIN_FARTHEST for w in (grain_x, *grain_yz)]
     geometry = tree.node("ShaderNodeNewGeometry", "Geometry")
     found = textured.maps if textured is not None else {}
-    pieces = textured.on(tree, geometry, (east, north)) if textured is not None and found else None
+    pieces = textured.make_sampler(tree, geometry, (east, north)) if textured is not None and found else None
     varied: dict[str, Any] = {}
     for kind in _numbers_of(surface, settings, textured):
         if pieces is not None and kind in found:

@@ -1,6 +1,6 @@
-"""Images for surfaces: the user's own files, those that a mesh brings, and made-up sets.
+"""Images for surfaces: the user's own files, images of the mesh, and generated sets.
 
-An image is loaded once, and found again by what it was made for.
+An image is loaded or generated once, and found again by its key.
 """
 
 from __future__ import annotations
@@ -20,15 +20,15 @@ from ...physics.mesh import texture_coordinates
 from ...physics.surfaces.textures import SIZE, make_maps
 from ...typed_settings import TexturesSettings
 
-_KEY, _MEAN = "icymoon_key", "icymoon_mean"  # what an image was made for, and the mean of its linear values
-_SHOWN, _SHOWN_MEAN = "icymoon_shown", "icymoon_shown_mean"  # a mark of what a ground shows of it, and the mean of that
-#: Numbers of an image that are worked on at once: a baked image may have a thousand million.
+_KEY, _MEAN = "icymoon_key", "icymoon_mean"  # the key of an image, and the mean of its linear values
+_SHOWN, _SHOWN_MEAN = "icymoon_shown", "icymoon_shown_mean"  # mark of the part on the ground, and the mean of that part
+#: Values of an image that are processed at once: a baked image may have 10⁹.
 _AT_ONCE = 1 << 24
 
 
 @dataclass(frozen=True)
 class Map:
-    """An image of one kind, the mean (3,) of its linear values, and the channel that counts where one does."""
+    """An image, the mean (3,) of its linear values, and the channel to use if the kind of image has one value."""
 
     image: bpy.types.Image
     mean: tuple[float, float, float]
@@ -36,17 +36,17 @@ class Map:
 
 
 def load_maps(textures: TexturesSettings, files: Mapping[str, Path | MeshImage]) -> dict[str, Map]:
-    """The maps that ``textures`` settings name, by kind; none if there is no texture.
+    """The maps of ``textures`` settings, by kind; empty without textures.
 
-    ``files`` has the image of each kind of the user's own set, or of the mesh's. An image that is there already
-    is taken again. Raises IcyMoonError if one cannot be read.
+    ``files`` contains the user's own images, or those of the mesh, by kind. Images that are loaded already are used
+    again. Raises IcyMoonError if an image cannot be read.
     """
     if textures.set == "NONE":
         return {}
     if textures.set == "OWN":
         if not files:
             raise IcyMoonError("textures.set is OWN, but no image is named; name one, such as textures.albedo_file, or "
-                               "set textures.set to MESH for the images that a mesh brings.")
+                               "set textures.set to MESH for the images of the mesh.")
     elif textures.set != "MESH":
         return {kind: _make_map(textures.set, kind) for kind in ("albedo", "roughness", "height")}
     return {kind: _load_map(kind, file if isinstance(file, MeshImage) else MeshImage(file),
@@ -55,16 +55,16 @@ def load_maps(textures: TexturesSettings, files: Mapping[str, Path | MeshImage])
 
 
 def remove_unused_images() -> None:
-    """Remove the images of textures that nothing shows."""
+    """Remove the images of textures that have no users."""
     unused = [image for image in bpy.data.images if _KEY in image and image.users == 0]
     if unused:
         bpy.data.batch_remove(unused)
 
 
 def measure_means(mesh: bpy.types.Mesh, found: Mapping[str, Map]) -> dict[str, Map]:
-    """The maps with the means of what a mesh shows of them by its UV coordinates.
+    """The maps with new means: those of the parts of the images that are on the mesh, by its UV coordinates.
 
-    Less than half of a baked image may lie on the surface, and what lies between the pieces is often black.
+    Less than half of a baked image may be on the surface, and the rest is often black.
     """
     positions, uv = (np.empty(size, np.float32) for size in (3 * len(mesh.vertices), 2 * len(mesh.loops)))
     mesh.attributes["position"].data.foreach_get("vector", positions)
@@ -72,7 +72,7 @@ def measure_means(mesh: bpy.types.Mesh, found: Mapping[str, Map]) -> dict[str, M
     vertices = np.empty(len(mesh.loops), np.int32)
     mesh.attributes[".corner_vert"].data.foreach_get("value", vertices)
     corners = np.arange(len(vertices), dtype=np.int32)
-    if len(vertices) != 3 * len(mesh.polygons):  # edited by hand; asking for triangles costs four times as much
+    if len(vertices) != 3 * len(mesh.polygons):  # edited by hand; to compute triangles takes four times as long
         mesh.calc_loop_triangles()
         corners = np.empty(3 * len(mesh.loop_triangles), np.int32)
         mesh.loop_triangles.foreach_get("loops", corners)
@@ -88,28 +88,28 @@ def measure_means(mesh: bpy.types.Mesh, found: Mapping[str, Map]) -> dict[str, M
 
 
 def _find_map(key: str) -> Map | None:
-    """The map whose image was made for the same ``key`` before."""
+    """The map whose image has this ``key``; None if there is none."""
     image = next((image for image in bpy.data.images if image.get(_KEY) == key), None)
     return Map(image, tuple(image[_MEAN])) if image else None
 
 
 def _remember_map(key: str, image: bpy.types.Image, mean: np.ndarray) -> Map:
-    """A map of an image with the ``mean`` (3,) of its linear values, to be found again."""
+    """Store the ``key`` and the ``mean`` (3,) of its linear values with an image; the map of it."""
     image[_KEY], image[_MEAN] = key, mean.tolist()
     return Map(image, tuple(mean.tolist()))
 
 
 def _make_map(name: str, kind: str) -> Map:
     key = f"{name} {kind}"
-    there = _find_map(key)
-    if there is not None:
-        return there
+    found = _find_map(key)
+    if found is not None:
+        return found
     values = getattr(make_maps(name), kind)
     image = bpy.data.images.new(f"Icy Moon {key.title()}", SIZE, SIZE, float_buffer=True, is_data=True)
     pixels = np.ones((SIZE, SIZE, 4), np.float32)
     pixels[..., :3] = values[..., None]
     image.pixels.foreach_set(pixels.ravel())
-    image.pack()  # else it is lost when the file is saved
+    image.pack()  # otherwise it would not be saved with the file
     return _remember_map(key, image, pixels[..., :3].reshape(-1, 3).mean(axis=0, dtype=np.float64))
 
 
@@ -119,21 +119,21 @@ def _load_map(kind: str, source: MeshImage, name: str) -> Map:
         raise IcyMoonError(f"{path}: there is no such file; check {name}.")
     state = path.stat()
     key = f"{path} {state.st_size} {state.st_mtime_ns} {source.place} {kind}"
-    there = _find_map(key)
-    if there is None:
+    found = _find_map(key)
+    if found is None:
         image = _unpack_image(source) if source.data else bpy.data.images.load(str(path), check_existing=False)
         if kind != "albedo" and not image.is_float:
             image.colorspace_settings.name = "Non-Color"
         try:
-            there = _remember_map(key, image, _mean(path, name, image))
+            found = _remember_map(key, image, _mean(path, name, image))
         except IcyMoonError:
             bpy.data.images.remove(image)
             raise
-    return replace(there, channel=source.channel)
+    return replace(found, channel=source.channel)
 
 
 def _unpack_image(source: MeshImage) -> bpy.types.Image:
-    """An image from bytes within a file, which stay with the .blend."""
+    """An image from bytes within a file, packed into the .blend."""
     data = source.data() if source.data else b""
     image = bpy.data.images.new(f"{source.file.name} {source.place}", 1, 1)
     image.pack(data=data, data_len=len(data))
@@ -142,7 +142,7 @@ def _unpack_image(source: MeshImage) -> bpy.types.Image:
 
 
 def _mean(path: Path, name: str, image: bpy.types.Image) -> np.ndarray:
-    """Mean (3,) of an image's linear values. Raises IcyMoonError if it has none or some are not numbers."""
+    """Mean (3,) of an image's linear values. Raises IcyMoonError if there are none or some are not finite."""
     if image.size[0] * image.size[1] == 0:
         raise IcyMoonError(f"{path}: is not an image that Blender reads; give a PNG, JPEG, TIFF or EXR as {name}.")
     pixels, total = _read_pixels(image), np.zeros(3)
@@ -155,7 +155,7 @@ def _mean(path: Path, name: str, image: bpy.types.Image) -> np.ndarray:
 
 
 def _read_pixels(image: bpy.types.Image) -> np.ndarray:
-    """Pixels (rows, columns, channels) of an image as they are stored, row 0 at the bottom."""
+    """Stored pixels (rows, columns, channels) of an image, with row 0 at the bottom."""
     width, height = image.size
     pixels = np.empty(width * height * image.channels, np.float32)
     image.pixels.foreach_get(pixels)

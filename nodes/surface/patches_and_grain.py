@@ -1,7 +1,7 @@
-"""What the ice is made of, place by place: dark patches, dirty troughs and slopes, salt.
+"""Variation of the ice from place to place: dark patches, dirty troughs and slopes, salt, grains.
 
-All of them darken clean ice, so that no place is brighter than its albedo. What is switched off costs
-no node.
+Patches, dirt and salt darken clean ice, so that no place is brighter than the albedo. What is switched off gets no
+nodes.
 """
 
 from __future__ import annotations
@@ -21,39 +21,39 @@ ELEVATION = "icymoon_elevation"  # attribute: height above the mean plane in sta
 #: Mean and standard deviation of Blender's normalised noise of four octaves, and the width of a stain's edge.
 _NOISE_MEAN, _NOISE_DEVIATION, _EDGE = 0.5, 0.093, 0.02
 GRAIN_OCTAVES = 3.0
-#: Wavelengths that a field of grain lies from the origin at most, on each axis. There single precision rounds to 1e-6
-#: wavelengths; where the pixel is so fine that 500 show one, a tenth of it is 2e-4, and slopes are right within 1 %.
+#: Largest offset of a field of grain from the origin on each axis, in wavelengths. There, single precision rounds to
+#: 1e-6 wavelengths. With 500 pixels for each wavelength, a tenth of a pixel is 2e-4 of it, so slopes are right within
+#: 1 %.
 GRAIN_FARTHEST = 32.0
-#: Brings three-dimensional noise to the heights (0.068) and slopes (0.33) RMS of four-dimensional, within 5 % of both:
-#: of span 1 they are 0.080 and 0.36 at a wavelength of 1.
+#: Factor that gives three-dimensional noise the RMS heights (0.068) and slopes (0.33) of four-dimensional noise, both
+#: within 5 %. Without it they are 0.080 and 0.36 at a wavelength of 1.
 _GRAIN_SPAN = 0.88
-#: Normal of the mirror that turns level ground into the plane of the noise's lattice which has equal parts of all three
-#: axes: z - (1, 1, 1) / 3^0.5. Along two of them a level cut shows the lattice as a weave.
+#: Normal of the mirror, z - (1, 1, 1) / 3^0.5, that maps level ground to a plane with equal parts of all three axes
+#: of the noise's lattice. In a plane along two axes, the lattice would be visible as a weave.
 _OFF_LATTICE = (-3 ** -0.5, -3 ** -0.5, 1.0 - 3 ** -0.5)
 _STEEP = 1.0 - math.cos(math.radians(45.0))
-#: Elevations beyond this many standard deviations are not told apart.
+#: Elevations are limited to this many standard deviations.
 _MOST_ELEVATION = 3.0
 
 
 def add_noise(tree: Tree, label: str, where: Any, wavelength_m: float, fourth: float, octaves: float) -> Any:
-    """Output socket of Blender's noise, about 0.5, of a longest wavelength; ``fourth`` tells fields apart."""
+    """Output socket of Blender's noise, around 0.5, with a longest wavelength. ``fourth`` selects the field."""
     return tree.node("ShaderNodeTexNoise", label, {
         "Vector": where, "W": fourth, "Scale": 1.0 / wavelength_m, "Detail": octaves, "Roughness": 0.5,
         "Lacunarity": 2.0, "Distortion": 0.0}, noise_dimensions="4D", noise_type="FBM", normalize=True).outputs[0]
 
 
 def add_grain(tree: Tree, where: Any, wavelength_m: float, place: Sequence[float]) -> Any:
-    """Output socket of the height of grain about 0, of a longest wavelength; ``place`` (3), wavelengths, tells fields
-    apart.
+    """Output socket of the height of grain, around 0, with a longest wavelength.
 
-    Bump asks for it three times at every hit, and in three dimensions Blender's noise has half the corners of that in
-    four. Fields are then told apart by where in the noise they lie, which must not be far (``GRAIN_FARTHEST``): bump
-    takes differences of a tenth of a pixel.
+    ``place`` (3), in wavelengths, is the offset in the noise that selects the field. It must be at most
+    ``GRAIN_FARTHEST``, since bump uses differences over a tenth of a pixel. Bump evaluates the noise three times at
+    every hit, so the noise has three dimensions, which take half as long as four.
     """
-    there = tree.node("ShaderNodeVectorMath", "Grain Place", {
+    shifted = tree.node("ShaderNodeVectorMath", "Grain Place", {
         "Vector": where, "Vector_001": (1.0 / wavelength_m,) * 3, "Vector_002": place},
         operation="MULTIPLY_ADD").outputs[0]
-    askew = tree.node("ShaderNodeVectorMath", "Off the Lattice", {"Vector": there, "Vector_001": _OFF_LATTICE},
+    askew = tree.node("ShaderNodeVectorMath", "Off the Lattice", {"Vector": shifted, "Vector_001": _OFF_LATTICE},
                       operation="REFLECT").outputs[0]
     field = tree.node("ShaderNodeTexNoise", "Grain", {
         "Vector": askew, "Scale": 1.0, "Detail": GRAIN_OCTAVES, "Roughness": 0.5, "Lacunarity": 2.0,
@@ -64,12 +64,15 @@ def add_grain(tree: Tree, where: Any, wavelength_m: float, place: Sequence[float
 
 def mark_elevation(mesh: bpy.types.Mesh, surface: SurfaceSettings,
                    drop_m: Callable[[np.ndarray, np.ndarray], np.ndarray] | None = None) -> None:
-    """Give the vertices of a mesh their height above its mean plane in standard deviations, if ``surface``
-    settings ask for it; else take it from them. ``drop_m`` states by how much round ground falls at coordinates."""
-    there = mesh.attributes.get(ELEVATION)
+    """Set the attribute ``ELEVATION`` of a mesh if ``surface`` settings need it; otherwise remove it.
+
+    It is the height of vertices above the mean plane, in standard deviations. ``drop_m`` returns by how many metres
+    curved ground drops at coordinates.
+    """
+    existing = mesh.attributes.get(ELEVATION)
     if surface.trough_dirt == 0.0:
-        if there is not None:
-            mesh.attributes.remove(there)
+        if existing is not None:
+            mesh.attributes.remove(existing)
         return
     position = np.empty(3 * len(mesh.vertices), np.float32)
     mesh.attributes["position"].data.foreach_get("vector", position)
@@ -80,26 +83,26 @@ def mark_elevation(mesh: bpy.types.Mesh, surface: SurfaceSettings,
     above = z - plane @ np.linalg.lstsq(plane, z, rcond=None)[0]
     deviation = float(above.std())
     elevation = above / deviation if deviation > 0.0 else above
-    attribute = there or mesh.attributes.new(ELEVATION, "FLOAT", "POINT")
+    attribute = existing or mesh.attributes.new(ELEVATION, "FLOAT", "POINT")
     attribute.data.foreach_set("value", np.clip(elevation, -_MOST_ELEVATION, _MOST_ELEVATION).astype(np.float32))
 
 
 def _add_kept(tree: Tree, label: str, share: Any, dirt: float) -> Any:
-    """1 - dirt x share."""
+    """Output socket of 1 - dirt x share."""
     return tree.math("SUBTRACT", f"{label} Kept", 1.0, tree.math("MULTIPLY", f"{label} Darkening", share, dirt))
 
 
 def _add_share(tree: Tree, label: str, value: Any, clean: float, dirty: float, smooth: bool = False) -> Any:
-    """0 where ``value`` is ``clean``, 1 where it is ``dirty``, held to that range."""
+    """Output socket: 0 where ``value`` is ``clean``, 1 where it is ``dirty``, limited to that range."""
     return tree.node("ShaderNodeMapRange", label, {
         "Value": value, "From Min": clean, "From Max": dirty, "To Min": 0.0, "To Max": 1.0},
         data_type="FLOAT", interpolation_type="SMOOTHSTEP" if smooth else "LINEAR", clamp=True).outputs[0]
 
 
 def add_brightness(tree: Tree, surface: SurfaceSettings, geometry: Any, fourth: float, elevated: bool) -> Any:
-    """Grey factor on the clean ice's albedo, an output socket, or 1.0 if it is the same everywhere.
+    """Grey factor on the albedo of clean ice: an output socket, or 1.0 if nothing darkens it.
 
-    ``elevated`` states whether the mesh has elevations (rocks have none).
+    ``elevated`` is whether the mesh has the attribute ``ELEVATION``, which rocks do not have.
     """
     factors: list[Any] = []
     if surface.albedo_variation > 0.0:
@@ -122,12 +125,12 @@ def add_brightness(tree: Tree, surface: SurfaceSettings, geometry: Any, fourth: 
 
 
 def darkest(surface: SurfaceSettings) -> float:
-    """The least that ``brightness`` can be."""
+    """The minimum of the factor of ``add_brightness``."""
     return float(math.prod(1.0 - abs(surface[key]) for key in ("albedo_variation", "trough_dirt", "slope_dirt")))
 
 
 def add_stain(tree: Tree, surface: SurfaceSettings, geometry: Any, fourth: float) -> Any:
-    """Colour factor on the albedo that salt makes, an output socket, or None if there is none."""
+    """Output socket of the colour factor of salt on the albedo; None if there is no salt."""
     share = surface.salt_share
     if share == 0.0:
         return None

@@ -1,22 +1,20 @@
-"""Surfaces that know where the Sun is, since no closure of Cycles' has their law of reflection.
+"""Surfaces with reflectance laws that no closure of Cycles has, so that their shaders must know where the Sun is.
 
-Light from the Sun is exact in all of them. Three levels of accuracy of Hapke's law:
+Sunlight is exact for all of them. Hapke's law has three levels of accuracy:
 
-* fast: a diffuse closure whose weight is π times the BRDF for the Sun. Light from the ground then
-  has that weight too, where the Sun reaches the surface;
-* accurate: the Sun is traced in the shader, its disc included, and the closure is left to all
-  other light, which it scatters as Lambert's law with the same albedo at this emission angle. The
-  lamp lights everything but these surfaces;
-* reference: the first three interreflections have the law at all ends as well.
+* fast: a diffuse closure whose weight is π times the BRDF for the Sun. Light from other ground gets the same weight
+  where the Sun reaches the surface;
+* accurate: the shader traces the Sun with its disc. The closure scatters only other light, by Lambert's law with the
+  same albedo at this emission angle. The lamp does not light these surfaces;
+* reference: the first three interreflections follow Hapke's law at both ends too.
 
-The planet's light is traced in the shader at every level, by a ray to another place of its disc in
-every sample, which is exact in the mean; its first interreflection has the law where it leaves.
+With Open Shading Language, the shader traces the planet at every level. Each sample has one ray to a random point of
+the planet's disc, which is exact in the mean. The first interreflection of this light follows the law where it leaves.
 
-Only Open Shading Language on the processor can trace in a shader; nodes are always fast, and take
-the planet for a point in the middle of what is lit of it. The law then is within 0.4 % for Jupiter
-from Europa and 2 % for Saturn from Enceladus in 95 % of directions (``benchmarks/hapke.py planet``).
-A closure has one weight: it is that for the Sun, and for the planet when the Sun is dark, so
-``render.apart`` has them rendered one after the other.
+Only Open Shading Language on the processor can trace in a shader. Nodes are always fast, and treat the planet as a
+point in the middle of its lit part. The law is then within 0.4 % for Jupiter from Europa, and within 2 % for Saturn
+from Enceladus, in 95 % of directions (``benchmarks/hapke.py planet``). A closure has one weight: that for the Sun, or
+for the planet if the Sun is dark. So ``render.separate_lights`` renders them one after the other.
 """
 
 from __future__ import annotations
@@ -42,7 +40,7 @@ from .sun_inputs import BLUR, DIRECTION, LEVELS, SCRIPT, Sun, planet_inputs, sun
 
 @dataclass(frozen=True)
 class Slopes:
-    """Hapke's θ̄ where an image varies it: the output socket that gives it, and its ends, in radians."""
+    """Hapke's θ̄ as varied by an image: its output socket, and its limits, in radians."""
 
     value: Any
     low: float
@@ -51,9 +49,12 @@ class Slopes:
 
 @dataclass(frozen=True)
 class Ground:
-    """What the laws are put on: a tree, the normal's output socket (None: the mesh's own), the grey factor on the
-    albedo (on w in Hapke's law), a number or an output socket, the colour factor, an output socket or None, and
-    Hapke's θ̄ where it is not that of the parameters."""
+    """The inputs of the laws from the rest of a material's tree.
+
+    ``normal`` is an output socket, or None for the mesh's own normal. ``grey`` is the factor on the albedo (on w for
+    Hapke's law), a number or an output socket. ``colour`` is an output socket of the colour factor, or None. ``slopes``
+    is Hapke's θ̄ if an image varies it.
+    """
 
     tree: Tree
     normal: Any
@@ -64,16 +65,16 @@ class Ground:
 
 @dataclass(frozen=True)
 class Grains:
-    """Hapke's parameters, and the least that the ground's grey factor on w is."""
+    """Hapke's parameters, and the minimum of the ground's grey factor on w."""
 
     parameters: model.HapkeParameters
     darkest: float
 
 
 def choose_backend(hapke: HapkeSettings, device: str) -> tuple[bool, str, str]:
-    """Whether Hapke's law is made of OSL, its level, and a sentence if that is not what was asked for.
+    """Whether Hapke's law uses OSL, its level, and a sentence if they differ from the settings.
 
-    Raises IcyMoonError if OSL is asked for and is not available.
+    Raises IcyMoonError if the settings require OSL and it is not available.
     """
     asked, level = hapke.backend, hapke.accuracy
     why = ("" if compat.has_osl() else "this Blender was built without Open Shading Language") or (
@@ -85,8 +86,8 @@ def choose_backend(hapke: HapkeSettings, device: str) -> tuple[bool, str, str]:
         return True, level, ""
     if level != "FAST":
         reason = why or "nodes cannot trace"
-        return False, "FAST", f"Hapke's surface is built at accuracy FAST, of nodes, since {reason}."
-    return False, level, f"Hapke's surface is built of nodes, since {why}." if asked == "AUTO" else ""
+        return False, "FAST", f"Hapke's surface is built from nodes, with hapke.accuracy FAST, because {reason}."
+    return False, level, f"Hapke's surface is built from nodes, because {why}." if asked == "AUTO" else ""
 
 
 def uses_hapke(settings: Settings) -> bool:
@@ -96,14 +97,14 @@ def uses_hapke(settings: Settings) -> bool:
 
 
 def osl_substitute(settings: Settings) -> str:
-    """What identifies that nodes stand in for OSL here, which the settings do not say; empty if they do not."""
+    """A text for the scene's identity if nodes replace OSL here, which the settings do not determine; else empty."""
     automatic = uses_hapke(settings) and settings.hapke.backend == "AUTO"
     of_osl = not automatic or choose_backend(settings.hapke, settings.quality.device)[0]
     return "" if of_osl else "Hapke of nodes"
 
 
 def advice(settings: Settings) -> list[str]:
-    """What the user should know of the surface that will be built. Raises IcyMoonError if it cannot be built."""
+    """Sentences of advice on a Hapke surface. Raises IcyMoonError if it cannot be built."""
     if not uses_hapke(settings):
         return []
     model.from_settings(settings.hapke)
@@ -112,7 +113,7 @@ def advice(settings: Settings) -> list[str]:
 
 
 def _add_sight(ground: Ground, sun: Sun) -> tuple[Vector, Vector, Vector]:
-    """Normal, direction to the Sun and to the viewer."""
+    """Normal, direction to the Sun, and direction to the viewer."""
     tree = ground.tree
     geometry = tree.node("ShaderNodeNewGeometry", "Sight")
     toward_sun = tree.node("ShaderNodeCombineXYZ", DIRECTION, dict(zip("XYZ", sun.direction, strict=True)))
@@ -121,7 +122,7 @@ def _add_sight(ground: Ground, sun: Sun) -> tuple[Vector, Vector, Vector]:
 
 
 def _add_reflectance(ground: Ground, label: str, weight: Number) -> Any:
-    """A reflectance times the ground's colour: a colour, or an output socket that gives one."""
+    """A reflectance times the ground's colour: a colour, or its output socket."""
     value = weight.value
     if ground.colour is not None:
         return ground.tree.node("ShaderNodeVectorMath", f"{label} Colour", {"Vector": ground.colour, "Scale": value},
@@ -130,7 +131,7 @@ def _add_reflectance(ground: Ground, label: str, weight: Number) -> Any:
 
 
 def _add_closure(tree: Tree, label: str, colour: Any, normal: Any) -> Any:
-    """Shader socket of Lambert's law about a normal (None: the mesh's own)."""
+    """Shader socket of Lambert's law with a normal; None is the mesh's own."""
     about = {} if normal is None else {"Normal": normal}
     return tree.node("ShaderNodeBsdfDiffuse", label, {"Color": colour, "Roughness": 0.0, **about},
                      if_present={"Weight": 0.0}, leave=("Normal",) if normal is None else ()).outputs[0]
@@ -142,9 +143,9 @@ def _add_diffuse(ground: Ground, label: str, weight: Number) -> Any:
 
 
 def _add_lit_or_not(ground: Ground, mu0: Number, lit: Number, other: Number) -> Any:
-    """Shader socket: one weight of the diffuse closure where the Sun is above the surface, another elsewhere.
+    """Shader socket of the diffuse closure with the weight ``lit`` where the Sun is above the surface, else ``other``.
 
-    Cycles leaves out the nodes of the side that it does not need.
+    Cycles does not evaluate the nodes of the side that it does not need.
     """
     return ground.tree.node("ShaderNodeMixShader", "Sunlit or Not", {
         "Fac": mu0.exceeds(0.0).value, "Shader": _add_diffuse(ground, "Shaded", other),
@@ -152,16 +153,16 @@ def _add_lit_or_not(ground: Ground, mu0: Number, lit: Number, other: Number) -> 
 
 
 def add_seen_or_not(tree: Tree, seen: Any, other: Any) -> Any:
-    """Shader socket: one closure where the camera sees the ground, another for the light that comes by way of it.
+    """Shader socket of the closure ``seen`` for camera rays, and ``other`` for all other rays.
 
-    Cycles leaves out the nodes of the side that it does not need.
+    Cycles does not evaluate the nodes of the side that it does not need.
     """
     ray = tree.node("ShaderNodeLightPath", "Light Path").outputs["Is Camera Ray"]
     return tree.node("ShaderNodeMixShader", "Seen or Not", {"Fac": ray, "Shader": other, "Shader_001": seen}).outputs[0]
 
 
 def add_lambert(ground: Ground, albedo: float, smooth: bool) -> Any:
-    """Shader socket of Lambert's law; light that comes by way of ``smooth`` ground meets the mesh's own normal."""
+    """Shader socket of Lambert's law. If ``smooth``, only camera rays see the ground's normal with its relief."""
     colour = _add_reflectance(ground, "Lambert", Number(ground.tree, ground.grey) * albedo)
     seen = _add_closure(ground.tree, "Lambert", colour, ground.normal)
     if not smooth or ground.normal is None:
@@ -181,7 +182,7 @@ def add_lunar_lambert(ground: Ground, albedo: float, share: float, sun: Sun) -> 
 
 @lru_cache(maxsize=64)
 def _fit(q: model.HapkeParameters, darkest: float, slopes: tuple[float, float]) -> np.ndarray:
-    """Coefficients of the hemispherical albedo for w of the parameters times ``darkest`` to 1 and θ̄ of ``slopes``."""
+    """Coefficients of the hemispherical albedo, for θ̄ in ``slopes`` and for w times a factor from ``darkest`` to 1."""
     least, most = math.sqrt(1 - q.w), math.sqrt(1 - q.w * darkest)
     gammas = np.linspace(least, most, 5) if most - least > 1e-6 else np.array([least])
 
@@ -192,7 +193,7 @@ def _fit(q: model.HapkeParameters, darkest: float, slopes: tuple[float, float]) 
 
 
 def _white(ground: Ground, grains: Grains) -> list[list[Number]]:
-    """The coefficients (4, 3) of powers of cos e and r0 in the hemispherical albedo, for the ground's θ̄."""
+    """Coefficients (4, 3) of the hemispherical albedo in powers of cos e and r0, for the ground's θ̄."""
     low = high = float(grains.parameters.theta_bar)
     t = Number(ground.tree, 0.0)
     if ground.slopes is not None:
@@ -218,7 +219,7 @@ def _known(ground: Ground, q: model.HapkeParameters) -> hapke_nodes.Grains:
 
 
 def add_hapke_of_nodes(ground: Ground, grains: Grains, sun: Sun) -> Any:
-    """Shader socket of Hapke's law made of nodes."""
+    """Shader socket of Hapke's law from nodes."""
     n, toward_sun, eye = _add_sight(ground, sun)
     tree, known = ground.tree, _known(ground, grains.parameters)
     blur = tree.math("ADD", BLUR, sun.blur, 0.0)  # a node whose number can be set
@@ -233,7 +234,7 @@ def add_hapke_of_nodes(ground: Ground, grains: Grains, sun: Sun) -> Any:
 
 
 def _add_vector(tree: Tree, label: str, numbers: list[Number]) -> Any:
-    """Three numbers, or the output socket of what combines them."""
+    """Three constants, or the output socket of a node that combines the numbers."""
     if all(number.known is not None for number in numbers):
         return tuple(number.known for number in numbers)
     values = dict(zip("XYZ", (number.value for number in numbers), strict=True))

@@ -1,4 +1,4 @@
-"""Sun and planet as surfaces know them, and what lamps and scene need for such surfaces.
+"""Inputs of surfaces that describe the Sun and the planet, and settings of lamps and scene for these surfaces.
 
 See ``reflectance_laws`` for the surfaces themselves.
 """
@@ -23,14 +23,14 @@ from ..light.planet_lamp import MEAN, planet_inputs
 from . import hapke_nodes
 
 LEVELS = ("FAST", "ACCURATE", "REFERENCE")
-SHARED = "traced sun"  # role of the collection of what a lamp does not light
-#: Names of the nodes that know the Sun.
+SHARED = "traced sun"  # role of the collection of objects that a lamp does not light
+#: Names of the nodes with inputs that describe the Sun.
 DIRECTION, BLUR, SCRIPT = "Sun Direction", "Surge Blur", "Hapke"
 
 
 @dataclass(frozen=True)
 class Sun:
-    """What a surface has to know: unit vector toward the Sun, its irradiance in R, G, B and apparent diameter."""
+    """The Sun as a surface needs it: unit vector toward it, irradiance in R, G, B, and apparent diameter."""
 
     direction: tuple[float, float, float]
     irradiance_wm2: tuple[float, float, float]
@@ -44,55 +44,55 @@ class Sun:
 
     @classmethod
     def from_lamp(cls, lamp: bpy.types.Object, world: Matrix) -> Sun:
-        """The Sun that a lamp is; ``world`` is its matrix, wherever the user has turned it."""
+        """The Sun of a lamp. ``world`` is its present matrix, since the user may have rotated it."""
         x, y, z = world.to_3x3().col[2].normalized()
         red, green, blue = (lamp.data.energy * band for band in lamp.data.color)
         return cls((x, y, z), (red, green, blue), lamp.data.angle)
 
     @classmethod
     def of_planet(cls, shine: bpy.types.Object) -> Sun:
-        """The planet by its lamp, as if all of its light came from the middle of what is lit of it."""
+        """The planet of its lamp, as if all its light came from the middle of its lit part."""
         red, green, blue = (shine.data.energy * band for band in shine.data.color)
         x, y, z = shine[MEAN]
         return cls((x, y, z), (red, green, blue), shine.data.angle)
 
     @property
     def radius(self) -> float:
-        """Tangent of its angular radius."""
+        """Tangent of the angular radius."""
         return math.tan(min(self.angular_diameter, 3.0) / 2)
 
     @property
     def blur(self) -> float:
-        """Mean distance from the middle of its disc, as the tangent of half an angle.
+        """Mean distance of points on the disc from its centre, as the tangent of half the angle.
 
-        A surge h wide in tan(g/2), seen through the disc, is the surge at √(tan² + blur²) to within an
-        eighth of what the disc takes from it at its peak (2 % of the surge, for Europa's).
+        For a surge of width h in tan(g/2), averaging over the disc is nearly the same as evaluating the surge at
+        √(tan² + blur²). The error is within an eighth of the reduction of its peak: 2 % of the surge for Europa.
         """
         return 2 / 3 * math.tan(self.angular_diameter / 4)
 
 
 def sun_inputs(sun: Sun) -> dict[str, Any]:
-    """Inputs of ``hapke.osl`` that the Sun decides."""
+    """Inputs of ``hapke.osl`` for the Sun."""
     return {"SunDirection": sun.direction, "SunIrradiance": (*sun.irradiance_wm2, 1.0), "SunRadius": sun.radius,
             "SunBlur": sun.blur}
 
 
 def _find_own_node(material: bpy.types.Material, name: str, kind: str) -> Any:
-    """A node that was made here, or None; the user may have put another material in the place of ours."""
+    """A node of our own, or None: the user may have replaced the material."""
     node = material.node_tree.nodes.get(name) if material.node_tree else None
     return node if node and node.bl_idname == kind else None
 
 
 def _set_input(socket: Any, value: Any) -> None:
-    """Set an input, unless it has that value: any change of a material makes Cycles build its scene again."""
+    """Set an input if its value differs, since any change of a material makes Cycles build its scene again."""
     if not np.array_equal(np.float32(socket.default_value), np.float32(value)):
         socket.default_value = value
 
 
 def aim_surfaces(materials: Iterable[bpy.types.Material], sun: Sun, shine: bpy.types.Object | None) -> None:
-    """Tell surfaces where the Sun and the planet, of which ``shine`` is the lamp, are now.
+    """Set the inputs of surfaces to the present Sun and planet, whose lamp is ``shine``.
 
-    A surface of nodes has its law for one source only: the Sun, or, if that is dark, the planet.
+    A surface from nodes has its law for one source only: the Sun, or the planet if the Sun is dark.
     """
     lit_by = Sun.of_planet(shine) if shine is not None and not any(sun.irradiance_wm2) else sun
     for material in materials:
@@ -107,7 +107,7 @@ def aim_surfaces(materials: Iterable[bpy.types.Material], sun: Sun, shine: bpy.t
 
 
 def has_one_light_source(material: bpy.types.Material) -> bool:
-    """Whether a material has its law for one source of light."""
+    """Whether a material has its reflectance law for one source of light only."""
     return any(_find_own_node(material, *node)
                for node in ((DIRECTION, "ShaderNodeCombineXYZ"), (SCRIPT, "ShaderNodeScript")))
 
@@ -123,36 +123,36 @@ def _level(material: bpy.types.Material) -> str:
 
 
 def traces_sun(material: bpy.types.Material) -> bool:
-    """Whether a material traces the Sun itself, so that the lamp must not light it; the planet every OSL one does."""
+    """Whether a material traces the Sun, so that the lamp must not light it. Every OSL material traces the planet."""
     return _level(material) != LEVELS[0]
 
 
-#: Inputs of ``hapke.osl`` that may vary from place to place, and what they are.
+#: Inputs of ``hapke.osl`` that may vary from place to place, with their names in ``pair.json``.
 _VARYING = {"W": "w", "TanTheta": "theta_bar_deg", "Tint": "colour"}
 
 
 def describe_hapke(materials: Iterable[bpy.types.Material]) -> dict[str, Any] | None:
-    """What Hapke's law is made of in these materials and at which accuracy; None if none has it.
+    """How these materials implement Hapke's law, and its accuracy, for ``pair.json``; None if none has it.
 
-    ``neighbours_as_here`` is what varies from place to place though interreflections take it to be at both ends what
-    it is at the one that is seen.
+    ``neighbours_as_here`` lists the inputs that vary from place to place, but for which interreflections use the value
+    of the visible end at both ends.
     """
-    known, taken = None, set()
+    known, varying = None, set()
     for material in materials:
         nodes = material.node_tree.nodes if material.node_tree else ()
         if any(node.label in (SCRIPT, hapke_nodes.NAME) for node in nodes):
             known = known or {"made_of": "OSL" if is_osl(material) else "NODES", "accuracy": _level(material)}
         if _level(material) == LEVELS[2]:
             inputs = material.node_tree.nodes[SCRIPT].inputs
-            taken |= {what for socket, what in _VARYING.items() if inputs[socket].is_linked}
-    return known and {**known, "neighbours_as_here": sorted(taken)}
+            varying |= {name for socket, name in _VARYING.items() if inputs[socket].is_linked}
+    return known and {**known, "neighbours_as_here": sorted(varying)}
 
 
 def exempt_from_lamp(name: str, lamp: bpy.types.Object, tracing: Iterable[bpy.types.Object]) -> None:
-    """Let a lamp light everything but the objects that trace it themselves."""
+    """Exclude objects that trace a lamp themselves from its light."""
     linking, tracing = lamp.light_linking, list(tracing)
     if linking.receiver_collection is not None and linking.receiver_collection.get(TAG) == SHARED:
-        linking.receiver_collection = None  # a full copy of the scene may use it; else it is a leftover
+        linking.receiver_collection = None  # not removed, since a full copy of the scene may use it
     if tracing:
         collection = linking.receiver_collection = bpy.data.collections.new(name)
         collection[TAG] = SHARED
@@ -164,19 +164,19 @@ def exempt_from_lamp(name: str, lamp: bpy.types.Object, tracing: Iterable[bpy.ty
 
 def prepare_for_cycles(scene: bpy.types.Scene, materials: Iterable[bpy.types.Material], lamp: bpy.types.Object,
                        shine: bpy.types.Object | None) -> None:
-    """Make a scene that is set up for Cycles render these materials right, wherever the lamp has been turned to.
+    """Prepare a scene for these materials, after its settings for Cycles are set and the lamp is in place.
 
-    Raises IcyMoonError if they need Open Shading Language and the scene cannot have it.
+    Raises IcyMoonError if the materials need Open Shading Language and the scene cannot use it.
     """
     materials = list(materials)
     depsgraph = scene.view_layers[0].depsgraph
-    depsgraph.update()  # a lamp that was only just made or turned has no world matrix yet
+    depsgraph.update()  # otherwise a new or rotated lamp has no world matrix yet
     aim_surfaces(materials, Sun.from_lamp(lamp, lamp.evaluated_get(depsgraph).matrix_world), shine)
     if any(map(is_osl, materials)):
         if not compat.has_osl() or scene.cycles.device == "GPU":
-            raise IcyMoonError("The surface was built for Open Shading Language on the CPU; build the scene again "
-                               "here, or set quality.device to CPU.")
+            raise IcyMoonError("The surface was built for Open Shading Language on the CPU; build the scene again in "
+                               "this Blender, or set quality.device to CPU.")
         scene.cycles.shading_system = True
     if any(map(traces_sun, materials)):
-        # What a ray finds at its end shines by itself, a bounce earlier than a lamp would light it.
+        # These surfaces emit the light of the Sun themselves, one bounce earlier than a lamp would light them.
         scene.cycles.diffuse_bounces = max(scene.cycles.diffuse_bounces - 1, 0)

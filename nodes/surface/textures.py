@@ -1,10 +1,10 @@
-"""Images on the ground: by its UV coordinates where they were baked, or by place and without visible repeats.
+"""Images on the ground: by UV coordinates, or by position without visible repeats.
 
-By place the plane is cut into hexagons that each take their piece from another place of the image, turned by
-another angle, and the three nearest pieces are blended so that contrast stays what it was in the image
-(Heitz and Neyret, "High-Performance By-Example Noise using a Histogram-Preserving Blending Operator", HPG 2018:
-mean + sum of weights x (piece - mean) / root of the sum of squared weights; the hexagons after Deliot and Heitz,
-"Procedural Stochastic Textures by Tiling and Blending", GPU Zen 2, 2019).
+By position, the plane is divided into hexagons. Each shows a piece from a random place of the image at a random angle
+(after Deliot and Heitz, "Procedural Stochastic Textures by Tiling and Blending", GPU Zen 2, 2019). The three nearest
+pieces are blended so that the contrast is that of the image: mean + sum of weights x (piece - mean) / root of the sum
+of squared weights (Heitz and Neyret, "High-Performance By-Example Noise using a Histogram-Preserving Blending
+Operator", HPG 2018).
 """
 
 from __future__ import annotations
@@ -20,31 +20,33 @@ from ...typed_settings import TexturesSettings
 from ..tree.builder import Tree, output
 from .images import Map
 
-#: Hexagons per image width: each shows about half of the image.
+#: Hexagons per image width. Each shows about half of the image.
 _HEXAGONS = 2.0
 _ROOT_3 = math.sqrt(3.0)
-#: Slope above which a wall is seen from the side: the height of its normal is under this.
+#: A face is a wall, which is mapped from the side, if the z component of its normal is below this.
 _WALL = 0.5
 
 
 @dataclass(frozen=True)
 class Textured:
-    """``textures`` settings with the maps that they name, and how these lie on the surface: by PLACE, by UV, or
-    everywhere with their MEAN, for what has no UV coordinates beside a ground that has."""
+    """``textures`` settings with their maps, and how these are mapped to a surface.
+
+    ``placement`` is POSITION, UV, or MEAN: the mean of each image everywhere, for rocks without UV coordinates.
+    """
 
     settings: TexturesSettings
     maps: Mapping[str, Map]
-    lie: str = "PLACE"
+    placement: str = "POSITION"
 
-    def on(self, tree: Tree, geometry: Any, offset: tuple[float, float]) -> Lying:
-        """What gives the maps' values; ``offset`` in image widths shifts those that lie by place."""
-        if self.lie == "UV":
+    def make_sampler(self, tree: Tree, geometry: Any, offset: tuple[float, float]) -> Sampler:
+        """The sampler of the maps in a tree. ``offset``, in image widths, shifts images that are mapped by position."""
+        if self.placement == "UV":
             return ByUV(tree, geometry)
-        return Mean(tree) if self.lie == "MEAN" else Pieces(tree, self.settings, geometry, offset)
+        return Mean(tree) if self.placement == "MEAN" else Pieces(tree, self.settings, geometry, offset)
 
 
-class Lying:
-    """How images lie on a surface: at each point, places on the image with a weight and an angle of each."""
+class Sampler:
+    """Samples images on a surface: at each point a few pieces, each a place on the image, a weight and an angle."""
 
     def __init__(self, tree: Tree) -> None:
         self.tree = tree
@@ -76,7 +78,7 @@ class Lying:
                 for k, (place, _, _) in enumerate(self.pieces)]
 
     def _blended(self, kind: str, values: list[Any], mean: tuple[float, float, float]) -> Any:
-        """mean + sum of share x (value - mean)."""
+        """Output socket of mean + sum of share x (value - mean)."""
         if len(values) == 1:
             return values[0]
         total: Any = mean
@@ -95,15 +97,15 @@ class Lying:
         raise NotImplementedError
 
 
-class Mean(Lying):
-    """The same everywhere: what an image has in the mean."""
+class Mean(Sampler):
+    """The mean of an image everywhere."""
 
     def sample(self, kind: str, of: Map) -> Any:
         return self.combined(f"Mean {kind.title()}", *of.mean)
 
 
-class ByUV(Lying):
-    """One plain repeat, where the mesh's UV coordinates say."""
+class ByUV(Sampler):
+    """One piece, by the UV coordinates of the mesh."""
 
     _TANGENT: ClassVar[dict[str, Any]] = {"space": "TANGENT", "uv_map": UV_LAYER, **compat.NORMAL_MAP}
 
@@ -113,7 +115,7 @@ class ByUV(Lying):
         self.pieces = [(tree.node("ShaderNodeUVMap", "UV", uv_map=UV_LAYER, from_instancer=False).outputs[0], 1.0, 0.0)]
 
     def sample_normal(self, of: Map) -> Any:
-        # The node knows the mesh before displacement only, so what it adds to that normal is added to the true one.
+        # The node uses the normal before displacement. So its change of that normal is added to the true one.
         mapped, level = (self.tree.node("ShaderNodeNormalMap", label, {"Strength": 1.0, "Color": colour},
                                         **self._TANGENT).outputs[0]
                          for label, colour in (("Normal Map", self._images("normal", of)[0]),
@@ -122,8 +124,8 @@ class ByUV(Lying):
         return self.vector("NORMALIZE", "Mapped Normal", self.vector("ADD", "Tilted", self.normal, tilt))
 
 
-class Pieces(Lying):
-    """By place: one piece of a plain repeat, or three."""
+class Pieces(Sampler):
+    """By position: one piece for plain repeats, otherwise three."""
 
     def __init__(self, tree: Tree, textures: TexturesSettings, geometry: Any, offset: tuple[float, float]) -> None:
         super().__init__(tree)
@@ -139,7 +141,7 @@ class Pieces(Lying):
                                      data_type="VECTOR", factor_mode="UNIFORM", clamp_factor=True), "Result_Vector")
 
     def _place(self, geometry: Any, textures: TexturesSettings, offset: tuple[float, float]) -> None:
-        """``plane``: place in image widths, seen from above, or from the side on walls."""
+        """Set ``plane``, the position in image widths as seen from above, or from the side on walls."""
         math_ = self.tree.math
         at = self.vector("SCALE", "Image Widths", geometry.outputs["Position"], scale=1.0 / textures.width_m)
         x, y, z = self.separated("Place", self.vector("ADD", "Shifted", at, (*offset, 0.0)))

@@ -1,1 +1,1 @@
-"""Node trees, written as the formula that they are."""
+"""Tools to build node trees."""

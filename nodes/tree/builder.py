@@ -1,8 +1,8 @@
-"""Node trees written as the formula they are.
+"""Builds node trees, one call for each node.
 
-A node is one call that states every input it depends on: Blender's defaults differ between
-versions (Displacement Scale went from 1.0 to 0.01), so an input that is neither given nor named in
-``leave`` is an error. Sockets are found by identifier, which no version has renamed.
+A call must set every input of the node, because Blender's defaults differ between versions (Displacement Scale changed
+from 1.0 to 0.01). An input that is neither given nor named in ``leave`` is an error. Sockets are found by their
+identifiers, which no version has renamed.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ COLUMN, ROW = 220.0, 260.0
 
 
 def non_socket_values(node: Any) -> list[Any]:
-    """What a node holds beside sockets: its image's name, the points of its curves, the UV layer that it reads."""
+    """Values of a node that are not in sockets: the name of its image, the points of its curves, its UV layer."""
     image, mapping = getattr(node, "image", None), getattr(node, "mapping", None)
     curves = getattr(mapping, "curves", ())
     points = [[tuple(point.location) for point in curve.points] for curve in curves]
@@ -24,12 +24,12 @@ def non_socket_values(node: Any) -> list[Any]:
 
 
 def output(node: Any, identifier: str) -> Any:
-    """The output socket of an identifier, which no version has renamed (names were)."""
+    """The output socket with an identifier. Unlike names, no version has renamed identifiers."""
     return next(socket for socket in node.outputs if socket.identifier == identifier)
 
 
 class Tree:
-    """A node tree under construction; the tree is emptied first, unless it is to ``keep`` its nodes."""
+    """A node tree under construction. Existing nodes are removed first, unless ``keep`` is true."""
 
     def __init__(self, node_tree: bpy.types.NodeTree, keep: bool = False) -> None:
         self.tree = node_tree
@@ -38,12 +38,12 @@ class Tree:
 
     def node(self, kind: str, label: str, inputs: Mapping[str, Any] | None = None, *,
              leave: Iterable[str] = (), if_present: Mapping[str, Any] | None = None, **properties: Any) -> Any:
-        """Add a node and return it.
+        """Add a node and return it. Raises ValueError if an input is missing or unknown.
 
-        ``properties`` are set first since they decide which sockets there are. ``inputs`` maps
-        socket identifiers to values or to output sockets to link from; ``if_present`` is the same
-        for sockets that only some Blenders have; ``leave`` names inputs whose unconnected meaning
-        is wanted (a Normal input that means "the surface's own").
+        ``inputs`` maps identifiers of sockets to values, or to output sockets that are linked to them. ``if_present``
+        is the same for sockets that only some versions of Blender have. ``leave`` names inputs that stay unconnected,
+        such as a Normal input that then is the surface's own normal. ``properties`` are set first, since the sockets
+        depend on them.
         """
         node = self.tree.nodes.new(kind)
         node.name = node.label = label
@@ -55,7 +55,7 @@ class Tree:
         missing = present.keys() - given.keys() - set(leave)
         unknown = given.keys() - present.keys()
         if missing or unknown:
-            raise ValueError(f"{kind} {label!r}: inputs not set {sorted(missing)}, not there {sorted(unknown)}")
+            raise ValueError(f"{kind} {label!r}: inputs not set {sorted(missing)}, unknown {sorted(unknown)}")
         for identifier, value in given.items():
             if isinstance(value, bpy.types.NodeSocket):
                 self.tree.links.new(value, present[identifier])
@@ -69,9 +69,9 @@ class Tree:
         return self.node("ShaderNodeMath", label, inputs, operation=operation, use_clamp=False).outputs[0]
 
     def curve(self, label: str, colour: Any, x: Any, y: Any) -> Any:
-        """Output socket of a colour whose every band went through the straight lines between points (x, y)."""
+        """Output socket of a colour after linear interpolation of each band between points (x, y)."""
         node = self.node("ShaderNodeRGBCurve", label, {"Fac": 1.0, "Color": colour})
-        points = node.mapping.curves[3].points  # the curve of all bands; it comes with its two ends
+        points = node.mapping.curves[3].points  # the curve of all bands, which has two points at first
         while len(points) < len(x):
             points.new(0.5, 0.5)
         for point, a, b in zip(points, x, y, strict=True):
@@ -80,9 +80,9 @@ class Tree:
         return node.outputs[0]
 
     def arrange(self) -> None:
-        """Lay the nodes out in columns by their distance from the outputs, the same way every time."""
+        """Arrange the nodes in columns by their distance from the outputs, always in the same way."""
         depth = {node.name: 0 for node in self.tree.nodes}
-        links = [(link.from_node.name, link.to_node.name) for link in self.tree.links]  # read once: Blender is slow
+        links = [(link.from_node.name, link.to_node.name) for link in self.tree.links]  # read once, since this is slow
         for _ in depth:
             before = dict(depth)
             for source, target in links:
@@ -95,25 +95,25 @@ class Tree:
             column = depth[node.name]
             row = rows[column] = rows.get(column, -1) + 1
             places += (-COLUMN * column, -ROW * row)
-        self.tree.nodes.foreach_set("location", places)  # a node placed alone updates its whole tree
+        self.tree.nodes.foreach_set("location", places)  # to move one node would update the whole tree
 
 
 def _plain(struct: Any) -> dict[str, Any]:
-    """What a node is set to, but for its place in the editor: everything that is not another data-block."""
+    """The plain properties of a node, without those of the node editor."""
     return {p.identifier: getattr(struct, p.identifier) for p in struct.bl_rna.properties
             if p.type in ("BOOLEAN", "INT", "FLOAT", "STRING", "ENUM") and not p.is_readonly
             and not getattr(p, "is_array", False) and p.identifier not in _EDITOR}
 
 
-#: Properties of a node that are about the node editor.
+#: Properties of a node that affect only the node editor.
 _EDITOR = {"select", "hide", "width", "height", "show_options", "show_preview", "show_texture",
            "use_custom_color", "is_active_output", "warning_propagation"}
 
 
 def take_values(target: bpy.types.NodeTree, source: bpy.types.NodeTree) -> bool:
-    """Give a tree the values of another that has the same nodes and links; False, and nothing done, if it has not.
+    """Copy the values of a tree to another with the same nodes and links; False, without a change, if they differ.
 
-    A tree that keeps its nodes keeps its compiled shader too, so that the view follows a slider.
+    A tree that keeps its nodes also keeps its compiled shader, so that the view can follow a slider.
     """
     def structure(tree: bpy.types.NodeTree) -> list[Any]:
         return [[(n.bl_idname, n.name, _plain(n), non_socket_values(n)) for n in tree.nodes],

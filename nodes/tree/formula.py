@@ -1,7 +1,7 @@
-"""Formulas of numbers and vectors as nodes: an expression in Python that leaves the nodes it needs.
+"""Formulas as nodes: an expression in Python that adds the nodes for it to a tree.
 
-A number is a float or the output of a node. What is known when the tree is built is computed then,
-and multiplying by one or adding nothing makes no node, so that what is off costs nothing.
+A number is a constant or the output of a node. Constants are computed when the tree is built. A product with one and a
+sum with zero add no nodes, so that terms which are switched off cost nothing.
 """
 
 from __future__ import annotations
@@ -15,18 +15,18 @@ from .builder import Tree
 
 
 class Number:
-    """A number in a formula: a float, or what a node gives."""
+    """A number in a formula: a constant, or the output of a node."""
 
     def __init__(self, tree: Tree, value: float | bpy.types.NodeSocket) -> None:
         self.tree, self.value = tree, value
 
     @property
     def known(self) -> float | None:
-        """Its value, if that does not depend on a node."""
+        """The value of a constant; None for the output of a node."""
         return self.value if isinstance(self.value, (int, float)) else None
 
     def named(self, name: str) -> Number:
-        """The same, its node carrying the name that it has in the formula."""
+        """The same number, after its node got its name in the formula as label."""
         if not isinstance(self.value, (int, float)):
             self.value.node.label = name
         return self
@@ -91,21 +91,21 @@ class Number:
         return self._node("MULTIPLY_ADD", factor, term)
 
     def sqrt(self) -> Number:
-        """Its square root."""
+        """The square root."""
         return self._node("SQRT", known=math.sqrt)
 
     def exp(self) -> Number:
-        """e to its power."""
+        """The exponential function."""
         return self._node("EXPONENT", known=math.exp)
 
     def log(self) -> Number:
-        """Its natural logarithm."""
+        """The natural logarithm."""
         return self._node("LOGARITHM", math.e, known=lambda a, _: math.log(a))
 
     def tangent(self) -> Number:
-        """The tangent of an angle of up to 60 degrees, given in radians, to 3e-9.
+        """The tangent of an angle in radians, of at most 60 degrees, with an error of 3e-9.
 
-        It is Lambert's continued fraction as far as its seventh term, since OSL's own has four digits.
+        It is Lambert's continued fraction up to the seventh term, since OSL's own tangent has four digits.
         """
         if self.known is not None:
             return Number(self.tree, math.tan(self.known))
@@ -114,7 +114,7 @@ class Number:
         return over / y.times_plus(y.times_plus(210.0 - y, -4725.0), 10395.0)
 
     def power(self, exponent: float) -> Number:
-        """Its power; it must not be negative."""
+        """A power of the number, which must not be negative."""
         return self._node("POWER", exponent, known=math.pow)
 
     def arctan2(self, other: Number) -> Number:
@@ -122,20 +122,20 @@ class Number:
         return self._node("ARCTAN2", other)
 
     def at_least(self, other: Number | float) -> Number:
-        """The larger of two."""
+        """The larger of two numbers."""
         return self._node("MAXIMUM", other, known=max)
 
     def at_most(self, other: Number | float) -> Number:
-        """The smaller of two."""
+        """The smaller of two numbers."""
         return self._node("MINIMUM", other, known=min)
 
     def exceeds(self, other: Number | float) -> Number:
-        """1 where it is the larger, else 0."""
+        """1 where this number is larger than the other, otherwise 0."""
         return self._node("GREATER_THAN", other, known=lambda a, b: float(a > b))
 
 
 class Vector:
-    """A vector in a formula: what a node gives."""
+    """A vector in a formula, the output of a node."""
 
     def __init__(self, tree: Tree, socket: bpy.types.NodeSocket) -> None:
         self.tree, self.socket = tree, socket
@@ -148,21 +148,21 @@ class Vector:
         return Vector(self.tree, self._node("ADD", other).outputs["Vector"])
 
     def cross(self, other: Vector) -> Vector:
-        """Its cross product with another."""
+        """The cross product with another vector."""
         return Vector(self.tree, self._node("CROSS_PRODUCT", other).outputs["Vector"])
 
     def unit(self) -> Vector:
-        """Of length one, or zero if it is zero."""
+        """The vector of length one in this direction; zero for the zero vector."""
         return Vector(self.tree, self._node("NORMALIZE").outputs["Vector"])
 
     def dot(self, other: Vector) -> Number:
-        """Its scalar product with another."""
+        """The scalar product with another vector."""
         return Number(self.tree, self._node("DOT_PRODUCT", other).outputs["Value"])
 
     def distance(self, other: Vector) -> Number:
-        """Length of its difference from another."""
+        """The length of the difference from another vector."""
         return Number(self.tree, self._node("DISTANCE", other).outputs["Value"])
 
     def length(self) -> Number:
-        """Its length."""
+        """The length of the vector."""
         return Number(self.tree, self._node("LENGTH").outputs["Value"])

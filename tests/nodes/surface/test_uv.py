@@ -192,7 +192,7 @@ def test_every_format_puts_the_colours_where_they_were_baked(tmp_path, name):
     if name in ("a.obj", "a.glb", "a.ply"):
         assert np.array_equal(above(described(path, {"set": "MESH"})), by_file)
     else:
-        with pytest.raises(IcyMoonError, match=r"brings no images.*textures\.set to OWN"):
+        with pytest.raises(IcyMoonError, match=r"has no images.*textures\.set to OWN"):
             scenes.build(empty_scene(), described(path, {"set": "MESH"}))
 
 
@@ -473,7 +473,7 @@ def test_the_images_of_a_mesh_are_the_pair_s(tmp_path):
     assert scenes.find(scene).extra == built.extra
     assert len([m for m in bpy.data.meshes if m.name.startswith("Icy Moon Terrain")]) == 1
     (tmp_path / "a.mtl").unlink()
-    with pytest.raises(IcyMoonError, match="brings no images"):
+    with pytest.raises(IcyMoonError, match="has no images"):
         scenes.build(scene, settings)
     assert len({first, second}) == 2
 
