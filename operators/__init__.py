@@ -33,6 +33,7 @@ _register, _unregister = bpy.utils.register_classes_factory(CLASSES)
 def register() -> None:
     """Register the operators."""
     _register()
+    build.register()
     jobs.register()
     dataset.register()
     live_preview.register()
@@ -45,4 +46,5 @@ def unregister() -> None:
     live_preview.unregister()
     dataset.unregister()
     jobs.unregister()
+    build.unregister()
     _unregister()

@@ -16,6 +16,7 @@ from ..physics.surfaces import albedos
 from ..typed_settings import Settings
 from . import sidebar_text
 from .sidebar_text import in_window
+from .user_render import prepare_render, restore_render
 
 _BRIGHTNESS = 0.5  # of sunlit ground in the view, before the view transform
 
@@ -45,17 +46,26 @@ def frame_and_expose(scene: bpy.types.Scene, settings: Settings,
         scene.view_settings.exposure = new[2]
 
 
+#: What 3D Views were like before they showed a built scene, by their addresses; the window's layout knows no undo.
+_views_before: dict[int, dict[str, Any]] = {}
+_SHADING = ("type", "use_scene_lights_render", "use_scene_world_render")
+
+
 def show_scene(context: bpy.types.Context, built: scenes.Built) -> None:
-    """Look through the stereo camera in the 3D View with the button, with rendered shading.
+    """Look through the stereo camera in the 3D View with the button, with rendered shading and without overlays.
 
     The local view hides the user's objects in this view. They are not changed.
     """
     space: Any = context.space_data
     if context.area is None or context.area.type != "VIEW_3D":
         return
-    frame_and_expose(context.scene, built.settings)
+    _views_before.setdefault(space.as_pointer(), {
+        "shading": {key: getattr(space.shading, key) for key in _SHADING},
+        "overlays": space.overlay.show_overlays, "perspective": space.region_3d.view_perspective,
+        "local": space.local_view is not None})
     space.shading.type = "RENDERED"
     space.shading.use_scene_lights_render = space.shading.use_scene_world_render = True
+    space.overlay.show_overlays = False
     ours = set(built.collection.all_objects)
     foreign = [o for o in context.scene.objects if o not in ours and o.visible_get()]
     if foreign and space.local_view is None:
@@ -75,6 +85,43 @@ def show_scene(context: bpy.types.Context, built: scenes.Built) -> None:
     if space.use_local_camera:
         space.camera = built.camera
     space.region_3d.view_perspective = "CAMERA"
+
+
+def restore_views() -> None:
+    """Give the 3D Views that showed a built scene back what they were before."""
+    places = [(window, area) for window in bpy.context.window_manager.windows for area in window.screen.areas
+              if area.type == "VIEW_3D" and area.spaces.active.as_pointer() in _views_before]
+    for window, area in places:
+        space = area.spaces.active
+        before = _views_before[space.as_pointer()]
+        for key, value in before["shading"].items():
+            setattr(space.shading, key, value)
+        space.overlay.show_overlays = before["overlays"]
+        space.use_local_camera = False
+        if space.region_3d.view_perspective == "CAMERA":
+            space.region_3d.view_perspective = before["perspective"]
+        if space.local_view is not None and not before["local"]:
+            region = next(r for r in area.regions if r.type == "WINDOW")
+            with bpy.context.temp_override(window=window, area=area, region=region):
+                bpy.ops.view3d.localview(frame_selected=False)
+    _views_before.clear()
+
+
+def _restore_views_when_gone() -> None:
+    """Give the views back if undo has taken away what they show."""
+    if not any(scenes.find_collection(scene) for scene in bpy.data.scenes):
+        restore_views()
+
+
+@bpy.app.handlers.persistent
+def _look_after_undo(*_: Any) -> None:
+    if _views_before:
+        bpy.app.timers.register(_restore_views_when_gone, first_interval=0.0)  # no operator runs inside undo
+
+
+@bpy.app.handlers.persistent
+def _forget_views(*_: Any) -> None:
+    _views_before.clear()
 
 
 def views_through(context: bpy.types.Context, camera: bpy.types.Object | None) -> list[Any]:
@@ -103,16 +150,24 @@ def leave_edit_mode() -> None:
 def build_and_report(operator: bpy.types.Operator, context: bpy.types.Context) -> set[str]:
     """Build the scene from its settings, show it and report it; the result of the operator."""
     leave_edit_mode()
+    earlier = scenes.find(context.scene)
+    before = earlier.settings if earlier else None
+    views = views_through(context, earlier.camera if earlier else None)
     try:
         built = scenes.build(context.scene, scene_properties.read_settings(context.scene.icymoon))
     except IcyMoonError as error:
         operator.report({"ERROR"}, in_window(error))
         return {"CANCELLED"}
+    prepare_render(context.scene, built)
     clear_points(context.scene)  # the measured surface is of the previous scene
     for warning in built.warnings:
         operator.report({"WARNING"}, in_window(warning))
+    frame_and_expose(context.scene, built.settings, before)
     if not bpy.app.background:
-        show_scene(context, built)
+        if before is None:
+            show_scene(context, built)
+        else:
+            look_through(views, built)
     mesh = built.terrain.data
     operator.report({"INFO"}, f"Built {len(mesh.loops) - 2 * len(mesh.polygons)} ground triangles "
                              f"and {built.rock_count} rocks")
@@ -120,7 +175,7 @@ def build_and_report(operator: bpy.types.Operator, context: bpy.types.Context) -
 
 
 class ICYMOON_OT_build_scene(bpy.types.Operator):
-    """Build ground, rocks, Sun and stereo camera from the settings. This replaces an earlier build and keeps your own objects"""  # noqa: E501
+    """Build ground, rocks, Sun and stereo camera from the settings. Your own objects stay, but F12 leaves them out until Clear Scene"""  # noqa: E501
 
     bl_idname = "icymoon.build_scene"
     bl_label = "Build Scene"
@@ -142,7 +197,7 @@ class ICYMOON_OT_build_scene(bpy.types.Operator):
 
 
 class ICYMOON_OT_clear_scene(bpy.types.Operator):
-    """Remove what Build Scene made, and restore the earlier camera and world"""
+    """Remove what Build Scene made, and restore the earlier camera, world, render settings and view"""
 
     bl_idname = "icymoon.clear_scene"
     bl_label = "Clear Scene"
@@ -157,8 +212,22 @@ class ICYMOON_OT_clear_scene(bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         clear_points(context.scene)
+        restore_render(context.scene, scenes.find_collection(context.scene))
         scenes.clear(context.scene)
+        restore_views()
         return {"FINISHED"}
 
 
 CLASSES = (ICYMOON_OT_build_scene, ICYMOON_OT_clear_scene)
+
+
+def register() -> None:
+    """Follow undo and new files, so that no view stays on a scene that is gone."""
+    bpy.app.handlers.undo_post.append(_look_after_undo)
+    bpy.app.handlers.load_pre.append(_forget_views)
+
+
+def unregister() -> None:
+    """Stop following them."""
+    bpy.app.handlers.load_pre.remove(_forget_views)
+    bpy.app.handlers.undo_post.remove(_look_after_undo)

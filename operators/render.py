@@ -20,8 +20,9 @@ from ..render.workers.job import absolute_folder, blender_command
 from ..render.workers.process import Process
 from ..typed_settings import Settings
 from . import jobs
-from .build import leave_edit_mode, look_through, views_through
+from .build import frame_and_expose, leave_edit_mode, look_through, views_through
 from .sidebar_text import in_window
+from .user_render import prepare_render
 
 
 def dataset_folder(settings: Settings) -> Path:
@@ -56,7 +57,11 @@ def bring_up_to_date(scene: bpy.types.Scene, settings: Settings) -> scenes.Built
 
 def _build_anew(scene: bpy.types.Scene, settings: Settings) -> scenes.Built:
     leave_edit_mode()
+    earlier = scenes.find(scene)
+    before = earlier.settings if earlier else None
     built = scenes.build(scene, settings)
+    prepare_render(scene, built)
+    frame_and_expose(scene, settings, before)
     jobs.push_undo("Build Scene")
     return built
 

@@ -1,0 +1,69 @@
+"""The user's own render (F12) of a built scene: what the left eye sees, as a pair is rendered.
+
+Pairs are rendered in a scene of their own. The user's scene has a frame, an engine and objects of its own, so without
+this F12 would show the inside of Blender's default cube, in another engine. What is changed here is noted in the built
+collection, and Clear Scene sets it back where the user has not changed it since.
+"""
+
+from __future__ import annotations
+
+import json
+from contextlib import suppress
+from typing import Any
+
+import bpy
+
+from ..nodes import scene as scenes
+from ..render import cycles_settings
+
+NOTE = "icymoon_user_render"
+#: On an object that was hidden from renders, so that Clear Scene finds it under any name.
+HIDDEN = "icymoon_hidden"
+#: Types of objects that a render shows or that light it.
+_RENDERED = ("MESH", "CURVE", "SURFACE", "META", "FONT", "CURVES", "POINTCLOUD", "VOLUME", "GPENCIL", "GREASEPENCIL",
+             "LIGHT", "LIGHT_PROBE", "EMPTY")
+_VALUES = ("BOOLEAN", "INT", "FLOAT", "ENUM", "STRING")
+
+
+def prepare_render(scene: bpy.types.Scene, built: scenes.Built) -> None:
+    """Let F12 render what a pair would show: Cycles with the quality of the scene, without the user's other objects.
+
+    It is done once after Clear Scene, so what the user sets later stays.
+    """
+    if NOTE in built.collection:
+        return
+    before = _values_of(scene)
+    uses_osl = scene.cycles.shading_system
+    exposure, gamma = scene.view_settings.exposure, scene.view_settings.gamma
+    cycles_settings.apply(scene, built.settings.quality, int(built.settings.dataset.seed))
+    scene.cycles.shading_system = uses_osl
+    scene.view_settings.exposure, scene.view_settings.gamma = exposure, gamma
+    after = _values_of(scene)
+    changed = {name: [value, after[name]] for name, value in before.items() if after[name] != value}
+    ours = set(built.collection.all_objects)
+    hidden = [item for item in scene.objects if item not in ours and item.type in _RENDERED and not item.hide_render
+              and item.is_editable]
+    for item in hidden:
+        item.hide_render = item[HIDDEN] = True
+    built.collection[NOTE] = json.dumps(changed)
+
+
+def restore_render(scene: bpy.types.Scene, collection: bpy.types.Collection) -> None:
+    """Set back what ``prepare_render`` changed, where it is still as that left it. Call before the scene is cleared."""
+    for item in [item for item in scene.objects if HIDDEN in item]:
+        del item[HIDDEN]
+        item.hide_render = False
+    present = _values_of(scene)
+    for name, (before, after) in json.loads(collection.get(NOTE, "{}")).items():
+        if present.get(name) == after:
+            group, _, key = name.partition(".")
+            with suppress(TypeError):  # a choice that this Blender does not have
+                setattr(getattr(scene, group), key, before)
+
+
+def _values_of(scene: bpy.types.Scene) -> dict[str, Any]:
+    """The numbers, ticks, choices and texts of the scene's render settings by ``group.key``."""
+    return {f"{group}.{prop.identifier}": getattr(getattr(scene, group), prop.identifier)
+            for group in ("render", "cycles") for prop in getattr(scene, group).bl_rna.properties
+            if prop.type in _VALUES and not prop.is_readonly and not getattr(prop, "is_array", False)
+            and not getattr(prop, "is_enum_flag", False)}
