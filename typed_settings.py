@@ -426,7 +426,7 @@ class DatasetSettings(Table):
 
 
 class Settings(Table):
-    """Everything that describes a scene."""
+    """All settings of a scene."""
 
     __slots__ = ()
     source: SourceSettings

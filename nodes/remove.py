@@ -76,6 +76,6 @@ def _release(blocks: list[Any]) -> None:
 
 
 def free_names(blocks: Iterable[Any]) -> None:
-    """Give data-blocks their names without a number, which the blocks that they replace had."""
+    """Give data-blocks the names of those that they replaced, without a number at the end."""
     for block in blocks:
         block.name = block.name.split(".")[0]

@@ -160,8 +160,8 @@ def _build_objects(
     Also returns warnings, the user's own ground or None, and the height in metres of the ground under the camera.
     """
     # Errors come first, before anything is made.
-    if said := refused_scenes.reasons_of_settings(settings):
-        raise IcyMoonError(" ".join(said))
+    if reasons := refused_scenes.reasons_of_settings(settings):
+        raise IcyMoonError(" ".join(reasons))
     hapke_warnings = reflectance_laws.advice(settings)
     sky = described_sky(settings)
     own = load_ground(settings, ground_of) if is_from_file(settings) else None
@@ -199,10 +199,10 @@ def _build_objects(
     return objects, _tag(build_sky(f"{NAME} Sky"), "sky"), warnings, own, site_m
 
 
-def _adopt_children(gone: list[bpy.types.Object], terrain: bpy.types.Object) -> None:
+def _adopt_children(removed: list[bpy.types.Object], terrain: bpy.types.Object) -> None:
     """Make the ground the parent of the user's objects whose parent is removed."""
     for item in bpy.data.objects:
-        if item.parent in gone and item not in gone:
+        if item.parent in removed and item not in removed:
             inverse = item.matrix_parent_inverse.copy()
             item.parent = terrain
             item.matrix_parent_inverse = inverse
@@ -279,7 +279,7 @@ def _make_collection(scene: bpy.types.Scene, ours: list[bpy.types.Object]) -> bp
 
 def _put_in_place(collection: bpy.types.Collection, there: dict[str, Any],
                   new: list[bpy.types.Object]) -> tuple[list[bpy.types.Object], list[Any]]:
-    """Replace the blocks that are ``there`` by new objects.
+    """Replace the data-blocks that are ``there`` by new objects.
 
     Returns the objects of the scene, and the data-blocks that keep the names of earlier ones.
     """

@@ -87,10 +87,10 @@ def known_sources(settings: Settings, preset: str) -> dict[str, str]:
     path = own_presets().get(preset)
     if path is None:
         return found
-    stated, own = preset_files.load(path), toml_text.read_toml(path).get("sources", {})
-    kept = {f"{topic}.{key}" for topic, values in stated.items() for key, value in values.items()
-            if whole[topic][key] == value}
-    return found | {name: str(source) for name, source in own.items() if name in kept}
+    preset_settings, sources = preset_files.load(path), toml_text.read_toml(path).get("sources", {})
+    unchanged = {f"{topic}.{key}" for topic, values in preset_settings.items() for key, value in values.items()
+                 if whole[topic][key] == value}
+    return found | {name: str(source) for name, source in sources.items() if name in unchanged}
 
 
 def _fresh_settings(group: Any) -> Settings:

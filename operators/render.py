@@ -47,11 +47,11 @@ def bring_up_to_date(scene: bpy.types.Scene, settings: Settings) -> scenes.Built
         return built
     by_hand = built.edited_parts()
     if by_hand and built.preview:
-        raise IcyMoonError("The scene was edited by hand and shows a preview; press Build Scene to build it anew, or "
+        raise IcyMoonError("The scene was edited by hand and shows a preview; press Build Scene to build it again, or "
                            "undo the edits.")
     if by_hand:
         raise IcyMoonError(f"{changed[0]} was changed after the scene was built and edited by hand; press Build Scene "
-                           "to build it anew, or set it back to keep your edits.")
+                           "to build it again, or set it back to keep your edits.")
     return _build_anew(scene, settings)
 
 

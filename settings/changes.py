@@ -1,7 +1,7 @@
-"""What has to be made again when a description changes. Imports no Blender.
+"""Which parts of a built scene must be made again after a change of settings. Imports no Blender.
 
-Made once and kept for as long as possible: the scene (ground, rocks and what they are marked with),
-then its surfaces, its lights, its camera.
+Each part is kept as long as possible: the scene (ground, rocks and their attributes), its surfaces, its lights, its
+camera.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ def _part(settings: Settings, keys: Iterable[tuple[str, str]]) -> dict[str, dict
 
 
 def geometry(settings: Settings) -> Parts:
-    """The settings that the ground and the rocks are made from, whatever the mesh."""
+    """The settings on which the shape of ground and rocks depends, with the site if it must be clear of rocks."""
     return _geometry(settings)
 
 
@@ -44,10 +44,10 @@ def _geometry(settings: Settings) -> dict[str, dict[str, Any]]:
 
 
 def scene(settings: Settings) -> Parts:
-    """``geometry``, and what else makes it another scene: pairs that differ in it cannot share one.
+    """``geometry`` and all other settings on which a built scene depends: pairs that differ in them cannot share one.
 
-    A graded mesh is made for a rig; the ground of a file is stood on where it was placed; marks and images on
-    the mesh are made with it; which device renders decides what Hapke's law is made of.
+    A graded mesh depends on the rig. Ground from a file depends on the site. Attributes and images of the mesh are made
+    with it. Whether Hapke's law uses OSL depends on the device.
     """
     procedural = settings.source.kind == "PROCEDURAL"
     keys = {("quality", "device")} | (set() if procedural else _SITE)
@@ -62,30 +62,30 @@ def scene(settings: Settings) -> Parts:
 
 
 def materials(settings: Settings) -> Parts:
-    """The settings of surfaces, beside the scene's."""
+    """The settings of surfaces that are not in ``scene``."""
     return _part(settings, _LOOK)
 
 
 def look(settings: Settings) -> Parts:
-    """``materials``, and what else surfaces are made from: which of them a camera sees into."""
+    """``materials``, and whether subsurface light is traced through each surface."""
     return {**materials(settings), "walks": {topic: follows_walk(settings, topic) for topic in SURFACES}}
 
 
 def light(settings: Settings) -> Parts:
-    """The settings that lights are made from; stars are as small as a pixel."""
+    """The settings on which lights depend. Stars also depend on the size of a pixel."""
     return _part(settings, _LIGHT | (_PIXEL if settings.light.stars else set()))
 
 
 def camera(settings: Settings) -> Parts:
-    """The settings that the camera is made from."""
+    """The settings on which the camera depends."""
     return _part(settings, _CAMERA)
 
 
 def sampling(settings: Settings) -> Parts:
-    """The settings of the light paths, which nothing is built from."""
+    """The settings of sampling, on which no built part depends."""
     return _part(settings, _SAMPLING)
 
 
 def response(settings: Settings) -> Parts:
-    """The settings that need no new render, only that images are developed again."""
+    """The settings that need no new render: images are only developed again."""
     return _part(settings, _RESPONSE)

@@ -16,7 +16,7 @@ _WIDTH = 120
 
 
 def class_name(topic: str) -> str:
-    """The class of a topic, such as ``RockSurfaceSettings``; physics has classes of the bare names."""
+    """The class of a topic, such as ``RockSurfaceSettings``. Names without the suffix are classes of physics."""
     return f"{_camel_case(topic)}Settings"
 
 
@@ -30,7 +30,7 @@ def _camel_case(key: str) -> str:
 
 
 def made() -> str:
-    """All of the file below the mark."""
+    """The text of the file below the mark."""
     classes = []
     for topic in TOPICS.values():
         classes += [_class(entry_name(topic.key, s.key), topic.key, f"An entry of ``{topic.key}.{s.key}``.", s.entries)
@@ -43,14 +43,14 @@ def made() -> str:
                for topic, named in lists.items() if named]
     return "".join([
         *(f"\n\n{text}" for text in classes), "\n\nclass Settings(Table):\n",
-        '    """Everything that describes a scene."""\n\n    __slots__ = ()\n',
+        '    """All settings of a scene."""\n\n    __slots__ = ()\n',
         *(f"    {key}: {class_name(key)}\n" for key in TOPICS),
         "\n\nTABLES: dict[str, type[Table]] = {\n", *tables,
         "}\nENTRIES: dict[str, dict[str, type[Table]]] = {\n", *entries, "}\n"])
 
 
 def _topic(topic: Topic) -> str:
-    """A topic that has all settings of an earlier one is of a type derived from that one's."""
+    """The class of a topic, derived from the class of an earlier topic if that has the same settings."""
     for other in TOPICS.values():
         if other is topic:
             break
@@ -65,7 +65,7 @@ def _class(name: str, topic: str, doc: str, settings: tuple[Setting, ...], base:
 
 
 def _attribute(topic: str, setting: Setting) -> str:
-    """A declaration, with its unit behind it where it has one."""
+    """The declaration of a setting, with its unit as a comment."""
     if setting.kind == "choice":
         return _choice(setting)
     kind = "str" if setting.kind == "text" else setting.kind
@@ -88,7 +88,7 @@ def _quoted(text: str) -> str:
 
 
 def complete(text: str) -> str:
-    """The text of the file with what the table gives below the mark."""
+    """The text of the file, with the types of the present table below the mark."""
     return text[:text.index(MARK) + len(MARK)] + made()
 
 

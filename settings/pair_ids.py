@@ -1,10 +1,10 @@
-"""What pairs are named by, for ever: a later version gives no pair another id, whatever settings it adds.
+"""The settings from which ids of pairs are made. No later version may change the id of a pair.
 
-``pair_ids.json`` holds the list of settings that the first version had, which is not changed any more; an id is made of
-those, in that order. A setting that came later stands under ``later`` with the value that does what was done before
-there was it; it counts only where it differs from that. What is called otherwise today stands under ``renamed`` (old
-name, new name), what there is no more under ``gone`` with the value that all versions since act by. ``entries`` are the
-settings of each table of a list. Imports no Blender.
+``pair_ids.json`` contains the settings of the first version under ``counted``. This list is closed, and an id is made
+from these settings in this order. A newer setting is under ``later``, with the value that has the effect of versions
+without it. It counts only if it differs from that value. Renamed settings are under ``renamed`` (old name, new name),
+and removed ones under ``gone``, with the value that later versions imply. ``entries`` are the settings of each table of
+a list. Imports no Blender.
 """
 
 from __future__ import annotations
@@ -21,24 +21,25 @@ SCHEMA: dict[str, Any] = json.loads(
 
 
 def before(name: str, setting: Setting) -> Any:
-    """The value of the setting of this name that means what was done before there was it; its default if it was there
-    from the first version on."""
+    """The value of a setting that has the effect of versions without it; the default if the first version had it."""
     return SCHEMA["later"].get(name, setting.default)
 
 
 def present_name(name: str) -> str:
-    """What a setting (``topic.key``) is called today."""
+    """The present name of a setting (``topic.key``)."""
     return str(SCHEMA["renamed"].get(name, name))
 
 
 def counts(setting: Setting) -> bool:
-    """Whether a setting can change a rendered pixel; where a file lies cannot."""
+    """Whether a setting can change a rendered pixel. The path of a file cannot."""
     return setting.effect not in ("response", "run") and setting.subtype != "FILE_PATH"
 
 
 def counted(settings: Mapping[str, Mapping[str, Any]]) -> list[Any]:
-    """What a pair's id is made of, of complete settings: the first version's list, and what differs from what was done
-    before there was a setting for it, if anything does."""
+    """The values of complete settings from which a pair's id is made.
+
+    They are the list of the first version and, if there are any, the newer settings that differ from ``before``.
+    """
     first = [[name, _plain(name, _value(name, settings))] for name in SCHEMA["counted"]]
     later = sorted(_later(settings))
     return [first, later] if later else [first]
@@ -50,13 +51,13 @@ def _value(name: str, settings: Mapping[str, Mapping[str, Any]]) -> Any:
 
 
 def _plain(name: str, value: Any) -> Any:
-    """A value without what was added to the tables of a list."""
+    """A value without newer settings in the tables of a list."""
     keys = SCHEMA["entries"].get(name)
     return value if keys is None else [{key: entry[key] for key in keys} for entry in value]
 
 
 def _later(settings: Mapping[str, Mapping[str, Any]]) -> list[list[Any]]:
-    """[name, value] of what came later and is not as before; of tables of a list, name and number of the table."""
+    """[name, value] of each newer setting that differs from ``before``; names in lists include the table's number."""
     found = []
     for topic, setting in all_settings():
         name, value = f"{topic}.{setting.key}", settings[topic][setting.key]

@@ -1,13 +1,14 @@
-"""The trust boundary: what a description may name, and what only the user may.
+"""The trust boundary: what settings may name, and what only the user may name.
 
-A scene, a .blend file, a settings file, a preset, a plan, a job, a data set and a pair are descriptions. They come
-from anyone and are data: they name numbers, choices, files that are read as data and a folder that is written to.
-They name no command, program, interpreter or checkpoint. Those come from the preferences of the add-on, from the
-command line and from environment variables, which are the user's own.
+Scenes, .blend files, settings files, presets, plans, jobs, data sets and pairs contain settings. Anyone may have
+written them, so they are data: numbers, choices, files that are read as data, and a folder that is written to. They
+must not name a command, program, interpreter or checkpoint. These come only from the user: from the preferences of the
+add-on, from the command line and from environment variables.
 
-Every setting that is a text states one of ``CLASSES``, and ``fault`` reports what none of that class may hold.
-``settings.check`` asks it of every description, whatever it came from. What a text of a matcher may name is in
-``LOADS``, and ``stereo.matchers.options.Option`` admits no other text. Imports nothing but the standard library.
+Every setting that is a text has one of ``CLASSES``, and ``fault`` finds text that its class forbids.
+``description.check`` calls it for all settings from any origin. ``LOADS`` contains the options of matchers that name
+programs and checkpoints, and ``stereo.matchers.options.Option`` allows no other text. Imports no other module of Icy
+Moon.
 """
 
 from __future__ import annotations
@@ -15,30 +16,30 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable
 
-#: What a text in a description may be. None of them is a program.
+#: Classes of texts in settings. None of them is a program.
 CLASSES = {"name": "A name or a date that is looked up", "read": "A file that is read as data",
            "written": "A folder that results are written to",
            "matchers": "Names of matchers with their numbers and choices, no program or file"}
 #: Options of matchers that name what is run or loaded; only the user gives them.
 LOADS = ("command", "checkpoint")
-#: Begins the name of a matcher that the user has set up, as in own:mine.
+#: Prefix of a matcher that the user has set up, as in own:mine.
 OWN = "own"
 OWN_NAME = re.compile(r"[A-Za-z0-9_-]{1,40}")
 
 
 def listed(text: str) -> list[tuple[str, list[str]]]:
-    """(name, options) of each matcher in a list such as ``bm,sgbm:window=7``, as every reader of it must split it."""
+    """(name, options) of each matcher in a list such as ``bm,sgbm:window=7``; every reader must split it like this."""
     labels = (label.strip() for label in text.split(","))
     return [(parts[0], parts[1:]) for parts in (label.split(":") for label in labels if label)]
 
 
 def own_names(text: str) -> list[str]:
-    """Names of the user's own matchers in a list of matchers, each once."""
+    """Names of the user's own matchers in a list of matchers, without repetitions."""
     return list(dict.fromkeys(options[0] for name, options in listed(text) if name == OWN and options))
 
 
 def fault(kind: str, text: str) -> str:
-    """Why a description may not hold this text, which is of one of ``CLASSES``; empty if it may."""
+    """Why settings may not contain this text of one of the ``CLASSES``; empty if they may."""
     if kind != "matchers":
         return ""
     loaded = next(iter(_loaded(option for _, options in listed(text) for option in options)), "")

@@ -1,6 +1,6 @@
-"""The user's own files that a description names: where they are, and what is in them.
+"""The user's own files that settings name: their paths and their content.
 
-A pair is named by what made it; of a file that is its content, not its place. Imports no Blender.
+The id of a pair depends on the content of these files, not on their paths. Imports no Blender.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ from .table import TOPICS
 def used_files(settings: Settings, blend_folder: str | None = None) -> dict[str, Path]:
     """The absolute path of each file in use, by the setting that names it (``topic.key``).
 
-    ``blend_folder`` is what // stands for, None where there is no saved .blend. Raises IcyMoonError if a path is
-    empty that must not be, or begins with // without one.
+    ``blend_folder`` is the folder for //, or None without a saved .blend file. Raises IcyMoonError if a required path
+    is empty, or begins with // without a folder.
     """
     named = {}
     if settings.source.kind != "PROCEDURAL":
@@ -34,9 +34,9 @@ def used_files(settings: Settings, blend_folder: str | None = None) -> dict[str,
 
 
 def content(settings: Settings, blend_folder: str | None = None) -> str:
-    """What identifies the content of the files in use; empty if there are none.
+    """A hash of the content of the files in use; empty if there are none.
 
-    Raises IcyMoonError if one cannot be read.
+    Raises IcyMoonError if a file cannot be read.
     """
     marks = []
     for name, path in used_files(settings, blend_folder).items():
@@ -49,14 +49,13 @@ def content(settings: Settings, blend_folder: str | None = None) -> str:
 
 
 def are_there(settings: Settings, blend_folder: str | None = None) -> bool:
-    """Whether every file in use is there, with all that belongs to it."""
+    """Whether all files in use exist, with the files that belong to them."""
     return all(path.is_file() and all(part.is_file() for part in _parts(settings, name, path))
                for name, path in used_files(settings, blend_folder).items())
 
 
 def _parts(settings: Settings, name: str, path: Path) -> list[Path]:
-    """The files whose content counts: of a mesh its buffers and, if they are shown, its images, of a folder of
-    kernels all."""
+    """The files whose content counts: for a mesh also its buffers and, if shown, its images; all files of a folder."""
     if name == "source.file":
         shown = mesh_images.find_images(path).files() if settings.textures.set == "MESH" else []
         return [*mesh_file.find_geometry_files(path), *shown]
@@ -65,5 +64,5 @@ def _parts(settings: Settings, name: str, path: Path) -> list[Path]:
 
 @functools.lru_cache(maxsize=256)
 def _sha256(path: Path, size: int, modified_ns: int) -> str:
-    """Checksum of a file in a state; read once for each."""
+    """Checksum of a file, read once for each size and time of change."""
     return sha256(path)

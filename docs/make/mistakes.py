@@ -159,6 +159,6 @@ MISTAKES: dict[str, tuple[Mistake, ...]] = {
                 "add kernels that cover body and date"),
         Mistake("edited by hand", "Ground was edited by hand, and a setting of it was changed before the render",
                 "terrain.hurst was changed after the scene was built and edited by hand",
-                "press Build Scene to build it anew"),
+                "press Build Scene to build it again"),
     ),
 }
