@@ -1,9 +1,9 @@
-"""Scene descriptions as plain data: ``{topic: {key: value}}``, checked, combined and named by an id.
+"""Descriptions: settings as plain data, ``{topic: {key: value}}``. They are checked, merged and hashed to an id here.
 
-Blender clamps what is out of range without a word; nothing here does. An unknown key, a wrong type
-or a value out of range is an :class:`~icymoon.errors.IcyMoonError` that names the key, the value,
-the range and the unit. A float setting is a single-precision number, as Blender stores it, so that
-a description has one spelling (and one pair id) whether it comes from the window or from a file.
+Blender silently clamps values that are out of range. Here an unknown key, a wrong type or a value out of range raises
+:class:`~icymoon.errors.IcyMoonError`, which names the key, the value, the range and the unit. Float settings are
+rounded to single precision, as Blender stores them. So a description has the same pair id whether it comes from the
+window or from a file.
 """
 
 from __future__ import annotations
@@ -25,19 +25,19 @@ from ..version import is_newer, version
 from . import pair_ids, trust_boundary
 from .table import TOPICS, Setting, Value
 
-#: How like a known word an unknown one must be for the error to name it; see ``suggestions.nearest``.
-LIKE = 0.4
-#: From here on single precision rounds to infinity: its largest number and half a step.
+#: Similarity from which an error suggests a known word for an unknown one, see ``suggestions.nearest``.
+MIN_SIMILARITY = 0.4
+#: Single precision rounds to infinity from here on: its largest number and half a step.
 _INFINITE = 2.0**128 - 2.0**103
 
 
 def defaults() -> Settings:
-    """The complete description that a new scene has."""
+    """The complete description of a new scene."""
     return typed({topic.key: {s.key: canonical(s, s.default) for s in topic.settings} for topic in TOPICS.values()})
 
 
 def _number(value: float) -> float:
-    """A number of any size; infinite if no double holds it."""
+    """A number of any size as double; infinite if it is too large."""
     try:
         return float(value)
     except OverflowError:
@@ -45,9 +45,9 @@ def _number(value: float) -> float:
 
 
 def _single(value: Any) -> float:
-    """The number that single precision makes of it, by its shortest spelling; infinite if it holds it not."""
+    """A number rounded to single precision and its shortest spelling; infinite if it is too large."""
     number = float(value)
-    # numpy would warn of infinity, and leaving that out by np.errstate takes longer than all else here.
+    # numpy would warn of infinity, and np.errstate takes longer than everything else here.
     return math.copysign(math.inf, number) if abs(number) >= _INFINITE else float(str(np.float32(number)))
 
 
@@ -60,7 +60,7 @@ def canonical(setting: Setting, value: Any) -> Value:
 
 
 def _checked_list(setting: Setting, value: Any, name: str, where: str, stored: bool) -> Value:
-    """A list of tables, each completed with the defaults of its entries, or what was done before they were there."""
+    """A checked list of tables, each completed with defaults, or with ``pair_ids.before`` if it was ``stored``."""
     if not isinstance(value, (list, tuple)) or not all(isinstance(entry, Mapping) for entry in value):
         raise IcyMoonError(f"{where}: {name} must be a list of tables, not {value!r}.")
     known = {s.key: s for s in setting.entries}
@@ -69,7 +69,7 @@ def _checked_list(setting: Setting, value: Any, name: str, where: str, stored: b
     for k, entry in enumerate(value):
         for key in entry:
             if key not in known:
-                raise IcyMoonError(f"{where}: unknown setting {name}[{k}].{key}, {nearest(key, known, LIKE)}")
+                raise IcyMoonError(f"{where}: unknown setting {name}[{k}].{key}, {nearest(key, known, MIN_SIMILARITY)}")
         tables.append({key: _checked(s, entry.get(key, missing[key]), f"{name}[{k}].{key}", where, stored)
                        for key, s in known.items()})
     return tables
@@ -89,7 +89,7 @@ def _checked(setting: Setting, value: Any, name: str, where: str, stored: bool) 
     if setting.kind == "choice":
         names = [choice[0] for choice in setting.choices]
         if value not in names:
-            raise IcyMoonError(f"{where}: {name} is {value!r}, {nearest(value, names, LIKE)}")
+            raise IcyMoonError(f"{where}: {name} is {value!r}, {nearest(value, names, MIN_SIMILARITY)}")
     if setting.kind == "text" and (fault := trust_boundary.fault(setting.trust, value)):
         raise IcyMoonError(f"{where}: {name} {fault}")
     if setting.kind in ("int", "float"):
@@ -98,9 +98,9 @@ def _checked(setting: Setting, value: Any, name: str, where: str, stored: bool) 
 
 
 def _check_range(setting: Setting, value: float, name: str, where: str, stored: bool) -> None:
-    """What was stored may lie beyond what is accepted today; a number it must be."""
+    """Raise IcyMoonError for a value out of range. A ``stored`` value must only be finite: ranges may have changed."""
     low, high, number = setting.minimum, setting.maximum, _number(value)
-    # The ends are single-precision numbers too: what is an end there is none too large here.
+    # A limit that is rounded to single precision, as Blender stores it, is still within the range.
     inside = low <= number <= high or low <= _single(number) <= high
     if not inside and not (stored and math.isfinite(_single(number))):
         unit = f" {setting.unit}" if setting.unit not in ("", "1") else ""
@@ -108,13 +108,12 @@ def _check_range(setting: Setting, value: float, name: str, where: str, stored: 
 
 
 def check(data: Mapping[str, Any], where: str, stored: bool = False) -> Settings:
-    """Check a partial description and return it in canonical form, by the names of today.
+    """Check a partial description and return it in canonical form, with present names.
 
-    ``where`` is what the error names as the place (a file, ``--set``, …). Of what a version has ``stored``, for which
-    all was accepted then, a value may lie outside of today's range, settings of how to run that are of no use here are
-    left out, and settings that there are no more stay.
-    Raises IcyMoonError for an unknown topic or key, a wrong type, a value out of range, or a text that names what
-    only the user may (see ``trust_boundary``).
+    Errors name ``where``: a file, ``--set``, … A description that some version has ``stored`` was valid then. So its
+    values may be outside the present range, invalid settings with the effect "run" are left out, and removed settings
+    are kept. Raises IcyMoonError for an unknown topic or key, a wrong type, a value out of range, or a text that only
+    the user may set (see ``trust_boundary``).
     """
     checked: dict[str, dict[str, Any]] = {}
     for topic, key, value in _stated(data, where):
@@ -123,8 +122,8 @@ def check(data: Mapping[str, Any], where: str, stored: bool = False) -> Settings
             if stored:
                 checked.setdefault(topic, {})[key] = value
             elif value != pair_ids.SCHEMA["gone"][name]:
-                raise IcyMoonError(f"{where}: {name} is {value!r}, and there is nothing but "
-                                   f"{pair_ids.SCHEMA['gone'][name]!r} any more.")
+                raise IcyMoonError(f"{where}: {name} is {value!r}, but this version supports only "
+                                   f"{pair_ids.SCHEMA['gone'][name]!r}; remove the setting.")
             continue
         setting = _setting(name, where)
         with suppress(IcyMoonError) if stored and setting.effect == "run" else nullcontext():
@@ -134,44 +133,44 @@ def check(data: Mapping[str, Any], where: str, stored: bool = False) -> Settings
 
 def _stated(data: Mapping[str, Any], where: str) -> Iterator[tuple[str, str, Any]]:
     """(topic, key, value) of everything in a description."""
-    once = {name.partition(".")[0] for name in (*pair_ids.SCHEMA["renamed"], *pair_ids.SCHEMA["gone"])}
+    former = {name.partition(".")[0] for name in (*pair_ids.SCHEMA["renamed"], *pair_ids.SCHEMA["gone"])}
     for topic, values in data.items():
-        if topic not in TOPICS and topic not in once:
-            raise IcyMoonError(f"{where}: unknown topic [{topic}], {nearest(topic, TOPICS, LIKE)}")
+        if topic not in TOPICS and topic not in former:
+            raise IcyMoonError(f"{where}: unknown topic [{topic}], {nearest(topic, TOPICS, MIN_SIMILARITY)}")
         if not isinstance(values, Mapping):
             raise IcyMoonError(f"{where}: [{topic}] must be a table of settings, not {values!r}.")
         yield from ((topic, key, value) for key, value in values.items())
 
 
 def _setting(name: str, where: str) -> Setting:
-    """The setting of a name. Raises IcyMoonError if there is none."""
+    """The setting with a name. Raises IcyMoonError if there is none."""
     topic, _, key = name.partition(".")
     try:
         return TOPICS[topic][key]
     except KeyError:
         known = (s.key for s in TOPICS[topic].settings) if topic in TOPICS else TOPICS
-        raise IcyMoonError(f"{where}: unknown setting {name}, {nearest(key, known, LIKE)}") from None
+        raise IcyMoonError(f"{where}: unknown setting {name}, {nearest(key, known, MIN_SIMILARITY)}") from None
 
 
 def restored(data: Mapping[str, Any], where: str, written_by: str = "") -> Settings:
     """The complete settings that some version has stored, such as in ``pair.json``; see ``check``.
 
-    What was not there yet has the value that means what was done then. ``written_by`` is that version. Raises
-    IcyMoonError as ``check``; if a later version wrote it, that states to update.
+    Newer settings get the values with the effect of that version. ``written_by`` is the version. Raises IcyMoonError as
+    ``check`` does; for a later version the error asks the user to update.
     """
-    with told_to_update(where, written_by):
+    with asking_to_update(where, written_by):
         return merged(_before(), check(data, where, stored=True))
 
 
 def _before() -> Settings:
-    """The complete description of what was done before anything was added."""
+    """The complete description with the effect of versions without newer settings."""
     return typed({topic.key: {s.key: canonical(s, pair_ids.before(f"{topic.key}.{s.key}", s)) for s in topic.settings}
                   for topic in TOPICS.values()})
 
 
 @contextmanager
-def told_to_update(where: str, written_by: str) -> Iterator[None]:
-    """Say of what is refused inside that it is of a later version, if it is."""
+def asking_to_update(where: str, written_by: str) -> Iterator[None]:
+    """Make errors in this context ask the user to update Icy Moon, if a later version wrote the file."""
     try:
         yield
     except IcyMoonError as error:
@@ -182,7 +181,7 @@ def told_to_update(where: str, written_by: str) -> Iterator[None]:
 
 
 def merged(*parts: Mapping[str, Mapping[str, Value]]) -> Settings:
-    """One description from several partial ones, the later ones winning."""
+    """One description from several partial ones. Later ones override earlier ones."""
     result = Settings()
     for part in parts:
         for topic, values in part.items():
@@ -191,7 +190,7 @@ def merged(*parts: Mapping[str, Mapping[str, Value]]) -> Settings:
 
 
 def changed(settings: Mapping[str, Mapping[str, Value]], base: Mapping[str, Mapping[str, Value]]) -> Settings:
-    """What has to be put over ``base`` to have these settings: those of other values, or not in it."""
+    """The settings whose values differ from ``base`` or that it does not contain."""
     found = Settings()
     for topic, values in settings.items():
         for key, value in values.items():
@@ -201,8 +200,10 @@ def changed(settings: Mapping[str, Mapping[str, Value]], base: Mapping[str, Mapp
 
 
 def override(text: str) -> Settings:
-    """The partial description that ``topic.key=value`` states; the value is read as TOML,
-    or as a text where the setting is one."""
+    """The partial description of ``topic.key=value``. The value is text for a text or choice, otherwise TOML.
+
+    Raises IcyMoonError as ``check`` does.
+    """
     name, equals, value = (part.strip() for part in text.partition("="))
     topic_key, dot, key = name.partition(".")
     if not (equals and dot):
@@ -221,12 +222,11 @@ def override(text: str) -> Settings:
 
 
 def digest(settings: Mapping[str, Mapping[str, Value]], extra: str = "") -> str:
-    """Twelve hexadecimal digits that name the pair which these settings produce.
+    """The id of the pair with these settings: twelve hexadecimal digits.
 
-    Settings that cannot change a rendered pixel (camera response, folders, threads) do not count,
-    nor where a file lies, nor what a version added where it is as it was before (see ``schema``).
-    ``extra`` stands for content that the settings do not describe (that of the ground's file, edited
-    or added geometry).
+    Settings that cannot change a rendered pixel (camera response, paths, threads) do not count. Newer settings count
+    only if they differ from ``pair_ids.before``. ``extra`` identifies content that the settings do not describe: files
+    of the ground, and edited or added geometry.
     """
     first, *later = pair_ids.counted(settings)
     return hashlib.sha256(json.dumps([first, extra, *later]).encode()).hexdigest()[:12]

@@ -1,6 +1,6 @@
-"""Presets and other settings files: the shipped ones by name, and what is in a file.
+"""Reads and writes presets and other settings files.
 
-A preset describes a whole scene or a part of one. A settings file of the user is written and read in the same way.
+A preset describes a whole scene or a part of one. The user's settings files have the same format.
 """
 
 from __future__ import annotations
@@ -14,34 +14,34 @@ from ..files import is_file, shorten
 from ..suggestions import nearest
 from ..typed_settings import Settings
 from ..version import version
-from .description import LIKE, check, merged, told_to_update
+from .description import MIN_SIMILARITY, asking_to_update, check, merged
 from .table import TOPICS
 from .toml_text import read_toml, to_toml, toml_value
 
 PRESETS = Path(__file__).resolve().parents[1] / "presets"
-#: Folders of presets, whole scenes first, and what people call their kinds.
+#: Folders of presets, whole scenes first, and the titles of their kinds.
 KINDS = {"scenes": "Scenes", "gallery": "Gallery", "bodies": "Bodies", "terrains": "Terrains", "rocks": "Rocks",
          "surfaces": "Surfaces", "lights": "Lights", "rigs": "Stereo Cameras", "sensors": "Camera Responses",
          "qualities": "Qualities"}
-#: Kinds of presets that describe a whole scene, the user's own among them; others describe a part of one.
+#: Kinds of presets that describe a whole scene. Others describe a part of one.
 WHOLE = ("scenes", "gallery", "own")
 _HEADER = ("title", "description", "include", "made_with")
-#: Shipped plans of data sets, which are more than settings: ``render.sweep`` reads them.
+#: Shipped plans of data sets, which ``render.plans`` reads.
 PLANS = PRESETS / "datasets"
 
 
 def load(path: Path) -> Settings:
-    """The partial description in a settings file, its ``[preset]`` includes first.
+    """The partial description in a settings file. It overrides the presets that the file includes.
 
-    A file may open with ``[preset]`` (``title``, ``description``, ``include = ["bodies/europa", …]``, and
-    ``made_with``, the version that wrote it) and close with ``[sources]`` (where each number comes from) and
-    ``[measured]`` (what was found of it); the rest are topics. Raises IcyMoonError if it cannot be read.
+    A file may begin with ``[preset]``, which contains ``title``, ``description``, ``include = ["bodies/europa", …]``
+    and ``made_with``, the version that wrote the file. It may end with ``[sources]``, the source of each number, and
+    ``[measured]``, measured results. All other tables are topics. Raises IcyMoonError if the file cannot be read.
     """
     data = read_toml(path)
     header = data.pop("preset", {})
     data.pop("sources", None)
     data.pop("measured", None)
-    with told_to_update(str(path), str(header.get("made_with", "")) if isinstance(header, Mapping) else ""):
+    with asking_to_update(str(path), str(header.get("made_with", "")) if isinstance(header, Mapping) else ""):
         included = [load_preset(name) for name in _checked_header(header, path)]
         return merged(*included, beside(path.parent, check(data, str(path))))
 
@@ -52,12 +52,12 @@ def load_preset(name: str) -> Settings:
 
 
 def _checked_header(header: Any, path: Path) -> list[str]:
-    """What the ``[preset]`` table of a file includes."""
+    """The names of the presets that the ``[preset]`` table of a file includes."""
     if not isinstance(header, Mapping):
         raise IcyMoonError(f"{path}: [preset] must be a table, not {header!r}.")
     unknown = sorted(set(header) - set(_HEADER))
     if unknown:
-        raise IcyMoonError(f"{path}: unknown key preset.{unknown[0]}, {nearest(unknown[0], _HEADER, LIKE)}")
+        raise IcyMoonError(f"{path}: unknown key preset.{unknown[0]}, {nearest(unknown[0], _HEADER, MIN_SIMILARITY)}")
     included = header.get("include", [])
     if not isinstance(included, list) or not all(isinstance(name, str) for name in included):
         raise IcyMoonError(f"{path}: preset.include must be a list of names in quotes, not {included!r}.")
@@ -65,7 +65,7 @@ def _checked_header(header: Any, path: Path) -> list[str]:
 
 
 def beside(folder: Path, settings: Settings) -> Settings:
-    """The same settings, files that are named without a folder being those in this one."""
+    """The settings, with relative paths of files changed to paths in ``folder``."""
     for topic, values in settings.items():
         for key, value in values.items():
             if TOPICS[topic][key].subtype == "FILE_PATH" and value and not value.startswith(("~", "//")):
@@ -74,7 +74,7 @@ def beside(folder: Path, settings: Settings) -> Settings:
 
 
 def preset_names(kind: str = "") -> list[str]:
-    """Names such as ``scenes/europa_rough_ice`` of the shipped presets, all or of one kind."""
+    """Names of the shipped presets, all or of one kind, such as ``scenes/europa_rough_ice``."""
     return sorted(p.relative_to(PRESETS).with_suffix("").as_posix() for p in (PRESETS / kind).rglob("*.toml")
                   if p.parent != PLANS)
 
@@ -85,20 +85,23 @@ def is_whole(name: str) -> bool:
 
 
 def plan_names() -> list[str]:
-    """Names such as ``datasets/guiss_rocks`` of the shipped plans."""
+    """Names of the shipped plans, such as ``datasets/guiss_rocks``."""
     return sorted(p.relative_to(PRESETS).with_suffix("").as_posix() for p in PLANS.glob("*.toml"))
 
 
 def preset_path(name: str) -> Path:
-    """The file of a shipped preset: ``kind/name``, or the bare name of a scene preset."""
+    """The file of a shipped preset, ``kind/name``, or only the name of a scene preset.
+
+    Raises IcyMoonError if there is none.
+    """
     for candidate in (PRESETS / f"{name}.toml", PRESETS / "scenes" / f"{name}.toml"):
         if ".." not in name and is_file(candidate):
             return candidate
-    raise IcyMoonError(f"Unknown preset {shorten(name)!r}, {nearest(shorten(name), preset_names(), LIKE)}")
+    raise IcyMoonError(f"Unknown preset {shorten(name)!r}, {nearest(shorten(name), preset_names(), MIN_SIMILARITY)}")
 
 
 def preview_path(name: str) -> Path:
-    """The picture of a shipped scene preset, or 'choose', the one of all; not every preset has one."""
+    """The picture of a shipped scene preset, or 'choose' for that of all. Not every preset has a picture."""
     return PRESETS / "previews" / f"{name.split('/')[-1]}.jpg"
 
 
@@ -108,17 +111,16 @@ def preset_header(name: str) -> tuple[str, str]:
 
 
 def header_of(path: Path, name: str) -> tuple[str, str]:
-    """(title, description) of a preset's file; ``name`` where it has no title. Raises IcyMoonError as ``read_toml``."""
+    """(title, description) of a preset file, with ``name`` as default title. Raises IcyMoonError as ``read_toml``."""
     header = read_toml(path).get("preset", {})
     if not isinstance(header, Mapping):
         return name, ""
     return str(header.get("title", name)), str(header.get("description", ""))
 
 
-def preset_text(title: str, told: str, settings: Settings, sources: Mapping[str, str]) -> str:
-    """A preset file that ``load`` reads back, and that shows which version wrote it and, by ``topic.key``, where its
-    values are from."""
-    header = {"title": title, "description": told, "made_with": version()}
+def preset_text(title: str, description: str, settings: Settings, sources: Mapping[str, str]) -> str:
+    """The text of a preset file for ``load``, with the version that writes it and its sources by ``topic.key``."""
+    header = {"title": title, "description": description, "made_with": version()}
     lines = ["[preset]", *(f"{key} = {toml_value(value)}" for key, value in header.items()), ""]
-    told_sources = [f"{toml_value(name)} = {toml_value(source)}" for name, source in sources.items()]
-    return "\n".join(lines) + "\n" + to_toml(settings) + "\n".join(["[sources]", *told_sources, ""])
+    source_lines = [f"{toml_value(name)} = {toml_value(source)}" for name, source in sources.items()]
+    return "\n".join(lines) + "\n" + to_toml(settings) + "\n".join(["[sources]", *source_lines, ""])

@@ -1,4 +1,4 @@
-"""Settings as TOML text, and the raw content of TOML files."""
+"""Writes settings as TOML text, and reads the raw content of TOML files."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def toml_and_text(path: Path) -> tuple[dict[str, Any], str]:
         return tomllib.loads(text), text
     except OSError as error:
         raise IcyMoonError(f"{path}: cannot be read ({error.strerror}).") from None
-    except (ValueError, RecursionError) as error:  # what is no TOML or no text, too large a number, too deep a list
+    except (ValueError, RecursionError) as error:  # no TOML, no UTF-8, too large a number, or too deep a list
         raise IcyMoonError(f"{path}: is not valid TOML ({error}).") from None
 
 
@@ -45,5 +45,5 @@ def to_toml(settings: Mapping[str, Mapping[str, Value]]) -> str:
 
 
 def toml_value(value: Any) -> str:
-    # JSON's spelling of numbers, booleans and texts is TOML's, but for one control character.
+    # JSON writes numbers, booleans and texts as TOML does, except for one control character.
     return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")

@@ -15,7 +15,7 @@ from typing import Any
 from ...errors import IcyMoonError
 from ...files import explain_disk_errors, read_text, write_text
 from ...records import COUNT, TABLE, TEXT, Each, check_record, parse_json
-from ...settings.description import changed, check, merged, restored, told_to_update
+from ...settings.description import asking_to_update, changed, check, merged, restored
 from ...settings.pair_ids import counts
 from ...settings.table import all_settings
 from ...typed_settings import Settings
@@ -117,7 +117,7 @@ def read_frozen_plan(dataset: Path) -> FrozenPlan:
                            f"{VERSION} of {FORMAT}; use the version that wrote it.")
     check_record(header, _HEADER, path, _FIX)
     base = restored(header["settings"], str(path), header["icymoon"])
-    with told_to_update(str(path), header["icymoon"]):
+    with asking_to_update(str(path), header["icymoon"]):
         pairs = tuple(_parse_pair(line, base, path) for line in lines)
     if len({pair.id for pair in pairs}) != header["pairs"]:
         raise IcyMoonError(f"{path} contains {len({pair.id for pair in pairs})} of {header['pairs']} pairs; {_FIX}.")

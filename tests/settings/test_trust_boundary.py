@@ -28,9 +28,9 @@ def test_every_text_says_what_it_may_name():
     texts = {f"{topic}.{s.key}": s.trust for topic, s in all_settings() if s.kind == "text"}
     assert len(texts) > 5
     assert set(texts.values()) == set(trust_boundary.CLASSES)
-    with pytest.raises(ValueError, match="must state"):
+    with pytest.raises(ValueError, match="must have a class of trust"):
         Setting("program", "Program", "", "Something that is run", "run")
-    with pytest.raises(ValueError, match="only a text may"):
+    with pytest.raises(ValueError, match="no other setting may have one"):
         Setting("number", "Number", 1, "Something that is counted", "run", trust="read")
 
 
