@@ -37,6 +37,15 @@ def own_evaluator_python() -> Path:
     return venv_python(extension_folder() / "evaluator")
 
 
+def has_own_evaluator() -> bool:
+    """Whether the Install button has installed an evaluator, as a whole."""
+    try:
+        own = own_evaluator_python()
+    except IcyMoonError:  # not installed as an extension
+        return False
+    return own.is_file() and not is_unfinished(own.parents[1])
+
+
 def _preferences() -> Any:
     add_on = bpy.context.preferences.addons.get(__package__)
     return add_on.preferences if add_on else None
@@ -60,11 +69,24 @@ def find_evaluator_python() -> str:
             return str(path)
     if not bpy.app.binary_path:
         return sys.executable
-    own = own_evaluator_python()
-    if own.is_file() and not is_unfinished(own.parents[1]):
-        return str(own)
+    if has_own_evaluator():
+        return str(own_evaluator_python())
     raise IcyMoonError("There is no evaluator yet; open Preferences > Add-ons > Icy Moon and press Install Evaluator, "
                        f"or choose a Python that has {_NEEDED}.")
+
+
+def is_evaluator_missing() -> bool:
+    """Whether there is no evaluator yet and the Install button can make one."""
+    try:
+        extension_folder()
+    except IcyMoonError:
+        return False
+    try:
+        find_evaluator_python()
+    except IcyMoonError:
+        chosen = getattr(_preferences(), "evaluator", "") or os.environ.get("ICYMOON_EVALUATOR", "")
+        return not chosen  # a path that is wrong is the user's to correct
+    return False
 
 
 def workers() -> int:
@@ -164,7 +186,12 @@ class ICYMOON_AP_preferences(bpy.types.AddonPreferences):
         layout.use_property_split = True
         row = layout.row()  # at the top, where it is visible without scrolling
         row.operator("icymoon.check_evaluator", icon="CHECKMARK")
-        row.operator("icymoon.install_evaluator", text="Install Evaluator", icon="IMPORT")
+        there = has_own_evaluator()
+        row.operator("icymoon.install_evaluator", text="Reinstall Evaluator" if there else "Install Evaluator",
+                     icon="IMPORT")
+        if there:
+            row.operator("icymoon.remove_evaluator", text="Remove Evaluator", icon="TRASH")
+            layout.label(text=f"The evaluator is installed in {own_evaluator_python().parents[1]}", icon="CHECKMARK")
         if not bpy.app.online_access:
             layout.label(text="Installing needs online access: System > Network", icon="INFO")
         for finding in findings:

@@ -9,7 +9,7 @@ import bpy
 
 from .. import scene_properties
 from ..errors import IcyMoonError
-from ..preferences import find_evaluator_python, own_matcher_arguments
+from ..preferences import find_evaluator_python, is_evaluator_missing, own_matcher_arguments
 from ..render.pairs.pair_folder import is_complete
 from ..render.workers.job import python_command
 from ..render.workers.process import Message, Process, clean_environment
@@ -84,6 +84,13 @@ class ICYMOON_OT_evaluate(jobs.JobOperator, bpy.types.Operator):
     scope: bpy.props.EnumProperty(name="Scope", default="SCENE", items=(  # type: ignore[valid-type]
         ("SCENE", "This Scene", "The pairs of the present settings"),
         ("DATASET", "Whole Data Set", "Every pair in the data set folder")), description="Which pairs to evaluate")
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        """Start the job; where no evaluator is, offer to install it first."""
+        if not bpy.app.background and bpy.app.online_access and is_evaluator_missing():
+            bpy.ops.icymoon.install_evaluator("INVOKE_DEFAULT", then_evaluate=self.scope)
+            return {"CANCELLED"}
+        return super().invoke(context, event)
 
     def _command(self, settings: Settings, paths: Sequence[Path]) -> list[str]:
         return python_command(find_evaluator_python(), "stereo", "evaluate", *map(str, paths),

@@ -9,10 +9,18 @@ import bpy
 
 from ..commands.doctor import Finding, examine_blender, examine_evaluator, examine_kernels
 from ..errors import IcyMoonError
-from ..preferences import find_evaluator_python, kernels, matchers, own_evaluator_python, show_findings
+from ..preferences import (
+    find_evaluator_python,
+    has_own_evaluator,
+    kernels,
+    matchers,
+    own_evaluator_python,
+    show_findings,
+)
 from ..render.workers.job import python_command
 from ..render.workers.process import Process, clean_environment
-from ..system import find_pythons, is_python, run
+from ..stereo.environment.install import DISK_MB
+from ..system import find_pythons, is_python, remove_folder, run
 from . import jobs
 from .sidebar_text import in_window
 
@@ -63,10 +71,15 @@ class ICYMOON_OT_check_evaluator(bpy.types.Operator):
 
 
 class ICYMOON_OT_install_evaluator(jobs.JobOperator, bpy.types.Operator):
-    """Make a Python environment for the evaluator in the extension's folder, and install its packages from the Internet (about 100 MB)"""  # noqa: E501
+    """Make a Python environment for the evaluator in the extension's folder, and install its packages from the Internet (390 MB on disk)"""  # noqa: E501
 
     bl_idname = "icymoon.install_evaluator"
     bl_label = "Install"
+
+    then_evaluate: bpy.props.EnumProperty(  # type: ignore[valid-type]
+        name="Then Evaluate", default="NOTHING", description="What to evaluate once the evaluator is installed", items=(
+            ("NOTHING", "Nothing", "Install only"), ("SCENE", "This Scene", "The pairs of the present settings"),
+            ("DATASET", "Whole Data Set", "Every pair in the data set folder")))
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -74,6 +87,19 @@ class ICYMOON_OT_install_evaluator(jobs.JobOperator, bpy.types.Operator):
             cls.poll_message_set("Needs online access: Preferences > System > Network")
             return False
         return super().poll(context)
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        if self.then_evaluate == "NOTHING" or bpy.app.background:
+            return super().invoke(context, event)
+        return set(context.window_manager.invoke_confirm(
+            self, event, title="Install the Evaluator?", confirm_text="Install and Evaluate",
+            message=f"Evaluating needs packages from the Internet: {DISK_MB} MB on disk, once"))
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Called after the question: starts the job."""
+        if bpy.app.background:
+            return super().execute(context)
+        return jobs.JobOperator.invoke(self, context, None)  # type: ignore[arg-type]
 
     def start(self, context: bpy.types.Context) -> jobs.Job:
         folder = own_evaluator_python().parents[1]
@@ -83,6 +109,34 @@ class ICYMOON_OT_install_evaluator(jobs.JobOperator, bpy.types.Operator):
     def report_success(self, context: bpy.types.Context) -> None:
         show_findings([Finding("Evaluator", "ok", "installed")])
         self.report({"INFO"}, "The evaluator is installed")
+        if self.then_evaluate != "NOTHING":
+            bpy.ops.icymoon.evaluate("INVOKE_DEFAULT", scope=self.then_evaluate)
+
+
+class ICYMOON_OT_remove_evaluator(bpy.types.Operator):
+    """Delete the evaluator that Install Evaluator has installed in the extension's folder"""
+
+    bl_idname = "icymoon.remove_evaluator"
+    bl_label = "Remove"
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        if not has_own_evaluator():
+            cls.poll_message_set("No evaluator is installed in the extension's folder")
+        return jobs.current is None and has_own_evaluator()
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        return set(context.window_manager.invoke_confirm(self, event))
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        folder = own_evaluator_python().parents[1]
+        if not (folder / "pyvenv.cfg").is_file() or folder.is_symlink():
+            self.report({"ERROR"}, f"{folder} is not an environment that Install Evaluator made; remove it by hand.")
+            return {"CANCELLED"}
+        remove_folder(folder)
+        show_findings([])
+        self.report({"INFO"}, f"Removed {folder}")
+        return {"FINISHED"}
 
 
 class ICYMOON_OT_add_matcher(bpy.types.Operator):
@@ -122,4 +176,5 @@ class ICYMOON_OT_remove_matcher(bpy.types.Operator):
         return {"FINISHED"}
 
 
-CLASSES = (ICYMOON_OT_check_evaluator, ICYMOON_OT_install_evaluator, ICYMOON_OT_add_matcher, ICYMOON_OT_remove_matcher)
+CLASSES = (ICYMOON_OT_check_evaluator, ICYMOON_OT_install_evaluator, ICYMOON_OT_remove_evaluator,
+           ICYMOON_OT_add_matcher, ICYMOON_OT_remove_matcher)

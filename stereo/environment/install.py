@@ -12,12 +12,21 @@ from ...version import ROOT
 #: What is installed: one version of each package. pip checks the hash of each wheel before it unpacks the wheel.
 LOCK = Path(__file__).with_name("evaluator.lock")
 
+#: Disk space of what is installed, measured on Linux with Python 3.11.
+DISK_MB = 390
+
 #: The command that checks whether a Python has what the evaluator needs.
 _CHECK = (str(ROOT / "__main__.py"), "stereo", "check")
 #: A file of this name lies in an environment until it is complete.
 _UNFINISHED = "unfinished"
 #: Words in the output of pip, and what they mean for the user; if none fits, the last line of the output is reported.
-_REASONS = (("DO NOT MATCH THE HASHES", "a downloaded package is not the one that Icy Moon was released with (its hash "
+_REASONS = (("CERTIFICATE_VERIFY_FAILED", "the server's certificate is not trusted here, as behind a proxy that reads "
+             "what is sent; give pip the proxy's certificate (PIP_CERT=file.pem) and press Install again."),
+            ("ProxyError", "the proxy did not answer; check the proxy of this system and press Install again."),
+            ("Failed to establish a new connection", "the package server cannot be reached; check the network and "
+             "press Install again."),
+            ("No space left on device", f"the disk is full; the evaluator needs {DISK_MB} MB."),
+            ("DO NOT MATCH THE HASHES", "a downloaded package is not the one that Icy Moon was released with (its hash "
              "differs), so nothing is installed; press Install again, and report it if that does not help."),
             ("No matching distribution", "a package has no build for this Python and system; make your own "
              "environment as the manual describes, and give its Python in the preferences."),

@@ -8,7 +8,8 @@ from icymoon.operators import CLASSES, jobs, render
 
 #: Operators that change files, processes and windows, but nothing that a .blend file holds.
 CHANGE_NOTHING = {"save_settings", "show_roughness", "trade", "measure_machine", "plan_dry_run",
-                  "open_report", "check_evaluator", "install_evaluator", "cancel", "add_matcher", "remove_matcher"}
+                  "open_report", "check_evaluator", "install_evaluator",
+                  "remove_evaluator", "cancel", "add_matcher", "remove_matcher"}
 #: Operators that go on when what they change is changed, and take the step then.
 TAKE_THEIR_OWN = {"render_pair", "render_dataset", "watch_dataset", "evaluate", "expose", "show_error",
                   "show_last_pair"}

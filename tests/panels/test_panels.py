@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from types import SimpleNamespace
 
 import bpy
@@ -76,7 +77,9 @@ def test_an_empty_file_offers_presets_and_the_three_steps(scene):
     assert drawn(sidebar.ICYMOON_PT_results) == []
 
 
-def test_every_operator_is_on_a_button_or_in_a_menu(small, measured, running):
+def test_every_operator_is_on_a_button_or_in_a_menu(small, measured, running, monkeypatch):
+    monkeypatch.setattr(preferences, "has_own_evaluator", lambda: True)  # which can be removed
+    monkeypatch.setattr(preferences, "own_evaluator_python", lambda: Path("/extension/evaluator/bin/python"))
     bpy.ops.icymoon.build_scene()
     there = {f"icymoon.{name}" for name in dir(bpy.ops.icymoon)}
     assert there - operators([*everything(), *preferences_drawn()[0]]) == set()

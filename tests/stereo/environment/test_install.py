@@ -125,6 +125,23 @@ def test_on_a_system_without_a_build_the_error_gives_the_fix(python, tmp_path, c
     assert "no build for this Python and system" in capsys.readouterr().out
 
 
+@pytest.mark.parametrize(("line", "said"), [
+    ("WARNING: Retrying after connection broken by 'SSLError(SSLCertVerificationError(1, '[SSL: "
+     "CERTIFICATE_VERIFY_FAILED] certificate verify failed: self-signed certificate in chain'))': /simple/numpy/",
+     "certificate is not trusted"),
+    ("WARNING: Retrying after connection broken by 'ProxyError('Cannot connect to proxy.', OSError())'",
+     "the proxy did not answer"),
+    ("WARNING: Retrying after connection broken by 'NewConnectionError('<pip>: Failed to establish a new connection: "
+     "[Errno -3] Temporary failure in name resolution')'", "cannot be reached"),
+    ("ERROR: Could not install packages due to an OSError: [Errno 28] No space left on device", "needs 390 MB")])
+def test_the_cause_of_a_failure_is_named_not_what_pip_makes_of_it(python, tmp_path, capsys, line, said):
+    """pip ends all of these with the same last line, as if the package did not exist."""
+    python += [makes, lambda command: SimpleNamespace(returncode=1, stdout="", stderr=(
+        f"{line}\nERROR: No matching distribution found for numpy==2.4.6\n"))]
+    assert install.main([str(tmp_path / "evaluator")]) == 1
+    assert said in capsys.readouterr().out
+
+
 def test_the_pythons_that_install_look_into_no_current_folder(python, tmp_path):
     seen = []
     python += [lambda command: seen.append(command) or makes(command),

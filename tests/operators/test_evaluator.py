@@ -1,0 +1,80 @@
+"""The evaluator that the Install button makes: found, offered and removed."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import bpy
+import pytest
+from icymoon import preferences
+from icymoon.operators import evaluator
+from icymoon.system import venv_python
+
+
+@pytest.fixture
+def extension(monkeypatch, tmp_path):
+    """A folder that is the installed extension's."""
+    monkeypatch.setattr(preferences, "extension_folder", lambda: tmp_path)
+    monkeypatch.delenv("ICYMOON_EVALUATOR", raising=False)
+    return tmp_path / "evaluator"
+
+
+def install(folder):
+    python = venv_python(folder)
+    python.parent.mkdir(parents=True)
+    python.touch()
+    (folder / "pyvenv.cfg").touch()
+
+
+def test_an_evaluator_is_there_once_it_is_whole(extension, monkeypatch):
+    monkeypatch.setattr(bpy, "app", type("App", (), {"binary_path": "/blender", "background": True}))
+    assert not preferences.has_own_evaluator()
+    assert preferences.is_evaluator_missing()
+    install(extension)
+    (extension / "unfinished").touch()
+    assert not preferences.has_own_evaluator()
+    (extension / "unfinished").unlink()
+    assert preferences.has_own_evaluator()
+    assert not preferences.is_evaluator_missing()
+
+
+def test_a_wrong_path_of_the_user_is_no_reason_to_install(extension, monkeypatch):
+    monkeypatch.setattr(bpy, "app", type("App", (), {"binary_path": "/blender", "background": True}))
+    monkeypatch.setenv("ICYMOON_EVALUATOR", "/nowhere/python")
+    assert not preferences.is_evaluator_missing()
+
+
+def test_the_evaluator_is_removed_and_nothing_else(extension):
+    assert not bpy.ops.icymoon.remove_evaluator.poll()
+    install(extension)
+    (extension.parent / "presets").mkdir()
+    assert bpy.ops.icymoon.remove_evaluator() == {"FINISHED"}
+    assert not extension.exists()
+    assert (extension.parent / "presets").is_dir()
+
+
+def test_what_is_no_environment_is_not_removed(extension):
+    install(extension)
+    (extension / "pyvenv.cfg").unlink()
+    with pytest.raises(RuntimeError, match="is not an environment that Install Evaluator made"):
+        bpy.ops.icymoon.remove_evaluator()
+    assert extension.is_dir()
+
+
+def test_a_folder_that_is_a_link_is_not_followed(extension, tmp_path):
+    install(tmp_path / "elsewhere")
+    extension.symlink_to(tmp_path / "elsewhere")
+    with pytest.raises(RuntimeError, match="remove it by hand"):
+        bpy.ops.icymoon.remove_evaluator()
+    assert (tmp_path / "elsewhere" / "pyvenv.cfg").is_file()
+
+
+def test_after_installing_what_was_asked_for_is_evaluated(monkeypatch):
+    asked = []
+    icymoon = SimpleNamespace(evaluate=lambda *given, **how: asked.append(how))
+    monkeypatch.setattr(evaluator, "bpy", SimpleNamespace(ops=SimpleNamespace(icymoon=icymoon)))
+    for scope in ("NOTHING", "DATASET"):
+        installing = SimpleNamespace(then_evaluate=scope, report=lambda *_: None)
+        evaluator.ICYMOON_OT_install_evaluator.report_success(installing, bpy.context)
+    preferences.show_findings([])
+    assert asked == [{"scope": "DATASET"}]
