@@ -308,12 +308,12 @@ def test_a_ground_of_ones_own_is_left_but_light_and_camera_follow(watched, tmp_p
                                     {"source": {"kind": "HEIGHT_MAP", "file": str(tmp_path / "dem.npy"),
                                                       "metres_per_pixel": 0.2}})
     _turn()
-    assert any("Your own ground" in sentence for sentence in preview.notes(watched))
+    assert any("no live preview" in sentence for sentence in preview.notes(watched))
     assert bpy.ops.icymoon.build_scene() == {"FINISHED"}
     before = positions(scenes.find(watched).terrain)
     built = change(watched, "source.height_scale_m", 3.0)
     assert np.array_equal(positions(built.terrain), before)
-    assert any("Your own ground" in sentence for sentence in preview.notes(watched))
+    assert any("no live preview" in sentence for sentence in preview.notes(watched))
     change(watched, "source.height_scale_m", 1.0)
     change(watched, "light.sun_elevation_deg", 50.0)
     built = change(watched, "rig.height_m", 2.5)

@@ -120,7 +120,7 @@ def test_a_preset_is_called_what_every_system_takes(scene, own, title, stem):
 def test_a_file_with_a_preset_of_another_machine_still_draws(scene, own):
     scene.icymoon.preset = "own/lost"
     assert presets.title_of("own/lost") == "lost"
-    with pytest.raises(IcyMoonError, match="not on this machine"):
+    with pytest.raises(IcyMoonError, match="does not exist on this machine"):
         presets.path_of("own/lost")
 
 

@@ -194,7 +194,7 @@ def test_damage_is_reported_and_mended(tmp_path):
     positions = np.concatenate([positions, [(math.nan, 0, 0)], positions[:3]])
     broken = np.concatenate([broken, [(80, 79, 81, 81)], [(5, 5, 6, 6)]])
     path = write_ply(tmp_path / "a.ply", positions, broken)
-    with pytest.raises(IcyMoonError, match=r"1 vertices are not numbers.*source\.repair"):
+    with pytest.raises(IcyMoonError, match=r"1 vertices are not finite.*source\.repair"):
         scenes.build(empty_scene(), own(path, repair=False))
     built = scenes.build(empty_scene(), own(path))
     text = " ".join(built.ground["report"])
