@@ -4,9 +4,10 @@
     python tests/lanes.py 4.2 gui-5.2      some
 
 4.2, 4.5 and 5.2 are Blender as a Python module, each in an environment of its own (made in .venvs
-when it is first needed); real-4.3, real-5.2 and real-named are real Blenders without their window,
-gui-… with it. 'named' is the Blender whose path ICYMOON_BLENDER holds; the others are installed by
-../shared/blender. A lane that cannot run says why. What a lane printed is in out/lanes.
+when it is first needed); 5.2 has another Python and runs all rooms. real-4.3, real-5.2 and real-named
+are real Blenders without their window, gui-… with it. 'named' is the Blender whose path ICYMOON_BLENDER
+holds; the others are installed by ../shared/blender. A lane that cannot run says why. What a lane
+printed is in out/lanes.
 """
 
 from __future__ import annotations
@@ -31,6 +32,9 @@ LOGS = ROOT / "out" / "lanes"
 PYTEST = ("-m", "pytest", "-m", "not slow", "-p", "no:cacheprovider",
           "--numprocesses", "auto", "--maxprocesses", "4", "--dist", "worksteal",
           "--ignore=tests/stereo/networks/test_networks.py")
+#: What knows Blender; the rest has been tested in this Python, in the main environment.
+WITH_BLENDER = ("tests/nodes", "tests/operators", "tests/panels", "tests/whole_program",
+                *sorted(str(path.relative_to(ROOT)) for path in (ROOT / "tests" / "render").glob("test_*.py")))
 PYTEST_S = 7200.0
 #: After which a real Blender's command is taken for stuck; each takes some seconds.
 STUCK_S = 900.0
@@ -62,7 +66,7 @@ def finished(name: str, command: list[str], timeout_s: float, environment: dict[
 
 
 def wheel(version: str) -> str:
-    """Test in a Python 3.11 that has bpy of a version."""
+    """Test the rooms that know Blender in a Python 3.11 that has bpy of a version."""
     python = shutil.which("python3.11")
     if python is None:
         raise CannotRunError("there is no python3.11, which that bpy needs")
@@ -74,7 +78,8 @@ def wheel(version: str) -> str:
         finished(version, [str(folder / "bin" / "python"), "-m", "pip", "install", "-q", "--disable-pip-version-check",
                            *wanted], 1800.0, {})
         mark.write_text("\n".join(wanted))
-    return finished(version, [str(folder / "bin" / "python"), *PYTEST], PYTEST_S, {"PYTHONPATH": checkout_on_path()})
+    return finished(version, [str(folder / "bin" / "python"), *PYTEST, *WITH_BLENDER], PYTEST_S,
+                    {"PYTHONPATH": checkout_on_path()})
 
 
 def wheel_52() -> str:

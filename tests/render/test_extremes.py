@@ -28,7 +28,7 @@ from icymoon.stereo.measure.prepare import prepare
 from rendering import empty_scene
 
 #: Random descriptions that every run tries, and those of a slow one.
-FEW, MANY = 8, 72
+FEW, MANY = 8, 40  # a description takes ten seconds of two processors
 #: Share of the random descriptions that may be refused, so that the others still show something.
 MOST_REFUSED = 0.35
 GRID, GRADED = {"mesh": {"kind": "GRID"}}, {"mesh": {"kind": "GRADED"}}
