@@ -56,6 +56,8 @@ _WALK, _HALF = 12.0, 0.5
 _LEAST, _LEAST_POWER, _SAMPLE_NOISE = 16.0, -0.3, 0.2
 #: Scenes whose triangles are counted; the others are taken to have as many on the mean.
 _COUNTED = 6
+#: Triangles of a ground that nobody has counted.
+_UNCOUNTED = 1e6
 #: Pairs of the data set that are looked at for what they took.
 _MOST_READ = 400
 #: Standard deviations of the logarithm: of the whole before a pair is known (another machine, this one), of one pair.
@@ -262,6 +264,17 @@ def estimate(pairs: Sequence[PlannedPair], dataset: Path | None = None, speed: S
         basis=speed.basis if speed else "another machine's times")
 
 
+def estimate_roughly(some: Sequence[Settings], pairs: int, grounds: float, speed: Speed | None) -> tuple[float, float]:
+    """Seconds on this machine and bytes of so many pairs on so many grounds, of which ``some`` have these settings.
+
+    Takes some milliseconds, because no triangles are counted and no pair of the data set is read.
+    """
+    work = sum(work_of(each).seconds(_UNCOUNTED) for each in some) / len(some) * pairs
+    work += grounds * scene_seconds(some[0], _UNCOUNTED) + _START_S
+    return ((speed.factor if speed else 1.0) * work / count_processors(),
+            sum(map(bytes_of, some)) / len(some) * pairs)
+
+
 def _count_triangles_of_all(scenes: Mapping[str, PlannedPair]) -> dict[str, float]:
     """Triangles of each scene: those of a few, evenly chosen, and the mean of these of the others."""
     names = list(scenes)
@@ -272,7 +285,7 @@ def _count_triangles_of_all(scenes: Mapping[str, PlannedPair]) -> dict[str, floa
             counted[name] = count_triangles(scenes[name].settings)
         except IcyMoonError:
             continue  # a file that cannot be read; the build reports why
-    mean = sum(counted.values()) / len(counted) if counted else 1e6
+    mean = sum(counted.values()) / len(counted) if counted else _UNCOUNTED
     return {name: counted.get(name, mean) for name in names}
 
 

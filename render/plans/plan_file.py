@@ -7,6 +7,7 @@ the line and the fix. ``docs/datasets.md`` describes the format.
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -99,8 +100,16 @@ def read_plan(path: Path) -> Plan:
     return _read_extended(path, ())
 
 
+def parse_plan(path: Path, text: str) -> Plan:
+    """The plan that a file with this text would be. Raises IcyMoonError as ``read_plan``."""
+    return _parse(path, tomllib.loads(text), text, ())
+
+
 def _read_extended(path: Path, readers: tuple[Path, ...]) -> Plan:
-    data, text = toml_and_text(path)
+    return _parse(path, *toml_and_text(path), readers)
+
+
+def _parse(path: Path, data: dict[str, Any], text: str, readers: tuple[Path, ...]) -> Plan:
     whole = Place(path, text)
     header = data.pop("plan", None)
     if not isinstance(header, Mapping):

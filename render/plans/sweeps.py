@@ -29,7 +29,7 @@ _PRESET = "preset"
 #: Pairs above which a plan is a mistake, or more than one data set.
 MOST_PAIRS = 100000
 #: What no sweep may vary, and what to do instead.
-_NOT_SWEPT = {"response": "is applied when images are evaluated and needs no other render; state it there with --set",
+NOT_SWEPT = {"response": "is applied when images are evaluated and needs no other render; state it there with --set",
               "run": "changes no pair; state it once, outside the sweeps"}
 
 
@@ -114,8 +114,8 @@ def _find_setting(topic: str, key: str, place: Place) -> Setting:
     known = {s.key: s for s in TOPICS[topic].settings}
     if key not in known:
         raise IcyMoonError(f"{place}: unknown setting {topic}.{key}, {nearest(key, known)}")
-    if known[key].effect in _NOT_SWEPT:
-        raise IcyMoonError(f"{place}: {topic}.{key} {_NOT_SWEPT[known[key].effect]}.")
+    if known[key].effect in NOT_SWEPT:
+        raise IcyMoonError(f"{place}: {topic}.{key} {NOT_SWEPT[known[key].effect]}.")
     return known[key]
 
 

@@ -1,0 +1,341 @@
+"""The plan that varies some settings of one scene: its TOML text, how many pairs it has. Imports no Blender.
+
+The scene is given by its complete settings, whatever preset they come from. The text states all of them, so the plan
+makes the same pairs wherever it is read.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from ...errors import IcyMoonError
+from ...formats.toml_lines import Place
+from ...settings.description import check, merged
+from ...settings.table import TOPICS, Setting, all_settings
+from ...settings.toml_text import to_toml, toml_value
+from ...suggestions import nearest
+from ...typed_settings import Parts, Settings
+from ...version import version
+from . import sweeps
+from .combine import seeds_of
+from .sweeps import MOST_PAIRS, NOT_SWEPT, Sweep
+
+#: How the settings are combined, and how the values of a number lie.
+COMBINATIONS = ("GRID", "ONE_AT_A_TIME", "SOBOL")
+SPACINGS = ("EVEN", "RATIO", "RANDOM")
+#: What errors name as the place.
+WHERE = "Vary This Scene"
+#: A prime number of pairs between two of a sample, so that the sample has all values of each setting.
+_STRIDE = 7919
+#: Settings of the data set that a plan states; the others are where and how it is rendered.
+_OF_DATASET = ("seed", "headings")
+
+
+@dataclass(frozen=True)
+class VariedSetting:
+    """The values of one setting, ``topic.key``.
+
+    Of a number ``count`` values from ``first`` to ``last``, at even steps, at even ratios, or at random between them.
+    Of a choice the ``values``. A boolean has both values.
+    """
+
+    name: str
+    first: float = 0.0
+    last: float = 0.0
+    count: int = 5
+    spacing: str = SPACINGS[0]
+    values: tuple[str, ...] = ()
+
+    @property
+    def setting(self) -> Setting:
+        """The setting. Raises IcyMoonError if there is none of this name, or if it cannot vary."""
+        topic, _, key = self.name.partition(".")
+        known = {f"{t}.{s.key}": s for t, s in all_settings()}
+        if self.name not in known:
+            raise IcyMoonError(f"{WHERE}: unknown setting {self.name!r}, {nearest(self.name, known)}")
+        if why := why_fixed(topic, key):
+            raise IcyMoonError(f"{WHERE}: {self.name} {why}.")
+        return known[self.name]
+
+
+@dataclass(frozen=True)
+class SceneVariations:
+    """Which settings of a scene vary, how they are combined, the number of ``draws`` of a Sobol sequence, and the
+    number of ``seeds``, of which the scene's own is the first."""
+
+    varied: tuple[VariedSetting, ...]
+    combine: str = COMBINATIONS[0]
+    draws: int = 16
+    seeds: int = 1
+
+
+def why_fixed(topic: str, key: str) -> str:
+    """Why a setting cannot vary, as the end of a sentence; empty if it can."""
+    setting = TOPICS[topic][key]
+    if (topic, key) == ("dataset", "seed"):
+        return "varies by the number of seeds; raise Seeds"
+    if (topic, key) == ("dataset", "headings"):
+        return "is a number of pairs by itself; set it in the panel Data Set"
+    if setting.effect in NOT_SWEPT:
+        return NOT_SWEPT[setting.effect]
+    if setting.kind in ("text", "list"):
+        return "is no number, choice or tick, so it has no values between two others"
+    return ""
+
+
+def names_that_vary() -> list[str]:
+    """The settings that can vary, as ``topic.key``, in the order of the sidebar."""
+    return [f"{topic}.{s.key}" for topic, s in all_settings() if not why_fixed(topic, s.key)]
+
+
+def vary_around(name: str, value: Any) -> VariedSetting:
+    """A setting that varies about its present value: numbers from half of it to twice it, or if it is 0 a quarter of
+    its slider's range; all values of a choice."""
+    setting = VariedSetting(name).setting
+    if setting.kind == "choice":
+        return VariedSetting(name, values=tuple(choice[0] for choice in setting.choices))
+    if setting.kind == "bool":
+        return VariedSetting(name)
+    low, high = setting.soft or (setting.minimum, setting.maximum)
+    ends = sorted((value / 2, value * 2)) if value else (0.0 if low >= 0 else low / 4, high / 4)
+    first, last = (_within(setting, _rounded(setting, end, 3)) for end in ends)
+    if first == last:  # a whole number, or one at the end of its range
+        first, last = _within(setting, first - 1), _within(setting, last + 1)
+    return VariedSetting(name, first, last)
+
+
+def _within(setting: Setting, value: float) -> float:
+    """The nearest value that the setting accepts."""
+    nearest_value = min(max(value, setting.minimum), setting.maximum)
+    return int(nearest_value) if setting.kind == "int" else nearest_value
+
+
+def _rounded(setting: Setting, value: float, digits: int = 6) -> float:
+    return round(value) if setting.kind == "int" else float(f"{value:.{digits}g}")
+
+
+def list_values(varied: VariedSetting) -> list[Any]:
+    """The values of a setting that does not vary at random, each once. Raises IcyMoonError as ``check_varied``."""
+    setting = check_varied(varied)
+    if setting.kind == "choice":
+        return list(varied.values)
+    if setting.kind == "bool":
+        return [False, True]
+    first, last, steps = varied.first, varied.last, varied.count - 1
+    if varied.spacing == "RATIO":
+        between = [first * (last / first) ** (k / steps) for k in range(1, steps)]
+    else:
+        between = [first + (last - first) * k / steps for k in range(1, steps)]
+    low, high = sorted((first, last))
+    inside = [min(max(_rounded(setting, value), low), high) for value in between]
+    return list(dict.fromkeys([first, *inside, last]))
+
+
+def check_varied(varied: VariedSetting) -> Setting:
+    """The setting that varies. Raises IcyMoonError that names it, the value and the range."""
+    setting, name = varied.setting, varied.name
+    topic, _, key = name.partition(".")
+    if setting.kind == "choice":
+        for value in varied.values:
+            check({topic: {key: value}}, WHERE)
+        if len(set(varied.values)) < 2:
+            raise IcyMoonError(f"{WHERE}: {name} has {len(set(varied.values))} of its values; tick two or more.")
+        return setting
+    if setting.kind == "bool":
+        return setting
+    for end in (varied.first, varied.last):
+        check({topic: {key: end}}, WHERE)
+    if varied.first == varied.last:
+        raise IcyMoonError(f"{WHERE}: {name} goes from {varied.first:g} to {varied.last:g}; give two different ends.")
+    if not 2 <= varied.count <= MOST_PAIRS:
+        raise IcyMoonError(f"{WHERE}: {name} has {varied.count} values; give 2 to {MOST_PAIRS}.")
+    if varied.spacing == "RATIO" and min(varied.first, varied.last) <= 0:
+        raise IcyMoonError(f"{WHERE}: {name} goes from {varied.first:g} to {varied.last:g}; even ratios need two ends "
+                           "above 0.")
+    return setting
+
+
+@dataclass(frozen=True)
+class _Factor:
+    """A sweep of the plan: its table, how many variations it has, and what they are in words."""
+
+    table: dict[str, Any]
+    size: int
+    text: str
+
+
+def _make_factors(settings: Settings, variations: SceneVariations) -> list[_Factor]:
+    """The sweeps of the plan. Raises IcyMoonError for what cannot be combined."""
+    varied = variations.varied
+    names = [each.name for each in varied]
+    for name in names:
+        if names.count(name) > 1:
+            raise IcyMoonError(f"{WHERE}: {name} is listed {names.count(name)} times; remove all but one.")
+    if not varied:
+        return []
+    if variations.combine == "SOBOL":
+        what = label_of(names[0]) if len(varied) == 1 else f"{len(varied)} settings"
+        table = _sweep_table("sobol", "draws", {each.name: _law(each) for each in varied}, count=variations.draws)
+        return [_Factor(table, variations.draws, f"{variations.draws} draws of {what}")]
+    if variations.combine == "ONE_AT_A_TIME":
+        return [_make_one_at_a_time(settings, varied)]
+    return [_make_grid_factor(each) for each in varied]
+
+
+def _make_grid_factor(varied: VariedSetting) -> _Factor:
+    if _is_drawn(varied):
+        table = _sweep_table("random", varied.name, {varied.name: _law(varied)}, count=varied.count)
+        return _Factor(table, varied.count, f"{varied.count} random values of {label_of(varied.name)}")
+    values = list_values(varied)
+    return _Factor(_sweep_table("grid", varied.name, {varied.name: values}), len(values),
+                   f"{len(values)} values of {label_of(varied.name)}")
+
+
+def _make_one_at_a_time(settings: Settings, varied: Sequence[VariedSetting]) -> _Factor:
+    listed = {}
+    for each in varied:
+        if _is_drawn(each):
+            raise IcyMoonError(f"{WHERE}: {each.name} is random, and one at a time takes listed values; choose even "
+                               "steps or even ratios.")
+        listed[each.name] = list_values(each)
+    others = sum(value != settings[topic][key] for name, values in listed.items()
+                 for topic, _, key in [name.partition(".")] for value in values)
+    return _Factor(_sweep_table("one_at_a_time", "one at a time", listed), 1 + others,
+                   f"{1 + others} scenes, one setting at a time")
+
+
+def _is_drawn(varied: VariedSetting) -> bool:
+    return check_varied(varied).kind in ("int", "float") and varied.spacing == "RANDOM"
+
+
+def _law(varied: VariedSetting) -> dict[str, list[Any]]:
+    """The distribution that a setting is drawn from."""
+    if check_varied(varied).kind in ("choice", "bool"):
+        return {"choice": list_values(varied)}
+    return {"log_uniform" if varied.spacing == "RATIO" else "uniform": sorted((varied.first, varied.last))}
+
+
+def _sweep_table(kind: str, name: str, stated: Mapping[str, Any], **also: int) -> dict[str, Any]:
+    table: dict[str, Any] = {"kind": kind, "name": name, **also}
+    for setting, values in stated.items():
+        topic, _, key = setting.partition(".")
+        table.setdefault(topic, {})[key] = values
+    return table
+
+
+def _draw_seeds(settings: Settings, seeds: int) -> list[int]:
+    """The scene's own seed, then others that are drawn from it."""
+    own = int(settings.dataset.seed)
+    return [own, *seeds_of(seeds - 1, own)]
+
+
+def plan_text(settings: Settings, variations: SceneVariations) -> str:
+    """The TOML text of the plan of complete settings, whose files have absolute paths, and of what varies.
+
+    Raises IcyMoonError for values out of range, and for what cannot be combined.
+    """
+    count_pairs(settings, variations)
+    header: dict[str, Any] = {"title": title_of(variations),
+                              "description": f"Made by {WHERE} of Icy Moon {version()}"}
+    if variations.seeds > 1:
+        header["seeds"] = _draw_seeds(settings, variations.seeds)
+    lines = ["[plan]", *(f"{key} = {toml_value(value)}" for key, value in header.items()), ""]
+    for factor in _make_factors(settings, variations):
+        lines += ["[[sweep]]", *_sweep_lines(factor.table), ""]
+    described = {topic: {key: value for key, value in values.items() if topic != "dataset" or key in _OF_DATASET}
+                 for topic, values in settings.items()}
+    return "\n".join([*lines, "# All settings of the scene.", to_toml(described)])
+
+
+def _sweep_lines(table: Mapping[str, Any]) -> list[str]:
+    lines = []
+    for key, value in table.items():
+        if not isinstance(value, dict):
+            lines.append(f"{key} = {toml_value(value)}")
+            continue
+        for name, stated in value.items():
+            text = (f"{{ {', '.join(f'{law} = {toml_value(of)}' for law, of in stated.items())} }}"
+                    if isinstance(stated, dict) else toml_value(stated))
+            lines.append(f"{key}.{name} = {text}")
+    return lines
+
+
+def title_of(variations: SceneVariations) -> str:
+    """What varies, as the title of the plan."""
+    names = [label_of(each.name) for each in variations.varied]
+    names += [f"{variations.seeds} Seeds"] if variations.seeds > 1 else []
+    return ", ".join(names) or "One Scene"
+
+
+def label_of(name: str) -> str:
+    """The label of a setting without its unit; the name of what is no setting."""
+    topic, _, key = name.partition(".")
+    known = {s.key: s.label for s in TOPICS[topic].settings} if topic in TOPICS else {}
+    return known.get(key, name).partition(" (")[0]
+
+
+def count_pairs(settings: Settings, variations: SceneVariations) -> int:
+    """The number of pairs of the plan; fewer where random values of whole numbers are the same.
+
+    Raises IcyMoonError for what cannot be combined, and for more pairs than a plan may have.
+    """
+    for what, count in (("seeds", variations.seeds), ("draws", variations.draws)):
+        if count < 1:
+            raise IcyMoonError(f"{WHERE}: there are {count} {what}; give 1 or more.")
+    pairs = variations.seeds * int(settings.dataset.headings) * math.prod(
+        factor.size for factor in _make_factors(settings, variations))
+    if pairs > MOST_PAIRS:
+        raise IcyMoonError(f"{WHERE}: these are {pairs} pairs, more than {MOST_PAIRS}; give fewer values, or combine "
+                           "them by Sobol draws.")
+    return pairs
+
+
+def describe(settings: Settings, variations: SceneVariations) -> str:
+    """The number of pairs and what they come of, such as '5 values of Sun Elevation x 3 seeds = 15 pairs'.
+
+    Raises IcyMoonError as ``count_pairs``.
+    """
+    pairs, headings = count_pairs(settings, variations), int(settings.dataset.headings)
+    parts = [factor.text for factor in _make_factors(settings, variations)]
+    parts += [f"{variations.seeds} seeds"] if variations.seeds > 1 else []
+    parts += [f"{headings} headings"] if headings > 1 else []
+    total = f"{pairs} pair{'s' * (pairs != 1)}"
+    return f"{' x '.join(parts)} = {total}" if parts else total
+
+
+def sample_settings(settings: Settings, variations: SceneVariations, most: int) -> tuple[list[Settings], float]:
+    """Complete settings of up to ``most`` pairs at the first heading, spread over all, and about how many grounds all
+    pairs have. Raises IcyMoonError as ``count_pairs``."""
+    count_pairs(settings, variations)
+    grounds, choices = 1.0, []
+    for factor in _make_factors(settings, variations):
+        table = dict(factor.table)
+        if "count" in table:  # the first draws are the same, however many there are
+            table["count"] = min(table["count"], most)
+        sweep = Sweep(table.pop("kind"), table.pop("name"), table, Place(Path("plan.toml"), ""))
+        made = [each.settings for each in sweeps.make_variations(sweep, settings)]
+        different = len({json.dumps(_geometry_of(part)) for part in made})
+        grounds *= different * factor.size / len(made) if different > 1 else 1
+        choices.append(made)
+    if variations.seeds > 1:
+        choices.append([{"dataset": {"seed": seed}} for seed in _draw_seeds(settings, min(variations.seeds, most))])
+        grounds *= variations.seeds
+    total, found = math.prod(map(len, choices)), []
+    for k in range(min(most, total)):
+        rest, parts = k * _STRIDE % total, []
+        for factor_choices in choices:
+            rest, chosen = divmod(rest, len(factor_choices))
+            parts.append(factor_choices[chosen])
+        found.append(merged(settings, *parts))
+    return found, grounds
+
+
+def _geometry_of(part: Parts) -> list[tuple[str, str, Any]]:
+    """What a part sets that the ground is made from."""
+    return [(topic, key, value) for topic, values in part.items() for key, value in values.items()
+            if TOPICS[topic][key].effect == "geometry"]
