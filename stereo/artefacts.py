@@ -29,7 +29,7 @@ def check_output_folder(out: Path, pairs: Iterable[str]) -> None:
 
     A link may lead anywhere, and other programs use the same names for their results.
     """
-    folders = [out / "pairs", *(out / "pairs" / name for name in pairs)]
+    folders = [out / "pairs", out / "curves", *(out / "pairs" / name for name in pairs)]
     for path in (*folders, *(out / name for name in _OPENINGS)):
         if path.is_symlink():
             raise IcyMoonError(f"{path} is a link, and results are not written through one; remove it, or choose "

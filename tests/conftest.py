@@ -39,6 +39,7 @@ def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
     """Reports without charts, for tests of all else: drawing them takes four fifths of an evaluation of small pairs."""
     empty = dict.fromkeys(("errors", "range", "strata", "sweeps", "phase"), "")
     monkeypatch.setattr("icymoon.stereo.report.html.draw_charts", lambda *_: empty)
+    monkeypatch.setattr("icymoon.stereo.report.results.write_curves", lambda *_: {})
 
 
 def pytest_sessionfinish(session: pytest.Session, exitstatus: int) -> None:

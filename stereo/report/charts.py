@@ -7,6 +7,8 @@ import itertools
 import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
+from pathlib import Path
 from typing import Any
 
 import matplotlib
@@ -16,6 +18,8 @@ from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
+from ...files import write_atomically
+from ...settings.table import TOPICS
 from ..measure import by_pixel_class
 from ..measure.metrics import ERROR_STEPS_M, SHARES
 from .by_setting import Sweep, mean_by_level
@@ -33,6 +37,10 @@ STYLE: dict[Any, Any] = {
     "lines.markersize": 4, "axes.titlesize": 9.5, "figure.constrained_layout.use": True,
     # Text from a data set is no formula, and a file called matplotlibrc in the current folder must not start LaTeX.
     "text.parse_math": False, "text.usetex": False}
+#: The same for a picture, which no page colours.
+_ON_WHITE: dict[Any, Any] = {"axes.edgecolor": "#888888", "axes.labelcolor": "#222222", "text.color": "#222222",
+                             "xtick.color": "#222222", "ytick.color": "#222222", "grid.color": "#dddddd"}
+_DPI = 120
 #: Most settings that are drawn.
 MOST_SWEEPS = 16
 #: Classes with fewer true pixels than this are not drawn.
@@ -227,28 +235,53 @@ def _draw_pixel_classes(summary: Summary) -> str:
     return render_svg(figure, "strata", "Wrong or missing pixels by slope, texture, light, visibility and material")
 
 
+def write_curves(summary: Summary, table: Table, sweeps: Sequence[Sweep], out: Path, seed: int) -> dict[str, str]:
+    """Write a picture of the mean error against each setting that varies; their paths relative to ``out`` by setting.
+
+    They are for programs that show no HTML, such as Blender.
+    """
+    curves = {}
+    for sweep in sweeps[:MOST_SWEEPS]:
+        topic, _, key = sweep.name.partition(".")
+        if topic not in TOPICS or key not in {s.key for s in TOPICS[topic].settings}:
+            continue  # of another version, whose names may be no names of files
+        with matplotlib.rc_context({**STYLE, **_ON_WHITE}):
+            figure, axes = make_figure(2, width=9.6, height=4.2)
+            _draw_sweep(sweep, axes[0], summary, table, seed)
+            add_legend(figure, axes[0][0], len(summary))
+            curves[sweep.name] = f"curves/{sweep.name}.png"
+            write_atomically(out / curves[sweep.name], partial(figure.savefig, format="png", dpi=_DPI,
+                                                               facecolor="white"))
+    return curves
+
+
+def _draw_sweep(sweep: Sweep, axes: Sequence[Axes], summary: Summary, table: Table, seed: int) -> None:
+    """Draw mean error and wrong pixels against a setting that varies, with 95 % intervals, on two axes."""
+    names, places, _ = sweep.levels()
+    for axis, metric, factor in ((axes[0], "l1_m", 1.0), (axes[1], "total_bad_1", 100.0)):
+        step = 0.012 * float(np.ptp(places)) or 0.1
+        for k, _, look in _methods(summary):
+            mean, bounds = mean_by_level(sweep, table, k, metric, seed)
+            bars = np.abs(bounds.T - mean)
+            aside = (k - (len(summary) - 1) / 2) * step
+            axis.errorbar(places + aside, factor * mean, factor * np.nan_to_num(bars), capsize=2.5, elinewidth=1,
+                          linestyle="-" if sweep.numeric else "", **look)
+        if not sweep.numeric or len(names) <= 6:
+            axis.set_xticks(places, [name if len(name) < 16 else f"{name[:14]}…" for name in names])
+        axis.margins(x=0.08)
+        axis.set_ylim(bottom=0)
+        others = f", and {len(sweep.together)} more that vary with it" if sweep.together else ""
+        axis.set_xlabel(sweep.title + others)
+    axes[0].set_ylabel("L1 (m)")
+    axes[1].set_ylabel("% missing or > 1 px")
+
+
 def _draw_sweeps(summary: Summary, table: Table, sweeps: Sequence[Sweep], seed: int) -> str:
     """Draw mean error and wrong pixels against each setting that varies, with 95 % intervals."""
     if not sweeps:
         return ""
     figure, axes = make_figure(2, len(sweeps), height=2.7)
-    for sweep, (left, right) in zip(sweeps, axes, strict=True):
-        names, places, _ = sweep.levels()
-        for axis, metric, factor in ((left, "l1_m", 1.0), (right, "total_bad_1", 100.0)):
-            step = 0.012 * float(np.ptp(places)) or 0.1
-            for k, _, look in _methods(summary):
-                mean, bounds = mean_by_level(sweep, table, k, metric, seed)
-                bars = np.abs(bounds.T - mean)
-                aside = (k - (len(summary) - 1) / 2) * step
-                axis.errorbar(places + aside, factor * mean, factor * np.nan_to_num(bars), capsize=2.5, elinewidth=1,
-                              linestyle="-" if sweep.numeric else "", **look)
-            if not sweep.numeric or len(names) <= 6:
-                axis.set_xticks(places, [name if len(name) < 16 else f"{name[:14]}…" for name in names])
-            axis.margins(x=0.08)
-            axis.set_ylim(bottom=0)
-            others = f", and {len(sweep.together)} more that vary with it" if sweep.together else ""
-            axis.set_xlabel(sweep.title + others)
-        left.set_ylabel("L1 (m)")
-        right.set_ylabel("% missing or > 1 px")
+    for sweep, row in zip(sweeps, axes, strict=True):
+        _draw_sweep(sweep, row, summary, table, seed)
     add_legend(figure, axes[0][0], len(summary))
     return render_svg(figure, "sweeps", "Error against each setting that was varied")

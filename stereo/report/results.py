@@ -21,6 +21,7 @@ from ..matchers.methods import Method
 from ..measure.metrics import ERROR_STEPS_M, SHARES
 from ..measure.result_row import NUMBERS, REGIONS
 from .by_setting import scene_of, swept_settings
+from .charts import write_curves
 from .html import choose_pairs, write_report
 from .row_log import LazyRows, Row, RowLog
 from .summary import Table, differences, summarise_method
@@ -51,7 +52,7 @@ def write_results(log: RowLog, names: Sequence[str], methods: Sequence[Method], 
                   seed: int, guiss: bool) -> dict[str, Any]:
     """Write ``results.csv``, ``report.json``, ``summary.json`` and ``report.html`` of the pairs ``names``; return the
     report. ``summary.json`` is the report without its rows and pairs, but with ``shown``: the rows of the pairs whose
-    pictures are in the HTML report."""
+    pictures are in the HTML report. ``curves`` are pictures of the error by the setting that varies."""
     labels = [method.label for method in methods]
     rows = LazyRows(len(names) * len(labels),
                     lambda k: _short_row(log.read(names[k // len(labels)], labels[k % len(labels)])))
@@ -70,8 +71,10 @@ def write_results(log: RowLog, names: Sequence[str], methods: Sequence[Method], 
             table.add(k, row)
             if row["facts"] and row["facts"] not in ran_on[label]:
                 ran_on[label].append(row["facts"])
+    summary = [summarise_method(table, k, seed) for k in range(len(labels))]
+    sweeps = swept_settings(facts, places)
     report = {"format": FORMAT, "version": VERSION,
-              "summary": [summarise_method(table, k, seed) for k in range(len(labels))],
+              "summary": summary, "curves": write_curves(summary, table, sweeps, out, seed),
               "differences": differences(table, seed), "rows": rows, "pairs": facts, "failed": failed,
               "suspect": suspect, "provenance": _provenance(
                   methods, ran_on, source, seed, len(np.unique(table.scenes[table.counts.any(axis=0)])))}
@@ -81,7 +84,7 @@ def write_results(log: RowLog, names: Sequence[str], methods: Sequence[Method], 
     shown = [rows[places[name] * len(labels) + k] for name in chosen for k in range(len(labels))]
     write_json(out / "summary.json", {key: value for key, value in report.items() if key not in _MANY}
                | {"shown": shown})
-    write_report(report, chosen, table, swept_settings(facts, places), methods, out, seed, guiss)
+    write_report(report, chosen, table, sweeps, methods, out, seed, guiss)
     return report
 
 
