@@ -10,9 +10,11 @@ from contextlib import contextmanager
 from typing import Any
 
 import bpy
+import numpy as np
 
 from . import compat
 from .physics.surfaces import principled
+from .render.plans.vary_scene import COMBINATIONS, SPACINGS, SceneVariations, VariedSetting
 from .settings.description import canonical, check
 from .settings.table import EFFECTS, TOPICS, Setting, Value
 from .typed_settings import Settings, typed
@@ -88,6 +90,96 @@ def _make_property(topic: str, setting: Setting) -> Any:
 _classes: list[type] = []
 
 
+def _make_variations() -> Any:
+    """The property of what varies over the pairs of a data set, which is beside the settings and none of them."""
+    def update(group: Any, context: Any) -> None:
+        announce(group.id_data, "run")
+
+    tick = _register_group("ICYMOON_PG_tick", "A value of a choice", {
+        "on": bpy.props.BoolProperty(name="On", default=True, update=update, description="Use this value")})
+    varied = _register_group("ICYMOON_PG_varied", "A setting that varies", {
+        "setting": bpy.props.StringProperty(name="Setting", update=update, description="Which setting varies"),
+        "ticks": bpy.props.CollectionProperty(type=tick, name="Values", description="The values of a choice"),
+        **varied_fields(update=update)})
+    group = _register_group("ICYMOON_PG_variations", "What varies over the pairs of a data set", {
+        "varied": bpy.props.CollectionProperty(type=varied, name="Varied Settings",
+                                               description="The settings that vary"),
+        "active": bpy.props.IntProperty(name="Selected Setting", min=0, description="Which one the sidebar shows"),
+        "combine": bpy.props.EnumProperty(name="Combine", update=update, description="Which pairs are made", items=(
+            (COMBINATIONS[0], "Every Combination", "Each value of one setting with each value of the others"),
+            (COMBINATIONS[1], "One at a Time", "The scene as it is, then each value alone"),
+            (COMBINATIONS[2], "Sobol Draws", "A number of pairs that fill the space of all settings evenly"))),
+        "draws": bpy.props.IntProperty(name="Draws", default=16, min=1, soft_max=256, max=100000, update=update,
+                                       description="Number of Sobol draws; 2, 4, 8, 16, … fill the space evenly"),
+        "seeds": bpy.props.IntProperty(name="Seeds", default=1, min=1, soft_max=20, max=100000, update=update,
+                                       description="Number of grounds of the same kind: that of the present seed, then "
+                                                   "others")})
+    return bpy.props.PointerProperty(type=group, name="Variations",
+                                     description="What varies over the pairs of a data set")
+
+
+def varied_fields(**common: Any) -> dict[str, Any]:
+    """The properties of the values of a number that varies, the same in the list and in the dialog."""
+    return {
+        "first": bpy.props.FloatProperty(name="From", precision=4, description="The first value", **common),
+        "last": bpy.props.FloatProperty(name="To", precision=4, description="The last value", **common),
+        "first_whole": bpy.props.IntProperty(name="From", description="The first value", **common),
+        "last_whole": bpy.props.IntProperty(name="To", description="The last value", **common),
+        "count": bpy.props.IntProperty(name="Values", default=5, min=2, soft_max=20, max=1000,
+                                       description="Number of values, with both ends", **common),
+        "spacing": bpy.props.EnumProperty(name="Spacing", description="Distance between the values", items=(
+            (SPACINGS[0], "Even Steps", "The same difference between two values"),
+            (SPACINGS[1], "Even Ratios", "The same ratio of two values, as in 1, 2, 4, 8"),
+            (SPACINGS[2], "Random", "Random values between the ends")), **common)}
+
+
+def read_variations(group: Any) -> SceneVariations:
+    """What varies, of a ``Scene.icymoon`` property group; unchecked."""
+    stated = group.variations
+    return SceneVariations(tuple(map(read_item, stated.varied)), stated.combine, stated.draws, stated.seeds)
+
+
+def read_item(item: Any) -> VariedSetting:
+    """One setting of the list of those that vary, unchecked."""
+    return read_varied(item, item.setting, tuple(tick.name for tick in item.ticks if tick.on))
+
+
+def read_varied(fields: Any, name: str, values: tuple[str, ...]) -> VariedSetting:
+    """The setting of this name with the values that ``varied_fields`` state."""
+    topic, _, key = name.partition(".")
+    setting = next((s for s in TOPICS[topic].settings if s.key == key), None) if topic in TOPICS else None
+    if setting is None or setting.kind not in ("int", "float"):
+        return VariedSetting(name, values=values)
+    whole = "_whole" if setting.kind == "int" else ""
+    first, last = getattr(fields, f"first{whole}"), getattr(fields, f"last{whole}")
+    if not whole:
+        first, last = _single(first), _single(last)
+    return VariedSetting(name, first, last, fields.count, fields.spacing)
+
+
+def _single(value: float) -> float:
+    """A number of Blender's, which is in single precision, by its shortest spelling."""
+    return float(str(np.float32(value)))
+
+
+def write_varied(group: Any, varied: VariedSetting) -> None:
+    """Let a setting vary as stated, in the place that it has in the list, or else as the last; and select it."""
+    stated, setting = group.variations, varied.setting
+    place = next((k for k, item in enumerate(stated.varied) if item.setting == varied.name), len(stated.varied))
+    item = stated.varied[place] if place < len(stated.varied) else stated.varied.add()
+    whole = "_whole" if setting.kind == "int" else ""
+    wanted = {"setting": varied.name, "count": varied.count, "spacing": varied.spacing}
+    if setting.kind in ("int", "float"):
+        wanted |= {f"first{whole}": varied.first, f"last{whole}": varied.last}
+    for name, value in wanted.items():
+        setattr(item, name, value)
+    item.ticks.clear()
+    for choice in setting.choices:
+        tick = item.ticks.add()
+        tick.name, tick.on = choice[0], choice[0] in varied.values
+    stated.active = place
+
+
 def register() -> None:
     """Make the property groups from ``TOPICS`` and add them as ``Scene.icymoon``.
 
@@ -112,6 +204,7 @@ def register() -> None:
     pointers["follow"] = bpy.props.BoolProperty(
         name="Keep Image Up to Date", default=True,
         description="Develop the shown camera image again when the camera response changes")
+    pointers["variations"] = _make_variations()
     root = _register_group("ICYMOON_PG_description", "All settings of an Icy Moon scene", pointers)
     bpy.types.Scene.icymoon = bpy.props.PointerProperty(
         type=root, name="Icy Moon", description="All settings of an Icy Moon scene")

@@ -21,11 +21,12 @@ from . import (
     results,
     settings,
     trade,
+    vary,
 )
 
 CLASSES = (*presets.CLASSES, *settings.CLASSES, *build.CLASSES, *ground.CLASSES, *layers.CLASSES, *render.CLASSES,
            *dataset.CLASSES, *evaluate.CLASSES, *expose.CLASSES, *results.CLASSES, *evaluator.CLASSES, *trade.CLASSES,
-           *add.CLASSES, *jobs.CLASSES)
+           *add.CLASSES, *vary.CLASSES, *jobs.CLASSES)
 
 _register, _unregister = bpy.utils.register_classes_factory(CLASSES)
 
@@ -38,10 +39,12 @@ def register() -> None:
     dataset.register()
     live_preview.register()
     live_exposure.register()
+    vary.register()
 
 
 def unregister() -> None:
     """Unregister the operators and stop a running job."""
+    vary.unregister()
     live_exposure.unregister()
     live_preview.unregister()
     dataset.unregister()

@@ -162,7 +162,33 @@ class DatasetJob(jobs.Job):
         return super().failure
 
 
-class _Watching(jobs.JobOperator):
+def batch_command(settings: Settings, plan: str) -> list[str]:
+    """The command that renders a plan into the data set folder, and evaluates it if the settings ask for that.
+
+    Raises IcyMoonError if it is to evaluate and there is no evaluator.
+    """
+    wanted, folder = settings.dataset, dataset_folder(settings)
+    count = wanted.workers or workers()
+    # The same process evaluates, so that it does so even after this Blender is closed.
+    after = ([*evaluate.matcher_arguments(settings, "--evaluate"), "--evaluator", find_evaluator_python(),
+              *evaluate.response_arguments(settings)] if wanted.evaluate else [])
+    return verb_command("batch", plan, "--out", str(folder), "--json", "--blender", jobs.this_blender(),
+                        *(["--workers", str(count)] if count else []), *after)
+
+
+def start_batch(settings: Settings, command: list[str], plan: str) -> Detached:
+    """Start a ``batch_command``; ``plan`` is what the setting ``dataset.plan`` has for the plan.
+
+    Raises IcyMoonError if the data set is being rendered.
+    """
+    folder = dataset_folder(settings)
+    return Detached.start(
+        command, state_folder() / f"{zlib.crc32(str(folder).encode()):08x}",
+        {"title": _TITLE, "dataset": str(folder), "plan": plan, "evaluate": settings.dataset.evaluate},
+        clean_environment())
+
+
+class DatasetOperator(jobs.JobOperator):
     """Mix-in: an operator that watches a data set."""
 
     escapes = False
@@ -194,7 +220,7 @@ class _Watching(jobs.JobOperator):
             self._keeper.report(self, context)  # type: ignore[arg-type]
 
 
-class ICYMOON_OT_render_dataset(_Watching, bpy.types.Operator):
+class ICYMOON_OT_render_dataset(DatasetOperator, bpy.types.Operator):
     """Render the missing pairs of the plan into the data set folder, in separate processes. The present scene is neither used nor changed"""  # noqa: E501
 
     bl_idname = "icymoon.render_dataset"
@@ -202,21 +228,11 @@ class ICYMOON_OT_render_dataset(_Watching, bpy.types.Operator):
 
     def start(self, context: bpy.types.Context) -> jobs.Job:
         settings = scene_properties.read_settings(context.scene.icymoon)
-        wanted, folder = settings.dataset, dataset_folder(settings)
-        count = wanted.workers or workers()
-        # The same process evaluates, so that it does so even after this Blender is closed.
-        after = ([*evaluate.matcher_arguments(settings, "--evaluate"), "--evaluator", find_evaluator_python(),
-                  *evaluate.response_arguments(settings)] if wanted.evaluate else [])
-        process = Detached.start(
-            verb_command("batch", chosen_plan(settings), "--out", str(folder), "--json", "--blender",
-                         jobs.this_blender(), *(["--workers", str(count)] if count else []), *after),
-            state_folder() / f"{zlib.crc32(str(folder).encode()):08x}",
-            {"title": _TITLE, "dataset": str(folder), "plan": wanted.plan, "evaluate": wanted.evaluate},
-            clean_environment())
+        process = start_batch(settings, batch_command(settings, chosen_plan(settings)), settings.dataset.plan)
         return self._job_of(process, context)
 
 
-class ICYMOON_OT_watch_dataset(_Watching, bpy.types.Operator):
+class ICYMOON_OT_watch_dataset(DatasetOperator, bpy.types.Operator):
     """Show the progress of a data set that an earlier Blender left running"""
 
     bl_idname = "icymoon.watch_dataset"

@@ -30,7 +30,7 @@ METRICS = ("l1_m", "l1_rate_10", "si_rmse", "dod", "coverage")
 _ROW = {"method": TEXT, **{name: Maybe(NUMBER, null=True) for name in METRICS}}
 _SHAPE = {"made": TEXT, "scope": TEXT, "pairs": Each(TEXT), "settings": Each(TABLE, TEXT), "summary": Each(_ROW)}
 _FILES = Maybe(Each({"method": TEXT, "images": Maybe(Each(TEXT, TEXT))}))
-_REPORT = {"summary": Each(_ROW), "shown": _FILES, "rows": _FILES,
+_REPORT = {"summary": Each(_ROW), "shown": _FILES, "rows": _FILES, "curves": Maybe(Each(TEXT, TEXT)),
            "provenance": Maybe({"created": Maybe(TEXT), "response_overrides": Maybe(TABLE)})}
 #: Maximum length of a text from a file, and maximum number of settings that a note names.
 _LONGEST, _MOST_NAMED = 40, 3
@@ -213,6 +213,17 @@ def _files(scene: bpy.types.Scene, kind: str) -> list[tuple[str, Path]]:
     found.sort(key=lambda each: math.inf if l1[each[0]] is None else l1[each[0]])
     return [(method, path) for method, path in found
             if path.resolve().is_relative_to(folder.resolve()) and path.is_file()]
+
+
+def curves(scene: bpy.types.Scene) -> dict[str, Path]:
+    """The pictures of the error against each setting (``topic.key``) that varies, of the last evaluation."""
+    try:
+        folder = report_folder(scene)
+        listed = _read_report(folder).get("curves", {})
+    except IcyMoonError:
+        return {}
+    return {name: path for name, file in listed.items()
+            if (path := folder / file).resolve().is_relative_to(folder.resolve()) and path.is_file()}
 
 
 def error_images(scene: bpy.types.Scene, method: str = "") -> list[Path]:

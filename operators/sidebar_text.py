@@ -187,22 +187,22 @@ _TRIANGLES = 1e6
 
 def list_quality_presets(settings: Settings) -> list[QualityPreset]:
     """The qualities of the described scene, each with its seconds a pair on this machine; see ``list_qualities``."""
-    return list_qualities(settings, _TRIANGLES, _speed(str(settings.quality.device)),
+    return list_qualities(settings, _TRIANGLES, known_speed(str(settings.quality.device)),
                           Abilities(compat.has_osl(), compat.has_oidn()))
 
 
 def speed_line(settings: Settings) -> str:
     """Of which machine the seconds are."""
-    speed = _speed(str(settings.quality.device))
+    speed = known_speed(str(settings.quality.device))
     return f"Seconds of {speed.basis}" if speed else "Seconds of another machine; measure this one"
 
 
 @lru_cache(maxsize=2)
-def _speed(device: str) -> Speed | None:
+def known_speed(device: str) -> Speed | None:
     """The measured speed of this machine with this Blender, read once; None if there is none."""
     return recall_speed(device, bpy.app.version_string)
 
 
 def forget_speed() -> None:
     """Read the speed again after a new measurement."""
-    _speed.cache_clear()
+    known_speed.cache_clear()

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import bpy
 
-from . import menu, previews, sidebar, topics, trade
+from . import menu, previews, sidebar, topics, trade, vary
 
-CLASSES = (*sidebar.CLASSES, *topics.CLASSES, *sidebar.DETAILS, *trade.CLASSES, *menu.CLASSES)
+CLASSES = (*sidebar.CLASSES, *topics.CLASSES, *vary.CLASSES, *sidebar.DETAILS, *trade.CLASSES, *menu.CLASSES)
 
 _register, _unregister = bpy.utils.register_classes_factory(CLASSES)
 
@@ -16,10 +16,12 @@ def register() -> None:
     _register()
     previews.register()
     menu.register()
+    vary.register()
 
 
 def unregister() -> None:
     """Unregister panels and menus."""
+    vary.unregister()
     menu.unregister()
     previews.unregister()
     _unregister()

@@ -86,6 +86,10 @@ class ICYMOON_MT_icymoon(bpy.types.Menu):
         layout.operator("icymoon.trade", text="Measure Speed and Accuracy…")
         layout.operator("icymoon.measure_machine")
         layout.separator()
+        layout.operator("icymoon.vary", text="Vary Setting…")
+        layout.operator("icymoon.render_variations").folder = ""
+        layout.operator("icymoon.save_plan", text="Save Plan…")
+        layout.operator("icymoon.show_curve")
         layout.operator("icymoon.choose_plan", text="Choose Plan…")
         layout.operator("icymoon.open_plan", text="Open Plan…")
         layout.operator("icymoon.plan_dry_run")

@@ -31,7 +31,8 @@ class Sidebar:
     layout: Any
 
 
-def _draw_job(layout: Any) -> None:
+def draw_job(layout: Any) -> None:
+    """Draw the progress of the running job, with a button that cancels it; nothing if none runs."""
     job = jobs.current
     if job is None:
         return
@@ -64,7 +65,7 @@ class ICYMOON_PT_main(Sidebar, bpy.types.Panel):
         column.operator("icymoon.evaluate", icon="VIEWZOOM").scope = "SCENE"
         layout.prop(group, "live")
         draw_lines(layout, tuple(live_preview.lines(context.scene)), "INFO")
-        _draw_job(layout)
+        draw_job(layout)
 
 
 def _draw_results(layout: Any, scene: bpy.types.Scene, rows: Sequence[Mapping[str, Any]]) -> None:
@@ -189,11 +190,13 @@ class ICYMOON_UL_layers(bpy.types.UIList):
 
 
 class ICYMOON_PT_plan(Sidebar, bpy.types.Panel):
-    """Choose the plan of a data set, estimate its cost and render it"""
+    """Choose a shipped plan or a file of your own, estimate its cost and render it"""
 
     bl_idname = "ICYMOON_PT_plan"
-    bl_label = "Plan"
+    bl_label = "Shipped Plans"
     bl_parent_id = "ICYMOON_PT_dataset"
+    bl_options = {"DEFAULT_CLOSED"}
+    bl_order = 1
 
     def draw(self, context: bpy.types.Context) -> None:
         layout, root = self.layout, context.scene.icymoon
@@ -208,7 +211,7 @@ class ICYMOON_PT_plan(Sidebar, bpy.types.Panel):
         column = layout.column()
         column.scale_y = 1.4
         column.operator("icymoon.render_dataset", icon="RENDER_ANIMATION")
-        _draw_job(layout)
+        draw_job(layout)
         layout.operator("icymoon.show_last_pair", icon="IMAGE_DATA")
         for line in dataset.readout["set_aside"][-3:]:
             draw_lines(layout, wrapped(f"Set aside: {line}"))

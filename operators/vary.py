@@ -1,0 +1,452 @@
+"""Vary This Scene: the list of settings that vary, what it will take, and rendering its pairs."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import bpy
+
+from .. import scene_properties
+from ..errors import IcyMoonError
+from ..files import absolute_path, read_text, write_text
+from ..nodes import scene as scenes
+from ..nodes.datablocks.blend_file_paths import with_absolute_files
+from ..nodes.datablocks.fingerprint import added_objects
+from ..render.cost.estimate import duration_text, estimate_roughly, size_text
+from ..render.plans.frozen_plan import PLAN as FROZEN
+from ..render.plans.frozen_plan import read_frozen_plan
+from ..render.plans.plan_file import parse_plan
+from ..render.plans.vary_scene import (
+    VariedSetting,
+    check_varied,
+    count_pairs,
+    describe,
+    label_of,
+    list_values,
+    names_that_vary,
+    plan_text,
+    sample_settings,
+    title_of,
+    vary_around,
+    why_fixed,
+)
+from ..settings.table import TOPICS, Setting
+from ..typed_settings import Settings
+from . import dataset, dialogs, jobs, results
+from .render import dataset_folder
+from .sidebar_text import in_window, known_speed
+
+#: File of the plan in the folder of its data set.
+PLAN = "plan.toml"
+#: Pairs that the estimate takes the mean of.
+_SAMPLE = 16
+#: Pairs of a plan up to which its ids are compared with those of a data set that is there: it takes a second.
+_COMPARED = 500
+_EDITED = ("The scene was edited by hand, and a plan contains settings only, so its pairs would not show the edits; "
+           "press Build Scene to undo them.")
+_UNITS = {"deg": "°", "1": ""}
+_lines: dict[tuple[int, object], tuple[str, ...]] = {}  # by scene and measured speed, until anything changes
+
+
+def _of_name(name: str) -> Setting:
+    topic, _, key = name.partition(".")
+    return TOPICS[topic][key]
+
+
+def unit_of(name: str) -> str:
+    """The unit of a setting as the sidebar shows it."""
+    unit = _of_name(name).unit
+    return _UNITS.get(unit, unit)
+
+
+#: (name, label, description) of the settings that can vary.
+_ITEMS = [(name, f"{TOPICS[name.partition('.')[0]].label} ▸ {label_of(name)}", _of_name(name).description)
+          for name in names_that_vary()]
+
+
+def setting_of_button(context: bpy.types.Context) -> str:
+    """The setting under the mouse when a context menu was opened; empty if it is none of Icy Moon."""
+    prop, group = getattr(context, "button_prop", None), getattr(context, "button_pointer", None)
+    topic = type(group).__name__.removeprefix("ICYMOON_PG_")
+    if prop is None or topic not in TOPICS or prop.identifier not in {s.key for s in TOPICS[topic].settings}:
+        return ""
+    return f"{topic}.{prop.identifier}"
+
+
+def _choice_items(operator: Any, _context: Any) -> list[tuple[str, str, str]]:
+    """The values of the choice that the dialog is about."""
+    return list(_of_name(operator.setting).choices) if operator.setting else []
+
+
+#: The values of a number, as properties of a dialog.
+_ValueFields: Any = type("_ValueFields", (), {"__annotations__": scene_properties.varied_fields(options={"SKIP_SAVE"})})
+
+
+class ICYMOON_OT_vary(_ValueFields, bpy.types.Operator):
+    """Vary this setting over the pairs of a data set: Data Set > Vary This Scene"""
+
+    bl_idname = "icymoon.vary"
+    bl_label = "Vary"
+    bl_options = {"REGISTER", "UNDO"}
+    bl_property = "setting"
+
+    setting: bpy.props.EnumProperty(items=_ITEMS, name="Setting",  # type: ignore[valid-type]
+                                    options={"SKIP_SAVE"}, description="Which setting varies")
+    values: bpy.props.EnumProperty(items=_choice_items, name="Values", options={"ENUM_FLAG", "SKIP_SAVE"},  # type: ignore[valid-type]
+                                   description="The values of a choice")
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        name = setting_of_button(context)
+        why = why_fixed(*name.split(".")) if name else ""
+        if why:
+            cls.poll_message_set(in_window(f"{name} {why}."))
+        return not why
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        if not self.properties.is_property_set("setting"):
+            context.window_manager.invoke_search_popup(self)
+            return {"RUNNING_MODAL"}
+        self._complete(context.scene.icymoon)
+        return set(context.window_manager.invoke_props_dialog(self, title=f"Vary {label_of(self.setting)}"))
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        root = context.scene.icymoon
+        self._complete(root)
+        varied = scene_properties.read_varied(self, self.setting, tuple(
+            choice[0] for choice in _of_name(self.setting).choices if choice[0] in self.values))
+        try:
+            check_varied(varied)
+        except IcyMoonError as error:
+            self.report({"ERROR"}, in_window(error))
+            return {"CANCELLED"}
+        scene_properties.write_varied(root, varied)
+        return {"FINISHED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        draw_values(self.layout, self, self.setting)
+        if _of_name(self.setting).choices:
+            self.layout.column().prop(self, "values")
+
+    def _complete(self, root: Any) -> None:
+        """State what was not: as it is in the list, or else about the present value."""
+        there = next((each for each in scene_properties.read_variations(root).varied if each.name == self.setting),
+                     None)
+        topic, _, key = self.setting.partition(".")
+        value = scene_properties.read_unchecked(root)[topic][key]
+        wanted = there or vary_around(self.setting, value)
+        whole = "_whole" if _of_name(self.setting).kind == "int" else ""
+        stated = {f"first{whole}": wanted.first, f"last{whole}": wanted.last, "count": wanted.count,
+                  "spacing": wanted.spacing, "values": set(wanted.values)}
+        for name, each in stated.items():
+            if not self.properties.is_property_set(name) and (name != "values" or each):
+                setattr(self, name, each)
+
+
+def draw_values(layout: Any, fields: Any, name: str) -> None:
+    """Draw the ends, the number and the spacing of a number that varies; a sentence for a tick."""
+    setting, unit = _of_name(name), unit_of(name)
+    if setting.kind == "bool":
+        layout.label(text="Off and on", icon="CHECKBOX_HLT")
+    if setting.kind not in ("int", "float"):
+        return
+    whole, column = "_whole" if setting.kind == "int" else "", layout.column(align=True)
+    for end, label in (("first", "From"), ("last", "To")):
+        column.prop(fields, f"{end}{whole}", text=f"{label} ({unit})" if unit else label)
+    column.prop(fields, "count")
+    layout.prop(fields, "spacing", text="")
+
+
+def title_of_varied(varied: VariedSetting) -> str:
+    """A line of the list: the setting and its values."""
+    try:
+        setting = check_varied(varied)
+    except IcyMoonError:
+        return label_of(varied.name)[:40]
+    if setting.kind in ("bool", "choice"):
+        labels = {choice[0]: choice[1] for choice in setting.choices}
+        return f"{label_of(varied.name)}: {', '.join(labels[v] for v in varied.values) if labels else 'off, on'}"
+    count = len(list_values(varied)) if varied.spacing != "RANDOM" else varied.count
+    unit = unit_of(varied.name)
+    return (f"{label_of(varied.name)}: {varied.first:.4g} to {varied.last:.4g}"
+            f"{unit if unit == '°' else f' {unit}' if unit else ''}, {count} {'random' * (varied.spacing == 'RANDOM')}"
+            ).rstrip()
+
+
+class _ListOperator:
+    """Mix-in: an operator that changes the list of settings that vary."""
+
+    bl_options = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        if not context.scene.icymoon.variations.varied:
+            cls.poll_message_set("Nothing varies yet; press Add Setting")  # type: ignore[attr-defined]
+            return False
+        return True
+
+
+class ICYMOON_OT_variation_remove(_ListOperator, bpy.types.Operator):
+    """Remove the selected setting from the list; the setting itself stays as it is"""
+
+    bl_idname = "icymoon.variation_remove"
+    bl_label = "Remove Varied Setting"
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        group = context.scene.icymoon.variations
+        group.varied.remove(min(group.active, len(group.varied) - 1))
+        group.active = max(0, min(group.active, len(group.varied) - 1))
+        scene_properties.announce(context.scene, "run")
+        return {"FINISHED"}
+
+
+class ICYMOON_OT_variation_move(_ListOperator, bpy.types.Operator):
+    """Move the selected setting in the list; the last one changes fastest from pair to pair"""
+
+    bl_idname = "icymoon.variation_move"
+    bl_label = "Move Varied Setting"
+
+    direction: bpy.props.EnumProperty(  # type: ignore[valid-type]
+        name="Direction", description="Direction of the move",
+        items=(("UP", "Up", "Toward the first"), ("DOWN", "Down", "Toward the last")))
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        group = context.scene.icymoon.variations
+        here = min(group.active, len(group.varied) - 1)
+        there = here + (-1 if self.direction == "UP" else 1)
+        if not 0 <= there < len(group.varied):
+            return {"CANCELLED"}
+        group.varied.move(here, there)
+        group.active = there
+        scene_properties.announce(context.scene, "run")
+        return {"FINISHED"}
+
+
+def lines(scene: bpy.types.Scene) -> tuple[str, ...]:
+    """What the variations of a scene make and take, or why they cannot be, in sentences; computed once per change."""
+    device = str(scene.icymoon.quality.device)
+    key = (scene.session_uid, known_speed(device))
+    if key not in _lines:
+        _lines[key] = _make_lines(scene)
+    return _lines[key]
+
+
+def _make_lines(scene: bpy.types.Scene) -> tuple[str, ...]:
+    settings = scene_properties.read_unchecked(scene.icymoon)
+    variations = scene_properties.read_variations(scene.icymoon)
+    try:
+        told = describe(settings, variations)
+        some, grounds = sample_settings(settings, variations, _SAMPLE)
+    except IcyMoonError as error:
+        return (str(error),)
+    speed = known_speed(str(settings.quality.device))
+    seconds, size = estimate_roughly(some, count_pairs(settings, variations), grounds, speed)
+    machine = "on this machine" if speed else "on another machine; measure this one under Render Quality"
+    return (told, f"About {duration_text(seconds)} and {size_text(size)} {machine}")
+
+
+def _forget_lines(*_: Any) -> None:
+    _lines.clear()
+
+
+@bpy.app.handlers.persistent
+def _forget_after(*_: Any) -> None:
+    _forget_lines()
+
+
+def why_not_a_plan(scene: bpy.types.Scene, thorough: bool = False) -> str:
+    """Why a plan would not show what the scene shows, in a sentence; empty if it would.
+
+    Only a ``thorough`` look finds edits of what was built; it reads all meshes.
+    """
+    collection = scenes.find_collection(scene)
+    if collection is None:
+        return ""
+    names = [item.name for item in added_objects(collection)]
+    if names:
+        more = f" and {len(names) - 1} more objects of yours" if len(names) > 1 else ""
+        return (f"The scene contains {names[0]}{more}, and a plan contains settings only, so its pairs would not show "
+                f"{'them' if more else 'it'}; move {'them' if more else 'it'} out of the collection "
+                f"{collection.name}.")
+    built = scenes.find(scene) if thorough else None
+    return _EDITED if built is not None and not built.outdated and built.edited_parts() else ""
+
+
+def _plan_text(scene: bpy.types.Scene, settings: Settings) -> str:
+    """The plan that varies a scene. Raises IcyMoonError for what cannot be, and for a scene edited by hand."""
+    if why := why_not_a_plan(scene, thorough=True):
+        raise IcyMoonError(why)
+    variations = scene_properties.read_variations(scene.icymoon)
+    if not variations.varied and variations.seeds == 1:
+        raise IcyMoonError("Nothing varies yet; press Add Setting, or raise Seeds.")
+    return plan_text(with_absolute_files(settings), variations)
+
+
+def _fault_of_folder(folder: Path, text: str) -> str:
+    """Why a plan cannot be rendered into a folder, in a sentence; empty if it can.
+
+    It can into a folder without plan and pairs, into that of its own data set, and into one whose pairs it has all.
+    """
+    path, pairs = folder / PLAN, folder / "pairs"
+    try:
+        there = read_text(path) if path.is_file() else ""
+        if there == text:
+            return ""
+        frozen = read_frozen_plan(folder) if (folder / FROZEN).is_file() else None
+        rendered = {each.name for each in pairs.iterdir()} if pairs.is_dir() else set()
+    except (OSError, ValueError, IcyMoonError):
+        return f"{folder} contains files that cannot be read; choose another folder."
+    if there and (frozen is None or frozen.text != there):
+        return f"{folder} contains another plan, {PLAN}; choose another folder."
+    rendered |= {pair.id for pair in frozen.pairs} if frozen else set()
+    if rendered and (len(rendered) > _COMPARED or not rendered <= {p.id for p in parse_plan(path, text).pairs()}):
+        return f"{folder} contains other pairs than those of these variations; choose another folder."
+    return ""
+
+
+def _free_folder(folder: Path, text: str, title: str) -> Path:
+    """The folder if the plan can be rendered into it, or one beside it, named after what varies."""
+    stem = f"{folder.name}_{re.sub(r'[^a-z0-9]+', '_', title.lower()).strip('_')}"
+    candidates = [folder, folder.with_name(stem), *(folder.with_name(f"{stem}_{k}") for k in range(2, 100))]
+    return next((each for each in candidates if not _fault_of_folder(each, text)), folder)
+
+
+class ICYMOON_OT_render_variations(dataset.DatasetOperator, bpy.types.Operator):
+    """Render the pairs of all variations of this scene into a data set folder, in separate processes. Their plan is saved there, so the shell can continue it"""  # noqa: E501
+
+    bl_idname = "icymoon.render_variations"
+    bl_label = "Render These Variations"
+
+    folder: bpy.props.StringProperty(name="Folder", subtype="DIR_PATH", options={"SKIP_SAVE"},  # type: ignore[valid-type]
+                                     description="Folder of the data set; if empty, that of the panel Data Set")
+    _asked = False
+    _told: tuple[str, ...] = ()
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        if bpy.app.background or self.folder:
+            return super().invoke(context, event)
+        scene = context.scene
+        try:
+            settings = scene_properties.read_settings(scene.icymoon)
+            title = title_of(scene_properties.read_variations(scene.icymoon))
+            self.folder = str(_free_folder(dataset_folder(settings), _plan_text(scene, settings), title))
+        except IcyMoonError as error:
+            return self.fail(error)
+        self._asked = True
+        return set(context.window_manager.invoke_props_dialog(self, width=420, confirm_text="Render"))
+
+    def draw(self, context: bpy.types.Context) -> None:
+        column, group = self.layout.column(), context.scene.icymoon.dataset
+        for line in lines(context.scene):
+            column.label(text=in_window(line))
+        column.prop(self, "folder")
+        column.prop(group, "evaluate")
+        if group.evaluate:
+            column.prop(group, "methods")
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        if self._asked:
+            # A dialog runs it as a script does, which would wait until all pairs are there.
+            return set(bpy.ops.icymoon.render_variations("INVOKE_DEFAULT", folder=self.folder))
+        return super().execute(context)
+
+    def start(self, context: bpy.types.Context) -> jobs.Job:
+        group = context.scene.icymoon.dataset
+        settings = scene_properties.read_settings(context.scene.icymoon)
+        text = _plan_text(context.scene, settings)
+        if self.folder:
+            settings.dataset.folder = str(absolute_path(self.folder, "dataset.folder"))
+        folder = dataset_folder(settings)
+        if fault := _fault_of_folder(folder, text):
+            raise IcyMoonError(fault)
+        plan = str(folder / PLAN)
+        command = dataset.batch_command(settings, plan)  # which is refused before anything is written
+        if (folder / FROZEN).is_file():
+            self.report({"INFO"}, f"Continuing the data set in {folder}")
+        write_text(folder / PLAN, text)
+        process = dataset.start_batch(settings, command, plan)
+        if group.folder != settings.dataset.folder:
+            group.folder = settings.dataset.folder
+            jobs.push_undo(self.bl_label)
+        return self._job_of(process, context)
+
+    def report_success(self, context: bpy.types.Context) -> None:
+        super().report_success(context)
+        results.show_images(context, curve_files(context.scene), open_window=False)
+
+
+class ICYMOON_OT_save_plan(dialogs.TomlFileDialog, bpy.types.Operator):
+    """Save the plan of these variations as a TOML file, for icymoon batch in a shell or on another machine"""
+
+    bl_idname = "icymoon.save_plan"
+    bl_label = "Save Plan"
+
+    filepath: bpy.props.StringProperty(subtype="FILE_PATH", name="File",  # type: ignore[valid-type]
+                                       description="TOML file to write")
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        self.filepath = self.filepath or PLAN
+        return super().invoke(context, event)
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        path = Path(bpy.path.abspath(self.filepath)).with_suffix(".toml")
+        try:
+            write_text(path, _plan_text(context.scene, scene_properties.read_settings(context.scene.icymoon)))
+        except IcyMoonError as error:
+            self.report({"ERROR"}, in_window(error))
+            return {"CANCELLED"}
+        self.report({"INFO"}, f"Saved {path}")
+        return {"FINISHED"}
+
+
+def curve_files(scene: bpy.types.Scene) -> list[Path]:
+    """The pictures of the error against each setting that varies, those in the list first."""
+    curves = results.curves(scene)
+    listed = [each.name for each in scene_properties.read_variations(scene.icymoon).varied]
+    return [curves[name] for name in sorted(curves, key=lambda name: name not in listed)]
+
+
+class ICYMOON_OT_show_curve(bpy.types.Operator):
+    """Show the error of each matcher against a setting that varies, in an Image Editor"""
+
+    bl_idname = "icymoon.show_curve"
+    bl_label = "Show Error Curve"
+
+    setting: bpy.props.StringProperty(name="Setting", description="Which setting; if empty, the first that varies")  # type: ignore[valid-type]
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        if not results.curves(context.scene):
+            cls.poll_message_set("There is no evaluation of a data set in which a setting varies; evaluate one first")
+            return False
+        return True
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        files, chosen = curve_files(context.scene), results.curves(context.scene).get(self.setting)
+        paths = [chosen, *(path for path in files if path != chosen)] if chosen else files
+        results.show_images(context, paths, open_window=True)
+        return {"FINISHED"}
+
+
+CLASSES = (ICYMOON_OT_vary, ICYMOON_OT_variation_remove, ICYMOON_OT_variation_move, ICYMOON_OT_render_variations,
+           ICYMOON_OT_save_plan, ICYMOON_OT_show_curve)
+_HANDLERS: tuple[Callable[[], list[Any]], ...] = (
+    lambda: bpy.app.handlers.undo_post, lambda: bpy.app.handlers.redo_post, lambda: bpy.app.handlers.load_post)
+
+
+def register() -> None:
+    """Compute the lines anew whenever anything changes."""
+    scene_properties.listeners.append(_forget_lines)
+    for handlers in _HANDLERS:
+        handlers().append(_forget_after)
+
+
+def unregister() -> None:
+    """Listen no longer."""
+    for handlers in _HANDLERS:
+        handlers().remove(_forget_after)
+    scene_properties.listeners.remove(_forget_lines)
+    _forget_lines()

@@ -1,0 +1,133 @@
+"""Vary This Scene: the list of settings that vary, the pairs that they make and how long they take."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import bpy
+
+from .. import scene_properties
+from ..operators import dataset, results, vary
+from ..operators.sidebar_text import wrapped
+from ..render.plans.vary_scene import label_of, names_that_vary
+from ..settings.table import TOPICS
+from .fields import draw_lines, draw_settings
+from .relevance import has_effect, is_shown
+from .sidebar import Sidebar, draw_job
+
+_VARY = frozenset(names_that_vary())
+
+
+class ICYMOON_UL_variations(bpy.types.UIList):
+    """The settings that vary, one per line"""
+
+    bl_idname = "ICYMOON_UL_variations"
+
+    def draw_item(self, context: bpy.types.Context, layout: Any, data: Any, item: Any, icon: int,
+                  active_data: Any, active_property: str) -> None:
+        layout.label(text=vary.title_of_varied(scene_properties.read_item(item)), icon="DRIVER_DISTANCE")
+
+
+class ICYMOON_PT_vary(Sidebar, bpy.types.Panel):
+    """Vary settings of this scene: render a pair for each value and see how the error depends on it"""
+
+    bl_idname = "ICYMOON_PT_vary"
+    bl_label = "Vary This Scene"
+    bl_parent_id = "ICYMOON_PT_dataset"
+    bl_order = 0
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout, root = self.layout, context.scene.icymoon
+        group = root.variations
+        row = layout.row()
+        row.template_list("ICYMOON_UL_variations", "", group, "varied", group, "active", rows=3)
+        buttons = row.column(align=True)
+        buttons.operator_context = "INVOKE_DEFAULT"
+        buttons.operator("icymoon.vary", text="", icon="ADD")
+        buttons.operator("icymoon.variation_remove", text="", icon="REMOVE")
+        buttons.operator("icymoon.variation_move", text="", icon="TRIA_UP").direction = "UP"
+        buttons.operator("icymoon.variation_move", text="", icon="TRIA_DOWN").direction = "DOWN"
+        if group.active < len(group.varied):
+            _draw_varied(layout, root, group.varied[group.active])
+        elif not group.varied:
+            draw_lines(layout, wrapped("Right-click a setting and choose Vary, or press +."), "INFO")
+        if len(group.varied) > 1 or group.combine != "GRID":
+            layout.prop(group, "combine", text="")
+        if group.combine == "SOBOL":
+            layout.prop(group, "draws")
+        layout.prop(group, "seeds")
+        _draw_render(layout, context)
+        _draw_curves(layout, context.scene)
+
+
+def _draw_render(layout: Any, context: bpy.types.Context) -> None:
+    """Draw what the variations make and take, and the buttons that render and save them."""
+    root = context.scene.icymoon
+    total, *cost = vary.lines(context.scene)
+    draw_lines(layout, wrapped(total), "RENDER_RESULT" if cost else "ERROR")
+    for line in cost:
+        draw_lines(layout, wrapped(line), "TIME")
+    if why := vary.why_not_a_plan(context.scene):
+        draw_lines(layout, wrapped(why), "ERROR")
+    draw_settings(layout, root, "dataset", ("evaluate",))
+    column = layout.column(align=True)
+    column.operator_context = "INVOKE_DEFAULT"
+    large = column.row()
+    large.scale_y = 1.4
+    large.operator("icymoon.render_variations", icon="RENDER_ANIMATION").folder = ""
+    column.operator("icymoon.save_plan", text="Save Plan…", icon="FILE_TICK")
+    draw_job(layout)
+    for line in dataset.readout["set_aside"][-3:]:
+        draw_lines(layout, wrapped(f"Set aside: {line}"))
+
+
+def _draw_varied(layout: Any, root: Any, item: Any) -> None:
+    """Draw the values of the selected setting, and a warning if it has no effect."""
+    if item.setting not in _VARY:
+        draw_lines(layout, wrapped("This setting cannot vary; remove it."), "ERROR")
+        return
+    topic, _, key = item.setting.partition(".")
+    layout.label(text=f"{TOPICS[topic].label} ▸ {label_of(item.setting)}")
+    vary.draw_values(layout, item, item.setting)
+    labels = {choice[0]: choice[1] for choice in TOPICS[topic][key].choices}
+    column = layout.column(align=True)
+    for tick in item.ticks:
+        column.prop(tick, "on", text=labels.get(tick.name, tick.name), toggle=True)
+    if not (is_shown(topic, key, root) and has_effect(topic, key, root)):
+        draw_lines(layout, wrapped("It has no effect with the present settings."), "ERROR")
+
+
+def _draw_curves(layout: Any, scene: bpy.types.Scene) -> None:
+    """Draw a button for each picture of the error against a setting."""
+    found = results.curves(scene)
+    if not found:
+        return
+    column = layout.column(align=True)
+    for name in found:
+        column.operator("icymoon.show_curve", text=f"Error against {label_of(name)}", icon="FCURVE").setting = name
+    column.operator("icymoon.open_report", icon="URL")
+
+
+def _draw_context_menu(self: Any, context: bpy.types.Context) -> None:
+    """Vary… in the context menu of a setting."""
+    name = vary.setting_of_button(context)
+    if not name:
+        return
+    self.layout.separator()
+    self.layout.operator_context = "INVOKE_DEFAULT"
+    button = self.layout.operator("icymoon.vary", text="Vary…", icon="DRIVER_DISTANCE")
+    if name in _VARY:
+        button.setting = name
+
+
+CLASSES = (ICYMOON_UL_variations, ICYMOON_PT_vary)
+
+
+def register() -> None:
+    """Add Vary… to the context menu of settings."""
+    bpy.types.UI_MT_button_context_menu.append(_draw_context_menu)
+
+
+def unregister() -> None:
+    """Remove it."""
+    bpy.types.UI_MT_button_context_menu.remove(_draw_context_menu)

@@ -1,0 +1,84 @@
+"""The panel Vary This Scene and the entry in the context menu of settings."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import bpy
+import pytest
+from icymoon.panels import sidebar, vary
+from panel_drawing import Layout, drawn, texts
+
+
+def operators(record: list) -> set[str]:
+    return {entry[1] for entry in record if entry[0] == "operator"}
+
+
+def test_the_data_set_begins_with_the_present_scene():
+    assert vary.ICYMOON_PT_vary.bl_order < sidebar.ICYMOON_PT_plan.bl_order
+    assert vary.ICYMOON_PT_vary.bl_parent_id == sidebar.ICYMOON_PT_plan.bl_parent_id == "ICYMOON_PT_dataset"
+    assert "DEFAULT_CLOSED" in sidebar.ICYMOON_PT_plan.bl_options
+
+
+def test_an_empty_list_tells_how_to_begin(scene):
+    record = drawn(vary.ICYMOON_PT_vary)
+    assert "Right-click a setting" in texts(record)
+    assert {"icymoon.vary", "icymoon.render_variations", "icymoon.save_plan"} <= operators(record)
+
+
+def test_the_selected_setting_is_drawn_with_its_unit(scene):
+    bpy.ops.icymoon.vary(setting="light.sun_elevation_deg", first=5, last=60, count=5)
+    record = drawn(vary.ICYMOON_PT_vary)
+    assert "Sun Elevation: 5 to 60°, 5" in texts(record)
+    assert "From (°)" in texts(record)
+    assert "5 values of Sun Elevation = 5" in texts(record)
+    assert "no effect" not in texts(record)
+
+
+@pytest.mark.parametrize(("name", "line"), [
+    ("quality.samples", "Samples: 16 to 64 samples, 5"), ("light.planet", "Planet: off, on"),
+    ("textures.mapping", "Mapping: By Position, By UV"), ("rig.baseline_m", "Baseline: 0.125 to 0.5 m, 5")])
+def test_a_line_of_the_list_has_the_values(scene, name, line):
+    bpy.ops.icymoon.vary(setting=name)
+    assert line in texts(drawn(vary.ICYMOON_PT_vary))
+
+
+def test_a_setting_without_an_effect_is_told(scene):
+    bpy.ops.icymoon.vary(setting="hapke.w")
+    bpy.ops.icymoon.vary(setting="light.planet_albedo")
+    assert "It has no effect" in texts(drawn(vary.ICYMOON_PT_vary))
+    scene.icymoon.light.planet = True
+    assert "It has no effect" not in texts(drawn(vary.ICYMOON_PT_vary))
+
+
+def test_a_list_of_another_version_is_drawn(scene):
+    scene.icymoon.variations.varied.add().setting = "light.gone"
+    shown = texts(drawn(vary.ICYMOON_PT_vary))
+    assert "This setting cannot vary" in shown
+    assert "unknown setting" in shown
+
+
+def test_draws_are_asked_for_where_they_are_made(scene):
+    for name in ("light.sun_elevation_deg", "surface.albedo"):
+        bpy.ops.icymoon.vary(setting=name)
+    assert "icymoon.variations.draws" not in texts(drawn(vary.ICYMOON_PT_vary))
+    scene.icymoon.variations.combine = "SOBOL"
+    assert "icymoon.variations.draws" in texts(drawn(vary.ICYMOON_PT_vary))
+    assert "16 draws of 2 settings" in texts(drawn(vary.ICYMOON_PT_vary))
+
+
+def test_the_context_menu_offers_settings_only(scene):
+    def menu(group, key):
+        stand_in = SimpleNamespace(layout=Layout())
+        vary._draw_context_menu(stand_in, SimpleNamespace(button_prop=group.bl_rna.properties[key],
+                                                          button_pointer=group))
+        return operators(stand_in.layout.record)
+    assert menu(scene.icymoon.light, "sun_elevation_deg") == {"icymoon.vary"}
+    assert menu(scene.icymoon.sensor, "bits") == {"icymoon.vary"}  # grey, with the reason
+    assert menu(scene.render, "resolution_x") == menu(scene.icymoon, "live") == set()
+
+
+def test_the_dialog_draws_what_the_setting_has(scene):
+    stand_in = SimpleNamespace(layout=Layout(), setting="light.planet")
+    vary.vary.ICYMOON_OT_vary.draw(stand_in, bpy.context)
+    assert "Off and on" in texts(stand_in.layout.record)
