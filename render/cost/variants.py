@@ -1,7 +1,7 @@
-"""The ways to compute one scene, from the roughest to the most accurate. Imports no Blender.
+"""Variants of a scene's quality, from the fastest to the most accurate. Imports no Blender.
 
-A variant changes one thing, and only what the scene has: it varies no subsurface model where no light goes under the
-surface, and no mesh error where the ground is a file.
+A variant changes one thing, and only one that the scene has. For example, there are no variants of subsurface
+scattering if no light enters the surface, and none of the mesh error if the ground is from a file.
 """
 
 from __future__ import annotations
@@ -21,40 +21,40 @@ from .abilities import Abilities, lack_for
 from .estimate import work_of
 
 _ALL = Abilities()
-#: What may be varied, and what it is about.
+#: Groups of variants, with their meanings.
 GROUPS = {
-    "samples": "light paths per pixel, with and without a denoiser",
-    "bounces": "interreflections followed",
-    "threshold": "light paths only where a pixel is still noisy",
-    "shortcuts": "what may be left out: light's way under the surface, fine relief for all light but the camera's, "
+    "samples": "samples per pixel, with and without a denoiser",
+    "bounces": "maximum number of diffuse bounces",
+    "threshold": "more samples only for pixels that are still noisy",
+    "shortcuts": "parts that may be left out: subsurface scattering, fine relief for rays other than the camera's, "
                  "labels and normals",
-    "subsurface": "how light under the surface is computed",
-    "mesh": "how finely the ground is meshed",
-    "relief": "fine relief shaded or real",
-    "hapke": "which terms of Hapke's law, and how exactly",
+    "subsurface": "model of subsurface scattering",
+    "mesh": "largest error of the ground's mesh",
+    "relief": "fine relief as bump or as displacement",
+    "hapke": "terms and accuracy of Hapke's law",
 }
-#: Groups that vary the shape of the ground, to be compared with a reference of finer shape.
+#: Groups that vary the shape of the ground. Their reference has a finer shape.
 SHAPES = ("mesh", "relief")
 SAMPLES = (1, 2, 4, 8, 16, 32, 64, 128, 256)
-#: Beyond this a denoiser costs more than it could remove.
+#: With more samples, a denoiser costs more than it can remove.
 _MOST_DENOISED = 64
 _BOUNCES = (0, 1, 2, 3, 4, 8, 16)
 _THRESHOLDS = (0.2, 0.1, 0.05, 0.02, 0.01)
-#: Light paths that a noise threshold may spend at most, as a multiple of the scene's own.
+#: Maximum number of samples with a noise threshold, as a multiple of the scene's own.
 _THRESHOLD_ROOM = 4
 _MESH_ERRORS_PX = (0.5, 1.0, 2.0, 4.0, 8.0, 16.0)
 _DENOISERS = {"NONE": "", "OIDN": ", denoised", "OIDN_COLOUR": ", denoised by colour"}
-#: More than that ``quality.walk_px`` cannot leave out.
+#: Maximum of ``quality.walk_px``.
 _LONGEST_WALK_PX = 100.0
-#: Of the reference: bounces, and the mesh error that no matcher sees.
+#: Bounces of the reference, its maximum number of samples in two renders, and a mesh error that no matcher detects.
 _REFERENCE_BOUNCES = 32
-_REFERENCE_MOST = 2 * 65536  # light paths, of two renders
+_REFERENCE_MOST = 2 * 65536
 _REFERENCE_ERROR_PX = 0.25
 
 
 @dataclass(frozen=True)
 class Variant:
-    """One way to compute the scene: what is varied, a name, complete settings, and how often to render."""
+    """A variant of a scene: its group, its name, complete settings, and the number of renders."""
 
     group: str
     name: str
@@ -63,20 +63,21 @@ class Variant:
 
     @property
     def key(self) -> str:
-        """Tells it from all others of a scene."""
+        """A text that identifies the variant among those of a scene."""
         return f"{self.group}: {self.name}"
 
 
 def reference(settings: Settings, samples: int = 1024, fine: bool = False) -> Variant:
-    """The scene's light as accurately as it can be: no denoiser, no threshold, all bounces that matter, fine relief
-    for all light, the most exact Hapke; with ``fine`` its shape too: the finest mesh, real relief. Two renders of half
-    the ``samples``, so that the noise that is left is known.
+    """The scene with its light as accurate as possible: no denoiser, no threshold, many bounces, full fine relief, the
+    most accurate Hapke's law.
 
-    Raises IcyMoonError under two samples and over what two renders can have.
+    With ``fine``, its shape is accurate too: the finest mesh, and displacement instead of bump. Each of two renders has
+    half the ``samples``, so that the remaining noise can be measured. Raises IcyMoonError for fewer than two samples,
+    and for more than two renders can have.
     """
     if not 2 <= samples <= _REFERENCE_MOST:
-        raise IcyMoonError(f"A reference cannot have {samples} samples, half of them in each of two renders; give 2 to "
-                           f"{_REFERENCE_MOST}.")
+        raise IcyMoonError(f"A reference cannot have {samples} samples, half of them in each of two renders; choose 2 "
+                           f"to {_REFERENCE_MOST}.")
     parts: list[dict[str, dict[str, Any]]] = [{"quality": {
         "samples": samples // 2, "denoiser": "NONE", "noise_threshold": 0.0, "fine_relief": "ALL",
         "diffuse_bounces": max(_REFERENCE_BOUNCES, int(settings.quality.diffuse_bounces))}}]
@@ -90,11 +91,11 @@ def reference(settings: Settings, samples: int = 1024, fine: bool = False) -> Va
 
 
 def variants(settings: Settings, groups: Sequence[str] = (), able: Abilities = _ALL) -> list[Variant]:
-    """The variants of a complete description in the named ``groups`` (all that matter to the scene if empty), each
-    once per kind of reference (see ``SHAPES``), the scene as it is described first. Left out are those that a Blender
-    that is no more than ``able`` cannot render.
+    """The variants of complete settings in the named ``groups``, after the scene as it is described.
 
-    Raises IcyMoonError for a group that there is not, or that this scene has nothing of.
+    Without ``groups``, all groups that the scene has are varied. Equal settings appear once for each kind of reference,
+    see ``SHAPES``. Variants that a Blender with the abilities ``able`` cannot render are left out. Raises IcyMoonError
+    for an unknown group, or a group without variants in this scene.
     """
     unknown = [group for group in groups if group not in GROUPS]
     if unknown:
@@ -112,27 +113,29 @@ def variants(settings: Settings, groups: Sequence[str] = (), able: Abilities = _
 def _variants_of(group: str, settings: Settings) -> list[Variant]:
     samples = int(settings.quality.samples)
 
-    def made(name: str, part: Mapping[str, Mapping[str, Any]]) -> Variant:
+    def variant(name: str, part: Mapping[str, Mapping[str, Any]]) -> Variant:
         return Variant(group, name, merged(settings, part))
 
     if group == "samples":
-        return [made(f"{_counted(n, 'sample')}{text}", {"quality": {"samples": n, "denoiser": denoiser}})
+        return [variant(f"{_counted(n, 'sample')}{text}", {"quality": {"samples": n, "denoiser": denoiser}})
                 for denoiser, text in _DENOISERS.items() for n in SAMPLES if denoiser == "NONE" or n <= _MOST_DENOISED]
     if group == "bounces":
-        return [made(_counted(n, "bounce"), {"quality": {"diffuse_bounces": n}}) for n in _BOUNCES]
+        return [variant(_counted(n, "bounce"), {"quality": {"diffuse_bounces": n}}) for n in _BOUNCES]
     if group == "threshold":
-        return [made(f"until {limit:g}", {"quality": {"noise_threshold": limit, "samples": _THRESHOLD_ROOM * samples}})
+        most = _THRESHOLD_ROOM * samples
+        return [variant(f"until {limit:g}", {"quality": {"noise_threshold": limit, "samples": most}})
                 for limit in _THRESHOLDS]
     if group == "mesh":
-        return [made(f"{error:g} px", {"mesh": {"error_px": error}})
+        return [variant(f"{error:g} px", {"mesh": {"error_px": error}})
                 for error in _MESH_ERRORS_PX] if _has_graded_mesh(settings) else []
     if group == "shortcuts":
         quality = settings.quality
-        return [made(*((part.whole, {"quality": {part.key: part.full}}) if quality[part.key] == part.lean else
+        return [variant(*((part.whole, {"quality": {part.key: part.full}}) if quality[part.key] == part.lean else
                        (part.without, {"quality": {part.key: part.lean}}))) for part in _shortcuts(settings)]
     if group == "relief":
         surface = settings.surface
-        return [made("shaded", {"surface": {"relief": "BUMP"}}), made("real", {"surface": {"relief": "DISPLACEMENT"}})
+        reliefs = {"shaded": "BUMP", "real": "DISPLACEMENT"}
+        return [variant(name, {"surface": {"relief": relief}}) for name, relief in reliefs.items()
                 ] if surface.model == "PRINCIPLED" and surface.grain_amplitude_m > 0 else []
     return _surface_models(group, settings)
 
@@ -165,7 +168,7 @@ def _shortcuts(settings: Settings) -> list[_Shortcut]:
 
 
 def leaner_settings(settings: Settings) -> dict[str, dict[str, dict[str, Any]]]:
-    """By name what of the scene's light may still be left out, each alone: for a search that tries one by one."""
+    """Parts of settings, by name, that each leave out one more part of the scene's light."""
     return {part.without: {"quality": {part.key: part.lean}} for part in _shortcuts(settings)
             if part.key != "truth" and settings.quality[part.key] != part.lean}
 
@@ -189,8 +192,7 @@ def _surface_models(group: str, settings: Settings) -> list[Variant]:
 
 
 def _isotropic_hapke(settings: Settings) -> dict[str, Any]:
-    """Hapke settings that reflect the surface's albedo of sunlight on level ground, with nothing else known: isotropic
-    grains, no opposition surge, smooth."""
+    """Hapke settings with the surface's albedo for sunlight on level ground: isotropic, smooth, without surges."""
     incidence = math.radians(90.0 - min(max(settings.light.sun_elevation_deg, 1.0), 90.0))
 
     def albedo(w: float) -> float:

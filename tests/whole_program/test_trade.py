@@ -65,7 +65,7 @@ def test_auto_stops_at_the_first_that_is_good_enough(tmp_path):
     (("auto", *SCENE, "--tolerance-px", "0"), "tolerance of 0 px"),
     (("auto", *SCENE, "--tolerance-px", "nan"), "tolerance of nan px"),
     (("auto", *SCENE, "--tolerance-bad-1", "80%"), "tolerance of 80 % bad-1"),
-    (("auto", *SCENE, "--reference-samples", "999999"), "give 2 to 131072"),
+    (("auto", *SCENE, "--reference-samples", "999999"), "choose 2 to 131072"),
     (("auto", *SCENE, "--methods", "magic"), "magic"),
     (("trade", *SCENE, "--repeats", "0"), "--repeats is 0"),
     (("trade", *SCENE, "--methods", "magic"), "magic")])
