@@ -147,7 +147,8 @@ def test_files_that_cannot_be_used_change_nothing(shown, tmp_path):
     item = measured_surface.build_points(scene, [folder / "right.ply"], "right")
     content = (folder / "right.ply").read_bytes()
     (tmp_path / "cut.ply").write_bytes(content[:-100])
-    for paths, reason in (([tmp_path / "none.ply"], "gone or damaged"), ([tmp_path / "cut.ply"], "gone or damaged"),
+    for paths, reason in (([tmp_path / "none.ply"], "missing or damaged"),
+                          ([tmp_path / "cut.ply"], "missing or damaged"),
                           ([folder / "blind.ply"], "measured nothing")):
         with pytest.raises(IcyMoonError, match=reason):
             measured_surface.build_points(scene, paths, "bad")

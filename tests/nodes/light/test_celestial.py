@@ -168,7 +168,7 @@ def test_rings_give_the_ground_nothing_and_go_when_they_are_below():
         assert not built.edited
     built = scenes.build(empty_scene(), complete({"terrain": {"body_radius_m": 1.5608e6}, "light": {
         "directions_from": "DATE", "body": "EUROPA", "planet": True, "planet_rings": True}}))
-    assert "Only Saturn's rings" in " ".join(built.warnings)
+    assert "Only Saturn has bright rings" in " ".join(built.warnings)
 
 
 def test_the_panel_says_how_the_rings_stand_and_that_there_is_an_eclipse():

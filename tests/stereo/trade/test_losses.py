@@ -166,9 +166,9 @@ def test_advice_reports_fewer_measured_pixels():
 
 
 def test_times_that_vary_separate_fewer_variants():
-    steady = [row("scene", "as described", 10.0, 0.0), row("shortcuts", "depth alone", 8.0, 0.0)]
+    steady = [row("scene", "as described", 10.0, 0.0), row("shortcuts", "depth only", 8.0, 0.0)]
     shaky = [each | {"cpu_range": [each["cpu_s"], 1.3 * each["cpu_s"]]} for each in steady]
-    words = "depth alone” changes the light by +0.00 ± 0.07 % and saves 20 %"
+    words = "depth only” changes the light by +0.00 ± 0.07 % and saves 20 %"
     assert words in " ".join(variant_advice(steady, ["sgbm"]))
     assert "takes as long, within 37 %" in " ".join(variant_advice(shaky, ["sgbm"]))  # 2 ln 1.3 / √2
 
