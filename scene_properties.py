@@ -5,6 +5,7 @@ Listeners are told of each change of a property, with the effect of its setting 
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any
@@ -21,11 +22,16 @@ from .typed_settings import Settings, typed
 
 #: Called with a scene and the effects of the settings that changed in it.
 listeners: list[Callable[[Any, frozenset[str]], None]] = []
+#: Settings that were read to be displayed, with the time, by the scene's ``session_uid``.
+_displayed: dict[int, tuple[float, Settings]] = {}
+#: Undo changes properties without a word, so what is displayed is read anew after this time, which a redraw is within.
+_REDRAW_S = 0.05
 _held: dict[Any, set[str]] | None = None  # effects that ``batch_changes`` holds back, by scene
 
 
 def announce(scene: Any, effect: str) -> None:
     """Tell the listeners that a setting with this effect has changed."""
+    _displayed.clear()
     if _held is not None:
         _held.setdefault(scene, set()).add(effect)
         return
@@ -223,6 +229,15 @@ def read_settings(group: Any) -> Settings:
     Anyone may have made the scene. Raises IcyMoonError if a settings file with these values would be refused.
     """
     return check(read_unchecked(group), "This scene")
+
+
+def read_for_display(group: Any) -> Settings:
+    """The settings as ``read_unchecked`` gives them, read once for all panels of a redraw. Do not change them."""
+    now, uid = time.monotonic(), group.id_data.session_uid
+    kept = _displayed.get(uid)
+    if kept is None or now - kept[0] > _REDRAW_S:
+        kept = _displayed[uid] = now, read_unchecked(group)
+    return kept[1]
 
 
 def read_unchecked(group: Any) -> Settings:

@@ -117,7 +117,7 @@ def _differing(scene: bpy.types.Scene) -> list[tuple[str, Setting]]:
     found = kept_results(scene)
     if found is None:
         return []
-    present = scene_properties.read_unchecked(scene.icymoon)
+    present = scene_properties.read_for_display(scene.icymoon)
     return [(topic, s) for topic, s in all_settings()
             if _counts(topic, s, found.scope)
             and s.key in found.settings.get(topic, {}) and found.settings[topic][s.key] != present[topic][s.key]]

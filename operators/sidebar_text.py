@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 import re
 import textwrap
+from collections.abc import Callable
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import bpy
 
@@ -26,9 +27,26 @@ from ..typed_settings import LightSettings, RigSettings, SensorSettings, Setting
 
 #: Disparity error, px, for which the depth error is given: that of good matchers on textured ground.
 DISPARITY_ERROR_PX = 0.25
+Found = TypeVar("Found")
+_MOST_KEPT = 4
 LINE = 36  # characters that fit the sidebar as Blender opens it
 _NAME = re.compile(r"\b([a-z_]+)[.]([a-z]\w*)(?: is ([A-Z]\w*))?")  # 'quality.truth', 'quality.truth is DEPTH'
 _UNIT = re.compile(r" [(][^)]*[)]$")
+
+
+def remember(function: Callable[..., Found]) -> Callable[..., Found]:
+    """A function of settings that keeps its last few answers, since the window asks at every redraw."""
+    kept: list[tuple[tuple[Any, ...], Found]] = []
+
+    def answer(*asked: Any) -> Found:
+        for known, found in kept:
+            if known == asked:
+                return found
+        found = function(*asked)
+        kept.insert(0, (asked, found))
+        del kept[_MOST_KEPT:]
+        return found
+    return answer
 
 
 def plain(sentence: str) -> str:
@@ -187,8 +205,11 @@ _TRIANGLES = 1e6
 
 def list_quality_presets(settings: Settings) -> list[QualityPreset]:
     """The qualities of the described scene, each with its seconds a pair on this machine; see ``list_qualities``."""
-    return list_qualities(settings, _TRIANGLES, known_speed(str(settings.quality.device)),
-                          Abilities(compat.has_osl(), compat.has_oidn()))
+    return _list_qualities(settings, _TRIANGLES, known_speed(str(settings.quality.device)),
+                           Abilities(compat.has_osl(), compat.has_oidn()))
+
+
+_list_qualities = remember(list_qualities)
 
 
 def speed_line(settings: Settings) -> str:

@@ -149,7 +149,7 @@ class ICYMOON_PT_sky(Sidebar, bpy.types.Panel):
     bl_parent_id = "ICYMOON_PT_light"
 
     def draw(self, context: bpy.types.Context) -> None:
-        draw_lines(self.layout, sidebar_text.sky_lines(scene_properties.read_unchecked(context.scene.icymoon).light))
+        draw_lines(self.layout, sidebar_text.sky_lines(scene_properties.read_for_display(context.scene.icymoon).light))
 
 
 class ICYMOON_PT_resolution(Sidebar, bpy.types.Panel):
@@ -160,7 +160,7 @@ class ICYMOON_PT_resolution(Sidebar, bpy.types.Panel):
     bl_parent_id = "ICYMOON_PT_rig"
 
     def draw(self, context: bpy.types.Context) -> None:
-        draw_lines(self.layout, sidebar_text.rig_lines(scene_properties.read_unchecked(context.scene.icymoon).rig))
+        draw_lines(self.layout, sidebar_text.rig_lines(scene_properties.read_for_display(context.scene.icymoon).rig))
 
 
 class ICYMOON_PT_left_out(Sidebar, bpy.types.Panel):
@@ -172,10 +172,10 @@ class ICYMOON_PT_left_out(Sidebar, bpy.types.Panel):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        return bool(sidebar_text.left_out_lines(scene_properties.read_unchecked(context.scene.icymoon)))
+        return bool(sidebar_text.left_out_lines(scene_properties.read_for_display(context.scene.icymoon)))
 
     def draw(self, context: bpy.types.Context) -> None:
-        for sentence in sidebar_text.left_out_lines(scene_properties.read_unchecked(context.scene.icymoon)):
+        for sentence in sidebar_text.left_out_lines(scene_properties.read_for_display(context.scene.icymoon)):
             draw_lines(self.layout, wrapped(sentence), "INFO")
 
 

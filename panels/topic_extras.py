@@ -10,12 +10,13 @@ import bpy
 from .. import scene_properties
 from ..nodes import scene as scenes
 from ..operators import live_exposure, sidebar_text
-from ..operators.sidebar_text import wrapped
+from ..operators.sidebar_text import remember, wrapped
 from ..physics.surfaces import albedos, principled
 from ..settings.table import TOPICS
 from ..typed_settings import HapkeSettings, SurfaceSettings
 from .fields import draw_lines
 
+_albedo_advice, _albedos = remember(principled.albedo_advice), remember(albedos.albedos)
 Extra = Callable[[Any, bpy.types.Context], None]
 
 
@@ -45,7 +46,7 @@ def _draw_expose(layout: Any, context: bpy.types.Context) -> None:
 
 def _draw_qualities(layout: Any, context: bpy.types.Context) -> None:
     """A button for each quality with its seconds and its error; the one that the scene has is pressed."""
-    settings = scene_properties.read_unchecked(context.scene.icymoon)
+    settings = scene_properties.read_for_display(context.scene.icymoon)
     column = layout.column(align=True)
     *shipped, own = sidebar_text.list_quality_presets(settings)
     for quality in shipped:
@@ -64,29 +65,29 @@ def _draw_qualities(layout: Any, context: bpy.types.Context) -> None:
 
 
 def _draw_camera_notes(layout: Any, context: bpy.types.Context) -> None:
-    draw_lines(layout, sidebar_text.camera_notes(scene_properties.read_unchecked(context.scene.icymoon)), "INFO")
+    draw_lines(layout, sidebar_text.camera_notes(scene_properties.read_for_display(context.scene.icymoon)), "INFO")
 
 
 def _make_surface_extra(topic: str) -> Extra:
     def draw(layout: Any, context: bpy.types.Context) -> None:
         group = getattr(context.scene.icymoon, topic)
         surface = SurfaceSettings({s.key: getattr(group, s.key) for s in TOPICS[topic].settings})
-        advice = principled.albedo_advice(surface)
+        advice = _albedo_advice(surface)
         if advice and group.model == "PRINCIPLED":
             draw_lines(layout, wrapped(advice), "INFO")
-        values = scene_properties.read_unchecked(context.scene.icymoon)
+        values = scene_properties.read_for_display(context.scene.icymoon)
         _draw_albedos(layout, values[topic], values.hapke)
     return draw
 
 
 def _draw_hapke(layout: Any, context: bpy.types.Context) -> None:
-    values = scene_properties.read_unchecked(context.scene.icymoon)
+    values = scene_properties.read_for_display(context.scene.icymoon)
     _draw_albedos(layout, values.surface | {"model": "HAPKE"}, values.hapke)
 
 
 def _draw_albedos(layout: Any, surface: SurfaceSettings, hapke: HapkeSettings) -> None:
     """Draw the albedos that follow from the settings of a surface."""
-    found = albedos.albedos(surface, hapke)
+    found = _albedos(surface, hapke)
     if found is not None:
         column = layout.column(align=True)
         for label, value in (("Normal", found.normal), ("Geometric", found.geometric), ("Bond", found.bond)):

@@ -1,0 +1,65 @@
+"""CPU time that drawing all panels of the sidebar takes, as often as Blender redraws it.
+
+    python benchmarks/panels.py
+
+Panels are drawn on a layout that does nothing, so the figures are those of our own code. They are compared with reading
+the settings once, in the same run.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from types import SimpleNamespace
+from typing import Any
+
+import bpy
+import icymoon
+from icymoon import scene_properties
+from icymoon.panels import CLASSES
+
+ROUNDS = 40
+
+
+class Nothing:
+    """A layout on which nothing appears."""
+
+    def __getattr__(self, name: str) -> Callable[..., Any]:
+        return lambda *arguments, **options: Nothing()
+
+    def __setattr__(self, name: str, value: object) -> None:
+        pass
+
+
+def draw(panel: Any) -> None:
+    """Draw a panel if it would be shown."""
+    if getattr(panel, "poll", lambda context: True)(bpy.context):
+        parts = {name: getattr(panel, name) for name in ("topic", "section") if hasattr(panel, name)}
+        panel.draw(SimpleNamespace(layout=Nothing(), **parts), bpy.context)
+
+
+def milliseconds(action: Callable[[], object]) -> float:
+    """CPU milliseconds of an action, the mean of ROUNDS after a first one."""
+    action()
+    start = time.process_time()
+    for _ in range(ROUNDS):
+        action()
+    return 1e3 * (time.process_time() - start) / ROUNDS
+
+
+def main() -> None:
+    """Print the time of all panels before and after a scene is built."""
+    icymoon.register()
+    panels = [cls for cls in CLASSES if issubclass(cls, bpy.types.Panel)]
+    group = bpy.context.scene.icymoon
+    group.mesh.kind, group.terrain.resolution = "GRID", 65
+    for state in ("empty", "built"):
+        if state == "built":
+            bpy.ops.icymoon.build_scene()
+        whole = milliseconds(lambda: [draw(panel) for panel in panels])
+        once = milliseconds(lambda: scene_properties.read_unchecked(group))
+        print(f"{state}: {len(panels)} panels {whole:.2f} ms, {whole / once:.1f} times reading the settings once")
+
+
+if __name__ == "__main__":
+    main()

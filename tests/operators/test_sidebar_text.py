@@ -1,0 +1,35 @@
+"""What the sidebar keeps from one redraw to the next: never anything that has changed."""
+
+from __future__ import annotations
+
+import icymoon.scene_properties as properties
+from icymoon.operators.sidebar_text import remember
+
+
+def test_settings_are_read_once_a_redraw_and_again_after_every_change(scene, monkeypatch):
+    group, clock = scene.icymoon, [100.0]
+    monkeypatch.setattr(properties.time, "monotonic", lambda: clock[0])
+    first = properties.read_for_display(group)
+    assert first == properties.read_unchecked(group)
+    assert properties.read_for_display(group) is first
+    group.terrain.size_m = 7.0
+    assert properties.read_for_display(group).terrain.size_m == 7.0
+    with properties.batch_changes():
+        group.terrain.size_m = 8.0
+        assert properties.read_for_display(group).terrain.size_m == 8.0
+    before = properties.read_for_display(group)
+    clock[0] += 1.0  # undo changes properties without announcing it
+    assert properties.read_for_display(group) is not before
+
+
+def test_an_answer_is_kept_for_equal_settings_only():
+    asked = []
+
+    def double(settings):
+        asked.append(dict(settings))
+        return 2 * settings["x"]
+
+    kept = remember(double)
+    assert [kept({"x": 1}), kept({"x": 1}), kept({"x": 2}), kept({"x": 1})] == [2, 2, 4, 2]
+    assert asked == [{"x": 1}, {"x": 2}]
+    assert [kept({"x": k}) for k in range(10)] == [2 * k for k in range(10)]
