@@ -200,3 +200,21 @@ def test_a_search_tries_neither_a_denoiser_by_colour_nor_a_threshold():
     assert {variant.name for variant in found} == {f"{2**k} sample{'s' * (k > 0)}{text}" for text, most in (
         ("", 8), (", denoised", 6)) for k in range(most + 1)}
     assert {variant.key for variant in found} == {f"auto: {variant.name}" for variant in found}
+
+
+def test_snow_without_a_walk_is_isotropic_and_as_bright():
+    """The law that stands for it has no lobes, no opposition surge and no roughness; only its albedo is fitted."""
+    base = scene("europa_rough_ice", *WALK)
+    laws = [v.settings.hapke for v in variants(base, ["subsurface"]) if v.settings.surface.model == "HAPKE"]
+    assert laws
+    for law in laws:
+        shape = {key: law[key] for key in ("b", "c", "b_s0", "h_s", "b_c0", "h_c", "theta_bar_deg", "filling_factor")}
+        assert set(shape.values()) == {0.0}
+        assert 0.0 < law.w < 1.0
+
+
+def test_a_reference_has_1024_paths_per_pixel_unless_told_otherwise():
+    base = scene("europa_rough_ice")
+    assert reference(base).settings.quality.samples == 1024 // 2, "half of them in each of two renders"
+    assert reference(base).name == "1024 samples"
+    assert reference(base, 8).settings.quality.samples == 4
