@@ -23,10 +23,11 @@ from icymoon.render.worker import render_pairs
 from icymoon.settings import description, preset_files
 from icymoon.stereo.images.develop import grey
 from icymoon.stereo.images.exr import read_view
+from icymoon.typed_settings import Parts
 
 SHEET = Path(__file__).resolve().parents[1] / "docs" / "images" / "terrains.png"
 #: From the edge of the patch over all of it.
-VIEW = {"rig": {"width_px": 320, "height_px": 200, "y_m": -9.0, "height_m": 2.6, "pitch_deg": 20.0},
+VIEW: Parts = {"rig": {"width_px": 320, "height_px": 200, "y_m": -9.0, "height_m": 2.6, "pitch_deg": 20.0},
         "terrain": {"resolution": 641}, "quality": {"samples": 8, "denoiser": "OIDN"},
         "light": {"sun_elevation_deg": 25.0, "sun_azimuth_deg": 300.0}}
 COLUMNS, LABEL_PX = 4, 18
@@ -45,7 +46,7 @@ def picture(preset: str, folder: Path) -> np.ndarray:
     image = np.rint(255 * np.clip(light / full, 0, 1) ** (1 / 2.2)).astype(np.uint8)
     label = np.zeros((LABEL_PX, image.shape[1]), np.uint8)
     roughness = built.collection["icymoon_roughness"].replace("°", " deg")
-    cv2.putText(label, f"{preset.split('/')[1]}: {roughness}", (4, 13), cv2.FONT_HERSHEY_SIMPLEX, 0.4, 255, 1,
+    cv2.putText(label, f"{preset.split('/')[1]}: {roughness}", (4, 13), cv2.FONT_HERSHEY_SIMPLEX, 0.4, (255,), 1,
                 cv2.LINE_AA)
     return np.vstack([image, label])
 

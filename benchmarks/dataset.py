@@ -66,7 +66,7 @@ def memory(folder: Path) -> None:
     """Slope of the resident memory over scenes, each with a pair."""
     small = {"rig": {"width_px": 64, "height_px": 48}, "quality": {"samples": 1}, "rocks": {"coverage": 0.05},
              "mesh": {"kind": "GRID"}, "terrain": {"resolution": 257}}
-    laws = ({}, {"surface": {"model": "HAPKE"}}, {"textures": {"set": "FROST"}})
+    laws: tuple[dict[str, Any], ...] = ({}, {"surface": {"model": "HAPKE"}}, {"textures": {"set": "FROST"}})
     pairs = [planned(small, laws[k % len(laws)], {"dataset": {"seed": k}}) for k in range(SCENES)]
     resident: list[float] = []
     rendered(pairs, folder, lambda: resident.append(resident_mib()))

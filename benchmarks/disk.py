@@ -28,7 +28,7 @@ from icymoon.render.cost import estimate
 from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.render.worker import render_pairs
 from icymoon.settings import description, preset_files
-from icymoon.typed_settings import Settings
+from icymoon.typed_settings import Parts, Settings
 
 SMALL: dict[str, Any] = {"rig": {"width_px": 160, "height_px": 120},
                          "quality": {"samples": 16, "noise_threshold": 0.0, "denoiser": "NONE"}}
@@ -76,7 +76,7 @@ def _sky(folder: Path) -> float:
 
 def main(arguments: list[str]) -> int:
     ratios = []
-    rows = {name: (changes,) for name, changes in ROWS.items()}
+    rows: dict[str, tuple[Parts, ...]] = {name: (changes,) for name, changes in ROWS.items()}
     for preset in (*preset_files.preset_names("gallery"), *preset_files.preset_names("scenes")):
         rows[preset] = (preset_files.load_preset(preset), SMALL)  # its own scene, seen small
     for name, parts in rows.items():

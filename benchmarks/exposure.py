@@ -83,8 +83,8 @@ def main(arguments: list[str]) -> None:
             for name, sensor in rows:
                 print(f"{name:34}{row(pair, views, visible, sensor)}")
         start = time.process_time()
-        lights = [read_light(pair.image(eye), eye, groups=False) for eye in EYES]
-        images = develop(pair, *lights, merged(settings, {"sensor": {"psf_sigma_px": 0.7, "prnu": 0.01}}))
+        left, right = (read_light(pair.image(eye), eye, groups=False) for eye in EYES)
+        images = develop(pair, left, right, merged(settings, {"sensor": {"psf_sigma_px": 0.7, "prnu": 0.01}}))
         for eye in EYES:
             encoded(getattr(images, eye).astype(np.uint8), ".png")
         print(f"\nRead, develop (with PSF and PRNU) and encode a pair: {time.process_time() - start:.3f} CPU s")

@@ -19,6 +19,7 @@ import sys
 import tempfile
 import time
 from pathlib import Path
+from typing import Any
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "gui"))
 from blenders import ROOT, CannotRunError, find
@@ -38,7 +39,8 @@ def main(words: list[str]) -> int:
     began, cpu = time.monotonic(), sum(os.times()[2:4])
     subprocess.run([sys.executable, str(ROOT / "tests" / "extension_zip.py"), str(archive)], cwd=ROOT, check=True,
                    stdout=subprocess.DEVNULL)
-    steps = [{"step": "make zip", "seconds": time.monotonic() - began, "cpu": sum(os.times()[2:4]) - cpu}]
+    steps: list[dict[str, Any]] = [{"step": "make zip", "seconds": time.monotonic() - began,
+                                    "cpu": sum(os.times()[2:4]) - cpu}]
     # An evaluator in this shell's environment would replace the one that the button installs.
     done = blender.run("--python-exit-code", "5", "--python", str(Path(__file__).with_name("first_hour_window.py")),
                        "--", str(folder), str(archive), str(time.time()), window=True, timeout_s=TIMEOUT_S,

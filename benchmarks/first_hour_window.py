@@ -14,8 +14,10 @@ import subprocess
 import sys
 import time
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Generator
+from contextlib import AbstractContextManager
 from pathlib import Path
+from typing import Any
 
 import bpy
 
@@ -46,12 +48,12 @@ SAMPLES = "8"
 steps: list[dict] = []
 
 
-def module(name: str) -> object:
+def module(name: str) -> Any:
     """A module of the installed extension."""
     return sys.modules[f"{ADD_ON}.{name}"]
 
 
-def settings() -> object:
+def settings() -> bpy.types.PropertyGroup:
     return person.window().scene.icymoon
 
 
@@ -67,12 +69,12 @@ def part(of: bpy.types.Window, *kinds: str) -> bpy.types.Region:
     return next(region for region in of.screen.areas[0].regions if region.type in kinds)
 
 
-def on(of: bpy.types.Window, kind: str = "WINDOW") -> object:
+def on(of: bpy.types.Window, kind: str = "WINDOW") -> AbstractContextManager[None]:
     """A context as if the mouse were in that region of that window."""
     return bpy.context.temp_override(window=of, area=of.screen.areas[0], region=part(of, kind))
 
 
-def opened(kind: str) -> Looking:
+def opened(kind: str) -> Generator[float, None, bpy.types.Window]:
     """Wait for a window, and until it tells where it sees the mouse."""
     yield from until(lambda: page(kind), f"Opening {kind}")
     yield 5 * TICK_S
@@ -300,7 +302,7 @@ def walk() -> Waiting:
     steps.append({"step": "Blender's window appears", "seconds": time.time() - STARTED, "cpu": processor_s()})
     for step in STEPS:
         start, cpu = time.monotonic(), processor_s()
-        record = {"step": step.__doc__.rstrip("."), "seconds": 0.0, "cpu": 0.0, "failed": True}
+        record = {"step": (step.__doc__ or "").rstrip("."), "seconds": 0.0, "cpu": 0.0, "failed": True}
         steps.append(record)
         yield from step()
         record.update(seconds=time.monotonic() - start, cpu=processor_s() - cpu, failed=False)

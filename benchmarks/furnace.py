@@ -14,6 +14,7 @@ import os
 import sys
 import tempfile
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -159,7 +160,7 @@ def table() -> dict[str, Any]:
     glass = np.array([measured(1.0, q, r, Transmission_Weight=1.0) for q, r in grid]).reshape(shape)
     subsurface = np.array([[measured(b, q, r, Subsurface_Weight=1.0) for b in BASE] for q, r in grid])
     return {"made_by": "python benchmarks/furnace.py", "blender": bpy.app.version_string,
-            "steepness": STEEPNESS, "bump": [round(float(albedo(lambda q=q: bumpy(q), view_m=1.0).mean()), 4)
+            "steepness": STEEPNESS, "bump": [round(float(albedo(partial(bumpy, q), view_m=1.0).mean()), 4)
                                              for q in STEEPNESS],
             "root_f0": np.round(ROOT_F0, 6).tolist(), "roughness": ROUGHNESS, "base": BASE,
             "specular": specular.tolist(), "transmission": glass.tolist(),

@@ -24,7 +24,8 @@ from typing import Any
 
 import numpy as np
 
-WAYS = {"graded 4 px": ("mesh", {"error_px": 4.0, "edge_px": 24.0}),
+WAYS: dict[str, tuple[str, dict[str, Any]]] = {
+        "graded 4 px": ("mesh", {"error_px": 4.0, "edge_px": 24.0}),
         "graded 2 px": ("mesh", {"error_px": 2.0, "edge_px": 12.0}),
         "graded 1 px": ("mesh", {"error_px": 1.0}),
         "graded 0.5 px": ("mesh", {"error_px": 0.5}),

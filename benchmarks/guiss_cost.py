@@ -37,7 +37,7 @@ from icymoon.render.cost.variants import reference
 from icymoon.render.workers import job
 from icymoon.settings import description, preset_files
 from icymoon.stereo.trade.measure_variants import scaled_view
-from icymoon.typed_settings import Parts, Settings
+from icymoon.typed_settings import Parts, QualitySettings, Settings
 
 if TYPE_CHECKING:  # a process that renders pays for no evaluator
     from icymoon.stereo.matchers.methods import Method
@@ -75,12 +75,12 @@ class Rung:
 
 def ladder() -> list[Rung]:
     """The rows, each with all changes of those above it."""
-    bounces = {"quality": {"diffuse_bounces": 3, "noise_threshold": 0.0}}
-    solid = {**bounces, "surface": {"subsurface_weight": 0.0}}
-    few = {**solid, "quality": {**bounces["quality"], "samples": 9}}
-    depth = {**few, "quality": {**few["quality"], "truth": "DEPTH"}}
-    plain = {**depth, "surface": {"model": "LAMBERT"}}
-    camera = {**plain, "quality": {**depth["quality"], "fine_relief": "CAMERA"}}
+    bounces: Parts = {"quality": {"diffuse_bounces": 3, "noise_threshold": 0.0}}
+    solid: Parts = {**bounces, "surface": {"subsurface_weight": 0.0}}
+    few: Parts = {**solid, "quality": {**bounces["quality"], "samples": 9}}
+    depth: Parts = {**few, "quality": {**few["quality"], "truth": "DEPTH"}}
+    plain: Parts = {**depth, "surface": {"model": "LAMBERT"}}
+    camera: Parts = {**plain, "quality": {**depth["quality"], "fine_relief": "CAMERA"}}
     return [Rung("paper's settings, two renders", {}, PAPER, apart=True),
             Rung("both eyes in one render, geometry kept", {}, PAPER),
             Rung("3 bounces, no clamp", bounces, CLEANED),
@@ -116,8 +116,8 @@ def render(job: dict[str, Any]) -> list[dict[str, Any]]:
     rung = Rung(**job["rung"])
     apply = cycles_settings.apply
 
-    def applied(scene: Any, *given: Any) -> None:
-        apply(scene, *given)
+    def applied(scene: Any, quality: QualitySettings, seed: int, blurred: bool = False) -> None:
+        apply(scene, quality, seed, blurred)
         for name, value in rung.cycles.items():
             setattr(scene.cycles, name, value)
 

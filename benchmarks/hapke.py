@@ -20,6 +20,7 @@ import sys
 import tempfile
 import time
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -28,7 +29,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "support"))
 HAPKE = {"model": "HAPKE"}
 #: Without relief, so that what an image costs beside it is not counted.
 IMAGE = {"set": "FROST", "height_m": 0.0}
-MODELS = {
+MODELS: dict[str, tuple[dict[str, Any], ...]] = {
     "Lambert": ({"model": "LAMBERT"}, {}),
     "Lunar-Lambert": ({"model": "LUNAR_LAMBERT"}, {}),
     "Principled": ({"model": "PRINCIPLED"}, {}),
@@ -111,6 +112,7 @@ def planet() -> None:
                                                ("Saturn", "surfaces/hapke_enceladus_global", 29.33, 0.098)):
         shown = description.merged(description.defaults(), preset_files.load_preset(preset))
         law = albedos.law_of(shown.surface, shown.hapke)
+        assert law is not None
         errors: dict[int, list[float]] = {}
         for _ in range(100):
             sun = random.normal(size=3)
@@ -128,7 +130,7 @@ def planet() -> None:
                     cell = np.minimum(((ray[:, :2] - low) / (high - low) * n).astype(int), n - 1) @ (1, n)
                     share = np.bincount(cell, brought, n * n)
                     middle = np.stack([np.bincount(cell, brought * axis, n * n) for axis in ray.T], axis=1)[share > 0]
-                    middle /= np.linalg.norm(middle, axis=1, keepdims=True)
+                    middle = middle / np.linalg.norm(middle, axis=1, keepdims=True)
                     found = share[share > 0] @ law(*angles(normal, middle, np.broadcast_to(eye, middle.shape)))
                     errors.setdefault(n, []).append(abs(found / truth - 1))
         for n, found in errors.items():
@@ -158,6 +160,7 @@ def curve(path: Path) -> None:
         for name, colour in zip(presets, colours, strict=True):
             shown = description.merged(description.defaults(), preset_files.load_preset(name))
             law = albedos.law_of(shown.surface, shown.hapke)
+            assert law is not None
             bright = photometry.disc_brightness(law, phase)
             points = " ".join(f"{left + width * a / np.radians(last):.2f},{460 - 420 * value / top:.2f}"
                               for a, value in zip(phase, bright, strict=True))

@@ -123,9 +123,10 @@ def compare(python: str) -> None:
         with tempfile.TemporaryDirectory() as path:
             folder = Path(path)
             settings = complete({"hapke": {**hapke, "h_function": "2002"}, "surface": {"model": "HAPKE"}})
-            bond = albedos(settings.surface, settings.hapke).bond
+            integrals = albedos(settings.surface, settings.hapke)
+            assert integrals is not None
             images = {way: of_cycles(folder, {**hapke, **changes}, {"model": "HAPKE"}) for way, changes in WAYS.items()}
-            images["Lambert, same albedo"] = of_cycles(folder, hapke, {"model": "LAMBERT", "albedo": bond})
+            images["Lambert, same albedo"] = of_cycles(folder, hapke, {"model": "LAMBERT", "albedo": integrals.bond})
             subprocess.run([python, __file__, "--mitsuba", str(folder)], check=True)
             truth, sunlight = (np.load(folder / f"{part}.npy") for part in ("all", "sunlight"))
         ground, lit, dark = (_inside(part) for part in (truth > 0, sunlight > 0, (truth > 0) & (sunlight == 0)))

@@ -37,7 +37,9 @@ def seconds(scene: bpy.types.Scene, topic: str, key: str) -> float:
         setattr(group, key, middle + 0.01 * (k + 1))
         live_preview.update(scene)
         bpy.context.view_layer.update()
-        mesh = scenes.find(scene).terrain.evaluated_get(bpy.context.evaluated_depsgraph_get()).data
+        shown = scenes.find(scene)
+        assert shown is not None
+        mesh = shown.terrain.evaluated_get(bpy.context.evaluated_depsgraph_get()).data
         mesh.corner_normals[0].vector  # noqa: B018  (drawing asks for them)
     return (time.process_time() - start) / UPDATES
 

@@ -25,6 +25,7 @@ from typing import Any
 import numpy as np
 from icymoon.render.plans.planned_pair import PlannedPair
 from icymoon.settings import description
+from icymoon.typed_settings import QualitySettings
 from icymoon.version import ROOT
 
 RESULT = ROOT / "docs" / "make" / "requires.json"
@@ -97,8 +98,8 @@ def _forced_osl(on: bool) -> Iterator[None]:
 
     original = cycles_settings.apply
 
-    def apply(scene: Any, *arguments: Any) -> None:
-        original(scene, *arguments)
+    def apply(scene: Any, quality: QualitySettings, seed: int, blurred: bool = False) -> None:
+        original(scene, quality, seed, blurred)
         scene.cycles.shading_system = on
 
     cycles_settings.apply = apply
@@ -134,8 +135,8 @@ def imported(program: str) -> float:
 
 def measured(feature: Feature) -> dict[str, Any]:
     """Least seconds on and off, and, of a pair, how mean radiance and depth differ."""
-    if isinstance(feature.on, str):
-        seconds = [(imported(feature.on), imported(str(feature.off))) for _ in range(REPEATS)]
+    if isinstance(feature.on, str) or isinstance(feature.off, str):
+        seconds = [(imported(str(feature.on)), imported(str(feature.off))) for _ in range(REPEATS)]
         return _least(seconds)
     pairs: list[tuple[Any, Any]] = []
     for _ in range(REPEATS):
@@ -143,7 +144,7 @@ def measured(feature: Feature) -> dict[str, Any]:
             found = []
             for name, changes in (("on", feature.on), ("off", feature.off)):
                 with _forced_osl(name == "on") if feature.forced else _forced_osl(False):
-                    found.append(rendered(dict(changes), Path(folder) / name))
+                    found.append(rendered(changes, Path(folder) / name))
             pairs.append((found[0], found[1]))
     (_, with_it, depth), (_, without, other) = pairs[-1]
     same = np.isclose(depth, other, rtol=1e-3, equal_nan=True)

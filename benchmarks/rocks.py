@@ -16,11 +16,15 @@ import sys
 import tempfile
 import time
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import bpy
 
 NUMBERS = (0, 100, 1000, 10_000, 100_000)
 
 
-def _as_objects(carrier: object) -> None:
+def _as_objects(carrier: bpy.types.Object) -> None:
     """Replace the instances of a carrier by objects that share the shapes."""
     import bpy
     import numpy as np

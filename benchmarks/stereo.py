@@ -11,6 +11,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -41,11 +42,11 @@ def main() -> None:
         print(f"{'check, read, develop, truth':<40}{cost(lambda: prepare(pair, {})):8.3f} s")
         prepared = prepare(pair, {})
         for method in ("bm", "sgbm"):
-            print(f"{'match ' + method:<40}{cost(lambda m=method: match(m, prepared.left, prepared.right)):8.3f} s")
+            print(f"{'match ' + method:<40}{cost(partial(match, method, prepared.left, prepared.right)):8.3f} s")
         truth = prepared.truth.ravel()
         for name, prediction in (("continuous depths", truth * np.random.default_rng(0).normal(1, 0.02, truth.size)),
                                  ("1/16 px disparities", 1 / (np.rint(16 * 85.333 / truth) / 16))):
-            seconds = cost(lambda p=prediction: depth_order_disagreement(p, truth))
+            seconds = cost(partial(depth_order_disagreement, prediction, truth))
             print(f"{f'exact DOD, {truth.size} px, {name}':<40}{seconds:8.3f} s")
         seconds = cost(lambda: evaluate([pair], parse_methods("bm,sgbm"), Path(folder) / "out"))
         print(f"{'evaluate, bm and sgbm, with report':<40}{seconds:8.3f} s")

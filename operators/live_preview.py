@@ -24,7 +24,7 @@ from .sidebar_text import wrapped
 #: Seconds that an update of the ground may take: this allows ten updates a second and leaves time to draw them.
 BUDGET_S = 0.08
 #: Vertices per side of the previewed ground.
-SIDES = (129, 193, 257)
+SIDES: tuple[int, ...] = (129, 193, 257)
 _SHOWN = {"geometry", "material", "light", "camera"}
 _side = SIDES[1]
 _waiting: set[str] = set()  # names of scenes with changes that the timer will show

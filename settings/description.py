@@ -20,7 +20,7 @@ import numpy as np
 
 from ..errors import IcyMoonError
 from ..suggestions import nearest
-from ..typed_settings import Settings, typed, typed_table
+from ..typed_settings import Parts, Settings, typed, typed_table
 from ..version import is_newer, version
 from . import pair_ids, trust_boundary
 from .table import TOPICS, Setting, Value
@@ -180,7 +180,7 @@ def asking_to_update(where: str, written_by: str) -> Iterator[None]:
                            f"load it ({str(error).removeprefix(f'{where}: ').rstrip('.')}).") from None
 
 
-def merged(*parts: Mapping[str, Mapping[str, Value]]) -> Settings:
+def merged(*parts: Parts) -> Settings:
     """One description from several partial ones. Later ones override earlier ones."""
     result = Settings()
     for part in parts:

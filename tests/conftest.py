@@ -14,9 +14,13 @@ import sys
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import hypothesis
 import pytest
+
+if TYPE_CHECKING:
+    import bpy
 
 HAS_BLENDER = importlib.util.find_spec("bpy") is not None
 #: Rooms of the source that need Blender, and all in them; of ``render`` only what stands at its top does.
@@ -94,7 +98,7 @@ def _registered_where_needed(request: pytest.FixtureRequest) -> None:
 
 
 @pytest.fixture
-def scene(registered: None) -> Iterator[object]:
+def scene(registered: None) -> Iterator[bpy.types.Scene]:
     """The scene of a new, empty file, with Icy Moon registered."""
     import bpy
     from icymoon.operators import jobs
@@ -105,7 +109,7 @@ def scene(registered: None) -> Iterator[object]:
 
 
 @pytest.fixture
-def small(scene: object, tmp_path: Path) -> object:
+def small(scene: bpy.types.Scene, tmp_path: Path) -> bpy.types.Scene:
     """That scene with settings that render in a moment, into a folder of the test's own."""
     from icymoon import scene_properties
     from rendering import SMALL

@@ -22,7 +22,8 @@ NEEDED = ("blender_manifest.toml", "LICENSE", "stereo/report/report.html.j2", "s
 def blender_ext() -> Path:
     """Blender's extension tool, a plain Python script inside the bpy package."""
     found = importlib.util.find_spec("bpy")
-    tools = sorted(Path(found.origin).parent.glob("*/scripts/addons_core/bl_pkg/cli/blender_ext.py")) if found else []
+    tools = sorted(Path(found.origin).parent.glob("*/scripts/addons_core/bl_pkg/cli/blender_ext.py")
+                   ) if found and found.origin else []
     if not tools:
         sys.exit("extension_zip: this Python has no bpy, whose tool builds extensions; run it with .venv/bin/python.")
     return tools[-1]

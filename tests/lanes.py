@@ -19,6 +19,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parent / "gui"))
@@ -132,8 +133,8 @@ def gui(which: str) -> str:
 
 LANES: dict[str, Callable[[], str]] = {
     "4.2": lambda: wheel("4.2"), "4.5": lambda: wheel("4.5"), "5.2": wheel_52,
-    **{f"real-{which}": lambda which=which: real(which) for which in ("4.3", "5.2", "named")},
-    **{f"gui-{which}": lambda which=which: gui(which) for which in ("4.3", "5.2", "named")}}
+    **{f"real-{which}": partial(real, which) for which in ("4.3", "5.2", "named")},
+    **{f"gui-{which}": partial(gui, which) for which in ("4.3", "5.2", "named")}}
 
 
 def main(names: list[str]) -> int:

@@ -90,9 +90,9 @@ def bare(source: str) -> str:
 
 def place_of(source: str, line: int) -> str:
     """The innermost function or class of a line."""
-    found = [node for node in ast.walk(ast.parse(source)) if hasattr(node, "name") and hasattr(node, "lineno")
-             and not isinstance(node, (ast.alias, ast.ExceptHandler))
-             and min([node.lineno, *(d.lineno for d in node.decorator_list)]) <= line <= node.end_lineno]
+    found = [node for node in ast.walk(ast.parse(source))
+             if isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef))
+             and min([node.lineno, *(d.lineno for d in node.decorator_list)]) <= line <= (node.end_lineno or 0)]
     return ".".join(node.name for node in sorted(found, key=lambda node: node.lineno))
 
 

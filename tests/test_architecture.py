@@ -210,8 +210,7 @@ def asks_the_system(tree: ast.AST) -> list[str]:
     """What a source uses that only ``system`` may, with its lines."""
     found = []
     for node in ast.walk(tree):
-        text = ast.unparse(node) if isinstance(node, ast.Attribute) else ""
-        if text in OF_SYSTEMS:
+        if isinstance(node, ast.Attribute) and (text := ast.unparse(node)) in OF_SYSTEMS:
             found.append(f"{text} in line {node.lineno}")
         if isinstance(node, ast.Call) and ast.unparse(node.func) == "subprocess.Popen":
             found.append(f"subprocess.Popen in line {node.lineno}")

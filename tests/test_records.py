@@ -9,6 +9,7 @@ import random
 import shutil
 from collections.abc import Callable
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -119,7 +120,7 @@ def test_a_damaged_pair_is_read_or_told_in_a_sentence(tmp_path):
     for _ in range(250):
         write(path, mutated(good, chosen))
         for act in (is_complete, read_pair_settings, lambda folder: update_response(folder, PAIRS[0].settings)):
-            sentence_or_success(lambda act=act: act(folder))
+            sentence_or_success(partial(act, folder))
         write(path, mutated(good, chosen))
         if sentence_or_success(lambda: read_pair(folder)):
             read += 1
@@ -210,7 +211,7 @@ def test_what_a_damaged_file_of_ones_own_remembers_is_forgotten(tmp_path, monkey
         good, chosen = path.read_text(), random.Random(8)
         for _ in range(60):
             content = mutated(good.rstrip("\n"), chosen)
-            write(path, content + (b"\n" if isinstance(content, bytes) else "\n"))
+            write(path, content + b"\n" if isinstance(content, bytes) else content + "\n")
             act()
         path.write_text(good)
     file.write_text(json.dumps({machine._key("CPU", "5.0.1",

@@ -117,7 +117,7 @@ def test_what_it_says_is_read_as_utf8():
 
 
 def test_an_error_that_passes_by_itself_is_waited_for_and_others_are_not(monkeypatch):
-    waits = []
+    waits: list[float] = []
     monkeypatch.setattr(system.time, "sleep", waits.append)
 
     def failing(times: int, number: int):

@@ -133,8 +133,8 @@ def test_a_folder_too_deep_is_said_before_a_pair_is_rendered(drive, monkeypatch)
     part = files.part_of(fits / "pairs" / pair)
     part.mkdir(parents=True)
     files.write_json(part / "pair.json", {})
-    for name in ("left_toed_truth.exr", "right_toed_truth.exr"):
-        (part / name).write_bytes(b"")
+    for image in ("left_toed_truth.exr", "right_toed_truth.exr"):
+        (part / image).write_bytes(b"")
     claims.close()
 
 

@@ -60,7 +60,8 @@ def _strings(tree: ast.AST) -> Iterator[tuple[str, str]]:
     parts = {id(part) for node in ast.walk(tree) if isinstance(node, ast.JoinedStr) for part in node.values}
     for node in ast.walk(tree):
         if isinstance(node, ast.JoinedStr):
-            yield "message", "".join(part.value if isinstance(part, ast.Constant) else "{}" for part in node.values)
+            yield "message", "".join(str(part.value) if isinstance(part, ast.Constant) else "{}"
+                                     for part in node.values)
         elif isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in parts:
             yield docstrings.get(id(node), "message"), node.value
 

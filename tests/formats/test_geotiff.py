@@ -6,6 +6,7 @@ import contextlib
 import re
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -24,8 +25,8 @@ UNPLACED = {"degrees": r"degrees.*gdalwarp", "feet_by_number": r"EPSG:2263.*GEOT
 NAMES = sorted(path.stem for path in DATA.glob("*.tif"))
 
 
-def hill(east_m: np.ndarray, north_m: np.ndarray) -> np.ndarray:
-    """The height in metres, as in tests/data/heights/make.py."""
+def hill(east_m: Any, north_m: Any) -> Any:
+    """The height in metres, of a place or of an array of them, as in tests/data/heights/make.py."""
     return 40.0 + 0.5 * (east_m - 1000.0) + 0.25 * (north_m + 500.0) + 0.01 * (east_m - 1000.0) * (north_m + 500.0)
 
 

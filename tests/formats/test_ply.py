@@ -22,8 +22,8 @@ def write(path: Path, encoding: str, number: str = "double", properties: str = "
         rows = "".join(f"9 {x!r} {y!r} {z!r}\n" for x, y, z in POINTS.tolist())
         path.write_text(header + rows + "3 0 1 2\n")
     else:
-        rows = b"".join(struct.pack(f"{order}B3{code}", 9, *point) for point in POINTS)
-        path.write_bytes(header.encode() + rows + struct.pack(f"{order}B3i", 3, 0, 1, 2))
+        packed = b"".join(struct.pack(f"{order}B3{code}", 9, *point) for point in POINTS)
+        path.write_bytes(header.encode() + packed + struct.pack(f"{order}B3i", 3, 0, 1, 2))
     return path
 
 

@@ -15,7 +15,10 @@ import subprocess
 import sys
 import time
 import traceback
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import bpy
 
@@ -61,17 +64,22 @@ def screenshot(name: str) -> Waiting:
     yield from person.screenshot(FOLDER, name)
 
 
-def module(name: str) -> object:
+def module(name: str) -> Any:
     """A module of the installed extension."""
     return sys.modules[f"{ADD_ON}.{name}"]
 
 
-def jobs() -> object:
+def jobs() -> Any:
     return module("operators.jobs")
 
 
-def settings() -> object:
+def settings() -> bpy.types.PropertyGroup:
     return window().scene.icymoon
+
+
+def holds(expected: object, measure: Callable[[], object]) -> bool:
+    """Whether something measures as expected now."""
+    return measure() == expected
 
 
 def built() -> bool:
@@ -272,7 +280,7 @@ def slide_by_mouse() -> Waiting:
     yield from away()
     for expected, state in ((dragged, True), (before, False)):
         yield from key("ctrl+z")
-        yield from until(lambda expected=expected: heights() == expected, "Bringing the ground back by undo")
+        yield from until(partial(holds, expected, heights), "Bringing the ground back by undo")
         check(previewing() == state and shown(), "undo left settings that are not the ground's")
     check(settings().terrain.rms_slope_deg == value, "undo left another value")
     yield from key("ctrl+shift+z")
@@ -449,7 +457,7 @@ def choose_by_picture() -> Waiting:
             yield from away()
         for keys, expected in (("ctrl+z", before), ("ctrl+shift+z", chosen), ("ctrl+z", before)):
             yield from key(keys)
-            yield from until(lambda expected=expected: scene_properties.read_settings(settings()) == expected,
+            yield from until(partial(holds, expected, lambda: scene_properties.read_settings(settings())),
                              f"{keys} after choosing a scene by its picture, the mouse {where},")
 
 
@@ -473,7 +481,7 @@ def undo_by_key() -> Waiting:
         check(state() != before, f"{operator} did nothing")
         yield 5 * TICK_S
         yield from key("ctrl+z")
-        yield from until(lambda before=before: state() == before, f"Undoing {operator}")
+        yield from until(partial(holds, before, state), f"Undoing {operator}")
 
 
 def render_in_a_local_view() -> Waiting:

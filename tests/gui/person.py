@@ -10,7 +10,9 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Generator
+from contextlib import AbstractContextManager
 from pathlib import Path
+from typing import Any
 
 import addon_utils
 import bpy
@@ -20,7 +22,8 @@ TICK_S = 0.1
 PATIENCE_S = 150.0
 ADD_ON = "bl_ext.user_default.icymoon"
 F3 = "69"  # as a key code: given its name, xdotool may press Alt with it
-Waiting = Generator[float, None, None]
+#: What takes a while: it yields how long to wait, and may return a note on what came of it.
+Waiting = Generator[float, None, Any]
 Place = tuple[float, float]
 Looking = Generator[float, None, Place]
 
@@ -74,7 +77,7 @@ def region(kind: str) -> bpy.types.Region:
     return next(r for r in area().regions if r.type == kind)
 
 
-def in_region(kind: str) -> object:
+def in_region(kind: str) -> AbstractContextManager[None]:
     """A context as if the mouse were in that region of the 3D View."""
     return bpy.context.temp_override(window=window(), area=area(), region=region(kind))
 
@@ -182,7 +185,7 @@ def find(operator: str, **options: str) -> Looking:
     global _found
     yield from away()
     place = yield from _look(lambda: over_button(operator, **options), COLUMNS, _found)
-    check(place, f"no button of {operator} was found in the sidebar")
+    assert place is not None, f"no button of {operator} was found in the sidebar"
     _found = region("UI").y + region("UI").height - place[1]
     return place
 

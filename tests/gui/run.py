@@ -15,6 +15,7 @@ import shutil
 import sys
 import tempfile
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
@@ -64,7 +65,9 @@ def shoot(blender: Blender, archive: Path, *what: str) -> str:
 def main(words: list[str]) -> int:
     """Drive the named Blenders, or all there are; or take pictures."""
     names = [word for word in words if not word.startswith("--")]
-    act = {"--shots": shoot, "--manual": lambda *given: shoot(*given, "manual")}.get(words[0] if words else "", drive)
+    pictures: dict[str, Callable[[Blender, Path], str]] = {
+        "--shots": shoot, "--manual": lambda blender, archive: shoot(blender, archive, "manual")}
+    act = pictures.get(words[0] if words else "", drive)
     failed = ran = 0
     with tempfile.TemporaryDirectory(prefix="icymoon-zip-") as folder:
         archive = Path(folder) / "icymoon.zip"

@@ -20,6 +20,7 @@ import traceback
 from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import bpy
 
@@ -33,12 +34,12 @@ MANUAL_CROP = "1320x904+0+0"
 THEMES = {"dark": "Blender_Dark.xml", "light": "Blender_Light.xml"}
 
 
-def module(name: str) -> object:
+def module(name: str) -> Any:
     """A module of the installed extension."""
     return sys.modules[f"{ADD_ON}.{name}"]
 
 
-def settings() -> object:
+def settings() -> bpy.types.PropertyGroup:
     return window().scene.icymoon
 
 

@@ -46,7 +46,7 @@ def test_a_perfect_measurement_lies_on_the_ground_that_was_built(shown):
     assert np.median(away) < 1e-3
     assert np.quantile(away, 0.99) < 1e-2
     wrong = measured_surface.build_points(bpy.context.scene, [folder / "wrong.ply"], "wrong")
-    away = [ground.find_nearest(Vector(c))[3] for c in corners(wrong).mean(axis=1)[::50].tolist()]
+    away = np.array([ground.find_nearest(Vector(c))[3] for c in corners(wrong).mean(axis=1)[::50].tolist()])
     assert np.median(away) > 0.02
 
 

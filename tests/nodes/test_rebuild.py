@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import Any
 
 import bpy
 import numpy as np
@@ -20,8 +21,8 @@ from icymoon.operators import live_preview, render
 from icymoon.settings import description
 from rendering import SMALL, complete, empty_scene
 
-ROUGHER = {**TINY, "terrain": {"resolution": 9, "rms_slope_deg": 30.0}}
-OSL = {**TINY, "surface": {"model": "HAPKE"}, "hapke": {"accuracy": "ACCURATE"}}
+ROUGHER: dict[str, Any] = {**TINY, "terrain": {"resolution": 9, "rms_slope_deg": 30.0}}
+OSL: dict[str, Any] = {**TINY, "surface": {"model": "HAPKE"}, "hapke": {"accuracy": "ACCURATE"}}
 
 
 def held(built: scenes.Built) -> dict[str, int]:

@@ -6,12 +6,14 @@ import json
 import time
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import bpy
 import pytest
 from icymoon.files import PART
 from icymoon.operators import dataset, jobs, results
 from icymoon.render.pairs.pair_folder import find_pairs
+from stand_ins import stand_in
 
 TINY = """
 [mesh]
@@ -53,11 +55,11 @@ def run_until(job, there, seconds=120.0):
 
 def started(scene, name="icymoon.render_dataset"):
     """The job that an operator would watch in a window, and the operator's stand-in."""
-    kind = {"icymoon.render_dataset": dataset.ICYMOON_OT_render_dataset,
-            "icymoon.watch_dataset": dataset.ICYMOON_OT_watch_dataset}[name]
-    stand_in = SimpleNamespace(bl_label=kind.bl_label)
-    stand_in._job_of = lambda process, context: kind._job_of(stand_in, process, context)
-    return kind.start(stand_in, SimpleNamespace(scene=scene)), stand_in
+    kind: Any = {"icymoon.render_dataset": dataset.ICYMOON_OT_render_dataset,
+                 "icymoon.watch_dataset": dataset.ICYMOON_OT_watch_dataset}[name]
+    operator = stand_in(bl_label=kind.bl_label)
+    operator._job_of = lambda process, context: kind._job_of(operator, process, context)
+    return kind.start(operator, SimpleNamespace(scene=scene)), operator
 
 
 def test_a_dry_run_says_what_the_plan_will_take(described, tmp_path):
@@ -185,7 +187,7 @@ def test_what_is_left_running_is_evaluated_too(described, tmp_path):
 
 def test_a_data_set_without_its_evaluation_is_not_done():
     said = [{"type": "progress", "fraction": 1.0, "message": "2 of 2 pairs"}, {"type": "done", "pairs": 2}]
-    process = SimpleNamespace(cancelled=False, poll=lambda: said, running=True, returncode=1, last_line="Killed")
+    process = stand_in(cancelled=False, poll=lambda: said, running=True, returncode=1, last_line="Killed")
     job = dataset.DatasetJob("Render Data Set", process, dataset._note_pairs, lambda: None)
     job.evaluates = True
     job.advance()
@@ -204,7 +206,7 @@ def test_evaluation_that_cannot_be_is_refused_before_anything_is_rendered(descri
 
 
 def test_a_pair_that_is_set_aside_is_named_and_does_not_end_the_others():
-    process = SimpleNamespace(cancelled=False, poll=lambda: [
+    process = stand_in(cancelled=False, poll=lambda: [
         {"type": "error", "pair": "abc", "message": "Cycles could not"},
         {"type": "progress", "fraction": 0.5, "message": "Pair 2 of 3"},
         {"type": "pair", "id": "b", "folder": "/set/pairs/b"}, {"type": "done", "pairs": 2}], running=True)

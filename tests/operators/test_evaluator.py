@@ -9,6 +9,7 @@ import pytest
 from icymoon import preferences
 from icymoon.operators import evaluator
 from icymoon.system import venv_python
+from stand_ins import stand_in
 
 
 @pytest.fixture
@@ -74,7 +75,7 @@ def test_after_installing_what_was_asked_for_is_evaluated(monkeypatch):
     icymoon = SimpleNamespace(evaluate=lambda *given, **how: asked.append(how))
     monkeypatch.setattr(evaluator, "bpy", SimpleNamespace(ops=SimpleNamespace(icymoon=icymoon)))
     for scope in ("NOTHING", "DATASET"):
-        installing = SimpleNamespace(then_evaluate=scope, report=lambda *_: None)
+        installing = stand_in(then_evaluate=scope, report=lambda *_: None)
         evaluator.ICYMOON_OT_install_evaluator.report_success(installing, bpy.context)
     preferences.show_findings([])
     assert asked == [{"scope": "DATASET"}]

@@ -100,6 +100,11 @@ def test_nothing_follows_where_it_is_switched_off_or_not_shown_and_failures_are_
     assert live_exposure.lines() == []
 
 
+def following() -> jobs.Job:
+    """The job that makes what is shown follow now."""
+    return live_exposure._job
+
+
 def test_it_waits_for_a_running_job_and_is_stopped_by_another_file(small, shown, monkeypatch):
     monkeypatch.setattr(jobs, "current", object())
     small.icymoon.sensor.auto_target = 0.2
@@ -107,7 +112,7 @@ def test_it_waits_for_a_running_job_and_is_stopped_by_another_file(small, shown,
     assert live_exposure._job is None
     monkeypatch.setattr(jobs, "current", None)
     assert live_exposure.work() is not None
-    process = live_exposure._job.process
+    process = following().process
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     assert live_exposure._job is None
     assert process.returncode is not None

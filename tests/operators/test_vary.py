@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import time
 from types import SimpleNamespace
+from typing import Any
 
 import bpy
 import pytest
@@ -125,7 +126,8 @@ def test_what_cannot_vary_is_grey_in_the_context_menu(tiny, topic, key, possible
     context = SimpleNamespace(button_prop=group.bl_rna.properties[key], button_pointer=group)
     said = []
     kind = SimpleNamespace(poll_message_set=said.append)
-    assert vary.ICYMOON_OT_vary.poll.__func__(kind, context) is possible
+    poll: Any = vary.ICYMOON_OT_vary.poll
+    assert poll.__func__(kind, context) is possible
     assert bool(said) is not possible
 
 

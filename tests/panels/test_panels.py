@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import bpy
 import pytest
@@ -17,6 +19,7 @@ from icymoon.panels import CLASSES, menu, sections, sidebar
 from icymoon.settings.table import TOPICS, all_settings
 from icymoon.stereo.matchers import TITLES
 from panel_drawing import Layout, drawn, texts
+from stand_ins import stand_in
 
 
 def everything() -> list:
@@ -41,12 +44,12 @@ def preferences_drawn() -> tuple[list, list[str]]:
         def prop(self, data: object, key: str, **options: object) -> None:
             written.append(key)
 
-        def __getattr__(self, name: str) -> object:
+        def __getattr__(self, name: str) -> Callable[..., Layout]:
             call = super().__getattr__(name)
             return lambda *arguments, **options: (call(*arguments, **options), Preferences(self.record))[1]
 
     layout = Preferences()
-    preferences.ICYMOON_AP_preferences.draw(SimpleNamespace(layout=layout, matchers=[object()]), bpy.context)
+    preferences.ICYMOON_AP_preferences.draw(stand_in(layout=layout, matchers=[object()]), bpy.context)
     return layout.record, written
 
 
@@ -60,7 +63,7 @@ def measured(scene, tmp_path):
 def running(monkeypatch):
     """A job that is a third done after 30 s, whatever the clock shows."""
     monkeypatch.setattr(jobs, "time", SimpleNamespace(monotonic=lambda: 130.0))
-    process = SimpleNamespace(running=True, cancelled=False, stop=lambda: None, cancel=lambda: None)
+    process = stand_in(running=True, cancelled=False, stop=lambda: None, cancel=lambda: None)
     job = jobs.Job("Render Stereo Pair", process, lambda message: None, lambda: None)
     job.fraction, job.text, job.started = 1 / 3, "Pair 1 of 3", 100.0
     jobs.current = job
@@ -163,7 +166,7 @@ def test_the_matchers_there_are_stand_in_the_tooltip():
 
 
 def test_the_panels_follow_the_work_from_top_to_bottom():
-    tops = [cls for cls in CLASSES if issubclass(cls, bpy.types.Panel) and not hasattr(cls, "bl_parent_id")]
+    tops: list[Any] = [cls for cls in CLASSES if issubclass(cls, bpy.types.Panel) and not hasattr(cls, "bl_parent_id")]
     assert [cls.bl_label for cls in sorted(tops, key=lambda cls: getattr(cls, "bl_order", 0))] == [
         "Icy Moon", "Ground", "Ice", "Rocks", "Light", "Stereo Camera", "Camera Response",
         "Render Quality", "Data Set", "Evaluation"]
@@ -177,7 +180,7 @@ def test_a_panel_opens_with_few_settings():
     dated = {"body", "date_utc", "latitude_deg", "longitude_deg"}  # two or four of Light's are shown at once
     assert len(set(sections.main_settings("light")) - dated) <= 4
     for topic in {section.topic for section in sections.SECTIONS}:
-        within = [cls for cls in CLASSES if getattr(cls, "bl_parent_id", "") == f"ICYMOON_PT_{topic}"]
+        within: list[Any] = [cls for cls in CLASSES if getattr(cls, "bl_parent_id", "") == f"ICYMOON_PT_{topic}"]
         last = max(within, key=lambda cls: getattr(cls, "bl_order", 0)).bl_label
         assert last == "Advanced" or "Advanced" not in [cls.bl_label for cls in within]
 
@@ -199,7 +202,7 @@ def test_a_setting_has_one_place():
 
 
 def test_only_the_first_panel_is_open_when_the_tab_is(scene):
-    tops = [cls for cls in CLASSES if issubclass(cls, bpy.types.Panel) and not hasattr(cls, "bl_parent_id")]
+    tops: list[Any] = [cls for cls in CLASSES if issubclass(cls, bpy.types.Panel) and not hasattr(cls, "bl_parent_id")]
     assert [cls.bl_label for cls in tops if "DEFAULT_CLOSED" not in getattr(cls, "bl_options", ())] == ["Icy Moon"]
 
 

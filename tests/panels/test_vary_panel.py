@@ -8,6 +8,7 @@ import bpy
 import pytest
 from icymoon.panels import sidebar, vary
 from panel_drawing import Layout, drawn, texts
+from stand_ins import stand_in
 
 
 def operators(record: list) -> set[str]:
@@ -69,16 +70,16 @@ def test_draws_are_asked_for_where_they_are_made(scene):
 
 def test_the_context_menu_offers_settings_only(scene):
     def menu(group, key):
-        stand_in = SimpleNamespace(layout=Layout())
-        vary._draw_context_menu(stand_in, SimpleNamespace(button_prop=group.bl_rna.properties[key],
-                                                          button_pointer=group))
-        return operators(stand_in.layout.record)
+        shown = stand_in(layout=Layout())
+        vary._draw_context_menu(shown, SimpleNamespace(button_prop=group.bl_rna.properties[key],
+                                                       button_pointer=group))
+        return operators(shown.layout.record)
     assert menu(scene.icymoon.light, "sun_elevation_deg") == {"icymoon.vary"}
     assert menu(scene.icymoon.sensor, "bits") == {"icymoon.vary"}  # grey, with the reason
     assert menu(scene.render, "resolution_x") == menu(scene.icymoon, "live") == set()
 
 
 def test_the_dialog_draws_what_the_setting_has(scene):
-    stand_in = SimpleNamespace(layout=Layout(), setting="light.planet")
-    vary.vary.ICYMOON_OT_vary.draw(stand_in, bpy.context)
-    assert "Off and on" in texts(stand_in.layout.record)
+    dialog = stand_in(layout=Layout(), setting="light.planet")
+    vary.vary.ICYMOON_OT_vary.draw(dialog, bpy.context)
+    assert "Off and on" in texts(dialog.layout.record)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import bpy
 import numpy as np
 import pytest
@@ -13,7 +15,7 @@ from mathutils import Vector
 from rendering import empty_scene
 
 #: Values that change an image, by whose they are: all that a scene can be left with by its user or by a template.
-HARMFUL = {
+HARMFUL: dict[str, dict[str, Any]] = {
     "cycles": {"sample_clamp_direct": 5.0, "sample_clamp_indirect": 5.0, "light_sampling_threshold": 0.5,
                "use_light_tree": True, "use_adaptive_sampling": True, "adaptive_threshold": 0.5,
                "adaptive_min_samples": 1, "time_limit": 0.1, "use_denoising": True, "samples": 3, "seed": 77,

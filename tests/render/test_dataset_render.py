@@ -17,6 +17,7 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
 import pytest
 from icymoon.nodes.datablocks.fingerprint import parts
@@ -31,7 +32,7 @@ from marks import heavy_but
 from plans import grid, planned
 
 #: Descriptions that differ in each kind of setting, and whether one may be made out of the first.
-CHANGES = {
+CHANGES: dict[str, tuple[dict[str, Any], bool]] = {
     "camera": ({"rig": {"heading_deg": 33.0, "pitch_deg": 20.0}}, True),
     "site": ({"rig": {"x_m": -3.0, "y_m": 2.0, "height_m": 2.0}}, True),
     "sun": ({"light": {"sun_azimuth_deg": 10.0, "sun_elevation_deg": 33.0}}, True),

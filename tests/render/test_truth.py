@@ -75,8 +75,8 @@ def test_true_disparity_is_what_a_matcher_finds_and_the_right_image_warps_onto_t
         "light": {"sun_elevation_deg": 60.0}, "rig": {"width_px": 640, "height_px": 480}})
     left, right = (read_view(pair.image(eye)) for eye in ("left", "right"))
     disparity = pair.camera.disparity(left.depth)
-    grey = [np.clip(v.radiance.mean(axis=2) / 4.0 * 255, 0, 255).astype(np.uint8) for v in (left, right)]
-    found, valid, _ = match("sgbm", *grey, {})
+    grey, other = (np.clip(v.radiance.mean(axis=2) / 4.0 * 255, 0, 255).astype(np.uint8) for v in (left, right))
+    found, valid, _ = match("sgbm", grey, other, {})
     visible = visible_in_right(left.depth, right.depth, pair.camera)
     both = valid & visible
     assert both.mean() > 0.5

@@ -12,12 +12,13 @@ from hypothesis import given
 from icymoon.errors import IcyMoonError
 from icymoon.settings import description as settings
 from icymoon.settings import pair_ids
-from icymoon.settings.table import TOPICS, all_settings
+from icymoon.settings.table import TOPICS, Value, all_settings
 from olddata import upgrade_all
 
 
 def test_the_digest_counts_what_changes_pixels_and_nothing_else():
     base = settings.defaults()
+    other: Value
     for topic, setting in all_settings():
         if setting.kind == "bool":
             other = not setting.default

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from hypothesis import strategies as st
-from icymoon.settings.table import TOPICS
+from icymoon.settings.table import TOPICS, Setting
 
 
-def _values(setting):
+def _values(setting: Setting) -> st.SearchStrategy[Any]:
     if setting.kind == "bool":
         return st.booleans()
     if setting.kind == "choice":

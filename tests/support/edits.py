@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import bpy
@@ -13,7 +14,7 @@ from icymoon.nodes.datablocks import fingerprint
 from rendering import complete, empty_scene
 
 Undo = Callable[[], Any]
-TINY = {"terrain": {"resolution": 9}, "rocks": {"coverage": 0.02, "smallest_m": 0.5, "most": 5},
+TINY: dict[str, Any] = {"terrain": {"resolution": 9}, "rocks": {"coverage": 0.02, "smallest_m": 0.5, "most": 5},
         "light": {"planet": True, "planet_elevation_deg": 40.0}}
 
 
@@ -28,7 +29,9 @@ def swap(struct: Any, name: str, value: Any) -> Undo:
 
 def put_in(name: str, data: Any) -> bpy.types.Object:
     item = bpy.data.objects.new(name, data)
-    scenes.find_collection(bpy.context.scene).objects.link(item)
+    collection = scenes.find_collection(bpy.context.scene)
+    assert collection is not None
+    collection.objects.link(item)
     return item
 
 
@@ -124,12 +127,14 @@ def populate() -> None:
 
 
 @pytest.fixture(scope="module")
-def built(registered) -> Iterator[scenes.Built]:
+def built(registered: None) -> scenes.Built:
     scene = empty_scene()
     scenes.build(scene, complete(TINY))
     populate()
     bpy.context.view_layer.update()
-    return scenes.find(scene)
+    found = scenes.find(scene)
+    assert found is not None
+    return found
 
 
 def the(name: str) -> Any:
@@ -140,48 +145,48 @@ def node(name: str) -> Any:
     return bpy.data.materials["Paint"].node_tree.nodes[name]
 
 
-def added_lamp(built):
+def added_lamp(built: scenes.Built) -> Undo:
     item = put_in("New Lamp", bpy.data.lights.new("New Lamp", "POINT"))
     return removal(item, item.data)
 
 
-def added_empty(built):
+def added_empty(built: scenes.Built) -> Undo:
     return removal(put_in("New Empty", None))
 
 
-def linked_duplicate(built):
+def linked_duplicate(built: scenes.Built) -> Undo:
     item = built.terrain.copy()
     built.collection.objects.link(item)
     return removal(item)
 
 
-def removed_rocks(built):
+def removed_rocks(built: scenes.Built) -> Undo:
     rocks = next(c for c in built.collection.children)
     item = rocks.objects[0]
     rocks.objects.unlink(item)
     return lambda: rocks.objects.link(item)
 
 
-def ramp_element(built):
+def ramp_element(built: scenes.Built) -> Undo:
     elements = node("ValToRGB").color_ramp.elements
     element = elements.new(0.5)
     return lambda: elements.remove(element)
 
 
-def curve_point(built):
+def curve_point(built: scenes.Built) -> Undo:
     return swap(node("RGBCurve").mapping.curves[3].points[0], "location", (0.0, 0.3))
 
 
-def image_of_node(built):
+def image_of_node(built: scenes.Built) -> Undo:
     other = packed_image("Other", 0.25)
     back = swap(node("TexImage"), "image", other)
     return lambda: (back(), bpy.data.images.remove(other))
 
 
-def packed_pixels(built):
+def packed_pixels(built: scenes.Built) -> Undo:
     image = bpy.data.images["Decal"]
 
-    def fill(grey):
+    def fill(grey: float) -> None:
         image.pixels.foreach_set(np.full(64, grey, np.float32))
         image.pack()
 
@@ -189,88 +194,94 @@ def packed_pixels(built):
     return lambda: fill(0.5)
 
 
-def muted_link(built):
+def muted_link(built: scenes.Built) -> Undo:
     return swap(node("RGBCurve").inputs["Color"].links[0], "is_muted", True)
 
 
-def removed_link(built):
+def removed_link(built: scenes.Built) -> Undo:
     tree = node("RGB").id_data
     tree.links.remove(node("RGBCurve").inputs["Color"].links[0])
     return lambda: tree.links.new(node("RGB").outputs[0], node("RGBCurve").inputs["Color"])
 
 
-def edited_script(built):
+def edited_script(built: scenes.Built) -> Undo:
     text = bpy.data.texts["Shader"]
     text.write("// more")
 
-    def back():
+    def back() -> None:
         text.clear()
         text.write("shader a() {}")
 
     return back
 
 
-def moved_vertex(built):
+def moved_vertex(built: scenes.Built) -> Undo:
     return swap(lambda: built.terrain.data.vertices[7], "co", (9.0, 9.0, 9.0))
 
 
-def loose_edge(built):
+def _use_mesh(item: bpy.types.Object, mesh: bpy.types.Mesh) -> None:
+    """Give an object a mesh, and remove the one that it has."""
+    other, item.data = item.data, mesh
+    bpy.data.meshes.remove(other)
+
+
+def loose_edge(built: scenes.Built) -> Undo:
     """In a mesh that stands in for the lander's, since no edge can be removed by itself."""
     mesh = the("Lander").data
     copy = mesh.copy()
     copy.edges.add(1)
     copy.edges[-1].vertices = 0, 7
     the("Lander").data = copy
-    return lambda: (setattr(the("Lander"), "data", mesh), bpy.data.meshes.remove(copy))
+    return partial(_use_mesh, the("Lander"), mesh)
 
 
-def turned_faces(built):
+def turned_faces(built: scenes.Built) -> Undo:
     mesh = built.terrain.data
     mesh.flip_normals()
     return lambda: mesh.flip_normals()
 
 
-def face_material(built):
+def face_material(built: scenes.Built) -> Undo:
     return swap(lambda: the("Lander").data.polygons[2], "material_index", 1)
 
 
-def flat_face(built):
+def flat_face(built: scenes.Built) -> Undo:
     return swap(lambda: built.terrain.data.polygons[3], "use_smooth", False)
 
 
-def sharp_edge(built):
+def sharp_edge(built: scenes.Built) -> Undo:
     return swap(lambda: built.terrain.data.edges[3], "use_edge_sharp", True)
 
 
-def custom_normals(built):
+def custom_normals(built: scenes.Built) -> Undo:
     mesh = built.terrain.data
     copy = mesh.copy()
     copy.normals_split_custom_set([(1.0, 0.0, 0.0)] * len(mesh.loops))
     built.terrain.data = copy
-    return lambda: (setattr(built.terrain, "data", mesh), bpy.data.meshes.remove(copy))
+    return partial(_use_mesh, built.terrain, mesh)
 
 
-def colour_attribute(built):
+def colour_attribute(built: scenes.Built) -> Undo:
     return swap(lambda: the("Lander").data.color_attributes["Paint"].data[3], "color", (1.0, 0.0, 0.0, 1.0))
 
 
-def attribute_of_the_ground(built):
+def attribute_of_the_ground(built: scenes.Built) -> Undo:
     mesh = built.terrain.data
     mesh.attributes.new("mine", "FLOAT", "FACE")
     return lambda: mesh.attributes.remove(mesh.attributes["mine"])
 
 
-def keyed_shape(built):
+def keyed_shape(built: scenes.Built) -> Undo:
     return swap(lambda: the("Lander").data.shape_keys.key_blocks["Bent"].data[0], "co", (5.0, 5.0, 5.0))
 
 
-def weight(built):
+def weight(built: scenes.Built) -> Undo:
     group = the("Lander").vertex_groups["Legs"]
     group.add([0], 1.0, "REPLACE")
     return lambda: group.add([0], 0.5, "REPLACE")
 
 
-def input_of_nodes(built):
+def input_of_nodes(built: scenes.Built) -> Undo:
     modifier = the("Lander").modifiers["Geometry"]
     name = modifier.node_group.interface.items_tree["Amount"].identifier
     if hasattr(modifier, "properties"):  # from 5.2 on
@@ -279,38 +290,43 @@ def input_of_nodes(built):
     return lambda: modifier.__setitem__(name, 0.0)
 
 
-def modifier_on_the_ground(built):
+def modifier_on_the_ground(built: scenes.Built) -> Undo:
     modifier = built.terrain.modifiers.new("Wave", "SIMPLE_DEFORM")
     return lambda: built.terrain.modifiers.remove(modifier)
 
 
-def constraint_on_the_sun(built):
+def constraint_on_the_sun(built: scenes.Built) -> Undo:
     constraint = built.sun.constraints.new("COPY_ROTATION")
     constraint.target = the("Base")
     return lambda: built.sun.constraints.remove(constraint)
 
 
-def parented_sun(built):
+def parented_sun(built: scenes.Built) -> Undo:
     return swap(built.sun, "parent", the("Base"))
 
 
-def linked_light(built):
+def linked_light(built: scenes.Built) -> Undo:
     collection = bpy.data.collections.new("Lit")
     collection.objects.link(the("Lander"))
     back = swap(the("Lamp POINT").light_linking, "receiver_collection", collection)
     return lambda: (back(), bpy.data.collections.remove(collection))
 
 
-def driven(built):
+def driven(built: scenes.Built) -> Undo:
     curve = the("Lamp POINT").driver_add("location", 0)
     curve.driver.expression = "2 + 3"
-    return lambda: (the("Lamp POINT").animation_data_clear(), setattr(the("Lamp POINT"), "location", (0, 0, 0)))
+
+    def back() -> None:
+        the("Lamp POINT").animation_data_clear()
+        the("Lamp POINT").location = 0, 0, 0
+
+    return back
 
 
-def keyed(built):
+def keyed(built: scenes.Built) -> Undo:
     the("Lamp POINT").keyframe_insert("location", frame=1)
 
-    def back():
+    def back() -> None:
         action = the("Lamp POINT").animation_data.action
         the("Lamp POINT").animation_data_clear()
         bpy.data.actions.remove(action)
@@ -318,46 +334,46 @@ def keyed(built):
     return back
 
 
-def material_of_the_ground(built):
+def material_of_the_ground(built: scenes.Built) -> Undo:
     return swap(built.terrain.material_slots[0], "material", bpy.data.materials["Paint"])
 
 
-def material_of_an_object(built):
+def material_of_an_object(built: scenes.Built) -> Undo:
     slot = built.terrain.material_slots[0]
     slot.link = "OBJECT"
     slot.material = bpy.data.materials["Paint"]
 
-    def back():
+    def back() -> None:
         slot.material = None
         slot.link = "DATA"
 
     return back
 
 
-def renamed_shape(built):
+def renamed_shape(built: scenes.Built) -> Undo:
     """Geometry nodes pick from a collection by the order of names."""
     return swap(the("Shape A"), "name", "Shape C")
 
 
-def random_by_name(built):
+def random_by_name(built: scenes.Built) -> Undo:
     tree = node("RGB").id_data
     link = tree.links.new(node("ObjectInfo").outputs["Random"], node("RGBCurve").inputs["Fac"])
     before = built.extra
     the("Lander").name = "Rover"
     assert built.extra != before
 
-    def back():
+    def back() -> None:
         bpy.data.objects["Rover"].name = "Lander"
         tree.links.remove(link)
 
     return back
 
 
-def hidden_collection(built):
+def hidden_collection(built: scenes.Built) -> Undo:
     return swap(built.collection.children[0], "hide_render", True)
 
 
-def surface_of_a_rock(built):
+def surface_of_a_rock(built: scenes.Built) -> Undo:
     rock = next(item for item in built.collection.all_objects if item.get(fingerprint.TAG) == "rock")
     shape = next(iter(fingerprint.instanced_objects(rock)))
     return swap(lambda: shape.data.vertices[0], "co", (7.0, 0.0, 0.0))

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import bpy
 from icymoon import scene_properties
@@ -13,7 +15,7 @@ PAIR = "0123456789ab"
 ROW = {"method": "bm", "l1_m": 0.123, "l1_rate_10": 0.5, "si_rmse": None, "dod": 0.25, "coverage": 0.75}
 
 
-def write_evaluation(folder: Path, *rows: dict, shown: list[dict] = (),
+def write_evaluation(folder: Path, *rows: dict, shown: Sequence[dict] = (),
                      created: str = "2038-06-01T12:34:56+00:00") -> None:
     """Write what the window reads of an evaluation."""
     folder.mkdir(exist_ok=True)
@@ -22,7 +24,7 @@ def write_evaluation(folder: Path, *rows: dict, shown: list[dict] = (),
         "summary": rows or [ROW], "shown": list(shown), "provenance": {"created": created, "response_overrides": {}}}))
 
 
-def evaluated(scene: bpy.types.Scene, dataset: Path, *rows: dict, scope: str = "SCENE", **facts) -> None:
+def evaluated(scene: bpy.types.Scene, dataset: Path, *rows: dict, scope: str = "SCENE", **facts: Any) -> None:
     """A scene whose pair of this data set was evaluated."""
     scene.icymoon.dataset.folder = str(dataset)
     settings = scene_properties.read_settings(scene.icymoon)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -22,14 +22,12 @@ from icymoon.stereo.evaluate import evaluate
 from icymoon.stereo.images.exr import Light, View
 from icymoon.stereo.images.views import read_eye
 from icymoon.stereo.matchers.methods import parse_methods
-from icymoon.typed_settings import HapkeSettings, Settings, SurfaceSettings
+from icymoon.typed_settings import HapkeSettings, Parts, Settings, SurfaceSettings
 from mathutils import Vector
 from rendering import empty_scene
 
-Parts = Mapping[str, Mapping[str, Any]]
-
 #: What only costs time, kept small; tests of their own have these at their limits.
-CHEAP = {"terrain": {"resolution": 33}, "mesh": {"most": 2000}, "rocks": {"most": 40}, "craters": {"most": 500},
+CHEAP: Parts = {"terrain": {"resolution": 33}, "mesh": {"most": 2000}, "rocks": {"most": 40}, "craters": {"most": 500},
          "light": {"stars_faintest_mag": 3.0}, "rig": {"width_px": 16, "height_px": 16, "overscan": 0.1},
          "sensor": {"brackets": 2}, "quality": {"samples": 1, "threads": 2, "device": "CPU"}}
 #: Topics that are no numbers about a scene: files, and where results go.
@@ -183,7 +181,7 @@ def _surface(view: View) -> np.ndarray:
 
 
 def _of_truth(view: View) -> Iterator[str]:
-    if view.semantic is None:
+    if view.semantic is None or view.instance is None or view.normal is None:
         return  # depth is all there is
     surface, depth = _surface(view), np.isfinite(view.depth)
     if (surface & ~depth).any():
@@ -200,6 +198,7 @@ def _of_truth(view: View) -> Iterator[str]:
 def rays(pair: Pair, eye: str) -> tuple[np.ndarray, np.ndarray]:
     """Position (3,) of an eye of the parallel rig, and the vectors (H, W, 3) of a planar depth of 1 m through its
     pixels' centres, world axes."""
+    assert pair.rectified_poses is not None
     pose, camera = np.array(pair.rectified_poses[eye]), pair.camera
     x = (np.arange(camera.width_px) + 0.5 - camera.cx_px) / camera.focal_px
     y = (np.arange(camera.height_px) + 0.5 - camera.cy_px) / camera.focal_px

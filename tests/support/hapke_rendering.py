@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import partial
+from pathlib import Path
+from typing import Any
 
 import bpy
 import numpy as np
@@ -15,13 +18,15 @@ from icymoon.render.worker import render_pairs
 from icymoon.stereo.images.exr import read_view
 from rendering import complete, empty_scene
 
+#: A law of reflection: from incidence, emission and azimuth, in radians.
+Law = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 FLAT = {"rms_slope_deg": 0.0, "multifractality": 0.0, "resolution": 129, "size_m": 60.0}
 BARE = {"model": "HAPKE", "grain_amplitude_m": 0.0, "albedo_variation": 0.0}
 POINT = {"sun_angular_diameter_deg": 0.0, "sun_irradiance_wm2": 50.26}
 ONE = {"samples": 1, "diffuse_bounces": 0, "threads": 2}  # the first sample is taken at the pixel's centre
 
 
-def slow(*values):
+def slow(*values: object) -> list[Any]:
     return [pytest.param(value, marks=pytest.mark.slow) for value in values]
 #: Relative error that facets may have: single precision in about a hundred operations, which partly cancel near the
 #: horizon. Blender 5.2 keeps the normals of smooth meshes in 16 bits an axis, 2.2e-5 rad off at most, which the law
@@ -30,7 +35,8 @@ FACETS = 1e-5
 SMOOTH = FACETS + (5 * 2.2e-5 if bpy.app.version >= (5, 2, 0) else 0.0)
 
 
-def picture(tmp_path, *parts, change=None) -> tuple[Pair, scenes.Built]:
+def picture(tmp_path: Path, *parts: dict,
+            change: Callable[[scenes.Built], object] | None = None) -> tuple[Pair, scenes.Built]:
     """Build, let ``change`` touch what was built, render one pair."""
     settings = complete({"terrain": FLAT, "surface": BARE, "light": POINT, "quality": ONE,
                          "rig": {"width_px": 128, "height_px": 96}}, *parts)
@@ -64,9 +70,10 @@ def angles(normal: np.ndarray, sun: np.ndarray, eye: np.ndarray) -> tuple[np.nda
     return i, e, psi
 
 
-def expected(pair: Pair, law=None) -> np.ndarray:
+def expected(pair: Pair, law: Law | None = None) -> np.ndarray:
     """Radiance (H, W) of what the left eye sees, lit by the Sun alone."""
     view, light = read_view(pair.image("left")), pair.data["light"]["sun"]
+    assert view.normal is not None
     normal = view.normal.astype(float)
     length = np.linalg.norm(normal, axis=-1, keepdims=True)
     law = law or partial(bidirectional_reflectance, parameters=from_settings(pair.settings.hapke))

@@ -19,7 +19,8 @@ def rows() -> list[dict[str, str]]:
 
 def angles(row: dict[str, str]) -> tuple[float, float, float]:
     """Incidence, emission and azimuth of a row in radians."""
-    return tuple(float(np.radians(float(row[key]))) for key in ("i_deg", "e_deg", "psi_deg"))
+    incidence, emission, azimuth = (float(np.radians(float(row[key]))) for key in ("i_deg", "e_deg", "psi_deg"))
+    return incidence, emission, azimuth
 
 
 def parameters(row: dict[str, str]) -> HapkeParameters:

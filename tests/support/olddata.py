@@ -6,6 +6,7 @@ import shutil
 from dataclasses import replace
 from pathlib import Path
 
+import pytest
 from icymoon.settings import pair_ids
 from icymoon.settings.table import TOPICS, Setting
 
@@ -19,7 +20,7 @@ def copied(name: str, to: Path) -> Path:
     return to / "dataset"
 
 
-def upgrade(monkeypatch, topic: str, *settings: Setting, before: object = None) -> None:
+def upgrade(monkeypatch: pytest.MonkeyPatch, topic: str, *settings: Setting, before: object = None) -> None:
     """Have a version with more settings in a topic, which stand first, the others in reversed order."""
     for setting in settings:
         monkeypatch.setitem(pair_ids.SCHEMA["later"], f"{topic}.{setting.key}",
@@ -27,7 +28,7 @@ def upgrade(monkeypatch, topic: str, *settings: Setting, before: object = None) 
     monkeypatch.setitem(TOPICS, topic, replace(TOPICS[topic], settings=(*settings, *TOPICS[topic].settings[::-1])))
 
 
-def upgrade_entries(monkeypatch, topic: str, key: str, part: Setting, before: object) -> None:
+def upgrade_entries(monkeypatch: pytest.MonkeyPatch, topic: str, key: str, part: Setting, before: object) -> None:
     """Have a version whose tables of a list have one setting more."""
     monkeypatch.setitem(pair_ids.SCHEMA["later"], f"{topic}.{key}.{part.key}", before)
     lists = replace(TOPICS[topic][key], entries=(part, *TOPICS[topic][key].entries))
@@ -35,7 +36,7 @@ def upgrade_entries(monkeypatch, topic: str, key: str, part: Setting, before: ob
         lists if setting.key == key else setting for setting in TOPICS[topic].settings)))
 
 
-def upgrade_all(monkeypatch) -> None:
+def upgrade_all(monkeypatch: pytest.MonkeyPatch) -> None:
     """Have a version with more settings of several kinds, some of which do something else by default than before."""
     upgrade(monkeypatch, "quality", Setting("extra_pass", "Extra Pass", True, "Some pass more", "sampling"),
             before=False)

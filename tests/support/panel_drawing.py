@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from types import SimpleNamespace
+from typing import Any
 
 import bpy
 
@@ -11,6 +13,7 @@ class Layout:
     """Stands in for ``UILayout``: takes everything that one does, and refuses what Blender has not."""
 
     real = bpy.types.UILayout.bl_rna
+    record: list
 
     def __init__(self, record: list | None = None) -> None:
         self.__dict__["record"] = [] if record is None else record
@@ -18,10 +21,10 @@ class Layout:
     def __setattr__(self, name: str, value: object) -> None:
         assert name in self.real.properties, f"a layout has no {name}"
 
-    def __getattr__(self, name: str) -> object:
+    def __getattr__(self, name: str) -> Callable[..., Layout]:
         assert name in self.real.functions, f"a layout has no {name}"
 
-        def call(*arguments: object, **options: object) -> object:
+        def call(*arguments: object, **options: object) -> Layout:
             known = self.real.functions[name].parameters
             assert set(options) <= set(known.keys()), f"{name} does not take {set(options) - set(known.keys())}"
             self.check_icon(options.get("icon", "NONE"))
@@ -32,7 +35,7 @@ class Layout:
     def check_icon(self, icon: object) -> None:
         assert icon in self.real.functions["label"].parameters["icon"].enum_items, f"there is no icon {icon}"
 
-    def prop(self, data: object, key: str, **options: object) -> None:
+    def prop(self, data: bpy.types.bpy_struct, key: str, **options: object) -> None:
         assert key in data.bl_rna.properties, f"{data} has no {key}"
         self.record.append(("prop", data.path_from_id(key) if data.id_data else key, options))
 
@@ -44,7 +47,8 @@ class Layout:
         self.record.append(("operator", name, text))
         return _Settable(rna)
 
-    def template_list(self, kind: str, _: str, data: object, key: str, active: object, active_key: str,
+    def template_list(self, kind: str, _: str, data: bpy.types.bpy_struct, key: str,
+                      active: bpy.types.bpy_struct, active_key: str,
                       **options: object) -> None:
         assert active_key in active.bl_rna.properties, f"{active} has no {active_key}"
         self.prop(data, key)
@@ -60,7 +64,9 @@ class Layout:
 class _Settable:
     """Stands in for the properties of an operator on a button."""
 
-    def __init__(self, rna: object) -> None:
+    rna: bpy.types.Struct
+
+    def __init__(self, rna: bpy.types.Struct) -> None:
         self.__dict__["rna"] = rna
 
     def __setattr__(self, name: str, value: object) -> None:
@@ -69,7 +75,7 @@ class _Settable:
             assert value in prop.enum_items, f"{self.rna.identifier}.{name} cannot be {value!r}"
 
 
-def drawn(cls: type) -> list:
+def drawn(cls: Any) -> list:
     """What a panel or menu draws now; nothing where its poll says so."""
     if not getattr(cls, "poll", lambda context: True)(bpy.context):
         return []

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from icymoon.physics.camera.blur import blur_identity
 from icymoon.render.plans.planned_pair import PlannedPair
 from icymoon.settings import description
 
-TINY = {"terrain": {"resolution": 33}, "mesh": {"kind": "GRID"}, "rig": {"width_px": 32, "height_px": 24},
-        "quality": {"samples": 2, "threads": 1}}
+TINY: dict[str, Any] = {"terrain": {"resolution": 33}, "mesh": {"kind": "GRID"},
+                        "rig": {"width_px": 32, "height_px": 24},
+                        "quality": {"samples": 2, "threads": 1}}
 
 
 def planned(*parts: dict) -> PlannedPair:

@@ -12,9 +12,9 @@ from icymoon.render.pairs.pair_folder import Pair, read_pair
 from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.render.worker import render_pairs
 from icymoon.settings import description
-from icymoon.typed_settings import Settings
+from icymoon.typed_settings import Parts, Settings
 
-SMALL = {"terrain": {"resolution": 65}, "mesh": {"kind": "GRID"}, "quality": {"samples": 2, "threads": 2},
+SMALL: Parts = {"terrain": {"resolution": 65}, "mesh": {"kind": "GRID"}, "quality": {"samples": 2, "threads": 2},
          "rig": {"width_px": 96, "height_px": 72}}
 
 

@@ -24,17 +24,18 @@ from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.render.worker import render_pairs
 from icymoon.settings import description, preset_files
 from icymoon.stereo.images.exr import read_view
+from icymoon.typed_settings import Parts
 from rendering import empty_scene
 
 TABLE = Path(__file__).with_name("stability.json")
 #: Renders of the table, each with other light paths.
 REPEATS = 8
-SIZE = {"mesh": {"most": 20_000}, "quality": {"samples": 32, "denoiser": "NONE", "threads": 2},
+SIZE: Parts = {"mesh": {"most": 20_000}, "quality": {"samples": 32, "denoiser": "NONE", "threads": 2},
         "rig": {"width_px": 64, "height_px": 48, "overscan": 0.0}}
 _NIGHT = {"sun_elevation_deg": -20.0, "sun_azimuth_deg": 30.0, "planet": True, "planet_elevation_deg": 40.0,
           "planet_azimuth_deg": 200.0}
 #: A scene preset and what is changed in it.
-SCENES = {"snow": ("enceladus_fresh_snow", {"quality": {"walk_px": 0.0}}),
+SCENES: dict[str, tuple[str, Parts]] = {"snow": ("enceladus_fresh_snow", {"quality": {"walk_px": 0.0}}),
           "hapke of OSL": ("europa_ridged_plain_hapke", {"hapke": {"backend": "OSL"}}),
           "hapke of nodes": ("europa_ridged_plain_hapke", {"hapke": {"backend": "NODES"}}),
           "planetshine": ("enceladus_block_field", {"surface": {"model": "LAMBERT"}, "light": _NIGHT})}

@@ -6,6 +6,7 @@ import json
 import stat
 import sys
 from pathlib import Path
+from typing import Any
 
 from icymoon.render.workers.claims import CLAIMS_FOLDER
 from icymoon.render.workers.runner import Runner, WorkerOptions
@@ -30,11 +31,11 @@ class Stand:
         """What goes wrong, by pair."""
         (self.folder / "behave.json").write_text(json.dumps(how))
 
-    def runner(self, workers: int = 2, **options) -> Runner:
+    def runner(self, workers: int = 2, **options: Any) -> Runner:
         return Runner(self.dataset, PAIRS, WorkerOptions(workers, 1, str(self.blender), **options),
                       lambda kind, **facts: self.said.append({"type": kind, **facts}))
 
-    def run(self, **options) -> dict[str, str]:
+    def run(self, **options: Any) -> dict[str, str]:
         return self.runner(**options).run()
 
     @property

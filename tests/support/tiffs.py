@@ -31,15 +31,16 @@ def write_tiff(path: Path, values: np.ndarray, *, order: str = "<", deflate: boo
     packed = [_predicted(block, predictor) for block in blocks]
     packed = [zlib.compress(block) if deflate else block for block in packed]
     kind = {"u": 1, "i": 2, "f": 3}[values.dtype.kind]
-    shorts = {258: (values.dtype.itemsize * 8,), 259: (8 if deflate else 1,), 262: (1,), 277: (1,), 339: (kind,),
-              317: (predictor,)}
+    shorts: dict[int, tuple[int, ...]] = {258: (values.dtype.itemsize * 8,), 259: (8 if deflate else 1,), 262: (1,),
+                                          277: (1,), 339: (kind,), 317: (predictor,)}
     longs = {256: (columns,), 257: (rows,), **({322: (tile,), 323: (tile,)} if tile else {278: (strip,)})}
-    doubles = {}
+    doubles: dict[int, tuple[float, ...]] = {}
     if pixel:
         doubles = {34264: matrix} if matrix else {33550: (*pixel, scale_z), 33922: tie}
         stated = {1024: 2 if geographic else 1, 1025: 2 if point else 1, **({3076: 9001} if keys is None else keys)}
         shorts[34735] = (1, 1, 0, len(stated), *(n for key in sorted(stated) for n in (key, 0, 1, stated[key])))
-    tags = {t: ("H", 3, v) for t, v in shorts.items()} | {t: ("I", 4, v) for t, v in longs.items()}
+    tags: dict[int, tuple[str, int, tuple[float, ...]]] = {t: ("H", 3, v) for t, v in shorts.items()}
+    tags |= {t: ("I", 4, v) for t, v in longs.items()}
     tags |= {t: ("d", 12, v) for t, v in doubles.items()}
     tags |= {t: ("H", 3, v) for t, v in (extra or {}).items()}
     if nodata:

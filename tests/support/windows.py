@@ -401,7 +401,9 @@ class Windows:
             else:
                 raise ValueError(f"Unsupported signal: {number}")
 
-        return {"__init__": start, "kill": end, "terminate": end, "send_signal": send}[name]
+        methods: dict[str, Callable[..., Any]] = {"__init__": start, "kill": end, "terminate": end,
+                                                  "send_signal": send}
+        return methods[name]
 
     def environment(self, given: Any) -> dict[str, str]:
         """What a process inherits, so that a Python lives under the layer too."""

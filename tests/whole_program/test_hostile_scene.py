@@ -10,6 +10,7 @@ import bpy
 import pytest
 from icymoon import preferences, scene_properties
 from icymoon.operators import dataset
+from stand_ins import stand_in
 
 ICYMOON = bpy.ops.icymoon
 BUTTONS = {"evaluate": lambda: ICYMOON.evaluate(scope="SCENE"),
@@ -82,7 +83,7 @@ def test_one_s_own_matcher_is_set_up_in_the_preferences_and_named_by_scenes(matc
     monkeypatch.setattr(dataset.Detached, "start", lambda command, *_: commands.append(command) or SimpleNamespace(
         facts={"started": 0.0}))
     kind = dataset.ICYMOON_OT_render_dataset
-    kind.start(SimpleNamespace(_job_of=lambda *_: None), SimpleNamespace(scene=scene))
+    kind.start(stand_in(_job_of=lambda *_: None), SimpleNamespace(scene=scene))
     words = commands[0][commands[0].index("--evaluate") + 1:]
     assert words[:7] == ["bm,own:mine:timeout_s=5", "--own", "mine:external:command=run, me {left} {right} {out}",
                          "--own", "mine:external:format=pfm", "--own", "mine:external:timeout_s=60"]

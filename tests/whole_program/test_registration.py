@@ -117,6 +117,7 @@ def test_blender_has_each_setting_as_the_table_says(registered, topic: str, sett
     if setting.kind == "choice":
         assert [(i.identifier, i.name, i.description) for i in prop.enum_items] == list(setting.choices)
     if setting.kind in ("int", "float"):
+        assert isinstance(setting.default, (int, float))
         low, high = setting.soft or (setting.minimum, setting.maximum)
         assert prop.hard_min == pytest.approx(setting.minimum, rel=1e-6)
         assert prop.hard_max == pytest.approx(setting.maximum, rel=1e-6)

@@ -9,6 +9,7 @@ import struct
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import bpy
 import numpy as np
@@ -34,7 +35,7 @@ from tiffs import write_tiff
 
 def hill(n: int = 9) -> tuple[np.ndarray, np.ndarray]:
     """A bumpy, lopsided sheet, 8 m x 4 m, z up: vertices (n², 3) and quadrilaterals."""
-    y, x = np.mgrid[0:1:n * 1j, 0:1:n * 1j]
+    y, x = np.meshgrid(np.linspace(0, 1, n), np.linspace(0, 1, n), indexing="ij")
     z = 0.5 * np.sin(5 * x) + 0.3 * x * y
     positions = np.stack([8 * x + 3, 4 * y - 1, z + 2], axis=-1).reshape(-1, 3)
     k = (np.arange(n - 1)[:, None] * n + np.arange(n - 1)).ravel()
@@ -254,7 +255,7 @@ def bad_inputs(folder: Path) -> dict[str, tuple[Path, dict, str]]:
     np.save(folder / "absurd.npy", np.array([[0.0, 1e29], [1.0, 2.0]]))
     np.save(folder / "lost.npy", np.full((5, 5), 1e300))
     write_tiff(folder / "plain.tif", np.zeros((5, 5), np.float32))
-    cases = {
+    cases: dict[str, tuple[Any, dict, str]] = {
         "absent mesh": ("absent.ply", {}, "cannot be read"), "wrong mesh": ("text.obj", {}, "not a OBJ file"),
         "empty file": ("empty.ply", {}, "is empty"), "torn glb": ("torn.glb", {}, "torn.glb"),
         "point cloud": ("no_faces.obj", {}, "point cloud"), "no mesh": ("nothing.obj", {}, "contains no mesh"),
@@ -327,7 +328,7 @@ def png(values: np.ndarray, colour: int = 0) -> bytes:
 
 def crater(rows: int = 41, columns: int = 61) -> np.ndarray:
     """Heights in metres with a range of about 4 m, north first."""
-    y, x = np.mgrid[1:-1:rows * 1j, -1:1:columns * 1j]
+    y, x = np.meshgrid(np.linspace(1, -1, rows), np.linspace(-1, 1, columns), indexing="ij")
     return 3 * np.hypot(x + 0.2, y) ** 2 - 1.5 * np.exp(-20 * (x**2 + (y - 0.3) ** 2)) + 0.2 * x
 
 

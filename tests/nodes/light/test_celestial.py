@@ -1,6 +1,7 @@
 """Stars and rings as the cameras see them, against their irradiance, the truth and the ground."""
 
 import math
+from typing import Any
 
 import bpy
 import numpy as np
@@ -85,8 +86,10 @@ def test_stars_are_made_for_the_lens_and_cost_nothing_when_off():
     assert not built.several_lights
     assert not [item for item in bpy.data.objects if "Stars" in item.name]
     sizes = []
-    for change in ({"light": {"stars": True}}, {"light": {"stars": True}, "rig": {"focal_length_mm": 64.0}},
-                   {"light": {"stars": True, "stars_faintest_mag": 5.0}}, {"light": {"stars": False}}):
+    changes: tuple[dict[str, Any], ...] = (
+        {"light": {"stars": True}}, {"light": {"stars": True}, "rig": {"focal_length_mm": 64.0}},
+        {"light": {"stars": True, "stars_faintest_mag": 5.0}}, {"light": {"stars": False}})
+    for change in changes:
         preview.show_settings(built, complete({"light": NIGHT}, change), 65)
         built = scenes.find(scene)
         assert not built.edited

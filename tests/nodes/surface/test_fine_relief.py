@@ -58,8 +58,8 @@ def test_direct_light_is_the_same_to_rounding(law, tmp_path, one_seed):
     scene = (BUMPY, {"surface": law | {"specular": 0.0, "grain_amplitude_m": 0.02}},
              {"quality": {"diffuse_bounces": 0, "samples": 4}})
     pairs = [render(tmp_path / name, *scene, choice)[0] for name, choice in (("all", ALL), ("camera", CAMERA))]
-    found, truth = ([read(pair) for pair in pairs] for read in (
-        lambda pair: read_view(pair.image("left")).radiance, lambda pair: read_truth(pair.truth("left"), "left")))
+    found = [read_view(pair.image("left")).radiance for pair in pairs]
+    truth = [read_truth(pair.truth("left"), "left") for pair in pairs]
     assert found[0].max() > 0
     np.testing.assert_allclose(found[1], found[0], rtol=2e-3)  # half floats are 1e-3 apart
     for kind in ("depth", "normal", "semantic"):

@@ -50,15 +50,16 @@ def test_noise_has_the_mean_and_variance_of_poisson_plus_read_noise(mean):
 
 def test_photon_transfer_curve_gives_gain_read_noise_and_full_well_back():
     settings = sensor(bits=16, black_level=0.01, full_well_e=15000.0, read_noise_e=6.0, gain=1.0)
-    levels, mean, variance = np.linspace(0, 20000, 60), [], []
+    levels = np.linspace(0, 20000, 60)
+    means, variances = [], []
     generator = random()
     for level in levels:
         # EMVA 1288 measures temporal noise as half the variance of the difference of two images.
         one, two = (digital_numbers(electrons(np.full(N, level), 1.0, 1.0, settings, generator), settings).astype(float)
                     for _ in "12")
-        mean.append((one.mean() + two.mean()) / 2)
-        variance.append((one - two).var() / 2)
-    mean, variance = np.array(mean), np.array(variance)
+        means.append((one.mean() + two.mean()) / 2)
+        variances.append((one - two).var() / 2)
+    mean, variance = np.array(means), np.array(variances)
     signal = mean - mean[0]
     linear = signal < 0.7 * signal.max()
     # Weighted by what a sample variance is uncertain by, 40 levels of 2e5 pixels give the slope to 0.1 %.
@@ -115,7 +116,7 @@ def test_fixed_patterns_have_their_width_and_stay():
     pattern = draw_pattern(3, "left", shape, settings)
     again, other = draw_pattern(3, "left", shape, settings), draw_pattern(3, "right", shape, settings)
     np.testing.assert_array_equal(pattern.response, again.response)
-    assert abs(np.corrcoef(pattern.response.ravel(), other.response.ravel())[0, 1]) < 5 / np.sqrt(N)
+    assert abs(np.corrcoef(np.ravel(pattern.response), np.ravel(other.response))[0, 1]) < 5 / np.sqrt(N)
     dark, lit = (exposed(np.full(shape, level), settings, pattern=pattern) for level in (0.0, 10000.0))
     assert dark.std() == pytest.approx(7.0, rel=0.02)
     assert (lit - dark).std() == pytest.approx(200.0, rel=0.02)
@@ -236,7 +237,7 @@ def test_no_extreme_of_the_sensor_makes_anything_but_numbers(key, value, light):
     image[3, 3] = np.nan
     seconds = exposure_s(image, rate, settings.sensor)
     charge = electrons(image, seconds, rate, settings.sensor, random(),
-                       draw_pattern(1, "left", image.shape, settings.sensor))
+                       draw_pattern(1, "left", (12, 9), settings.sensor))
     assert np.isfinite(charge).all()
     numbers = digital_numbers(charge, settings.sensor)
     assert numbers.max() <= 2 ** settings.sensor.bits - 1

@@ -110,7 +110,7 @@ def test_what_is_no_number_is_zero_and_said():
     assert np.array_equal(kept[8:], uv[8:])
     assert any("2 of 150 face corners" in sentence for sentence in found)
     assert any("1 of 50 triangles" in sentence for sentence in found)
-    for nothing in (np.full_like(uv, np.nan), np.full_like(uv, 0.5), uv * np.float32([1, 0])):
+    for nothing in (np.full_like(uv, np.nan), np.full_like(uv, 0.5), uv * np.array([1, 0], np.float32)):
         kept, found = texture_coordinates.repair_coordinates(nothing)
         assert kept is None
         assert "no area" in found[0]

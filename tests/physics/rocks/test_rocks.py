@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -50,8 +51,9 @@ def world_vertices(rocks, shapes, i: int) -> np.ndarray:
 
 # Sizes
 
-LAWS = {"POWER": {"law": "POWER", "power_index": 2.5, "smallest_m": 0.1, "largest_m": 2.0, "coverage": 0.1},
-        "GOLOMBEK": {"law": "GOLOMBEK", "smallest_m": 0.1, "largest_m": 2.0, "coverage": 0.1}}
+LAWS: dict[str, dict[str, Any]] = {
+    "POWER": {"law": "POWER", "power_index": 2.5, "smallest_m": 0.1, "largest_m": 2.0, "coverage": 0.1},
+    "GOLOMBEK": {"law": "GOLOMBEK", "smallest_m": 0.1, "largest_m": 2.0, "coverage": 0.1}}
 
 
 def share_above(rocks, d: np.ndarray) -> np.ndarray:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from functools import partial
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,7 +17,8 @@ from icymoon.physics.surfaces import albedos, hapke, photometry
 from icymoon.physics.surfaces.hapke import HapkeParameters, bidirectional_reflectance
 from icymoon.settings import description, preset_files
 
-EUROPA = {"w": 0.964, "b": 0.429, "c": 0.113, "b_s0": 0.5, "h_s": 0.0016, "theta_bar": math.radians(10.0)}
+EUROPA: dict[str, Any] = {
+    "w": 0.964, "b": 0.429, "c": 0.113, "b_s0": 0.5, "h_s": 0.0016, "theta_bar": math.radians(10.0)}
 HALF_PI = math.pi / 2
 
 
@@ -154,11 +156,11 @@ def test_the_phase_function_is_normalised():
 
 
 def test_opposition_effects_have_their_amplitude_and_width():
-    smooth = {"w": 0.3, "b": 0.2, "c": 1.0}
+    smooth: dict[str, Any] = {"w": 0.3, "b": 0.2, "c": 1.0}
     angle = 0.6
     plain, hidden, coherent = (
         bidirectional_reflectance(angle, angle, 0.0, HapkeParameters(**smooth, **extra))
-        for extra in ({}, {"b_s0": 0.7, "h_s": 0.01}, {"b_c0": 0.7, "h_c": 0.01}))
+        for extra in (dict[str, Any](), {"b_s0": 0.7, "h_s": 0.01}, {"b_c0": 0.7, "h_c": 0.01}))
     single = 0.3 / (8 * math.pi) * hapke.phase_function(0.0, 0.2, 1.0)
     assert hidden - plain == pytest.approx(0.7 * single, rel=1e-9)
     assert coherent == pytest.approx(1.7 * plain, rel=1e-9)
@@ -264,7 +266,7 @@ def test_europas_terrains_are_as_bright_beside_each_other_as_stated():
 
     def radiance_factor(name):
         settings = _preset(f"europa_{name}")
-        return math.pi * float(albedos.law_of(settings["surface"], settings["hapke"])(0.0, five, 0.0))
+        return math.pi * float(albedos.law_of(settings["surface"], settings["hapke"])(*np.array([0.0, five, 0.0])))
 
     plains, ridges, bands, dark = (radiance_factor(n) for n in ("bright_plains", "ridges", "bands", "dark_lineae"))
     assert dark == pytest.approx(0.17, abs=0.001)
@@ -278,5 +280,6 @@ def test_the_laws_of_settings():
         surface = settings.surface | {"model": model, "albedo": 0.4}
         assert albedos.albedos(surface, settings.hapke).bond == pytest.approx(0.4)
         law_here, plain = albedos.law_of(surface, settings.hapke), photometry.lunar_lambert(0.4, share)
-        assert float(law_here(0.3, 1.2, 0.5)) == pytest.approx(float(plain(0.3, 1.2, 0.5)))
+        angles_here = np.array([[0.3], [1.2], [0.5]])
+        assert law_here(*angles_here) == pytest.approx(plain(*angles_here))
     assert albedos.albedos(settings.surface | {"model": "PRINCIPLED"}, settings.hapke) is None

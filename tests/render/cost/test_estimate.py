@@ -11,8 +11,9 @@ from icymoon.render.cost import estimate
 from icymoon.render.pairs.pair_folder import StereoCamera
 from icymoon.render.plans.planned_pair import PlannedPair, expand_headings
 from icymoon.settings import description
+from icymoon.typed_settings import Parts
 
-SMALL = {"terrain": {"resolution": 129}, "mesh": {"kind": "GRID"}, "rig": {"width_px": 64, "height_px": 48}}
+SMALL: Parts = {"terrain": {"resolution": 129}, "mesh": {"kind": "GRID"}, "rig": {"width_px": 64, "height_px": 48}}
 
 
 def described(*changes):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from types import SimpleNamespace
+from typing import Any
 
 import pytest
 from icymoon.render.cost.abilities import Abilities
@@ -11,6 +11,7 @@ from icymoon.render.cost.estimate import spread_before, work_of
 from icymoon.render.cost.quality_presets import QualityPreset, list_qualities, pair_seconds
 from icymoon.settings.description import defaults, merged
 from icymoon.settings.preset_files import load_preset, preset_header, preset_names
+from stand_ins import stand_in
 
 ERRORS = {"sgbm_px": 0.0314, "radiance_rms": 0.4567}
 
@@ -23,8 +24,9 @@ def test_a_cost_is_a_range_that_holds_19_of_20():
 def test_an_error_is_in_pixels_and_per_cent_or_not_there():
     assert QualityPreset("", "Mine", 1.0, 1.0, ERRORS).error == "SGBM +0.031 px, radiance 45.7 %"
     assert QualityPreset("", "Mine", 1.0, 1.0, {}).error == ""
+    preset: Any = QualityPreset("", "Mine", 1.0, 1.0, {})
     with pytest.raises(AttributeError):
-        QualityPreset("", "Mine", 1.0, 1.0, {}).seconds = 2.0  # the window keeps it from one redraw to the next
+        preset.seconds = 2.0  # the window keeps it from one redraw to the next
 
 
 @pytest.mark.parametrize("device", ["CPU", "GPU"])
@@ -34,7 +36,7 @@ def test_the_seconds_are_off_by_two_deviations_at_most(device, monkeypatch):
     seconds, factor = pair_seconds(settings, 1e6, None)
     assert seconds == pytest.approx(work_of(settings).seconds(1e6) / 4)
     assert math.log(factor) == pytest.approx(2 * spread_before(None, device == "GPU"))
-    twice_as_slow = SimpleNamespace(factor=2.0)
+    twice_as_slow = stand_in(factor=2.0)
     assert pair_seconds(settings, 1e6, twice_as_slow)[0] == pytest.approx(2 * seconds)
 
 

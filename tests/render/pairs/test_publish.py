@@ -79,7 +79,7 @@ class Worker:
     def __init__(self, dataset: Path, name: str, again: bool) -> None:
         self.claims, self.name, self.again = Claims(dataset), name, again
         self.folder = dataset / "pairs" / PAIR
-        self.error: IcyMoonError | None = None
+        self.error: IcyMoonError | OSError | None = None
 
     def take(self) -> bool:
         return self.claims.take(PAIR)

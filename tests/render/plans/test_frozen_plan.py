@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import shutil
+from collections.abc import Callable
+from pathlib import Path
 
 import pytest
 from icymoon.errors import IcyMoonError
@@ -100,7 +102,7 @@ def _rewrite(folder, **changes) -> None:
     path.write_text(json.dumps(json.loads(path.read_text()) | changes))
 
 
-FAULTS = {
+FAULTS: dict[str, tuple[Callable[[Path], object], str, str]] = {
     "one bit": (lambda f: _flip(f / "left.exr"), "broken", "checksum"),
     "cut": (lambda f: (f / "left.exr").write_bytes(b"x"), "broken", "bytes"),
     "no image": (lambda f: (f / "right.exr").unlink(), "broken", "missing"),

@@ -75,10 +75,11 @@ def test_settings_that_a_later_version_adds_change_nothing_of_it(old, dataset, m
     frozen = datasets.read_frozen_plan(dataset)
     assert frozen.find_missing(dataset) == []
     assert files(dataset) == before
-    for pair in (*frozen.pairs, *find_pairs(dataset)):  # what was not there does what was done then
-        assert not pair.settings["quality"]["extra_pass"]
-        assert (pair.settings["rig"]["wobble_deg"], pair.settings["sensor"]["hum_e"]) == (0.0, 0.0)
-        assert all(layer["skew"] == 0.0 for layer in pair.settings["terrain"]["layers"])
+    # What was not there does what was done then.
+    for settings in (*(pair.settings for pair in frozen.pairs), *(pair.settings for pair in find_pairs(dataset))):
+        assert not settings["quality"]["extra_pass"]
+        assert (settings["rig"]["wobble_deg"], settings["sensor"]["hum_e"]) == (0.0, 0.0)
+        assert all(layer["skew"] == 0.0 for layer in settings["terrain"]["layers"])
     assert any(pair.settings.terrain.layers for pair in frozen.pairs)
 
 

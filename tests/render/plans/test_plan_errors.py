@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import tomllib
+from pathlib import Path
 
 import pytest
 from hypothesis import given
@@ -213,7 +214,7 @@ def test_a_line_is_found_in_every_spelling():
                       (("a", "d", "e", 1, "f"), 11), (("g", 0, "h"), 14), (("g", 1), 15), (("g", 1, "i", "h"), 18),
                       (("g", 2), None), (("x",), None)):
         assert find_line(text, key) == line, key
-    assert str(Place("f", text, ("g", 1, "absent", 3))) == "f, line 15"
+    assert str(Place(Path("f"), text, ("g", 1, "absent", 3))) == "f, line 15"
 
 
 def test_every_setting_of_a_plan_is_found_in_its_line():

@@ -75,7 +75,7 @@ def plain_search(left, right, least, most, window, rim, uncertainty):
     (3, 0, 9, 0, (40, 30)), (3, 3, 60, 300, (40, 30)), (15, 0, 12, 0, (48, 34)), (17, 1, 12, 200, (48, 34)),
     (5, 38, 39, 0, (40, 24)), (5, 60, 70, 0, (40, 24))])
 def test_search_and_tests_are_those_of_a_plain_transcription(window, least, most, uncertainty, size):
-    left, right, _ = jpl_images.pair(*size, 5, 128, 20, slope=4)
+    left, right, _ = jpl_images.pair(size[0], size[1], 5, 128, 20, slope=4)
     left[8:14] //= 64  # flat stretches and ties
     right[8:14] //= 64
     disparity, flags = plain_search(left, right, least, most, window, 4, uncertainty)
@@ -194,8 +194,8 @@ def test_the_affine_fit_leaves_alone_what_it_cannot_fit(window):
     np.testing.assert_array_equal(refine(left, left, disparity, window, 4), disparity)
     stripes = np.broadcast_to((np.arange(60) * 4).astype(np.uint8)[:, None], (60, 90))  # nothing to match along rows
     np.testing.assert_array_equal(refine(stripes, stripes, disparity, window, 4), disparity)
-    noise = np.random.default_rng(0).integers(0, 255, (2, 60, 90)).astype(np.uint8)
-    assert np.nanmax(np.abs(refine(*noise, disparity, window, 4) - 7.25)) <= 1
+    noise, other = np.random.default_rng(0).integers(0, 255, (2, 60, 90)).astype(np.uint8)
+    assert np.nanmax(np.abs(refine(noise, other, disparity, window, 4) - 7.25)) <= 1
     tiny = np.full((2, 2), 1.0)
     np.testing.assert_array_equal(refine(tiny, tiny, tiny, window, 4), tiny)
 

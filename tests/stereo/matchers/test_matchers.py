@@ -122,7 +122,7 @@ def test_the_number_of_threads_changes_nothing(method):
             assert cv2.getNumThreads() == 1  # which the seconds are for
     finally:
         cv2.setNumThreads(threads)
-    np.testing.assert_array_equal(*results)
+    np.testing.assert_array_equal(results[0], results[1])
 
 
 @pytest.mark.parametrize("method", ANYWHERE)

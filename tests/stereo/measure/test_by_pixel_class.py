@@ -85,8 +85,8 @@ def test_sums_are_those_of_the_pixels_of_each_class():
             assert got["epe_px"] == pytest.approx(pixels.sum(), rel=1e-6)
             assert got["fine"] == (pixels <= 1).sum()
             assert got["m_per_px"] == pytest.approx((TRUTH[both] ** 2 / 85).sum(), rel=1e-6)
-    for factor in ("range", "texture", "occlusion"):  # everyone is in one of these classes
-        assert sum(sums[factor]["true"]) == np.isfinite(TRUTH).sum()
+    for key in ("range", "texture", "occlusion"):  # everyone is in one of these classes
+        assert sum(sums[key]["true"]) == np.isfinite(TRUTH).sum()
 
 
 def test_sums_add_up_and_have_means():
@@ -132,7 +132,7 @@ def test_cast_and_own_shadows():
     semantic = np.where(np.arange(40)[:, None] < 20, 1, 2) * np.ones((1, 60), int)  # dark rock, bright ice
     light = np.maximum(normal @ sun, 0.05)
     light[:, 40:] *= 0.1
-    shadow = in_shadow(albedo * light, normal, sun, semantic)
+    shadow = in_shadow(albedo * light, normal, sun.tolist(), semantic)
     expected = np.zeros((40, 60), bool)
     expected[:, :10] = expected[:, 40:] = True
     np.testing.assert_array_equal(shadow, expected)

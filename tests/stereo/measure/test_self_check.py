@@ -183,7 +183,7 @@ def test_an_eye_that_sees_through_the_other_ones_surface_fails_it():
 def test_what_an_eye_does_not_see_is_neither_sky_nor_ground():
     """A pixel that is not seen is not sky: the other eye does not see through it, and it is not visible in both."""
     pair = toed(eyes(pairs.Scene(rock=False)), 60)
-    visible = visibility(*pair, RIG)
+    visible = visibility(pair[0], pair[1], RIG)
     column = matching_column(RIG.disparity(pair[0].depth))
     assert not visible["left"][column > 256 - 60].any()
     assert visible["left"][(column < 256 - 62) & (column > 1) & pair[0].seen].all()
@@ -233,7 +233,7 @@ def test_a_wrong_baseline_is_found_in_what_is_near_however_much_is_far(part):
     """Far ground fits any baseline, so a check that follows most of the pixels would pass."""
     pair = to_the_horizon(eyes(SCENES["steep"]), round(part * RIG.height_px))
     assert checked(*pair).ok
-    found = truth_offsets(*(eye.depth for eye in pair), dataclasses.replace(RIG, baseline_m=1.01 * RIG.baseline_m))
+    found = truth_offsets(pair[0].depth, pair[1].depth, dataclasses.replace(RIG, baseline_m=1.01 * RIG.baseline_m))
     assert found.scale.value == pytest.approx(0.01, rel=0.05)
     assert found.likeliest == "scale"
 

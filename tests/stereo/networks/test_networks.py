@@ -2,6 +2,8 @@
 
 import io
 import zipfile
+from collections.abc import Callable
+from typing import Any
 
 import network_golden as golden
 import numpy as np
@@ -14,7 +16,7 @@ from icymoon.stereo.networks.dsmnet import DSMNet, concatenation
 from icymoon.stereo.networks.igev import IGEVStereo, LookUp, group_correlation
 from torch.nn import functional as F  # noqa: N812, its usual name
 
-BUILD = {"igev": IGEVStereo, "dsmnet": DSMNet}
+BUILD: dict[str, Callable[..., Any]] = {"igev": IGEVStereo, "dsmnet": DSMNet}
 CASES = golden.cases()
 QUICK = ("igev_b_odd_it4", "igev_c_d64_it6", "dsmnet_b_crop")
 #: (largest, median) error, px: arithmetic in another order moves single precision up to a tenth of this.

@@ -87,8 +87,9 @@ def test_a_candidate_in_doubt_is_rendered_again_if_that_can_decide(tmp_path, mon
 
 
 def test_a_tolerance_that_nothing_meets_gives_the_fix(tmp_path, monkeypatch):
-    def said(*given):
-        return searched(tmp_path, monkeypatch, checked_tolerance(0.02, None), *given, overrides=BARE)[0]["said"][-1]
+    def said(loss, doubt=0.001, own=0.0):
+        allowed = checked_tolerance(0.02, None)
+        return searched(tmp_path, monkeypatch, allowed, loss, doubt, own, overrides=BARE)[0]["said"][-1]
 
     assert said(lambda settings: 1.0) == "No quality that was tried is within 0.02 px; allow more."
     assert "reference of 64 samples has too much noise" in said(by_samples, 0.05, 0.015)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from icymoon.physics.terrain.terrain import make_terrain
 from icymoon.settings.description import defaults, merged
 
 
-def _made(topic: str, seed: int = 1, size_m: float = 20.0, **changes: object) -> Landform:
+def _made(topic: str, seed: int = 1, size_m: float = 20.0, **changes: Any) -> Landform:
     made = MAKERS[topic](merged(defaults(), {topic: changes})[topic], np.random.default_rng(seed), size_m)
     assert made is not None
     return made
@@ -229,7 +230,7 @@ def test_the_profile_of_a_crater():
     assert np.abs(np.diff(heights)).max() < 0.001
 
 
-def _law(**changes: object) -> np.ndarray:
+def _law(**changes: Any) -> np.ndarray:
     return craters.draw_craters(merged(defaults(), {"craters": changes}).craters, np.random.default_rng(3), 100.0)
 
 

@@ -77,7 +77,8 @@ def test_the_distance_to_the_edge_of_a_cell(lengths):
 
 def test_the_distance_to_the_edge_has_no_steps_where_three_cells_meet():
     axis = np.linspace(0, 12, 1501)
-    distance = voronoi.voronoi(*np.meshgrid(axis, axis), 8).edge_distance()
+    x, y = np.meshgrid(axis, axis)
+    distance = voronoi.voronoi(x, y, 8).edge_distance()
     # A distance changes by no more than one walks; the far places where the search ends are left out.
     near = distance < 0.25
     for step, both in ((np.diff(distance, axis=0), near[1:] & near[:-1]),

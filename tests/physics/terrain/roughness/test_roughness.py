@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from itertools import product
+from typing import Any
 
 import numpy as np
 import pytest
@@ -19,11 +20,11 @@ from marks import heavy_but
 SIZE, N = 20.0, 1025
 SPACING = SIZE / (N - 1)
 #: Waves of three vertex spacings are whole on the mesh; the law is asked for over a decade and a half.
-LAW = {"outer_scale_m": 16.0, "inner_scale_m": 0.0625}
+LAW: dict[str, Any] = {"outer_scale_m": 16.0, "inner_scale_m": 0.0625}
 SHORTEST, LONGEST = 6 * SPACING, 32 * 6 * SPACING
 
 
-def _built(seed: int, n: int = N, **changes: object) -> np.ndarray:
+def _built(seed: int, n: int = N, **changes: Any) -> np.ndarray:
     """Heights as a mesh has them: on its grid, in float32."""
     settings = merged(defaults(), {"terrain": {"size_m": SIZE, **LAW, **changes}})
     axis = np.linspace(-SIZE / 2, SIZE / 2, n)
@@ -121,7 +122,7 @@ def test_multifractal_ground_is_smooth_in_hollows():
 
 
 def test_an_exponent_under_a_half_is_warned_of_where_it_is_absurd():
-    def notes(shortest_m: float = 0.04, **changes: object) -> list[str]:
+    def notes(shortest_m: float = 0.04, **changes: Any) -> list[str]:
         return terrain_advice(merged(defaults(), {"terrain": changes}), shortest_m)
 
     (steep, _) = notes(hurst=0.3)
@@ -133,13 +134,13 @@ def test_an_exponent_under_a_half_is_warned_of_where_it_is_absurd():
 
 
 def test_a_mesh_that_loses_the_law_says_so():
-    def lost(hurst: float, **changes: object) -> list[str]:
+    def lost(hurst: float, **changes: Any) -> list[str]:
         settings = merged(defaults(), {"terrain": {"hurst": hurst, "rms_slope_deg": 5.0, **changes}})
         return [note for note in terrain_advice(settings, 2 * SPACING) if "smoother" in note]
 
     (note,) = lost(0.3)
     share = int(note.split("%")[0].split()[-1])
-    settings = {"hurst": 0.3, "rms_slope_deg": 5.0, "inner_scale_m": 0.02}
+    settings: dict[str, Any] = {"hurst": 0.3, "rms_slope_deg": 5.0, "inner_scale_m": 0.02}
     heights = _built(1, multifractality=0.0, **settings)
     asked = math.tan(math.radians(5.0)) * SHORTEST**0.3
     # The law is met by the whole surface within 10 %.
