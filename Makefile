@@ -28,9 +28,14 @@ test-lanes: $(VENV)/.tests zip
 mutants: $(VENV)/.mutants
 	$(RUN) tests/mutants.py $(OF)
 
-lint: $(VENV)/.tests
+lint: $(VENV)/.tests .types/icymoon
 	$(VENV)/bin/ruff check .
 	$(VENV)/bin/mypy
+
+# A link to the repository under the package's name, by which mypy finds it whatever the folder is called.
+.types/icymoon:
+	mkdir -p $(@D)
+	ln -s .. $@
 
 zip: $(VENV)/.demo
 	$(RUN) tests/extension_zip.py $(ZIP)
@@ -67,4 +72,4 @@ $(VENV)/.docs: pyproject.toml $(VENV)/bin/python
 	touch $@
 
 clean:
-	rm -rf $(VENV) .venvs dist build out *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -rf $(VENV) .venvs .types dist build out *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis

@@ -5,8 +5,8 @@ from __future__ import annotations
 import copy
 import json
 import keyword
-import os
 import pickle
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -15,7 +15,7 @@ import icymoon
 import pytest
 from icymoon.settings import description, make_types, preset_files
 from icymoon.settings.table import TOPICS
-from icymoon.typed_settings import ENTRIES, TABLES, Settings, TerrainLayer, TerrainSettings, typed
+from icymoon.typed_settings import ENTRIES, TABLES, Parts, Settings, TerrainLayer, TerrainSettings, typed
 
 LAYERED = {"terrain": {"layers": [{"amplitude_m": 0.5}]}}
 
@@ -66,32 +66,11 @@ def test_a_key_is_read_and_set_as_an_attribute():
 
 
 def test_to_merge_changes_nothing_that_was_merged():
-    part = {"terrain": {"layers": [TerrainLayer(amplitude_m=1.0)]}}
+    part: Parts = {"terrain": {"layers": [TerrainLayer(amplitude_m=1.0)]}}
     merged = description.merged(part)
     merged.terrain.layers[0].amplitude_m = 2.0
     merged.terrain.hurst = 0.9
     assert part == {"terrain": {"layers": [{"amplitude_m": 1.0}]}}
-
-
-@pytest.fixture(scope="module")
-def complaints(tmp_path_factory: pytest.TempPathFactory) -> list[str]:
-    """What mypy has against each of ``LINES``, in their order; empty for nothing."""
-    folder = tmp_path_factory.mktemp("types")
-    package = folder / "icymoon"
-    package.mkdir()
-    (package / "__init__.py").touch()
-    source = Path(icymoon.__file__).parent / "typed_settings.py"
-    (package / "typed_settings.py").write_text(source.read_text(encoding="utf-8"), encoding="utf-8")
-    lines = ["from icymoon.typed_settings import Settings", "settings = Settings()", *LINES]
-    (folder / "used.py").write_text("\n".join(lines), encoding="utf-8")
-    ended = subprocess.run([sys.executable, "-m", "mypy", "--config-file", os.devnull, "used.py"], cwd=folder,
-                           capture_output=True, text=True, encoding="utf-8", timeout=300, check=False)
-    found = [""] * len(lines)
-    for line in ended.stdout.splitlines():
-        if line.startswith("used.py:"):
-            found[int(line.split(":")[1]) - 1] = line
-    assert ended.stdout.splitlines()[-1].startswith("Found"), ended.stdout + ended.stderr
-    return found[2:]
 
 
 #: A line of code, and whether it is right.
@@ -100,8 +79,37 @@ LINES = {"settings.terrain.hurst + 1.0": True, "settings.terrain.hurzt": False, 
          'settings.mesh.kind = "GIRD"': False,
          "settings.rig.width_px = 64": True, "settings.rig.width_px = 0.5": False, "settings.rig.widht_px = 64": False,
          "settings.terrain.layers[0].basis": True, "settings.terrain.layers[0].base": False,
-         'settings["terrain"]["hurst"]': True, "settings.rock_surface.albedo": True}
+         'settings["terrain"]["hurst"]': True, "settings.rock_surface.albedo": True,
+         "settings.rock_surface.copy().albedo": True, "settings.rock_surface.copy(1).albedo": False}
+#: A file of each kind that mypy checks, and the line that its function begins with. Only a test needs no annotations.
+PLACES = {"render/used.py": "def use(folder: str) -> None:", "benchmarks/used.py": "def use(folder: str) -> None:",
+          "tests/test_used.py": "def test_use(tmp_path):", "tests/stereo/test_used.py": "def test_use(tmp_path):",
+          "tests/support/shared.py": "def use(folder: str) -> None:",
+          "docs/make/drawn.py": "def use(folder: str) -> None:"}
 
 
-def test_mypy_finds_a_misspelt_key_and_a_wrong_value(complaints):
-    assert [not said for said in complaints] == list(LINES.values()), complaints
+@pytest.fixture(scope="module")
+def complaints(tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[str]]:
+    """What mypy, as this project configures it, has against each of ``LINES`` in each of ``PLACES``; empty for
+    nothing."""
+    folder, source = tmp_path_factory.mktemp("checkout"), Path(icymoon.__file__).parent
+    shutil.copyfile(source / "pyproject.toml", folder / "pyproject.toml")
+    shutil.copyfile(source / "typed_settings.py", folder / "typed_settings.py")
+    (folder / "__init__.py").touch()
+    (folder / ".types").mkdir()
+    (folder / ".types" / "icymoon").symlink_to("..", target_is_directory=True)
+    for place, begin in PLACES.items():
+        (folder / place).parent.mkdir(parents=True, exist_ok=True)
+        head = ["from icymoon.typed_settings import Settings", begin, "    settings = Settings()"]
+        (folder / place).write_text("\n".join([*head, *(f"    {line}" for line in LINES)]), encoding="utf-8")
+    ended = subprocess.run([sys.executable, "-m", "mypy"], cwd=folder, capture_output=True, text=True,
+                           encoding="utf-8", timeout=300, check=False)
+    said = ended.stdout.splitlines()
+    assert said[-1].startswith("Found"), ended.stdout + ended.stderr
+    return {place: [next((each for each in said if f"{place}:{number}:" in each), "")
+                    for number, _ in enumerate(LINES, start=4)] for place in PLACES}
+
+
+@pytest.mark.parametrize("place", PLACES)
+def test_mypy_finds_a_misspelt_key_and_a_wrong_value(complaints, place):
+    assert [not said for said in complaints[place]] == list(LINES.values()), complaints[place]
