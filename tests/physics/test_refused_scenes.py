@@ -15,13 +15,14 @@ from icymoon.physics.terrain.sites import make_rocky_ground
 from icymoon.physics.terrain.terrain import make_terrain
 from icymoon.render.plans.plan_file import read_plan
 from icymoon.settings import description, preset_files
+from icymoon.typed_settings import Settings
 from icymoon.version import ROOT
 
 #: The scene of which the right eye was in the ground, and its images black, without a word.
 UNDERGROUND = {"terrain": {"rms_slope_deg": 25.0}, "rig": {"height_m": 0.1, "baseline_m": 0.3}}
 
 
-def complete(*parts):
+def complete(*parts: dict) -> Settings:
     return description.merged(description.defaults(), *(description.check(part, "test") for part in parts))
 
 

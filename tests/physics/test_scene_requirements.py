@@ -12,10 +12,11 @@ import pytest
 from icymoon.physics import scene_requirements
 from icymoon.physics.light.sky import sky, sky_facts
 from icymoon.settings import changes, description
+from icymoon.typed_settings import Settings
 from icymoon.version import ROOT
 
 
-def described(*parts):
+def described(*parts: dict) -> Settings:
     return description.merged(description.defaults(), *(description.check(part, "test") for part in parts))
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 from icymoon.benchmarks.furnace import albedo as furnace
@@ -10,13 +12,14 @@ from icymoon.nodes.surface.ice_material import build_material
 from icymoon.physics.surfaces.principled import real_albedo
 from icymoon.settings.description import check, defaults, merged
 from icymoon.settings.preset_files import load_preset
+from icymoon.typed_settings import SurfaceSettings
 
 
 def measured(settings, **view) -> np.ndarray:
     return furnace(lambda: build_material("Test", settings, 1, TERRAIN), **view)
 
 
-def surface(**changes):
+def surface(**changes: Any) -> SurfaceSettings:
     return defaults().surface | {"grain_amplitude_m": 0.0} | check({"surface": changes}, "test").surface
 
 

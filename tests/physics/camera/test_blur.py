@@ -14,13 +14,14 @@ from icymoon.render.pairs.pair_folder import StereoCamera
 from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.settings.description import check, defaults, merged
 from icymoon.stereo.cli import main
+from icymoon.typed_settings import Settings
 
 pytestmark = pytest.mark.filterwarnings("error")
 
 FIXED = {"sensor": {"auto_exposure": False, "exposure_s": 0.01}}
 
 
-def described(rig, *more):
+def described(rig: dict, *more: dict) -> Settings:
     return merged(defaults(), check({"rig": rig}, "test"), *more)
 
 

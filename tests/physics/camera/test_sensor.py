@@ -1,5 +1,7 @@
 """The camera's sensor against theory: EMVA 1288's chain, exposure, saturation, reproducibility."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 from icymoon.physics.camera.sensor import (
@@ -19,6 +21,7 @@ from icymoon.physics.camera.sensor import (
 from icymoon.physics.light.photons import electron_rate
 from icymoon.settings.description import defaults
 from icymoon.settings.table import SENSOR
+from icymoon.typed_settings import SensorSettings
 
 pytestmark = pytest.mark.filterwarnings("error")
 
@@ -26,7 +29,7 @@ N = 200_000
 QUIET = {"shot_noise": False, "read_noise_e": 0.0, "dark_current_e_s": 0.0}
 
 
-def sensor(**changes):
+def sensor(**changes: Any) -> SensorSettings:
     return defaults().sensor | {"dark_current_e_s": 0.0} | changes
 
 

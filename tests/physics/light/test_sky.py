@@ -20,6 +20,7 @@ from icymoon.physics.light.sky import azimuth_deg, check_body, elevation_deg, sk
 from icymoon.physics.light.sunlight import apparent_diameter_deg, sun_colour, sun_diameter_deg, sun_irradiance_wm2
 from icymoon.render.plans.plan_file import read_plan
 from icymoon.settings import description, preset_files
+from icymoon.typed_settings import Settings
 
 pytestmark = pytest.mark.filterwarnings("error")
 
@@ -237,7 +238,7 @@ def test_every_scene_preset_has_light():
         assert sum(shown.ground_irradiance_wm2) > (0.05 if name.endswith("shine") else 1.0), name
 
 
-def described(*parts):
+def described(*parts: dict) -> Settings:
     return description.merged(description.defaults(), *parts)
 
 

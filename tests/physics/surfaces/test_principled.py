@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from icymoon.physics.surfaces import principled
 from icymoon.settings.description import defaults
+from icymoon.typed_settings import SurfaceSettings
 
 
 @pytest.fixture(autouse=True, scope="module", params=principled.TABLES)
@@ -18,7 +21,7 @@ def table(request):
     principled.use_table("5.0")
 
 
-def surface(**changes):
+def surface(**changes: Any) -> SurfaceSettings:
     return defaults().surface | {"grain_amplitude_m": 0.0, **changes}
 
 

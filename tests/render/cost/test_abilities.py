@@ -15,6 +15,7 @@ from icymoon.render.cost.quality_presets import list_qualities
 from icymoon.render.cost.variants import candidates, variants
 from icymoon.settings.description import check, defaults, merged
 from icymoon.stereo.trade import measure_variants
+from icymoon.typed_settings import Settings
 
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="the stand-in for Blender is a script of a shell")
 PLAIN = Abilities(osl=False, denoiser=False, gpu=False)
@@ -23,7 +24,7 @@ OSL = {"surface": {"model": "HAPKE"}, "hapke": {"backend": "OSL"}}
 SENTENCE = "built without OpenImageDenoise, which 2 of 2 pairs need; set quality.denoiser to NONE or use"
 
 
-def scene(*parts):
+def scene(*parts: dict) -> Settings:
     return merged(defaults(), *(check(part, "test") for part in parts))
 
 

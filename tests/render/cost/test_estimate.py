@@ -11,12 +11,12 @@ from icymoon.render.cost import estimate
 from icymoon.render.pairs.pair_folder import StereoCamera
 from icymoon.render.plans.planned_pair import PlannedPair, expand_headings
 from icymoon.settings import description
-from icymoon.typed_settings import Parts
+from icymoon.typed_settings import Parts, Settings
 
 SMALL: Parts = {"terrain": {"resolution": 129}, "mesh": {"kind": "GRID"}, "rig": {"width_px": 64, "height_px": 48}}
 
 
-def described(*changes):
+def described(*changes: dict) -> Settings:
     return description.merged(description.defaults(), SMALL, *(description.check(c, "test") for c in changes))
 
 

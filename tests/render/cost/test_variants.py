@@ -7,6 +7,7 @@ from icymoon.errors import IcyMoonError
 from icymoon.render.cost.estimate import work_of
 from icymoon.render.cost.variants import GROUPS, SHAPES, candidates, leaner_settings, reference, variants
 from icymoon.settings import description, preset_files
+from icymoon.typed_settings import Settings
 
 SCENES = ("enceladus_fresh_snow", "europa_rough_ice", "europa_ridged_plain_hapke")
 #: Settings that each group may change.
@@ -18,7 +19,7 @@ OWN = {"scene": set(), "samples": {"quality.samples", "quality.denoiser"}, "boun
        "hapke": {"surface.model", *(f"hapke.{key}" for key in description.defaults().hapke)}}
 
 
-def scene(name, *overrides):
+def scene(name: str, *overrides: str) -> Settings:
     return description.merged(description.defaults(), preset_files.load_preset(name),
                               *map(description.override, overrides))
 
