@@ -20,9 +20,9 @@ from typing import Any
 
 import cv2
 import numpy as np
-from icymoon.render.pairs.pair_folder import EYES, StereoCamera, find_pair_folders, read_pair
+from icymoon.render.pairs.pair_folder import EYES, StereoCamera, find_pair_folders, read_pair, read_unchanged_pair
 from icymoon.stereo.images.views import read_eye
-from icymoon.stereo.measure.prepare import eyes_of, read_unchanged_pair
+from icymoon.stereo.measure.prepare import eyes_of
 from icymoon.stereo.measure.self_check import Eye, self_check, visibility
 from icymoon.typed_settings import RigSettings
 
@@ -136,9 +136,9 @@ def _between(depth: np.ndarray, sign: int) -> np.ndarray:
 
 def read_eyes(folder: Path) -> tuple[Eye, Eye, StereoCamera, dict[str, Any]]:
     """The eyes of a pair, its camera and its settings, as ``stereo.prepare.load`` has them."""
-    pair, settings = read_unchanged_pair(folder)
-    left, right = eyes_of(pair, settings, {eye: read_eye(pair, eye)[1] for eye in EYES})
-    return left, right, pair.camera, settings
+    pair = read_unchanged_pair(folder)
+    left, right = eyes_of(pair, pair.settings, {eye: read_eye(pair, eye)[1] for eye in EYES})
+    return left, right, pair.camera, pair.settings
 
 
 def row(folder: Path, other: Path | None, positive: bool) -> dict[str, Any]:

@@ -7,11 +7,11 @@ from __future__ import annotations
 
 import struct
 import zlib
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterator, Sequence
 
 import numpy as np
 
-from .exr_parts import Piece, encode_attribute
+from .exr_parts import Piece, encode_attribute, read_pieces
 
 _LINES = {0: 1, 2: 1, 3: 16}  # in a chunk, by compression
 _FLOAT = 2
@@ -92,6 +92,18 @@ def _deflate(raw: bytes) -> bytes:
     steps[1:] = halves[1:] - halves[:-1] + np.uint8(128)
     data = zlib.compress(steps.tobytes(), 4)
     return data if len(data) < len(raw) else raw
+
+
+def decode_parts(data: bytes) -> Iterator[tuple[str, dict[str, np.ndarray]]]:
+    """Of each part of an EXR file the view that it states, if any, and its channels by name, (H, W) float32.
+
+    Raises ValueError, IndexError, KeyError, struct.error or zlib.error for what is damaged or of another kind.
+    """
+    for piece in read_pieces(data):
+        pixels = Pixels(piece)
+        values = pixels.decode()
+        view = piece.value(b"view").decode() if b"view" in piece.attributes else ""
+        yield view, {name: values[:, k] for k, name in enumerate(pixels.channels)}
 
 
 def drop_passes(piece: Piece, unwanted: Collection[str]) -> Piece | None:

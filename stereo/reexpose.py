@@ -13,7 +13,7 @@ from ..errors import IcyMoonError, describe_error
 from ..files import write_json
 from ..labels import LIGHT_GROUPS
 from ..physics.camera.lens_distortion import COEFFICIENTS, coefficients
-from ..render.pairs.pair_folder import EYES, find_pair_folders
+from ..render.pairs.pair_folder import EYES, find_pair_folders, read_unchanged_pair
 from ..settings.description import merged
 from ..system import remove
 from .evaluate import Event
@@ -21,7 +21,6 @@ from .images.develop import Images, develop, exposure_facts
 from .images.exr import read_light
 from .images.image_files import write_npy, write_png
 from .images.views import read_sensor_depth
-from .measure.prepare import read_unchanged_pair
 
 #: Files that only some settings produce; those of an earlier run are removed.
 _STALE = re.compile(r"(left|right)_(\d+\.png|distorted\.png|distorted_depth\.npy)")
@@ -66,8 +65,8 @@ def reexpose(paths: Sequence[Path], out: Path, response: Mapping[str, Mapping[st
 
 
 def _reexpose_pair(folder: Path, out: Path, response: Mapping[str, Mapping[str, Any]]) -> Images:
-    pair, settings = read_unchanged_pair(folder)
-    settings = merged(settings, response)
+    pair = read_unchanged_pair(folder)
+    settings = merged(pair.settings, response)
     scaled = any(settings.light[key] != 1 for key in LIGHT_GROUPS.values())
     left, right = (read_light(pair.image(eye), eye, groups=scaled) for eye in EYES)
     images = develop(pair, left, right, settings)

@@ -304,3 +304,13 @@ def find_changed_files(pair: Pair) -> list[str]:
     """Names of the pair's files whose content is no longer what was rendered."""
     return [name for name, fact in pair.data["files"].items()
             if not (pair.folder / name).is_file() or sha256(pair.folder / name) != fact["sha256"]]
+
+
+def read_unchanged_pair(folder: Path) -> Pair:
+    """Read a pair, see ``read_pair``. Raises IcyMoonError also if a file has changed since it was rendered."""
+    pair = read_pair(folder)
+    changed = find_changed_files(pair)
+    if changed:
+        raise IcyMoonError(f"{folder / changed[0]} is not the file that was rendered (its checksum differs); delete "
+                           "the folder and render the pair again.")
+    return pair

@@ -2,7 +2,7 @@
 
 The scales are logarithmic. That of depth spans the true depth of the pair. That of error is the same for all pairs
 and methods, so that pictures can be compared; its middle is 10 cm, the threshold of the L1-rate-10. Viridis and magma
-are perceptually uniform.
+are perceptually uniform (N. Smith and S. van der Walt, public domain).
 """
 
 from __future__ import annotations
@@ -10,14 +10,34 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 
-import cv2
 import numpy as np
+
+from .lettering import put_text, text_width
 
 INVALID_GREY = 150  # no measurement
 SKY_GREY = 60  # no truth to compare with
 
-_STRIP_PX = 44  # height of the colour bar under a picture
+_STRIP_PX = 44  # height of the colour bar under a picture, at size 1
+
+#: Colour maps: RGB of every fifth of 256 levels. Those between are interpolated, at most one step off the original.
+VIRIDIS = (
+    "44015446085c471063481769481d6f482475472a7a46307e453781433d844142873f48893d4e8a3a538b38598c355e8d33638d31688e"
+    "2e6d8e2c718e2a768e297b8e27808e25848e23898e218e8d20928c1f978b1e9c891fa18821a58524aa8328ae802eb37c35b7793dbc74"
+    "46c06f50c46a5ac86465cb5e70cf577cd25089d54895d840a2da37b0dd2fbddf26cae11fd8e219e5e419f1e51dfde725")
+MAGMA = (
+    "00000402020b0504160907200e0b2b140e361a104221114e29115a311165390f6e420f754a107952137c5a167e6219806a1c81721f81"
+    "792282812581892881912b81992d80a1307eaa337db2357bba3878c23b75ca3e72d2426fd9466be04c67e75263ec5860f1605df4695c"
+    "f7725cf97b5dfb8560fc8e64fd9869fea16efeaa74feb47bfebd82fec68afecf92fed89afde2a3fdebacfcf4b6fcfdbf")
+
+
+@lru_cache(maxsize=2)
+def _levels(colormap: str) -> np.ndarray:
+    """BGR uint8 (256, 3) of a colour map."""
+    stops = np.frombuffer(bytes.fromhex(colormap), np.uint8).reshape(-1, 3)
+    at = np.linspace(0, 255, len(stops))
+    return np.stack([np.rint(np.interp(np.arange(256), at, stops[:, k])) for k in (2, 1, 0)], axis=1).astype(np.uint8)
 
 
 @dataclass(frozen=True)
@@ -26,7 +46,7 @@ class Scale:
 
     low: float
     high: float
-    colormap: int = cv2.COLORMAP_VIRIDIS
+    colormap: str = VIRIDIS
     title: str = "Depth (m), log scale"
 
     @property
@@ -42,15 +62,15 @@ class Scale:
     def colours(self, value: np.ndarray) -> np.ndarray:
         """BGR uint8 (H, W, 3) of values (H, W); NaN gets an arbitrary colour."""
         level = np.rint(self.position(np.nan_to_num(value, nan=self.low)) * 255).astype(np.uint8)
-        return np.asarray(cv2.applyColorMap(level, self.colormap))
+        return np.asarray(_levels(self.colormap)[level])
 
     def gradient(self, stops: int = 17) -> list[str]:
         """CSS colours at equal steps along the scale."""
-        level = np.rint(np.linspace(0, 255, stops)).astype(np.uint8)[None]
-        return [f"rgb({r},{g},{b})" for b, g, r in cv2.applyColorMap(level, self.colormap)[0].tolist()]
+        level = np.rint(np.linspace(0, 255, stops)).astype(np.uint8)
+        return [f"rgb({r},{g},{b})" for b, g, r in _levels(self.colormap)[level].tolist()]
 
 
-ERROR = Scale(0.01, 1.0, cv2.COLORMAP_MAGMA, "|depth error| (m), log scale")
+ERROR = Scale(0.01, 1.0, MAGMA, "|depth error| (m), log scale")
 
 
 def depth_scale(truth: np.ndarray) -> Scale:
@@ -88,7 +108,8 @@ _OUTCOMES = ((235, 206, 166), (128, 128, 128), (0, 94, 213), (160, 105, 192), (0
 def outcome_picture(flags: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
     """BGR picture of ``shape`` (H, W) of each pixel's outcome, from whole numbers (h, w) of any size."""
     colours = np.array(_OUTCOMES, np.uint8)[flags.astype(np.intp) % len(_OUTCOMES)]
-    return np.asarray(cv2.resize(colours, (shape[1], shape[0]), interpolation=cv2.INTER_NEAREST))
+    row, column = (np.arange(wanted) * had // wanted for wanted, had in zip(shape, flags.shape, strict=True))
+    return np.asarray(colours[row[:, None], column])
 
 
 def outcome_legend(counts: Mapping[str, int]) -> list[tuple[str, str, float]]:
@@ -100,24 +121,31 @@ def outcome_legend(counts: Mapping[str, int]) -> list[tuple[str, str, float]]:
 
 def with_bar(picture: np.ndarray, scale: Scale) -> np.ndarray:
     """The picture, with the scale's colour bar, ticks and title in a strip below it."""
-    width = picture.shape[1]
-    strip = np.full((_STRIP_PX, width, 3), 255, np.uint8)
-    left = min(8, width // 4)
+    return np.vstack([picture, bar(picture.shape[1], scale)])
+
+
+def bar(width: int, scale: Scale, size: float = 1.0, ink: int = 0, paper: int = 255) -> np.ndarray:
+    """A scale's colour bar with ticks and title: BGR (``_STRIP_PX`` times ``size``, ``width``, 3), in these greys."""
+    def px(length: float) -> int:
+        return round(length * size)
+
+    strip = np.full((px(_STRIP_PX), width, 3), paper, np.uint8)
+    left = min(px(8), width // 4)
     right = width - 1 - left
-    ramp = np.rint(np.linspace(0, 255, right - left + 1)).astype(np.uint8)[None]
-    strip[4:16, left:right + 1] = np.asarray(cv2.applyColorMap(ramp, scale.colormap))
-    free_from = 0
+    strip[px(4):px(16), left:right + 1] = _levels(scale.colormap)[
+        np.rint(np.linspace(0, 255, right - left + 1)).astype(np.intp)]
+    letter, free_from = 8 * size, 0
     for tick in scale.ticks:
         text = f"{tick:g}"
         column = left + round(float(scale.position(tick)) * (right - left))
-        extent = cv2.getTextSize(text, cv2.FONT_HERSHEY_SIMPLEX, 0.36, 1)[0][0]
+        extent = text_width(text, letter)
         start = min(max(column - extent // 2, 2), width - extent - 2)
-        strip[16:19, min(column, width - 1)] = 0
+        strip[px(16):px(19), min(column, width - px(1)):][:, :px(1)] = ink
         if start >= free_from:  # a small picture has no room for all numbers
-            cv2.putText(strip, text, (start, 28), cv2.FONT_HERSHEY_SIMPLEX, 0.36, (0, 0, 0), 1, cv2.LINE_AA)
-            free_from = start + extent + 4
-    cv2.putText(strip, scale.title, (left, 40), cv2.FONT_HERSHEY_SIMPLEX, 0.36, (60, 60, 60), 1, cv2.LINE_AA)
-    return np.vstack([picture, strip])
+            put_text(strip, text, start, px(28), letter, ink)
+            free_from = start + extent + px(4)
+    put_text(strip, scale.title, left, px(40), letter, round(ink + 0.2 * (paper - ink)))
+    return strip
 
 
 def _ticks(low: float, high: float) -> tuple[float, ...]:

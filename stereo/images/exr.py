@@ -3,12 +3,16 @@
 Blender 4.x writes all passes into one part, as ``Truth.Depth.Z`` or, with the name of the view, as
 ``Truth.Depth.left.Z``. Blender 5.x writes one part per pass, with the same channel names and the view in the header of
 the part. So a channel is found by its layer (first word), pass (second word) and component (last word).
+
+Where the OpenEXR package is missing, as in Blender, the files are decoded in numpy, with the same values.
 """
 
 from __future__ import annotations
 
 import os
+import struct
 import sys
+import zlib
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager, redirect_stdout
 from dataclasses import dataclass
@@ -17,12 +21,14 @@ from pathlib import Path
 import numpy as np
 
 from ...errors import IcyMoonError
+from ...formats.exr_pixels import decode_parts
 from ...labels import BEAUTY, INSTANCE_AOV, LIGHT_GROUPS, NORMAL_AOV, TRUTH
 from ...render.pairs.pair_folder import EYES
 from ...scratch import scratch_folder
 from .exr_passes import only_passes
 
 SKY_DEPTH_M = 1.0e10  # what Cycles writes where a ray hits nothing
+_SEMANTIC = ("Material Index", "IndexMA")  # the pass with the semantic labels, by version
 
 _Channels = dict[tuple[str, str, str], np.ndarray]  # (layer, pass, component) -> (height, width)
 
@@ -65,11 +71,17 @@ def read_truth(path: Path, eye: str | None = None) -> Truth:
     return _truth(_read_channels(path, eye), path)
 
 
+def read_depth(path: Path, eye: str | None = None) -> Truth:
+    """Read depth, and what tells the planet from the ground, alone; the other arrays may be None."""
+    passes = [f"{BEAUTY}.Depth", f"{TRUTH}.Depth", *(f"{TRUTH}.{name}" for name in _SEMANTIC)]
+    return _truth(_read_channels(path, eye, passes), path)
+
+
 def _truth(channels: _Channels, path: Path) -> Truth:
     with_light = (BEAUTY, "Depth", "Z") in channels  # of a pair that has no other truth
     depth = _find(channels, BEAUTY if with_light else TRUTH, "Depth", "Z", path).astype(np.float64)
     depth[~(depth < SKY_DEPTH_M) | (depth <= 0)] = np.nan
-    return Truth(depth, _normal(channels, path), _instances(channels), _labels(channels, ("Material Index", "IndexMA")))
+    return Truth(depth, _normal(channels, path), _instances(channels), _labels(channels, _SEMANTIC))
 
 
 def read_light(path: Path, eye: str | None = None, groups: bool = True) -> Light:
@@ -93,10 +105,25 @@ def _radiance(channels: _Channels, pass_name: str, path: Path) -> np.ndarray:
 
 def _read_channels(path: Path, eye: str | None, passes: Collection[str] = ()) -> _Channels:
     """The channels of an eye: all, or at least those of ``passes`` (``LAYER.PASS``)."""
-    import OpenEXR
-
     if not path.is_file():
         raise IcyMoonError(f"{path} is missing; render the pair again.")
+    channels: _Channels = {}
+    for view_of_part, pixels in _read_parts(path, passes):
+        for name, values in pixels.items():
+            words = name.split(".")
+            view = view_of_part or next((word for word in words if word in EYES), None)
+            if len(words) < 3 or (eye and view and view != eye):
+                continue
+            channels[words[0], words[1], words[-1]] = values
+    return channels
+
+
+def _read_parts(path: Path, passes: Collection[str]) -> list[tuple[str, dict[str, np.ndarray]]]:
+    """Of each part of a file the view that it states, if any, and its channels by name."""
+    try:
+        import OpenEXR
+    except ImportError:
+        return _decode(path, passes)
     try:
         with _silence_openexr(), _make_smaller_file(path, passes) as file:
             parts_announced = len(OpenEXR.File(file, separate_channels=True, header_only=True).parts)
@@ -106,15 +133,17 @@ def _read_channels(path: Path, eye: str | None, passes: Collection[str] = ()) ->
     # OpenEXR leaves out a part that it cannot decode, and reports that on standard output only.
     if len(parts) < parts_announced:
         raise IcyMoonError(f"{path} is damaged or incomplete; render the pair again.")
-    channels: _Channels = {}
-    for part in parts:
-        for name, channel in part.channels.items():
-            words = name.split(".")
-            view = part.header.get("view") or next((word for word in words if word in EYES), None)
-            if len(words) < 3 or (eye and view and view != eye):
-                continue
-            channels[words[0], words[1], words[-1]] = channel.pixels
-    return channels
+    return [(part.header.get("view") or "", {name: channel.pixels for name, channel in part.channels.items()})
+            for part in parts]
+
+
+def _decode(path: Path, passes: Collection[str]) -> list[tuple[str, dict[str, np.ndarray]]]:
+    """The same in numpy, for what Blender writes."""
+    try:
+        data = path.read_bytes()
+        return list(decode_parts(only_passes(data, passes) if passes else data))
+    except (OSError, ValueError, IndexError, KeyError, struct.error, zlib.error) as error:
+        raise IcyMoonError(f"{path} is not a readable EXR file ({error}); render the pair again.") from None
 
 
 @contextmanager

@@ -10,7 +10,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import lru_cache
 
-import cv2
 import numpy as np
 
 from ...physics.camera.lens_distortion import coefficients, distort, refuse_folds, undistort
@@ -29,17 +28,17 @@ class Lens:
 
     def distort(self, radiance: np.ndarray) -> np.ndarray:
         """The radiance on the sensor, from rendered radiance; 0 beyond the edges of the render."""
-        seen = _remapped(radiance, self.sensor_in_rendered, cv2.INTER_CUBIC)
+        seen = _remapped(radiance, self.sensor_in_rendered, cubic=True)
         return np.maximum(np.nan_to_num(seen), 0.0)
 
     def rectify(self, numbers: np.ndarray) -> np.ndarray:
         """The rectified image, from the sensor's numbers (H, W) and of their type; 0 where the sensor has none."""
-        seen = _remapped(numbers.astype(np.float32), self.rectified_in_sensor, cv2.INTER_LINEAR)
+        seen = _remapped(numbers.astype(np.float32), self.rectified_in_sensor)
         return np.rint(np.nan_to_num(seen)).astype(numbers.dtype)
 
     def rectify_radiance(self, radiance: np.ndarray) -> np.ndarray:
         """Rendered radiance, of any number of bands, on the pixels of the rectified image; 0 where there is none."""
-        return np.nan_to_num(_remapped(radiance, self.rectified_in_rendered, cv2.INTER_LINEAR))
+        return np.nan_to_num(_remapped(radiance, self.rectified_in_rendered))
 
     def truth_of_sensor(self, values: np.ndarray) -> np.ndarray:
         """The truth at the sensor's pixels: that of the nearest rendered pixel, never a mean; NaN outside."""
@@ -98,10 +97,14 @@ def _inside(where: np.ndarray, size: tuple[int, int], reach: float) -> np.ndarra
     return np.asarray(((where >= -reach) & (where <= np.array(size) - 1 + reach)).all(axis=-1))
 
 
-def _remapped(image: np.ndarray, where: np.ndarray, method: int) -> np.ndarray:
-    """``image`` (H, W) or (H, W, bands) at the places of a map; NaN beyond its outermost pixel centres."""
+def _remapped(image: np.ndarray, where: np.ndarray, cubic: bool = False) -> np.ndarray:
+    """``image`` (H, W) or (H, W, bands) at the places of a map, interpolated linearly or with cubics; NaN beyond its
+    outermost pixel centres."""
+    import cv2  # here, for Blender has no OpenCV and develops pairs without distortion and toe-in
+
     height, width = image.shape[:2]
     at = np.nan_to_num(where, nan=-1.0)
-    found = cv2.remap(image.astype(np.float32), at[..., 0], at[..., 1], method, borderMode=cv2.BORDER_REPLICATE)
+    found = cv2.remap(image.astype(np.float32), at[..., 0], at[..., 1], cv2.INTER_CUBIC if cubic else cv2.INTER_LINEAR,
+                      borderMode=cv2.BORDER_REPLICATE)
     found[~_inside(where, (width, height), 0.0)] = np.nan
     return np.asarray(found)

@@ -12,7 +12,7 @@ import numpy as np
 
 from ...errors import IcyMoonError
 from ...labels import NOT_SEEN
-from ...render.pairs.pair_folder import EYES, Pair, find_changed_files, find_pair_folders, read_pair
+from ...render.pairs.pair_folder import EYES, Pair, find_pair_folders, read_pair, read_unchanged_pair
 from ...settings.description import merged
 from ...typed_settings import Settings
 from ..images import colours
@@ -76,9 +76,9 @@ def load(folder: Path, response: Mapping[str, Mapping[str, Any]]) -> Loaded:
 
     Raises IcyMoonError with the name of the file if a file in the folder has changed since it was rendered.
     """
-    pair, settings = read_unchanged_pair(folder)
+    pair = read_unchanged_pair(folder)
     eyes = {eye: read_eye(pair, eye) for eye in EYES}
-    settings = merged(settings, response)
+    settings = merged(pair.settings, response)
     light, views = ({eye: taken for eye, (taken, _) in eyes.items()}, {eye: flat for eye, (_, flat) in eyes.items()})
     images = develop(pair, light["left"], light["right"], settings)
     left, right = eyes_of(pair, settings, views)
@@ -106,16 +106,6 @@ def prepare(folder: Path, response: Mapping[str, Mapping[str, Any]]) -> Prepared
 def none_for_nan(value: float) -> float | None:
     """The number, or None, which is JSON's null, where it is not finite."""
     return value if math.isfinite(value) else None
-
-
-def read_unchanged_pair(folder: Path) -> tuple[Pair, Settings]:
-    """Read a pair and its complete settings. Raises IcyMoonError if a file has changed since it was rendered."""
-    pair = read_pair(folder)
-    changed = find_changed_files(pair)
-    if changed:
-        raise IcyMoonError(f"{folder / changed[0]} is not the file that was rendered (its checksum differs); delete "
-                           "the folder and render the pair again.")
-    return pair, pair.settings
 
 
 def eyes_of(pair: Pair, settings: Settings, views: Mapping[str, View]) -> tuple[Eye, Eye]:

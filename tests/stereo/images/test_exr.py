@@ -1,14 +1,22 @@
-"""Reading multilayer EXR files in the layouts of Blender 4 and 5, whole and damaged."""
+"""Reading multilayer EXR files in the layouts of Blender 4 and 5, whole and damaged, by OpenEXR and in numpy."""
+
+import sys
 
 import numpy as np
 import OpenEXR
 import pairs
 import pytest
 from icymoon.errors import IcyMoonError
-from icymoon.stereo.images.exr import read_view
+from icymoon.stereo.images.exr import read_depth, read_light, read_view
 
 SCENE = pairs.Scene(sky_rows=12)
 LAYOUTS = ["4.x", "4.x view", "5.x"]
+
+
+@pytest.fixture(params=["OpenEXR", "numpy"], autouse=True)
+def decoder(request, monkeypatch):
+    if request.param == "numpy":
+        monkeypatch.setitem(sys.modules, "OpenEXR", None)  # as in Blender, where it cannot be imported
 
 
 @pytest.fixture(params=LAYOUTS)
@@ -27,6 +35,15 @@ def test_every_layout_gives_the_same_view(tmp_path, layout):
         assert set(np.unique(view.semantic)) == {0, 1, 2}
         assert view.normal.shape == (*depth.shape, 3)
         assert np.isnan(view.depth).sum() == 12 * depth.shape[1]
+
+
+def test_parts_that_are_read_alone_are_the_same(tmp_path, layout):
+    path = pairs.write_pair(tmp_path / "pair", SCENE, layout=layout, planet_share=0.25) / "right.exr"
+    whole, light, depth = read_view(path, "right"), read_light(path, "right"), read_depth(path, "right")
+    np.testing.assert_array_equal(light.radiance, whole.radiance)
+    np.testing.assert_array_equal(light.groups["Planet"], whole.groups["Planet"])
+    np.testing.assert_array_equal(depth.depth, whole.depth)
+    np.testing.assert_array_equal(depth.semantic, whole.semantic)
 
 
 def test_ids_are_rounded(tmp_path):

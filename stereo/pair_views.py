@@ -1,0 +1,172 @@
+"""A rendered pair as pictures for the window: what the cameras give, and the true depth.
+
+In numpy alone, which Blender has. So the lens, whose images OpenCV interpolates, is left out: the images are those of
+pinholes, not rectified where eyes are toed in.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..labels import LIGHT_GROUPS
+from ..physics.camera.lens_distortion import COEFFICIENTS, coefficients
+from ..render.pairs.pair_folder import EYES, Pair, read_unchanged_pair
+from ..settings.description import merged
+from ..typed_settings import Settings
+from .images.colours import SKY_GREY, Scale, bar, depth_scale, true_depth_picture
+from .images.develop import Images, develop
+from .images.disparity_and_occlusion import scene_depth
+from .images.exr import read_depth, read_light
+from .images.lettering import put_text, text_width
+
+#: Columns or rows of an eye's image beyond which the views are reduced.
+MOST_PX = 1280
+_INK, _PAPER = 220, 29  # greys of captions, as Blender's own dark theme
+_GAP_PX = 8  # between pictures that lie side by side, at size 1
+_COLOUR_SHARE = 0.6  # of the depth's colours over the left image
+_CAPTION_PER_PX = 1 / 800  # size of captions per column of the whole picture
+
+
+@dataclass(frozen=True)
+class PairViews:
+    """What there is to show of a pair: eyes as uint8 (H, W), as matchers get them, and their true depth."""
+
+    id: str
+    left: np.ndarray
+    right: np.ndarray
+    depth: np.ndarray  # (H, W) of the left image's pixels, planar metres, NaN for sky and planet
+    scale: Scale  # of the depth's colours
+    range_m: tuple[float, float] | None  # nearest and farthest depth; None if all is sky
+    exposures_s: tuple[float, ...]
+    saturated: float  # share of the left pixels
+    shift_px: int  # columns by which the right image lies further left where the ground is at its median depth
+    reduced: int  # an image's pixel is the mean of so many pixels in each direction
+    warnings: tuple[str, ...]  # what is left out, and what the exposure warns of
+
+    def pictures(self, view: str) -> list[np.ndarray]:
+        """The picture of a view, uint8 RGB (H, W, 3); of FLICKER the two that take turns. KeyError for no view."""
+        return {"SIDE_BY_SIDE": self._side_by_side, "LEFT": lambda: [_grey(self.left)],
+                "RIGHT": lambda: [_grey(self.right)], "FLICKER": lambda: [_grey(eye) for eye in self.aligned],
+                "ANAGLYPH": self._anaglyph, "DEPTH": self._overlay}[view]()
+
+    @property
+    def aligned(self) -> tuple[np.ndarray, np.ndarray]:
+        """Left and right, cropped so that ground at the median depth is in the same column of both."""
+        width = self.left.shape[1] - self.shift_px
+        return self.left[:, self.shift_px:], self.right[:, :width]
+
+    @property
+    def lines(self) -> list[str]:
+        """The pair, its exposure and its depth in short lines."""
+        times = [_seconds(s) for s in dict.fromkeys((self.exposures_s[0], self.exposures_s[-1]))]
+        share = "none saturated" if self.saturated == 0 else f"{100 * self.saturated:.2g} % saturated"
+        depth = "all sky" if self.range_m is None else f"depth {self.range_m[0]:.3g} to {self.range_m[1]:.3g} m"
+        size = [f"shown at 1/{self.reduced} of its size"] if self.reduced > 1 else []
+        return [f"Pair {self.id}", f"{' to '.join(times)}, {share}", ", ".join([depth, *size])]
+
+    def _side_by_side(self) -> list[np.ndarray]:
+        depth = true_depth_picture(self.depth, self.scale)[..., ::-1]
+        width = self.left.shape[1]
+        size = max(1.0, (3 * width) * _CAPTION_PER_PX)
+        legend = self._legend(width, size)
+        columns = [np.vstack([_grey(self.left), _caption("Left", legend.shape, size)]),
+                   np.vstack([_grey(self.right), _caption("Right", legend.shape, size)]), np.vstack([depth, legend])]
+        gap = np.full((len(columns[0]), round(_GAP_PX * size), 3), _PAPER, np.uint8)
+        return [np.hstack([columns[0], gap, columns[1], gap, columns[2]])]
+
+    def _anaglyph(self) -> list[np.ndarray]:
+        left, right = self.aligned
+        return [np.stack([left, right, right], axis=-1)]
+
+    def _overlay(self) -> list[np.ndarray]:
+        colour = true_depth_picture(self.depth, self.scale)[..., ::-1].astype(np.float32)
+        mixed = np.rint(_COLOUR_SHARE * colour + (1 - _COLOUR_SHARE) * self.left[..., None]).astype(np.uint8)
+        width = mixed.shape[1]
+        return [np.vstack([mixed, self._legend(width, max(1.0, 2 * width * _CAPTION_PER_PX))])]
+
+    def _legend(self, width: int, size: float) -> np.ndarray:
+        legend = bar(width, self.scale, size, _INK, _PAPER)[..., ::-1].copy()
+        if np.isnan(self.depth).any():
+            letter, baseline, swatch = 8 * size, round(40 * size), round(10 * size)
+            start = max(2 * swatch, width - swatch - text_width("sky", letter))
+            put_text(legend, "sky", start, baseline, letter, _INK)
+            legend[baseline - swatch:baseline, start - round(1.5 * swatch):start - swatch // 2] = SKY_GREY
+        return legend
+
+
+def read_pair_views(folder: Path, response: Mapping[str, Mapping[str, Any]], most_px: int = MOST_PX) -> PairViews:
+    """Read a pair and develop it as ``develop`` does; ``response`` overrides settings that need no new render.
+
+    Images of more than ``most_px`` columns or rows are reduced. Raises IcyMoonError if the pair is gone, damaged or
+    without depth.
+    """
+    pair = read_unchanged_pair(folder)
+    settings = merged(pair.settings, response)
+    images = _develop(pair, settings)
+    depth = pair.camera.cropped(scene_depth(read_depth(pair.truth_of_image("left"), "left")))
+    known = depth[np.isfinite(depth)]
+    factor = -(-max(depth.shape) // most_px)
+    left, right = images.for_matchers()
+    scale = depth_scale(depth)
+    return PairViews(
+        pair.id, _reduced(left, factor), _reduced(right, factor), _sampled(depth, factor),
+        replace(scale, title="True depth, m"), (float(known.min()), float(known.max())) if known.size else None,
+        tuple(frame.seconds for frame in images.frames), images.saturated, _shift_px(pair, known) // factor, factor,
+        (*_left_out(pair, settings), *images.warnings))
+
+
+def _develop(pair: Pair, settings: Settings) -> Images:
+    """Develop a pair as that of pinholes."""
+    scaled = any(settings.light[key] != 1 for key in LIGHT_GROUPS.values())
+    left, right = (read_light(pair.image(eye), eye, groups=scaled) for eye in EYES)
+    plain = merged(settings, {"rig": {f"distortion_{name}": 0.0 for name in COEFFICIENTS}})
+    return develop(replace(pair, camera=replace(pair.camera, toe_in_deg=0.0)), left, right, plain)
+
+
+def _left_out(pair: Pair, settings: Settings) -> list[str]:
+    parts = [*(["lens distortion"] if any(coefficients(settings.rig)) else []),
+             *(["the rectification of toed-in eyes"] if pair.camera.toe_in_deg else [])]
+    return [f"Shown without {' and '.join(parts)}; Show Camera Image includes that."] if parts else []
+
+
+def _shift_px(pair: Pair, depth: np.ndarray) -> int:
+    """Disparity of the median depth. Toed-in eyes are aligned by themselves."""
+    if pair.camera.toe_in_deg or not depth.size:
+        return 0
+    return min(round(float(pair.camera.disparity(np.median(depth)))), pair.camera.width_px // 2)
+
+
+def _reduced(image: np.ndarray, factor: int) -> np.ndarray:
+    """uint8 means of squares of ``factor`` pixels; what fills no square at the right and bottom is left out."""
+    height, width = (n // factor for n in image.shape)
+    squares = image[:height * factor, :width * factor].reshape(height, factor, width, factor)
+    return image if factor == 1 else np.rint(squares.mean(axis=(1, 3))).astype(np.uint8)
+
+
+def _sampled(depth: np.ndarray, factor: int) -> np.ndarray:
+    """The depth of one pixel of each such square, never a mean."""
+    height, width = (n // factor for n in depth.shape)
+    return depth[factor // 2::factor, factor // 2::factor][:height, :width]
+
+
+def _grey(image: np.ndarray) -> np.ndarray:
+    return np.repeat(image[..., None], 3, axis=-1)
+
+
+def _caption(text: str, shape: tuple[int, ...], size: float) -> np.ndarray:
+    strip = np.full(shape, _PAPER, np.uint8)
+    put_text(strip, text, round(8 * size), round(16 * size), 8 * size, _INK)
+    return strip
+
+
+def _seconds(seconds: float) -> str:
+    """'12.5 ms', '3 s', '80 µs'."""
+    for unit, length in (("s", 1.0), ("ms", 1e-3)):
+        if seconds >= length:
+            return f"{seconds / length:.3g} {unit}"
+    return f"{seconds / 1e-6:.3g} µs"

@@ -1,0 +1,62 @@
+"""Colours of depth and error against OpenCV's colour maps, and the letters of their legends."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import pytest
+from icymoon.stereo.images.colours import ERROR, MAGMA, VIRIDIS, Scale, bar, outcome_picture
+from icymoon.stereo.images.lettering import draw_text, put_text, text_width
+
+
+@pytest.mark.parametrize(("colormap", "reference"), [(VIRIDIS, cv2.COLORMAP_VIRIDIS), (MAGMA, cv2.COLORMAP_MAGMA)])
+def test_the_colour_maps_are_opencvs_within_a_step(colormap, reference):
+    scale = Scale(1.0, np.exp(1.0), colormap)
+    values = np.exp(np.linspace(0, 1, 256))[None]
+    wanted = cv2.applyColorMap(np.arange(256, dtype=np.uint8)[None], reference)
+    assert np.abs(scale.colours(values).astype(int) - wanted).max() <= 1
+    np.testing.assert_array_equal(scale.colours(values)[0, ::5], wanted[0, ::5])
+
+
+def test_outcomes_are_enlarged_as_opencv_does():
+    flags = np.arange(35).reshape(5, 7) % 8
+    small = outcome_picture(flags, flags.shape)
+    for shape in ((5, 7), (13, 16), (50, 70), (4, 3)):
+        wanted = cv2.resize(small, shape[::-1], interpolation=cv2.INTER_NEAREST)
+        np.testing.assert_array_equal(outcome_picture(flags, shape), wanted)
+
+
+@pytest.mark.parametrize("size", [1.0, 2.4])
+@pytest.mark.parametrize("width", [1, 30, 640])
+def test_a_bar_shows_the_scale_from_end_to_end(width, size):
+    strip = bar(width, ERROR, size)
+    assert strip.shape == (round(44 * size), width, 3)
+    left = min(round(8 * size), width // 4)
+    row = strip[round(10 * size), left:width - left]
+    ends = ERROR.colours(np.array([[0.01, 1.0]]))[0] if width > 1 else ERROR.colours(np.array([[0.01]]))[0]
+    np.testing.assert_array_equal(row[[0, -1]] if width > 1 else row, ends)
+
+
+def test_every_character_of_a_legend_is_drawn_and_no_two_are_alike():
+    letters = {c: draw_text(c, 12.0) for c in "0123456789abcdefghijklmnopqrstuvwxyzDELRST.,-|()+/"}
+    assert all(covered.max() > 0.9 for covered in letters.values())
+    assert len({(covered.shape, covered.tobytes()) for covered in letters.values()}) == len(letters)
+    assert not draw_text(" ", 12.0).any()
+
+
+@pytest.mark.parametrize("height", [8.0, 20.0])
+def test_capitals_have_the_stated_height_and_stand_on_the_baseline(height):
+    picture = np.full((60, 40, 3), 255, np.uint8)
+    put_text(picture, "L", 5, 45, height, 0)
+    rows, columns = np.nonzero(picture[..., 0] < 128)
+    assert abs(rows.max() + 1 - 45) <= 1 + height / 12
+    assert abs(np.ptp(rows) + 1 - height * 7 / 6) <= 1  # of a stroke's middle, and the stroke is as wide as its unit
+    assert columns.min() >= 5
+    assert columns.max() < 5 + text_width("L", height)
+
+
+def test_text_beyond_an_edge_is_cut():
+    picture = np.zeros((10, 12, 3), np.uint8)
+    for left, baseline in ((-7, 5), (8, 8), (0, 0), (0, 20), (50, 5), (0, -30)):
+        put_text(picture, "Left", left, baseline, 10.0, 255)
+    assert picture.any()

@@ -1,0 +1,189 @@
+"""Pictures of a pair for the window: the camera's own numbers and the analytic depth, without OpenCV and OpenEXR."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pairs
+import pytest
+from icymoon.errors import IcyMoonError
+from icymoon.settings.description import defaults, merged
+from icymoon.stereo.images.colours import SKY_GREY
+from icymoon.stereo.images.image_files import read_png
+from icymoon.stereo.pair_views import read_pair_views
+from icymoon.stereo.reexpose import reexpose
+
+SCENE = pairs.Scene(sky_rows=12)
+RESPONSES = ({}, {"sensor": {"auto_exposure": False, "exposure_s": 2.0e-6, "bits": 8}},
+             {"sensor": {"encoding": "SQUARE_ROOT", "psf_sigma_px": 0.8, "gain": 2.0, "read_noise_e": 40.0}},
+             {"sensor": {"brackets": 3}}, {"light": {"planet_scale": 3.0}})
+
+
+@pytest.fixture
+def folder(tmp_path):
+    return pairs.write_pair(tmp_path / "pair", SCENE, planet_share=0.25)
+
+
+@pytest.mark.parametrize("response", RESPONSES, ids=str)
+@pytest.mark.parametrize("layout", ["4.x view", "5.x"])
+def test_the_eyes_are_what_the_evaluator_develops(tmp_path, layout, response, monkeypatch):
+    folder = pairs.write_pair(tmp_path / "pair", SCENE, layout=layout, planet_share=0.25)
+    response = {"sensor": {"bits": 8, **response.get("sensor", {})}, "light": response.get("light", {})}
+    (out,) = reexpose([folder], tmp_path / "out", response)
+    monkeypatch.setitem(sys.modules, "OpenEXR", None)
+    monkeypatch.setitem(sys.modules, "cv2", None)
+    views = read_pair_views(folder, response)
+    for eye in ("left", "right"):
+        wanted = read_png(out / f"{eye}.png")
+        if wanted.dtype == np.uint16:  # merged brackets; matchers, and so the view, get 8 bits of them
+            wanted = np.rint(wanted / 65535 * 255).astype(np.uint8)
+        if response["sensor"].get("encoding") == "SQUARE_ROOT":
+            wanted = np.rint(255 * np.sqrt(wanted / 255)).astype(np.uint8)
+        np.testing.assert_array_equal(getattr(views, eye), wanted)
+        np.testing.assert_array_equal(views.pictures(eye.upper())[0], np.repeat(wanted[..., None], 3, -1))
+    assert views.warnings == ()
+
+
+def test_depth_is_the_analytic_one_and_its_colours_rise_with_it(folder):
+    depth, _, _ = pairs.view(SCENE, pairs.camera(), "left")
+    views = read_pair_views(folder, {})
+    np.testing.assert_array_equal(views.depth, depth.astype(np.float32))
+    assert views.range_m == pytest.approx((np.nanmin(depth), np.nanmax(depth)))
+    (picture,) = views.pictures("SIDE_BY_SIDE")
+    shown = picture[:depth.shape[0], -depth.shape[1]:].astype(int)
+    assert (shown[:12] == SKY_GREY).all()
+    column = shown[12:, 10]  # beside the rock, depth falls steadily from top to bottom
+    assert (np.diff(column[:, 0] + column[:, 1]) <= 2).all()  # viridis: red and green rise with the value
+    assert column[0, 1] - column[-1, 1] > 100
+    np.testing.assert_array_equal(picture[:depth.shape[0], :depth.shape[1], 0], views.left)
+
+
+def test_the_overlay_mixes_image_and_colour_and_has_the_legend_below(folder):
+    views = read_pair_views(folder, {})
+    (picture,) = views.pictures("DEPTH")
+    (side,) = views.pictures("SIDE_BY_SIDE")
+    height, width = views.left.shape
+    colour = side[:height, -width:].astype(float)
+    assert np.abs(picture[:height] - (0.6 * colour + 0.4 * views.left[..., None])).max() <= 0.51
+    assert len(picture) > height
+    assert len(np.unique(picture[height:].reshape(-1, 3), axis=0)) > 100  # the colours of the bar
+
+
+def test_a_pair_without_sky_has_no_sky_in_its_legend(tmp_path, folder):
+    ground = read_pair_views(pairs.write_pair(tmp_path / "ground", pairs.Scene()), {})
+    sky = replace(ground, depth=np.where(np.arange(144)[:, None] < 12, np.nan, ground.depth))
+    legends = [views.pictures("DEPTH")[0][144:] for views in (ground, sky)]
+    assert not (legends[0] == SKY_GREY).all(axis=-1).any(axis=0)[-60:].any()
+    assert (legends[1] == SKY_GREY).all(axis=-1)[:, -60:].sum() > 50
+
+
+def test_eyes_are_aligned_at_the_median_depth(tmp_path):
+    """On a wall that faces the camera, all of the ground then is in the same columns of both."""
+    wall = pairs.Scene(slope_x=0.0, slope_y=0.0, rock=False, distance_m=2.0)
+    rig = pairs.camera(256, 144, baseline_m=0.3)  # f B = 40.96 px m, so a disparity of 20.48 px
+    views = read_pair_views(pairs.write_pair(tmp_path / "pair", wall, rig), {"sensor": {"shot_noise": False}})
+    assert views.shift_px == 20
+    left, right = (eye.astype(float) for eye in views.aligned)
+    apart = [np.abs(left[:, max(0, k):236 + min(0, k)] - right[:, max(0, -k):236 - max(0, k)]).mean()
+             for k in range(-3, 4)]
+    assert np.argmin(apart) in (3, 4)  # half a pixel is left
+    (anaglyph,), flicker = views.pictures("ANAGLYPH"), views.pictures("FLICKER")
+    assert [picture.shape for picture in (anaglyph, *flicker)] == [(144, 236, 3)] * 3
+    np.testing.assert_array_equal(anaglyph[..., 0], flicker[0][..., 0])
+    np.testing.assert_array_equal(anaglyph[..., 1], flicker[1][..., 0])
+    np.testing.assert_array_equal(anaglyph[..., 2], flicker[1][..., 0])
+
+
+def test_large_images_are_reduced_by_whole_factors_and_that_is_stated(folder):
+    whole, views = read_pair_views(folder, {}), read_pair_views(folder, {}, most_px=100)
+    assert views.reduced == 3
+    assert views.left.shape == views.depth.shape == (48, 85)
+    np.testing.assert_array_equal(views.left[5, 7], np.rint(whole.left[15:18, 21:24].mean()))
+    assert set(views.depth[np.isfinite(views.depth)]) <= set(whole.depth.ravel())  # no depth between two surfaces
+    assert (views.range_m, views.saturated, views.scale) == (whole.range_m, whole.saturated, whole.scale)
+    assert "shown at 1/3 of its size" in views.lines[-1]
+    assert views.shift_px == whole.shift_px // 3
+
+
+def test_lines_state_the_pair_its_exposure_and_its_depth(folder):
+    views = read_pair_views(folder, {"sensor": {"auto_exposure": False, "exposure_s": 0.0125}})
+    assert views.saturated > 0.5
+    lines = views.lines
+    assert lines[0] == f"Pair {views.id}"
+    assert lines[1] == f"12.5 ms, {100 * views.saturated:.2g} % saturated"
+    assert lines[2] == f"depth {views.range_m[0]:.3g} to {views.range_m[1]:.3g} m"
+    assert all(len(line) <= 36 for line in lines)
+    assert any("saturated" in warning for warning in views.warnings)
+    assert replace(views, exposures_s=(2.0, 0.5, 8e-5)).lines[1].startswith("2 s to 80 µs, ")
+    assert replace(views, saturated=0.0, range_m=None).lines[1:] == ["12.5 ms, none saturated", "all sky"]
+
+
+def test_what_needs_opencv_is_left_out_and_named(tmp_path, folder, monkeypatch):
+    monkeypatch.setitem(sys.modules, "cv2", None)
+    plain, bent = (read_pair_views(folder, {"rig": {"distortion_k1": k1}}) for k1 in (0.0, 0.1))
+    np.testing.assert_array_equal(plain.left, bent.left)
+    assert plain.warnings == ()
+    assert bent.warnings == ("Shown without lens distortion; Show Camera Image includes that.",)
+    rig = replace(pairs.camera(), toe_in_deg=2.0, margin_x_px=8, margin_y_px=5)
+    toed = pairs.write_pair(tmp_path / "toed", SCENE, replace(rig, width_px=272, height_px=154, cx_px=136, cy_px=77))
+    views = read_pair_views_of_margins(toed, rig)
+    assert views.left.shape == (144, 256)
+    assert "the rectification of toed-in eyes" in views.warnings[0]
+    assert views.shift_px == 0
+
+
+def read_pair_views_of_margins(folder, rig):
+    """The views of a pair whose images have this rig's margins."""
+    import json
+
+    data = json.loads((folder / "pair.json").read_text())
+    data |= {"camera": rig.to_json(), "settings": merged(defaults(), {"rig": {
+        **pairs.described(rig), "overscan": 8 / 256, "toe_in_deg": 2.0}})}
+    (folder / "pair.json").write_text(json.dumps(data))
+    return read_pair_views(folder, {})
+
+
+@pytest.mark.parametrize(("spoil", "said"), [
+    (lambda folder: [path.unlink() for path in folder.iterdir()], r"not a complete stereo pair.*render it again"),
+    (lambda folder: (folder / "right.exr").unlink(), r"right\.exr is missing; .*render the pair again"),
+    (lambda folder: (folder / "left.exr").write_bytes((folder / "left.exr").read_bytes()[:-100]),
+     r"left\.exr is not the file that was rendered.*render the pair again")])
+def test_what_is_gone_or_damaged_is_one_sentence(folder, spoil, said):
+    spoil(folder)
+    with pytest.raises(IcyMoonError, match=said):
+        read_pair_views(folder, {})
+
+
+def test_a_pair_without_depth_is_one_sentence(tmp_path, monkeypatch):
+    monkeypatch.setattr(pairs, "write_exr", without_depth(pairs.write_exr))
+    with pytest.raises(IcyMoonError, match=r"has no channel Truth\.Depth\.Z; render the pair again"):
+        read_pair_views(pairs.write_pair(tmp_path / "pair", layout="5.x"), {})
+
+
+def without_depth(write):
+    import OpenEXR
+
+    def written(path, *arguments):
+        write(path, *arguments)
+        parts = [part for part in OpenEXR.File(str(path), separate_channels=True).parts if "Depth" not in part.name()]
+        OpenEXR.File(parts).write(str(path))
+    return written
+
+
+def test_it_is_read_where_only_numpy_is(folder):
+    program = ("import sys\n"
+               "for name in ('cv2', 'OpenEXR', 'torch', 'jinja2', 'matplotlib', 'rich', 'bpy', 'PIL', 'scipy'):\n"
+               "    sys.modules[name] = None\n"
+               "from pathlib import Path\n"
+               "from icymoon.stereo.pair_views import read_pair_views\n"
+               "from icymoon.formats.png import encode_png\n"
+               "views = read_pair_views(Path(sys.argv[1]), {})\n"
+               "for view in ('SIDE_BY_SIDE', 'LEFT', 'RIGHT', 'FLICKER', 'ANAGLYPH', 'DEPTH'):\n"
+               "    print(view, *map(len, map(encode_png, views.pictures(view))))")
+    ended = subprocess.run([sys.executable, "-c", program, str(folder)], capture_output=True, text=True, timeout=120,
+                           check=False)
+    assert ended.returncode == 0, ended.stderr
+    assert len(ended.stdout.splitlines()) == 6
