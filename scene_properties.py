@@ -203,6 +203,8 @@ def register() -> None:
                                                         description=topic.description)
     pointers["results"] = bpy.props.StringProperty(name="Results", options={"HIDDEN"},
                                                    description="The last evaluation and its settings")
+    pointers["pairs"] = bpy.props.StringProperty(name="Rendered Pairs", options={"HIDDEN"},
+                                                 description="Ids of the pairs that were rendered last")
     pointers["preset"] = bpy.props.StringProperty(name="Preset", description="The scene preset that was loaded last")
     pointers["live"] = bpy.props.BoolProperty(
         name="Live Preview", default=True, update=lambda group, context: announce(group.id_data, EFFECTS[0]),

@@ -20,13 +20,14 @@ from . import (
     render,
     results,
     settings,
+    show_pair,
     trade,
     vary,
 )
 
 CLASSES = (*presets.CLASSES, *settings.CLASSES, *build.CLASSES, *ground.CLASSES, *layers.CLASSES, *render.CLASSES,
-           *dataset.CLASSES, *evaluate.CLASSES, *expose.CLASSES, *results.CLASSES, *evaluator.CLASSES, *trade.CLASSES,
-           *add.CLASSES, *vary.CLASSES, *jobs.CLASSES)
+           *show_pair.CLASSES, *dataset.CLASSES, *evaluate.CLASSES, *expose.CLASSES, *results.CLASSES,
+           *evaluator.CLASSES, *trade.CLASSES, *add.CLASSES, *vary.CLASSES, *jobs.CLASSES)
 
 _register, _unregister = bpy.utils.register_classes_factory(CLASSES)
 
@@ -39,12 +40,14 @@ def register() -> None:
     dataset.register()
     live_preview.register()
     live_exposure.register()
+    show_pair.register()
     vary.register()
 
 
 def unregister() -> None:
     """Unregister the operators and stop a running job."""
     vary.unregister()
+    show_pair.unregister()
     live_exposure.unregister()
     live_preview.unregister()
     dataset.unregister()

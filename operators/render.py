@@ -17,7 +17,7 @@ from ..render.plans.planned_pair import PlannedPair, expand_headings
 from ..render.worker import render_pairs
 from ..render.workers.job import Job as JobFiles
 from ..render.workers.job import absolute_folder, blender_command
-from ..render.workers.process import Process
+from ..render.workers.process import Message, Process
 from ..typed_settings import Settings
 from . import jobs
 from .build import frame_and_expose, leave_edit_mode, look_through, views_through
@@ -93,6 +93,8 @@ class ICYMOON_OT_render_pair(jobs.JobOperator, bpy.types.Operator):
         built = bring_up_to_date(context.scene, settings)
         look_through(views, built)
         self._warn(built)
+        self._scene_uid = context.scene.session_uid
+        self._rendered: list[str] = []
         edited = built.edited
         files = JobFiles(dataset_folder(settings), with_absolute_files(settings), again=self.again,
                          scene=context.scene.name if edited else None)
@@ -103,7 +105,11 @@ class ICYMOON_OT_render_pair(jobs.JobOperator, bpy.types.Operator):
         except IcyMoonError:
             files.remove()
             raise
-        return jobs.Job("Render Stereo Pair", process, lambda message: None, files.remove)
+        return jobs.Job("Render Stereo Pair", process, self._hear, files.remove)
+
+    def _hear(self, message: Message) -> None:
+        if message["type"] == "pair":
+            self._rendered.append(str(message["id"]))
 
     def run_blocking(self, context: bpy.types.Context) -> None:
         settings = scene_properties.read_settings(context.scene.icymoon)
@@ -114,10 +120,17 @@ class ICYMOON_OT_render_pair(jobs.JobOperator, bpy.types.Operator):
         folders = render_pairs(built, planned_pairs(context.scene, settings), dataset_folder(settings),
                                context.scene.frame_current, time.perf_counter() - start, lambda *a, **k: None,
                                self.again)
+        context.scene.icymoon.pairs = " ".join(folder.name for folder in folders)
         self.report({"INFO"}, f"{len(folders)} stereo pair(s) in {folders[0].parent}")
 
     def report_success(self, context: bpy.types.Context) -> None:
         self.report({"INFO"}, "Stereo pair rendered; press Evaluate to measure it")
+        scene = next((each for each in bpy.data.scenes if each.session_uid == self._scene_uid), None)
+        if scene is not None:
+            scene.icymoon.pairs = " ".join(self._rendered)
+            jobs.push_undo(self.bl_label)  # or undo would take the pair back along with the step before
+        if scene == context.scene:
+            bpy.ops.icymoon.show_pair("INVOKE_DEFAULT", automatic=True)
 
     def _warn(self, built: scenes.Built) -> None:
         for warning in built.warnings:

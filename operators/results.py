@@ -20,7 +20,7 @@ from ..records import NUMBER, TABLE, TEXT, Each, Maybe, find_fault, parse_json, 
 from ..settings import description
 from ..settings.table import TOPICS, Setting, all_settings
 from ..typed_settings import Settings, typed
-from . import own_reports
+from . import image_editor, own_reports
 from .jobs import push_undo
 from .render import dataset_folder
 from .sidebar_text import in_window
@@ -266,24 +266,16 @@ def show_images(context: bpy.types.Context, paths: list[Path], open_window: bool
     """
     if not paths or bpy.app.background:
         return False
-    areas = [a for w in context.window_manager.windows for a in w.screen.areas if a.type == "IMAGE_EDITOR"]
-    if not areas and open_window:
-        before = set(context.window_manager.windows)
-        bpy.ops.wm.window_new()
-        window = next(w for w in context.window_manager.windows if w not in before)
-        areas = [window.screen.areas[0]]
-        areas[0].type = "IMAGE_EDITOR"
-    images = [bpy.data.images.load(str(path), check_existing=True) for path in paths if areas]
+    area = image_editor.find_or_open(context, open_window)
+    if area is None:
+        return False
+    images = [bpy.data.images.load(str(path), check_existing=True) for path in paths]
     for image in images:
         image.reload()
-    for area in areas[:1]:
-        area.spaces.active.image = images[0]
-        window = next(w for w in context.window_manager.windows if area in w.screen.areas[:])
-        region = next(r for r in area.regions if r.type == "WINDOW")
-        with context.temp_override(window=window, area=area, region=region):
-            bpy.ops.image.view_all(fit_view=True)
-        push_undo("Show Images")
-    return bool(areas)
+    area.spaces.active.image = images[0]
+    image_editor.fit(context, area)
+    push_undo("Show Images")
+    return True
 
 
 class _ResultOperator:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import bpy
 
-from . import menu, previews, sidebar, topics, trade, vary
+from . import menu, pair_views, previews, sidebar, topics, trade, vary
 
 CLASSES = (*sidebar.CLASSES, *topics.CLASSES, *vary.CLASSES, *sidebar.DETAILS, *trade.CLASSES, *menu.CLASSES)
 
@@ -16,12 +16,14 @@ def register() -> None:
     _register()
     previews.register()
     menu.register()
+    pair_views.register()
     vary.register()
 
 
 def unregister() -> None:
     """Unregister panels and menus."""
     vary.unregister()
+    pair_views.unregister()
     menu.unregister()
     previews.unregister()
     _unregister()

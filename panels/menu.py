@@ -79,6 +79,7 @@ class ICYMOON_MT_icymoon(bpy.types.Menu):
         layout.operator("icymoon.clear_scene")
         layout.separator()
         layout.operator("icymoon.render_pair")
+        layout.operator("icymoon.show_pair")
         layout.operator("icymoon.expose")
         layout.operator("icymoon.evaluate").scope = "SCENE"
         layout.operator("icymoon.evaluate", text="Evaluate Whole Data Set").scope = "DATASET"

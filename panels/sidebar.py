@@ -17,6 +17,7 @@ from ..stereo.matchers import NEEDS, TITLES
 from ..stereo.matchers.methods import names_method
 from . import previews
 from .fields import draw_lines, draw_settings
+from .pair_views import draw_pair
 
 #: ``bl_order`` of the topics' panels begins at the first of these and ends before the second.
 FIRST, LAST = 10, 1000
@@ -63,6 +64,7 @@ class ICYMOON_PT_main(Sidebar, bpy.types.Panel):
         column.operator("icymoon.build_scene", icon="RNDCURVE")
         column.operator("icymoon.render_pair", icon="RENDER_STILL")
         column.operator("icymoon.evaluate", icon="VIEWZOOM").scope = "SCENE"
+        draw_pair(layout, context.scene)
         layout.prop(group, "live")
         draw_lines(layout, tuple(live_preview.lines(context.scene)), "INFO")
         draw_job(layout)

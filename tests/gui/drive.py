@@ -21,6 +21,7 @@ from pathlib import Path
 from typing import Any
 
 import bpy
+import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 import person
@@ -329,6 +330,60 @@ def render_by_mouse() -> Waiting:
     return f"longest gap {gap:.2f} of {duration:.0f} s (bound {bound:.1f}), {len(fractions)} stages of progress"
 
 
+def on_screen(picture: np.ndarray, name: str) -> Waiting:
+    """How much what the second window shows of the image differs from a picture (H, W, 3), from 0 to 1."""
+    yield from screenshot(name)
+    shot = bpy.data.images.load(str(max(FOLDER.glob(f"*_{name}.png"))))
+    screen = np.empty(len(shot.pixels), np.float32)
+    shot.pixels.foreach_get(screen)
+    screen = screen.reshape(shot.size[1], shot.size[0], -1)[..., :3]  # from below, as Blender's places are
+    bpy.data.images.remove(shot)
+    other = manager().windows[1]
+    canvas = next(r for r in other.screen.areas[0].regions if r.type == "WINDOW")
+    corners = np.array([canvas.view2d.view_to_region(k, k, clip=False) for k in (0.0, 1.0)], float)
+    corners += (other.x + canvas.x, other.y + canvas.y)
+    cells = (np.arange(0.5, n) / n for n in (48, 24))  # places over the image, from its left and from below
+    column, row = (lows + (highs - lows) * part for lows, highs, part in zip(*corners, cells, strict=True))
+    seen = np.array([[screen[int(y) - 2:int(y) + 3, int(x) - 2:int(x) + 3].mean(axis=(0, 1)) for x in column]
+                     for y in row])
+    scale = (corners[1] - corners[0]) / picture.shape[1::-1]
+    reach = [max(1, round(2.5 / each)) for each in scale]
+    turned = picture[::-1] / 255.0
+    drawn = np.array([[turned[max(0, y - reach[1]):y + reach[1] + 1, max(0, x - reach[0]):x + reach[0] + 1].mean(
+        axis=(0, 1)) for x in ((column - corners[0][0]) / scale[0]).astype(int)]
+        for y in ((row - corners[0][1]) / scale[1]).astype(int)])
+    check(seen.std() > 0.02, "the window shows one colour only")
+    return float(np.abs(seen - drawn).mean())
+
+
+def pair_on_the_screen() -> Waiting:
+    """The render has ended with its pair on the screen; each view that is chosen is what is seen."""
+    show = module("operators.show_pair")
+    yield from until(lambda: show.shown and len(manager().windows) == 2, "Showing the pair")
+    yield 10 * TICK_S
+    views, differences = show.shown.views, []
+    check(area().type == "VIEW_3D", "the 3D View was taken")
+    for view in ("SIDE_BY_SIDE", "DEPTH", "LEFT", "ANAGLYPH", "FLICKER", "SIDE_BY_SIDE"):
+        with in_region("UI"):  # not by mouse: the window of the picture may cover the buttons
+            bpy.ops.icymoon.show_pair("INVOKE_DEFAULT", view=view)
+        yield from until(lambda view=view: show.shown.view == view, f"Showing {view}")
+        if view == "FLICKER":
+            seen = set()
+            yield from until(lambda: seen.add(show.find_image().filepath_raw) or len(seen) == 2, "Flickering")  # noqa: B023
+            with in_region("WINDOW"):
+                bpy.ops.ed.undo()
+                bpy.ops.ed.redo()
+            continue
+        apart = yield from on_screen(views.pictures(view)[0], f"pair_{view.lower()}_{len(differences)}")
+        check(apart < 0.03, f"what is seen differs from {view} by {apart:.3f} on average")
+        differences.append(f"{view} {apart:.3f}")
+    check(not show.find_image().is_dirty, "the image counts as changed by hand")
+    yield from person.close_second_window("the Image Editor")
+    yield from until(lambda: not bpy.app.timers.is_registered(show._flicker), "The end of the flicker")
+    yield from screenshot("pair_in_the_sidebar")
+    return ", ".join(differences)
+
+
 def escape_a_render() -> Waiting:
     settings().quality.samples = 60000
     yield from press("icymoon.render_pair")
@@ -501,8 +556,8 @@ def render_in_a_local_view() -> Waiting:
 
 
 STEPS = (open_the_tab, load_europa, open_all_panels, build_by_mouse, undo_and_redo, slide_by_mouse, render_by_mouse,
-         escape_a_render, evaluate_by_mouse, measured_surface, show_error, camera_image_follows, render_a_data_set,
-         preferences_page, search_and_clear, choose_by_picture, undo_by_key,
+         pair_on_the_screen, escape_a_render, evaluate_by_mouse, measured_surface, show_error, camera_image_follows,
+         render_a_data_set, preferences_page, search_and_clear, choose_by_picture, undo_by_key,
          render_in_a_local_view)
 
 

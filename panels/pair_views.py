@@ -1,0 +1,61 @@
+"""The views of the rendered pair: below the main buttons, and in the header of the Image Editor that shows it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import bpy
+
+from ..operators import show_pair
+from .fields import draw_lines
+
+_COLUMNS = 3
+
+
+def draw_pair(layout: Any, scene: bpy.types.Scene) -> None:
+    """Buttons for the views of the pair that was rendered last, and what is to be known of the one that is shown."""
+    pairs = show_pair.kept_pairs(scene)
+    if not pairs:
+        return
+    now = show_pair.current(scene)
+    number = 1 + pairs.index(now.folder) if now is not None else 1
+    column = layout.column(align=True)
+    for start in range(0, len(show_pair.VIEWS), _COLUMNS):
+        _draw_views(column.row(align=True), show_pair.VIEWS[start:start + _COLUMNS], now, number)
+    if len(pairs) > 1:
+        _draw_choice(column.row(align=True), now.view if now is not None else "SIDE_BY_SIDE", number, len(pairs))
+    draw_lines(layout, tuple(show_pair.lines(scene)), "IMAGE_DATA")
+
+
+def _draw_views(row: Any, views: Any, now: show_pair.Shown | None, number: int) -> None:
+    for name, label, _ in views:
+        button = row.operator("icymoon.show_pair", text=label, depress=now is not None and now.view == name)
+        button.view, button.number = name, number
+
+
+def _draw_choice(row: Any, view: str, number: int, count: int) -> None:
+    """Buttons for the pair before and the pair after, where there are several."""
+    before = row.operator("icymoon.show_pair", text="", icon="TRIA_LEFT")
+    before.view, before.number = view, (number - 2) % count + 1
+    row.label(text=f"Pair {number} of {count}")
+    after = row.operator("icymoon.show_pair", text="", icon="TRIA_RIGHT")
+    after.view, after.number = view, number % count + 1
+
+
+def _draw_header(self: Any, context: bpy.types.Context) -> None:
+    now = show_pair.current(context.scene)
+    if now is None or context.space_data.image is None or context.space_data.image != show_pair.find_image():
+        return
+    number = 1 + show_pair.kept_pairs(context.scene).index(now.folder)
+    _draw_views(self.layout.row(align=True), show_pair.VIEWS, now, number)
+    self.layout.label(text="; ".join(now.views.lines))
+
+
+def register() -> None:
+    """Add the views to the header of the Image Editor."""
+    bpy.types.IMAGE_HT_header.append(_draw_header)
+
+
+def unregister() -> None:
+    """Take them out again."""
+    bpy.types.IMAGE_HT_header.remove(_draw_header)

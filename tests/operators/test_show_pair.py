@@ -1,0 +1,226 @@
+"""Show Stereo Pair: the picture is what the cameras give, in one image that leaves no trace in the user's file."""
+
+from __future__ import annotations
+
+import shutil
+from types import SimpleNamespace
+
+import bpy
+import numpy as np
+import pytest
+from icymoon.operators import image_editor, live_preview, show_pair
+from icymoon.panels import pair_views, sidebar
+from icymoon.stereo.pair_views import read_pair_views
+from panel_drawing import Layout, drawn, texts
+
+
+@pytest.fixture
+def rendered(small):
+    """A scene whose pair is rendered."""
+    assert bpy.ops.icymoon.build_scene() == {"FINISHED"}
+    assert bpy.ops.icymoon.render_pair() == {"FINISHED"}
+    yield small
+    show_pair._forget()
+
+
+@pytest.fixture
+def editor(monkeypatch):
+    """An Image Editor that shows the image, as in a window; there is none here."""
+    areas = [SimpleNamespace(tag_redraw=lambda: None)]
+    monkeypatch.setattr(image_editor, "showing", lambda context, image: areas)
+    monkeypatch.setattr(image_editor, "fit", lambda context, area: None)
+    return areas
+
+
+def pixels() -> np.ndarray:
+    """What the image shows, uint8 RGB (H, W, 3), the top row first."""
+    image = show_pair.find_image()
+    values = np.empty(len(image.pixels), np.float32)
+    image.pixels.foreach_get(values)
+    return np.rint(255 * values.reshape(image.size[1], image.size[0], -1)[::-1, :, :3]).astype(np.uint8)
+
+
+def views_of(scene):
+    """What there is to show of a scene's pair, read anew."""
+    (folder,) = show_pair.kept_pairs(scene)
+    return read_pair_views(folder, {})
+
+
+@pytest.mark.parametrize("view", [name for name, *_ in show_pair.VIEWS])
+def test_the_image_is_the_picture_of_the_view(rendered, view):
+    assert bpy.ops.icymoon.show_pair(view=view) == {"FINISHED"}
+    picture = views_of(rendered).pictures(view)[0]
+    np.testing.assert_array_equal(pixels(), picture)
+    assert picture[:, :, 0].std() > 5
+
+
+def test_there_is_one_image_that_blender_never_asks_to_save_nor_writes(rendered, tmp_path):
+    before = len(bpy.data.images)
+    for view in ("SIDE_BY_SIDE", "ANAGLYPH", "FLICKER", "LEFT", "SIDE_BY_SIDE"):
+        bpy.ops.icymoon.show_pair(view=view)
+    assert len(bpy.data.images) == before + 1
+    image = show_pair.find_image()
+    assert (image.is_dirty, image.packed_file, image.source) == (False, None, "FILE")
+    image.use_fake_user = True  # as if an Image Editor showed it
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "a.blend"))
+    with bpy.data.libraries.load(str(tmp_path / "a.blend")) as (there, _):
+        assert show_pair.NAME not in there.images
+        assert there.scenes
+
+
+def test_a_pair_is_read_once_and_again_when_the_response_or_the_pair_changes(rendered, monkeypatch):
+    read = []
+    monkeypatch.setattr(show_pair, "read_pair_views",
+                        lambda folder, response: read.append(folder) or read_pair_views(folder, response))
+    for view in ("SIDE_BY_SIDE", "LEFT", "DEPTH"):
+        bpy.ops.icymoon.show_pair(view=view)
+    assert len(read) == 1
+    bpy.ops.icymoon.show_pair(view="LEFT")
+    before = pixels().mean()
+    rendered.icymoon.sensor.auto_target = 0.1
+    bpy.ops.icymoon.show_pair(view="LEFT")
+    assert pixels().mean() < 0.4 * before
+    bpy.ops.icymoon.render_pair(again=True)
+    bpy.ops.icymoon.show_pair(view="LEFT")
+    assert len(read) == 3
+
+
+def test_the_pair_stays_with_the_scene(rendered, tmp_path):
+    (folder,) = show_pair.kept_pairs(rendered)
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "a.blend"))
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    assert show_pair.kept_pairs(bpy.context.scene) == []
+    assert show_pair.shown is None
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "a.blend"))
+    assert show_pair.kept_pairs(bpy.context.scene) == [folder]
+    assert bpy.ops.icymoon.show_pair() == {"FINISHED"}
+
+
+@pytest.mark.parametrize("text", ["", "../../etc", "/etc/passwd", "0123456789ab", "x" * 10_000, "0123456789ab ../.."])
+def test_what_a_file_names_leads_nowhere(scene, tmp_path, text):
+    scene.icymoon.dataset.folder, scene.icymoon.pairs = str(tmp_path), text
+    assert show_pair.kept_pairs(scene) == []
+    assert "icymoon.show_pair" not in texts(drawn(sidebar.ICYMOON_PT_main))
+
+
+def test_what_cannot_be_shown_is_one_sentence(rendered):
+    (folder,) = show_pair.kept_pairs(rendered)
+    left = folder / "left.exr"
+    content = left.read_bytes()
+    left.write_bytes(content[:-1] + bytes([content[-1] ^ 1]))
+    with pytest.raises(RuntimeError, match=r"left\.exr is not the file that was rendered.*render the pair again"):
+        bpy.ops.icymoon.show_pair()
+    shutil.rmtree(folder)
+    with pytest.raises(RuntimeError, match=r"no rendered pair in .*; press Render Stereo Pair first"):
+        bpy.ops.icymoon.show_pair()
+    assert show_pair.find_image() is None
+    assert show_pair.shown is None
+
+
+def turns() -> int:
+    """How often the timer of the flicker shows another eye before it ends, at most five times."""
+    for k in range(5):
+        if show_pair._flicker() is None:
+            return k
+    return 5
+
+
+def test_flicker_shows_the_eyes_by_turns(rendered, editor):
+    bpy.ops.icymoon.show_pair(view="FLICKER")
+    assert bpy.app.timers.is_registered(show_pair._flicker)
+    eyes = views_of(rendered).pictures("FLICKER")
+    for k in (1, 0, 1):
+        assert show_pair._flicker() == pytest.approx(1 / 3)
+        np.testing.assert_array_equal(pixels(), eyes[k])
+    assert not show_pair.find_image().is_dirty
+    bpy.ops.icymoon.show_pair(view="FLICKER")
+    assert turns() == 5
+
+
+def test_flicker_ends_with_its_view_its_image_its_editor_and_its_file(rendered, editor):
+    bpy.ops.icymoon.show_pair(view="FLICKER")
+    bpy.ops.icymoon.show_pair(view="LEFT")
+    assert turns() == 0
+    bpy.ops.icymoon.show_pair(view="FLICKER")
+    shown = editor.pop()
+    assert turns() == 0
+    editor.append(shown)
+    bpy.data.images.remove(show_pair.find_image())
+    assert turns() == 0
+    bpy.ops.icymoon.show_pair(view="FLICKER")
+    assert bpy.app.timers.is_registered(show_pair._flicker)
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    assert not bpy.app.timers.is_registered(show_pair._flicker)
+
+
+def test_undo_cannot_bring_the_flicker_back(rendered, editor):
+    """It may bring back the path of either file: both are of the view that is shown."""
+    bpy.ops.icymoon.show_pair(view="FLICKER")
+    show_pair._flicker()
+    bpy.ops.icymoon.show_pair(view="ANAGLYPH")
+    image = show_pair.find_image()
+    wanted = pixels()
+    image.filepath_raw = image.filepath_raw.replace("picture_0", "picture_1")
+    image.reload()
+    np.testing.assert_array_equal(pixels(), wanted)
+
+
+def test_the_sidebar_and_the_header_show_the_views_where_there_is_a_pair(small, tmp_path):
+    assert "icymoon.show_pair" not in texts(drawn(sidebar.ICYMOON_PT_main))
+    assert bpy.ops.icymoon.build_scene() == {"FINISHED"}
+    assert bpy.ops.icymoon.render_pair() == {"FINISHED"}
+    labels = [entry[2] for entry in drawn(sidebar.ICYMOON_PT_main) if entry[1] == "icymoon.show_pair"]
+    assert labels == [label for _, label, _ in show_pair.VIEWS]
+    (folder,) = show_pair.kept_pairs(small)
+    assert folder.name not in texts(drawn(sidebar.ICYMOON_PT_main))
+    bpy.ops.icymoon.show_pair()
+    said = texts(drawn(sidebar.ICYMOON_PT_main))
+    assert all(line in said for line in views_of(small).lines)
+    header = SimpleNamespace(layout=Layout())
+    for image, there in ((None, False), (bpy.data.images.new("Other", 4, 4), False), (show_pair.find_image(), True)):
+        pair_views._draw_header(header, SimpleNamespace(scene=small, space_data=SimpleNamespace(image=image)))
+        assert ("icymoon.show_pair" in texts(header.layout.record)) == there
+    other = bpy.data.scenes.new("Other")
+    assert show_pair.current(other) is None
+
+
+def test_every_pair_of_several_headings_can_be_shown(small):
+    small.icymoon.dataset.headings = 2
+    assert bpy.ops.icymoon.build_scene() == {"FINISHED"}
+    assert bpy.ops.icymoon.render_pair() == {"FINISHED"}
+    folders = show_pair.kept_pairs(small)
+    assert len(set(folders)) == 2
+    for number, folder in enumerate(folders, 1):
+        bpy.ops.icymoon.show_pair(number=number)
+        assert show_pair.shown.folder == folder
+        assert f"Pair {number} of 2" in texts(drawn(sidebar.ICYMOON_PT_main))
+    show_pair._forget()
+
+
+def test_the_picture_follows_the_response_where_it_is_shown(rendered, editor, monkeypatch):
+    monkeypatch.setattr(live_preview, "has_window", lambda: True)
+    rendered.icymoon.sensor.auto_target = 0.5
+    assert bpy.app.timers.is_registered(show_pair._follow)
+    show_pair._follow()  # nothing is shown yet
+    assert show_pair.shown is None
+    bpy.ops.icymoon.show_pair(view="RIGHT")
+    bright = pixels().mean()
+    rendered.icymoon.sensor.auto_target = 0.1
+    show_pair._follow()
+    assert pixels().mean() < 0.4 * bright
+    assert show_pair.shown.view == "RIGHT"
+    rendered.icymoon.follow = False
+    bpy.app.timers.unregister(show_pair._follow)
+    rendered.icymoon.sensor.auto_target = 0.3
+    assert not bpy.app.timers.is_registered(show_pair._follow)
+
+
+def test_pictures_are_gone_with_icy_moon(rendered, monkeypatch):
+    bpy.ops.icymoon.show_pair()
+    folder = show_pair._pictures_folder()
+    assert {path.name for path in folder.glob("*.png")} == {"picture_0.png", "picture_1.png"}
+    show_pair.unregister()
+    try:
+        assert not folder.exists()
+    finally:
+        show_pair.register()
