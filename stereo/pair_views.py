@@ -112,10 +112,11 @@ def read_pair_views(folder: Path, response: Mapping[str, Mapping[str, Any]], mos
     known = depth[np.isfinite(depth)]
     factor = -(-max(depth.shape) // most_px)
     left, right = images.for_matchers()
-    scale = depth_scale(depth)
+    range_m = (float(known.min()), float(known.max())) if known.size else None
+    title = f"True depth, {range_m[0]:.3g} to {range_m[1]:.3g} m" if range_m else "No depth"
     return PairViews(
         pair.id, _reduced(left, factor), _reduced(right, factor), _sampled(depth, factor),
-        replace(scale, title="True depth, m"), (float(known.min()), float(known.max())) if known.size else None,
+        replace(depth_scale(depth), title=title), range_m,
         tuple(frame.seconds for frame in images.frames), images.saturated, _shift_px(pair, known) // factor, factor,
         (*_left_out(pair, settings), *images.warnings))
 

@@ -62,7 +62,7 @@ def test_there_is_one_image_that_blender_never_asks_to_save_nor_writes(rendered,
     image = show_pair.find_image()
     assert (image.is_dirty, image.packed_file, image.source) == (False, None, "FILE")
     image.use_fake_user = True  # as if an Image Editor showed it
-    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "a.blend"))
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "a.blend"), copy=True)
     with bpy.data.libraries.load(str(tmp_path / "a.blend")) as (there, _):
         assert show_pair.NAME not in there.images
         assert there.scenes
