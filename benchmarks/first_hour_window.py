@@ -255,10 +255,13 @@ def ended(what: str) -> Waiting:
 
 
 def render_stereo_pair() -> Waiting:
-    """Render Stereo Pair, until it is on the disk."""
+    """Render Stereo Pair, until it is on the disk and on the screen."""
     yield from press("icymoon.render_pair")
     yield from ended("Rendering")
     check(list((FOLDER / "pairs").glob("pairs/*/pair.json")), "there is no pair")
+    yield from until(lambda: page("IMAGE_EDITOR"), "Showing the pair")
+    yield from person.screenshot(FOLDER, "pair")
+    yield from close(page("IMAGE_EDITOR"))
 
 
 def install_the_evaluator() -> Waiting:

@@ -26,7 +26,7 @@ import bpy
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 import person
-from person import ADD_ON, TICK_S, Waiting, area, away, check, in_region, middle, region, to, until, window
+from person import ADD_ON, TICK_S, Waiting, area, away, check, in_region, manager, middle, region, to, until, window
 
 FOLDER = Path(sys.argv[sys.argv.index("--") + 1])
 #: The 3D View with its sidebar, of the whole window.
@@ -50,6 +50,12 @@ def screen_picture(path: Path, crop: str = "") -> Waiting:
     yield 6 * TICK_S
     shot = subprocess.Popen(["import", "-window", "root", *(["-crop", crop, "+repage"] if crop else []), str(path)])
     yield from until(lambda: shot.poll() is not None, "A picture")
+
+
+def picture_of_second_window(path: Path) -> Waiting:
+    """Save what the second window shows."""
+    other, height = manager().windows[1], window().height
+    yield from screen_picture(path, f"{other.width}x{other.height}+{other.x}+{height - other.y - other.height}")
 
 
 def picture(name: str) -> Waiting:
@@ -260,6 +266,11 @@ def for_the_manual() -> Waiting:
             getattr(bpy.ops.icymoon, step)("INVOKE_DEFAULT")
         while jobs.current:
             yield TICK_S
+        if step == "render_pair":
+            yield from until(lambda: len(manager().windows) == 2, "Showing the pair")
+            yield 20 * TICK_S
+            yield from picture_of_second_window(FOLDER / "window_pair.png")
+            yield from person.close_second_window("the Image Editor")
     yield 20 * TICK_S
     yield from screen_picture(FOLDER / "window_evaluated.png", MANUAL_CROP)
     with in_region("WINDOW"):
