@@ -356,20 +356,26 @@ def on_screen(picture: np.ndarray, name: str) -> Waiting:
     return float(np.abs(seen - drawn).mean())
 
 
+def is_other_file(path: str) -> bool:
+    """Whether the image of the pair shows another file than this one."""
+    return bool(module("operators.show_pair").find_image().filepath_raw != path)
+
+
 def pair_on_the_screen() -> Waiting:
     """The render has ended with its pair on the screen; each view that is chosen is what is seen."""
     show = module("operators.show_pair")
     yield from until(lambda: show.shown and len(manager().windows) == 2, "Showing the pair")
     yield 10 * TICK_S
-    views, differences = show.shown.views, []
+    views = show.shown.views
+    differences: list[str] = []
     check(area().type == "VIEW_3D", "the 3D View was taken")
     for view in ("SIDE_BY_SIDE", "DEPTH", "LEFT", "ANAGLYPH", "FLICKER", "SIDE_BY_SIDE"):
         with in_region("UI"):  # not by mouse: the window of the picture may cover the buttons
             bpy.ops.icymoon.show_pair("INVOKE_DEFAULT", view=view)
-        yield from until(lambda view=view: show.shown.view == view, f"Showing {view}")
+        yield from until(partial(holds, view, lambda: show.shown.view), f"Showing {view}")
         if view == "FLICKER":
-            seen = set()
-            yield from until(lambda: seen.add(show.find_image().filepath_raw) or len(seen) == 2, "Flickering")  # noqa: B023
+            path = show.find_image().filepath_raw
+            yield from until(partial(is_other_file, path), "Flickering")
             with in_region("WINDOW"):
                 bpy.ops.ed.undo()
                 bpy.ops.ed.redo()

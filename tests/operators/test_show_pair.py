@@ -208,7 +208,9 @@ def test_the_picture_follows_the_response_where_it_is_shown(rendered, editor, mo
     rendered.icymoon.sensor.auto_target = 0.1
     show_pair._follow()
     assert pixels().mean() < 0.4 * bright
-    assert show_pair.shown.view == "RIGHT"
+    now = show_pair.current(rendered)
+    assert now is not None
+    assert now.view == "RIGHT"
     rendered.icymoon.follow = False
     bpy.app.timers.unregister(show_pair._follow)
     rendered.icymoon.sensor.auto_target = 0.3
