@@ -49,7 +49,7 @@ _MODELS = {"LAMBERT": 0.75, "LOMMEL_SEELIGER": 0.75, "LUNAR_LAMBERT": 0.8, "PRIN
 _HAPKE_NODES, _HAPKE_REFERENCE = 1.15, 3.45
 _RELIEF, _RELIEF_CAMERA = 0.25, 0.21  # added by shaded relief, and where the camera alone meets it
 _TRANSMISSION, _IMAGES, _ROCKS = 0.3, 2.9, 0.6  # added by clear ice, images on the ground and rocks
-#: Added by a walk under the surface, whatever its length, half of it where its weight is this.
+#: Cost that subsurface scattering adds, whatever its length, and the weight at which it adds half of it.
 _WALK, _HALF = 12.0, 0.5
 #: Cycles' own least samples under a noise threshold t are 16 t^-0.3; beyond them a pixel of noise s of one sample takes
 #: (s / t)². Here s is that of bare ice in sunlight, the mean over its pixels.
