@@ -64,6 +64,7 @@ def restore_render(scene: bpy.types.Scene, collection: bpy.types.Collection) -> 
 def _values_of(scene: bpy.types.Scene) -> dict[str, Any]:
     """The numbers, ticks, choices and texts of the scene's render settings by ``group.key``."""
     return {f"{group}.{prop.identifier}": getattr(getattr(scene, group), prop.identifier)
-            for group in ("render", "cycles") for prop in getattr(scene, group).bl_rna.properties
+            for group in ("render", "cycles") if hasattr(scene, group)  # cycles is missing while its add-on is off
+            for prop in getattr(scene, group).bl_rna.properties
             if prop.type in _VALUES and not prop.is_readonly and not getattr(prop, "is_array", False)
             and not getattr(prop, "is_enum_flag", False)}
