@@ -30,7 +30,7 @@ MISTAKES: dict[str, tuple[Mistake, ...]] = {
         Mistake("bare python", "The evaluator's Python lacks packages",
                 "cannot evaluate: it lacks numpy",
                 "-m pip install"),
-        Mistake("evaluator gone", "The evaluator's Python was moved", "is not there", "correct the path"),
+        Mistake("evaluator gone", "The evaluator's Python was moved", "does not exist", "correct the path"),
         Mistake("unknown matcher", "A matcher's name is misspelt",
                 "Unknown matcher 'sgmb'",
                 "did you mean 'sgbm'?"),
