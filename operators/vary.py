@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -41,6 +42,8 @@ from .sidebar_text import in_window, known_speed
 
 #: File of the plan in the folder of its data set.
 PLAN = "plan.toml"
+#: Values of a setting that the panel shows.
+_SHOWN = 12
 #: Pairs that the estimate takes the mean of.
 _SAMPLE = 16
 #: Pairs of a plan up to which its ids are compared with those of a data set that is there: it takes a second.
@@ -160,6 +163,7 @@ def draw_values(layout: Any, fields: Any, name: str) -> None:
     layout.prop(fields, "spacing", text="")
 
 
+@lru_cache(maxsize=256)
 def title_of_varied(varied: VariedSetting) -> str:
     """A line of the list: the setting and its values."""
     try:
@@ -174,6 +178,18 @@ def title_of_varied(varied: VariedSetting) -> str:
     return (f"{label_of(varied.name)}: {varied.first:.4g} to {varied.last:.4g}"
             f"{unit if unit == '°' else f' {unit}' if unit else ''}, {count} {'random' * (varied.spacing == 'RANDOM')}"
             ).rstrip()
+
+
+@lru_cache(maxsize=256)
+def values_of_varied(varied: VariedSetting) -> str:
+    """The values of a number that does not vary at random, up to the maximum number that the panel shows."""
+    try:
+        if check_varied(varied).kind not in ("int", "float") or varied.spacing == "RANDOM":
+            return ""
+    except IcyMoonError:
+        return ""
+    values = [f"{value:.5g}" for value in list_values(varied)]
+    return ", ".join(values if len(values) <= _SHOWN else [*values[:_SHOWN - 1], "…", values[-1]])
 
 
 class _ListOperator:

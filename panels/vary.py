@@ -89,6 +89,8 @@ def _draw_varied(layout: Any, root: Any, item: Any) -> None:
     topic, _, key = item.setting.partition(".")
     layout.label(text=f"{TOPICS[topic].label} ▸ {label_of(item.setting)}")
     vary.draw_values(layout, item, item.setting)
+    if root.variations.combine != "SOBOL" and (values := vary.values_of_varied(scene_properties.read_item(item))):
+        draw_lines(layout, wrapped(values))
     labels = {choice[0]: choice[1] for choice in TOPICS[topic][key].choices}
     column = layout.column(align=True)
     for tick in item.ticks:

@@ -32,6 +32,7 @@ SPACINGS = ("EVEN", "RATIO", "RANDOM")
 WHERE = "Vary This Scene"
 #: A prime number of pairs between two of a sample, so that the sample has all values of each setting.
 _STRIDE = 7919
+_SETTINGS = {f"{topic}.{setting.key}": setting for topic, setting in all_settings()}
 #: Settings of the data set that a plan states; the others are where and how it is rendered.
 _OF_DATASET = ("seed", "headings")
 
@@ -54,13 +55,12 @@ class VariedSetting:
     @property
     def setting(self) -> Setting:
         """The setting. Raises IcyMoonError if there is none of this name, or if it cannot vary."""
-        topic, _, key = self.name.partition(".")
-        known = {f"{t}.{s.key}": s for t, s in all_settings()}
-        if self.name not in known:
-            raise IcyMoonError(f"{WHERE}: unknown setting {self.name!r}, {nearest(self.name, known)}")
-        if why := why_fixed(topic, key):
+        setting = _SETTINGS.get(self.name)
+        if setting is None:
+            raise IcyMoonError(f"{WHERE}: unknown setting {self.name!r}, {nearest(self.name, _SETTINGS)}")
+        if why := why_fixed(*self.name.split(".")):
             raise IcyMoonError(f"{WHERE}: {self.name} {why}.")
-        return known[self.name]
+        return setting
 
 
 @dataclass(frozen=True)
@@ -90,7 +90,7 @@ def why_fixed(topic: str, key: str) -> str:
 
 def names_that_vary() -> list[str]:
     """The settings that can vary, as ``topic.key``, in the order of the sidebar."""
-    return [f"{topic}.{s.key}" for topic, s in all_settings() if not why_fixed(topic, s.key)]
+    return [name for name in _SETTINGS if not why_fixed(*name.split("."))]
 
 
 def vary_around(name: str, value: Any) -> VariedSetting:
@@ -274,9 +274,7 @@ def title_of(variations: SceneVariations) -> str:
 
 def label_of(name: str) -> str:
     """The label of a setting without its unit; the name of what is no setting."""
-    topic, _, key = name.partition(".")
-    known = {s.key: s.label for s in TOPICS[topic].settings} if topic in TOPICS else {}
-    return known.get(key, name).partition(" (")[0]
+    return _SETTINGS[name].label.partition(" (")[0] if name in _SETTINGS else name
 
 
 def count_pairs(settings: Settings, variations: SceneVariations) -> int:

@@ -187,6 +187,51 @@ def render_a_data_set() -> Waiting:
     group.folder = before
 
 
+def vary_by_mouse() -> Waiting:
+    """Vary the Sun's elevation from the context menu of its field, render the variations and look at the curve."""
+    folder, group = FOLDER / "varied", window().scene.icymoon
+    kept = group.dataset.folder, group.dataset.evaluate, group.dataset.methods
+    group.dataset.folder, group.dataset.evaluate, group.dataset.methods = str(folder), True, "sgbm"
+    yield from to(*middle("UI"))
+    yield from scroll(-400)
+    place = yield from find_setting("light.sun_elevation_deg")
+    xdotool("click", 3)
+    yield 15 * TICK_S  # the menu opens
+    yield from screenshot("vary_menu")
+    yield from key("Up")  # to its last entry
+    yield from key("Return")
+    yield 15 * TICK_S
+    yield from screenshot("vary_dialog")
+    yield from key("Return")
+    yield from until(lambda: len(group.variations.varied) == 1, "Adding a setting that varies")
+    varied = group.variations.varied[0]
+    check(varied.setting == "light.sun_elevation_deg", f"{varied.setting} varies")
+    varied.first, varied.last, varied.count = 20.0, 40.0, 2
+    yield from to(*place)
+    yield from scroll(400)  # down to the data set
+    yield from screenshot("vary_panel")
+    yield from press("icymoon.render_variations")
+    yield 15 * TICK_S
+    yield from screenshot("vary_render")
+    yield from key("Return")
+    yield from until(lambda: jobs().current, "Starting to render the variations")
+    yield from ended()
+    check(len(list(folder.glob("pairs/*/pair.json"))) == 2, "not both variations are there")
+    yield from away()
+    yield 10 * TICK_S  # the button of the curve appears
+    yield from screenshot("vary_done")
+    yield from press("icymoon.show_curve")
+    yield from until(lambda: len(manager().windows) == 2, "Opening an Image Editor")
+    image = manager().windows[1].screen.areas[0].spaces.active.image
+    check(image.name.startswith("light.sun_elevation_deg"), f"the picture is {image.name}")
+    yield 10 * TICK_S
+    yield from screenshot("vary_curve")
+    yield from person.close_second_window("the Image Editor")
+    group.dataset.folder, group.dataset.evaluate, group.dataset.methods = kept
+    yield from to(*middle("UI"))
+    yield from scroll(-400)
+
+
 def open_all_panels() -> Waiting:
     """Drag up over the closed headers, which opens them all, and look at them from top to bottom."""
     x, y = yield from find("icymoon.build_scene")
@@ -563,7 +608,7 @@ def render_in_a_local_view() -> Waiting:
 
 STEPS = (open_the_tab, load_europa, open_all_panels, build_by_mouse, undo_and_redo, slide_by_mouse, render_by_mouse,
          pair_on_the_screen, escape_a_render, evaluate_by_mouse, measured_surface, show_error, camera_image_follows,
-         render_a_data_set, preferences_page, search_and_clear, choose_by_picture, undo_by_key,
+         render_a_data_set, vary_by_mouse, preferences_page, search_and_clear, choose_by_picture, undo_by_key,
          render_in_a_local_view)
 
 

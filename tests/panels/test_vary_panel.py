@@ -32,6 +32,7 @@ def test_the_selected_setting_is_drawn_with_its_unit(scene):
     record = drawn(vary.ICYMOON_PT_vary)
     assert "Sun Elevation: 5 to 60°, 5" in texts(record)
     assert "From (°)" in texts(record)
+    assert "5, 18.75, 32.5, 46.25, 60" in texts(record)
     assert "5 values of Sun Elevation = 5" in texts(record)
     assert "no effect" not in texts(record)
 
