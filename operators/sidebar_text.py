@@ -30,6 +30,7 @@ DISPARITY_ERROR_PX = 0.25
 Found = TypeVar("Found")
 _MOST_KEPT = 4
 LINE = 36  # characters that fit the sidebar as Blender opens it
+_WIDTH_PX, _SHORTEST = 220, 18  # of the sidebar as Blender opens it; of a line in the narrowest one
 _NAME = re.compile(r"\b([a-z_]+)[.]([a-z]\w*)(?: is ([A-Z]\w*))?")  # 'quality.truth', 'quality.truth is DEPTH'
 _UNIT = re.compile(r" [(][^)]*[)]$")
 
@@ -76,9 +77,17 @@ def in_window(message: object) -> str:
     return str(message) if bpy.app.background else plain(str(message))
 
 
-def wrapped(sentence: str) -> tuple[str, ...]:
-    """A sentence in lines that fit the sidebar, with labels instead of keys."""
-    return tuple(textwrap.wrap(plain(sentence), LINE))
+def line_length() -> int:
+    """Characters that fit the sidebar that is being drawn; LINE where none is."""
+    region = bpy.context.region
+    if region is None or region.type != "UI":
+        return LINE
+    return max(_SHORTEST, int(LINE * region.width / (_WIDTH_PX * bpy.context.preferences.system.ui_scale)))
+
+
+def wrapped(sentence: str, indent: str = "") -> tuple[str, ...]:
+    """A sentence in lines that fit the sidebar, with labels instead of keys. Later lines begin with ``indent``."""
+    return tuple(textwrap.wrap(plain(sentence), line_length(), subsequent_indent=indent))
 
 
 def left_out_lines(settings: Settings) -> tuple[str, ...]:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import textwrap
-from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -28,7 +26,7 @@ from .evaluate import matcher_arguments
 from .render import dataset_folder
 
 #: Result of the last measurement or search as lines for the panel, by the name of the scene.
-last_lines: dict[str, tuple[str, ...]] = {}
+last_results: dict[str, tuple[str, ...]] = {}
 
 
 def _folder(settings: Settings) -> Path:
@@ -55,12 +53,6 @@ def _begin(context: bpy.types.Context, verb: str, title: str, handle: Any, *argu
         remove_folder(folder)
         raise
     return jobs.Job(title, process, handle, partial(remove_folder, folder))
-
-
-def _wrapped(sentences: Sequence[str]) -> tuple[str, ...]:
-    """Sentences as lines that fit the sidebar."""
-    return tuple(line for sentence in sentences for line in textwrap.wrap(sentence, sidebar_text.LINE,
-                                                                          subsequent_indent="    "))
 
 
 class _MeasureDialog:
@@ -101,7 +93,7 @@ class ICYMOON_OT_trade(_MeasureDialog, jobs.JobOperator, bpy.types.Operator):
 
         def hear(message: Message) -> None:
             if message["type"] == "result":
-                last_lines[name] = _wrapped(message["advice"])
+                last_results[name] = tuple(message["advice"])
 
         return _begin(context, "trade", self.bl_label, hear, *self._common())
 
@@ -153,7 +145,7 @@ class ICYMOON_OT_auto_quality(_MeasureDialog, jobs.JobOperator, bpy.types.Operat
         def hear(message: Message) -> None:
             if message["type"] == "result":
                 self._last, self._chosen = message["said"][-1], message["chosen"]
-                last_lines[scene.name] = (*_wrapped([self._last]), *(
+                last_results[scene.name] = (self._last, *(
                     f"{step['name']}: {step['cpu_s']:.1f} CPU s" for step in message["tried"]))
                 scene_properties.write_settings(scene.icymoon, message["settings"])
 

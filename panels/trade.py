@@ -7,6 +7,7 @@ from typing import Any
 import bpy
 
 from ..operators import trade
+from ..operators.sidebar_text import wrapped
 from .fields import draw_lines
 from .sidebar import Sidebar
 
@@ -24,7 +25,8 @@ class ICYMOON_PT_trade(Sidebar, bpy.types.Panel):
         layout.operator_context = "INVOKE_DEFAULT"
         layout.operator("icymoon.measure_machine")
         layout.operator("icymoon.trade", text="Measure…")
-        draw_lines(layout, trade.last_lines.get(context.scene.name, ()))
+        for sentence in trade.last_results.get(context.scene.name, ()):
+            draw_lines(layout, wrapped(sentence, "    "))
 
 
 CLASSES = (ICYMOON_PT_trade,)

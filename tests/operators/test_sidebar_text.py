@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import icymoon.scene_properties as properties
+import pytest
+from icymoon.operators import sidebar_text
 from icymoon.operators.sidebar_text import remember
 
 
@@ -20,6 +24,19 @@ def test_settings_are_read_once_a_redraw_and_again_after_every_change(scene, mon
     before = properties.read_for_display(group)
     clock[0] += 1.0  # undo changes properties without announcing it
     assert properties.read_for_display(group) is not before
+
+
+@pytest.mark.parametrize(("region", "scale", "longest"), [
+    (None, 1.0, 36), (("WINDOW", 900), 1.0, 36), (("UI", 220), 1.0, 36), (("UI", 440), 1.0, 72), (("UI", 440), 2.0, 36),
+    (("UI", 30), 1.0, 18)])
+def test_text_is_as_wide_as_the_sidebar(monkeypatch, region, scale, longest):
+    shown = region and SimpleNamespace(type=region[0], width=region[1])
+    system = SimpleNamespace(ui_scale=scale)
+    monkeypatch.setattr(sidebar_text.bpy, "context", SimpleNamespace(
+        region=shown, preferences=SimpleNamespace(system=system)))
+    lines = sidebar_text.wrapped("word " * 60, "  ")
+    assert max(map(len, lines)) <= longest < max(map(len, lines)) + 5
+    assert all(line.startswith("  ") for line in lines[1:])
 
 
 def test_an_answer_is_kept_for_equal_settings_only():

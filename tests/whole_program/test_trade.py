@@ -86,12 +86,12 @@ def test_the_button_sets_what_the_search_finds(tmp_path):
         {"mesh": {"most": 20000}, "dataset": {"folder": str(tmp_path), "methods": "sgbm"}}))
     with bpy.context.temp_override(scene=scene):
         assert bpy.ops.icymoon.auto_quality(scale=0.15, reference_samples=32, tolerance_px=0.5) == {"FINISHED"}
-        by_error = trade.last_lines["Trade"]
+        by_error = trade.last_results["Trade"]
         # What is rendered by now is not rendered again.
         assert bpy.ops.icymoon.auto_quality(scale=0.15, reference_samples=32, judged_by="BAD_1",
                                             tolerance_bad_1=25.0) == {"FINISHED"}
     assert list((tmp_path / "trade" / "data" / "pairs").iterdir())
-    tried = trade.last_lines["Trade"]
+    tried = trade.last_results["Trade"]
     assert any(line.startswith(f"{scene.icymoon.quality.samples} sample") for line in tried)
     assert " px" in " ".join(by_error)
     assert "bad" in " ".join(tried)
