@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+import textwrap
+from collections.abc import Callable, Sequence
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -38,10 +39,12 @@ from ..settings.table import TOPICS, Setting
 from ..typed_settings import Settings
 from . import dataset, dialogs, jobs, results
 from .render import dataset_folder
-from .sidebar_text import in_window, known_speed
+from .sidebar_text import in_window, known_speed, plain
 
 #: File of the plan in the folder of its data set.
 PLAN = "plan.toml"
+#: Rendered pairs whose pictures the sidebar offers, and characters of a line of the dialog.
+_PICTURES, _DIALOG_LINE = 24, 60
 #: Values of a setting that the panel shows.
 _SHOWN = 12
 #: Pairs that the estimate takes the mean of.
@@ -323,6 +326,12 @@ def _fault_of_folder(folder: Path, text: str) -> str:
     return ""
 
 
+def _spread(pairs: Sequence[Any]) -> list[Any]:
+    """All pairs, or as many as the sidebar can show: the first, the last and others at equal steps."""
+    count = min(_PICTURES, len(pairs))
+    return [pairs[round(k * (len(pairs) - 1) / max(1, count - 1))] for k in range(count)]
+
+
 def _free_folder(folder: Path, text: str, title: str) -> Path:
     """The folder if the plan can be rendered into it, or one beside it, named after what varies."""
     stem = f"{folder.name}_{re.sub(r'[^a-z0-9]+', '_', title.lower()).strip('_')}"
@@ -356,8 +365,9 @@ class ICYMOON_OT_render_variations(dataset.DatasetOperator, bpy.types.Operator):
 
     def draw(self, context: bpy.types.Context) -> None:
         column, group = self.layout.column(), context.scene.icymoon.dataset
-        for line in lines(context.scene):
-            column.label(text=in_window(line))
+        for sentence in lines(context.scene):
+            for line in textwrap.wrap(plain(sentence), _DIALOG_LINE):
+                column.label(text=line)
         column.prop(self, "folder")
         column.prop(group, "evaluate")
         if group.evaluate:
@@ -390,6 +400,11 @@ class ICYMOON_OT_render_variations(dataset.DatasetOperator, bpy.types.Operator):
         return self._job_of(process, context)
 
     def report_success(self, context: bpy.types.Context) -> None:
+        scene = self._keeper.scene
+        if scene is not None:
+            pairs = read_frozen_plan(Path(self._process.facts["dataset"])).pairs
+            scene.icymoon.pairs = " ".join(pair.id for pair in _spread(pairs))
+            jobs.push_undo(self.bl_label)
         super().report_success(context)
         results.show_images(context, curve_files(context.scene), open_window=False)
 

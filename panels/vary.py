@@ -7,7 +7,7 @@ from typing import Any
 import bpy
 
 from .. import scene_properties
-from ..operators import dataset, results, vary
+from ..operators import dataset, results, show_pair, vary
 from ..operators.sidebar_text import wrapped
 from ..render.plans.vary_scene import label_of, names_that_vary
 from ..settings.table import TOPICS
@@ -57,6 +57,7 @@ class ICYMOON_PT_vary(Sidebar, bpy.types.Panel):
             layout.prop(group, "draws")
         layout.prop(group, "seeds")
         _draw_render(layout, context)
+        _draw_pictures(layout, context.scene)
         _draw_curves(layout, context.scene)
 
 
@@ -79,6 +80,15 @@ def _draw_render(layout: Any, context: bpy.types.Context) -> None:
     draw_job(layout)
     for line in dataset.readout["set_aside"][-3:]:
         draw_lines(layout, wrapped(f"Set aside: {line}"))
+
+
+def _draw_pictures(layout: Any, scene: bpy.types.Scene) -> None:
+    """Draw buttons that show the first and the last pair, if several were rendered."""
+    count = len(show_pair.kept_pairs(scene))
+    if count > 1:
+        row = layout.row(align=True)
+        for text, number in (("First Pair", 1), ("Last Pair", count)):
+            row.operator("icymoon.show_pair", text=text, icon="IMAGE_DATA").number = number
 
 
 def _draw_varied(layout: Any, root: Any, item: Any) -> None:

@@ -11,7 +11,7 @@ import bpy
 import pytest
 from evaluations import write_evaluation
 from icymoon import scene_properties
-from icymoon.operators import dataset, results, vary
+from icymoon.operators import dataset, results, show_pair, vary
 from icymoon.render.pairs.pair_folder import find_pairs
 from icymoon.render.plans import vary_scene
 from icymoon.render.plans.frozen_plan import freeze_plan
@@ -269,6 +269,7 @@ def test_variations_are_rendered_evaluated_and_their_curve_is_shown(tiny, tmp_pa
     pairs = find_pairs(tmp_path / "other")
     assert {pair.settings.light.sun_elevation_deg for pair in pairs} == {20.0, 40.0}
     assert {pair.folder.name for pair in pairs} == {pair.id for pair in plan_of(tmp_path / "other").pairs()}
+    assert [path.name for path in show_pair.kept_pairs(tiny)] == [p.id for p in plan_of(tmp_path / "other").pairs()]
     curve = tmp_path / "other" / "evaluation" / "curves" / f"{ELEVATION}.png"
     assert results.curves(tiny) == {ELEVATION: curve}
     image = bpy.data.images.load(str(curve))
@@ -283,6 +284,13 @@ def test_variations_are_rendered_evaluated_and_their_curve_is_shown(tiny, tmp_pa
     assert written.items() <= {p.folder: (p.folder / "pair.json").stat().st_mtime_ns
                                for p in find_pairs(tmp_path / "other")}.items()
     assert len(find_pairs(tmp_path / "other")) == 4
+
+
+@pytest.mark.parametrize(("count", "shown"), [(1, [0]), (5, [0, 1, 2, 3, 4]), (1000, None)])
+def test_the_first_and_the_last_pair_are_among_those_shown(count, shown):
+    found = vary._spread(list(range(count)))
+    assert (found[0], found[-1]) == (0, count - 1)
+    assert found == shown if shown else len(set(found)) == len(found) == vary._PICTURES
 
 
 def test_nothing_is_written_if_there_is_no_evaluator(tiny, tmp_path, monkeypatch):

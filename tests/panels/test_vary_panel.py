@@ -60,6 +60,18 @@ def test_a_list_of_another_version_is_drawn(scene):
     assert "unknown setting" in shown
 
 
+def test_the_first_and_the_last_pair_are_shown_once_several_are_rendered(scene, tmp_path):
+    ids = ["0123456789ab", "123456789abc"]
+    for name in ids:
+        (tmp_path / "pairs" / name).mkdir(parents=True)
+        (tmp_path / "pairs" / name / "pair.json").write_text("{}")
+    scene.icymoon.dataset.folder = str(tmp_path)
+    scene.icymoon.pairs = ids[0]
+    assert "Last Pair" not in texts(drawn(vary.ICYMOON_PT_vary))
+    scene.icymoon.pairs = " ".join(ids)
+    assert "Last Pair" in texts(drawn(vary.ICYMOON_PT_vary))
+
+
 def test_draws_are_asked_for_where_they_are_made(scene):
     for name in ("light.sun_elevation_deg", "surface.albedo"):
         bpy.ops.icymoon.vary(setting=name)
