@@ -21,9 +21,9 @@ def showing(context: bpy.types.Context, image: bpy.types.Image) -> list[bpy.type
 
 
 def find_or_open(context: bpy.types.Context, open_window: bool) -> bpy.types.Area | None:
-    """An Image Editor to show something in, and no UV editor, nor one that is painted in or pinned to its image.
+    """An open Image Editor, but no UV Editor, none in Paint or Mask mode, and none that is pinned to its image.
 
-    If there is none, ``open_window`` opens a window with one; the user's other editors stay as they are.
+    If there is none, ``open_window`` opens a window with one. The other editors of the user stay as they are.
     """
     for _, area in editors(context):
         space = area.spaces.active
@@ -39,7 +39,7 @@ def find_or_open(context: bpy.types.Context, open_window: bool) -> bpy.types.Are
 
 
 def fit(context: bpy.types.Context, area: bpy.types.Area) -> None:
-    """Zoom so that all of an editor's image is seen."""
+    """Zoom an editor so that the whole image is visible."""
     window = next(window for window, each in editors(context) if each == area)
     region = next(r for r in area.regions if r.type == "WINDOW")
     with context.temp_override(window=window, area=area, region=region):

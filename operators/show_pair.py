@@ -1,9 +1,10 @@
-"""Show Stereo Pair: what the cameras give of the rendered pair and its true depth, in an Image Editor.
+"""Show Stereo Pair: the camera images of the rendered pair and its true depth, in an Image Editor.
 
-It needs no evaluator: the pair is developed here, in numpy, by a thread, so the window never waits for it.
+It needs no evaluator: a thread of Blender's own process reads and develops the pair in numpy, and the window does not
+wait for it.
 
-The picture is a file in a temporary folder, behind one image. Blender takes an image whose pixels were set by a script
-for unsaved work: it asks to save it when it ends, and packs it into the .blend file.
+The picture is a file in a temporary folder, which one image data-block shows. If a script set the pixels of the image
+instead, Blender would ask to save it at the end and would pack it into the .blend file.
 """
 
 from __future__ import annotations
@@ -32,25 +33,25 @@ from . import image_editor, live_preview
 from .evaluate import rendered_pairs
 from .jobs import push_undo, redraw
 from .render import dataset_folder
-from .sidebar_text import wrapped
+from .sidebar_text import in_window, wrapped
 
 VIEWS = (
     ("SIDE_BY_SIDE", "Side by Side", "Left image, right image and true depth"),
-    ("LEFT", "Left", "What the left camera gives"),
-    ("RIGHT", "Right", "What the right camera gives"),
-    ("FLICKER", "Flicker", "Left and right by turns, aligned at the median depth: what is nearer or farther moves"),
-    ("ANAGLYPH", "Anaglyph", "For red and cyan glasses, the left image red; aligned at the median depth"),
+    ("LEFT", "Left", "The image of the left camera, pixel by pixel"),
+    ("RIGHT", "Right", "The image of the right camera, pixel by pixel"),
+    ("FLICKER", "Flicker", "Left and right in turn, aligned at the median depth. Nearer and farther ground moves"),
+    ("ANAGLYPH", "Anaglyph", "For red and cyan glasses: the left image is red. Aligned at the median depth"),
     ("DEPTH", "True Depth", "The true depth in colours over the left image"))
 NAME = "Icy Moon Pair"
 ROLE = "pair picture"  # value of the custom property that marks the image
-#: How long the hand rests before a picture follows the settings.
+#: Seconds after the last change of a setting until the pair is developed again.
 REST_S = 0.3
 _INTERVAL_S, _FLICKER_S = 0.05, 1 / 3
 
 
 @dataclass
 class Shown:
-    """What the picture shows."""
+    """The pair and the view that the picture shows."""
 
     folder: Path
     made_of: tuple[Any, ...]  # what it was developed from, see ``_made_of``
@@ -77,7 +78,7 @@ class _Reading(threading.Thread):
 
 
 shown: Shown | None = None
-_reading: _Reading | None = None  # the latest; what an earlier one reads is not wanted any more
+_reading: _Reading | None = None  # the latest; the result of an earlier one is not used
 
 
 def _made_of(folder: Path, camera_response: Mapping[str, Mapping[str, Any]]) -> tuple[Any, ...]:
@@ -91,7 +92,7 @@ def _made_of(folder: Path, camera_response: Mapping[str, Mapping[str, Any]]) -> 
 # ---- which pair -----------------------------------------------------------------------------------------------------
 
 def kept_pairs(scene: bpy.types.Scene) -> list[Path]:
-    """Folders of the pairs that were rendered last of a scene and are there; none if the scene names none of ours."""
+    """Existing folders of the pairs that were rendered last from a scene; none if the scene's ids are invalid."""
     try:
         folder = dataset_folder(typed({"dataset": {"folder": scene.icymoon.dataset.folder}}))
         found = [folder / "pairs" / checked_id(name, "The scene") for name in scene.icymoon.pairs.split()]
@@ -101,7 +102,7 @@ def kept_pairs(scene: bpy.types.Scene) -> list[Path]:
 
 
 def _folder(context: bpy.types.Context, number: int) -> Path:
-    """The pair to show. Raises IcyMoonError if none was rendered."""
+    """The folder of the pair to show. Raises IcyMoonError if none was rendered."""
     settings = scene_properties.read_settings(context.scene.icymoon)
     found = kept_pairs(context.scene) or rendered_pairs(context, settings)
     return found[min(number, len(found)) - 1]
@@ -120,16 +121,16 @@ def find_image() -> bpy.types.Image | None:
 
 
 def _load(image: bpy.types.Image, turn: int) -> None:
-    """Let the image show the picture of this turn."""
+    """Load the file of this turn into the image."""
     image.filepath_raw = str(_pictures_folder() / f"picture_{turn}.png")
     image.reload()
-    image.is_runtime_data = True  # Blender does not write it into the .blend file: what it shows is temporary
+    image.is_runtime_data = True  # Blender does not write it into the .blend file: its file is temporary
     for area in image_editor.showing(bpy.context, image):
         area.tag_redraw()
 
 
 def _write(pictures: list[Any]) -> None:
-    """Write the files of both turns: undo may bring back the path of either."""
+    """Write the files of both turns, the same if the view has one picture: undo may restore the path of either."""
     for turn in (0, 1):
         path = _pictures_folder() / f"picture_{turn}.png"
         with explain_disk_errors("write", path):
@@ -163,7 +164,7 @@ def _show(context: bpy.types.Context, now: Shown, open_window: bool) -> None:
 
 
 def _flicker() -> float | None:
-    """Show the other eye; the timer calls it until another view is chosen or nothing shows the image."""
+    """Show the other eye. The timer calls this until another view is chosen or no editor shows the image."""
     image = find_image()
     if shown is None or shown.view != "FLICKER" or image is None or not image_editor.showing(bpy.context, image):
         return None
@@ -175,7 +176,7 @@ def _flicker() -> float | None:
 # ---- the operator ---------------------------------------------------------------------------------------------------
 
 class ICYMOON_OT_show_pair(bpy.types.Operator):
-    """Show the rendered pair in an Image Editor: what the cameras give, and the true depth"""
+    """Show the rendered pair in an Image Editor: the camera images and the true depth. Needs no evaluator"""
 
     bl_idname = "icymoon.show_pair"
     bl_label = "Show Stereo Pair"
@@ -183,14 +184,14 @@ class ICYMOON_OT_show_pair(bpy.types.Operator):
     view: bpy.props.EnumProperty(name="View", items=VIEWS, default="SIDE_BY_SIDE",  # type: ignore[valid-type]
                                  options={"SKIP_SAVE"}, description="How to show it")
     number: bpy.props.IntProperty(name="Pair", default=1, min=1, options={"SKIP_SAVE"},  # type: ignore[valid-type]
-                                  description="Which pair, if the rig looks in several directions")
+                                  description="Which pair, if the scene has several headings")
     automatic: bpy.props.BoolProperty(default=False, options={"HIDDEN", "SKIP_SAVE"})  # type: ignore[valid-type]
     _timer: Any = None
     _read: _Reading
 
     @classmethod
     def description(cls, context: bpy.types.Context, properties: Any) -> str:
-        return next(f"{text}" for name, _, text in VIEWS if name == properties.view)
+        return next(text for name, _, text in VIEWS if name == properties.view)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         try:
@@ -238,7 +239,7 @@ class ICYMOON_OT_show_pair(bpy.types.Operator):
             context.window_manager.event_timer_remove(self._timer)
 
     def _show_known(self, context: bpy.types.Context) -> bool:
-        """Show a pair that is developed already; else get ready to read it."""
+        """Show the pair if it is already developed; otherwise prepare a thread that reads it, and return False."""
         if self.automatic and shown is not None:
             self.view = shown.view
         camera_response = response(scene_properties.read_settings(context.scene.icymoon))
@@ -255,11 +256,11 @@ class ICYMOON_OT_show_pair(bpy.types.Operator):
               self._opens_window(context))
 
     def _opens_window(self, context: bpy.types.Context) -> bool:
-        """Not by itself where the user wants renders to leave the windows alone."""
+        """Whether to open a window: after a render only if the user's preference for renders allows it."""
         return not self.automatic or context.preferences.view.render_display_type != "NONE"
 
     def _fail(self, error: IcyMoonError) -> set[str]:
-        self.report({"ERROR"}, str(error))
+        self.report({"ERROR"}, in_window(error))
         return {"CANCELLED"}
 
 
@@ -271,18 +272,17 @@ def current(scene: bpy.types.Scene) -> Shown | None:
 
 
 def lines(scene: bpy.types.Scene) -> list[str]:
-    """The pair that is shown of a scene, its exposure and depth, and what is to be known of them, in lines that fit the
-    sidebar."""
+    """Lines for the sidebar about the pair of a scene that is shown: id, exposure, depth and warnings."""
     now = current(scene)
     if now is None:
         return []
-    return [*now.views.lines, *(line for sentence in now.views.warnings for line in wrapped(sentence))]
+    return [line for sentence in (*now.views.lines, *now.views.warnings) for line in wrapped(sentence)]
 
 
 # ---- following the settings -----------------------------------------------------------------------------------------
 
 def listen(scene: bpy.types.Scene, effects: frozenset[str]) -> None:
-    """Listen to changes of settings."""
+    """Follow changes of the camera response."""
     if "response" not in effects or scene is None or not live_preview.has_window() or not scene.icymoon.follow:
         return
     if bpy.app.timers.is_registered(_follow):
@@ -303,7 +303,7 @@ def _follow() -> None:
 
 @bpy.app.handlers.persistent
 def _forget(*_: object) -> None:
-    """Another file is about to be opened, or Icy Moon to go."""
+    """Stop the timers and forget the picture, before another file is opened or Icy Moon is disabled."""
     global shown, _reading
     shown = _reading = None
     for timer in (_flicker, _follow):
@@ -315,13 +315,13 @@ CLASSES = (ICYMOON_OT_show_pair,)
 
 
 def register() -> None:
-    """Listen."""
+    """Follow the settings."""
     scene_properties.listeners.append(listen)
     bpy.app.handlers.load_pre.append(_forget)
 
 
 def unregister() -> None:
-    """Listen no longer; the pictures are removed."""
+    """Stop following the settings, and remove the pictures."""
     reading = _reading
     scene_properties.listeners.remove(listen)
     bpy.app.handlers.load_pre.remove(_forget)

@@ -13,7 +13,7 @@ _COLUMNS = 3
 
 
 def draw_pair(layout: Any, scene: bpy.types.Scene) -> None:
-    """Buttons for the views of the pair that was rendered last, and what is to be known of the one that is shown."""
+    """Draw the buttons for the views of the last rendered pair, and lines about the pair that is shown."""
     pairs = show_pair.kept_pairs(scene)
     if not pairs:
         return
@@ -34,7 +34,7 @@ def _draw_views(row: Any, views: Any, now: show_pair.Shown | None, number: int) 
 
 
 def _draw_choice(row: Any, view: str, number: int, count: int) -> None:
-    """Buttons for the pair before and the pair after, where there are several."""
+    """Draw buttons for the previous and the next pair."""
     before = row.operator("icymoon.show_pair", text="", icon="TRIA_LEFT")
     before.view, before.number = view, (number - 2) % count + 1
     row.label(text=f"Pair {number} of {count}")

@@ -1,7 +1,7 @@
-"""A rendered pair as pictures for the window: what the cameras give, and the true depth.
+"""A rendered pair as pictures for the window: the camera images and the true depth.
 
-In numpy alone, which Blender has. So the lens, whose images OpenCV interpolates, is left out: the images are those of
-pinholes, not rectified where eyes are toed in.
+It needs only numpy, which Blender has. Images of a distorting lens are interpolated with OpenCV, so here the images are
+those of pinholes, and not rectified if the eyes are toed in.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ _CAPTION_PER_PX = 1 / 800  # size of captions per column of the whole picture
 
 @dataclass(frozen=True)
 class PairViews:
-    """What there is to show of a pair: eyes as uint8 (H, W), as matchers get them, and their true depth."""
+    """The images of a pair as matchers get them, uint8 (H, W), its true depth, and facts about both."""
 
     id: str
     left: np.ndarray
@@ -44,9 +44,9 @@ class PairViews:
     range_m: tuple[float, float] | None  # nearest and farthest depth; None if all is sky
     exposures_s: tuple[float, ...]
     saturated: float  # share of the left pixels
-    shift_px: int  # columns by which the right image lies further left where the ground is at its median depth
-    reduced: int  # an image's pixel is the mean of so many pixels in each direction
-    warnings: tuple[str, ...]  # what is left out, and what the exposure warns of
+    shift_px: int  # disparity of the median depth, whole pixels
+    reduced: int  # factor by which width and height are reduced
+    warnings: tuple[str, ...]  # what is left out, and warnings about the exposure
 
     def pictures(self, view: str) -> list[np.ndarray]:
         """The picture of a view, uint8 RGB (H, W, 3); of FLICKER the two that take turns. KeyError for no view."""
@@ -62,10 +62,10 @@ class PairViews:
 
     @property
     def lines(self) -> list[str]:
-        """The pair, its exposure and its depth in short lines."""
+        """Short lines about the pair: id, exposure, depth."""
         times = [_seconds(s) for s in dict.fromkeys((self.exposures_s[0], self.exposures_s[-1]))]
         share = "none saturated" if self.saturated == 0 else f"{100 * self.saturated:.2g} % saturated"
-        depth = "all sky" if self.range_m is None else f"depth {self.range_m[0]:.3g} to {self.range_m[1]:.3g} m"
+        depth = "All sky" if self.range_m is None else f"Depth {self.range_m[0]:.3g} to {self.range_m[1]:.3g} m"
         size = [f"shown at 1/{self.reduced} of its size"] if self.reduced > 1 else []
         return [f"Pair {self.id}", f"{' to '.join(times)}, {share}", ", ".join([depth, *size])]
 
@@ -122,7 +122,7 @@ def read_pair_views(folder: Path, response: Mapping[str, Mapping[str, Any]], mos
 
 
 def _develop(pair: Pair, settings: Settings) -> Images:
-    """Develop a pair as that of pinholes."""
+    """Develop a pair without its lens."""
     scaled = any(settings.light[key] != 1 for key in LIGHT_GROUPS.values())
     left, right = (read_light(pair.image(eye), eye, groups=scaled) for eye in EYES)
     plain = merged(settings, {"rig": {f"distortion_{name}": 0.0 for name in COEFFICIENTS}})
@@ -136,21 +136,21 @@ def _left_out(pair: Pair, settings: Settings) -> list[str]:
 
 
 def _shift_px(pair: Pair, depth: np.ndarray) -> int:
-    """Disparity of the median depth. Toed-in eyes are aligned by themselves."""
+    """Disparity of the median depth; 0 for toed-in eyes, which need no alignment."""
     if pair.camera.toe_in_deg or not depth.size:
         return 0
     return min(round(float(pair.camera.disparity(np.median(depth)))), pair.camera.width_px // 2)
 
 
 def _reduced(image: np.ndarray, factor: int) -> np.ndarray:
-    """uint8 means of squares of ``factor`` pixels; what fills no square at the right and bottom is left out."""
+    """Means over squares of ``factor`` pixels, uint8; incomplete squares at the right and bottom are left out."""
     height, width = (n // factor for n in image.shape)
     squares = image[:height * factor, :width * factor].reshape(height, factor, width, factor)
     return image if factor == 1 else np.rint(squares.mean(axis=(1, 3))).astype(np.uint8)
 
 
 def _sampled(depth: np.ndarray, factor: int) -> np.ndarray:
-    """The depth of one pixel of each such square, never a mean."""
+    """The depth of one pixel of each of these squares, never a mean."""
     height, width = (n // factor for n in depth.shape)
     return depth[factor // 2::factor, factor // 2::factor][:height, :width]
 

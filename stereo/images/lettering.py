@@ -1,4 +1,4 @@
-"""Short texts in pictures, drawn with strokes in numpy: pictures are also made in Blender, which has no OpenCV."""
+"""Short texts in pictures, drawn with strokes in numpy, since Blender has no OpenCV."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _STROKES = {
 
 @lru_cache(maxsize=64)
 def draw_text(text: str, height_px: float) -> np.ndarray:
-    """How much of each pixel of a strip the text covers, float32 (rows, columns) from 0 to 1.
+    """A strip with a text: the share of each pixel that strokes cover, float32 (rows, columns).
 
     ``height_px`` is that of capitals; the strip is half as high again. A character without strokes is a space.
     """
@@ -61,7 +61,7 @@ def _stroke(covered: np.ndarray, start: tuple[float, float], end: tuple[float, f
 
 
 def put_text(picture: np.ndarray, text: str, left: int, baseline: int, height_px: float, level: int) -> None:
-    """Write a grey ``level`` over a picture (H, W, 3) uint8, in place; what is beyond its edges is left out."""
+    """Write a text in a grey ``level`` onto a picture (H, W, 3) uint8, in place, cut at its edges."""
     covered = draw_text(text, height_px)
     top = baseline - round((_TOP + 0.5 - _BASELINE) * height_px / _CAP)
     inside = covered[max(0, -top):, max(0, -left):]

@@ -114,11 +114,11 @@ def test_lines_state_the_pair_its_exposure_and_its_depth(folder):
     lines = views.lines
     assert lines[0] == f"Pair {views.id}"
     assert lines[1] == f"12.5 ms, {100 * views.saturated:.2g} % saturated"
-    assert lines[2] == f"depth {views.range_m[0]:.3g} to {views.range_m[1]:.3g} m"
+    assert lines[2] == f"Depth {views.range_m[0]:.3g} to {views.range_m[1]:.3g} m"
     assert all(len(line) <= 36 for line in lines)
     assert any("saturated" in warning for warning in views.warnings)
     assert replace(views, exposures_s=(2.0, 0.5, 8e-5)).lines[1].startswith("2 s to 80 µs, ")
-    assert replace(views, saturated=0.0, range_m=None).lines[1:] == ["12.5 ms, none saturated", "all sky"]
+    assert replace(views, saturated=0.0, range_m=None).lines[1:] == ["12.5 ms, none saturated", "All sky"]
 
 
 def test_what_needs_opencv_is_left_out_and_named(tmp_path, folder, monkeypatch):
