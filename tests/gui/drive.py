@@ -17,6 +17,7 @@ import time
 import traceback
 from collections.abc import Callable
 from functools import partial
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -375,6 +376,13 @@ def render_by_mouse() -> Waiting:
     return f"longest gap {gap:.2f} of {duration:.0f} s (bound {bound:.1f}), {len(fractions)} stages of progress"
 
 
+def cell_means(image: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """Mean colours (12, 24, 3) of the cells of an image between two corners, columns and rows."""
+    columns, rows = (np.rint(np.linspace(low[k], high[k], n + 1)).astype(int) for k, n in enumerate((24, 12)))
+    return np.array([[image[top:bottom, left:right].mean(axis=(0, 1)) for left, right in pairwise(columns)]
+                     for top, bottom in pairwise(rows)])
+
+
 def on_screen(picture: np.ndarray, name: str) -> Waiting:
     """How much what the second window shows of the image differs from a picture (H, W, 3), from 0 to 1."""
     yield from screenshot(name)
@@ -387,16 +395,8 @@ def on_screen(picture: np.ndarray, name: str) -> Waiting:
     canvas = next(r for r in other.screen.areas[0].regions if r.type == "WINDOW")
     corners = np.array([canvas.view2d.view_to_region(k, k, clip=False) for k in (0.0, 1.0)], float)
     corners += (other.x + canvas.x, other.y + canvas.y)
-    cells = (np.arange(0.5, n) / n for n in (48, 24))  # places over the image, from its left and from below
-    column, row = (lows + (highs - lows) * part for lows, highs, part in zip(*corners, cells, strict=True))
-    seen = np.array([[screen[int(y) - 2:int(y) + 3, int(x) - 2:int(x) + 3].mean(axis=(0, 1)) for x in column]
-                     for y in row])
-    scale = (corners[1] - corners[0]) / picture.shape[1::-1]
-    reach = [max(1, round(2.5 / each)) for each in scale]
-    turned = picture[::-1] / 255.0
-    drawn = np.array([[turned[max(0, y - reach[1]):y + reach[1] + 1, max(0, x - reach[0]):x + reach[0] + 1].mean(
-        axis=(0, 1)) for x in ((column - corners[0][0]) / scale[0]).astype(int)]
-        for y in ((row - corners[0][1]) / scale[1]).astype(int)])
+    seen = cell_means(screen, *corners)
+    drawn = cell_means(picture[::-1] / 255.0, np.zeros(2), np.array(picture.shape[1::-1]))
     check(seen.std() > 0.02, "the window shows one colour only")
     return float(np.abs(seen - drawn).mean())
 
