@@ -574,10 +574,13 @@ def undo_by_key() -> Waiting:
     take_a_step()
 
     def state() -> object:
-        return module("scene_properties").read_settings(settings()), sorted(item.name for item in bpy.data.objects)
+        read = module("scene_properties")
+        return (read.read_settings(settings()), read.read_variations(settings()),
+                sorted(item.name for item in bpy.data.objects))
 
     for operator, options in ((operators.add_terrain, {}), (operators.add_block, {}), (operators.layer_add, {}),
                               (operators.load_settings, {"filepath": str(file)}),
+                              (operators.vary, {"setting": "surface.albedo"}), (operators.variation_remove, {}),
                               (operators.choose_plan, {"plan": "datasets/guiss_snow"}),
                               (operators.load_preset, {"preset": "lights/guiss_europa"})):
         before = state()

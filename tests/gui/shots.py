@@ -106,6 +106,8 @@ def built() -> None:
     """A built scene, its surface Hapke's, with an evaluation and a dry run behind it and a job under way."""
     with in_region("UI"):
         bpy.ops.icymoon.load_preset(preset="scenes/europa_ridged_plain_hapke")
+        bpy.ops.icymoon.vary(setting="light.sun_elevation_deg")
+        bpy.ops.icymoon.vary(setting="surface.model")
     settings().mesh.error_px, settings().mesh.edge_px = 8.0, 48.0
     settings().rocks.coverage, settings().rocks.own_surface = 0.05, True
     settings().quality.truth = "DEPTH"  # so that something is left out
