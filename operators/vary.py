@@ -406,7 +406,7 @@ class ICYMOON_OT_render_variations(dataset.DatasetOperator, bpy.types.Operator):
             scene.icymoon.pairs = " ".join(pair.id for pair in _spread(pairs))
             jobs.push_undo(self.bl_label)
         super().report_success(context)
-        results.show_images(context, curve_files(context.scene), open_window=False)
+        results.show_images(context, [*sorted_curves(context.scene).values()], open_window=False)
 
 
 class ICYMOON_OT_save_plan(dialogs.TomlFileDialog, bpy.types.Operator):
@@ -433,11 +433,11 @@ class ICYMOON_OT_save_plan(dialogs.TomlFileDialog, bpy.types.Operator):
         return {"FINISHED"}
 
 
-def curve_files(scene: bpy.types.Scene) -> list[Path]:
-    """The pictures of the error against each setting that varies, those in the list first."""
+def sorted_curves(scene: bpy.types.Scene) -> dict[str, Path]:
+    """The pictures of the error against each setting of an evaluation that varies, those in the list first."""
     curves = results.curves(scene)
     listed = [each.name for each in scene_properties.read_variations(scene.icymoon).varied]
-    return [curves[name] for name in sorted(curves, key=lambda name: name not in listed)]
+    return {name: curves[name] for name in sorted(curves, key=lambda name: name not in listed)}
 
 
 class ICYMOON_OT_show_curve(bpy.types.Operator):
@@ -456,8 +456,8 @@ class ICYMOON_OT_show_curve(bpy.types.Operator):
         return True
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        files, chosen = curve_files(context.scene), results.curves(context.scene).get(self.setting)
-        paths = [chosen, *(path for path in files if path != chosen)] if chosen else files
+        curves = sorted_curves(context.scene)
+        paths = sorted(curves.values(), key=lambda path: path != curves.get(self.setting))
         results.show_images(context, paths, open_window=True)
         return {"FINISHED"}
 

@@ -7,7 +7,7 @@ from typing import Any
 import bpy
 
 from .. import scene_properties
-from ..operators import dataset, results, show_pair, vary
+from ..operators import dataset, show_pair, vary
 from ..operators.sidebar_text import wrapped
 from ..render.plans.vary_scene import label_of, names_that_vary
 from ..settings.table import TOPICS
@@ -16,6 +16,8 @@ from .relevance import has_effect, is_shown
 from .sidebar import Sidebar, draw_job
 
 _VARY = frozenset(names_that_vary())
+#: Curves that have a button; the report shows all.
+_CURVES = 6
 
 
 class ICYMOON_UL_variations(bpy.types.UIList):
@@ -111,11 +113,11 @@ def _draw_varied(layout: Any, root: Any, item: Any) -> None:
 
 def _draw_curves(layout: Any, scene: bpy.types.Scene) -> None:
     """Draw a button for each picture of the error against a setting."""
-    found = results.curves(scene)
+    found = list(vary.sorted_curves(scene))
     if not found:
         return
     column = layout.column(align=True)
-    for name in found:
+    for name in found[:_CURVES]:
         column.operator("icymoon.show_curve", text=f"Error against {label_of(name)}", icon="FCURVE").setting = name
     column.operator("icymoon.open_report", icon="URL")
 

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from ...errors import IcyMoonError
+from ...files import shorten
 from ...formats.toml_lines import Place
 from ...settings.description import check, merged
 from ...settings.table import TOPICS, Setting, all_settings
@@ -57,7 +58,8 @@ class VariedSetting:
         """The setting. Raises IcyMoonError if there is none of this name, or if it cannot vary."""
         setting = _SETTINGS.get(self.name)
         if setting is None:
-            raise IcyMoonError(f"{WHERE}: unknown setting {self.name!r}, {nearest(self.name, _SETTINGS)}")
+            name = shorten(self.name)  # which anybody's .blend file states
+            raise IcyMoonError(f"{WHERE}: unknown setting {name!r}, {nearest(name, _SETTINGS)}")
         if why := why_fixed(*self.name.split(".")):
             raise IcyMoonError(f"{WHERE}: {self.name} {why}.")
         return setting

@@ -315,6 +315,18 @@ def test_only_curves_inside_the_evaluation_are_shown(tiny, tmp_path):
     assert results.curves(tiny) == {"c.d": folder / "inside.png"}
 
 
+def test_curves_of_settings_in_the_list_come_first(tiny, tmp_path, monkeypatch):
+    monkeypatch.setattr(results, "curves", lambda _: {"a.b": tmp_path / "a", ELEVATION: tmp_path / "e"})
+    assert list(vary.sorted_curves(tiny)) == ["a.b", ELEVATION]
+    bpy.ops.icymoon.vary(setting=ELEVATION)
+    assert list(vary.sorted_curves(tiny)) == [ELEVATION, "a.b"]
+    shown = []
+    monkeypatch.setattr(results, "show_images", lambda context, paths, open_window: shown.append(paths))
+    bpy.ops.icymoon.show_curve(setting="a.b")
+    bpy.ops.icymoon.show_curve()
+    assert shown == [[tmp_path / "a", tmp_path / "e"], [tmp_path / "e", tmp_path / "a"]]
+
+
 def test_drawing_takes_no_time_once_it_is_known(tiny):
     for name in (ELEVATION, "surface.albedo", "terrain.rms_slope_deg"):
         bpy.ops.icymoon.vary(setting=name)
