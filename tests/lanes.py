@@ -30,7 +30,7 @@ from run import drive
 ENVIRONMENTS = ROOT / ".venvs"
 LOGS = ROOT / "out" / "lanes"
 # The networks know no Blender, and torch is large: they are tested in the main environment only.
-PYTEST = ("-m", "pytest", "-m", "not slow", "-p", "no:cacheprovider",
+PYTEST = ("-m", "pytest", "-m", "not slow and not heavy", "-p", "no:cacheprovider",
           "--numprocesses", "auto", "--maxprocesses", "4", "--dist", "worksteal",
           "--ignore=tests/stereo/networks/test_networks.py")
 #: What knows Blender; the rest has been tested in this Python, in the main environment.
