@@ -221,6 +221,8 @@ def vary_by_mouse() -> Waiting:
     yield from away()
     yield 10 * TICK_S  # the button of the curve appears
     yield from screenshot("vary_done")
+    yield from to(*middle("UI"))
+    yield from scroll(400)  # what is known of the pairs has moved the panels down
     yield from press("icymoon.show_curve")
     yield from until(lambda: len(manager().windows) == 2, "Opening an Image Editor")
     image = manager().windows[1].screen.areas[0].spaces.active.image
