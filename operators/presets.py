@@ -12,18 +12,24 @@ import bpy
 from .. import scene_properties
 from ..commands.sources import BY_HAND, DEFAULT, find_origins
 from ..errors import IcyMoonError
-from ..files import explain_disk_errors, write_text
+from ..files import explain_disk_errors, write_atomically, write_text
+from ..formats.png import encode_png
 from ..nodes.datablocks.blend_file_paths import with_absolute_files
 from ..preferences import extension_folder
 from ..render.cycles_settings import find_lack
-from ..settings import description, preset_files, toml_text
+from ..settings import changes, description, preset_files, toml_text
+from ..stereo.pair_views import read_pair_views
 from ..system import name_fault, remove
 from ..typed_settings import Settings
 from . import dialogs
+from .evaluate import rendered_pairs
 from .sidebar_text import in_window
 
 #: Prefix of the names of the user's own presets.
 OWN = "own/"
+_PICTURE = ".png"
+#: Columns and rows of a preset's picture at most.
+PICTURE_PX = 256
 _shipped: list[tuple[str, str, str]] = []
 _kept: dict[tuple[str, str, str], tuple[str, str, str]] = {}  # Blender requires that Python keeps the strings of items
 
@@ -50,6 +56,27 @@ def path_of(name: str) -> Path:
     except KeyError:
         raise IcyMoonError(f"Your preset {name.removeprefix(OWN)!r} does not exist on this machine; "
                            "choose another one.") from None
+
+
+def picture_of(name: str) -> Path:
+    """The picture of a scene preset, shipped or the user's own, if it has one."""
+    return preset_files.preview_path(name) if not name.startswith(OWN) else own_folder() / (
+        f"{name.removeprefix(OWN)}{_PICTURE}")
+
+
+def _fill(path: Path, content: bytes) -> None:
+    path.write_bytes(content)
+
+
+def _save_picture(context: bpy.types.Context, settings: Settings, target: Path) -> bool:
+    """Save the left image of the rendered pair of ``settings`` beside a preset; whether there is such a pair."""
+    try:
+        views = read_pair_views(rendered_pairs(context, settings)[0], changes.response(settings), PICTURE_PX)
+    except IcyMoonError:
+        return False
+    content = encode_png(views.pictures("LEFT")[0])
+    write_atomically(target, lambda part: _fill(part, content))
+    return True
 
 
 def preset_items(_self: Any = None, _context: Any = None) -> list[tuple[str, str, str]]:
@@ -159,15 +186,19 @@ class ICYMOON_OT_add_preset(bpy.types.Operator):
         try:
             if not stem:
                 raise IcyMoonError(f"The preset's name is {self.title!r}; give it a name with letters or digits.")
-            wanted = with_absolute_files(scene_properties.read_settings(group))
+            settings = scene_properties.read_settings(group)
+            wanted = with_absolute_files(settings)
             wanted.pop("dataset")
+            remove(own_folder() / f"{stem}{_PICTURE}")  # of a preset that had this name
+            pictured = _save_picture(context, settings, own_folder() / f"{stem}{_PICTURE}")
             write_text(own_folder() / f"{stem}.toml", preset_files.preset_text(
                 self.title, "A preset of yours", wanted, known_sources(wanted, group.preset)))
         except IcyMoonError as error:
             self.report({"ERROR"}, in_window(error))
             return {"CANCELLED"}
         group.preset = f"{OWN}{stem}"
-        self.report({"INFO"}, f"Saved {own_folder() / stem}.toml")
+        without = "" if pictured else "; it gets its picture if you save it after Render Stereo Pair"
+        self.report({"INFO"}, f"Saved {own_folder() / stem}.toml{without}")
         return {"FINISHED"}
 
 
@@ -194,6 +225,7 @@ class ICYMOON_OT_remove_preset(bpy.types.Operator):
             path = path_of(group.preset)
             with explain_disk_errors("delete", path):
                 remove(path)
+                remove(path.with_suffix(_PICTURE))
         except IcyMoonError as error:
             self.report({"ERROR"}, in_window(error))
             return {"CANCELLED"}

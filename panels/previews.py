@@ -1,34 +1,56 @@
-"""Pictures of the shipped scenes, by which the user chooses one."""
+"""Pictures of scenes, by which the user chooses one: the gallery, the other shipped scenes and the user's presets."""
 
 from __future__ import annotations
 
+from functools import cache
+from pathlib import Path
 from typing import Any
 
 import bpy
 import bpy.utils.previews
 
-from ..operators.presets import preset_items
+from ..nodes.scene import find_collection
+from ..operators import live_preview
+from ..operators.presets import OWN, picture_of, preset_items
 from ..settings.preset_files import is_whole, preview_path
 
 #: Property of the window manager, which is not saved: the scene preset whose picture the sidebar shows.
 CHOICE = "icymoon_scene_preset"
 _NONE = ("NONE", "Choose a Scene", "The settings are not from one of these scenes")
+_KINDS = ("gallery", "scenes", "own")  # landscapes first
+Item = tuple[str, str, str, int, int]
 _pictures: Any = None
-_items: list[tuple[str, str, str, int, int]] = []
+_items: dict[tuple[tuple[str, int], ...], list[Item]] = {}  # by picture and time; Blender needs the texts kept alive
 
 
-def _load_choices(_self: Any = None, _context: Any = None) -> list[tuple[str, str, str, int, int]]:
-    """The shipped scenes that have a picture, read once. Blender requires that Python keeps the strings."""
+def _load_choices(_self: Any = None, _context: Any = None) -> list[Item]:
+    """The scenes that have a picture, each picture read once in each state."""
     global _pictures
-    if not _items:
-        _pictures = bpy.utils.previews.new()
-        _items.append((*_NONE, _pictures.load("choose", str(preview_path("choose")), "IMAGE").icon_id, 0))
-        for name, title, meaning in preset_items():
-            path = preview_path(name)
-            if is_whole(name) and path.is_file():
-                picture = _pictures.load(name, str(path), "IMAGE")
-                _items.append((name, title, meaning, picture.icon_id, len(_items)))
-    return _items
+    whole = [(item, picture_of(item[0])) for item in preset_items() if is_whole(item[0])]
+    shown = sorted((each for each in whole if _exists(each[0][0], each[1])),
+                   key=lambda each: _KINDS.index(each[0][0].split("/")[0]))
+    state = tuple((item[0], path.stat().st_mtime_ns if item[0].startswith(OWN) else 0) for item, path in shown)
+    if state not in _items:
+        if _pictures is None:
+            _pictures = bpy.utils.previews.new()
+        items = [(*_NONE, _icon("choose", preview_path("choose")), 0)]
+        for (name, changed_ns), (item, path) in zip(state, shown, strict=True):
+            items.append((*item, _icon(f"{name} {changed_ns}", path), len(items)))
+        _items[state] = items
+    return _items[state]
+
+
+def _icon(key: str, path: Path) -> int:
+    return int((_pictures.get(key) or _pictures.load(key, str(path), "IMAGE")).icon_id)
+
+
+def _exists(name: str, picture: Path) -> bool:
+    return picture.is_file() if name.startswith(OWN) else _is_shipped(picture)
+
+
+@cache
+def _is_shipped(picture: Path) -> bool:
+    return picture.is_file()
 
 
 def _get(_self: Any) -> int:
@@ -40,6 +62,8 @@ def _set(_self: Any, number: int) -> None:
     name = _load_choices()[number][0]
     if number and name != bpy.context.scene.icymoon.preset:
         bpy.ops.icymoon.load_preset("EXEC_DEFAULT", True, preset=name)
+        if live_preview.has_window() and find_collection(bpy.context.scene) is None:  # a built one follows by itself
+            bpy.ops.icymoon.build_scene("INVOKE_DEFAULT", True)
 
 
 def register() -> None:

@@ -1,14 +1,17 @@
-"""Presets in the window: the shipped ones by their pictures, the person's own saved, loaded and removed."""
+"""Presets in the window: the shipped ones by their pictures, the user's own saved, loaded and removed."""
 
 from __future__ import annotations
 
 import bpy
+import numpy as np
 import pytest
 from icymoon import scene_properties
 from icymoon.errors import IcyMoonError
-from icymoon.operators import presets
+from icymoon.nodes.scene import find_collection
+from icymoon.operators import live_preview, presets
 from icymoon.panels import previews
 from icymoon.settings import description, preset_files, toml_text
+from icymoon.settings.description import merged
 from icymoon.typed_settings import Settings
 
 NEWER = "9.0.0"
@@ -16,7 +19,7 @@ NEWER = "9.0.0"
 
 @pytest.fixture
 def own(scene, tmp_path, monkeypatch):
-    """A folder for the person's own presets; the package is not an installed extension here."""
+    """A folder for the user's own presets; the package is not an installed extension here."""
     monkeypatch.setattr(presets, "extension_folder", lambda: tmp_path)
     return tmp_path / "presets"
 
@@ -132,7 +135,7 @@ def test_without_an_installed_extension_there_is_no_place_for_presets(scene):
 
 def test_every_shipped_scene_has_a_picture_that_chooses_it(scene):
     pictures = [item[0] for item in previews._load_choices()][1:]
-    assert pictures == preset_files.preset_names("scenes")
+    assert pictures == [*preset_files.preset_names("gallery"), *preset_files.preset_names("scenes")]
     assert choice() == "NONE"
     for name in pictures:
         setattr(bpy.context.window_manager, previews.CHOICE, name)
@@ -141,6 +144,41 @@ def test_every_shipped_scene_has_a_picture_that_chooses_it(scene):
         assert preset_files.preview_path(name).stat().st_size < 20_000, "it goes into the zip"
     scene.icymoon.preset = ""
     assert choice() == "NONE"
+
+
+@pytest.mark.heavy
+def test_a_scene_that_is_chosen_by_its_picture_is_shown_at_once(scene, monkeypatch):
+    setattr(bpy.context.window_manager, previews.CHOICE, "gallery/fresh_snow")
+    assert find_collection(scene) is None, "without a window nothing is built"
+    monkeypatch.setattr(live_preview, "has_window", lambda: True)
+    monkeypatch.setattr(preset_files, "load", lambda path, load=preset_files.load: merged(
+        load(path), {"mesh": {"kind": "GRID"}, "terrain": {"resolution": 33}}))
+    setattr(bpy.context.window_manager, previews.CHOICE, "gallery/ridge")
+    built = find_collection(scene)
+    assert built is not None
+    setattr(bpy.context.window_manager, previews.CHOICE, "gallery/block_field")
+    assert find_collection(scene) == built, "the live preview shows it"
+
+
+@pytest.mark.heavy
+def test_a_preset_that_is_saved_after_a_render_has_its_picture(small, own, tmp_path):
+    shipped = len(previews._load_choices())
+    small.icymoon.dataset.folder = str(tmp_path / "set")
+    bpy.ops.icymoon.add_preset(title="Before")
+    assert len(previews._load_choices()) == shipped
+    assert bpy.ops.icymoon.render_pair() == {"FINISHED"}
+    bpy.ops.icymoon.add_preset(title="Site")
+    image = bpy.data.images.load(str(own / "site.png"))
+    assert 16 < max(image.size) <= presets.PICTURE_PX
+    assert np.ptp(np.array(image.pixels)[::4]) > 0.1, "it shows something"
+    assert previews._load_choices()[-1][0] == "own/site"
+    assert len({item[4] for item in previews._load_choices()}) == shipped + 1
+    small.icymoon.terrain.size_m += 1.0
+    bpy.ops.icymoon.add_preset(title="Site")  # of settings that have no pair
+    assert not (own / "site.png").exists()
+    assert len(previews._load_choices()) == shipped
+    assert bpy.ops.icymoon.remove_preset() == {"FINISHED"}
+    assert not list(own.glob("site*"))
 
 
 def described(group) -> Settings:
