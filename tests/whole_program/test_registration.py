@@ -132,4 +132,5 @@ def test_the_groups_have_no_setting_that_the_table_lacks(registered):
         selected = {f"{s.key}_active" for s in topic.settings if s.kind == "list"}  # which entry the sidebar shows
         assert set(topic_group(topic.key).keys()) - {"rna_type", "name"} == {s.key for s in topic.settings} | selected
     root = bpy.types.Scene.bl_rna.properties["icymoon"].fixed_type.properties
-    assert set(root.keys()) - {"rna_type", "name"} == {*TOPICS, "preset", "live", "follow", "results", "variations"}
+    assert set(root.keys()) - {"rna_type", "name"} == {*TOPICS, "preset", "live", "follow", "results", "pairs",
+                                                       "variations"}
