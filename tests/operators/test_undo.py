@@ -12,7 +12,7 @@ CHANGE_NOTHING = {"save_settings", "show_roughness", "trade", "measure_machine",
                   "remove_evaluator", "cancel", "add_matcher", "remove_matcher"}
 #: Operators that go on when what they change is changed, and take the step then.
 TAKE_THEIR_OWN = {"render_pair", "render_dataset", "watch_dataset", "evaluate", "expose", "show_error",
-                  "show_last_pair"}
+                  "show_last_pair", "show_pair"}
 
 
 @pytest.fixture
