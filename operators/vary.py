@@ -374,10 +374,16 @@ class ICYMOON_OT_render_variations(dataset.DatasetOperator, bpy.types.Operator):
             column.prop(group, "methods")
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        if self._asked:
-            # A dialog runs it as a script does, which would wait until all pairs are there.
-            return set(bpy.ops.icymoon.render_variations("INVOKE_DEFAULT", folder=self.folder))
-        return super().execute(context)
+        if not self._asked:
+            return super().execute(context)
+        # A dialog runs it as a script does, which would wait until all pairs are there; and Blender does not free an
+        # operator that becomes modal when its dialog is confirmed. So another one does the work.
+        try:
+            bpy.ops.icymoon.render_variations("INVOKE_DEFAULT", folder=self.folder)
+        except RuntimeError as error:  # what it has reported
+            self.report({"ERROR"}, str(error).removeprefix("Error: ").strip())
+            return {"CANCELLED"}
+        return {"FINISHED"}
 
     def start(self, context: bpy.types.Context) -> jobs.Job:
         group = context.scene.icymoon.dataset

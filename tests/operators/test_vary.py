@@ -293,6 +293,18 @@ def test_the_first_and_the_last_pair_are_among_those_shown(count, shown):
     assert found == shown if shown else len(set(found)) == len(found) == vary._PICTURES
 
 
+def test_a_confirmed_dialog_reports_what_cannot_be(tiny, tmp_path):
+    bpy.ops.icymoon.vary(setting=ELEVATION, first=10, last=20, count=2)
+    freeze(tmp_path / "set", variations_of(tiny, 10, 30))
+    said = []
+    dialog: Any = SimpleNamespace(_asked=True, folder=str(tmp_path / "set"),
+                                  report=lambda kind, text: said.append(text))
+    assert vary.ICYMOON_OT_render_variations.execute(dialog, bpy.context) == {"CANCELLED"}
+    assert len(said) == 1
+    assert said[0].startswith(str(tmp_path / "set"))
+    assert said[0].endswith("choose another folder.")
+
+
 def test_nothing_is_written_if_there_is_no_evaluator(tiny, tmp_path, monkeypatch):
     bpy.ops.icymoon.vary(setting=ELEVATION)
     tiny.icymoon.dataset.evaluate = True
