@@ -30,7 +30,7 @@ DISPARITY_ERROR_PX = 0.25
 Found = TypeVar("Found")
 _MOST_KEPT = 4
 LINE = 36  # characters that fit the sidebar as Blender opens it
-_WIDTH_PX, _SHORTEST = 220, 18  # of the sidebar as Blender opens it; of a line in the narrowest one
+_WIDTH_PX, _SHORTEST = 280, 18  # of the sidebar as Blender opens it; of a line in the narrowest one
 _NAME = re.compile(r"\b([a-z_]+)[.]([a-z]\w*)(?: is ([A-Z]\w*))?")  # 'quality.truth', 'quality.truth is DEPTH'
 _UNIT = re.compile(r" [(][^)]*[)]$")
 

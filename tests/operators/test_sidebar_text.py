@@ -27,7 +27,7 @@ def test_settings_are_read_once_a_redraw_and_again_after_every_change(scene, mon
 
 
 @pytest.mark.parametrize(("region", "scale", "longest"), [
-    (None, 1.0, 36), (("WINDOW", 900), 1.0, 36), (("UI", 220), 1.0, 36), (("UI", 440), 1.0, 72), (("UI", 440), 2.0, 36),
+    (None, 1.0, 36), (("WINDOW", 900), 1.0, 36), (("UI", 280), 1.0, 36), (("UI", 560), 1.0, 72), (("UI", 560), 2.0, 36),
     (("UI", 30), 1.0, 18)])
 def test_text_is_as_wide_as_the_sidebar(monkeypatch, region, scale, longest):
     shown = region and SimpleNamespace(type=region[0], width=region[1])
