@@ -9,12 +9,11 @@ from typing import Any
 
 import bpy
 
-from . import scene_properties
 from .commands.doctor import Finding
 from .errors import IcyMoonError
 from .files import parse_path
 from .render.cost import speed
-from .settings import trust_boundary
+from .settings import announcements, trust_boundary
 from .stereo.environment.install import is_unfinished
 from .stereo.environment.packages import PACKAGES
 from .system import venv_python
@@ -237,7 +236,7 @@ def register() -> None:
     """Register the preferences. From now on, scenes that need kernels and name none get the preferred ones."""
     bpy.utils.register_class(ICYMOON_PG_matcher)
     bpy.utils.register_class(ICYMOON_AP_preferences)
-    scene_properties.listeners.append(_give_kernels)
+    announcements.listeners.append(_give_kernels)
     _choose_cache(_preferences(), bpy.context)
 
 
@@ -249,7 +248,7 @@ def _give_kernels(scene: bpy.types.Scene, effects: frozenset[str]) -> None:
 
 def unregister() -> None:
     """Unregister the preferences."""
-    scene_properties.listeners.remove(_give_kernels)
+    announcements.listeners.remove(_give_kernels)
     speed.choose_folder("")
     findings.clear()
     bpy.utils.unregister_class(ICYMOON_AP_preferences)

@@ -6,8 +6,7 @@ Listeners are told of each change of a property, with the effect of its setting 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from typing import Any
 
 import bpy
@@ -16,45 +15,15 @@ import numpy as np
 from . import compat
 from .physics.surfaces import principled
 from .render.plans.vary_scene import COMBINATIONS, SPACINGS, SceneVariations, VariedSetting
+from .settings.announcements import announce, batch_changes, count_changes, make_update
 from .settings.description import canonical, check
 from .settings.table import EFFECTS, TOPICS, Setting, Value
 from .typed_settings import Settings, typed
 
-#: Called with a scene and the effects of the settings that changed in it.
-listeners: list[Callable[[Any, frozenset[str]], None]] = []
 #: Settings that were read to be displayed, with the time, by the scene's ``session_uid``.
-_displayed: dict[int, tuple[float, Settings]] = {}
+_displayed: dict[int, tuple[float, int, Settings]] = {}
 #: Undo changes properties without a word, so what is displayed is read anew after this time, which a redraw is within.
 _REDRAW_S = 0.05
-_held: dict[Any, set[str]] | None = None  # effects that ``batch_changes`` holds back, by scene
-
-
-def announce(scene: Any, effect: str) -> None:
-    """Tell the listeners that a setting with this effect has changed."""
-    _displayed.clear()
-    if _held is not None:
-        _held.setdefault(scene, set()).add(effect)
-        return
-    for listener in listeners:
-        listener(scene, frozenset({effect}))
-
-
-@contextmanager
-def batch_changes() -> Iterator[None]:
-    """Tell the listeners of all changes inside it at once, at its end."""
-    global _held
-    if _held is not None:
-        yield
-        return
-    held: dict[Any, set[str]] = {}
-    _held = held
-    try:
-        yield
-    finally:
-        _held = None
-        for scene, effects in held.items():
-            for listener in listeners:
-                listener(scene, frozenset(effects))
 
 
 def _register_group(name: str, doc: str, annotations: dict[str, Any]) -> type:
@@ -67,9 +36,7 @@ def _register_group(name: str, doc: str, annotations: dict[str, Any]) -> type:
 
 def _make_property(topic: str, setting: Setting) -> Any:
     """The property of a setting, which announces its changes."""
-    def update(group: Any, context: Any) -> None:
-        announce(group.id_data, setting.effect)
-
+    update = make_update(setting.effect)
     if setting.kind == "list":
         entry = _register_group(f"ICYMOON_PG_{topic}_{setting.key}", setting.description,
                                 {s.key: _make_property(topic, s) for s in setting.entries})
@@ -98,9 +65,7 @@ _classes: list[type] = []
 
 def _make_variations() -> Any:
     """The property of what varies over the pairs of a data set, which is beside the settings and none of them."""
-    def update(group: Any, context: Any) -> None:
-        announce(group.id_data, "run")
-
+    update = make_update("run")
     tick = _register_group("ICYMOON_PG_tick", "A value of a choice", {
         "on": bpy.props.BoolProperty(name="On", default=True, update=update, description="Use this value")})
     varied = _register_group("ICYMOON_PG_varied", "A setting that varies", {
@@ -207,7 +172,7 @@ def register() -> None:
                                                  description="Ids of the pairs that were rendered last")
     pointers["preset"] = bpy.props.StringProperty(name="Preset", description="The scene preset that was loaded last")
     pointers["live"] = bpy.props.BoolProperty(
-        name="Live Preview", default=True, update=lambda group, context: announce(group.id_data, EFFECTS[0]),
+        name="Live Preview", default=True, update=make_update(EFFECTS[0]),
         description="Show changed settings at once in the built scene. The ground is coarse until Build Scene")
     pointers["follow"] = bpy.props.BoolProperty(
         name="Keep Image Up to Date", default=True,
@@ -235,11 +200,11 @@ def read_settings(group: Any) -> Settings:
 
 def read_for_display(group: Any) -> Settings:
     """The settings as ``read_unchecked`` gives them, read once for all panels of a redraw. Do not change them."""
-    now, uid = time.monotonic(), group.id_data.session_uid
+    now, changes, uid = time.monotonic(), count_changes(), group.id_data.session_uid
     kept = _displayed.get(uid)
-    if kept is None or now - kept[0] > _REDRAW_S:
-        kept = _displayed[uid] = now, read_unchecked(group)
-    return kept[1]
+    if kept is None or kept[1] != changes or now - kept[0] > _REDRAW_S:
+        kept = _displayed[uid] = now, changes, read_unchecked(group)
+    return kept[2]
 
 
 def read_unchecked(group: Any) -> Settings:

@@ -12,7 +12,7 @@ from ..errors import IcyMoonError
 from ..nodes.add_objects import build_rock_object, build_terrain_object
 from ..settings import description
 from ..settings.preset_files import load_preset
-from ..settings.table import LANDFORMS, TOPICS
+from ..settings.table import LANDFORMS, TOPICS, ground_numbers
 from ..typed_settings import Settings
 from .presets import preset_items
 from .sidebar_text import in_window
@@ -63,18 +63,6 @@ class _AddOperator:
 #: Of the ground itself, what the redo panel shows at once; the rest is under Advanced.
 _MAIN = ("size_m", "resolution", "rms_slope_deg", "hurst")
 _LANDFORMS = tuple(key for key, topic in TOPICS.items() if topic.parent == LANDFORMS)
-#: Does not change a patch that is flat and no horizon.
-_WITHOUT = ("body_radius_m",)
-
-
-def _shape_settings() -> dict[str, tuple[str, str]]:
-    """(topic, key) of every number of the ground and its landforms, by the name of the operator's property."""
-    ground = {s.key: ("terrain", s.key) for s in TOPICS["terrain"].settings
-              if s.kind in ("int", "float") and s.key not in _WITHOUT}
-    return {**ground, "seed": ("dataset", "seed"),
-            **{f"{topic}_{s.key}": (topic, s.key) for topic in _LANDFORMS for s in TOPICS[topic].settings}}
-
-
 _OPTIONS: dict[str, dict[str, Any]] = {"size_m": {"unit": "LENGTH"}, "resolution": {"default": 257}}
 
 
@@ -93,7 +81,7 @@ class ICYMOON_OT_add_terrain(_AddOperator, bpy.types.Operator):
     bl_label = "Icy Terrain"
     bl_options = {"REGISTER", "UNDO"}
 
-    own_settings = _shape_settings()
+    own_settings = ground_numbers()
     __annotations__ = {
         name: setting_property(topic, key, options={"SKIP_SAVE"}, **_OPTIONS.get(name, {}))
         for name, (topic, key) in own_settings.items()}

@@ -8,8 +8,8 @@ import bpy
 
 from ..nodes import scene as scenes
 from ..nodes.ground.terrain_mesh import roughness_table
-from ..scene_properties import announce
 from ..settings import description
+from ..settings.announcements import announce
 from ..settings.table import TOPICS
 
 

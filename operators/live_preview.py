@@ -15,7 +15,7 @@ from .. import scene_properties
 from ..errors import IcyMoonError
 from ..nodes import preview
 from ..nodes import scene as scenes
-from ..settings import description
+from ..settings import announcements, description
 from ..typed_settings import Settings
 from .build import frame_and_expose
 from .jobs import push_undo
@@ -107,12 +107,12 @@ def lines(scene: bpy.types.Scene) -> list[str]:
 
 def register() -> None:
     """Listen to changes of settings."""
-    scene_properties.listeners.append(listen)
+    announcements.listeners.append(listen)
 
 
 def unregister() -> None:
     """Stop listening."""
-    scene_properties.listeners.remove(listen)
+    announcements.listeners.remove(listen)
     _waiting.clear()
     if bpy.app.timers.is_registered(show_waiting):
         bpy.app.timers.unregister(show_waiting)

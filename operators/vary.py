@@ -35,6 +35,7 @@ from ..render.plans.vary_scene import (
     vary_around,
     why_fixed,
 )
+from ..settings import announcements
 from ..settings.table import TOPICS, Setting
 from ..typed_settings import Settings
 from . import dataset, dialogs, jobs, results
@@ -218,7 +219,7 @@ class ICYMOON_OT_variation_remove(_ListOperator, bpy.types.Operator):
         group = context.scene.icymoon.variations
         group.varied.remove(min(group.active, len(group.varied) - 1))
         group.active = max(0, min(group.active, len(group.varied) - 1))
-        scene_properties.announce(context.scene, "run")
+        announcements.announce(context.scene, "run")
         return {"FINISHED"}
 
 
@@ -240,7 +241,7 @@ class ICYMOON_OT_variation_move(_ListOperator, bpy.types.Operator):
             return {"CANCELLED"}
         group.varied.move(here, there)
         group.active = there
-        scene_properties.announce(context.scene, "run")
+        announcements.announce(context.scene, "run")
         return {"FINISHED"}
 
 
@@ -476,7 +477,7 @@ _HANDLERS: tuple[Callable[[], list[Any]], ...] = (
 
 def register() -> None:
     """Compute the lines anew whenever anything changes."""
-    scene_properties.listeners.append(_forget_lines)
+    announcements.listeners.append(_forget_lines)
     for handlers in _HANDLERS:
         handlers().append(_forget_after)
 
@@ -485,5 +486,5 @@ def unregister() -> None:
     """Listen no longer."""
     for handlers in _HANDLERS:
         handlers().remove(_forget_after)
-    scene_properties.listeners.remove(_forget_lines)
+    announcements.listeners.remove(_forget_lines)
     _forget_lines()

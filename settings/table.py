@@ -757,3 +757,15 @@ TOPICS: dict[str, Topic] = {t.key: t for t in (
 def all_settings() -> list[tuple[str, Setting]]:
     """All (topic key, setting) in the order of the sidebar."""
     return [(topic.key, setting) for topic in TOPICS.values() for setting in topic.settings]
+
+
+def ground_numbers() -> dict[str, tuple[str, str]]:
+    """(topic, key) of the seed and of each number of a patch of ground and its landforms, by a name for a keyword.
+
+    The radius of the body is none of them: a patch is flat.
+    """
+    ground = {s.key: ("terrain", s.key) for s in TERRAIN.settings
+              if s.kind in ("int", "float") and s.key != "body_radius_m"}
+    return {**ground, "seed": ("dataset", "seed"),
+            **{f"{topic.key}_{s.key}": (topic.key, s.key) for topic in TOPICS.values() if topic.parent == LANDFORMS
+               for s in topic.settings}}

@@ -17,8 +17,9 @@ from pathlib import Path
 from typing import Any
 
 from icymoon.commands import cli
+from icymoon.render.plans.vary_scene import SPACINGS
 from icymoon.settings import preset_files, toml_text
-from icymoon.settings.table import TOPICS, Setting
+from icymoon.settings.table import TOPICS, Setting, ground_numbers
 from icymoon.stereo import cli as stereo_cli
 from icymoon.stereo.matchers import MATCHERS
 from icymoon.version import ROOT
@@ -265,7 +266,15 @@ def _operators_of(path: Path) -> Iterator[Operator]:
         body = [statement for base in node.bases if isinstance(base, ast.Name) and base.id in classes
                 for statement in classes[base.id].body] + node.body
         stated = _assigned(body, constants)
-        properties, choices = {}, {}
+        properties: dict[str, tuple[str, str]] = {}
+        if "__annotations__" in stated:  # made of settings
+            properties = {name: (TOPICS[topic][key].label, TOPICS[topic][key].description)
+                          for name, (topic, key) in ground_numbers().items()}
+        choices: dict[str, list[str]] = {name: [] for name in properties}
+        if any(isinstance(base, ast.Name) and base.id == "_ValueFields" for base in node.bases):
+            for name, words in _value_fields():
+                properties[name] = (words["name"], words.get("description") or "")
+                choices[name] = [choice for choice, *_ in words.get("items") or ()]
         for statement in body:
             if isinstance(statement, ast.AnnAssign) and isinstance(statement.target, ast.Name) and isinstance(
                     statement.annotation, ast.Call):
@@ -274,6 +283,24 @@ def _operators_of(path: Path) -> Iterator[Operator]:
                     properties[statement.target.id] = (words["name"], words.get("description") or "")
                     choices[statement.target.id] = [name for name, *_ in words.get("items") or ()]
         yield Operator(stated["bl_idname"], stated["bl_label"], ast.get_docstring(node) or "", properties, choices)
+
+
+def _value_fields() -> Iterator[tuple[str, dict[str | None, Any]]]:
+    """The properties of ``scene_properties.varied_fields``, which the list and a dialog have in common."""
+    module = ast.parse((ROOT / "scene_properties.py").read_text(encoding="utf-8"))
+    function = next(node for node in module.body if isinstance(node, ast.FunctionDef) and node.name == "varied_fields")
+    made = next(node.value for node in function.body if isinstance(node, ast.Return))
+    assert isinstance(made, ast.Dict)
+    spacings = [ast.Constant(name) for name in SPACINGS]
+
+    class Named(ast.NodeTransformer):
+        def visit_Subscript(self, node: ast.Subscript) -> ast.expr:
+            return spacings[ast.literal_eval(node.slice)]
+
+    for key, call in zip(made.keys, made.values, strict=True):
+        assert isinstance(key, ast.Constant)
+        assert isinstance(call, ast.Call)
+        yield str(key.value), _words(Named().visit(call), {})
 
 
 def _words(call: ast.Call, constants: dict[str, Any]) -> dict[str | None, Any]:

@@ -18,7 +18,7 @@ from icymoon.operators import live_preview
 from icymoon.operators.render import bring_up_to_date, planned_pairs
 from icymoon.panels import sidebar
 from icymoon.render.worker import render_pairs
-from icymoon.settings import description
+from icymoon.settings import announcements, description
 from icymoon.typed_settings import Settings
 from panel_drawing import drawn, texts
 
@@ -414,13 +414,13 @@ def test_a_failing_listener_does_not_hold_back_the_next_changes(scene, monkeypat
     monkeypatch.setattr(scene_properties, "listeners", [lambda scene, effects: heard.append(effects)])
 
     def fail() -> None:
-        with scene_properties.batch_changes():
-            scene_properties.announce(scene, "light")
+        with announcements.batch_changes():
+            announcements.announce(scene, "light")
             raise RuntimeError
 
     with pytest.raises(RuntimeError):
         fail()
-    scene_properties.announce(SimpleNamespace(), "camera")
+    announcements.announce(SimpleNamespace(), "camera")
     assert heard == [frozenset({"light"}), frozenset({"camera"})]
 
 

@@ -8,6 +8,7 @@ import icymoon.scene_properties as properties
 import pytest
 from icymoon.operators import sidebar_text
 from icymoon.operators.sidebar_text import remember
+from icymoon.settings import announcements
 
 
 def test_settings_are_read_once_a_redraw_and_again_after_every_change(scene, monkeypatch):
@@ -18,7 +19,7 @@ def test_settings_are_read_once_a_redraw_and_again_after_every_change(scene, mon
     assert properties.read_for_display(group) is first
     group.terrain.size_m = 7.0
     assert properties.read_for_display(group).terrain.size_m == 7.0
-    with properties.batch_changes():
+    with announcements.batch_changes():
         group.terrain.size_m = 8.0
         assert properties.read_for_display(group).terrain.size_m == 8.0
     before = properties.read_for_display(group)

@@ -281,9 +281,9 @@ def test_panel_and_build_say_what_truth_is_of_and_the_panel_how_blurred_and_how_
     assert "truth is sharp" in " ".join(lines)
     # 2.23 m deep in the middle: 341.3 px x 0.032 m / 1.6 x (1/2 - 1/2.23) and 341.3 px x 0.01 m / 2.23 m.
     assert "Middle focus 0.352 px, motion 1.53 px" in lines
-    assert lines[-1].startswith("The lens needs an overscan of 0.")
+    assert lines[-1] == "Overscan 0.151 needed"
     enough = complete({"rig": {"distortion_k1": -0.1, "overscan": 0.4}})
-    assert sidebar_text.camera_notes(enough)[-1].endswith("has it")
+    assert sidebar_text.camera_notes(enough)[-1] == "Overscan 0.141 needed, and set"
     assert max(map(len, lines)) <= 45
     assert any("pinhole in the middle" in text for text in build(empty_scene(), moving).warnings)
     unknown = complete({"rig": {"roll_deg_s": 1.0}})

@@ -1,0 +1,57 @@
+"""Changes of settings, told to those who listen.
+
+Knows no Blender, on purpose: Blender as a module keeps the update functions of properties to the end. If they led to
+``bpy`` in any way, it could not be freed, and Blender 4.2 would crash when Python ends.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+#: Called with a scene and the effects of the settings that changed in it.
+listeners: list[Callable[[Any, frozenset[str]], None]] = []
+_held: dict[Any, set[str]] | None = None  # effects that ``batch_changes`` holds back, by scene
+_changes = 0
+
+
+def count_changes() -> int:
+    """How many changes were announced so far, those that are held back among them."""
+    return _changes
+
+
+def announce(scene: Any, effect: str) -> None:
+    """Tell the listeners that a setting with this effect has changed."""
+    global _changes
+    _changes += 1
+    if _held is not None:
+        _held.setdefault(scene, set()).add(effect)
+        return
+    for listener in listeners:
+        listener(scene, frozenset({effect}))
+
+
+@contextmanager
+def batch_changes() -> Iterator[None]:
+    """Tell the listeners of all changes inside it at once, at its end."""
+    global _held
+    if _held is not None:
+        yield
+        return
+    held: dict[Any, set[str]] = {}
+    _held = held
+    try:
+        yield
+    finally:
+        _held = None
+        for scene, effects in held.items():
+            for listener in listeners:
+                listener(scene, frozenset(effects))
+
+
+def make_update(effect: str) -> Callable[[Any, Any], None]:
+    """An update function for a property of a scene, which announces its changes."""
+    def update(group: Any, context: Any) -> None:
+        announce(group.id_data, effect)
+    return update
