@@ -411,7 +411,7 @@ def test_the_grid_is_as_fine_as_the_time_allows():
 
 def test_a_failing_listener_does_not_hold_back_the_next_changes(scene, monkeypatch):
     heard = []
-    monkeypatch.setattr(scene_properties, "listeners", [lambda scene, effects: heard.append(effects)])
+    monkeypatch.setattr(announcements, "listeners", [lambda scene, effects: heard.append(effects)])
 
     def fail() -> None:
         with announcements.batch_changes():
