@@ -13,6 +13,7 @@ from typing import Any
 
 import bpy
 
+from .. import compat
 from ..nodes import scene as scenes
 from ..render import cycles_settings
 
@@ -67,4 +68,5 @@ def _values_of(scene: bpy.types.Scene) -> dict[str, Any]:
             for group in ("render", "cycles") if hasattr(scene, group)  # cycles is missing while its add-on is off
             for prop in getattr(scene, group).bl_rna.properties
             if prop.type in _VALUES and not prop.is_readonly and not getattr(prop, "is_array", False)
-            and not getattr(prop, "is_enum_flag", False)}
+            and not getattr(prop, "is_enum_flag", False)
+            and (prop.identifier != "denoiser" or compat.has_oidn())}  # else it has no choice, which Blender warns of
