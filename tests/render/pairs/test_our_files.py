@@ -233,7 +233,9 @@ REMOVES = {"render/pairs/our_files.py": "the one way", "system.py": "how it is d
            "stereo/environment/install.py": "the folder that it has made", "stereo/reexpose.py": "what it writes again",
            "operators/trade.py": "its own temporary folder",
            "scratch.py": "its own temporary folder, and those marked by processes of this user that are gone",
-           "operators/presets.py": "the preset that a user removes",
+           "operators/presets.py": "the preset that a user removes, with its picture",
+           "operators/evaluator.py": "the environment that it has made, when a user asks for it",
+           "operators/show_pair.py": "its own temporary folder",
            "stereo/trade/cheapest_quality.py": "what it writes again"}
 
 
