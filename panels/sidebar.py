@@ -71,23 +71,25 @@ class ICYMOON_PT_main(Sidebar, bpy.types.Panel):
 
 
 def _draw_results(layout: Any, scene: bpy.types.Scene, rows: Sequence[Mapping[str, Any]]) -> None:
-    """Two lines for each matcher: its error and coverage with the buttons of its images, then its other metrics."""
+    """For each matcher, its error and coverage with the buttons of its images, then its other metrics."""
     with_image, with_surface = results.methods_with_error_images(scene), results.methods_with_points(scene)
+    titles = layout.row(align=True)
+    for title in ("Matcher", "L1", "Covered", ""):
+        titles.label(text=title)
     for row in rows:
         method, box = row["method"], layout.box().column(align=True)
         first = box.row(align=True)
         first.label(text=method)
         first.label(text=results.metres(row["l1_m"]))
-        first.label(text=f"{results.percent(row['coverage'])} covered")
+        first.label(text=results.percent(row["coverage"]))
         image, surface = first.row(align=True), first.row(align=True)
         image.enabled, surface.enabled = method in with_image, method in with_surface
         image.operator("icymoon.show_error", text="", icon="IMAGE_DATA").method = method
         surface.operator("icymoon.show_surface", text="", icon="MESH_GRID").method = method
-        second = box.row(align=True)
-        second.active = False
-        second.label(text=f">10 cm {results.percent(row['l1_rate_10'])}")
-        second.label(text=f"si-RMSE {results.number(row['si_rmse'], 4)}")
-        second.label(text=f"DOD {results.percent(row['dod'])}")
+        rest = box.column(align=True)
+        rest.active = False
+        rest.label(text=f"Over 10 cm {results.percent(row['l1_rate_10'])}, DOD {results.percent(row['dod'])}")
+        rest.label(text=f"si-RMSE {results.number(row['si_rmse'], 4)}")
 
 
 class ICYMOON_PT_results(Sidebar, bpy.types.Panel):

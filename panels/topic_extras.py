@@ -55,13 +55,13 @@ def _draw_qualities(layout: Any, context: bpy.types.Context) -> None:
         button.enabled = not quality.lacks
         button.operator("icymoon.load_preset", text=quality.title, depress=quality.chosen).preset = quality.name
         row.label(text=quality.brief)
-        if quality.lacks:
-            draw_lines(column, wrapped(quality.lacks), "ERROR")
+    for lack in dict.fromkeys(quality.lacks for quality in shipped if quality.lacks):
+        draw_lines(column, wrapped(lack), "ERROR")
     if own.chosen:
         column.label(text=f"With the settings below {own.brief}")
     draw_lines(column, wrapped(sidebar_text.speed_line(settings)))
     layout.operator_context = "INVOKE_DEFAULT"
-    layout.operator("icymoon.auto_quality", text="Find the Cheapest That Is Good Enough…", icon="VIEWZOOM")
+    layout.operator("icymoon.auto_quality", text="Find the Cheapest…", icon="VIEWZOOM")
 
 
 def _draw_camera_notes(layout: Any, context: bpy.types.Context) -> None:
