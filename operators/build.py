@@ -107,39 +107,9 @@ def restore_views() -> None:
     _views_before.clear()
 
 
-#: Addresses of the views that undo has taken the scene from, to be shown it again by redo.
-_undone: set[int] = set()
-
-
-def _follow_undo() -> None:
-    """Give the views back if undo has taken away what they show, and show it again if redo has brought it back."""
-    there = any(scenes.find_collection(scene) for scene in bpy.data.scenes)
-    if _views_before and not there:
-        _undone.update(_views_before)
-        restore_views()
-    elif _undone and there:
-        for window in bpy.context.window_manager.windows:
-            built = scenes.find(window.scene)
-            if built is None:
-                continue
-            for area in window.screen.areas:
-                if area.type == "VIEW_3D" and area.spaces.active.as_pointer() in _undone:
-                    region = next(r for r in area.regions if r.type == "WINDOW")
-                    with bpy.context.temp_override(window=window, area=area, region=region):
-                        show_scene(bpy.context, built)
-        _undone.clear()
-
-
-@bpy.app.handlers.persistent
-def _look_after_undo(*_: Any) -> None:
-    if (_views_before or _undone) and not bpy.app.timers.is_registered(_follow_undo):
-        bpy.app.timers.register(_follow_undo, first_interval=0.0)  # no operator runs inside undo
-
-
 @bpy.app.handlers.persistent
 def _forget_views(*_: Any) -> None:
     _views_before.clear()
-    _undone.clear()
 
 
 def views_through(context: bpy.types.Context, camera: bpy.types.Object | None) -> list[Any]:
@@ -240,16 +210,10 @@ CLASSES = (ICYMOON_OT_build_scene, ICYMOON_OT_clear_scene)
 
 
 def register() -> None:
-    """Follow undo and new files, so that no view stays on a scene that is gone."""
-    bpy.app.handlers.undo_post.append(_look_after_undo)
-    bpy.app.handlers.redo_post.append(_look_after_undo)
+    """Forget the views of a file that is left."""
     bpy.app.handlers.load_pre.append(_forget_views)
 
 
 def unregister() -> None:
-    """Stop following them."""
+    """Listen no longer."""
     bpy.app.handlers.load_pre.remove(_forget_views)
-    if bpy.app.timers.is_registered(_follow_undo):
-        bpy.app.timers.unregister(_follow_undo)
-    bpy.app.handlers.redo_post.remove(_look_after_undo)
-    bpy.app.handlers.undo_post.remove(_look_after_undo)
