@@ -176,15 +176,15 @@ def _look(recognised: Callable[[], bool], columns: tuple[float, ...],
 
 
 #: Where buttons are looked for across the sidebar: the left and the right of a row of two, and a bare icon at its end.
-COLUMNS = (0.35, 0.75, 0.835)
+COLUMNS = (0.35, 0.75, 0.82)
 _found = 0.0  # how far down the last button was
 
 
 def find(operator: str, **options: str) -> Looking:
-    """Look for a button in the sidebar with the mouse, first near the last one; returns its place."""
+    """Look for a button in the sidebar with the mouse, first near the last one, then page by page; returns its place."""
     global _found
     yield from away()
-    place = yield from _look(lambda: over_button(operator, **options), COLUMNS, _found)
+    place = yield from _look_on_every_page(lambda: over_button(operator, **options), COLUMNS, _found)
     assert place is not None, f"no button of {operator} was found in the sidebar"
     _found = region("UI").y + region("UI").height - place[1]
     return place
@@ -214,13 +214,24 @@ def scroll(clicks: int) -> Generator[float, None, bool]:
             return abs(now - before) > 1
 
 
+def _look_on_every_page(recognised: Callable[[], bool], columns: tuple[float, ...],
+                        start: float = 0.0) -> Generator[float, None, Place | None]:
+    """Look where the sidebar is scrolled to and on every page further down, then on all pages from the top."""
+    for _ in range(2):  # what slid away under the mouse is where it belongs the second time
+        while True:
+            if place := (yield from _look(recognised, columns, start)):
+                return place
+            yield from to(*middle("UI"))
+            if not (yield from scroll(int(region("UI").height / 60))):
+                break
+        yield from scroll(-400)
+    return None
+
+
 def find_setting(path: str) -> Looking:
     """Look for a setting's field with the mouse, page after page of the sidebar; returns its place."""
-    sidebar = region("UI")
-    while not (place := (yield from _look(lambda: over_setting(path), (0.7,)))):
-        yield from to(*middle("UI"))
-        moved = yield from scroll(int(sidebar.height / 60))
-        check(moved, f"no field of {path} was found in the sidebar")
+    place = yield from _look_on_every_page(lambda: over_setting(path), (0.7,))
+    assert place is not None, f"no field of {path} was found in the sidebar"
     return place
 
 
