@@ -16,6 +16,7 @@ import bpy
 from .. import compat
 from ..nodes import scene as scenes
 from ..render import cycles_settings
+from ..settings import description
 
 NOTE = "icymoon_user_render"
 #: On an object that was hidden from renders, so that Clear Scene finds it under any name.
@@ -36,7 +37,10 @@ def prepare_render(scene: bpy.types.Scene, built: scenes.Built) -> None:
     before = _values_of(scene)
     uses_osl = scene.cycles.shading_system
     exposure, gamma = scene.view_settings.exposure, scene.view_settings.gamma
-    cycles_settings.apply(scene, built.settings.quality, int(built.settings.dataset.seed))
+    settings = built.settings
+    if not compat.has_oidn():  # a render of a pair is refused; F12 goes on without, and Build Scene has warned
+        settings = description.merged(settings, {"quality": {"denoiser": "NONE"}})
+    cycles_settings.apply(scene, settings.quality, int(settings.dataset.seed))
     scene.cycles.shading_system = uses_osl
     scene.view_settings.exposure, scene.view_settings.gamma = exposure, gamma
     after = _values_of(scene)

@@ -33,3 +33,10 @@ def test_render_is_refused_before_the_scene_is_built(without):
     with pytest.raises(RuntimeError, match=r"set quality\.denoiser to NONE"):
         bpy.ops.icymoon.render_pair()
     assert find(without) is None
+
+
+def test_a_scene_that_wants_a_denoiser_is_built_and_f12_has_none(without):
+    without.icymoon.quality.denoiser = "OIDN"
+    assert bpy.ops.icymoon.build_scene() == {"FINISHED"}
+    assert without.render.engine == "CYCLES"
+    assert not without.cycles.use_denoising
