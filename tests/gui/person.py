@@ -181,7 +181,7 @@ _found = 0.0  # how far down the last button was
 
 
 def find(operator: str, **options: str) -> Looking:
-    """Look for a button in the sidebar with the mouse, first near the last one, then page by page; returns its place."""
+    """Look for a button in the sidebar by mouse, first near the last one, then page by page; returns its place."""
     global _found
     yield from away()
     place = yield from _look_on_every_page(lambda: over_button(operator, **options), COLUMNS, _found)
