@@ -10,6 +10,7 @@ import base64
 import hashlib
 import json
 from collections.abc import Iterable, Mapping, Sequence
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -33,6 +34,7 @@ from .table_columns import COMPARED_COLUMNS, GUISS, METRIC_NAMES, SUMMARY, forma
 MOST_PAIRS = 24
 #: Most pictures in the file: as JPEG of 480 px they take about 25 kB each, and a third more as text.
 MOST_PICTURES = 300
+_HERE = Path(__file__).parent
 _WIDTH_PX = 480  # of embedded pictures
 _JPEG_QUALITY = 80
 _SCREEN_GAMMA = 1 / 2.2
@@ -52,16 +54,21 @@ _MIXED = {"image (px)": lambda facts: f"{facts['width_px']} × {facts['height_px
           "edited by hand": lambda facts: "yes" if facts["rendered"].get("edited_by_hand") else "no"}
 
 
+@cache
+def _read_template() -> jinja2.Template:
+    """The page's template, compiled once a process."""
+    environment = jinja2.Environment(loader=jinja2.FileSystemLoader(_HERE), autoescape=True,
+                                     undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    return environment.get_template("report.html.j2")
+
+
 def write_report(report: Mapping[str, Any], chosen: Sequence[str], table: Table, sweeps: Sequence[Sweep],
                  methods: Sequence[Method], out: Path, seed: int, guiss: bool) -> None:
     """Write ``out/report.html`` from the result of ``evaluate`` and the pictures in ``out``; it contains those of the
     pairs ``chosen``."""
-    here = Path(__file__).parent
-    environment = jinja2.Environment(loader=jinja2.FileSystemLoader(here), autoescape=True,
-                                     undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True)
-    script = (here / "report.js").read_text(encoding="utf-8").strip()
+    script = (_HERE / "report.js").read_text(encoding="utf-8").strip()
     names = set(chosen)
-    html = environment.get_template("report.html.j2").render(
+    html = _read_template().render(
         report=report, regions=REGIONS, region_metrics=REGION_METRICS, metric_names=METRIC_NAMES, columns=SUMMARY,
         compared=_difference_rows(report["differences"]), compared_columns=COMPARED_COLUMNS,
         format_number=format_number, format_interval=format_interval, guiss=GUISS if guiss else (),

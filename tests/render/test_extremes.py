@@ -27,6 +27,8 @@ from icymoon.stereo.matchers.methods import parse_methods
 from icymoon.stereo.measure.prepare import prepare
 from rendering import empty_scene
 
+#: Charts of extremes are drawn in ``tests/stereo/test_extremes.py``.
+pytestmark = pytest.mark.usefixtures("undrawn")
 #: Random descriptions that every run tries, and those of a slow one.
 FEW, MANY = 8, 40  # a description takes ten seconds of two processors
 #: Share of the random descriptions that may be refused, so that the others still show something.
@@ -63,6 +65,7 @@ def some(seeds, folder):
     assert len(without) <= MOST_REFUSED * len(seeds), without
 
 
+@pytest.mark.heavy
 @pytest.mark.timeout(600)
 @pytest.mark.parametrize("first", range(0, FEW, 8))
 def test_random_settings_at_their_limits(tmp_path, first):
@@ -102,25 +105,21 @@ def _alone(topic, setting, bound):
     return complete(on, both, seen, {topic: {setting.key: int(value) if setting.kind == "int" else value}})
 
 
-def _limits(*effects):
+def _limits(of, *effects):
     return [pytest.param(topic, setting, bound, id=f"{topic}.{setting.key}-{bound}") for topic, setting in numbers()
-            if setting.effect in effects for bound in ("minimum", "maximum")]
+            if setting.effect in effects and topic in of for bound in ("minimum", "maximum")]
 
 
-#: What asks for more craters than ``craters.most`` is refused by name.
-_TOO_MANY_CRATERS = {("coverage", "maximum"), ("smallest_m", "minimum"), ("largest_m", "minimum"),
-                     ("largest_m", "maximum")}
+_TOO_MANY_CRATERS = (("coverage", "maximum"), ("smallest_m", "minimum"), ("largest_m", "minimum"),
+                     ("largest_m", "maximum"))
+#: What is refused, and what the sentence names: more craters than ``craters.most``, rocks larger than any of the
+#: default ground, and cameras in the ground.
+_REFUSED = {**{("craters", key, bound): r"craters\.coverage" for key, bound in _TOO_MANY_CRATERS},
+            ("rocks", "smallest_m", "maximum"): r"rocks\.coverage", ("rig", "height_m", "minimum"): r"rig\.height_m",
+            ("terrain", "slope_baseline_m", "maximum"): r"rig\.height_m"}
 
 
-#: The default ground has not one block of such a size.
-_NO_BLOCKS = {("smallest_m", "maximum")}
-
-
-def _built(settings, refused_for=""):
-    if refused_for:
-        with pytest.raises(IcyMoonError, match=refused_for):
-            scenes.build(empty_scene(), settings)
-        return
+def _check_build(settings):
     built = scenes.build(empty_scene(), settings)
     for item in built.collection.all_objects:
         assert extremes.is_finite(item), item.name
@@ -128,19 +127,22 @@ def _built(settings, refused_for=""):
 
 
 @pytest.mark.heavy
-@pytest.mark.parametrize(("topic", "setting", "bound"), _limits("geometry", "material", "light", "camera"))
-def test_no_limit_breaks_a_build(topic, setting, bound):
-    refusals = {"craters": _TOO_MANY_CRATERS, "rocks": _NO_BLOCKS}
-    refused_for = rf"{topic}\.coverage" if (setting.key, bound) in refusals.get(topic, ()) else ""
-    _built(description.merged(_alone(topic, setting, bound), GRID), refused_for)
-    if topic in ("mesh", "rig", "terrain"):
-        _built(description.merged(_alone(topic, setting, bound), GRADED))
+@pytest.mark.parametrize(("topic", "setting", "bound"), _limits(("mesh", "rig", "terrain"), "geometry", "camera"))
+def test_no_limit_breaks_a_build_that_follows_the_camera(topic, setting, bound):
+    _check_build(description.merged(_alone(topic, setting, bound), GRADED))
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("topic", "setting", "bound"), _limits("geometry", "material", "light", "camera", "sampling"))
+@pytest.mark.parametrize(("topic", "setting", "bound"),
+                         _limits(TOPICS, "geometry", "material", "light", "camera", "sampling"))
 def test_no_limit_breaks_a_pair(tmp_path, topic, setting, bound):
-    refused(description.merged(_alone(topic, setting, bound), GRID), tmp_path)
+    """Nothing is wrong from the build to the report, or a sentence names the setting that is too much."""
+    settings = description.merged(_alone(topic, setting, bound), GRID)
+    if name := _REFUSED.get((topic, setting.key, bound)):
+        with pytest.raises(IcyMoonError, match=name):
+            shot(settings, tmp_path)
+    else:
+        fine(settings, tmp_path)
 
 
 def test_no_limit_of_the_response_breaks_an_image(tmp_path):
@@ -367,7 +369,7 @@ def test_a_hundred_thousand_rocks(tmp_path):
 @pytest.mark.slow
 @pytest.mark.timeout(600)
 def test_the_finest_grid():
-    _built(complete(GRID, {"terrain": {"resolution": 4097}}))
+    _check_build(complete(GRID, {"terrain": {"resolution": 4097}}))
 
 
 @pytest.mark.slow
