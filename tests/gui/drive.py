@@ -193,6 +193,8 @@ def vary_by_mouse() -> Waiting:
     folder, group = FOLDER / "varied", window().scene.icymoon
     kept = group.dataset.folder, group.dataset.evaluate, group.dataset.methods
     group.dataset.folder, group.dataset.evaluate, group.dataset.methods = str(folder), True, "sgbm"
+    size = group.rig.width_px, group.rig.height_px, group.terrain.resolution
+    group.rig.width_px, group.rig.height_px, group.terrain.resolution = 160, 120, 129
     yield from to(*middle("UI"))
     yield from scroll(-400)
     place = yield from find_setting("light.sun_elevation_deg")
@@ -231,6 +233,7 @@ def vary_by_mouse() -> Waiting:
     yield from screenshot("vary_curve")
     yield from person.close_second_window("the Image Editor")
     group.dataset.folder, group.dataset.evaluate, group.dataset.methods = kept
+    group.rig.width_px, group.rig.height_px, group.terrain.resolution = size
     yield from to(*middle("UI"))
     yield from scroll(-400)
 
