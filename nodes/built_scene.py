@@ -39,6 +39,7 @@ SITE = "icymoon_site_m"  # height of the ground under the camera
 CONTENT = "icymoon_content"  # hash of the user's own files
 ROUGHNESS = "icymoon_roughness"  # measured on the built ground
 PREVIEW = "icymoon_preview"  # settings that are shown as a preview, not as Build Scene would show them
+REFINED = "icymoon_refined"  # geometry of the settings that will follow a coarse ground at full resolution
 NOTES = "icymoon_notes"  # why some settings are not shown
 
 

@@ -41,6 +41,8 @@ from .tree.builder import take_values
 
 #: Maximum number of rocks in a preview. The smallest are left out.
 MOST_ROCKS = 1000
+#: Maximum number of vertices of the whole ground that ``build_coarse`` makes in about a second.
+MOST_VERTICES = 20000
 _EDITED = "The {} was edited by hand, so sliders do not change it; press Build Scene to build it again."
 
 
@@ -59,6 +61,36 @@ def set_notes(built: scenes.Built, sentences: list[str]) -> None:
     sentences = list(dict.fromkeys(sentences))  # one cause, such as a missing file, may affect two parts
     if json.dumps(sentences) != built.collection.get(scenes.NOTES, "[]"):
         built.collection[scenes.NOTES] = json.dumps(sentences)
+
+
+def build_coarse(scene: bpy.types.Scene, settings: Settings) -> scenes.Built:
+    """Build the scene of complete ``settings`` out to the horizon, but with a coarse ground and the largest rocks.
+
+    It is marked as a preview whose ground at full resolution will follow, see ``awaits_ground``. Ground from a file is
+    built at full resolution. Raises IcyMoonError as ``scenes.build`` does.
+    """
+    if is_from_file(settings):
+        return scenes.build(scene, settings)
+    terrain, mesh, rocks = settings.terrain, settings.mesh, settings.rocks
+    built = scenes.build(scene, merged(settings, {
+        "terrain": {"resolution": min(terrain.resolution, math.isqrt(MOST_VERTICES))},
+        "mesh": {"most": min(mesh.most, MOST_VERTICES)}, "rocks": {"most": min(rocks.most, MOST_ROCKS)}}))
+    built.remember(settings, geometry(settings))
+    await_ground(built, settings)
+    return replace(built, warnings=())  # they are on the coarse ground
+
+
+def await_ground(built: scenes.Built, settings: Settings) -> None:
+    """Mark a scene: if it shows a preview of ``settings``, the ground at full resolution will follow."""
+    if built.preview:
+        built.collection[scenes.REFINED] = json.dumps(geometry(settings))
+
+
+def awaits_ground(scene: bpy.types.Scene, settings: Settings) -> scenes.Built | None:
+    """The built scene if its ground at full resolution is to follow; None after a change of the ground's settings."""
+    built = scenes.find(scene)
+    marked = built is not None and built.collection.get(scenes.REFINED) == json.dumps(geometry(settings))
+    return built if marked and built is not None and built.preview else None
 
 
 def show_settings(built: scenes.Built, settings: Settings, side: int) -> bool:

@@ -37,6 +37,7 @@ from .built_scene import (
     PREVIOUS_OSL,
     PREVIOUS_VIEW,
     PREVIOUS_WORLD,
+    REFINED,
     ROUGHNESS,
     SETTINGS,
     SITE,
@@ -52,9 +53,9 @@ from .datablocks.fingerprint import NAME, TAG, built_objects, instanced_objects,
 from .ground.heights_under import probe_heights
 from .ground.rocks import build_rocks
 from .ground.terrain_mesh import (
-    as_meshed,
-    build_mesh,
+    MeshedGround,
     grid_heights,
+    mesh_ground,
     patch_heights,
     patch_roughness,
     site_wavelength_m,
@@ -75,6 +76,7 @@ __all__ = [
     "NAME",
     "NOTES",
     "PREVIEW",
+    "REFINED",
     "SITE",
     "Built",
     "build",
@@ -153,11 +155,12 @@ def _build_rocks(settings: Settings, terrain: bpy.types.Object, size_m: float) -
     return item, []
 
 
-def _build_objects(
-        settings: Settings) -> tuple[list[bpy.types.Object], bpy.types.World, list[str], UserGround | None, float]:
+def _build_objects(settings: Settings, meshed: MeshedGround | None) -> tuple[
+        list[bpy.types.Object], bpy.types.World, list[str], UserGround | None, float]:
     """Make all objects of the scene (terrain, Sun, camera, then others) and its world.
 
-    Also returns warnings, the user's own ground or None, and the height in metres of the ground under the camera.
+    ``meshed`` is the procedural ground, if it has been made already. Also returns warnings, the user's own ground or
+    None, and the height in metres of the ground under the camera.
     """
     # Errors come first, before anything is made.
     if reasons := refused_scenes.reasons_of_settings(settings):
@@ -166,18 +169,18 @@ def _build_objects(
     sky = described_sky(settings)
     own = load_ground(settings, ground_of) if is_from_file(settings) else None
     ground_and_rock_materials.refuse_without_uv(settings, own is not None and own.uv is not None)
-    ground: Surface = own.surface if own else as_meshed(ground_of(settings), settings)
+    made = own or meshed or mesh_ground(ground_of(settings), settings)
+    ground: Surface = made.surface
     site_m, warnings = _site(settings, ground, own)
     warnings += [*hapke_warnings, *rounding_advice(settings.rig, site_m), *refused_scenes.scene_advice(settings)]
     if own is not None:
         if settings.rocks.coverage > 0:
             refused_scenes.refuse_no_rocks(settings.rocks, ground.size_m, "source.file")
         warnings += own.warnings
-        mesh = own.build_mesh(f"{NAME} Terrain")
     else:
         warnings += terrain_advice(settings, site_wavelength_m(settings.terrain, ground))
         warnings += ground.advice(settings) if isinstance(ground, Graded) else []
-        mesh = build_mesh(f"{NAME} Terrain", settings.terrain, ground)
+    mesh = made.build_mesh(f"{NAME} Terrain")
     mark_elevation(mesh, settings.surface, ground.drop_m if isinstance(ground, Graded) else None)
     warnings += ground_and_rock_materials.advice(settings)
     try:
@@ -340,8 +343,8 @@ def why_shared(built: Built) -> str:
     return ""
 
 
-def build(scene: bpy.types.Scene, settings: Settings) -> Built:
-    """Build, or build again, the scene of complete ``settings``.
+def build(scene: bpy.types.Scene, settings: Settings, meshed: MeshedGround | None = None) -> Built:
+    """Build, or build again, the scene of complete ``settings``; ``meshed`` is its ground, if it has been made already.
 
     Sets the scene's camera and world to the built ones, unless the user has set others since the first build. Objects
     that were built before are kept and updated, so that references to them stay valid. Raises IcyMoonError, without
@@ -354,7 +357,7 @@ def build(scene: bpy.types.Scene, settings: Settings) -> Built:
     ours = [item for role, item in there.items() if role in OBJECTS]
     _refuse_editing(ours)
     try:
-        objects, sky, warnings, own, site_m = _build_objects(settings)
+        objects, sky, warnings, own, site_m = _build_objects(settings, meshed)
     except MemoryError:
         if settings.source.kind == "MESH":
             raise IcyMoonError("There is not enough memory for the mesh; make it coarser before the import.") from None
@@ -396,6 +399,7 @@ def build(scene: bpy.types.Scene, settings: Settings) -> Built:
     collection[ROUGHNESS] = roughness.summary() if roughness else ""
     collection[FINGERPRINT], collection[PREVIEW] = json.dumps(parts(collection)), "{}"
     collection[NOTES] = "[]"
+    collection.pop(REFINED, None)
     return built
 
 

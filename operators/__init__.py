@@ -17,6 +17,7 @@ from . import (
     live_exposure,
     live_preview,
     presets,
+    refine,
     render,
     results,
     settings,
@@ -39,6 +40,7 @@ def register() -> None:
     jobs.register()
     dataset.register()
     live_preview.register()
+    refine.register()
     live_exposure.register()
     show_pair.register()
     vary.register()
@@ -49,6 +51,7 @@ def unregister() -> None:
     vary.unregister()
     show_pair.unregister()
     live_exposure.unregister()
+    refine.unregister()
     live_preview.unregister()
     dataset.unregister()
     jobs.unregister()

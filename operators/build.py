@@ -9,6 +9,7 @@ import bpy
 
 from .. import scene_properties
 from ..errors import IcyMoonError
+from ..nodes import preview
 from ..nodes import scene as scenes
 from ..nodes.ground.user_ground import cost_warnings
 from ..nodes.measured_surface import clear_points
@@ -135,14 +136,18 @@ def leave_edit_mode() -> None:
         bpy.ops.object.mode_set(mode="OBJECT")
 
 
-def build_and_report(operator: bpy.types.Operator, context: bpy.types.Context) -> set[str]:
-    """Build the scene from its settings, show it and report it; the result of the operator."""
+def build_and_report(operator: bpy.types.Operator, context: bpy.types.Context, coarse: bool = False) -> set[str]:
+    """Build the scene from its settings, show it and report it; the result of the operator.
+
+    With ``coarse`` the ground is made coarsely, and marked for ``refine`` to follow.
+    """
+    build = preview.build_coarse if coarse else scenes.build
     leave_edit_mode()
     earlier = scenes.find(context.scene)
     before = earlier.settings if earlier else None
     views = views_through(context, earlier.camera if earlier else None)
     try:
-        built = scenes.build(context.scene, scene_properties.read_settings(context.scene.icymoon))
+        built = build(context.scene, scene_properties.read_settings(context.scene.icymoon))
     except IcyMoonError as error:
         operator.report({"ERROR"}, in_window(error))
         return {"CANCELLED"}

@@ -17,6 +17,7 @@ from ..nodes import preview
 from ..nodes import scene as scenes
 from ..settings import announcements, description
 from ..typed_settings import Settings
+from . import refine
 from .build import frame_and_expose
 from .jobs import push_undo
 from .sidebar_text import wrapped
@@ -101,7 +102,8 @@ def lines(scene: bpy.types.Scene) -> list[str]:
     """
     if scenes.find_collection(scene) is None:
         return []
-    sentences = preview.notes(scene) or ["Shown at full resolution"]
+    follows = refine.note(scene)
+    sentences = [follows] if follows else preview.notes(scene) or ["Shown at full resolution"]
     return [line for sentence in sentences for line in wrapped(sentence)]
 
 

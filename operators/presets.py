@@ -14,14 +14,18 @@ from ..commands.sources import BY_HAND, DEFAULT, find_origins
 from ..errors import IcyMoonError
 from ..files import explain_disk_errors, write_atomically, write_text
 from ..formats.png import encode_png
+from ..nodes import preview
+from ..nodes import scene as scenes
 from ..nodes.datablocks.blend_file_paths import with_absolute_files
+from ..nodes.ground.user_ground import is_from_file
 from ..preferences import extension_folder
 from ..render.cycles_settings import find_lack
 from ..settings import changes, description, preset_files, toml_text
 from ..stereo.pair_views import read_pair_views
 from ..system import name_fault, remove
 from ..typed_settings import Settings
-from . import dialogs
+from . import dialogs, live_preview, refine
+from .build import build_and_report
 from .evaluate import rendered_pairs
 from .sidebar_text import in_window
 
@@ -145,6 +149,9 @@ class ICYMOON_OT_load_preset(dialogs.SearchDialog, bpy.types.Operator):
 
     preset: bpy.props.EnumProperty(items=preset_items, name="Preset",  # type: ignore[valid-type]
                                    description="Preset to load")
+    build: bpy.props.BoolProperty(  # type: ignore[valid-type]
+        name="Show Scene", default=False, options={"HIDDEN", "SKIP_SAVE"},
+        description="Show the scene at once: its ground coarsely, then at full resolution. Only in a window")
 
     @classmethod
     def description(cls, context: bpy.types.Context, properties: Any) -> str:
@@ -164,7 +171,25 @@ class ICYMOON_OT_load_preset(dialogs.SearchDialog, bpy.types.Operator):
         scene_properties.write_settings(group, loaded)
         if "quality" in loaded and (lack := find_lack(description.merged(description.defaults(), loaded))):
             self.report({"WARNING"}, in_window(lack))
+        if self.build and live_preview.has_window():
+            _show(self, context)
         return {"FINISHED"}
+
+
+def _show(operator: bpy.types.Operator, context: bpy.types.Context) -> None:
+    """Show the settings of the scene at once and coarsely; the ground at full resolution follows."""
+    scene = context.scene
+    settings = scene_properties.read_unchecked(scene.icymoon)
+    if scenes.find_collection(scene) is None:
+        if is_from_file(settings):
+            bpy.ops.icymoon.build_scene("INVOKE_DEFAULT")  # which asks before it loads a large mesh
+        else:
+            build_and_report(operator, context, coarse=True)
+    else:
+        live_preview.update(scene)
+        if built := scenes.find(scene):
+            preview.await_ground(built, settings)
+    refine.begin()
 
 
 class ICYMOON_OT_add_preset(bpy.types.Operator):

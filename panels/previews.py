@@ -9,8 +9,6 @@ from typing import Any
 import bpy
 import bpy.utils.previews
 
-from ..nodes.scene import find_collection
-from ..operators import live_preview
 from ..operators.presets import OWN, picture_of, preset_items
 from ..settings.preset_files import is_whole, preview_path
 
@@ -61,9 +59,7 @@ def _get(_self: Any) -> int:
 def _set(_self: Any, number: int) -> None:
     name = _load_choices()[number][0]
     if number and name != bpy.context.scene.icymoon.preset:
-        bpy.ops.icymoon.load_preset("EXEC_DEFAULT", True, preset=name)
-        if live_preview.has_window() and find_collection(bpy.context.scene) is None:  # a built one follows by itself
-            bpy.ops.icymoon.build_scene("INVOKE_DEFAULT", True)
+        bpy.ops.icymoon.load_preset("EXEC_DEFAULT", True, preset=name, build=True)
 
 
 def register() -> None:

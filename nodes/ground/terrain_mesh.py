@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import bpy
 import numpy as np
@@ -38,16 +39,40 @@ def site_wavelength_m(terrain: TerrainSettings, ground: Surface) -> float:
     return ground.site_wavelength_m if isinstance(ground, Graded) else shortest_wavelength_m(terrain)
 
 
-def build_mesh(name: str, terrain: TerrainSettings, ground: Surface) -> bpy.types.Mesh:
-    """A smooth-shaded mesh of ``ground``: graded, or a grid from ``terrain`` settings that is centred on the origin.
+@dataclass(frozen=True)
+class MeshedGround:
+    """Procedural ground as numbers: its heights, and positions (n, 3) and faces (m, corners per face) of its mesh."""
+
+    surface: Terrain | Graded
+    positions: np.ndarray
+    faces: np.ndarray
+
+    def build_mesh(self, name: str) -> bpy.types.Mesh:
+        """The smooth-shaded mesh."""
+        return build_mesh_from_arrays(name, self.positions, self.faces)
+
+
+def mesh_ground(ground: Terrain, settings: Settings) -> MeshedGround:
+    """Procedural ground with its mesh, as ``arrays_of``. Needs no Blender, so any thread may call it."""
+    surface = as_meshed(ground, settings)
+    return MeshedGround(surface, *arrays_of(settings.terrain, surface))
+
+
+def arrays_of(terrain: TerrainSettings, ground: Surface) -> tuple[np.ndarray, np.ndarray]:
+    """Positions and faces of ``ground``: graded, or a grid from ``terrain`` settings that is centred on the origin.
 
     Raises ValueError if a height is not finite.
     """
-    if isinstance(ground, Graded):
-        positions, faces = ground.mesh()
-        _check_finite(positions[:, 2])
-        return build_mesh_from_arrays(name, positions, faces)
-    return build_mesh_from_arrays(name, *grid(terrain, ground))
+    if not isinstance(ground, Graded):
+        return grid(terrain, ground)
+    positions, faces = ground.mesh()
+    _check_finite(positions[:, 2])
+    return positions, faces
+
+
+def build_mesh(name: str, terrain: TerrainSettings, ground: Surface) -> bpy.types.Mesh:
+    """A smooth-shaded mesh of ``ground``, see ``arrays_of``."""
+    return build_mesh_from_arrays(name, *arrays_of(terrain, ground))
 
 
 def grid(terrain: TerrainSettings, ground: Surface) -> tuple[np.ndarray, np.ndarray]:

@@ -1,0 +1,124 @@
+"""A chosen scene is shown coarsely at once, and at full resolution while the user looks."""
+
+from __future__ import annotations
+
+import time
+
+import bpy
+import numpy as np
+import pytest
+from built_scenes import positions
+from icymoon import scene_properties
+from icymoon.nodes import preview
+from icymoon.nodes import scene as scenes
+from icymoon.nodes.datablocks.fingerprint import parts
+from icymoon.operators import live_preview, refine
+from icymoon.operators.render import bring_up_to_date
+from icymoon.panels import previews
+from icymoon.settings import description, preset_files
+
+RIDGES, ROCKS = "scenes/europa_ridged_plain", "scenes/enceladus_block_field"
+
+
+@pytest.fixture
+def watched(scene, monkeypatch):
+    """An empty file in a window, and scenes that are small."""
+    load = preset_files.load
+    monkeypatch.setattr(preset_files, "load", lambda path: description.merged(load(path), {
+        "mesh": {"error_px": 8.0, "edge_px": 24.0}, "rig": {"width_px": 240, "height_px": 180},
+        "rocks": {"most": 60}}))
+    monkeypatch.setattr(live_preview, "has_window", lambda: True)
+    monkeypatch.setattr(preview, "MOST_VERTICES", 1200)
+    monkeypatch.setattr(preview, "MOST_ROCKS", 20)
+    yield scene
+    refine.unregister()
+    refine.register()
+
+
+def choose(name: str) -> scenes.Built:
+    """Choose a scene by its picture."""
+    setattr(bpy.context.window_manager, previews.CHOICE, name)
+    return scenes.find(bpy.context.scene)
+
+
+def look() -> scenes.Built:
+    """What the event loop does while the user looks, until no ground follows any more."""
+    while refine._work() is not None:
+        time.sleep(0.01)
+    return scenes.find(bpy.context.scene)
+
+
+def settings():
+    return scene_properties.read_settings(bpy.context.scene.icymoon)
+
+
+def is_as_built_at_once(built: scenes.Built) -> bool:
+    """Whether everything is as Build Scene makes it from the settings in an empty file."""
+    shown = parts(built.collection)
+    scenes.clear(bpy.context.scene)
+    return shown == parts(scenes.build(bpy.context.scene, settings()).collection)
+
+
+def test_a_chosen_scene_is_coarse_at_once_and_then_as_build_scene_makes_it(watched):
+    built = choose(ROCKS)
+    assert len(built.terrain.data.vertices) <= preview.MOST_VERTICES
+    assert built.rock_count == preview.MOST_ROCKS
+    assert np.ptp(positions(built.terrain)[:, 0]) > 10 * settings().terrain.size_m  # out to the horizon
+    assert built.settings.light == settings().light
+    assert live_preview.lines(watched) == [refine.NOTE]
+    assert not built.edited
+    terrain = built.terrain
+    built = look()
+    assert built.terrain == terrain  # what refers to it stays valid
+    assert len(terrain.data.vertices) > 3 * preview.MOST_VERTICES
+    assert live_preview.lines(watched) == ["Shown at full resolution"]
+    assert is_as_built_at_once(built)
+
+
+def test_a_second_choice_before_the_first_is_refined_gives_the_second(watched):
+    choose(ROCKS)
+    refine._work()  # the ground of the first is being made
+    built = choose(RIDGES)
+    assert built.preview
+    assert is_as_built_at_once(look())
+
+
+@pytest.mark.heavy
+def test_a_render_before_it_is_refined_is_of_the_full_scene(watched):
+    choose(ROCKS)
+    refine._work()
+    built = bring_up_to_date(watched, settings())
+    mark, mesh = parts(built.collection), built.terrain.data.vertices[0].as_pointer()
+    look()
+    assert built.terrain.data.vertices[0].as_pointer() == mesh  # not made a second time
+    assert parts(built.collection) == mark
+    assert is_as_built_at_once(built)
+
+
+def test_the_ground_that_the_user_changes_meanwhile_is_theirs(watched):
+    choose(RIDGES)
+    watched.icymoon.terrain.rms_slope_deg += 5.0
+    assert look().preview
+    assert live_preview.lines(watched) == ["Preview: press Build Scene"]
+    built = choose(ROCKS)
+    built.terrain.data.vertices[7].co.z += 0.5
+    before = positions(built.terrain)
+    assert np.array_equal(positions(look().terrain), before)
+    assert any("edited" in line for line in live_preview.lines(watched))
+
+
+@pytest.mark.heavy
+def test_a_light_that_changes_meanwhile_is_kept(watched):
+    choose(RIDGES)
+    refine._work()
+    watched.icymoon.light.sun_elevation_deg = 33.0
+    built = look()
+    assert built.preview == {}
+    assert built.settings.light.sun_elevation_deg == 33.0
+    assert is_as_built_at_once(built)
+
+
+def test_without_a_window_a_choice_only_loads(watched, monkeypatch):
+    monkeypatch.setattr(live_preview, "has_window", lambda: False)
+    assert choose(RIDGES) is None
+    assert watched.icymoon.preset == RIDGES
