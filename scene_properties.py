@@ -15,7 +15,7 @@ import numpy as np
 from . import compat
 from .physics.surfaces import principled
 from .render.plans.vary_scene import COMBINATIONS, SPACINGS, SceneVariations, VariedSetting
-from .settings.announcements import announce, batch_changes, count_changes, make_update
+from .settings.announcements import COLOURS, announce, batch_changes, count_changes, make_update
 from .settings.description import canonical, check
 from .settings.table import EFFECTS, TOPICS, Setting, Value
 from .typed_settings import Settings, typed
@@ -177,6 +177,10 @@ def register() -> None:
     pointers["follow"] = bpy.props.BoolProperty(
         name="Keep Image Up to Date", default=True,
         description="Develop the shown camera image again when the camera response changes")
+    pointers["error_range_m"] = bpy.props.FloatProperty(
+        name="Full Colour at", default=1.0, min=0.02, max=1000.0, soft_max=10.0, subtype="DISTANCE", unit="LENGTH",
+        precision=2, update=make_update(COLOURS),
+        description="Depth error with the full colour. Below 1 cm is white, and the scale between is logarithmic")
     pointers["variations"] = _make_variations()
     root = _register_group("ICYMOON_PG_description", "All settings of an Icy Moon scene", pointers)
     bpy.types.Scene.icymoon = bpy.props.PointerProperty(

@@ -7,7 +7,7 @@ that are too far.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -17,31 +17,35 @@ import numpy as np
 from .. import compat
 from ..errors import IcyMoonError
 from ..formats import ply
+from ..stereo.images.colours import ERROR, signed_colours
+from .datablocks.array_marks import read_property
 from .datablocks.fingerprint import TAG
 from .tree.builder import Tree
 
 NAME = "Icy Moon Measured Surface"
 ROLE = "measured surface"  # value of the custom property ``TAG`` of objects, collection and material
-_COLOUR = "error"  # colour attribute
+_COLOUR, _ERROR = "error", "error_m"  # attributes: the colour of a vertex, the error of a square
 _COUNTS = "icymoon_points"  # custom property, see ``_counts``
-#: Depth errors, m, at the ends of the evaluator's colour scale: white up to the first, full colour from the second.
-RIGHT_M, FULL_M = 0.01, 1.0
+#: Depth error, m, that counts as right, and the text of each kind of pixel, with its icon.
+RIGHT_M = ERROR.low
+KINDS = {"far": ("Too far, red", "COLORSET_01_VEC"), "near": ("Too near, blue", "COLORSET_04_VEC"),
+         "right": (f"Within {100 * RIGHT_M:g} cm, white", "BLANK1")}
 _CORNERS = np.array([(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)])
 
 
-def read_points(path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+def read_points(path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Read a file of points that the evaluator wrote. Raises IcyMoonError if it is missing or damaged.
 
-    Returns positions (n, 3) in metres, unit vectors to the camera (n, 3), sRGB colours (n, 3) from 0 to 1, widths (n,)
-    in metres, and depth errors (n,) in metres, which are NaN without a true depth.
+    Returns positions (n, 3) in metres, unit vectors to the camera (n, 3), widths (n,) in metres, and depth errors (n,)
+    in metres, which are NaN without a true depth.
     """
     try:
-        table = ply.read_properties(path, "x", "y", "z", "nx", "ny", "nz", "red", "green", "blue", "size_m", "error_m")
+        table = ply.read_properties(path, "x", "y", "z", "nx", "ny", "nz", "size_m", "error_m")
     except (OSError, ValueError):
         table = None
-    if table is None or not np.isfinite(table[:, :10]).all():
+    if table is None or not np.isfinite(table[:, :7]).all():
         raise IcyMoonError(f"{path} is missing or damaged; press Evaluate again.")
-    return table[:, :3], table[:, 3:6], table[:, 6:9] / 255.0, table[:, 9], table[:, 10]
+    return table[:, :3], table[:, 3:6], table[:, 6], table[:, 7]
 
 
 def squares(position: np.ndarray, toward: np.ndarray, width: np.ndarray) -> np.ndarray:
@@ -54,20 +58,22 @@ def squares(position: np.ndarray, toward: np.ndarray, width: np.ndarray) -> np.n
     return np.asarray(position[:, None] + np.einsum("ck,nkx->ncx", _CORNERS, axes) * width[:, None, None])
 
 
-def build_points(scene: bpy.types.Scene, paths: Iterable[Path], title: str) -> bpy.types.Object:
+def build_points(scene: bpy.types.Scene, paths: Iterable[Path], title: str,
+                 full_m: float = ERROR.high) -> bpy.types.Object:
     """Show the points of the files as one object in its own collection, which replaces an earlier one.
 
-    The object is drawn in front of others and never rendered. It is no part of the built scene. Raises IcyMoonError
-    before any change if a file cannot be used or all files are empty.
+    Errors of ``full_m`` metres and more have the full colour. The object is drawn in front of others and never
+    rendered. It is no part of the built scene. Raises IcyMoonError before any change if a file cannot be used or all
+    files are empty.
     """
     paths = list(paths)
-    position, toward, colour, width, error = (np.concatenate(parts)
-                                              for parts in zip(*map(read_points, paths), strict=True))
+    position, toward, width, error = (np.concatenate(parts) for parts in zip(*map(read_points, paths), strict=True))
     if not len(position):
         raise IcyMoonError(f"{title} measured nothing here; choose another matcher.")
     clear_points(scene)
-    mesh = _build_mesh(squares(position, toward, width), colour)
-    mesh.materials.append(_build_material())
+    mesh = _build_mesh(squares(position, toward, width), error)
+    mesh.materials.append(build_material(_COLOUR))
+    _colour_mesh(mesh, full_m)
     item = bpy.data.objects.new(f"{NAME}: {title}", mesh)
     item[TAG] = ROLE
     item[_COUNTS] = _counts(error, [ply.read_comment_number(path, "missing") for path in paths])
@@ -97,18 +103,21 @@ def legend(scene: bpy.types.Scene) -> tuple[tuple[str, str], ...]:
     true = sum(counts.get(key, 0) for key in ("far", "near", "right", "missing"))
     if not true:
         return ()
-    lines = [("Depth error of the surface shown", "NONE")]
-    for key, text, icon in (("far", "Too far, red", "COLORSET_01_VEC"), ("near", "Too near, blue", "COLORSET_04_VEC"),
-                            ("right", f"Within {100 * RIGHT_M:g} cm, white", "BLANK1"),
-                            ("missing", "Missing, no point", "BLANK1")):
-        if key in counts:
-            lines.append((f"{text}: {100 * counts[key] / true:.1f} %", icon))
+    lines = shares("Depth error of the surface shown", counts,
+                   {**KINDS, "missing": ("Missing, no point", "BLANK1")}, true)
     if counts.get("unknown"):
         lines.append((f"No true depth, grey: {counts['unknown']} points", "BLANK1"))
-    return (*lines, (f"Full colour at {FULL_M:g} m, log scale", "BLANK1"))
+    return tuple(lines)
 
 
-def _build_mesh(corners: np.ndarray, colour: np.ndarray) -> bpy.types.Mesh:
+def shares(title: str, counts: Mapping[str, int], kinds: Mapping[str, tuple[str, str]],
+           total: int) -> list[tuple[str, str]]:
+    """(text, icon) of the lines of a legend: its title, then the share of each of the ``kinds`` in ``total``."""
+    return [(title, "NONE"), *((f"{text}: {100 * counts[key] / total:.1f} %", icon)
+                               for key, (text, icon) in kinds.items() if key in counts)]
+
+
+def _build_mesh(corners: np.ndarray, error_m: np.ndarray) -> bpy.types.Mesh:
     count = len(corners)
     mesh = bpy.data.meshes.new(NAME)
     mesh.vertices.add(4 * count)
@@ -117,22 +126,39 @@ def _build_mesh(corners: np.ndarray, colour: np.ndarray) -> bpy.types.Mesh:
     mesh.loops.foreach_set("vertex_index", np.arange(4 * count, dtype=np.int32))
     mesh.polygons.add(count)
     mesh.polygons.foreach_set("loop_start", np.arange(0, 4 * count, 4, dtype=np.int32))
-    attribute = mesh.color_attributes.new(_COLOUR, "BYTE_COLOR", "POINT")
-    rgba = np.ones((count, 4, 4), np.float32)
-    rgba[..., :3] = colour[:, None]
-    attribute.data.foreach_set("color_srgb", rgba.ravel())
-    mesh.color_attributes.active_color = attribute
+    mesh.attributes.new(_ERROR, "FLOAT", "FACE").data.foreach_set("value", error_m.astype(np.float32))
+    mesh.color_attributes.active_color = mesh.color_attributes.new(_COLOUR, "BYTE_COLOR", "POINT")
     mesh.update(calc_edges=True)
     mesh.validate()
     return mesh
 
 
-def _build_material() -> bpy.types.Material:
-    """A material that shows the colours of the squares independent of the light."""
+def _colour_mesh(mesh: bpy.types.Mesh, full_m: float) -> None:
+    error = read_property(mesh.attributes[_ERROR].data, "value")
+    set_colours(mesh.attributes[_COLOUR], np.repeat(signed_colours(error, full_m), 4, axis=0))
+    mesh.update_tag()
+
+
+def set_colours(attribute: bpy.types.Attribute, rgb: np.ndarray) -> None:
+    """Fill a colour attribute of bytes with sRGB uint8 (n, 3)."""
+    rgba = np.ones((len(rgb), 4), np.float32)
+    rgba[:, :3] = rgb / np.float32(255)
+    attribute.data.foreach_set("color_srgb", rgba.ravel())
+
+
+def recolour_points(scene: bpy.types.Scene, full_m: float) -> None:
+    """Let errors of ``full_m`` metres and more have the full colour on the surface that is shown, if any."""
+    item = find_points(scene)
+    if item is not None and {_ERROR, _COLOUR} <= set(item.data.attributes.keys()):  # older files have no errors
+        _colour_mesh(item.data, full_m)
+
+
+def build_material(colour_attribute: str) -> bpy.types.Material:
+    """A material that shows a colour attribute independent of the light."""
     material = bpy.data.materials.new(NAME)
     material[TAG] = ROLE
     tree = Tree(compat.ensure_nodes(material))
-    colour = tree.node("ShaderNodeVertexColor", "Error", layer_name=_COLOUR)
+    colour = tree.node("ShaderNodeVertexColor", "Error", layer_name=colour_attribute)
     glow = tree.node("ShaderNodeEmission", "Unlit", {"Color": colour.outputs["Color"], "Strength": 1.0},
                      leave=("Weight",))
     tree.node("ShaderNodeOutputMaterial", "Output", {"Surface": glow.outputs[0]},

@@ -26,6 +26,7 @@ from ..settings import changes
 from ..settings.changes import geometry
 from ..settings.description import merged
 from ..typed_settings import Settings
+from . import painted_errors
 from . import scene as scenes
 from .datablocks.fingerprint import TAG, instanced_objects
 from .ground.heights_under import probe_heights
@@ -153,6 +154,7 @@ def _show_ground(built: scenes.Built, settings: Settings, side: int) -> Surface:
     positions, faces = grid(coarse.terrain, ground)
     rocks = _scatter_largest(coarse, positions) if coarse.rocks.coverage > 0 else None
     # From here on nothing raises, so the scene is changed completely or not at all.
+    painted_errors.clear(built.scene)  # they are of the previous ground
     fill_mesh(built.terrain.data, positions, faces)
     mark_elevation(built.terrain.data, settings.surface)
     changed = _show_rocks(built, coarse, rocks)

@@ -7,7 +7,9 @@ import bpy
 from . import (
     add,
     build,
+    coloured_views,
     dataset,
+    errors_in_view,
     evaluate,
     evaluator,
     expose,
@@ -28,7 +30,7 @@ from . import (
 
 CLASSES = (*presets.CLASSES, *settings.CLASSES, *build.CLASSES, *ground.CLASSES, *layers.CLASSES, *render.CLASSES,
            *show_pair.CLASSES, *dataset.CLASSES, *evaluate.CLASSES, *expose.CLASSES, *results.CLASSES,
-           *evaluator.CLASSES, *trade.CLASSES, *add.CLASSES, *vary.CLASSES, *jobs.CLASSES)
+           *errors_in_view.CLASSES, *evaluator.CLASSES, *trade.CLASSES, *add.CLASSES, *vary.CLASSES, *jobs.CLASSES)
 
 _register, _unregister = bpy.utils.register_classes_factory(CLASSES)
 
@@ -37,6 +39,7 @@ def register() -> None:
     """Register the operators."""
     _register()
     build.register()
+    coloured_views.register()
     jobs.register()
     dataset.register()
     live_preview.register()
@@ -44,10 +47,12 @@ def register() -> None:
     live_exposure.register()
     show_pair.register()
     vary.register()
+    errors_in_view.register()
 
 
 def unregister() -> None:
     """Unregister the operators and stop a running job."""
+    errors_in_view.unregister()
     vary.unregister()
     show_pair.unregister()
     live_exposure.unregister()
@@ -55,5 +60,6 @@ def unregister() -> None:
     live_preview.unregister()
     dataset.unregister()
     jobs.unregister()
+    coloured_views.unregister()
     build.unregister()
     _unregister()

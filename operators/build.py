@@ -12,10 +12,10 @@ from ..errors import IcyMoonError
 from ..nodes import preview
 from ..nodes import scene as scenes
 from ..nodes.ground.user_ground import cost_warnings
-from ..nodes.measured_surface import clear_points
 from ..physics.surfaces import albedos
 from ..typed_settings import Settings
 from . import sidebar_text
+from .coloured_views import hide_errors
 from .sidebar_text import in_window
 from .user_render import prepare_render, restore_render
 
@@ -152,7 +152,7 @@ def build_and_report(operator: bpy.types.Operator, context: bpy.types.Context, c
         operator.report({"ERROR"}, in_window(error))
         return {"CANCELLED"}
     prepare_render(context.scene, built)
-    clear_points(context.scene)  # the measured surface is of the previous scene
+    hide_errors(context.scene)  # they are of the previous scene
     for warning in built.warnings:
         operator.report({"WARNING"}, in_window(warning))
     frame_and_expose(context.scene, built.settings, before)
@@ -204,7 +204,7 @@ class ICYMOON_OT_clear_scene(bpy.types.Operator):
         return found
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        clear_points(context.scene)
+        hide_errors(context.scene)
         restore_render(context.scene, scenes.find_collection(context.scene))
         scenes.clear(context.scene)
         restore_views()

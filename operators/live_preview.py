@@ -19,6 +19,7 @@ from ..settings import announcements, description
 from ..typed_settings import Settings
 from . import refine
 from .build import frame_and_expose
+from .coloured_views import give_back_views
 from .jobs import push_undo
 from .sidebar_text import wrapped
 
@@ -54,6 +55,7 @@ def update(scene: bpy.types.Scene) -> bool:
     start = time.perf_counter()
     if preview.show_settings(built, settings, _side):
         _side = next_side(_side, time.perf_counter() - start)
+        give_back_views(scene)  # the painted errors are gone with the previous ground
     now = description.merged(built.settings, built.preview)
     frame_and_expose(scene, now, before)
     return now != before

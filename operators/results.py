@@ -1,4 +1,4 @@
-"""Results of the evaluator in Blender: metrics, error images and measured surfaces."""
+"""Results of the evaluator in Blender: metrics, error images and the files of both."""
 
 from __future__ import annotations
 
@@ -15,7 +15,6 @@ import bpy
 from .. import scene_properties
 from ..errors import IcyMoonError
 from ..files import explain_disk_errors
-from ..nodes.measured_surface import build_points, clear_points, find_points
 from ..records import NUMBER, TABLE, TEXT, Each, Maybe, find_fault, parse_json, read_record
 from ..settings import description
 from ..settings.table import TOPICS, Setting, all_settings
@@ -226,6 +225,16 @@ def curves(scene: bpy.types.Scene) -> dict[str, Path]:
             if (path := folder / file).resolve().is_relative_to(folder.resolve()) and path.is_file()}
 
 
+def disparity_files(scene: bpy.types.Scene, method: str) -> dict[str, Path]:
+    """The stored disparities of a matcher, by the id of the pair."""
+    return {path.parent.name: path for name, path in _files(scene, "disparity") if name == method}
+
+
+def methods_with_disparities(scene: bpy.types.Scene) -> list[str]:
+    """The matchers whose errors can be painted, from the best to the worst."""
+    return list(dict.fromkeys(method for method, _ in _files(scene, "disparity")))
+
+
 def error_images(scene: bpy.types.Scene, method: str = "") -> list[Path]:
     """The error images of the last evaluation that exist: those of ``method``, then from the best matcher to the
     worst."""
@@ -278,7 +287,7 @@ def show_images(context: bpy.types.Context, paths: list[Path], open_window: bool
     return True
 
 
-class _ResultOperator:
+class ResultOperator:
     """Mix-in: an operator that needs an evaluation of the scene."""
 
     @classmethod
@@ -289,7 +298,7 @@ class _ResultOperator:
         return found
 
 
-class ICYMOON_OT_show_error(_ResultOperator, bpy.types.Operator):
+class ICYMOON_OT_show_error(ResultOperator, bpy.types.Operator):
     """Show the errors of a matcher in an Image Editor"""
 
     bl_idname = "icymoon.show_error"
@@ -305,7 +314,7 @@ class ICYMOON_OT_show_error(_ResultOperator, bpy.types.Operator):
         return {"FINISHED"}
 
 
-class ICYMOON_OT_open_report(_ResultOperator, bpy.types.Operator):
+class ICYMOON_OT_open_report(ResultOperator, bpy.types.Operator):
     """Open the report of the last evaluation in the web browser"""
 
     bl_idname = "icymoon.open_report"
@@ -327,58 +336,4 @@ class ICYMOON_OT_open_report(_ResultOperator, bpy.types.Operator):
         return {"FINISHED"}
 
 
-def show_points(context: bpy.types.Context, item: bpy.types.Object) -> None:
-    """Make the 3D View with the button show the colours of an object, in its local view too."""
-    space = context.space_data
-    if context.area is None or context.area.type != "VIEW_3D":
-        return
-    if space.local_view is not None:
-        item.local_view_set(space, True)
-    space.shading.color_type = "VERTEX"  # for Solid shading; other modes show the material
-
-
-class ICYMOON_OT_show_surface(_ResultOperator, bpy.types.Operator):
-    """Show the surface that a matcher measured, coloured by its error: red is too far, blue is too near, white is within 1 cm"""  # noqa: E501
-
-    bl_idname = "icymoon.show_surface"
-    bl_label = "Show Measured Surface"
-    bl_options = {"REGISTER", "UNDO"}
-
-    method: bpy.props.StringProperty(name="Matcher", description="Matcher of the surface; empty for the most accurate")  # type: ignore[valid-type]
-
-    def execute(self, context: bpy.types.Context) -> set[str]:
-        method = self.method or next(iter(methods_with_points(context.scene)), "")
-        try:
-            paths = point_files(context.scene, method)
-            if not paths:
-                raise IcyMoonError("This evaluation has no measured surfaces; press Evaluate to measure those of the "
-                                   "present scene.")
-            item = build_points(context.scene, paths, method)
-        except IcyMoonError as error:
-            self.report({"ERROR"}, in_window(error))
-            return {"CANCELLED"}
-        show_points(context, item)
-        self.report({"INFO"}, f"{len(item.data.polygons)} points measured by {method}")
-        return {"FINISHED"}
-
-
-class ICYMOON_OT_hide_surface(bpy.types.Operator):
-    """Remove the measured surface"""
-
-    bl_idname = "icymoon.hide_surface"
-    bl_label = "Remove Measured Surface"
-    bl_options = {"REGISTER", "UNDO"}
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        found = find_points(context.scene) is not None
-        if not found:
-            cls.poll_message_set("No measured surface is shown")
-        return found
-
-    def execute(self, context: bpy.types.Context) -> set[str]:
-        clear_points(context.scene)
-        return {"FINISHED"}
-
-
-CLASSES = (ICYMOON_OT_show_error, ICYMOON_OT_open_report, ICYMOON_OT_show_surface, ICYMOON_OT_hide_surface)
+CLASSES = (ICYMOON_OT_show_error, ICYMOON_OT_open_report)

@@ -103,6 +103,7 @@ class ICYMOON_MT_icymoon(bpy.types.Menu):
         layout.operator("icymoon.open_report")
         layout.operator("icymoon.show_error")
         layout.operator("icymoon.show_surface").method = ""
+        layout.operator("icymoon.paint_errors").method = ""
         layout.operator("icymoon.hide_surface")
         layout.separator()
         layout.operator("icymoon.check_evaluator", text="Check Evaluator")

@@ -8,8 +8,8 @@ from typing import Any
 import bpy
 
 from .. import scene_properties
-from ..nodes import measured_surface
-from ..operators import dataset, ground, jobs, layers, live_preview, presets, results, sidebar_text
+from ..nodes import measured_surface, painted_errors
+from ..operators import coloured_views, dataset, ground, jobs, layers, live_preview, presets, results, sidebar_text
 from ..operators.sidebar_text import wrapped
 from ..preferences import own_matcher_names
 from ..settings.trust_boundary import OWN
@@ -73,6 +73,7 @@ class ICYMOON_PT_main(Sidebar, bpy.types.Panel):
 def _draw_results(layout: Any, scene: bpy.types.Scene, rows: Sequence[Mapping[str, Any]]) -> None:
     """For each matcher, its error and coverage with the buttons of its images, then its other metrics."""
     with_image, with_surface = results.methods_with_error_images(scene), results.methods_with_points(scene)
+    with_disparity = results.methods_with_disparities(scene)
     titles = layout.row(align=True)
     for title in ("Matcher", "L1", "Covered", ""):
         titles.label(text=title)
@@ -82,9 +83,11 @@ def _draw_results(layout: Any, scene: bpy.types.Scene, rows: Sequence[Mapping[st
         first.label(text=method)
         first.label(text=results.metres(row["l1_m"]))
         first.label(text=results.percent(row["coverage"]))
-        image, surface = first.row(align=True), first.row(align=True)
-        image.enabled, surface.enabled = method in with_image, method in with_surface
+        image, painted, surface = (first.row(align=True) for _ in range(3))
+        image.enabled, painted.enabled, surface.enabled = (method in found for found in (
+            with_image, with_disparity, with_surface))
         image.operator("icymoon.show_error", text="", icon="IMAGE_DATA").method = method
+        painted.operator("icymoon.paint_errors", text="", icon="VPAINT_HLT").method = method
         surface.operator("icymoon.show_surface", text="", icon="MESH_GRID").method = method
         rest = box.column(align=True)
         rest.active = False
@@ -115,9 +118,11 @@ class ICYMOON_PT_results(Sidebar, bpy.types.Panel):
         _draw_results(table, context.scene, rows)
         buttons = layout.row(align=True)
         buttons.operator("icymoon.open_report", icon="URL")
-        buttons.operator("icymoon.hide_surface", text="Remove Surface", icon="X")
+        buttons.operator("icymoon.hide_surface", text="Remove Errors", icon="X")
+        if coloured_views.is_shown(context.scene):
+            layout.prop(context.scene.icymoon, "error_range_m", slider=True)
         column = layout.column(align=True)
-        for meaning, icon in measured_surface.legend(context.scene):
+        for meaning, icon in (*painted_errors.legend(context.scene), *measured_surface.legend(context.scene)):
             column.label(text=meaning, icon=icon)
 
 

@@ -18,6 +18,7 @@ import bpy
 
 from .. import scene_properties
 from ..errors import DiskError, IcyMoonError
+from ..nodes import painted_errors
 from ..nodes.scene import Built, extra, find, separate_copies
 from ..settings.description import check, defaults, merged, restored
 from ..system import end_at_interrupt
@@ -41,6 +42,7 @@ def render_pairs(built: Built, pairs: list[PlannedPair], dataset: Path, frame: i
 
     Raises IcyMoonError at the first failure, and if the scene shows a preview; finished pairs stay.
     """
+    painted_errors.clear(built.scene)  # the user's own material could read what no id counts
     with FixedScene(built, frame, seconds_build) as source:
         render_from(source, pairs, dataset, send, again)
     return [planned.folder(dataset) for planned in pairs]

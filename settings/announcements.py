@@ -10,6 +10,8 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
+#: The effect of a change of the colours by which errors are shown. No setting has it.
+COLOURS = "colours"
 #: Called with a scene and the effects of the settings that changed in it.
 listeners: list[Callable[[Any, frozenset[str]], None]] = []
 _held: dict[Any, set[str]] | None = None  # effects that ``batch_changes`` holds back, by scene

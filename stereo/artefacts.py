@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import zipfile
-import zlib
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
@@ -54,16 +52,6 @@ def files_exist(entry: Mapping[str, Any], out: Path, pair: str) -> bool:
     """Whether all files that a row, or the facts of a pair, names are in the folder of the pair."""
     folder = out / "pairs" / pair
     return all((out / path).parent == folder and (out / path).is_file() for path in entry["images"].values())
-
-
-def read_disparity(path: Path, shape: tuple[int, ...]) -> np.ndarray | None:
-    """The float32 disparity that ``write_method_pictures`` stored; None if it is damaged or of another shape."""
-    try:
-        with path.open("rb") as stream, np.load(stream, allow_pickle=False) as stored:
-            disparity = np.asarray(stored["disparity"])
-    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, zlib.error):
-        return None
-    return disparity if disparity.shape == shape else None
 
 
 def write_pair_pictures(prepared: Prepared, out: Path) -> dict[str, str]:

@@ -21,9 +21,10 @@ import numpy as np
 from ..errors import DiskError, describe_error
 from ..files import write_json
 from ..version import version
-from .artefacts import check_output_folder, files_exist, read_disparity, write_method_pictures, write_pair_pictures
+from .artefacts import check_output_folder, files_exist, write_method_pictures, write_pair_pictures
 from .environment import packages
 from .export.points import add_points, pose_of
+from .images.disparity_files import read_disparity
 from .matchers import complete_options, match
 from .matchers.methods import Method
 from .measure.prepare import Prepared, distinct_pairs, prepare

@@ -17,9 +17,11 @@ _READ: dict[str, tuple[Any, str, int]] = {
     "FLOAT_COLOR": (np.float32, "color", 4), "BYTE_COLOR": (np.float32, "color_srgb", 4),
     "INT8": (np.int8, "value", 1), "INT16_2D": (np.int16, "value", 2), "INT32_2D": (np.int32, "value", 2),
     "INT32_3D": (np.int32, "value", 3), "QUATERNION": (np.float32, "value", 4), "FLOAT4X4": (np.float32, "value", 16)}
-#: Attributes that are not marked: what is selected or hidden in Edit Mode, and the edges of corners, which follow from
-#: the vertices of edges and corners.
-_LEFT_OUT = (".select", ".hide", ".uv_select", ".pin", ".vs.", ".es.", ".pn.", ".corner_edge")
+#: Prefix of the attributes by which errors are shown on the ground. They are removed before a render.
+PAINTED = "icymoon_depth_error"
+#: Attributes that are not marked: errors that are shown, what is selected or hidden in Edit Mode, and the edges of
+#: corners, which follow from the vertices of edges and corners.
+_LEFT_OUT = (PAINTED, ".select", ".hide", ".uv_select", ".pin", ".vs.", ".es.", ".pn.", ".corner_edge")
 _INDICES = (".corner_vert", ".edge_verts")
 
 
@@ -82,4 +84,5 @@ def mesh_arrays(mesh: bpy.types.Mesh) -> list[Any]:
         normals = [mark(read_property(mesh.corner_normals, "vector", width=3))]
     shown_uv = next((layer.name for layer in mesh.uv_layers if layer.active_render), "")
     sizes = [len(mesh.vertices), len(mesh.edges), len(mesh.loops), len(mesh.polygons)]
-    return [sizes, attributes(mesh), normals, shown_uv, mesh.attributes.default_color_name or ""]
+    colour = mesh.attributes.default_color_name or ""
+    return [sizes, attributes(mesh), normals, shown_uv, "" if colour.startswith(PAINTED) else colour]

@@ -170,6 +170,14 @@ class Pair:
         """Camera-to-world matrices of the eyes of the parallel rig; None if the pair does not contain them."""
         return self.data.get("poses_rectified_to_world") or self.data.get("poses_camera_to_world")
 
+    def rectified_pose(self, eye: str) -> np.ndarray | None:
+        """The matrix (4, 4) from an eye of the parallel rig, in OpenCV's axes, to the world; None if there is none."""
+        try:
+            pose = np.array(self.rectified_poses[eye], np.float64)  # type: ignore[index]
+        except (KeyError, TypeError, ValueError):
+            return None
+        return pose if pose.shape == (4, 4) and np.isfinite(pose).all() else None
+
     def _file_or_image(self, eye: str, name: str) -> Path:
         return self.folder / name.format(eye) if name.format(eye) in self.data["files"] else self.image(eye)
 

@@ -7,15 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from ..images.colours import ERROR
+from ..images.colours import signed_colours
 from ..images.image_files import write_bytes
 from ..measure.prepare import Prepared
 from ..measure.result_row import depth_of
 
 #: Most points of one pair; of a larger image every second, third and so on row and column is taken.
 MOST_POINTS = 60_000
-_TOO_NEAR, _TOO_FAR, _RIGHT = (0x2B, 0x5F, 0xC4), (0xC4, 0x2B, 0x2B), (0xF4, 0xF4, 0xF4)
-_UNKNOWN = (0x96, 0x96, 0x96)
 _LAYOUT = np.dtype([("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("nx", "<f4"), ("ny", "<f4"), ("nz", "<f4"),
                     ("red", "u1"), ("green", "u1"), ("blue", "u1"), ("error_m", "<f4"), ("size_m", "<f4")])
 _KINDS = {"f4": "float", "u1": "uchar"}
@@ -72,22 +70,9 @@ def _step(disparity: np.ndarray) -> int:
     return max(1, int(np.ceil(np.sqrt(disparity.size / MOST_POINTS))))
 
 
-def signed_colours(error_m: np.ndarray) -> np.ndarray:
-    """RGB uint8 (n, 3) on the logarithmic scale of the error pictures: blue for too near, red for too far, white below
-    1 cm, grey for NaN."""
-    amount = ERROR.position(np.nan_to_num(np.abs(error_m)))[:, None]
-    end = np.where(np.nan_to_num(error_m)[:, None] < 0, _TOO_NEAR, _TOO_FAR)
-    colours = np.rint(_RIGHT + amount * (end - np.array(_RIGHT)))
-    return np.where(np.isnan(error_m)[:, None], _UNKNOWN, colours).astype(np.uint8)
-
-
 def pose_of(prepared: Prepared) -> np.ndarray | None:
     """The matrix (4, 4) from the rectified left camera, in OpenCV's axes, to the world; None if the pair has none."""
-    try:
-        pose = np.array(prepared.pair.rectified_poses["left"], np.float64)  # type: ignore[index]
-    except (KeyError, TypeError, ValueError):
-        return None
-    return pose if pose.shape == (4, 4) and np.isfinite(pose).all() else None
+    return prepared.pair.rectified_pose("left")
 
 
 def add_points(images: dict[str, Any], out: Path, prepared: Prepared, disparity: np.ndarray) -> dict[str, Any]:

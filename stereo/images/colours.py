@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -98,6 +98,20 @@ def error_picture(prediction: np.ndarray, truth: np.ndarray) -> np.ndarray:
     picture[~np.isfinite(prediction)] = INVALID_GREY
     picture[~np.isfinite(truth)] = SKY_GREY
     return picture
+
+
+#: RGB of a measurement that is too near, too far and right.
+_TOO_NEAR, _TOO_FAR, _RIGHT = (0x2B, 0x5F, 0xC4), (0xC4, 0x2B, 0x2B), (0xF4, 0xF4, 0xF4)
+
+
+def signed_colours(error_m: np.ndarray, full_m: float = ERROR.high) -> np.ndarray:
+    """RGB uint8 (n, 3) of signed depth errors: blue for too near, red for too far, white below 1 cm, INVALID_GREY for
+    NaN. The scale is logarithmic, as that of the error pictures, with the full colour from ``full_m`` on."""
+    scale = replace(ERROR, high=full_m)
+    amount = scale.position(np.nan_to_num(np.abs(error_m.astype(np.float64))))[:, None]
+    end = np.where(np.nan_to_num(error_m)[:, None] < 0, _TOO_NEAR, _TOO_FAR)
+    colours = np.rint(_RIGHT + amount * (end - np.array(_RIGHT)))
+    return np.where(np.isnan(error_m)[:, None], INVALID_GREY, colours).astype(np.uint8)
 
 
 #: Colours, BGR, of a pixel's outcome: accepted first, then the reasons for a rejection.

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from evaluations import evaluated
 from icymoon.errors import IcyMoonError
+from icymoon.formats import ply
 from icymoon.nodes import measured_surface
 from icymoon.operators import results
 from icymoon.stereo.export.points import write_points
@@ -53,7 +54,8 @@ def test_a_perfect_measurement_lies_on_the_ground_that_was_built(shown):
 def test_squares_face_the_camera_and_keep_their_colour(shown):
     folder, built = shown
     item = measured_surface.build_points(bpy.context.scene, [folder / "wrong.ply"], "wrong")
-    position, _, colour, width, _ = measured_surface.read_points(folder / "wrong.ply")
+    position, _, width, _ = measured_surface.read_points(folder / "wrong.ply")
+    colour = ply.read_properties(folder / "wrong.ply", "red", "green", "blue") / 255.0
     quads = corners(item)
     np.testing.assert_allclose(quads.mean(axis=1), position, atol=1e-4)
     normals = np.empty(len(item.data.polygons) * 3, np.float32)
@@ -77,7 +79,8 @@ def test_errors_of_either_sign_are_seen(shown):
     assert item.show_in_front
     assert not item.hide_viewport
     assert item.display_type == "TEXTURED"
-    _, _, colour, _, error = measured_surface.read_points(folder / "quarters.ply")
+    error = measured_surface.read_points(folder / "quarters.ply")[3]
+    colour = ply.read_properties(folder / "quarters.ply", "red", "green", "blue")
     ground = BVHTree.FromObject(built.terrain, bpy.context.evaluated_depsgraph_get())
     eye = Vector(built.camera.matrix_world.translation)
     centres = corners(item).mean(axis=1)

@@ -133,4 +133,4 @@ def test_the_groups_have_no_setting_that_the_table_lacks(registered):
         assert set(topic_group(topic.key).keys()) - {"rna_type", "name"} == {s.key for s in topic.settings} | selected
     root = bpy.types.Scene.bl_rna.properties["icymoon"].fixed_type.properties
     assert set(root.keys()) - {"rna_type", "name"} == {*TOPICS, "preset", "live", "follow", "results", "pairs",
-                                                       "variations"}
+                                                       "error_range_m", "variations"}

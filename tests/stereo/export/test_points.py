@@ -9,7 +9,8 @@ from icymoon.errors import IcyMoonError
 from icymoon.formats import ply
 from icymoon.render.pairs.pair_folder import read_pair
 from icymoon.stereo.evaluate import evaluate
-from icymoon.stereo.export.points import MOST_POINTS, measured_points, signed_colours, write_points
+from icymoon.stereo.export.points import MOST_POINTS, measured_points, write_points
+from icymoon.stereo.images.colours import signed_colours
 from icymoon.stereo.matchers.methods import parse_methods
 from icymoon.stereo.measure.prepare import prepare
 

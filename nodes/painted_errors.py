@@ -1,0 +1,217 @@
+"""The depth errors of a matcher, painted on the ground itself, as colours of its vertices.
+
+The ground's mesh gets attributes that no render reads and that are no part of its marks. Rocks are instances of a few
+shapes, so those that the left eye sees are shown as copies in a collection of their own, slightly larger, which is not
+rendered.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import bpy
+import numpy as np
+
+from ..errors import IcyMoonError
+from ..stereo.ground_errors import (
+    COARSE,
+    DepthErrors,
+    OnVertices,
+    colours_of,
+    count_pixels,
+    nearest_of,
+    on_vertices,
+    project,
+)
+from .built_scene import Built
+from .datablocks.array_marks import PAINTED, read_property
+from .datablocks.fingerprint import TAG
+from .ground.terrain_mesh import build_mesh_from_arrays
+from .measured_surface import KINDS, build_material, set_colours, shares
+
+NAME = "Icy Moon Depth Errors"
+ROLE = "painted errors"  # value of the custom property ``TAG`` of collection, object and material
+#: Attributes of vertices: the signed error in metres, NaN where there is none; what is known, see ``ground_errors``;
+#: and the colour.
+ERROR_M, KIND, COLOUR = f"{PAINTED}_m", f"{PAINTED}_kind", f"{PAINTED}_colour"
+_COUNTS, _BEFORE = "icymoon_pixels", "icymoon_colours_before"  # custom properties of the collection
+_LARGER = 1.01  # copies of rocks, so that they hide the rocks
+_AT_ONCE = 1_000_000  # vertices of rocks
+_KINDS = {**KINDS, "missing": ("Not measured, grey", "COLORSET_13_VEC"),
+          "coarse": ("Triangles too wide to paint", "ERROR")}
+
+
+def paint(scene: bpy.types.Scene, built: Built, found: Sequence[DepthErrors], title: str,
+          full_m: float) -> bpy.types.Collection:
+    """Paint the errors of pairs of a built scene on its ground and rocks, in place of what was painted before.
+
+    Where several pairs see a vertex, it shows the error of the nearest. Errors of ``full_m`` metres and more have the
+    full colour. Raises IcyMoonError before any change if no vertex shows an error.
+    """
+    mesh, places = built.terrain.data, [np.empty((0, 2))] * len(found)
+    ground = _look(found, _world(built.terrain.matrix_world, _corners(mesh)), _edges(mesh), places)
+    rocks = list(_seen_rocks(built, found, places))
+    if not sum(map(len, places)):
+        raise IcyMoonError("No vertex of the ground shows an error: its triangles are too wide, or it is not the "
+                           "ground of the pair; press Build Scene, or raise terrain.resolution.")
+    clear(scene)
+    collection = bpy.data.collections.new(NAME)
+    collection[TAG] = ROLE
+    collection[_BEFORE] = [mesh.attributes.active_color_name or "", mesh.attributes.default_color_name or ""]
+    counts = [count_pixels(errors, at) for errors, at in zip(found, places, strict=True)]
+    collection[_COUNTS] = {key: sum(count[key] for count in counts) for key in counts[0]} | {"title": title}
+    collection.hide_render = True
+    scene.collection.children.link(collection)
+    _fill(mesh, ground, full_m)
+    mesh.attributes.default_color_name = collection[_BEFORE][1]
+    if rocks:
+        _link_rocks(collection, rocks, full_m)
+    return collection
+
+
+def recolour(scene: bpy.types.Scene, full_m: float) -> None:
+    """Let errors of ``full_m`` metres and more have the full colour."""
+    for mesh in _painted_meshes(scene):
+        _colour(mesh, full_m)
+
+
+def find(scene: bpy.types.Scene) -> bpy.types.Collection | None:
+    """The collection of what is painted in a scene, if anything is."""
+    return next((c for c in scene.collection.children if c.get(TAG) == ROLE), None)
+
+
+def clear(scene: bpy.types.Scene) -> bool:
+    """Remove everything that ``paint`` made in a scene; whether there was anything."""
+    collections = [c for c in scene.collection.children if c.get(TAG) == ROLE]
+    before: Any = collections[0].get(_BEFORE) if collections else None
+    for mesh in _painted_meshes(scene):
+        for name in (ERROR_M, KIND, COLOUR):
+            if name in mesh.attributes:
+                mesh.attributes.remove(mesh.attributes[name])
+        for name, key in zip(before or (), ("active_color_name", "default_color_name"), strict=False):
+            if name in mesh.color_attributes:
+                setattr(mesh.attributes, key, name)
+    for collection in collections:
+        items = [item for item in collection.objects if item.get(TAG) == ROLE]
+        meshes = {item.data for item in items}
+        materials = {material for each in meshes for material in each.materials if material}
+        for other in [item for item in collection.objects if item not in items]:
+            scene.collection.objects.link(other)  # the user's own
+        bpy.data.batch_remove([*items, *meshes, *(m for m in materials if m.get(TAG) == ROLE), collection])
+    return bool(collections)
+
+
+def legend(scene: bpy.types.Scene) -> tuple[tuple[str, str], ...]:
+    """The meaning of the colours, with the share of the pixels of each: (text, icon) of each line."""
+    collection = find(scene)
+    stored: Any = collection.get(_COUNTS) if collection else None
+    counts = ({key: number for key, number in stored.items() if isinstance(number, int)}
+              if hasattr(stored, "items") else {})
+    true = sum(counts.get(key, 0) for key in ("far", "near", "right", "missing"))
+    if not true:
+        return ()
+    counts = {key: number for key, number in counts.items() if key != "coarse" or number}
+    return (*shares(f"Depth error of {stored.get('title')} on the ground", counts, _KINDS, true),
+            ("Not seen by the left eye, dark", "COLORSET_15_VEC"))
+
+
+def _painted_meshes(scene: bpy.types.Scene) -> set[bpy.types.Mesh]:
+    return {item.data for item in scene.objects if item.type == "MESH" and COLOUR in item.data.attributes}
+
+
+def _corners(mesh: bpy.types.Mesh) -> np.ndarray:
+    return read_property(mesh.vertices, "co", width=3).reshape(-1, 3).astype(np.float64)
+
+
+def _edges(mesh: bpy.types.Mesh) -> np.ndarray:
+    return read_property(mesh.edges, "vertices", np.int32, 2).reshape(-1, 2)
+
+
+def _world(matrix: Any, position: np.ndarray) -> np.ndarray:
+    whole = np.array(matrix, np.float64)
+    return np.asarray(position @ whole[:3, :3].T + whole[:3, 3])
+
+
+def _look(found: Sequence[DepthErrors], position: np.ndarray, edges: np.ndarray,
+          places: list[np.ndarray]) -> OnVertices:
+    """What vertices show, of all pairs; adds where each pair sees them to ``places``."""
+    shown: OnVertices | None = None
+    for k, errors in enumerate(found):
+        one = on_vertices(errors, position, edges)
+        places[k] = np.concatenate([places[k], project(errors, position[one.kind < COARSE])[0]])
+        shown = one if shown is None else nearest_of(shown, one)
+    assert shown is not None
+    return shown
+
+
+def _rock_instances(built: Built) -> dict[bpy.types.Object, np.ndarray]:
+    """For each shape of rocks, the matrices (n, 4, 4) of its instances."""
+    fields = {item for item in built.collection.all_objects if item.get(TAG) == "rock"}
+    matrices: dict[bpy.types.Object, list[Any]] = {}
+    for each in bpy.context.evaluated_depsgraph_get().object_instances if fields else ():
+        if each.is_instance and each.parent.original in fields and each.object.type == "MESH":
+            matrices.setdefault(each.object.original, []).append(np.array(each.matrix_world, np.float64))
+    return {shape: np.array(found) for shape, found in matrices.items()}
+
+
+def _seen_rocks(built: Built, found: Sequence[DepthErrors],
+                places: list[np.ndarray]) -> Iterator[tuple[np.ndarray, np.ndarray, OnVertices]]:
+    """Positions, triangles and what vertices show, of the rocks with a vertex that an eye sees."""
+    for shape, matrices in _rock_instances(built).items():
+        mesh = shape.data
+        corners, edges = _corners(mesh), _edges(mesh)
+        mesh.calc_loop_triangles()
+        faces = read_property(mesh.loop_triangles, "vertices", np.int32, 3).reshape(-1, 3)
+        n, step = len(corners), max(1, _AT_ONCE // max(1, len(corners)))
+        for some in (matrices[k:k + step] for k in range(0, len(matrices), step)):
+            position = _instanced(some, corners)
+            shown = _look(found, position, _repeated(edges, len(some), n), places)
+            rocks = (shown.kind.reshape(-1, n) <= COARSE).any(axis=1)
+            if rocks.any():
+                own = np.repeat(rocks, n)
+                yield (_instanced(some[rocks], corners * _LARGER), _repeated(faces, int(rocks.sum()), n),
+                       OnVertices(shown.error_m[own], shown.kind[own], shown.depth_m[own]))
+
+
+def _instanced(matrices: np.ndarray, corners: np.ndarray) -> np.ndarray:
+    moved = np.einsum("mij,nj->mni", matrices[:, :3, :3], corners) + matrices[:, None, :3, 3]
+    return moved.reshape(-1, 3)
+
+
+def _repeated(indices: np.ndarray, times: int, vertices: int) -> np.ndarray:
+    """Edges or faces of a mesh, for so many copies of its vertices."""
+    return (indices[None] + (np.arange(times) * vertices)[:, None, None]).reshape(-1, indices.shape[1])
+
+
+def _link_rocks(collection: bpy.types.Collection, rocks: Sequence[tuple[np.ndarray, np.ndarray, OnVertices]],
+                full_m: float) -> None:
+    """Add the object of the copies of rocks."""
+    starts = np.cumsum([0, *(len(position) for position, _, _ in rocks)])
+    mesh = build_mesh_from_arrays(NAME, np.concatenate([position for position, _, _ in rocks]),
+                                  np.concatenate([faces + start for (_, faces, _), start in
+                                                  zip(rocks, starts, strict=False)]))
+    _fill(mesh, OnVertices(*(np.concatenate([getattr(shown, name) for _, _, shown in rocks])
+                             for name in ("error_m", "kind", "depth_m"))), full_m)
+    material = build_material(COLOUR)
+    mesh.materials.append(material)
+    item = bpy.data.objects.new(f"{NAME} on Rocks", mesh)
+    material[TAG] = item[TAG] = ROLE
+    item.hide_render = True
+    collection.objects.link(item)
+
+
+def _fill(mesh: bpy.types.Mesh, shown: OnVertices, full_m: float) -> None:
+    """Add the attributes to a mesh, and show their colours."""
+    mesh.attributes.new(ERROR_M, "FLOAT", "POINT").data.foreach_set("value", shown.error_m)
+    mesh.attributes.new(KIND, "INT8", "POINT").data.foreach_set("value", shown.kind.astype(np.int8))
+    mesh.color_attributes.new(COLOUR, "BYTE_COLOR", "POINT")
+    mesh.attributes.active_color_name = COLOUR
+    _colour(mesh, full_m)
+
+
+def _colour(mesh: bpy.types.Mesh, full_m: float) -> None:
+    error = read_property(mesh.attributes[ERROR_M].data, "value")
+    kind = read_property(mesh.attributes[KIND].data, "value", np.int8)
+    set_colours(mesh.attributes[COLOUR], colours_of(error, kind, full_m))
+    mesh.update_tag()

@@ -1,0 +1,124 @@
+"""Errors in the 3D View: the surface that a matcher measured, and its depth errors painted on the ground."""
+
+from __future__ import annotations
+
+import bpy
+
+from .. import scene_properties
+from ..errors import IcyMoonError
+from ..nodes import measured_surface, painted_errors
+from ..nodes import scene as scenes
+from ..settings import announcements
+from ..stereo.ground_errors import DepthErrors, read_depth_errors
+from .build import leave_edit_mode
+from .coloured_views import hide_errors, is_shown, show_colours
+from .render import dataset_folder, planned_pairs
+from .results import ResultOperator, disparity_files, methods_with_disparities, methods_with_points, point_files
+from .sidebar_text import in_window
+
+
+class ICYMOON_OT_show_surface(ResultOperator, bpy.types.Operator):
+    """Show the surface that a matcher measured, coloured by its error: red is too far, blue is too near, white is within 1 cm"""  # noqa: E501
+
+    bl_idname = "icymoon.show_surface"
+    bl_label = "Show Measured Surface"
+    bl_options = {"REGISTER", "UNDO"}
+
+    method: bpy.props.StringProperty(name="Matcher", description="Matcher of the surface; empty for the most accurate")  # type: ignore[valid-type]
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        method = self.method or next(iter(methods_with_points(context.scene)), "")
+        try:
+            paths = point_files(context.scene, method)
+            if not paths:
+                raise IcyMoonError("This evaluation has no measured surfaces; press Evaluate to measure those of the "
+                                   "present scene.")
+            item = measured_surface.build_points(context.scene, paths, method, context.scene.icymoon.error_range_m)
+        except IcyMoonError as error:
+            self.report({"ERROR"}, in_window(error))
+            return {"CANCELLED"}
+        show_colours(context, [item])
+        self.report({"INFO"}, f"{len(item.data.polygons)} points measured by {method}")
+        return {"FINISHED"}
+
+
+class ICYMOON_OT_paint_errors(ResultOperator, bpy.types.Operator):
+    """Paint the depth errors of a matcher on the ground and its rocks, in Solid shading: red is too far, blue is too near, white is within 1 cm"""  # noqa: E501
+
+    bl_idname = "icymoon.paint_errors"
+    bl_label = "Paint Errors on Ground"
+    bl_options = {"REGISTER", "UNDO"}
+
+    method: bpy.props.StringProperty(name="Matcher", description="Matcher of the errors; empty for the most accurate")  # type: ignore[valid-type]
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        scene = context.scene
+        method = self.method or next(iter(methods_with_disparities(scene)), "")
+        leave_edit_mode()  # a mesh that is being edited has no attributes
+        try:
+            built, found = _read_errors(scene, method)
+            collection = painted_errors.paint(scene, built, found, method, scene.icymoon.error_range_m)
+        except IcyMoonError as error:
+            self.report({"ERROR"}, in_window(error))
+            return {"CANCELLED"}
+        show_colours(context, list(collection.objects), solid=True)
+        self.report({"INFO"}, f"Depth errors of {method} painted on the ground")
+        return {"FINISHED"}
+
+
+def _read_errors(scene: bpy.types.Scene, method: str) -> tuple[scenes.Built, list[DepthErrors]]:
+    """The built scene, and the errors of a matcher on its evaluated pairs. Raises IcyMoonError if the scene that is
+    built is not that of these pairs."""
+    settings = scene_properties.read_settings(scene.icymoon)
+    files = disparity_files(scene, method)
+    if not files:
+        raise IcyMoonError("This evaluation has no stored disparities; press Evaluate again.")
+    built = scenes.find(scene)
+    if built is None or built.preview or scenes.changed_settings(built, settings):
+        raise IcyMoonError("The ground of the evaluated pair is not what is built now; press Build Scene first.")
+    present = [pair.id for pair in planned_pairs(scene, settings)]
+    evaluated = [pair for pair in present if pair in files]
+    if not evaluated:
+        raise IcyMoonError(f"The present scene is not that of the evaluated pair {min(files)}; render and evaluate "
+                           "again.")
+    pairs = dataset_folder(settings) / "pairs"
+    return built, [read_depth_errors(pairs / pair, files[pair]) for pair in evaluated]
+
+
+class ICYMOON_OT_hide_surface(bpy.types.Operator):
+    """Remove the measured surface and the painted errors, and give the view back as it was before"""
+
+    bl_idname = "icymoon.hide_surface"
+    bl_label = "Remove Errors from View"
+    bl_options = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        found = is_shown(context.scene)
+        if not found:
+            cls.poll_message_set("Neither a measured surface nor painted errors are shown")
+        return found
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        hide_errors(context.scene)
+        return {"FINISHED"}
+
+
+def listen(scene: bpy.types.Scene, effects: frozenset[str]) -> None:
+    """Follow the range of the colours."""
+    if scene is not None and announcements.COLOURS in effects:
+        measured_surface.recolour_points(scene, scene.icymoon.error_range_m)
+        painted_errors.recolour(scene, scene.icymoon.error_range_m)
+
+
+CLASSES = (ICYMOON_OT_show_surface, ICYMOON_OT_paint_errors, ICYMOON_OT_hide_surface)
+
+
+def register() -> None:
+    """Follow the range of the colours."""
+    announcements.listeners.append(listen)
+
+
+def unregister() -> None:
+    """Stop following it."""
+    announcements.listeners.remove(listen)

@@ -1,0 +1,219 @@
+"""The errors of a matcher painted on the ground: against rays to the vertices, and without a trace in a render."""
+
+from __future__ import annotations
+
+import bpy
+import numpy as np
+import pytest
+from evaluations import evaluated
+from icymoon import scene_properties
+from icymoon.errors import IcyMoonError
+from icymoon.nodes import painted_errors
+from icymoon.nodes.datablocks.array_marks import read_property
+from icymoon.nodes.datablocks.fingerprint import parts
+from icymoon.render.plans.planned_pair import expand_headings
+from icymoon.render.worker import render_pairs
+from icymoon.stereo.ground_errors import MEASURED, MISSING, UNSEEN, read_depth_errors
+from icymoon.stereo.images.exr import read_view
+from icymoon.stereo.images.image_files import write_disparity
+from icymoon.stereo.measure.prepare import prepare
+from mathutils import Vector
+from rendering import render
+
+SCENE = {"rig": {"width_px": 240, "height_px": 180}, "terrain": {"resolution": 257, "size_m": 8.0},
+         "rocks": {"coverage": 0.1, "smallest_m": 0.2}}
+
+
+@pytest.fixture(scope="module")
+def shown(tmp_path_factory):
+    """A rendered pair, its scene, and files of depths that are 10 % too far on the left and missing on the right."""
+    folder = tmp_path_factory.mktemp("painted")
+    pair, built = render(folder, SCENE)
+    truth = prepare(pair.folder, {}).truth
+    there = np.arange(truth.shape[1]) < truth.shape[1] // 2
+    files = folder / "evaluation_scene" / "pairs" / pair.id
+    files.mkdir(parents=True)
+    write_disparity(files / "far.npz", pair.camera.disparity(np.where(there, 1.1 * truth, np.nan)))
+    write_disparity(files / "near.npz", pair.camera.disparity(0.95 * truth))
+    scene_properties.write_settings(bpy.context.scene.icymoon, pair.settings)
+    return pair, built, {name: files / f"{name}.npz" for name in ("far", "near")}
+
+
+def paint(shown, name="far", full_m=1.0):
+    pair, built, files = shown
+    return painted_errors.paint(bpy.context.scene, built, [read_depth_errors(pair.folder, files[name])], name, full_m)
+
+
+def read(mesh):
+    """Error, kind and colour of the vertices."""
+    colour = read_property(mesh.attributes[painted_errors.COLOUR].data, "color_srgb", width=4).reshape(-1, 4)[:, :3]
+    return (read_property(mesh.attributes[painted_errors.ERROR_M].data, "value"),
+            read_property(mesh.attributes[painted_errors.KIND].data, "value", np.int8), np.rint(255 * colour))
+
+
+def test_vertices_that_rays_reach_have_the_error_of_their_depth(shown):
+    pair, built, _ = shown
+    paint(shown)
+    error, kind, colour = read(built.terrain.data)
+    camera, scene = built.camera, bpy.context.scene
+    eye, graph = Vector(camera.matrix_world.translation), bpy.context.evaluated_depsgraph_get()
+    scene.collection.children[painted_errors.NAME].hide_viewport = True  # rays shall meet the rocks themselves
+    graph.update()
+    positions = read_property(built.terrain.data.vertices, "co", width=3).reshape(-1, 3)
+    local = np.array([camera.matrix_world.inverted() @ Vector(p) for p in positions[::7].tolist()])
+    depth = -local[:, 2]
+    column = pair.camera.cx_px + pair.camera.focal_px * local[:, 0] / depth
+    row = pair.camera.cy_px - pair.camera.focal_px * local[:, 1] / depth
+    inside = (depth > 0) & (column > 2) & (column < 238) & (row > 2) & (row < 178)
+
+    def free(k: int, right_px: float = 0.0, up_px: float = 0.0) -> float:
+        """The share of the way to a vertex that a ray can go, which may pass it by some pixels."""
+        beside = Vector((right_px, up_px, 0.0)) * (depth[k] / pair.camera.focal_px)
+        ray = Vector(positions[::7][k]) + camera.matrix_world.to_3x3() @ beside - eye
+        hit, where, *_ = scene.ray_cast(graph, eye, ray.normalized(), distance=2 * ray.length)
+        return (where - eye).length / ray.length if hit else 1.0
+
+    rays = np.flatnonzero(inside)
+    assert len(rays) > 300
+    share = np.array([free(k) for k in rays])
+    sampled, kinds = error[::7][rays], kind[::7][rays]
+    hidden = np.array([share < 0.95 and all(free(k, *beside) < 0.95 for beside in
+                                            ((-1.5, -1.5), (-1.5, 1.5), (1.5, -1.5), (1.5, 1.5)))
+                       for k, share in zip(rays, share, strict=True)])
+    assert hidden.sum() > 20
+    assert (kinds[hidden] == UNSEEN).all()
+    assert np.mean(kinds[share > 0.999] < UNSEEN) > 0.98
+    measured, left = kinds == MEASURED, column[rays] < 120
+    np.testing.assert_allclose(sampled[measured], 0.1 * depth[rays][measured], rtol=0.1)
+    assert (kinds[(column[rays] > 122) & (share > 0.999)] == MISSING).mean() > 0.9
+    assert left[measured].mean() > 0.97
+    assert (colour[kind == MISSING] == 150).all()
+    assert (colour[kind == UNSEEN] == 60).all()
+    assert (colour[error > 0.05, 0] > colour[error > 0.05, 2]).all()
+    assert np.isnan(error[kind != MEASURED]).all()
+    painted_errors.clear(scene)
+
+
+def test_rocks_that_are_seen_show_their_errors_too(shown):
+    _, built, _ = shown
+    collection = paint(shown, "near")
+    (copies,) = collection.objects
+    error, kind, _ = read(copies.data)
+    depth = np.linalg.norm(read_property(copies.data.vertices, "co", width=3).reshape(-1, 3)
+                           - np.array(built.camera.matrix_world.translation), axis=1)
+    assert copies.hide_render
+    assert (kind == MEASURED).sum() > 50
+    assert (error[kind == MEASURED] < 0).all()
+    assert (-error[kind == MEASURED] < 0.07 * depth[kind == MEASURED]).all()
+    assert (kind == UNSEEN).sum() > 50  # their backs
+    painted_errors.clear(bpy.context.scene)
+
+
+@pytest.mark.heavy
+def test_nothing_that_is_rendered_or_identified_changes(shown, tmp_path):
+    pair, built, _ = shown
+    scene, mesh = bpy.context.scene, built.terrain.data
+    blocks = [len(data) for data in (bpy.data.objects, bpy.data.meshes, bpy.data.materials, bpy.data.collections)]
+    before = parts(built.collection), built.extra, set(mesh.attributes.keys()), mesh.attributes.default_color_name
+    paint(shown)
+    assert (parts(built.collection), built.extra) == before[:2]
+    assert not built.edited
+    (planned,) = expand_headings(pair.settings, built.extra)
+    assert planned.id == pair.id
+    (again,) = render_pairs(built, [planned], tmp_path, 1, 0.0, lambda *a, **k: None)
+    assert painted_errors.find(scene) is None  # a material of the user's could read it
+    assert set(mesh.attributes.keys()) == before[2]
+    assert mesh.attributes.default_color_name == before[3]
+    assert blocks == [len(data) for data in (bpy.data.objects, bpy.data.meshes, bpy.data.materials,
+                                             bpy.data.collections)]
+    for eye in ("left", "right"):
+        one, other = (read_view(folder / f"{eye}.exr", eye) for folder in (pair.folder, again))
+        np.testing.assert_array_equal(one.radiance, other.radiance)
+        np.testing.assert_array_equal(one.depth, other.depth)
+
+
+def test_the_users_own_colours_are_active_again_afterwards(shown):
+    _, built, _ = shown
+    mesh = built.terrain.data
+    for name in ("First", "Second"):
+        mesh.color_attributes.new(name, "BYTE_COLOR", "POINT")
+    mesh.attributes.active_color_name, mesh.attributes.default_color_name = "Second", "First"
+    marked = parts(built.collection)
+    try:
+        paint(shown)
+        paint(shown, "near")
+        assert mesh.attributes.active_color_name == painted_errors.COLOUR
+        assert mesh.attributes.default_color_name == "First"
+        assert parts(built.collection) == marked
+        assert painted_errors.clear(bpy.context.scene)
+        assert not painted_errors.clear(bpy.context.scene)
+        assert (mesh.attributes.active_color_name, mesh.attributes.default_color_name) == ("Second", "First")
+    finally:
+        for name in ("First", "Second"):
+            mesh.attributes.remove(mesh.attributes[name])
+
+
+def test_a_ground_of_wide_triangles_is_refused_and_one_of_both_kinds_says_so(shown):
+    pair, built, _ = shown
+    scene, known = bpy.context.scene, np.isfinite(prepare(pair.folder, {}).truth)
+    paint(shown)
+    lines = dict(line.split(": ") for line, _ in painted_errors.legend(scene) if ": " in line)
+    assert sum(float(lines[key].removesuffix(" %")) for key in lines if "Triangles" not in key) == pytest.approx(
+        100, abs=0.2)
+    assert float(lines["Not measured, grey"].removesuffix(" %")) == pytest.approx(
+        100 * known[:, 120:].sum() / known.sum(), abs=0.06)
+    fine, coarse = built.terrain.data, bpy.data.meshes.new("Coarse")
+    corners = [(-4.0, -4.0, 0.0), (4.0, -4.0, 0.0), (4.0, 4.0, 0.0), (-4.0, 4.0, 0.0)]
+    coarse.from_pydata(corners, [], [(0, 1, 2, 3)])
+    built.terrain.data = coarse
+    rocks = [item for item in built.collection.all_objects if item.get("icymoon") == "rock"]
+    for item in rocks:
+        item.hide_viewport = True
+    try:
+        with pytest.raises(IcyMoonError, match="too wide"):
+            paint(shown)
+    finally:
+        built.terrain.data = fine
+        for item in rocks:
+            item.hide_viewport = False
+        bpy.data.meshes.remove(coarse)
+    assert painted_errors.find(scene) is not None  # a refusal leaves what is shown
+    painted_errors.clear(scene)
+    assert painted_errors.legend(scene) == ()
+
+
+def test_by_operator_with_its_range_and_its_refusals(shown):
+    pair, built, _ = shown
+    scene, mesh = bpy.context.scene, built.terrain.data
+    rows = [{"method": name, "pair": pair.id, "images": {"disparity": f"pairs/{pair.id}/{name}.npz"}}
+            for name in ("far", "near")]
+    summary = [{"method": name, "l1_m": l1, "l1_rate_10": 0, "si_rmse": 0, "dod": 0, "coverage": 1}
+               for name, l1 in (("far", 0.3), ("near", 0.1))]
+    evaluated(scene, pair.folder.parent.parent, *summary, shown=rows)
+    try:
+        assert bpy.ops.icymoon.paint_errors() == {"FINISHED"}
+        assert painted_errors.legend(scene)[0][0] == "Depth error of near on the ground"
+        assert bpy.ops.icymoon.paint_errors(method="far") == {"FINISHED"}
+        error, _, colour = read(mesh)
+        large = error > 0.15
+        assert (colour[large] != [0xC4, 0x2B, 0x2B]).any(axis=1).all()
+        scene.icymoon.error_range_m = 0.15
+        assert (read(mesh)[2][large] == [0xC4, 0x2B, 0x2B]).all()
+        scene.icymoon.error_range_m = 1.0
+        np.testing.assert_array_equal(read(mesh)[2], colour)
+        scene.icymoon.terrain.rms_slope_deg += 1
+        with pytest.raises(RuntimeError, match="press Build Scene first"):
+            bpy.ops.icymoon.paint_errors()
+        scene.icymoon.terrain.rms_slope_deg -= 1
+        scene.icymoon.quality.samples += 1
+        with pytest.raises(RuntimeError, match=f"not that of the evaluated pair {pair.id}"):
+            bpy.ops.icymoon.paint_errors()
+        scene.icymoon.quality.samples -= 1
+        with pytest.raises(RuntimeError, match="no stored disparities"):
+            bpy.ops.icymoon.paint_errors(method="sgbm")
+        assert bpy.ops.icymoon.hide_surface() == {"FINISHED"}
+        assert painted_errors.find(scene) is None
+        assert not bpy.ops.icymoon.hide_surface.poll()
+    finally:
+        scene.icymoon.results = ""
+
