@@ -18,13 +18,14 @@ from ..preferences import extension_folder, find_evaluator_python, workers
 from ..render.pairs.pair_folder import is_complete
 from ..render.plans.plan_file import find_plan, read_plan_header
 from ..render.workers.detached import Detached, find_left_running
-from ..render.workers.job import blender_command, python_command
+from ..render.workers.job import blender_command
 from ..render.workers.process import Message, Process, clean_environment
 from ..settings.preset_files import plan_names
 from ..system import user_key
 from ..typed_settings import Settings
-from . import dialogs, evaluate, jobs, results
+from . import dialogs, evaluate, jobs
 from .render import dataset_folder
+from .show_pair import ShowsPair
 from .sidebar_text import in_window
 
 _TITLE = "Render Data Set"
@@ -249,8 +250,8 @@ class ICYMOON_OT_watch_dataset(DatasetOperator, bpy.types.Operator):
         return self._job_of(process, context)
 
 
-class ICYMOON_OT_show_last_pair(bpy.types.Operator):
-    """Show the left camera image of the pair that was rendered last"""
+class ICYMOON_OT_show_last_pair(ShowsPair, bpy.types.Operator):
+    """Show the camera images and the true depth of the pair of the data set that was rendered last"""
 
     bl_idname = "icymoon.show_last_pair"
     bl_label = "Show Last Pair"
@@ -261,28 +262,11 @@ class ICYMOON_OT_show_last_pair(bpy.types.Operator):
             cls.poll_message_set("No pair of a data set has been rendered yet")
         return readout["last"] is not None
 
-    def execute(self, context: bpy.types.Context) -> set[str]:
-        folder, settings = readout["last"], scene_properties.read_settings(context.scene.icymoon)
-        try:
-            if not is_complete(folder):
-                raise IcyMoonError(f"{folder} does not exist any more; render the data set again.")
-            process = Process(python_command(find_evaluator_python(), "stereo", "develop", str(folder),
-                                             *evaluate.response_arguments(settings), "--out",
-                                             str(folder.parent.parent / "exposed"), "--json-lines"),
-                              clean_environment())
-        except IcyMoonError as error:
-            self.report({"ERROR"}, in_window(error))
-            return {"CANCELLED"}
-        bpy.app.timers.register(lambda: _show_when_developed(process), first_interval=_LOOK_S)
-        return {"FINISHED"}
-
-
-def _show_when_developed(process: Process) -> float | None:
-    """Show the developed image as soon as it is written; the seconds until the next check, None at the end."""
-    for message in process.poll():
-        if message["type"] == "result":
-            results.show_images(bpy.context, [Path(message["folders"][0]) / "left.png"], open_window=True)
-    return _LOOK_S if process.running else None
+    def find_folder(self, context: bpy.types.Context) -> Path:
+        folder: Path = readout["last"]
+        if not is_complete(folder):
+            raise IcyMoonError(f"{folder} does not exist any more; render the data set again.")
+        return folder
 
 
 def _watch_again() -> None:

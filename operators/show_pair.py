@@ -102,13 +102,6 @@ def kept_pairs(scene: bpy.types.Scene) -> list[Path]:
     return [path for path in found if (path / "pair.json").is_file()]
 
 
-def _folder(context: bpy.types.Context, number: int) -> Path:
-    """The folder of the pair to show. Raises IcyMoonError if none was rendered."""
-    settings = scene_properties.read_settings(context.scene.icymoon)
-    found = kept_pairs(context.scene) or rendered_pairs(context, settings)
-    return found[min(number, len(found)) - 1]
-
-
 # ---- the image ------------------------------------------------------------------------------------------------------
 
 @lru_cache(maxsize=1)
@@ -176,23 +169,18 @@ def _flicker() -> float | None:
 
 # ---- the operator ---------------------------------------------------------------------------------------------------
 
-class ICYMOON_OT_show_pair(bpy.types.Operator):
-    """Show the rendered pair in an Image Editor: the camera images and the true depth. Needs no evaluator"""
+class ShowsPair:
+    """Mix-in: an operator that shows a pair in an Image Editor. It reads and develops it in a thread."""
 
-    bl_idname = "icymoon.show_pair"
-    bl_label = "Show Stereo Pair"
-
-    view: bpy.props.EnumProperty(name="View", items=VIEWS, default="SIDE_BY_SIDE",  # type: ignore[valid-type]
-                                 options={"SKIP_SAVE"}, description="How to show it")
-    number: bpy.props.IntProperty(name="Pair", default=1, min=1, options={"SKIP_SAVE"},  # type: ignore[valid-type]
-                                  description="Which pair, if the scene has several headings")
-    automatic: bpy.props.BoolProperty(default=False, options={"HIDDEN", "SKIP_SAVE"})  # type: ignore[valid-type]
+    #: One of VIEWS, and whether it is shown without being asked for: then in the view that is shown already.
+    view: Any = VIEWS[0][0]
+    automatic: Any = False
     _timer: Any = None
     _read: _Reading
 
-    @classmethod
-    def description(cls, context: bpy.types.Context, properties: Any) -> str:
-        return next(text for name, _, text in VIEWS if name == properties.view)
+    def find_folder(self, context: bpy.types.Context) -> Path:
+        """The folder of the pair to show. Raises IcyMoonError if there is none."""
+        raise NotImplementedError
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         try:
@@ -203,7 +191,7 @@ class ICYMOON_OT_show_pair(bpy.types.Operator):
         except IcyMoonError as error:
             return self._fail(error)
         assert shown is not None
-        self.report({"INFO"}, "; ".join(shown.views.lines))
+        self.report({"INFO"}, "; ".join(shown.views.lines))  # type: ignore[attr-defined]
         return {"FINISHED"}
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
@@ -244,7 +232,7 @@ class ICYMOON_OT_show_pair(bpy.types.Operator):
         if self.automatic and shown is not None:
             self.view = shown.view
         camera_response = response(scene_properties.read_settings(context.scene.icymoon))
-        self._read = _Reading(_folder(context, self.number), camera_response)
+        self._read = _Reading(self.find_folder(context), camera_response)
         if shown is None or shown.made_of != self._read.made_of:
             return False
         _show(context, Shown(shown.folder, shown.made_of, shown.views, self.view), self._opens_window(context))
@@ -261,8 +249,30 @@ class ICYMOON_OT_show_pair(bpy.types.Operator):
         return not self.automatic or context.preferences.view.render_display_type != "NONE"
 
     def _fail(self, error: IcyMoonError) -> set[str]:
-        self.report({"ERROR"}, in_window(error))
+        self.report({"ERROR"}, in_window(error))  # type: ignore[attr-defined]
         return {"CANCELLED"}
+
+
+class ICYMOON_OT_show_pair(ShowsPair, bpy.types.Operator):
+    """Show the rendered pair in an Image Editor: the camera images and the true depth. Needs no evaluator"""
+
+    bl_idname = "icymoon.show_pair"
+    bl_label = "Show Stereo Pair"
+
+    view: bpy.props.EnumProperty(name="View", items=VIEWS, default="SIDE_BY_SIDE",  # type: ignore[valid-type]
+                                 options={"SKIP_SAVE"}, description="How to show it")
+    number: bpy.props.IntProperty(name="Pair", default=1, min=1, options={"SKIP_SAVE"},  # type: ignore[valid-type]
+                                  description="Which pair, if the scene has several headings")
+    automatic: bpy.props.BoolProperty(default=False, options={"HIDDEN", "SKIP_SAVE"})  # type: ignore[valid-type]
+
+    @classmethod
+    def description(cls, context: bpy.types.Context, properties: Any) -> str:
+        return next(text for name, _, text in VIEWS if name == properties.view)
+
+    def find_folder(self, context: bpy.types.Context) -> Path:
+        settings = scene_properties.read_settings(context.scene.icymoon)
+        found = kept_pairs(context.scene) or rendered_pairs(context, settings)
+        return found[min(self.number, len(found)) - 1]
 
 
 # ---- what panels show -----------------------------------------------------------------------------------------------

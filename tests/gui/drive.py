@@ -478,6 +478,43 @@ def measured_surface() -> Waiting:
     yield from until(lambda: not there(), "Removing the measured surface")
 
 
+def painted_errors() -> Waiting:
+    """Errors appear on the ground in Solid shading, follow their range, and go with what the view showed before."""
+    painted, shading = module("nodes.painted_errors"), area().spaces.active.shading
+
+    def view() -> tuple[str, str]:
+        return shading.type, shading.color_type
+
+    def coloured() -> float:
+        """The mean distance of the ground's colours from grey."""
+        colours = bpy.data.objects["Icy Moon Terrain"].data.attributes[painted.COLOUR].data
+        values = np.empty(4 * len(colours), np.float32)
+        colours.foreach_get("color_srgb", values)
+        return float(np.ptp(values.reshape(-1, 4)[:, :3], axis=1).mean())
+
+    before = view()
+    yield from press("icymoon.paint_errors", method="sgbm")
+    yield from until(lambda: painted.find(window().scene), "Painting the errors")
+    yield from away()
+    yield from screenshot("painted_errors")
+    check(view() == ("SOLID", "VERTEX"), f"the view shows {view()}")
+    amount = coloured()
+    yield from find_setting("error_range_m")
+    xdotool("click", "--repeat", 2, "--delay", 60, 1)
+    yield 6 * TICK_S
+    yield from key("ctrl+a")
+    yield from write_text("0.05")
+    yield from key("Return")
+    yield from until(lambda: coloured() > 1.1 * amount, "Recolouring the ground")
+    yield from away()
+    yield from screenshot("painted_errors_range")
+    yield from press("icymoon.hide_surface")
+    yield from until(lambda: not painted.find(window().scene), "Removing the errors")
+    check(view() == before, f"the view shows {view()}, and before {before}")
+    check(not module("nodes.scene").find(window().scene).edited, "painting counts as an edit by hand")
+    settings().error_range_m = 1.0
+
+
 def show_error() -> Waiting:
     yield from press("icymoon.show_error")
     yield from until(lambda: len(manager().windows) == 2, "Opening an Image Editor")
@@ -615,9 +652,9 @@ def render_in_a_local_view() -> Waiting:
 
 
 STEPS = (open_the_tab, load_europa, open_all_panels, build_by_mouse, undo_and_redo, slide_by_mouse, render_by_mouse,
-         pair_on_the_screen, escape_a_render, evaluate_by_mouse, measured_surface, show_error, camera_image_follows,
-         render_a_data_set, vary_by_mouse, preferences_page, search_and_clear, choose_by_picture, undo_by_key,
-         render_in_a_local_view)
+         pair_on_the_screen, escape_a_render, evaluate_by_mouse, measured_surface, painted_errors, show_error,
+         camera_image_follows, render_a_data_set, vary_by_mouse, preferences_page, search_and_clear, choose_by_picture,
+         undo_by_key, render_in_a_local_view)
 
 
 def write(finished: bool) -> None:

@@ -109,20 +109,12 @@ def test_a_data_set_is_rendered_and_the_scene_is_left_alone(described, tmp_path)
 
 
 @pytest.mark.slow
-def test_it_is_evaluated_afterwards_if_asked(described, tmp_path, monkeypatch):
+def test_it_is_evaluated_afterwards_if_asked(described, tmp_path):
     described.icymoon.dataset.evaluate, described.icymoon.dataset.methods = True, "sgbm"
     described.icymoon.dataset.workers = 1
     assert bpy.ops.icymoon.render_dataset() == {"FINISHED"}
     assert (tmp_path / "set" / "evaluation" / "report.html").is_file()
     assert results.summary(described)[0]["method"] == "sgbm"
-    shown, looks = [], []
-    monkeypatch.setattr(results, "show_images", lambda context, paths, open_window: shown.extend(paths))
-    monkeypatch.setattr(bpy.app.timers, "register", lambda look, first_interval: looks.append(look), raising=False)
-    assert bpy.ops.icymoon.show_last_pair() == {"FINISHED"}
-    while looks[0]() is not None:
-        time.sleep(0.05)
-    assert [path.name for path in shown] == ["left.png"]
-    assert shown[0].is_file()
     described.icymoon.dataset.methods = "no such matcher"
     with pytest.raises(RuntimeError, match="no such matcher"):
         bpy.ops.icymoon.render_dataset()

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import shutil
+import subprocess
 from types import SimpleNamespace
 
 import bpy
 import numpy as np
 import pytest
-from icymoon.operators import image_editor, live_preview, show_pair
+from icymoon.operators import dataset, image_editor, live_preview, show_pair
 from icymoon.panels import pair_views, sidebar
 from icymoon.stereo.pair_views import read_pair_views
 from panel_drawing import Layout, drawn, texts
@@ -52,6 +53,20 @@ def test_the_image_is_the_picture_of_the_view(rendered, view):
     picture = views_of(rendered).pictures(view)[0]
     np.testing.assert_array_equal(pixels(), picture)
     assert picture[:, :, 0].std() > 5
+
+
+def test_the_last_pair_of_a_data_set_is_shown_without_another_process(rendered, monkeypatch):
+    (folder,) = show_pair.kept_pairs(rendered)
+    picture = views_of(rendered).pictures("SIDE_BY_SIDE")[0]
+    rendered.icymoon.pairs = ""  # it is none of the scene's
+    rendered.icymoon.dataset.folder = "/nowhere"
+    monkeypatch.setattr(subprocess, "Popen", None)
+    monkeypatch.setitem(dataset.readout, "last", folder)
+    assert bpy.ops.icymoon.show_last_pair() == {"FINISHED"}
+    np.testing.assert_array_equal(pixels(), picture)
+    monkeypatch.setitem(dataset.readout, "last", folder / "gone")
+    with pytest.raises(RuntimeError, match="does not exist any more; render the data set again"):
+        bpy.ops.icymoon.show_last_pair()
 
 
 def test_there_is_one_image_that_blender_never_asks_to_save_nor_writes(rendered, tmp_path):
