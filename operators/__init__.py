@@ -18,6 +18,7 @@ from . import (
     layers,
     live_exposure,
     live_preview,
+    manual,
     presets,
     refine,
     render,
@@ -30,7 +31,8 @@ from . import (
 
 CLASSES = (*presets.CLASSES, *settings.CLASSES, *build.CLASSES, *ground.CLASSES, *layers.CLASSES, *render.CLASSES,
            *show_pair.CLASSES, *dataset.CLASSES, *evaluate.CLASSES, *expose.CLASSES, *results.CLASSES,
-           *errors_in_view.CLASSES, *evaluator.CLASSES, *trade.CLASSES, *add.CLASSES, *vary.CLASSES, *jobs.CLASSES)
+           *errors_in_view.CLASSES, *evaluator.CLASSES, *trade.CLASSES, *add.CLASSES, *vary.CLASSES, *jobs.CLASSES,
+           *manual.CLASSES)
 
 _register, _unregister = bpy.utils.register_classes_factory(CLASSES)
 
@@ -48,10 +50,12 @@ def register() -> None:
     show_pair.register()
     vary.register()
     errors_in_view.register()
+    manual.register()
 
 
 def unregister() -> None:
     """Unregister the operators and stop a running job."""
+    manual.unregister()
     errors_in_view.unregister()
     vary.unregister()
     show_pair.unregister()

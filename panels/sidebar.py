@@ -9,7 +9,18 @@ import bpy
 
 from .. import scene_properties
 from ..nodes import measured_surface, painted_errors
-from ..operators import coloured_views, dataset, ground, jobs, layers, live_preview, presets, results, sidebar_text
+from ..operators import (
+    coloured_views,
+    dataset,
+    ground,
+    jobs,
+    layers,
+    live_preview,
+    manual,
+    presets,
+    results,
+    sidebar_text,
+)
 from ..operators.sidebar_text import wrapped
 from ..preferences import own_matcher_names
 from ..settings.trust_boundary import OWN
@@ -24,12 +35,16 @@ FIRST, LAST = 10, 1000
 
 
 class Sidebar:
-    """The place of every panel of Icy Moon."""
+    """The place of every panel of Icy Moon, with a button in its header that opens its page of the manual."""
 
     bl_space_type = "VIEW_3D"
     bl_region_type = "UI"
     bl_category = "Icy Moon"
     layout: Any
+    page = manual.WINDOW_PAGE
+
+    def draw_header_preset(self, context: bpy.types.Context) -> None:
+        self.layout.operator("icymoon.open_manual", text="", icon="HELP", emboss=False).page = self.page
 
 
 def draw_job(layout: Any) -> None:
@@ -100,6 +115,7 @@ class ICYMOON_PT_results(Sidebar, bpy.types.Panel):
 
     bl_idname = "ICYMOON_PT_results"
     bl_label = "Stereo Error"
+    page = "theory/metrics"
     bl_parent_id = "ICYMOON_PT_main"
 
     @classmethod
@@ -131,6 +147,7 @@ class ICYMOON_PT_evaluation(Sidebar, bpy.types.Panel):
 
     bl_idname = "ICYMOON_PT_evaluation"
     bl_label = "Evaluation"
+    page = "theory/metrics"
     bl_options = {"DEFAULT_CLOSED"}
     bl_order = LAST
 
@@ -155,6 +172,7 @@ class ICYMOON_PT_sky(Sidebar, bpy.types.Panel):
 
     bl_idname = "ICYMOON_PT_sky"
     bl_label = "In the Sky"
+    page = manual.page_of_topic("light")
     bl_parent_id = "ICYMOON_PT_light"
 
     def draw(self, context: bpy.types.Context) -> None:
@@ -166,6 +184,7 @@ class ICYMOON_PT_resolution(Sidebar, bpy.types.Panel):
 
     bl_idname = "ICYMOON_PT_resolution"
     bl_label = "Depth Resolution"
+    page = manual.page_of_topic("rig")
     bl_parent_id = "ICYMOON_PT_rig"
 
     def draw(self, context: bpy.types.Context) -> None:
@@ -177,6 +196,7 @@ class ICYMOON_PT_left_out(Sidebar, bpy.types.Panel):
 
     bl_idname = "ICYMOON_PT_left_out"
     bl_label = "Not Rendered"
+    page = "theory/limits"
     bl_parent_id = "ICYMOON_PT_quality"
 
     @classmethod
@@ -203,6 +223,7 @@ class ICYMOON_PT_plan(Sidebar, bpy.types.Panel):
 
     bl_idname = "ICYMOON_PT_plan"
     bl_label = "Shipped Plans"
+    page = manual.page_of_topic("dataset")
     bl_parent_id = "ICYMOON_PT_dataset"
     bl_options = {"DEFAULT_CLOSED"}
     bl_order = 1
@@ -231,6 +252,7 @@ class ICYMOON_PT_ground_report(Sidebar, bpy.types.Panel):
 
     bl_idname = "ICYMOON_PT_ground_report"
     bl_label = "Import Report"
+    page = manual.page_of_topic("source")
     bl_parent_id = "ICYMOON_PT_source"
 
     @classmethod

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import bpy
 
+from ..operators import manual
 from ..operators.sidebar_text import wrapped
 from ..settings.table import LANDFORMS, TOPICS, Topic
 from .fields import draw_lines, draw_settings
@@ -64,6 +65,7 @@ class ICYMOON_PT_landforms(Sidebar, bpy.types.Panel):
 
     bl_idname = "ICYMOON_PT_landforms"
     bl_label = LANDFORMS
+    page = manual.page_of_topic("terrain")
     bl_options = {"DEFAULT_CLOSED"}
     bl_parent_id = "ICYMOON_PT_terrain"
 
@@ -91,7 +93,7 @@ def _make_topic_panel(topic: Topic, order: int) -> type:
         own |= _switch("rocks", ELSEWHERE["rocks"][0])
     return type(f"ICYMOON_PT_{topic.key}", (_TopicPanel, bpy.types.Panel), {
         "__doc__": topic.description, "bl_idname": f"ICYMOON_PT_{topic.key}", "bl_label": topic.label,
-        "bl_order": order, "topic": topic, **own})
+        "bl_order": order, "topic": topic, "page": manual.page_of_topic(topic.key), **own})
 
 
 def _make_section_panel(section: Section, order: int) -> type:
@@ -100,7 +102,8 @@ def _make_section_panel(section: Section, order: int) -> type:
     return type(name, (_SectionPanel, bpy.types.Panel), {
         "__doc__": section.description, "bl_idname": name, "bl_label": section.label,
         "bl_order": LAST if section.key == ADVANCED else order,
-        "bl_parent_id": f"ICYMOON_PT_{section.topic}", "section": section, **own})
+        "bl_parent_id": f"ICYMOON_PT_{section.topic}", "section": section,
+        "page": manual.page_of_topic(section.topic), **own})
 
 
 #: Blender registers a panel after the one that it is in.

@@ -6,7 +6,7 @@ from typing import Any
 
 import bpy
 
-from ..operators import trade
+from ..operators import manual, trade
 from ..operators.sidebar_text import wrapped
 from .fields import draw_lines
 from .sidebar import Sidebar
@@ -17,6 +17,7 @@ class ICYMOON_PT_trade(Sidebar, bpy.types.Panel):
 
     bl_idname = "ICYMOON_PT_trade"
     bl_label = "Speed and Accuracy"
+    page = manual.page_of_topic("quality")
     bl_parent_id = "ICYMOON_PT_quality"
     bl_options = {"DEFAULT_CLOSED"}
 

@@ -1,0 +1,133 @@
+"""Open Manual: the pages of the manual in the web browser, from files of the extension, without a network."""
+
+from __future__ import annotations
+
+import html
+import posixpath
+import re
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import bpy
+
+from ..errors import IcyMoonError
+from ..files import explain_disk_errors, write_text
+from ..formats.markdown import page_html
+from ..scratch import make_scratch_folder
+from ..settings.table import LANDFORMS, TOPICS
+from ..version import ROOT, version
+from .sidebar_text import in_window
+
+_DOCS = ROOT / "docs"
+FIRST_PAGE = "index"
+#: The page about the steps in the window.
+WINDOW_PAGE = "tutorial/window"
+_PAGES = {"terrain": "theory/terrain", "mesh": "theory/mesh", "source": "howto/own-ground",
+          "surface": "theory/surfaces", "textures": "howto/own-textures", "rock_surface": "theory/surfaces",
+          "hapke": "theory/surfaces", "rocks": "theory/terrain", "light": "theory/light", "rig": "camera",
+          "sensor": "theory/sensor", "quality": "howto/speed", "dataset": "datasets"}
+_STYLE = """body{font:16px/1.5 sans-serif;max-width:46em;margin:2em auto;padding:0 1em;color:#222;background:#fff}
+nav{font-size:85%;border-bottom:1px solid #999;padding-bottom:.6em}nav a{margin-right:.9em;white-space:nowrap}
+a{color:#0b66b0}code,pre{background:#eee;font-size:90%}pre{padding:.6em;overflow:auto}
+table{border-collapse:collapse}th,td{border:1px solid #999;padding:.2em .5em;text-align:left;vertical-align:top}
+@media(prefers-color-scheme:dark){body{color:#ddd;background:#1d1f21}a{color:#7db8e8}code,pre{background:#2d2f33}}"""
+
+
+@lru_cache(maxsize=1)
+def page_names() -> tuple[str, ...]:
+    """The pages of the manual that this copy of Icy Moon has, such as ``tutorial/window``, the first one first."""
+    found = sorted(path.relative_to(_DOCS).with_suffix("").as_posix() for path in _DOCS.rglob("*.md"))
+    return tuple(sorted(found, key=lambda name: name != FIRST_PAGE))
+
+
+@lru_cache(maxsize=1)
+def written_folder() -> Path:
+    """A temporary folder with all pages as HTML, written once in a session. Raises IcyMoonError if it cannot be."""
+    if not page_names():
+        raise IcyMoonError(f"The manual is missing in {_DOCS}; install Icy Moon again.")
+    folder = make_scratch_folder()
+    texts = {name: (_DOCS / f"{name}.md").read_text(encoding="utf-8") for name in page_names()}
+    titles = {name: _title(name, text) for name, text in texts.items()}
+    for name, text in texts.items():
+        target = folder / f"{name}.html"
+        with explain_disk_errors("write to", folder):
+            target.parent.mkdir(exist_ok=True)
+            write_text(target, _whole(name, text, titles))
+    return folder
+
+
+def _title(name: str, text: str) -> str:
+    found = re.search(r"^# (.+)$", text, re.MULTILINE)
+    return found[1].replace("`", "") if found else name
+
+
+def _relative(name: str, page: str) -> str:
+    """The address of a page as seen from another."""
+    return posixpath.relpath(f"{name}.html", posixpath.dirname(page) or ".")
+
+
+def _whole(page: str, text: str, titles: dict[str, str]) -> str:
+    def address(link: str) -> str | None:
+        if link.startswith("https://"):
+            return link
+        name = posixpath.normpath(posixpath.join(posixpath.dirname(page), link.partition("#")[0]))
+        return _relative(name.removesuffix(".md"), page) if name.removesuffix(".md") in titles else None
+
+    links = " ".join(f'<a href="{_relative(name, page)}">{html.escape(title)}</a>' for name, title in titles.items())
+    return (f'<!doctype html><html lang="en"><head><meta charset="utf-8"><title>{html.escape(titles[page])} · Icy Moon '
+            f"{version()}</title><style>{_STYLE}</style></head><body><nav>{links}</nav>\n{page_html(text, address)}\n"
+            "</body></html>\n")
+
+
+def page_of_topic(topic: str) -> str:
+    """The page on a topic of the settings."""
+    return _PAGES["terrain" if TOPICS[topic].parent == LANDFORMS else topic]
+
+
+def _map_of_blender() -> tuple[str, tuple[tuple[str, str], ...]]:
+    """Where Online Manual leads in the context menu of our fields and buttons: (beginning, (pattern, end) of each)."""
+    try:
+        start = written_folder().as_uri()
+    except IcyMoonError:
+        return "", ()
+    return f"{start}/", (*((f"bpy.types.icymoon_pg_{topic}.*", f"{page_of_topic(topic)}.html") for topic in TOPICS),
+                         ("bpy.types.icymoon_*", f"{WINDOW_PAGE}.html"), ("bpy.ops.icymoon.*", f"{WINDOW_PAGE}.html"))
+
+
+class ICYMOON_OT_open_manual(bpy.types.Operator):
+    """Open the manual in the web browser. It is part of the extension and needs no network"""
+
+    bl_idname = "icymoon.open_manual"
+    bl_label = "Open Manual"
+
+    page: bpy.props.StringProperty(name="Page", default=FIRST_PAGE, options={"SKIP_SAVE"},  # type: ignore[valid-type]
+                                   description="Page of the manual, such as tutorial/window")
+
+    @classmethod
+    def description(cls, context: bpy.types.Context, properties: Any) -> str:
+        return "Open the page of the manual on this panel" if properties.page != FIRST_PAGE else str(cls.__doc__)
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        try:
+            if self.page not in page_names():
+                raise IcyMoonError(f"The manual has no page {self.page!r}; open the page {FIRST_PAGE!r}.")
+            address = (written_folder() / f"{self.page}.html").as_uri()
+        except IcyMoonError as error:
+            self.report({"ERROR"}, in_window(error))
+            return {"CANCELLED"}
+        bpy.ops.wm.url_open(url=address)
+        return {"FINISHED"}
+
+
+CLASSES = (ICYMOON_OT_open_manual,)
+
+
+def register() -> None:
+    """Let Online Manual in the context menus lead to our manual."""
+    bpy.utils.register_manual_map(_map_of_blender)
+
+
+def unregister() -> None:
+    """Leave Online Manual to Blender."""
+    bpy.utils.unregister_manual_map(_map_of_blender)

@@ -1,0 +1,68 @@
+"""Open Manual leads from every panel to a page that exists, in files of the extension only."""
+
+from __future__ import annotations
+
+import re
+from fnmatch import fnmatchcase
+from pathlib import Path
+from urllib.parse import unquote, urlsplit
+
+import bpy
+import pytest
+from extension_zip import shipped
+from icymoon.operators import manual
+from icymoon.panels import CLASSES
+from icymoon.settings.table import TOPICS
+
+PANELS = [cls for cls in CLASSES if issubclass(cls, bpy.types.Panel)]
+
+
+@pytest.fixture
+def opened(monkeypatch):
+    """The addresses that Blender is asked to open."""
+    addresses: list[str] = []
+    monkeypatch.setattr(manual, "bpy", type("Stand", (), {"ops": type("Ops", (), {"wm": type("Wm", (), {
+        "url_open": staticmethod(lambda url: addresses.append(url))})})}))
+    return addresses
+
+
+@pytest.mark.parametrize("panel", PANELS, ids=lambda panel: panel.bl_idname)
+def test_every_panel_has_a_page_that_is_in_the_zip(panel):
+    assert panel.page in manual.page_names()
+    assert f"docs/{panel.page}.md" in shipped()
+
+
+def test_the_page_that_opens_is_a_file_of_ours_with_that_heading(opened):
+    for page in (manual.FIRST_PAGE, "theory/terrain"):
+        assert bpy.ops.icymoon.open_manual(page=page) == {"FINISHED"}
+        address = urlsplit(opened[-1])
+        assert address.scheme == "file"
+        path = Path(unquote(address.path))
+        assert path.is_relative_to(manual.written_folder())
+        heading = re.search(r"^# (.+)$", (manual._DOCS / f"{page}.md").read_text(encoding="utf-8"), re.MULTILINE)
+        assert f"<h1>{heading[1]}</h1>" in path.read_text(encoding="utf-8")
+
+
+def test_no_other_file_can_be_opened(opened):
+    with pytest.raises(RuntimeError, match="has no page"):
+        bpy.ops.icymoon.open_manual(page="../../etc/passwd")
+    assert opened == []
+
+
+def test_links_between_pages_lead_to_pages():
+    folder = manual.written_folder()
+    links = [(path, link) for path in folder.rglob("*.html")
+             for link in re.findall(r'href="([^"]*)"', path.read_text(encoding="utf-8"))]
+    assert len(links) > 100
+    assert [(path.name, link) for path, link in links
+            if not link.startswith("https://") and not (path.parent / link).is_file()] == []
+
+
+def test_online_manual_leads_to_the_page_of_each_setting():
+    start, ends = manual._map_of_blender()
+    for topic in TOPICS:
+        field = f"bpy.types.icymoon_pg_{topic}.{TOPICS[topic].settings[0].key}"
+        end = next(end for pattern, end in ends if fnmatchcase(field, pattern))
+        assert end == f"{manual.page_of_topic(topic)}.html"
+        assert Path(unquote(urlsplit(start + end).path)).is_file()
+    assert manual._map_of_blender in bpy.utils._manual_map
