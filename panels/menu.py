@@ -12,6 +12,7 @@ from ..settings.preset_files import KINDS
 
 #: Width of the progress bar in heights of a button. At Blender's default width its text would be cut.
 _BAR_UNITS = 15
+_STORED = "_draw_orig"
 
 
 _TITLES = {"own": "Yours", **KINDS}
@@ -108,6 +109,8 @@ class ICYMOON_MT_icymoon(bpy.types.Menu):
         layout.separator()
         layout.operator("icymoon.check_evaluator", text="Check Evaluator")
         layout.operator("icymoon.install_evaluator", text="Install Evaluator")
+        layout.separator()
+        layout.operator("icymoon.open_manual", text="Icy Moon Manual", icon="HELP")
 
 
 def _draw_menu(self: Any, context: bpy.types.Context) -> None:
@@ -134,6 +137,30 @@ def _draw_status(self: Any, context: bpy.types.Context) -> None:
     row.operator("icymoon.cancel", text="", icon="X")
 
 
+def _append_to_status_bar() -> None:
+    """Draw the running job in the status bar, in the session that installed the extension too.
+
+    At its first call ``WorkSpace.status_text_set`` stores how the status bar is drawn, and each later call puts that
+    back. Blender calls it while it installs an extension, so what is appended afterwards would be lost.
+    """
+    header, shown = bpy.types.STATUSBAR_HT_header, bpy.types.STATUSBAR_HT_header.draw
+    stored = getattr(header, _STORED, None)
+    if stored is not None:
+        header.draw = stored
+    header.append(_draw_status)
+    if stored is not None:
+        setattr(header, _STORED, header.draw)
+        header.draw = header.draw if shown is stored else shown  # a text that is shown just now
+
+
+def _remove_from_status_bar() -> None:
+    header = bpy.types.STATUSBAR_HT_header
+    for draw in (header.draw, getattr(header, _STORED, None)):
+        functions = getattr(draw, "_draw_funcs", [])
+        if _draw_status in functions:
+            functions.remove(_draw_status)
+
+
 CLASSES = (*_KIND_MENUS, ICYMOON_MT_presets, ICYMOON_MT_icymoon)
 
 
@@ -141,11 +168,11 @@ def register() -> None:
     """Add the menu to Render in the top bar, the meshes to Add ▸ Mesh, and the running job to the status bar."""
     bpy.types.TOPBAR_MT_render.append(_draw_menu)
     bpy.types.VIEW3D_MT_mesh_add.append(_draw_meshes)
-    bpy.types.STATUSBAR_HT_header.append(_draw_status)
+    _append_to_status_bar()
 
 
 def unregister() -> None:
     """Remove the menus and the status bar."""
-    bpy.types.STATUSBAR_HT_header.remove(_draw_status)
+    _remove_from_status_bar()
     bpy.types.VIEW3D_MT_mesh_add.remove(_draw_meshes)
     bpy.types.TOPBAR_MT_render.remove(_draw_menu)
