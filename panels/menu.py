@@ -69,6 +69,7 @@ class ICYMOON_MT_icymoon(bpy.types.Menu):
     def draw(self, context: bpy.types.Context) -> None:
         layout = self.layout
         layout.operator_context = "INVOKE_DEFAULT"
+        layout.menu(ICYMOON_MT_presets.bl_idname)
         layout.operator("icymoon.load_preset", text="Load Preset…")
         layout.operator("icymoon.add_preset", text="Add Preset…")
         layout.operator("icymoon.remove_preset", text="Remove Preset…")
@@ -78,11 +79,12 @@ class ICYMOON_MT_icymoon(bpy.types.Menu):
         layout.operator("icymoon.import_ground", text="Import Ground…")
         layout.operator("icymoon.build_scene")
         layout.operator("icymoon.clear_scene")
+        layout.prop(context.scene.icymoon, "live")
         layout.separator()
         layout.operator("icymoon.render_pair")
-        layout.operator("icymoon.show_pair")
+        layout.operator_menu_enum("icymoon.show_pair", "view")
         layout.operator("icymoon.expose")
-        layout.operator("icymoon.evaluate").scope = "SCENE"
+        layout.operator("icymoon.evaluate", text="Evaluate Stereo Pair").scope = "SCENE"
         layout.operator("icymoon.evaluate", text="Evaluate Whole Data Set").scope = "DATASET"
         layout.operator("icymoon.auto_quality", text="Find Quality…")
         layout.operator("icymoon.trade", text="Measure Speed and Accuracy…")
@@ -101,8 +103,8 @@ class ICYMOON_MT_icymoon(bpy.types.Menu):
         layout.separator()
         layout.operator("icymoon.cancel")
         layout.separator()
-        layout.operator("icymoon.open_report")
-        layout.operator("icymoon.show_error")
+        layout.operator("icymoon.open_report", text="Open Evaluation Report")
+        layout.operator("icymoon.show_error", text="Show Stereo Error Image")
         layout.operator("icymoon.show_surface").method = ""
         layout.operator("icymoon.paint_errors").method = ""
         layout.operator("icymoon.hide_surface")

@@ -29,6 +29,7 @@ from ..stereo.matchers.methods import names_method
 from . import previews
 from .fields import draw_lines, draw_settings
 from .pair_views import draw_pair
+from .view_line import view_line
 
 #: ``bl_order`` of the topics' panels begins at the first of these and ends before the second.
 FIRST, LAST = 10, 1000
@@ -81,7 +82,9 @@ class ICYMOON_PT_main(Sidebar, bpy.types.Panel):
         column.operator("icymoon.evaluate", icon="VIEWZOOM").scope = "SCENE"
         draw_pair(layout, context.scene)
         layout.prop(group, "live")
-        draw_lines(layout, tuple(live_preview.lines(context.scene)), "INFO")
+        if shown := live_preview.lines(context.scene):
+            draw_lines(layout, tuple(shown), "INFO")
+            draw_lines(layout, wrapped(view_line(context.space_data, context.scene.render.engine)), "SHADING_RENDERED")
         draw_job(layout)
 
 

@@ -33,7 +33,8 @@ def everything() -> list:
 
 
 def operators(record: list) -> set[str]:
-    return {entry[1] for entry in record if entry[0] == "operator"}
+    return ({entry[1] for entry in record if entry[0] == "operator"}
+            | {entry[1][0] for entry in record if entry[0] == "operator_menu_enum"})
 
 
 def preferences_drawn() -> tuple[list, list[str]]:

@@ -1,0 +1,57 @@
+"""What F3 finds of Icy Moon for words that users type. It looks through the entries of all menus."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import bpy
+import pytest
+from icymoon.panels import menu
+from panel_drawing import Layout, drawn
+
+SOUGHT = {"Render Stereo Pair": "icymoon.render_pair", "Evaluate Stereo": "icymoon.evaluate",
+          "Stereo Error": "icymoon.show_error", "Icy Moon Manual": "icymoon.open_manual",
+          "Show Stereo Pair": "icymoon.show_pair", "Europa Chaos": "icymoon.load_preset",
+          "Load Preset": "icymoon.load_preset", "Live Preview": "icymoon.live", "Build Scene": "icymoon.build_scene",
+          "Vary": "icymoon.vary", "Anaglyph": "icymoon.show_pair", "Evaluation Report": "icymoon.open_report",
+          "Measured Surface": "icymoon.show_surface", "Install Evaluator": "icymoon.install_evaluator",
+          "Render Data Set": "icymoon.render_dataset", "Icy Terrain": "icymoon.add_terrain"}
+
+
+def entries(record: list, path: str = "") -> list[tuple[str, str]]:
+    """(what it starts, its text with those of the menus above it) of each entry that a menu has drawn."""
+    found = []
+    for kind, *rest in record:
+        if kind == "operator":
+            category, _, name = rest[0].partition(".")
+            label = rest[1] or getattr(getattr(bpy.ops, category), name).get_rna_type().name
+            found.append((rest[0], f"{path} {label}"))
+        elif kind == "operator_menu_enum":
+            operator, key = rest[0]
+            rna = getattr(bpy.ops.icymoon, operator.partition(".")[2]).get_rna_type()
+            found += [(operator, f"{path} {rna.name} {item.name}") for item in rna.properties[key].enum_items]
+        elif kind == "prop":
+            setting: Any = bpy.types.Scene.bl_rna.properties["icymoon"].fixed_type.properties[rest[0].split(".")[-1]]
+            found.append((rest[0], f"{path} {setting.name}"))
+        elif kind == "menu":
+            cls = getattr(bpy.types, rest[0])
+            found += entries(drawn(cls), f"{path} {cls.bl_label}")
+    return found
+
+
+@pytest.fixture
+def found(scene):
+    """The entries of Render ▸ Icy Moon and of Add ▸ Mesh."""
+    record: list = []
+    top = type("Top", (), {"layout": Layout(record)})()
+    menu._draw_menu(top, bpy.context)
+    menu._draw_meshes(top, bpy.context)
+    return entries(record)
+
+
+@pytest.mark.parametrize("typed", SOUGHT)
+def test_the_words_that_users_type_find_it(found, typed):
+    words = typed.lower().split()
+    there = {started for started, text in found
+             if all(any(part.startswith(word) for part in text.lower().split()) for word in words)}
+    assert SOUGHT[typed] in there

@@ -1,0 +1,35 @@
+"""One line states what the view does not show as the render does."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import bpy
+import pytest
+from icymoon.panels.view_line import view_line
+
+TYPES = [item.identifier for item in bpy.types.View3DShading.bl_rna.properties["type"].enum_items_static]
+ENGINES = ("CYCLES", "BLENDER_EEVEE", "BLENDER_EEVEE_NEXT", "BLENDER_WORKBENCH")
+_LIGHTS = ("use_scene_lights", "use_scene_world", "use_scene_lights_render", "use_scene_world_render")
+
+
+def view(kind: str, lit: bool = True) -> SimpleNamespace:
+    """A view with this shading, with the names that Blender has."""
+    assert set(_LIGHTS) <= set(bpy.types.View3DShading.bl_rna.properties.keys())
+    return SimpleNamespace(shading=SimpleNamespace(type=kind, **dict.fromkeys(_LIGHTS, lit)))
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("kind", TYPES)
+def test_only_the_view_that_cycles_lights_is_as_the_pair(kind, engine):
+    traced = kind == "RENDERED" and engine == "CYCLES"
+    assert ("as the pair" in view_line(view(kind), engine)) == traced
+    assert "as the pair" not in view_line(view(kind, lit=False), engine)
+
+
+def test_what_is_missing_is_named():
+    assert "shadows" in view_line(view("SOLID"), "CYCLES")
+    assert "exposure" in view_line(view("SOLID"), "CYCLES")
+    assert "EEVEE" in view_line(view("MATERIAL"), "CYCLES")  # whatever renders the scene
+    assert "not the light" in view_line(view("MATERIAL", lit=False), "CYCLES")
+    assert "no Sun" in view_line(view("RENDERED"), "BLENDER_WORKBENCH")
