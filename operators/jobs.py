@@ -263,7 +263,24 @@ class ICYMOON_OT_cancel(bpy.types.Operator):
         return {"FINISHED"}
 
 
-CLASSES = (ICYMOON_OT_cancel,)
+class ICYMOON_OT_wait(bpy.types.Operator):
+    """Another job is running; wait until it has ended, or cancel it"""
+
+    bl_idname = "icymoon.wait"
+    bl_label = "Wait for the Job"
+    bl_options = {"INTERNAL"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        if current is not None:
+            cls.poll_message_set(f"{current.title} is running")
+        return False
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        return {"CANCELLED"}
+
+
+CLASSES = (ICYMOON_OT_cancel, ICYMOON_OT_wait)
 
 
 @bpy.app.handlers.persistent

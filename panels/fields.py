@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
+from ..operators import jobs
 from ..operators.sidebar_text import wrapped
 from ..settings.table import TOPICS, Setting
 from .relevance import has_effect, is_shown
@@ -28,6 +29,20 @@ def draw_settings(layout: Any, root: Any, topic: str, keys: Iterable[str]) -> No
         if (topic, key) in _EXPLAINED:
             meaning = next(choice[2] for choice in setting.choices if choice[0] == getattr(group, key))
             draw_lines(layout, wrapped(meaning))
+
+
+def draw_start(layout: Any, operator: str, text: str, icon: str = "NONE", **properties: Any) -> None:
+    """Draw the button of an operator that starts a job, with its properties; while a job runs, a grey button.
+
+    Blender keeps the button under the mouse as it was when the mouse came to it, so the same button would stay grey
+    after the end of the job until the mouse leaves it. A button of another operator is a new one.
+    """
+    if jobs.current is not None:
+        layout.operator("icymoon.wait", text=text, icon=icon)
+        return
+    button = layout.operator(operator, text=text, icon=icon)
+    for name, value in properties.items():
+        setattr(button, name, value)
 
 
 def draw_lines(layout: Any, lines: tuple[str, ...], icon: str = "NONE") -> None:

@@ -27,7 +27,7 @@ from ..settings.trust_boundary import OWN
 from ..stereo.matchers import NEEDS, TITLES
 from ..stereo.matchers.methods import names_method
 from . import previews
-from .fields import draw_lines, draw_settings
+from .fields import draw_lines, draw_settings, draw_start
 from .pair_views import draw_pair
 from .view_line import view_line
 
@@ -78,8 +78,8 @@ class ICYMOON_PT_main(Sidebar, bpy.types.Panel):
         column = layout.column(align=True)
         column.scale_y = 1.4
         column.operator("icymoon.build_scene", icon="RNDCURVE")
-        column.operator("icymoon.render_pair", icon="RENDER_STILL")
-        column.operator("icymoon.evaluate", icon="VIEWZOOM").scope = "SCENE"
+        draw_start(column, "icymoon.render_pair", "Render Stereo Pair", "RENDER_STILL")
+        draw_start(column, "icymoon.evaluate", "Evaluate", "VIEWZOOM", scope="SCENE")
         draw_pair(layout, context.scene)
         layout.prop(group, "live")
         if shown := live_preview.lines(context.scene):
@@ -165,8 +165,8 @@ class ICYMOON_PT_evaluation(Sidebar, bpy.types.Panel):
                 draw_lines(column, wrapped(f"{title} needs {NEEDS[name]}."), "INFO")
         draw_settings(self.layout, context.scene.icymoon, "dataset", ("methods",))
         column = self.layout.column(align=True)
-        column.operator("icymoon.evaluate", text="Evaluate This Scene", icon="VIEWZOOM").scope = "SCENE"
-        column.operator("icymoon.evaluate", text="Evaluate Whole Data Set", icon="VIEWZOOM").scope = "DATASET"
+        draw_start(column, "icymoon.evaluate", "Evaluate This Scene", "VIEWZOOM", scope="SCENE")
+        draw_start(column, "icymoon.evaluate", "Evaluate Whole Data Set", "VIEWZOOM", scope="DATASET")
         column.operator("icymoon.open_report", icon="URL")
 
 
@@ -243,7 +243,7 @@ class ICYMOON_PT_plan(Sidebar, bpy.types.Panel):
             draw_lines(layout, wrapped(line))
         column = layout.column()
         column.scale_y = 1.4
-        column.operator("icymoon.render_dataset", icon="RENDER_ANIMATION")
+        draw_start(column, "icymoon.render_dataset", "Render Data Set", "RENDER_ANIMATION")
         draw_job(layout)
         layout.operator("icymoon.show_last_pair", icon="IMAGE_DATA")
         for line in dataset.readout["set_aside"][-3:]:

@@ -11,7 +11,7 @@ from ..operators import dataset, show_pair, vary
 from ..operators.sidebar_text import wrapped
 from ..render.plans.vary_scene import label_of, names_that_vary
 from ..settings.table import TOPICS
-from .fields import draw_lines, draw_settings
+from .fields import draw_lines, draw_settings, draw_start
 from .relevance import has_effect, is_shown
 from .sidebar import Sidebar, draw_job
 
@@ -77,7 +77,7 @@ def _draw_render(layout: Any, context: bpy.types.Context) -> None:
     column.operator_context = "INVOKE_DEFAULT"
     large = column.row()
     large.scale_y = 1.4
-    large.operator("icymoon.render_variations", icon="RENDER_ANIMATION").folder = ""
+    draw_start(large, "icymoon.render_variations", "Render These Variations", "RENDER_ANIMATION", folder="")
     column.operator("icymoon.save_plan", text="Save Plan…", icon="FILE_TICK")
     draw_job(layout)
     for line in dataset.readout["set_aside"][-3:]:
