@@ -101,8 +101,12 @@ def preset_path(name: str) -> Path:
 
 
 def preview_path(name: str) -> Path:
-    """The picture of a shipped scene preset, or 'choose' for that of all. Not every preset has a picture."""
-    return PRESETS / "previews" / f"{name.split('/')[-1]}.jpg"
+    """The picture of a shipped preset, or 'choose' for that of all scenes. Not every preset has a picture.
+
+    Those of presets of a part are in a folder of their kind.
+    """
+    kind, _, stem = name.rpartition("/")
+    return PRESETS / "previews" / ("" if not kind or is_whole(name) else kind) / f"{stem}.jpg"
 
 
 def preset_header(name: str) -> tuple[str, str]:
