@@ -12,6 +12,7 @@ import bpy
 from .commands.doctor import Finding
 from .errors import IcyMoonError
 from .files import parse_path
+from .formats import asset_library
 from .render.cost import speed
 from .settings import announcements, trust_boundary
 from .stereo.environment.install import is_unfinished
@@ -43,6 +44,29 @@ def has_own_evaluator() -> bool:
     except IcyMoonError:  # not installed as an extension
         return False
     return own.is_file() and not is_unfinished(own.parents[1])
+
+
+def asset_folder() -> Path:
+    """The folder of the asset library. Raises IcyMoonError if there is no extension's folder."""
+    return extension_folder() / "assets"
+
+
+def has_assets() -> bool:
+    """Whether there is a whole asset library."""
+    try:
+        return asset_library.is_there(asset_folder())
+    except IcyMoonError:  # not installed as an extension
+        return False
+
+
+def find_asset_libraries() -> list[Any]:
+    """The entries of Blender's preferences for our asset library, under whatever name."""
+    try:
+        folder = asset_folder()
+    except IcyMoonError:
+        return []
+    return [each for each in bpy.context.preferences.filepaths.asset_libraries
+            if each.path and Path(bpy.path.abspath(each.path)) == folder]
 
 
 def _preferences() -> Any:
@@ -191,6 +215,11 @@ class ICYMOON_AP_preferences(bpy.types.AddonPreferences):
         if there:
             row.operator("icymoon.remove_evaluator", text="Remove Evaluator", icon="TRASH")
             layout.label(text=f"The evaluator is installed in {own_evaluator_python().parents[1]}", icon="CHECKMARK")
+        row = layout.row()
+        row.operator("icymoon.make_asset_library", icon="ASSET_MANAGER",
+                     text="Make Asset Library Again" if has_assets() else "Make Asset Library")
+        if has_assets() or find_asset_libraries():
+            row.operator("icymoon.remove_asset_library", text="Remove Asset Library", icon="TRASH")
         if not bpy.app.online_access:
             layout.label(text="Installing needs online access: System > Network", icon="INFO")
         for finding in findings:

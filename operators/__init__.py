@@ -6,6 +6,7 @@ import bpy
 
 from . import (
     add,
+    assets,
     build,
     coloured_views,
     dataset,
@@ -31,8 +32,8 @@ from . import (
 
 CLASSES = (*presets.CLASSES, *settings.CLASSES, *build.CLASSES, *ground.CLASSES, *layers.CLASSES, *render.CLASSES,
            *show_pair.CLASSES, *dataset.CLASSES, *evaluate.CLASSES, *expose.CLASSES, *results.CLASSES,
-           *errors_in_view.CLASSES, *evaluator.CLASSES, *trade.CLASSES, *add.CLASSES, *vary.CLASSES, *jobs.CLASSES,
-           *manual.CLASSES)
+           *errors_in_view.CLASSES, *evaluator.CLASSES, *assets.CLASSES, *trade.CLASSES, *add.CLASSES, *vary.CLASSES,
+           *jobs.CLASSES, *manual.CLASSES)
 
 _register, _unregister = bpy.utils.register_classes_factory(CLASSES)
 

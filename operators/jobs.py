@@ -37,6 +37,7 @@ class Job:
     error: str = ""
     warnings: list[str] = field(default_factory=list)
     done: bool = False
+    if_stopped: str = "what was finished is kept"
 
     @property
     def shown(self) -> tuple[str, int, str]:
@@ -76,7 +77,7 @@ class Job:
     def failure(self) -> str:
         """Why the job failed, or an empty text if it succeeded."""
         if self.process.cancelled:
-            return f"{self.title} was stopped; what was finished is kept."
+            return f"{self.title} was stopped; {self.if_stopped}."
         if self.error or self.done:
             return self.error
         return f"{self.title} ended without a result (status {self.process.returncode}): {self.process.last_line}"

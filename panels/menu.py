@@ -112,6 +112,9 @@ class ICYMOON_MT_icymoon(bpy.types.Menu):
         layout.operator("icymoon.check_evaluator", text="Check Evaluator")
         layout.operator("icymoon.install_evaluator", text="Install Evaluator")
         layout.separator()
+        layout.operator("icymoon.make_asset_library")
+        layout.operator("icymoon.remove_asset_library")
+        layout.separator()
         layout.operator("icymoon.open_manual", text="Icy Moon Manual", icon="HELP")
 
 

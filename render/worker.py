@@ -12,7 +12,7 @@ import time
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 import bpy
 
@@ -152,21 +152,31 @@ def _open_blend(job: dict[str, Any]) -> tuple[Built, int, list[PlannedPair]]:
 
 
 def main(arguments: list[str]) -> int:
-    """Run the job in a file (the one argument) and end the process: 0 if all went well, 1 with an ``error`` message.
+    """Run the job in a file (the one argument) and end the process, see ``run_to_exit``."""
+    job: dict[str, Any] = {}
+
+    def run() -> None:
+        job.update(read_job(Path(arguments[0])))
+        run_job(job)
+
+    run_to_exit(run, lambda: describe_shortage(_first_settings(job)))
+
+
+def run_to_exit(run: Callable[[], None], describe_no_memory: Callable[[], str]) -> NoReturn:
+    """Run a program in Blender and end the process: 0 if all went well, 1 with an ``error`` message.
 
     Leaves by ``os._exit``, since the Blender module may crash or hang when the interpreter ends.
     """
     end_at_interrupt()  # what is not finished has no final name
-    status, job = 1, {}
+    status = 1
     try:
         scene_properties.register()
-        job = read_job(Path(arguments[0]))
-        run_job(job)
+        run()
         status = 0
     except IcyMoonError as error:
         emit("error", message=str(error))
     except MemoryError:
-        emit("error", message=describe_shortage(_first_settings(job)), crash=True)
+        emit("error", message=describe_no_memory(), crash=True)
     except Exception as error:
         import traceback
         traceback.print_exc()

@@ -1,0 +1,107 @@
+"""The folder of an asset library of Blender: .blend files, their catalogs, and a record of the files that we wrote.
+
+The user may put files of their own into the folder. Only files that the record lists are replaced and removed, and the
+record is checked first. Imports no Blender.
+"""
+
+from __future__ import annotations
+
+import re
+import shutil
+import uuid
+from functools import partial
+from pathlib import Path
+
+from ..errors import IcyMoonError
+from ..files import explain_disk_errors, write_atomically, write_json, write_text
+from ..records import TEXT, Each, read_record
+from ..system import remove
+from ..version import version
+
+#: The catalog of all others. Blender would add it and report the catalogs as changed.
+_PARENT = "Icy Moon"
+#: The catalog of each kind of preset. The kind is also the folder of its .blend files.
+CATALOGS = {"scenes": f"{_PARENT}/Scenes", "gallery": f"{_PARENT}/Scenes", "surfaces": f"{_PARENT}/Surfaces",
+            "rigs": f"{_PARENT}/Rigs", "lights": f"{_PARENT}/Lights", "bodies": f"{_PARENT}/Lights"}
+#: Names that Blender and we give to files in the folder. Blender keeps the list of catalogs that it has replaced.
+_CATALOG_FILE, _OLDER, RECORD = "blender_assets.cats.txt", "blender_assets.cats.txt~", "icymoon_assets.json"
+_SHAPE = {"made_with": TEXT, "files": Each(TEXT)}
+_OURS = re.compile(rf"({'|'.join(CATALOGS)})/[a-z0-9_]+\.blend")
+_NAMESPACE = uuid.UUID("5d0ad3ab-2c5f-4a51-9d1c-7a0b0f8e4c11")
+
+
+def catalog_id(kind: str) -> str:
+    """The id of the catalog of a kind of preset. It is always the same, so that assets stay in their catalog."""
+    return _id_of(CATALOGS[kind])
+
+
+def _id_of(path: str) -> str:
+    return str(uuid.uuid5(_NAMESPACE, path))
+
+
+def catalogs_text() -> str:
+    """The content of Blender's file of catalogs."""
+    paths = dict.fromkeys([_PARENT, *CATALOGS.values()])
+    lines = [f"{_id_of(path)}:{path}:{path.replace('/', '-')}" for path in paths]
+    return "\n".join(["# Catalogs of the asset library that Icy Moon makes.", "", "VERSION 1", "", *lines, ""])
+
+
+def is_there(folder: Path) -> bool:
+    """Whether there is a whole library in a folder."""
+    return (folder / _CATALOG_FILE).is_file() and (folder / RECORD).is_file()
+
+
+def find_files(folder: Path) -> list[Path]:
+    """The .blend files in a library that its record lists, those of them that are there.
+
+    Raises IcyMoonError if the record is no record of ours, or if a folder of the library is a link.
+    """
+    if links := [part for part in (folder, *(folder / kind for kind in CATALOGS)) if part.is_symlink()]:
+        raise IcyMoonError(f"{links[0]} is a link, which Icy Moon did not make; remove it by hand.")
+    try:
+        listed = read_record(folder / RECORD, _SHAPE, "delete the folder by hand")["files"]
+    except FileNotFoundError:
+        return []
+    if strange := [name for name in listed if not _OURS.fullmatch(name)]:
+        raise IcyMoonError(f"{folder / RECORD} lists {strange[0]!r}, which is no asset; delete the folder by hand.")
+    return [path for path in map(folder.joinpath, listed) if path.is_file()]
+
+
+def install(made: Path, folder: Path) -> list[Path]:
+    """Copy the .blend files in the folder ``made`` into a library, in place of those that were there.
+
+    Returns their new paths. Each file is replaced as a whole. Raises IcyMoonError as ``find_files`` and if the disk
+    refuses.
+    """
+    names = sorted(path.relative_to(made).as_posix() for path in made.glob("*/*.blend"))
+    earlier = find_files(folder)
+    listed = sorted({*names, *(path.relative_to(folder).as_posix() for path in earlier)})
+    write_json(folder / RECORD, {"made_with": version(), "files": listed})  # before the files, so that none is unknown
+    for name in names:
+        write_atomically(folder / name, partial(_copy, made / name))
+    new = [folder / name for name in names]
+    with explain_disk_errors("write to", folder):
+        for path in set(earlier) - set(new):
+            remove(path)
+    write_text(folder / _CATALOG_FILE, catalogs_text())
+    write_json(folder / RECORD, {"made_with": version(), "files": names})
+    return new
+
+
+def _copy(source: Path, target: Path) -> None:
+    shutil.copyfile(source, target)
+
+
+def uninstall(folder: Path) -> list[Path]:
+    """Remove what we wrote into a library, and its folders if they are empty then. Returns the files that are left.
+
+    Raises IcyMoonError as ``find_files`` and if the disk refuses; then nothing else is lost.
+    """
+    ours = find_files(folder)
+    with explain_disk_errors("remove files from", folder):
+        for path in [*ours, *(folder / name for name in (_CATALOG_FILE, _OLDER, RECORD))]:
+            remove(path)
+        for part in [*(folder / kind for kind in CATALOGS), folder]:
+            if part.is_dir() and not any(part.iterdir()):
+                part.rmdir()
+    return sorted(path for path in folder.rglob("*") if path.is_file()) if folder.is_dir() else []

@@ -1,0 +1,149 @@
+"""Assets of Blender from shipped presets: landscapes, surfaces, stereo cameras and lights, each in a file of its own.
+
+An asset is what Build Scene makes from the preset, without what marks it as ours: what the user drops into a scene is
+the user's own. Blender drops no scenes, so a landscape is a collection. It has a coarse ground, so that the library is
+small. Hapke's law is made of nodes, since a dropped material cannot switch a scene to Open Shading Language.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import bpy
+import numpy as np
+
+from .. import compat
+from ..formats.asset_library import catalog_id
+from ..settings import description, preset_files
+from ..typed_settings import Parts, Settings
+from .datablocks.fingerprint import TAG
+from .light.scene_lights import build_lights, described_sky
+from .next_scene import open_empty_scene
+from .rig import build_rig
+from .scene import NAME
+from .surface.ground_and_rock_materials import build_ground_material
+
+AUTHOR, LICENSE = "Icy Moon developers", "GPL-3.0-or-later"
+#: Vertices of the ground of a landscape: 40 000 are 2 MB on disk, and near ground is within some pixels of the exact.
+MOST_VERTICES = 40_000
+_CHANGES: Parts = {"mesh": {"most": MOST_VERTICES}, "hapke": {"backend": "NODES", "accuracy": "FAST"}}
+
+
+def asset_names() -> list[str]:
+    """Names of the presets that become assets."""
+    return [name for kind in _MAKERS for name in preset_files.preset_names(kind)]
+
+
+def asset_settings(name: str) -> Settings:
+    """The complete settings from which the asset of a preset is made."""
+    return description.merged(description.defaults(), preset_files.load_preset(name), _CHANGES)
+
+
+def write_asset(name: str, path: Path) -> None:
+    """Make the asset of a shipped preset in a new, empty file, and write it and what it needs to a .blend file."""
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    kind = name.split("/")[0]
+    settings = asset_settings(name)
+    block = _MAKERS[kind](settings)
+    title, text = preset_files.preset_header(name)
+    _give_to_user(title)
+    block.name = title
+    block.asset_mark()
+    facts = block.asset_data
+    facts.catalog_id, facts.author, facts.license = catalog_id(kind), AUTHOR, LICENSE
+    facts.description = f"{text}. {_resolution_text(settings) if kind == 'rigs' else ''}Preset {name}"
+    for tag in _tags(kind, settings):
+        facts.tags.new(tag, skip_if_exists=True)
+    _set_picture(block, preset_files.preview_path(name))
+    path.parent.mkdir(parents=True, exist_ok=True)
+    _forget_scene()
+    # In Blender 5.0, ``libraries.write`` leaves out the pictures of collections.
+    bpy.ops.wm.save_as_mainfile(filepath=str(path), copy=True, compress=True, check_existing=False)
+
+
+def _make_landscape(settings: Settings) -> bpy.types.Collection:
+    """A collection of ground, rocks, lights and camera, as Build Scene makes them.
+
+    The shapes of rocks are in it too, hidden. Otherwise Blender would put them into the scene, as it does with all
+    objects of a dropped asset that are in no collection of it.
+    """
+    collection = open_empty_scene(settings).collection
+    for shapes in [each for each in bpy.data.collections if each.get(TAG) == "rock shapes"]:
+        collection.children.link(shapes)
+        shapes.hide_viewport = shapes.hide_render = True
+    return collection
+
+
+def _make_surface(settings: Settings) -> bpy.types.Material:
+    """The material of the ground."""
+    return build_ground_material(settings, bpy.data.meshes.new(NAME))
+
+
+def _make_rig(settings: Settings) -> bpy.types.Object:
+    """An empty that carries the stereo camera, as high and at the pitch that the settings state.
+
+    Blender sets location and rotation of the object that is dropped, so this is the foot of the mast. Its custom
+    property brings the camera along, which Blender puts into the scene too.
+    """
+    mast = bpy.data.objects.new(NAME, None)
+    mast["camera"] = camera = build_rig(f"{NAME} Camera", settings.rig, 0.0)
+    camera.parent = mast
+    return mast
+
+
+def _make_light(settings: Settings) -> bpy.types.Collection:
+    """A collection of the Sun, the planet and the planet's light, about the origin."""
+    collection = bpy.data.collections.new(NAME)
+    camera = build_rig(NAME, settings.rig, 0.0)
+    for item in build_lights(settings, described_sky(settings), camera):
+        for constraint in list(item.constraints):  # the planet follows the camera, which is not part of the asset
+            item.constraints.remove(constraint)
+        collection.objects.link(item)
+    bpy.data.objects.remove(camera)
+    return collection
+
+
+_MAKERS: dict[str, Any] = {"scenes": _make_landscape, "gallery": _make_landscape, "surfaces": _make_surface,
+                           "rigs": _make_rig, "lights": _make_light, "bodies": _make_light}
+
+
+def _give_to_user(title: str) -> None:
+    """Take away the marks by which Build Scene knows its data-blocks, and name the data-blocks after the asset."""
+    for block in bpy.data.user_map():
+        if not isinstance(block, bpy.types.Scene):
+            for key in [key for key in compat.custom_properties(block) if key.startswith(TAG)]:
+                del block[key]
+            if block.library is None and block.name.startswith(NAME):
+                block.name = block.name.replace(NAME, title, 1)
+
+
+def _forget_scene() -> None:
+    """Replace the scene, with all that only it uses, by an empty one: a file must have a scene."""
+    built, _ = bpy.context.scene, bpy.data.scenes.new("Scene")
+    bpy.data.scenes.remove(built)
+    bpy.data.orphans_purge(do_recursive=True)
+
+
+def _resolution_text(settings: Settings) -> str:
+    """What a stereo camera needs and Blender's camera does not store."""
+    rig = settings.rig
+    return f"Set the resolution to {rig.width_px} x {rig.height_px} px. "
+
+
+def _tags(kind: str, settings: Settings) -> list[str]:
+    """Words by which the Asset Browser finds an asset."""
+    law = settings.surface.model.replace("_", "-").title()
+    of_kind = {"surfaces": ["ice", law], "rigs": ["stereo", "camera"], "lights": ["Sun"], "bodies": ["Sun", "planet"]}
+    return ["Icy Moon", *of_kind.get(kind, ["landscape", settings.light.body.title(), law])]
+
+
+def _set_picture(block: bpy.types.ID, path: Path) -> None:
+    """Give an asset a picture from a file."""
+    image = bpy.data.images.load(str(path))
+    values = np.empty(len(image.pixels), np.float32)
+    image.pixels.foreach_get(values)
+    picture = block.preview_ensure()
+    picture.image_size = image.size
+    picture.image_pixels_float.foreach_set(values)
+    bpy.data.images.remove(image)

@@ -1,0 +1,90 @@
+"""Make and remove the asset library, which offers the shipped presets in Blender's Asset Browser."""
+
+from __future__ import annotations
+
+import bpy
+
+from ..errors import IcyMoonError
+from ..formats.asset_library import uninstall
+from ..preferences import asset_folder, find_asset_libraries, has_assets
+from ..render.workers.job import blender_command
+from ..render.workers.process import Message, Process
+from . import jobs
+from .sidebar_text import in_window
+
+_NAME = "Icy Moon"
+
+
+def _show_in_browsers() -> None:
+    """Let open Asset Browsers read their libraries again."""
+    for window in bpy.context.window_manager.windows:
+        for area in window.screen.areas:
+            if area.ui_type == "ASSETS":
+                region = next(each for each in area.regions if each.type == "WINDOW")
+                with bpy.context.temp_override(window=window, area=area, region=region):
+                    if bpy.ops.asset.library_refresh.poll():
+                        bpy.ops.asset.library_refresh()
+
+
+class ICYMOON_OT_make_asset_library(jobs.JobOperator, bpy.types.Operator):
+    """Make assets of the shipped scenes, surfaces, stereo cameras and lights, and add them to Blender's Asset Browser. Takes about a minute; Esc stops it"""  # noqa: E501
+
+    bl_idname = "icymoon.make_asset_library"
+    bl_label = "Make Asset Library"
+
+    def start(self, context: bpy.types.Context) -> jobs.Job:
+        self._assets = 0
+        process = Process(blender_command(jobs.this_blender(), "assets", str(asset_folder())))
+        return jobs.Job(self.bl_label, process, self._hear, lambda: None,
+                        if_stopped="the library is as it was before")
+
+    def _hear(self, message: Message) -> None:
+        if message["type"] == "done":
+            self._assets = int(message["assets"])
+
+    def report_success(self, context: bpy.types.Context) -> None:
+        if not find_asset_libraries():
+            library = context.preferences.filepaths.asset_libraries.new(name=_NAME, directory=str(asset_folder()))
+            library.import_method = "APPEND"  # what is dropped can be edited; Blender 5 would pack it otherwise
+        _show_in_browsers()
+        self.report({"INFO"}, f"Made {self._assets} assets; choose the library {_NAME} in the Asset Browser")
+
+
+class ICYMOON_OT_remove_asset_library(bpy.types.Operator):
+    """Delete the asset library that Make Asset Library has made, and remove it from Blender's preferences. Your scenes keep the assets in them"""  # noqa: E501
+
+    bl_idname = "icymoon.remove_asset_library"
+    bl_label = "Remove Asset Library"
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        if jobs.current is not None:
+            cls.poll_message_set(f"{jobs.current.title} is running")
+            return False
+        if not has_assets() and not find_asset_libraries():
+            cls.poll_message_set("There is no asset library; press Make Asset Library first")
+            return False
+        return True
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        return set(context.window_manager.invoke_confirm(self, event))
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        try:
+            left = uninstall(asset_folder())
+        except IcyMoonError as error:
+            self.report({"ERROR"}, in_window(error))
+            return {"CANCELLED"}
+        if left:
+            self.report({"WARNING"}, f"{asset_folder()} still contains {len(left)} of your own files, such as "
+                                     f"{left[0].name}, so it stays an asset library")
+            _show_in_browsers()
+            return {"FINISHED"}
+        for library in find_asset_libraries():
+            context.preferences.filepaths.asset_libraries.remove(library)
+        _show_in_browsers()
+        self.report({"INFO"}, "Removed the asset library")
+        return {"FINISHED"}
+
+
+CLASSES = (ICYMOON_OT_make_asset_library, ICYMOON_OT_remove_asset_library)

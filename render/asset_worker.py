@@ -1,0 +1,37 @@
+"""The program that makes the asset library in a Blender of its own, so that the window stays usable.
+
+    __main__.py assets FOLDER [KIND/NAME ...]      all assets by default
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from ..formats.asset_library import install
+from ..nodes.assets import asset_names, write_asset
+from ..scratch import scratch_folder
+from .worker import run_to_exit
+from .workers.process import emit
+
+_NO_MEMORY = "There is not enough memory to make the asset library; close other programs and make it again."
+
+
+def make_library(folder: Path, names: Sequence[str], send: Callable[..., None] = emit) -> None:
+    """Make the assets of shipped presets and install them as a library in ``folder``.
+
+    They are made in a temporary folder, so that a library that was there stays whole until all are made.
+    ``send(type, **facts)`` receives ``progress`` and ``done`` messages. Raises IcyMoonError.
+    """
+    with scratch_folder() as made:
+        for k, name in enumerate(names):
+            send("progress", fraction=k / len(names), message=f"Asset {k + 1} of {len(names)}")
+            write_asset(name, made / f"{name}.blend")
+        files = install(made, folder)
+    send("done", assets=len(files))
+
+
+def main(arguments: list[str]) -> int:
+    """Make the library in the folder that is the first argument and end the process, see ``run_to_exit``."""
+    folder, *names = arguments
+    run_to_exit(lambda: make_library(Path(folder), names or asset_names()), lambda: _NO_MEMORY)
