@@ -23,6 +23,7 @@ from typing import Any
 
 import bpy
 import numpy as np
+from mathutils import Matrix
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 import person
@@ -580,6 +581,46 @@ def search_and_clear() -> Waiting:
     yield from screenshot("cleared")
 
 
+def drag_an_asset() -> Waiting:
+    """A library of one asset is made, and its surface is dragged from the Asset Browser onto a cube."""
+    operator = module("operators.assets")
+    whole = operator.blender_command
+    operator.blender_command = lambda *words: whole(*words, "surfaces/rough_ice")
+    with in_region("WINDOW"):
+        bpy.ops.icymoon.make_asset_library("INVOKE_DEFAULT")
+    yield from ended()
+    operator.blender_command = whole
+    check([each.name for each in bpy.context.preferences.filepaths.asset_libraries].count("Icy Moon") == 1,
+          "the asset library is not listed once")
+    with in_region("WINDOW"):
+        bpy.ops.screen.area_split(direction="HORIZONTAL", factor=0.5)
+    browser = min((each for each in window().screen.areas if each.type == "VIEW_3D"), key=lambda each: each.y)
+    browser.ui_type = "ASSETS"
+    yield 10 * TICK_S  # until it has its parameters
+    browser.spaces.active.params.asset_library_reference = "Icy Moon"
+    cube = bpy.data.objects.new("Asset Test", bpy.data.meshes["Cube"].copy())
+    window().scene.collection.objects.link(cube)
+    cube.matrix_world = area().spaces.active.region_3d.view_matrix.inverted() @ Matrix.Translation((0, 0, -8))
+    list_of_assets = next(each for each in browser.regions if each.type == "WINDOW")
+    yield 20 * TICK_S  # it reads the library in the background
+    yield from screenshot("asset_browser")
+    place = list_of_assets.x + 70, list_of_assets.y + list_of_assets.height - 60
+    yield from to(*place)
+    xdotool("mousedown", 1)
+    for share in (0.05, 0.1, 0.4, 0.7, 1.0):  # it is a drag only after some pixels
+        point(*(a + share * (b - a) for a, b in zip(place, middle("WINDOW"), strict=True)))
+        yield 2 * TICK_S
+    xdotool("mouseup", 1)
+    yield from until(lambda: cube.data.materials and cube.data.materials[0].name == "Rough ice", "Dropping a surface")
+    yield from screenshot("asset_dropped")
+    check(bpy.ops.icymoon.remove_asset_library() == {"FINISHED"}, "the asset library is not removed")
+    check(not module("preferences").find_asset_libraries(), "the removed asset library is listed")
+    bpy.data.objects.remove(cube)
+    with bpy.context.temp_override(window=window(), area=browser):
+        bpy.ops.screen.area_close()
+    yield 5 * TICK_S
+
+
 def take_a_step() -> None:
     """Have undo come back to here: what this script sets by itself is no step."""
     with in_region("WINDOW"):
@@ -653,8 +694,8 @@ def render_in_a_local_view() -> Waiting:
 
 STEPS = (open_the_tab, load_europa, open_all_panels, build_by_mouse, undo_and_redo, slide_by_mouse, render_by_mouse,
          pair_on_the_screen, escape_a_render, evaluate_by_mouse, measured_surface, painted_errors, show_error,
-         camera_image_follows, render_a_data_set, vary_by_mouse, preferences_page, search_and_clear, choose_by_picture,
-         undo_by_key, render_in_a_local_view)
+         camera_image_follows, render_a_data_set, vary_by_mouse, preferences_page, search_and_clear, drag_an_asset,
+         choose_by_picture, undo_by_key, render_in_a_local_view)
 
 
 def write(finished: bool) -> None:
