@@ -7,15 +7,18 @@ rendered.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import bpy
 import numpy as np
 
 from ..errors import IcyMoonError
+from ..physics.mesh.subdivide import halve_edges
 from ..stereo.ground_errors import (
     COARSE,
+    COARSE_PX,
+    UNSEEN,
     DepthErrors,
     OnVertices,
     colours_of,
@@ -26,7 +29,7 @@ from ..stereo.ground_errors import (
 )
 from .built_scene import Built
 from .datablocks.array_marks import PAINTED, read_property
-from .datablocks.fingerprint import TAG
+from .datablocks.fingerprint import TAG, instanced_objects
 from .ground.terrain_mesh import build_mesh_from_arrays
 from .measured_surface import KINDS, build_material, set_colours, shares
 
@@ -38,6 +41,7 @@ ERROR_M, KIND, COLOUR = f"{PAINTED}_m", f"{PAINTED}_kind", f"{PAINTED}_colour"
 _COUNTS, _BEFORE = "icymoon_pixels", "icymoon_colours_before"  # custom properties of the collection
 _LARGER = 1.01  # copies of rocks, so that they hide the rocks
 _AT_ONCE = 1_000_000  # vertices of rocks
+_MOST_DIVISIONS = 4  # of triangles of rocks
 _KINDS = {**KINDS, "missing": ("Not measured, grey", "COLORSET_13_VEC"),
           "coarse": ("Triangles too wide to paint", "ERROR")}
 
@@ -51,7 +55,8 @@ def paint(scene: bpy.types.Scene, built: Built, found: Sequence[DepthErrors], ti
     """
     mesh, places = built.terrain.data, [np.empty((0, 2))] * len(found)
     ground = _look(found, _world(built.terrain.matrix_world, _corners(mesh)), _edges(mesh), places)
-    rocks = list(_seen_rocks(built, found, places))
+    instances = _rock_instances(built)
+    rocks = list(_seen_rocks(instances, found, places))
     if not sum(map(len, places)):
         raise IcyMoonError("No vertex of the ground shows an error: its triangles are too wide, or it is not the "
                            "ground of the pair; press Build Scene, or raise terrain.resolution.")
@@ -64,7 +69,10 @@ def paint(scene: bpy.types.Scene, built: Built, found: Sequence[DepthErrors], ti
     collection.hide_render = True
     scene.collection.children.link(collection)
     _fill(mesh, ground, full_m)
-    mesh.attributes.default_color_name = collection[_BEFORE][1]
+    for shape in instances:  # dark, as what is not seen; the copies hide them where something is seen
+        n = len(shape.data.vertices)
+        _fill(shape.data, OnVertices(np.full(n, np.nan, np.float32), np.full(n, UNSEEN, np.uint8), np.full(n, np.inf)),
+              full_m)
     if rocks:
         _link_rocks(collection, rocks, full_m)
     return collection
@@ -117,7 +125,9 @@ def legend(scene: bpy.types.Scene) -> tuple[tuple[str, str], ...]:
 
 
 def _painted_meshes(scene: bpy.types.Scene) -> set[bpy.types.Mesh]:
-    return {item.data for item in scene.objects if item.type == "MESH" and COLOUR in item.data.attributes}
+    rocks = [shape for item in scene.objects if item.get(TAG) == "rock" for shape in instanced_objects(item)]
+    return {item.data for item in (*scene.objects, *rocks)
+            if item.type == "MESH" and COLOUR in item.data.attributes}
 
 
 def _corners(mesh: bpy.types.Mesh) -> np.ndarray:
@@ -155,23 +165,51 @@ def _rock_instances(built: Built) -> dict[bpy.types.Object, np.ndarray]:
     return {shape: np.array(found) for shape, found in matrices.items()}
 
 
-def _seen_rocks(built: Built, found: Sequence[DepthErrors],
+def _seen_rocks(instances: Mapping[bpy.types.Object, np.ndarray], found: Sequence[DepthErrors],
                 places: list[np.ndarray]) -> Iterator[tuple[np.ndarray, np.ndarray, OnVertices]]:
-    """Positions, triangles and what vertices show, of the rocks with a vertex that an eye sees."""
-    for shape, matrices in _rock_instances(built).items():
+    """Positions, triangles and what vertices show, of the rocks with a vertex that an eye sees.
+
+    Triangles too wide to show an error are divided.
+    """
+    for shape, matrices in instances.items():
         mesh = shape.data
-        corners, edges = _corners(mesh), _edges(mesh)
         mesh.calc_loop_triangles()
-        faces = read_property(mesh.loop_triangles, "vertices", np.int32, 3).reshape(-1, 3)
-        n, step = len(corners), max(1, _AT_ONCE // max(1, len(corners)))
-        for some in (matrices[k:k + step] for k in range(0, len(matrices), step)):
-            position = _instanced(some, corners)
-            shown = _look(found, position, _repeated(edges, len(some), n), places)
-            rocks = (shown.kind.reshape(-1, n) <= COARSE).any(axis=1)
-            if rocks.any():
-                own = np.repeat(rocks, n)
-                yield (_instanced(some[rocks], corners * _LARGER), _repeated(faces, int(rocks.sum()), n),
-                       OnVertices(shown.error_m[own], shown.kind[own], shown.depth_m[own]))
+        whole = _corners(mesh), read_property(mesh.loop_triangles, "vertices", np.int32, 3).reshape(-1, 3)
+        divisions = _divisions(found, matrices, *whole)
+        for times in np.unique(divisions):
+            corners, faces = whole
+            for _ in range(times):
+                corners, faces = halve_edges(corners, faces)
+            yield from _seen_copies(found, matrices[divisions == times], corners, faces, places)
+
+
+def _divisions(found: Sequence[DepthErrors], matrices: np.ndarray, corners: np.ndarray,
+               faces: np.ndarray) -> np.ndarray:
+    """How often the triangles of each instance must be divided to be narrow in the images."""
+    longest = np.zeros(len(matrices))
+    step = max(1, _AT_ONCE // max(1, len(corners)))
+    for errors in found:
+        for k in range(0, len(matrices), step):
+            place = project(errors, _instanced(matrices[k:k + step], corners))[0].reshape(-1, len(corners), 2)
+            sides = np.linalg.norm(place[:, faces] - place[:, np.roll(faces, 1, axis=1)], axis=-1)
+            inside = ((place >= 0) & (place < errors.truth.shape[::-1])).all(axis=-1).any(axis=1)
+            longest[k:k + step] = np.maximum(longest[k:k + step], np.where(
+                inside, np.nan_to_num(sides).max(axis=(1, 2), initial=0.0), 0.0))
+    needed = np.ceil(np.log2(np.maximum(longest / COARSE_PX, 1.0)))
+    return np.asarray(np.minimum(needed, _MOST_DIVISIONS).astype(np.intp))
+
+
+def _seen_copies(found: Sequence[DepthErrors], matrices: np.ndarray, corners: np.ndarray, faces: np.ndarray,
+                 places: list[np.ndarray]) -> Iterator[tuple[np.ndarray, np.ndarray, OnVertices]]:
+    edges, n = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), len(corners)
+    step = max(1, _AT_ONCE // max(1, n))
+    for some in (matrices[k:k + step] for k in range(0, len(matrices), step)):
+        shown = _look(found, _instanced(some, corners), _repeated(edges, len(some), n), places)
+        rocks = (shown.kind.reshape(-1, n) <= COARSE).any(axis=1)
+        if rocks.any():
+            own = np.repeat(rocks, n)
+            yield (_instanced(some[rocks], corners * _LARGER), _repeated(faces, int(rocks.sum()), n),
+                   OnVertices(shown.error_m[own], shown.kind[own], shown.depth_m[own]))
 
 
 def _instanced(matrices: np.ndarray, corners: np.ndarray) -> np.ndarray:
@@ -202,11 +240,12 @@ def _link_rocks(collection: bpy.types.Collection, rocks: Sequence[tuple[np.ndarr
 
 
 def _fill(mesh: bpy.types.Mesh, shown: OnVertices, full_m: float) -> None:
-    """Add the attributes to a mesh, and show their colours."""
+    """Add the attributes to a mesh, and show their colours. What a render takes for the mesh's colours stays."""
+    rendered = mesh.attributes.default_color_name or ""
     mesh.attributes.new(ERROR_M, "FLOAT", "POINT").data.foreach_set("value", shown.error_m)
     mesh.attributes.new(KIND, "INT8", "POINT").data.foreach_set("value", shown.kind.astype(np.int8))
     mesh.color_attributes.new(COLOUR, "BYTE_COLOR", "POINT")
-    mesh.attributes.active_color_name = COLOUR
+    mesh.attributes.active_color_name, mesh.attributes.default_color_name = COLOUR, rendered
     _colour(mesh, full_m)
 
 

@@ -10,10 +10,10 @@ from icymoon import scene_properties
 from icymoon.errors import IcyMoonError
 from icymoon.nodes import painted_errors
 from icymoon.nodes.datablocks.array_marks import read_property
-from icymoon.nodes.datablocks.fingerprint import parts
+from icymoon.nodes.datablocks.fingerprint import instanced_objects, parts
 from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.render.worker import render_pairs
-from icymoon.stereo.ground_errors import MEASURED, MISSING, UNSEEN, read_depth_errors
+from icymoon.stereo.ground_errors import COARSE, MEASURED, MISSING, UNSEEN, read_depth_errors
 from icymoon.stereo.images.exr import read_view
 from icymoon.stereo.images.image_files import write_disparity
 from icymoon.stereo.measure.prepare import prepare
@@ -98,6 +98,11 @@ def test_rocks_that_are_seen_show_their_errors_too(shown):
     _, built, _ = shown
     collection = paint(shown, "near")
     (copies,) = collection.objects
+    (field,) = (item for item in built.collection.all_objects if item.get("icymoon") == "rock")
+    shapes = list(instanced_objects(field))
+    assert shapes
+    for shape in shapes:  # what is behind the copies is dark, never white
+        assert (read(shape.data)[2] == 60).all()
     error, kind, _ = read(copies.data)
     depth = np.linalg.norm(read_property(copies.data.vertices, "co", width=3).reshape(-1, 3)
                            - np.array(built.camera.matrix_world.translation), axis=1)
@@ -106,7 +111,9 @@ def test_rocks_that_are_seen_show_their_errors_too(shown):
     assert (error[kind == MEASURED] < 0).all()
     assert (-error[kind == MEASURED] < 0.07 * depth[kind == MEASURED]).all()
     assert (kind == UNSEEN).sum() > 50  # their backs
+    assert not (kind == COARSE).any()  # copies are divided
     painted_errors.clear(bpy.context.scene)
+    assert all(painted_errors.COLOUR not in shape.data.attributes for shape in shapes)
 
 
 @pytest.mark.heavy
@@ -123,6 +130,7 @@ def test_nothing_that_is_rendered_or_identified_changes(shown, tmp_path):
     (again,) = render_pairs(built, [planned], tmp_path, 1, 0.0, lambda *a, **k: None)
     assert painted_errors.find(scene) is None  # a material of the user's could read it
     assert set(mesh.attributes.keys()) == before[2]
+    assert parts(built.collection) == before[0]
     assert mesh.attributes.default_color_name == before[3]
     assert blocks == [len(data) for data in (bpy.data.objects, bpy.data.meshes, bpy.data.materials,
                                              bpy.data.collections)]
