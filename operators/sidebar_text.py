@@ -31,7 +31,8 @@ Found = TypeVar("Found")
 _MOST_KEPT = 4
 LINE = 36  # characters that fit the sidebar as Blender opens it
 _WIDTH_PX, _SHORTEST = 280, 18  # of the sidebar as Blender opens it; of a line in the narrowest one
-_NAME = re.compile(r"\b([a-z_]+)[.]([a-z]\w*)(?: is ([A-Z]\w*))?")  # 'quality.truth', 'quality.truth is DEPTH'
+#: 'quality.truth', 'quality.truth is DEPTH', 'quality.truth to DEPTH'
+_NAME = re.compile(r"\b([a-z_]+)[.]([a-z]\w*)(?: (is|to) ([A-Z]\w*))?")
 _UNIT = re.compile(r" [(][^)]*[)]$")
 
 
@@ -53,8 +54,8 @@ def remember(function: Callable[..., Found]) -> Callable[..., Found]:
 def plain(sentence: str) -> str:
     """A sentence with labels instead of keys.
 
-    'quality.truth is DEPTH' becomes 'Render Quality > Truth is Depth Only', and a topic at the beginning, such as
-    'rock_surface: ', becomes 'Rock Surface: '.
+    'quality.truth is DEPTH' becomes 'Render Quality > Truth is Depth Only', 'to DEPTH' likewise, and a topic at the
+    beginning, such as 'rock_surface: ', becomes 'Rock Surface: '.
     """
     topic, colon, rest = sentence.partition(": ")
     if colon and topic in TOPICS:
@@ -64,11 +65,11 @@ def plain(sentence: str) -> str:
 
 
 def _label_of(found: re.Match[str]) -> str:
-    topic, key, chosen = found.groups()
+    topic, key, verb, chosen = found.groups()
     for setting in TOPICS[topic].settings if topic in TOPICS else ():
         if setting.key == key:
             value = {choice[0]: choice[1] for choice in setting.choices}.get(chosen, chosen)
-            return f"{TOPICS[topic].label} > {_UNIT.sub('', setting.label)}" + (f" is {value}" if value else "")
+            return f"{TOPICS[topic].label} > {_UNIT.sub('', setting.label)}" + (f" {verb} {value}" if verb else "")
     return found[0]
 
 

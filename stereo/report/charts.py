@@ -272,7 +272,7 @@ def _draw_sweep(sweep: Sweep, axes: Sequence[Axes], summary: Summary, table: Tab
         axis.set_ylim(bottom=0)
         others = f", and {len(sweep.together)} more that vary with it" if sweep.together else ""
         axis.set_xlabel(sweep.title + others)
-    axes[0].set_ylabel("L1 (m)")
+    axes[0].set_ylabel("Mean absolute depth error (m)")
     axes[1].set_ylabel("% missing or > 1 px")
 
 

@@ -192,7 +192,9 @@ def test_a_quality_is_a_button_and_a_message_has_the_labels_of_settings(scene, m
     sentence = "This Blender was built without OpenImageDenoise; set quality.denoiser to NONE."
     assert sidebar_text.in_window(sentence) == sentence
     monkeypatch.setattr(bpy, "app", SimpleNamespace(background=False))
-    assert "Render Quality > Denoiser to NONE" in sidebar_text.in_window(sentence)
+    assert "Render Quality > Denoiser to None." in sidebar_text.in_window(sentence)
+    assert sidebar_text.in_window("set quality.truth to DEPTH.") == "Set Render Quality > Truth to Depth Only."
+    assert sidebar_text.in_window("change rig.width_px to Fit.").endswith(" to Fit.")  # no choice
 
 
 def test_a_setting_has_one_place():
