@@ -17,7 +17,8 @@ from .physics.surfaces import principled
 from .render.plans.vary_scene import COMBINATIONS, SPACINGS, SceneVariations, VariedSetting
 from .settings.announcements import COLOURS, announce, batch_changes, count_changes, make_update
 from .settings.description import canonical, check
-from .settings.table import EFFECTS, TOPICS, Setting, Value
+from .settings.mirrors import make_mirror
+from .settings.table import EFFECTS, TOPICS, Setting, Value, all_settings
 from .typed_settings import Settings, typed
 
 #: Settings that were read to be displayed, with the time, by the scene's ``session_uid``.
@@ -91,9 +92,13 @@ def _make_variations() -> Any:
 
 def varied_fields(**common: Any) -> dict[str, Any]:
     """The properties of the values of a number that varies, the same in the list and in the dialog."""
+    ends = (("first", "From", "The first value"), ("last", "To", "The last value"))
+    shown = {shown_as(end, precision): bpy.props.FloatProperty(
+        name=name, description=description, precision=precision, options={"HIDDEN", "SKIP_SAVE"}, **make_mirror(end))
+        for end, name, description in ends for precision in sorted({s.precision for _, s in all_settings()})}
     return {
-        "first": bpy.props.FloatProperty(name="From", precision=4, description="The first value", **common),
-        "last": bpy.props.FloatProperty(name="To", precision=4, description="The last value", **common),
+        "first": bpy.props.FloatProperty(name="From", precision=6, description="The first value", **common),
+        "last": bpy.props.FloatProperty(name="To", precision=6, description="The last value", **common), **shown,
         "first_whole": bpy.props.IntProperty(name="From", description="The first value", **common),
         "last_whole": bpy.props.IntProperty(name="To", description="The last value", **common),
         "count": bpy.props.IntProperty(name="Values", default=5, min=2, soft_max=20, max=1000,
@@ -102,6 +107,14 @@ def varied_fields(**common: Any) -> dict[str, Any]:
             (SPACINGS[0], "Even Steps", "The same difference between two values"),
             (SPACINGS[1], "Even Ratios", "The same ratio of two values, as in 1, 2, 4, 8"),
             (SPACINGS[2], "Random", "Random values between the ends")), **common)}
+
+
+def shown_as(end: str, precision: int) -> str:
+    """The property that shows an end of a number that varies, ``first`` or ``last``, with so many decimals.
+
+    The decimals of a property are fixed, and each setting has its own.
+    """
+    return f"{end}_with_{precision}"
 
 
 def read_variations(group: Any) -> SceneVariations:

@@ -160,9 +160,10 @@ def draw_values(layout: Any, fields: Any, name: str) -> None:
         layout.label(text="Off and on", icon="CHECKBOX_HLT")
     if setting.kind not in ("int", "float"):
         return
-    whole, column = "_whole" if setting.kind == "int" else "", layout.column(align=True)
+    column = layout.column(align=True)
     for end, label in (("first", "From"), ("last", "To")):
-        column.prop(fields, f"{end}{whole}", text=f"{label} ({unit})" if unit else label)
+        shown = f"{end}_whole" if setting.kind == "int" else scene_properties.shown_as(end, setting.precision)
+        column.prop(fields, shown, text=f"{label} ({unit})" if unit else label)
     column.prop(fields, "count")
     layout.prop(fields, "spacing", text="")
 

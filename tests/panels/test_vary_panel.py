@@ -6,7 +6,9 @@ from types import SimpleNamespace
 
 import bpy
 import pytest
+from icymoon import scene_properties
 from icymoon.panels import sidebar, vary
+from icymoon.settings.table import TOPICS
 from panel_drawing import Layout, drawn, texts
 from stand_ins import stand_in
 
@@ -43,6 +45,22 @@ def test_the_selected_setting_is_drawn_with_its_unit(scene):
 def test_a_line_of_the_list_has_the_values(scene, name, line):
     bpy.ops.icymoon.vary(setting=name)
     assert line in texts(drawn(vary.ICYMOON_PT_vary))
+
+
+@pytest.mark.parametrize(("name", "first"), [("light.sun_elevation_deg", 10.25), ("rig.baseline_m", 0.25),
+                                             ("light.sun_temperature_k", 1000.25)])
+def test_ends_are_drawn_with_the_decimals_of_the_setting(scene, name, first):
+    topic, key = name.split(".")
+    bpy.ops.icymoon.vary(setting=name, first=first, last=2 * first)
+    item = scene.icymoon.variations.varied[0]
+    drawn_as = scene_properties.shown_as("first", TOPICS[topic][key].precision)
+    record = drawn(vary.ICYMOON_PT_vary)
+    assert any(drawn_as in str(entry) for entry in record)
+    prop = item.bl_rna.properties[drawn_as]
+    assert prop.precision == getattr(scene.icymoon, topic).bl_rna.properties[key].precision
+    assert getattr(item, drawn_as) == first
+    setattr(item, drawn_as, 1.5 * first)
+    assert scene_properties.read_item(item).first == 1.5 * first
 
 
 def test_a_setting_without_an_effect_is_told(scene):

@@ -1,0 +1,20 @@
+"""Properties that show another property of their group, such as with fewer decimals.
+
+Knows no Blender, for the reason in ``announcements``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+
+def make_mirror(name: str) -> dict[str, Callable[..., Any]]:
+    """The functions ``get`` and ``set`` of a property that shows the property of this name."""
+    def read(group: Any) -> Any:
+        return getattr(group, name)
+
+    def write(group: Any, value: Any) -> None:
+        setattr(group, name, value)
+
+    return {"get": read, "set": write}
