@@ -12,6 +12,7 @@ from ..errors import IcyMoonError
 from ..nodes import preview
 from ..nodes import scene as scenes
 from ..nodes.ground.user_ground import cost_warnings
+from ..nodes.measured_surface import find_points
 from ..physics.surfaces import albedos
 from ..typed_settings import Settings
 from . import sidebar_text
@@ -49,6 +50,8 @@ def frame_and_expose(scene: bpy.types.Scene, settings: Settings,
 
 #: What 3D Views were like before they showed a built scene, by their addresses; the window's layout knows no undo.
 _views_before: dict[int, dict[str, Any]] = {}
+#: Addresses of the views that a built scene was taken from, by undo or Clear Scene.
+_left: set[int] = set()
 _SHADING = ("type", "use_scene_lights_render", "use_scene_world_render")
 
 
@@ -60,6 +63,7 @@ def show_scene(context: bpy.types.Context, built: scenes.Built) -> None:
     space: Any = context.space_data
     if context.area is None or context.area.type != "VIEW_3D":
         return
+    _left.discard(space.as_pointer())
     _views_before.setdefault(space.as_pointer(), {
         "shading": {key: getattr(space.shading, key) for key in _SHADING},
         "overlays": space.overlay.show_overlays, "perspective": space.region_3d.view_perspective,
@@ -67,7 +71,8 @@ def show_scene(context: bpy.types.Context, built: scenes.Built) -> None:
     space.shading.type = "RENDERED"
     space.shading.use_scene_lights_render = space.shading.use_scene_world_render = True
     space.overlay.show_overlays = False
-    ours = set(built.collection.all_objects)
+    points = find_points(context.scene)
+    ours = set(built.collection.all_objects) | ({points} if points else set())
     foreign = [o for o in context.scene.objects if o not in ours and o.visible_get()]
     if foreign and space.local_view is None:
         selected = context.selected_objects
@@ -89,7 +94,8 @@ def show_scene(context: bpy.types.Context, built: scenes.Built) -> None:
 
 
 def restore_views() -> None:
-    """Give the 3D Views that showed a built scene back what they were before."""
+    """Give the 3D Views that showed a built scene back what they were before; undo or redo may show it there again."""
+    _left.update(_views_before)
     places = [(window, area) for window in bpy.context.window_manager.windows for area in window.screen.areas
               if area.type == "VIEW_3D" and area.spaces.active.as_pointer() in _views_before]
     for window, area in places:
@@ -108,9 +114,34 @@ def restore_views() -> None:
     _views_before.clear()
 
 
+def _follow_undo() -> None:
+    """Give the views back if undo has taken away what they show, and show it again if redo has brought it back."""
+    there = any(scenes.find_collection(scene) for scene in bpy.data.scenes)
+    if _views_before and not there:
+        restore_views()
+    elif _left and there:
+        for window in bpy.context.window_manager.windows:
+            built = scenes.find(window.scene)
+            if built is None:
+                continue
+            for area in window.screen.areas:
+                if area.type == "VIEW_3D" and area.spaces.active.as_pointer() in _left:
+                    region = next(r for r in area.regions if r.type == "WINDOW")
+                    with bpy.context.temp_override(window=window, area=area, region=region):
+                        show_scene(bpy.context, built)
+        _left.clear()
+
+
+@bpy.app.handlers.persistent
+def _look_after_undo(*_: Any) -> None:
+    if (_views_before or _left) and not bpy.app.timers.is_registered(_follow_undo):
+        bpy.app.timers.register(_follow_undo, first_interval=0.0)  # no operator runs inside undo
+
+
 @bpy.app.handlers.persistent
 def _forget_views(*_: Any) -> None:
     _views_before.clear()
+    _left.clear()
 
 
 def views_through(context: bpy.types.Context, camera: bpy.types.Object | None) -> list[Any]:
@@ -215,10 +246,16 @@ CLASSES = (ICYMOON_OT_build_scene, ICYMOON_OT_clear_scene)
 
 
 def register() -> None:
-    """Forget the views of a file that is left."""
+    """Follow undo and new files, so that no view stays on a scene that is gone."""
+    bpy.app.handlers.undo_post.append(_look_after_undo)
+    bpy.app.handlers.redo_post.append(_look_after_undo)
     bpy.app.handlers.load_pre.append(_forget_views)
 
 
 def unregister() -> None:
-    """Listen no longer."""
+    """Stop following them."""
     bpy.app.handlers.load_pre.remove(_forget_views)
+    if bpy.app.timers.is_registered(_follow_undo):
+        bpy.app.timers.unregister(_follow_undo)
+    bpy.app.handlers.redo_post.remove(_look_after_undo)
+    bpy.app.handlers.undo_post.remove(_look_after_undo)

@@ -279,12 +279,20 @@ def build_by_mouse() -> Waiting:
 
 
 def undo_and_redo() -> Waiting:
-    before = len(bpy.data.objects)
+    """Undo takes the scene away and gives the view back; redo shows the scene again."""
+    before, space = len(bpy.data.objects), area().spaces.active
+
+    def view() -> tuple[str, bool, bool]:
+        return space.region_3d.view_perspective, space.overlay.show_overlays, space.local_view is not None
+
     yield from away()
     yield from key("ctrl+z")
     yield from until(lambda: not built(), "Undoing Build Scene")
+    yield from until(partial(holds, ("PERSP", True, False), view), "Giving the view back")
     yield from key("ctrl+shift+z")
     yield from until(lambda: built() and len(bpy.data.objects) == before, "Bringing the scene back by redo")
+    yield from until(partial(holds, ("CAMERA", False, True), view), "Showing it again")
+    space.shading.type = "SOLID"
 
 
 def slide_by_mouse() -> Waiting:
@@ -343,7 +351,6 @@ def slide_by_mouse() -> Waiting:
     with in_region("WINDOW"):
         bpy.ops.icymoon.load_preset("INVOKE_DEFAULT", preset="terrains/penitentes")
     yield from until(shown, "Showing the preset's ground")
-    bpy.data.objects["Cube"].hide_set(True)  # which undoing the first build has put in the picture again
     area().spaces.active.shading.type = "RENDERED"
     yield 40 * TICK_S  # for light paths in the picture
     yield from screenshot("live_preset")
@@ -472,7 +479,7 @@ def measured_surface() -> Waiting:
 
     yield from press("icymoon.show_surface", method="sgbm")
     yield from until(there, "Showing the measured surface")
-    yield from until(lambda: there()[0].visible_in_viewport_get(area().spaces.active), "Taking it into this view")
+    yield from until(lambda: there()[0].visible_get(viewport=area().spaces.active), "Taking it into this view")
     yield from away()
     yield from screenshot("measured_surface")
     yield from press("icymoon.hide_surface")
@@ -628,10 +635,13 @@ def take_a_step() -> None:
 
 
 def choose_by_picture() -> Waiting:
-    """A scene chosen by its picture with the mouse is taken back by Ctrl Z, wherever the mouse is, and comes again."""
+    """A scene chosen by its picture is shown at once. Ctrl Z takes it back wherever the mouse is, redo brings it."""
     take_a_step()
-    scene_properties = module("scene_properties")
-    before = scene_properties.read_settings(settings())
+
+    def now() -> tuple[object, bool]:
+        return module("scene_properties").read_settings(settings()), built()
+
+    before = now()
     for where in ("where the picture was clicked", "in the view"):
         x, y = yield from person.over_the_pictures()
         xdotool("click", 1)
@@ -640,13 +650,14 @@ def choose_by_picture() -> Waiting:
         point(x - 400, y - 150)  # some scene of the first row
         yield 5 * TICK_S
         xdotool("click", 1)
-        yield from until(lambda: scene_properties.read_settings(settings()) != before, "Choosing a picture")
-        chosen = scene_properties.read_settings(settings())
+        yield from until(lambda: now() != before, "Choosing a picture")
+        chosen = now()
+        check(built() and previewing(), "the chosen scene is not shown coarsely at once")
         if where == "in the view":
             yield from away()
         for keys, expected in (("ctrl+z", before), ("ctrl+shift+z", chosen), ("ctrl+z", before)):
             yield from key(keys)
-            yield from until(partial(holds, expected, lambda: scene_properties.read_settings(settings())),
+            yield from until(partial(holds, expected, now),
                              f"{keys} after choosing a scene by its picture, the mouse {where},")
 
 
