@@ -33,7 +33,7 @@ class _Meshing(threading.Thread):
     """The ground of settings that is being computed."""
 
     def __init__(self, settings: Settings) -> None:
-        super().__init__(name="Icy Moon ground", daemon=True)
+        super().__init__(name="Icy Moon ground")  # no daemon: Python waits for it before it frees what it uses
         self.settings = settings
         self.found: MeshedGround | None = None
         self.error = ""
