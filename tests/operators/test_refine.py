@@ -122,3 +122,16 @@ def test_without_a_window_a_choice_only_loads(watched, monkeypatch):
     monkeypatch.setattr(live_preview, "has_window", lambda: False)
     assert choose(RIDGES) is None
     assert watched.icymoon.preset == RIDGES
+
+
+@pytest.mark.heavy
+@pytest.mark.usefixtures("watched")
+def test_the_fine_ground_follows_again_after_redo():
+    bpy.context.preferences.edit.use_global_undo = True
+    bpy.ops.ed.undo_push(message="Empty")
+    choose(RIDGES)
+    bpy.ops.ed.undo_push(message="Choice")
+    look()
+    assert bpy.ops.ed.undo() == bpy.ops.ed.redo() == {"FINISHED"}
+    assert scenes.find(bpy.context.scene).preview
+    assert is_as_built_at_once(look())
