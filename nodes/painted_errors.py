@@ -39,7 +39,8 @@ ROLE = "painted errors"  # value of the custom property ``TAG`` of collection, o
 #: and the colour.
 ERROR_M, KIND, COLOUR = f"{PAINTED}_m", f"{PAINTED}_kind", f"{PAINTED}_colour"
 _COUNTS, _BEFORE = "icymoon_pixels", "icymoon_colours_before"  # custom properties of the collection
-_LARGER = 1.01  # copies of rocks, so that they hide the rocks
+#: Copies of rocks are larger and nearer to the eye, so that they hide the rocks however coarse the view's depths are.
+_LARGER, _NEARER = 1.01, 0.005
 _AT_ONCE = 1_000_000  # vertices of rocks
 _MOST_DIVISIONS = 4  # of triangles of rocks
 _KINDS = {**KINDS, "missing": ("Not measured, grey", "COLORSET_13_VEC"),
@@ -208,7 +209,8 @@ def _seen_copies(found: Sequence[DepthErrors], matrices: np.ndarray, corners: np
         rocks = (shown.kind.reshape(-1, n) <= COARSE).any(axis=1)
         if rocks.any():
             own = np.repeat(rocks, n)
-            yield (_instanced(some[rocks], corners * _LARGER), _repeated(faces, int(rocks.sum()), n),
+            larger = _instanced(some[rocks], corners * _LARGER)
+            yield (larger + _NEARER * (found[0].pose[:3, 3] - larger), _repeated(faces, int(rocks.sum()), n),
                    OnVertices(shown.error_m[own], shown.kind[own], shown.depth_m[own]))
 
 

@@ -24,7 +24,8 @@ from .measure.metrics import usable
 #: What is known about a vertex, the best first.
 MEASURED, MISSING, COARSE, UNSEEN = range(4)
 #: Edges longer than this in the image are too coarse: between their ends, many pixels would show no error of their own.
-COARSE_PX = 12.0
+#: It is twice the longest edge that a ground has by default where it is level.
+COARSE_PX = 16.0
 #: Disparity, px, and share of the depth by which a vertex may lie beyond the true depths around it and still be seen:
 #: ground is not flat between pixel centres. Matchers measure no better, and the true depth is exact to 1e-4.
 _SEEN_PX, _SEEN_SHARE = 0.05, 1e-3

@@ -111,8 +111,8 @@ def test_pixels_are_counted_by_their_error_and_by_what_is_painted_there():
     everywhere = np.stack(np.meshgrid(np.arange(256.0), np.arange(144.0)), axis=-1).reshape(-1, 2)
     counted = ground_errors.count_pixels(of_pair, everywhere)
     assert counted == {"far": quarter, "near": quarter, "right": quarter, "missing": quarter, "coarse": 0}
-    left = everywhere[everywhere[:, 0] < 12 * 10]
-    assert ground_errors.count_pixels(of_pair, left)["coarse"] == 144 * (256 - 120)
+    left = everywhere[everywhere[:, 0] < 16 * 8]
+    assert ground_errors.count_pixels(of_pair, left)["coarse"] == 144 * (256 - 128)
     assert ground_errors.count_pixels(of_pair, np.empty((0, 2)))["coarse"] == 4 * quarter
 
 
