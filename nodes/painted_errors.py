@@ -122,7 +122,7 @@ def legend(scene: bpy.types.Scene) -> tuple[tuple[str, str], ...]:
         return ()
     counts = {key: number for key, number in counts.items() if key != "coarse" or number}
     return (*shares(f"Depth error of {stored.get('title')} on the ground", counts, _KINDS, true),
-            ("Not seen by the left eye, dark", "COLORSET_15_VEC"))
+            ("Not seen by the left eye, dark", "BLANK1"))
 
 
 def _painted_meshes(scene: bpy.types.Scene) -> set[bpy.types.Mesh]:
