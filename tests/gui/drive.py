@@ -1,6 +1,7 @@
 """Drive the installed extension in a real Blender as a person does; runs inside it.
 
-    blender --python tests/gui/drive.py -- FOLDER
+    blender --python tests/gui/drive.py -- FOLDER          all steps
+    blender --python tests/gui/drive.py -- FOLDER first    those of a newcomer's first minutes
 
 Mouse and keyboard are xdotool's, screenshots are ImageMagick's, so they show what a person sees.
 Every step is written to FOLDER/steps.json; an exception anywhere ends Blender with status 7.
@@ -56,6 +57,7 @@ from person import (
 
 FOLDER = Path(sys.argv[sys.argv.index("--") + 1])
 DATASET = FOLDER / "dataset"
+ONLY_FIRST = sys.argv[-1] == "first"
 #: Light paths per pixel: enough that a render is seen to advance.
 SAMPLES = 48
 
@@ -707,6 +709,9 @@ STEPS = (open_the_tab, load_europa, open_all_panels, build_by_mouse, undo_and_re
          pair_on_the_screen, escape_a_render, evaluate_by_mouse, measured_surface, painted_errors, show_error,
          camera_image_follows, render_a_data_set, vary_by_mouse, preferences_page, search_and_clear, drag_an_asset,
          choose_by_picture, undo_by_key, render_in_a_local_view)
+#: From the opened tab to a measured pair.
+FIRST_STEPS = (open_the_tab, load_europa, build_by_mouse, undo_and_redo, render_by_mouse, pair_on_the_screen,
+               evaluate_by_mouse, measured_surface)
 
 
 def write(finished: bool) -> None:
@@ -717,7 +722,7 @@ def write(finished: bool) -> None:
 def walk() -> Waiting:
     yield 10 * TICK_S  # the window appears
     start_watching()
-    for step in STEPS:
+    for step in FIRST_STEPS if ONLY_FIRST else STEPS:
         start = time.monotonic()
         record = {"step": step.__name__, "ok": False, "seconds": 0.0, "note": ""}
         steps.append(record)

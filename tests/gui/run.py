@@ -25,8 +25,8 @@ from extension_zip import build
 TIMEOUT_S = 2400.0
 
 
-def drive(blender: Blender, archive: Path) -> str:
-    """Drive one Blender through all steps. Raises AssertionError with what went wrong; returns a summary."""
+def drive(blender: Blender, archive: Path, *which: str) -> str:
+    """Drive one Blender through all steps, or the "first" ones. Raises AssertionError with what went wrong; returns a summary."""
     tools = ("xdotool", "import", blender.windowed[0])  # ../shared/blender brings its own
     if blender.name == "named" and (missing := [tool for tool in tools if shutil.which(tool) is None]):
         raise CannotRunError(f"driving its window needs {', '.join(missing)} (xdotool, ImageMagick, xvfb)")
@@ -35,7 +35,7 @@ def drive(blender: Blender, archive: Path) -> str:
     installed = install(blender, archive)
     start = time.monotonic()
     done = installed.run("--python-exit-code", "5", "--python", str(Path(__file__).with_name("drive.py")), "--",
-                         str(folder), window=True, timeout_s=TIMEOUT_S)
+                         str(folder), *which, window=True, timeout_s=TIMEOUT_S)
     installed.remove()
     report = folder / "steps.json"
     facts = json.loads(report.read_text()) if report.is_file() else {"steps": [], "finished": False}
