@@ -3,8 +3,10 @@ PYTHON ?= $(shell command -v python3.11 || command -v python3)
 VENV := .venv
 RUN := $(VENV)/bin/python
 ZIP := dist/icymoon.zip
-# A process for each processor, with a Blender of its own: about 2 GiB of memory each.
-PYTEST := $(RUN) -m pytest --numprocesses auto --maxprocesses 4 --dist worksteal
+# A process more than processors, as some always wait for a disk or a worker, but 4 at most: each has a Blender of its
+# own, about 2 GiB of memory.
+PROCESSES ?= $(shell echo $$(($$(nproc 2>/dev/null || echo 2) + 1)))
+PYTEST := $(RUN) -m pytest --numprocesses $(PROCESSES) --maxprocesses 4 --dist worksteal
 
 .PHONY: demo env test test-all test-lanes mutants lint zip lock docs clean
 
