@@ -149,9 +149,8 @@ class ICYMOON_OT_load_preset(dialogs.SearchDialog, bpy.types.Operator):
 
     preset: bpy.props.EnumProperty(items=preset_items, name="Preset",  # type: ignore[valid-type]
                                    description="Preset to load")
-    build: bpy.props.BoolProperty(  # type: ignore[valid-type]
-        name="Show Scene", default=False, options={"HIDDEN", "SKIP_SAVE"},
-        description="Show the scene at once: its ground coarsely, then at full resolution. Only in a window")
+    # In a window: show the scene at once, its ground coarsely, then at full resolution.
+    build: bpy.props.BoolProperty(default=False, options={"HIDDEN", "SKIP_SAVE"})  # type: ignore[valid-type]
 
     @classmethod
     def description(cls, context: bpy.types.Context, properties: Any) -> str:

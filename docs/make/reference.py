@@ -298,6 +298,8 @@ def _value_fields() -> Iterator[tuple[str, dict[str | None, Any]]]:
             return spacings[ast.literal_eval(node.slice)]
 
     for key, call in zip(made.keys, made.values, strict=True):
+        if key is None:  # the same ends with other decimals, which are hidden
+            continue
         assert isinstance(key, ast.Constant)
         assert isinstance(call, ast.Call)
         yield str(key.value), _words(Named().visit(call), {})

@@ -9,7 +9,8 @@ from icymoon.operators import CLASSES, jobs, render
 #: Operators that change files, processes and windows, but nothing that a .blend file holds.
 CHANGE_NOTHING = {"save_settings", "show_roughness", "trade", "measure_machine", "plan_dry_run",
                   "open_report", "check_evaluator", "install_evaluator",
-                  "remove_evaluator", "cancel", "add_matcher", "remove_matcher", "save_plan", "open_manual", "wait"}
+                  "remove_evaluator", "cancel", "add_matcher", "remove_matcher", "save_plan", "open_manual", "wait",
+                  "make_asset_library", "remove_asset_library"}
 #: Operators that go on when what they change is changed, and take the step then.
 TAKE_THEIR_OWN = {"render_pair", "render_dataset", "watch_dataset", "evaluate", "expose", "show_error",
                   "show_last_pair", "show_pair", "render_variations", "show_curve"}

@@ -231,6 +231,7 @@ REMOVES = {"render/pairs/our_files.py": "the one way", "system.py": "how it is d
            "render/render_pair.py": "what it wrote into its own part",
            "render/workers/claims.py": "its own claim and probe",
            "stereo/environment/install.py": "the folder that it has made", "stereo/reexpose.py": "what it writes again",
+           "formats/asset_library.py": "the files that its record lists, when a user asks for it",
            "operators/trade.py": "its own temporary folder",
            "scratch.py": "its own temporary folder, and those marked by processes of this user that are gone",
            "operators/presets.py": "the preset that a user removes, with its picture",
