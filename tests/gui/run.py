@@ -26,7 +26,7 @@ TIMEOUT_S = 2400.0
 
 
 def drive(blender: Blender, archive: Path, *which: str) -> str:
-    """Drive one Blender through all steps, or the "first" ones. Raises AssertionError if it fails; returns a summary."""
+    """Drive one Blender through all steps, or the first ones. Raises AssertionError if it fails; returns a summary."""
     tools = ("xdotool", "import", blender.windowed[0])  # ../shared/blender brings its own
     if blender.name == "named" and (missing := [tool for tool in tools if shutil.which(tool) is None]):
         raise CannotRunError(f"driving its window needs {', '.join(missing)} (xdotool, ImageMagick, xvfb)")
