@@ -8,7 +8,7 @@ ZIP := dist/icymoon.zip
 PROCESSES ?= $(shell echo $$(($$(nproc 2>/dev/null || echo 2) + 1)))
 PYTEST := $(RUN) -m pytest --numprocesses $(PROCESSES) --maxprocesses 4 --dist worksteal
 
-.PHONY: demo env test test-all test-lanes mutants lint zip lock docs clean
+.PHONY: demo env test test-ci test-all test-lanes measure-tests mutants lint zip lock docs clean
 
 demo: $(VENV)/.demo
 	$(RUN) -m icymoon demo
@@ -16,7 +16,10 @@ demo: $(VENV)/.demo
 env: $(VENV)/.tests
 
 test: $(VENV)/.tests lint
-	$(PYTEST) -m "not slow and not heavy"
+	$(PYTEST) -m "not slow and not heavy and not over_a_second"
+
+test-ci: $(VENV)/.tests lint
+	$(PYTEST) -m "not long"
 
 test-all: $(VENV)/.tests lint
 	$(PYTEST)
@@ -24,6 +27,12 @@ test-all: $(VENV)/.tests lint
 # Every Blender that can be had: wheels 4.2, 4.5 and 5.2, real Blenders with their window.
 test-lanes: $(VENV)/.tests zip
 	$(RUN) tests/lanes.py
+
+# Lists anew in tests/over_a_second.txt the tests that `make test` leaves to CI.
+measure-tests: $(VENV)/.tests
+	rm -f tests/over_a_second.txt; touch tests/over_a_second.txt
+	PYTHONPATH=tests/support $(PYTEST) -p processor_time -m "not long"
+	LC_ALL=C sort -o tests/over_a_second.txt tests/over_a_second.txt
 
 # Makes small defects in the modules that matter and lists those that no test notices. One module: `make mutants
 # OF=render.workers.claims`.

@@ -46,6 +46,14 @@ def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("icymoon.stereo.report.results.write_curves", lambda *_: {})
 
 
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Mark what was measured to take more than a second of a processor, by ``make measure-tests``."""
+    measured = set((config.rootpath / "tests" / "over_a_second.txt").read_text(encoding="utf-8").splitlines())
+    for item in items:
+        if item.nodeid in measured:
+            item.add_marker("over_a_second")
+
+
 def pytest_sessionfinish(session: pytest.Session, exitstatus: int) -> None:
     session.config.stash[_status] = int(exitstatus)
 

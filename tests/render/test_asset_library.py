@@ -171,6 +171,7 @@ def test_what_is_dropped_is_the_users_and_changes_no_pair(library):
 
 
 @pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.timeout(600)
 def test_the_whole_library_is_small_and_complete(tmp_path):
     folder = tmp_path / "assets"

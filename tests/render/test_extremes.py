@@ -73,6 +73,7 @@ def test_random_settings_at_their_limits(tmp_path, first):
 
 
 @pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.timeout(900)
 @pytest.mark.parametrize("first", range(FEW, MANY, 16))
 def test_many_random_settings_at_their_limits(tmp_path, first):
@@ -360,6 +361,7 @@ def test_no_rocks(tmp_path, rocks):
 
 
 @pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.timeout(600)
 def test_a_hundred_thousand_rocks(tmp_path):
     settings = complete(GRID, {"rocks": {"coverage": 0.3, "smallest_m": 0.02, "most": 100_000}})
@@ -367,12 +369,14 @@ def test_a_hundred_thousand_rocks(tmp_path):
 
 
 @pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.timeout(600)
 def test_the_finest_grid():
     _check_build(complete(GRID, {"terrain": {"resolution": 4097}}))
 
 
 @pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.timeout(600)
 @pytest.mark.parametrize("parts", [
     {"rig": {"overscan": 2.0}}, {"quality": {"samples": 4096}}, {"quality": {"diffuse_bounces": 128}},

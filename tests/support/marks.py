@@ -1,4 +1,4 @@
-"""Which cases of a test `make test` runs; the others are for the lanes, `make test-all` and CI."""
+"""Which cases of a test `make test` runs; the others are for `make test-ci`, CI and `make test-all`."""
 
 from __future__ import annotations
 

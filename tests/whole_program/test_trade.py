@@ -23,6 +23,7 @@ def icymoon(*words):
     return ended.returncode, ended.stdout, ended.stderr
 
 
+@pytest.mark.long
 def test_a_trade_says_what_was_measured_and_renders_nothing_twice(tmp_path):
     words = ("trade", *SCENE, "--groups", "bounces", "--out", str(tmp_path), "--json-lines")
     code, out, err = icymoon(*words)

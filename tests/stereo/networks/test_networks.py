@@ -65,8 +65,8 @@ def test_names_and_shapes_of_the_parameters_are_the_officials(name, states):
     assert {golden.checksum(states[name])} == expected
 
 
-@pytest.mark.parametrize("case", [case if case in QUICK else pytest.param(case, marks=pytest.mark.slow)
-                                  for case in CASES])
+@pytest.mark.parametrize("case", [
+    case if case in QUICK else pytest.param(case, marks=[pytest.mark.slow, pytest.mark.long]) for case in CASES])
 def test_double_precision_is_the_officials_to_a_millionth_of_a_pixel(case, states):
     """Other arithmetic moves double precision by 3e-11 px, the smallest mistake that was tried by 1e-3."""
     case = CASES[case]

@@ -58,7 +58,8 @@ def test_the_deviation_and_the_spectrum_are_as_stated(hurst, multifractality):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.long
+@pytest.mark.parametrize("seed", range(10))
 @pytest.mark.parametrize("multifractality", [0.0, 0.5, 1.0])
 @pytest.mark.parametrize("hurst", [0.3, 0.4, 0.6, 0.7, 0.9, 0.95])
 def test_the_deviation_and_the_spectrum_are_as_stated_for_every_seed(hurst, multifractality, seed):
