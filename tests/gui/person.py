@@ -175,8 +175,8 @@ def _look(recognised: Callable[[], bool], columns: tuple[float, ...],
     return None
 
 
-#: Where buttons are looked for across the sidebar: the left and the right of a row of two, and a bare icon at its end.
-COLUMNS = (0.35, 0.75, 0.82)
+#: Where buttons are looked for across the sidebar: the left and the right of a row of two, and bare icons at its end.
+COLUMNS = (0.35, 0.66, 0.74, 0.82)
 _found = 0.0  # how far down the last button was
 
 
