@@ -710,8 +710,7 @@ STEPS = (open_the_tab, load_europa, open_all_panels, build_by_mouse, undo_and_re
          camera_image_follows, render_a_data_set, vary_by_mouse, preferences_page, search_and_clear, drag_an_asset,
          choose_by_picture, undo_by_key, render_in_a_local_view)
 #: From the opened tab to a measured pair.
-FIRST_STEPS = (open_the_tab, load_europa, build_by_mouse, undo_and_redo, slide_by_mouse, render_by_mouse,
-               pair_on_the_screen, evaluate_by_mouse, measured_surface)
+FIRST_STEPS = STEPS[:STEPS.index(measured_surface) + 1]
 
 
 def write(finished: bool) -> None:
