@@ -48,7 +48,8 @@ _EDITED = "The {} was edited by hand, so sliders do not change it; press Build S
 
 
 def notes(scene: bpy.types.Scene) -> list[str]:
-    """Sentences on settings that the scene does not show, or shows as a preview; none if it shows all of them."""
+    """Sentences on settings that the scene does not show, or shows as a preview, and warnings of a ground that followed
+    a coarse one; none if there is nothing to say."""
     collection = scenes.find_collection(scene)
     if collection is None:
         return []
@@ -78,7 +79,7 @@ def build_coarse(scene: bpy.types.Scene, settings: Settings) -> scenes.Built:
         "mesh": {"most": min(mesh.most, MOST_VERTICES)}, "rocks": {"most": min(rocks.most, MOST_ROCKS)}}))
     built.remember(settings, geometry(settings))
     await_ground(built, settings)
-    return replace(built, warnings=())  # they are on the coarse ground
+    return replace(built, warnings=())  # they are about the coarse ground; those about the fine one follow with it
 
 
 def await_ground(built: scenes.Built, settings: Settings) -> None:

@@ -97,14 +97,19 @@ def _work() -> float | None:
 
 
 def _show(built: scenes.Built, settings: Settings, made: _Meshing) -> None:
-    """Build a scene at full resolution from its ground, if nothing was edited by hand; else note why not."""
+    """Build a scene at full resolution from its ground and note its warnings, or note why it is not built.
+
+    It is not built if something was edited by hand.
+    """
     views = views_through(bpy.context, built.camera)
     try:
         if made.found is None:
             raise IcyMoonError(made.error)
         if built.terrain.mode != "OBJECT" or built.edited_parts():
             raise IcyMoonError("The scene was edited while its ground was coarse; press Build Scene to build it again.")
-        look_through(views, scenes.build(built.scene, settings, made.found))
+        fine = scenes.build(built.scene, settings, made.found)
+        look_through(views, fine)
+        preview.set_notes(fine, list(fine.warnings))  # no operator runs that could report them
     except IcyMoonError as error:
         del built.collection[scenes.REFINED]
         preview.set_notes(built, [str(error)])

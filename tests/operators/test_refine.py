@@ -14,6 +14,7 @@ from icymoon.nodes import scene as scenes
 from icymoon.nodes.datablocks.fingerprint import parts
 from icymoon.operators import live_preview, refine
 from icymoon.operators.render import bring_up_to_date
+from icymoon.operators.sidebar_text import plain
 from icymoon.panels import previews
 from icymoon.settings import description, preset_files
 
@@ -116,6 +117,23 @@ def test_a_light_that_changes_meanwhile_is_kept(watched):
     assert built.preview == {}
     assert built.settings.light.sun_elevation_deg == 33.0
     assert is_as_built_at_once(built)
+
+
+def test_warnings_about_the_fine_ground_stay_in_the_panel_until_a_setting_changes(watched, monkeypatch):
+    load = preset_files.load
+    monkeypatch.setattr(preset_files, "load", lambda path: description.merged(load(path), {"mesh": {"most": 2000}}))
+    choose(RIDGES)
+    assert live_preview.lines(watched) == [refine.NOTE]
+    look()
+    told = " ".join(live_preview.lines(watched))
+    reported = scenes.build(bpy.data.scenes.new("Other"), settings()).warnings  # what Build Scene reports
+    assert len(reported) == 1
+    assert told == plain(reported[0])
+    assert "Mesh > " in told
+    assert "mesh." not in told
+    watched.icymoon.light.sun_elevation_deg = 33.0
+    live_preview.show_waiting()
+    assert live_preview.lines(watched) == ["Shown at full resolution"]
 
 
 def test_without_a_window_a_choice_only_loads(watched, monkeypatch):
