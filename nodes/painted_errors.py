@@ -14,7 +14,12 @@ import bpy
 import numpy as np
 
 from ..errors import IcyMoonError
+from ..physics.camera.blur import blur_identity
 from ..physics.mesh.subdivide import halve_edges
+from ..render.pairs.pair_folder import Pair
+from ..render.plans.planned_pair import expand_headings
+from ..settings import changes
+from ..settings.description import digest, merged
 from ..stereo.ground_errors import (
     COARSE,
     COARSE_PX,
@@ -29,7 +34,7 @@ from ..stereo.ground_errors import (
 )
 from .built_scene import Built
 from .datablocks.array_marks import PAINTED, read_property
-from .datablocks.fingerprint import TAG, instanced_objects
+from .datablocks.fingerprint import TAG, added_objects, instanced_objects
 from .ground.terrain_mesh import build_mesh_from_arrays
 from .measured_surface import KINDS, build_material, set_colours, shares
 
@@ -43,8 +48,45 @@ _COUNTS, _BEFORE = "icymoon_pixels", "icymoon_colours_before"  # custom properti
 _LARGER, _NEARER = 1.01, 0.005
 _AT_ONCE = 1_000_000  # vertices of rocks
 _MOST_DIVISIONS = 4  # of triangles of rocks
+_GROUND_AND_CAMERA = ("terrain object", "terrain data", "rock object", "rock data", "camera")
 _KINDS = {**KINDS, "missing": ("Not measured, grey", "COLORSET_13_VEC"),
           "coarse": ("Triangles too wide to paint", "ERROR")}
+
+
+def why_another(built: Built, headings: int, pair: Pair) -> str:
+    """Why a pair does not show what is built from one of so many ``headings``, in a sentence; empty if it does.
+
+    Only the ground and the camera matter: light, surfaces and sampling may be others. Raises IcyMoonError if edits by
+    hand cannot be detected.
+    """
+    now, then = built.settings, pair.settings
+    if names := _differing(changes.geometry(now), changes.geometry(then)):
+        return f"The evaluated pair {pair.id} has another ground than the one that is built: {_differ(names)}."
+    if then.source.kind != "PROCEDURAL" and built.content != pair.data.get("own_files_sha256", ""):
+        return f"The file of the ground has changed since the evaluated pair {pair.id} was rendered."
+    views = (planned.settings for planned in expand_headings(merged(now, {"dataset": {"headings": headings}})))
+    cameras = [_differing(changes.camera(view), changes.camera(then)) for view in views]
+    if all(cameras):
+        return f"The evaluated pair {pair.id} has another camera than the one that is built: {_differ(cameras[0])}."
+    if not _same_by_hand(built, pair):
+        return f"The ground or the camera has other edits by hand than those of the evaluated pair {pair.id}."
+    return ""
+
+
+def _differing(one: Mapping[str, Mapping[str, Any]], other: Mapping[str, Mapping[str, Any]]) -> list[str]:
+    return [f"{topic}.{key}" for topic in one for key in one[topic] if one[topic][key] != other.get(topic, {}).get(key)]
+
+
+def _differ(names: Sequence[str]) -> str:
+    more = f" and {len(names) - 1} more settings differ" if len(names) > 1 else " differs"
+    return f"{names[0]}{more}"
+
+
+def _same_by_hand(built: Built, pair: Pair) -> bool:
+    """Whether ground and camera have the same edits by hand as when a pair was rendered."""
+    if pair.data.get("edited_by_hand"):  # the id identifies all edits
+        return digest(pair.settings, built.extra + blur_identity(pair.settings)) == pair.id
+    return not added_objects(built.collection) and not built.edited_parts(*_GROUND_AND_CAMERA)
 
 
 def paint(scene: bpy.types.Scene, built: Built, found: Sequence[DepthErrors], title: str,

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from pathlib import Path
+
 import bpy
 
 from .. import scene_properties
 from ..errors import IcyMoonError
 from ..nodes import measured_surface, painted_errors
 from ..nodes import scene as scenes
+from ..render.pairs.pair_folder import read_pair
 from ..settings import announcements
+from ..settings.table import TOPICS
 from ..stereo.ground_errors import DepthErrors, read_depth_errors
 from .build import leave_edit_mode
 from .coloured_views import hide_errors, is_shown, show_colours
@@ -67,22 +72,46 @@ class ICYMOON_OT_paint_errors(ResultOperator, bpy.types.Operator):
 
 
 def _read_errors(scene: bpy.types.Scene, method: str) -> tuple[scenes.Built, list[DepthErrors]]:
-    """The built scene, and the errors of a matcher on its evaluated pairs. Raises IcyMoonError if the scene that is
-    built is not that of these pairs."""
+    """The built scene, and the errors of a matcher on its evaluated pairs.
+
+    The pairs of the present settings, or else those of the same ground and cameras. Raises IcyMoonError if there are
+    none.
+    """
     settings = scene_properties.read_settings(scene.icymoon)
     files = disparity_files(scene, method)
     if not files:
         raise IcyMoonError("This evaluation has no stored disparities; press Evaluate again.")
     built = scenes.find(scene)
-    if built is None or built.preview or scenes.changed_settings(built, settings):
+    if built is None or built.preview:
         raise IcyMoonError("The ground of the evaluated pair is not what is built now; press Build Scene first.")
-    present = [pair.id for pair in planned_pairs(scene, settings)]
-    evaluated = [pair for pair in present if pair in files]
-    if not evaluated:
-        raise IcyMoonError(f"The present scene is not that of the evaluated pair {min(files)}; render and evaluate "
-                           "again.")
+    scenes.separate_copies(built)
+    if changed := [name for name in scenes.changed_settings(built, settings) if _of_ground_or_camera(name)]:
+        raise IcyMoonError(f"{changed[0]} has changed since the scene was built; press Build Scene first.")
     pairs = dataset_folder(settings) / "pairs"
-    return built, [read_depth_errors(pairs / pair, files[pair]) for pair in evaluated]
+    found = [pair.id for pair in planned_pairs(scene, settings) if pair.id in files]
+    if not found:
+        found = _find_same_views(built, int(settings.dataset.headings), [pairs / name for name in sorted(files)])
+    return built, [read_depth_errors(pairs / name, files[name]) for name in found]
+
+
+def _of_ground_or_camera(name: str) -> bool:
+    topic, _, key = name.partition(".")
+    return TOPICS[topic][key].effect in ("geometry", "camera")
+
+
+def _find_same_views(built: scenes.Built, headings: int, folders: Sequence[Path]) -> list[str]:
+    """Ids of pairs of what is built, one for each heading. Raises IcyMoonError, with the reason, if there are none."""
+    found: dict[float, str] = {}
+    reasons = []
+    for folder in folders:
+        pair = read_pair(folder)
+        if why := painted_errors.why_another(built, headings, pair):
+            reasons.append(why)
+        else:
+            found.setdefault(float(pair.settings.rig.heading_deg), pair.id)
+    if not found:
+        raise IcyMoonError(f"{reasons[0]} Set it back, or render and evaluate again.")
+    return list(found.values())
 
 
 class ICYMOON_OT_hide_surface(bpy.types.Operator):

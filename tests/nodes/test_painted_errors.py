@@ -190,38 +190,106 @@ def test_a_ground_of_wide_triangles_is_refused_and_one_of_both_kinds_says_so(sho
     assert painted_errors.legend(scene) == ()
 
 
-def test_by_operator_with_its_range_and_its_refusals(shown):
-    pair, built, _ = shown
-    scene, mesh = bpy.context.scene, built.terrain.data
+@pytest.fixture
+def evaluated_pair(shown):
+    """A scene whose pair was evaluated."""
+    pair, *_ = shown
+    scene = bpy.context.scene
     rows = [{"method": name, "pair": pair.id, "images": {"disparity": f"pairs/{pair.id}/{name}.npz"}}
             for name in ("far", "near")]
     summary = [{"method": name, "l1_m": l1, "l1_rate_10": 0, "si_rmse": 0, "dod": 0, "coverage": 1}
                for name, l1 in (("far", 0.3), ("near", 0.1))]
     evaluated(scene, pair.folder.parent.parent, *summary, shown=rows)
-    try:
-        assert bpy.ops.icymoon.paint_errors() == {"FINISHED"}
-        assert painted_errors.legend(scene)[0][0] == "Depth error of near on the ground"
-        assert bpy.ops.icymoon.paint_errors(method="far") == {"FINISHED"}
-        error, _, colour = read(mesh)
-        large = error > 0.15
-        assert (colour[large] != [0xC4, 0x2B, 0x2B]).any(axis=1).all()
-        scene.icymoon.error_range_m = 0.15
-        assert (read(mesh)[2][large] == [0xC4, 0x2B, 0x2B]).all()
-        scene.icymoon.error_range_m = 1.0
-        np.testing.assert_array_equal(read(mesh)[2], colour)
-        scene.icymoon.terrain.rms_slope_deg += 1
-        with pytest.raises(RuntimeError, match="press Build Scene first"):
-            bpy.ops.icymoon.paint_errors()
-        scene.icymoon.terrain.rms_slope_deg -= 1
-        scene.icymoon.quality.samples += 1
-        with pytest.raises(RuntimeError, match=f"not that of the evaluated pair {pair.id}"):
-            bpy.ops.icymoon.paint_errors()
-        scene.icymoon.quality.samples -= 1
-        with pytest.raises(RuntimeError, match="no stored disparities"):
-            bpy.ops.icymoon.paint_errors(method="sgbm")
-        assert bpy.ops.icymoon.hide_surface() == {"FINISHED"}
-        assert painted_errors.find(scene) is None
-        assert not bpy.ops.icymoon.hide_surface.poll()
-    finally:
-        scene.icymoon.results = ""
+    yield scene
+    painted_errors.clear(scene)
+    scene.icymoon.results = ""
 
+
+def test_by_operator_with_its_range(shown, evaluated_pair):
+    _, built, _ = shown
+    scene, mesh = evaluated_pair, built.terrain.data
+    assert bpy.ops.icymoon.paint_errors() == {"FINISHED"}
+    assert painted_errors.legend(scene)[0][0] == "Depth error of near on the ground"
+    assert bpy.ops.icymoon.paint_errors(method="far") == {"FINISHED"}
+    error, _, colour = read(mesh)
+    large = error > 0.15
+    assert (colour[large] != [0xC4, 0x2B, 0x2B]).any(axis=1).all()
+    scene.icymoon.error_range_m = 0.15
+    assert (read(mesh)[2][large] == [0xC4, 0x2B, 0x2B]).all()
+    scene.icymoon.error_range_m = 1.0
+    np.testing.assert_array_equal(read(mesh)[2], colour)
+    with pytest.raises(RuntimeError, match="no stored disparities"):
+        bpy.ops.icymoon.paint_errors(method="sgbm")
+    assert bpy.ops.icymoon.hide_surface() == {"FINISHED"}
+    assert painted_errors.find(scene) is None
+    assert not bpy.ops.icymoon.hide_surface.poll()
+
+
+@pytest.mark.usefixtures("evaluated_pair")
+def test_other_sampling_light_and_surface_are_painted_as_the_same(shown):
+    _, built, _ = shown
+    bpy.ops.icymoon.paint_errors(method="far")
+    painted = read(built.terrain.data)
+    for topic, key, value in (("quality", "samples", 77), ("light", "sun_elevation_deg", 41.0),
+                              ("surface", "albedo", 0.31), ("quality", "diffuse_bounces", 2)):
+        group = getattr(bpy.context.scene.icymoon, topic)
+        was = getattr(group, key)
+        setattr(group, key, value)
+        painted_errors.clear(bpy.context.scene)
+        assert bpy.ops.icymoon.paint_errors(method="far") == {"FINISHED"}
+        for one, other in zip(painted, read(built.terrain.data), strict=True):
+            np.testing.assert_array_equal(one, other)
+        setattr(group, key, was)
+
+
+@pytest.mark.parametrize(("topic", "key", "other"), [
+    ("terrain", "rms_slope_deg", "ground"), ("rig", "pitch_deg", "camera"), ("rig", "heading_deg", "camera")])
+@pytest.mark.usefixtures("evaluated_pair")
+def test_another_ground_or_camera_is_refused_by_name(shown, topic, key, other):
+    """Before it is built, and after: ``remember`` is what a build leaves."""
+    pair, built, _ = shown
+    group, before = getattr(bpy.context.scene.icymoon, topic), built.settings
+    was = getattr(group, key)
+    setattr(group, key, was + 1)
+    try:
+        with pytest.raises(RuntimeError, match=f"{topic}.{key} has changed since .* press Build Scene first"):
+            bpy.ops.icymoon.paint_errors()
+        built.remember(scene_properties.read_settings(bpy.context.scene.icymoon), {})
+        with pytest.raises(RuntimeError, match=rf"pair {pair.id} has another {other} .*: {topic}.{key} differs\."):
+            bpy.ops.icymoon.paint_errors()
+    finally:
+        setattr(group, key, was)
+        built.remember(before, {})
+    assert bpy.ops.icymoon.paint_errors() == {"FINISHED"}
+
+
+@pytest.mark.usefixtures("evaluated_pair")
+def test_another_heading_of_the_scene_is_no_other_camera(shown):
+    """The pair is that of the second of four headings of a scene that looks elsewhere first."""
+    pair, built, _ = shown
+    before, root = built.settings, bpy.context.scene.icymoon
+    was = root.rig.heading_deg
+    root.rig.heading_deg = was - 90.0
+    built.remember(scene_properties.read_settings(root), {})
+    try:
+        assert "another camera" in painted_errors.why_another(built, 1, pair)
+        assert painted_errors.why_another(built, 4, pair) == ""
+    finally:
+        root.rig.heading_deg = was
+        built.remember(before, {})
+
+
+@pytest.mark.usefixtures("evaluated_pair")
+def test_edits_of_the_ground_are_refused_and_those_of_the_light_are_not(shown):
+    pair, built, _ = shown
+    built.sun.rotation_euler.x += 0.2
+    corner = built.terrain.data.vertices[0].co.copy()
+    try:
+        assert built.edited
+        assert bpy.ops.icymoon.paint_errors() == {"FINISHED"}
+        built.terrain.data.vertices[0].co.z += 0.5
+        with pytest.raises(RuntimeError, match=f"other edits by hand than those of the evaluated pair {pair.id}"):
+            bpy.ops.icymoon.paint_errors()
+    finally:
+        built.terrain.data.vertices[0].co = corner
+        built.sun.rotation_euler.x -= 0.2
