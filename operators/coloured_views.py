@@ -1,17 +1,36 @@
-"""3D Views that show the colours of errors, and what they showed before."""
+"""3D Views that show the colours of errors, and what they showed before.
+
+The window's layout knows no undo, so a timer gives views back when undo takes the errors away, and shows the colours
+again when they return. A scene keeps what its view showed before, for when its file is
+opened again.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import suppress
 from typing import Any
 
 import bpy
 
 from ..nodes import measured_surface, painted_errors
 
-#: What 3D Views were like before they showed colours, by their addresses; the window's layout knows no undo.
+#: Custom property of a scene: what its view showed before.
+KEPT = "icymoon_view_before_colours"
+#: What 3D Views were like before they showed colours, by their addresses.
 _before: dict[int, dict[str, str]] = {}
-_KEPT = ("color_type", "light", "type")
+#: The views that no longer show colours, because undo or a button took the errors away; whether they were in Solid
+#: shading.
+_left: dict[int, bool] = {}
+_KEYS = ("color_type", "light", "type")
+
+
+def _views() -> Iterator[tuple[bpy.types.Scene, Any]]:
+    """All 3D Views with their scenes."""
+    for window in bpy.context.window_manager.windows:
+        for area in window.screen.areas:
+            if area.type == "VIEW_3D":
+                yield window.scene, area.spaces.active
 
 
 def show_colours(context: bpy.types.Context, items: Iterable[bpy.types.Object], solid: bool = False) -> None:
@@ -25,8 +44,13 @@ def show_colours(context: bpy.types.Context, items: Iterable[bpy.types.Object], 
         return
     for item in items if space.local_view is not None else ():
         item.local_view_set(space, True)
+    _colour(context.scene, space, solid)
+
+
+def _colour(scene: bpy.types.Scene, space: Any, solid: bool) -> None:
     shading = space.shading
     kept = _before.setdefault(space.as_pointer(), {})
+    _left.pop(space.as_pointer(), None)
     if solid:
         kept.setdefault("type", shading.type)
         shading.type = "SOLID"  # first: the other two are those of Solid shading
@@ -34,18 +58,21 @@ def show_colours(context: bpy.types.Context, items: Iterable[bpy.types.Object], 
         shading.light = "FLAT"
     kept.setdefault("color_type", shading.color_type)
     shading.color_type = "VERTEX"
+    scene[KEPT] = kept
 
 
 def hide_errors(scene: bpy.types.Scene) -> None:
     """Remove the measured surface and the painted errors of a scene, and give the views back what they showed."""
     measured_surface.clear_points(scene)
     painted_errors.clear(scene)
+    scene.pop(KEPT, None)
     restore_views()
 
 
 def give_back_views(scene: bpy.types.Scene) -> None:
     """Give the views back what they showed before if no errors are shown in a scene any more."""
     if not is_shown(scene):
+        scene.pop(KEPT, None)
         restore_views()
 
 
@@ -56,26 +83,64 @@ def is_shown(scene: bpy.types.Scene) -> bool:
 
 def restore_views() -> None:
     """Give the views that showed colours back what they showed before."""
-    for window in bpy.context.window_manager.windows:
-        for area in window.screen.areas:
-            shading = area.spaces.active.shading if area.type == "VIEW_3D" else None
-            kept = _before.get(area.spaces.active.as_pointer(), {})
-            for key in _KEPT if shading is not None else ():
-                if key in kept:
-                    setattr(shading, key, kept[key])
+    for _, space in _views():
+        kept = _before.get(space.as_pointer(), {})
+        if kept:
+            _left[space.as_pointer()] = "type" in kept
+        for key in _KEYS:
+            if key in kept:
+                with suppress(TypeError):  # a file may contain any text
+                    setattr(space.shading, key, kept[key])
     _before.clear()
+
+
+def _follow_undo() -> None:
+    """Give the views back if undo has taken the errors away, and show the colours again if redo has brought them."""
+    there = any(map(is_shown, bpy.data.scenes))
+    if _before and not there:
+        restore_views()
+    elif _left and there:
+        for scene, space in list(_views()):
+            if space.as_pointer() in _left and is_shown(scene):
+                _colour(scene, space, _left[space.as_pointer()])
+
+
+@bpy.app.handlers.persistent
+def _look_after_undo(*_: Any) -> None:
+    if (_before or _left) and not bpy.app.timers.is_registered(_follow_undo):
+        bpy.app.timers.register(_follow_undo, first_interval=0.0)  # views of a window may change in a timer only
 
 
 @bpy.app.handlers.persistent
 def _forget(*_: Any) -> None:
     _before.clear()
+    _left.clear()
+
+
+@bpy.app.handlers.persistent
+def _remember(*_: Any) -> None:
+    """Know what the views of an opened file showed before they showed the colours in which they were saved."""
+    for scene, space in _views():
+        stored: Any = scene.get(KEPT)
+        kept = ({key: str(stored[key]) for key in _KEYS if key in stored}
+                if hasattr(stored, "keys") and is_shown(scene) else {})
+        if kept and space.shading.color_type == "VERTEX" and ("type" not in kept or space.shading.type == "SOLID"):
+            _before[space.as_pointer()] = kept
+
+
+_HANDLERS = ((bpy.app.handlers.load_pre, _forget), (bpy.app.handlers.load_post, _remember),
+             (bpy.app.handlers.undo_post, _look_after_undo), (bpy.app.handlers.redo_post, _look_after_undo))
 
 
 def register() -> None:
-    """Forget the views of a file that is left."""
-    bpy.app.handlers.load_pre.append(_forget)
+    """Follow undo and files that are opened."""
+    for handlers, handler in _HANDLERS:
+        handlers.append(handler)
 
 
 def unregister() -> None:
-    """Listen no longer."""
-    bpy.app.handlers.load_pre.remove(_forget)
+    """Stop following them."""
+    for handlers, handler in _HANDLERS:
+        handlers.remove(handler)
+    if bpy.app.timers.is_registered(_follow_undo):
+        bpy.app.timers.unregister(_follow_undo)

@@ -508,6 +508,9 @@ def painted_errors() -> Waiting:
     yield from away()
     yield from screenshot("painted_errors")
     check(view() == ("SOLID", "VERTEX"), f"the view shows {view()}")
+    for keys, expected in (("ctrl+z", before), ("ctrl+shift+z", ("SOLID", "VERTEX"))):
+        yield from key(keys)
+        yield from until(partial(holds, expected, view), f"{keys} after painting the errors")
     amount = coloured()
     yield from find_setting("error_range_m")
     xdotool("click", "--repeat", 2, "--delay", 60, 1)
