@@ -27,13 +27,14 @@ from . import (
     settings,
     show_pair,
     trade,
+    variation_pictures,
     vary,
 )
 
 CLASSES = (*presets.CLASSES, *settings.CLASSES, *build.CLASSES, *ground.CLASSES, *layers.CLASSES, *render.CLASSES,
            *show_pair.CLASSES, *dataset.CLASSES, *evaluate.CLASSES, *expose.CLASSES, *results.CLASSES,
            *errors_in_view.CLASSES, *evaluator.CLASSES, *assets.CLASSES, *trade.CLASSES, *add.CLASSES, *vary.CLASSES,
-           *jobs.CLASSES, *manual.CLASSES)
+           *variation_pictures.CLASSES, *jobs.CLASSES, *manual.CLASSES)
 
 _register, _unregister = bpy.utils.register_classes_factory(CLASSES)
 
@@ -50,6 +51,7 @@ def register() -> None:
     live_exposure.register()
     show_pair.register()
     vary.register()
+    variation_pictures.register()
     errors_in_view.register()
     manual.register()
 
@@ -58,6 +60,7 @@ def unregister() -> None:
     """Unregister the operators and stop a running job."""
     manual.unregister()
     errors_in_view.unregister()
+    variation_pictures.unregister()
     vary.unregister()
     show_pair.unregister()
     live_exposure.unregister()

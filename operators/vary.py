@@ -38,7 +38,7 @@ from ..render.plans.vary_scene import (
 from ..settings import announcements
 from ..settings.table import TOPICS, Setting
 from ..typed_settings import Settings
-from . import dataset, dialogs, jobs, results
+from . import dataset, dialogs, jobs, results, variation_pictures
 from .render import dataset_folder
 from .sidebar_text import in_window, known_speed, plain
 
@@ -370,6 +370,7 @@ class ICYMOON_OT_render_variations(dataset.DatasetOperator, bpy.types.Operator):
         for sentence in lines(context.scene):
             for line in textwrap.wrap(plain(sentence), _DIALOG_LINE):
                 column.label(text=line)
+        variation_pictures.draw_icons(column, context.scene)
         column.prop(self, "folder")
         column.prop(group, "evaluate")
         if group.evaluate:

@@ -91,6 +91,7 @@ class ICYMOON_MT_icymoon(bpy.types.Menu):
         layout.operator("icymoon.measure_machine")
         layout.separator()
         layout.operator("icymoon.vary", text="Vary Setting…")
+        layout.operator("icymoon.show_ends", text="Show First and Last Variation")
         layout.operator("icymoon.render_variations").folder = ""
         layout.operator("icymoon.save_plan", text="Save Plan…")
         layout.operator("icymoon.show_curve")

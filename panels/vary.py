@@ -7,7 +7,7 @@ from typing import Any
 import bpy
 
 from .. import scene_properties
-from ..operators import dataset, show_pair, vary
+from ..operators import dataset, show_pair, variation_pictures, vary
 from ..operators.sidebar_text import wrapped
 from ..render.plans.vary_scene import label_of, names_that_vary
 from ..settings.table import TOPICS
@@ -72,6 +72,8 @@ def _draw_render(layout: Any, context: bpy.types.Context) -> None:
         draw_lines(layout, wrapped(line), "TIME")
     if why := vary.why_not_a_plan(context.scene):
         draw_lines(layout, wrapped(why), "ERROR")
+    if cost and not variation_pictures.draw_icons(layout, context.scene):
+        draw_start(layout, "icymoon.show_ends", "Show First and Last", "IMAGE_REFERENCE")
     draw_settings(layout, root, "dataset", ("evaluate",))
     column = layout.column(align=True)
     column.operator_context = "INVOKE_DEFAULT"

@@ -24,6 +24,7 @@ from ...typed_settings import Parts, Settings
 from ...version import version
 from . import sweeps
 from .combine import seeds_of
+from .planned_pair import expand_headings
 from .sweeps import MOST_PAIRS, NOT_SWEPT, Sweep
 
 #: How the settings are combined, and how the values of a number lie.
@@ -314,11 +315,7 @@ def sample_settings(settings: Settings, variations: SceneVariations, most: int) 
     count_pairs(settings, variations)
     grounds, choices = 1.0, []
     for factor in _make_factors(settings, variations):
-        table = dict(factor.table)
-        if "count" in table:  # the first draws are the same, however many there are
-            table["count"] = min(table["count"], most)
-        sweep = Sweep(table.pop("kind"), table.pop("name"), table, Place(Path("plan.toml"), ""))
-        made = [each.settings for each in sweeps.make_variations(sweep, settings)]
+        made = _make_parts(factor, settings, most)
         different = len({json.dumps(_geometry_of(part)) for part in made})
         grounds *= different * factor.size / len(made) if different > 1 else 1
         choices.append(made)
@@ -333,6 +330,25 @@ def sample_settings(settings: Settings, variations: SceneVariations, most: int) 
             parts.append(factor_choices[chosen])
         found.append(merged(settings, *parts))
     return found, grounds
+
+
+def end_settings(settings: Settings, variations: SceneVariations) -> tuple[Settings, Settings]:
+    """Complete settings of the first and the last pair of the plan. Raises IcyMoonError as ``count_pairs``."""
+    count_pairs(settings, variations)
+    choices = [_make_parts(factor, settings) for factor in _make_factors(settings, variations)]
+    choices.append([{"dataset": {"seed": seed}} for seed in _draw_seeds(settings, variations.seeds)])
+    first, last = (expand_headings(merged(settings, *(parts[end] for parts in choices)))[end].settings
+                   for end in (0, -1))
+    return first, last
+
+
+def _make_parts(factor: _Factor, settings: Settings, most: int = MOST_PAIRS) -> list[Parts]:
+    """What each variation of a sweep sets, of draws up to so many."""
+    table = dict(factor.table)
+    if "count" in table:  # the first draws are the same, however many there are
+        table["count"] = min(table["count"], most)
+    sweep = Sweep(table.pop("kind"), table.pop("name"), table, Place(Path("plan.toml"), ""))
+    return [each.settings for each in sweeps.make_variations(sweep, settings)]
 
 
 def _geometry_of(part: Parts) -> list[tuple[str, str, Any]]:

@@ -20,6 +20,7 @@ from icymoon.render.plans.vary_scene import (
     VariedSetting,
     count_pairs,
     describe,
+    end_settings,
     list_values,
     names_that_vary,
     plan_text,
@@ -288,3 +289,16 @@ def test_the_rough_estimate_is_near_the_one_that_counts_triangles():
 def test_labels_are_without_units():
     assert vary_scene.label_of("light.sun_elevation_deg") == "Sun Elevation"
     assert vary_scene.label_of("no such.thing") == "no such.thing"
+
+
+@pytest.mark.parametrize("variations", [
+    SceneVariations((ELEVATION, ALBEDO)), SceneVariations((ALBEDO, ELEVATION), seeds=3),
+    SceneVariations((ELEVATION, ALBEDO, PLANET), "ONE_AT_A_TIME"),
+    SceneVariations((ELEVATION, MODEL), "SOBOL", draws=7),
+    SceneVariations((VariedSetting("surface.albedo", 0.2, 0.8, 6, "RANDOM"), PLANET)), SceneVariations((), seeds=2)])
+@pytest.mark.parametrize("headings", [1, 3])
+def test_the_ends_are_the_first_and_the_last_pair_of_the_plan(variations, headings):
+    described = scene({"dataset": {"headings": headings}})
+    pairs = pairs_of(described, variations)
+    ends = end_settings(described, variations)
+    assert [description.digest(end) for end in ends] == [pairs[0].id, pairs[-1].id]

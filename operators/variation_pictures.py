@@ -1,0 +1,185 @@
+"""Small, rough pictures of the first and the last pair of Vary This Scene, before its pairs are rendered."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import bpy
+import bpy.utils.previews
+import numpy as np
+
+from .. import compat, scene_properties
+from ..errors import IcyMoonError
+from ..nodes import preview
+from ..nodes.datablocks.blend_file_paths import with_absolute_files
+from ..render.plans.planned_pair import expand_headings
+from ..render.plans.vary_scene import end_settings
+from ..render.workers.job import Job as JobFiles
+from ..render.workers.job import blender_command
+from ..render.workers.process import Message, Process
+from ..scratch import make_scratch_folder
+from ..settings import announcements, changes
+from ..settings.description import merged
+from ..stereo.pair_views import read_pair_views
+from ..system import remove_folder
+from ..typed_settings import Settings
+from . import jobs
+
+#: Columns or rows of a picture at most, and light paths per pixel with a denoiser and without.
+SIDE_PX, SAMPLES = 128, (8, 24)
+#: Ends of which pictures are kept.
+_MOST = 32
+_pictures: Any = None  # a preview collection, by the names in ``_made``
+_made: dict[str, tuple[str, str]] = {}  # names of the pictures of the ends, by what they show
+_keys: dict[int, str] = {}  # by scene, until anything changes
+
+
+def rough(settings: Settings) -> Settings:
+    """What renders a picture of a pair fast: few pixels and light paths, a coarse ground and its largest rocks."""
+    rig, mesh, denoises = settings.rig, settings.mesh, compat.has_oidn()
+    share = min(1.0, SIDE_PX / max(rig.width_px, rig.height_px))
+    smaller = {"width_px": max(2, round(share * rig.width_px)), "height_px": max(2, round(share * rig.height_px)),
+               "principal_x_px": share * rig.principal_x_px, "principal_y_px": share * rig.principal_y_px}
+    return merged(settings, {
+        "rig": smaller, "dataset": {"headings": 1}, "hapke": {"backend": "NODES", "accuracy": "FAST"},
+        "terrain": {"resolution": min(settings.terrain.resolution, math.isqrt(preview.MOST_VERTICES))},
+        "mesh": {"most": min(mesh.most, preview.MOST_VERTICES)},
+        "rocks": {"most": min(settings.rocks.most, preview.MOST_ROCKS)},
+        "quality": {"samples": SAMPLES[0 if denoises else 1], "denoiser": "OIDN" if denoises else "NONE",
+                    "noise_threshold": 0.0, "diffuse_bounces": 2, "truth": "DEPTH", "device": "CPU"}})
+
+
+def icons(scene: bpy.types.Scene) -> tuple[int, ...]:
+    """Icons of the first and the last pair as they would be rendered now; none if they have not been made."""
+    if not _made:
+        return ()
+    if scene.session_uid not in _keys:
+        _keys[scene.session_uid] = _key_of(scene, scene_properties.read_for_display(scene.icymoon))
+    names = _made.get(_keys[scene.session_uid], ())
+    return tuple(int(_pictures[name].icon_id) for name in names)
+
+
+def _key_of(scene: bpy.types.Scene, settings: Settings) -> str:
+    shown = {topic: values for topic, values in settings.items() if topic not in ("quality", "dataset")}
+    wanted = settings.dataset
+    return json.dumps([shown, wanted.seed, wanted.headings, repr(scene_properties.read_variations(scene.icymoon))])
+
+
+def draw_icons(layout: Any, scene: bpy.types.Scene) -> bool:
+    """Draw the pictures of the first and the last pair; whether there are any."""
+    found = icons(scene)
+    if not found:
+        return False
+    row = layout.row(align=True)
+    for icon, title in zip(found, ("First", "Last"), strict=True):
+        column = row.column(align=True)
+        column.template_icon(icon_value=icon, scale=5.0)
+        column.label(text=title)
+    return True
+
+
+class ICYMOON_OT_show_ends(jobs.JobOperator, bpy.types.Operator):
+    """Make small, rough pictures of the first and the last pair. Takes some seconds, in a separate process; Esc stops it"""  # noqa: E501
+
+    bl_idname = "icymoon.show_ends"
+    bl_label = "Show First and Last"
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        variations = scene_properties.read_variations(context.scene.icymoon)
+        if not variations.varied and variations.seeds == 1:
+            cls.poll_message_set("Nothing varies yet; press Add Setting, or raise Seeds")
+            return False
+        return super().poll(context)
+
+    def start(self, context: bpy.types.Context) -> jobs.Job:
+        scene = context.scene
+        settings = scene_properties.read_settings(scene.icymoon)
+        ends = end_settings(with_absolute_files(settings), scene_properties.read_variations(scene.icymoon))
+        pairs = [expand_headings(rough(end))[0] for end in ends]
+        self._key, self._response = _key_of(scene, settings), changes.response(settings)
+        self._ids, self._found = [pair.id for pair in pairs], dict[str, np.ndarray]()
+        folder = make_scratch_folder()
+        files = JobFiles(folder, pairs=list({pair.id: pair for pair in pairs}.values()))
+
+        def clean_up() -> None:
+            files.remove()
+            remove_folder(folder)
+
+        try:
+            process = Process(blender_command(jobs.this_blender(), "worker", str(files.file)))
+        except IcyMoonError:
+            clean_up()
+            raise
+        return _PictureJob(self.bl_label, process, self._hear, clean_up, if_stopped="there are no new pictures")
+
+    def _hear(self, message: Message) -> None:
+        if message["type"] == "pair":
+            views = read_pair_views(Path(message["folder"]), self._response, SIDE_PX)
+            self._found[str(message["id"])] = views.pictures("LEFT")[0]
+
+    def report_success(self, context: bpy.types.Context) -> None:
+        _keep(self._key, [self._found[name] for name in self._ids])
+        jobs.redraw()
+
+
+class _PictureJob(jobs.Job):
+    """A job that gives no warnings: they would be about the coarse ground."""
+
+    def hear(self, message: Message) -> None:
+        if message["type"] != "warning":
+            super().hear(message)
+
+
+def _keep(key: str, pictures: list[np.ndarray]) -> None:
+    """Keep the pictures, uint8 RGB, of what a key describes."""
+    global _pictures
+    if _pictures is None:
+        _pictures = bpy.utils.previews.new()
+    if len(_made) >= _MOST:
+        _pictures.clear()
+        _made.clear()
+    first, last = (f"{len(_made)} {end}" for end in ("first", "last"))
+    for name, picture in zip((first, last), pictures, strict=True):
+        shown = _pictures.new(name)
+        shown.image_size = picture.shape[1::-1]
+        rgba = np.ones((*picture.shape[:2], 4), np.float32)
+        rgba[..., :3] = picture[::-1] / np.float32(255)
+        shown.image_pixels_float.foreach_set(rgba.ravel())
+    _made[key] = first, last
+
+
+def _forget_keys(*_: Any) -> None:
+    _keys.clear()
+
+
+@bpy.app.handlers.persistent
+def _forget_after(*_: Any) -> None:
+    _forget_keys()
+
+
+CLASSES = (ICYMOON_OT_show_ends,)
+_HANDLERS = (bpy.app.handlers.undo_post, bpy.app.handlers.redo_post, bpy.app.handlers.load_post)
+
+
+def register() -> None:
+    """Look whether there are pictures whenever anything changes."""
+    announcements.listeners.append(_forget_keys)
+    for handlers in _HANDLERS:
+        handlers.append(_forget_after)
+
+
+def unregister() -> None:
+    """Forget the pictures."""
+    global _pictures
+    for handlers in _HANDLERS:
+        handlers.remove(_forget_after)
+    announcements.listeners.remove(_forget_keys)
+    _forget_keys()
+    _made.clear()
+    if _pictures is not None:
+        bpy.utils.previews.remove(_pictures)
+        _pictures = None
