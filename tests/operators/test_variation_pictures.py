@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import tempfile
-from pathlib import Path
 
 import bpy
 import numpy as np
@@ -29,8 +28,9 @@ def buttons() -> set[str]:
 
 
 @pytest.fixture
-def varied(scene):
-    """A tiny scene over which the Sun sets."""
+def varied(scene, tmp_path, monkeypatch):
+    """A tiny scene over which the Sun sets, and temporary folders of the test's own."""
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
     scene_properties.write_settings(scene.icymoon, {**TINY, "sensor": {"auto_exposure": False, "exposure_s": 1e-4}})
     bpy.ops.icymoon.vary(setting=ELEVATION, first=60, last=0.5, count=3)
     yield scene
@@ -39,15 +39,14 @@ def varied(scene):
 
 
 @pytest.mark.heavy
-def test_the_ends_are_shown_until_what_they_show_changes(varied):
-    before = set(Path(tempfile.gettempdir()).glob("icymoon-*"))
+def test_the_ends_are_shown_until_what_they_show_changes(varied, tmp_path):
     assert "icymoon.show_ends" in buttons()
     assert variation_pictures.icons(varied) == ()
     assert bpy.ops.icymoon.show_ends() == {"FINISHED"}
     assert len(variation_pictures.icons(varied)) == 2  # both 0 without a window
     first, last = mean_brightness()
     assert first > 1.2 * last  # the Sun is high in the first, and low in the last
-    assert set(Path(tempfile.gettempdir()).glob("icymoon-*")) <= before
+    assert list(tmp_path.iterdir()) == []
     record = drawn(vary.ICYMOON_PT_vary)
     assert sum(entry[0] == "template_icon" for entry in record) == 2
     assert "First" in texts(record)
@@ -84,8 +83,7 @@ def test_nothing_that_varies_has_no_ends(scene):
     assert bpy.ops.icymoon.show_ends.poll()
 
 
-def test_a_stopped_job_leaves_nothing_and_shows_nothing(varied, monkeypatch):
-    before = set(Path(tempfile.gettempdir()).glob("icymoon-*"))
+def test_a_stopped_job_leaves_nothing_and_shows_nothing(varied, tmp_path, monkeypatch):
     started = []
 
     def stop(job: jobs.Job) -> bool:
@@ -98,7 +96,7 @@ def test_a_stopped_job_leaves_nothing_and_shows_nothing(varied, monkeypatch):
         bpy.ops.icymoon.show_ends()
     assert len(started) == 1
     assert variation_pictures.icons(varied) == ()
-    assert set(Path(tempfile.gettempdir()).glob("icymoon-*")) <= before
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_the_pictures_of_many_ends_are_not_all_kept(varied):
