@@ -130,7 +130,7 @@ class ICYMOON_OT_plan_dry_run(jobs.JobOperator, bpy.types.Operator):
 
     def report_success(self, context: bpy.types.Context) -> None:
         for line in readout["lines"]:
-            self.report({"INFO"}, line)
+            self.report({"INFO"}, in_window(line))
 
 
 def _note_pairs(message: Message) -> None:

@@ -31,8 +31,8 @@ Found = TypeVar("Found")
 _MOST_KEPT = 4
 LINE = 36  # characters that fit the sidebar as Blender opens it
 _WIDTH_PX, _SHORTEST = 280, 18  # of the sidebar as Blender opens it; of a line in the narrowest one
-#: 'quality.truth', 'quality.truth is DEPTH', 'quality.truth to DEPTH'
-_NAME = re.compile(r"\b([a-z_]+)[.]([a-z]\w*)(?: (is|to) ([A-Z]\w*))?")
+#: 'quality.truth', 'quality.truth is DEPTH', 'quality.truth to DEPTH', 'quality.truth = DEPTH', 'quality.truth DEPTH'
+_NAME = re.compile(r"\b([a-z_]+)[.]([a-z]\w*)(?:( (?:(?:is|to|=) )?)([A-Z]\w*))?")
 _UNIT = re.compile(r" [(][^)]*[)]$")
 
 
@@ -69,7 +69,7 @@ def _label_of(found: re.Match[str]) -> str:
     for setting in TOPICS[topic].settings if topic in TOPICS else ():
         if setting.key == key:
             value = {choice[0]: choice[1] for choice in setting.choices}.get(chosen, chosen)
-            return f"{TOPICS[topic].label} > {_UNIT.sub('', setting.label)}" + (f" {verb} {value}" if verb else "")
+            return f"{TOPICS[topic].label} > {_UNIT.sub('', setting.label)}{verb or ''}{value or ''}"
     return found[0]
 
 

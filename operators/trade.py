@@ -152,7 +152,7 @@ class ICYMOON_OT_auto_quality(_MeasureDialog, jobs.JobOperator, bpy.types.Operat
         return _begin(context, "auto", self.bl_label, hear, *tolerances, *self._common())
 
     def report_success(self, context: bpy.types.Context) -> None:
-        self.report({"INFO" if self._chosen else "WARNING"}, self._last)
+        self.report({"INFO" if self._chosen else "WARNING"}, sidebar_text.in_window(self._last))
 
     _last: str = ""
     _chosen: str | None = None

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import ast
+import re
+from collections.abc import Iterator
+from pathlib import Path
 from types import SimpleNamespace
 
 import icymoon.scene_properties as properties
@@ -9,6 +13,31 @@ import pytest
 from icymoon.operators import sidebar_text
 from icymoon.operators.sidebar_text import remember
 from icymoon.settings import announcements
+from icymoon.settings.table import TOPICS
+from icymoon.version import ROOT
+
+#: Rooms whose sentences the window shows.
+ROOMS = ("formats", "nodes", "operators", "panels", "physics", "render", "settings", "stereo")
+SETTING = re.compile(r"\b([a-z_]+)[.]([a-z]\w*)")
+#: Names of choices that are no words of the window; OSL, CPU and GPU are.
+CHOICES = {choice[0] for topic in TOPICS.values() for setting in topic.settings for choice in setting.choices} - {
+    "OSL", "CPU", "GPU"}
+
+
+def sentences(path: Path) -> Iterator[str]:
+    """The texts of a module that name a setting by its key, with 42 for what is computed; no docstrings."""
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    told = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
+    for node in ast.walk(tree):
+        values = node.values if isinstance(node, ast.JoinedStr) else [node] if isinstance(node, ast.Constant) else []
+        text = "".join(str(v.value) if isinstance(v, ast.Constant) else "42" for v in values)
+        if id(node) not in told and " " in text.strip() and names_setting(text):
+            yield text
+
+
+def names_setting(text: str) -> bool:
+    return any(topic in TOPICS and key in {setting.key for setting in TOPICS[topic].settings}
+               for topic, key in SETTING.findall(text))
 
 
 def test_settings_are_read_once_a_redraw_and_again_after_every_change(scene, monkeypatch):
@@ -51,3 +80,12 @@ def test_an_answer_is_kept_for_equal_settings_only():
     assert [kept({"x": 1}), kept({"x": 1}), kept({"x": 2}), kept({"x": 1})] == [2, 2, 4, 2]
     assert asked == [{"x": 1}, {"x": 2}]
     assert [kept({"x": k}) for k in range(10)] == [2 * k for k in range(10)]
+
+
+def test_no_sentence_shows_a_key_or_the_name_of_a_choice_in_the_window():
+    found = [text for room in ROOMS for path in sorted((ROOT / room).rglob("*.py")) for text in sentences(path)]
+    assert len(found) > 150
+    shown = [sidebar_text.plain(text) for text in found]
+    assert [text for text in shown if names_setting(text)] == []
+    words = {text: CHOICES & set(re.findall(r"\b[A-Z][A-Z_]{2,}\b", text)) for text in shown}
+    assert {text: some for text, some in words.items() if some} == {}

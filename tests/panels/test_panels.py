@@ -137,6 +137,9 @@ def test_a_panel_begins_with_what_turns_the_others_on():
 @pytest.mark.parametrize(("sentence", "said"), [
     ("light.kernels is empty; choose a path.", "Light > Kernels is empty; choose a path."),
     ("truth: none, since quality.truth is DEPTH.", "Truth: none, since Render Quality > Truth is Depth Only."),
+    ("Set quality.denoiser NONE or textures.set = MESH.", "Set Render Quality > Denoiser None or Textures > Texture = "
+     "From Mesh."),
+    ("Lower quality.samples FIRST.", "Lower Render Quality > Samples FIRST."),
     ("rock_surface: under quality.walk_px.", "Ice of Rocks: under Render Quality > Subsurface Cutoff."),
     ("the file a.toml is not there.", "The file a.toml is not there."),
     ("Settings that rig.no_such is of stay.", "Settings that rig.no_such is of stay.")])
