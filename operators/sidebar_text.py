@@ -91,6 +91,15 @@ def wrapped(sentence: str, indent: str = "") -> tuple[str, ...]:
     return tuple(textwrap.wrap(plain(sentence), line_length(), subsequent_indent=indent))
 
 
+def fitted(line: str) -> tuple[str, ...]:
+    """A line as it is if it fits the sidebar; else several, the later ones indented a little more."""
+    width = line_length()
+    if len(line) <= width:
+        return (line,)
+    indent = " " * (len(line) - len(line.lstrip()) + 2)
+    return tuple(textwrap.wrap(line, width, subsequent_indent=indent))
+
+
 def left_out_lines(settings: Settings) -> tuple[str, ...]:
     """Sentences on what a render would omit, as in ``pair.json``; none on the planet if the sky cannot be computed."""
     try:

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from typing import Any
 
 from ..operators import jobs
-from ..operators.sidebar_text import wrapped
+from ..operators.sidebar_text import fitted, wrapped
 from ..settings.table import TOPICS, Setting
 from .relevance import has_effect, is_shown
 
@@ -46,9 +46,9 @@ def draw_start(layout: Any, operator: str, text: str, icon: str = "NONE", **prop
 
 
 def draw_lines(layout: Any, lines: tuple[str, ...], icon: str = "NONE") -> None:
-    """Draw lines of text, with an icon before the first."""
+    """Draw lines of text, with an icon before the first. What is too long for the sidebar goes on in the next line."""
     column = layout.column(align=True)
-    for k, line in enumerate(lines):
+    for k, line in enumerate(part for each in lines for part in fitted(each)):
         column.label(text=line, icon="BLANK1" if k and icon != "NONE" else icon)
 
 

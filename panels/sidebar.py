@@ -142,7 +142,7 @@ class ICYMOON_PT_results(Sidebar, bpy.types.Panel):
             layout.prop(context.scene.icymoon, "error_range_m", slider=True)
         column = layout.column(align=True)
         for meaning, icon in (*painted_errors.legend(context.scene), *measured_surface.legend(context.scene)):
-            column.label(text=meaning, icon=icon)
+            draw_lines(column, (meaning,), icon)
 
 
 class ICYMOON_PT_evaluation(Sidebar, bpy.types.Panel):

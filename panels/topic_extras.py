@@ -58,7 +58,7 @@ def _draw_qualities(layout: Any, context: bpy.types.Context) -> None:
     for lack in dict.fromkeys(quality.lacks for quality in shipped if quality.lacks):
         draw_lines(column, wrapped(lack), "ERROR")
     if own.chosen:
-        column.label(text=f"With the settings below {own.brief}")
+        draw_lines(column, (f"With the settings below {own.brief}",))
     draw_lines(column, wrapped(sidebar_text.speed_line(settings)))
     layout.operator_context = "INVOKE_DEFAULT"
     layout.operator("icymoon.auto_quality", text="Find the Cheapest…", icon="VIEWZOOM")
@@ -89,9 +89,8 @@ def _draw_albedos(layout: Any, surface: SurfaceSettings, hapke: HapkeSettings) -
     """Draw the albedos that follow from the settings of a surface."""
     found = _albedos(surface, hapke)
     if found is not None:
-        column = layout.column(align=True)
-        for label, value in (("Normal", found.normal), ("Geometric", found.geometric), ("Bond", found.bond)):
-            column.label(text=f"{label} albedo {value:.3f}")
+        values = ("Normal", found.normal), ("Geometric", found.geometric), ("Bond", found.bond)
+        draw_lines(layout, tuple(f"{label} albedo {value:.3f}" for label, value in values))
 
 
 #: Functions that draw above and below the settings, by topic.

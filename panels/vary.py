@@ -101,7 +101,7 @@ def _draw_varied(layout: Any, root: Any, item: Any) -> None:
         draw_lines(layout, wrapped("This setting cannot vary; remove it."), "ERROR")
         return
     topic, _, key = item.setting.partition(".")
-    layout.label(text=f"{TOPICS[topic].label} ▸ {label_of(item.setting)}")
+    draw_lines(layout, (f"{TOPICS[topic].label} ▸ {label_of(item.setting)}",))
     vary.draw_values(layout, item, item.setting)
     if root.variations.combine != "SOBOL" and (values := vary.values_of_varied(scene_properties.read_item(item))):
         draw_lines(layout, wrapped(values))

@@ -336,3 +336,14 @@ def test_a_scene_that_asks_for_kernels_gets_the_preferred_ones(scene, monkeypatc
     light.kernels = "/mine.tm"
     light.date_utc = "2030-01-01T00:00:00"
     assert light.kernels == "/mine.tm"
+
+
+@pytest.mark.parametrize("width", [LINE, 24])
+def test_no_line_is_cut_in_a_narrow_sidebar(scene, monkeypatch, width):
+    """Of all lines over the whole width; those of a list are cut by Blender, and the selected one is shown below."""
+    monkeypatch.setattr(sidebar_text, "line_length", lambda: width)
+    scene.icymoon.light.directions_from = "DATE"
+    scene.icymoon.light.body = "ENCELADUS"
+    bpy.ops.icymoon.vary(setting="rock_surface.lommel_seeliger_share")
+    long = {entry[2]["text"] for entry in everything() if entry[0] == "label" and len(entry[2].get("text", "")) > width}
+    assert {text for text in long if not text.startswith("Lommel-Seeliger Share:")} == set()
