@@ -1,10 +1,11 @@
-"""Take pictures of every state of the sidebar, the menus and the preferences, in both themes; runs inside Blender.
+"""Take pictures of every state of the sidebar, the menus and the preferences, in both themes; runs in Blender.
 
     blender --python tests/gui/shots.py -- FOLDER [manual]
 
 With "manual" it takes those of the tutorial instead, FOLDER/window_*.png, which need an evaluator and some minutes.
-Each state is a contact sheet FOLDER/THEME_STATE.png: the sidebar with all panels open, page beside page; a render
-that goes on and what opens are pictures of the whole screen. Results are put there, not measured, and no evaluator is
+Each state is a contact sheet FOLDER/THEME_STATE.png: the sidebar with all panels open, page beside page; double_STATE
+is the same at twice the size, as on a HiDPI screen. A render that goes on and what opens are pictures of the whole
+screen. Results are put there, not measured, and no evaluator is
 needed. Meant to be looked at.
 """
 
@@ -202,6 +203,17 @@ def in_both_themes(name: str, take: Callable[[str], Waiting]) -> Waiting:
         print("SHOT", theme, name, flush=True)
 
 
+def at_double_size(name: str) -> Waiting:
+    """The sidebar as on a screen with twice as many pixels per inch."""
+    view = bpy.context.preferences.view
+    view.ui_scale = 2.0
+    yield 15 * TICK_S
+    yield from sheet(f"double_{name}")
+    view.ui_scale = 1.0
+    yield 15 * TICK_S
+    print("SHOT", "double", name, flush=True)
+
+
 def workspace(name: str) -> Waiting:
     """Go to another workspace, whose sidebar has not been drawn, and give its 3D View the window."""
     window().workspace = bpy.data.workspaces[name]
@@ -227,6 +239,8 @@ def walk() -> Waiting:
         state()
         yield 15 * TICK_S
         yield from in_both_themes(state.__name__, sheet)
+        if state is built:
+            yield from at_double_size(state.__name__)
     yield from rendering()
     yield from in_both_themes("rendering", picture)
     yield from cancelled()
