@@ -29,7 +29,7 @@ def values(scene):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("model", ["LAMBERT", "HAPKE"])
+@pytest.mark.parametrize("model", [pytest.param("LAMBERT", marks=pytest.mark.long), "HAPKE"])
 def test_f12_is_what_the_left_eye_of_a_pair_sees(default_file, tmp_path, model):
     scene = default_file
     scene.icymoon.surface.model = model

@@ -111,6 +111,12 @@ def _limits(of, *effects):
             if setting.effect in effects and topic in of for bound in ("minimum", "maximum")]
 
 
+def _half_of(limits):
+    """The limits, of every other setting the minimum and of the others the maximum for `make test-all` only."""
+    return [pytest.param(*limit.values, id=limit.id, marks=pytest.mark.long if number % 4 in (0, 3) else ())
+            for number, limit in enumerate(limits)]
+
+
 _TOO_MANY_CRATERS = (("coverage", "maximum"), ("smallest_m", "minimum"), ("largest_m", "minimum"),
                      ("largest_m", "maximum"))
 #: What is refused, and what the sentence names: more craters than ``craters.most``, rocks larger than any of the
@@ -128,14 +134,15 @@ def _check_build(settings):
 
 
 @pytest.mark.heavy
-@pytest.mark.parametrize(("topic", "setting", "bound"), _limits(("mesh", "rig", "terrain"), "geometry", "camera"))
+@pytest.mark.parametrize(("topic", "setting", "bound"),
+                         _half_of(_limits(("mesh", "rig", "terrain"), "geometry", "camera")))
 def test_no_limit_breaks_a_build_that_follows_the_camera(topic, setting, bound):
     _check_build(description.merged(_alone(topic, setting, bound), GRADED))
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("topic", "setting", "bound"),
-                         _limits(TOPICS, "geometry", "material", "light", "camera", "sampling"))
+                         _half_of(_limits(TOPICS, "geometry", "material", "light", "camera", "sampling")))
 def test_no_limit_breaks_a_pair(tmp_path, topic, setting, bound):
     """Nothing is wrong from the build to the report, or a sentence names the setting that is too much."""
     settings = description.merged(_alone(topic, setting, bound), GRID)

@@ -182,6 +182,7 @@ def test_what_is_the_persons_has_labels_and_is_left_as_it_was(tmp_path):
 
 
 @pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.timeout(600)
 def test_labels_of_a_hundred_thousand_blocks_are_exact(tmp_path):
     pair, built = shoot(tmp_path, {"rocks": {"coverage": 0.4, "smallest_m": 0.01, "most": 100_000},

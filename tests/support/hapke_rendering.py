@@ -28,6 +28,13 @@ ONE = {"samples": 1, "diffuse_bounces": 0, "threads": 2}  # the first sample is 
 
 def slow(*values: object) -> list[Any]:
     return [pytest.param(value, marks=pytest.mark.slow) for value in values]
+
+
+def long(*values: object) -> list[Any]:
+    """Cases for `make test-all` only."""
+    return [pytest.param(value, marks=[pytest.mark.slow, pytest.mark.long]) for value in values]
+
+
 #: Relative error that facets may have: single precision in about a hundred operations, which partly cancel near the
 #: horizon. Blender 5.2 keeps the normals of smooth meshes in 16 bits an axis, 2.2e-5 rad off at most, which the law
 #: answers with no more than tan i + tan e, under 5 in these views.

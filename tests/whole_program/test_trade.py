@@ -46,6 +46,7 @@ def test_a_trade_says_what_was_measured_and_renders_nothing_twice(tmp_path):
     assert {path: path.stat().st_mtime_ns for path in tmp_path.rglob("pair.json")} == before
 
 
+@pytest.mark.long
 def test_auto_stops_at_the_first_that_is_good_enough(tmp_path):
     words = ("auto", *SCENE, "--out", str(tmp_path), "--json-lines")
     code, out, err = icymoon(*words, "--tolerance-px", "0.5")

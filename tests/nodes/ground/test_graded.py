@@ -87,11 +87,13 @@ CASES = {
     "penitentes": {"terrain": {"rms_slope_deg": 5.0}, "penitentes": {"height_m": 1.0}, "rig": {"pitch_deg": 10.0}},
     "flank with cracks and craters": {"terrain": {"rms_slope_deg": 8.0, "regional_slope_deg": 20.0},
                                       "cracks": {"depth_m": 0.3}, "craters": {"coverage": 0.2}}}
-_SLOW = ("steep and patchy", "smooth", "low Hurst", "penitentes", "flank with cracks and craters")
+_SLOW = [pytest.mark.slow]
+_MARKS = {"penitentes": _SLOW, "flank with cracks and craters": _SLOW,
+          **{case: [pytest.mark.slow, pytest.mark.long] for case in ("steep and patchy", "smooth", "low Hurst")}}
 
 
 @pytest.mark.timeout(600)
-@pytest.mark.parametrize("case", [pytest.param(c, marks=pytest.mark.slow if c in _SLOW else ()) for c in CASES])
+@pytest.mark.parametrize("case", [pytest.param(c, marks=_MARKS.get(c, ())) for c in CASES])
 def test_the_bound_holds_in_every_heading_and_both_eyes(tmp_path, case):
     settings = complete(GRADED, CASES[case], {"dataset": {"headings": 4}})
     built = scenes.build(empty_scene(), settings)

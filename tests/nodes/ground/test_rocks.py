@@ -82,8 +82,10 @@ def test_every_point_is_an_instance_with_the_pose_that_was_computed():
 
 
 @pytest.mark.parametrize(("terrain", "kind"), [
-    ({"rms_slope_deg": 5.0}, "GRID"), ({"rms_slope_deg": 30.0, "resolution": 129}, "GRID"),
-    ({"rms_slope_deg": 55.0, "resolution": 33}, "GRID"), ({"rms_slope_deg": 15.0, "regional_slope_deg": 35.0}, "GRID"),
+    pytest.param({"rms_slope_deg": 5.0}, "GRID", marks=pytest.mark.long),
+    ({"rms_slope_deg": 30.0, "resolution": 129}, "GRID"),
+    pytest.param({"rms_slope_deg": 55.0, "resolution": 33}, "GRID", marks=pytest.mark.long),
+    ({"rms_slope_deg": 15.0, "regional_slope_deg": 35.0}, "GRID"),
     ({"rms_slope_deg": 30.0}, "GRADED")], ids=["smooth", "rough", "steep and coarse", "slope", "graded"])
 def test_no_block_floats_over_the_mesh_that_is_rendered(terrain, kind):
     built = scenes.build(empty_scene(), complete(

@@ -92,7 +92,7 @@ def test_sun_and_planet_add_up_to_the_image(tmp_path):
 
 
 @pytest.mark.heavy
-@pytest.mark.parametrize("accuracy", ["FAST", "ACCURATE"])
+@pytest.mark.parametrize("accuracy", [pytest.param("FAST", marks=pytest.mark.long), "ACCURATE"])
 def test_sun_and_planet_add_up_on_ice_that_traces_the_sun_itself(tmp_path, accuracy):
     pair, _ = render(tmp_path, {"light": SATURN | {"sun_elevation_deg": 10.0}, "surface": {"model": "HAPKE"},
                                 "hapke": {"accuracy": accuracy}, "rocks": {"coverage": 0.05}})

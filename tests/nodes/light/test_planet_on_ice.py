@@ -6,7 +6,7 @@ from functools import partial
 
 import numpy as np
 import pytest
-from hapke_rendering import BARE, FLAT, angles, picture, rays, slow
+from hapke_rendering import BARE, FLAT, angles, long, picture, rays
 from icymoon.labels import TERRAIN
 from icymoon.physics.light.planetshine import light_rays
 from icymoon.physics.light.sky import sky
@@ -40,7 +40,7 @@ def left(pair: Pair) -> View:
     return view
 
 
-@pytest.mark.parametrize("accuracy", ["FAST", *slow("ACCURATE", "REFERENCE")])
+@pytest.mark.parametrize("accuracy", ["FAST", *long("ACCURATE", "REFERENCE")])
 @pytest.mark.parametrize("light", [SATURN | NIGHT, JUPITER | NIGHT, CRESCENT], ids=["Saturn", "Jupiter", "crescent"])
 def test_ice_in_planetshine_is_as_bright_as_the_law_over_the_disc(tmp_path, accuracy, light):
     narrow = light is CRESCENT
@@ -56,7 +56,7 @@ def test_ice_in_planetshine_is_as_bright_as_the_law_over_the_disc(tmp_path, accu
         assert image[part][ground[part]].mean() == pytest.approx(truth[part][ground[part]].mean(), rel=0.03)
 
 
-@pytest.mark.parametrize("light", [SATURN | NIGHT, JUPITER | NIGHT], ids=["Saturn", "Jupiter"])
+@pytest.mark.parametrize("light", [SATURN | NIGHT, *long(JUPITER | NIGHT)], ids=["Saturn", "Jupiter"])
 def test_nodes_follow_the_planet_when_the_sun_is_down(tmp_path, light):
     pair, built = picture(tmp_path, ICE, {"light": light, "hapke": {"backend": "NODES"}})
     view, truth = left(pair), by_integral(pair)
@@ -65,7 +65,7 @@ def test_nodes_follow_the_planet_when_the_sun_is_down(tmp_path, light):
     assert view.radiance[ground].mean() == pytest.approx(truth[ground].mean(), rel=1e-2)
 
 
-@pytest.mark.parametrize("hapke", [{"backend": "OSL"}, {"backend": "NODES"}, *slow(
+@pytest.mark.parametrize("hapke", [{"backend": "OSL"}, {"backend": "NODES"}, *long(
     {"backend": "OSL", "accuracy": "ACCURATE"}, {"backend": "OSL", "accuracy": "REFERENCE"})])
 def test_by_day_each_lights_part_is_what_it_gives_alone(tmp_path, hapke):
     scene = [{"surface": {"model": "HAPKE"}, "hapke": hapke,
@@ -108,7 +108,7 @@ PLACES = {"behind": {"planet_azimuth_deg": 180.0, "planet_elevation_deg": 45.84,
 @pytest.mark.parametrize("backend", ["OSL", "NODES"])
 @pytest.mark.parametrize("place", PLACES)
 @pytest.mark.parametrize("changes", [
-    {"theta_bar_deg": 60.0, "b": 0.99, "c": -1.0, "w": 1.0}, *slow(
+    {"theta_bar_deg": 60.0, "b": 0.99, "c": -1.0, "w": 1.0}, *long(
         {"w": 0.0}, {"w": 0.99, "theta_bar_deg": 0.0}, {"theta_bar_deg": 60.0}, {"b": 0.99, "c": -1.0},
         {"b": -0.99, "c": 0.3}, {"h_s": 1e-8, "b_c0": 1.0, "h_c": 1e-8}, {"h_s": 10.0, "b_s0": 3.0, "w": 0.7},
         {"filling_factor": 0.75, "w": 0.5})])

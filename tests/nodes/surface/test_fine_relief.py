@@ -68,7 +68,8 @@ def test_direct_light_is_the_same_to_rounding(law, tmp_path, one_seed):
 
 
 @pytest.mark.heavy
-@pytest.mark.parametrize("law", LAWS, ids=lambda law: law["model"])
+@pytest.mark.parametrize("law", [pytest.param(LAWS[0], marks=pytest.mark.long), LAWS[1]],
+                         ids=lambda law: law["model"])
 def test_with_bounces_the_mean_is_the_same(law, tmp_path, one_seed):
     """Bumps turn what ground reflects and take little of it: of steepness 0.04 0.02 % (``principled.json``),
     under a low Sun a few times that, of what other ground sends, which is a tenth of the light. The rest is noise:

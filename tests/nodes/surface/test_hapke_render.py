@@ -7,7 +7,7 @@ from functools import partial
 import bpy
 import numpy as np
 import pytest
-from hapke_rendering import BARE, FACETS, FLAT, POINT, SMOOTH, angles, expected, picture, rays, slow
+from hapke_rendering import BARE, FACETS, FLAT, POINT, SMOOTH, angles, expected, long, picture, rays, slow
 from icymoon import compat
 from icymoon.errors import IcyMoonError
 from icymoon.nodes import scene as scenes
@@ -147,7 +147,7 @@ def test_the_opposition_surge_to_phase_zero(tmp_path, made_of):
 
 @BOTH
 @pytest.mark.parametrize("changes", [
-    {"theta_bar_deg": 60.0, "b": 0.99, "c": -1.0, "w": 1.0}, *slow(
+    {"theta_bar_deg": 60.0, "b": 0.99, "c": -1.0, "w": 1.0}, *long(
         {"w": 0.0}, {"w": 1.0}, {"theta_bar_deg": 60.0}, {"theta_bar_deg": 1e-4}, {"b": 0.99, "c": -1.0},
         {"b": -0.99, "c": 0.3}, {"h_s": 1e-8, "b_c0": 1.0, "h_c": 1e-8}, {"h_s": 10.0, "b_s0": 3.0, "w": 0.7},
         {"filling_factor": 0.75, "w": 0.5})])

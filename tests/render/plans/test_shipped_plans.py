@@ -49,7 +49,7 @@ def values(pairs, name):
     return Counter(pair.settings[topic][key] for pair in pairs)
 
 
-@pytest.mark.parametrize("form", heavy_but([""], ["", "_true_sun"]))
+@pytest.mark.parametrize("form", heavy_but([""], ["", "_true_sun"], ["_true_sun"]))
 @pytest.mark.parametrize("name", TYPES)
 def test_each_type_has_the_papers_factors_and_number_of_pairs(mine, name, form):
     plan = mine(f"guiss_{name}{form}")
@@ -87,7 +87,7 @@ def test_the_suns_are_the_papers_or_the_true_ones(mine):
         "guiss_generative_true_sun": {(e, 0.0556, False) for e in (13.28, 14.82, 16.65)}}
 
 
-@pytest.mark.parametrize("name", heavy_but(["guiss_all_true_sun"], ["guiss_all", "guiss_all_true_sun"]))
+@pytest.mark.parametrize("name", ["guiss_all_true_sun", pytest.param("guiss_all", marks=pytest.mark.long)])
 def test_all_types_together_are_the_papers_5020(mine, name):
     assert len(mine(name).pairs()) == 5020 == sum(count for count, _ in TYPES.values())
 

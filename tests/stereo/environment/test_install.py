@@ -229,7 +229,7 @@ def test_the_rest_of_a_killed_installation_is_no_evaluator_and_is_removed_with_t
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("variable", ["PIP_DRY_RUN", "PIP_TARGET"])
+@pytest.mark.parametrize("variable", [pytest.param("PIP_DRY_RUN", marks=pytest.mark.long), "PIP_TARGET"])
 def test_packages_that_pip_installed_elsewhere_make_no_evaluator(registry, tmp_path, monkeypatch, capsys, variable):
     """A user's settings of pip may make it do nothing, or install elsewhere."""
     monkeypatch.setattr(install, "_CHECK", CHECK)
