@@ -1,7 +1,7 @@
 """The Markdown of the manual as HTML: the part of Markdown that its pages use. Everything else stays text.
 
-A page is shown without pictures and formulas stay as they are written, so that the window can show the manual without a
-network and without another package. ``make docs`` makes the whole manual.
+The window shows the manual with it, without a network and without another package. Of pictures only the description is
+left; ``make docs`` makes the whole manual.
 """
 
 from __future__ import annotations
@@ -12,16 +12,31 @@ from collections.abc import Callable
 
 #: The address to which a link leads, or None if it leads nowhere here.
 Address = Callable[[str], "str | None"]
-_PICTURE = re.compile(r"\[?!\[[^\]]*\]\([^)]*\)(?:\]\([^)]*\))?")
+#: The HTML of a formula in TeX, or None if there is none and the formula stays as it is written.
+Formula = Callable[[str], "str | None"]
+_PICTURE = re.compile(r"\[?!\[([^\]]*)\]\([^)]*\)(?:\]\([^)]*\))?")
 _LINK = re.compile(r"\[([^\]]+)\]\(([^)\s]+)\)")
-_CODE = re.compile(r"(`[^`]+`)")
+#: Code, a formula in a line of its own, a formula in the text.
+_KEPT = re.compile(r"`(?P<code>[^`]+)`|\$\$(?P<block>.+?)\$\$|(?<![\w$])\$(?P<tex>[^$\s](?:[^$]*[^$\s])?)\$(?![\w$])",
+                   re.DOTALL)
 _ITEM = re.compile(r"(?:[*-]|\d+\.) +")
 _RULE = re.compile(r"\|?[\s:|-]+\|?")
 
 
-def page_html(text: str, address: Address) -> str:
+def formulas(text: str) -> list[tuple[str, bool]]:
+    """The formulas of a page in TeX, and whether each stands in a line of its own."""
+    outside = re.sub(r"^ *```.*?^ *```$", "", text, flags=re.DOTALL | re.MULTILINE)
+    return [(" ".join((found["block"] or found["tex"]).split()), bool(found["block"]))
+            for found in _KEPT.finditer(outside) if not found["code"]]
+
+
+def page_html(text: str, address: Address, formula: Formula) -> str:
     """The HTML of a page's body."""
-    text = _PICTURE.sub("", re.sub(r"\A---\n.*?\n---\n", "", text, flags=re.DOTALL))
+    def inline(text: str) -> str:
+        return _inline(text, address, formula)
+
+    text = re.sub(r"\A---\n.*?\n---\n", "", text, flags=re.DOTALL)
+    text = _PICTURE.sub(lambda found: f"*Picture: {found[1]}*" if found[1] else "", text)
     lines, blocks, k = text.splitlines(), [], 0
     while k < len(lines):
         first = lines[k].strip()
@@ -36,24 +51,24 @@ def page_html(text: str, address: Address) -> str:
         end = next((n for n in range(k + 1, len(lines)) if not lines[n].strip() or lines[n].strip()[:3] == "```"
                     or lines[k].startswith("#")), len(lines))
         if first != lines[k] and blocks and (item := re.fullmatch(r"(.*)(</li></[ou]l>)", blocks[-1], re.DOTALL)):
-            more = _inline(" ".join(line.strip() for line in lines[k:end]), address)
+            more = inline(" ".join(line.strip() for line in lines[k:end]))
             blocks[-1] = f"{item[1]}<p>{more}</p>{item[2]}"
         else:
-            blocks.append(_block(lines[k:end], address))
+            blocks.append(_block(lines[k:end], inline))
         k = end
     return "\n".join(blocks)
 
 
-def _block(lines: list[str], address: Address) -> str:
+def _block(lines: list[str], inline: Callable[[str], str]) -> str:
     """One paragraph, heading, list, table or indented code."""
     first = lines[0].strip()
     if heading := re.match(r"(#{1,6}) +(.*)", first):
         level = len(heading[1])
-        return f"<h{level}>{_inline(heading[2], address)}</h{level}>"
+        return f"<h{level}>{inline(heading[2])}</h{level}>"
     if all(line.startswith("    ") for line in lines) and not _ITEM.match(first):
         return f"<pre><code>{html.escape(chr(10).join(line[4:] for line in lines))}</code></pre>"
     if first.startswith("|"):
-        return _table(lines, address)
+        return _table(lines, inline)
     if _ITEM.match(first):
         items: list[str] = []
         for line in lines:
@@ -63,34 +78,36 @@ def _block(lines: list[str], address: Address) -> str:
                 items[-1] += f" {line.strip()}"
         number = re.match(r"\d+", first)
         opening, kind = (f'<ol start="{number[0]}">', "ol") if number else ("<ul>", "ul")
-        return opening + "".join(f"<li>{_inline(item, address)}</li>" for item in items) + f"</{kind}>"
-    return f"<p>{_inline(' '.join(line.strip() for line in lines), address)}</p>"
+        return opening + "".join(f"<li>{inline(item)}</li>" for item in items) + f"</{kind}>"
+    return f"<p>{inline(' '.join(line.strip() for line in lines))}</p>"
 
 
-def _table(lines: list[str], address: Address) -> str:
+def _table(lines: list[str], inline: Callable[[str], str]) -> str:
     rows = []
     for number, line in enumerate(lines):
         if _RULE.fullmatch(line.strip()):
             continue
         cells = [cell.strip().replace("\\|", "|") for cell in re.split(r"(?<!\\)\|", line.strip().strip("|"))]
         kind = "td" if number else "th"
-        rows.append("<tr>" + "".join(f"<{kind}>{_inline(cell, address)}</{kind}>" for cell in cells) + "</tr>")
+        rows.append("<tr>" + "".join(f"<{kind}>{inline(cell)}</{kind}>" for cell in cells) + "</tr>")
     return f"<table>{''.join(rows)}</table>"
 
 
-def _inline(text: str, address: Address) -> str:
-    """Text with code, links and emphasis."""
+def _inline(text: str, address: Address, formula: Formula) -> str:
+    """Text with code, formulas, links and emphasis."""
     def linked(found: re.Match[str]) -> str:
         target = address(html.unescape(found[2]))
         return f'<a href="{html.escape(target, quote=True)}">{found[1]}</a>' if target else found[1]
 
-    kept: list[str] = []  # code, in which nothing else is looked for
+    kept: list[str] = []  # code and formulas, in which nothing else is looked for
 
     def keep(found: re.Match[str]) -> str:
-        kept.append(f"<code>{html.escape(found[0][1:-1])}</code>")
+        tex = " ".join((found["block"] or found["tex"] or "").split())
+        kept.append(f"<code>{html.escape(found['code'])}</code>" if found["code"] else
+                    formula(tex) or html.escape(found[0], quote=False))
         return f"\0{len(kept) - 1}\0"
 
-    text = _LINK.sub(linked, html.escape(_CODE.sub(keep, text), quote=False))
+    text = _LINK.sub(linked, html.escape(_KEPT.sub(keep, text), quote=False))
     text = re.sub(r"\*\*(.+?)\*\*", r"<b>\1</b>", text)
     text = re.sub(r"(?<![\w*])\*([^\s*](?:[^*]*[^\s*])?)\*(?![\w*])", r"<i>\1</i>", text)
     return re.sub(r"\0(\d+)\0", lambda found: kept[int(found[1])], text)

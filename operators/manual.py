@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import html
+import json
 import posixpath
 import re
 from functools import lru_cache
@@ -27,8 +28,12 @@ _PAGES = {"terrain": "theory/terrain", "mesh": "theory/mesh", "source": "howto/o
           "surface": "theory/surfaces", "textures": "howto/own-textures", "rock_surface": "theory/surfaces",
           "hapke": "theory/surfaces", "rocks": "theory/terrain", "light": "theory/light", "rig": "camera",
           "sensor": "theory/sensor", "quality": "howto/speed", "dataset": "datasets"}
+#: The folders of the pages as the top of a page lists them.
+_GROUPS = {"": "Start", "tutorial": "Tutorials", "howto": "How to", "theory": "Theory", "reference": "Reference"}
 _STYLE = """body{font:16px/1.5 sans-serif;max-width:46em;margin:2em auto;padding:0 1em;color:#222;background:#fff}
 nav{font-size:85%;border-bottom:1px solid #999;padding-bottom:.6em}nav a{margin-right:.9em;white-space:nowrap}
+nav p{margin:.2em 0;padding-left:6em;text-indent:-6em}nav b{display:inline-block;width:6em;text-indent:0}
+math[display=block]{margin:1em 0;overflow-x:auto}
 a{color:#0b66b0}code,pre{background:#eee;font-size:90%}pre{padding:.6em;overflow:auto}
 table{border-collapse:collapse}th,td{border:1px solid #999;padding:.2em .5em;text-align:left;vertical-align:top}
 @media(prefers-color-scheme:dark){body{color:#ddd;background:#1d1f21}a{color:#7db8e8}code,pre{background:#2d2f33}}"""
@@ -39,6 +44,13 @@ def page_names() -> tuple[str, ...]:
     """The pages of the manual that this copy of Icy Moon has, such as ``tutorial/window``, the first one first."""
     found = sorted(path.relative_to(_DOCS).with_suffix("").as_posix() for path in _DOCS.rglob("*.md"))
     return tuple(sorted(found, key=lambda name: name != FIRST_PAGE))
+
+
+@lru_cache(maxsize=1)
+def _formulas() -> dict[str, str]:
+    """MathML by TeX, which ``docs/make/formulas.py`` has made."""
+    found: dict[str, str] = json.loads((_DOCS / "formulas.json").read_text(encoding="utf-8"))
+    return found
 
 
 @lru_cache(maxsize=1)
@@ -74,10 +86,14 @@ def _whole(page: str, text: str, titles: dict[str, str]) -> str:
         name = posixpath.normpath(posixpath.join(posixpath.dirname(page), link.partition("#")[0]))
         return _relative(name.removesuffix(".md"), page) if name.removesuffix(".md") in titles else None
 
-    links = " ".join(f'<a href="{_relative(name, page)}">{html.escape(title)}</a>' for name, title in titles.items())
+    def links(folder: str) -> str:
+        return " ".join(f'<a href="{_relative(name, page)}">{html.escape(title)}</a>' for name, title in titles.items()
+                        if posixpath.dirname(name) == folder)
+
+    groups = "".join(f"<p><b>{heading}</b> {links(folder)}</p>" for folder, heading in _GROUPS.items())
     return (f'<!doctype html><html lang="en"><head><meta charset="utf-8"><title>{html.escape(titles[page])} · Icy Moon '
-            f"{version()}</title><style>{_STYLE}</style></head><body><nav>{links}</nav>\n{page_html(text, address)}\n"
-            "</body></html>\n")
+            f"{version()}</title><style>{_STYLE}</style></head><body><nav>{groups}</nav>\n"
+            f"{page_html(text, address, _formulas().get)}\n</body></html>\n")
 
 
 def page_of_topic(topic: str) -> str:

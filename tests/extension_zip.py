@@ -34,9 +34,9 @@ def shipped() -> set[str]:
     files = [ROOT / name for name in ("blender_manifest.toml", "LICENSE")] + list(ROOT.glob("*.py"))
     for package in PACKAGES:
         files += (ROOT / package).rglob("*.py")
-    data = ("docs/**/*.md", "presets/**/*.toml", "presets/previews/**/*.jpg", "stereo/*/*.j2", "stereo/*/*.js",
-            "stereo/*/*.css", "stereo/*/*.lock", "nodes/*/*.osl", "settings/*.json", "physics/*/*.json",
-            "physics/*/*.csv")
+    data = ("docs/**/*.md", "docs/*.json", "presets/**/*.toml", "presets/previews/**/*.jpg", "stereo/*/*.j2",
+            "stereo/*/*.js", "stereo/*/*.css", "stereo/*/*.lock", "nodes/*/*.osl", "settings/*.json",
+            "physics/*/*.json", "physics/*/*.csv")
     files += [path for pattern in data for path in ROOT.glob(pattern)]
     return {path.relative_to(ROOT).as_posix() for path in files}
 

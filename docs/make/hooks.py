@@ -9,7 +9,7 @@ import html
 import re
 
 import figures
-import latex2mathml.converter
+import formulas
 import reference
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
@@ -34,5 +34,4 @@ def on_page_content(content: str, page: Page, config: MkDocsConfig, files: Files
 
 
 def _mathml(found: re.Match[str]) -> str:
-    display = "block" if found[2] == "[" else "inline"
-    return latex2mathml.converter.convert(html.unescape(found[3]), display=display)
+    return formulas.mathml(html.unescape(found[3]), block=found[2] == "[")

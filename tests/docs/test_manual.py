@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import subprocess
 import sys
@@ -24,6 +25,14 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
                           capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     return folder
+
+
+def test_the_formulas_that_the_window_shows_are_those_of_the_pages():
+    """A formula that was changed needs ``python docs/make/formulas.py``."""
+    sys.path.insert(0, str(ROOT / "docs" / "make"))
+    import formulas
+
+    assert json.loads(formulas.FILE.read_text(encoding="utf-8")) == formulas.of_manual()
 
 
 def test_it_has_every_page_and_figure(site):

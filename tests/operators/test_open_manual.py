@@ -66,3 +66,15 @@ def test_online_manual_leads_to_the_page_of_each_setting():
         assert end == f"{manual.page_of_topic(topic)}.html"
         assert Path(unquote(urlsplit(start + end).path)).is_file()
     assert manual._map_of_blender in bpy.utils._manual_map
+
+
+def test_every_formula_of_the_manual_is_mathml():
+    assert "docs/formulas.json" in shipped()
+    assert not [path.name for path in manual.written_folder().rglob("*.html")
+                if re.search(r"\\(frac|theta|mathrm|hat)", re.sub(r"<(code|pre)>.*?</\1>", "", path.read_text("utf-8"),
+                                                                   flags=re.DOTALL))]
+
+
+def test_every_page_is_linked_from_every_page():
+    page = (manual.written_folder() / "theory" / "terrain.html").read_text(encoding="utf-8")
+    assert page[:page.index("</nav>")].count("<a ") == len(manual.page_names())
