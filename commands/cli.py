@@ -61,6 +61,8 @@ def _make_parser() -> argparse.ArgumentParser:
     evaluate = verbs.add_parser("evaluate", help="match the pairs of a data set and write a report")
     evaluate.add_argument("path", type=as_path, nargs="+", help="pair or data set folder")
     evaluate.add_argument("--methods", default="bm,sgbm", help="matchers, separated by commas (%(default)s)")
+    evaluate.add_argument("--method", action="append", default=[], metavar="NAME=MATCHER:KEY=VALUE",
+                          help="one more method, with a name of yours; may repeat")
     evaluate.add_argument("--out", type=as_path, help="report folder (evaluation in the data set)")
     evaluate.add_argument("--guiss", action="store_true", help="show what the GUISS reference code would report too")
     evaluate.add_argument("--points", action="store_true", help="write the measured surfaces too, as point clouds")
@@ -175,6 +177,7 @@ def _run_evaluate(options: argparse.Namespace) -> int:
 
     out = options.out or options.path[0] / "evaluation"
     flags = [f"--{name}" for name in ("guiss", "points") if getattr(options, name)]
+    flags += [word for text in options.method for word in ("--method", text)]
     return stereo(["evaluate", *map(str, options.path), "--methods", options.methods, "--out", str(out), *flags])
 
 

@@ -73,6 +73,8 @@ def _parser() -> argparse.ArgumentParser:
                          help="pair folder, or data set of pairs; may be several")
     command.add_argument("--methods", default="bm,sgbm",
                          help="matchers, separated by commas; with their own options, as in bm:window=21")
+    command.add_argument("--method", action="append", default=[], metavar="NAME=MATCHER:KEY=VALUE",
+                         help="one more method, with a name of yours, as in mynet=resident:command=PROGRAM; may repeat")
     command.add_argument("--option", action="append", default=[], metavar="METHOD.KEY=VALUE",
                          help="option for every use of a matcher, such as bm.window=21")
     command.add_argument("--own", action="append", default=[], metavar="NAME:METHOD:KEY=VALUE",
@@ -161,7 +163,7 @@ def _run_evaluate(parsed: argparse.Namespace) -> int:
     from .evaluate import evaluate
     from .matchers.methods import parse_methods
 
-    methods = parse_methods(parsed.methods, parsed.option, parsed.own)
+    methods = parse_methods(parsed.methods, parsed.option, parsed.own, parsed.method)
     response = _read_response([], parsed.set)
     if parsed.seed < 0:
         raise IcyMoonError(f"--seed is {parsed.seed}; give a whole number of 0 or more.")

@@ -83,6 +83,13 @@ def complete_options(method: str, options: Mapping[str, Any]) -> dict[str, Any]:
     return resolve(method, module.OPTIONS, module.PRESETS, options)
 
 
+def option_keys(method: str) -> list[str]:
+    """The options of a matcher, with ``preset`` and the names that OpenCV's manual has for them. Raises IcyMoonError
+    for an unknown matcher."""
+    return ["preset", *(name for option in _import_matcher(method).OPTIONS for name in (option.key, option.opencv)
+                        if name)]
+
+
 def describe_matcher(method: str) -> str:
     """What a matcher is, and its options, as lines of text. Raises IcyMoonError for an unknown one."""
     module = _import_matcher(method)

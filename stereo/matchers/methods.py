@@ -1,4 +1,5 @@
-"""Which methods to run, from what the user writes: ``bm,sgbm:window=7`` and ``--option bm.window=21``."""
+"""Which methods to run, from what the user writes: ``bm,sgbm:window=7``, ``--option bm.window=21`` and
+``--method mynet=resident:command=PROGRAM``."""
 
 from __future__ import annotations
 
@@ -9,7 +10,7 @@ from dataclasses import dataclass, field
 from ...errors import IcyMoonError
 from ...settings.trust_boundary import OWN, OWN_NAME, listed
 from ...suggestions import nearest
-from . import MATCHERS, check_options
+from . import MATCHERS, check_options, option_keys
 
 
 @dataclass(frozen=True)
@@ -70,12 +71,36 @@ def parse_own_matchers(texts: Sequence[str]) -> dict[str, Method]:
     return found
 
 
-def parse_methods(text: str, options: Sequence[str] = (), own: Sequence[str] = ()) -> list[Method]:
-    """The methods of a comma-separated list, checked before anything runs.
+def parse_named_methods(texts: Sequence[str]) -> list[Method]:
+    """Methods with names of the user's, from ``NAME=MATCHER`` or ``NAME=MATCHER:KEY=VALUE:KEY=VALUE`` for each.
+
+    An option ends where a colon and the next known option follow, so a command may contain commas and colons. Raises
+    IcyMoonError for any other text, and for a name that is a matcher's or given twice.
+    """
+    found: list[Method] = []
+    for text in texts:
+        name, equals, rest = (part.strip() for part in text.partition("="))
+        matcher, _, options = (part.strip() for part in rest.partition(":"))
+        if not (equals and OWN_NAME.fullmatch(name)):
+            raise IcyMoonError(f"--method {text}: write it as NAME=MATCHER:KEY=VALUE, as in "
+                               "mynet=resident:command=PROGRAM; a name has at most 40 letters, digits, - and _.")
+        if name in (*MATCHERS, OWN):
+            raise IcyMoonError(f"--method {text}: {name} is the name of a matcher; choose another name.")
+        if name in (method.label for method in found):
+            raise IcyMoonError(f"--method names {name} twice; give each method a name of its own.")
+        parts = re.split(rf":(?=(?:{'|'.join(option_keys(matcher))})\s*=)", options) if options else []
+        found.append(Method(name, matcher, dict(parse_key_value(part, f"--method {name}") for part in parts)))
+    return found
+
+
+def parse_methods(text: str, options: Sequence[str] = (), own: Sequence[str] = (),
+                  named: Sequence[str] = ()) -> list[Method]:
+    """The methods of a comma-separated list, then those that are ``named``, checked before anything runs.
 
     A matcher may have options, ``bm:window=21:disparities=128``, so that it can be compared with itself. ``options``
     are ``matcher.key=value`` for every use of that matcher. ``own:NAME`` is one of ``own``, see
-    ``parse_own_matchers``. Raises IcyMoonError for an unknown matcher or option, a bad value, or a method given twice.
+    ``parse_own_matchers``; for ``named`` see ``parse_named_methods``. Raises IcyMoonError for an unknown matcher or
+    option, a bad value, or a method given twice.
     """
     shared = _parse_shared_options(options)
     owned = parse_own_matchers(own)
@@ -91,12 +116,16 @@ def parse_methods(text: str, options: Sequence[str] = (), own: Sequence[str] = (
         if label in (method.label for method in methods):
             raise IcyMoonError(f"--methods names {label} twice; leave one out.")
         methods.append(Method(label, base.name, chosen))
+    for method in parse_named_methods(named):
+        chosen = shared.get(method.name, {}) | method.options
+        check_options(method.name, chosen)
+        methods.append(Method(method.label, method.name, chosen))
     if not methods:
         raise IcyMoonError(f"--methods is empty; choose from {', '.join(MATCHERS)}.")
     unused = sorted(set(shared) - {method.name for method in methods})
     if unused:
-        raise IcyMoonError(f"--option is given for {unused[0]}, which --methods does not name; add it or remove the "
-                           "option.")
+        raise IcyMoonError(f"--option is given for {unused[0]}, which no method uses; add it to --methods or remove "
+                           "the option.")
     return methods
 
 

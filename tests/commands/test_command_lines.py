@@ -52,7 +52,7 @@ OUT, NO_BLENDER = ("--out", "out"), ("--blender", "no/blender")
 #: Verbs with what keeps Blender out of them, and their options, '' for a word without one.
 VERBS = {
     "render": (NO_BLENDER, ("--preset", "--settings", "--set", "--out", "--again")),
-    "evaluate": ((), ("", "", "--methods", "--out", "--guiss", "--points")),
+    "evaluate": ((), ("", "", "--methods", "--method", "--out", "--guiss", "--points")),
     "settings": ((), ("--preset", "--settings", "--set", "--set", "--settings")),
     "presets": ((), ("", "--x")), "sources": ((), ("", "", "", "--x")),
     "quality": (NO_BLENDER, ("--preset", "--settings", "--set", "--json")),
@@ -69,7 +69,7 @@ VERBS = {
     "stereo methods": ((), ("", "")), "stereo check": ((), ("",)),
     "stereo match": (OUT, ("--method", "--left", "--right", "--option", "--camera")),
     "stereo metrics": ((), ("--prediction", "--disparity", "--truth", "--focal-baseline", "--guiss")),
-    "stereo evaluate": (OUT, ("", "--methods", "--option", "--own", "--set", "--seed", "--points")),
+    "stereo evaluate": (OUT, ("", "--methods", "--method", "--option", "--own", "--set", "--seed", "--points")),
     "stereo truth": (OUT, ("",)), "stereo export": (OUT, ("", "--format", "--set")),
     "stereo develop": (OUT, ("", "--preset", "--set")), "nothing": ((), ("",)), "": ((), ("",))}
 FLAGS = {"--again", "--guiss", "--points", "--json", "--json-lines", "--dry-run", "--remove", "--x"}

@@ -16,7 +16,7 @@ from icymoon.settings import description, preset_files
 from icymoon.settings.table import TOPICS
 from icymoon.stereo import cli as stereo_cli
 from icymoon.stereo.matchers import complete_options
-from icymoon.stereo.matchers.methods import parse_key_value, parse_own_matchers
+from icymoon.stereo.matchers.methods import parse_key_value, parse_named_methods, parse_own_matchers
 from icymoon.version import ROOT
 from manual import reference
 
@@ -111,7 +111,12 @@ def _parsed(program: str, words: list[str]) -> str:
     if program == "icymoon.stereo":
         stereo_cli._read_response([], changed)
     owned = parse_own_matchers(options.get("own") or ())
-    for label in str(options.get("methods") or options.get("method") or "").split(","):
+    named = options.get("method") or ""
+    if isinstance(named, list):
+        for method in parse_named_methods(named):
+            complete_options(method.name, method.options)
+        named = ""
+    for label in str(options.get("methods") or named).split(","):
         name, *own = label.split(":")
         if name == "own":
             name = owned[own.pop(0)].name

@@ -1,8 +1,12 @@
-"""Lists of methods as the window changes them."""
+"""Lists of methods as the window changes them, and methods with names of the user's."""
+
+import shlex
+import sys
 
 import pytest
+from icymoon.errors import IcyMoonError
 from icymoon.stereo.matchers import MATCHERS, NEEDS, TITLES
-from icymoon.stereo.matchers.methods import names_method, toggle_method
+from icymoon.stereo.matchers.methods import names_method, parse_methods, toggle_method
 
 
 @pytest.mark.parametrize(("text", "name", "toggled"), [
@@ -18,3 +22,31 @@ def test_a_matcher_is_taken_out_with_its_options_or_put_at_the_end(text, name, t
 def test_every_matcher_without_setting_up_has_a_title():
     assert set(TITLES) == set(MATCHERS) - {"external"}
     assert set(NEEDS) <= set(TITLES)
+
+
+def test_a_named_method_has_its_name_alone_as_label():
+    python = shlex.quote(sys.executable)
+    methods = parse_methods("bm", ["bm.window=21"], named=[
+        "wide=bm:disparities=128:blockSize=9", f"mynet=external:timeout_s=5:command={python} a,b:c {{left}} {{right}} {{out}}"
+        ":format=pfm"])
+    assert [method.label for method in methods] == ["bm", "wide", "mynet"]
+    assert methods[1].options == {"window": "21", "disparities": "128", "blockSize": "9"}  # of --option, and its own
+    assert methods[2].options == {"timeout_s": "5", "format": "pfm",
+                                  "command": f"{python} a,b:c {{left}} {{right}} {{out}}"}
+
+
+def test_named_methods_alone_are_enough():
+    (method,) = parse_methods("", named=["mine=bm"])
+    assert (method.label, method.name, method.options) == ("mine", "bm", {})
+
+
+@pytest.mark.parametrize(("named", "said"), [
+    (["mine"], "write it as NAME=MATCHER"), (["=bm"], "write it as NAME=MATCHER"),
+    (["a b=bm"], "letters, digits, - and _"), (["a" * 41 + "=bm"], "at most 40"),
+    (["sgbm=bm"], "sgbm is the name of a matcher"), (["own=bm"], "own is the name of a matcher"),
+    (["a=bm", "a=sgbm"], "names a twice"), (["a=bmm:window=7"], "Unknown matcher 'bmm', did you mean 'bm'"),
+    (["a="], "Unknown matcher ''"), (["a=bm:windw=7"], "Unknown option bm.windw"),
+    (["a=bm:window"], "--method a window: write it as key=value"), (["a=bm:window=7:8"], "bm.window must be a whole")])
+def test_a_bad_named_method_is_refused_in_one_sentence(named, said):
+    with pytest.raises(IcyMoonError, match=said):
+        parse_methods("bm", named=named)
