@@ -70,7 +70,7 @@ $(VENV)/.demo: pyproject.toml $(VENV)/bin/python
 	touch $@
 
 $(VENV)/.tests: pyproject.toml $(VENV)/.demo
-	PYTHONWARNINGS=ignore $(RUN) -m pip install --disable-pip-version-check -e ".[blender,evaluate,networks,ephemeris,docs,develop]"
+	PYTHONWARNINGS=ignore $(RUN) -m pip install --disable-pip-version-check -e ".[blender,evaluate,networks,onnx,ephemeris,docs,develop]"
 	touch $@
 
 $(VENV)/.mutants: $(VENV)/.tests

@@ -146,10 +146,14 @@ def own_matcher_arguments(methods: str) -> list[str]:
     return arguments
 
 
+#: The option that ``program`` of each kind of matcher is for.
+_LOADED = {"external": "command", "resident": "command", "onnx": "model", "stereo_matching": "python",
+           "igev": "checkpoint", "dsmnet": "checkpoint"}
+
+
 def _matcher_texts(item: Any) -> list[str]:
     """``NAME:METHOD:KEY=VALUE`` for each option of one of the user's matchers."""
-    key = "command" if item.method == "external" else "checkpoint"
-    options = [f"{key}={item.program}"] if item.program else []
+    options = [f"{_LOADED[item.method]}={item.program}"] if item.program else []
     options += [option for option in item.options.split(":") if option.strip()]
     return [f"{item.name}:{item.method}:{option}" for option in options] or [f"{item.name}:{item.method}"]
 
@@ -170,14 +174,20 @@ class ICYMOON_PG_matcher(bpy.types.PropertyGroup):
         name="Name", description="Name with letters, digits, - and _. A scene names the matcher as own:NAME")
     method: bpy.props.EnumProperty(  # type: ignore[valid-type]
         name="Kind", description="Kind of matcher", items=(
-            ("external", "Program", "A program that reads two images and writes a disparity map"),
+            ("external", "Program", "A program that is started for each pair, reads two images and writes a disparity "
+                                    "map"),
+            ("resident", "Resident Program", "A program that is started once and answers pair after pair"),
+            ("onnx", "ONNX Network", "A network in an ONNX file"),
+            ("stereo_matching", "stereo-matching", "A network of the package stereo-matching from PyPI"),
             ("igev", "IGEV", "The network IGEV-Stereo with your own checkpoint"),
             ("dsmnet", "DSMNet", "The network DSMNet with your own checkpoint")))
     program: bpy.props.StringProperty(  # type: ignore[valid-type]
-        name="Command or Checkpoint",
-        description="For a program, its command with {left}, {right} and {out}. For a network, its checkpoint file")
+        name="Command or File",
+        description="For a program, its command, with {left}, {right} and {out} if it is started for each pair. For a "
+                    "network, its ONNX or checkpoint file. For stereo-matching, the Python that has the package")
     options: bpy.props.StringProperty(  # type: ignore[valid-type]
-        name="Options", description="Other options, separated by colons, such as format=pfm:timeout_s=60")
+        name="Options",
+        description="Other options, separated by colons, such as format=pfm:timeout_s=60 or model=raft-stereo")
 
 
 class ICYMOON_AP_preferences(bpy.types.AddonPreferences):

@@ -282,6 +282,15 @@ def peak_memory_mib() -> float | None:
     return round(peak / (2**20 if PLATFORM == "darwin" else 2**10), 1)
 
 
+def peak_memory_mib_of(pid: int) -> float | None:
+    """Most memory that another process has had; None where there is no Linux to tell it."""
+    try:
+        with open(f"/proc/{pid}/status", encoding="ascii", errors="replace") as stream:
+            return next((int(line.split()[1]) / 1024 for line in stream if line.startswith("VmHWM:")), None)
+    except OSError:
+        return None
+
+
 def run(command: Sequence[str], environment: Mapping[str, str] | None = None,
         timeout_s: float | None = None) -> subprocess.CompletedProcess[str]:
     """Run a program to its end, without a window, and return its output.

@@ -21,7 +21,7 @@ CLASSES = {"name": "A name or a date that is looked up", "read": "A file that is
            "written": "A folder that results are written to",
            "matchers": "Names of matchers with their numbers and choices, no program or file"}
 #: Options of matchers that name what is run or loaded; only the user gives them.
-LOADS = ("command", "checkpoint")
+LOADS = ("command", "checkpoint", "python", "model")
 #: Prefix of a matcher that the user has set up, as in own:mine.
 OWN = "own"
 OWN_NAME = re.compile(r"[A-Za-z0-9_-]{1,40}")

@@ -25,8 +25,10 @@ from .artefacts import check_output_folder, files_exist, write_method_pictures, 
 from .environment import packages
 from .export.points import add_points, pose_of
 from .images.disparity_files import read_disparity
-from .matchers import complete_options, match
+from .matchers import complete_options, files_of, match
 from .matchers.methods import Method
+from .matchers.resident_process import stop_residents
+from .measure.costs import COSTS
 from .measure.prepare import Prepared, distinct_pairs, prepare
 from .measure.result_row import COMMON_NUMBERS, NUMBERS, common_numbers, own_numbers
 from .report.results import ROW, find_facts, write_results
@@ -73,8 +75,11 @@ def evaluate(paths: Sequence[Path], methods: Sequence[Method], out: Path,
     folders = distinct_pairs(paths)
     check_output_folder(out, (folder.name for folder in folders))
     run = _Run(methods, out, dict(response or {}), on_event, len(folders) * len(methods), points)
-    for folder in folders:
-        run.evaluate_pair(folder)
+    try:
+        for folder in folders:
+            run.evaluate_pair(folder)
+    finally:
+        stop_residents()
     run.log.compact((folder.name, method.label) for folder in folders for method in methods)
     return write_results(run.log, [folder.name for folder in folders], methods, out, run.failed, run.suspect,
                          _source(paths, response or {}), seed, guiss)
@@ -174,7 +179,7 @@ class _Run:
         return {"pair": prepared.pair.folder.name, "method": method.label, "key": key,
                 "status": "ok" if prepared.check.ok else "suspect",
                 **own_numbers(prepared, disparity, info["options"]["min_disparity"] if method.name == "bm" else None),
-                **dict.fromkeys(COMMON_NUMBERS), "common": "", "seconds": info["seconds"],
+                **dict.fromkeys(COMMON_NUMBERS), "common": "", **{key: info[key] for key in COSTS},
                 "options": info["options"], "counts": info["counts"], "facts": info["facts"], "error": "",
                 "images": write_method_pictures(prepared, method, disparity, info, self.out)}
 
@@ -211,6 +216,7 @@ def _method_inputs(method: Method) -> list[Any]:
     options = complete_options(method.name, method.options)
     files = {key: _read_checksum(Path(value)) for key, value in options.items()
              if isinstance(value, str) and os.path.isfile(value)}
+    files |= {text: _read_checksum(Path(text)) for text in files_of(method.name, options) if os.path.isfile(text)}
     versions = packages.find_versions()
     return [method.name, options, files, {name: versions[name] for name in ("numpy", "cv2", "torch")}]
 

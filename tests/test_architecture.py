@@ -27,7 +27,8 @@ PURE = (
     "physics/surfaces", "physics/light", "physics/camera", "physics",
     "formats", "settings",
     "render/pairs", "render/plans", "render/workers", "render/cost",
-    "stereo/environment", "stereo/images", "stereo/measure", "stereo/networks", "stereo/matchers",
+    "stereo/environment", "stereo/images", "stereo/measure", "stereo/networks",
+    "stereo/adapters", "stereo/matchers",
     "stereo/export", "stereo/report", "stereo/trade", "stereo",
     "commands")
 WITH_BLENDER = (

@@ -3,8 +3,9 @@
 A matcher is a module of this package with ``OPTIONS``, ``PRESETS`` (named sets of options) and
 ``compute(left, right, options, camera)``. This function takes two uint8 images of one size, a complete dict of options
 and the camera, if it is known, and returns a ``Result``. Images are grey (H, W), or RGB (H, W, 3) for a module with
-``COLOUR``. A module may have two more functions: ``check(options)`` raises IcyMoonError if a file or program that the
-options name does not exist, and ``load(options)`` does work that is not part of matching a pair.
+``COLOUR``. A module may have three more functions: ``check(options)`` raises IcyMoonError if a file or program that the
+options name does not exist, ``load(options)`` does work that is not part of matching a pair, and ``files(options)``
+returns words within options that may be files.
 """
 
 from __future__ import annotations
@@ -21,15 +22,16 @@ import numpy as np
 from ...errors import IcyMoonError
 from ...render.pairs.pair_folder import StereoCamera
 from ...suggestions import nearest
+from ..measure.costs import COSTS
 from .options import resolve
 from .result import Result
 
-#: The matchers; each is the module of this name.
-MATCHERS = ("bm", "sgbm", "sgbm_wls", "jplv", "igev", "dsmnet", "external")
-#: What the window calls those that need no setting up of the user's, and what they need beside the evaluator.
+#: What the window calls the matchers that need no setting up, and what some of them need beside the evaluator.
 TITLES = {"bm": "StereoBM", "sgbm": "SGBM", "sgbm_wls": "SGBM with WLS Filter", "jplv": "JPLV", "igev": "IGEV-Stereo",
           "dsmnet": "DSMNet"}
 NEEDS = {"igev": "PyTorch and a checkpoint", "dsmnet": "PyTorch and a checkpoint"}
+#: All matchers; each is the module of this name. The user sets up the last ones, with a file or a program.
+MATCHERS = (*TITLES, "onnx", "resident", "stereo_matching", "external")
 
 
 def match(method: str, left: np.ndarray, right: np.ndarray, options: Mapping[str, Any] | None = None,
@@ -42,8 +44,8 @@ def match(method: str, left: np.ndarray, right: np.ndarray, options: Mapping[str
 
     * disparity, float32 (H, W), px, left column minus right column, NaN where invalid;
     * valid, bool (H, W);
-    * info: ``method``, the complete ``options``, ``seconds`` of CPU time of the matching alone (including that of a
-      program it started), ``arrays``, ``counts`` and ``facts``, see ``Result``.
+    * info: ``method``, the complete ``options``, the ``COSTS`` of the matching alone (including those of a program it
+      started; None where unknown), ``arrays``, ``counts`` and ``facts``, see ``Result``.
 
     A disparity of zero or less gives no depth and is invalid. Raises IcyMoonError for an unknown matcher or option,
     and for images that cannot be used or are too small for the options.
@@ -57,13 +59,13 @@ def match(method: str, left: np.ndarray, right: np.ndarray, options: Mapping[str
                            "give two images of the same size.")
     if load := getattr(module, "load", None):
         load(complete)
-    start = _cpu_seconds()
+    cpu, wall = _cpu_seconds(), time.perf_counter()
     result: Result = module.compute(left, right, complete, camera)
-    seconds = _cpu_seconds() - start
+    costs = {"seconds": _cpu_seconds() - cpu, "wall_seconds": time.perf_counter() - wall}
     valid = (result.disparity > 0) & np.isfinite(result.disparity)
     return (np.where(valid, result.disparity, np.nan).astype(np.float32), valid,
-            {"method": method, "options": complete, "seconds": seconds, "arrays": result.arrays,
-             "counts": result.counts, "facts": result.facts})
+            {"method": method, "options": complete, **dict.fromkeys(COSTS), **costs, **result.costs,
+             "arrays": result.arrays, "counts": result.counts, "facts": result.facts})
 
 
 def check_options(method: str, options: Mapping[str, Any]) -> dict[str, Any]:
@@ -88,6 +90,12 @@ def option_keys(method: str) -> list[str]:
     for an unknown matcher."""
     return ["preset", *(name for option in _import_matcher(method).OPTIONS for name in (option.key, option.opencv)
                         if name)]
+
+
+def files_of(method: str, options: Mapping[str, Any]) -> list[str]:
+    """Words of complete options that may be files which the result depends on: the arguments of a command."""
+    named = getattr(_import_matcher(method), "files", None)
+    return list(named(options)) if named else []
 
 
 def describe_matcher(method: str) -> str:

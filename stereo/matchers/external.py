@@ -13,7 +13,6 @@ nine numbers of K (principal point in pixel-corner coordinates) on one line, the
 from __future__ import annotations
 
 import re
-import shutil
 import subprocess
 from pathlib import Path
 from typing import Any
@@ -24,8 +23,10 @@ from ...errors import IcyMoonError
 from ...render.pairs.pair_folder import StereoCamera
 from ...scratch import scratch_folder
 from ...suggestions import nearest
-from ...system import kill_all, split_command, start
+from ...system import kill_all, start
+from ..adapters.icymoon_serve import as_disparity
 from ..images.image_files import read_pfm, read_png, write_png
+from .command_lines import require_program, split_arguments
 from .options import Option
 from .result import Result
 
@@ -48,7 +49,7 @@ _FIELD = re.compile(r"\{(\w+)\}")
 
 def check(options: dict[str, Any]) -> None:
     """Raise IcyMoonError unless the command can be run."""
-    arguments = _arguments(options["command"])
+    arguments = _arguments(options)
     fields = {field for argument in arguments for field in _FIELD.findall(argument)}
     for field in sorted(fields - {*_IMAGES, "calibration", *_CAMERA}):
         raise IcyMoonError(f"external.command has the field {{{field}}}, "
@@ -57,9 +58,7 @@ def check(options: dict[str, Any]) -> None:
     if missing:
         raise IcyMoonError(f"external.command lacks {' and '.join(missing)}; write it as "
                            "external.command='PROGRAM {left} {right} {out}'.")
-    if shutil.which(arguments[0]) is None:
-        raise IcyMoonError(f"external.command starts with {arguments[0]}, which is not a program on this machine; give "
-                           "its whole path.")
+    require_program("external.command", arguments[0])
 
 
 def compute(left: np.ndarray, right: np.ndarray, options: dict[str, Any], camera: StereoCamera | None) -> Result:
@@ -75,7 +74,7 @@ def compute(left: np.ndarray, right: np.ndarray, options: dict[str, Any], camera
             numbers = " ".join(repr(float(number)) for row in camera.matrix for number in row)
             Path(values["calibration"]).write_text(f"{numbers}\n{values['baseline_m']}\n", encoding="ascii",
                                                  newline="\n")
-        arguments = _arguments(options["command"])
+        arguments = _arguments(options)
         if camera is None and any(field not in values for argument in arguments for field in _FIELD.findall(argument)):
             raise IcyMoonError("external.command asks for the camera, which is not known; give --camera PAIR.")
         _run([_FIELD.sub(lambda field: values[field[1]], argument) for argument in arguments], options["timeout_s"],
@@ -83,14 +82,14 @@ def compute(left: np.ndarray, right: np.ndarray, options: dict[str, Any], camera
         return Result(_read_disparity(Path(values["out"]), left.shape[:2], options))
 
 
-def _arguments(command: str) -> list[str]:
-    try:
-        arguments = split_command(command)
-    except ValueError as error:
-        raise IcyMoonError(f"external.command cannot be split into arguments ({error}); close its quotes.") from None
-    if not arguments:
-        raise IcyMoonError("external.command is empty; write it as external.command='PROGRAM {left} {right} {out}'.")
-    return arguments
+def files(options: dict[str, Any]) -> list[str]:
+    """What may be a file that the result depends on: the program and its arguments."""
+    return _arguments(options)
+
+
+def _arguments(options: dict[str, Any]) -> list[str]:
+    return split_arguments("external.command", options["command"],
+                           "external.command='PROGRAM {left} {right} {out}'")
 
 
 def _run(arguments: list[str], timeout_s: int, errors: Path) -> None:
@@ -123,12 +122,10 @@ def _read_disparity(path: Path, shape: tuple[int, ...], options: dict[str, Any])
         disparity = np.where(image > 0, image / np.float64(options["png_scale"]), np.nan)
     else:
         disparity = read_pfm(path) if options["format"] == "pfm" else _read_npy(path)
-    while disparity.ndim > 2 and 1 in (disparity.shape[0], disparity.shape[-1]):  # batch or channel
-        disparity = disparity[0] if disparity.shape[0] == 1 else disparity[..., 0]
-    if disparity.shape != shape:
-        raise IcyMoonError(f"external.command wrote a disparity map of the shape {disparity.shape}, the images have "
-                           f"{shape}; make it write one of the size of the left image.")
-    return disparity
+    try:
+        return as_disparity(disparity, shape)
+    except ValueError as error:
+        raise IcyMoonError(f"external.command wrote a disparity map that cannot be used: {error}.") from None
 
 
 def _read_npy(path: Path) -> np.ndarray:

@@ -16,3 +16,4 @@ class Result:
     arrays: dict[str, np.ndarray] = field(default_factory=dict)  # kept in the npz beside the disparity
     counts: dict[str, int] = field(default_factory=dict)  # pixels per outcome
     facts: dict[str, Any] = field(default_factory=dict)  # such as the device, for the provenance
+    costs: dict[str, float] = field(default_factory=dict)  # what another process took, by the names of costs.COSTS

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from .by_pixel_class import sums_by_class
+from .costs import COSTS
 from .guiss_reference_code import METRICS as GUISS_METRICS
 from .guiss_reference_code import reference_metrics
 from .metrics import (
@@ -32,7 +33,7 @@ REGIONS = {"": "all pixels with a true depth; a missing measurement lowers the c
 #: Prefix -> the metrics that rows have with it.
 REGION_METRICS = {prefix: TOTAL_METRICS if prefix == "total_" else METRICS for prefix in REGIONS}
 OWN_NUMBERS = (*(prefix + key for prefix in ("", "total_", "visible_") for key in REGION_METRICS[prefix]),
-               *GUISS_METRICS, "true_pixels", "seconds")
+               *GUISS_METRICS, "true_pixels", *COSTS)
 COMMON_NUMBERS = tuple(f"common_{key}" for key in METRICS)
 #: Everything in a row that is a number, or None if it is undefined.
 NUMBERS = (*OWN_NUMBERS, *COMMON_NUMBERS)
@@ -46,7 +47,7 @@ def depth_of(prepared: Prepared, disparity: np.ndarray) -> np.ndarray:
 
 
 def own_numbers(prepared: Prepared, disparity: np.ndarray, bm_min_disparity: int | None = None) -> dict[str, Any]:
-    """OWN_NUMBERS except ``seconds``, and ``error_curve``, ``sparsification`` and ``strata``, of a disparity map.
+    """OWN_NUMBERS except COSTS, and ``error_curve``, ``sparsification`` and ``strata``, of a disparity map.
 
     ``bm_min_disparity``: see ``guiss_reference_code.reference_metrics``.
     """

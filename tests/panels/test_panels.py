@@ -162,11 +162,9 @@ def test_what_is_left_out_is_said_where_it_is_chosen_and_only_then(scene):
 
 
 def test_the_matchers_there_are_stand_in_the_tooltip():
-    from icymoon.stereo.matchers import MATCHERS
-
     told = TOPICS["dataset"]["methods"].description
-    assert ", ".join(name for name in MATCHERS if name != "external") in told
-    assert "own:NAME" in told  # by which a scene names an external one
+    assert ", ".join(TITLES) in told
+    assert "own:NAME" in told  # by which a scene names one that is set up
 
 
 def test_the_panels_follow_the_work_from_top_to_bottom():

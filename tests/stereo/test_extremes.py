@@ -8,6 +8,7 @@ import pairs
 import pytest
 from icymoon.stereo.evaluate import evaluate
 from icymoon.stereo.matchers.methods import parse_methods
+from icymoon.stereo.measure.costs import COSTS
 from icymoon.stereo.measure.prepare import prepare
 from icymoon.stereo.measure.result_row import NUMBERS, common_numbers, own_numbers
 
@@ -25,7 +26,7 @@ def numbers(prepared, disparity):
     common = np.isfinite(disparity) & (disparity > 0)
     row = own_numbers(prepared, disparity) | common_numbers(prepared, disparity, common)
     json.dumps(row, allow_nan=False)
-    assert set(NUMBERS) - {"seconds"} <= set(row)
+    assert set(NUMBERS) - {*COSTS} <= set(row)
     return row
 
 

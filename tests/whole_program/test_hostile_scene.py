@@ -95,6 +95,9 @@ def test_a_network_of_one_s_own_needs_no_more_than_its_name(matchers):
     assert preferences.own_matcher_arguments("own:mine") == ["--own", "mine:igev"]
     matchers[0].program = "/trained.pth"
     assert preferences.own_matcher_arguments("own:mine") == ["--own", "mine:igev:checkpoint=/trained.pth"]
+    for kind, option in (("resident", "command"), ("onnx", "model"), ("stereo_matching", "python")):
+        matchers[0].method = kind
+        assert preferences.own_matcher_arguments("own:mine") == ["--own", f"mine:{kind}:{option}=/trained.pth"]
     assert preferences.own_matcher_arguments("bm") == []
 
 

@@ -5,7 +5,7 @@ import sys
 
 import pytest
 from icymoon.errors import IcyMoonError
-from icymoon.stereo.matchers import MATCHERS, NEEDS, TITLES
+from icymoon.stereo.matchers import MATCHERS, NEEDS, TITLES, check_options
 from icymoon.stereo.matchers.methods import names_method, parse_methods, toggle_method
 
 
@@ -19,20 +19,20 @@ def test_a_matcher_is_taken_out_with_its_options_or_put_at_the_end(text, name, t
     assert names_method(text, name) != names_method(toggled, name)
 
 
-def test_every_matcher_without_setting_up_has_a_title():
-    assert set(TITLES) == set(MATCHERS) - {"external"}
+def test_every_matcher_has_a_title_or_is_set_up_with_a_file_or_program():
     assert set(NEEDS) <= set(TITLES)
+    for name in set(MATCHERS) - set(TITLES):
+        with pytest.raises(IcyMoonError, match="is empty"):
+            check_options(name, {})
 
 
 def test_a_named_method_has_its_name_alone_as_label():
-    python = shlex.quote(sys.executable)
+    command = f"{shlex.quote(sys.executable)} a,b:c {{left}} {{right}} {{out}}"
     methods = parse_methods("bm", ["bm.window=21"], named=[
-        "wide=bm:disparities=128:blockSize=9", f"mynet=external:timeout_s=5:command={python} a,b:c {{left}} {{right}} {{out}}"
-        ":format=pfm"])
+        "wide=bm:disparities=128:blockSize=9", f"mynet=external:timeout_s=5:command={command}:format=pfm"])
     assert [method.label for method in methods] == ["bm", "wide", "mynet"]
     assert methods[1].options == {"window": "21", "disparities": "128", "blockSize": "9"}  # of --option, and its own
-    assert methods[2].options == {"timeout_s": "5", "format": "pfm",
-                                  "command": f"{python} a,b:c {{left}} {{right}} {{out}}"}
+    assert methods[2].options == {"timeout_s": "5", "format": "pfm", "command": command}
 
 
 def test_named_methods_alone_are_enough():

@@ -1,0 +1,156 @@
+"""Lets Icy Moon evaluate your stereo network: your program is started once and answers pair after pair.
+
+    from icymoon_serve import serve
+
+    network = load_my_network()
+    serve(lambda left, right, camera: network(left, right))
+
+Needs Python 3.8 and NumPy, nothing else. A program that Icy Moon starts finds this module without an installation; to
+use it elsewhere, copy this file beside your program.
+
+Icy Moon writes a line of JSON per pair to the standard input, and reads the answers as lines of JSON from the standard
+output; see "Without Python" in the manual's page on your own matcher. What else the program prints goes to the
+standard error.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import queue
+import sys
+import threading
+import time
+import traceback
+from collections.abc import Callable
+from types import SimpleNamespace
+from typing import IO, Any
+
+import numpy as np
+
+PROTOCOL = 1
+#: Share of negative numbers above which a disparity map has the wrong sign.
+_WRONG_SIGN = 0.99
+_MIB = 2**20
+
+
+def serve(disparity: Callable[[np.ndarray, np.ndarray, Any], Any], name: str = "",
+          facts: Callable[[], dict[str, Any]] = dict) -> None:
+    """Answer Icy Moon's pairs with ``disparity(left, right, camera)`` until Icy Moon ends.
+
+    ``left`` and ``right`` are uint8 RGB (H, W, 3). ``camera`` has ``focal_px``, ``cx_px``, ``cy_px`` (from the outer
+    corner of the first pixel) and ``baseline_m``; it is None if the camera is not known. The result is the disparity of
+    the left image (H, W) in px, left column minus right column, as an array or a tensor of PyTorch; NaN or 0 where
+    nothing was measured. An exception fails this pair only. The report states ``name`` and what ``facts()`` returns.
+    """
+    if sys.stdin is None or sys.stdin.isatty():
+        sys.exit(f"{sys.argv[0]} is started by Icy Moon: give it to evaluate with --method "
+                 f"'NAME=resident:command=python {sys.argv[0]}'.")
+    requests, answers = _take_streams()
+    lines: queue.SimpleQueue[bytes] = queue.SimpleQueue()
+    threading.Thread(target=_read, args=(requests, lines), daemon=True).start()
+    _write(answers, {"hello": PROTOCOL, "name": name or os.path.basename(sys.argv[0])})
+    while True:
+        request = json.loads(lines.get())
+        try:
+            answer = {"ok": True, **_answer(disparity, request), "facts": facts()}
+        except Exception as error:
+            traceback.print_exc()
+            answer = {"error": f"{type(error).__name__}: {error}"}
+        _write(answers, {"id": request["id"], **answer})
+
+
+def as_disparity(found: Any, shape: tuple[int, ...]) -> np.ndarray:
+    """What a program returned, as float32 (H, W). Raises ValueError, with the fix, if it is no disparity map."""
+    if hasattr(found, "detach"):  # a tensor of PyTorch, perhaps on a GPU or with a type that NumPy lacks
+        found = found.detach().float().cpu().numpy()
+    found = np.asarray(found)
+    while found.ndim > 2 and 1 in (found.shape[0], found.shape[-1]):  # batch or channel
+        found = found[0] if found.shape[0] == 1 else found[..., 0]
+    if found.dtype.kind not in "fiu":
+        raise ValueError(f"the disparity map has values of type {found.dtype}; return numbers")
+    if found.shape != tuple(shape):
+        raise ValueError(f"the disparity map has the shape {found.shape}, the images have {tuple(shape)}; return one "
+                         "of the size of the left image")
+    finite = found[np.isfinite(found)]
+    if not finite.size:
+        raise ValueError("the disparity map has no finite number; the network or its parameters are damaged")
+    if (finite < 0).mean() >= _WRONG_SIGN:
+        raise ValueError("the disparities are negative; return left column minus right column, so multiply by -1")
+    return found.astype(np.float32)
+
+
+def _take_streams() -> tuple[IO[bytes], IO[bytes]]:
+    """The streams of the protocol, taken from the standard ones.
+
+    Libraries print, which must not get between the answers. On Windows, they also wait for a standard input that
+    another thread reads.
+    """
+    sys.stdout.flush()
+    requests, answers = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb")
+    nothing = os.open(os.devnull, os.O_RDONLY)
+    os.dup2(nothing, 0)
+    os.close(nothing)
+    os.dup2(2, 1)
+    return requests, answers
+
+
+def _read(requests: IO[bytes], lines: queue.SimpleQueue[bytes]) -> None:
+    try:
+        for line in requests:
+            lines.put(line)
+    finally:
+        os._exit(0)  # Icy Moon has ended, also if a pair is being computed
+
+
+def _write(answers: IO[bytes], message: dict[str, Any]) -> None:
+    answers.write(json.dumps(message).encode("ascii") + b"\n")
+    answers.flush()
+
+
+def _answer(disparity: Callable[..., Any], request: dict[str, Any]) -> dict[str, Any]:
+    """Compute one pair, write its disparity, and return what it took."""
+    left, right = (np.load(request[eye], allow_pickle=False) for eye in ("left", "right"))
+    camera = SimpleNamespace(**request["camera"]) if request.get("camera") else None
+    begin = _gpu_event()
+    wall, cpu = time.perf_counter(), time.process_time()
+    found = as_disparity(disparity(left, right, camera), left.shape[:2])  # waits for the GPU
+    took = {"seconds": time.perf_counter() - wall, "cpu_seconds": time.process_time() - cpu, **_gpu_use(begin)}
+    np.save(request["out"], found)
+    return {**took, **_memory()}
+
+
+def _cuda() -> Any:
+    """PyTorch's CUDA if the program uses it; None otherwise."""
+    torch = sys.modules.get("torch")
+    cuda = getattr(torch, "cuda", None)
+    return cuda if cuda is not None and cuda.is_available() and cuda.is_initialized() else None
+
+
+def _gpu_event() -> Any:
+    cuda = _cuda()
+    if cuda is None:
+        return None
+    event = cuda.Event(enable_timing=True)
+    event.record()
+    return event
+
+
+def _gpu_use(begin: Any) -> dict[str, Any]:
+    """Name of the GPU, its most memory so far, and its time since ``begin``."""
+    cuda = _cuda()
+    if cuda is None:
+        return {}
+    use = {"gpu": cuda.get_device_name(), "gpu_mb": cuda.max_memory_allocated() / _MIB}
+    end = _gpu_event()
+    cuda.synchronize()
+    return {**use, "gpu_seconds": begin.elapsed_time(end) / 1000} if begin is not None else use
+
+
+def _memory() -> dict[str, float]:
+    """The most memory that this process has had, where Linux tells it."""
+    try:
+        with open("/proc/self/status", encoding="ascii", errors="replace") as stream:
+            return {"memory_mb": next(int(line.split()[1]) for line in stream if line.startswith("VmHWM:")) / 1024}
+    except (OSError, StopIteration):
+        return {}

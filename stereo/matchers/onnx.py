@@ -1,0 +1,294 @@
+"""Any stereo network as one ONNX file, by ONNX Runtime.
+
+``model`` is the file. The network gets both images: as two inputs, named after left and right or in this order, as one
+input with the channels of both, or as four of two sizes. Its output is the disparity of the left image. An input of
+fixed size gets the images resized, and the disparities are scaled back; one of any size gets them padded to a
+``multiple``. Before the first pair, the network matches a texture that is shifted by 7 px: this finds a wrong sign or
+scale.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+
+from ...errors import IcyMoonError
+from ...files import parse_path, sha256
+from ...render.pairs.pair_folder import StereoCamera
+from .options import Option
+from .result import Result
+
+COLOUR = True
+
+OPTIONS = (
+    Option("model", "", "The ONNX file"),
+    Option("numbers", "byte", "Numbers of the images that the network expects: byte 0 to 255, unit 0 to 1, signed -1 "
+           "to 1, imagenet with the mean and spread of ImageNet", choices=("byte", "unit", "signed", "imagenet")),
+    Option("order", "rgb", "Order of the colours that the network expects; one with one channel gets grey anyway",
+           choices=("rgb", "bgr")),
+    Option("multiple", 32, "Images are padded to a multiple of this, px, if their size is free", 1, 1024),
+    Option("sign", "positive", "Sign of the network's disparities; RAFT-Stereo has negative ones",
+           choices=("positive", "negative")),
+    Option("scale", 1.0, "Factor from the network's numbers to px of the image that it gets", 1e-6, 1e6),
+    Option("output", 0, "Which output is the disparity, from 0", 0, 99),
+    Option("test", "shift", "What is checked before the first pair: that the network finds a shift of 7 px",
+           choices=("shift", "none")),
+    Option("device", "auto", "Where the network runs; auto takes CUDA if ONNX Runtime has it",
+           choices=("auto", "cpu", "cuda")),
+    Option("threads", 1, "Number of processor cores used", 1, 1024),
+)
+
+PRESETS: dict[str, dict[str, Any]] = {}
+
+#: For pip: the first version with wheels for numpy 2, and the next major version.
+REQUIREMENT = "onnxruntime>=1.19,<2"
+_SHIFT_PX = 7
+_TEST_SHAPE = 256, 384
+#: How far the median of the disparities of the test may be from its shift.
+_TOLERANCE_PX = 1.0
+_MEAN, _SPREAD = (np.array(values, np.float32) for values in ((0.485, 0.456, 0.406), (0.229, 0.224, 0.225)))
+_TYPES = {"tensor(float)": np.float32, "tensor(float16)": np.float16, "tensor(uint8)": np.uint8,
+          "tensor(double)": np.float64}
+
+
+@dataclass(frozen=True)
+class _Input:
+    """An input of a network: which image it takes, or both."""
+
+    name: str
+    eyes: tuple[str, ...]
+    dtype: type
+    channels_last: bool
+    channels: int  # of one image
+    height: int | None  # None where it is free
+    width: int | None
+
+
+@dataclass(frozen=True)
+class _Network:
+    """A network that is ready to run."""
+
+    session: Any
+    inputs: tuple[_Input, ...]
+    facts: dict[str, Any]
+
+    @property
+    def fixed(self) -> tuple[int, int] | None:
+        """Height and width of its largest input; None if they are free."""
+        sizes = [(each.height, each.width) for each in self.inputs if each.height and each.width]
+        return max(sizes) if sizes else None
+
+
+def check(options: dict[str, Any]) -> None:
+    """Raise IcyMoonError unless the file and ONNX Runtime exist."""
+    path = _path(options)
+    if not path.is_file():
+        raise IcyMoonError(f"onnx.model names {path}, which is no file; correct it.")
+    if importlib.util.find_spec("onnxruntime") is None:
+        raise IcyMoonError(f'onnx needs ONNX Runtime, which this Python lacks; run: pip install "{REQUIREMENT}"')
+
+
+def load(options: dict[str, Any]) -> None:
+    """Read the file, and check what the network finds, so that a run with the same options need not."""
+    _load(options)
+
+
+def compute(left: np.ndarray, right: np.ndarray, options: dict[str, Any], camera: StereoCamera | None) -> Result:
+    """Disparity of uint8 RGB (H, W, 3) images, everywhere."""
+    network = _load(options)
+    return Result(*_run(network, left, right, options))
+
+
+def _path(options: dict[str, Any]) -> Path:
+    return parse_path(options["model"], "onnx.model")
+
+
+def _load(options: dict[str, Any]) -> _Network:
+    changed = _path(options).stat()
+    loaded = _load_once(tuple(options.items()), (changed.st_mtime_ns, changed.st_size))
+    if isinstance(loaded, str):
+        raise IcyMoonError(loaded)
+    return loaded
+
+
+@lru_cache(maxsize=4)
+def _load_once(items: tuple[tuple[str, Any], ...], changed: tuple[int, int]) -> _Network | str:
+    """The network of complete options, tested, or what is wrong with it; ``changed`` identifies the version of its
+    file."""
+    options = dict(items)
+    try:
+        network = _open(options)
+        if options["test"] == "shift":
+            _test(network, options)
+    except IcyMoonError as error:  # kept too, or it would be found out again for every pair
+        return str(error)
+    return network
+
+
+def _open(options: dict[str, Any]) -> _Network:
+    import onnxruntime
+
+    path = _path(options)
+    there = onnxruntime.get_available_providers()
+    if options["device"] == "cuda" and "CUDAExecutionProvider" not in there:
+        raise IcyMoonError("onnx.device is cuda, but this ONNX Runtime runs on the processor only; install "
+                           "onnxruntime-gpu instead of onnxruntime, or use cpu.")
+    providers = ["CPUExecutionProvider"]
+    if options["device"] != "cpu" and "CUDAExecutionProvider" in there:
+        providers.insert(0, "CUDAExecutionProvider")
+    settings = onnxruntime.SessionOptions()
+    settings.intra_op_num_threads, settings.inter_op_num_threads = options["threads"], 1
+    settings.log_severity_level = 3  # errors; its warnings are about how a network was exported
+    onnxruntime.disable_telemetry_events()
+    try:
+        session = onnxruntime.InferenceSession(str(path), settings, providers=providers)
+    except Exception as error:  # its errors have no common base
+        raise IcyMoonError(f"{path} cannot be read as an ONNX network ({_first_line(error)}); export it "
+                           "again.") from None
+    inputs = _find_inputs(path, session.get_inputs())
+    return _Network(session, inputs, {"checkpoint_sha256": sha256(path), "onnxruntime": onnxruntime.__version__,
+                                      "device": session.get_providers()[0].removesuffix("ExecutionProvider").lower()})
+
+
+def _find_inputs(path: Path, declared: Sequence[Any]) -> tuple[_Input, ...]:
+    """What each input of a network takes. Raises IcyMoonError if this is not plain."""
+    if len(declared) not in (1, 2, 4):
+        raise IcyMoonError(f"{path} has {len(declared)} inputs ({_describe(declared)}); a stereo network has 1, 2 or "
+                           "4: export it with these.")
+    return tuple(_read_input(path, each, k, len(declared)) for k, each in enumerate(declared))
+
+
+def _read_input(path: Path, declared: Any, place: int, count: int) -> _Input:
+    shape = [size if isinstance(size, int) and size > 0 else None for size in declared.shape]
+    known = len(shape) == 4 and shape[0] in (1, None) and declared.type in _TYPES
+    both = 2 if count == 1 else 1
+    allowed = (1 * both, 3 * both)
+    last = known and shape[1] not in allowed and shape[3] in allowed
+    channels = (shape[3] if last else shape[1]) if known else None
+    if channels not in allowed:
+        raise IcyMoonError(f"{path} has the input {_describe([declared])}, which is no batch of one image or of both; "
+                           "export it with inputs of 1 or 3 channels each.")
+    height, width = shape[1:3] if last else shape[2:]
+    if count == 4 and not (height and width):
+        raise IcyMoonError(f"{path} has 4 inputs without a size ({_describe([declared])}); export it with fixed sizes.")
+    name = declared.name.lower()
+    eye = next((eye for eye in ("left", "right") if eye in name), ("left", "right")[place % 2])
+    return _Input(declared.name, ("left", "right") if count == 1 else (eye,), _TYPES[declared.type], bool(last),
+                  channels // both, height, width)
+
+
+def _run(network: _Network, left: np.ndarray, right: np.ndarray,
+         options: dict[str, Any]) -> tuple[np.ndarray, dict[str, Any], dict[str, Any], dict[str, Any]]:
+    """The disparity, arrays, counts and facts of a ``Result``."""
+    height, width = left.shape[:2]
+    multiple = options["multiple"]
+    run_height, run_width = network.fixed or (height + -height % multiple, width + -width % multiple)
+    images = {"left": left, "right": right}
+    if network.fixed is None:
+        images = {eye: np.pad(image, ((0, run_height - height), (0, run_width - width), (0, 0)), mode="edge")
+                  for eye, image in images.items()}
+    given = {each.name: _tensor(each, images, options) for each in network.inputs}
+    try:
+        outputs = network.session.run(None, given)
+    except Exception as error:  # its errors have no common base
+        raise IcyMoonError(f"onnx.model {_path(options).name} failed in ONNX Runtime ({_first_line(error)}); try "
+                           f"onnx.multiple, {multiple}, onnx.device=cpu or smaller images.") from None
+    factor = options["scale"] * (-1 if options["sign"] == "negative" else 1)
+    disparity = _plane(network, outputs, options, (run_height, run_width)).astype(np.float32) * np.float32(factor)
+    if network.fixed is None:
+        disparity = disparity[:height, :width]
+    elif network.fixed != (height, width):
+        disparity = cv2.resize(disparity, (width, height), interpolation=cv2.INTER_LINEAR) * np.float32(
+            width / run_width)
+    return disparity, {}, {}, {**network.facts, "input_height": run_height, "input_width": run_width}
+
+
+def _tensor(each: _Input, images: dict[str, np.ndarray], options: dict[str, Any]) -> np.ndarray:
+    """What an input gets: a batch of one image or of both."""
+    found = []
+    for eye in each.eyes:
+        image = images[eye]
+        size = each.height or image.shape[0], each.width or image.shape[1]
+        if size != image.shape[:2]:
+            shrinks = size[0] < image.shape[0]
+            image = cv2.resize(image, size[::-1], interpolation=cv2.INTER_AREA if shrinks else cv2.INTER_LINEAR)
+        found.append(_numbers(image, each, options))
+    tensor = np.concatenate(found, axis=-1)
+    return np.ascontiguousarray(tensor if each.channels_last else tensor.transpose(2, 0, 1))[None].astype(each.dtype)
+
+
+def _numbers(image: np.ndarray, each: _Input, options: dict[str, Any]) -> np.ndarray:
+    """float32 (H, W, channels) of uint8 RGB (H, W, 3)."""
+    values = image.astype(np.float32)
+    if options["numbers"] != "byte":
+        values /= 255
+    if options["numbers"] == "signed":
+        values = 2 * values - 1
+    elif options["numbers"] == "imagenet":
+        values = (values - _MEAN) / _SPREAD
+    if each.channels == 1:
+        return values.mean(axis=-1, keepdims=True)
+    return values[..., ::-1] if options["order"] == "bgr" else values
+
+
+def _plane(network: _Network, outputs: Sequence[np.ndarray], options: dict[str, Any],
+           shape: tuple[int, int]) -> np.ndarray:
+    """The map (H, W) in the output that is chosen: the first channel of the first image."""
+    place, declared = options["output"], network.session.get_outputs()
+    found = np.asarray(outputs[place]) if place < len(outputs) else None
+    if found is not None and found.ndim >= 2 and found.dtype.kind == "f":
+        while found.ndim > 2 and (found.shape[-2:] == shape or found.shape[0] == 1):
+            found = found[0]
+        while found.ndim > 2:
+            found = found[..., 0]
+        if found.shape == shape:
+            return found
+    raise IcyMoonError(f"onnx.output is {place}, and the network's outputs are {_describe(declared)}; choose the one "
+                       f"with the disparities of the whole image, {shape[1]} x {shape[0]} px.")
+
+
+def _test(network: _Network, options: dict[str, Any]) -> None:
+    """Raise IcyMoonError unless the network finds how far a texture is shifted."""
+    height, width = network.fixed or _TEST_SHAPE
+    # Squares of several sizes: as fine as a pixel, and as coarse as what a network sees at a sixteenth of the size.
+    random = np.random.default_rng(0)
+    texture = np.zeros((height, width + _SHIFT_PX, 3), np.float32)
+    for side, weight in ((1, 20.0), (2, 30.0), (4, 40.0), (8, 40.0), (16, 40.0)):
+        squares = random.normal(0, weight, (-(-height // side), -(-(width + _SHIFT_PX) // side), 3))
+        texture += np.kron(squares, np.ones((side, side, 1)))[:height, :width + _SHIFT_PX]
+    image = np.clip(texture + 128, 0, 255).astype(np.uint8)
+    # A point at column x of the left image is at x - 7 of the right one.
+    left, right = image[:, :width], image[:, _SHIFT_PX:]
+    disparity = _run(network, left, right, options)[0]
+    inner = disparity[height // 8:height - height // 8, width // 8:width - width // 8]
+    found = float(np.median(inner))
+    if abs(found - _SHIFT_PX) <= _TOLERANCE_PX:
+        return
+    raise IcyMoonError(f"onnx.model {_path(options).name} finds {found:.4g} px where the images are shifted by "
+                       f"{_SHIFT_PX} px; {_advise(found, options)}.")
+
+
+def _advise(found: float, options: dict[str, Any]) -> str:
+    if abs(found + _SHIFT_PX) <= _TOLERANCE_PX:
+        return f"give onnx.sign={'positive' if options['sign'] == 'negative' else 'negative'}"
+    if np.isfinite(found) and found != 0:
+        factor = options["scale"] * abs(_SHIFT_PX / found)
+        sign = " and the other onnx.sign" if found < 0 else ""
+        return (f"look at onnx.numbers, onnx.order and onnx.output, or give onnx.scale={factor:.3g}{sign} if the "
+                "network has other units")
+    return "look at onnx.numbers, onnx.order and onnx.output"
+
+
+def _describe(declared: Sequence[Any]) -> str:
+    return ", ".join(f"{each.name} {'x'.join(map(str, each.shape))}" for each in declared)
+
+
+def _first_line(error: Exception) -> str:
+    return (str(error).splitlines() or [type(error).__name__])[0][:300]

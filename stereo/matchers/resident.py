@@ -1,0 +1,59 @@
+"""Any other program that is started once and answers pair after pair, such as a network that is slow to load.
+
+``command`` is the command line, without fields, such as
+
+    --method 'mynet=resident:command=python mynet.py'
+
+It is split into arguments as a shell does, and run without a shell in the current folder. A program in Python needs one
+call, ``icymoon_serve.serve``; see ``resident_process`` for what other programs read and print.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ...render.pairs.pair_folder import StereoCamera
+from .command_lines import require_program, split_arguments
+from .options import Option
+from .resident_process import Program, ask_resident, start_resident
+from .result import Result
+
+COLOUR = True
+
+#: How long a program may take; other matchers that are such programs have these too.
+LIMITS = (Option("timeout_s", 600, "Seconds that a pair may take", 1, 86400),
+          Option("start_s", 300, "Seconds until the program is ready; the first pair may take these too", 1, 86400))
+
+OPTIONS = (Option("command", "", "The program and its arguments"), *LIMITS)
+
+PRESETS: dict[str, dict[str, Any]] = {}
+
+
+def check(options: dict[str, Any]) -> None:
+    """Raise IcyMoonError unless the command can be run."""
+    require_program("resident.command", _arguments(options)[0])
+
+
+def load(options: dict[str, Any]) -> None:
+    """Start the program, if it does not run yet."""
+    start_resident(_program(options))
+
+
+def compute(left: np.ndarray, right: np.ndarray, options: dict[str, Any], camera: StereoCamera | None) -> Result:
+    """Disparity of uint8 RGB (H, W, 3) images as the program answers it."""
+    return ask_resident(_program(options), left, right, camera)
+
+
+def files(options: dict[str, Any]) -> list[str]:
+    """What may be a file that the result depends on: the program and its arguments."""
+    return _arguments(options)
+
+
+def _program(options: dict[str, Any]) -> Program:
+    return Program("resident.command", tuple(_arguments(options)), options["start_s"], options["timeout_s"])
+
+
+def _arguments(options: dict[str, Any]) -> list[str]:
+    return split_arguments("resident.command", options["command"], "--method 'NAME=resident:command=PROGRAM'")

@@ -1,0 +1,260 @@
+"""A program of the user's that is started once and answers pair after pair, over lines of JSON.
+
+The program, most simply by ``adapters.icymoon_serve``, prints ``{"hello": 1}`` when it is ready. For each pair it reads
+a line ``{"id", "left", "right", "out", "camera"}`` with the paths of two npy files (uint8 RGB, (H, W, 3)), writes the
+disparity to ``out`` as npy, and then prints ``{"id", "ok": true}`` with what it took, or ``{"id", "error"}``. What it
+prints besides is no message. Its standard input ends when this process ends, however that is.
+
+A program that dies or does not answer in time fails this pair and is started again for the next one; after three such
+failures in a row it is not. The first pair is computed twice, since libraries and GPUs do much of their work
+once: the first time is stated apart.
+"""
+
+from __future__ import annotations
+
+import atexit
+import json
+import math
+import os
+import queue
+import subprocess
+import threading
+import time
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import IO, Any
+
+import numpy as np
+
+from ... import system
+from ...errors import IcyMoonError
+from ...records import parse_json
+from ...render.pairs.pair_folder import StereoCamera
+from ...scratch import make_scratch_folder
+from ..adapters.icymoon_serve import PROTOCOL, as_disparity
+from ..measure.costs import COSTS
+from .result import Result
+
+#: Where a program finds ``icymoon_serve``.
+ADAPTERS = Path(__file__).parents[1] / "adapters"
+#: Facts of the camera that a program gets.
+CAMERA = ("focal_px", "cx_px", "cy_px", "baseline_m")
+_FAILURES = 3
+_LOOK_S, _GRACE_S = 0.25, 2.0
+_LONGEST_LINE = 65536
+
+
+@dataclass(frozen=True)
+class Program:
+    """What is started, what messages call it, and how long its start and a pair may take."""
+
+    name: str
+    command: tuple[str, ...]
+    start_s: int
+    timeout_s: int
+
+
+class _ProgramError(Exception):
+    """What a program has done wrong, in words that follow its name."""
+
+
+class _Resident:
+    """A running program."""
+
+    def __init__(self, program: Program) -> None:
+        """Start it and wait until it is ready. Raises _ProgramError; IcyMoonError if there is no temporary folder."""
+        self._program, self._folder = program, make_scratch_folder()
+        self._lines: queue.SimpleQueue[bytes] = queue.SimpleQueue()
+        self._stray, self._id = "", 0
+        paths = [os.environ.get("PYTHONPATH", ""), str(ADAPTERS)]
+        begun = time.monotonic()
+        try:
+            with (self._folder / "errors.txt").open("wb") as errors:
+                self._process = system.start(
+                    program.command, {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, paths))},
+                    stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=errors)
+        except OSError as error:
+            system.remove_folder(self._folder)
+            raise _ProgramError(f"cannot be run ({error.strerror}); check {program.command[0]}.") from None
+        threading.Thread(target=self._read, args=(self._process.stdout,), daemon=True).start()
+        try:
+            hello = self._wait_for("hello", program.start_s)
+            if hello["hello"] != PROTOCOL:
+                raise _ProgramError(f"speaks version {hello['hello']} of the protocol, not {PROTOCOL}; copy "
+                                    f"{ADAPTERS / 'icymoon_serve.py'} beside it.")
+        except BaseException:
+            self.stop(0.0)
+            raise
+        self.facts = {**_texts(hello, "name"), "start_seconds": round(time.monotonic() - begun, 3)}
+        self._warm = False
+
+    def compute(self, left: np.ndarray, right: np.ndarray, camera: StereoCamera | None) -> Result:
+        """The disparity of a pair. Raises _ProgramError, and IcyMoonError for an error that the program reports."""
+        if not self._warm:
+            begun = time.monotonic()
+            self._ask(left, right, camera, self._program.start_s + self._program.timeout_s)
+            self.facts["first_seconds"] = round(time.monotonic() - begun, 3)
+            self._warm = True
+        disparity, answer, waited = self._ask(left, right, camera, self._program.timeout_s)
+        facts = answer.get("facts")
+        stated = {key: value for key, value in facts.items() if isinstance(value, str | int | float)} if isinstance(
+            facts, dict) else {}
+        costs = {"wall_seconds": waited, "memory_mb": system.peak_memory_mib_of(self._process.pid)}
+        costs |= {key: answer.get(given) for key, given in _COSTS.items() if _is_cost(answer.get(given))}
+        costs.setdefault("seconds", costs["wall_seconds"])
+        return Result(disparity, facts={**self.facts, **stated, **_texts(answer, "gpu")},
+                      costs={key: value for key, value in costs.items() if value is not None})
+
+    def _ask(self, left: np.ndarray, right: np.ndarray, camera: StereoCamera | None,
+             limit_s: float) -> tuple[np.ndarray, dict[str, Any], float]:
+        """Have it compute a pair: the disparity, its answer, and the seconds until then."""
+        self._id += 1
+        paths = {key: self._folder / f"{key}{self._id}.npy" for key in ("left", "right", "out")}
+        try:
+            np.save(paths["left"], left)
+            np.save(paths["right"], right)
+            request = {"id": self._id, **{key: str(path) for key, path in paths.items()},
+                       "camera": camera and {key: float(getattr(camera, key)) for key in CAMERA}}
+            begun = time.monotonic()
+            self._write(request)
+            answer = self._wait_for("id", limit_s)
+            waited = time.monotonic() - begun
+            if answer.get("ok") is not True:
+                reason = " ".join(str(answer.get("error", "neither ok nor an error")).split())
+                raise IcyMoonError(f"{self._program.name} reports {reason[:300]}; correct the program.")
+            return self._read_disparity(paths["out"], left.shape[:2]), answer, waited
+        finally:
+            for path in paths.values():
+                system.remove(path)
+
+    def _write(self, request: Mapping[str, Any]) -> None:
+        assert self._process.stdin is not None
+        with suppress(OSError):  # a program that has ended is noticed where its answer is read
+            self._process.stdin.write(json.dumps(request).encode("ascii") + b"\n")
+            self._process.stdin.flush()
+
+    def _wait_for(self, key: str, limit_s: float) -> dict[str, Any]:
+        """The next message with this key: the hello, or the answer to the last request."""
+        end = time.monotonic() + limit_s
+        while (left_s := end - time.monotonic()) > 0:
+            try:  # in short steps, as Windows interrupts nobody who waits
+                line = self._lines.get(timeout=min(_LOOK_S, left_s))
+            except queue.Empty:
+                continue
+            if not line:
+                raise _ProgramError(self._describe_end("it was ready" if key == "hello" else "it had answered"))
+            message = _parse(line)
+            if message is None or key not in message:
+                self._stray = line.decode("utf-8", "replace").strip() or self._stray
+            elif key == "hello" or message["id"] == self._id:
+                return message
+        matcher = self._program.name.partition(".")[0]
+        what, option = ("to be ready", "start_s") if key == "hello" else ("for a pair", "timeout_s")
+        raise _ProgramError(f"took more than {limit_s:g} s {what} and was stopped ({self._last_words()}); raise "
+                            f"{matcher}.{option} or make it faster.")
+
+    def _describe_end(self, before: str) -> str:
+        try:
+            status = self._process.wait(_GRACE_S)
+        except subprocess.TimeoutExpired:
+            return f"closed its output before {before} ({self._last_words()}); keep it open."
+        how = f"was ended by signal {-status}" if status < 0 else f"ended with status {status}"
+        return f"{how} before {before} ({self._last_words()}); correct the program."
+
+    def _last_words(self) -> str:
+        """The last line of its standard error, or else of what it printed beside messages."""
+        with suppress(OSError):
+            text = (self._folder / "errors.txt").read_bytes()[-_LONGEST_LINE:].decode("utf-8", "replace")
+            self._stray = next((line.strip() for line in reversed(text.splitlines()) if line.strip()), self._stray)
+        return self._stray[:300] or "no message"
+
+    def _read_disparity(self, path: Path, shape: tuple[int, ...]) -> np.ndarray:
+        try:
+            return as_disparity(np.load(path, allow_pickle=False), shape)
+        except FileNotFoundError:
+            raise IcyMoonError(f"{self._program.name} answered that the pair is done, but wrote no disparity map; save "
+                               "it to out before.") from None
+        except Exception as error:  # with a damaged header numpy may raise anything
+            raise IcyMoonError(f"{self._program.name} wrote a disparity map that cannot be used: "
+                               f"{' '.join(str(error).split())[:300]}.") from None
+
+    def _read(self, stream: IO[bytes]) -> None:
+        with suppress(OSError, ValueError):  # it was closed
+            while line := stream.readline(_LONGEST_LINE):
+                self._lines.put(line)
+        self._lines.put(b"")
+
+    def stop(self, grace_s: float) -> None:
+        """End it, with all that it has started, after some time to end by itself."""
+        with suppress(OSError):
+            self._process.stdin.close()  # type: ignore[union-attr]
+        with suppress(subprocess.TimeoutExpired):
+            self._process.wait(grace_s)
+        system.kill_all(self._process)
+        system.remove_folder(self._folder)
+
+
+_running: dict[Program, _Resident] = {}
+#: Failures in a row of each program, and the last one.
+_failed: dict[Program, tuple[int, str]] = {}
+
+
+def start_resident(program: Program) -> None:
+    """Start a program if it does not run yet. Raises IcyMoonError if it cannot start or has failed too often."""
+    count, reason = _failed.get(program, (0, ""))
+    if count >= _FAILURES:
+        raise IcyMoonError(f"{program.name} failed {count} times in a row and is not started again; the last time it "
+                           f"{reason}")
+    if program not in _running:
+        try:
+            _running[program] = _Resident(program)
+        except _ProgramError as failure:
+            raise _noted(program, failure) from None
+
+
+def ask_resident(program: Program, left: np.ndarray, right: np.ndarray, camera: StereoCamera | None) -> Result:
+    """The disparity of uint8 RGB (H, W, 3) images. Raises IcyMoonError if the program fails."""
+    start_resident(program)
+    try:
+        result = _running[program].compute(left, right, camera)
+    except _ProgramError as failure:
+        _running.pop(program).stop(0.0)
+        raise _noted(program, failure) from None
+    _failed.pop(program, None)
+    return result
+
+
+def _noted(program: Program, failure: _ProgramError) -> IcyMoonError:
+    _failed[program] = _failed.get(program, (0, ""))[0] + 1, str(failure)
+    return IcyMoonError(f"{program.name} {failure}")
+
+
+@atexit.register
+def stop_residents() -> None:
+    """End all programs, and forget what they did wrong."""
+    _failed.clear()
+    while _running:
+        _running.popitem()[1].stop(_GRACE_S)
+
+
+#: Our name of each cost, and its name in an answer.
+_COSTS = dict(zip(COSTS, ("cpu_seconds", "seconds", "gpu_seconds", "gpu_mb", "memory_mb"), strict=True))
+
+
+def _is_cost(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value) and value >= 0
+
+
+def _texts(message: Mapping[str, Any], key: str) -> dict[str, str]:
+    value = message.get(key)
+    return {key: value[:200]} if isinstance(value, str) else {}
+
+
+def _parse(line: bytes) -> dict[str, Any] | None:
+    try:
+        message = parse_json(line.decode("utf-8", "replace"))
+    except ValueError:
+        return None
+    return dict(message) if isinstance(message, dict) else None

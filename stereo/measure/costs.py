@@ -1,0 +1,7 @@
+"""What matching a pair takes."""
+
+from __future__ import annotations
+
+#: CPU seconds, seconds until the result, seconds and MiB of a GPU, MiB of memory. Only the first two are known of every
+#: matcher.
+COSTS = ("seconds", "wall_seconds", "gpu_seconds", "gpu_mb", "memory_mb")
