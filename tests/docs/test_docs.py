@@ -22,7 +22,7 @@ BLOCKS = list(manual.blocks())
 #: Languages of fences; text and json are shown, not run.
 LANGUAGES = ("sh", "powershell", "toml", "python", "text", "json")
 #: What a shell of Windows does not understand: its own words, a line that goes on, where an environment has its Python.
-ONLY_SH = re.compile(r"(?m)\\$|^(for|make|export|\.) |(\.venv|evaluator)/bin/|\$\(")
+ONLY_SH = re.compile(r"(?m)\\$|^(for|make|export|\.) |(\.venv|evaluator|networks)/bin/|\$\(")
 FIGURES = {f"docs/figures/{name}.svg" for name in re.findall(
     r"(?m)^def (\w+)\(figure: Figure\)", (ROOT / "docs" / "make" / "figures.py").read_text(encoding="utf-8"))}
 
@@ -138,7 +138,7 @@ def test_every_piece_of_python_compiles_and_finds_what_it_imports(block):
     tree = ast.parse(block.code)
     assert not commands.python_fault(block.code), str(block)
     for node in ast.walk(tree):
-        if isinstance(node, ast.ImportFrom) and node.module and node.module.startswith("icymoon"):
+        if isinstance(node, ast.ImportFrom) and node.module and node.module.split(".")[0] == "icymoon":
             module = importlib.import_module(node.module)
             assert all(hasattr(module, alias.name) for alias in node.names), f"{block}: {ast.unparse(node)}"
         elif isinstance(node, ast.Import):

@@ -20,7 +20,7 @@ from icymoon.stereo.matchers.methods import parse_key_value, parse_named_methods
 from icymoon.version import ROOT
 from manual import reference
 
-PYTHONS = ("python", "python3", ".venv/bin/python", "evaluator/bin/python")
+PYTHONS = ("python", "python3", ".venv/bin/python", "evaluator/bin/python", "networks/bin/python")
 #: Programs of the shell that a page may show; what they do is not ours to check.
 SHELL = ("sbatch", ".", "cd", "git")
 OPERATORS = {operator.name.removeprefix("icymoon."): operator for operator in reference.operators()}
@@ -54,7 +54,7 @@ def as_sh(code: str) -> str:
     """A block for PowerShell as sh writes it."""
     code = re.sub(r'foreach \(\$(\w+) in "?([\d.]+?)"?(?:\.\.|,).*\) \{', r"for \1 in \2 …; do", code)
     code = re.sub(r"(?m)^py(?: -[\d.]+)? ", "python3 ", code).replace("\n}", "\ndone").replace("`\n", "\\\n")
-    code = re.sub(r"(\.venv|evaluator)\\Scripts\\(python)\.exe", r"\1/bin/\2", code)
+    code = re.sub(r"(\.venv|evaluator|networks)\\Scripts\\(python)\.exe", r"\1/bin/\2", code)
     return code.replace("; python", "\npython").replace(".venv\\Scripts\\Activate.ps1", ". .venv/bin/activate")
 
 

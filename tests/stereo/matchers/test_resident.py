@@ -2,6 +2,7 @@
 
 import os
 import shlex
+import shutil
 import signal
 import subprocess
 import sys
@@ -162,6 +163,24 @@ def test_programs_without_python_s_helper_fail_in_one_sentence(body, reason, tmp
     with pytest.raises(IcyMoonError, match=reason) as caught:
         ask(command(tmp_path, body), start_s=1 if "wait" in body else 60, timeout_s=60)
     assert "\n" not in str(caught.value)
+
+
+SHELL = r"""
+echo '{"hello": 1, "name": "shell"}'
+while read -r line; do
+    cp "$1" "$(echo "$line" | sed 's/.*"out": "\([^"]*\)".*/\1/')"
+    echo "$line" | sed 's/.*"id": \([0-9]*\).*/{"id": \1, "ok": true}/'
+done
+"""
+
+
+@pytest.mark.skipif(not shutil.which("sh"), reason="Windows has no sh")
+def test_a_program_in_another_language_needs_the_protocol_alone(tmp_path):
+    np.save(tmp_path / "ready.npy", np.full(SHAPE, 7.5))
+    (tmp_path / "net.sh").write_text(SHELL, encoding="utf-8")
+    disparity, _, info = ask(shlex.join(["sh", str(tmp_path / "net.sh"), str(tmp_path / "ready.npy")]))
+    assert (disparity == 7.5).all()
+    assert info["facts"]["name"] == "shell"
 
 
 def test_lines_that_are_no_answer_are_passed_over(tmp_path):

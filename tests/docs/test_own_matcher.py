@@ -1,0 +1,42 @@
+"""From "I have a network" to its row in the report, word by word from the manual."""
+
+from __future__ import annotations
+
+import json
+import shlex
+import sys
+from pathlib import Path
+
+import manual
+import pairs
+import pytest
+from icymoon.stereo import cli
+
+PAGE = "docs/howto/own-matcher.md"
+CODE = [block.code for block in manual.blocks() if block.page == PAGE and block.language in ("python", "sh")]
+MOST_LINES = 15
+
+
+def after(words: str) -> int:
+    """The place of the first piece of code with these words."""
+    return next(k for k, code in enumerate(CODE) if words in code)
+
+
+@pytest.mark.parametrize(("file", "program", "command", "name"), [
+    ("mynet.py", "from icymoon_serve import serve", "mynet=resident", "mynet"),
+    ("mine.py", "import sys", "command='python mine.py", "mine")])
+def test_a_program_of_the_manual_gets_its_row(file, program, command, name, tmp_path, monkeypatch):
+    pairs.write_pair(tmp_path / "DATASET" / "pairs" / "one", rig=pairs.camera(160, 90))
+    text, words = CODE[after(program)], shlex.split(CODE[after(command)])
+    lines = [line for line in text.splitlines() if line.strip()]
+    assert len(lines) + 1 <= MOST_LINES  # with the command
+    (tmp_path / file).write_text(text + "\n", encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("PATH", str(Path(sys.executable).parent), prepend=":")
+    assert words[:3] == ["python", "-m", "icymoon.stereo"]
+    assert cli.main(words[3:]) == 0
+    rows = json.loads((tmp_path / "REPORT" / "report.json").read_text(encoding="utf-8"))["rows"]
+    (row,) = (row for row in rows if row["method"] == name)
+    assert row["status"] == "ok"
+    assert row["coverage"] > 0.5
+    assert row["l1_m"] < 0.1
