@@ -26,7 +26,7 @@ def after(words: str) -> int:
     ("mynet.py", "from icymoon_serve import serve", "mynet=resident", "mynet"),
     ("mine.py", "import sys", "command='python mine.py", "mine")])
 def test_a_program_of_the_manual_gets_its_row(file, program, command, name, tmp_path, monkeypatch):
-    pairs.write_pair(tmp_path / "DATASET" / "pairs" / "one", rig=pairs.camera(160, 90))
+    pairs.write_pair(tmp_path / "DATASET" / "pairs" / "one", rig=pairs.camera(320, 180))
     text, words = CODE[after(program)], shlex.split(CODE[after(command)])
     lines = [line for line in text.splitlines() if line.strip()]
     assert len(lines) + 1 <= MOST_LINES  # with the command
