@@ -6,8 +6,8 @@
 One 640 x 480 pair in colour. The programs return a constant, so all that is measured is the way there and back: images
 written and read, disparity written, read and checked, and libraries loaded. The columns are milliseconds of waiting and
 of processor, of all processes, per pair: the mean of 50 pairs after the first one (of five for programs that are
-started for each pair), and the start with the first pair. Needs Linux. Compare the ratios. The ONNX network matches
-blocks over 16 disparities, so its row is what a small network takes; it needs onnx and ONNX Runtime.
+started for each pair), and the start with the first pair. Needs Linux. Compare the ratios. The ONNX network compares
+windows at 16 disparities, so its row is what a small network takes; it needs onnx and ONNX Runtime.
 """
 
 from __future__ import annotations
