@@ -25,7 +25,7 @@ def write_network(path: Path, size: tuple[int, int] | None = None, names: Sequen
     is another output before the disparity. ``half``: the disparity has half the size of the images. ``swapped``: the
     file lists the inputs in the opposite order.
     """
-    sides = list(size) if size else ["h", "w"]
+    sides: list[Any] = list(size) if size else ["h", "w"]
     nodes: list[Any] = []
     weights: dict[str, np.ndarray] = {"zero": np.array(0, dtype)}
 

@@ -22,7 +22,8 @@ def shifted(height, width, shift):
 
 def found(path, shape=(48, 64), shift=SHIFT, **options):
     """The disparity of a shifted pair away from the borders, and the facts."""
-    disparity, _, info = match("onnx", *shifted(*shape, shift), {"model": str(path)} | options)
+    left, right = shifted(shape[0], shape[1], shift)
+    disparity, _, info = match("onnx", left, right, {"model": str(path)} | options)
     assert disparity.shape == shape
     return disparity[8:-8, 24:-8], info["facts"]
 
