@@ -546,6 +546,7 @@ def camera_image_follows() -> Waiting:
     yield from ended()
     yield from until(lambda: len(manager().windows) == 2, "Opening an Image Editor")
     follow, image = module("operators.live_exposure"), manager().windows[1].screen.areas[0].spaces.active.image
+    yield from until(lambda: not bpy.app.timers.is_registered(follow.work), "Following the new pixel pitch")
     yield from screenshot("camera_image")
     before, work, spans = sum(image.pixels[:][::4]), follow.work, []
 
