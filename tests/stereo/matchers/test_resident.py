@@ -87,7 +87,7 @@ def test_one_process_answers_all_pairs_and_what_it_prints_is_no_answer(tmp_path)
     assert info["facts"]["size"] == "small"
     assert info["facts"]["first_seconds"] >= info["wall_seconds"] > 0
     assert info["facts"]["start_seconds"] > 0.02  # Python and numpy took that, and no pair states it
-    assert info["seconds"] < 0.02
+    assert info["seconds"] < 0.05
     assert info["gpu_mb"] is None
 
 
@@ -117,14 +117,14 @@ def test_a_bad_disparity_map_or_an_exception_fails_this_pair_only(do, reason, tm
 @pytest.mark.parametrize(("do", "reason"), [
     (KILLED, "was ended by signal 9 before it had answered"), (DIES, r"ended with status 3 before .* \(bye\)"),
     (23, r"ended with status 1 before .* \(gone\)"),
-    (HANGS, r"took more than 1 s for a pair and was stopped.*resident.timeout_s")])
+    (HANGS, r"took more than 3 s for a pair and was stopped.*resident.timeout_s")])
 def test_one_that_dies_or_hangs_is_started_again_for_the_next_pair(do, reason, tmp_path):
     text = command(tmp_path, SERVED)
-    pid = ask(text, COUNT, timeout_s=1)[0][0, 0]
+    pid = ask(text, COUNT, timeout_s=3)[0][0, 0]
     with pytest.raises(IcyMoonError, match=reason):
-        ask(text, do, timeout_s=1)
+        ask(text, do, timeout_s=3)
     assert not is_there(int(pid))
-    assert ask(text, COUNT, timeout_s=1)[0][0, 0] != pid
+    assert ask(text, COUNT, timeout_s=3)[0][0, 0] != pid
 
 
 def test_after_three_failures_in_a_row_it_is_not_started_again(tmp_path):
@@ -138,6 +138,36 @@ def test_after_three_failures_in_a_row_it_is_not_started_again(tmp_path):
     with pytest.raises(IcyMoonError, match=r"failed 3 times in a row and is not started again.*status 3.*\(bye\)"):
         ask(text)
     assert (tmp_path / "n").read_text() == "x" * 5
+
+
+#: What a program with PyTorch on a GPU has, as far as it is asked; its clock is that of the processor.
+ON_A_GPU = """
+import sys, time
+from types import SimpleNamespace
+class Event:
+    def __init__(self, enable_timing): assert enable_timing
+    def record(self): self.at = time.perf_counter()
+    def elapsed_time(self, end): return 1000 * (end.at - self.at)
+ready = []
+sys.modules["torch"] = SimpleNamespace(cuda=SimpleNamespace(
+    is_available=lambda: True, is_initialized=lambda: bool(ready), Event=Event, synchronize=lambda: None,
+    get_device_name=lambda: "H100", max_memory_allocated=lambda: 3 * 2**20))
+import numpy as np
+from icymoon_serve import serve
+def disparity(left, right, camera):
+    ready.append(0)  # the first pair initialises CUDA
+    time.sleep(0.3)
+    return np.ones(left.shape[:2])
+serve(disparity)
+"""
+
+
+def test_time_and_memory_of_a_gpu_are_stated(tmp_path):
+    info = ask(command(tmp_path, ON_A_GPU))[2]
+    assert info["facts"]["gpu"] == "H100"
+    assert info["gpu_mb"] == 3
+    assert info["gpu_seconds"] >= 0.3
+    assert info["seconds"] < 0.2  # of the processor, which slept
 
 
 HELLO = "import json, os, sys, time\nimport numpy as np\nsay = lambda **m: print(json.dumps(m), flush=True)\n"
@@ -215,11 +245,11 @@ match("resident", image, image, {{"command": {command(tmp_path, body)!r}}})"""],
 
 
 def wait_for(state):
-    for _ in range(600):
+    for _ in range(1200):
         if state():
             return
         time.sleep(0.05)
-    pytest.fail("it has not happened in 30 s")
+    pytest.fail("it has not happened in 60 s")
 
 
 def test_all_ends_with_us_and_leaves_no_file(tmp_path, monkeypatch):
@@ -229,9 +259,10 @@ def test_all_ends_with_us_and_leaves_no_file(tmp_path, monkeypatch):
     pid = int(ask(text, COUNT)[0][0, 0])
     (folder,) = (tmp_path / "temporary").iterdir()
     assert {path.name for path in folder.iterdir()} == {".icymoon.json", "errors.txt"}
-    begun = time.monotonic()
+    (resident,) = resident_process._running.values()
+    monkeypatch.setattr(resident_process, "_GRACE_S", 60)
     stop_residents()
-    assert time.monotonic() - begun < 1.5  # it ended by itself
+    assert resident._process.returncode == 0  # it ended by itself
     assert not is_there(pid)
     assert not list((tmp_path / "temporary").iterdir())
 
