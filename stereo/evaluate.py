@@ -37,7 +37,7 @@ from .report.row_log import Row, RowLog
 Event = Callable[[dict[str, Any]], None]
 
 #: Version of the measurement: increased when the same input gives other numbers, so that old rows are not reused.
-MEASURE = 2
+MEASURE = 3
 
 
 def evaluate(paths: Sequence[Path], methods: Sequence[Method], out: Path,
