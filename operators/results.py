@@ -27,19 +27,24 @@ from .sidebar_text import in_window
 #: Columns of a matcher's row in a report that the scene keeps.
 METRICS = ("l1_m", "l1_rate_10", "si_rmse", "dod", "coverage")
 _ROW = {"method": TEXT, **{name: Maybe(NUMBER, null=True) for name in METRICS}}
-_SHAPE = {"made": TEXT, "scope": TEXT, "pairs": Each(TEXT), "settings": Each(TABLE, TEXT), "summary": Each(_ROW)}
+_SHAPE = {"made": TEXT, "scope": TEXT, "pairs": Each(TEXT), "settings": Each(TABLE, TEXT), "summary": Each(_ROW),
+          "notes": Maybe(Each(TEXT))}
 _FILES = Maybe(Each({"method": TEXT, "images": Maybe(Each(TEXT, TEXT))}))
 _REPORT = {"summary": Each(_ROW), "shown": _FILES, "rows": _FILES, "curves": Maybe(Each(TEXT, TEXT)),
+           "notes": Maybe(Each(TEXT)),
            "provenance": Maybe({"created": Maybe(TEXT), "response_overrides": Maybe(TABLE)})}
 #: Maximum length of a text from a file, and maximum number of settings that a note names.
 _LONGEST, _MOST_NAMED = 40, 3
+#: The same of a note on the results, and maximum number of notes that the panel shows; the report has all.
+_LONGEST_NOTE, _MOST_NOTES = 400, 2
 #: Settings of the data set, with the effect "run", on which the results of each scope depend nevertheless.
 _COUNT_TOO = {"DATASET": ("folder", "methods"), "SCENE": ("folder", "methods", "headings")}
 
 
 @dataclass(frozen=True)
 class Kept:
-    """The last evaluation of a scene: its time, scope, pairs and settings, and a row of ``METRICS`` for each matcher.
+    """The last evaluation of a scene: its time, scope, pairs and settings, a row of ``METRICS`` for each matcher, and
+    notes on what the results do not tell.
 
     It comes from a .blend file, which anyone may have written: show it, but never open or run anything in it.
     """
@@ -49,6 +54,7 @@ class Kept:
     pairs: tuple[str, ...]
     settings: Settings
     summary: tuple[dict[str, Any], ...]
+    notes: tuple[str, ...] = ()
 
 
 def keep_results(scene: bpy.types.Scene, scope: str, settings: Settings, pairs: Sequence[str] = ()) -> None:
@@ -63,7 +69,8 @@ def keep_results(scene: bpy.types.Scene, scope: str, settings: Settings, pairs: 
         topic, _, key = name.partition(".")
         settings = description.merged(settings, description.check({topic: {key: value}}, "report.json"))
     kept = {"made": _made(report), "scope": scope, "pairs": list(pairs), "settings": settings,
-            "summary": [{key: row.get(key) for key in _ROW} for row in report["summary"]]}
+            "summary": [{key: row.get(key) for key in _ROW} for row in report["summary"]],
+            "notes": report.get("notes", [])[:_MOST_NOTES]}
     scene.icymoon.results = json.dumps(kept)
 
 
@@ -86,11 +93,12 @@ def _parsed(text: str) -> Kept | None:
     if find_fault(found, _SHAPE):
         return None
     return Kept(_clean(found["made"]), found["scope"], tuple(map(_clean, found["pairs"])), typed(found["settings"]),
-                tuple({**row, "method": _clean(row["method"])} for row in found["summary"]))
+                tuple({**row, "method": _clean(row["method"])} for row in found["summary"]),
+                tuple(_clean(note, _LONGEST_NOTE) for note in found.get("notes", ())[:_MOST_NOTES]))
 
 
-def _clean(text: str) -> str:
-    return "".join(c if c.isprintable() else " " for c in text[:_LONGEST])
+def _clean(text: str, longest: int = _LONGEST) -> str:
+    return "".join(c if c.isprintable() else " " for c in text[:longest])
 
 
 def folder_of(settings: Settings, scope: str) -> Path:
@@ -105,6 +113,12 @@ def summary(scene: bpy.types.Scene) -> list[dict[str, Any]]:
     """One row of metrics for each matcher of a scene's last evaluation; empty if there was none."""
     found = kept_results(scene)
     return list(found.summary) if found else []
+
+
+def limits(scene: bpy.types.Scene) -> tuple[str, ...]:
+    """Sentences on what the results of a scene's last evaluation do not tell, the most important first."""
+    found = kept_results(scene)
+    return found.notes if found else ()
 
 
 def differences(scene: bpy.types.Scene) -> list[str]:

@@ -132,6 +132,8 @@ class ICYMOON_PT_results(Sidebar, bpy.types.Panel):
         draw_lines(layout, wrapped(origin), "TIME")
         for sentence in warnings:
             draw_lines(layout, wrapped(sentence), "ERROR")
+        for sentence in results.limits(context.scene):
+            draw_lines(layout, wrapped(sentence), "ERROR")
         table = layout.column()
         table.active = not warnings
         _draw_results(table, context.scene, rows)

@@ -51,7 +51,8 @@ def _parser() -> argparse.ArgumentParser:
     command.add_argument("--option", action="append", default=[], nargs="+", metavar="KEY=VALUE",
                          help="option of the method, such as window=21 or preset=guiss")
     command.add_argument("--camera", type=as_path, metavar="PAIR",
-                         help="pair folder whose camera took the images, for an external program that asks for it")
+                         help="pair folder whose camera took the images: sets the search range, and an external "
+                              "program may ask for it")
     command.add_argument("--out", required=True, type=as_path,
                          help="npz to write: disparity, float32 px, NaN where invalid, and other arrays of the method")
     command.set_defaults(run=_run_match)
@@ -141,10 +142,15 @@ def _run_match(parsed: argparse.Namespace) -> int:
     from .images.image_files import read_png, write_disparity
     from .matchers import match
     from .matchers.methods import parse_key_value
+    from .matchers.search_range import FIXED, known_ranges
 
     options = dict(parse_key_value(text, "--option") for part in parsed.option for text in part)
-    camera = read_pair(parsed.camera).camera if parsed.camera else None
-    disparity, _, info = match(parsed.method, read_png(parsed.left), read_png(parsed.right), options, camera)
+    pair = read_pair(parsed.camera) if parsed.camera else None
+    disparity, _, info = match(parsed.method, read_png(parsed.left), read_png(parsed.right), options,
+                               pair and pair.camera, known_ranges(pair and pair.settings.rig, None))
+    if (searched := info["search"]) and searched.source == FIXED:
+        print(f"{PROGRAM}: the rig is not known, so {parsed.method} searched {searched.least_px} to {searched.most_px} "
+              "px; give --camera PAIR or state the range.", file=sys.stderr)
     write_disparity(parsed.out, disparity, info["arrays"])
     return 0
 
@@ -173,7 +179,7 @@ def _run_evaluate(parsed: argparse.Namespace) -> int:
                           parsed.points)
     path = (parsed.out / "report.html").resolve()
     if parsed.json_lines:
-        _print_json_line({"type": "result", "report": str(path), "rows": report["summary"]})
+        _print_json_line({"type": "result", "report": str(path), "rows": report["summary"], "notes": report["notes"]})
     else:
         _print_summary(report)
         print(path)
@@ -261,3 +267,5 @@ def _print_summary(report: dict[str, Any]) -> None:
     if not console.is_terminal:
         console.width = max(console.width, 120)  # a pipe has no width, and a table in it must not be wrapped
     console.print(table)
+    for note in report["notes"]:
+        print(note)

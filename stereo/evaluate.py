@@ -28,6 +28,7 @@ from .images.disparity_files import read_disparity
 from .matchers import complete_options, files_of, match
 from .matchers.methods import Method
 from .matchers.resident_process import stop_residents
+from .matchers.search_range import known_ranges
 from .measure.costs import COSTS
 from .measure.prepare import Prepared, distinct_pairs, prepare
 from .measure.result_row import COMMON_NUMBERS, NUMBERS, common_numbers, own_numbers
@@ -58,13 +59,15 @@ def evaluate(paths: Sequence[Path], methods: Sequence[Method], out: Path,
     each failure and {"type": "warning", "message"} for each suspect pair and each kind of blur in the images. Raises
     IcyMoonError if there is no pair, if ``out`` cannot be written, or if it contains files that no evaluation wrote.
 
-    The report is {"format", "version", "summary", "differences", "rows", "pairs", "failed", "suspect", "provenance"};
+    The report is {"format", "version", "summary", "differences", "rows", "pairs", "failed", "suspect", "notes",
+    "provenance"}; ``notes`` are sentences on what limits the comparison;
     an undefined value is null. ``rows`` and ``pairs`` are read from the disk on demand.
 
     * ``summary``: one entry per method, see ``summary.summarise_method``; ``differences``: see
       ``summary.differences``.
     * ``rows``: ``pair``, ``method``, ``status`` ("ok", "suspect" or "failed"), the numbers of ``row.NUMBERS``,
-      ``error_curve``, ``sparsification``, ``strata``, the complete ``options``, ``counts`` of pixels per outcome and
+      ``error_curve``, ``sparsification``, ``strata``, the complete ``options``, ``search`` (the disparities that were
+      searched, where they come from, and the share of true ones outside), ``counts`` of pixels per outcome and
       ``facts`` on what it ran on (if the method has them), ``error`` (why it failed), ``key`` (a hash of everything
       that the row depends on) and ``images``: paths, relative to ``out``, of the pictures ``depth`` and ``error``, of
       ``disparity`` (npz, with the other arrays of the method) and, if asked for, of ``points`` (ply).
@@ -139,6 +142,8 @@ class _Run:
     def _measure(self, prepared: Prepared, keys: Mapping[str, str], rows: dict[str, Row]) -> None:
         """Add the missing ``rows`` of a pair, and update the numbers that depend on all of its methods."""
         disparities: dict[str, np.ndarray] = {}
+        shared = np.where(prepared.visible, prepared.pair.camera.disparity(prepared.truth), np.nan)
+        ranges = known_ranges(prepared.pair.settings.rig, shared)
         for method in self.methods:
             label = method.label
             stored = self._read_stored(rows.get(label), prepared)
@@ -148,8 +153,10 @@ class _Run:
                 continue
             try:
                 disparities[label], _, info = match(method.name, prepared.left, prepared.right, method.options,
-                                                     prepared.pair.camera)
-                rows[label] = self._make_row(prepared, method, keys[label], disparities[label], info)
+                                                     prepared.pair.camera, ranges)
+                searched = info["search"] and info["search"].to_json(shared)
+                rows[label] = self._make_row(prepared, method, keys[label], disparities[label],
+                                             info | {"search": searched})
             except DiskError:
                 raise
             except Exception as error:
@@ -180,7 +187,8 @@ class _Run:
                 "status": "ok" if prepared.check.ok else "suspect",
                 **own_numbers(prepared, disparity, info["options"]["min_disparity"] if method.name == "bm" else None),
                 **dict.fromkeys(COMMON_NUMBERS), "common": "", **{key: info[key] for key in COSTS},
-                "options": info["options"], "counts": info["counts"], "facts": info["facts"], "error": "",
+                "options": info["options"], "search": info["search"], "counts": info["counts"], "facts": info["facts"],
+                "error": "",
                 "images": write_method_pictures(prepared, method, disparity, info, self.out)}
 
     def _add_row(self, row: Row) -> None:
@@ -200,8 +208,8 @@ class _Run:
 def _failed_row(pair: str, method: Method, key: str, message: str) -> Row:
     return {"pair": pair, "method": method.label, "key": key, "status": "failed", **dict.fromkeys(NUMBERS),
             "error_curve": [], "sparsification": {}, "strata": {}, "common": "",
-            "options": complete_options(method.name, method.options), "counts": {}, "facts": {}, "error": message,
-            "images": {}}
+            "options": complete_options(method.name, method.options), "search": None, "counts": {}, "facts": {},
+            "error": message, "images": {}}
 
 
 def _read_facts(out: Path, pair: str, content: str) -> dict[str, Any] | None:

@@ -4,8 +4,10 @@ A matcher is a module of this package with ``OPTIONS``, ``PRESETS`` (named sets 
 ``compute(left, right, options, camera)``. This function takes two uint8 images of one size, a complete dict of options
 and the camera, if it is known, and returns a ``Result``. Images are grey (H, W), or RGB (H, W, 3) for a module with
 ``COLOUR``. A module may have three more functions: ``check(options)`` raises IcyMoonError if a file or program that the
-options name does not exist, ``load(options)`` does work that is not part of matching a pair, and ``files(options)``
-returns words within options that may be files.
+options name does not exist, ``load(options)`` does work that is not part of matching a pair, ``files(options)``
+returns words within options that may be files, and ``settle(options, ranges, shape)`` returns the options with numbers
+for those that follow from the pair, and the ``SearchRange``. With ``SPARSE`` a pair without any measurement is a
+result; otherwise it is an error.
 """
 
 from __future__ import annotations
@@ -25,6 +27,7 @@ from ...suggestions import nearest
 from ..measure.costs import COSTS
 from .options import resolve
 from .result import Result
+from .search_range import SearchRange
 
 #: What the window calls the matchers that need no setting up, and what some of them need beside the evaluator.
 TITLES = {"bm": "StereoBM", "sgbm": "SGBM", "sgbm_wls": "SGBM with WLS Filter", "jplv": "JPLV", "igev": "IGEV-Stereo",
@@ -35,20 +38,24 @@ MATCHERS = (*TITLES, "onnx", "resident", "stereo_matching", "external")
 
 
 def match(method: str, left: np.ndarray, right: np.ndarray, options: Mapping[str, Any] | None = None,
-          camera: StereoCamera | None = None) -> tuple[np.ndarray, np.ndarray, dict[str, Any]]:
+          camera: StereoCamera | None = None, ranges: Mapping[str, SearchRange] | None = None
+          ) -> tuple[np.ndarray, np.ndarray, dict[str, Any]]:
     """Compute the disparity of the left image with the matcher ``method``.
 
     ``left`` and ``right`` are rectified images of one size, uint8 or uint16 (scaled to 8 bits), grey (H, W) or colour
     (H, W, 3 or 4; BGR as OpenCV reads it; matchers without colour get the mean of the bands). Values of ``options``
-    may be text. A program of the user's may ask for the ``camera``. Returns
+    may be text. A program of the user's may ask for the ``camera``. ``ranges`` are the search ranges that options may
+    name, see ``search_range.known_ranges``. Returns
 
     * disparity, float32 (H, W), px, left column minus right column, NaN where invalid;
     * valid, bool (H, W);
     * info: ``method``, the complete ``options``, the ``COSTS`` of the matching alone (including those of a program it
-      started; None where unknown), ``arrays``, ``counts`` and ``facts``, see ``Result``.
+      started; None where unknown), ``arrays``, ``counts`` and ``facts``, see ``Result``, and ``search``, the range that
+      was searched, or None if the matcher has none.
 
     A disparity of zero or less gives no depth and is invalid. Raises IcyMoonError for an unknown matcher or option,
-    and for images that cannot be used or are too small for the options.
+    for images that cannot be used or are too small for the options, and if a matcher that measures everywhere gave no
+    number at all.
     """
     module = _import_matcher(method)
     complete = check_options(method, options or {})
@@ -57,15 +64,22 @@ def match(method: str, left: np.ndarray, right: np.ndarray, options: Mapping[str
     if left.shape[:2] != right.shape[:2]:
         raise IcyMoonError(f"The left image is {_size(left)}, the right one {_size(right)}; "
                            "give two images of the same size.")
+    search = None
+    if settle := getattr(module, "settle", None):
+        complete, search = settle(complete, ranges or {}, left.shape)
     if load := getattr(module, "load", None):
         load(complete)
     cpu, wall = _cpu_seconds(), time.perf_counter()
     result: Result = module.compute(left, right, complete, camera)
     costs = {"seconds": _cpu_seconds() - cpu, "wall_seconds": time.perf_counter() - wall}
     valid = (result.disparity > 0) & np.isfinite(result.disparity)
+    if not valid.any() and not getattr(module, "SPARSE", False):
+        what = "a positive number" if np.isfinite(result.disparity).any() else "a number"
+        raise IcyMoonError(f"{method} gave no pixel {what}; its checkpoint or program is damaged, or writes "
+                           "disparities with the wrong sign or unit.")
     return (np.where(valid, result.disparity, np.nan).astype(np.float32), valid,
             {"method": method, "options": complete, **dict.fromkeys(COSTS), **costs, **result.costs,
-             "arrays": result.arrays, "counts": result.counts, "facts": result.facts})
+             "arrays": result.arrays, "counts": result.counts, "facts": result.facts, "search": search})
 
 
 def check_options(method: str, options: Mapping[str, Any]) -> dict[str, Any]:

@@ -8,19 +8,22 @@ the two scenes of the demo, a noisy scene and two synthetic ones.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import cv2
 import numpy as np
 
 from ...render.pairs.pair_folder import StereoCamera
-from .opencv import extended, inside_right, require_room, run_matcher
+from .opencv import SEARCH_RANGE, extended, inside_right, require_room, run_matcher, settle_range
 from .options import Option
 from .result import Result
+from .search_range import SearchRange
+
+SPARSE = True
 
 OPTIONS = (
-    Option("disparities", 96, "Number of disparities searched, px", 16, 1024, 16, opencv="numDisparities"),
-    Option("min_disparity", 0, "Least disparity searched, px", 0, 1024, opencv="minDisparity"),
+    *SEARCH_RANGE,
     Option("window", 17, "Side of the square that is compared, px, odd", 5, 255, 2, opencv="blockSize"),
     Option("prefilter", "normalized", "What is compared: horizontal gradients or grey normalised by its contrast",
            choices=("xsobel", "normalized"), opencv="preFilterType"),
@@ -52,6 +55,12 @@ _PREFILTERS = {"normalized": cv2.STEREO_BM_PREFILTER_NORMALIZED_RESPONSE, "xsobe
 
 # OpenCV computes x in 1/256 px and rounds it by (x + 15) >> 4, which adds 7.5 of them on average.
 _ROUNDED_UP = 7.5 / 256
+
+
+def settle(options: dict[str, Any], ranges: Mapping[str, SearchRange], shape: tuple[int, ...]
+           ) -> tuple[dict[str, Any], SearchRange]:
+    """The options with a search range in numbers, and this range."""
+    return settle_range("bm", options, ranges)
 
 
 def compute(left: np.ndarray, right: np.ndarray, options: dict[str, Any], camera: StereoCamera | None) -> Result:

@@ -7,6 +7,7 @@ sums of absolute differences; see ``jpl_correlator`` for the source. The Mars Ex
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import cv2
@@ -16,15 +17,23 @@ from ...errors import IcyMoonError
 from ...render.pairs.pair_folder import StereoCamera
 from . import jpl_correlator as jpl
 from .affine import refine
-from .opencv import require_room
+from .opencv import require_range, require_room
 from .options import Option
 from .result import Result
+from .search_range import AUTO, STATED, TRUTH, SearchRange
+
+SPARSE = True
+
+_MOST_HALVED = 6
 
 OPTIONS = (
-    Option("pyramid_level", 0, "How often the images are halved before they are compared", 0, 6),
+    Option("pyramid_level", AUTO, "How often the images are halved before they are compared. auto: as often as the "
+           "search range needs, of which it can search 255 disparities at a time", 0, _MOST_HALVED, words=(AUTO,)),
     Option("window", 7, "Side of the square that is compared, px of the halved images, odd", 3, 63, 2),
-    Option("min_disparity", 0, "Least disparity searched, px of the full images", 0, 16384),
-    Option("max_disparity", 127, "Largest disparity searched, px of the full images", 1, 16384),
+    Option("min_disparity", AUTO, "Least disparity searched, px of the full images. auto: that of the range, or 0 if "
+           "max_disparity is a number", 0, 16384, words=(AUTO,)),
+    Option("max_disparity", AUTO, "Largest disparity searched, px of the full images. auto: what the rig can see; "
+           "truth: what the pair contains, which no camera knows", 1, 16384, words=(AUTO, TRUTH)),
     Option("blob_size", -4, "Connected patches of fewer pixels are removed; below zero, per cent of the halved image",
            -100, 10**9),
     Option("uncertainty", 0, "Largest expected error that is accepted, in 1/256 px; 128 is usual, 0 for off",
@@ -38,6 +47,21 @@ PRESETS: dict[str, dict[str, Any]] = {"mer": {"pyramid_level": 2}}
 
 _AFFINE_STEPS = 4  # more steps change the result by less than 0.002 px
 _JOINED_PX = 1.0  # halved disparities that differ by more belong to different surfaces
+
+
+def settle(options: dict[str, Any], ranges: Mapping[str, SearchRange], shape: tuple[int, ...]
+           ) -> tuple[dict[str, Any], SearchRange]:
+    """The options with a search range and a pyramid level in numbers, and this range."""
+    least, most, level = options["min_disparity"], options["max_disparity"], options["pyramid_level"]
+    source = STATED
+    if isinstance(most, str):
+        chosen = require_range("jplv", most, "max_disparity", ranges)
+        least, most, source = (chosen.least_px if isinstance(least, str) else least), chosen.most_px, chosen.source
+    least = 0 if isinstance(least, str) else least
+    if isinstance(level, str):
+        level = next((k for k in range(_MOST_HALVED) if (most >> k) - (least >> k) < jpl.MAX_LEVELS), _MOST_HALVED)
+    return (options | {"min_disparity": least, "max_disparity": most, "pyramid_level": level},
+            SearchRange(least, most, source))
 
 
 def compute(left: np.ndarray, right: np.ndarray, options: dict[str, Any], camera: StereoCamera | None) -> Result:

@@ -2,14 +2,51 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
 from typing import Any
 
 import cv2
 import numpy as np
 
 from ...errors import IcyMoonError
+from .options import Option
+from .search_range import AUTO, STATED, STEP_PX, TRUTH, SearchRange, chosen_range
+
+#: Options of the search range, which all of OpenCV's matchers have.
+SEARCH_RANGE = (
+    Option("disparities", AUTO, "Number of disparities searched, px. auto: those that the rig can see; truth: those "
+           "that the pair contains, which no camera knows", STEP_PX, 1024, STEP_PX, words=(AUTO, TRUTH),
+           opencv="numDisparities"),
+    Option("min_disparity", AUTO, "Least disparity searched, px. auto: that of the range, or 0 if disparities is a "
+           "number", 0, 1024, words=(AUTO,), opencv="minDisparity"),
+)
 
 SUBPIXELS = 16  # OpenCV's disparities are fixed-point numbers with four fractional bits
+
+
+def settle_range(method: str, options: dict[str, Any], ranges: Mapping[str, SearchRange]
+                 ) -> tuple[dict[str, Any], SearchRange]:
+    """The options with numbers for those of SEARCH_RANGE, and the range that they are.
+
+    Raises IcyMoonError if the true disparities are asked for and not known.
+    """
+    count, least = options["disparities"], options["min_disparity"]
+    source = STATED
+    if isinstance(count, str):
+        chosen = require_range(method, count, "disparities", ranges)
+        least, source = chosen.least_px if isinstance(least, str) else least, chosen.source
+        count = STEP_PX * max(1, math.ceil((chosen.most_px + 1 - least) / STEP_PX))
+    least = 0 if isinstance(least, str) else least
+    return options | {"disparities": count, "min_disparity": least}, SearchRange(least, least + count - 1, source)
+
+
+def require_range(method: str, word: str, option: str, ranges: Mapping[str, SearchRange]) -> SearchRange:
+    """The range that an option names by AUTO or TRUTH. Raises IcyMoonError if it is not known."""
+    chosen = chosen_range(word, ranges)
+    if chosen is None:
+        raise IcyMoonError(f"{method}.{option} is {word}, but no true disparity is known here; give auto or a number.")
+    return chosen
 
 
 def require_room(method: str, image: np.ndarray, enough: bool, option: str = "") -> None:

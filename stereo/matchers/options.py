@@ -15,8 +15,8 @@ from ...suggestions import nearest
 class Option:
     """One option: a whole number (any number if the default is a float), one of ``choices``, or text.
 
-    ``opencv`` is its name in OpenCV's manual, which is accepted too. An option that is text must be one of
-    ``trust_boundary.LOADS``, which no scene and no file may set.
+    With ``words`` it is a whole number or one of these words. ``opencv`` is its name in OpenCV's manual, which is
+    accepted too. An option that is text must be one of ``trust_boundary.LOADS``, which no scene and no file may set.
     """
 
     key: str
@@ -26,10 +26,11 @@ class Option:
     maximum: float = 0
     step: int = 1  # values are minimum + a multiple of this
     choices: tuple[str, ...] = ()
+    words: tuple[str, ...] = ()
     opencv: str = ""
 
     def __post_init__(self) -> None:
-        is_text = isinstance(self.default, str) and not self.choices
+        is_text = isinstance(self.default, str) and not self.choices and not self.words
         if is_text != (self.key in LOADS) or (is_text and self.opencv):
             raise ValueError(f"{self.key}: options that are text, and only these, are in trust_boundary.LOADS, "
                              "without a second name.")
@@ -39,9 +40,10 @@ class Option:
         """The values that it takes, in words."""
         if self.choices:
             return ", ".join(self.choices)
-        if isinstance(self.default, str):
+        if isinstance(self.default, str) and not self.words:
             return "text"
-        return f"{self.minimum} to {self.maximum}" + (f" in steps of {self.step}" if self.step > 1 else "")
+        numbers = f"{self.minimum} to {self.maximum}" + (f" in steps of {self.step}" if self.step > 1 else "")
+        return ", ".join((*self.words, numbers))
 
 
 def resolve(method: str, declared: Sequence[Option], presets: Mapping[str, Mapping[str, Any]],
@@ -74,13 +76,16 @@ def _parse_value(method: str, option: Option, value: Any) -> int | float | str:
         if value not in option.choices:
             raise IcyMoonError(f"{name} is {value!r}, {nearest(str(value), option.choices)}")
         return str(value)
-    if isinstance(option.default, str):
+    if value in option.words:
         return str(value)
-    whole = isinstance(option.default, int)
+    if isinstance(option.default, str) and not option.words:
+        return str(value)
+    whole = not isinstance(option.default, float)
     try:
         number = int(str(value)) if whole else float(value)
     except (TypeError, ValueError):
-        raise IcyMoonError(f"{name} must be a {'whole ' if whole else ''}number, not {value!r}.") from None
+        kinds = [*option.words, f"a {'whole ' if whole else ''}number"]
+        raise IcyMoonError(f"{name} must be {' or '.join(kinds)}, not {value!r}.") from None
     if not option.minimum <= number <= option.maximum or (whole and (number - option.minimum) % option.step):
         raise IcyMoonError(f"{name} is {number}, outside {option.range}.")
     return number

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import cv2
@@ -9,21 +11,23 @@ import numpy as np
 
 from ...errors import IcyMoonError
 from ...render.pairs.pair_folder import StereoCamera
-from .opencv import SUBPIXELS, extended, inside_right, require_room, run_matcher
+from .opencv import SEARCH_RANGE, SUBPIXELS, extended, inside_right, require_room, run_matcher, settle_range
 from .options import Option
 from .result import Result
+from .search_range import SearchRange
+
+SPARSE = True
 
 #: Options that sgbm and sgbm_wls share.
 SEARCH = (
-    Option("disparities", 96, "Number of disparities searched, px", 16, 1024, 16, opencv="numDisparities"),
-    Option("min_disparity", 0, "Least disparity searched, px", 0, 1024, opencv="minDisparity"),
+    *SEARCH_RANGE,
     Option("window", 5, "Side of the square that is compared, px, odd", 1, 25, 2, opencv="blockSize"),
     Option("p1", 0, "Penalty of a disparity step of 1 px between neighbours; 0 for 8 window²", 0, 100000,
            opencv="P1"),
     Option("p2", 0, "Penalty of a larger step, more than p1; 0 for 32 window²", 0, 100000, opencv="P2"),
     Option("prefilter_cap", 63, "Filtered values are cut at plus and minus this", 1, 63, opencv="preFilterCap"),
-    Option("mode", "hh", "Paths: hh 8 (the whole algorithm), sgbm 5 (a third of the time), 3way 3, hh4 4",
-           choices=("sgbm", "hh", "3way", "hh4")),
+    Option("mode", "hh", "Paths: hh 8 (the whole algorithm), hh4 4. sgbm, 5, a third of the time, and 3way, 3, shift "
+           "sloping ground by up to 0.1 px", choices=("sgbm", "hh", "3way", "hh4")),
 )
 
 OPTIONS = (
@@ -41,8 +45,19 @@ OPTIONS = (
 
 PRESETS: dict[str, dict[str, Any]] = {}
 
+#: Modes that keep the costs of the whole image, the bytes of one, and the memory for them.
+_WHOLE, _COST_BYTES, _MOST_BYTES = ("hh", "hh4"), 4, 1e9
+#: Rows beyond a strip of the image that its paths may come from. With 64, strips change no pixel in ten thousand.
+_BEYOND_ROWS = 64
+
 _MODES = {"sgbm": cv2.STEREO_SGBM_MODE_SGBM, "hh": cv2.STEREO_SGBM_MODE_HH,
           "3way": cv2.STEREO_SGBM_MODE_SGBM_3WAY, "hh4": cv2.STEREO_SGBM_MODE_HH4}
+
+
+def settle(options: dict[str, Any], ranges: Mapping[str, SearchRange], shape: tuple[int, ...]
+           ) -> tuple[dict[str, Any], SearchRange]:
+    """The options with a search range in numbers, and this range."""
+    return settle_range("sgbm", options, ranges)
 
 
 def compute(left: np.ndarray, right: np.ndarray, options: dict[str, Any], camera: StereoCamera | None) -> Result:
@@ -60,7 +75,8 @@ def compute(left: np.ndarray, right: np.ndarray, options: dict[str, Any], camera
     require_room("sgbm", left, width + extension - reach > options["window"] // 2)
     left, right = extended(left, extension), extended(right, extension)
     # Unlike StereoBM it compares windows that extend over the border.
-    disparity = run_matcher("sgbm", matcher, left, right, least, (reach, width + extension), (0, height))[:, extension:]
+    disparity = run_matcher("sgbm", InStrips(matcher, options["mode"]), left, right, least, (reach, width + extension),
+                            (0, height))[:, extension:]
     return Result(inside_right(evenly_rounded(disparity)))
 
 
@@ -74,6 +90,28 @@ def semi_global(method: str, options: dict[str, Any]) -> Any:
         minDisparity=options["min_disparity"], numDisparities=options["disparities"], blockSize=options["window"],
         P1=small_step, P2=large_step, disp12MaxDiff=-1, preFilterCap=options["prefilter_cap"],
         mode=_MODES[options["mode"]])
+
+
+@dataclass(frozen=True)
+class InStrips:
+    """A semi-global matcher that sees a large image in strips of rows, so that its costs fit into memory."""
+
+    matcher: Any
+    mode: str
+
+    def compute(self, image: np.ndarray, other: np.ndarray) -> np.ndarray:
+        """OpenCV's fixed-point disparities of ``image``."""
+        height, width = image.shape
+        rows = int(_MOST_BYTES / (_COST_BYTES * width * self.matcher.getNumDisparities()))
+        if self.mode not in _WHOLE or rows >= height:
+            return np.asarray(self.matcher.compute(image, other))
+        step = max(rows - 2 * _BEYOND_ROWS, _BEYOND_ROWS)
+        parts = []
+        for start in range(0, height, step):
+            top, bottom = max(0, start - _BEYOND_ROWS), min(height, start + step + _BEYOND_ROWS)
+            part = self.matcher.compute(image[top:bottom], other[top:bottom])
+            parts.append(part[start - top:min(start + step, height) - top])
+        return np.vstack(parts)
 
 
 def evenly_rounded(disparity: np.ndarray) -> np.ndarray:

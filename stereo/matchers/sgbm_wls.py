@@ -7,6 +7,7 @@ stops at edges of the image: Min et al., "Fast global image smoothing based on w
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import cv2
@@ -14,10 +15,13 @@ import numpy as np
 
 from ...errors import IcyMoonError
 from ...render.pairs.pair_folder import StereoCamera
-from .opencv import SUBPIXELS, extended, inside_right, require_room
+from .opencv import SUBPIXELS, extended, inside_right, require_room, settle_range
 from .options import Option
 from .result import Result
-from .sgbm import SEARCH, evenly_rounded, semi_global
+from .search_range import SearchRange
+from .sgbm import SEARCH, InStrips, evenly_rounded, semi_global
+
+SPARSE = True
 
 OPTIONS = (
     *SEARCH,
@@ -29,6 +33,12 @@ OPTIONS = (
 )
 
 PRESETS: dict[str, dict[str, Any]] = {}
+
+
+def settle(options: dict[str, Any], ranges: Mapping[str, SearchRange], shape: tuple[int, ...]
+           ) -> tuple[dict[str, Any], SearchRange]:
+    """The options with a search range in numbers, and this range."""
+    return settle_range("sgbm_wls", options, ranges)
 
 
 def compute(left: np.ndarray, right: np.ndarray, options: dict[str, Any], camera: StereoCamera | None) -> Result:
@@ -44,8 +54,8 @@ def compute(left: np.ndarray, right: np.ndarray, options: dict[str, Any], camera
     left, right = extended(left, extension), extended(right, extension)
     try:
         # The filter takes floats too, so that nothing is rounded in between.
-        smooth = filtering.filter(_match(matcher, left, right), left,
-                                  disparity_map_right=_match(backwards, right, left))
+        smooth = filtering.filter(_match(matcher, options["mode"], left, right), left,
+                                  disparity_map_right=_match(backwards, options["mode"], right, left))
     except cv2.error as error:
         raise IcyMoonError(f"OpenCV's sgbm_wls failed ({error.err}); try other options.") from None
     confidence = np.rint(filtering.getConfidenceMap()[:, extension:]).clip(0, 255).astype(np.uint8)
@@ -53,8 +63,8 @@ def compute(left: np.ndarray, right: np.ndarray, options: dict[str, Any], camera
     return Result(np.where(confidence >= options["min_confidence"], disparity, np.nan), {"confidence": confidence})
 
 
-def _match(matcher: Any, image: np.ndarray, other: np.ndarray) -> np.ndarray:
+def _match(matcher: Any, mode: str, image: np.ndarray, other: np.ndarray) -> np.ndarray:
     """Disparities in OpenCV's 1/16 px, float32; where there is none, OpenCV's own mark, which its filter needs."""
-    fixed = matcher.compute(image, other)
+    fixed = InStrips(matcher, mode).compute(image, other)
     measured = fixed >= matcher.getMinDisparity() * SUBPIXELS
     return np.where(measured, evenly_rounded(fixed / SUBPIXELS) * SUBPIXELS, fixed).astype(np.float32)

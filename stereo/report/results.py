@@ -23,6 +23,7 @@ from ..measure.result_row import NUMBERS, REGIONS
 from .by_setting import scene_of, swept_settings
 from .charts import write_curves
 from .html import choose_pairs, write_report
+from .notes import SEARCH, Notes
 from .row_log import LazyRows, Row, RowLog
 from .summary import Table, differences, summarise_method
 
@@ -41,6 +42,7 @@ _KNOWN = Maybe(NUMBER, null=True)
 #: A row, see ``evaluate.evaluate``.
 ROW: dict[str, Shape] = {
     "status": TEXT, "error": TEXT, "common": TEXT, "images": Each(TEXT, TEXT), "options": TABLE, "facts": TABLE,
+    "search": SEARCH,
     "counts": Each(COUNT, TEXT), "strata": TABLE, "sparsification": TABLE, "error_curve": Each(ANYTHING),
     **dict.fromkeys(NUMBERS, _KNOWN)}
 #: Entries of the report that ``summary.json`` lacks, because they grow with the number of pairs.
@@ -65,9 +67,11 @@ def write_results(log: RowLog, names: Sequence[str], methods: Sequence[Method], 
     for pair in facts:
         table.scenes[places[pair["pair"]]] = scenes.setdefault(scene_of(pair["settings"]), len(scenes))
     ran_on: dict[str, list[Any]] = {label: [] for label in labels}
+    notes = Notes(methods)
     for k, name in enumerate(names):
         for label in labels:
             row = log.read(name, label)
+            notes.add(row)
             table.add(k, row)
             if row["facts"] and row["facts"] not in ran_on[label]:
                 ran_on[label].append(row["facts"])
@@ -76,7 +80,7 @@ def write_results(log: RowLog, names: Sequence[str], methods: Sequence[Method], 
     report = {"format": FORMAT, "version": VERSION,
               "summary": summary, "curves": write_curves(summary, table, sweeps, out, seed),
               "differences": differences(table, seed), "rows": rows, "pairs": facts, "failed": failed,
-              "suspect": suspect, "provenance": _provenance(
+              "suspect": suspect, "notes": notes.sentences(), "provenance": _provenance(
                   methods, ran_on, source, seed, len(np.unique(table.scenes[table.counts.any(axis=0)])))}
     write_atomically(out / "results.csv", lambda part: _write_csv(part, rows))
     write_atomically(out / "report.json", lambda part: _write_report_json(part, report))

@@ -25,6 +25,7 @@ from ..images.develop import develop, grey
 from ..images.exr import Light
 from ..matchers import match
 from ..matchers.methods import Method
+from ..matchers.search_range import known_ranges
 from ..measure.jackknife import jackknife, tile_sums
 from ..measure.metrics import usable
 from ..measure.prepare import Loaded, load, none_for_nan
@@ -162,8 +163,9 @@ def _tally_images(reference: Reference, lights: Sequence[Mapping[str, Light]],
     true = np.where(reference.visible, reference.pair.camera.disparity(reference.depth), np.nan)
     images = [develop(reference.pair, light["left"], light["right"], reference.settings).for_matchers()
               for light in lights]
-    return {method.label: np.stack([tally(match(method.name, left, right, method.options, reference.pair.camera)[0],
-                                           true) for left, right in images]) for method in methods}
+    ranges = known_ranges(reference.pair.settings.rig, true)
+    return {method.label: np.stack([tally(match(method.name, left, right, method.options, reference.pair.camera,
+                                                ranges)[0], true) for left, right in images]) for method in methods}
 
 
 def tally(disparity: np.ndarray, true: np.ndarray) -> np.ndarray:

@@ -202,7 +202,7 @@ def test_the_affine_fit_leaves_alone_what_it_cannot_fit(window):
 
 def test_ranges_that_cannot_be_searched_are_named():
     image = np.zeros((40, 60), np.uint8)
-    for options in ({"min_disparity": 40, "max_disparity": 20}, {"max_disparity": 255}):
+    for options in ({"min_disparity": 40, "max_disparity": 20}, {"max_disparity": 255, "pyramid_level": 0}):
         with pytest.raises(IcyMoonError, match=r"jplv would search disparities .*max_disparity"):
             match("jplv", image, image, options)
     match("jplv", image, image, {"max_disparity": 254})

@@ -70,6 +70,28 @@ def test_every_mode_of_sgbm_measures(mode):
     assert np.mean(np.abs(disparity - truth)[valid] > 1) < 0.02
 
 
+@pytest.mark.parametrize("method", ["sgbm", "sgbm_wls"])
+def test_strips_of_a_large_image_give_what_the_whole_image_gives(method, monkeypatch):
+    left, right, _ = images(pairs.Scene(contrast=0.2), pairs.camera(256, 400))
+    whole, valid, _ = match(method, left, right, {"disparities": 64})
+    monkeypatch.setattr("icymoon.stereo.matchers.sgbm._MOST_BYTES", 4 * 200 * 320 * 64)  # 72 of 200 rows are kept
+    strips, also, _ = match(method, left, right, {"disparities": 64})
+    assert np.mean(valid != also) < 0.005
+    both = valid & also
+    assert np.mean(np.abs(whole - strips)[both] > 1 / 16) < 0.005
+    monkeypatch.setattr("icymoon.stereo.matchers.sgbm._BEYOND_ROWS", 1)  # the margin is what makes them so
+    assert np.mean(match(method, left, right, {"disparities": 64})[0] != whole) > np.mean(strips != whole)
+
+
+@pytest.mark.parametrize(("mode", "low", "high"), [("hh", -0.02, 0.02), ("hh4", -0.02, 0.02), ("sgbm", -0.14, -0.07),
+                                                   ("3way", -0.10, -0.02)])
+def test_modes_without_paths_from_below_shift_sloping_ground(mode, low, high):
+    """The manual says so: their disparity is too small where it grows downward in the image."""
+    left, right, truth = images(pairs.Scene(rock=False, contrast=0.2))
+    disparity, valid, _ = match("sgbm", left, right, {"mode": mode})
+    assert low < np.median((disparity - truth)[valid]) < high
+
+
 def test_filled_in_pixels_are_marked_and_can_be_dropped():
     left, right, truth = images(pairs.Scene())
     disparity, filled, info = match("sgbm_wls", left, right)

@@ -1,0 +1,90 @@
+"""The disparities that a matcher searches: those that the rig can meet, those of the truth, or what the user states.
+
+A matcher's options are stated or left to the range: ``disparities=auto`` (or ``max_disparity=auto``) takes what the rig
+can see, ``disparities=truth`` what the pair contains, which no camera knows and the report says.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from ...physics.camera.search_range import disparity_range_px
+from ...typed_settings import RigSettings
+
+AUTO, TRUTH = "auto", "truth"
+#: What ``SearchRange.source`` may be: whoever reads a result learns from it where the range comes from.
+RIG, STATED, FIXED = "rig", "stated", "fixed"
+#: Numbers of disparities are multiples of this, as OpenCV's matchers ask for.
+STEP_PX = 16
+#: Most disparities that are searched unless the user states more.
+MOST_PX = 1024
+#: Share of the true disparities outside the search range above which a report says so.
+MISSED = 0.01
+#: Disparities, from 0, where nothing is known of the rig.
+_UNKNOWN_RIG_PX = 96
+
+
+@dataclass(frozen=True)
+class SearchRange:
+    """The whole disparities ``least_px`` to ``most_px``, both searched, and where they come from."""
+
+    least_px: int
+    most_px: int
+    source: str
+
+    def to_json(self, true_disparity: np.ndarray) -> dict[str, Any]:
+        """The ``search`` of a row, with the share of true disparities that it ``missed``."""
+        return {**asdict(self), "missed": self.missed(true_disparity)}
+
+    def missed(self, true_disparity: np.ndarray) -> float | None:
+        """Share of true disparities, px, that no searched one is next to; None if all of them are NaN."""
+        known = true_disparity[np.isfinite(true_disparity)]
+        if not known.size:
+            return None
+        return float(np.mean((known < self.least_px - 0.5) | (known > self.most_px + 0.5)))
+
+
+def rig_range(rig: RigSettings) -> SearchRange | None:
+    """What a rig can see on ground whose relief is not known; None if it sees no ground."""
+    bounds = disparity_range_px(rig)
+    return None if bounds is None else _enclosing(*bounds, int(rig.width_px), RIG)
+
+
+def true_range(true_disparity: np.ndarray) -> SearchRange | None:
+    """What encloses all true disparities (H, W), px; None if there is none."""
+    known = true_disparity[np.isfinite(true_disparity)]
+    if not known.size:
+        return None
+    # One more to either side: the sub-pixel fit needs neighbours.
+    return _enclosing(float(known.min()) - 1, float(known.max()) + 1, true_disparity.shape[1], TRUTH)
+
+
+def known_ranges(rig: RigSettings | None, true_disparity: np.ndarray | None) -> dict[str, SearchRange]:
+    """The ranges of AUTO and TRUTH, as far as they are known, for ``match``.
+
+    ``true_disparity`` is NaN where only one eye sees the point.
+    """
+    found = {AUTO: rig_range(rig) if rig is not None else None,
+             TRUTH: true_range(true_disparity) if true_disparity is not None else None}
+    return {name: each for name, each in found.items() if each is not None}
+
+
+def chosen_range(word: str, ranges: Mapping[str, SearchRange]) -> SearchRange | None:
+    """The range that AUTO or TRUTH names. For AUTO, one of fixed size if nothing is known of the rig; for TRUTH, None
+    without truth."""
+    fixed = SearchRange(0, _UNKNOWN_RIG_PX - 1, FIXED) if word == AUTO else None
+    return ranges.get(word, fixed)
+
+
+def _enclosing(low_px: float, high_px: float, width_px: int, source: str) -> SearchRange:
+    """Disparities from a multiple of STEP_PX on, as many as a multiple of it, that enclose two; none as wide as the
+    image matches anything."""
+    high = min(math.ceil(high_px), width_px - 1)
+    least = max(0, STEP_PX * math.floor(min(low_px, high) / STEP_PX))
+    count = STEP_PX * max(1, math.ceil((high + 1 - least) / STEP_PX))
+    return SearchRange(least, least + min(count, MOST_PX) - 1, source)

@@ -1,0 +1,25 @@
+"""A matcher that measures everywhere and gives no number is an error; one that may reject every pixel is not."""
+
+import shlex
+import sys
+
+import numpy as np
+import pytest
+from icymoon.errors import IcyMoonError
+from icymoon.stereo.matchers import match
+
+IMAGE = np.zeros((20, 30), np.uint8)
+
+
+@pytest.mark.parametrize(("value", "what"), [("np.nan", "a number"), ("-3.0", "a positive number")])
+def test_a_program_without_a_number_is_an_error(value, what, tmp_path):
+    script = tmp_path / "program.py"
+    script.write_text(f"import sys, numpy as np\nnp.save(sys.argv[3], np.full((20, 30), {value}))")
+    command = f"{shlex.quote(sys.executable)} {shlex.quote(str(script))} {{left}} {{right}} {{out}}"
+    with pytest.raises(IcyMoonError, match=f"external gave no pixel {what}; its checkpoint or program"):
+        match("external", IMAGE, IMAGE, {"command": command})
+
+
+@pytest.mark.parametrize("method", ["bm", "sgbm", "sgbm_wls", "jplv"])
+def test_a_dark_image_is_none(method):
+    assert not match(method, np.zeros((60, 200), np.uint8), np.zeros((60, 200), np.uint8))[1].any()

@@ -1,0 +1,93 @@
+"""The disparities that matchers search: from the rig, from the truth, as stated."""
+
+import numpy as np
+import pairs
+import pytest
+from icymoon.errors import IcyMoonError
+from icymoon.settings.description import defaults, merged
+from icymoon.settings.preset_files import load_preset, preset_names
+from icymoon.stereo.matchers import match
+from icymoon.stereo.matchers.search_range import SearchRange, known_ranges, rig_range, true_range
+
+#: What the shipped rigs search: the least and the greatest disparity, px.
+RIGS = {"rigs/europa_lander": (144, 815), "rigs/gallery": (0, 191), "rigs/guiss": (0, 143),
+        "rigs/mars2020_navcam": (0, 319), "rigs/mer_navcam": (0, 287), "rigs/mer_pancam": (96, 783)}
+SEARCHING = ("bm", "sgbm", "sgbm_wls", "jplv")
+RANGES = {"auto": SearchRange(16, 63, "rig"), "truth": SearchRange(32, 47, "truth")}
+STATED = {"bm": {"disparities": 32, "min_disparity": 16}, "jplv": {"max_disparity": 47, "min_disparity": 16}}
+
+
+def rig_of(name):
+    return merged(defaults(), load_preset(name)).rig
+
+
+def searched(method, options=None, ranges=None, shape=(120, 256)):
+    image = np.random.default_rng(0).integers(0, 255, shape).astype(np.uint8)
+    return match(method, image, image, options, None, ranges)[2]
+
+
+def test_every_shipped_rig_has_its_range():
+    assert {name: (found.least_px, found.most_px) for name in preset_names("rigs")
+            if (found := rig_range(rig_of(name)))} == RIGS
+
+
+@pytest.mark.parametrize("method", SEARCHING)
+def test_each_matcher_searches_what_it_is_told(method):
+    option = "max_disparity" if method == "jplv" else "disparities"
+    for options, expected in (({}, RANGES["auto"]), ({option: "auto"}, RANGES["auto"]),
+                              ({option: "truth"}, RANGES["truth"]),
+                              (STATED.get(method, STATED["bm"]), SearchRange(16, 47, "stated")),
+                              ({option: "64"}, SearchRange(0, 64 if method == "jplv" else 63, "stated")),
+                              ({"min_disparity": 0}, SearchRange(0, 63, "rig"))):
+        info = searched(method, options, RANGES)
+        assert info["search"] == expected
+        assert info["options"]["min_disparity"] == expected.least_px
+    assert searched(method)["search"] == SearchRange(0, 95, "fixed")
+    with pytest.raises(IcyMoonError, match=f"{method}.{option} is truth, but no true disparity is known"):
+        searched(method, {option: "truth"})
+    with pytest.raises(IcyMoonError, match=f"{method}.{option} must be auto or truth or a whole number, not 'wide'"):
+        searched(method, {option: "wide"})
+
+
+def test_the_share_of_what_is_missed():
+    seen = np.array([[9.4, 9.6, 20.0], [40.4, 40.6, np.nan]])
+    assert SearchRange(10, 40, "stated").missed(seen) == pytest.approx(2 / 5)
+    assert SearchRange(10, 40, "stated").missed(np.full((2, 2), np.nan)) is None
+
+
+def test_the_range_of_the_truth_encloses_it():
+    seen = np.full((40, 300), np.nan)
+    seen[10, 200:202] = 33.2, 150.9
+    assert true_range(seen) == SearchRange(32, 159, "truth")
+    assert true_range(seen).missed(seen) == 0
+    assert known_ranges(None, np.full((4, 4), np.nan)) == {}
+
+
+def test_a_range_is_no_wider_than_the_image():
+    wide = true_range(np.full((4, 100), 500.0))
+    assert wide.most_px < 112
+    assert (wide.most_px + 1 - wide.least_px) % 16 == 0
+
+
+def test_jplv_halves_the_images_as_often_as_the_range_needs():
+    for most, level in ((254, 0), (255, 1), (800, 2)):
+        image = (200, 1000) if level else (40, 400)
+        assert searched("jplv", {"max_disparity": most}, shape=image)["options"]["pyramid_level"] == level
+
+
+def test_the_range_of_the_rig_measures_what_a_fixed_one_cannot():
+    """Near ground at half a metre, 68 px: 96 px reach it only from a camera as wide as this."""
+    rig = pairs.camera(512, 160)
+    scene = pairs.Scene(rock=False, distance_m=0.55, slope_y=0.3, contrast=0.2)
+    (depth, left, _), (_, right, _) = pairs.view(scene, rig, "left"), pairs.view(scene, rig, "right")
+    left, right = (np.rint(np.clip(light / 6, 0, 1) * 255).astype(np.uint8) for light in (left, right))
+    truth = rig.disparity(depth)
+    assert truth.min() > 96
+    shared = np.where(truth < np.arange(512), truth, np.nan)
+    auto = known_ranges(merged(defaults(), {"rig": {"height_m": 0.6}}, {"rig": pairs.described(rig)}).rig, shared)
+    found, valid, info = match("bm", left, right, {}, rig, auto)
+    assert info["search"].missed(shared) == 0
+    assert valid[np.isfinite(shared)].mean() > 0.8
+    assert np.median(np.abs(found - truth)[valid]) < 0.1
+    fixed = match("bm", left, right, {"disparities": 96}, rig)
+    assert fixed[2]["search"].missed(shared) == 1
