@@ -67,6 +67,9 @@ def _parser() -> argparse.ArgumentParser:
                          help="disparity times depth of the camera, px·m; adds the disparity metrics")
     command.add_argument("--guiss", action="store_true",
                          help="add what the GUISS reference code would report, as guiss_...")
+    command.add_argument("--bm-min-disparity", type=int, metavar="PX",
+                         help="with --guiss: the disparity is of StereoBM, with this least disparity (4 in the paper); "
+                              "an npz of match states it")
     command.set_defaults(run=_run_metrics)
 
     command = commands.add_parser("evaluate", help="match and measure pairs, and write a report")
@@ -143,6 +146,7 @@ def _run_match(parsed: argparse.Namespace) -> int:
     from .matchers import match
     from .matchers.methods import parse_key_value
     from .matchers.search_range import FIXED, known_ranges
+    from .measure.measure_files import BM_MIN_DISPARITY
 
     options = dict(parse_key_value(text, "--option") for part in parsed.option for text in part)
     pair = read_pair(parsed.camera) if parsed.camera else None
@@ -151,7 +155,8 @@ def _run_match(parsed: argparse.Namespace) -> int:
     if (searched := info["search"]) and searched.source == FIXED:
         print(f"{PROGRAM}: the rig is not known, so {parsed.method} searched {searched.least_px} to {searched.most_px} "
               "px; give --camera PAIR or state the range.", file=sys.stderr)
-    write_disparity(parsed.out, disparity, info["arrays"])
+    facts = {BM_MIN_DISPARITY: info["options"]["min_disparity"]} if parsed.method == "bm" else {}
+    write_disparity(parsed.out, disparity, info["arrays"], **facts)
     return 0
 
 
@@ -159,7 +164,8 @@ def _run_metrics(parsed: argparse.Namespace) -> int:
     packages.require("numpy")
     from .measure.measure_files import measure_files
 
-    numbers = measure_files(parsed.prediction, parsed.disparity, parsed.truth, parsed.focal_baseline, parsed.guiss)
+    numbers = measure_files(parsed.prediction, parsed.disparity, parsed.truth, parsed.focal_baseline, parsed.guiss,
+                            parsed.bm_min_disparity)
     _print_json_line({key: value if math.isfinite(value) else None for key, value in numbers.items()})
     return 0
 

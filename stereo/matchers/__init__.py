@@ -43,9 +43,9 @@ def match(method: str, left: np.ndarray, right: np.ndarray, options: Mapping[str
     """Compute the disparity of the left image with the matcher ``method``.
 
     ``left`` and ``right`` are rectified images of one size, uint8 or uint16 (scaled to 8 bits), grey (H, W) or colour
-    (H, W, 3 or 4; BGR as OpenCV reads it; matchers without colour get the mean of the bands). Values of ``options``
-    may be text. A program of the user's may ask for the ``camera``. ``ranges`` are the search ranges that options may
-    name, see ``search_range.known_ranges``. Returns
+    (H, W, 3 or 4; BGR as OpenCV reads it; matchers without colour get the mean of the bands, or what their option
+    ``grey`` states). Values of ``options`` may be text. A program of the user's may ask for the ``camera``. ``ranges``
+    are the search ranges that options may name, see ``search_range.known_ranges``. Returns
 
     * disparity, float32 (H, W), px, left column minus right column, NaN where invalid;
     * valid, bool (H, W);
@@ -59,7 +59,7 @@ def match(method: str, left: np.ndarray, right: np.ndarray, options: Mapping[str
     """
     module = _import_matcher(method)
     complete = check_options(method, options or {})
-    prepare = _rgb if getattr(module, "COLOUR", False) else _grey
+    prepare = _rgb if getattr(module, "COLOUR", False) else GREYS[complete.get("grey", "mean")]
     left, right = prepare(_check_image(left, "left")), prepare(_check_image(right, "right"))
     if left.shape[:2] != right.shape[:2]:
         raise IcyMoonError(f"The left image is {_size(left)}, the right one {_size(right)}; "
@@ -152,6 +152,18 @@ def _grey(image: np.ndarray) -> np.ndarray:
     if image.ndim == 3:
         image = np.rint(image[..., :3].mean(axis=-1)).astype(image.dtype)
     return _8_bit(image)
+
+
+def _luminance(image: np.ndarray) -> np.ndarray:
+    """uint8 (H, W): 0.299 red, 0.587 green and 0.114 blue, in OpenCV's rounding, after the scaling to 8 bits."""
+    import cv2  # not at the top: the window lists the matchers, and Blender has no OpenCV
+
+    image = _8_bit(image)
+    return image if image.ndim == 2 else cv2.cvtColor(np.ascontiguousarray(image[..., :3]), cv2.COLOR_BGR2GRAY)
+
+
+#: What the option ``grey`` of a matcher may be.
+GREYS = {"mean": _grey, "luminance": _luminance}
 
 
 def _rgb(image: np.ndarray) -> np.ndarray:

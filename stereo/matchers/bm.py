@@ -43,12 +43,14 @@ OPTIONS = (
     Option("rounding", "even", "OpenCV rounds up to a sixteenth, which adds 0.03 px on average: subtract this, or keep "
            "it",
            choices=("even", "up")),
+    Option("grey", "mean", "Grey of colour images: the mean of the bands, as a grey camera sees, or luminance, "
+           "which weights them for the eye", choices=("mean", "luminance")),
 )
 
 PRESETS: dict[str, dict[str, Any]] = {
     "guiss": {"disparities": 96, "min_disparity": 4, "window": 49, "prefilter": "xsobel", "prefilter_size": 17,
               "prefilter_cap": 20, "texture_threshold": 18, "uniqueness": 0, "speckle_window": 0,
-              "speckle_range": 9, "left_right": 25, "left_border": "skip", "rounding": "up"},
+              "speckle_range": 9, "left_right": 25, "left_border": "skip", "rounding": "up", "grey": "luminance"},
 }
 
 _PREFILTERS = {"normalized": cv2.STEREO_BM_PREFILTER_NORMALIZED_RESPONSE, "xsobel": cv2.STEREO_BM_PREFILTER_XSOBEL}

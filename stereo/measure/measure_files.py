@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -14,16 +15,19 @@ from .guiss_reference_code import depth_map_metrics, reference_metrics
 from .metrics import depth_metrics, disparity_metrics, total_metrics, usable
 
 SAMPLED_PAIRS = 300_000
+#: Entry of an npz of ``match`` by which the numbers of the reference code know StereoBM.
+BM_MIN_DISPARITY = "bm_min_disparity"
 
 
 def measure_files(prediction: Path | None, disparity: Path | None, truth: Path, focal_baseline: float | None,
-                  guiss: bool) -> dict[str, float]:
+                  guiss: bool, bm_min_disparity: int | None = None) -> dict[str, float]:
     """All metrics of the file ``prediction`` (npy, depth in m) or ``disparity`` (npy or npz, px) against ``truth``.
 
     Includes the variants ``dod_antisymmetric`` and ``dod_sampled``. With ``focal_baseline`` (px·m), which a disparity
     needs, includes the metrics of disparities and those with ``total_``. With ``guiss``, includes the numbers of the
-    reference code: for a disparity with its constant and cuts, for a depth without. Raises IcyMoonError for files that
-    do not fit.
+    reference code: for a disparity with its constant and cuts, for a depth without. ``bm_min_disparity`` is the least
+    disparity of StereoBM if that gave the disparity; an npz of ``match`` contains it. Raises IcyMoonError for files
+    that do not fit.
     """
     path = prediction or disparity
     assert path is not None
@@ -51,7 +55,8 @@ def measure_files(prediction: Path | None, disparity: Path | None, truth: Path, 
         totals = total_metrics(depth, true, pixels, true_pixels, result["dod"])
         result |= {f"total_{key}": value for key, value in totals.items()}
     if guiss:
-        result |= reference_metrics(given, true) if disparity is not None else depth_map_metrics(given, true)
+        least = _bm_min_disparity(disparity) if bm_min_disparity is None and disparity is not None else bm_min_disparity
+        result |= reference_metrics(given, true, least) if disparity is not None else depth_map_metrics(given, true)
     return result
 
 
@@ -59,6 +64,14 @@ def _converted(values: np.ndarray, focal_baseline: float) -> np.ndarray:
     """Depth from disparity, or disparity from depth; NaN for invalid values."""
     good = usable(values)
     return np.where(good, focal_baseline / np.where(good, values, 1.0), np.nan)
+
+
+def _bm_min_disparity(path: Path) -> int | None:
+    """The least disparity that the command match has written for StereoBM into an npz; None for any other file."""
+    if not zipfile.is_zipfile(path):
+        return None
+    with np.load(path, allow_pickle=False) as stored:
+        return int(stored[BM_MIN_DISPARITY]) if BM_MIN_DISPARITY in stored.files else None
 
 
 def read_map(path: Path) -> np.ndarray:

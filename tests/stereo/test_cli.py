@@ -12,6 +12,7 @@ import icymoon
 import numpy as np
 import pairs
 import pytest
+from icymoon.stereo.measure.guiss_reference_code import reference_metrics
 
 ROOT = Path(icymoon.__file__).parent
 BY_PATH = [sys.executable, str(ROOT / "__main__.py"), "stereo"]
@@ -285,6 +286,25 @@ def test_metrics_of_a_disparity_and_the_reference_codes_beside_them(tmp_path):
     assert (found["epe_px"], found["bad_1"]) == (pytest.approx(0, abs=1e-6), 0)
     assert found["total_bad_1"] == pytest.approx(0.2, abs=0.005)
     assert found["dod"] == found["dod_antisymmetric"] == found["dod_sampled"] == 0
+
+
+def test_metrics_of_the_reference_code_know_stereobm(inputs, tmp_path):
+    """Its columns are cut and its failed matches are taken for disparities: from the npz of match, or as stated."""
+    out, truth = tmp_path / "d.npz", np.full((144, 256), 2.0)
+    result = match(inputs, out, "--option", "preset=guiss", "window=7", "disparities=48", method="bm")
+    assert result.returncode == 0, result.stderr
+    with np.load(out) as stored:
+        disparity, least = stored["disparity"], int(stored["bm_min_disparity"])
+    assert least == 4
+    expected = reference_metrics(disparity.astype(float), truth, 4)
+    assert expected["guiss_n"] != reference_metrics(disparity.astype(float), truth)["guiss_n"]
+    plain = save(tmp_path, "d.npy", disparity)
+    for words in ([out], [plain, "--bm-min-disparity", "4"]):
+        result = run("metrics", "--disparity", *words, "--truth", save(tmp_path, "z.npy", truth), "--focal-baseline",
+                     "34", "--guiss")
+        found = json.loads(result.stdout)
+        assert {key: found[key] for key in ("guiss_n", "guiss_l1_m")} == {
+            key: pytest.approx(expected[key]) for key in ("guiss_n", "guiss_l1_m")}
 
 
 @pytest.mark.parametrize(("words", "reason"), [

@@ -13,7 +13,7 @@ ANYWHERE = ("bm", "sgbm", "sgbm_wls", "jplv")  # what runs without a checkpoint 
 SMALL = {"jplv": {"blob_size": 50}}
 GUISS = {"disparities": 96, "min_disparity": 4, "window": 49, "prefilter": "xsobel", "prefilter_size": 17,
          "prefilter_cap": 20, "texture_threshold": 18, "uniqueness": 0, "speckle_window": 0, "speckle_range": 9,
-         "left_right": 25, "left_border": "skip", "rounding": "up"}
+         "left_right": 25, "left_border": "skip", "rounding": "up", "grey": "luminance"}
 
 
 def images(scene, rig=RIG):
@@ -130,6 +130,22 @@ def test_bm_by_preset_is_the_papers():
     disparity, valid, _ = match("bm", left, right, {"preset": "guiss"})
     assert valid.sum() > 5000
     np.testing.assert_array_equal(disparity[valid], (matcher.compute(left, right) / 16.0)[valid])
+
+
+@pytest.mark.parametrize("bands", [3, 4])
+def test_bm_by_preset_sees_luminance_as_the_papers_code_does(bands):
+    left, right, _ = images(pairs.Scene(), pairs.camera(320, 160))
+    # Coloured noise, so that luminance and the mean of the bands differ.
+    noise = np.random.default_rng(0).integers(-40, 40, (160, 320, bands))
+    left, right = (np.clip(eye[..., None] + noise, 0, 255).astype(np.uint8) for eye in (left, right))
+    greys = [cv2.cvtColor(np.ascontiguousarray(eye[..., :3]), cv2.COLOR_BGR2GRAY) for eye in (left, right)]
+    found, _, info = match("bm", left, right, {"preset": "guiss"})
+    np.testing.assert_array_equal(found, match("bm", *greys, {"preset": "guiss"})[0])
+    assert info["options"]["grey"] == "luminance"
+    mean = match("bm", left, right, {"preset": "guiss", "grey": "mean"})[0]
+    assert np.mean(found[np.isfinite(found)] != mean[np.isfinite(found)]) > 0.05
+    deep = [eye.astype(np.uint16) * 257 for eye in (left, right)]
+    np.testing.assert_array_equal(match("bm", *deep, {"preset": "guiss"})[0], found)
 
 
 @pytest.mark.parametrize("method", ANYWHERE)
