@@ -16,12 +16,13 @@ from ...render.pairs.pair_folder import EYES, Pair, find_pair_folders, read_pair
 from ...settings.description import merged
 from ...typed_settings import Settings
 from ..images import colours
-from ..images.develop import Images, develop, exposure_facts, grey
+from ..images.develop import Images, develop, exposure_facts, grey, scaled_radiance
 from ..images.disparity_and_occlusion import scene_depth
 from ..images.exr import Light, View
 from ..images.lens import lens_of
 from ..images.views import read_eye
 from .by_pixel_class import classify, texture
+from .render_noise import render_noise
 from .self_check import Eye, SelfCheck, self_check, visibility
 
 #: Entries of pair.json on how the pair was rendered, which the report shows.
@@ -99,8 +100,17 @@ def prepare(folder: Path, response: Mapping[str, Mapping[str, Any]]) -> Prepared
                        _toward_sun(loaded.pair))
     scale = colours.depth_scale(truth)
     facts = _facts(loaded.pair, loaded.settings, loaded.images, truth, visible)
-    facts |= {"depth_scale_m": [scale.low, scale.high], "self_check": loaded.check.to_json()}
+    noise = render_noise(*_noise_free_levels(loaded), loaded.pair.camera.disparity(truth), visible)
+    facts |= {"depth_scale_m": [scale.low, scale.high], "self_check": loaded.check.to_json(),
+              "noise": noise.to_json()}
     return Prepared(loaded.pair, left, right, truth, visible, gradient, classes, loaded.check, scale, facts)
+
+
+def _noise_free_levels(loaded: Loaded) -> list[np.ndarray]:
+    """Both eyes as the matchers see them, in grey levels of 255, without noise and rounding of the sensor."""
+    top, light = loaded.images.saturation_radiance, loaded.settings.light
+    levels = [np.clip(grey(scaled_radiance(loaded.views[eye], loaded.pair, light)) / top, 0.0, 1.0) for eye in EYES]
+    return [255 * (np.sqrt(level) if loaded.images.encoding == "SQUARE_ROOT" else level) for level in levels]
 
 
 def none_for_nan(value: float) -> float | None:

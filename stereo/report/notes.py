@@ -2,25 +2,39 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from ...records import COUNT, NUMBER, TEXT, Maybe, Shape
 from ..matchers.methods import Method
 from ..matchers.search_range import FIXED, MISSED, STATED, TRUTH
+from ..measure.render_noise import DECIDES, NOISY
 
 #: ``search`` of a row, see ``search_range``.
 SEARCH: Shape = Maybe({"least_px": COUNT, "most_px": COUNT, "source": TEXT,
                        "missed": Maybe(NUMBER, null=True)}, null=True)
+_KNOWN = Maybe(NUMBER, null=True)
+_PART = {"share": NUMBER, "noise_dn": _KNOWN, "hidden": _KNOWN}
+#: ``noise`` of the facts of a pair, see ``render_noise``.
+NOISE: Shape = Maybe({"verdict": Maybe(TEXT, null=True), "lit": _PART, "shadow": _PART, "doubt": _KNOWN}, null=True)
 _FIXES = {STATED: "Leave the option out, and the range follows from the rig.",
           FIXED: "Nothing is known of the rig, so state a larger range."}
 
 
 class Notes:
-    """Collects from rows, one after the other, what ``sentences`` says."""
+    """Collects from pairs and rows, one after the other, what ``sentences`` says."""
 
     def __init__(self, methods: Sequence[Method]) -> None:
         self._search: dict[str, list[tuple[str, Mapping[str, Any]]]] = {method.label: [] for method in methods}
+        self._pairs, self._noisy = 0, 0
+        self._decided: list[float] = []
+
+    def add_pair(self, facts: Mapping[str, Any]) -> None:
+        """Add the facts of a pair."""
+        noise = facts.get("noise") or {}
+        self._pairs += 1
+        self._noisy += noise.get("verdict") == NOISY
+        self._decided += [noise["doubt"]] if noise.get("verdict") == DECIDES else []
 
     def add(self, row: Mapping[str, Any]) -> None:
         """Add the row of a method on a pair."""
@@ -34,7 +48,18 @@ class Notes:
         from_truth = [label for label, found in self._search.items() if any(s["source"] == TRUTH for _, s in found)]
         known = (f"{label}: range from truth. It searches only the disparities that each pair contains, which no "
                  "camera knows." for label in from_truth)
-        return [*filter(None, missed), *known]
+        return [*filter(None, missed), *self._noise(), *known]
+
+    def _noise(self) -> Iterator[str]:
+        if self._decided:
+            yield (f"Noise of the render decides the result in {len(self._decided)} of {self._pairs} pairs: in light "
+                   "or in shadow, more than 5 % of the pixels have less texture than noise. In the worst of them, "
+                   f"methods that differ by less than {100 * max(self._decided):.2g} % of the pixels may differ by "
+                   "noise alone. Raise quality.samples and look whether their order stays: these limits rest on two "
+                   "scenes.")
+        if self._noisy:
+            yield (f"{self._noisy} of {self._pairs} pairs are noisy: in light or in shadow, 1 to 5 % of the pixels "
+                   "have less texture than noise.")
 
     @staticmethod
     def _missed(label: str, found: Sequence[tuple[str, Mapping[str, Any]]]) -> str:

@@ -23,7 +23,7 @@ from ..measure.result_row import NUMBERS, REGIONS
 from .by_setting import scene_of, swept_settings
 from .charts import write_curves
 from .html import choose_pairs, write_report
-from .notes import SEARCH, Notes
+from .notes import NOISE, SEARCH, Notes
 from .row_log import LazyRows, Row, RowLog
 from .summary import Table, differences, summarise_method
 
@@ -37,7 +37,7 @@ _LONG = ("strata", "sparsification", "common")
 FACTS: dict[str, Shape] = {"pair": TEXT, "key": TEXT, "images": Each(TEXT, TEXT), "settings": Each(TABLE, TEXT),
          "self_check": {"ok": FLAG, "problems": Each(TEXT)}, "warnings": Maybe(Each(TEXT)), "rendered": TABLE,
          "width_px": PIXELS, "height_px": PIXELS, "true": NUMBER, "visible": Maybe(NUMBER, null=True),
-         "exposure_s": NUMBER}
+         "exposure_s": NUMBER, "noise": NOISE}
 _KNOWN = Maybe(NUMBER, null=True)
 #: A row, see ``evaluate.evaluate``.
 ROW: dict[str, Shape] = {
@@ -64,10 +64,11 @@ def write_results(log: RowLog, names: Sequence[str], methods: Sequence[Method], 
     table = Table(labels, names)
     places = {name: k for k, name in enumerate(names)}
     scenes: dict[str, int] = {}
+    notes = Notes(methods)
     for pair in facts:
+        notes.add_pair(pair)
         table.scenes[places[pair["pair"]]] = scenes.setdefault(scene_of(pair["settings"]), len(scenes))
     ran_on: dict[str, list[Any]] = {label: [] for label in labels}
-    notes = Notes(methods)
     for k, name in enumerate(names):
         for label in labels:
             row = log.read(name, label)

@@ -1,9 +1,10 @@
-"""The sentences before the tables: search ranges that miss disparities, ranges from truth."""
+"""The sentences before the tables: on search ranges and on the noise of renders."""
 
 import pytest
 from icymoon.records import find_fault
 from icymoon.stereo.matchers.methods import parse_methods
-from icymoon.stereo.report.notes import SEARCH, Notes
+from icymoon.stereo.measure.render_noise import CLEAN, DECIDES, NOISY
+from icymoon.stereo.report.notes import NOISE, SEARCH, Notes
 
 
 def sentences(text, *searches):
@@ -13,6 +14,26 @@ def sentences(text, *searches):
         assert not find_fault({"search": search}, {"search": SEARCH})
         notes.add({"pair": f"p{k}", "method": methods[0].label, "search": search, "options": {}})
     return notes.sentences()
+
+
+def with_noise(*verdicts):
+    notes = Notes(parse_methods("bm"))
+    for verdict, doubt in verdicts:
+        part = {"share": 0.5, "noise_dn": 3.0, "hidden": 0.1}
+        facts = {"noise": {"verdict": verdict, "lit": part, "shadow": part, "doubt": doubt}}
+        assert not find_fault(facts, {"noise": NOISE})
+        notes.add_pair(facts)
+    notes.add_pair({})  # photographs, which no one has rendered
+    return notes.sentences()
+
+
+def test_what_noise_decides_is_said_with_the_difference_that_it_hides():
+    decided, noisy = with_noise((DECIDES, 0.12), (CLEAN, 0.001), (NOISY, 0.02), (DECIDES, 0.21), (None, None))
+    assert "decides the result in 2 of 6 pairs" in decided
+    assert "less than 21 % of the pixels" in decided
+    assert "rest on two scenes" in decided
+    assert noisy.startswith("1 of 6 pairs are noisy")
+    assert not with_noise((CLEAN, 0.001))
 
 
 def search(missed, source="rig", most=95):
