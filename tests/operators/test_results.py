@@ -34,6 +34,15 @@ def test_they_survive_saving_and_are_none_of_another_file(scene, tmp_path):
     assert results.report_folder(bpy.context.scene) == tmp_path / "evaluation_scene"
 
 
+def test_what_limits_the_results_is_kept_with_them(scene, tmp_path):
+    evaluated(scene, tmp_path)
+    assert results.limits(scene) == ()
+    path = tmp_path / "evaluation_scene" / "summary.json"
+    path.write_text(json.dumps(json.loads(path.read_text()) | {"notes": ["Noise decides.", "bm misses.", "A third."]}))
+    results.keep_results(scene, "SCENE", scene_properties.read_settings(scene.icymoon), [PAIR])
+    assert results.limits(scene) == ("Noise decides.", "bm misses.")
+
+
 def test_each_scene_has_its_own_and_a_copy_those_of_its_settings(scene, tmp_path):
     evaluated(scene, tmp_path)
     other = bpy.data.scenes.new("Other")
@@ -144,9 +153,11 @@ def test_what_a_file_says_is_text_and_leads_nowhere(scene, tmp_path):
     evil = "/usr/bin/evil\n" * 50
     scene.icymoon.dataset.folder = str(tmp_path)
     scene.icymoon.results = json.dumps({"made": evil, "scope": evil, "pairs": [evil], "folder": evil, "settings": {
-        "light": {"sun_elevation_deg": evil}}, "summary": [{"method": evil, **dict.fromkeys(results.METRICS, 0.5)}]})
+        "light": {"sun_elevation_deg": evil}}, "notes": [evil] * 9, "summary": [{"method": evil, **dict.fromkeys(results.METRICS, 0.5)}]})
     assert all(len(line) < 200 and line.isprintable() for line in results.notes(scene))
     assert len(results.summary(scene)[0]["method"]) <= 40
+    assert len(results.limits(scene)) == 2
+    assert all(len(line) <= 400 and line.isprintable() for line in results.limits(scene))
     with pytest.raises(IcyMoonError, match="no report"):
         results.report_folder(scene)
 
