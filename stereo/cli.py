@@ -152,11 +152,11 @@ def _run_match(parsed: argparse.Namespace) -> int:
     pair = read_pair(parsed.camera) if parsed.camera else None
     disparity, _, info = match(parsed.method, read_png(parsed.left), read_png(parsed.right), options,
                                pair and pair.camera, known_ranges(pair and pair.settings.rig, None))
+    facts = {BM_MIN_DISPARITY: info["options"]["min_disparity"]} if parsed.method == "bm" else {}
+    write_disparity(parsed.out, disparity, info["arrays"], **facts)
     if (searched := info["search"]) and searched.source == FIXED:
         print(f"{PROGRAM}: the rig is not known, so {parsed.method} searched {searched.least_px} to {searched.most_px} "
               "px; give --camera PAIR or state the range.", file=sys.stderr)
-    facts = {BM_MIN_DISPARITY: info["options"]["min_disparity"]} if parsed.method == "bm" else {}
-    write_disparity(parsed.out, disparity, info["arrays"], **facts)
     return 0
 
 
