@@ -153,7 +153,8 @@ def test_what_a_file_says_is_text_and_leads_nowhere(scene, tmp_path):
     evil = "/usr/bin/evil\n" * 50
     scene.icymoon.dataset.folder = str(tmp_path)
     scene.icymoon.results = json.dumps({"made": evil, "scope": evil, "pairs": [evil], "folder": evil, "settings": {
-        "light": {"sun_elevation_deg": evil}}, "notes": [evil] * 9, "summary": [{"method": evil, **dict.fromkeys(results.METRICS, 0.5)}]})
+        "light": {"sun_elevation_deg": evil}}, "notes": [evil] * 9,
+        "summary": [{"method": evil, **dict.fromkeys(results.METRICS, 0.5)}]})
     assert all(len(line) < 200 and line.isprintable() for line in results.notes(scene))
     assert len(results.summary(scene)[0]["method"]) <= 40
     assert len(results.limits(scene)) == 2
