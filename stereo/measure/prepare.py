@@ -100,17 +100,18 @@ def prepare(folder: Path, response: Mapping[str, Mapping[str, Any]]) -> Prepared
                        _toward_sun(loaded.pair))
     scale = colours.depth_scale(truth)
     facts = _facts(loaded.pair, loaded.settings, loaded.images, truth, visible)
-    noise = render_noise(*_noise_free_levels(loaded), loaded.pair.camera.disparity(truth), visible)
+    noise = render_noise(_noise_free_level(loaded, "left"), _noise_free_level(loaded, "right"),
+                         loaded.pair.camera.disparity(truth), visible)
     facts |= {"depth_scale_m": [scale.low, scale.high], "self_check": loaded.check.to_json(),
               "noise": noise.to_json()}
     return Prepared(loaded.pair, left, right, truth, visible, gradient, classes, loaded.check, scale, facts)
 
 
-def _noise_free_levels(loaded: Loaded) -> list[np.ndarray]:
-    """Both eyes as the matchers see them, in grey levels of 255, without noise and rounding of the sensor."""
-    top, light = loaded.images.saturation_radiance, loaded.settings.light
-    levels = [np.clip(grey(scaled_radiance(loaded.views[eye], loaded.pair, light)) / top, 0.0, 1.0) for eye in EYES]
-    return [255 * (np.sqrt(level) if loaded.images.encoding == "SQUARE_ROOT" else level) for level in levels]
+def _noise_free_level(loaded: Loaded, eye: str) -> np.ndarray:
+    """An eye's image as the matchers see it, in grey levels of 255, without noise and rounding of the sensor."""
+    radiance = grey(scaled_radiance(loaded.views[eye], loaded.pair, loaded.settings.light))
+    level = np.clip(radiance / loaded.images.saturation_radiance, 0.0, 1.0)
+    return np.asarray(255 * (np.sqrt(level) if loaded.images.encoding == "SQUARE_ROOT" else level))
 
 
 def none_for_nan(value: float) -> float | None:

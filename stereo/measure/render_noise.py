@@ -90,7 +90,7 @@ def _noise(left: np.ndarray, right: np.ndarray, disparity: np.ndarray, visible: 
     whole = np.floor(column).astype(np.intp)
     known = visible & (steep < _EDGE_PX) & (whole >= 1) & (whole + 2 < width)
     known = cv2.erode(known.astype(np.uint8), np.ones((3, 3), np.uint8), borderType=cv2.BORDER_CONSTANT,
-                      borderValue=0).astype(bool)
+                      borderValue=(0,)).astype(bool)
     weights = _cubic(column - whole)
     taps = (np.take_along_axis(right, np.clip(whole + k, 0, width - 1), axis=1) for k in (-1, 0, 1, 2))
     difference = left - sum(weight * tap for weight, tap in zip(weights, taps, strict=True))

@@ -138,14 +138,14 @@ def test_bm_by_preset_sees_luminance_as_the_papers_code_does(bands):
     # Coloured noise, so that luminance and the mean of the bands differ.
     noise = np.random.default_rng(0).integers(-40, 40, (160, 320, bands))
     left, right = (np.clip(eye[..., None] + noise, 0, 255).astype(np.uint8) for eye in (left, right))
-    greys = [cv2.cvtColor(np.ascontiguousarray(eye[..., :3]), cv2.COLOR_BGR2GRAY) for eye in (left, right)]
+    grey, other = (cv2.cvtColor(np.ascontiguousarray(eye[..., :3]), cv2.COLOR_BGR2GRAY) for eye in (left, right))
     found, _, info = match("bm", left, right, {"preset": "guiss"})
-    np.testing.assert_array_equal(found, match("bm", *greys, {"preset": "guiss"})[0])
+    np.testing.assert_array_equal(found, match("bm", grey, other, {"preset": "guiss"})[0])
     assert info["options"]["grey"] == "luminance"
     mean = match("bm", left, right, {"preset": "guiss", "grey": "mean"})[0]
     assert np.mean(found[np.isfinite(found)] != mean[np.isfinite(found)]) > 0.05
-    deep = [eye.astype(np.uint16) * 257 for eye in (left, right)]
-    np.testing.assert_array_equal(match("bm", *deep, {"preset": "guiss"})[0], found)
+    left, right = (eye.astype(np.uint16) * 257 for eye in (left, right))
+    np.testing.assert_array_equal(match("bm", left, right, {"preset": "guiss"})[0], found)
 
 
 @pytest.mark.parametrize("method", ANYWHERE)

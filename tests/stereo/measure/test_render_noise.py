@@ -20,7 +20,7 @@ def judged(noise_dn=0.0, scene=SMOOTH, shade=None, seed=0):
         if shade is not None:
             level = level * shade[eye]
         eyes.append(level + noise_dn * random.standard_normal(level.shape))
-    return render_noise(*eyes, RIG.disparity(depth), visible_in_right(depth, other, RIG))
+    return render_noise(eyes[0], eyes[1], RIG.disparity(depth), visible_in_right(depth, other, RIG))
 
 
 @pytest.mark.parametrize("noise_dn", [4.0, 8.0, 16.0])
