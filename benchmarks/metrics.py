@@ -19,6 +19,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "support"))
 import pairs
+from icymoon.render.pairs.pair_folder import Pair
 from icymoon.stereo.export.points import measured_points
 from icymoon.stereo.images.disparity_and_occlusion import visible_in_right
 from icymoon.stereo.matchers import match
@@ -57,6 +58,7 @@ def main() -> None:
         pair = pairs.write_pair(Path(folder) / "pair", pairs.Scene(distance_m=3.0), pairs.camera(640, 480), noise=0.02)
         prepared = prepare(pair, {})
         loaded = load(pair, {})
+        assert isinstance(prepared.pair, Pair)
         prepared.pair.data["poses_camera_to_world"] = {"left": np.eye(4).tolist()}
         disparity, _, _ = match("sgbm", prepared.left, prepared.right)
         depth, truth, camera = depth_of(prepared, disparity), prepared.truth, prepared.pair.camera

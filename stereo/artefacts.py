@@ -87,4 +87,4 @@ def _write_picture(prepared: Prepared, out: Path, name: str, image: np.ndarray) 
 
 
 def _pair_folder(prepared: Prepared, out: Path) -> Path:
-    return out / "pairs" / prepared.pair.folder.name
+    return out / "pairs" / prepared.pair.name

@@ -10,6 +10,7 @@ pixel centres and never antialiased. Imports no Blender.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -68,6 +69,8 @@ class StereoCamera:
     margin_x_px: int = 0
     margin_y_px: int = 0
     toe_in_deg: float = 0.0
+    #: Column of the right principal point less that of the left one; 0 in ours, not in Middlebury's.
+    doffs_px: float = 0.0
 
     @classmethod
     def from_settings(cls, rig: RigSettings) -> StereoCamera:
@@ -117,7 +120,14 @@ class StereoCamera:
 
     def disparity(self, depth_m: np.ndarray) -> np.ndarray:
         """Disparity in px of planar depths in metres; NaN stays NaN (sky)."""
-        return self.focal_baseline_px_m / np.asarray(depth_m, np.float64)
+        return self.focal_baseline_px_m / np.asarray(depth_m, np.float64) - self.doffs_px
+
+    def depth(self, disparity_px: np.ndarray) -> np.ndarray:
+        """Planar depth in metres of disparities in px; NaN where there is none in front of the camera."""
+        reach = np.asarray(disparity_px, np.float64) + self.doffs_px
+        with np.errstate(over="ignore", invalid="ignore"):
+            ahead = reach > 0
+            return np.where(ahead, self.focal_baseline_px_m / np.where(ahead, reach, 1.0), np.nan)
 
     def to_json(self) -> dict[str, Any]:
         """The ``camera`` table of ``pair.json``."""
@@ -125,7 +135,7 @@ class StereoCamera:
                 "cx_px": self.cx_px, "cy_px": self.cy_px, "baseline_m": self.baseline_m,
                 "K": self.matrix, "focal_baseline_px_m": self.focal_baseline_px_m,
                 "margin_x_px": self.margin_x_px, "margin_y_px": self.margin_y_px, "toe_in_deg": self.toe_in_deg,
-                "pixel_centre": "(u + 0.5, v + 0.5)"}
+                **({"doffs_px": self.doffs_px} if self.doffs_px else {}), "pixel_centre": "(u + 0.5, v + 0.5)"}
 
     def eyes_json(self) -> dict[str, Any]:
         """The calibration of each eye: K, and R and t of x = R X + t from the left eye's rectified axes, metres."""
@@ -140,7 +150,7 @@ class StereoCamera:
         """Back from the ``camera`` table of ``pair.json``."""
         own = ("width_px", "height_px", "focal_px", "cx_px", "cy_px", "baseline_m")
         return cls(**{key: data[key] for key in own},
-                   **{key: data.get(key, 0) for key in ("margin_x_px", "margin_y_px", "toe_in_deg")})
+                   **{key: data.get(key, 0) for key in ("margin_x_px", "margin_y_px", "toe_in_deg", "doffs_px")})
 
 
 @dataclass(frozen=True)
@@ -164,6 +174,11 @@ class Pair:
     def truth_of_image(self, eye: str) -> Path:
         """The file with the truth of the rendered image's own pixels, which differ where eyes are toed in."""
         return self._file_or_image(eye, TOED_TRUTH_FILE) if self.camera.toe_in_deg else self.truth(eye)
+
+    @property
+    def name(self) -> str:
+        """Its name in a data set and in results."""
+        return self.folder.name
 
     @property
     def rectified_poses(self) -> dict[str, Any] | None:
@@ -193,7 +208,7 @@ _SHAPE = {
     "format": TEXT, "version": COUNT, "id": TEXT, **_SETTINGS_SHAPE, **_FILES_SHAPE,
     "camera": {"width_px": PIXELS, "height_px": PIXELS, "focal_px": POSITIVE, "cx_px": NUMBER, "cy_px": NUMBER,
                "baseline_m": POSITIVE, "margin_x_px": Maybe(COUNT), "margin_y_px": Maybe(COUNT),
-               "toe_in_deg": Maybe(NUMBER)},
+               "toe_in_deg": Maybe(NUMBER), "doffs_px": Maybe(NUMBER)},
     "poses_camera_to_world": _BOTH_EYES, "poses_rectified_to_world": _BOTH_EYES,
     "edited_by_hand": Maybe(FLAG), "own_files_sha256": Maybe(TEXT), "left_out": Maybe(Each(TEXT)),
     "seeds": Maybe(Each(WHOLE, TEXT)),
@@ -294,13 +309,20 @@ def find_pair_folders(path: Path) -> list[Path]:
 
     Raises IcyMoonError if there is none.
     """
-    if (path / "pair.json").is_file():
-        return [path.resolve()]
-    root = path / "pairs" if (path / "pairs").is_dir() else path
-    folders = sorted(p.parent for p in root.glob("*/pair.json") if not p.parent.name.endswith(PART))
+    folders = [path.resolve()] if (path / "pair.json").is_file() else sorted(_pairs_in(path))
     if not folders:
         raise IcyMoonError(f"{path} contains no complete stereo pair; render one first or choose another folder.")
     return folders
+
+
+def _pairs_in(path: Path) -> Iterator[Path]:
+    root = path / "pairs" if (path / "pairs").is_dir() else path
+    return (p.parent for p in root.glob("*/pair.json") if not p.parent.name.endswith(PART))
+
+
+def has_pairs(path: Path) -> bool:
+    """Whether there is a complete pair at ``path``, see ``find_pair_folders``."""
+    return (path / "pair.json").is_file() or next(_pairs_in(path), None) is not None
 
 
 def find_pairs(path: Path) -> list[Pair]:

@@ -125,7 +125,7 @@ def _read_parts(path: Path, passes: Collection[str]) -> list[tuple[str, dict[str
     except ImportError:
         return _decode(path, passes)
     try:
-        with _silence_openexr(), _make_smaller_file(path, passes) as file:
+        with silence_openexr(), _make_smaller_file(path, passes) as file:
             parts_announced = len(OpenEXR.File(file, separate_channels=True, header_only=True).parts)
             parts = OpenEXR.File(file, separate_channels=True).parts
     except Exception as error:  # the binding raises RuntimeError, ValueError and its own types
@@ -191,7 +191,7 @@ def _labels(channels: _Channels, passes: tuple[str, ...]) -> np.ndarray | None:
 
 
 @contextmanager
-def _silence_openexr() -> Iterator[None]:
+def silence_openexr() -> Iterator[None]:
     """Discard what OpenEXR prints about a damaged file: its Python part prints on standard output, where our results
     go, its C++ part on standard error."""
     sys.stderr.flush()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import math
 import re
 import zlib
 from collections.abc import Mapping
@@ -15,7 +16,7 @@ from ...errors import IcyMoonError
 from ...files import write_atomically
 
 _PNG = b"\x89PNG\r\n\x1a\n"
-_PFM = re.compile(rb"Pf\s+(\d{1,6})\s+(\d{1,6})\s+([-+]?[\d.]+(?:[eE][-+]?\d+)?)\s")  # width, height, scale
+_PFM = re.compile(rb"P([fF])\s+(\d{1,6})\s+(\d{1,6})\s+([-+]?[\d.]+(?:[eE][-+]?\d+)?)\s")  # width, height, scale
 
 
 def write_bytes(path: Path, content: bytes) -> None:
@@ -60,24 +61,25 @@ def read_png(path: Path) -> np.ndarray:
     return image
 
 
-def read_pfm(path: Path) -> np.ndarray:
-    """A grey PFM file as float32 (H, W), top row first. The sign of its scale gives the byte order; values are not
-    scaled.
+def read_pfm(path: Path, colours: bool = False) -> np.ndarray:
+    """A grey PFM file as float32 (H, W), or with ``colours`` any as (H, W) or (H, W, 3), top row first.
 
-    Raises IcyMoonError if it is missing, of another kind or damaged.
+    The sign of its scale gives the byte order; values are not scaled. Raises IcyMoonError if it is missing, of another
+    kind or damaged.
     """
     try:
         content = path.read_bytes()
     except OSError as error:
         raise IcyMoonError(f"{path} cannot be read ({error.strerror}); give an existing PFM image.") from None
     head = _PFM.match(content)
-    if head is None:
+    if head is None or (head[1] == b"F" and not colours):
         raise IcyMoonError(f"{path} is not a grey PFM image; its first line must be Pf.")
-    width, height, body = int(head[1]), int(head[2]), content[head.end():]
-    if len(body) != 4 * width * height:
+    width, height, body = int(head[2]), int(head[3]), content[head.end():]
+    shape = (height, width, 3) if head[1] == b"F" else (height, width)
+    if len(body) != 4 * math.prod(shape):
         raise IcyMoonError(f"{path} is damaged or incomplete; make it again.")
-    order = "<" if head[3].startswith(b"-") else ">"
-    return np.frombuffer(body, f"{order}f4").reshape(height, width)[::-1].astype(np.float32)
+    order = "<" if head[4].startswith(b"-") else ">"
+    return np.frombuffer(body, f"{order}f4").reshape(shape)[::-1].astype(np.float32)
 
 
 def _is_whole(content: bytes) -> bool:

@@ -113,15 +113,19 @@ def classify(truth: np.ndarray, visible: np.ndarray, gradient: np.ndarray, grey:
 
 
 def sums_by_class(classes: Mapping[str, np.ndarray], depth: np.ndarray, truth: np.ndarray, disparity: np.ndarray,
-               true_disparity: np.ndarray) -> dict[str, dict[str, list[float]]]:
-    """SUMS per class of every factor of ``classify``: {factor: {sum: a number per class}}."""
+                  true_disparity: np.ndarray, doffs_px: float = 0.0) -> dict[str, dict[str, list[float]]]:
+    """SUMS per class of every factor of ``classify``: {factor: {sum: a number per class}}.
+
+    ``doffs_px``: see ``StereoCamera``.
+    """
     known = usable(truth)
     measured = usable(depth[known])
     true, error_m = truth[known], np.where(measured, np.abs(depth[known] - truth[known]), 0.0)
     error_px = np.where(measured, np.abs(disparity[known].astype(np.float64) - true_disparity[known]), 0.0)
     fine = measured & (error_px <= 1)
+    m_per_px = np.where(measured, true / (true_disparity[known] + doffs_px), 0.0)
     weights = {"true": np.ones_like(true), "n": measured, "l1_m": error_m, "epe_px": error_px, "bad_1": error_px > 1,
-               "l1_rate_10": error_m > 0.1, "m_per_px": np.where(measured, true / true_disparity[known], 0.0),
+               "l1_rate_10": error_m > 0.1, "m_per_px": m_per_px,
                "fine": fine, "fine_epe_px": error_px * fine}
     result: dict[str, dict[str, list[float]]] = {}
     for factor in FACTORS:

@@ -6,13 +6,20 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
 from ...errors import IcyMoonError
 from ...labels import NOT_SEEN
-from ...render.pairs.pair_folder import EYES, Pair, find_pair_folders, read_pair, read_unchanged_pair
+from ...render.pairs.pair_folder import (
+    EYES,
+    Pair,
+    StereoCamera,
+    find_pair_folders,
+    read_pair,
+    read_unchanged_pair,
+)
 from ...settings.description import merged
 from ...typed_settings import Settings
 from ..images import colours
@@ -43,12 +50,31 @@ class Loaded:
     check: SelfCheck
 
 
+class MeasuredPair(Protocol):
+    """What measuring needs to know about a pair, rendered here or not."""
+
+    @property
+    def name(self) -> str:
+        """Its name in results."""
+
+    @property
+    def folder(self) -> Path:
+        """Where it is, for messages."""
+
+    @property
+    def camera(self) -> StereoCamera:
+        """The parallel rig of its images."""
+
+    def rectified_pose(self, eye: str) -> np.ndarray | None:
+        """The matrix (4, 4) from an eye, in OpenCV's axes, to the axes of its points; None if it is not known."""
+
+
 @dataclass(frozen=True)
 class Prepared:
     """What all methods need of a pair."""
 
-    pair: Pair
-    left: np.ndarray  # uint8 (H, W), for the matchers
+    pair: MeasuredPair
+    left: np.ndarray  # uint8 (H, W), or (H, W, 3) in the order B, G, R, for the matchers
     right: np.ndarray
     truth: np.ndarray  # float64 (H, W), planar metres, NaN for sky and for what the sensor does not see
     visible: np.ndarray  # bool (H, W), seen by the right eye too
@@ -57,6 +83,7 @@ class Prepared:
     check: SelfCheck
     scale: colours.Scale  # for pictures of depth
     facts: dict[str, Any]  # about the pair, for the report
+    occlusion_known: bool = True  # otherwise ``visible`` only leaves out what is outside the right image
 
 
 def distinct_pairs(paths: Sequence[Path]) -> list[Path]:

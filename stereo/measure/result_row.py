@@ -41,9 +41,7 @@ NUMBERS = (*OWN_NUMBERS, *COMMON_NUMBERS)
 
 def depth_of(prepared: Prepared, disparity: np.ndarray) -> np.ndarray:
     """Planar depth in m, float64, of a disparity map; NaN where there is no valid disparity."""
-    with np.errstate(over="ignore"):
-        return np.where(usable(disparity), prepared.pair.camera.focal_baseline_px_m
-                        / np.where(usable(disparity), disparity, 1).astype(np.float64), np.nan)
+    return np.where(usable(disparity), prepared.pair.camera.depth(disparity), np.nan)
 
 
 def own_numbers(prepared: Prepared, disparity: np.ndarray, bm_min_disparity: int | None = None) -> dict[str, Any]:
@@ -57,7 +55,7 @@ def own_numbers(prepared: Prepared, disparity: np.ndarray, bm_min_disparity: int
     everywhere = _numbers(prepared, disparity, depth, np.ones_like(prepared.visible))
     result = everywhere | {f"total_{key}": value for key, value in total_metrics(
         depth, truth, disparity, true_disparity, everywhere["dod"]).items()}
-    result |= {f"visible_{key}": value
+    result |= {f"visible_{key}": value if prepared.occlusion_known else float("nan")
                for key, value in _numbers(prepared, disparity, depth, prepared.visible).items()}
     result |= reference_metrics(disparity, truth, bm_min_disparity)
     error = np.abs(np.where(prepared.visible, disparity - true_disparity, np.nan))
@@ -65,7 +63,8 @@ def own_numbers(prepared: Prepared, disparity: np.ndarray, bm_min_disparity: int
         "true_pixels": int(usable(truth).sum()), "error_curve": _list(error_curve(depth, truth)),
         "sparsification": {"texture": _list(sparsification(error, prepared.gradient)),
                            "best": _list(sparsification(error, -error))},
-        "strata": sums_by_class(prepared.classes, depth, truth, disparity, true_disparity)}
+        "strata": sums_by_class(prepared.classes, depth, truth, disparity, true_disparity,
+                                prepared.pair.camera.doffs_px)}
 
 
 def common_numbers(prepared: Prepared, disparity: np.ndarray, common: np.ndarray) -> dict[str, Any]:
