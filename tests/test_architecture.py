@@ -29,7 +29,7 @@ PURE = (
     "render/pairs", "render/plans", "render/workers", "render/cost",
     "stereo/environment", "stereo/images", "stereo/measure", "stereo/networks",
     "stereo/adapters", "stereo/matchers",
-    "stereo/export", "stereo/report", "stereo/trade", "stereo",
+    "stereo/export", "stereo/datasets", "stereo/report", "stereo/trade", "stereo",
     "commands")
 WITH_BLENDER = (
     "compat", "scene_properties",

@@ -26,7 +26,7 @@ import numpy as np
 from ...errors import DiskError, IcyMoonError, describe_error
 from ...files import escape_cell, write_atomically, write_json, write_text
 from ...labels import LANDER, NOT_SEEN, ROCK, SEMANTIC
-from ...render.pairs.pair_folder import EYES
+from ...render.pairs.pair_folder import EYES, StereoCamera
 from ..images.develop import exposure_facts, to_8_bit
 from ..images.image_files import write_bytes, write_png
 from ..measure.prepare import Loaded, distinct_pairs, load
@@ -202,16 +202,20 @@ def _write_middlebury(pair: Loaded, out: Path) -> None:
     write_text(folder / "calib.txt", _middlebury_calibration(pair))
 
 
+def middlebury_camera_text(camera: StereoCamera) -> str:
+    """The camera in the lines of Middlebury's ``calib.txt``: pixels from the centre of the first one, lengths in mm."""
+    eyes = "".join(f"cam{eye}=[{camera.focal_px:.9g} 0 {camera.cx_px - 0.5 + eye * camera.doffs_px:.9g}; "
+                   f"0 {camera.focal_px:.9g} {camera.cy_px - 0.5:.9g}; 0 0 1]\n" for eye in (0, 1))
+    return (f"{eyes}doffs={camera.doffs_px:.9g}\nbaseline={1000 * camera.baseline_m:.9g}\n"
+            f"width={camera.width_px}\nheight={camera.height_px}\n")
+
+
 def _middlebury_calibration(pair: Loaded) -> str:
-    """Middlebury 2014: baseline in mm, ``ndisp`` a safe number of disparities, ``vmin`` and ``vmax`` their range."""
-    camera = pair.pair.camera
-    matrix = (f"[{camera.focal_px:.9g} 0 {camera.cx_px - 0.5:.9g}; 0 {camera.focal_px:.9g} {camera.cy_px - 0.5:.9g}; "
-              "0 0 1]")
+    """Middlebury 2014: ``ndisp`` is a safe number of disparities, ``vmin`` and ``vmax`` are their range."""
     disparity = _disparity(pair, "left")
     known = disparity[np.isfinite(disparity)]
     low, high = (int(np.floor(known.min())), int(np.ceil(known.max()))) if known.size else (0, 0)
-    return (f"cam0={matrix}\ncam1={matrix}\ndoffs=0\nbaseline={1000 * camera.baseline_m:.9g}\n"
-            f"width={camera.width_px}\nheight={camera.height_px}\nndisp={high + 1}\nisint=0\n"
+    return (f"{middlebury_camera_text(pair.pair.camera)}ndisp={high + 1}\nisint=0\n"
             f"vmin={low}\nvmax={high}\ndyavg=0\ndymax=0\n")
 
 

@@ -1,0 +1,93 @@
+"""Cameras from the calibration files of other data sets.
+
+Their principal points count pixels from the centre of the first one, half a pixel less than ours.
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+from pathlib import Path
+
+from ...errors import IcyMoonError
+from ...records import COUNT, NUMBER, PIXELS, POSITIVE, Maybe, read_record
+from ...render.pairs.pair_folder import StereoCamera
+from .data_files import numbers_of, read_bytes, read_fields
+
+_CENTRE = 0.5
+_OURS = {"camera": {"width_px": PIXELS, "height_px": PIXELS, "focal_px": POSITIVE, "cx_px": NUMBER, "cy_px": NUMBER,
+                    "baseline_m": POSITIVE, "margin_x_px": Maybe(COUNT), "margin_y_px": Maybe(COUNT),
+                    "toe_in_deg": Maybe(NUMBER)},
+         "saturation_radiance": Maybe(NUMBER, null=True)}
+#: First number of Sintel's files of cameras.
+_SINTEL_MARK = 202021.25
+
+
+def centred_camera(focal_px: float, baseline_m: float, width: int, height: int) -> StereoCamera:
+    """A camera whose principal point is the middle of the image."""
+    return StereoCamera(width, height, focal_px, width / 2, height / 2, baseline_m)
+
+
+def given_camera(focal_px: float, cx: float, cy: float, baseline_m: float, width: int, height: int) -> StereoCamera:
+    """A camera that a data set states for all of its images."""
+    return StereoCamera(width, height, focal_px, cx + _CENTRE, cy + _CENTRE, baseline_m)
+
+
+def kitti_camera(path: Path, names: tuple[str, str], width: int, height: int) -> StereoCamera:
+    """From the two projection matrices ``names`` of the rectified eyes. Raises IcyMoonError if they are none."""
+    fields = read_fields(path, ":")
+    left, right = (numbers_of(path, fields, name, 12) for name in names)
+    baseline = (left[3] - right[3]) / left[0] if left[0] else 0.0
+    _check(path, left[0], baseline)
+    return StereoCamera(width, height, left[0], left[2] + _CENTRE, left[6] + _CENTRE, baseline,
+                        doffs_px=right[2] - left[2])
+
+
+def middlebury_camera(path: Path, width: int, height: int) -> StereoCamera:
+    """From ``calib.txt`` of Middlebury and ETH3D, with its baseline in mm. Raises IcyMoonError if it is incomplete."""
+    fields = read_fields(path, "=")
+    matrix = numbers_of(path, fields, "cam0", 9)
+    baseline = numbers_of(path, fields, "baseline", 1)[0] / 1000
+    _check(path, matrix[0], baseline)
+    doffs = numbers_of(path, fields, "doffs", 1)[0] if "doffs" in fields else 0.0
+    stated = [int(numbers_of(path, fields, key, 1)[0]) if key in fields else size
+              for key, size in (("width", width), ("height", height))]
+    return StereoCamera(stated[0], stated[1], matrix[0], matrix[2] + _CENTRE, matrix[5] + _CENTRE, baseline,
+                        doffs_px=doffs)
+
+
+def row_offset_px(path: Path) -> float:
+    """The largest distance of matching rows that ``calib.txt`` states, 0 for rectified images."""
+    fields = read_fields(path, "=")
+    return numbers_of(path, fields, "dymax", 1)[0] if "dymax" in fields else 0.0
+
+
+def sintel_camera(path: Path, baseline_m: float, width: int, height: int) -> StereoCamera:
+    """From a ``.cam`` file: the matrix of the camera as nine float64 after a mark. Raises IcyMoonError otherwise."""
+    content = read_bytes(path, 4096)
+    try:
+        mark, *matrix = struct.unpack_from("<f9d", content)
+    except struct.error:
+        mark, matrix = 0.0, []
+    if mark != _SINTEL_MARK:
+        raise IcyMoonError(f"{path} is not a camera of Sintel; download its camera data again.")
+    _check(path, matrix[0], baseline_m)
+    return given_camera(matrix[0], matrix[2], matrix[5], baseline_m, width, height)
+
+
+def our_camera(path: Path, width: int, height: int) -> StereoCamera:
+    """From ``calibration.json`` of our own exports."""
+    del width, height
+    return StereoCamera.from_json(read_record(path, _OURS, "export the pair again")["camera"]).rectified
+
+
+def saturation_radiance(path: Path) -> float | None:
+    """The radiance that is white in the images, from ``calibration.json``; None if none is."""
+    found = read_record(path, _OURS, "export the pair again").get("saturation_radiance")
+    return None if found is None else float(found)
+
+
+def _check(path: Path, focal_px: float, baseline_m: float) -> None:
+    for value, name in ((focal_px, "focal length"), (baseline_m, "baseline")):
+        if not (math.isfinite(value) and value > 0):
+            raise IcyMoonError(f"{path} gives a {name} of {value:g}, and it must be above 0; correct it.")

@@ -1,0 +1,201 @@
+"""A pair of another data set: its files, and what can be measured with them."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...errors import IcyMoonError
+from ...records import FILE_NAME
+from ...render.pairs.pair_folder import StereoCamera
+from ..images import colours
+from ..images.disparity_and_occlusion import matching_column, visible_in_right
+from ..measure.by_pixel_class import OCCLUSION, classify, texture
+from ..measure.metrics import usable
+from ..measure.prepare import Prepared
+from ..measure.self_check import SelfCheck
+from .data_files import MapFile, read_image, read_map, read_radiance
+from .faults import check_truth
+
+#: Makes the camera of images of this width and height.
+CameraReader = Callable[[int, int], StereoCamera]
+
+
+@dataclass(frozen=True)
+class Mask:
+    """Which pixels the right eye sees too, in image files.
+
+    ``kind``: "seen" (255 where it does, as Middlebury's nocc), "hidden" (not 0 where it does not, in one of the files,
+    as Sintel's occlusions), or "known" (there is a disparity where it does, as KITTI's noc).
+    """
+
+    kind: str
+    files: tuple[Path, ...]
+
+
+@dataclass(frozen=True)
+class ForeignPair:
+    """The files of a pair in the layout of another data set; nothing of them is read before ``prepare``."""
+
+    name: str
+    folder: Path  # where it was found
+    layout: str
+    scene: str  # pairs of one scene are not independent
+    left: Path
+    right: Path
+    truth: MapFile
+    camera_reader: CameraReader
+    calibration: tuple[Path, ...] = ()
+    truth_right: MapFile | None = None
+    mask: Mask | None = None
+    white: float | None = None  # level of white in images of radiance (PFM)
+    linear: bool = False  # the images are in proportion to light, as our own are
+    either_sign: bool = False  # the sign of the disparities differs between the releases of the data set
+    notes: tuple[str, ...] = ()
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """All files that its numbers depend on."""
+        right = (self.truth_right.path,) if self.truth_right else ()
+        return (self.left, self.right, self.truth.path, *right, *(self.mask.files if self.mask else ()),
+                *self.calibration)
+
+    def content(self) -> list[Any]:
+        """What its numbers depend on: the checksums of its files, empty for one that cannot be read."""
+        described = [self.layout, self.truth.kind, self.truth.steps, self.white]
+        return [*described, *(_checksum(path) for path in self.files)]
+
+    def prepare(self, response: Mapping[str, Mapping[str, Any]]) -> Prepared:
+        """Read the pair, and compute what matchers and metrics need. No sensor model is applied.
+
+        Raises IcyMoonError with the name of the file and the fix if one is missing, damaged or does not fit.
+        """
+        left, right = (self._image(path) for path in (self.left, self.right))
+        if left.shape[:2] != right.shape[:2]:
+            raise IcyMoonError(f"{self.left} is {_size(left)}, and {self.right} is {_size(right)}; give two rectified "
+                               "images of one size.")
+        camera = self.camera_reader(left.shape[1], left.shape[0])
+        if (camera.width_px, camera.height_px) != left.shape[1::-1]:
+            raise IcyMoonError(f"{self.left} is {_size(left)}, and {(self.calibration or (self.folder,))[0]} is for "
+                               f"{camera.width_px} x {camera.height_px} px; give the calibration of these images.")
+        disparity = self._disparity(self.truth, camera, left)
+        grey = to_grey(left), to_grey(right)
+        check_truth(self, disparity, *grey)
+        truth = camera.depth(disparity)
+        visible, known = self._visible(disparity, truth, camera, left)
+        gradient = texture(grey[0])
+        classes = classify(truth, visible, gradient, grey[0], None, None, None)
+        if not known:
+            classes[OCCLUSION.key] = np.full(truth.shape, -1)
+        pair = PhotographedPair(self.name, self.folder, camera)
+        scale = colours.depth_scale(truth)
+        facts = self._facts(camera, truth, visible if known else None)
+        facts["depth_scale_m"] = [scale.low, scale.high]
+        return Prepared(pair, left, right, truth, visible, gradient, classes, _UNCHECKED, scale, facts, known)
+
+    def _image(self, path: Path) -> np.ndarray:
+        if path.suffix != ".pfm":
+            return read_image(path)
+        radiance = read_radiance(path)
+        level = np.clip(radiance / (self.white or float(radiance.max()) or 1.0), 0, 1)
+        return np.asarray(np.rint(255 * level).astype(np.uint8))
+
+    def _disparity(self, file: MapFile, camera: StereoCamera, image: np.ndarray) -> np.ndarray:
+        values = read_map(file)
+        if values.shape != image.shape[:2]:
+            raise IcyMoonError(f"{file.path} is {_size(values)}, and the images are {_size(image)}; give a map with a "
+                               "number for each pixel of the left image.")
+        if file.kind == "depth":
+            return np.where(usable(values), camera.disparity(np.where(usable(values), values, 1.0)), np.nan)
+        known = np.isfinite(values)
+        return -values if self.either_sign and known.any() and np.mean(values[known] < 0) >= 0.99 else values
+
+    def _visible(self, disparity: np.ndarray, truth: np.ndarray, camera: StereoCamera,
+                 image: np.ndarray) -> tuple[np.ndarray, bool]:
+        """Where the right eye sees the point of a pixel too, and whether that is known of more than the frame."""
+        column = matching_column(disparity)
+        with np.errstate(invalid="ignore"):
+            inside = np.isfinite(truth) & (column >= -0.5) & (column <= image.shape[1] - 0.5)
+        if self.mask:
+            return inside & self._unmasked(self.mask, image), True
+        if self.truth_right:
+            other = camera.depth(self._disparity(self.truth_right, camera, image))
+            return visible_in_right(truth, other, camera), True
+        return inside, False
+
+    def _unmasked(self, mask: Mask, image: np.ndarray) -> np.ndarray:
+        if mask.kind == "known":
+            seen = np.isfinite(read_map(MapFile(mask.files[0])))
+        else:
+            masks = [to_grey(read_image(path)) for path in mask.files]
+            seen = masks[0] == 255 if mask.kind == "seen" else np.logical_and.reduce([each == 0 for each in masks])
+        if seen.shape != image.shape[:2]:
+            raise IcyMoonError(f"{mask.files[0]} is {_size(seen)}, and the images are {_size(image)}; give a mask of "
+                               "these images.")
+        return np.asarray(seen)
+
+    def _facts(self, camera: StereoCamera, truth: np.ndarray, visible: np.ndarray | None) -> dict[str, Any]:
+        known = np.isfinite(truth)
+        return {"pair": self.name, "width_px": camera.width_px, "height_px": camera.height_px,
+                "focal_baseline_px_m": camera.focal_baseline_px_m, "baseline_m": camera.baseline_m,
+                "doffs_px": camera.doffs_px, "image_bits": 8, "linear": self.linear, "layout": self.layout,
+                "scene": f"{self.layout} {self.scene}", "true": float(known.mean()),
+                "visible": None if visible is None else float(visible.sum() / known.sum()),
+                "depth_m": [float(q) for q in np.quantile(truth[known], (0, 0.5, 1))],
+                "warnings": [self._missing(visible is not None), *self.notes], "settings": {}, "rendered": {},
+                "self_check": _UNCHECKED.to_json()}
+
+    def _missing(self, occlusion_known: bool) -> str:
+        """What cannot be had of such a pair, as one sentence."""
+        occlusion = "" if occlusion_known else ", no mask of hidden pixels"
+        without = "slope, light and material" + ("" if occlusion_known else "; metrics of visible pixels")
+        return (f"Pairs in the layout {self.layout} have no normals, no labels and no direction of the Sun{occlusion}. "
+                f"So there are no errors by {without}.")
+
+
+@dataclass(frozen=True)
+class PhotographedPair:
+    """What measuring needs to know about a foreign pair. Its points are in the axes of the left camera."""
+
+    name: str
+    folder: Path
+    camera: StereoCamera
+
+    def rectified_pose(self, eye: str) -> np.ndarray | None:
+        """The axes of the left eye are those of the points: x right, y down, z ahead."""
+        pose = np.eye(4)
+        pose[0, 3] = 0.0 if eye == "left" else self.camera.baseline_m
+        return pose
+
+
+#: Photographs have no self-check: their brightness differs between the eyes, and their truth has errors of its own.
+_UNCHECKED = SelfCheck(None, None, None, None, None, ())
+
+
+def safe_name(text: str) -> str:
+    """A name for results: what is no file name everywhere is replaced."""
+    name = re.sub(r"[^A-Za-z0-9._-]+", "_", text).strip("._ ") or "pair"
+    return name if FILE_NAME.fits(name) else f"pair_{name}"
+
+
+def to_grey(image: np.ndarray) -> np.ndarray:
+    """uint8 (H, W): the mean of the bands, as matchers without colour get it."""
+    return image if image.ndim == 2 else np.rint(image.mean(axis=-1)).astype(np.uint8)
+
+
+def _size(image: np.ndarray) -> str:
+    return f"{image.shape[1]} x {image.shape[0]} px"
+
+
+def _checksum(path: Path) -> str:
+    try:
+        with path.open("rb") as stream:
+            return hashlib.file_digest(stream, "sha256").hexdigest()
+    except OSError:
+        return ""

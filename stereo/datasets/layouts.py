@@ -1,0 +1,215 @@
+"""Which data set a folder is, and the files of its pairs.
+
+| layout | known by |
+|---|---|
+| a plain folder | ``pairs.toml`` |
+| KITTI 2015, 2012 and our export | ``image_2`` and ``disp_occ_0``; ``image_0`` or ``colored_0`` and ``disp_occ`` |
+| Middlebury, ETH3D and our export | ``im0.png``, ``calib.txt`` and ``disp0GT.pfm`` or ``disp0.pfm`` in each folder |
+| SceneFlow | ``disparity`` beside ``frames_cleanpass`` or ``frames_finalpass`` |
+| Sintel | ``disparities`` beside ``clean_left`` or ``final_left`` |
+| GUISS | ``NAME_left.png``, ``NAME_right.png`` and ``NAME_left.npy`` |
+| our exports png16 and pfm | ``calibration.json`` in each folder |
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator
+from functools import partial
+from pathlib import Path
+
+from ...errors import IcyMoonError
+from ...render.pairs.pair_folder import StereoCamera
+from . import calibrations
+from .data_files import MapFile, find_inside
+from .foreign_pair import CameraReader, ForeignPair, Mask, safe_name
+from .plain_folder import FILE as PLAIN_FILE
+from .plain_folder import plain_pairs
+
+#: Cameras of SceneFlow by a part of the path: focal length, px. All have this principal point and a baseline of 1.
+_SCENEFLOW_FOCAL_PX, _SCENEFLOW_SHORT_PX = 1050.0, 450.0
+_SCENEFLOW_CENTRE, _SCENEFLOW_BASELINE = (479.5, 269.5), 1.0
+_SINTEL_BASELINE_M = 0.1
+#: f·B of GUISS' camera, 640·32/60·0.25 px·m: a lens of 32 mm before a sensor of 60 mm, and a baseline of 0.25 m.
+_GUISS_FOCAL_SHARE, _GUISS_BASELINE_M = 32 / 60, 0.25
+#: Rows of matching pixels may differ by this, px, before it is reported.
+_LEVEL_PX = 0.5
+_KITTI_FRAME = re.compile(r"\d{6}_10\.png")
+
+Finder = Callable[[Path], list[ForeignPair]]
+
+
+def find_foreign_pairs(path: Path) -> list[ForeignPair]:
+    """The pairs at ``path``, which is a folder in one of the layouts, or of one pair; empty if it is none of them.
+
+    Raises IcyMoonError if a file that the layout needs is missing, or two pairs have the same name.
+    """
+    if not path.is_dir():
+        return []
+    found: list[ForeignPair] = next(filter(None, (finder(path) for finder in FINDERS)), [])
+    names: dict[str, ForeignPair] = {}
+    for pair in found:
+        other = names.setdefault(pair.name, pair)
+        if other is not pair:
+            raise IcyMoonError(f"{other.left} and {pair.left} would both be called {pair.name}; rename one.")
+    return found
+
+
+def _kitti(path: Path) -> list[ForeignPair]:
+    root = next((folder for folder in (path, path / "training") if (folder / "image_2").is_dir()), None)
+    if root is None or not (root / "disp_occ_0").is_dir():
+        return []
+    return list(_kitti_pairs(root, "KITTI 2015", ("image_2", "image_3"), ("disp_occ_0", "disp_noc_0"),
+                             "calib_cam_to_cam", ("P_rect_02", "P_rect_03")))
+
+
+def _kitti_2012(path: Path) -> list[ForeignPair]:
+    for folder in (path, path / "training"):
+        if not (folder / "disp_occ").is_dir():
+            continue
+        for eyes, matrices in ((("colored_0", "colored_1"), ("P2", "P3")), (("image_0", "image_1"), ("P0", "P1"))):
+            if (folder / eyes[0]).is_dir():
+                return list(_kitti_pairs(folder, "KITTI 2012", eyes, ("disp_occ", "disp_noc"), "calib", matrices))
+    return []
+
+
+def _kitti_pairs(root: Path, layout: str, eyes: tuple[str, str], truths: tuple[str, str], calibration: str,
+                 matrices: tuple[str, str]) -> Iterator[ForeignPair]:
+    for image in sorted((root / eyes[0]).glob("*_10.png")):
+        if not _KITTI_FRAME.fullmatch(image.name):
+            continue
+        camera = find_inside(root, Path(calibration, f"{image.name[:6]}.txt"))
+        nocc = root / truths[1] / image.name
+        yield ForeignPair(
+            image.stem, root, layout, image.stem, find_inside(root, image.relative_to(root)),
+            find_inside(root, Path(eyes[1], image.name)), MapFile(find_inside(root, Path(truths[0], image.name))),
+            partial(calibrations.kitti_camera, camera, matrices), (camera,),
+            mask=Mask("known", (find_inside(root, Path(truths[1], image.name)),)) if nocc.exists() else None)
+
+
+def _middlebury(path: Path) -> list[ForeignPair]:
+    return [_middlebury_pair(path, folder) for folder in _folders_with(path, "im0.png")]
+
+
+def _folders_with(path: Path, name: str) -> list[Path]:
+    """The folder itself, or the folders in it, in which there is a file of this name."""
+    if (path / name).is_file():
+        return [path]
+    return sorted(file.parent for file in path.glob(f"*/{name}"))
+
+
+def _middlebury_pair(root: Path, folder: Path) -> ForeignPair:
+    calibration = find_inside(folder, "calib.txt")
+    official = (folder / "disp0GT.pfm").exists()
+    right = "disp1GT.pfm" if official else "disp1.pfm"
+    mask = folder / "mask0nocc.png"
+    offset = calibrations.row_offset_px(calibration)
+    notes = (f"Rows of matching pixels differ by up to {offset:g} px (dymax in calib.txt), which matchers here do not "
+             "search.",) if offset > _LEVEL_PX else ()
+    name = safe_name(folder.resolve().name)
+    return ForeignPair(
+        name, folder, "Middlebury", name, find_inside(root, folder.relative_to(root) / "im0.png"),
+        find_inside(folder, "im1.png"), MapFile(find_inside(folder, "disp0GT.pfm" if official else "disp0.pfm")),
+        partial(calibrations.middlebury_camera, calibration), (calibration,),
+        MapFile(find_inside(folder, right)) if (folder / right).exists() else None,
+        Mask("seen", (find_inside(folder, mask.name),)) if mask.exists() else None, notes=notes)
+
+
+def _sceneflow(path: Path) -> list[ForeignPair]:
+    root, passes = _root_of(path, ("frames_cleanpass", "frames_finalpass"))
+    if not passes or not (root / "disparity").is_dir():
+        return []
+    found = []
+    for image in sorted((root / passes[0]).glob("**/left/*.png")):
+        inner = image.relative_to(root / passes[0])
+        scene = inner.parent.parent
+        other = scene / "right" / inner.name
+        truth, truth_right = (Path("disparity", part).with_suffix(".pfm") for part in (inner, other))
+        focal = _SCENEFLOW_SHORT_PX if any(part.startswith("15mm") for part in inner.parts) else _SCENEFLOW_FOCAL_PX
+        found.append(ForeignPair(
+            safe_name("-".join((*scene.parts, inner.stem))), root, "SceneFlow", "-".join(scene.parts),
+            find_inside(root, image.relative_to(root)), find_inside(root, Path(passes[0]) / other),
+            MapFile(find_inside(root, truth)),
+            partial(calibrations.given_camera, focal, *_SCENEFLOW_CENTRE, _SCENEFLOW_BASELINE),
+            truth_right=MapFile(find_inside(root, truth_right)) if (root / truth_right).exists() else None,
+            either_sign=True, notes=("The unit of length of SceneFlow is not the metre: its baseline is 1.",)))
+    return found
+
+
+def _root_of(path: Path, passes: tuple[str, ...]) -> tuple[Path, list[str]]:
+    """The root of a data set with several renderings of its images, and those to take: of ``path`` only, if it is one,
+    or the first of the others."""
+    if path.name in passes:
+        return path.parent, [path.name]
+    root = next((folder for folder in (path, path / "training") if any((folder / name).is_dir() for name in passes)),
+                path)
+    return root, [name for name in passes if (root / name).is_dir()]
+
+
+def _sintel(path: Path) -> list[ForeignPair]:
+    root, passes = _root_of(path, ("clean_left", "final_left"))
+    if not passes or not (root / "disparities").is_dir():
+        return []
+    eyes = passes[0], passes[0].replace("left", "right")
+    found = []
+    for image in sorted((root / eyes[0]).glob("*/*.png")):
+        inner = image.relative_to(root / eyes[0])
+        camera = Path("camdata_left", inner).with_suffix(".cam")
+        if not (root / camera).exists():
+            raise IcyMoonError(f"{root / camera} is missing, and without its focal length disparities give no depths; "
+                               "add the folder camdata_left of Sintel's depth data.")
+        masks = [Path(name, inner) for name in ("occlusions", "outofframe") if (root / name / inner).exists()]
+        calibration = find_inside(root, camera)
+        found.append(ForeignPair(
+            safe_name("-".join((inner.parent.name, inner.stem))), root, "Sintel", inner.parent.name,
+            find_inside(root, image.relative_to(root)), find_inside(root, Path(eyes[1]) / inner),
+            MapFile(find_inside(root, Path("disparities") / inner), sintel=True),
+            partial(calibrations.sintel_camera, calibration, _SINTEL_BASELINE_M), (calibration,),
+            mask=Mask("hidden", tuple(find_inside(root, each) for each in masks)) if masks else None))
+    return found
+
+
+def _guiss(path: Path) -> list[ForeignPair]:
+    found = []
+    for depth in sorted((*path.glob("*_left.npy"), *path.glob("*/*_left.npy"))):
+        left, right = (depth.with_name(depth.name.replace("_left.npy", f"_{eye}.png")) for eye in ("left", "right"))
+        if not left.exists():
+            continue
+        inner = depth.relative_to(path)
+        found.append(ForeignPair(
+            safe_name("-".join((*inner.parent.parts, inner.name.removesuffix("_left.npy")))), path, "GUISS",
+            "-".join(inner.parent.parts) or inner.name, find_inside(path, left.relative_to(path)),
+            find_inside(path, right.relative_to(path)), MapFile(find_inside(path, inner), "depth"), _guiss_camera))
+    return found
+
+
+def _guiss_camera(width: int, height: int) -> StereoCamera:
+    return calibrations.centred_camera(_GUISS_FOCAL_SHARE * width, _GUISS_BASELINE_M, width, height)
+
+
+def _our_exports(path: Path) -> list[ForeignPair]:
+    found = []
+    for folder in _folders_with(path, "calibration.json"):
+        calibration = find_inside(path, folder.relative_to(path) / "calibration.json")
+        if (folder / "extrinsics.yml").exists():
+            raise IcyMoonError(f"{folder} was exported with --format raw, which is not rectified; export it as png16, "
+                               "pfm, kitti or middlebury.")
+        kind = "pfm" if (folder / "left.pfm").exists() else "png"
+        if not (folder / f"disparity_left.{kind}").exists():
+            raise IcyMoonError(f"{folder} has no disparity_left.{kind}, as png8 cannot hold it; export it as png16, "
+                               "pfm, kitti or middlebury.")
+        name = safe_name(folder.resolve().name)
+        camera: CameraReader = partial(calibrations.our_camera, calibration)
+        found.append(ForeignPair(
+            name, folder, f"of our export {'pfm' if kind == 'pfm' else 'png16'}", name,
+            find_inside(folder, f"left.{kind}"), find_inside(folder, f"right.{kind}"),
+            MapFile(find_inside(folder, f"disparity_left.{kind}")), camera, (calibration,),
+            MapFile(find_inside(folder, f"disparity_right.{kind}")),
+            white=calibrations.saturation_radiance(calibration) if kind == "pfm" else None, linear=True))
+    return found
+
+
+FINDERS: tuple[Finder, ...] = (plain_pairs, _kitti, _kitti_2012, _middlebury, _sceneflow, _sintel, _our_exports, _guiss)
+#: What may be given, in words.
+KNOWN = (f"KITTI 2012 or 2015, Middlebury, ETH3D, SceneFlow, Sintel, GUISS, our own exports, or a folder with "
+         f"{PLAIN_FILE}")

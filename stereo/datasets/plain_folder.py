@@ -1,0 +1,120 @@
+"""A plain folder of pairs: ``pairs.toml`` names the images, the truth and the camera.
+
+    [images]
+    left = "left/{pair}.png"
+    right = "right/{pair}.png"
+    [truth]
+    depth = "depth/{pair}.npy"
+    [camera]
+    focal_px = 341.3333
+    baseline_m = 0.25
+
+``{pair}`` stands for the name of a pair. ``images`` may have ``linear`` (true: the images are in proportion to light).
+``truth`` has ``disparity`` (px) or ``depth`` (m), and may have ``steps`` (what the file counts per px or metre),
+``right`` (the same map of the right eye) and ``visible`` (an image that is 255 where the right eye sees the point too).
+``camera`` may have ``cx_px`` and ``cy_px``, from the corner of the first pixel, and ``doffs_px``, the column of the
+right principal point less that of the left one.
+"""
+
+from __future__ import annotations
+
+import glob
+import re
+import tomllib
+from functools import partial
+from pathlib import Path, PurePosixPath
+from typing import Any
+
+from ...errors import IcyMoonError
+from ...records import FLAG, NUMBER, POSITIVE, TEXT, Kind, Maybe, check_record
+from ...render.pairs.pair_folder import StereoCamera
+from ...suggestions import nearest
+from .data_files import MapFile, find_inside, read_text
+from .foreign_pair import ForeignPair, Mask, safe_name
+
+FILE = "pairs.toml"
+_PLACE = "{pair}"
+_NOT_ZERO = Kind("a number other than 0", lambda value: NUMBER.fits(value) and value != 0)
+_SHAPE: dict[str, dict[str, Any]] = {
+    "images": {"left": TEXT, "right": TEXT, "linear": Maybe(FLAG)},
+    "truth": {"disparity": Maybe(TEXT), "depth": Maybe(TEXT), "steps": Maybe(_NOT_ZERO), "right": Maybe(TEXT),
+              "visible": Maybe(TEXT)},
+    "camera": {"focal_px": POSITIVE, "baseline_m": POSITIVE, "cx_px": Maybe(NUMBER), "cy_px": Maybe(NUMBER),
+               "doffs_px": Maybe(NUMBER)}}
+_FIX = "write it as the manual's page on foreign data shows"
+
+
+def plain_pairs(root: Path) -> list[ForeignPair]:
+    """The pairs that ``pairs.toml`` in a folder names; empty if there is no such file.
+
+    Raises IcyMoonError if it is wrong, names a file outside of the folder, or no left image.
+    """
+    if not (root / FILE).exists():
+        return []
+    path = find_inside(root, FILE)
+    data = _parse(path)
+    patterns = {key: _checked_pattern(path, key, data[table][key]) for table, key in (
+        ("images", "left"), ("images", "right"), ("truth", "disparity"), ("truth", "depth"), ("truth", "right"),
+        ("truth", "visible")) if key in data[table] and not (table == "truth" and key == "right")}
+    if "right" in data["truth"]:
+        patterns["truth_right"] = _checked_pattern(path, "right", data["truth"]["right"])
+    kinds = [kind for kind in ("disparity", "depth") if kind in patterns]
+    if len(kinds) != 1:
+        raise IcyMoonError(f"{path}: the table truth has {'both' if kinds else 'neither'} disparity and depth; name "
+                           "one of them.")
+    names = _names(root, patterns["left"])
+    if not names:
+        raise IcyMoonError(f"{path}: there is no file {patterns['left']}; correct images.left.")
+    return [_pair(root, path, name, kinds[0], patterns, data) for name in names]
+
+
+def _parse(path: Path) -> dict[str, Any]:
+    try:
+        data = tomllib.loads(read_text(path))
+    except tomllib.TOMLDecodeError as error:
+        raise IcyMoonError(f"{path} is not TOML ({error}); {_FIX}.") from None
+    check_record(data, _SHAPE, path, _FIX)
+    for table, keys in data.items():
+        if table not in _SHAPE:
+            raise IcyMoonError(f"{path}: unknown table {table}, {nearest(table, _SHAPE)}")
+        for key in keys:
+            if key not in _SHAPE[table]:
+                raise IcyMoonError(f"{path}: unknown key {table}.{key}, {nearest(key, _SHAPE[table])}")
+    return data
+
+
+def _checked_pattern(path: Path, key: str, pattern: str) -> str:
+    parts = PurePosixPath(pattern).parts
+    if not pattern or "\\" in pattern or ".." in parts or PurePosixPath(pattern).is_absolute() or ":" in pattern:
+        raise IcyMoonError(f"{path}: {key} is {pattern[:60]!r}, and only files in this folder are read; write a path "
+                           "in it, with / between folders.")
+    if _PLACE not in pattern:
+        raise IcyMoonError(f"{path}: {key} is {pattern[:60]!r}, the same file for all pairs; write {_PLACE} where the "
+                           "name of the pair stands.")
+    return pattern
+
+
+def _names(root: Path, pattern: str) -> list[str]:
+    """The names of all pairs for which there is a left image, sorted."""
+    wildcard = "*".join(glob.escape(part) for part in pattern.split(_PLACE))
+    first, *rest = (re.escape(part) for part in pattern.split(_PLACE))
+    matching = re.compile(first + r"(?P<pair>[^/]+?)" + "(?P=pair)".join(rest))
+    found = (matching.fullmatch(file.relative_to(root).as_posix()) for file in root.glob(wildcard))
+    return sorted({match["pair"] for match in found if match})
+
+
+def _pair(root: Path, path: Path, name: str, kind: str, patterns: dict[str, str], data: dict[str, Any]) -> ForeignPair:
+    def file(key: str) -> Path:
+        return find_inside(root, patterns[key].replace(_PLACE, name))
+
+    steps = data["truth"].get("steps")
+    return ForeignPair(
+        safe_name(name), root, "of a plain folder", name, file("left"), file("right"),
+        MapFile(file(kind), kind, steps), partial(_camera, data["camera"]), (path,),
+        MapFile(file("truth_right"), kind, steps) if "truth_right" in patterns else None,
+        Mask("seen", (file("visible"),)) if "visible" in patterns else None, linear=data["images"].get("linear", False))
+
+
+def _camera(stated: dict[str, float], width: int, height: int) -> StereoCamera:
+    return StereoCamera(width, height, stated["focal_px"], stated.get("cx_px", width / 2),
+                        stated.get("cy_px", height / 2), stated["baseline_m"], doffs_px=stated.get("doffs_px", 0.0))

@@ -1,0 +1,79 @@
+"""Disparities that were computed elsewhere, one file per pair, evaluated as a method."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...errors import IcyMoonError
+from ..matchers import complete_options
+from ..matchers.methods import Method
+from ..measure.metrics import usable
+from ..measure.prepare import Prepared
+from .data_files import MapFile, find_inside, read_map
+from .faults import check_prediction
+
+#: The name of such a method where others have the name of their matcher.
+PREDICTION = "prediction"
+#: Files that are looked for, the first one counts.
+ENDINGS = (".pfm", ".png", ".npy", ".npz", ".exr", ".tiff", ".tif")
+_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9 ._+-]{0,59}")
+
+
+def parse_predictions(texts: Sequence[str], pairs: Sequence[str], taken: Sequence[str] = ()) -> list[Method]:
+    """The methods of ``NAME=FOLDER`` texts; ``pairs`` are the names of all pairs, ``taken`` the labels in use.
+
+    Raises IcyMoonError for any other text, a name in use, and a folder without a prediction of any pair.
+    """
+    found: list[Method] = []
+    for text in texts:
+        name, equals, folder = text.partition("=")
+        if not (equals and folder and _NAME.fullmatch(name)):
+            raise IcyMoonError(f"--predictions {text}: write it as NAME=FOLDER, as in mynet=results/mynet; a name "
+                               "begins with a letter or digit.")
+        if name in (*taken, *(method.label for method in found)):
+            raise IcyMoonError(f"--predictions {text}: there is already a method {name}; choose another name.")
+        root = Path(folder).expanduser().absolute()
+        if not any(_find(root, pair) for pair in pairs):
+            shown = ", ".join(f"{pairs[0]}{ending}" for ending in ENDINGS[:3])
+            raise IcyMoonError(f"{folder} has no disparity of any pair; name the files after the pairs, such as "
+                               f"{shown}.")
+        found.append(Method(name, PREDICTION, {"folder": str(root)}))
+    return found
+
+
+def options_of(method: Method) -> dict[str, Any]:
+    """The complete options of a method, predictions included."""
+    if method.name == PREDICTION:
+        return dict(method.options)
+    return complete_options(method.name, method.options)
+
+
+def find_prediction(method: Method, pair: str) -> Path:
+    """The file with a pair's disparity. Raises IcyMoonError if there is none."""
+    root = Path(method.options["folder"])
+    path = _find(root, pair)
+    if path is None:
+        raise IcyMoonError(f"{root} has no disparity of the pair {pair}; add {pair}.pfm, or .png, .npy or .exr.")
+    return find_inside(root, path.relative_to(root))
+
+
+def _find(root: Path, pair: str) -> Path | None:
+    return next((path for ending in ENDINGS if (path := root / f"{pair}{ending}").is_file()), None)
+
+
+def read_prediction(method: Method, prepared: Prepared) -> tuple[np.ndarray, dict[str, Any]]:
+    """The disparity, float32 (H, W), NaN where invalid, and what ``match`` reports beside it.
+
+    Raises IcyMoonError if the file is missing, damaged, or of another size, sign or unit.
+    """
+    path = find_prediction(method, prepared.pair.name)
+    disparity = read_map(MapFile(path))
+    check_prediction(path, disparity, prepared.pair.camera.disparity(prepared.truth), prepared.truth)
+    return np.where(usable(disparity), disparity, np.nan).astype(np.float32), {
+        "method": PREDICTION, "options": options_of(method), "seconds": None, "arrays": {}, "counts": {},
+        "facts": {}}

@@ -1,0 +1,95 @@
+"""The pairs that are evaluated: rendered ones, and those of other data sets."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Protocol
+
+from ..errors import IcyMoonError
+from ..render.pairs.pair_folder import has_pairs
+from .datasets.foreign_pair import ForeignPair
+from .datasets.layouts import KNOWN, find_foreign_pairs
+from .measure.prepare import Prepared, distinct_pairs, prepare
+
+
+class Source(Protocol):
+    """A pair before it is read."""
+
+    @property
+    def name(self) -> str:
+        """Its name in results, different for all pairs of an evaluation."""
+
+    @property
+    def folder(self) -> Path:
+        """Where it is, for messages."""
+
+    def content(self) -> list[Any]:
+        """What its numbers depend on: checksums of its files."""
+
+    def prepare(self, response: Mapping[str, Mapping[str, Any]]) -> Prepared:
+        """Read it, and compute what matchers and metrics need. Raises IcyMoonError if it cannot be used."""
+
+
+@dataclass(frozen=True)
+class RenderedPair:
+    """The folder of a pair that was rendered here."""
+
+    folder: Path
+
+    @property
+    def name(self) -> str:
+        """The name of its folder."""
+        return self.folder.name
+
+    def content(self) -> list[Any]:
+        """The checksum of ``pair.json``, which has those of the images."""
+        return [read_checksum(self.folder / "pair.json")]
+
+    def prepare(self, response: Mapping[str, Mapping[str, Any]]) -> Prepared:
+        """See ``prepare.prepare``."""
+        return prepare(self.folder, response)
+
+
+def find_sources(paths: Sequence[Path]) -> list[Source]:
+    """All pairs at ``paths``, each once: pair folders, data sets, and folders in the layout of other data sets.
+
+    Raises IcyMoonError if there is none at a path, or if two different pairs have the same name.
+    """
+    rendered = [path for path in paths if has_pairs(path)]
+    found: list[Source] = [RenderedPair(folder) for folder in (distinct_pairs(rendered) if rendered else ())]
+    found += [pair for path in dict.fromkeys(paths) if path not in rendered for pair in _find_foreign(path)]
+    first: dict[str, Source] = {}
+    for source in found:
+        same = first.setdefault(source.name, source)
+        if same is not source:
+            raise IcyMoonError(f"{same.folder} and {source.folder} have different pairs of the same name, "
+                               f"{source.name}; give one of them at a time.")
+    return found
+
+
+def _find_foreign(path: Path) -> list[ForeignPair]:
+    pairs = find_foreign_pairs(path)
+    if not pairs:
+        raise IcyMoonError(f"{path} contains no complete stereo pair; render one first, or choose another folder: a "
+                           f"data set, {KNOWN}.")
+    return pairs
+
+
+def check_response(sources: Sequence[Source], response: Mapping[str, Mapping[str, Any]]) -> None:
+    """Raise IcyMoonError if the camera response is to be changed of pairs that are no renders."""
+    foreign = next((source for source in sources if isinstance(source, ForeignPair)), None)
+    if response and foreign:
+        raise IcyMoonError(f"{foreign.folder} was not rendered here, and its images have the response of their camera; "
+                           "leave out --set.")
+
+
+def read_checksum(path: Path) -> str:
+    """Checksum of a file; empty if it cannot be read, which is reported where the file is used."""
+    try:
+        with path.open("rb") as stream:
+            return hashlib.file_digest(stream, "sha256").hexdigest()
+    except OSError:
+        return ""
