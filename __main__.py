@@ -15,7 +15,8 @@ from types import TracebackType
 
 #: Verbs that are programs of their own: what they import must not be needed by the others.
 _PROGRAMS = {"stereo": "stereo.cli", "worker": "render.worker", "assets": "render.asset_worker",
-             "probe": "render.probe_blender", "install": "stereo.environment.install"}
+             "probe": "render.probe_blender", "measure": "stereo.measuring_processes",
+             "install": "stereo.environment.install"}
 #: Those that run in Blender.
 _IN_BLENDER = {"worker", "assets", "probe"}
 #: Pythons that Blender as a module is made for, see pyproject.toml; the least that anything here runs on.

@@ -21,6 +21,7 @@ from ..render.workers.job import Job, absolute_folder, render_job
 from ..render.workers.process import Message, emit, report_errors
 from ..scratch import scratch_folder
 from ..settings import description, preset_files, toml_text
+from ..stereo.cli import add_evaluate_options, run_evaluate, stereo_verbs
 from ..terminal import as_path, report_end, show_counted_progress, show_progress
 from ..typed_settings import Settings
 from ..version import version
@@ -59,14 +60,10 @@ def _make_parser() -> argparse.ArgumentParser:
     render.set_defaults(run=_run_render)
 
     evaluate = verbs.add_parser("evaluate", help="match the pairs of a data set and write a report")
-    evaluate.add_argument("path", type=as_path, nargs="+", help="pair or data set folder")
-    evaluate.add_argument("--methods", default="bm,sgbm", help="matchers, separated by commas (%(default)s)")
-    evaluate.add_argument("--method", action="append", default=[], metavar="NAME=MATCHER:KEY=VALUE",
-                          help="one more method, with a name of yours; may repeat")
-    evaluate.add_argument("--out", type=as_path, help="report folder (evaluation in the data set)")
-    evaluate.add_argument("--guiss", action="store_true", help="show what the GUISS reference code would report too")
-    evaluate.add_argument("--points", action="store_true", help="write the measured surfaces too, as point clouds")
+    add_evaluate_options(evaluate, out_needed=False)
     evaluate.set_defaults(run=_run_evaluate)
+
+    verbs.add_parser("stereo", help=f"the evaluator by itself: {', '.join(stereo_verbs())}", add_help=False)
 
     settings = verbs.add_parser("settings", help="print the described scene as TOML, every setting stated")
     _add_scene_options(settings)
@@ -173,12 +170,8 @@ def _run_render(options: argparse.Namespace) -> int:
 
 
 def _run_evaluate(options: argparse.Namespace) -> int:
-    from ..stereo.cli import main as stereo
-
-    out = options.out or options.path[0] / "evaluation"
-    flags = [f"--{name}" for name in ("guiss", "points") if getattr(options, name)]
-    flags += [word for text in options.method for word in ("--method", text)]
-    return stereo(["evaluate", *map(str, options.path), "--methods", options.methods, "--out", str(out), *flags])
+    options.out = options.out or options.path[0] / "evaluation"
+    return run_evaluate(options)
 
 
 def _run_demo(options: argparse.Namespace) -> int:

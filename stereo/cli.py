@@ -73,26 +73,8 @@ def _parser() -> argparse.ArgumentParser:
     command.set_defaults(run=_run_metrics)
 
     command = commands.add_parser("evaluate", help="match and measure pairs, and write a report")
-    command.add_argument("path", type=as_path, nargs="+", metavar="PAIR_OR_DATASET",
-                         help="pair folder, or data set of pairs; may be several")
-    command.add_argument("--methods", default="bm,sgbm",
-                         help="matchers, separated by commas; with their own options, as in bm:window=21")
-    command.add_argument("--method", action="append", default=[], metavar="NAME=MATCHER:KEY=VALUE",
-                         help="one more method, with a name of yours, as in mynet=resident:command=PROGRAM; may repeat")
-    command.add_argument("--option", action="append", default=[], metavar="METHOD.KEY=VALUE",
-                         help="option for every use of a matcher, such as bm.window=21")
-    command.add_argument("--own", action="append", default=[], metavar="NAME:METHOD:KEY=VALUE",
-                         help="option of your own matcher, which --methods then names as own:NAME; may repeat")
-    command.add_argument("--set", action="append", default=[], metavar="sensor.KEY=VALUE",
-                         help="change the camera response that the pairs were rendered for, or light.sun_scale")
-    command.add_argument("--out", required=True, type=as_path, help="folder for the report")
-    command.add_argument("--seed", type=int, default=0, help="seed of the confidence intervals (%(default)s)")
-    command.add_argument("--guiss", action="store_true",
-                         help="also show what the GUISS reference code would report, to compare with published tables")
-    command.add_argument("--points", action="store_true",
-                         help="also write the measured surfaces, as point clouds (ply) coloured by signed error")
-    command.add_argument("--json-lines", action="store_true", help="progress and result as JSON lines on stdout")
-    command.set_defaults(run=_run_evaluate)
+    add_evaluate_options(command)
+    command.set_defaults(run=run_evaluate)
 
     command = commands.add_parser("truth", help="write disparity, depth and visibility of both eyes, check that they "
                                                 "fit the images, and print a line of JSON per pair")
@@ -102,8 +84,12 @@ def _parser() -> argparse.ArgumentParser:
 
     command = commands.add_parser("export", help="write pairs and their truth in another layout")
     command.add_argument("path", type=as_path, nargs="+", metavar="PAIR_OR_DATASET", help="pair folder or data set")
-    command.add_argument("--format", required=True, help="layout to write",
-                         choices=("png8", "png16", "pfm", "kitti", "middlebury", "coco", "raw"))
+    what = command.add_mutually_exclusive_group(required=True)
+    what.add_argument("--format", help="layout to write",
+                      choices=("png8", "png16", "pfm", "kitti", "middlebury", "coco", "raw"))
+    what.add_argument("--for-prediction", action="store_true",
+                      help="write only what a method on another machine needs: images and camera of each pair, foreign "
+                      "ones too")
     command.add_argument("--set", action="append", default=[], metavar="sensor.KEY=VALUE",
                          help="change the camera response that the pairs were rendered for")
     command.add_argument("--out", required=True, type=as_path, help="folder for the files")
@@ -120,6 +106,12 @@ def _parser() -> argparse.ArgumentParser:
     command.add_argument("--json-lines", action="store_true", help="progress and result as JSON lines on stdout")
     command.set_defaults(run=_run_develop)
     return parser
+
+
+def stereo_verbs() -> list[str]:
+    """The verbs of ``python -m icymoon.stereo``."""
+    actions = (action for action in _parser()._actions if isinstance(action, argparse._SubParsersAction))
+    return [verb for action in actions for verb in action.choices]
 
 
 def _run_check(parsed: argparse.Namespace) -> int:
@@ -170,19 +162,52 @@ def _run_metrics(parsed: argparse.Namespace) -> int:
     return 0
 
 
-def _run_evaluate(parsed: argparse.Namespace) -> int:
+def add_evaluate_options(command: argparse.ArgumentParser, out_needed: bool = True) -> None:
+    """Add the arguments of ``evaluate``; ``run_evaluate`` runs it. ``python -m icymoon`` has the same verb."""
+    command.add_argument("path", type=as_path, nargs="+", metavar="PAIR_OR_DATASET",
+                         help="pair folder, data set of pairs, or foreign data such as KITTI's; may be several")
+    command.add_argument("--methods", help="matchers, separated by commas; with their own options, as in bm:window=21 "
+                         "(bm,sgbm, or none with --predictions)")
+    command.add_argument("--method", action="append", default=[], metavar="NAME=MATCHER:KEY=VALUE",
+                         help="one more method, with a name of yours, as in mynet=resident:command=PROGRAM; may repeat")
+    command.add_argument("--predictions", action="append", default=[], metavar="NAME=FOLDER",
+                         help="disparities computed elsewhere: PAIR.pfm, .png, .npy or .exr for each pair; may repeat")
+    command.add_argument("--option", action="append", default=[], metavar="METHOD.KEY=VALUE",
+                         help="option for every use of a matcher, such as bm.window=21")
+    command.add_argument("--own", action="append", default=[], metavar="NAME:METHOD:KEY=VALUE",
+                         help="option of your own matcher, which --methods then names as own:NAME; may repeat")
+    command.add_argument("--set", action="append", default=[], metavar="sensor.KEY=VALUE",
+                         help="change the camera response that the pairs were rendered for, or light.sun_scale")
+    command.add_argument("--out", required=out_needed, type=as_path,
+                         help="folder for the report" + ("" if out_needed else " (evaluation in the data set)"))
+    command.add_argument("--seed", type=int, default=0, help="seed of the confidence intervals (%(default)s)")
+    command.add_argument("--jobs", type=int, metavar="N",
+                         help="processes that measure pairs (one for each processor; one if a method needs more)")
+    command.add_argument("--guiss", action="store_true",
+                         help="also show what the GUISS reference code would report, to compare with published tables")
+    command.add_argument("--points", action="store_true",
+                         help="also write the measured surfaces, as point clouds (ply) coloured by signed error")
+    command.add_argument("--json-lines", action="store_true", help="progress and result as JSON lines on stdout")
+
+
+def run_evaluate(parsed: argparse.Namespace) -> int:
+    """Run ``evaluate`` with its parsed arguments; return the exit code."""
     packages.require(*packages.PACKAGES)
     from .evaluate import evaluate
     from .matchers.methods import parse_methods
 
-    methods = parse_methods(parsed.methods, parsed.option, parsed.own, parsed.method)
+    chosen = ("" if parsed.predictions else "bm,sgbm") if parsed.methods is None else parsed.methods
+    some = chosen or parsed.method or not parsed.predictions
+    methods = parse_methods(chosen, parsed.option, parsed.own, parsed.method) if some else []
     response = _read_response([], parsed.set)
     if parsed.seed < 0:
         raise IcyMoonError(f"--seed is {parsed.seed}; give a whole number of 0 or more.")
+    if parsed.jobs is not None and parsed.jobs < 1:
+        raise IcyMoonError(f"--jobs is {parsed.jobs}; give 1 or more.")
     progress = nullcontext(_print_json_line) if parsed.json_lines else show_counted_progress("Evaluating")
     with progress as on_event:
         report = evaluate(parsed.path, methods, parsed.out, response, on_event, parsed.seed, parsed.guiss,
-                          parsed.points)
+                          parsed.points, parsed.predictions, parsed.jobs)
     path = (parsed.out / "report.html").resolve()
     if parsed.json_lines:
         _print_json_line({"type": "result", "report": str(path), "rows": report["summary"], "notes": report["notes"]})
@@ -212,10 +237,12 @@ def _run_truth(parsed: argparse.Namespace) -> int:
 def _run_export(parsed: argparse.Namespace) -> int:
     packages.require("numpy", "cv2", "OpenEXR", "rich")
     from .export.layouts import export
+    from .for_prediction import export_for_prediction
 
     response = _read_response([], parsed.set)
     with show_counted_progress("Exporting") as on_event:
-        failed = export(parsed.path, parsed.format, parsed.out, response, on_event)
+        failed = (export_for_prediction(parsed.path, parsed.out, response, on_event) if parsed.for_prediction else
+                  export(parsed.path, parsed.format, parsed.out, response, on_event))
     if failed:
         raise IcyMoonError(f"{len(failed)} of the pairs could not be exported, the first one: {failed[0]}")
     print(parsed.out.resolve())

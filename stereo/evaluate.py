@@ -12,28 +12,24 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from ..errors import DiskError, describe_error
-from ..files import write_json
+from ..errors import IcyMoonError
 from ..version import version
-from .artefacts import check_output_folder, files_exist, write_method_pictures, write_pair_pictures
+from .artefacts import check_output_folder, files_exist
+from .datasets.predictions import PREDICTION, find_prediction, options_of, parse_predictions
 from .environment import packages
-from .export.points import add_points, pose_of
-from .images.disparity_files import read_disparity
-from .matchers import complete_options, files_of, match
+from .matchers import files_of
 from .matchers.methods import Method
 from .matchers.resident_process import stop_residents
-from .matchers.search_range import known_ranges
-from .measure.costs import COSTS
-from .measure.prepare import Prepared, distinct_pairs, prepare
-from .measure.result_row import COMMON_NUMBERS, NUMBERS, common_numbers, own_numbers
+from .measure_pair import Run, Task, failed_row, measure_pair
+from .measuring_processes import Processes, choose_count
 from .report.results import ROW, find_facts, write_results
 from .report.row_log import Row, RowLog
+from .sources import Source, check_response, find_sources, read_checksum
 
 Event = Callable[[dict[str, Any]], None]
 
@@ -43,9 +39,13 @@ MEASURE = 3
 
 def evaluate(paths: Sequence[Path], methods: Sequence[Method], out: Path,
              response: Mapping[str, Mapping[str, Any]] | None = None, on_event: Event = lambda event: None,
-             seed: int = 0, guiss: bool = False, points: bool = False) -> dict[str, Any]:
-    """Evaluate pairs and all pairs of data sets; return what is in ``report.json``.
+             seed: int = 0, guiss: bool = False, points: bool = False, predictions: Sequence[str] = (),
+             jobs: int | None = None) -> dict[str, Any]:
+    """Evaluate pairs and all pairs of data sets, also of those in other layouts (see ``datasets.layouts``); return
+    what is in ``report.json``.
 
+    ``predictions`` are further methods, see ``datasets.predictions``. ``jobs`` is the number of processes that measure,
+    by default one for each processor; see ``measuring_processes.choose_count``.
     ``response`` overrides settings that need no new render. ``seed`` is the seed of the confidence intervals. With
     ``guiss`` the HTML report shows the numbers of the reference code, which are always in the rows. With ``points``
     the measured surfaces are written too.
@@ -75,125 +75,120 @@ def evaluate(paths: Sequence[Path], methods: Sequence[Method], out: Path,
     * ``failed``: ``pair``, ``message`` and, if only one method failed, ``method``; ``suspect``: ``pair`` and
       ``message``.
     """
-    folders = distinct_pairs(paths)
-    check_output_folder(out, (folder.name for folder in folders))
-    run = _Run(methods, out, dict(response or {}), on_event, len(folders) * len(methods), points)
+    sources = find_sources(paths)
+    check_response(sources, response or {})
+    methods = [*methods, *parse_predictions(predictions, [source.name for source in sources],
+                                            [method.label for method in methods])]
+    if not methods:
+        raise IcyMoonError("There is no method to evaluate; name one with --methods or --predictions.")
+    names = [source.name for source in sources]
+    check_output_folder(out, names)
+    run = Run(methods, out, dict(response or {}), points)
+    evaluation = _Evaluation(sources, run, on_event)
+    count = choose_count(jobs, methods, len(sources))
     try:
-        for folder in folders:
-            run.evaluate_pair(folder)
+        evaluation.take(Processes(count, paths, run).measure(evaluation.tasks()) if count > 1 else
+                        _measure_here(evaluation, run))
     finally:
         stop_residents()
-    run.log.compact((folder.name, method.label) for folder in folders for method in methods)
-    return write_results(run.log, [folder.name for folder in folders], methods, out, run.failed, run.suspect,
-                         _source(paths, response or {}), seed, guiss)
+    evaluation.log.compact((name, method.label) for name in names for method in methods)
+    failed, suspect = evaluation.sorted_messages()
+    return write_results(evaluation.log, names, methods, out, failed, suspect, _source(paths, response or {}), seed,
+                         guiss)
 
 
-class _Run:
-    """One run of ``evaluate``: what it runs, where it writes, and what has failed so far."""
+def _measure_here(evaluation: _Evaluation, run: Run) -> Iterator[tuple[Task, dict[str, Any]]]:
+    for task in evaluation.tasks():
+        for event in measure_pair(evaluation.sources[task.pair], run, task):
+            yield task, event
 
-    def __init__(self, methods: Sequence[Method], out: Path, response: dict[str, Any], on_event: Event,
-                 total: int, points: bool) -> None:
-        self.methods, self.out, self.response, self.points = methods, out, response, points
-        self.log = RowLog(out / "results.jsonl", ROW)
-        self.failed: list[dict[str, Any]] = []
-        self.suspect: list[dict[str, Any]] = []
-        self._tell, self._total, self._done = on_event, total, 0
+
+class _Evaluation:
+    """What an evaluation has to do, the log that it writes, and what has failed so far."""
+
+    def __init__(self, sources: Sequence[Source], run: Run, on_event: Event) -> None:
+        self.sources = {source.name: source for source in sources}
+        self.log = RowLog(run.out / "results.jsonl", ROW)
+        self._run, self._tell, self._total, self._done = run, on_event, len(sources) * len(run.methods), 0
+        self._failed: list[dict[str, Any]] = []
+        self._suspect: list[dict[str, Any]] = []
         self._warned: set[str] = set()
-        self._setups = {method.label: _method_inputs(method) for method in methods}
+        self._setups = {method.label: _method_inputs(method) for method in run.methods}
 
-    def evaluate_pair(self, folder: Path) -> None:
-        """Run all methods on one pair."""
-        name = folder.name
-        content = _digest([_read_checksum(folder / "pair.json"), self.response, MEASURE, version()])
-        keys = {method.label: _digest([content, self._setups[method.label]]) for method in self.methods}
-        rows = {label: row for label, key in keys.items() if (row := self._find_row(name, label, key))}
-        facts = _read_facts(self.out, name, content)
-        if facts is None or len(rows) < len(keys) or not all(self._is_finished(row, keys) for row in rows.values()):
-            try:
-                prepared = prepare(folder, self.response)
-            except Exception as error:
-                why = describe_error(error, folder)
-                self._tell_failure(why, pair=name)
-                for method in self.methods:
-                    self._add_row(rows.get(method.label) or _failed_row(name, method, keys[method.label], why))
-                return
-            facts = prepared.facts | {"key": content, "images": write_pair_pictures(prepared, self.out)}
-            write_json(self.out / "pairs" / name / "facts.json", facts)
-            self._measure(prepared, keys, rows)
-        else:
-            for method in self.methods:
-                self._tell_progress(rows[method.label])
+    def tasks(self) -> Iterator[Task]:
+        """The pairs of which something is missing, in their order; what is told of the others is told here."""
+        for name, source in self.sources.items():
+            content = _digest([*source.content(), self._run.response, MEASURE, version()])
+            keys = {method.label: self._key(method, name, content) for method in self._run.methods}
+            task = Task(name, content, keys, _digest(keys), {
+                label: row for label, key in keys.items() if (row := self._find_row(name, label, key))})
+            facts = _read_facts(self._run.out, name, content)
+            if facts is None or len(task.rows) < len(keys) or not all(
+                    self._is_finished(row, task) for row in task.rows.values()):
+                yield task
+                continue
+            for method in self._run.methods:
+                self._tell_progress(task.rows[method.label])
+            self._note(name, facts)
+
+    def _key(self, method: Method, pair: str, content: str) -> str:
+        """What a row depends on, as a digest."""
+        inputs = self._setups[method.label]
+        if method.name == PREDICTION:
+            with suppress(IcyMoonError):  # which is reported where it is read
+                inputs = [*inputs, read_checksum(find_prediction(method, pair))]
+        return _digest([content, inputs])
+
+    def _is_finished(self, row: Row, task: Task) -> bool:
+        return row["common"] == task.common and (not self._run.points or "points" in row["images"])
+
+    def _find_row(self, pair: str, label: str, key: str) -> Row | None:
+        row = self.log.find(pair, label, key)
+        return row if row and row["status"] != "failed" and files_exist(row, self._run.out, pair) else None
+
+    def take(self, events: Iterator[tuple[Task, dict[str, Any]]]) -> None:
+        """Write what comes of the tasks to the log, and tell the progress."""
+        done: dict[str, set[str]] = {}
+        for task, event in events:
+            kind = event["type"]
+            if kind in ("row", "update"):
+                row = event["row"]
+                if kind == "update" or row != task.rows.get(row["method"]):
+                    self.log.append(row)
+                if kind == "row":
+                    done.setdefault(task.pair, set()).add(row["method"])
+                    self._tell_progress(row)
+            elif kind == "facts":
+                self._note(task.pair, event["facts"])
+                done.pop(task.pair, None)
+            elif kind == "warning":
+                self._tell(event)
+            elif kind == "failed":
+                self._tell_failure(event["message"], **{key: event[key] for key in ("pair", "method") if key in event})
+            else:
+                self._give_up(task, event["message"], done.pop(task.pair, set()))
+
+    def _give_up(self, task: Task, message: str, done: set[str]) -> None:
+        """Record as failed what a process that ended has left undone."""
+        why = f"{self.sources[task.pair].folder}: {message}; there may be too little memory, try fewer --jobs."
+        self._tell_failure(why, pair=task.pair)
+        for method in self._run.methods:
+            if method.label not in done:
+                row = task.rows.get(method.label) or failed_row(task, method, why)
+                self.log.append(row)
+                self._tell_progress(row)
+
+    def _note(self, pair: str, facts: Mapping[str, Any]) -> None:
+        """Tell each kind of warning once, and each pair that fails its self-check."""
+        folder = self.sources[pair].folder
         for message in facts.get("warnings", ()):
             if message not in self._warned:
                 self._warned.add(message)
                 self._tell({"type": "warning", "message": f"{folder}: {message}"})
         if not facts["self_check"]["ok"]:
             message = f"{folder} is left out of the averages: {'; '.join(facts['self_check']['problems'])}."
-            self.suspect.append({"pair": name, "message": message})
+            self._suspect.append({"pair": pair, "message": message})
             self._tell({"type": "warning", "message": message})
-
-    def _is_finished(self, row: Row, keys: Mapping[str, str]) -> bool:
-        return row["common"] == _digest(keys) and (not self.points or "points" in row["images"])
-
-    def _find_row(self, pair: str, label: str, key: str) -> Row | None:
-        row = self.log.find(pair, label, key)
-        return row if row and row["status"] != "failed" and files_exist(row, self.out, pair) else None
-
-    def _measure(self, prepared: Prepared, keys: Mapping[str, str], rows: dict[str, Row]) -> None:
-        """Add the missing ``rows`` of a pair, and update the numbers that depend on all of its methods."""
-        disparities: dict[str, np.ndarray] = {}
-        shared = np.where(prepared.visible, prepared.pair.camera.disparity(prepared.truth), np.nan)
-        ranges = known_ranges(prepared.pair.settings.rig, shared)
-        for method in self.methods:
-            label = method.label
-            stored = self._read_stored(rows.get(label), prepared)
-            if stored is not None:
-                disparities[label] = stored
-                self._tell_progress(rows[label])
-                continue
-            try:
-                disparities[label], _, info = match(method.name, prepared.left, prepared.right, method.options,
-                                                     prepared.pair.camera, ranges)
-                searched = info["search"] and info["search"].to_json(shared)
-                rows[label] = self._make_row(prepared, method, keys[label], disparities[label],
-                                             info | {"search": searched})
-            except DiskError:
-                raise
-            except Exception as error:
-                why = describe_error(error, f"{prepared.pair.folder} by {label}")
-                disparities.pop(label, None)
-                self._tell_failure(why, pair=prepared.pair.folder.name, method=label)
-                self._add_row(_failed_row(prepared.pair.folder.name, method, keys[label], why))
-                continue
-            self._add_row(rows[label])
-        common = np.logical_and.reduce([np.ones_like(prepared.visible), *map(np.isfinite, disparities.values())])
-        points = self.points and pose_of(prepared) is not None
-        if self.points and not points:
-            self._tell({"type": "warning", "message": f"{prepared.pair.folder / 'pair.json'} does not contain the "
-                        "position of the camera, so no points are written; render the pair again."})
-        for label, disparity in disparities.items():
-            row = rows[label] | common_numbers(prepared, disparity, common) | {"common": _digest(keys)}
-            if points:
-                row["images"] = add_points(row["images"], self.out, prepared, disparity)
-            if row != rows[label]:
-                self.log.append(row)
-
-    def _read_stored(self, row: Row | None, prepared: Prepared) -> np.ndarray | None:
-        return read_disparity(self.out / row["images"]["disparity"], prepared.truth.shape) if row else None
-
-    def _make_row(self, prepared: Prepared, method: Method, key: str, disparity: np.ndarray,
-                  info: dict[str, Any]) -> Row:
-        return {"pair": prepared.pair.folder.name, "method": method.label, "key": key,
-                "status": "ok" if prepared.check.ok else "suspect",
-                **own_numbers(prepared, disparity, info["options"]["min_disparity"] if method.name == "bm" else None),
-                **dict.fromkeys(COMMON_NUMBERS), "common": "", **{key: info[key] for key in COSTS},
-                "options": info["options"], "search": info["search"], "counts": info["counts"], "facts": info["facts"],
-                "error": "",
-                "images": write_method_pictures(prepared, method, disparity, info, self.out)}
-
-    def _add_row(self, row: Row) -> None:
-        self.log.append(row)
-        self._tell_progress(row)
 
     def _tell_progress(self, row: Row) -> None:
         self._done += 1
@@ -201,15 +196,15 @@ class _Run:
                     "total": self._total, "message": f"{row['pair']} {row['method']}"})
 
     def _tell_failure(self, message: str, **what: str) -> None:
-        self.failed.append({**what, "message": message})
+        self._failed.append({**what, "message": message})
         self._tell({"type": "error", "message": message})
 
-
-def _failed_row(pair: str, method: Method, key: str, message: str) -> Row:
-    return {"pair": pair, "method": method.label, "key": key, "status": "failed", **dict.fromkeys(NUMBERS),
-            "error_curve": [], "sparsification": {}, "strata": {}, "common": "",
-            "options": complete_options(method.name, method.options), "search": None, "counts": {}, "facts": {},
-            "error": message, "images": {}}
+    def sorted_messages(self) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
+        """What failed and what is suspect, in the order of the pairs."""
+        place = {name: k for k, name in enumerate(self.sources)}
+        failed, suspect = (sorted(found, key=lambda entry: place[entry["pair"]])
+                           for found in (self._failed, self._suspect))
+        return failed, suspect
 
 
 def _read_facts(out: Path, pair: str, content: str) -> dict[str, Any] | None:
@@ -221,21 +216,13 @@ def _read_facts(out: Path, pair: str, content: str) -> dict[str, Any] | None:
 def _method_inputs(method: Method) -> list[Any]:
     """Everything besides the images that a method's disparity depends on: its options, the files that they name, and
     versions."""
-    options = complete_options(method.name, method.options)
-    files = {key: _read_checksum(Path(value)) for key, value in options.items()
+    options = options_of(method)
+    files = {key: read_checksum(Path(value)) for key, value in options.items()
              if isinstance(value, str) and os.path.isfile(value)}
-    files |= {text: _read_checksum(Path(text)) for text in files_of(method.name, options) if os.path.isfile(text)}
+    if method.name != PREDICTION:
+        files |= {text: read_checksum(Path(text)) for text in files_of(method.name, options) if os.path.isfile(text)}
     versions = packages.find_versions()
     return [method.name, options, files, {name: versions[name] for name in ("numpy", "cv2", "torch")}]
-
-
-def _read_checksum(path: Path) -> str:
-    """Checksum of a file; empty if it cannot be read, which is reported where the file is used."""
-    try:
-        with path.open("rb") as stream:
-            return hashlib.file_digest(stream, "sha256").hexdigest()
-    except OSError:
-        return ""
 
 
 def _digest(data: Any) -> str:

@@ -62,6 +62,12 @@ def row_offset_px(path: Path) -> float:
     return numbers_of(path, fields, "dymax", 1)[0] if "dymax" in fields else 0.0
 
 
+def stated_disparities(path: Path) -> int | None:
+    """The number of disparities that ``calib.txt`` states to be enough; None if it states none."""
+    fields = read_fields(path, "=")
+    return max(1, int(numbers_of(path, fields, "ndisp", 1)[0])) if "ndisp" in fields else None
+
+
 def sintel_camera(path: Path, baseline_m: float, width: int, height: int) -> StereoCamera:
     """From a ``.cam`` file: the matrix of the camera as nine float64 after a mark. Raises IcyMoonError otherwise."""
     content = read_bytes(path, 4096)

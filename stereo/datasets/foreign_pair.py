@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import math
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -16,6 +17,7 @@ from ...records import FILE_NAME
 from ...render.pairs.pair_folder import StereoCamera
 from ..images import colours
 from ..images.disparity_and_occlusion import matching_column, visible_in_right
+from ..matchers.search_range import FIXED, MOST_PX, STEP_PX, SearchRange
 from ..measure.by_pixel_class import OCCLUSION, classify, texture
 from ..measure.metrics import usable
 from ..measure.prepare import Prepared
@@ -23,6 +25,8 @@ from ..measure.self_check import SelfCheck
 from .data_files import MapFile, read_image, read_map, read_radiance
 from .faults import check_truth
 
+#: Share of the width that matchers search where a data set states no range.
+_SEARCHED_SHARE = 0.25
 #: Makes the camera of images of this width and height.
 CameraReader = Callable[[int, int], StereoCamera]
 
@@ -58,6 +62,7 @@ class ForeignPair:
     linear: bool = False  # the images are in proportion to light, as our own are
     either_sign: bool = False  # the sign of the disparities differs between the releases of the data set
     notes: tuple[str, ...] = ()
+    disparities: int | None = None  # that the data set states to be enough to search
 
     @property
     def files(self) -> tuple[Path, ...]:
@@ -93,7 +98,9 @@ class ForeignPair:
         classes = classify(truth, visible, gradient, grey[0], None, None, None)
         if not known:
             classes[OCCLUSION.key] = np.full(truth.shape, -1)
-        pair = PhotographedPair(self.name, self.folder, camera)
+        count = self.disparities or math.ceil(_SEARCHED_SHARE * camera.width_px)
+        most = STEP_PX * math.ceil(min(count, camera.width_px, MOST_PX) / STEP_PX) - 1
+        pair = PhotographedPair(self.name, self.folder, camera, SearchRange(0, most, FIXED))
         scale = colours.depth_scale(truth)
         facts = self._facts(camera, truth, visible if known else None)
         facts["depth_scale_m"] = [scale.low, scale.high]
@@ -166,6 +173,7 @@ class PhotographedPair:
     name: str
     folder: Path
     camera: StereoCamera
+    search_range: SearchRange
 
     def rectified_pose(self, eye: str) -> np.ndarray | None:
         """The axes of the left eye are those of the points: x right, y down, z ahead."""

@@ -112,7 +112,8 @@ def _middlebury_pair(root: Path, folder: Path) -> ForeignPair:
         find_inside(folder, "im1.png"), MapFile(find_inside(folder, "disp0GT.pfm" if official else "disp0.pfm")),
         partial(calibrations.middlebury_camera, calibration), (calibration,),
         MapFile(find_inside(folder, right)) if (folder / right).exists() else None,
-        Mask("seen", (find_inside(folder, mask.name),)) if mask.exists() else None, notes=notes)
+        Mask("seen", (find_inside(folder, mask.name),)) if mask.exists() else None, notes=notes,
+        disparities=calibrations.stated_disparities(calibration))
 
 
 def _sceneflow(path: Path) -> list[ForeignPair]:

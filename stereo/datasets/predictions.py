@@ -12,6 +12,7 @@ import numpy as np
 from ...errors import IcyMoonError
 from ..matchers import complete_options
 from ..matchers.methods import Method
+from ..measure.costs import COSTS
 from ..measure.metrics import usable
 from ..measure.prepare import Prepared
 from .data_files import MapFile, find_inside, read_map
@@ -75,5 +76,5 @@ def read_prediction(method: Method, prepared: Prepared) -> tuple[np.ndarray, dic
     disparity = read_map(MapFile(path))
     check_prediction(path, disparity, prepared.pair.camera.disparity(prepared.truth), prepared.truth)
     return np.where(usable(disparity), disparity, np.nan).astype(np.float32), {
-        "method": PREDICTION, "options": options_of(method), "seconds": None, "arrays": {}, "counts": {},
-        "facts": {}}
+        "method": PREDICTION, "options": options_of(method), **dict.fromkeys(COSTS), "arrays": {}, "counts": {},
+        "facts": {}, "search": None}

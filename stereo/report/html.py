@@ -44,7 +44,8 @@ _OWN, _PER_METHOD = 2, 3
 _PAGED = (("l1_m", "L1 (m)", 3, 1.0), ("total_bad_1", "wrong or missing (%)", 1, 100.0),
           ("coverage", "cov. (%)", 1, 100.0))
 #: Facts about pairs whose distinct values the report lists.
-_MIXED = {"image (px)": lambda facts: f"{facts['width_px']} × {facts['height_px']}",
+_MIXED = {"data": lambda facts: facts.get("layout", "rendered here"),
+          "image (px)": lambda facts: f"{facts['width_px']} × {facts['height_px']}",
           "f·B (px·m)": lambda facts: f"{facts['focal_baseline_px_m']:.6g}",
           "Blender": lambda facts: str(facts["rendered"].get("versions", {}).get("blender", "unknown")),
           "samples per pixel": lambda facts: str(facts["settings"].get("quality", {}).get("samples", "unknown")),
@@ -52,6 +53,8 @@ _MIXED = {"image (px)": lambda facts: f"{facts['width_px']} × {facts['height_px
           "device": lambda facts: str(facts["rendered"].get("device", "unknown")),
           "bits": lambda facts: str(facts["settings"].get("sensor", {}).get("bits", "unknown")),
           "edited by hand": lambda facts: "yes" if facts["rendered"].get("edited_by_hand") else "no"}
+#: Those that pairs of other data sets have too.
+_OF_ALL = ("data", "image (px)", "f·B (px·m)")
 
 
 @cache
@@ -104,6 +107,8 @@ def count_values(facts: Iterable[Mapping[str, Any]]) -> dict[str, list[tuple[str
     found: dict[str, dict[str, int]] = {name: {} for name in _MIXED}
     for pair in facts:
         for name, get in _MIXED.items():
+            if "layout" in pair and name not in _OF_ALL:
+                continue
             value = get(pair)
             found[name][value] = found[name].get(value, 0) + 1
     return {name: sorted(counts.items(), key=lambda entry: -entry[1])[:8] for name, counts in found.items()}
@@ -152,7 +157,8 @@ def _pair_section(facts: Mapping[str, Any], report: Mapping[str, Any], table: Ta
     scale = colours.Scale(*facts["depth_scale_m"])
     start = table.pairs.index(facts["pair"]) * len(table.methods)
     rows = report["rows"][start:start + len(table.methods)]
-    return {"facts": facts, "left": _embed_picture(out / facts["images"]["left"], height, linear=True),
+    left = _embed_picture(out / facts["images"]["left"], height, linear=facts.get("linear", True))
+    return {"facts": facts, "left": left,
             "true_depth": _embed_picture(out / facts["images"]["true_depth"], height), "depth_bar": _colour_bar(scale),
             "settings": to_toml(facts["settings"]),
             "methods": [{"row": row, "outcomes": colours.outcome_legend(row["counts"]),

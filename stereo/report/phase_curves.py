@@ -21,6 +21,8 @@ def phase_curves(pairs: Iterable[Mapping[str, Any]]) -> dict[str, np.ndarray]:
     """Brightness (n,) at ``PHASE_DEG``, relative to that at opposition, by the name of each law in the pairs' facts."""
     found: dict[str, np.ndarray] = {}
     for pair in pairs:
+        if not pair["settings"]:
+            continue  # it was not rendered here
         settings = typed(pair["settings"])
         for topic in scene_requirements.surface_topics(settings):
             surface, hapke = settings[topic], settings.hapke

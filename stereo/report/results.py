@@ -15,8 +15,8 @@ import numpy as np
 from ...errors import IcyMoonError
 from ...files import escape_cell, write_atomically, write_json
 from ...records import ANYTHING, COUNT, FLAG, NUMBER, PIXELS, TABLE, TEXT, Each, Maybe, Shape, read_record
+from ..datasets.predictions import options_of
 from ..environment import packages
-from ..matchers import complete_options
 from ..matchers.methods import Method
 from ..measure.metrics import ERROR_STEPS_M, SHARES
 from ..measure.result_row import NUMBERS, REGIONS
@@ -37,7 +37,7 @@ _LONG = ("strata", "sparsification", "common")
 FACTS: dict[str, Shape] = {"pair": TEXT, "key": TEXT, "images": Each(TEXT, TEXT), "settings": Each(TABLE, TEXT),
          "self_check": {"ok": FLAG, "problems": Each(TEXT)}, "warnings": Maybe(Each(TEXT)), "rendered": TABLE,
          "width_px": PIXELS, "height_px": PIXELS, "true": NUMBER, "visible": Maybe(NUMBER, null=True),
-         "exposure_s": NUMBER, "noise": NOISE}
+         "exposure_s": Maybe(NUMBER), "scene": Maybe(TEXT), "noise": NOISE}
 _KNOWN = Maybe(NUMBER, null=True)
 #: A row, see ``evaluate.evaluate``.
 ROW: dict[str, Shape] = {
@@ -67,7 +67,8 @@ def write_results(log: RowLog, names: Sequence[str], methods: Sequence[Method], 
     notes = Notes(methods)
     for pair in facts:
         notes.add_pair(pair)
-        table.scenes[places[pair["pair"]]] = scenes.setdefault(scene_of(pair["settings"]), len(scenes))
+        table.scenes[places[pair["pair"]]] = scenes.setdefault(
+            pair.get("scene") or scene_of(pair["settings"]), len(scenes))
     ran_on: dict[str, list[Any]] = {label: [] for label in labels}
     for k, name in enumerate(names):
         for label in labels:
@@ -146,7 +147,7 @@ def _provenance(methods: Sequence[Method], facts: Mapping[str, list[Any]], sourc
                 scenes: int) -> dict[str, Any]:
     return {"created": datetime.now(UTC).isoformat(timespec="seconds"), **source,
             "methods": [{"label": method.label, "name": method.name,
-                         "options": complete_options(method.name, method.options), "facts": facts[method.label]}
+                         "options": options_of(method), "facts": facts[method.label]}
                         for method in methods],
             "versions": packages.find_versions(), "error_curve_steps_m": list(ERROR_STEPS_M),
             "sparsification_shares": list(SHARES),

@@ -11,7 +11,7 @@ import numpy as np
 import pairs
 import pytest
 from icymoon.errors import IcyMoonError
-from icymoon.stereo import evaluate as module
+from icymoon.stereo import measure_pair as module
 from icymoon.stereo.evaluate import evaluate
 from icymoon.stereo.matchers.methods import parse_methods
 from icymoon.stereo.measure.costs import COSTS

@@ -1,0 +1,154 @@
+"""Measuring one pair by all methods of an evaluation, in this process or in another one."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..errors import DiskError, describe_error
+from ..files import write_json
+from ..render.pairs.pair_folder import Pair
+from .artefacts import write_method_pictures, write_pair_pictures
+from .datasets.foreign_pair import PhotographedPair
+from .datasets.predictions import PREDICTION, options_of, read_prediction
+from .export.points import add_points, pose_of
+from .images.disparity_files import read_disparity
+from .matchers import match
+from .matchers.methods import Method
+from .matchers.search_range import AUTO, SearchRange, known_ranges
+from .measure.costs import COSTS
+from .measure.prepare import Prepared
+from .measure.result_row import COMMON_NUMBERS, NUMBERS, common_numbers, own_numbers
+from .report.row_log import Row
+from .sources import Source
+
+
+@dataclass(frozen=True)
+class Run:
+    """What an evaluation does with every pair."""
+
+    methods: Sequence[Method]
+    out: Path
+    response: Mapping[str, Mapping[str, Any]]
+    points: bool
+
+
+@dataclass(frozen=True)
+class Task:
+    """A pair of which something is missing: JSON values only, so that another process can do it."""
+
+    pair: str
+    content: str  # digest of what its numbers depend on
+    keys: Mapping[str, str]  # of its rows, by the label of the method
+    common: str  # digest of all keys
+    rows: Mapping[str, Row]  # those that an earlier run has made
+
+
+def measure_pair(source: Source, run: Run, task: Task) -> Iterator[dict[str, Any]]:
+    """Do a task; the pictures and facts of the pair are written here, the rows by whoever reads these events:
+
+    * {"type": "row", "row"} for each method, also for one that failed and for one that an earlier run has made;
+    * {"type": "update", "row"} for a row that has changed since;
+    * {"type": "failed", "pair", "message"} and, if only one method failed, "method"; {"type": "warning", "message"};
+    * {"type": "facts", "facts"} if the pair can be used.
+
+    Raises DiskError if the disk refuses.
+    """
+    try:
+        prepared = source.prepare(run.response)
+    except Exception as error:
+        why = describe_error(error, source.folder)
+        yield {"type": "failed", "pair": source.name, "message": why}
+        for method in run.methods:
+            yield _row_event(task.rows.get(method.label) or failed_row(task, method, why))
+        return
+    facts = prepared.facts | {"key": task.content, "images": write_pair_pictures(prepared, run.out)}
+    write_json(run.out / "pairs" / source.name / "facts.json", facts)
+    yield from _measure(prepared, run, task)
+    yield {"type": "facts", "facts": facts}
+
+
+def _row_event(row: Row, kind: str = "row") -> dict[str, Any]:
+    return {"type": kind, "row": row}
+
+
+def _measure(prepared: Prepared, run: Run, task: Task) -> Iterator[dict[str, Any]]:
+    """Make the missing rows of a pair, and update the numbers that depend on all of its methods."""
+    disparities: dict[str, np.ndarray] = {}
+    rows: dict[str, Row] = dict(task.rows)
+    shared = np.where(prepared.visible, prepared.pair.camera.disparity(prepared.truth), np.nan)
+    ranges = _search_ranges(prepared, shared)
+    for method in run.methods:
+        label = method.label
+        stored = _read_stored(rows.get(label), prepared, run.out)
+        if stored is not None:
+            disparities[label] = stored
+            yield _row_event(rows[label])
+            continue
+        try:
+            disparity, info = _match(method, prepared, ranges)
+            info["search"] = info["search"] and info["search"].to_json(shared)
+            rows[label] = _make_row(prepared, run, task, method, disparity, info)
+        except DiskError:
+            raise
+        except Exception as error:
+            why = describe_error(error, f"{prepared.pair.folder} by {label}")
+            yield {"type": "failed", "pair": prepared.pair.name, "method": label, "message": why}
+            yield _row_event(failed_row(task, method, why))
+            continue
+        disparities[label] = disparity
+        yield _row_event(rows[label])
+    common = np.logical_and.reduce([np.ones_like(prepared.visible), *map(np.isfinite, disparities.values())])
+    points = run.points and pose_of(prepared) is not None
+    if run.points and not points:
+        yield {"type": "warning", "message": f"{prepared.pair.folder / 'pair.json'} does not contain the position of "
+               "the camera, so no points are written; render the pair again."}
+    for label, disparity in disparities.items():
+        row = rows[label] | common_numbers(prepared, disparity, common) | {"common": task.common}
+        if points:
+            row["images"] = add_points(row["images"], run.out, prepared, disparity)
+        if row != rows[label]:
+            yield _row_event(row, "update")
+
+
+def _search_ranges(prepared: Prepared, shared: np.ndarray) -> dict[str, SearchRange]:
+    """The ranges that options may name; ``shared`` are the true disparities of what both eyes see."""
+    rig = prepared.pair.settings.rig if isinstance(prepared.pair, Pair) else None
+    ranges = known_ranges(rig, shared)
+    if isinstance(prepared.pair, PhotographedPair):
+        ranges[AUTO] = prepared.pair.search_range
+    return ranges
+
+
+def _match(method: Method, prepared: Prepared,
+           ranges: Mapping[str, SearchRange]) -> tuple[np.ndarray, dict[str, Any]]:
+    if method.name == PREDICTION:
+        return read_prediction(method, prepared)
+    disparity, _, info = match(method.name, prepared.left, prepared.right, method.options, prepared.pair.camera, ranges)
+    return disparity, info
+
+
+def _read_stored(row: Row | None, prepared: Prepared, out: Path) -> np.ndarray | None:
+    return read_disparity(out / row["images"]["disparity"], prepared.truth.shape) if row else None
+
+
+def _make_row(prepared: Prepared, run: Run, task: Task, method: Method, disparity: np.ndarray,
+              info: dict[str, Any]) -> Row:
+    return {"pair": prepared.pair.name, "method": method.label, "key": task.keys[method.label],
+            "status": "ok" if prepared.check.ok else "suspect",
+            **own_numbers(prepared, disparity, info["options"]["min_disparity"] if method.name == "bm" else None),
+            **dict.fromkeys(COMMON_NUMBERS), "common": "", **{key: info[key] for key in COSTS},
+            "options": info["options"], "search": info["search"], "counts": info["counts"], "facts": info["facts"],
+            "error": "",
+            "images": write_method_pictures(prepared, method, disparity, info, run.out)}
+
+
+def failed_row(task: Task, method: Method, message: str) -> Row:
+    """The row of a method that failed on a pair."""
+    return {"pair": task.pair, "method": method.label, "key": task.keys[method.label], "status": "failed",
+            **dict.fromkeys(NUMBERS), "error_curve": [], "sparsification": {}, "strata": {}, "common": "",
+            "options": options_of(method), "search": None, "counts": {}, "facts": {}, "error": message, "images": {}}

@@ -1,0 +1,167 @@
+"""Measuring pairs in several processes.
+
+Each process is started once and measures pair after pair: a line of JSON with a task comes in, a line for each event of
+``measure_pair`` goes out. Only the process that started them writes rows, so a log has one writer. They end when their
+input ends, which it does however that process ends.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import queue
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import IO, Any
+
+from ..errors import DiskError, IcyMoonError
+from ..render.workers.job import python_command
+from ..render.workers.process import clean_environment
+from ..system import count_processors, kill_all, start
+from .matchers.methods import Method
+from .matchers.resident_process import stop_residents
+from .measure_pair import Run, Task, measure_pair
+from .sources import find_sources
+
+#: Methods that use one processor and little memory. Others may fill a GPU, or all processors, by themselves.
+_SINGLE = ("bm", "sgbm", "sgbm_wls", "jplv", "prediction")
+#: A process must have so many pairs to do: its start costs as much as measuring one or two.
+_PAIRS_EACH = 4
+_LOOK_S = 0.25
+
+
+def choose_count(jobs: int | None, methods: Sequence[Method], pairs: int) -> int:
+    """How many processes measure: ``jobs``, or as many as there are processors and pairs for; 1 is this one."""
+    if jobs is not None:
+        return jobs
+    if not all(method.name in _SINGLE for method in methods):
+        return 1
+    return max(1, min(count_processors(), pairs // _PAIRS_EACH))
+
+
+class Processes:
+    """Processes that measure; each is started when there is a task for it."""
+
+    def __init__(self, count: int, paths: Sequence[Path], run: Run) -> None:
+        self._count = count
+        self._setup = {"paths": [str(path) for path in paths], "methods": [asdict(method) for method in run.methods],
+                       "out": str(run.out), "response": run.response, "points": run.points}
+        self._said: queue.SimpleQueue[tuple[_Process, dict[str, Any] | None]] = queue.SimpleQueue()
+
+    def measure(self, tasks: Iterator[Task]) -> Iterator[tuple[Task, dict[str, Any]]]:
+        """Do all tasks, and yield each event with its task; {"type": "died", "message"} if a process ended.
+
+        Raises DiskError if the disk refuses.
+        """
+        idle: list[_Process] = []
+        busy: dict[_Process, Task] = {}
+        try:
+            while True:
+                while len(busy) < self._count and (task := next(tasks, None)) is not None:
+                    process = idle.pop() if idle else _Process(self._setup, self._said)
+                    busy[process] = task
+                    process.send(asdict(task))
+                if not busy:
+                    return
+                process, event = self._wait()
+                task = busy[process]
+                if event is None:
+                    yield task, {"type": "died", "message": f"the process that measured it {process.end()}"}
+                    del busy[process]
+                elif event["type"] == "done":
+                    idle.append(process)
+                    del busy[process]
+                elif event["type"] == "disk":
+                    raise DiskError(event["message"])
+                else:
+                    yield task, event
+        finally:
+            for process in (*idle, *busy):
+                process.kill()
+
+    def _wait(self) -> tuple[_Process, dict[str, Any] | None]:
+        while True:  # Windows interrupts nobody who waits for longer
+            try:
+                return self._said.get(timeout=_LOOK_S)
+            except queue.Empty:
+                continue
+
+
+class _Process:
+    """One of them."""
+
+    def __init__(self, setup: dict[str, Any], said: queue.SimpleQueue[Any]) -> None:
+        try:
+            self._process = start(python_command(sys.executable, "measure"), clean_environment(),
+                                  stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+        except OSError as error:
+            raise IcyMoonError(f"{sys.executable} cannot be started again ({error.strerror or error}); use "
+                               "--jobs 1.") from None
+        threading.Thread(target=self._read, args=(said,), daemon=True).start()
+        self.send(setup)
+
+    def _read(self, said: queue.SimpleQueue[Any]) -> None:
+        assert self._process.stdout is not None
+        for line in self._process.stdout:
+            said.put((self, json.loads(line)))
+        said.put((self, None))
+
+    def send(self, data: dict[str, Any]) -> None:
+        """Write a line to it; nothing if it has ended, which its reader notices."""
+        assert self._process.stdin is not None
+        try:
+            self._process.stdin.write((json.dumps(data) + "\n").encode())
+            self._process.stdin.flush()
+        except OSError:
+            pass
+
+    def end(self) -> str:
+        """How it ended, in words."""
+        status = self._process.wait()
+        return f"was ended by signal {-status}" if status < 0 else f"ended with status {status}"
+
+    def kill(self) -> None:
+        """End it at once, with all that it has started."""
+        kill_all(self._process)
+
+
+def main(arguments: Sequence[str]) -> int:
+    """One of the processes: do the tasks that come in until there are no more."""
+    del arguments
+    lines = sys.stdin.buffer
+    with _apart_from_prints() as out:
+        first = lines.readline()
+        if not first:
+            return 0
+        setup = json.loads(first)
+        sources = {source.name: source for source in find_sources([Path(path) for path in setup["paths"]])}
+        run = Run([Method(**method) for method in setup["methods"]], Path(setup["out"]), setup["response"],
+                  setup["points"])
+        try:
+            for line in lines:
+                task = Task(**json.loads(line))
+                for event in measure_pair(sources[task.pair], run, task):
+                    _say(out, event)
+                _say(out, {"type": "done"})
+        except DiskError as error:
+            _say(out, {"type": "disk", "message": str(error)})
+            return 1
+        finally:
+            stop_residents()
+    return 0
+
+
+def _apart_from_prints() -> IO[bytes]:
+    """The standard output for our lines alone: what libraries print goes to standard error from now on."""
+    out = os.fdopen(os.dup(1), "wb")
+    os.dup2(2, 1)
+    return out
+
+
+def _say(out: IO[bytes], event: dict[str, Any]) -> None:
+    out.write((json.dumps(event, allow_nan=False) + "\n").encode())
+    out.flush()

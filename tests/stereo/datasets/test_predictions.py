@@ -1,0 +1,154 @@
+"""Disparities computed elsewhere, evaluated as methods of their own."""
+
+import json
+import subprocess
+import sys
+
+import foreign
+import numpy as np
+import OpenEXR
+import pairs
+import pytest
+from icymoon.errors import IcyMoonError
+from icymoon.stereo.evaluate import evaluate
+from icymoon.stereo.for_prediction import export_for_prediction
+from icymoon.stereo.images.image_files import read_png
+from icymoon.stereo.matchers.methods import parse_methods
+from icymoon.stereo.measure.prepare import prepare
+
+pytestmark = [pytest.mark.filterwarnings("error"), pytest.mark.usefixtures("undrawn")]
+
+RIG = pairs.camera(96, 64)
+
+
+@pytest.fixture(scope="module")
+def dataset(tmp_path_factory):
+    root = tmp_path_factory.mktemp("set")
+    for name in ("one", "two"):
+        pairs.write_pair(root / "pairs" / name, pairs.Scene(sky_rows=8), RIG)
+    return root
+
+
+@pytest.fixture(scope="module")
+def truth():
+    """The true disparity of both pairs, NaN for sky."""
+    return RIG.disparity(pairs.view(pairs.Scene(sky_rows=8), RIG, "left")[0])
+
+
+def write_exr(path, values):
+    OpenEXR.File({"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage},
+                 {"Y": np.ascontiguousarray(values, np.float32)}).write(str(path))
+
+
+@pytest.mark.parametrize(("ending", "write", "rounding"), [
+    (".pfm", foreign.write_pfm, 1e-5), (".npy", np.save, 1e-12), (".exr", write_exr, 1e-5),
+    (".png", lambda path, values: foreign.write_image(path, foreign.steps(values)), 0.5 / 256)])
+def test_an_error_that_was_put_in_comes_out(dataset, truth, tmp_path, ending, write, rounding):
+    for name in ("one", "two"):
+        (tmp_path / "p").mkdir(exist_ok=True)
+        write(tmp_path / "p" / f"{name}{ending}", truth + 0.75)
+    report = evaluate([dataset], [], tmp_path / "out", predictions=[f"mynet={tmp_path / 'p'}"])
+    rows = list(report["rows"])
+    assert [(row["pair"], row["method"], row["status"]) for row in rows] == [("one", "mynet", "ok"),
+                                                                            ("two", "mynet", "ok")]
+    for row in rows:
+        assert row["epe_px"] == pytest.approx(0.75, abs=rounding + 1e-6)
+        assert row["coverage"] == 1.0
+        assert (row["bad_0_5"], row["bad_1"]) == (1.0, 0.0)
+        assert row["seconds"] is None  # nobody knows
+    assert report["summary"][0]["seconds"] is None
+    assert report["provenance"]["methods"][0]["options"] == {"folder": str(tmp_path / "p")}
+
+
+def test_predictions_stand_beside_matchers_and_are_read_again_when_they_change(dataset, truth, tmp_path):
+    folder = tmp_path / "p"
+    folder.mkdir()
+    for name in ("one", "two"):
+        np.save(folder / f"{name}.npy", truth)
+    told = []
+
+    def run(*predictions):
+        told.clear()
+        report = evaluate([dataset], parse_methods("bm"), tmp_path / "out", on_event=told.append,
+                          predictions=predictions)
+        return {(row["pair"], row["method"]): row for row in report["rows"]}
+
+    first = run(f"net={folder}")
+    assert first["one", "net"]["epe_px"] == pytest.approx(0, abs=1e-6)
+    assert first["one", "net"]["common_n"] == first["one", "bm"]["n"]
+    np.save(folder / "two.npy", truth + 2)
+    second = run(f"net={folder}")
+    assert second["one", "net"] == first["one", "net"]
+    assert second["one", "bm"] == first["one", "bm"]
+    assert second["two", "net"]["epe_px"] == pytest.approx(2, abs=1e-6)
+    (folder / "one.npy").unlink()
+    third = run(f"net={folder}")
+    assert third["one", "net"]["status"] == "failed"
+    assert "has no disparity of the pair one; add one.pfm" in third["one", "net"]["error"]
+    assert third["two", "net"]["status"] == "ok"
+    assert len([event for event in told if event["type"] == "error"]) == 1
+
+
+def test_a_damaged_prediction_fails_alone(dataset, truth, tmp_path):
+    for name in ("one", "two"):
+        foreign.write_pfm(tmp_path / "p" / f"{name}.pfm", truth)
+    path = tmp_path / "p" / "two.pfm"
+    path.write_bytes(path.read_bytes()[:-100])
+    rows = list(evaluate([dataset], [], tmp_path / "out", predictions=[f"n={tmp_path / 'p'}"])["rows"])
+    assert [row["status"] for row in rows] == ["ok", "failed"]
+    assert rows[1]["error"] == f"{path} is damaged or incomplete; make it again."
+
+
+@pytest.mark.parametrize(("text", "words"), [
+    ("net", "write it as NAME=FOLDER"), ("=folder", "write it as NAME=FOLDER"), ("-net=x", "begins with a letter"),
+    ("bm={folder}", "there is already a method bm"), ("net={folder}/none", "has no disparity of any pair"),
+    ("net={folder}", "name the files after the pairs, such as one.pfm, one.png, one.npy")])
+def test_a_mistake_in_the_option_is_told_before_anything_runs(dataset, tmp_path, text, words):
+    (tmp_path / "p").mkdir()
+    with pytest.raises(IcyMoonError) as caught:
+        evaluate([dataset], parse_methods("bm"), tmp_path / "out",
+                 predictions=[text.replace("{folder}", str(tmp_path / "p"))])
+    assert words in str(caught.value)
+    assert not (tmp_path / "out").exists()
+
+
+def test_without_any_method_there_is_nothing_to_evaluate(dataset, tmp_path):
+    with pytest.raises(IcyMoonError, match="no method to evaluate"):
+        evaluate([dataset], [], tmp_path / "out")
+
+
+def test_what_is_written_for_prediction_is_what_matchers_get(dataset, tmp_path):
+    assert export_for_prediction([dataset], tmp_path, {}) == []
+    assert sorted(path.relative_to(tmp_path).as_posix() for path in tmp_path.rglob("*.*")) == [
+        "README.txt", *(f"{name}/{file}" for name in ("one", "two") for file in ("calib.txt", "im0.png", "im1.png"))]
+    prepared = prepare(dataset / "pairs" / "one", {})
+    np.testing.assert_array_equal(read_png(tmp_path / "one" / "im0.png"), prepared.left)
+    np.testing.assert_array_equal(read_png(tmp_path / "one" / "im1.png"), prepared.right)
+    assert "one.npy" in (tmp_path / "README.txt").read_text(encoding="utf-8")
+    # With a truth beside them the images are a data set of Middlebury's layout.
+    foreign.write_pfm(tmp_path / "one" / "disp0.pfm", RIG.disparity(prepared.truth))
+    foreign.write_pfm(tmp_path / "two" / "disp0.pfm", RIG.disparity(prepared.truth))
+    rows = [list(evaluate([path], parse_methods("bm"), tmp_path / f"out{k}")["rows"])
+            for k, path in enumerate((dataset, tmp_path))]
+    assert rows[0][0]["epe_px"] == pytest.approx(rows[1][0]["epe_px"], abs=1e-6)
+
+
+def test_foreign_pairs_are_written_for_prediction_too(tmp_path):
+    foreign.kitti_2015(tmp_path / "k", frames=2)
+    assert export_for_prediction([tmp_path / "k"], tmp_path / "out", {}) == []
+    np.testing.assert_array_equal(read_png(tmp_path / "out" / "000001_10" / "im0.png"),
+                                  foreign.eyes(colour=True, seed=1)[0])
+    with pytest.raises(IcyMoonError, match=r"was not rendered here.*leave out --set"):
+        export_for_prediction([tmp_path / "k"], tmp_path / "out", {"sensor": {"bits": 12}})
+
+
+@pytest.mark.slow
+def test_the_command_line_evaluates_predictions_alone(dataset, truth, tmp_path):
+    for name in ("one", "two"):
+        foreign.write_pfm(tmp_path / "p" / f"{name}.pfm", truth)
+    done = subprocess.run([sys.executable, "-m", "icymoon", "evaluate", str(dataset), "--predictions",
+                           f"net={tmp_path / 'p'}", "--out", str(tmp_path / "out"), "--jobs", "1", "--json-lines"],
+                          capture_output=True, text=True, timeout=240, check=False)
+    assert done.returncode == 0, done.stderr
+    result = json.loads(done.stdout.splitlines()[-1])
+    assert [row["method"] for row in result["rows"]] == ["net"]
