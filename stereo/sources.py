@@ -73,7 +73,7 @@ def find_sources(paths: Sequence[Path]) -> list[Source]:
 def _find_foreign(path: Path) -> list[ForeignPair]:
     pairs = find_foreign_pairs(path)
     if not pairs:
-        raise IcyMoonError(f"{path} contains no complete stereo pair; render one first, or choose another folder: a "
+        raise IcyMoonError(f"{path} contains no complete stereo pair; render one first or choose another folder: a "
                            f"data set, {KNOWN}.")
     return pairs
 

@@ -159,11 +159,10 @@ class ForeignPair:
                 "self_check": _UNCHECKED.to_json()}
 
     def _missing(self, occlusion_known: bool) -> str:
-        """What cannot be had of such a pair, as one sentence."""
-        occlusion = "" if occlusion_known else ", no mask of hidden pixels"
-        without = "slope, light and material" + ("" if occlusion_known else "; metrics of visible pixels")
-        return (f"Pairs in the layout {self.layout} have no normals, no labels and no direction of the Sun{occlusion}. "
-                f"So there are no errors by {without}.")
+        """What cannot be had of such a pair, in a sentence or two."""
+        hidden = "" if occlusion_known else " Without a mask of hidden pixels there are no metrics of visible pixels."
+        return (f"{self.layout}: without normals, labels and the direction of the Sun there are no errors by slope, "
+                f"light and material.{hidden}")
 
 
 @dataclass(frozen=True)

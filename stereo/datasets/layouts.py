@@ -202,7 +202,7 @@ def _our_exports(path: Path) -> list[ForeignPair]:
         name = safe_name(folder.resolve().name)
         camera: CameraReader = partial(calibrations.our_camera, calibration)
         found.append(ForeignPair(
-            name, folder, f"of our export {'pfm' if kind == 'pfm' else 'png16'}", name,
+            name, folder, f"Our export {'pfm' if kind == 'pfm' else 'png16'}", name,
             find_inside(folder, f"left.{kind}"), find_inside(folder, f"right.{kind}"),
             MapFile(find_inside(folder, f"disparity_left.{kind}")), camera, (calibration,),
             MapFile(find_inside(folder, f"disparity_right.{kind}")),

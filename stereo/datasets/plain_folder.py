@@ -52,7 +52,7 @@ def plain_pairs(root: Path) -> list[ForeignPair]:
     if not (root / FILE).exists():
         return []
     path = find_inside(root, FILE)
-    data = _parse(path)
+    data = parse_pairs_toml(path)
     patterns = {key: _checked_pattern(path, key, data[table][key]) for table, key in (
         ("images", "left"), ("images", "right"), ("truth", "disparity"), ("truth", "depth"), ("truth", "right"),
         ("truth", "visible")) if key in data[table] and not (table == "truth" and key == "right")}
@@ -68,7 +68,8 @@ def plain_pairs(root: Path) -> list[ForeignPair]:
     return [_pair(root, path, name, kinds[0], patterns, data) for name in names]
 
 
-def _parse(path: Path) -> dict[str, Any]:
+def parse_pairs_toml(path: Path) -> dict[str, Any]:
+    """The content of a ``pairs.toml``. Raises IcyMoonError for an unknown, missing or wrong key."""
     try:
         data = tomllib.loads(read_text(path))
     except tomllib.TOMLDecodeError as error:
@@ -109,7 +110,7 @@ def _pair(root: Path, path: Path, name: str, kind: str, patterns: dict[str, str]
 
     steps = data["truth"].get("steps")
     return ForeignPair(
-        safe_name(name), root, "of a plain folder", name, file("left"), file("right"),
+        safe_name(name), root, "Plain folder", name, file("left"), file("right"),
         MapFile(file(kind), kind, steps), partial(_camera, data["camera"]), (path,),
         MapFile(file("truth_right"), kind, steps) if "truth_right" in patterns else None,
         Mask("seen", (file("visible"),)) if "visible" in patterns else None, linear=data["images"].get("linear", False))

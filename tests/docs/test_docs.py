@@ -12,6 +12,7 @@ import manual
 import pytest
 from icymoon.render.plans.plan_file import read_plan
 from icymoon.settings import preset_files
+from icymoon.stereo.datasets.plain_folder import parse_pairs_toml
 from icymoon.version import ROOT, version
 
 import commands
@@ -124,6 +125,9 @@ def test_every_settings_file_loads(block, tmp_path):
     raw.pop("preset", None)
     file = tmp_path / "scene.toml"
     file.write_text(block.code, encoding="utf-8")
+    if "images" in raw:
+        assert parse_pairs_toml(file) == raw
+        return
     if "plan" in raw:
         assert block.code.startswith("# not counted") or read_plan(file).pairs()
         return

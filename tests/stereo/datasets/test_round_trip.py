@@ -75,9 +75,9 @@ def test_what_an_export_lacks_is_stated_once_and_not_counted(dataset, tmp_path):
     report = evaluate([tmp_path / "kitti"], parse_methods("bm"), tmp_path / "out", on_event=told.append)
     warnings = [event["message"] for event in told if event["type"] == "warning"]
     assert len(warnings) == 1
-    assert "have no normals, no labels and no direction of the Sun. So there are no errors by slope" in warnings[0]
+    assert "without normals, labels and the direction of the Sun there are no errors by slope" in warnings[0]
     page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
-    assert page.count("no direction of the Sun") == 1
+    assert page.count("the direction of the Sun") == 1
     assert "exposed" not in page
     assert "unknown" not in page
     strata = report["summary"][0]["strata"]
