@@ -14,6 +14,7 @@ import subprocess
 import sys
 import threading
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
 from typing import IO, Any
@@ -70,8 +71,9 @@ class Processes:
                 process, event = self._wait()
                 task = busy[process]
                 if event is None:
-                    yield task, {"type": "died", "message": f"the process that measured it {process.end()}"}
                     del busy[process]
+                    process.kill()
+                    yield task, {"type": "died", "message": f"the process that measured it {process.end()}"}
                 elif event["type"] == "done":
                     idle.append(process)
                     del busy[process]
@@ -101,23 +103,24 @@ class _Process:
         except OSError as error:
             raise IcyMoonError(f"{sys.executable} cannot be started again ({error.strerror or error}); use "
                                "--jobs 1.") from None
-        threading.Thread(target=self._read, args=(said,), daemon=True).start()
+        self._reader = threading.Thread(target=self._read, args=(said,), daemon=True)
+        self._reader.start()
         self.send(setup)
 
     def _read(self, said: queue.SimpleQueue[Any]) -> None:
         assert self._process.stdout is not None
-        for line in self._process.stdout:
-            said.put((self, json.loads(line)))
+        with self._process.stdout as lines:
+            for line in lines:
+                if line.endswith(b"\n"):  # otherwise it ended within a line
+                    said.put((self, json.loads(line)))
         said.put((self, None))
 
     def send(self, data: dict[str, Any]) -> None:
         """Write a line to it; nothing if it has ended, which its reader notices."""
         assert self._process.stdin is not None
-        try:
+        with suppress(OSError):
             self._process.stdin.write((json.dumps(data) + "\n").encode())
             self._process.stdin.flush()
-        except OSError:
-            pass
 
     def end(self) -> str:
         """How it ended, in words."""
@@ -127,6 +130,10 @@ class _Process:
     def kill(self) -> None:
         """End it at once, with all that it has started."""
         kill_all(self._process)
+        self._reader.join()
+        assert self._process.stdin is not None
+        with suppress(OSError):  # what it has not read
+            self._process.stdin.close()
 
 
 def main(arguments: Sequence[str]) -> int:
