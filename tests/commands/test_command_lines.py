@@ -52,8 +52,8 @@ OUT, NO_BLENDER = ("--out", "out"), ("--blender", "no/blender")
 #: Verbs with what keeps Blender out of them, and their options, '' for a word without one.
 VERBS = {
     "render": (NO_BLENDER, ("--preset", "--settings", "--set", "--out", "--again")),
-    "evaluate": (("--jobs", "1"), ("", "", "--methods", "--method", "--out", "--guiss", "--points", "--set", "--option", "--seed",
-                                   "--predictions")),
+    "evaluate": (("--jobs", "1"), ("", "", "--methods", "--method", "--out", "--guiss", "--points", "--set", "--option",
+                                   "--seed", "--predictions")),
     "settings": ((), ("--preset", "--settings", "--set", "--set", "--settings")),
     "presets": ((), ("", "--x")), "sources": ((), ("", "", "", "--x")),
     "quality": (NO_BLENDER, ("--preset", "--settings", "--set", "--json")),
@@ -70,8 +70,8 @@ VERBS = {
     "stereo methods": ((), ("", "")), "stereo check": ((), ("",)),
     "stereo match": (OUT, ("--method", "--left", "--right", "--option", "--camera")),
     "stereo metrics": ((), ("--prediction", "--disparity", "--truth", "--focal-baseline", "--guiss")),
-    "stereo evaluate": ((*OUT, "--jobs", "1"), ("", "--methods", "--method", "--option", "--own", "--set", "--seed", "--points",
-                                                "--predictions", "--jobs")),
+    "stereo evaluate": ((*OUT, "--jobs", "1"), ("", "--methods", "--method", "--option", "--own", "--set", "--seed",
+                                                "--points", "--predictions", "--jobs")),
     "stereo truth": (OUT, ("",)), "stereo export": (OUT, ("", "--format", "--for-prediction", "--set")),
     "stereo develop": (OUT, ("", "--preset", "--set")), "nothing": ((), ("",)), "": ((), ("",))}
 FLAGS = {"--again", "--for-prediction", "--guiss", "--points", "--json", "--json-lines", "--dry-run", "--remove", "--x"}
