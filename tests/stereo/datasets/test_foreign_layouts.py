@@ -1,11 +1,15 @@
 """Folders of other data sets, written by hand, give the truth that was put in."""
 
+from collections.abc import Callable
+from pathlib import Path
+
 import cv2
 import foreign
 import numpy as np
 import OpenEXR
 import pytest
 from icymoon.errors import IcyMoonError
+from icymoon.stereo.datasets.layouts import find_foreign_pairs
 from icymoon.stereo.sources import find_sources
 
 pytestmark = pytest.mark.filterwarnings("error")
@@ -65,7 +69,7 @@ def test_middlebury_3_and_eth3d(tmp_path):
 
 @pytest.mark.parametrize("negative", [False, True])
 def test_sceneflow_of_either_sign(tmp_path, negative):
-    driving, monkaa = find_sources([foreign.sceneflow(tmp_path, negative)])
+    driving, monkaa = find_foreign_pairs(foreign.sceneflow(tmp_path, negative))
     assert (driving.name, monkaa.name) == ("15mm_focallength-scene_forwards-fast-0001", "eating_camera2_x2-0001")
     assert driving.scene != monkaa.scene
     for source, focal in ((driving, 450), (monkaa, 1050)):
@@ -101,7 +105,7 @@ def write_exr(path, values):
                  {"Z": np.ascontiguousarray(values, np.float32)}).write(str(path))
 
 
-MAPS = {
+MAPS: dict[str, Callable[[Path, np.ndarray], object]] = {
     "a.pfm": foreign.write_pfm, "a.exr": write_exr, "a.npy": np.save,
     "a.png": lambda path, values: foreign.write_image(path, foreign.steps(values)),
     "a.tiff": foreign.write_image,
