@@ -9,6 +9,7 @@ import bpy
 
 from .. import scene_properties
 from ..errors import IcyMoonError
+from ..files import absolute_path
 from ..preferences import find_evaluator_python, is_evaluator_missing, own_matcher_arguments
 from ..render.pairs.pair_folder import is_complete
 from ..render.workers.job import python_command
@@ -18,7 +19,7 @@ from ..settings.trust_boundary import OWN
 from ..stereo.matchers import TITLES
 from ..stereo.matchers.methods import toggle_method
 from ..typed_settings import Settings
-from . import jobs, results
+from . import jobs, own_reports, results
 from .render import dataset_folder, planned_pairs
 
 
@@ -109,6 +110,50 @@ class ICYMOON_OT_evaluate(jobs.JobOperator, bpy.types.Operator):
         self._keeper.report(self, context)
 
 
+class ICYMOON_OT_evaluate_folder(jobs.JobOperator, bpy.types.Operator):
+    """Run the chosen stereo matchers on pairs that were not rendered here, such as KITTI, Middlebury or photographs of your own, and open the report"""  # noqa: E501
+
+    bl_idname = "icymoon.evaluate_folder"
+    bl_label = "Evaluate Other Pairs"
+
+    directory: bpy.props.StringProperty(  # type: ignore[valid-type]
+        name="Folder", subtype="DIR_PATH", description="Folder of a data set as it was unpacked, or with a pairs.toml")
+    filter_folder: bpy.props.BoolProperty(default=True, options={"HIDDEN"})  # type: ignore[valid-type]
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        """Let the user choose the folder."""
+        context.window_manager.fileselect_add(self)
+        return {"RUNNING_MODAL"}
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Called with the chosen folder: starts the job."""
+        return super().execute(context) if bpy.app.background else super().invoke(context, None)
+
+    def start(self, context: bpy.types.Context) -> jobs.Job:
+        folder = absolute_path(self.directory, "the folder", bpy.path.abspath("//"))
+        # For security, the page that is opened later is this one, not one that a message names.
+        self._page = folder / "evaluation" / "report.html"
+        command = python_command(find_evaluator_python(), "stereo", "evaluate", str(folder),
+                                 *matcher_arguments(scene_properties.read_settings(context.scene.icymoon)),
+                                 "--out", str(self._page.parent), "--json-lines")
+        return jobs.Job("Evaluate", Process(command, clean_environment()), self._keep, lambda: None)
+
+    def _keep(self, message: Message) -> None:
+        if message["type"] == "result":
+            own_reports.remember(self._page)
+            self._rows = message["rows"]
+
+    def report_success(self, context: bpy.types.Context) -> None:
+        for row in self._rows:
+            self.report({"INFO"}, f"{row['method']}: L1 {results.metres(row['l1_m'])}, "
+                                  f"coverage {results.percent(row['coverage'])}")
+        if not bpy.app.background:
+            bpy.ops.wm.url_open(url=self._page.as_uri())
+
+    _page: Path
+    _rows: Sequence[Message]
+
+
 class ICYMOON_OT_toggle_matcher(bpy.types.Operator):
     """Evaluate with this matcher, or without it"""
 
@@ -128,4 +173,4 @@ class ICYMOON_OT_toggle_matcher(bpy.types.Operator):
         return {"FINISHED"}
 
 
-CLASSES = (ICYMOON_OT_evaluate, ICYMOON_OT_toggle_matcher)
+CLASSES = (ICYMOON_OT_evaluate, ICYMOON_OT_evaluate_folder, ICYMOON_OT_toggle_matcher)

@@ -169,6 +169,7 @@ class ICYMOON_PT_evaluation(Sidebar, bpy.types.Panel):
         column = self.layout.column(align=True)
         draw_start(column, "icymoon.evaluate", "Evaluate This Scene", "VIEWZOOM", scope="SCENE")
         draw_start(column, "icymoon.evaluate", "Evaluate Whole Data Set", "VIEWZOOM", scope="DATASET")
+        draw_start(column, "icymoon.evaluate_folder", "Evaluate Other Pairs…", "FILE_FOLDER")
         column.operator("icymoon.open_report", icon="URL")
 
 

@@ -156,6 +156,7 @@ class ForeignPair:
                 "visible": None if visible is None else float(visible.sum() / known.sum()),
                 "depth_m": [float(q) for q in np.quantile(truth[known], (0, 0.5, 1))],
                 "warnings": [self._missing(visible is not None), *self.notes], "settings": {}, "rendered": {},
+                "noise": None,
                 "self_check": _UNCHECKED.to_json()}
 
     def _missing(self, occlusion_known: bool) -> str:

@@ -150,6 +150,15 @@ def test_photographs_may_be_jpeg_or_of_16_bits(tmp_path):
     assert np.abs(only(root)[1].left.astype(int) - left).mean() < 3
 
 
+@pytest.mark.parametrize(("ndisp", "most"), [("ndisp=60\n", 63), ("ndisp=5\n", 15), ("ndisp=9999\n", 95), ("", 31)])
+def test_the_range_that_is_searched_is_the_stated_one_or_a_quarter_of_the_width(tmp_path, ndisp, most):
+    root = foreign.middlebury(tmp_path)
+    path = root / "Adirondack" / "calib.txt"
+    path.write_text(path.read_text().replace("ndisp=60\n", ndisp))
+    searched = only(root)[1].pair.search_range
+    assert (searched.least_px, searched.most_px) == (0, most)
+
+
 def test_several_data_sets_at_once_need_different_names(tmp_path):
     one, two = foreign.middlebury(tmp_path / "one"), foreign.middlebury(tmp_path / "two")
     with pytest.raises(IcyMoonError, match="different pairs of the same name, Adirondack"):

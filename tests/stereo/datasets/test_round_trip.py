@@ -40,9 +40,10 @@ def predictions(tmp_path_factory):
 
 @pytest.fixture
 def measure(predictions, tmp_path):
-    """The rows of bm and of the prediction, and the facts of the only pair at a path."""
+    """The rows of bm, over one range, and of the prediction, and the facts of the only pair at a path."""
     def run(path):
-        report = evaluate([path], parse_methods("bm"), tmp_path / f"out_{path.name}", predictions=predictions)
+        report = evaluate([path], parse_methods("bm:disparities=64"), tmp_path / f"out_{path.name}",
+                          predictions=predictions)
         assert report["failed"] == []
         return list(report["rows"]), next(iter(report["pairs"]))
 
