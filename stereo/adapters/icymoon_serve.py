@@ -39,7 +39,8 @@ def serve(disparity: Callable[[np.ndarray, np.ndarray, Any], Any], name: str = "
     """Answer Icy Moon's pairs with ``disparity(left, right, camera)`` until Icy Moon ends.
 
     ``left`` and ``right`` are uint8 RGB (H, W, 3). ``camera`` has ``focal_px``, ``cx_px``, ``cy_px`` (from the outer
-    corner of the first pixel) and ``baseline_m``; it is None if the camera is not known. The result is the disparity of
+    corner of the first pixel), ``baseline_m`` and ``range_px``, the least and the greatest disparity that the rig can
+    see, or None; it is None if the camera is not known. The result is the disparity of
     the left image (H, W) in px, left column minus right column, as an array or a tensor of PyTorch; NaN or 0 where
     nothing was measured. An exception fails this pair only. The report states ``name`` and what ``facts()`` returns.
     """
@@ -111,7 +112,9 @@ def _write(answers: IO[bytes], message: dict[str, Any]) -> None:
 def _answer(disparity: Callable[..., Any], request: dict[str, Any]) -> dict[str, Any]:
     """Compute one pair, write its disparity, and return what it took."""
     left, right = (np.load(request[eye], allow_pickle=False) for eye in ("left", "right"))
-    camera = SimpleNamespace(**request["camera"]) if request.get("camera") else None
+    camera = None
+    if request.get("camera"):
+        camera = SimpleNamespace(**request["camera"], range_px=request.get("range"))
     begin = _gpu_event()
     wall, cpu = time.perf_counter(), time.process_time()
     found = as_disparity(disparity(left, right, camera), left.shape[:2])  # waits for the GPU

@@ -10,6 +10,7 @@ call, ``icymoon_serve.serve``; see ``resident_process`` for what other programs 
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,7 @@ from .command_lines import require_program, split_arguments
 from .options import Option
 from .resident_process import Program, ask_resident, start_resident
 from .result import Result
+from .search_range import AUTO, SearchRange
 
 COLOUR = True
 
@@ -36,6 +38,13 @@ def check(options: dict[str, Any]) -> None:
     require_program("resident.command", _arguments(options)[0])
 
 
+def settle(options: dict[str, Any], ranges: Mapping[str, SearchRange], shape: tuple[int, ...]
+           ) -> tuple[dict[str, Any], None]:
+    """The options with ``range_px``, the disparities that the rig can see, if it is known; the program may obey it."""
+    seen = ranges.get(AUTO)
+    return options | ({"range_px": [seen.least_px, seen.most_px]} if seen else {}), None
+
+
 def load(options: dict[str, Any]) -> None:
     """Start the program, if it does not run yet."""
     start_resident(_program(options))
@@ -43,7 +52,7 @@ def load(options: dict[str, Any]) -> None:
 
 def compute(left: np.ndarray, right: np.ndarray, options: dict[str, Any], camera: StereoCamera | None) -> Result:
     """Disparity of uint8 RGB (H, W, 3) images as the program answers it."""
-    return ask_resident(_program(options), left, right, camera)
+    return ask_resident(_program(options), left, right, camera, options.get("range_px"))
 
 
 def files(options: dict[str, Any]) -> list[str]:

@@ -1,9 +1,10 @@
 """A program of the user's that is started once and answers pair after pair, over lines of JSON.
 
 The program, most simply by ``adapters.icymoon_serve``, prints ``{"hello": 1}`` when it is ready. For each pair it reads
-a line ``{"id", "left", "right", "out", "camera"}`` with the paths of two npy files (uint8 RGB, (H, W, 3)), writes the
-disparity to ``out`` as npy, and then prints ``{"id", "ok": true}`` with what it took, or ``{"id", "error"}``. What it
-prints besides is no message. Its standard input ends when this process ends, however that is.
+a line ``{"id", "left", "right", "out", "camera", "range"}`` with the paths of two npy files (uint8 RGB, (H, W, 3)), the
+camera and the disparities that the rig can see, or null. It writes the disparity to ``out`` as npy, and then prints
+``{"id", "ok": true}`` with what it took, or ``{"id", "error"}``. What it prints besides is no message. Its standard
+input ends when this process ends, however that is.
 
 A program that dies or does not answer in time fails this pair and is started again for the next one; after three such
 failures in a row it is not. The first pair is computed twice, since libraries and GPUs do much of their work
@@ -20,7 +21,7 @@ import queue
 import subprocess
 import threading
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -90,14 +91,15 @@ class _Resident:
         self.facts = {**_texts(hello, "name"), "start_seconds": round(time.monotonic() - begun, 3)}
         self._warm = False
 
-    def compute(self, left: np.ndarray, right: np.ndarray, camera: StereoCamera | None) -> Result:
+    def compute(self, left: np.ndarray, right: np.ndarray, camera: StereoCamera | None,
+                range_px: Sequence[int] | None) -> Result:
         """The disparity of a pair. Raises _ProgramError, and IcyMoonError for an error that the program reports."""
         if not self._warm:
             begun = time.monotonic()
-            self._ask(left, right, camera, self._program.start_s + self._program.timeout_s)
+            self._ask(left, right, camera, range_px, self._program.start_s + self._program.timeout_s)
             self.facts["first_seconds"] = round(time.monotonic() - begun, 3)
             self._warm = True
-        disparity, answer, waited = self._ask(left, right, camera, self._program.timeout_s)
+        disparity, answer, waited = self._ask(left, right, camera, range_px, self._program.timeout_s)
         facts = answer.get("facts")
         stated = {key: value for key, value in facts.items() if isinstance(value, str | int | float)} if isinstance(
             facts, dict) else {}
@@ -107,7 +109,7 @@ class _Resident:
         return Result(disparity, facts={**self.facts, **stated, **_texts(answer, "gpu")},
                       costs={key: value for key, value in costs.items() if value is not None})
 
-    def _ask(self, left: np.ndarray, right: np.ndarray, camera: StereoCamera | None,
+    def _ask(self, left: np.ndarray, right: np.ndarray, camera: StereoCamera | None, range_px: Sequence[int] | None,
              limit_s: float) -> tuple[np.ndarray, dict[str, Any], float]:
         """Have it compute a pair: the disparity, its answer, and the seconds until then."""
         self._id += 1
@@ -116,7 +118,8 @@ class _Resident:
             np.save(paths["left"], left)
             np.save(paths["right"], right)
             request = {"id": self._id, **{key: str(path) for key, path in paths.items()},
-                       "camera": camera and {key: float(getattr(camera, key)) for key in CAMERA}}
+                       "camera": camera and {key: float(getattr(camera, key)) for key in CAMERA},
+                       "range": range_px}
             begun = time.monotonic()
             self._write(request)
             answer = self._wait_for("id", limit_s)
@@ -214,11 +217,15 @@ def start_resident(program: Program) -> None:
             raise _noted(program, failure) from None
 
 
-def ask_resident(program: Program, left: np.ndarray, right: np.ndarray, camera: StereoCamera | None) -> Result:
-    """The disparity of uint8 RGB (H, W, 3) images. Raises IcyMoonError if the program fails."""
+def ask_resident(program: Program, left: np.ndarray, right: np.ndarray, camera: StereoCamera | None,
+                 range_px: Sequence[int] | None = None) -> Result:
+    """The disparity of uint8 RGB (H, W, 3) images; ``range_px`` are the least and the greatest to expect, if known.
+
+    Raises IcyMoonError if the program fails.
+    """
     start_resident(program)
     try:
-        result = _running[program].compute(left, right, camera)
+        result = _running[program].compute(left, right, camera, range_px)
     except _ProgramError as failure:
         _running.pop(program).stop(0.0)
         raise _noted(program, failure) from None

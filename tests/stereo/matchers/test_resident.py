@@ -17,6 +17,7 @@ from icymoon.errors import IcyMoonError
 from icymoon.stereo.adapters.icymoon_serve import as_disparity
 from icymoon.stereo.matchers import check_options, match, resident_process
 from icymoon.stereo.matchers.resident_process import ADAPTERS, stop_residents
+from icymoon.stereo.matchers.search_range import SearchRange
 
 SHAPE = 20, 30
 RIG = pairs.camera(30, 20)
@@ -34,6 +35,7 @@ def disparity(left, right, camera):
     if do == 0: return np.arange(600).reshape(20, 30) / 16 + 1
     if do == 1: return np.stack([right[..., 0] + camera.focal_px, *[good] * 0])
     if do == 2: good[0, 0] = os.getpid(); good[0, 1] = len(calls); return good[None, ..., None]
+    if do == 9: good[0, :2] = camera.range_px or (0, 0); return good
     if do == 3: return good[:, 1:]
     if do == 4: return good * np.nan
     if do == 5: return -good
@@ -99,6 +101,15 @@ def test_it_gets_both_images_in_rgb_and_the_camera(tmp_path):
     np.testing.assert_array_equal(disparity, image[..., 2] + np.float32(RIG.focal_px))  # BGR, as OpenCV reads it
     with pytest.raises(IcyMoonError, match="AttributeError"):
         match("resident", left, image, {"command": text})  # no camera is known
+
+
+def test_it_is_told_which_disparities_the_rig_can_see(tmp_path):
+    left, text = np.full((*SHAPE, 3), 9, np.uint8), command(tmp_path, SERVED)
+    ranges = {"auto": SearchRange(16, 63, "rig"), "truth": SearchRange(1, 2, "truth")}  # which no camera knows
+    disparity, _, info = match("resident", left, left, {"command": text}, RIG, ranges)
+    assert list(disparity[0, :2]) == [16, 63]
+    assert info["search"] is None  # it need not obey
+    assert np.isnan(ask(text, 9)[0][0, :2]).all()
 
 
 @pytest.mark.parametrize(("do", "reason"), [
