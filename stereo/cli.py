@@ -143,7 +143,8 @@ def _run_match(parsed: argparse.Namespace) -> int:
     options = dict(parse_key_value(text, "--option") for part in parsed.option for text in part)
     pair = read_pair(parsed.camera) if parsed.camera else None
     disparity, _, info = match(parsed.method, read_png(parsed.left), read_png(parsed.right), options,
-                               pair.camera if pair else None, known_ranges(pair.settings.rig if pair else None, None))
+                               pair.camera if pair else None,
+                               known_ranges(pair.settings, None, bool(pair.data.get("edited_by_hand"))) if pair else {})
     facts = {BM_MIN_DISPARITY: info["options"]["min_disparity"]} if parsed.method == "bm" else {}
     write_disparity(parsed.out, disparity, info["arrays"], **facts)
     if (searched := info["search"]) and searched.source == FIXED:

@@ -117,10 +117,12 @@ def _measure(prepared: Prepared, run: Run, task: Task) -> Iterator[dict[str, Any
 
 def _search_ranges(prepared: Prepared, shared: np.ndarray) -> dict[str, SearchRange]:
     """The ranges that options may name; ``shared`` are the true disparities of what both eyes see."""
-    rig = prepared.pair.settings.rig if isinstance(prepared.pair, Pair) else None
-    ranges = known_ranges(rig, shared)
-    if isinstance(prepared.pair, PhotographedPair):
-        ranges[AUTO] = prepared.pair.search_range
+    pair = prepared.pair
+    if isinstance(pair, Pair):
+        return known_ranges(pair.settings, shared, bool(pair.data.get("edited_by_hand")))
+    ranges = known_ranges(None, shared)
+    if isinstance(pair, PhotographedPair):
+        ranges[AUTO] = pair.search_range
     return ranges
 
 

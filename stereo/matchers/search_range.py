@@ -13,12 +13,14 @@ from typing import Any
 
 import numpy as np
 
+from ...physics.camera.nearest_ground import greatest_disparity_px
 from ...physics.camera.search_range import disparity_range_px
-from ...typed_settings import RigSettings
+from ...physics.camera.stereo_geometry import focal_px
+from ...typed_settings import Settings
 
 AUTO, TRUTH = "auto", "truth"
 #: What ``SearchRange.source`` may be: whoever reads a result learns from it where the range comes from.
-RIG, STATED, FIXED = "rig", "stated", "fixed"
+RIG, SETTINGS, STATED, FIXED = "rig", "settings", "stated", "fixed"
 #: Numbers of disparities are multiples of this, as OpenCV's matchers ask for.
 STEP_PX = 16
 #: Most disparities that are searched unless the user states more.
@@ -49,9 +51,17 @@ class SearchRange:
         return float(np.mean((known < self.least_px - 0.5) | (known > self.most_px + 0.5)))
 
 
-def rig_range(rig: RigSettings) -> SearchRange | None:
-    """What a rig can see on ground whose relief is not known; None if it sees no ground."""
+def rig_range(settings: Settings, described: bool = True) -> SearchRange | None:
+    """What the rig of the settings can see, from its pose; None if it sees no ground.
+
+    If the settings describe all that is there, the near end is that of the described ground and rocks (SETTINGS).
+    Otherwise relief may reach half of the camera's height (RIG).
+    """
+    rig = settings.rig
     bounds = disparity_range_px(rig)
+    greatest = greatest_disparity_px(settings, focal_px(rig)) if described else None
+    if greatest is not None:
+        return _enclosing(bounds[0] if bounds else 0.0, greatest, int(rig.width_px), SETTINGS)
     return None if bounds is None else _enclosing(*bounds, int(rig.width_px), RIG)
 
 
@@ -64,12 +74,14 @@ def true_range(true_disparity: np.ndarray) -> SearchRange | None:
     return _enclosing(float(known.min()) - 1, float(known.max()) + 1, true_disparity.shape[1], TRUTH)
 
 
-def known_ranges(rig: RigSettings | None, true_disparity: np.ndarray | None) -> dict[str, SearchRange]:
+def known_ranges(settings: Settings | None, true_disparity: np.ndarray | None, by_hand: bool = False
+                 ) -> dict[str, SearchRange]:
     """The ranges of AUTO and TRUTH, as far as they are known, for ``match``.
 
+    ``settings`` are those of the pair, which do not describe all of it if it was edited ``by_hand``.
     ``true_disparity`` is NaN where only one eye sees the point.
     """
-    found = {AUTO: rig_range(rig) if rig is not None else None,
+    found = {AUTO: rig_range(settings, not by_hand) if settings is not None else None,
              TRUTH: true_range(true_disparity) if true_disparity is not None else None}
     return {name: each for name, each in found.items() if each is not None}
 

@@ -163,7 +163,7 @@ def _tally_images(reference: Reference, lights: Sequence[Mapping[str, Light]],
     true = np.where(reference.visible, reference.pair.camera.disparity(reference.depth), np.nan)
     images = [develop(reference.pair, light["left"], light["right"], reference.settings).for_matchers()
               for light in lights]
-    ranges = known_ranges(reference.pair.settings.rig, true)
+    ranges = known_ranges(reference.pair.settings, true, bool(reference.pair.data.get("edited_by_hand")))
     return {method.label: np.stack([tally(match(method.name, left, right, method.options, reference.pair.camera,
                                                 ranges)[0], true) for left, right in images]) for method in methods}
 

@@ -5,7 +5,9 @@ from types import SimpleNamespace
 import ground_rays
 import numpy as np
 import pytest
+from icymoon.physics.camera.nearest_ground import greatest_disparity_px
 from icymoon.physics.camera.search_range import disparity_range_px, flat_disparities_px
+from icymoon.physics.camera.stereo_geometry import focal_px
 from icymoon.physics.terrain.terrain import make_terrain
 from icymoon.settings.description import defaults, merged
 from icymoon.settings.preset_files import load_preset, preset_names
@@ -35,6 +37,19 @@ def test_the_range_grows_with_relief_and_is_none_above_the_horizon():
     flat, high = (disparity_range_px(rig, relief)[1] for relief in (0.0, 0.5))
     assert high == pytest.approx(2 * flat)
     assert disparity_range_px(rig_of("rigs/guiss", pitch_deg=-60.0)) is None
+
+
+@pytest.mark.heavy
+@pytest.mark.parametrize("scene", ["scenes/europa_rough_ice", "scenes/europa_penitentes"])
+@pytest.mark.parametrize("name", RIGS)
+def test_no_more_than_one_per_cent_of_described_ground_is_nearer(name, scene):
+    scene = merged(defaults(), load_preset(scene), load_preset(name))
+    ground = make_terrain(scene, int(scene.dataset.seed))
+    for heading in (0.0, 90.0):
+        settings = merged(scene, {"rig": {"heading_deg": heading}})
+        seen = ground_rays.disparities(ground, settings.rig)
+        seen = seen[np.isfinite(seen)]
+        assert np.mean(seen > greatest_disparity_px(settings, focal_px(settings.rig))) <= 0.01
 
 
 @pytest.mark.heavy

@@ -17,8 +17,8 @@ RANGES = {"auto": SearchRange(16, 63, "rig"), "truth": SearchRange(32, 47, "trut
 STATED = {"bm": {"disparities": 32, "min_disparity": 16}, "jplv": {"max_disparity": 47, "min_disparity": 16}}
 
 
-def rig_of(name):
-    return merged(defaults(), load_preset(name)).rig
+def settings_of(name, **changes):
+    return merged(defaults(), load_preset(name), {"source": {"kind": "MESH"}}, changes)
 
 
 def searched(method, options=None, ranges=None, shape=(120, 256)):
@@ -28,7 +28,20 @@ def searched(method, options=None, ranges=None, shape=(120, 256)):
 
 def test_every_shipped_rig_has_its_range():
     assert {name: (found.least_px, found.most_px) for name in preset_names("rigs")
-            if (found := rig_range(rig_of(name)))} == RIGS
+            if (found := rig_range(settings_of(name)))} == RIGS
+
+
+def test_described_ground_sets_the_near_end():
+    """Level ground needs little more than its own disparities; a slope that rises ahead and rocks need more."""
+    level = {"source": {"kind": "PROCEDURAL"}, "terrain": {"rms_slope_deg": 0.0}}
+    found = rig_range(settings_of("rigs/guiss", **level))
+    assert (found.least_px, found.most_px, found.source) == (0, 79, "settings")  # its ground is at 64 px
+    assert rig_range(settings_of("rigs/guiss", **level), described=False) == SearchRange(0, 143, "rig")
+    rising = {"terrain": {"rms_slope_deg": 0.0, "regional_slope_deg": 45.0, "regional_slope_azimuth_deg": 180.0}}
+    assert rig_range(settings_of("rigs/guiss", **level | rising)).most_px > found.most_px
+    rocks = merged(settings_of("rigs/guiss", **level),
+                   {"rocks": {"coverage": 0.3, "smallest_m": 0.6, "largest_m": 0.8, "clear_radius_m": 0.5}})
+    assert rig_range(rocks).most_px > found.most_px
 
 
 @pytest.mark.parametrize("method", SEARCHING)
@@ -84,7 +97,7 @@ def test_the_range_of_the_rig_measures_what_a_fixed_one_cannot():
     truth = rig.disparity(depth)
     assert truth.min() > 96
     shared = np.where(truth < np.arange(512), truth, np.nan)
-    auto = known_ranges(merged(defaults(), {"rig": {"height_m": 0.6}}, {"rig": pairs.described(rig)}).rig, shared)
+    auto = known_ranges(merged(defaults(), {"rig": {"height_m": 0.6}}, {"rig": pairs.described(rig)}), shared, True)
     found, valid, info = match("bm", left, right, {}, rig, auto)
     assert info["search"].missed(shared) == 0
     assert valid[np.isfinite(shared)].mean() > 0.8

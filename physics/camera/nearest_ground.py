@@ -1,0 +1,91 @@
+"""The greatest disparity that described ground and its rocks can have, without building them.
+
+Heights are sampled on a fan in front of the camera, rocks are taken as the boxes around them. That is coarse, and
+what hides what is not asked: ``SPARE`` makes up for what lies between the samples.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+
+import numpy as np
+
+from ...errors import IcyMoonError
+from ...typed_settings import RigSettings, Settings
+from ..light.directions import camera_axes
+from ..rocks.rocks import euler_matrices
+from ..terrain.sites import RockyGround, make_rocky_ground
+
+#: Share of the depth of the nearest sample that nearer ground may be off.
+SPARE = 0.1
+#: Directions and distances of the fan, and its ends in heights of the camera.
+_DIRECTIONS, _DISTANCES, _NEAREST, _FARTHEST = 49, 150, 0.05, 12.0
+#: Part of the camera's height within which nothing counts: the lens is in no rock, and such depths are no range.
+_LEAST_DEPTH = 0.05
+
+#: The ground that was made last, by what it was made of: pairs of one scene stand on the same.
+_last: dict[str, RockyGround] = {}
+#: Topics of settings that the ground does not depend on.
+_NOT_GROUND = ("rig", "sensor", "light", "quality", "dataset")
+
+
+def greatest_disparity_px(settings: Settings, focal_px: float) -> float | None:
+    """The greatest disparity, px, of the ground and the rocks that the settings describe in the image.
+
+    None if the ground is not described but comes from a file, if it cannot be made, or if none of it is in the image.
+    """
+    if settings.source.kind != "PROCEDURAL":
+        return None
+    try:
+        return _greatest(_ground(settings), settings.rig, focal_px)
+    except IcyMoonError:
+        return None
+
+
+def _ground(settings: Settings) -> RockyGround:
+    made_of = {topic: values for topic, values in settings.items() if topic not in _NOT_GROUND}
+    name = json.dumps([made_of, settings.dataset.seed], sort_keys=True)
+    if name not in _last:
+        _last.clear()
+        _last[name] = make_rocky_ground(settings)
+    return _last[name]
+
+
+def _greatest(ground: RockyGround, rig: RigSettings, focal: float) -> float | None:
+    axes = camera_axes(rig.heading_deg, rig.pitch_deg)
+    eye = np.array([rig.x_m, rig.y_m, float(ground.heights(rig.x_m, rig.y_m)) + rig.height_m])
+    # Seen from above, the fan of a camera that looks down is wider than its field of view.
+    narrow = max(math.cos(math.radians(rig.pitch_deg)), 0.1)
+    half = min(math.pi, 2 * math.atan(int(rig.width_px) / 2 / focal / narrow))
+    direction = np.radians(rig.heading_deg) + np.linspace(-half, half, _DIRECTIONS)[:, None]
+    distance = rig.height_m * np.geomspace(_NEAREST, _FARTHEST, _DISTANCES)
+    x, y = eye[0] + distance * np.sin(direction), eye[1] + distance * np.cos(direction)
+    points = np.stack([x, y, ground.heights(x, y)], axis=-1).reshape(-1, 3)
+    depths = [_depths_in_image(points, np.zeros(len(points)), np.zeros(len(points)), eye, axes, rig, focal)]
+    rocks = ground.rocks
+    if rocks is not None and len(rocks.reach_m):
+        clear = float(ground.settings.rocks.clear_radius_m)  # about every camera, so rocks there are left out
+        away = np.hypot(*(rocks.position_m[:, :2] - eye[:2]).T)
+        near = (away < _FARTHEST * rig.height_m) & (away > clear + rocks.reach_m)
+        half_m = rocks.scale_m[near] / 2
+        along = np.abs(np.einsum("nij,i->nj", euler_matrices(rocks.rotation[near]), axes[:, 2]))
+        depths.append(_depths_in_image(rocks.position_m[near], (along * half_m).sum(axis=1),
+                                       np.linalg.norm(half_m, axis=1), eye, axes, rig, focal))
+    depth = np.concatenate(depths)
+    if not depth.size:
+        return None
+    return float(focal * rig.baseline_m / (depth.min() * (1 - SPARE)))
+
+
+def _depths_in_image(points: np.ndarray, toward: np.ndarray, size: np.ndarray, eye: np.ndarray, axes: np.ndarray,
+                     rig: RigSettings, focal: float) -> np.ndarray:
+    """Planar depths of the near sides of things at ``points`` (n, 3) that reach ``toward`` (n,) the camera and are
+    ``size`` (n,) wide to any side, for those that are in the image."""
+    x, y, z = ((points - eye) @ axes).T
+    depth = z - toward
+    known = np.isfinite(depth) & (depth > _LEAST_DEPTH * rig.height_m)
+    u, v, wide = (np.where(known, focal * each / np.where(known, depth, 1.0), np.inf) for each in (x, y, size))
+    right, down = float(rig.principal_x_px), float(rig.principal_y_px)
+    inside = (np.abs(u + right) <= int(rig.width_px) / 2 + wide) & (np.abs(v + down) <= int(rig.height_px) / 2 + wide)
+    return depth[known & inside]
