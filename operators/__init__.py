@@ -29,6 +29,7 @@ from . import (
     trade,
     variation_pictures,
     vary,
+    view_exposure,
 )
 
 CLASSES = (*presets.CLASSES, *settings.CLASSES, *build.CLASSES, *ground.CLASSES, *layers.CLASSES, *render.CLASSES,
@@ -47,6 +48,7 @@ def register() -> None:
     jobs.register()
     dataset.register()
     live_preview.register()
+    view_exposure.register()
     refine.register()
     live_exposure.register()
     show_pair.register()
@@ -65,6 +67,7 @@ def unregister() -> None:
     show_pair.unregister()
     live_exposure.unregister()
     refine.unregister()
+    view_exposure.unregister()
     live_preview.unregister()
     dataset.unregister()
     jobs.unregister()

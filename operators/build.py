@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import bpy
@@ -13,24 +12,11 @@ from ..nodes import preview
 from ..nodes import scene as scenes
 from ..nodes.ground.user_ground import cost_warnings
 from ..nodes.measured_surface import find_points
-from ..physics.surfaces import albedos
 from ..typed_settings import Settings
-from . import sidebar_text
+from . import view_exposure
 from .coloured_views import hide_errors
 from .sidebar_text import in_window
 from .user_render import prepare_render, restore_render
-
-_BRIGHTNESS = 0.5  # of sunlit ground in the view, before the view transform
-
-
-def _frame_and_exposure(settings: Settings) -> tuple[int, int, float | None]:
-    """Width and height of the image, and an exposure at which sunlit ground is grey; None if nothing is lit."""
-    rig = settings.rig
-    found = albedos.albedos(settings.surface, settings.hapke)
-    radiance = (sidebar_text.brightness_wm2(settings.light)
-                * max(found.bond if found else settings.surface.albedo, 0.02) / math.pi)
-    exposure = max(-10.0, min(10.0, math.log2(_BRIGHTNESS / radiance))) if radiance > 0 else None
-    return rig.width_px, rig.height_px, exposure
 
 
 def frame_and_expose(scene: bpy.types.Scene, settings: Settings,
@@ -40,12 +26,10 @@ def frame_and_expose(scene: bpy.types.Scene, settings: Settings,
     With the settings ``before`` the change, values that the user has set by hand stay. Images do not depend on them:
     they contain radiance and are rendered in a separate scene.
     """
-    old, new = _frame_and_exposure(before) if before else None, _frame_and_exposure(settings)
-    if old is None or old[:2] == (scene.render.resolution_x, scene.render.resolution_y):
-        scene.render.resolution_x, scene.render.resolution_y = new[:2]
-    exposure = scene.view_settings.exposure
-    if new[2] is not None and (old is None or (old[2] is not None and abs(old[2] - exposure) < 1e-4)):
-        scene.view_settings.exposure = new[2]
+    if before is None or (before.rig.width_px, before.rig.height_px) == (
+            scene.render.resolution_x, scene.render.resolution_y):
+        scene.render.resolution_x, scene.render.resolution_y = settings.rig.width_px, settings.rig.height_px
+    view_exposure.expose(scene, settings, anew=before is None)
 
 
 #: What 3D Views were like before they showed a built scene, by their addresses; the window's layout knows no undo.

@@ -30,7 +30,7 @@ from ..settings.changes import response
 from ..stereo.pair_views import PairViews, read_pair_views
 from ..system import remove_folder
 from ..typed_settings import typed
-from . import image_editor, live_preview
+from . import image_editor, live_preview, view_exposure
 from .evaluate import rendered_pairs
 from .jobs import push_undo, redraw
 from .render import dataset_folder
@@ -243,6 +243,8 @@ class ShowsPair:
             raise IcyMoonError(self._read.error)
         _show(context, Shown(self._read.folder, self._read.made_of, self._read.views, self.view),
               self._opens_window(context))
+        if self.automatic:
+            view_exposure.measure(context.scene, self._read.folder, self._read.views.exposures_s)
 
     def _opens_window(self, context: bpy.types.Context) -> bool:
         """Whether to open a window: after a render only if the user's preference for renders allows it."""

@@ -153,15 +153,18 @@ def _overscan_line(needed: float | None, given: float) -> str:
     return f"Overscan {share:.3f} needed" + (", and set" if given >= needed else "")
 
 
-def brightness_wm2(light: LightSettings) -> float:
-    """Irradiance of the ground from Sun and planet, in W/m²; 0 in the dark or if the sky cannot be computed."""
+def brightness_wm2(light: LightSettings, slope_deg: float = 0.0) -> float:
+    """Irradiance from Sun and planet, in W/m², of ground that is tilted so far toward the Sun; 0 in the dark or if the
+    sky cannot be computed."""
     try:
         found = _facts(tuple(light.items()), bpy.data.filepath)
     except IcyMoonError:
         return 0.0
     sun, planet = found["sun"], found["planet"] or {}
-    slope = 0.02 * sun["irradiance_wm2"] * (1 - sun["eclipse"]) * (sun["elevation_deg"] > -1)  # slopes see a low Sun
-    return float(max(slope, sun["ground_irradiance_wm2"] + planet.get("ground_irradiance_wm2", 0.0)))
+    up = sun["elevation_deg"] > -1
+    height_deg = min(90.0, max(sun["elevation_deg"], 0.0) + slope_deg)
+    slope = max(0.02, math.sin(math.radians(height_deg))) * sun["irradiance_wm2"] * (1 - sun["eclipse"]) * up
+    return float(max(slope, sun["ground_irradiance_wm2"]) + planet.get("ground_irradiance_wm2", 0.0))
 
 
 @lru_cache(maxsize=8)

@@ -17,6 +17,7 @@ from .. import compat
 from ..nodes import scene as scenes
 from ..render import cycles_settings
 from ..settings import description
+from .view_exposure import TRANSFORM
 
 NOTE = "icymoon_user_render"
 #: On an object that was hidden from renders, so that Clear Scene finds it under any name.
@@ -24,6 +25,8 @@ HIDDEN = "icymoon_hidden"
 #: Types of objects that a render shows or that light it.
 _RENDERED = ("MESH", "CURVE", "SURFACE", "META", "FONT", "CURVES", "POINTCLOUD", "VOLUME", "GPENCIL", "GREASEPENCIL",
              "LIGHT", "LIGHT_PROBE", "EMPTY")
+#: It decides which looks there are.
+_FIRST = "view_settings.view_transform"
 _VALUES = ("BOOLEAN", "INT", "FLOAT", "ENUM", "STRING")
 
 
@@ -43,6 +46,8 @@ def prepare_render(scene: bpy.types.Scene, built: scenes.Built) -> None:
     cycles_settings.apply(scene, settings.quality, int(settings.dataset.seed))
     scene.cycles.shading_system = uses_osl
     scene.view_settings.exposure, scene.view_settings.gamma = exposure, gamma
+    with suppress(TypeError):  # the user's own color management may not have it
+        scene.view_settings.view_transform = TRANSFORM
     after = _values_of(scene)
     changed = {name: [value, after[name]] for name, value in before.items() if after[name] != value}
     ours = set(built.collection.all_objects)
@@ -59,7 +64,8 @@ def restore_render(scene: bpy.types.Scene, collection: bpy.types.Collection) -> 
         del item[HIDDEN]
         item.hide_render = False
     present = _values_of(scene)
-    for name, (before, after) in json.loads(collection.get(NOTE, "{}")).items():
+    noted = json.loads(collection.get(NOTE, "{}"))
+    for name, (before, after) in sorted(noted.items(), key=lambda each: each[0] != _FIRST):
         if present.get(name) == after:
             group, _, key = name.partition(".")
             with suppress(TypeError):  # a choice that this Blender does not have
@@ -69,8 +75,10 @@ def restore_render(scene: bpy.types.Scene, collection: bpy.types.Collection) -> 
 def _values_of(scene: bpy.types.Scene) -> dict[str, Any]:
     """The numbers, ticks, choices and texts of the scene's render settings by ``group.key``."""
     return {f"{group}.{prop.identifier}": getattr(getattr(scene, group), prop.identifier)
-            for group in ("render", "cycles") if hasattr(scene, group)  # cycles is missing while its add-on is off
+            for group in ("render", "cycles", "view_settings")
+            if hasattr(scene, group)  # cycles is missing while its add-on is off
             for prop in getattr(scene, group).bl_rna.properties
             if prop.type in _VALUES and not prop.is_readonly and not getattr(prop, "is_array", False)
             and not getattr(prop, "is_enum_flag", False)
+            and prop.identifier != "exposure"  # which follows the settings
             and (prop.identifier != "denoiser" or compat.has_oidn())}  # else it has no choice, which Blender warns of

@@ -20,6 +20,7 @@ from ..operators import (
     presets,
     results,
     sidebar_text,
+    view_exposure,
 )
 from ..operators.sidebar_text import wrapped
 from ..preferences import own_matcher_names
@@ -84,7 +85,8 @@ class ICYMOON_PT_main(Sidebar, bpy.types.Panel):
         layout.prop(group, "live")
         if shown := live_preview.lines(context.scene):
             draw_lines(layout, tuple(shown), "INFO")
-            draw_lines(layout, wrapped(view_line(context.space_data, context.scene.render.engine)), "SHADING_RENDERED")
+            told = view_line(context.space_data, context.scene.render.engine, view_exposure.how_exposed(context.scene))
+            draw_lines(layout, wrapped(told), "SHADING_RENDERED")
         draw_job(layout)
 
 

@@ -4,9 +4,16 @@ from __future__ import annotations
 
 from typing import Any
 
+#: What differs from a pair besides noise, by ``view_exposure.how_exposed``.
+_TRACED = {"": "as the pair, but for noise", "other": "as the pair, but for exposure and noise",
+           "estimated": "as the pair, exposure estimated until one is rendered"}
 
-def view_line(space: Any, engine: str) -> str:
-    """How what a 3D View shows differs from a pair, if the scene has this render engine; empty without a view."""
+
+def view_line(space: Any, engine: str, exposed: str = "other") -> str:
+    """How what a 3D View shows differs from a pair, if the scene has this render engine; empty without a view.
+
+    ``exposed`` is one of the keys of ``_TRACED``.
+    """
     if space is None:
         return ""
     shading = space.shading
@@ -22,5 +29,5 @@ def view_line(space: Any, engine: str) -> str:
     if not lit:
         return f"{name}: not the light of the scene"
     if shading.type == "RENDERED" and engine == "CYCLES":
-        return f"{name}: as the pair, but for exposure and noise"
+        return f"{name}: {_TRACED[exposed]}"
     return f"{name} by EEVEE: approximate light and shadows"

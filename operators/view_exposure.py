@@ -1,0 +1,114 @@
+"""The exposure of the view: as the camera response exposes a pair, so that the view is as bright as its images.
+
+The images show numbers of the camera that are proportional to the light, as Blender's view transform *Raw* shows it.
+The exposure time of auto exposure depends on the image, so it is estimated until a pair was rendered.
+"""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import bpy
+
+from .. import scene_properties
+from ..errors import IcyMoonError
+from ..nodes import scene as scenes
+from ..physics.camera.sensor import capacity_e
+from ..physics.light.photons import electron_rate, pixel_pitch_m
+from ..physics.surfaces import albedos
+from ..render.pairs.pair_folder import read_pair
+from ..settings import announcements, changes
+from ..settings.description import merged
+from ..typed_settings import Settings
+from . import sidebar_text
+
+#: View transform that shows light as the images of a camera do.
+TRANSFORM = "Raw"
+#: Properties of the built collection: the exposure that was set; the brightness of a pair as a share of the estimate.
+EXPOSED, MEASURED = "icymoon_view_exposure", "icymoon_measured_brightness"
+#: Slope toward the Sun of the brightest hundredth of the ground, as a multiple of the mean square slope.
+_STEEPEST = 2.0
+_MOST = 10.0  # exposure of the view, up or down
+
+
+def white_of(settings: Settings, measured: float = 1.0) -> float:
+    """The radiance, W/(m² sr), that is white in the images; 0 if nothing is lit.
+
+    With auto exposure it is estimated; ``measured`` is that of a pair as a share of the estimate.
+    """
+    sensor = settings.sensor
+    if not sensor.auto_exposure:
+        rate = electron_rate(settings.light, sensor, pixel_pitch_m(sensor, settings.rig))
+        return capacity_e(sensor) / (rate * sensor.exposure_s) if rate > 0 else 0.0
+    return measured * _brightest(settings) / float(sensor.auto_target)
+
+
+def _brightest(settings: Settings) -> float:
+    """About the radiance of the ground's brightest hundredth, W/(m² sr)."""
+    found = albedos.albedos(settings.surface, settings.hapke)
+    albedo = max(found.bond if found else settings.surface.albedo, 0.02)
+    return sidebar_text.brightness_wm2(settings.light, _STEEPEST * settings.terrain.rms_slope_deg) * albedo / math.pi
+
+
+def expose(scene: bpy.types.Scene, settings: Settings, anew: bool = False) -> None:
+    """Expose the view of a built scene as a pair with these settings would be, and the present camera response.
+
+    An exposure that the user has set stays, unless ``anew``.
+    """
+    collection = scenes.find_collection(scene)
+    if collection is None or not (anew or is_ours(scene)):
+        return
+    present = changes.response(scene_properties.read_unchecked(scene.icymoon))
+    white = white_of(merged(settings, present), float(collection.get(MEASURED, 1.0)))
+    if white > 0:
+        scene.view_settings.exposure = max(-_MOST, min(_MOST, -math.log2(white)))
+        collection[EXPOSED] = scene.view_settings.exposure
+
+
+def is_ours(scene: bpy.types.Scene) -> bool:
+    """Whether the view still has the exposure that was set for it."""
+    collection = scenes.find_collection(scene)
+    stored = collection.get(EXPOSED) if collection is not None else None
+    return isinstance(stored, float) and abs(stored - scene.view_settings.exposure) < 1e-4
+
+
+def measure(scene: bpy.types.Scene, folder: Path, exposures_s: tuple[float, ...]) -> None:
+    """Expose the view as a rendered pair was, with auto exposure too; ``exposures_s`` are the times of the pair."""
+    built = scenes.find(scene)
+    if built is None or len(exposures_s) != 1:
+        return
+    present = changes.response(scene_properties.read_unchecked(scene.icymoon))
+    try:
+        settings = merged(read_pair(folder).settings, present)
+    except IcyMoonError:  # it is gone by now
+        return
+    fixed = merged(settings, {"sensor": {"auto_exposure": False, "exposure_s": exposures_s[0]}})
+    estimate = white_of(merged(settings, {"sensor": {"auto_exposure": True}}))
+    if settings.sensor.auto_exposure and estimate > 0 and white_of(fixed) > 0:
+        built.collection[MEASURED] = white_of(fixed) / estimate
+        expose(scene, merged(built.settings, built.preview))
+
+
+def how_exposed(scene: bpy.types.Scene) -> str:
+    """How the exposure of the view differs from that of a pair: '' if it does not, 'estimated', or 'other'."""
+    collection = scenes.find_collection(scene)
+    if collection is None or not is_ours(scene) or scene.view_settings.view_transform != TRANSFORM:
+        return "other"
+    return "estimated" if scene.icymoon.sensor.auto_exposure and MEASURED not in collection else ""
+
+
+def listen(scene: bpy.types.Scene, effects: frozenset[str]) -> None:
+    """Follow the camera response; all else is followed where the scene is shown."""
+    if scene is not None and "response" in effects and (built := scenes.find(scene)) is not None:
+        expose(scene, merged(built.settings, built.preview))
+
+
+def register() -> None:
+    """Follow the camera response."""
+    announcements.listeners.append(listen)
+
+
+def unregister() -> None:
+    """Stop following it."""
+    announcements.listeners.remove(listen)
