@@ -1,4 +1,5 @@
 """Assets of Blender from shipped presets: landscapes, surfaces, stereo cameras and lights, each in a file of its own.
+The sky is one more asset.
 
 An asset is what Build Scene makes from the preset, without what marks it as ours: what the user drops into a scene is
 the user's own. Blender drops no scenes, so a landscape is a collection. It has a coarse ground, so that the library is
@@ -19,6 +20,7 @@ from ..settings import description, preset_files
 from ..typed_settings import Parts, Settings
 from .datablocks.fingerprint import TAG
 from .light.scene_lights import build_lights, described_sky
+from .light.sun_lamp import build_sky
 from .next_scene import open_empty_scene
 from .rig import build_rig
 from .scene import NAME
@@ -30,32 +32,45 @@ MOST_VERTICES = 32_000
 _CHANGES: Parts = {"mesh": {"most": MOST_VERTICES}, "hapke": {"backend": "NODES", "accuracy": "FAST"}}
 
 
+#: The asset that is from no preset, and the preset with whose picture it is shown.
+SKY, _PICTURE_OF_SKY = "skies/airless", "lights/guiss_europa"
+
+
 def asset_names() -> list[str]:
-    """Names of the presets that become assets."""
-    return [name for kind in _MAKERS for name in preset_files.preset_names(kind)]
+    """Names of the presets that become assets, and of the sky."""
+    return [*(name for kind in _MAKERS for name in preset_files.preset_names(kind)), SKY]
 
 
 def asset_settings(name: str) -> Settings:
     """The complete settings from which the asset of a preset is made."""
-    return description.merged(description.defaults(), preset_files.load_preset(name), _CHANGES)
+    preset: Parts = preset_files.load_preset(name) if name != SKY else {}
+    return description.merged(description.defaults(), preset, _CHANGES)
+
+
+def _header_of(name: str) -> tuple[str, str]:
+    """Title and description of an asset."""
+    if name == SKY:
+        return "Airless Sky", "A black world: an airless moon has no light from its sky."
+    title, text = preset_files.preset_header(name)
+    return title, f"{text}. {_resolution_text(asset_settings(name)) if name.startswith('rigs/') else ''}Preset {name}"
 
 
 def write_asset(name: str, path: Path) -> None:
-    """Make the asset of a shipped preset in a new, empty file, and write it and what it needs to a .blend file."""
+    """Make an asset in a new, empty file, and write it and what it needs to a .blend file."""
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     kind = name.split("/")[0]
     settings = asset_settings(name)
     block = _MAKERS[kind](settings)
-    title, text = preset_files.preset_header(name)
+    title, text = _header_of(name)
     _give_to_user(title)
     block.name = title
     block.asset_mark()
     facts = block.asset_data
     facts.catalog_id, facts.author, facts.license = catalog_id(kind), AUTHOR, LICENSE
-    facts.description = f"{text}. {_resolution_text(settings) if kind == 'rigs' else ''}Preset {name}"
+    facts.description = text
     for tag in _tags(kind, settings):
         facts.tags.new(tag, skip_if_exists=True)
-    _set_picture(block, preset_files.preview_path(name))
+    _set_picture(block, preset_files.preview_path(_PICTURE_OF_SKY if name == SKY else name))
     path.parent.mkdir(parents=True, exist_ok=True)
     _forget_scene()
     # In Blender 5.0, ``libraries.write`` leaves out the pictures of collections.
@@ -104,8 +119,13 @@ def _make_light(settings: Settings) -> bpy.types.Collection:
     return collection
 
 
+def _make_sky(settings: Settings) -> bpy.types.World:
+    """The world that Build Scene gives a scene."""
+    return build_sky(NAME)
+
+
 _MAKERS: dict[str, Any] = {"scenes": _make_landscape, "gallery": _make_landscape, "surfaces": _make_surface,
-                           "rigs": _make_rig, "lights": _make_light, "bodies": _make_light}
+                           "rigs": _make_rig, "lights": _make_light, "bodies": _make_light, "skies": _make_sky}
 
 
 def _give_to_user(title: str) -> None:
@@ -134,7 +154,8 @@ def _resolution_text(settings: Settings) -> str:
 def _tags(kind: str, settings: Settings) -> list[str]:
     """Words by which the Asset Browser finds an asset."""
     law = settings.surface.model.replace("_", "-").title()
-    of_kind = {"surfaces": ["ice", law], "rigs": ["stereo", "camera"], "lights": ["Sun"], "bodies": ["Sun", "planet"]}
+    of_kind = {"surfaces": ["ice", law], "rigs": ["stereo", "camera"], "lights": ["Sun"], "bodies": ["Sun", "planet"],
+               "skies": ["sky", "world", "black"]}
     return ["Icy Moon", *of_kind.get(kind, ["landscape", settings.light.body.title(), law])]
 
 

@@ -9,6 +9,7 @@ the gallery side by side.
 
 from __future__ import annotations
 
+import math
 import subprocess
 import sys
 import tempfile
@@ -19,26 +20,46 @@ import numpy as np
 from icymoon.commands.cli import render_settings
 from icymoon.render.workers.job import python_command
 from icymoon.settings import description, preset_files
-from icymoon.typed_settings import Parts
+from icymoon.typed_settings import Parts, Settings
 
 #: Pixels of a preview in the usual proportion, and light paths per pixel. The sidebar shows it at a third of it.
 WIDTH, HEIGHT, SAMPLES = 256, 192, 32
 JPEG_QUALITY = 82
-#: The scene that shows presets of a part, with changes. Surfaces have the same exposure, which shows their albedos.
+_SENSOR = {"auto_exposure": False}
+_LOW_SUN: Parts = {"light": {"sun_elevation_deg": 25.0}}
+_LIGHT: Parts = {**_LOW_SUN, "sensor": _SENSOR | {"exposure_s": 2.4e-5}}
+#: The scene that shows presets of a part, with changes.
 SAMPLES_OF: dict[str, tuple[str, Parts]] = {
-    "surfaces": ("gallery/block_field", {"light": {"sun_elevation_deg": 25.0},
-                                         "sensor": {"auto_exposure": False, "exposure_s": 8.0e-5}}),
-    "rigs": ("gallery/block_field", {"light": {"sun_elevation_deg": 25.0}}),
-    "lights": ("gallery/ridge", {}),
-    "bodies": ("gallery/ridge", {}),
+    "surfaces": ("gallery/block_field", {**_LOW_SUN, "sensor": _SENSOR | {"exposure_s": 6.0e-5}}),
+    "rigs": ("gallery/block_field", _LOW_SUN),
+    "lights": ("gallery/block_field", _LIGHT),
+    "bodies": ("gallery/block_field", _LIGHT),
 }
+#: Kinds whose pictures all have one exposure, which shows their albedos or their light. The square root of the light is
+#: shown, as rovers send it, so that the dark ones are not black.
+SAME_EXPOSURE = ("surfaces", "lights", "bodies")
+#: A view of a planet: degrees below the horizon and above the planet that are in it, and the Sun's direction from it.
+_BELOW_DEG, _ABOVE_DEG, _SUN_TO_THE_RIGHT_DEG = 22.0, 3.0, 75.0
+
+
+def look_at_planet(settings: Settings) -> Parts:
+    """What turns the camera so that the planet is in the picture above the ground."""
+    light, rig = settings.light, settings.rig
+    top = light.planet_elevation_deg + light.planet_angular_diameter_deg / 2 + _ABOVE_DEG
+    height_mm = rig.sensor_width_mm * HEIGHT / WIDTH
+    return {"rig": {"heading_deg": light.planet_azimuth_deg, "pitch_deg": (_BELOW_DEG - top) / 2,
+                    "focal_length_mm": height_mm / 2 / math.tan(math.radians((top + _BELOW_DEG) / 2))},
+            "light": {"sun_azimuth_deg": light.planet_azimuth_deg + _SUN_TO_THE_RIGHT_DEG}}
 
 
 def make(name: str, folder: Path) -> Path:
     """Render a preset such as scenes/europa_chaos into a folder and write its preview; returns the preview."""
-    base, changes = SAMPLES_OF.get(name.split("/")[0], (name, {}))
+    kind = name.split("/")[0]
+    base, changes = SAMPLES_OF.get(kind, (name, {}))
     described = description.merged(description.defaults(), preset_files.load_preset(base),
                                    preset_files.load_preset(name), changes, {"quality": {"samples": SAMPLES}})
+    if kind == "bodies":
+        described = description.merged(described, look_at_planet(described))
     rig = described.rig
     described["rig"] = rig | {"width_px": HEIGHT * rig.width_px // rig.height_px, "height_px": HEIGHT}
     render_settings(described, folder / name, sys.executable)
@@ -46,7 +67,9 @@ def make(name: str, folder: Path) -> Path:
     shown = folder / "shown" / name
     subprocess.run(python_command(sys.executable, "stereo", "develop", str(pair), "--out", str(shown)), check=True,
                    stdout=subprocess.DEVNULL)
-    image = cv2.imread(str(next(shown.rglob("left.png"))))
+    image = cv2.imread(str(next(shown.rglob("left.png"))), cv2.IMREAD_UNCHANGED)
+    light = image / (65535 if image.dtype == np.uint16 else 255)
+    image = np.rint(255 * (np.sqrt(light) if kind in SAME_EXPOSURE else light)).astype(np.uint8)
     target = preset_files.preview_path(name)
     _write(target, image)
     return target

@@ -24,6 +24,7 @@ from rendering import complete, empty_scene
 
 NAMES = ("gallery/block_field", "scenes/europa_rough_ice", "surfaces/rough_ice", "surfaces/hapke_europa_dark_lineae",
          "rigs/guiss", "rigs/mer_navcam", "lights/guiss_europa", "bodies/enceladus")
+SKY = assets.SKY
 KINDS = {"gallery": "collections", "scenes": "collections", "surfaces": "materials", "rigs": "objects",
          "lights": "collections", "bodies": "collections"}
 SMALL: Parts = {"mesh": {"kind": "GRID"}, "terrain": {"resolution": 17}, "rocks": {"most": 20}}
@@ -36,9 +37,9 @@ def library(registered, tmp_path_factory) -> Path:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(assets, "_CHANGES", {**assets._CHANGES, **SMALL})
         messages: list[dict] = []
-        make_library(folder, NAMES, lambda kind, **facts: messages.append({"type": kind, **facts}))
-    assert [m["fraction"] for m in messages[:-1]] == [k / len(NAMES) for k in range(len(NAMES))]
-    assert messages[-1] == {"type": "done", "assets": len(NAMES)}
+        make_library(folder, (*NAMES, SKY), lambda kind, **facts: messages.append({"type": kind, **facts}))
+    assert [m["fraction"] for m in messages[:-1]] == [k / (1 + len(NAMES)) for k in range(1 + len(NAMES))]
+    assert messages[-1] == {"type": "done", "assets": 1 + len(NAMES)}
     return folder
 
 
@@ -89,6 +90,20 @@ def test_a_surface_is_the_material_that_build_scene_makes(library, name):
         pixels.append(_picture(built.scene))
     assert pixels[0].std() > 0.01
     np.testing.assert_array_equal(pixels[0], pixels[1])
+
+
+def test_the_sky_is_a_black_world(library):
+    scene = empty_scene()
+    with bpy.data.libraries.load(str(library / f"{SKY}.blend"), assets_only=True) as (there, wanted):
+        wanted.worlds = list(there.worlds)
+    (world,) = wanted.worlds
+    assert asset_library.CATALOGS["skies"] in (library / "blender_assets.cats.txt").read_text()
+    assert world.asset_data.catalog_id == asset_library.catalog_id("skies")
+    assert world.preview.image_size[0] > 0
+    assert not [key for key in world.keys() if key.startswith(TAG)]  # noqa: SIM118 - no mapping
+    scene.world, scene.camera = world, bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
+    scene.collection.objects.link(scene.camera)
+    assert _picture(scene).reshape(-1, 4)[:, :3].max() == 0.0
 
 
 def _picture(scene: bpy.types.Scene) -> np.ndarray:
