@@ -216,6 +216,12 @@ def vary_by_mouse() -> Waiting:
     yield from to(*place)
     yield from scroll(400)  # down to the data set
     yield from screenshot("vary_panel")
+    yield from press("icymoon.show_ends")
+    yield from until(lambda: jobs().current, "Starting the pictures of the first and the last pair")
+    yield from ended()
+    check(all(module("operators.variation_pictures").icons(window().scene)), "there are no pictures of both ends")
+    yield from away()
+    yield from screenshot("vary_ends")
     yield from press("icymoon.render_variations")
     yield 15 * TICK_S
     yield from screenshot("vary_render")
