@@ -38,8 +38,9 @@ def test_blender_reads_the_catalogs():
     assert lines[0] == "VERSION 1"
     entries = [line.split(":") for line in lines[1:]]
     assert [path for _, path, _ in entries] == [
-        "Icy Moon", "Icy Moon/Scenes", "Icy Moon/Surfaces", "Icy Moon/Rigs", "Icy Moon/Lights"]
-    assert [asset_library.catalog_id(kind) for kind in ("gallery", "surfaces", "rigs", "bodies")] == [
+        "Icy Moon", "Icy Moon/Scenes", "Icy Moon/Surfaces", "Icy Moon/Rigs", "Icy Moon/Lights",
+        "Icy Moon/Skies"]
+    assert [asset_library.catalog_id(kind) for kind in ("gallery", "surfaces", "rigs", "bodies", "skies")] == [
         str(uuid.UUID(number)) for number, *_ in entries[1:]]
 
 
