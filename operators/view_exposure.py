@@ -60,7 +60,9 @@ def expose(scene: bpy.types.Scene, settings: Settings, anew: bool = False) -> No
     if collection is None or not (anew or is_ours(scene)):
         return
     present = changes.response(scene_properties.read_unchecked(scene.icymoon))
-    white = white_of(merged(settings, present), float(collection.get(MEASURED, 1.0)))
+    stored = collection.get(MEASURED)  # of a file, which anyone may have written
+    measured = stored if isinstance(stored, float) and 0 < stored < math.inf else 1.0
+    white = white_of(merged(settings, present), measured)
     if white > 0:
         scene.view_settings.exposure = max(-_MOST, min(_MOST, -math.log2(white)))
         collection[EXPOSED] = scene.view_settings.exposure

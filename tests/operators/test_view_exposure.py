@@ -5,6 +5,7 @@ from __future__ import annotations
 import bpy
 import pytest
 from icymoon import scene_properties
+from icymoon.nodes import scene as scenes
 from icymoon.operators import view_exposure
 from icymoon.render.pairs.pair_folder import read_pair
 from icymoon.settings import changes
@@ -85,5 +86,16 @@ def test_in_the_dark_the_exposure_stays(built):
     before = built.view_settings.exposure
     built.icymoon.light.planet = False
     built.icymoon.light.sun_elevation_deg = -30.0
+    view_exposure.expose(built, scene_properties.read_settings(built.icymoon))
+    assert built.view_settings.exposure == before
+
+
+@pytest.mark.parametrize("evil", ["x", -1.0, 0.0, float("nan"), float("inf"), [1.0, 2.0]])
+def test_any_value_in_a_file_counts_as_none(built, evil):
+    collection, before = scenes.find_collection(built), built.view_settings.exposure
+    collection[view_exposure.MEASURED] = evil
+    view_exposure.expose(built, scene_properties.read_settings(built.icymoon))
+    assert built.view_settings.exposure == before
+    collection[view_exposure.EXPOSED] = evil
     view_exposure.expose(built, scene_properties.read_settings(built.icymoon))
     assert built.view_settings.exposure == before
