@@ -24,6 +24,7 @@ from icymoon.stereo.export.points import measured_points
 from icymoon.stereo.images.disparity_and_occlusion import visible_in_right
 from icymoon.stereo.matchers import match
 from icymoon.stereo.measure.by_pixel_class import sums_by_class, texture
+from icymoon.stereo.measure.common_pixels import common_numbers
 from icymoon.stereo.measure.depth_order import depth_order_disagreement, sampled_disagreement
 from icymoon.stereo.measure.guiss_reference_code import reference_metrics
 from icymoon.stereo.measure.metrics import (
@@ -34,8 +35,8 @@ from icymoon.stereo.measure.metrics import (
     total_metrics,
 )
 from icymoon.stereo.measure.prepare import load, prepare
-from icymoon.stereo.measure.result_row import common_numbers, depth_of, own_numbers
-from icymoon.stereo.report.bootstrap import intervals
+from icymoon.stereo.measure.result_row import depth_of, own_numbers
+from icymoon.stereo.report.comparisons import compare
 
 
 def cost(work: Callable[[], object]) -> tuple[float, float]:
@@ -67,7 +68,7 @@ def main() -> None:
         flat, flat_truth = depth[both], truth[both]
         noisy = flat_truth * np.random.default_rng(0).normal(1, 0.02, flat_truth.size)
         error = np.abs(disparity - true)
-        pixels = np.random.default_rng(0).normal(0, 1, (5000, 60))
+        differences = np.random.default_rng(0).normal(0, 1, (500, 15))
         works: dict[str, Callable[[], object]] = {
             "StereoBM": lambda: match("bm", prepared.left, prepared.right),
             "SGBM, 8 directions": lambda: match("sgbm", prepared.left, prepared.right),
@@ -85,9 +86,9 @@ def main() -> None:
             "occlusion of one eye": lambda: visible_in_right(loaded.depth["left"], loaded.depth["right"], camera),
             "points": lambda: measured_points(prepared, disparity),
             "a row, its own numbers": lambda: own_numbers(prepared, disparity),
-            "a row, numbers in common": lambda: common_numbers(prepared, disparity, both),
+            "numbers of two methods in common": lambda: common_numbers(prepared, {"a": disparity, "b": disparity}),
             "a pair: check, read, develop, classify": lambda: prepare(pair, {}),
-            "intervals of 60 means of 5000 pairs, 500 scenes": lambda: intervals(pixels, np.arange(5000) // 10, 0)}
+            "15 comparisons over 500 scenes": lambda: compare(differences, 0)}
         print(f"{'':<50}{'CPU s':>9}{'x BM':>8}{'MiB':>8}{'x BM':>8}")
         base: tuple[float, float] | None = None
         for name, work in works.items():

@@ -70,8 +70,8 @@ class ResultKeeper:
         """Report the metrics to the user."""
         jobs.push_undo("Evaluate")  # otherwise undoing the previous step would remove the results too
         for row in results.summary(self.scene) if self.scene is not None else ():
-            operator.report({"INFO"}, f"{row['method']}: L1 {results.metres(row['l1_m'])}, "
-                                      f"coverage {results.percent(row['coverage'])}")
+            operator.report({"INFO"}, f"{row['method']}: {results.percent(row['total_bad_1'])} wrong or missing, L1 of "
+                                      f"the measured {results.percent(row['coverage'])} {results.metres(row['l1_m'])}")
         if self.scene == context.scene:
             results.show_error_image(context, open_window=False)
 

@@ -25,7 +25,7 @@ from .render import dataset_folder
 from .sidebar_text import in_window
 
 #: Columns of a matcher's row in a report that the scene keeps.
-METRICS = ("l1_m", "l1_rate_10", "si_rmse", "dod", "coverage")
+METRICS = ("total_bad_1", "coverage", "l1_m", "l1_rate_10", "si_rmse", "dod")
 _ROW = {"method": TEXT, **{name: Maybe(NUMBER, null=True) for name in METRICS}}
 _SHAPE = {"made": TEXT, "scope": TEXT, "pairs": Each(TEXT), "settings": Each(TABLE, TEXT), "summary": Each(_ROW),
           "notes": Maybe(Each(TEXT))}
@@ -93,8 +93,15 @@ def _parsed(text: str) -> Kept | None:
     if find_fault(found, _SHAPE):
         return None
     return Kept(_clean(found["made"]), found["scope"], tuple(map(_clean, found["pairs"])), typed(found["settings"]),
-                tuple({**row, "method": _clean(row["method"])} for row in found["summary"]),
+                tuple(sorted(({**dict.fromkeys(METRICS), **row, "method": _clean(row["method"])}
+                              for row in found["summary"]), key=_badness)),
                 tuple(_clean(note, _LONGEST_NOTE) for note in found.get("notes", ())[:_MOST_NOTES]))
+
+
+def _badness(row: Mapping[str, Any]) -> tuple[float, float]:
+    """What matchers are sorted by: pixels that are wrong or missing, and the error of the others only if equal."""
+    wrong, error = row.get("total_bad_1"), row.get("l1_m")
+    return math.inf if wrong is None else wrong, math.inf if error is None else error
 
 
 def _clean(text: str, longest: int = _LONGEST) -> str:
@@ -220,10 +227,10 @@ def _files(scene: bpy.types.Scene, kind: str) -> list[tuple[str, Path]]:
         report = _read_report(folder)
     except IcyMoonError:
         return []
-    l1 = {row["method"]: row.get("l1_m") for row in report["summary"]}
+    badness = {row["method"]: _badness(row) for row in report["summary"]}
     found = [(row["method"], folder / row["images"][kind]) for row in report.get("shown", report.get("rows", []))
-             if kind in row.get("images", {}) and row["method"] in l1]
-    found.sort(key=lambda each: math.inf if l1[each[0]] is None else l1[each[0]])
+             if kind in row.get("images", {}) and row["method"] in badness]
+    found.sort(key=lambda each: badness[each[0]])
     return [(method, path) for method, path in found
             if path.resolve().is_relative_to(folder.resolve()) and path.is_file()]
 

@@ -91,17 +91,17 @@ class ICYMOON_PT_main(Sidebar, bpy.types.Panel):
 
 
 def _draw_results(layout: Any, scene: bpy.types.Scene, rows: Sequence[Mapping[str, Any]]) -> None:
-    """For each matcher, its error and coverage with the buttons of its images, then its other metrics."""
+    """For each matcher, best first, its wrong pixels and coverage with the buttons of its images, then its errors."""
     with_image, with_surface = results.methods_with_error_images(scene), results.methods_with_points(scene)
     with_disparity = results.methods_with_disparities(scene)
     titles = layout.row(align=True)
-    for title in ("Matcher", "L1", "Covered", ""):
+    for title in ("Matcher", "Wrong", "Covered", ""):
         titles.label(text=title)
     for row in rows:
         method, box = row["method"], layout.box().column(align=True)
         first = box.row(align=True)
         first.label(text=method)
-        first.label(text=results.metres(row["l1_m"]))
+        first.label(text=results.percent(row["total_bad_1"]))
         first.label(text=results.percent(row["coverage"]))
         image, painted, surface = (first.row(align=True) for _ in range(3))
         image.enabled, painted.enabled, surface.enabled = (method in found for found in (
@@ -111,8 +111,9 @@ def _draw_results(layout: Any, scene: bpy.types.Scene, rows: Sequence[Mapping[st
         surface.operator("icymoon.show_surface", text="", icon="MESH_GRID").method = method
         rest = box.column(align=True)
         rest.active = False
-        rest.label(text=f"Over 10 cm {results.percent(row['l1_rate_10'])}, DOD {results.percent(row['dod'])}")
-        rest.label(text=f"si-RMSE {results.number(row['si_rmse'], 4)}")
+        rest.label(text=f"L1 of covered {results.metres(row['l1_m'])}, over 10 cm {results.percent(row['l1_rate_10'])}")
+        rest.label(text=f"DOD {results.percent(row['dod'])}, si-RMSE {results.number(row['si_rmse'], 4)}")
+    layout.label(text="Wrong: off by over 1 px, or missing")
 
 
 class ICYMOON_PT_results(Sidebar, bpy.types.Panel):

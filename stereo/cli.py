@@ -181,7 +181,7 @@ def add_evaluate_options(command: argparse.ArgumentParser, out_needed: bool = Tr
                          help="change the camera response that the pairs were rendered for, or light.sun_scale")
     command.add_argument("--out", required=out_needed, type=as_path,
                          help="folder for the report" + ("" if out_needed else " (evaluation in the data set)"))
-    command.add_argument("--seed", type=int, default=0, help="seed of the confidence intervals (%(default)s)")
+    command.add_argument("--seed", type=int, default=0, help="seed of the tests that compare methods (%(default)s)")
     command.add_argument("--jobs", type=int, metavar="N",
                          help="processes that measure pairs (one for each processor; one if a method needs more)")
     command.add_argument("--guiss", action="store_true",
@@ -285,21 +285,30 @@ def _print_json_line(data: dict[str, Any]) -> None:
 
 
 def _print_summary(report: dict[str, Any]) -> None:
-    """Print the summary of ``evaluate`` as a table."""
+    """Print the summary of ``evaluate`` as two tables: over all pixels with the ranks, and over the measured ones."""
     from rich.console import Console
     from rich.table import Table
 
-    from .report.table_columns import SUMMARY, format_number
+    from .report.table_columns import MEASURED, RANKING, SECONDS, TOTALS, format_number, format_rank
 
-    table = Table(title="Mean over pairs, all pixels with a true depth", title_justify="left")
-    table.add_column("Method")
-    for column in SUMMARY:
-        table.add_column(column.title, justify="right")
-    for entry in report["summary"]:
-        table.add_row(entry["method"], *(format_number(entry, column) for column in SUMMARY))
     console = Console()
     if not console.is_terminal:
         console.width = max(console.width, 120)  # a pipe has no width, and a table in it must not be wrapped
-    console.print(table)
+    pairs = max((entry["pairs"] for entry in report["summary"]), default=0)
+    means = f"Means over {pairs} pair{'' if pairs == 1 else 's'}"
+    for title, ranking, columns in (
+            (f"{means}, all pixels with a true depth", RANKING, (*TOTALS, SECONDS)),
+            (f"{means}, only the pixels that each method measured", "common_l1_m", (TOTALS[0], *MEASURED))):
+        table = Table(title=title, title_justify="left")
+        table.add_column("Method", overflow="fold")
+        table.add_column("Rank" if ranking == RANKING else "Rank by L1", justify="right")
+        for column in columns:
+            table.add_column(column.title, justify="right")
+        for entry in report["summary"]:
+            table.add_row(entry["method"], format_rank(entry["ranks"].get(ranking)),
+                          *(format_number(entry, column) for column in columns))
+        console.print(table)
+    if report["verdicts"]:
+        console.print(report["verdicts"], highlight=False)
     for note in report["notes"]:
         print(note)

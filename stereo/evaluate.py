@@ -34,7 +34,7 @@ from .sources import Source, check_response, find_sources, read_checksum
 Event = Callable[[dict[str, Any]], None]
 
 #: Version of the measurement: increased when the same input gives other numbers, so that old rows are not reused.
-MEASURE = 3
+MEASURE = 5
 
 
 def evaluate(paths: Sequence[Path], methods: Sequence[Method], out: Path,
@@ -46,9 +46,9 @@ def evaluate(paths: Sequence[Path], methods: Sequence[Method], out: Path,
 
     ``predictions`` are further methods, see ``datasets.predictions``. ``jobs`` is the number of processes that measure,
     by default one for each processor; see ``measuring_processes.choose_count``.
-    ``response`` overrides settings that need no new render. ``seed`` is the seed of the confidence intervals. With
-    ``guiss`` the HTML report shows the numbers of the reference code, which are always in the rows. With ``points``
-    the measured surfaces are written too.
+    ``response`` overrides settings that need no new render. ``seed`` is the seed of the tests' random sign flips.
+    With ``guiss`` the HTML report shows the numbers of the reference code, which are always in the rows. With
+    ``points`` the measured surfaces are written too.
 
     Writes to ``out``: ``results.jsonl`` (each row at once), then ``results.csv``, ``report.json``, ``summary.json``
     (the same without rows and pairs) and ``report.html``; for each pair, in ``pairs/<pair>/``, ``facts.json``,
@@ -59,14 +59,15 @@ def evaluate(paths: Sequence[Path], methods: Sequence[Method], out: Path,
     each failure and {"type": "warning", "message"} for each suspect pair and each kind of blur in the images. Raises
     IcyMoonError if there is no pair, if ``out`` cannot be written, or if it contains files that no evaluation wrote.
 
-    The report is {"format", "version", "summary", "differences", "rows", "pairs", "failed", "suspect", "notes",
-    "provenance"}; ``notes`` are sentences on what limits the comparison;
-    an undefined value is null. ``rows`` and ``pairs`` are read from the disk on demand.
+    The report is {"format", "version", "summary", "comparisons", "verdicts", "rows", "pairs", "failed", "suspect",
+    "notes", "provenance"}; ``notes`` are sentences on what limits the comparison; an undefined value is null. ``rows``
+    and ``pairs`` are read from the disk on demand.
 
-    * ``summary``: one entry per method, see ``summary.summarise_method``; ``differences``: see
-      ``summary.differences``.
+    * ``summary``: one entry per method, see ``summary.summarise_method``, with its ``ranks``; ``comparisons``: see
+      ``summary.compare_methods``; ``verdicts``: what they can show, in words.
     * ``rows``: ``pair``, ``method``, ``status`` ("ok", "suspect" or "failed"), the numbers of ``row.NUMBERS``,
-      ``error_curve``, ``sparsification``, ``strata``, the complete ``options``, ``search`` (the disparities that were
+      ``error_curve``, ``sparsification``, ``strata``, ``common`` (numbers beside each other method, see
+      ``common_pixels``, and that method's key), the complete ``options``, ``search`` (the disparities that were
       searched, where they come from, and the share of true ones outside), ``counts`` of pixels per outcome and
       ``facts`` on what it ran on (if the method has them), ``error`` (why it failed), ``key`` (a hash of everything
       that the row depends on) and ``images``: paths, relative to ``out``, of the pictures ``depth`` and ``error``, of
@@ -120,7 +121,7 @@ class _Evaluation:
         for name, source in self.sources.items():
             content = _digest([*source.content(), self._run.response, MEASURE, version()])
             keys = {method.label: self._key(method, name, content) for method in self._run.methods}
-            task = Task(name, content, keys, _digest(keys), {
+            task = Task(name, content, keys, {
                 label: row for label, key in keys.items() if (row := self._find_row(name, label, key))})
             facts = _read_facts(self._run.out, name, content)
             if facts is None or len(task.rows) < len(keys) or not all(
@@ -140,7 +141,9 @@ class _Evaluation:
         return _digest([content, inputs])
 
     def _is_finished(self, row: Row, task: Task) -> bool:
-        return row["common"] == task.common and (not self._run.points or "points" in row["images"])
+        compared = all(row["common"].get(label, {}).get("key") == key for label, key in task.keys.items()
+                       if label != row["method"])
+        return compared and (not self._run.points or "points" in row["images"])
 
     def _find_row(self, pair: str, label: str, key: str) -> Row | None:
         row = self.log.find(pair, label, key)

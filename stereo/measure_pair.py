@@ -20,9 +20,10 @@ from .images.disparity_files import read_disparity
 from .matchers import match
 from .matchers.methods import Method
 from .matchers.search_range import AUTO, SearchRange, known_ranges
+from .measure.common_pixels import common_numbers
 from .measure.costs import COSTS
 from .measure.prepare import Prepared
-from .measure.result_row import COMMON_NUMBERS, NUMBERS, common_numbers, own_numbers
+from .measure.result_row import NUMBERS, own_numbers
 from .report.row_log import Row
 from .sources import Source
 
@@ -44,7 +45,6 @@ class Task:
     pair: str
     content: str  # digest of what its numbers depend on
     keys: Mapping[str, str]  # of its rows, by the label of the method
-    common: str  # digest of all keys
     rows: Mapping[str, Row]  # those that an earlier run has made
 
 
@@ -77,7 +77,7 @@ def _row_event(row: Row, kind: str = "row") -> dict[str, Any]:
 
 
 def _measure(prepared: Prepared, run: Run, task: Task) -> Iterator[dict[str, Any]]:
-    """Make the missing rows of a pair, and update the numbers that depend on all of its methods."""
+    """Make the missing rows of a pair, and the numbers that depend on two of its methods."""
     disparities: dict[str, np.ndarray] = {}
     rows: dict[str, Row] = dict(task.rows)
     shared = np.where(prepared.visible, prepared.pair.camera.disparity(prepared.truth), np.nan)
@@ -102,13 +102,14 @@ def _measure(prepared: Prepared, run: Run, task: Task) -> Iterator[dict[str, Any
             continue
         disparities[label] = disparity
         yield _row_event(rows[label])
-    common = np.logical_and.reduce([np.ones_like(prepared.visible), *map(np.isfinite, disparities.values())])
+    common = common_numbers(prepared, disparities)
     points = run.points and pose_of(prepared) is not None
     if run.points and not points:
         yield {"type": "warning", "message": f"{prepared.pair.folder / 'pair.json'} does not contain the position of "
                "the camera, so no points are written; render the pair again."}
     for label, disparity in disparities.items():
-        row = rows[label] | common_numbers(prepared, disparity, common) | {"common": task.common}
+        beside = {other: numbers | {"key": task.keys[other]} for other, numbers in common[label].items()}
+        row = rows[label] | {"common": rows[label]["common"] | beside}
         if points:
             row["images"] = add_points(row["images"], run.out, prepared, disparity)
         if row != rows[label]:
@@ -143,7 +144,7 @@ def _make_row(prepared: Prepared, run: Run, task: Task, method: Method, disparit
     return {"pair": prepared.pair.name, "method": method.label, "key": task.keys[method.label],
             "status": "ok" if prepared.check.ok else "suspect",
             **own_numbers(prepared, disparity, info["options"]["min_disparity"] if method.name == "bm" else None),
-            **dict.fromkeys(COMMON_NUMBERS), "common": "", **{key: info[key] for key in COSTS},
+            "common": {}, **{key: info[key] for key in COSTS},
             "options": info["options"], "search": info["search"], "counts": info["counts"], "facts": info["facts"],
             "error": "",
             "images": write_method_pictures(prepared, method, disparity, info, run.out)}
@@ -152,5 +153,5 @@ def _make_row(prepared: Prepared, run: Run, task: Task, method: Method, disparit
 def failed_row(task: Task, method: Method, message: str) -> Row:
     """The row of a method that failed on a pair."""
     return {"pair": task.pair, "method": method.label, "key": task.keys[method.label], "status": "failed",
-            **dict.fromkeys(NUMBERS), "error_curve": [], "sparsification": {}, "strata": {}, "common": "",
+            **dict.fromkeys(NUMBERS), "error_curve": [], "sparsification": {}, "strata": {}, "common": {},
             "options": options_of(method), "search": None, "counts": {}, "facts": {}, "error": message, "images": {}}

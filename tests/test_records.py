@@ -194,7 +194,7 @@ def test_what_a_damaged_file_of_ones_own_remembers_is_forgotten(tmp_path, monkey
         "self_check": {"ok": True, "problems": []}, "height_px": 2, "true": 1.0, "visible": None, "exposure_s": 1.0}))
     rows = tmp_path / "rows.jsonl"
     row = {"pair": "p", "method": "bm", "key": "k", **dict.fromkeys(results.NUMBERS), "status": "ok", "error": "",
-           "common": "", "images": {}, "options": {}, "facts": {}, "counts": {}, "strata": {}, "sparsification": {},
+           "common": {}, "images": {}, "options": {}, "facts": {}, "counts": {}, "strata": {}, "sparsification": {},
            "error_curve": []}
     rows.write_text(json.dumps(row) + "\n")
     assert RowLog(rows, results.ROW).find("p", "bm", "k") == row

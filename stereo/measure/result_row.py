@@ -28,15 +28,12 @@ METRICS = (*DEPTH_METRICS, *DISPARITY_METRICS)
 #: Prefix of metrics -> the pixels that they are computed over, in words.
 REGIONS = {"": "all pixels with a true depth; a missing measurement lowers the coverage and is no error",
            "total_": "all pixels with a true depth; a missing measurement counts as wrong",
-           "visible_": "pixels that the right eye sees too: neither occluded nor outside its image",
-           "common_": "pixels that every method measured; only on these can errors of methods be compared directly"}
+           "visible_": "pixels that the right eye sees too: neither occluded nor outside its image"}
 #: Prefix -> the metrics that rows have with it.
 REGION_METRICS = {prefix: TOTAL_METRICS if prefix == "total_" else METRICS for prefix in REGIONS}
-OWN_NUMBERS = (*(prefix + key for prefix in ("", "total_", "visible_") for key in REGION_METRICS[prefix]),
-               *GUISS_METRICS, "true_pixels", *COSTS)
-COMMON_NUMBERS = tuple(f"common_{key}" for key in METRICS)
 #: Everything in a row that is a number, or None if it is undefined.
-NUMBERS = (*OWN_NUMBERS, *COMMON_NUMBERS)
+NUMBERS = (*(prefix + key for prefix, keys in REGION_METRICS.items() for key in keys), *GUISS_METRICS, "true_pixels",
+           *COSTS)
 
 
 def depth_of(prepared: Prepared, disparity: np.ndarray) -> np.ndarray:
@@ -45,7 +42,7 @@ def depth_of(prepared: Prepared, disparity: np.ndarray) -> np.ndarray:
 
 
 def own_numbers(prepared: Prepared, disparity: np.ndarray, bm_min_disparity: int | None = None) -> dict[str, Any]:
-    """OWN_NUMBERS except COSTS, and ``error_curve``, ``sparsification`` and ``strata``, of a disparity map.
+    """NUMBERS except COSTS, and ``error_curve``, ``sparsification`` and ``strata``, of a disparity map.
 
     ``bm_min_disparity``: see ``guiss_reference_code.reference_metrics``.
     """
@@ -65,15 +62,6 @@ def own_numbers(prepared: Prepared, disparity: np.ndarray, bm_min_disparity: int
                            "best": _list(sparsification(error, -error))},
         "strata": sums_by_class(prepared.classes, depth, truth, disparity, true_disparity,
                                 prepared.pair.camera.doffs_px)}
-
-
-def common_numbers(prepared: Prepared, disparity: np.ndarray, common: np.ndarray) -> dict[str, Any]:
-    """COMMON_NUMBERS: the metrics on the pixels that all methods measured, ``common`` (H, W)."""
-    numbers = _numbers(prepared, disparity, depth_of(prepared, disparity), common)
-    # All common pixels are covered, so the coverage here is their share of the true pixels.
-    total = int(usable(prepared.truth).sum())
-    numbers["coverage"] = numbers["n"] / total if total else float("nan")
-    return {f"common_{key}": value for key, value in _json(numbers).items()}
 
 
 def _numbers(prepared: Prepared, disparity: np.ndarray, depth: np.ndarray, mask: np.ndarray) -> dict[str, float]:

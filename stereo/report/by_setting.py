@@ -11,7 +11,7 @@ import numpy as np
 
 from ...settings.table import TOPICS, all_settings
 from ...typed_settings import Parts
-from .bootstrap import clusters_of, intervals
+from .scene_intervals import intervals
 from .summary import Table
 
 #: Settings, as topic.key, that determine the ground; pairs that share them share a scene, in any light and camera.
@@ -21,7 +21,6 @@ _NEVER_SWEPT = {f"{topic}.{setting.key}" for topic, setting in all_settings() if
                } | {"dataset.seed"}
 #: Most values that a curve shows one by one; if there are more, they form this many groups of equal size.
 MOST_LEVELS = 10
-_RESAMPLES = 400
 
 
 def scene_of(settings: Parts) -> str:
@@ -94,7 +93,7 @@ def _join_inseparable(sweeps: list[Sweep]) -> list[Sweep]:
     return [replace(first, together=tuple(sweep.title for sweep in others)) for first, *others in groups.values()]
 
 
-def mean_by_level(sweep: Sweep, table: Table, method: int, metric: str, seed: int) -> tuple[np.ndarray, np.ndarray]:
+def mean_by_level(sweep: Sweep, table: Table, method: int, metric: str) -> tuple[np.ndarray, np.ndarray]:
     """The mean (levels,) of a metric over the pairs at each level of a setting, and its 95 % bounds (levels, 2)."""
     names, _, level = sweep.levels()
     numbers = table.column(method, metric)
@@ -104,7 +103,7 @@ def mean_by_level(sweep: Sweep, table: Table, method: int, metric: str, seed: in
         at = (level == k) & known
         if at.any():
             means[k] = numbers[at].mean()
-            bounds[k] = intervals(numbers[at, None], clusters_of(table.scenes[at]), seed, _RESAMPLES)[0]
+            bounds[k] = intervals(numbers[at, None], table.scenes[at])[0]
     return means, bounds
 
 

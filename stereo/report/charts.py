@@ -104,13 +104,13 @@ def set_logarithmic(axis: Axes, which: str) -> None:
     along.set_minor_formatter(NullFormatter())
 
 
-def draw_charts(summary: Summary, table: Table, sweeps: Sequence[Sweep], laws: Mapping[str, np.ndarray],
-           seed: int) -> dict[str, str]:
+def draw_charts(summary: Summary, table: Table, sweeps: Sequence[Sweep],
+                laws: Mapping[str, np.ndarray]) -> dict[str, str]:
     """Draw all charts: SVG text by name, ``errors``, ``range``, ``strata``, ``sweeps`` and ``phase``; empty if there is
     nothing to draw. ``laws``: see ``phase_curves.phase_curves``."""
     with matplotlib.rc_context(STYLE):
         return {"errors": _draw_errors(summary), "range": _draw_range(summary), "strata": _draw_pixel_classes(summary),
-                "sweeps": _draw_sweeps(summary, table, sweeps[:MOST_SWEEPS], seed), "phase": _draw_phase_curves(laws)}
+                "sweeps": _draw_sweeps(summary, table, sweeps[:MOST_SWEEPS]), "phase": _draw_phase_curves(laws)}
 
 
 def _draw_phase_curves(laws: Mapping[str, np.ndarray]) -> str:
@@ -235,7 +235,7 @@ def _draw_pixel_classes(summary: Summary) -> str:
     return render_svg(figure, "strata", "Wrong or missing pixels by slope, texture, light, visibility and material")
 
 
-def write_curves(summary: Summary, table: Table, sweeps: Sequence[Sweep], out: Path, seed: int) -> dict[str, str]:
+def write_curves(summary: Summary, table: Table, sweeps: Sequence[Sweep], out: Path) -> dict[str, str]:
     """Write a picture of the mean error against each setting that varies; their paths relative to ``out`` by setting.
 
     They are for programs that show no HTML, such as Blender.
@@ -247,7 +247,7 @@ def write_curves(summary: Summary, table: Table, sweeps: Sequence[Sweep], out: P
             continue  # of another version, whose names may be no names of files
         with matplotlib.rc_context({**STYLE, **_ON_WHITE}):
             figure, axes = make_figure(2, width=9.6, height=4.2)
-            _draw_sweep(sweep, axes[0], summary, table, seed)
+            _draw_sweep(sweep, axes[0], summary, table)
             add_legend(figure, axes[0][0], len(summary))
             curves[sweep.name] = f"curves/{sweep.name}.png"
             write_atomically(out / curves[sweep.name], partial(figure.savefig, format="png", dpi=_DPI,
@@ -255,13 +255,13 @@ def write_curves(summary: Summary, table: Table, sweeps: Sequence[Sweep], out: P
     return curves
 
 
-def _draw_sweep(sweep: Sweep, axes: Sequence[Axes], summary: Summary, table: Table, seed: int) -> None:
+def _draw_sweep(sweep: Sweep, axes: Sequence[Axes], summary: Summary, table: Table) -> None:
     """Draw mean error and wrong pixels against a setting that varies, with 95 % intervals, on two axes."""
     names, places, _ = sweep.levels()
     for axis, metric, factor in ((axes[0], "l1_m", 1.0), (axes[1], "total_bad_1", 100.0)):
         step = 0.012 * float(np.ptp(places)) or 0.1
         for k, _, look in _methods(summary):
-            mean, bounds = mean_by_level(sweep, table, k, metric, seed)
+            mean, bounds = mean_by_level(sweep, table, k, metric)
             bars = np.abs(bounds.T - mean)
             aside = (k - (len(summary) - 1) / 2) * step
             axis.errorbar(places + aside, factor * mean, factor * np.nan_to_num(bars), capsize=2.5, elinewidth=1,
@@ -276,12 +276,12 @@ def _draw_sweep(sweep: Sweep, axes: Sequence[Axes], summary: Summary, table: Tab
     axes[1].set_ylabel("% missing or > 1 px")
 
 
-def _draw_sweeps(summary: Summary, table: Table, sweeps: Sequence[Sweep], seed: int) -> str:
+def _draw_sweeps(summary: Summary, table: Table, sweeps: Sequence[Sweep]) -> str:
     """Draw mean error and wrong pixels against each setting that varies, with 95 % intervals."""
     if not sweeps:
         return ""
     figure, axes = make_figure(2, len(sweeps), height=2.7)
     for sweep, row in zip(sweeps, axes, strict=True):
-        _draw_sweep(sweep, row, summary, table, seed)
+        _draw_sweep(sweep, row, summary, table)
     add_legend(figure, axes[0][0], len(summary))
     return render_svg(figure, "sweeps", "Error against each setting that was varied")

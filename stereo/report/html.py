@@ -66,16 +66,16 @@ def _read_template() -> jinja2.Template:
 
 
 def write_report(report: Mapping[str, Any], chosen: Sequence[str], table: Table, sweeps: Sequence[Sweep],
-                 methods: Sequence[Method], out: Path, seed: int, guiss: bool) -> None:
+                 methods: Sequence[Method], out: Path, guiss: bool) -> None:
     """Write ``out/report.html`` from the result of ``evaluate`` and the pictures in ``out``; it contains those of the
     pairs ``chosen``."""
     script = (_HERE / "report.js").read_text(encoding="utf-8").strip()
     names = set(chosen)
     html = _read_template().render(
         report=report, regions=REGIONS, region_metrics=REGION_METRICS, metric_names=METRIC_NAMES, columns=SUMMARY,
-        compared=_difference_rows(report["differences"]), compared_columns=COMPARED_COLUMNS,
+        compared=_comparison_rows(report["comparisons"]), compared_columns=COMPARED_COLUMNS,
         format_number=format_number, format_interval=format_interval, guiss=GUISS if guiss else (),
-        charts=draw_charts(report["summary"], table, sweeps, phase_curves(report["pairs"]), seed),
+        charts=draw_charts(report["summary"], table, sweeps, phase_curves(report["pairs"])),
         other_sweeps=[sweep.title for sweep in sweeps[MOST_SWEEPS:]],
         joined=[sweep for sweep in sweeps[:MOST_SWEEPS] if sweep.together], mixed=count_values(report["pairs"]),
         warned=count_warnings(report["pairs"]),
@@ -122,10 +122,10 @@ def count_warnings(facts: Iterable[Mapping[str, Any]]) -> list[tuple[str, int]]:
     return sorted(found.items(), key=lambda entry: -entry[1])
 
 
-def _difference_rows(differences: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """A row for every two methods, with the difference in each metric."""
+def _comparison_rows(comparisons: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """A row for every two methods, with their comparison by each metric."""
     rows: dict[tuple[str, str], dict[str, Any]] = {}
-    for entry in differences:
+    for entry in comparisons:
         rows.setdefault((entry["a"], entry["b"]), {"a": entry["a"], "b": entry["b"], "metrics": {}})[
             "metrics"][entry["metric"]] = entry
     return list(rows.values())

@@ -18,6 +18,7 @@ from ...records import ANYTHING, COUNT, FLAG, NUMBER, PIXELS, TABLE, TEXT, Each,
 from ..datasets.predictions import options_of
 from ..environment import packages
 from ..matchers.methods import Method
+from ..measure import common_pixels
 from ..measure.metrics import ERROR_STEPS_M, SHARES
 from ..measure.result_row import NUMBERS, REGIONS
 from .by_setting import scene_of, swept_settings
@@ -25,10 +26,11 @@ from .charts import write_curves
 from .html import choose_pairs, write_report
 from .notes import NOISE, SEARCH, Notes
 from .row_log import LazyRows, Row, RowLog
-from .summary import Table, differences, summarise_method
+from .summary import Table, compare_methods, summarise_method
+from .verdict_text import describe_verdicts
 
 FORMAT = "icymoon-report"
-VERSION = 1
+VERSION = 2
 #: Entries of rows that only ``results.jsonl`` contains: the summary has their sums, or only a later run needs them.
 _LONG = ("strata", "sparsification", "common")
 
@@ -41,9 +43,9 @@ FACTS: dict[str, Shape] = {"pair": TEXT, "key": TEXT, "images": Each(TEXT, TEXT)
 _KNOWN = Maybe(NUMBER, null=True)
 #: A row, see ``evaluate.evaluate``.
 ROW: dict[str, Shape] = {
-    "status": TEXT, "error": TEXT, "common": TEXT, "images": Each(TEXT, TEXT), "options": TABLE, "facts": TABLE,
-    "search": SEARCH,
+    "status": TEXT, "error": TEXT, "images": Each(TEXT, TEXT), "options": TABLE, "facts": TABLE, "search": SEARCH,
     "counts": Each(COUNT, TEXT), "strata": TABLE, "sparsification": TABLE, "error_curve": Each(ANYTHING),
+    "common": Each({"key": TEXT, **dict.fromkeys(common_pixels.NUMBERS, _KNOWN)}, TEXT),
     **dict.fromkeys(NUMBERS, _KNOWN)}
 #: Entries of the report that ``summary.json`` lacks, because they grow with the number of pairs.
 _MANY = ("rows", "pairs")
@@ -77,20 +79,22 @@ def write_results(log: RowLog, names: Sequence[str], methods: Sequence[Method], 
             table.add(k, row)
             if row["facts"] and row["facts"] not in ran_on[label]:
                 ran_on[label].append(row["facts"])
-    summary = [summarise_method(table, k, seed) for k in range(len(labels))]
+    comparisons, ranks = compare_methods(table, seed)
+    summary = [summarise_method(table, k) | {"ranks": own} for k, own in enumerate(ranks)]
     sweeps = swept_settings(facts, places)
+    verdicts = describe_verdicts(comparisons, len(np.unique(table.scenes[table.counts.any(axis=0)])))
     report = {"format": FORMAT, "version": VERSION,
-              "summary": summary, "curves": write_curves(summary, table, sweeps, out, seed),
-              "differences": differences(table, seed), "rows": rows, "pairs": facts, "failed": failed,
-              "suspect": suspect, "notes": notes.sentences(), "provenance": _provenance(
-                  methods, ran_on, source, seed, len(np.unique(table.scenes[table.counts.any(axis=0)])))}
+              "summary": summary, "curves": write_curves(summary, table, sweeps, out),
+              "comparisons": comparisons, "verdicts": verdicts, "rows": rows, "pairs": facts, "failed": failed,
+              "suspect": suspect, "notes": notes.sentences(),
+              "provenance": _provenance(methods, ran_on, source, seed)}
     write_atomically(out / "results.csv", lambda part: _write_csv(part, rows))
     write_atomically(out / "report.json", lambda part: _write_report_json(part, report))
     chosen = choose_pairs(table, usable)
     shown = [rows[places[name] * len(labels) + k] for name in chosen for k in range(len(labels))]
     write_json(out / "summary.json", {key: value for key, value in report.items() if key not in _MANY}
                | {"shown": shown})
-    write_report(report, chosen, table, sweeps, methods, out, seed, guiss)
+    write_report(report, chosen, table, sweeps, methods, out, guiss)
     return report
 
 
@@ -143,8 +147,8 @@ def _write_list(stream: TextIO, entries: Iterable[Row]) -> None:
     stream.write("\n ]")
 
 
-def _provenance(methods: Sequence[Method], facts: Mapping[str, list[Any]], source: Mapping[str, Any], seed: int,
-                scenes: int) -> dict[str, Any]:
+def _provenance(methods: Sequence[Method], facts: Mapping[str, list[Any]], source: Mapping[str, Any],
+                seed: int) -> dict[str, Any]:
     return {"created": datetime.now(UTC).isoformat(timespec="seconds"), **source,
             "methods": [{"label": method.label, "name": method.name,
                          "options": options_of(method), "facts": facts[method.label]}
@@ -152,7 +156,8 @@ def _provenance(methods: Sequence[Method], facts: Mapping[str, list[Any]], sourc
             "versions": packages.find_versions(), "error_curve_steps_m": list(ERROR_STEPS_M),
             "sparsification_shares": list(SHARES),
             "averages": "mean over pairs, each pair with equal weight; pooled_* over the pixels of all pairs",
-            "intervals": f"95 %, percentile bootstrap of {scenes} scenes, seed {seed}" if scenes > 1 else
-                         f"95 %, percentile bootstrap of the pairs of one scene, seed {seed}; other scenes may differ",
-            "pixels": REGIONS,
+            "intervals": "95 %, Student's t over scenes",
+            "verdicts": f"step-down max-T, sign flips of scenes, 5 % for all comparisons by a metric, seed {seed}",
+            "pixels": REGIONS | {f"common_{prefix}": f"pixels that both compared methods measured, {which}"
+                                 for prefix, which in common_pixels.REGIONS.items()},
             "seconds": "CPU seconds of matching, one thread"}

@@ -2,41 +2,66 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from ..measure import by_pixel_class
+from ..measure import by_pixel_class, common_pixels
 from ..measure.metrics import BAD, ERROR_STEPS_M, SHARES
 from ..measure.result_row import NUMBERS, REGION_METRICS
-from .bootstrap import clusters_of, intervals
+from .comparisons import compare, pairs_of, ranks
+from .scene_intervals import intervals, scene_means
 
 #: Metrics that are means over pixels, so that the pixels of all pairs can be pooled. The scale-invariant and order
 #: metrics compare pixels of one image, and cannot.
 POOLED = ("l1_m", "l1_rate_10", "bias_m", "abs_rel", "l1_rate_30", "l1_rate_100", "epe_px", *BAD, "d1")
-#: Metrics that are compared between methods: errors where both measured, and rates that count missing pixels.
-COMPARED = ("common_l1_m", "common_epe_px", "common_si_rmse", "common_dod", "total_l1_rate_10", "total_bad_1",
-            "coverage", "seconds")
-#: Metrics for which more is better.
-_GAINS = ("coverage",)
+
+
+@dataclass(frozen=True)
+class Compared:
+    """A metric by which methods are compared.
+
+    ``key`` is that of the comparison; one that starts with ``common_`` is over the pixels that both methods measured.
+    A ``ratio`` compares sizes: the logarithm of the ratio is averaged over scenes, which makes few scenes tell more and
+    hard scenes weigh no more than easy ones. Otherwise the difference is averaged.
+    """
+
+    key: str
+    ratio: bool = False
+    more_is_better: bool = False
+
+
+#: Errors are compared where both methods measured, and rates also over all true pixels, where a missing one is wrong.
+#: A method that measures little gains by neither.
+COMPARED = (
+    *(Compared(f"common_{prefix}{key}", key in ("l1_m", "rmse_m", "si_rmse", "epe_px"))
+      for prefix in common_pixels.REGIONS for key in common_pixels.METRICS),
+    *(Compared(f"total_{key}") for key in ("bad_0_5", "bad_1", "bad_2", "d1", "l1_rate_10", "dod")),
+    Compared("coverage", more_is_better=True), Compared("visible_coverage", more_is_better=True),
+    Compared("seconds", ratio=True))
+#: An error or time below this is compared as if it were as large: 1 µm, 1 µpx or 1 µs, so that 0 has a logarithm.
+_LEAST = 1e-6
 _PLACE = {key: place for place, key in enumerate(NUMBERS)}
 #: Numbers that are counts of pixels.
 _COUNTS = tuple(f"{prefix}n" for prefix, keys in REGION_METRICS.items() if "n" in keys)
 _AVERAGED = tuple(key for key in NUMBERS if key not in (*_COUNTS, "true_pixels"))
+_COMMON_PLACE = {f"common_{key}": place for place, key in enumerate(common_pixels.NUMBERS)}
 
 
 class Table:
     """The numbers of all rows, and sums over pairs.
 
-    ``values`` is (methods, pairs, NUMBERS), NaN where undefined and in rows that count in no average. ``counts`` is
-    true for rows that count. ``scenes`` (pairs) is -1 until the scene of a pair is known.
+    ``values`` is (methods, pairs, NUMBERS), NaN where undefined and in rows that count in no average. ``common`` is
+    (methods, methods, pairs, common_pixels.NUMBERS): numbers of the first method on the pixels that the second measured
+    too. ``counts`` is true for rows that count. ``scenes`` (pairs) is -1 until the scene of a pair is known.
     """
 
     def __init__(self, methods: Sequence[str], pairs: Sequence[str]) -> None:
         self.methods, self.pairs = list(methods), list(pairs)
         self.values = np.full((len(methods), len(pairs), len(NUMBERS)), np.nan)
+        self.common = np.full((len(methods), len(methods), len(pairs), len(_COMMON_PLACE)), np.nan)
         self.counts = np.zeros((len(methods), len(pairs)), bool)
         self.failed = np.zeros((len(methods), len(pairs)), bool)
         self.scenes = np.full(len(pairs), -1)
@@ -52,6 +77,9 @@ class Table:
             return
         self.counts[method, pair] = True
         self.values[method, pair] = [np.nan if row[key] is None else row[key] for key in NUMBERS]
+        for other in row["common"].keys() & set(self.methods):
+            self.common[method, self.methods.index(other), pair] = [
+                np.nan if (value := row["common"][other][key]) is None else value for key in common_pixels.NUMBERS]
         self.strata[method] = by_pixel_class.add_sums(self.strata[method], row["strata"])
         for key, curve in (("error_curve", row["error_curve"]), *row["sparsification"].items()):
             if curve and None not in curve:
@@ -68,14 +96,14 @@ class Table:
         return list((total / count).tolist()) if count else []
 
 
-def summarise_method(table: Table, method: int, seed: int) -> dict[str, Any]:
+def summarise_method(table: Table, method: int) -> dict[str, Any]:
     """Summarise one method over all pairs that count.
 
     Every metric is the mean over the pairs where it is defined, each with equal weight, as in the tables of the GUISS
-    paper; ``n`` is the sum. ``intervals`` are the 95 % bounds of each mean (see ``bootstrap``), ``scenes`` is the
-    number of scenes behind them. ``pooled_*`` are means over the pixels of all pairs. ``pairs`` is the number of pairs
-    that count; ``failed`` and ``suspect`` count the others. ``strata`` contains, per factor, the ``classes`` and, per
-    class, the ``by_pixel_class.SUMS`` over the pixels of all pairs.
+    paper; ``n`` is the sum. ``intervals`` are the 95 % bounds of each mean (see ``scene_intervals``), ``scenes`` is
+    the number of scenes behind them. ``pooled_*`` are means over the pixels of all pairs. ``pairs`` is the number of
+    pairs that count; ``failed`` and ``suspect`` count the others. ``strata`` contains, per factor, the ``classes`` and,
+    per class, the ``by_pixel_class.SUMS`` over the pixels of all pairs.
     """
     values = table.values[method]
     counted = table.counts[method]
@@ -86,7 +114,9 @@ def summarise_method(table: Table, method: int, seed: int) -> dict[str, Any]:
     columns = values[:, [_PLACE[key] for key in _AVERAGED]]
     result |= {key: _number(mean) for key, mean in zip(_AVERAGED, _means(columns), strict=True)}
     result |= {key: int(np.nansum(table.column(method, key))) for key in _COUNTS}
-    bounds = intervals(columns[counted], clusters_of(table.scenes[counted]), seed)
+    bounds = intervals(columns[counted], table.scenes[counted])
+    signed = (columns < 0).any(axis=0)
+    bounds[~signed] = np.maximum(bounds[~signed], 0.0)
     result["intervals"] = {key: [float(low), float(high)] for key, (low, high) in zip(_AVERAGED, bounds, strict=True)
                            if np.isfinite(low)}
     weights = table.column(method, "n")
@@ -102,27 +132,56 @@ def summarise_method(table: Table, method: int, seed: int) -> dict[str, Any]:
     return result
 
 
-def differences(table: Table, seed: int) -> list[dict[str, Any]]:
-    """The difference in each of COMPARED between every two methods, over the pairs where both are defined.
+def compare_methods(table: Table, seed: int) -> tuple[list[dict[str, Any]], list[dict[str, tuple[int, int]]]]:
+    """Compare every two methods by each of COMPARED; also the ``comparisons.ranks`` of each method by metric.
 
-    Each entry has ``a``, ``b``, ``metric``, the ``mean`` of a - b with its 95 % bounds ``low`` and ``high`` (null with
-    fewer than two clusters), the number of ``pairs``, and ``better``, the share of pairs where a is better (a tie
-    counts half). What makes a pair easy or hard for both methods cancels in the difference, so it can show what the
-    intervals of the two methods cannot.
+    Each comparison has ``a``, ``b``, ``metric``, ``kind`` ("ratio" or "difference"), and ``value``: the mean over
+    scenes of a / b or a - b, with 95 % bounds ``low`` and ``high``, the adjusted ``p`` and the ``detectable`` ratio or
+    difference, see ``comparisons.Family``. ``better`` is the method that is better, null without a verdict. ``pairs``
+    and ``scenes`` is where both are defined. What makes a scene easy or hard for both methods cancels.
+
+    Methods that measured nothing are not compared. There are ranks only if there are scenes enough for a verdict.
     """
-    found = []
-    for a, b in itertools.combinations(range(len(table.methods)), 2):
-        columns = np.stack([table.column(a, key) - table.column(b, key) for key in COMPARED], axis=1)
-        both = table.counts[a] & table.counts[b]
-        bounds = intervals(columns[both], clusters_of(table.scenes[both]), seed)
-        for k, metric in enumerate(COMPARED):
-            known = columns[~np.isnan(columns[:, k]), k]
-            sign = 1 if metric in _GAINS else -1
-            found.append({"a": table.methods[a], "b": table.methods[b], "metric": metric, "pairs": len(known),
-                          "mean": float(known.mean()) if len(known) else None,
-                          "low": _number(bounds[k, 0]), "high": _number(bounds[k, 1]),
-                          "better": float(np.mean((np.sign(known) * sign + 1) / 2)) if len(known) else None})
-    return found
+    methods = [k for k in range(len(table.methods)) if np.nansum(table.column(k, "n")) > 0]
+    chosen = [(methods[a], methods[b]) for a, b in pairs_of(len(methods))]
+    found: list[dict[str, Any]] = []
+    placed: list[dict[str, tuple[int, int]]] = [{} for _ in table.methods]
+    for metric in COMPARED if chosen else ():
+        columns, pairs = zip(*(_scene_differences(table, a, b, metric) for a, b in chosen), strict=True)
+        family = compare(np.stack(columns, axis=1), seed)
+        better = np.zeros((len(table.methods), len(table.methods)), bool)
+        for k, (a, b) in enumerate(chosen):
+            sign = 1 if (family.mean[k] > 0) == metric.more_is_better else -1
+            better[a, b], better[b, a] = family.found[k] and sign > 0, family.found[k] and sign < 0
+            turn = np.exp if metric.ratio else float
+            found.append({
+                "a": table.methods[a], "b": table.methods[b], "metric": metric.key,
+                "kind": "ratio" if metric.ratio else "difference", "pairs": pairs[k], "scenes": int(family.scenes[k]),
+                **{key: _number(turn(values[k])) for key, values in (
+                    ("value", family.mean), ("low", family.low), ("high", family.high),
+                    ("detectable", family.detectable))},
+                "p": _number(family.p[k]),
+                "better": table.methods[a if better[a, b] else b] if family.found[k] else None})
+        if np.isfinite(family.p).any():
+            for k, place in zip(methods, ranks(better[np.ix_(methods, methods)]), strict=True):
+                placed[k][metric.key] = place
+    return found, placed
+
+
+def _scene_differences(table: Table, a: int, b: int, metric: Compared) -> tuple[np.ndarray, int]:
+    """The difference of two methods in each scene, or of the logarithms of their means, NaN where undefined; and the
+    number of pairs that it is from."""
+    if metric.key in _COMMON_PLACE:
+        place = _COMMON_PLACE[metric.key]
+        one, other = table.common[a, b, :, place], table.common[b, a, :, place]
+    else:
+        one, other = table.column(a, metric.key), table.column(b, metric.key)
+    both = np.stack([one, other], axis=1)
+    both[np.isnan(both).any(axis=1) | ~(table.counts[a] & table.counts[b])] = np.nan
+    means = scene_means(both, table.scenes)
+    if metric.ratio:
+        means = np.log(np.maximum(means, _LEAST))
+    return means[:, 0] - means[:, 1], int((~np.isnan(both[:, 0])).sum())
 
 
 def _means(columns: np.ndarray) -> np.ndarray:

@@ -23,16 +23,27 @@ class Column:
         return f"{self.heading} ({self.unit})" if self.unit else self.heading
 
 
-SUMMARY = (
+#: Over all true pixels: nothing is gained by measuring less.
+TOTALS = (
     Column("coverage", "Coverage", "%", 1, "share of the pixels with a true depth that got a valid one"),
+    Column("total_bad_1", "> 1 px or missing", "%", 1,
+           "share of all true pixels without a disparity, or with one wrong by more than 1 px"),
+    Column("total_l1_rate_10", "> 10 cm or missing", "%", 1,
+           "share of all true pixels without a depth, or with one wrong by more than 10 cm"),
+)
+#: Over the measured pixels.
+MEASURED = (
     Column("l1_m", "L1", "m", 3, "mean absolute depth error"),
+    Column("epe_px", "EPE", "px", 3, "mean absolute disparity error"),
+    Column("bad_1", "bad-1", "%", 1, "share of the measured pixels with a disparity wrong by more than 1 px"),
     Column("l1_rate_10", "L1-rate-10", "%", 1, "share of the measured pixels with a depth wrong by more than 10 cm"),
     Column("si_rmse", "si-RMSE", "", 4, "root of the scale-invariant mean square error of log depth"),
     Column("dod", "DOD", "%", 2, "share of all pairs of pixels in the wrong depth order, tolerance 1 %"),
-    Column("epe_px", "EPE", "px", 3, "mean absolute disparity error"),
-    Column("bad_1", "bad-1", "%", 1, "share of the measured pixels with a disparity wrong by more than 1 px"),
-    Column("seconds", "CPU", "s", 3, "processor seconds of matching one pair, one thread"),
 )
+SECONDS = Column("seconds", "CPU", "s", 3, "processor seconds of matching one pair, one thread")
+SUMMARY = (*TOTALS, *MEASURED, SECONDS)
+#: The metric that methods are ranked by where there is room for one rank.
+RANKING = "total_bad_1"
 #: The columns of the GUISS reference code, each with ours.
 GUISS = (
     (Column("guiss_l1_m", "L1", "m", 3), Column("l1_m", "L1", "m", 3)),
@@ -42,19 +53,20 @@ GUISS = (
 
 #: All metrics by key, for the full tables.
 METRIC_NAMES = {column.key: column for column in (
-    *SUMMARY[:-1], Column("median_m", "median", "m"), Column("rmse_m", "RMSE", "m"), Column("bias_m", "bias", "m"),
-    Column("abs_rel", "abs-rel", "", 4), Column("si_mse", "si-MSE", "", 5),
+    TOTALS[0], *MEASURED, Column("median_m", "median", "m"), Column("rmse_m", "RMSE", "m"),
+    Column("bias_m", "bias", "m"), Column("abs_rel", "abs-rel", "", 4), Column("si_mse", "si-MSE", "", 5),
     Column("l1_rate_30", "L1-rate-30", "%", 1), Column("l1_rate_100", "L1-rate-100", "%", 1),
     Column("bad_0_5", "bad-0.5", "%", 1), Column("bad_2", "bad-2", "%", 1), Column("bad_3", "bad-3", "%", 1),
     Column("d1", "D1", "%", 1), Column("a50_px", "A50", "px"), Column("a90_px", "A90", "px"),
     Column("a95_px", "A95", "px"), Column("a99_px", "A99", "px"))}
 
-#: Columns of the table of differences between methods; see ``summary.COMPARED``.
+#: Columns of the table of comparisons between methods; see ``summary.COMPARED``. Ratios have the unit ×.
 COMPARED_COLUMNS = (
-    Column("common_l1_m", "L1", "m"), Column("common_epe_px", "EPE", "px"), Column("common_si_rmse", "si-RMSE", "", 4),
-    Column("common_dod", "DOD", "%", 2), Column("total_l1_rate_10", "> 10 cm or missing", "%", 1),
-    Column("total_bad_1", "> 1 px or missing", "%", 1), Column("coverage", "Coverage", "%", 1),
-    Column("seconds", "CPU", "s"))
+    Column("total_bad_1", "> 1 px or missing", "%", 1), Column("total_l1_rate_10", "> 10 cm or missing", "%", 1),
+    Column("total_dod", "DOD, missing is wrong", "%", 2), Column("coverage", "Coverage", "%", 1),
+    Column("common_l1_m", "L1", "×", 2), Column("common_epe_px", "EPE", "×", 2),
+    Column("common_si_rmse", "si-RMSE", "×", 2), Column("common_bad_1", "bad-1", "%", 1),
+    Column("seconds", "CPU", "×", 2))
 
 
 def format_number(entry: Mapping[str, Any], column: Column, prefix: str = "") -> str:
@@ -67,6 +79,14 @@ def format_interval(bounds: Sequence[float | None] | None, column: Column) -> st
     if bounds is None or None in bounds:
         return ""
     return " … ".join(_format(bound, column) for bound in bounds)
+
+
+def format_rank(ranks: Sequence[int] | None) -> str:
+    """The best and the worst rank that a method may have, "1–3"; a dash if there is no verdict."""
+    if ranks is None:
+        return "–"
+    best, worst = ranks
+    return str(best) if best == worst else f"{best}–{worst}"
 
 
 def _format(value: float | None, column: Column) -> str:

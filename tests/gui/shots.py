@@ -115,7 +115,8 @@ def built() -> None:
     with in_region("WINDOW"):
         bpy.ops.icymoon.build_scene()
     area().spaces.active.shading.type = "SOLID"
-    row = {"method": "bm", "l1_m": 0.123, "l1_rate_10": 0.5, "si_rmse": None, "dod": 0.25, "coverage": 0.75}
+    row = {"method": "bm", "total_bad_1": 0.35, "l1_m": 0.123, "l1_rate_10": 0.5, "si_rmse": None, "dod": 0.25,
+           "coverage": 0.75}
     settings().dataset.folder = str(FOLDER)
     (FOLDER / "evaluation_scene").mkdir(exist_ok=True)
     (FOLDER / "evaluation_scene" / "report.json").write_text(json.dumps({

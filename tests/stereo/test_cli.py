@@ -148,6 +148,9 @@ def test_evaluate_at_a_terminal(inputs, tmp_path):
     result = run("evaluate", inputs / "set", "--methods", "bm,sgbm", "--out", tmp_path / "out")
     assert result.returncode == 0, result.stderr
     assert "sgbm" in result.stdout
+    assert "of measured" in result.stdout
+    assert "or missing" in result.stdout
+    assert "One scene" in result.stdout
     assert result.stdout.splitlines()[-1] == str(tmp_path / "out" / "report.html")
     assert "Traceback" not in result.stderr
 
@@ -162,7 +165,7 @@ def test_evaluate_for_a_program_without_bpy_or_torch(inputs, tmp_path):
     assert Path(lines[-1]["report"]).is_file()
     assert [row["method"] for row in lines[-1]["rows"]] == ["bm", "sgbm"]
     report = json.loads((tmp_path / "out" / "report.json").read_text())
-    assert (report["format"], report["version"]) == ("icymoon-report", 1)
+    assert (report["format"], report["version"]) == ("icymoon-report", 2)
     assert report["pairs"][0]["settings"]["sensor"]["bits"] == 12
     assert report["rows"][0]["options"]["window"] == 21
 

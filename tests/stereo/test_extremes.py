@@ -8,9 +8,10 @@ import pairs
 import pytest
 from icymoon.stereo.evaluate import evaluate
 from icymoon.stereo.matchers.methods import parse_methods
+from icymoon.stereo.measure.common_pixels import common_numbers
 from icymoon.stereo.measure.costs import COSTS
 from icymoon.stereo.measure.prepare import prepare
-from icymoon.stereo.measure.result_row import NUMBERS, common_numbers, own_numbers
+from icymoon.stereo.measure.result_row import NUMBERS, own_numbers
 
 pytestmark = pytest.mark.filterwarnings("error")
 
@@ -23,8 +24,7 @@ def prepared(tmp_path_factory):
 
 
 def numbers(prepared, disparity):
-    common = np.isfinite(disparity) & (disparity > 0)
-    row = own_numbers(prepared, disparity) | common_numbers(prepared, disparity, common)
+    row = own_numbers(prepared, disparity) | {"common": common_numbers(prepared, {"a": disparity, "b": disparity})["a"]}
     json.dumps(row, allow_nan=False)
     assert set(NUMBERS) - {*COSTS} <= set(row)
     return row
@@ -49,7 +49,7 @@ def test_absurd_disparities_are_measured_without_a_warning(prepared, value):
 
 def test_nothing_measured(prepared):
     row = numbers(prepared, np.full(prepared.truth.shape, np.nan))
-    assert (row["n"], row["coverage"], row["total_bad_1"], row["common_n"]) == (0, 0, 1, 0)
+    assert (row["n"], row["coverage"], row["total_bad_1"], row["common"]["b"]["n"]) == (0, 0, 1, 0)
     assert row["l1_m"] is row["epe_px"] is row["guiss_l1_m"] is row["total_a50_px"] is row["visible_dod"] is None
 
 

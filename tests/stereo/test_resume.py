@@ -168,7 +168,7 @@ def test_a_pair_that_contradicts_itself_is_marked_and_not_averaged(dataset, tmp_
             assert (entry["pairs"], entry["suspect"], entry["failed"]) == (2, 1, 0)
             assert entry["l1_m"] == pytest.approx(np.mean([rows[k]["l1_m"], rows[4 + k]["l1_m"]]))
             assert entry["n"] == rows[k]["n"] + rows[4 + k]["n"]
-        assert all(difference["pairs"] == 2 for difference in again["differences"])
+        assert all(entry["pairs"] == 2 for entry in again["comparisons"])
     assert "f·B is changed by +6.67 %" in next(event for event in events if event["type"] == "warning")["message"]
     assert "left out of the averages" in (tmp_path / "report.html").read_text(encoding="utf-8")
 

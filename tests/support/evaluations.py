@@ -12,7 +12,8 @@ from icymoon import scene_properties
 from icymoon.operators import results
 
 PAIR = "0123456789ab"
-ROW = {"method": "bm", "l1_m": 0.123, "l1_rate_10": 0.5, "si_rmse": None, "dod": 0.25, "coverage": 0.75}
+ROW = {"method": "bm", "total_bad_1": 0.35, "l1_m": 0.123, "l1_rate_10": 0.5, "si_rmse": None, "dod": 0.25,
+       "coverage": 0.75}
 
 
 def write_evaluation(folder: Path, *rows: dict, shown: Sequence[dict] = (),

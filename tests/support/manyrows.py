@@ -12,7 +12,8 @@ from icymoon.stereo.matchers.methods import Method
 from icymoon.stereo.report.results import write_results
 from icymoon.stereo.report.row_log import RowLog
 
-VARIED = ("l1_m", "common_l1_m", "total_bad_1", "coverage", "epe_px", "common_epe_px")
+VARIED = ("l1_m", "total_bad_1", "coverage", "epe_px")
+COMMON = ("l1_m", "epe_px")
 
 
 def multiply(pair: Path, methods: Sequence[Method], count: int, out: Path, report: bool = True) -> None:
@@ -34,7 +35,9 @@ def multiply(pair: Path, methods: Sequence[Method], count: int, out: Path, repor
             for m, row in enumerate(rows):
                 factor = (0.5 + albedo) * float(np.exp(random.normal(0, 0.3)))
                 varied = {key: row[key] * factor for key in VARIED if row[key] is not None}
-                varied |= {key: min(1.0, value) for key, value in varied.items() if not key.endswith(("_m", "_px"))}
+                varied |= {key: min(1.0, varied[key]) for key in ("total_bad_1", "coverage")}
+                varied["common"] = {other: numbers | {key: numbers[key] * factor for key in COMMON}
+                                    for other, numbers in row["common"].items()}
                 status = "suspect" if k % 97 == 5 else "ok"
                 stream.write(json.dumps(row | varied | {"pair": name, "status": status, "key": f"{k}.{m}"}) + "\n")
     if report:

@@ -1,0 +1,65 @@
+"""Errors of two methods on the pixels that both measured, the only ones on which their errors can be compared.
+
+The pixels are common to two methods, not to all of them: a method that measures little takes no pixels from the others.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from .metrics import BAD, L1_RATES, usable
+from .prepare import Prepared, none_for_nan
+
+#: The metrics, all means over pixels or made of such means; ``metrics`` defines them.
+METRICS = ("l1_m", "rmse_m", "l1_rate_10", "si_rmse", "epe_px", "bad_1", "d1")
+#: Prefix -> of the common pixels, those that count.
+REGIONS = {"": "all of them", "visible_": "those that the right eye sees too"}
+#: The numbers of a method beside another one; ``n`` is the number of common pixels.
+NUMBERS = tuple(prefix + key for prefix in REGIONS for key in ("n", *METRICS))
+
+
+def common_numbers(prepared: Prepared, disparities: Mapping[str, np.ndarray]) -> dict[str, dict[str, dict[str, Any]]]:
+    """``NUMBERS`` of each method on the pixels that it shares with each other method, by the labels of both.
+
+    An undefined number is None.
+    """
+    known = usable(prepared.truth)
+    visible = prepared.visible[known]
+    measured = {label: usable(disparity[known]) for label, disparity in disparities.items()}
+    found: dict[str, dict[str, dict[str, Any]]] = {}
+    for label, disparity in disparities.items():
+        terms = _terms(prepared, disparity[known], prepared.truth[known], measured[label])
+        found[label] = {}
+        for other in (other for other in measured if other != label):
+            both = measured[label] & measured[other]
+            found[label][other] = {prefix + key: value for prefix, pixels in (("", both), ("visible_", both & visible))
+                                   for key, value in _means(terms, pixels).items()}
+    return found
+
+
+def _terms(prepared: Prepared, disparity: np.ndarray, truth: np.ndarray, measured: np.ndarray) -> np.ndarray:
+    """What is averaged over pixels (terms, pixels); 0 where nothing was measured."""
+    camera = prepared.pair.camera
+    terms = np.zeros((8, truth.size))
+    disparity, truth = disparity[measured].astype(np.float64), truth[measured]
+    true_disparity = camera.disparity(truth)
+    with np.errstate(over="ignore"):
+        depth = camera.focal_baseline_px_m / disparity
+    error, ratio = np.abs(depth - truth), np.log(depth) - np.log(truth)
+    pixels = np.abs(disparity - true_disparity)
+    terms[:, measured] = (error, error ** 2, error > L1_RATES["l1_rate_10"], ratio, ratio ** 2, pixels,
+                          pixels > BAD["bad_1"], (pixels > 3) & (pixels > 0.05 * true_disparity))
+    return terms
+
+
+def _means(terms: np.ndarray, pixels: np.ndarray) -> dict[str, Any]:
+    n = int(pixels.sum())
+    if not n:
+        return {"n": 0, **dict.fromkeys(METRICS)}
+    error, square, rate, ratio, ratio_square, epe, bad, d1 = (terms @ pixels.astype(np.float64) / n).tolist()
+    numbers = (error, math.sqrt(square), rate, math.sqrt(max(0.0, ratio_square - ratio ** 2)), epe, bad, d1)
+    return {"n": n, **{key: none_for_nan(value) for key, value in zip(METRICS, numbers, strict=True)}}

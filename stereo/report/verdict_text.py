@@ -1,0 +1,40 @@
+"""What the number of scenes allows an evaluation to say, in words."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from .comparisons import FEWEST_SCENES
+
+#: Metrics whose detectable difference is told, and their names in a sentence.
+_TOLD = (("common_epe_px", "EPE"), ("total_bad_1", "pixels off by more than 1 px or missing"))
+
+
+def describe_verdicts(comparisons: Sequence[Mapping[str, Any]], scenes: int) -> str:
+    """Whether the comparisons of a report have verdicts, and how large a difference they would have found."""
+    if not comparisons or not scenes:
+        return ""
+    if scenes == 1:
+        return f"One scene: no intervals and no verdicts. Verdicts need {FEWEST_SCENES} scenes."
+    tested = [entry for entry in comparisons if entry["p"] is not None]
+    if not tested:
+        return (f"{scenes} scenes: no verdicts, which need {FEWEST_SCENES}. Intervals are Student's t, 95 %, each for "
+                "itself.")
+    methods = len({entry[side] for entry in tested for side in "ab"})
+    count = methods * (methods - 1) // 2
+    together = f", over all {count} comparisons by a metric" if count > 1 else ""
+    sizes = {name: np.median([entry["detectable"] for entry in tested if entry["metric"] == metric] or [np.nan])
+             for metric, name in _TOLD}
+    told = [_size(name, float(size)) for name, size in sizes.items() if np.isfinite(size)]
+    power = f" 8 of 10 such data sets would show {' or '.join(told)}." if told else ""
+    return (f"{scenes} scenes, {methods} methods: at most 5 % of data sets without a difference show one{together}."
+            f"{power}")
+
+
+def _size(name: str, size: float) -> str:
+    if name != "EPE":
+        return f"{100 * size:.1f} points more {name}"
+    return f"an EPE {100 * (size - 1):.0f} % larger" if size < 10 else f"an EPE {size:.0f} times as large"
