@@ -1,7 +1,7 @@
 """Means over scenes and their intervals by Student's t.
 
 Pairs of one scene share its ground, so they are not independent, and pixels even less; scenes are. Student's t holds
-for few scenes if their means are nearly normal. No interval says anything about scenes of another kind.
+for few scenes if their means are nearly normal. An interval does not hold for scenes of another kind.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What the number of scenes allows an evaluation to say, in words."""
+"""What an evaluation of so many scenes can show, in words."""
 
 from __future__ import annotations
 

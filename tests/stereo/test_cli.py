@@ -148,8 +148,9 @@ def test_evaluate_at_a_terminal(inputs, tmp_path):
     result = run("evaluate", inputs / "set", "--methods", "bm,sgbm", "--out", tmp_path / "out")
     assert result.returncode == 0, result.stderr
     assert "sgbm" in result.stdout
-    assert "of measured" in result.stdout
-    assert "or missing" in result.stdout
+    assert "all pixels with a true depth" in result.stdout
+    assert "only the pixels that each method measured" in result.stdout
+    assert "> 1 px or missing (%)" in result.stdout
     assert "One scene" in result.stdout
     assert result.stdout.splitlines()[-1] == str(tmp_path / "out" / "report.html")
     assert "Traceback" not in result.stderr
