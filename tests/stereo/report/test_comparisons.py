@@ -89,7 +89,7 @@ def test_bounds_hold_for_all_comparisons_at_once():
         errors = true + random.normal(0, 0.4, (9, 3))
         family = compare(np.stack([errors[:, a] - errors[:, b] for a, b in pairs_of(3)], axis=1), 0)
         wanted = np.array([true[a] - true[b] for a, b in pairs_of(3)])
-        hits += ((family.low <= wanted) & (wanted <= family.high)).all()
+        hits += bool(((family.low <= wanted) & (wanted <= family.high)).all())
     assert hits / 300 > 0.95 - 3 * (0.05 * 0.95 / 300) ** 0.5
 
 
