@@ -107,6 +107,12 @@ def mean_by_level(sweep: Sweep, table: Table, method: int, metric: str) -> tuple
     return means, bounds
 
 
+def decided_by_noise(sweep: Sweep, table: Table) -> np.ndarray:
+    """Boolean (levels,): noise of the render decides the results of half of the pairs at a level, or of more."""
+    names, _, level = sweep.levels()
+    return np.array([bool(table.by_noise[level == k].mean() >= 0.5) for k in range(len(names))])
+
+
 def _flat(settings: Parts) -> dict[str, Any]:
     return {f"{topic}.{key}": value for topic, values in settings.items() for key, value in values.items()
             if f"{topic}.{key}" not in _NEVER_SWEPT and isinstance(value, (bool, int, float, str))}

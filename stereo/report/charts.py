@@ -22,7 +22,7 @@ from ...files import write_atomically
 from ...settings.table import TOPICS
 from ..measure import by_pixel_class
 from ..measure.metrics import ERROR_STEPS_M, SHARES
-from .by_setting import Sweep, mean_by_level
+from .by_setting import Sweep, decided_by_noise, mean_by_level
 from .phase_curves import PHASE_DEG
 from .summary import Table
 
@@ -258,6 +258,7 @@ def write_curves(summary: Summary, table: Table, sweeps: Sequence[Sweep], out: P
 def _draw_sweep(sweep: Sweep, axes: Sequence[Axes], summary: Summary, table: Table) -> None:
     """Draw mean error and wrong pixels against a setting that varies, with 95 % intervals, on two axes."""
     names, places, _ = sweep.levels()
+    noisy = decided_by_noise(sweep, table)
     for axis, metric, factor in ((axes[0], "l1_m", 1.0), (axes[1], "total_bad_1", 100.0)):
         step = 0.012 * float(np.ptp(places)) or 0.1
         for k, _, look in _methods(summary):
@@ -270,8 +271,11 @@ def _draw_sweep(sweep: Sweep, axes: Sequence[Axes], summary: Summary, table: Tab
             axis.set_xticks(places, [name if len(name) < 16 else f"{name[:14]}…" for name in names])
         axis.margins(x=0.08)
         axis.set_ylim(bottom=0)
+        half = 0.35 * float(np.diff(np.sort(places)).min()) if len(places) > 1 else 0.1
+        for place in places[noisy]:
+            axis.axvspan(place - half, place + half, color=_LINE, alpha=0.6, linewidth=0, zorder=0)
         others = f", and {len(sweep.together)} more that vary with it" if sweep.together else ""
-        axis.set_xlabel(sweep.title + others)
+        axis.set_xlabel(sweep.title + others + ("\nbands: noise of the render decides" if noisy.any() else ""))
     axes[0].set_ylabel("Mean absolute depth error (m)")
     axes[1].set_ylabel("% missing or > 1 px")
 

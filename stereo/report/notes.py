@@ -29,12 +29,14 @@ class Notes:
         self._pairs, self._noisy = 0, 0
         self._decided: list[float] = []
 
-    def add_pair(self, facts: Mapping[str, Any]) -> None:
-        """Add the facts of a pair."""
+    def add_pair(self, facts: Mapping[str, Any]) -> bool:
+        """Add the facts of a pair; return whether noise of its render decides its result."""
         noise = facts.get("noise") or {}
         self._pairs += 1
         self._noisy += noise.get("verdict") == NOISY
-        self._decided += [noise["doubt"]] if noise.get("verdict") == DECIDES else []
+        decided = noise.get("verdict") == DECIDES
+        self._decided += [noise["doubt"]] if decided else []
+        return bool(decided)
 
     def add(self, row: Mapping[str, Any]) -> None:
         """Add the row of a method on a pair."""

@@ -68,7 +68,7 @@ def write_results(log: RowLog, names: Sequence[str], methods: Sequence[Method], 
     scenes: dict[str, int] = {}
     notes = Notes(methods)
     for pair in facts:
-        notes.add_pair(pair)
+        table.by_noise[places[pair["pair"]]] = notes.add_pair(pair)
         table.scenes[places[pair["pair"]]] = scenes.setdefault(
             pair.get("scene") or scene_of(pair["settings"]), len(scenes))
     ran_on: dict[str, list[Any]] = {label: [] for label in labels}

@@ -65,6 +65,7 @@ class Table:
         self.counts = np.zeros((len(methods), len(pairs)), bool)
         self.failed = np.zeros((len(methods), len(pairs)), bool)
         self.scenes = np.full(len(pairs), -1)
+        self.by_noise = np.zeros(len(pairs), bool)  # pairs whose result noise of the render decides
         self.strata: list[dict[str, Any] | None] = [None] * len(methods)
         self._curves: list[dict[str, list[Any]]] = [{key: [np.zeros(steps), 0] for key, steps in (
             ("error_curve", len(ERROR_STEPS_M)), ("texture", len(SHARES)), ("best", len(SHARES)))} for _ in methods]

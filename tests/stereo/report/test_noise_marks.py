@@ -1,0 +1,36 @@
+"""What was varied: the points that noise of the render decides are marked."""
+
+import numpy as np
+import pytest
+from icymoon.stereo.report import charts
+from icymoon.stereo.report.by_setting import Sweep, decided_by_noise
+from icymoon.stereo.report.summary import Table
+
+PAIRS = [f"p{k}" for k in range(6)]
+SWEEP = Sweep("light.sun_elevation_deg", "Sun", np.array([8.0, 8.0, 20.0, 20.0, 45.0, np.nan]))
+
+
+@pytest.mark.parametrize(("noisy", "levels"), [
+    ([], [False, False, False]), ([0, 1], [True, False, False]), ([0, 2, 3], [True, True, False]),
+    ([5], [False, False, False])])
+def test_a_point_is_marked_if_noise_decides_half_of_its_pairs(noisy, levels):
+    table = Table(["bm"], PAIRS)
+    table.by_noise[noisy] = True
+    np.testing.assert_array_equal(decided_by_noise(SWEEP, table), levels)
+
+
+@pytest.mark.parametrize("noisy", [False, True])
+def test_the_chart_has_a_band_with_its_meaning(noisy, monkeypatch):
+    table = Table(["bm"], PAIRS)
+    table.by_noise[0] = noisy
+    with charts.matplotlib.rc_context(charts.STYLE):
+        _, axes = charts.make_figure(2)
+        # No intervals: what they are made of is not what this is about.
+        monkeypatch.setattr(charts, "mean_by_level", lambda *_: (np.ones(3), np.full((3, 2), np.nan)))
+        charts._draw_sweep(SWEEP, axes[0], [{"method": "bm"}], table, 0)
+    for axis in axes[0]:
+        assert len(axis.patches) == noisy
+        assert ("noise of the render decides" in axis.get_xlabel()) == noisy
+        if noisy:
+            band = axis.patches[0].get_extents().transformed(axis.transData.inverted())
+            assert band.x0 < 8 < band.x1 < 20
