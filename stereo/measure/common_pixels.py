@@ -28,7 +28,7 @@ def common_numbers(prepared: Prepared, disparities: Mapping[str, np.ndarray]) ->
     An undefined number is None.
     """
     known = usable(prepared.truth)
-    visible = prepared.visible[known]
+    visible = prepared.visible[known] & prepared.occlusion_known
     measured = {label: usable(disparity[known]) for label, disparity in disparities.items()}
     found: dict[str, dict[str, dict[str, Any]]] = {}
     for label, disparity in disparities.items():
@@ -47,8 +47,7 @@ def _terms(prepared: Prepared, disparity: np.ndarray, truth: np.ndarray, measure
     terms = np.zeros((8, truth.size))
     disparity, truth = disparity[measured].astype(np.float64), truth[measured]
     true_disparity = camera.disparity(truth)
-    with np.errstate(over="ignore"):
-        depth = camera.focal_baseline_px_m / disparity
+    depth = camera.depth(disparity)
     error, ratio = np.abs(depth - truth), np.log(depth) - np.log(truth)
     pixels = np.abs(disparity - true_disparity)
     terms[:, measured] = (error, error ** 2, error > L1_RATES["l1_rate_10"], ratio, ratio ** 2, pixels,

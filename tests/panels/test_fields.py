@@ -11,8 +11,8 @@ from panel_drawing import Layout, drawn
 from stand_ins import stand_in
 
 #: Operators that start a job.
-STARTING = {f"icymoon.{name}" for name in ("render_pair", "evaluate", "render_dataset", "render_variations",
-                                              "show_ends")}
+STARTING = {f"icymoon.{name}" for name in ("render_pair", "evaluate", "evaluate_folder", "render_dataset",
+                                              "render_variations", "show_ends")}
 
 
 @pytest.fixture

@@ -75,7 +75,6 @@ def test_predictions_stand_beside_matchers_and_are_read_again_when_they_change(d
 
     first = run(f"net={folder}")
     assert first["one", "net"]["epe_px"] == pytest.approx(0, abs=1e-6)
-    assert first["one", "net"]["common_n"] == first["one", "bm"]["n"]
     np.save(folder / "two.npy", truth + 2)
     second = run(f"net={folder}")
     assert second["one", "net"] == first["one", "net"]
@@ -87,6 +86,23 @@ def test_predictions_stand_beside_matchers_and_are_read_again_when_they_change(d
     assert "has no disparity of the pair one; add one.pfm" in third["one", "net"]["error"]
     assert third["two", "net"]["status"] == "ok"
     assert len([event for event in told if event["type"] == "error"]) == 1
+
+
+def test_methods_are_compared_with_the_principal_points_of_the_data(tmp_path):
+    """Middlebury's depth is not f·B over disparity; what the right eye sees is not known there."""
+    root = foreign.middlebury(tmp_path / "m", doffs=20)
+    for name, error in (("a", 0.5), ("b", 1.0)):
+        foreign.write_pfm(tmp_path / name / "Adirondack.pfm", foreign.constant(foreign.SHIFT_PX + error))
+    evaluate([root], [], tmp_path / "out", predictions=[f"a={tmp_path / 'a'}", f"b={tmp_path / 'b'}"])
+    rows = {row["method"]: row for row in map(json.loads, (tmp_path / "out" / "results.jsonl").read_text(
+        encoding="utf-8").splitlines())}
+    for name, other, error in (("a", "b", 0.5), ("b", "a", 1.0)):
+        common = rows[name]["common"][other]
+        wanted = 20 / 27 - 20 / (27 + error)
+        assert rows[name]["l1_m"] == pytest.approx(wanted, rel=1e-5)
+        assert common["l1_m"] == pytest.approx(wanted, rel=1e-5)
+        assert common["epe_px"] == pytest.approx(error, rel=1e-5)
+        assert (common["visible_n"], common["visible_l1_m"], rows[name]["visible_l1_m"]) == (0, None, None)
 
 
 def test_a_damaged_prediction_fails_alone(dataset, truth, tmp_path):
