@@ -1,7 +1,7 @@
 """The disparities that a matcher searches: those that the rig can meet, those of the truth, or what the user states.
 
 A matcher's options are stated or left to the range: ``disparities=auto`` (or ``max_disparity=auto``) takes what the rig
-can see, ``disparities=truth`` what the pair contains, which no camera knows and the report says.
+can see, ``disparities=truth`` what the pair contains, which no camera knows and the report states.
 """
 
 from __future__ import annotations

@@ -22,7 +22,7 @@ _FIXES = {STATED: "Leave the option out, and the range follows from the rig.",
 
 
 class Notes:
-    """Collects from pairs and rows, one after the other, what ``sentences`` says."""
+    """Collects from pairs and rows, one after the other, what ``sentences`` returns."""
 
     def __init__(self, methods: Sequence[Method]) -> None:
         self._search: dict[str, list[tuple[str, Mapping[str, Any]]]] = {method.label: [] for method in methods}
@@ -45,7 +45,7 @@ class Notes:
             self._search[label].append((row["pair"], row["search"]))
 
     def sentences(self) -> list[str]:
-        """What is to be said, the most important first."""
+        """The notes, the most important first."""
         missed = (self._missed(label, found) for label, found in self._search.items())
         from_truth = [label for label, found in self._search.items() if any(s["source"] == TRUTH for _, s in found)]
         known = (f"{label}: range from truth. It searches only the disparities that each pair contains, which no "
