@@ -12,14 +12,14 @@ from ..nodes import scene as scenes
 from ..nodes.ground import user_ground as grounds
 from . import dialogs
 from .build import build_and_report
-from .sidebar_text import in_window, wrapped
+from .sidebar_text import in_window, plain
 
 
 def report_lines(scene: bpy.types.Scene) -> list[str]:
-    """What the import of the built ground found, in lines that fit the sidebar; empty for procedural ground."""
+    """What the import of the built ground found, line by line; empty for procedural ground."""
     built = scenes.find(scene)
     found = built.ground.get("report", []) if built is not None else []
-    return [line for text in found for line in wrapped(text, "   ")]
+    return [plain(text) for text in found]
 
 
 class ICYMOON_OT_import_ground(dialogs.FileDialog, bpy.types.Operator):

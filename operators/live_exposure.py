@@ -18,7 +18,7 @@ from ..settings import announcements
 from . import jobs, live_preview
 from .expose import start_developing
 from .render import dataset_folder
-from .sidebar_text import wrapped
+from .sidebar_text import plain
 
 #: Seconds without a change of settings before an image is developed.
 REST_S = 0.3
@@ -105,8 +105,8 @@ def _show_messages(sentences: list[str]) -> None:
 
 
 def lines() -> list[str]:
-    """Warnings of the last development, or why it failed, in lines that fit the sidebar."""
-    return [line for sentence in _messages for line in wrapped(sentence)]
+    """Warnings of the last development, or why it failed."""
+    return [plain(sentence) for sentence in _messages]
 
 
 def _stop() -> None:

@@ -21,7 +21,7 @@ from . import refine
 from .build import frame_and_expose
 from .coloured_views import give_back_views
 from .jobs import push_undo
-from .sidebar_text import wrapped
+from .sidebar_text import plain
 
 #: Seconds that an update of the ground may take: this allows ten updates a second and leaves time to draw them.
 BUDGET_S = 0.08
@@ -98,7 +98,7 @@ def show_waiting() -> None:
 
 
 def lines(scene: bpy.types.Scene) -> list[str]:
-    """How well the built scene shows the settings, in lines that fit the sidebar; none without a built scene.
+    """How well the built scene shows the settings; sentences, none without a built scene.
 
     There is always a line. Otherwise the fields below would move while the user drags one of them.
     """
@@ -106,7 +106,7 @@ def lines(scene: bpy.types.Scene) -> list[str]:
         return []
     follows = refine.note(scene)
     sentences = [follows] if follows else preview.notes(scene) or ["Shown at full resolution"]
-    return [line for sentence in sentences for line in wrapped(sentence)]
+    return [plain(sentence) for sentence in sentences]
 
 
 def register() -> None:

@@ -34,7 +34,7 @@ from . import image_editor, live_preview, view_exposure
 from .evaluate import rendered_pairs
 from .jobs import push_undo, redraw
 from .render import dataset_folder
-from .sidebar_text import in_window, wrapped
+from .sidebar_text import in_window, plain
 
 VIEWS = (
     ("SIDE_BY_SIDE", "Side by Side", "Left image, right image and true depth"),
@@ -289,7 +289,7 @@ def lines(scene: bpy.types.Scene) -> list[str]:
     now = current(scene)
     if now is None:
         return []
-    return [line for sentence in (*now.views.lines, *now.views.warnings) for line in wrapped(sentence)]
+    return [plain(sentence) for sentence in (*now.views.lines, *now.views.warnings)]
 
 
 # ---- following the settings -----------------------------------------------------------------------------------------

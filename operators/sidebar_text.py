@@ -30,6 +30,7 @@ DISPARITY_ERROR_PX = 0.25
 Found = TypeVar("Found")
 _MOST_KEPT = 4
 LINE = 36  # characters that fit the sidebar as Blender opens it
+_ICON = 4  # characters that an icon takes
 _WIDTH_PX, _SHORTEST = 280, 18  # of the sidebar as Blender opens it; of a line in the narrowest one
 #: 'quality.truth', 'quality.truth is DEPTH', 'quality.truth to DEPTH', 'quality.truth = DEPTH', 'quality.truth DEPTH'
 _NAME = re.compile(r"\b([a-z_]+)[.]([a-z]\w*)(?:( (?:(?:is|to|=) )?)([A-Z]\w*))?")
@@ -86,18 +87,21 @@ def line_length() -> int:
     return max(_SHORTEST, int(LINE * region.width / (_WIDTH_PX * bpy.context.preferences.system.ui_scale)))
 
 
-def wrapped(sentence: str, indent: str = "") -> tuple[str, ...]:
-    """A sentence in lines that fit the sidebar, with labels instead of keys. Later lines begin with ``indent``."""
-    return tuple(textwrap.wrap(plain(sentence), line_length(), subsequent_indent=indent))
+def in_lines(text: str, hang: str = "", icon: bool = False) -> tuple[str, ...]:
+    """A text in lines that fit the sidebar, shorter ones beside an icon.
+
+    Later lines begin with ``hang``, or a little further in than a first line that is indented.
+    """
+    width = line_length() - _ICON * icon
+    if len(text) <= width:
+        return (text,)
+    indent = len(text) - len(text.lstrip())
+    return _wrapped(text, width, hang or " " * (indent and indent + 2))
 
 
-def fitted(line: str) -> tuple[str, ...]:
-    """A line as it is if it fits the sidebar; else several, the later ones indented a little more."""
-    width = line_length()
-    if len(line) <= width:
-        return (line,)
-    indent = " " * (len(line) - len(line.lstrip()) + 2)
-    return tuple(textwrap.wrap(line, width, subsequent_indent=indent))
+@lru_cache(maxsize=256)
+def _wrapped(text: str, width: int, hang: str) -> tuple[str, ...]:
+    return tuple(textwrap.wrap(text, width, subsequent_indent=hang))
 
 
 def left_out_lines(settings: Settings) -> tuple[str, ...]:
@@ -128,7 +132,7 @@ def camera_notes(settings: Settings) -> tuple[str, ...]:
 def _camera_notes(*parts: tuple[tuple[str, Any], ...]) -> tuple[str, ...]:
     rig, sensor = RigSettings(parts[0]), SensorSettings(parts[1])
     settings = Settings(rig=rig, sensor=sensor)
-    lines = [line for sentence in blur_advice(settings) for line in wrapped(sentence)]
+    lines = [plain(sentence) for sentence in blur_advice(settings)]
     try:
         found = blur_of(settings)
     except IcyMoonError:
@@ -176,7 +180,7 @@ def _sky_lines(light: tuple[tuple[str, Any], ...], blend: str) -> tuple[str, ...
     try:
         found = _facts(light, blend)
     except IcyMoonError as error:
-        return wrapped(str(error))
+        return (plain(str(error)),)
     lines = []
     for name, body in (("Sun", found["sun"]), ("Planet", found["planet"])):
         if body is not None:

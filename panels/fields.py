@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from typing import Any
 
 from ..operators import jobs
-from ..operators.sidebar_text import fitted, wrapped
+from ..operators.sidebar_text import in_lines, plain
 from ..settings.table import TOPICS, Setting
 from .relevance import has_effect, is_shown
 
@@ -28,7 +28,7 @@ def draw_settings(layout: Any, root: Any, topic: str, keys: Iterable[str]) -> No
             _draw_field(row, group, setting)
         if (topic, key) in _EXPLAINED:
             meaning = next(choice[2] for choice in setting.choices if choice[0] == getattr(group, key))
-            draw_lines(layout, wrapped(meaning))
+            draw_sentence(layout, meaning)
 
 
 def draw_start(layout: Any, operator: str, text: str, icon: str = "NONE", **properties: Any) -> None:
@@ -45,11 +45,17 @@ def draw_start(layout: Any, operator: str, text: str, icon: str = "NONE", **prop
         setattr(button, name, value)
 
 
-def draw_lines(layout: Any, lines: tuple[str, ...], icon: str = "NONE") -> None:
-    """Draw lines of text, with an icon before the first. What is too long for the sidebar goes on in the next line."""
-    column = layout.column(align=True)
-    for k, line in enumerate(part for each in lines for part in fitted(each)):
-        column.label(text=line, icon="BLANK1" if k and icon != "NONE" else icon)
+def draw_lines(layout: Any, lines: Iterable[str], icon: str = "NONE", hang: str = "") -> None:
+    """Draw lines of text, with an icon before the first. What is too long for the sidebar goes on in the next line,
+    which begins with ``hang``."""
+    column, has_icon = layout.column(align=True), icon != "NONE"
+    for k, line in enumerate(part for each in lines for part in in_lines(each, hang, has_icon)):
+        column.label(text=line, icon="BLANK1" if k and has_icon else icon)
+
+
+def draw_sentence(layout: Any, sentence: str, icon: str = "NONE", hang: str = "") -> None:
+    """Draw a sentence, with labels instead of keys."""
+    draw_lines(layout, (plain(sentence),), icon, hang)
 
 
 def _draw_field(layout: Any, group: Any, setting: Setting) -> None:

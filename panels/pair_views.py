@@ -24,7 +24,7 @@ def draw_pair(layout: Any, scene: bpy.types.Scene) -> None:
         _draw_views(column.row(align=True), show_pair.VIEWS[start:start + _COLUMNS], now, number)
     if len(pairs) > 1:
         _draw_choice(column.row(align=True), now.view if now is not None else "SIDE_BY_SIDE", number, len(pairs))
-    draw_lines(layout, tuple(show_pair.lines(scene)), "IMAGE_DATA")
+    draw_lines(layout, show_pair.lines(scene), "IMAGE_DATA")
 
 
 def _draw_views(row: Any, views: Any, now: show_pair.Shown | None, number: int) -> None:

@@ -22,13 +22,12 @@ from ..operators import (
     sidebar_text,
     view_exposure,
 )
-from ..operators.sidebar_text import wrapped
 from ..preferences import own_matcher_names
 from ..settings.trust_boundary import OWN
 from ..stereo.matchers import NEEDS, TITLES
 from ..stereo.matchers.methods import names_method
 from . import previews
-from .fields import draw_lines, draw_settings, draw_start
+from .fields import draw_lines, draw_sentence, draw_settings, draw_start
 from .pair_views import draw_pair
 from .view_line import view_line
 
@@ -84,9 +83,9 @@ class ICYMOON_PT_main(Sidebar, bpy.types.Panel):
         draw_pair(layout, context.scene)
         layout.prop(group, "live")
         if shown := live_preview.lines(context.scene):
-            draw_lines(layout, tuple(shown), "INFO")
+            draw_lines(layout, shown, "INFO")
             told = view_line(context.space_data, context.scene.render.engine, view_exposure.how_exposed(context.scene))
-            draw_lines(layout, wrapped(told), "SHADING_RENDERED")
+            draw_sentence(layout, told, "SHADING_RENDERED")
         draw_job(layout)
 
 
@@ -111,9 +110,9 @@ def _draw_results(layout: Any, scene: bpy.types.Scene, rows: Sequence[Mapping[st
         surface.operator("icymoon.show_surface", text="", icon="MESH_GRID").method = method
         rest = box.column(align=True)
         rest.active = False
-        rest.label(text=f"L1 of covered {results.metres(row['l1_m'])}, over 10 cm {results.percent(row['l1_rate_10'])}")
+        rest.label(text=f"L1 {results.metres(row['l1_m'])}, over 10 cm {results.percent(row['l1_rate_10'])}")
         rest.label(text=f"DOD {results.percent(row['dod'])}, si-RMSE {results.number(row['si_rmse'], 4)}")
-    layout.label(text="Wrong: off by over 1 px, or missing")
+    draw_sentence(layout, "Wrong: off by over 1 px, or missing. L1, DOD and si-RMSE: of covered pixels.")
 
 
 class ICYMOON_PT_results(Sidebar, bpy.types.Panel):
@@ -132,11 +131,11 @@ class ICYMOON_PT_results(Sidebar, bpy.types.Panel):
         layout = self.layout
         rows = results.summary(context.scene)
         origin, *warnings = results.notes(context.scene)
-        draw_lines(layout, wrapped(origin), "TIME")
+        draw_sentence(layout, origin, "TIME")
         for sentence in warnings:
-            draw_lines(layout, wrapped(sentence), "ERROR")
+            draw_sentence(layout, sentence, "ERROR")
         for sentence in results.limits(context.scene):
-            draw_lines(layout, wrapped(sentence), "ERROR")
+            draw_sentence(layout, sentence, "ERROR")
         table = layout.column()
         table.active = not warnings
         _draw_results(table, context.scene, rows)
@@ -147,7 +146,7 @@ class ICYMOON_PT_results(Sidebar, bpy.types.Panel):
             layout.prop(context.scene.icymoon, "error_range_m", slider=True)
         column = layout.column(align=True)
         for meaning, icon in (*painted_errors.legend(context.scene), *measured_surface.legend(context.scene)):
-            draw_lines(column, (meaning,), icon)
+            draw_sentence(column, meaning, icon)
 
 
 class ICYMOON_PT_evaluation(Sidebar, bpy.types.Panel):
@@ -167,7 +166,7 @@ class ICYMOON_PT_evaluation(Sidebar, bpy.types.Panel):
             row.operator("icymoon.toggle_matcher", text=title, depress=chosen,
                          icon="CHECKBOX_HLT" if chosen else "CHECKBOX_DEHLT").matcher = name
             if chosen and name in NEEDS:
-                draw_lines(column, wrapped(f"{title} needs {NEEDS[name]}."), "INFO")
+                draw_sentence(column, f"{title} needs {NEEDS[name]}.", "INFO")
         draw_settings(self.layout, context.scene.icymoon, "dataset", ("methods",))
         column = self.layout.column(align=True)
         draw_start(column, "icymoon.evaluate", "Evaluate This Scene", "VIEWZOOM", scope="SCENE")
@@ -214,7 +213,7 @@ class ICYMOON_PT_left_out(Sidebar, bpy.types.Panel):
 
     def draw(self, context: bpy.types.Context) -> None:
         for sentence in sidebar_text.left_out_lines(scene_properties.read_for_display(context.scene.icymoon)):
-            draw_lines(self.layout, wrapped(sentence), "INFO")
+            draw_sentence(self.layout, sentence, "INFO")
 
 
 class ICYMOON_UL_layers(bpy.types.UIList):
@@ -246,14 +245,14 @@ class ICYMOON_PT_plan(Sidebar, bpy.types.Panel):
         draw_settings(layout, root, "dataset", ("plan", "workers", "evaluate", "leave_running"))
         layout.operator("icymoon.plan_dry_run", icon="VIEWZOOM")
         for line in dataset.readout["lines"] if dataset.readout["plan"] == group.plan else ():
-            draw_lines(layout, wrapped(line))
+            draw_sentence(layout, line)
         column = layout.column()
         column.scale_y = 1.4
         draw_start(column, "icymoon.render_dataset", "Render Data Set", "RENDER_ANIMATION")
         draw_job(layout)
         layout.operator("icymoon.show_last_pair", icon="IMAGE_DATA")
         for line in dataset.readout["set_aside"][-3:]:
-            draw_lines(layout, wrapped(f"Set aside: {line}"))
+            draw_sentence(layout, f"Set aside: {line}")
 
 
 class ICYMOON_PT_ground_report(Sidebar, bpy.types.Panel):
@@ -269,7 +268,7 @@ class ICYMOON_PT_ground_report(Sidebar, bpy.types.Panel):
         return bool(ground.report_lines(context.scene))
 
     def draw(self, context: bpy.types.Context) -> None:
-        draw_lines(self.layout, tuple(ground.report_lines(context.scene)))
+        draw_lines(self.layout, ground.report_lines(context.scene), hang="   ")
 
 
 CLASSES = (ICYMOON_UL_layers, ICYMOON_PT_main, ICYMOON_PT_results, ICYMOON_PT_evaluation)

@@ -10,11 +10,11 @@ import bpy
 from .. import scene_properties
 from ..nodes import scene as scenes
 from ..operators import live_exposure, sidebar_text
-from ..operators.sidebar_text import remember, wrapped
+from ..operators.sidebar_text import remember
 from ..physics.surfaces import albedos, principled
 from ..settings.table import TOPICS
 from ..typed_settings import HapkeSettings, SurfaceSettings
-from .fields import draw_lines
+from .fields import draw_lines, draw_sentence
 
 _albedo_advice, _albedos = remember(principled.albedo_advice), remember(albedos.albedos)
 Extra = Callable[[Any, bpy.types.Context], None]
@@ -28,8 +28,8 @@ def _draw_seed(layout: Any, context: bpy.types.Context) -> None:
     root = context.scene.icymoon
     layout.prop(root.dataset, "seed")
     if root.source.kind != "PROCEDURAL" and not root.source.detail:
-        draw_lines(layout, wrapped("The ground is from a file. Add Roughness, under Ground from a File, adds the "
-                                   "roughness of this panel to it."), "INFO")
+        draw_sentence(layout, "The ground is from a file. Add Roughness, under Ground from a File, adds the "
+                              "roughness of this panel to it.", "INFO")
 
 
 def _draw_roughness(layout: Any, context: bpy.types.Context) -> None:
@@ -41,7 +41,7 @@ def _draw_roughness(layout: Any, context: bpy.types.Context) -> None:
 def _draw_expose(layout: Any, context: bpy.types.Context) -> None:
     layout.operator("icymoon.expose", icon="IMAGE_DATA")
     layout.prop(context.scene.icymoon, "follow")
-    draw_lines(layout, tuple(live_exposure.lines()), "INFO")
+    draw_lines(layout, live_exposure.lines(), "INFO")
 
 
 def _draw_qualities(layout: Any, context: bpy.types.Context) -> None:
@@ -56,10 +56,10 @@ def _draw_qualities(layout: Any, context: bpy.types.Context) -> None:
         button.operator("icymoon.load_preset", text=quality.title, depress=quality.chosen).preset = quality.name
         row.label(text=quality.brief)
     for lack in dict.fromkeys(quality.lacks for quality in shipped if quality.lacks):
-        draw_lines(column, wrapped(lack), "ERROR")
+        draw_sentence(column, lack, "ERROR")
     if own.chosen:
-        draw_lines(column, (f"With the settings below {own.brief}",))
-    draw_lines(column, wrapped(sidebar_text.speed_line(settings)))
+        draw_lines(column, (f"With the settings below: {own.brief}",))
+    draw_sentence(column, sidebar_text.speed_line(settings))
     layout.operator_context = "INVOKE_DEFAULT"
     layout.operator("icymoon.auto_quality", text="Find the Cheapest…", icon="VIEWZOOM")
 
@@ -74,7 +74,7 @@ def _make_surface_extra(topic: str) -> Extra:
         surface = SurfaceSettings({s.key: getattr(group, s.key) for s in TOPICS[topic].settings})
         advice = _albedo_advice(surface)
         if advice and group.model == "PRINCIPLED":
-            draw_lines(layout, wrapped(advice), "INFO")
+            draw_sentence(layout, advice, "INFO")
         values = scene_properties.read_for_display(context.scene.icymoon)
         _draw_albedos(layout, values[topic], values.hapke)
     return draw

@@ -5,9 +5,8 @@ from __future__ import annotations
 import bpy
 
 from ..operators import manual
-from ..operators.sidebar_text import wrapped
 from ..settings.table import LANDFORMS, TOPICS, Topic
-from .fields import draw_lines, draw_settings
+from .fields import draw_sentence, draw_settings
 from .relevance import is_shown
 from .sections import ADVANCED, ELSEWHERE, INSIDE, SECTIONS, Section, main_settings
 from .sidebar import FIRST, LAST, Sidebar
@@ -73,7 +72,7 @@ class ICYMOON_PT_landforms(Sidebar, bpy.types.Panel):
         group = context.scene.icymoon
         shaping = [t.label for t in TOPICS.values() if t.parent == LANDFORMS
                    and getattr(getattr(group, t.key), t.settings[0].key) > 0]
-        draw_lines(self.layout, wrapped(f"Shaping the ground: {', '.join(shaping) or 'none of these'}"))
+        draw_sentence(self.layout, f"Shaping the ground: {', '.join(shaping) or 'none of these'}")
 
 
 def _switch(topic: str, key: str) -> dict[str, object]:

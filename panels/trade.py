@@ -7,8 +7,7 @@ from typing import Any
 import bpy
 
 from ..operators import manual, trade
-from ..operators.sidebar_text import wrapped
-from .fields import draw_lines
+from .fields import draw_sentence
 from .sidebar import Sidebar
 
 
@@ -27,7 +26,7 @@ class ICYMOON_PT_trade(Sidebar, bpy.types.Panel):
         layout.operator("icymoon.measure_machine")
         layout.operator("icymoon.trade", text="Measure…")
         for sentence in trade.last_results.get(context.scene.name, ()):
-            draw_lines(layout, wrapped(sentence, "    "))
+            draw_sentence(layout, sentence, hang="    ")
 
 
 CLASSES = (ICYMOON_PT_trade,)

@@ -8,10 +8,9 @@ import bpy
 
 from .. import scene_properties
 from ..operators import dataset, show_pair, variation_pictures, vary
-from ..operators.sidebar_text import wrapped
 from ..render.plans.vary_scene import label_of, names_that_vary
 from ..settings.table import TOPICS
-from .fields import draw_lines, draw_settings, draw_start
+from .fields import draw_sentence, draw_settings, draw_start
 from .relevance import has_effect, is_shown
 from .sidebar import Sidebar, draw_job
 
@@ -52,7 +51,7 @@ class ICYMOON_PT_vary(Sidebar, bpy.types.Panel):
         if group.active < len(group.varied):
             _draw_varied(layout, root, group.varied[group.active])
         elif not group.varied:
-            draw_lines(layout, wrapped("Right-click a setting and choose Vary, or press +."), "INFO")
+            draw_sentence(layout, "Right-click a setting and choose Vary, or press +.", "INFO")
         if len(group.varied) > 1 or group.combine != "GRID":
             layout.prop(group, "combine", text="")
         if group.combine == "SOBOL":
@@ -67,11 +66,11 @@ def _draw_render(layout: Any, context: bpy.types.Context) -> None:
     """Draw what the variations make and take, and the buttons that render and save them."""
     root = context.scene.icymoon
     total, *cost = vary.lines(context.scene)
-    draw_lines(layout, wrapped(total), "RENDER_RESULT" if cost else "ERROR")
+    draw_sentence(layout, total, "RENDER_RESULT" if cost else "ERROR")
     for line in cost:
-        draw_lines(layout, wrapped(line), "TIME")
+        draw_sentence(layout, line, "TIME")
     if why := vary.why_not_a_plan(context.scene):
-        draw_lines(layout, wrapped(why), "ERROR")
+        draw_sentence(layout, why, "ERROR")
     if cost and not variation_pictures.draw_icons(layout, context.scene):
         draw_start(layout, "icymoon.show_ends", "Show First and Last", "IMAGE_REFERENCE")
     draw_settings(layout, root, "dataset", ("evaluate",))
@@ -83,7 +82,7 @@ def _draw_render(layout: Any, context: bpy.types.Context) -> None:
     column.operator("icymoon.save_plan", text="Save Plan…", icon="FILE_TICK")
     draw_job(layout)
     for line in dataset.readout["set_aside"][-3:]:
-        draw_lines(layout, wrapped(f"Set aside: {line}"))
+        draw_sentence(layout, f"Set aside: {line}")
 
 
 def _draw_pictures(layout: Any, scene: bpy.types.Scene) -> None:
@@ -98,19 +97,19 @@ def _draw_pictures(layout: Any, scene: bpy.types.Scene) -> None:
 def _draw_varied(layout: Any, root: Any, item: Any) -> None:
     """Draw the values of the selected setting, and a warning if it has no effect."""
     if item.setting not in _VARY:
-        draw_lines(layout, wrapped("This setting cannot vary; remove it."), "ERROR")
+        draw_sentence(layout, "This setting cannot vary; remove it.", "ERROR")
         return
     topic, _, key = item.setting.partition(".")
-    draw_lines(layout, (f"{TOPICS[topic].label} ▸ {label_of(item.setting)}",))
+    draw_sentence(layout, f"{TOPICS[topic].label} ▸ {label_of(item.setting)}")
     vary.draw_values(layout, item, item.setting)
     if root.variations.combine != "SOBOL" and (values := vary.values_of_varied(scene_properties.read_item(item))):
-        draw_lines(layout, wrapped(values))
+        draw_sentence(layout, values)
     labels = {choice[0]: choice[1] for choice in TOPICS[topic][key].choices}
     column = layout.column(align=True)
     for tick in item.ticks:
         column.prop(tick, "on", text=labels.get(tick.name, tick.name), toggle=True)
     if not (is_shown(topic, key, root) and has_effect(topic, key, root)):
-        draw_lines(layout, wrapped("It has no effect with the present settings."), "ERROR")
+        draw_sentence(layout, "It has no effect with the present settings.", "ERROR")
 
 
 def _draw_curves(layout: Any, scene: bpy.types.Scene) -> None:

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from icymoon.operators import jobs, live_exposure, live_preview
 from icymoon.panels import CLASSES
-from panel_drawing import drawn, texts
+from panel_drawing import drawn
 
 
 def test_the_rendered_pair_is_exposed_with_the_present_response(small, tmp_path):
@@ -94,7 +94,8 @@ def test_nothing_follows_where_it_is_switched_off_or_not_shown_and_failures_are_
     assert until_rested() == 1
     assert "Stereo Camera > Distortion k1" in " ".join(live_exposure.lines())
     panel = next(p for p in CLASSES if getattr(p, "bl_idname", "") == "ICYMOON_PT_sensor")
-    assert "Distortion k1" in texts(drawn(panel))
+    told = " ".join(shown["text"] for name, _, shown in drawn(panel) if name == "label")
+    assert "Distortion k1" in told
     small.icymoon.rig.distortion_k1 = 0.0
     assert until_rested() == 1
     assert live_exposure.lines() == []

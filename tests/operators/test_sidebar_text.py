@@ -64,9 +64,18 @@ def test_text_is_as_wide_as_the_sidebar(monkeypatch, region, scale, longest):
     system = SimpleNamespace(ui_scale=scale)
     monkeypatch.setattr(sidebar_text.bpy, "context", SimpleNamespace(
         region=shown, preferences=SimpleNamespace(system=system)))
-    lines = sidebar_text.wrapped("word " * 60, "  ")
+    lines = sidebar_text.in_lines("word " * 60, "  ")
     assert max(map(len, lines)) <= longest < max(map(len, lines)) + 5
     assert all(line.startswith("  ") for line in lines[1:])
+    beside_an_icon = sidebar_text.in_lines("word " * 60, icon=True)
+    assert max(map(len, beside_an_icon)) <= longest - 4
+
+
+def test_what_goes_on_in_the_next_line_is_indented_further_than_a_line_that_is_indented():
+    first, second, *_ = sidebar_text.in_lines("  0.0104 W/m², 0.00872 on flat ground of the site")
+    assert first.startswith("  0.0104")
+    assert second.startswith("    ")
+    assert sidebar_text.in_lines("word " * 30)[1].startswith("word")
 
 
 def test_an_answer_is_kept_for_equal_settings_only():

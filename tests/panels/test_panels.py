@@ -274,7 +274,7 @@ def test_nothing_runs_and_the_status_bar_is_left_alone(scene):
 def test_results_are_shown_with_their_units_and_a_dash_for_none(scene, measured):
     record = drawn(sidebar.ICYMOON_PT_results)
     labels = [entry[2]["text"] for entry in record if entry[0] == "label"]
-    assert {"bm", "sgbm", "0.123 m", "Over 10 cm 50.0 %, DOD 25.0 %", "75.0 %", "si-RMSE –"} <= set(labels)
+    assert {"bm", "sgbm", "75.0 %", "L1 0.123 m, over 10 cm 50.0 %", "DOD 25.0 %, si-RMSE –"} <= set(labels)
     assert {"icymoon.open_report", "icymoon.show_error", "icymoon.show_surface"} <= operators(record)
 
 
@@ -285,7 +285,7 @@ def test_each_matcher_has_its_own_two_lines(scene, tmp_path):
     record = drawn(sidebar.ICYMOON_PT_results)
     labels = [entry[2]["text"] for entry in record if entry[0] == "label"]
     assert [label for label in labels if label in names] == names
-    assert labels.count("–") == len(names)
+    assert labels.count("L1 –, over 10 cm 50.0 %") == len(names)
     assert [entry[1] for entry in record if entry[0] == "operator"].count("icymoon.show_error") == len(names)
 
 
