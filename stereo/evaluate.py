@@ -66,8 +66,8 @@ def evaluate(paths: Sequence[Path], methods: Sequence[Method], out: Path,
     * ``summary``: one entry per method, see ``summary.summarise_method``, with its ``ranks``; ``comparisons``: see
       ``summary.compare_methods``; ``verdicts``: what they can show, in words.
     * ``rows``: ``pair``, ``method``, ``status`` ("ok", "suspect" or "failed"), the numbers of ``row.NUMBERS``,
-      ``error_curve``, ``sparsification``, ``strata``, ``common`` (numbers beside each other method, see
-      ``common_pixels``, and that method's key), the complete ``options``, ``search`` (the disparities that were
+      ``error_curve``, ``sparsification``, ``strata``, ``histograms``, ``common`` (numbers beside each other method,
+      see ``common_pixels``, and that method's key), the complete ``options``, ``search`` (the disparities that were
       searched, where they come from, and the share of true ones outside), ``counts`` of pixels per outcome and
       ``facts`` on what it ran on (if the method has them), ``error`` (why it failed), ``key`` (a hash of everything
       that the row depends on) and ``images``: paths, relative to ``out``, of the pictures ``depth`` and ``error``, of

@@ -41,7 +41,9 @@ if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
 @pytest.fixture
 def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
     """Reports without charts, for tests of all else: drawing them takes four fifths of an evaluation of small pairs."""
-    empty = dict.fromkeys(("errors", "range", "strata", "sweeps", "phase"), "")
+    from icymoon.stereo.report.charts import CHARTS
+
+    empty: dict[str, list[str]] = {name: [] for name in CHARTS}
     monkeypatch.setattr("icymoon.stereo.report.html.draw_charts", lambda *_: empty)
     monkeypatch.setattr("icymoon.stereo.report.results.write_curves", lambda *_: {})
 

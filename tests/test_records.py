@@ -194,8 +194,8 @@ def test_what_a_damaged_file_of_ones_own_remembers_is_forgotten(tmp_path, monkey
         "self_check": {"ok": True, "problems": []}, "height_px": 2, "true": 1.0, "visible": None, "exposure_s": 1.0}))
     rows = tmp_path / "rows.jsonl"
     row = {"pair": "p", "method": "bm", "key": "k", **dict.fromkeys(results.NUMBERS), "status": "ok", "error": "",
-           "common": {}, "images": {}, "options": {}, "facts": {}, "counts": {}, "strata": {}, "sparsification": {},
-           "error_curve": []}
+           "common": {}, "images": {}, "options": {}, "facts": {}, "counts": {}, "strata": {}, "histograms": {},
+           "sparsification": {}, "error_curve": []}
     rows.write_text(json.dumps(row) + "\n")
     assert RowLog(rows, results.ROW).find("p", "bm", "k") == row
     assert results.find_facts(tmp_path, "p") is not None

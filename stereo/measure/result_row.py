@@ -9,6 +9,7 @@ import numpy as np
 
 from .by_pixel_class import sums_by_class
 from .costs import COSTS
+from .disparity_histograms import histograms_of
 from .guiss_reference_code import METRICS as GUISS_METRICS
 from .guiss_reference_code import reference_metrics
 from .metrics import (
@@ -42,7 +43,8 @@ def depth_of(prepared: Prepared, disparity: np.ndarray) -> np.ndarray:
 
 
 def own_numbers(prepared: Prepared, disparity: np.ndarray, bm_min_disparity: int | None = None) -> dict[str, Any]:
-    """NUMBERS except COSTS, and ``error_curve``, ``sparsification`` and ``strata``, of a disparity map.
+    """NUMBERS except COSTS, and ``error_curve``, ``sparsification``, ``strata`` and ``histograms``, of a
+    disparity map.
 
     ``bm_min_disparity``: see ``guiss_reference_code.reference_metrics``.
     """
@@ -61,7 +63,8 @@ def own_numbers(prepared: Prepared, disparity: np.ndarray, bm_min_disparity: int
         "sparsification": {"texture": _list(sparsification(error, prepared.gradient)),
                            "best": _list(sparsification(error, -error))},
         "strata": sums_by_class(prepared.classes, depth, truth, disparity, true_disparity,
-                                prepared.pair.camera.doffs_px)}
+                                prepared.pair.camera.doffs_px),
+        "histograms": histograms_of(disparity, true_disparity)}
 
 
 def _numbers(prepared: Prepared, disparity: np.ndarray, depth: np.ndarray, mask: np.ndarray) -> dict[str, float]:

@@ -23,11 +23,14 @@ _NEVER_SWEPT = {f"{topic}.{setting.key}" for topic, setting in all_settings() if
 MOST_LEVELS = 10
 
 
-def scene_of(settings: Parts) -> str:
-    """A name for the ground of a pair; pairs that see the same ground have the same name."""
-    ground = {f"{topic}.{key}": value for topic, values in settings.items() for key, value in values.items()
+def scene_of(facts: Mapping[str, Any]) -> str:
+    """A name for the ground of a pair, from its facts; pairs that see the same ground have the same name.
+
+    A pair whose ground is not known has a name of its own.
+    """
+    ground = {f"{topic}.{key}": value for topic, values in facts["settings"].items() for key, value in values.items()
               if f"{topic}.{key}" in _GROUND}
-    return json.dumps(ground, sort_keys=True)
+    return json.dumps(ground or facts["pair"], sort_keys=True)
 
 
 @dataclass(frozen=True)

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import html
 import io
 import itertools
-import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -21,14 +22,22 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from ...files import write_atomically
 from ...settings.table import TOPICS
 from ..measure import by_pixel_class
+from ..measure.disparity_histograms import ERROR_PX, PARTS
 from ..measure.metrics import ERROR_STEPS_M, SHARES
 from .by_setting import Sweep, decided_by_noise, mean_by_level
+from .comparisons import FEWEST_SCENES
 from .phase_curves import PHASE_DEG
+from .scene_intervals import scene_means
 from .summary import Table
 
 #: After Okabe and Ito, distinct for colour-blind eyes; visible on a white and on a black page.
 COLOURS = ("#2a86c8", "#d55e00", "#009e73", "#c0699a", "#c98a00", "#6f7f8f")
 _MARKS = ("o", "s", "^", "D", "v", "P")
+_SHAPES = {"o": "M1 5a4 4 0 1 0 8 0a4 4 0 1 0-8 0", "s": "M1.5 1.5h7v7h-7z", "^": "M5 1l4.5 8h-9z",
+           "D": "M5 .5l4.5 4.5l-4.5 4.5l-4.5-4.5z", "v": "M5 9L.5 1h9z",
+           "P": "M3.5 1h3v2.5h2.5v3h-2.5v2.5h-3v-2.5h-2.5v-3h2.5z"}
+#: The groups of charts in the report.
+CHARTS = ("front", "errors", "signed", "range", "strata", "sweeps", "phase")
 _INK, _LINE = "#010203", "#040506"  # placeholders for the colours of the page, which the browser fills in
 STYLE: dict[Any, Any] = {
     "font.size": 9, "axes.edgecolor": _LINE, "axes.labelcolor": _INK, "text.color": _INK, "xtick.color": _INK,
@@ -41,6 +50,13 @@ STYLE: dict[Any, Any] = {
 _ON_WHITE: dict[Any, Any] = {"axes.edgecolor": "#888888", "axes.labelcolor": "#222222", "text.color": "#222222",
                              "xtick.color": "#222222", "ytick.color": "#222222", "grid.color": "#dddddd"}
 _DPI = 120
+#: Metrics that are drawn against settings that vary, with factor and name.
+SWEPT = (("l1_m", 1.0, "Mean absolute depth error (m)"), ("total_bad_1", 100.0, "% missing or > 1 px"))
+#: Inches that a chart of its own is wide: text is legible from a width of 360 px on.
+_PANEL_WIDTH = 4.8
+_DASHES = ("-", "--", "-.", ":", (0, (5, 1, 1, 1)), (0, (1, 3)))
+#: Most scenes that are drawn as dots of their own, and most characters of a method's name in a chart.
+_MOST_DOTS, _LONGEST_LABEL = 60, 24
 #: Most settings that are drawn.
 MOST_SWEEPS = 16
 #: Classes with fewer true pixels than this are not drawn.
@@ -51,8 +67,14 @@ Summary = Sequence[Mapping[str, Any]]
 
 def _methods(summary: Summary) -> Iterator[tuple[int, Mapping[str, Any], dict[str, Any]]]:
     """(number, entry, style of its curve) of each method."""
-    for k, (entry, colour, mark) in enumerate(zip(summary, itertools.cycle(COLOURS), itertools.cycle(_MARKS))):
+    for k, entry in enumerate(summary):
+        colour, mark = _look(k)
         yield k, entry, {"color": colour, "marker": mark, "label": entry["method"]}
+
+
+def _look(k: int) -> tuple[str, str]:
+    """The colour and the mark of a method; together they are distinct for 36 methods."""
+    return COLOURS[k % len(COLOURS)], _MARKS[(k + k // len(COLOURS)) % len(_MARKS)]
 
 
 def make_figure(columns: int, rows: int = 1, width: float = 10.4, height: float = 3.1) -> tuple[Figure, np.ndarray]:
@@ -105,55 +127,157 @@ def set_logarithmic(axis: Axes, which: str) -> None:
 
 
 def draw_charts(summary: Summary, table: Table, sweeps: Sequence[Sweep],
-                laws: Mapping[str, np.ndarray]) -> dict[str, str]:
-    """Draw all charts: SVG text by name, ``errors``, ``range``, ``strata``, ``sweeps`` and ``phase``; empty if there is
-    nothing to draw. ``laws``: see ``phase_curves.phase_curves``."""
+                laws: Mapping[str, np.ndarray]) -> dict[str, list[str]]:
+    """Draw all charts: for each of ``CHARTS``, the SVG texts; none if there is nothing to draw. The methods have the
+    colours and marks of ``method_keys``. ``laws``: see ``phase_curves.phase_curves``."""
     with matplotlib.rc_context(STYLE):
-        return {"errors": _draw_errors(summary), "range": _draw_range(summary), "strata": _draw_pixel_classes(summary),
-                "sweeps": _draw_sweeps(summary, table, sweeps[:MOST_SWEEPS]), "phase": _draw_phase_curves(laws)}
+        return {"front": _draw_front(summary, table), "errors": _draw_errors(summary),
+                "signed": _draw_histograms(summary), "range": _draw_range(summary),
+                "strata": _draw_pixel_classes(summary), "sweeps": _draw_sweeps(summary, table, sweeps[:MOST_SWEEPS]),
+                "phase": _draw_phase_curves(laws)}
 
 
-def _draw_phase_curves(laws: Mapping[str, np.ndarray]) -> str:
-    """Draw phase curves, over all phase angles and near opposition."""
-    if not laws:
-        return ""
-    figure, ((near, all_),) = make_figure(2, height=3.4 + 0.22 * (len(laws) - 1))  # a line of the legend for each
-    for (name, bright), colour in zip(laws.items(), itertools.cycle(COLOURS)):
-        for axis, last in ((near, 8.0), (all_, PHASE_DEG[-1])):
-            shown = last >= PHASE_DEG
-            axis.plot(PHASE_DEG[shown], bright[shown], color=colour, label=name)
-    for axis, title in ((near, "Opposition"), (all_, "All phases")):
-        axis.set_xlabel("phase angle (°)")
-        axis.set_title(title, loc="left")
-    near.set_ylabel("disc brightness over that at 0°")
-    all_.set_ylim(bottom=0)
-    handles, labels = near.get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside upper left", ncols=1, handlelength=1.6)
-    return render_svg(figure, "phase", "Phase curves of the surfaces")
+def method_keys(methods: Sequence[str]) -> list[tuple[str, str, str]]:
+    """(method, colour, shape as an SVG path in a square of 10) of each method, for the legend of the page."""
+    return [(method, colour, _SHAPES[mark]) for method, (colour, mark) in zip(
+        methods, map(_look, range(len(methods))), strict=True)]
 
 
-def _draw_errors(summary: Summary) -> str:
+@contextmanager
+def _panel(found: list[str], name: str, title: str, height: float = 3.3) -> Iterator[Axes]:
+    """Axes of a chart of its own, which is added to ``found``: a narrow page sets charts below each other."""
+    figure, ((axis,),) = make_figure(1, width=_PANEL_WIDTH, height=height)
+    yield axis
+    axis.set_title(title, loc="left")
+    found.append(render_svg(figure, f"{name}{len(found)}", html.escape(title, quote=True)))
+
+
+def _draw_phase_curves(laws: Mapping[str, np.ndarray]) -> list[str]:
+    """Draw phase curves, near opposition and over all phase angles."""
+    found: list[str] = []
+    for title, last in (("Opposition", 8.0), ("All phases", PHASE_DEG[-1])) if laws else ():
+        with _panel(found, "phase", title, height=3.4 + 0.22 * (len(laws) - 1)) as axis:  # with a line for each law
+            for (name, bright), colour, dash in zip(laws.items(), itertools.cycle(COLOURS), itertools.cycle(_DASHES)):
+                shown = last >= PHASE_DEG
+                axis.plot(PHASE_DEG[shown], bright[shown], color=colour, linestyle=dash, label=name)
+            axis.set_xlabel("phase angle (°)")
+            axis.set_ylabel("disc brightness over that at 0°")
+            if last == PHASE_DEG[-1]:
+                axis.set_ylim(bottom=0)
+            handles, labels = axis.get_legend_handles_labels()
+            axis.figure.legend(handles, labels, loc="outside upper left", ncols=1, handlelength=2.4)
+    return found
+
+
+def _draw_front(summary: Summary, table: Table) -> list[str]:
+    """Draw wrong or missing pixels against time, with the front of methods that no other beats in both, and the spread
+    over scenes."""
+    entries = [(look, entry) for _, entry, look in _methods(summary)
+               if entry["total_bad_1"] is not None and entry["seconds"]]
+    found: list[str] = []
+    if len(entries) > 1:
+        with _panel(found, "front", "Accuracy against time; line: no method is better in both") as axis:
+            for look, entry in entries:
+                axis.plot(entry["seconds"], 100 * entry["total_bad_1"], **look, linestyle="", zorder=3)
+                axis.annotate(entry["method"][:_LONGEST_LABEL], (entry["seconds"], 100 * entry["total_bad_1"]),
+                              (5, 4), textcoords="offset points")
+            best: list[tuple[float, float]] = []
+            for seconds, wrong in sorted((entry["seconds"], 100 * entry["total_bad_1"]) for _, entry in entries):
+                if not best or wrong < best[-1][1]:
+                    best.append((seconds, wrong))
+            axis.step(*zip(*best, strict=True), where="post", color=_INK, linewidth=1, zorder=2)
+            set_logarithmic(axis, "x")
+            axis.margins(x=0.25, y=0.15)
+            axis.set_ylim(bottom=0)
+            axis.set_xlabel("processor seconds a pair")
+            axis.set_ylabel("% missing or off by > 1 px")
+    for title, key, factor, label in (
+            ("Spread over scenes", "total_bad_1", 100.0, "% missing or off by > 1 px"),
+            ("Spread over scenes, measured pixels", "epe_px", 1.0, "mean disparity error (px)")):
+        columns = [scene_means(table.column(k, key)[:, None], table.scenes)[:, 0] for k in range(len(summary))]
+        if all(np.isfinite(column).sum() < 2 for column in columns):
+            continue
+        with _panel(found, "front", title) as axis:
+            for k, _, look in _methods(summary):
+                _draw_spread(axis, k, factor * columns[k][np.isfinite(columns[k])], look)
+            axis.set_xticks(range(len(summary)), [entry["method"][:_LONGEST_LABEL] for entry in summary],
+                            rotation=25 if len(summary) > 4 else 0)
+            axis.set_ylim(bottom=0)
+            axis.set_ylabel(label)
+    return found
+
+
+def _draw_spread(axis: Axes, place: int, values: np.ndarray, look: Mapping[str, Any]) -> None:
+    """Draw the value of each scene and, if they are many, a box of the quartiles with whiskers from 5 to 95 %."""
+    if len(values) >= FEWEST_SCENES:
+        axis.boxplot(values, positions=[place], widths=0.5, whis=(5, 95), showfliers=False, manage_ticks=False,
+                     boxprops={"color": look["color"]}, medianprops={"color": look["color"], "linewidth": 2.4},
+                     whiskerprops={"color": look["color"]}, capprops={"color": look["color"]})
+    if 0 < len(values) <= _MOST_DOTS:
+        aside = np.linspace(-0.12, 0.12, len(values)) if len(values) > 1 else np.zeros(1)
+        axis.plot(place + aside, values, **look | {"label": "_"}, linestyle="", alpha=0.7)
+
+
+def _draw_histograms(summary: Summary) -> list[str]:
+    """Draw signed disparity errors, the parts of a pixel in the disparities, and the error by part."""
+    entries = [(look, entry["histograms"]) for _, entry, look in _methods(summary)
+               if entry["histograms"] and sum(entry["histograms"]["true_part"])]
+    found: list[str] = []
+    if not entries:
+        return found
+    with _panel(found, "signed", "Signed disparity error") as axis:
+        middle = (ERROR_PX[1:] + ERROR_PX[:-1]) / 2
+        for look, counts in entries:
+            share = 100 * np.array(counts["error"]) / sum(counts["error"])
+            axis.plot(middle, share[1:-1], **look | {"marker": ""})
+        axis.axvline(0, color=_INK, linewidth=0.8)
+        set_logarithmic(axis, "y")
+        axis.set_xlabel("measured minus true disparity (px)")
+        axis.set_ylabel("% of the measured pixels in 0.05 px")
+    part = np.arange(PARTS + 1) / PARTS
+    with _panel(found, "signed", "Pixel locking; 1: as often as in the true disparities") as axis:
+        for look, counts in entries:
+            ratio = np.divide(counts["part"], counts["true_part"], out=np.full(PARTS, np.nan),
+                              where=np.array(counts["true_part"]) > 0)
+            axis.plot(part, np.append(ratio, ratio[0]), **look)
+        axis.axhline(1, color=_INK, linewidth=0.8)
+        axis.set_ylim(bottom=0)
+        axis.set_xlabel("part of a pixel in the disparity")
+        axis.set_ylabel("measured over true frequency")
+    with _panel(found, "signed", "Bias by part of a pixel; errors below 1 px") as axis:
+        for look, counts in entries:
+            mean = np.divide(counts["fine_error_px"], counts["fine"], out=np.full(PARTS, np.nan),
+                             where=np.array(counts["fine"]) > 0)
+            axis.plot(part, np.append(mean, mean[0]), **look)
+        axis.axhline(0, color=_INK, linewidth=0.8)
+        axis.set_xlabel("part of a pixel in the true disparity")
+        axis.set_ylabel("mean signed error (px)")
+    return found
+
+
+def _draw_errors(summary: Summary) -> list[str]:
     """Draw the cumulative error, and the error against the share of measurements kept, the most textured first."""
+    found: list[str] = []
     if not any(entry["error_curve"] for entry in summary):
-        return ""
-    figure, ((left, right),) = make_figure(2, height=3.4)
-    for _, entry, look in _methods(summary):
-        line = look | {"marker": ""}
-        if entry["error_curve"]:
-            left.plot(ERROR_STEPS_M, 100 * np.array(entry["error_curve"]), **line)
-        if entry["sparsification"]["texture"]:
-            right.plot(100 * np.array(SHARES), entry["sparsification"]["texture"], **line)
-            right.plot(100 * np.array(SHARES), entry["sparsification"]["best"], **line | {"label": "_"}, linestyle=":")
-    set_logarithmic(left, "x")
-    _set_percent_axis(left, "% of all true pixels within it")
-    left.set_xlabel("depth error (m)")
-    left.set_title("Cumulative error; ends at the coverage", loc="left")
-    right.set_xlabel("% of measurements kept, the most textured first")
-    right.set_ylabel("mean disparity error (px)")
-    right.set_ylim(bottom=0)
-    right.set_title("Coverage against error; dotted: best possible order", loc="left")
-    add_legend(figure, left, len(summary))
-    return render_svg(figure, "errors", "Cumulative error, and error against coverage")
+        return found
+    lines = [(entry, look | {"marker": ""}) for _, entry, look in _methods(summary)]
+    with _panel(found, "errors", "Cumulative error; ends at the coverage") as axis:
+        for entry, line in lines:
+            if entry["error_curve"]:
+                axis.plot(ERROR_STEPS_M, 100 * np.array(entry["error_curve"]), **line)
+        set_logarithmic(axis, "x")
+        _set_percent_axis(axis, "% of all true pixels within it")
+        axis.set_xlabel("depth error (m)")
+    with _panel(found, "errors", "Error against coverage; dotted: best order") as axis:
+        for entry, line in lines:
+            if entry["sparsification"]["texture"]:
+                axis.plot(100 * np.array(SHARES), entry["sparsification"]["texture"], **line)
+                axis.plot(100 * np.array(SHARES), entry["sparsification"]["best"],
+                          **line | {"label": "_", "linestyle": ":"})
+        axis.set_xlabel("% of measurements kept, the most textured first")
+        axis.set_ylabel("mean disparity error (px)")
+        axis.set_ylim(bottom=0)
+    return found
 
 
 def _has_enough(sums: Mapping[str, Any]) -> np.ndarray:
@@ -166,73 +290,70 @@ def _wrong_percent(sums: Mapping[str, Any]) -> np.ndarray:
     return np.asarray(100 * (true - np.array(sums["n"]) + np.array(sums["bad_1"])) / true)
 
 
-def _draw_range(summary: Summary) -> str:
+def _draw_range(summary: Summary) -> list[str]:
     """Draw error against range, with the law Z² / (f·B) · σ, and coverage and wrong pixels against range."""
-    entries = [entry for entry in summary if "range" in entry["strata"] and _has_enough(entry["strata"]["range"]).any()]
+    entries = [(look, entry["strata"]["range"]) for _, entry, look in _methods(summary)
+               if "range" in entry["strata"] and _has_enough(entry["strata"]["range"]).any()]
+    found: list[str] = []
     if not entries:
-        return ""
+        return found
     bounds = by_pixel_class.RANGE.bounds
     middle = np.array([bounds[0] / 1.2, *np.sqrt(np.multiply(bounds[1:], bounds[:-1])), bounds[-1] * 1.2])
-    figure, ((error, coverage, wrong),) = make_figure(3, height=3.3)
-    for _, entry, look in _methods(summary):
-        sums = entry["strata"].get("range")
-        if sums is None:
-            continue
-        known = _has_enough(sums) & (np.array(sums["n"]) > 0)
-        n = np.maximum(np.array(sums["n"]), 1)
-        error.plot(middle[known], (np.array(sums["l1_m"]) / n)[known], **look)
-        fine = sum(sums["fine"])
-        if fine:
-            sigma = sum(sums["fine_epe_px"]) / fine
-            error.plot(middle[known], (sigma * np.array(sums["m_per_px"]) / n)[known], color=look["color"],
-                       linestyle="--", linewidth=1.1)
-        known = _has_enough(sums)
-        coverage.plot(middle[known], 100 * (np.array(sums["n"]) / np.maximum(sums["true"], 1))[known], **look)
-        wrong.plot(middle[known], _wrong_percent(sums)[known], **look)
-    for axis in (error, coverage, wrong):
+
+    def finish(axis: Axes) -> None:
         set_logarithmic(axis, "x")
         axis.set_xlabel("true depth (m)")
-    set_logarithmic(error, "y")
-    error.set_ylabel("mean depth error (m)")
-    error.set_title("Error; dashed: Z² / (f·B) · σ", loc="left")
-    _set_percent_axis(coverage, "% measured")
-    coverage.set_title("Coverage", loc="left")
-    _set_percent_axis(wrong, "% missing or off by > 1 px")
-    wrong.set_title("Wrong or missing", loc="left")
-    add_legend(figure, error, len(summary))
-    return render_svg(figure, "range", "Error, coverage and wrong pixels against range")
+
+    with _panel(found, "range", "Error; dashed: Z² / (f·B) · σ") as axis:
+        for look, sums in entries:
+            known = _has_enough(sums) & (np.array(sums["n"]) > 0)
+            n = np.maximum(np.array(sums["n"]), 1)
+            axis.plot(middle[known], (np.array(sums["l1_m"]) / n)[known], **look)
+            fine = sum(sums["fine"])
+            if fine:
+                sigma = sum(sums["fine_epe_px"]) / fine
+                axis.plot(middle[known], (sigma * np.array(sums["m_per_px"]) / n)[known], color=look["color"],
+                          linestyle="--", linewidth=1.1)
+        finish(axis)
+        set_logarithmic(axis, "y")
+        axis.set_ylabel("mean depth error (m)")
+    with _panel(found, "range", "Coverage") as axis:
+        for look, sums in entries:
+            known = _has_enough(sums)
+            axis.plot(middle[known], 100 * (np.array(sums["n"]) / np.maximum(sums["true"], 1))[known], **look)
+        finish(axis)
+        _set_percent_axis(axis, "% measured")
+    with _panel(found, "range", "Wrong or missing") as axis:
+        for look, sums in entries:
+            known = _has_enough(sums)
+            axis.plot(middle[known], _wrong_percent(sums)[known], **look)
+        finish(axis)
+        _set_percent_axis(axis, "% missing or off by > 1 px")
+    return found
 
 
-def _draw_pixel_classes(summary: Summary) -> str:
+def _draw_pixel_classes(summary: Summary) -> list[str]:
     """Draw wrong or missing pixels by their class, for all factors but range."""
-    factors = [factor for factor in by_pixel_class.FACTORS if factor.key != "range" and any(
-        _has_enough(entry["strata"][factor.key]).sum() > 1 for entry in summary if factor.key in entry["strata"])]
-    if not factors:
-        return ""
-    columns = min(3, len(factors))
-    rows = math.ceil(len(factors) / columns)
-    figure, axes = make_figure(columns, rows, height=2.8)
-    for factor, axis in itertools.zip_longest(factors, axes.flat):
-        if factor is None:
-            axis.set_visible(False)
+    found: list[str] = []
+    for factor in by_pixel_class.FACTORS:
+        if factor.key == "range" or not any(_has_enough(entry["strata"][factor.key]).sum() > 1 for entry in summary
+                                            if factor.key in entry["strata"]):
             continue
-        places = np.arange(len(factor.classes))
-        shown = np.zeros(len(places), bool)
-        for k, entry, look in _methods(summary):
-            sums = entry["strata"].get(factor.key)
-            if sums is not None:
-                known = _has_enough(sums)
-                shown |= known
-                aside = (k - (len(summary) - 1) / 2) * 0.12 if factor.names else 0.0
-                axis.plot(places[known] + aside, _wrong_percent(sums)[known], **look,
-                          linestyle="" if factor.names else "-")
-        axis.set_xticks(places[shown], np.array(factor.classes)[shown], rotation=0 if factor.names else 35)
-        axis.set_xlim(places[shown].min() - 0.4, places[shown].max() + 0.4)
-        axis.set_ylim(bottom=-1)
-        axis.set_title(factor.title, loc="left")
-        axis.set_ylabel("% missing or > 1 px")
-    add_legend(figure, axes.flat[0], len(summary))
-    return render_svg(figure, "strata", "Wrong or missing pixels by slope, texture, light, visibility and material")
+        with _panel(found, "strata", factor.title) as axis:
+            places = np.arange(len(factor.classes))
+            shown = np.zeros(len(places), bool)
+            for k, entry, look in _methods(summary):
+                sums = entry["strata"].get(factor.key)
+                if sums is not None:
+                    known = _has_enough(sums)
+                    shown |= known
+                    aside = (k - (len(summary) - 1) / 2) * 0.12 if factor.names else 0.0
+                    axis.plot(places[known] + aside, _wrong_percent(sums)[known], **look,
+                              linestyle="" if factor.names else "-")
+            axis.set_xticks(places[shown], np.array(factor.classes)[shown], rotation=0 if factor.names else 35)
+            axis.set_xlim(places[shown].min() - 0.4, places[shown].max() + 0.4)
+            axis.set_ylabel("% missing or > 1 px")
+    return found
 
 
 def write_curves(summary: Summary, table: Table, sweeps: Sequence[Sweep], out: Path) -> dict[str, str]:
@@ -247,7 +368,8 @@ def write_curves(summary: Summary, table: Table, sweeps: Sequence[Sweep], out: P
             continue  # of another version, whose names may be no names of files
         with matplotlib.rc_context({**STYLE, **_ON_WHITE}):
             figure, axes = make_figure(2, width=9.6, height=4.2)
-            _draw_sweep(sweep, axes[0], summary, table)
+            for axis, drawn in zip(axes[0], SWEPT, strict=True):
+                _draw_sweep(sweep, axis, drawn, summary, table)
             add_legend(figure, axes[0][0], len(summary))
             curves[sweep.name] = f"curves/{sweep.name}.png"
             write_atomically(out / curves[sweep.name], partial(figure.savefig, format="png", dpi=_DPI,
@@ -255,37 +377,34 @@ def write_curves(summary: Summary, table: Table, sweeps: Sequence[Sweep], out: P
     return curves
 
 
-def _draw_sweep(sweep: Sweep, axes: Sequence[Axes], summary: Summary, table: Table) -> None:
-    """Draw mean error and wrong pixels against a setting that varies, with 95 % intervals, on two axes."""
+def _draw_sweep(sweep: Sweep, axis: Axes, drawn: tuple[str, float, str], summary: Summary, table: Table) -> None:
+    """Draw one of ``SWEPT`` against a setting that varies, with 95 % intervals."""
     names, places, _ = sweep.levels()
     noisy = decided_by_noise(sweep, table)
-    for axis, metric, factor in ((axes[0], "l1_m", 1.0), (axes[1], "total_bad_1", 100.0)):
-        step = 0.012 * float(np.ptp(places)) or 0.1
-        for k, _, look in _methods(summary):
-            mean, bounds = mean_by_level(sweep, table, k, metric)
-            bars = np.abs(bounds.T - mean)
-            aside = (k - (len(summary) - 1) / 2) * step
-            axis.errorbar(places + aside, factor * mean, factor * np.nan_to_num(bars), capsize=2.5, elinewidth=1,
-                          linestyle="-" if sweep.numeric else "", **look)
-        if not sweep.numeric or len(names) <= 6:
-            axis.set_xticks(places, [name if len(name) < 16 else f"{name[:14]}…" for name in names])
-        axis.margins(x=0.08)
-        axis.set_ylim(bottom=0)
-        half = 0.35 * float(np.diff(np.sort(places)).min()) if len(places) > 1 else 0.1
-        for place in places[noisy]:
-            axis.axvspan(place - half, place + half, color=_LINE, alpha=0.6, linewidth=0, zorder=0)
-        others = f", and {len(sweep.together)} more that vary with it" if sweep.together else ""
-        axis.set_xlabel(sweep.title + others + ("\nbands: noise of the render decides" if noisy.any() else ""))
-    axes[0].set_ylabel("Mean absolute depth error (m)")
-    axes[1].set_ylabel("% missing or > 1 px")
+    metric, factor, label = drawn
+    step = 0.012 * float(np.ptp(places)) or 0.1
+    for k, _, look in _methods(summary):
+        mean, bounds = mean_by_level(sweep, table, k, metric)
+        bars = np.abs(bounds.T - mean)
+        aside = (k - (len(summary) - 1) / 2) * step
+        axis.errorbar(places + aside, factor * mean, factor * np.nan_to_num(bars), capsize=2.5, elinewidth=1,
+                      linestyle="-" if sweep.numeric else "", **look)
+    if not sweep.numeric or len(names) <= 6:
+        axis.set_xticks(places, [name if len(name) < 16 else f"{name[:14]}…" for name in names])
+    axis.margins(x=0.08)
+    axis.set_ylim(bottom=0)
+    half = 0.35 * float(np.diff(np.sort(places)).min()) if len(places) > 1 else 0.1
+    for place in places[noisy]:
+        axis.axvspan(place - half, place + half, color=_LINE, alpha=0.6, linewidth=0, zorder=0)
+    others = f", and {len(sweep.together)} more that vary with it" if sweep.together else ""
+    axis.set_xlabel(sweep.title + others + ("\nbands: noise of the render decides" if noisy.any() else ""))
+    axis.set_ylabel(label)
 
 
-def _draw_sweeps(summary: Summary, table: Table, sweeps: Sequence[Sweep]) -> str:
+def _draw_sweeps(summary: Summary, table: Table, sweeps: Sequence[Sweep]) -> list[str]:
     """Draw mean error and wrong pixels against each setting that varies, with 95 % intervals."""
-    if not sweeps:
-        return ""
-    figure, axes = make_figure(2, len(sweeps), height=2.7)
-    for sweep, row in zip(sweeps, axes, strict=True):
-        _draw_sweep(sweep, row, summary, table)
-    add_legend(figure, axes[0][0], len(summary))
-    return render_svg(figure, "sweeps", "Error against each setting that was varied")
+    found: list[str] = []
+    for sweep, drawn in itertools.product(sweeps, SWEPT):
+        with _panel(found, "sweeps", "", height=2.9) as axis:
+            _draw_sweep(sweep, axis, drawn, summary, table)
+    return found

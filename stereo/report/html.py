@@ -25,10 +25,21 @@ from ..images.image_files import encoded, read_png
 from ..matchers.methods import Method
 from ..measure.result_row import REGION_METRICS, REGIONS
 from .by_setting import Sweep
-from .charts import MOST_SWEEPS, draw_charts
+from .charts import MOST_SWEEPS, draw_charts, method_keys
 from .phase_curves import phase_curves
 from .summary import Table
-from .table_columns import COMPARED_COLUMNS, GUISS, METRIC_NAMES, SUMMARY, format_interval, format_number
+from .table_columns import (
+    COMPARED_COLUMNS,
+    GUISS,
+    MEASURED,
+    METRIC_NAMES,
+    RANKING,
+    SECONDS,
+    SUMMARY,
+    TOTALS,
+    format_interval,
+    format_number,
+)
 
 #: Most pairs shown with pictures; half of them are the worst ones. The CSV file contains all.
 MOST_PAIRS = 24
@@ -41,8 +52,8 @@ _SCREEN_GAMMA = 1 / 2.2
 #: Number of pictures of a pair, and of each method on it.
 _OWN, _PER_METHOD = 2, 3
 #: The columns of the table of all pairs, for each method: key, heading, decimals, factor.
-_PAGED = (("l1_m", "L1 (m)", 3, 1.0), ("total_bad_1", "wrong or missing (%)", 1, 100.0),
-          ("coverage", "cov. (%)", 1, 100.0))
+_PAGED = (("total_bad_1", "> 1 px or missing (%)", 1, 100.0), ("coverage", "coverage (%)", 1, 100.0),
+          ("epe_px", "EPE of measured (px)", 3, 1.0))
 #: Facts about pairs whose distinct values the report lists.
 _MIXED = {"data": lambda facts: facts.get("layout", "rendered here"),
           "image (px)": lambda facts: f"{facts['width_px']} × {facts['height_px']}",
@@ -65,14 +76,16 @@ def _read_template() -> jinja2.Template:
     return environment.get_template("report.html.j2")
 
 
-def write_report(report: Mapping[str, Any], chosen: Sequence[str], table: Table, sweeps: Sequence[Sweep],
-                 methods: Sequence[Method], out: Path, guiss: bool) -> None:
+def write_report(report: Mapping[str, Any], ranking: Mapping[str, Any], chosen: Sequence[str], titles: Sequence[str],
+                 table: Table, sweeps: Sequence[Sweep], methods: Sequence[Method], out: Path, guiss: bool) -> None:
     """Write ``out/report.html`` from the result of ``evaluate`` and the pictures in ``out``; it contains those of the
-    pairs ``chosen``."""
+    pairs ``chosen``. ``ranking``: see ``ranking.rank_methods``; ``titles``: of all pairs, see ``conditions``."""
     script = (_HERE / "report.js").read_text(encoding="utf-8").strip()
     names = set(chosen)
     html = _read_template().render(
-        report=report, regions=REGIONS, region_metrics=REGION_METRICS, metric_names=METRIC_NAMES, columns=SUMMARY,
+        report=report, ranking=ranking, keys=method_keys(table.methods), regions=REGIONS,
+        region_metrics=REGION_METRICS, metric_names=METRIC_NAMES,
+        columns=SUMMARY, totals=(*TOTALS, SECONDS), measured=MEASURED,
         compared=_comparison_rows(report["comparisons"]), compared_columns=COMPARED_COLUMNS,
         format_number=format_number, format_interval=format_interval, guiss=GUISS if guiss else (),
         charts=draw_charts(report["summary"], table, sweeps, phase_curves(report["pairs"])),
@@ -81,20 +94,21 @@ def write_report(report: Mapping[str, Any], chosen: Sequence[str], table: Table,
         warned=count_warnings(report["pairs"]),
         error_bar=_colour_bar(colours.ERROR), invalid=colours.INVALID_GREY, sky=colours.SKY_GREY,
         pairs=[_pair_section(facts, report, table, out) for facts in report["pairs"] if facts["pair"] in names],
-        data=_page_data(table, methods), script=script, script_hash=_script_hash(script))
+        titles=dict(zip(table.pairs, titles, strict=True)), data=_page_data(table, titles, ranking, methods),
+        script=script, script_hash=_script_hash(script))
     write_text(out / "report.html", html)
 
 
 def choose_pairs(table: Table, names: Sequence[str]) -> list[str]:
     """Names of the pairs to show: all or, if there are too many, the worst ones and as many others at equal steps.
 
-    The worst pairs have the largest mean depth error by any method. Pairs that count in no average, or in which a
-    method measured nothing, are the worst of all.
+    The worst pairs have the most wrong or missing pixels by any method. Pairs that count in no average are the worst of
+    all.
     """
     most = max(2, min(MOST_PAIRS, MOST_PICTURES // (_OWN + _PER_METHOD * len(table.methods))))
     if len(names) <= most:
         return list(names)
-    errors = np.stack([table.column(k, "l1_m") for k in range(len(table.methods))])
+    errors = np.stack([table.column(k, RANKING) for k in range(len(table.methods))])
     badness = dict(zip(table.pairs, np.where(np.isnan(errors), np.inf, errors).max(axis=0).tolist(), strict=True))
     worst = sorted(names, key=badness.__getitem__, reverse=True)[:most // 2]
     rest = [name for name in names if name not in set(worst)]
@@ -131,18 +145,19 @@ def _comparison_rows(comparisons: Sequence[Mapping[str, Any]]) -> list[dict[str,
     return list(rows.values())
 
 
-def _page_data(table: Table, methods: Sequence[Method]) -> str:
-    """The table of all pairs for the script of the page: JSON that is safe inside a script element."""
+def _page_data(table: Table, titles: Sequence[str], ranking: Mapping[str, Any], methods: Sequence[Method]) -> str:
+    """The ranking and the table of all pairs for the script of the page: JSON that is safe inside a script element."""
     columns = [[table.column(k, key) * factor for key, _, _, factor in _PAGED] for k in range(len(methods))]
     counted, failed = table.counts.any(axis=0), table.failed.any(axis=0)
     rows = []
     for p, name in enumerate(table.pairs):
         status = "failed" if failed[p] else "" if counted[p] else "suspect"
-        rows.append([name, status, *(None if np.isnan(column[p]) else round(float(column[p]), decimals)
+        rows.append([name, titles[p], status, *(None if np.isnan(column[p]) else round(float(column[p]), decimals)
                                      for own in columns
                                      for column, (_, _, decimals, _) in zip(own, _PAGED, strict=True))])
     text = json.dumps({"methods": [[method.label, method.file_name] for method in methods],
-                       "columns": [[heading, decimals] for _, heading, decimals, _ in _PAGED], "pairs": rows},
+                       "columns": [[heading, decimals] for _, heading, decimals, _ in _PAGED], "pairs": rows,
+                       "ranking": ranking},
                       separators=(",", ":"), allow_nan=False)
     return text.replace("<", "\\u003c")
 

@@ -1,8 +1,9 @@
-// Shows the table of all pairs, page by page, and the pictures of a pair that is clicked.
+// Sorts and switches the ranking, and shows the table of all pairs, page by page, and the pictures of a pair that is
+// clicked. The address keeps what is chosen in the ranking.
 "use strict";
 const data = JSON.parse(document.getElementById("data").textContent);
+const ranking = data.ranking;
 const PAGE = 25;
-const state = { page: 0, sort: 0, down: false, text: "" };
 const place = (id) => document.getElementById(id);
 
 function make(tag, text, parent) {
@@ -12,54 +13,148 @@ function make(tag, text, parent) {
   return element;
 }
 
-function wanted() {
-  const rows = data.pairs.filter((row) => row[0].toLowerCase().includes(state.text) || row[1].includes(state.text));
-  const way = state.down ? -1 : 1;
-  // Undefined values come last in both directions.
-  return rows.sort((a, b) => {
-    const [x, y] = [a[state.sort], b[state.sort]];
-    if (x === null || y === null) return (x === null) - (y === null);
-    return way * (x < y ? -1 : x > y ? 1 : 0);
-  });
+// Undefined values come last in both directions.
+function compare(x, y, down) {
+  if (x === null || y === null) return (x === null) - (y === null);
+  return (down ? -1 : 1) * (x < y ? -1 : x > y ? 1 : 0);
 }
 
-function sortBy(column) {
-  state.down = state.sort === column ? !state.down : column > 1;
-  state.sort = column;
-  state.page = 0;
-  draw();
-}
-
-function heading(text, column, row) {
+function heading(text, row, sorted, down, sort) {
   const cell = make("th", undefined, row);
-  const button = make("button", text, cell);
-  button.onclick = () => sortBy(column);
-  if (state.sort === column) cell.setAttribute("aria-sort", state.down ? "descending" : "ascending");
+  cell.scope = "col";
+  make("button", text, cell).onclick = sort;
+  if (sorted) cell.setAttribute("aria-sort", down ? "descending" : "ascending");
+  return cell;
+}
+
+// A new table has new headings; the one that was pressed keeps the focus.
+function replace(region, table) {
+  const buttons = [...region.querySelectorAll("th button")];
+  const focused = buttons.indexOf(document.activeElement);
+  region.replaceChildren(table);
+  if (focused >= 0) region.querySelectorAll("th button")[focused]?.focus();
+}
+
+const chosen = { view: ranking.first[0], condition: 0, column: ranking.first[1], down: false };
+
+function readAddress() {
+  const stated = new URLSearchParams(location.hash.slice(1));
+  if (ranking.views.some((view) => view.key === stated.get("pixels"))) chosen.view = stated.get("pixels");
+  const view = ranking.views.find((each) => each.key === chosen.view);
+  const condition = Number(stated.get("condition")), column = Number(stated.get("sort") ?? chosen.column);
+  if (ranking.conditions[condition]) chosen.condition = condition;
+  if (column === -1 || view.columns[column]) chosen.column = column;
+  chosen.down = stated.get("down") === "1";
+}
+
+function writeAddress() {
+  const stated = new URLSearchParams({ pixels: chosen.view, condition: chosen.condition, sort: chosen.column,
+    down: Number(chosen.down) });
+  try { history.replaceState(null, "", `#${stated}`); } catch { /* not every browser allows it for a file */ }
+}
+
+function rank() {
+  const view = ranking.views.find((each) => each.key === chosen.view);
+  const condition = ranking.conditions[chosen.condition];
+  const cells = condition.cells[view.key];
+  const value = (method) => (chosen.column < 0 ? ranking.methods[method] : cells[method][chosen.column][4]);
+  const order = ranking.methods.map((_, method) => method).sort((a, b) => compare(value(a), value(b), chosen.down));
+  const sortBy = (column, down) => () => {
+    chosen.down = chosen.column === column ? !chosen.down : down;
+    chosen.column = column;
+    rank();
+    writeAddress();
+  };
+  const table = make("table");
+  const head = make("tr", undefined, make("thead", undefined, table));
+  heading("Method", head, chosen.column < 0, chosen.down, sortBy(-1, false));
+  view.columns.forEach(([title, doc, more], column) => {
+    heading(title, head, chosen.column === column, chosen.down, sortBy(column, more)).title = doc;
+  });
+  const body = make("tbody", undefined, table);
+  for (const method of order) {
+    const row = make("tr", undefined, body);
+    const name = make("td", ranking.methods[method], row);
+    if (condition.notes[method]) make("small", condition.notes[method], name);
+    for (const [text, interval, place, bold] of cells[method]) {
+      const cell = make("td", text, row);
+      if (bold) cell.className = "sure";
+      if (place) {
+        cell.append(" ");
+        make("span", place, cell).className = "rank";
+      }
+      make("small", interval, cell);
+    }
+  }
+  replace(place("ranking"), table);
+  place("verdicts").textContent = condition.verdicts;
+  place("view").textContent = view.doc;
+  for (const input of document.getElementsByName("view")) input.checked = input.value === chosen.view;
+  if (place("condition")) place("condition").value = String(chosen.condition);
+}
+
+function switchView(key) {
+  const name = (view) => ranking.views.find((each) => each.key === view).columns[chosen.column]?.[0];
+  const sorted = name(chosen.view);
+  chosen.view = key;
+  const columns = ranking.views.find((each) => each.key === key).columns.map(([title]) => title);
+  chosen.column = chosen.column < 0 ? -1 : Math.max(columns.indexOf(sorted), columns.length > 2 ? 1 : 0);
+  rank();
+  writeAddress();
+}
+
+for (const input of document.getElementsByName("view")) input.onchange = () => switchView(input.value);
+if (place("condition")) {
+  place("condition").onchange = (event) => { chosen.condition = Number(event.target.value); rank(); writeAddress(); };
+}
+onhashchange = () => { readAddress(); rank(); };
+place("switches").hidden = false;
+readAddress();
+rank();
+
+const state = { page: 0, sort: 0, down: false, text: "" };
+const FIXED = 3; // name, title and status come before the numbers
+
+function wanted() {
+  const rows = data.pairs.filter((row) => row.slice(0, FIXED).some((text) => text.toLowerCase().includes(state.text)));
+  return rows.sort((a, b) => compare(a[state.sort], b[state.sort], state.down));
+}
+
+function pairHeading(text, column, row) {
+  heading(text, row, state.sort === column, state.down, () => {
+    state.down = state.sort === column ? !state.down : column >= FIXED;
+    state.sort = column;
+    state.page = 0;
+    draw();
+  });
 }
 
 function draw() {
   const rows = wanted();
+  const titled = data.pairs.some((row) => row[1]);
   const pages = Math.max(1, Math.ceil(rows.length / PAGE));
   state.page = Math.min(Math.max(state.page, 0), pages - 1);
   const table = make("table");
   const head = make("thead", undefined, table);
   const above = make("tr", undefined, head);
-  make("th", "", above).colSpan = 2;
+  make("th", "", above).colSpan = titled ? 3 : 2;
   for (const [label] of data.methods) make("th", label, above).colSpan = data.columns.length;
   const names = make("tr", undefined, head);
-  heading("pair", 0, names);
-  heading("state", 1, names);
+  if (titled) pairHeading("condition", 1, names);
+  pairHeading("pair", 0, names);
+  pairHeading("state", 2, names);
   data.methods.forEach((_, m) => data.columns.forEach(([name], c) =>
-    heading(name, 2 + m * data.columns.length + c, names)));
+    pairHeading(name, FIXED + m * data.columns.length + c, names)));
   const body = make("tbody", undefined, table);
   for (const row of rows.slice(state.page * PAGE, (state.page + 1) * PAGE)) {
     const line = make("tr", undefined, body);
-    make("button", row[0], make("td", undefined, line)).onclick = () => open(row[0]);
-    make("td", row[1], line);
-    row.slice(2).forEach((value, k) =>
+    if (titled) make("td", row[1], line);
+    make("button", row[0], make("td", undefined, line)).onclick = () => open(row);
+    make("td", row[2], line);
+    row.slice(FIXED).forEach((value, k) =>
       make("td", value === null ? "–" : value.toFixed(data.columns[k % data.columns.length][1]), line));
   }
-  place("all-pairs").replaceChildren(table);
+  replace(place("all-pairs"), table);
   place("page").textContent = `page ${state.page + 1} of ${pages}, ${rows.length} pairs`;
 }
 
@@ -72,11 +167,11 @@ function picture(path, caption, parent) {
   image.src = path;
 }
 
-function open(name) {
+function open([name, title]) {
   const panel = place("opened");
   panel.hidden = false;
   panel.replaceChildren();
-  make("h3", name, panel);
+  make("h3", title ? `${title} (${name})` : name, panel);
   const views = make("div", undefined, panel);
   views.className = "views";
   const folder = `pairs/${encodeURIComponent(name)}/`;
@@ -88,7 +183,7 @@ function open(name) {
     picture(`${folder}${encodeURIComponent(file)}_depth.png`, `Depth, ${label}`, column);
     picture(`${folder}${encodeURIComponent(file)}_error.png`, `Error, ${label}`, column);
   }
-  panel.scrollIntoView({ behavior: "smooth" });
+  panel.scrollIntoView();
 }
 
 place("filter").oninput = (event) => { state.text = event.target.value.toLowerCase(); state.page = 0; draw(); };

@@ -10,8 +10,6 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, TextIO
 
-import numpy as np
-
 from ...errors import IcyMoonError
 from ...files import escape_cell, write_atomically, write_json
 from ...records import ANYTHING, COUNT, FLAG, NUMBER, PIXELS, TABLE, TEXT, Each, Maybe, Shape, read_record
@@ -23,8 +21,10 @@ from ..measure.metrics import ERROR_STEPS_M, SHARES
 from ..measure.result_row import NUMBERS, REGIONS
 from .by_setting import scene_of, swept_settings
 from .charts import write_curves
+from .conditions import conditions_of, name_levels, preset_title, titles_of
 from .html import choose_pairs, write_report
 from .notes import NOISE, SEARCH, Notes
+from .ranking import rank_methods
 from .row_log import LazyRows, Row, RowLog
 from .summary import Table, compare_methods, summarise_method
 from .verdict_text import describe_verdicts
@@ -32,7 +32,7 @@ from .verdict_text import describe_verdicts
 FORMAT = "icymoon-report"
 VERSION = 2
 #: Entries of rows that only ``results.jsonl`` contains: the summary has their sums, or only a later run needs them.
-_LONG = ("strata", "sparsification", "common")
+_LONG = ("strata", "sparsification", "histograms", "common")
 
 
 #: The facts of a pair, see ``prepare``: the entries that are read again.
@@ -45,6 +45,7 @@ _KNOWN = Maybe(NUMBER, null=True)
 ROW: dict[str, Shape] = {
     "status": TEXT, "error": TEXT, "images": Each(TEXT, TEXT), "options": TABLE, "facts": TABLE, "search": SEARCH,
     "counts": Each(COUNT, TEXT), "strata": TABLE, "sparsification": TABLE, "error_curve": Each(ANYTHING),
+    "histograms": Each(Each(NUMBER), TEXT),
     "common": Each({"key": TEXT, **dict.fromkeys(common_pixels.NUMBERS, _KNOWN)}, TEXT),
     **dict.fromkeys(NUMBERS, _KNOWN)}
 #: Entries of the report that ``summary.json`` lacks, because they grow with the number of pairs.
@@ -69,8 +70,7 @@ def write_results(log: RowLog, names: Sequence[str], methods: Sequence[Method], 
     notes = Notes(methods)
     for pair in facts:
         table.by_noise[places[pair["pair"]]] = notes.add_pair(pair)
-        table.scenes[places[pair["pair"]]] = scenes.setdefault(
-            pair.get("scene") or scene_of(pair["settings"]), len(scenes))
+        table.scenes[places[pair["pair"]]] = scenes.setdefault(pair.get("scene") or scene_of(pair), len(scenes))
     ran_on: dict[str, list[Any]] = {label: [] for label in labels}
     for k, name in enumerate(names):
         for label in labels:
@@ -82,7 +82,7 @@ def write_results(log: RowLog, names: Sequence[str], methods: Sequence[Method], 
     comparisons, ranks = compare_methods(table, seed)
     summary = [summarise_method(table, k) | {"ranks": own} for k, own in enumerate(ranks)]
     sweeps = swept_settings(facts, places)
-    verdicts = describe_verdicts(comparisons, len(np.unique(table.scenes[table.counts.any(axis=0)])))
+    verdicts = describe_verdicts(comparisons, table.scene_count())
     report = {"format": FORMAT, "version": VERSION,
               "summary": summary, "curves": write_curves(summary, table, sweeps, out),
               "comparisons": comparisons, "verdicts": verdicts, "rows": rows, "pairs": facts, "failed": failed,
@@ -94,7 +94,11 @@ def write_results(log: RowLog, names: Sequence[str], methods: Sequence[Method], 
     shown = [rows[places[name] * len(labels) + k] for name in chosen for k in range(len(labels))]
     write_json(out / "summary.json", {key: value for key, value in report.items() if key not in _MANY}
                | {"shown": shown})
-    write_report(report, chosen, table, sweeps, methods, out, guiss)
+    levels = name_levels(sweeps, facts, places)
+    titles = titles_of(sweeps, levels, len(names)) if sweeps else [
+        preset_title(facts[0]["settings"]) if facts else ""] * len(names)
+    ranking = rank_methods(table, summary, verdicts, conditions_of(sweeps, levels), seed)
+    write_report(report, ranking, chosen, titles, table, sweeps, methods, out, guiss)
     return report
 
 

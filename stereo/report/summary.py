@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from ..measure import by_pixel_class, common_pixels
-from ..measure.metrics import BAD, ERROR_STEPS_M, SHARES
+from ..measure import by_pixel_class, common_pixels, disparity_histograms
+from ..measure.metrics import BAD, ERROR_STEPS_M, QUANTILES, SHARES
 from ..measure.result_row import NUMBERS, REGION_METRICS
 from .comparisons import compare, pairs_of, ranks
 from .scene_intervals import intervals, scene_means
@@ -47,6 +47,8 @@ _PLACE = {key: place for place, key in enumerate(NUMBERS)}
 #: Numbers that are counts of pixels.
 _COUNTS = tuple(f"{prefix}n" for prefix, keys in REGION_METRICS.items() if "n" in keys)
 _AVERAGED = tuple(key for key in NUMBERS if key not in (*_COUNTS, "true_pixels"))
+#: Numbers that are infinite, and so null, in a pair with too few measured pixels.
+_TOTAL_QUANTILES = tuple(f"total_{key}" for key in ("median_m", *QUANTILES))
 _COMMON_PLACE = {f"common_{key}": place for place, key in enumerate(common_pixels.NUMBERS)}
 
 
@@ -67,6 +69,7 @@ class Table:
         self.scenes = np.full(len(pairs), -1)
         self.by_noise = np.zeros(len(pairs), bool)  # pairs whose result noise of the render decides
         self.strata: list[dict[str, Any] | None] = [None] * len(methods)
+        self.histograms: list[disparity_histograms.Histograms | None] = [None] * len(methods)
         self._curves: list[dict[str, list[Any]]] = [{key: [np.zeros(steps), 0] for key, steps in (
             ("error_curve", len(ERROR_STEPS_M)), ("texture", len(SHARES)), ("best", len(SHARES)))} for _ in methods]
 
@@ -82,10 +85,22 @@ class Table:
             self.common[method, self.methods.index(other), pair] = [
                 np.nan if (value := row["common"][other][key]) is None else value for key in common_pixels.NUMBERS]
         self.strata[method] = by_pixel_class.add_sums(self.strata[method], row["strata"])
+        self.histograms[method] = disparity_histograms.add(self.histograms[method], row["histograms"])
         for key, curve in (("error_curve", row["error_curve"]), *row["sparsification"].items()):
             if curve and None not in curve:
                 self._curves[method][key][0] += curve
                 self._curves[method][key][1] += 1
+
+    def scene_count(self) -> int:
+        """The number of scenes with a pair that counts."""
+        return len(np.unique(self.scenes[self.counts.any(axis=0)]))
+
+    def where(self, pairs: np.ndarray) -> Table:
+        """The numbers of the pairs where the boolean ``pairs`` is true, without sums over pixels."""
+        part = Table(self.methods, [pair for pair, kept in zip(self.pairs, pairs, strict=True) if kept])
+        part.values, part.common = self.values[:, pairs], self.common[:, :, pairs]
+        part.counts, part.failed, part.scenes = self.counts[:, pairs], self.failed[:, pairs], self.scenes[pairs]
+        return part
 
     def column(self, method: int, key: str) -> np.ndarray:
         """One number for all pairs, NaN where undefined."""
@@ -104,7 +119,9 @@ def summarise_method(table: Table, method: int) -> dict[str, Any]:
     paper; ``n`` is the sum. ``intervals`` are the 95 % bounds of each mean (see ``scene_intervals``), ``scenes`` is
     the number of scenes behind them. ``pooled_*`` are means over the pixels of all pairs. ``pairs`` is the number of
     pairs that count; ``failed`` and ``suspect`` count the others. ``strata`` contains, per factor, the ``classes`` and,
-    per class, the ``by_pixel_class.SUMS`` over the pixels of all pairs.
+    per class, the ``by_pixel_class.SUMS`` over the pixels of all pairs, ``histograms`` those of
+    ``disparity_histograms``. A quantile over all true pixels is infinite in a pair with too few measured ones; its mean
+    is then null.
     """
     values = table.values[method]
     counted = table.counts[method]
@@ -115,11 +132,13 @@ def summarise_method(table: Table, method: int) -> dict[str, Any]:
     columns = values[:, [_PLACE[key] for key in _AVERAGED]]
     result |= {key: _number(mean) for key, mean in zip(_AVERAGED, _means(columns), strict=True)}
     result |= {key: int(np.nansum(table.column(method, key))) for key in _COUNTS}
+    with_truth = counted & (table.column(method, "true_pixels") > 0)
+    result |= {key: None for key in _TOTAL_QUANTILES if np.isnan(table.column(method, key)[with_truth]).any()}
     bounds = intervals(columns[counted], table.scenes[counted])
     signed = (columns < 0).any(axis=0)
     bounds[~signed] = np.maximum(bounds[~signed], 0.0)
     result["intervals"] = {key: [float(low), float(high)] for key, (low, high) in zip(_AVERAGED, bounds, strict=True)
-                           if np.isfinite(low)}
+                           if np.isfinite(low) and result[key] is not None}
     weights = table.column(method, "n")
     for metric in POOLED:
         numbers = table.column(method, metric)
@@ -128,6 +147,7 @@ def summarise_method(table: Table, method: int) -> dict[str, Any]:
     result["pooled_coverage"] = _ratio(result["n"], float(np.nansum(table.column(method, "true_pixels"))))
     result["error_curve"] = table.curve(method, "error_curve")
     result["sparsification"] = {key: table.curve(method, key) for key in ("texture", "best")}
+    result["histograms"] = table.histograms[method] or {}
     result["strata"] = {factor.key: {"classes": list(factor.classes), **sums} for factor in by_pixel_class.FACTORS
                         if (sums := (table.strata[method] or {}).get(factor.key))}
     return result

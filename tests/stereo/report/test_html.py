@@ -39,11 +39,12 @@ def test_every_pair_is_in_the_table_and_a_few_have_pictures(many):
     html = (many / "report.html").read_text(encoding="utf-8")
     data = page_data(html)
     assert [row[0] for row in data["pairs"]] == [f"pair{k:05d}" for k in range(COUNT)]
-    assert [row[1] for row in data["pairs"]].count("suspect") == len(range(5, COUNT, 97))
+    assert [row[2] for row in data["pairs"]].count("suspect") == len(range(5, COUNT, 97))
     assert html.count("<img") == MOST_PAIRS * (2 + 2 * 2)
     assert len(html) < 2_500_000
     rows = json.loads((many / "report.json").read_text())["rows"]
-    assert data["pairs"][7][2] == pytest.approx(rows[14]["l1_m"], abs=5e-4)
+    assert data["pairs"][7][3] == pytest.approx(100 * rows[14]["total_bad_1"], abs=0.06)
+    assert data["pairs"][7][1].startswith("Albedo 0.6, Sun Elevation ")
 
 
 def test_only_the_reports_own_script_may_run(many):
@@ -57,11 +58,10 @@ def test_only_the_reports_own_script_may_run(many):
 
 def test_each_varied_setting_has_a_plot(many):
     html = (many / "report.html").read_text(encoding="utf-8")
-    charts = re.findall(r"<svg.*?</svg>", html, re.DOTALL)
-    assert "Albedo" in charts[-1]
-    assert "Sun Elevation" in charts[-1]
-    assert "Seed" not in charts[-1]
-    assert "(m)" in charts[-1]
+    charts = re.findall(r'<svg [^>]*class="chart".*?</svg>', html, re.DOTALL)
+    for words, some in ((("Albedo", "(m)"), charts[-4:-2]), (("Sun Elevation", "(m)"), charts[-2:])):
+        assert all(any(word in chart for chart in some) for word in words)
+    assert "Seed" not in "".join(charts)
     assert all("currentColor" in chart or "var(--soft)" in chart for chart in charts)
     identifiers = re.findall(r'<(?:path|clipPath) id="([^"]+)"', html)
     assert len(identifiers) == len(set(identifiers))  # or one chart would be clipped by another's frame
@@ -108,7 +108,7 @@ def test_a_report_of_failures_only(tmp_path):
     report = evaluate([tmp_path], METHODS, tmp_path / "out")
     assert len(report["pairs"]) == 0
     assert report["summary"][0]["l1_m"] is None
-    assert page_data((tmp_path / "out" / "report.html").read_text())["pairs"] == [["p", "failed"] + [None] * 6]
+    assert page_data((tmp_path / "out" / "report.html").read_text())["pairs"] == [["p", "", "failed"] + [None] * 6]
 
 
 def test_images_of_one_pixel(tmp_path):
@@ -122,9 +122,9 @@ def test_images_of_one_pixel(tmp_path):
 def test_few_pairs_are_chosen_from_many_the_worst_among_them():
     names = [f"pair{k:03d}" for k in range(100)]
     table = Table(["bm"], names)
-    table.values[0, :, NUMBERS.index("l1_m")] = 0.1 + 0.001 * np.arange(100)
-    table.values[0, 7, NUMBERS.index("l1_m")] = np.nan  # measured nothing
-    table.values[0, 50, NUMBERS.index("l1_m")] = 9.0
+    table.values[0, :, NUMBERS.index("total_bad_1")] = 0.1 + 0.001 * np.arange(100)
+    table.values[0, 7, NUMBERS.index("total_bad_1")] = np.nan  # counts in no average
+    table.values[0, 50, NUMBERS.index("total_bad_1")] = 9.0
     chosen = choose_pairs(table, names)
     assert len(chosen) == MOST_PAIRS == len(set(chosen))
     assert {"pair007", "pair050", "pair099", "pair000"} <= set(chosen)
@@ -185,9 +185,10 @@ def test_the_effect_is_the_mean_at_each_level():
 
 
 def test_a_scene_is_its_ground():
-    one = facts("a")["settings"]
-    assert scene_of(one) == scene_of(facts("b", surface__albedo=0.9, rig__heading_deg=90.0)["settings"])
-    assert scene_of(one) != scene_of(facts("b", dataset__seed=2)["settings"])
+    one = facts("a")
+    assert scene_of(one) == scene_of(facts("b", surface__albedo=0.9, rig__heading_deg=90.0))
+    assert scene_of(one) != scene_of(facts("b", dataset__seed=2))
+    assert scene_of({"pair": "x", "settings": {}}) != scene_of({"pair": "y", "settings": {}})  # of unknown ground
 
 
 def test_pairs_that_count_nowhere_widen_no_interval():

@@ -1,0 +1,48 @@
+"""Histograms of disparity errors and of the parts of a pixel in disparities, summed over pairs.
+
+A matcher that fits a curve through few costs prefers whole or half pixels (pixel locking): too many of its disparities
+lie there, and its mean error depends on the part of a pixel of the true disparity (Shimizu and Okutomi 2001).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from .metrics import usable
+
+#: Bounds of the bins of the signed error, px. Errors beyond are in the first and the last number.
+ERROR_PX = np.linspace(-2.0, 2.0, 81)
+#: Bins of the part of a pixel; the first is centred on whole pixels. Matchers give sixteenths of a pixel.
+PARTS = 16
+#: Larger errors are mismatches, which have nothing to do with parts of a pixel.
+_FINE_PX = 1.0
+#: The histograms and their lengths, all over the measured pixels. ``error``: of measured minus true disparity. ``part``
+#: and ``true_part``: of the part of a pixel in measured and in true disparities. ``fine`` and ``fine_error_px``: pixels
+#: with an error below 1 px, and the sum of their signed errors, by the part of a pixel of the true disparity.
+LENGTHS = {"error": len(ERROR_PX) + 1, "part": PARTS, "true_part": PARTS, "fine": PARTS, "fine_error_px": PARTS}
+
+Histograms = dict[str, list[float]]
+
+
+def histograms_of(disparity: np.ndarray, true_disparity: np.ndarray) -> Histograms:
+    """The histograms of a disparity map, px, NaN where there is no disparity."""
+    both = usable(disparity) & usable(true_disparity)
+    measured, true = disparity[both].astype(np.float64), true_disparity[both].astype(np.float64)
+    error, part = measured - true, _part(true)
+    fine = np.abs(error) < _FINE_PX
+    return {"error": np.bincount(np.searchsorted(ERROR_PX, error, side="right"), minlength=LENGTHS["error"]).tolist(),
+            "part": np.bincount(_part(measured), minlength=PARTS).tolist(),
+            "true_part": np.bincount(part, minlength=PARTS).tolist(),
+            "fine": np.bincount(part[fine], minlength=PARTS).tolist(),
+            "fine_error_px": np.bincount(part[fine], error[fine], minlength=PARTS).tolist()}
+
+
+def _part(disparity: np.ndarray) -> np.ndarray:
+    return np.asarray(np.round((disparity % 1.0) * PARTS).astype(int) % PARTS)
+
+
+def add(total: Mapping[str, Sequence[float]] | None, more: Mapping[str, Sequence[float]]) -> Histograms:
+    """The sum of two sets of histograms; ``total`` may be None."""
+    return {key: np.add(total[key] if total else 0.0, more[key]).tolist() for key in LENGTHS}

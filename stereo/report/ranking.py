@@ -1,0 +1,107 @@
+"""The ranking table of the report: methods by metrics, over three sets of pixels, for all pairs and per condition."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from .conditions import Condition
+from .summary import Table, compare_methods, summarise_method
+from .table_columns import METRIC_NAMES, SECONDS, TOTALS, Column, format_interval, format_number, format_rank
+from .verdict_text import describe_verdicts
+
+
+@dataclass(frozen=True)
+class Ranked:
+    """A column: where its number is in a summary, and by which comparison it is ranked ("" for no rank)."""
+
+    column: Column
+    compared: str
+
+
+@dataclass(frozen=True)
+class View:
+    """A set of pixels, and the columns over it."""
+
+    key: str
+    name: str
+    doc: str
+    columns: tuple[Ranked, ...]
+
+
+def _measured(prefix: str) -> tuple[Ranked, ...]:
+    """The columns over measured pixels, with a prefix of the numbers. They are ranked on common pixels."""
+    keys = ("epe_px", "bad_1", "d1", "l1_m", "rmse_m", "l1_rate_10", "si_rmse", "dod")
+    return (Ranked(replace(TOTALS[0], key=f"{prefix}coverage"), f"{prefix}coverage"),
+            *(Ranked(replace(METRIC_NAMES[key], key=prefix + key), f"common_{prefix}{key}" if key != "dod" else "")
+              for key in keys), Ranked(SECONDS, "seconds"))
+
+
+def _total(key: str, heading: str, doc: str) -> Ranked:
+    return Ranked(Column(f"total_{key}", heading, "%", 1, f"share of all true pixels that are missing or {doc}"),
+                  f"total_{key}")
+
+
+VIEWS = (
+    View("total", "Missing is wrong",
+         "All pixels with a true depth. One without a measurement counts as wrong, so measuring less gains nothing.",
+         (Ranked(TOTALS[0], "coverage"), _total("bad_0_5", "> 0.5 px", "wrong by more than 0.5 px"),
+          _total("bad_1", "> 1 px", "wrong by more than 1 px"), _total("bad_2", "> 2 px", "wrong by more than 2 px"),
+          _total("d1", "D1", "wrong by more than 3 px and 5 % of the disparity"),
+          _total("l1_rate_10", "> 10 cm", "wrong by more than 10 cm"),
+          Ranked(Column("total_dod", "DOD", "%", 2, "share of all pairs of pixels of which one is missing or that are "
+                        "in the wrong depth order"), "total_dod"),
+          Ranked(SECONDS, "seconds"))),
+    View("measured", "Measured",
+         "The pixels that each method measured: read the errors with the coverage. Ranks and bold compare every two "
+         "methods on the pixels that both measured.", _measured("")),
+    View("visible", "Not hidden",
+         "The measured pixels that the right eye sees too. Ranks and bold compare every two methods on those of them "
+         "that both measured.", _measured("visible_")))
+#: The view and the column, by its place, that the table is sorted by at first.
+FIRST = ("total", 2)
+
+
+def rank_methods(table: Table, summary: Sequence[Mapping[str, Any]], verdicts: str, conditions: Sequence[Condition],
+                 seed: int) -> dict[str, Any]:
+    """The ranking table as JSON: ``views``, ``methods``, and ``conditions``, all pairs first.
+
+    A condition has a note on each method and, by view, method and column, ``cells``: [text, interval, rank, bold,
+    number].
+    """
+    found = [_condition("All pairs", table, summary, verdicts)]
+    for condition in conditions:
+        part = table.where(condition.pairs)
+        comparisons, ranks = compare_methods(part, seed)
+        own = [summarise_method(part, k) | {"ranks": ranks[k]} for k in range(len(part.methods))]
+        found.append(_condition(condition.name, part, own, describe_verdicts(comparisons, part.scene_count())))
+    views = [{"key": view.key, "name": view.name, "doc": view.doc, "columns": [
+        [each.column.title, each.column.doc, each.column.key.endswith("coverage")] for each in view.columns]}
+        for view in VIEWS]
+    return {"methods": table.methods, "first": FIRST, "conditions": found, "views": views}
+
+
+def _condition(name: str, table: Table, summary: Sequence[Mapping[str, Any]], verdicts: str) -> dict[str, Any]:
+    return {"name": name, "pairs": int(table.counts.any(axis=0).sum()), "verdicts": verdicts,
+            "notes": [_note(entry) for entry in summary], "cells": _cells(summary)}
+
+
+def _note(entry: Mapping[str, Any]) -> str:
+    """Which pairs of a method count in no number, and whether it has a number at all."""
+    parts = [f"{entry[key]} {key}" for key in ("failed", "suspect") if entry[key]]
+    return ", ".join(["no result"] * (entry["n"] == 0) + parts)
+
+
+def _cells(summary: Sequence[Mapping[str, Any]]) -> dict[str, list[list[list[Any]]]]:
+    return {view.key: [[_cell(entry, ranked, summary) for ranked in view.columns] for entry in summary]
+            for view in VIEWS}
+
+
+def _cell(entry: Mapping[str, Any], ranked: Ranked, summary: Sequence[Mapping[str, Any]]) -> list[Any]:
+    column = ranked.column
+    ranks = entry["ranks"].get(ranked.compared)
+    methods = sum(ranked.compared in other["ranks"] for other in summary)
+    bold = ranks is not None and ranks[0] == 1 and ranks[1] < methods
+    return [format_number(entry, column), format_interval(entry["intervals"].get(column.key), column),
+            format_rank(ranks) if ranks else "", bold, entry.get(column.key)]
