@@ -153,5 +153,6 @@ def _make_row(prepared: Prepared, run: Run, task: Task, method: Method, disparit
 def failed_row(task: Task, method: Method, message: str) -> Row:
     """The row of a method that failed on a pair."""
     return {"pair": task.pair, "method": method.label, "key": task.keys[method.label], "status": "failed",
-            **dict.fromkeys(NUMBERS), "error_curve": [], "sparsification": {}, "strata": {}, "histograms": {}, "common": {},
-            "options": options_of(method), "search": None, "counts": {}, "facts": {}, "error": message, "images": {}}
+            **dict.fromkeys(NUMBERS), "error_curve": [], "sparsification": {}, "strata": {}, "histograms": {},
+            "common": {}, "options": options_of(method), "search": None, "counts": {}, "facts": {}, "error": message,
+            "images": {}}

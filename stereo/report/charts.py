@@ -207,7 +207,7 @@ def _draw_front(summary: Summary, table: Table) -> list[str]:
     return found
 
 
-def _draw_spread(axis: Axes, place: int, values: np.ndarray, look: Mapping[str, Any]) -> None:
+def _draw_spread(axis: Axes, place: int, values: np.ndarray, look: dict[str, Any]) -> None:
     """Draw the value of each scene and, if they are many, a box of the quartiles with whiskers from 5 to 95 %."""
     if len(values) >= FEWEST_SCENES:
         axis.boxplot(values, positions=[place], widths=0.5, whis=(5, 95), showfliers=False, manage_ticks=False,
