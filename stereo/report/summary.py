@@ -100,6 +100,7 @@ class Table:
         part = Table(self.methods, [pair for pair, kept in zip(self.pairs, pairs, strict=True) if kept])
         part.values, part.common = self.values[:, pairs], self.common[:, :, pairs]
         part.counts, part.failed, part.scenes = self.counts[:, pairs], self.failed[:, pairs], self.scenes[pairs]
+        part.by_noise = self.by_noise[pairs]
         return part
 
     def column(self, method: int, key: str) -> np.ndarray:

@@ -27,7 +27,8 @@ def test_the_chart_has_a_band_with_its_meaning(noisy, monkeypatch):
         _, axes = charts.make_figure(2)
         # No intervals: what they are made of is not what this is about.
         monkeypatch.setattr(charts, "mean_by_level", lambda *_: (np.ones(3), np.full((3, 2), np.nan)))
-        charts._draw_sweep(SWEEP, axes[0], [{"method": "bm"}], table)
+        for axis, drawn in zip(axes[0], charts.SWEPT, strict=True):
+            charts._draw_sweep(SWEEP, axis, drawn, [{"method": "bm"}], table)
     for axis in axes[0]:
         assert len(axis.patches) == noisy
         assert ("noise of the render decides" in axis.get_xlabel()) == noisy
