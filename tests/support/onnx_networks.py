@@ -66,7 +66,7 @@ def write_network(path: Path, size: tuple[int, int] | None = None, names: Sequen
     if half:
         found = add("AveragePool", [found], "halved", kernel_shape=[2, 2], strides=[2, 2])
     given = _TYPES[dtype]
-    declared = [(found, [1, 1, "oh", "ow"])]
+    declared: list[tuple[str, list[str | int | None]]] = [(found, [1, 1, "oh", "ow"])]
     if second:
         declared.insert(0, (add("ReduceMean", [shares], "confidence", keepdims=1), [1, 1, 1, 1]))
     listed = names[::-1] if swapped else names
