@@ -99,6 +99,13 @@ def test_the_smoke_test_needs_no_files_and_has_every_type():
     assert values(pairs, "source.kind") == {"PROCEDURAL": 14}
 
 
+def test_the_plan_of_albedos_fixes_the_exposure():
+    pairs = read_plan(find_plan("guiss_albedo")).pairs()
+    assert values(pairs, "surface.albedo") == dict.fromkeys((0.2, 0.4, 0.6, 0.8, 1.0), 4)
+    assert values(pairs, "sensor.auto_exposure") == {False: 20}
+    assert values(pairs, "sensor.exposure_s") == {0.0007: 20}
+
+
 def test_a_plan_that_needs_files_says_which_and_what_to_do():
     for name in ("guiss_textures", "guiss_reconstructions"):
         with pytest.raises(IcyMoonError, match=r"guiss_\w+\.toml, line \d+: .*is missing; .*plan\.files"):
