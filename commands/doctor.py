@@ -57,9 +57,9 @@ def examine_blender(executable: str) -> list[Finding]:
                 "" if facts["osl"] else "Not needed by the Principled surface; official builds have it."),
         Finding("OpenImageDenoise", "ok" if facts["denoiser"] else "limited",
                 "built in" if facts["denoiser"] else "absent",
-                "" if facts["denoiser"] else "Leave quality.denoiser at NONE, or use an official build."),
+                "" if facts["denoiser"] else "Set quality.denoiser to NONE, or use an official build."),
         Finding("Graphics card", "ok" if devices else "limited", devices or "none that Cycles can use",
-                "" if devices else "Leave quality.device at CPU."),
+                "" if devices else "Set quality.device to CPU."),
     ]
 
 

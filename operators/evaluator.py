@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import bpy
@@ -22,7 +23,7 @@ from ..render.workers.process import Process, clean_environment
 from ..stereo.environment.install import DISK_MB
 from ..system import find_pythons, is_python, remove_folder, run
 from . import jobs
-from .sidebar_text import in_window
+from .sidebar_text import in_window, plain
 
 
 def base_python() -> str:
@@ -61,7 +62,7 @@ class ICYMOON_OT_check_evaluator(bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         found = all_findings()
-        show_findings(found)
+        show_findings([replace(finding, fix=plain(finding.fix)) for finding in found])
         missing = next((finding for finding in found if finding.state == "missing"), None)
         if missing:
             self.report({"ERROR"}, f"{missing.subject}: {missing.fact}. {missing.fix}".strip())

@@ -241,7 +241,7 @@ _list_qualities = remember(list_qualities)
 def speed_line(settings: Settings) -> str:
     """Of which machine the seconds are."""
     speed = known_speed(str(settings.quality.device))
-    return f"Seconds of {speed.basis}" if speed else "Seconds of another machine; measure this one"
+    return f"Timed on {speed.basis}" if speed else "Timed on another machine; measure this one"
 
 
 @lru_cache(maxsize=2)

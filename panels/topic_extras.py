@@ -56,7 +56,9 @@ def _draw_qualities(layout: Any, context: bpy.types.Context) -> None:
         button.operator("icymoon.load_preset", text=quality.title, depress=quality.chosen).preset = quality.name
         row.label(text=quality.brief)
     for lack in dict.fromkeys(quality.lacks for quality in shipped if quality.lacks):
-        draw_sentence(column, lack, "ERROR")
+        titles = " or ".join(quality.title for quality in shipped if quality.lacks == lack)
+        # The rest of the sentence is what to set instead; a button sets all.
+        draw_sentence(column, f"Not {titles}: {lack.partition(';')[0]}", "ERROR")
     if own.chosen:
         draw_lines(column, (f"With the settings below: {own.brief}",))
     draw_sentence(column, sidebar_text.speed_line(settings))

@@ -72,7 +72,8 @@ class ICYMOON_PT_landforms(Sidebar, bpy.types.Panel):
         group = context.scene.icymoon
         shaping = [t.label for t in TOPICS.values() if t.parent == LANDFORMS
                    and getattr(getattr(group, t.key), t.settings[0].key) > 0]
-        draw_sentence(self.layout, f"Shaping the ground: {', '.join(shaping) or 'none of these'}")
+        draw_sentence(self.layout, f"In use: {', '.join(shaping) or 'none'}. The first field of a landform "
+                                   "turns it on; 0 is off.")
 
 
 def _switch(topic: str, key: str) -> dict[str, object]:

@@ -398,7 +398,7 @@ TEXTURES = Topic("textures", "Textures", "Images on the ground and on rocks", (
     _file("height_file", "Height", "Image of heights, see Relief Height"),
 ))
 
-ROCK_SURFACE = Topic("rock_surface", "Ice of Rocks", "Snow or ice of rocks that have their own surface",
+ROCK_SURFACE = Topic("rock_surface", "Rock Ice", "Snow or ice of rocks that have their own surface",
                      SURFACE.settings)
 
 HAPKE = Topic("hapke", "Hapke", "Parameters of Hapke's law, for every surface that uses it", (

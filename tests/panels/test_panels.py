@@ -140,7 +140,7 @@ def test_a_panel_begins_with_what_turns_the_others_on():
     ("Set quality.denoiser NONE or textures.set = MESH.", "Set Render Quality > Denoiser None or Textures > Texture = "
      "From Mesh."),
     ("Lower quality.samples FIRST.", "Lower Render Quality > Samples FIRST."),
-    ("rock_surface: under quality.walk_px.", "Ice of Rocks: under Render Quality > Subsurface Cutoff."),
+    ("rock_surface: under quality.walk_px.", "Rock Ice: under Render Quality > Subsurface Cutoff."),
     ("the file a.toml is not there.", "The file a.toml is not there."),
     ("Settings that rig.no_such is of stay.", "Settings that rig.no_such is of stay.")])
 def test_the_sidebar_names_settings_as_it_shows_them(sentence, said):
@@ -305,13 +305,13 @@ def test_matchers_are_ticked_and_keep_their_options(scene):
 
 
 def test_the_preferences_are_drawn(scene):
-    preferences.show_findings([Finding("Graphics card", "limited", "none", "Leave quality.device at CPU.")])
+    preferences.show_findings([Finding("Graphics card", "limited", "none", "Set quality.device to CPU.")])
     record, written = preferences_drawn()
     preferences.show_findings([])
     assert written == ["evaluator", "kernels", "cache", "workers", "name", "method", "program", "options"]
     assert {"icymoon.check_evaluator", "icymoon.install_evaluator"} <= operators(record)
     assert "Graphics card: none" in texts(record)
-    assert "Leave quality.device at CPU." in texts(record)
+    assert "Set quality.device to CPU." in texts(record)
 
 
 def test_check_says_what_doctor_says_and_what_of_the_kernels(scene, tmp_path, monkeypatch):
@@ -321,6 +321,8 @@ def test_check_says_what_doctor_says_and_what_of_the_kernels(scene, tmp_path, mo
     monkeypatch.setattr(evaluator, "kernels", lambda: "")
     assert bpy.ops.icymoon.check_evaluator() == {"FINISHED"}
     assert {"Blender", "Evaluator", "Graphics card"} <= {finding.subject for finding in preferences.findings}
+    card = next(finding for finding in preferences.findings if finding.subject == "Graphics card")
+    assert card.fix in ("", "Set Render Quality > Device to CPU.")
     preferences.show_findings([])
 
 
