@@ -230,8 +230,8 @@ def _draw_histograms(summary: Summary) -> list[str]:
         for look, counts in entries:
             share = 100 * np.array(counts["error"]) / sum(counts["error"])
             axis.plot(middle, share[1:-1], **look | {"marker": ""})
+        set_logarithmic(axis, "y")  # before the line at 0, which counts as something above zero
         axis.axvline(0, color=_INK, linewidth=0.8)
-        set_logarithmic(axis, "y")
         axis.set_xlabel("measured minus true disparity (px)")
         axis.set_ylabel("% of the measured pixels in 0.05 px")
     part = np.arange(PARTS + 1) / PARTS
