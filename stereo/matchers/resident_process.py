@@ -184,7 +184,7 @@ class _Resident:
                                f"{' '.join(str(error).split())[:300]}.") from None
 
     def _read(self, stream: IO[bytes]) -> None:
-        with suppress(OSError, ValueError):  # it was closed
+        with suppress(OSError, ValueError), stream:  # it was closed
             while line := stream.readline(_LONGEST_LINE):
                 self._lines.put(line)
         self._lines.put(b"")

@@ -132,8 +132,9 @@ def test_what_the_window_gives_to_processes_has_passed_the_gate():
     """Unchecked settings are read where they are shown, and matchers go to the evaluator through one function."""
     texts = {path.name: path.read_text(encoding="utf-8") for path in (ROOT / "operators").glob("*.py")}
     # presets.py puts those of quality back, vary.py shows values and counts pairs; both check what they start.
+    # view_exposure.py sets how bright the view is, no more.
     assert {name for name, text in texts.items() if "read_unchecked(" in text} == {
-        "live_preview.py", "ground.py", "presets.py", "vary.py"}
+        "live_preview.py", "ground.py", "presets.py", "vary.py", "view_exposure.py"}
     # results.py only compares them with those that were measured, vary.py only draws their field.
     assert {name for name, text in texts.items() if '"methods"' in text or "dataset.methods" in text} == {
         "evaluate.py", "results.py", "vary.py"}

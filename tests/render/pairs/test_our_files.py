@@ -237,6 +237,8 @@ REMOVES = {"render/pairs/our_files.py": "the one way", "system.py": "how it is d
            "operators/presets.py": "the preset that a user removes, with its picture",
            "operators/evaluator.py": "the environment that it has made, when a user asks for it",
            "operators/show_pair.py": "its own temporary folder",
+           "operators/variation_pictures.py": "its own temporary folder",
+           "stereo/matchers/resident_process.py": "its own temporary folder",
            "stereo/trade/cheapest_quality.py": "what it writes again"}
 
 

@@ -2,22 +2,34 @@
 
 import shlex
 import sys
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from icymoon.errors import IcyMoonError
+from icymoon.stereo import matchers
 from icymoon.stereo.matchers import match
+from icymoon.stereo.matchers.result import Result
 
 IMAGE = np.zeros((20, 30), np.uint8)
 
 
-@pytest.mark.parametrize(("value", "what"), [("np.nan", "a number"), ("-3.0", "a positive number")])
+@pytest.mark.parametrize(("value", "what"), [("np.nan", "has no finite number"), ("-3.0", "disparities are negative")])
 def test_a_program_without_a_number_is_an_error(value, what, tmp_path):
     script = tmp_path / "program.py"
     script.write_text(f"import sys, numpy as np\nnp.save(sys.argv[3], np.full((20, 30), {value}))")
     command = f"{shlex.quote(sys.executable)} {shlex.quote(str(script))} {{left}} {{right}} {{out}}"
-    with pytest.raises(IcyMoonError, match=f"external gave no pixel {what}; its checkpoint or program"):
+    with pytest.raises(IcyMoonError, match=f"external.command wrote a disparity map that cannot be used: .*{what}"):
         match("external", IMAGE, IMAGE, {"command": command})
+
+
+@pytest.mark.parametrize(("value", "what"), [(np.nan, "a number"), (-3.0, "a positive number")])
+def test_a_network_without_a_number_is_an_error(value, what, monkeypatch):
+    network = SimpleNamespace(OPTIONS={}, compute=lambda left, *_: Result(np.full(left.shape[:2], value, np.float32)))
+    monkeypatch.setattr(matchers, "_import_matcher", lambda method: network)
+    monkeypatch.setattr(matchers, "complete_options", lambda method, options: {})
+    with pytest.raises(IcyMoonError, match=f"igev gave no pixel {what}; its checkpoint or program is damaged"):
+        match("igev", IMAGE, IMAGE)
 
 
 @pytest.mark.parametrize("method", ["bm", "sgbm", "sgbm_wls", "jplv"])
