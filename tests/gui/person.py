@@ -216,15 +216,15 @@ def scroll(clicks: int) -> Generator[float, None, bool]:
 
 def _look_on_every_page(recognised: Callable[[], bool], columns: tuple[float, ...],
                         start: float = 0.0) -> Generator[float, None, Place | None]:
-    """Look where the sidebar is scrolled to and on every page further down, then on all pages from the bottom up."""
-    page = int(region("UI").height / 60)
-    for way in (page, -page):  # what slid away under the mouse is where it belongs the second time
+    """Look where the sidebar is scrolled to and on every page further down, then on all pages from the top."""
+    for _ in range(2):  # what slid away under the mouse is where it belongs the second time
         while True:
             if place := (yield from _look(recognised, columns, start)):
                 return place
             yield from to(*middle("UI"))
-            if not (yield from scroll(way)):
+            if not (yield from scroll(int(region("UI").height / 60))):
                 break
+        yield from scroll(-400)
     return None
 
 
