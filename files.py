@@ -136,6 +136,14 @@ def sha256(path: Path) -> str:
         return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
+def read_checksum(path: Path) -> str:
+    """Checksum of a file; empty if it cannot be read, which is reported where the file is used."""
+    try:
+        return sha256(path)
+    except OSError:
+        return ""
+
+
 def absolute_path(text: str, name: str, blend_folder: str | None = None) -> Path:
     """The file or folder that the setting ``name`` states: ``~`` is the home folder, ``//`` the .blend's folder.
 

@@ -26,8 +26,12 @@ _RULE = re.compile(r"\|?[\s:|-]+\|?")
 def formulas(text: str) -> list[tuple[str, bool]]:
     """The formulas of a page in TeX, and whether each stands in a line of its own."""
     outside = re.sub(r"^ *```.*?^ *```$", "", text, flags=re.DOTALL | re.MULTILINE)
-    return [(" ".join((found["block"] or found["tex"]).split()), bool(found["block"]))
+    return [(_tex(found), bool(found["block"]))
             for found in _KEPT.finditer(outside) if not found["code"]]
+
+
+def _tex(found: re.Match[str]) -> str:
+    return " ".join((found["block"] or found["tex"]).split())
 
 
 def page_html(text: str, address: Address, formula: Formula) -> str:
@@ -102,9 +106,8 @@ def _inline(text: str, address: Address, formula: Formula) -> str:
     kept: list[str] = []  # code and formulas, in which nothing else is looked for
 
     def keep(found: re.Match[str]) -> str:
-        tex = " ".join((found["block"] or found["tex"] or "").split())
         kept.append(f"<code>{html.escape(found['code'])}</code>" if found["code"] else
-                    formula(tex) or html.escape(found[0], quote=False))
+                    formula(_tex(found)) or html.escape(found[0], quote=False))
         return f"\0{len(kept) - 1}\0"
 
     text = _LINK.sub(linked, html.escape(_KEPT.sub(keep, text), quote=False))

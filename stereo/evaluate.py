@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import IcyMoonError
+from ..files import read_checksum
 from ..version import version
 from .artefacts import check_output_folder, files_exist
 from .datasets.predictions import PREDICTION, find_prediction, options_of, parse_predictions
@@ -29,7 +30,7 @@ from .measure_pair import Run, Task, failed_row, measure_pair
 from .measuring_processes import Processes, choose_count
 from .report.results import ROW, find_facts, write_results
 from .report.row_log import Row, RowLog
-from .sources import Source, check_response, find_sources, read_checksum
+from .sources import Source, check_response, find_sources
 
 Event = Callable[[dict[str, Any]], None]
 

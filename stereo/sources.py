@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
 
 from ..errors import IcyMoonError
+from ..files import read_checksum
 from ..render.pairs.pair_folder import has_pairs
 from .datasets.foreign_pair import ForeignPair
 from .datasets.layouts import KNOWN, find_foreign_pairs
@@ -84,12 +84,3 @@ def check_response(sources: Sequence[Source], response: Mapping[str, Mapping[str
     if response and foreign:
         raise IcyMoonError(f"{foreign.folder} was not rendered here, and its images have the response of their camera; "
                            "leave out --set.")
-
-
-def read_checksum(path: Path) -> str:
-    """Checksum of a file; empty if it cannot be read, which is reported where the file is used."""
-    try:
-        with path.open("rb") as stream:
-            return hashlib.file_digest(stream, "sha256").hexdigest()
-    except OSError:
-        return ""

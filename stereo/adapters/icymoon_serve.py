@@ -61,13 +61,19 @@ def serve(disparity: Callable[[np.ndarray, np.ndarray, Any], Any], name: str = "
         _write(answers, {"id": request["id"], **answer})
 
 
+def drop_single_axes(values: np.ndarray) -> np.ndarray:
+    """(H, W) of (1, H, W), (H, W, 1) and the like: networks return a batch or a channel of one."""
+    while values.ndim > 2 and 1 in (values.shape[0], values.shape[-1]):
+        values = values[0] if values.shape[0] == 1 else values[..., 0]
+    return values
+
+
 def as_disparity(found: Any, shape: tuple[int, ...]) -> np.ndarray:
     """What a program returned, as float32 (H, W). Raises ValueError, with the fix, if it is no disparity map."""
     if hasattr(found, "detach"):  # a tensor of PyTorch, perhaps on a GPU or with a type that NumPy lacks
         found = found.detach().float().cpu().numpy()
     found = np.asarray(found)
-    while found.ndim > 2 and 1 in (found.shape[0], found.shape[-1]):  # batch or channel
-        found = found[0] if found.shape[0] == 1 else found[..., 0]
+    found = drop_single_axes(found)
     if found.dtype.kind not in "fiu":
         raise ValueError(f"the disparity map has values of type {found.dtype}; return numbers")
     if found.shape != tuple(shape):

@@ -21,8 +21,10 @@ import numpy as np
 
 from ...errors import IcyMoonError
 from ...formats.tiff import UnreadError, read_directories, read_pixels
+from ..adapters.icymoon_serve import drop_single_axes
 from ..images.exr import silence_openexr
 from ..images.image_files import read_pfm, read_png
+from ..images.image_values import to_8_bit
 
 #: Most pixels of an image, and bytes of a file and of a text: eight times the largest images of Middlebury.
 MOST_PIXELS, MOST_BYTES, MOST_TEXT = 2**26, 2**30, 2**20
@@ -61,9 +63,7 @@ def find_inside(root: Path, name: str | Path) -> Path:
 def read_bytes(path: Path, most: int = MOST_BYTES) -> bytes:
     """The content of a file. Raises IcyMoonError if it is missing or too large."""
     try:
-        size = path.stat().st_size
-        if size > most:
-            raise IcyMoonError(f"{path} has {size} bytes, and {most} are the most that is read; make it smaller.")
+        _check_bytes(path, most)
         return path.read_bytes()
     except OSError as error:
         raise IcyMoonError(f"{path} cannot be read ({error.strerror or error}); give an existing file.") from None
@@ -98,11 +98,10 @@ def read_image(path: Path) -> np.ndarray:
         raise IcyMoonError(f"{path} is no image that is read here; save it as PNG, JPEG or TIFF.")
     if image.ndim == 3:
         image = image[..., :3]  # without opacity
-    if image.dtype == np.uint16:
-        image = np.rint(image / 257.0).astype(np.uint8)
+    image = to_8_bit(image)
     if image.dtype != np.uint8:
         raise IcyMoonError(f"{path} has values of type {image.dtype}; save it with 8 or 16 bits per value.")
-    return np.ascontiguousarray(image)
+    return image
 
 
 def _read_photograph(path: Path) -> np.ndarray:
@@ -206,11 +205,11 @@ def _read_numbers(path: Path, start: bytes) -> np.ndarray:
     raise IcyMoonError(f"{path} is no map that is read here; save it as PFM, 16-bit PNG, npy, EXR or TIFF.")
 
 
-def _check_bytes(path: Path) -> None:
+def _check_bytes(path: Path, most: int = MOST_BYTES) -> None:
     """Raise IcyMoonError if a file is too large to be read."""
-    if path.stat().st_size > MOST_BYTES:
-        raise IcyMoonError(f"{path} has {path.stat().st_size} bytes, and {MOST_BYTES} are the most that is read; make "
-                           "it smaller.")
+    size = path.stat().st_size
+    if size > most:
+        raise IcyMoonError(f"{path} has {size} bytes, and {most} are the most that is read; make it smaller.")
 
 
 def _read_exr(path: Path) -> np.ndarray:
@@ -278,9 +277,7 @@ def _checked_numbers(path: Path, values: Any) -> np.ndarray:
 
 
 def _without_single_axes(path: Path, values: np.ndarray) -> np.ndarray:
-    """(H, W) of (1, H, W), (H, W, 1) and the like, as networks write them."""
-    while values.ndim > 2 and 1 in (values.shape[0], values.shape[-1]):
-        values = values[0] if values.shape[0] == 1 else values[..., 0]
+    values = drop_single_axes(values)
     if values.ndim == 2:
         _check_size(path, values.shape[1], values.shape[0])
     return values

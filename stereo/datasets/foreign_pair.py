@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import math
 import re
 from collections.abc import Callable, Mapping
@@ -13,10 +12,12 @@ from typing import Any
 import numpy as np
 
 from ...errors import IcyMoonError
+from ...files import read_checksum
 from ...records import FILE_NAME
 from ...render.pairs.pair_folder import StereoCamera
 from ..images import colours
 from ..images.disparity_and_occlusion import matching_column, visible_in_right
+from ..images.image_values import describe_size, to_grey
 from ..matchers.search_range import FIXED, MOST_PX, STEP_PX, SearchRange
 from ..measure.by_pixel_class import OCCLUSION, classify, texture
 from ..measure.metrics import usable
@@ -74,7 +75,7 @@ class ForeignPair:
     def content(self) -> list[Any]:
         """What its numbers depend on: the checksums of its files, empty for one that cannot be read."""
         described = [self.layout, self.truth.kind, self.truth.steps, self.white]
-        return [*described, *(_checksum(path) for path in self.files)]
+        return [*described, *(read_checksum(path) for path in self.files)]
 
     def prepare(self, response: Mapping[str, Mapping[str, Any]]) -> Prepared:
         """Read the pair, and compute what matchers and metrics need. No sensor model is applied.
@@ -83,12 +84,13 @@ class ForeignPair:
         """
         left, right = (self._image(path) for path in (self.left, self.right))
         if left.shape[:2] != right.shape[:2]:
-            raise IcyMoonError(f"{self.left} is {_size(left)}, and {self.right} is {_size(right)}; give two rectified "
-                               "images of one size.")
+            raise IcyMoonError(f"{self.left} is {describe_size(left)}, and {self.right} is {describe_size(right)}; "
+                               "give two rectified images of one size.")
         camera = self.camera_reader(left.shape[1], left.shape[0])
         if (camera.width_px, camera.height_px) != left.shape[1::-1]:
-            raise IcyMoonError(f"{self.left} is {_size(left)}, and {(self.calibration or (self.folder,))[0]} is for "
-                               f"{camera.width_px} x {camera.height_px} px; give the calibration of these images.")
+            raise IcyMoonError(f"{self.left} is {describe_size(left)}, and "
+                               f"{(self.calibration or (self.folder,))[0]} is for {camera.width_px} x "
+                               f"{camera.height_px} px; give the calibration of these images.")
         disparity = self._disparity(self.truth, camera, left)
         grey = to_grey(left), to_grey(right)
         check_truth(self, disparity, *grey)
@@ -116,8 +118,8 @@ class ForeignPair:
     def _disparity(self, file: MapFile, camera: StereoCamera, image: np.ndarray) -> np.ndarray:
         values = read_map(file)
         if values.shape != image.shape[:2]:
-            raise IcyMoonError(f"{file.path} is {_size(values)}, and the images are {_size(image)}; give a map with a "
-                               "number for each pixel of the left image.")
+            raise IcyMoonError(f"{file.path} is {describe_size(values)}, and the images are "
+                               f"{describe_size(image)}; give a map with a number for each pixel of the left image.")
         if file.kind == "depth":
             return np.where(usable(values), camera.disparity(np.where(usable(values), values, 1.0)), np.nan)
         known = np.isfinite(values)
@@ -143,8 +145,8 @@ class ForeignPair:
             masks = [to_grey(read_image(path)) for path in mask.files]
             seen = masks[0] == 255 if mask.kind == "seen" else np.logical_and.reduce([each == 0 for each in masks])
         if seen.shape != image.shape[:2]:
-            raise IcyMoonError(f"{mask.files[0]} is {_size(seen)}, and the images are {_size(image)}; give a mask of "
-                               "these images.")
+            raise IcyMoonError(f"{mask.files[0]} is {describe_size(seen)}, and the images are "
+                               f"{describe_size(image)}; give a mask of these images.")
         return np.asarray(seen)
 
     def _facts(self, camera: StereoCamera, truth: np.ndarray, visible: np.ndarray | None) -> dict[str, Any]:
@@ -190,20 +192,3 @@ def safe_name(text: str) -> str:
     """A name for results: what is no file name everywhere is replaced."""
     name = re.sub(r"[^A-Za-z0-9._-]+", "_", text).strip("._ ") or "pair"
     return name if FILE_NAME.fits(name) else f"pair_{name}"
-
-
-def to_grey(image: np.ndarray) -> np.ndarray:
-    """uint8 (H, W): the mean of the bands, as matchers without colour get it."""
-    return image if image.ndim == 2 else np.rint(image.mean(axis=-1)).astype(np.uint8)
-
-
-def _size(image: np.ndarray) -> str:
-    return f"{image.shape[1]} x {image.shape[0]} px"
-
-
-def _checksum(path: Path) -> str:
-    try:
-        with path.open("rb") as stream:
-            return hashlib.file_digest(stream, "sha256").hexdigest()
-    except OSError:
-        return ""

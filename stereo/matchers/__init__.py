@@ -24,6 +24,7 @@ import numpy as np
 from ...errors import IcyMoonError
 from ...render.pairs.pair_folder import StereoCamera
 from ...suggestions import nearest
+from ..images.image_values import describe_size, to_8_bit, to_grey
 from ..measure.costs import COSTS
 from .options import resolve
 from .result import Result
@@ -62,7 +63,7 @@ def match(method: str, left: np.ndarray, right: np.ndarray, options: Mapping[str
     prepare = _rgb if getattr(module, "COLOUR", False) else GREYS[complete.get("grey", "mean")]
     left, right = prepare(_check_image(left, "left")), prepare(_check_image(right, "right"))
     if left.shape[:2] != right.shape[:2]:
-        raise IcyMoonError(f"The left image is {_size(left)}, the right one {_size(right)}; "
+        raise IcyMoonError(f"The left image is {describe_size(left)}, the right one {describe_size(right)}; "
                            "give two images of the same size.")
     search = None
     if settle := getattr(module, "settle", None):
@@ -128,10 +129,6 @@ def _import_matcher(method: str) -> ModuleType:
     return importlib.import_module(f".{method}", __name__)
 
 
-def _size(image: np.ndarray) -> str:
-    return f"{image.shape[1]} x {image.shape[0]} px"
-
-
 def _cpu_seconds() -> float:
     """CPU seconds of this process and of the programs that it has waited for (Windows does not count these)."""
     children = os.times()
@@ -147,31 +144,18 @@ def _check_image(image: np.ndarray, name: str) -> np.ndarray:
     return image
 
 
-def _grey(image: np.ndarray) -> np.ndarray:
-    """uint8 (H, W)."""
-    if image.ndim == 3:
-        image = np.rint(image[..., :3].mean(axis=-1)).astype(image.dtype)
-    return _8_bit(image)
-
-
 def _luminance(image: np.ndarray) -> np.ndarray:
     """uint8 (H, W): 0.299 red, 0.587 green and 0.114 blue, in OpenCV's rounding, after the scaling to 8 bits."""
     import cv2  # not at the top: the window lists the matchers, and Blender has no OpenCV
 
-    image = _8_bit(image)
+    image = to_8_bit(image)
     return image if image.ndim == 2 else cv2.cvtColor(np.ascontiguousarray(image[..., :3]), cv2.COLOR_BGR2GRAY)
 
 
 #: What the option ``grey`` of a matcher may be.
-GREYS = {"mean": _grey, "luminance": _luminance}
+GREYS = {"mean": to_grey, "luminance": _luminance}
 
 
 def _rgb(image: np.ndarray) -> np.ndarray:
     """uint8 (H, W, 3), red first."""
-    return _8_bit(np.repeat(image[..., None], 3, axis=-1) if image.ndim == 2 else image[..., 2::-1])
-
-
-def _8_bit(image: np.ndarray) -> np.ndarray:
-    if image.dtype == np.uint16:
-        image = np.rint(image / 257.0).astype(np.uint8)
-    return np.ascontiguousarray(image)
+    return to_8_bit(np.repeat(image[..., None], 3, axis=-1) if image.ndim == 2 else image[..., 2::-1])

@@ -17,10 +17,10 @@ from ...errors import IcyMoonError
 from ...render.pairs.pair_folder import StereoCamera
 from . import jpl_correlator as jpl
 from .affine import refine
-from .opencv import require_range, require_room
+from .opencv import require_room
 from .options import Option
 from .result import Result
-from .search_range import AUTO, STATED, TRUTH, SearchRange
+from .search_range import AUTO, STATED, TRUTH, SearchRange, require_range
 
 SPARSE = True
 

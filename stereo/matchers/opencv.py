@@ -10,8 +10,9 @@ import cv2
 import numpy as np
 
 from ...errors import IcyMoonError
+from ..images.image_values import describe_size
 from .options import Option
-from .search_range import AUTO, STATED, STEP_PX, TRUTH, SearchRange, chosen_range
+from .search_range import AUTO, STATED, STEP_PX, TRUTH, SearchRange, require_range
 
 #: Options of the search range, which all of OpenCV's matchers have.
 SEARCH_RANGE = (
@@ -41,14 +42,6 @@ def settle_range(method: str, options: dict[str, Any], ranges: Mapping[str, Sear
     return options | {"disparities": count, "min_disparity": least}, SearchRange(least, least + count - 1, source)
 
 
-def require_range(method: str, word: str, option: str, ranges: Mapping[str, SearchRange]) -> SearchRange:
-    """The range that an option names by AUTO or TRUTH. Raises IcyMoonError if it is not known."""
-    chosen = chosen_range(word, ranges)
-    if chosen is None:
-        raise IcyMoonError(f"{method}.{option} is {word}, but no true disparity is known here; give auto or a number.")
-    return chosen
-
-
 def require_room(method: str, image: np.ndarray, enough: bool, option: str = "") -> None:
     """Raise IcyMoonError unless an image (H, W) is large ``enough`` for a search range and window.
 
@@ -56,7 +49,7 @@ def require_room(method: str, image: np.ndarray, enough: bool, option: str = "")
     """
     if not enough:
         option = option or f"disparities or {method}.window"
-        raise IcyMoonError(f"The images, {image.shape[1]} x {image.shape[0]} px, are too small for {method}: its "
+        raise IcyMoonError(f"The images, {describe_size(image)}, are too small for {method}: its "
                            f"search range and window do not fit; lower {method}.{option}, or "
                            "render larger images.")
 

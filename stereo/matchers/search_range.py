@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from ...errors import IcyMoonError
 from ...physics.camera.nearest_ground import greatest_disparity_px
 from ...physics.camera.search_range import disparity_range_px
 from ...physics.camera.stereo_geometry import focal_px
@@ -86,11 +87,16 @@ def known_ranges(settings: Settings | None, true_disparity: np.ndarray | None, b
     return {name: each for name, each in found.items() if each is not None}
 
 
-def chosen_range(word: str, ranges: Mapping[str, SearchRange]) -> SearchRange | None:
-    """The range that AUTO or TRUTH names. For AUTO, one of fixed size if nothing is known of the rig; for TRUTH, None
-    without truth."""
-    fixed = SearchRange(0, _UNKNOWN_RIG_PX - 1, FIXED) if word == AUTO else None
-    return ranges.get(word, fixed)
+def require_range(method: str, word: str, option: str, ranges: Mapping[str, SearchRange]) -> SearchRange:
+    """The range that an option names by AUTO or TRUTH; for AUTO, one of fixed size if nothing is known of the rig.
+
+    Raises IcyMoonError if the true disparities are asked for and not known.
+    """
+    if word in ranges:
+        return ranges[word]
+    if word == AUTO:
+        return SearchRange(0, _UNKNOWN_RIG_PX - 1, FIXED)
+    raise IcyMoonError(f"{method}.{option} is {word}, but no true disparity is known here; give auto or a number.")
 
 
 def _enclosing(low_px: float, high_px: float, width_px: int, source: str) -> SearchRange:

@@ -117,7 +117,7 @@ def _set_percent_axis(axis: Axes, label: str) -> None:
 
 def set_logarithmic(axis: Axes, which: str) -> None:
     """Make the axis ``which`` ("x" or "y") logarithmic if it shows anything above zero."""
-    if not any((np.asarray(getattr(line, f"get_{which}data")()) > 0).any() for line in axis.lines):
+    if not np.isfinite(getattr(axis.dataLim, f"minpos{which}")):
         return  # Matplotlib cannot draw a logarithmic axis without a value on it
     getattr(axis, f"set_{which}scale")("log")
     along = getattr(axis, f"{which}axis")
@@ -230,29 +230,31 @@ def _draw_histograms(summary: Summary) -> list[str]:
         for look, counts in entries:
             share = 100 * np.array(counts["error"]) / sum(counts["error"])
             axis.plot(middle, share[1:-1], **look | {"marker": ""})
-        set_logarithmic(axis, "y")  # before the line at 0, which counts as something above zero
         axis.axvline(0, color=_INK, linewidth=0.8)
+        set_logarithmic(axis, "y")
         axis.set_xlabel("measured minus true disparity (px)")
         axis.set_ylabel("% of the measured pixels in 0.05 px")
     part = np.arange(PARTS + 1) / PARTS
     with _panel(found, "signed", "Pixel locking; 1: as often as in the true disparities") as axis:
         for look, counts in entries:
-            ratio = np.divide(counts["part"], counts["true_part"], out=np.full(PARTS, np.nan),
-                              where=np.array(counts["true_part"]) > 0)
-            axis.plot(part, np.append(ratio, ratio[0]), **look)
+            axis.plot(part, _over_a_pixel(counts["part"], counts["true_part"]), **look)
         axis.axhline(1, color=_INK, linewidth=0.8)
         axis.set_ylim(bottom=0)
         axis.set_xlabel("part of a pixel in the disparity")
         axis.set_ylabel("measured over true frequency")
     with _panel(found, "signed", "Bias by part of a pixel; errors below 1 px") as axis:
         for look, counts in entries:
-            mean = np.divide(counts["fine_error_px"], counts["fine"], out=np.full(PARTS, np.nan),
-                             where=np.array(counts["fine"]) > 0)
-            axis.plot(part, np.append(mean, mean[0]), **look)
+            axis.plot(part, _over_a_pixel(counts["fine_error_px"], counts["fine"]), **look)
         axis.axhline(0, color=_INK, linewidth=0.8)
         axis.set_xlabel("part of a pixel in the true disparity")
         axis.set_ylabel("mean signed error (px)")
     return found
+
+
+def _over_a_pixel(sums: Sequence[float], counts: Sequence[float]) -> np.ndarray:
+    """``sums`` over ``counts`` by the part of a pixel, from one whole pixel to the next; NaN where nothing counts."""
+    ratio = np.divide(sums, counts, out=np.full(PARTS, np.nan), where=np.array(counts) > 0)
+    return np.append(ratio, ratio[0])
 
 
 def _draw_errors(summary: Summary) -> list[str]:

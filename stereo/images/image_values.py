@@ -1,0 +1,24 @@
+"""Images as 8-bit grey levels, and their size in words."""
+
+from __future__ import annotations
+
+import numpy as np
+
+
+def to_8_bit(image: np.ndarray) -> np.ndarray:
+    """A uint8 image as it is; a uint16 one scaled to 8 bits."""
+    if image.dtype == np.uint16:
+        image = np.rint(image / 257.0).astype(np.uint8)
+    return np.ascontiguousarray(image)
+
+
+def to_grey(image: np.ndarray) -> np.ndarray:
+    """uint8 (H, W): the mean of the three bands of an image, as matchers without colour get it."""
+    if image.ndim == 3:
+        image = np.rint(image[..., :3].mean(axis=-1)).astype(image.dtype)
+    return to_8_bit(image)
+
+
+def describe_size(image: np.ndarray) -> str:
+    """Width and height, in words."""
+    return f"{image.shape[1]} x {image.shape[0]} px"
