@@ -230,8 +230,6 @@ class ICYMOON_AP_preferences(bpy.types.AddonPreferences):
                      text="Make Asset Library Again" if has_assets() else "Make Asset Library")
         if has_assets() or find_asset_libraries():
             row.operator("icymoon.remove_asset_library", text="Remove Asset Library", icon="TRASH")
-        if not bpy.app.online_access:
-            layout.label(text="Installing needs online access: System > Network", icon="INFO")
         for finding in findings:
             column = layout.column(align=True)
             column.label(text=f"{finding.subject}: {finding.fact}", icon=_ICONS[finding.state])

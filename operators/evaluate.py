@@ -88,7 +88,7 @@ class ICYMOON_OT_evaluate(jobs.JobOperator, bpy.types.Operator):
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         """Start the job; where no evaluator is, offer to install it first."""
-        if not bpy.app.background and bpy.app.online_access and is_evaluator_missing():
+        if not bpy.app.background and is_evaluator_missing():
             bpy.ops.icymoon.install_evaluator("INVOKE_DEFAULT", then_evaluate=self.scope)
             return {"CANCELLED"}
         return super().invoke(context, event)

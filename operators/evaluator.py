@@ -25,6 +25,9 @@ from ..system import find_pythons, is_python, remove_folder, run
 from . import jobs
 from .sidebar_text import in_window, plain
 
+#: Width of the question before the installation, in pixels of a screen without scaling.
+_DIALOG_PX = 400
+
 
 def base_python() -> str:
     """A Python that can make a virtual environment: Blender's own. Raises IcyMoonError if it has none."""
@@ -82,19 +85,20 @@ class ICYMOON_OT_install_evaluator(jobs.JobOperator, bpy.types.Operator):
             ("NOTHING", "Nothing", "Install only"), ("SCENE", "This Scene", "The pairs of the present settings"),
             ("DATASET", "Whole Data Set", "Every pair in the data set folder")))
 
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        if not bpy.app.online_access:
-            cls.poll_message_set("Needs online access: Preferences > System > Network")
-            return False
-        return super().poll(context)
-
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        if self.then_evaluate == "NOTHING" or bpy.app.background:
+        """Start the job. Ask before it where the user has pressed Evaluate, or has not allowed online access yet."""
+        if bpy.app.background or (self.then_evaluate == "NOTHING" and bpy.app.online_access):
             return super().invoke(context, event)
-        return set(context.window_manager.invoke_confirm(
-            self, event, title="Install the Evaluator?", confirm_text="Install and Evaluate",
-            message=f"Evaluating needs packages from the Internet: {DISK_MB} MB on disk, once"))
+        return set(context.window_manager.invoke_props_dialog(
+            self, width=_DIALOG_PX, title="Install the Evaluator?",
+            confirm_text="Install" if self.then_evaluate == "NOTHING" else "Install and Evaluate"))
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw the question, with Blender's own button for online access where it is off."""
+        layout = self.layout
+        layout.label(text=f"Evaluating needs packages from the Internet: {DISK_MB} MB on disk, once")
+        if not bpy.app.online_access:
+            layout.operator("extensions.userpref_allow_online", text="Allow Online Access", icon="CHECKMARK")
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Called after the question: starts the job."""
@@ -103,6 +107,9 @@ class ICYMOON_OT_install_evaluator(jobs.JobOperator, bpy.types.Operator):
         return jobs.JobOperator.invoke(self, context, None)  # type: ignore[arg-type]
 
     def start(self, context: bpy.types.Context) -> jobs.Job:
+        if not bpy.app.online_access:
+            raise IcyMoonError("Installing the evaluator needs online access; allow it in Preferences > System > "
+                               "Network.")
         folder = own_evaluator_python().parents[1]
         command = python_command(base_python(), "install", str(folder))
         return jobs.Job("Install", Process(command, clean_environment()), lambda message: None, lambda: None)

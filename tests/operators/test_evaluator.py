@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import bpy
 import pytest
 from icymoon import preferences
+from icymoon.errors import IcyMoonError
 from icymoon.operators import evaluator
 from icymoon.system import venv_python
 from stand_ins import stand_in
@@ -68,6 +69,35 @@ def test_a_folder_that_is_a_link_is_not_followed(extension, tmp_path):
     with pytest.raises(RuntimeError, match="remove it by hand"):
         bpy.ops.icymoon.remove_evaluator()
     assert (tmp_path / "elsewhere" / "pyvenv.cfg").is_file()
+
+
+class Question:
+    """Stands in for the layout of a dialog."""
+
+    def __init__(self) -> None:
+        self.texts, self.buttons = [], []
+
+    def label(self, *, text: str) -> None:
+        self.texts.append(text)
+
+    def operator(self, name: str, **_: str) -> None:
+        self.buttons.append(name)
+
+
+@pytest.mark.parametrize(("online", "buttons"), [(True, []), (False, ["extensions.userpref_allow_online"])])
+def test_the_question_before_installing_offers_online_access_where_it_is_off(monkeypatch, online, buttons):
+    monkeypatch.setattr(evaluator, "bpy", SimpleNamespace(app=SimpleNamespace(online_access=online)))
+    question = Question()
+    evaluator.ICYMOON_OT_install_evaluator.draw(stand_in(layout=question), bpy.context)
+    assert "390 MB" in question.texts[0]
+    assert question.buttons == buttons
+
+
+def test_nothing_is_installed_without_online_access(extension, monkeypatch):
+    monkeypatch.setattr(evaluator, "bpy", SimpleNamespace(app=SimpleNamespace(online_access=False)))
+    monkeypatch.setattr(evaluator, "Process", None)
+    with pytest.raises(IcyMoonError, match="needs online access; allow it in Preferences > System"):
+        evaluator.ICYMOON_OT_install_evaluator.start(stand_in(), bpy.context)
 
 
 def test_after_installing_what_was_asked_for_is_evaluated(monkeypatch):
