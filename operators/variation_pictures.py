@@ -28,8 +28,11 @@ from ..system import remove_folder
 from ..typed_settings import Settings
 from . import jobs
 
-#: Columns or rows of a picture at most, and light paths per pixel with a denoiser and without.
-SIDE_PX, SAMPLES = 128, (8, 24)
+#: Columns or rows of a picture at most, and light paths per pixel, with a denoiser and without. The sidebar shows a
+#: picture 100 px wide, so that fewer columns leave more paths for each in the same seconds.
+SIDE_PX, SAMPLES = (128, 96), (8, 48)
+#: ``quality.walk_px`` at least: paths inside the snow that are shorter than a pixel cost four times the rest.
+_WALK_PX = 1.0
 #: Ends of which pictures are kept.
 _MOST = 32
 _pictures: Any = None  # a preview collection, by the names in ``_made``
@@ -40,7 +43,8 @@ _keys: dict[int, str] = {}  # by scene, until anything changes
 def rough(settings: Settings) -> Settings:
     """What renders a picture of a pair fast: few pixels and light paths, a coarse ground and its largest rocks."""
     rig, mesh, denoises = settings.rig, settings.mesh, compat.has_oidn()
-    share = min(1.0, SIDE_PX / max(rig.width_px, rig.height_px))
+    size = 0 if denoises else 1
+    share = min(1.0, SIDE_PX[size] / max(rig.width_px, rig.height_px))
     smaller = {"width_px": max(2, round(share * rig.width_px)), "height_px": max(2, round(share * rig.height_px)),
                "principal_x_px": share * rig.principal_x_px, "principal_y_px": share * rig.principal_y_px}
     return merged(settings, {
@@ -48,8 +52,9 @@ def rough(settings: Settings) -> Settings:
         "terrain": {"resolution": min(settings.terrain.resolution, math.isqrt(preview.MOST_VERTICES))},
         "mesh": {"most": min(mesh.most, preview.MOST_VERTICES)},
         "rocks": {"most": min(settings.rocks.most, preview.MOST_ROCKS)},
-        "quality": {"samples": SAMPLES[0 if denoises else 1], "denoiser": "OIDN" if denoises else "NONE",
-                    "noise_threshold": 0.0, "diffuse_bounces": 2, "truth": "DEPTH", "device": "CPU"}})
+        "quality": {"samples": SAMPLES[size], "denoiser": "OIDN" if denoises else "NONE",
+                    "walk_px": max(_WALK_PX, settings.quality.walk_px), "noise_threshold": 0.0, "diffuse_bounces": 2,
+                    "truth": "DEPTH", "device": "CPU"}})
 
 
 def icons(scene: bpy.types.Scene) -> tuple[int, ...]:
@@ -118,7 +123,7 @@ class ICYMOON_OT_show_ends(jobs.JobOperator, bpy.types.Operator):
 
     def _hear(self, message: Message) -> None:
         if message["type"] == "pair":
-            views = read_pair_views(Path(message["folder"]), self._response, SIDE_PX)
+            views = read_pair_views(Path(message["folder"]), self._response, max(SIDE_PX))
             self._found[str(message["id"])] = views.pictures("LEFT")[0]
 
     def report_success(self, context: bpy.types.Context) -> None:

@@ -7,7 +7,7 @@ import tempfile
 import bpy
 import numpy as np
 import pytest
-from icymoon import scene_properties
+from icymoon import compat, scene_properties
 from icymoon.operators import jobs, variation_pictures
 from icymoon.panels import vary
 from icymoon.settings import description, preset_files
@@ -63,12 +63,15 @@ def test_the_ends_are_shown_until_what_they_show_changes(varied, tmp_path):
     assert variation_pictures.icons(varied) == ()
 
 
-def test_pictures_are_small_and_rough_for_every_scene():
+@pytest.mark.parametrize("denoises", [True, False])
+def test_pictures_are_small_and_rough_for_every_scene(monkeypatch, denoises):
+    monkeypatch.setattr(compat, "has_oidn", lambda: denoises)
     for name in preset_files.preset_names("scenes")[::7]:
         settings = description.merged(description.defaults(), preset_files.load_preset(name))
         found = variation_pictures.rough(settings)
         description.check(found, name)
-        assert max(found.rig.width_px, found.rig.height_px) <= variation_pictures.SIDE_PX
+        assert max(found.rig.width_px, found.rig.height_px) <= (128 if denoises else 96)
+        assert found.quality.denoiser == ("OIDN" if denoises else "NONE")
         assert found.rig.width_px / found.rig.height_px == pytest.approx(
             settings.rig.width_px / settings.rig.height_px, rel=0.02)
         assert found.mesh.most <= 20_000
