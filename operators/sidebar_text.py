@@ -55,7 +55,7 @@ def remember(function: Callable[..., Found]) -> Callable[..., Found]:
 def plain(sentence: str) -> str:
     """A sentence with labels instead of keys.
 
-    'quality.truth is DEPTH' becomes 'Render Quality > Truth is Depth Only', 'to DEPTH' likewise, and a topic at the
+    'quality.truth is DEPTH' becomes 'Quality and Speed > Truth is Depth Only', 'to DEPTH' likewise, and a topic at the
     beginning, such as 'rock_surface: ', becomes 'Rock Surface: '.
     """
     topic, colon, rest = sentence.partition(": ")

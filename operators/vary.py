@@ -265,7 +265,7 @@ def _make_lines(scene: bpy.types.Scene) -> tuple[str, ...]:
         return (str(error),)
     speed = known_speed(str(settings.quality.device))
     seconds, size = estimate_roughly(some, count_pairs(settings, variations), grounds, speed)
-    machine = "on this machine" if speed else "on another machine; measure this one under Render Quality"
+    machine = "on this machine" if speed else "on another machine; measure this one under Quality and Speed"
     return (told, f"About {duration_text(seconds)} and {size_text(size)} {machine}")
 
 

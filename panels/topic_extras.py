@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cache
 from typing import Any
 
 import bpy
@@ -12,6 +13,7 @@ from ..nodes import scene as scenes
 from ..operators import live_exposure, sidebar_text
 from ..operators.sidebar_text import remember
 from ..physics.surfaces import albedos, principled
+from ..settings.preset_files import load, preset_header, preset_names, preset_path
 from ..settings.table import TOPICS
 from ..typed_settings import HapkeSettings, SurfaceSettings
 from .fields import draw_lines, draw_sentence
@@ -36,6 +38,22 @@ def _draw_roughness(layout: Any, context: bpy.types.Context) -> None:
     measured = scenes.measured_roughness(context.scene)
     if measured:
         layout.operator("icymoon.show_roughness", text=f"Measured: {measured}", icon="DRIVER_DISTANCE")
+
+
+def _draw_moons(layout: Any, context: bpy.types.Context) -> None:
+    """A button for each moon whose sky is shipped; that of the scene is pressed."""
+    body = context.scene.icymoon.light.body
+    split = layout.split(factor=0.25)
+    split.label(text="Moon")
+    row = split.row(align=True)
+    for name, title, there in _moons():
+        row.operator("icymoon.load_preset", text=title, depress=there == body).preset = name
+
+
+@cache
+def _moons() -> list[tuple[str, str, object]]:
+    """The name, title and ``light.body`` of the shipped moons; read once, since the window asks at every redraw."""
+    return [(name, preset_header(name)[0], load(preset_path(name)).light.body) for name in preset_names("bodies")]
 
 
 def _draw_expose(layout: Any, context: bpy.types.Context) -> None:
@@ -96,8 +114,8 @@ def _draw_albedos(layout: Any, surface: SurfaceSettings, hapke: HapkeSettings) -
 
 
 #: Functions that draw above and below the settings, by topic.
-BEFORE: dict[str, Extra] = {"source": _draw_import, "terrain": _draw_seed, "sensor": _draw_expose,
-                            "quality": _draw_qualities}
+BEFORE: dict[str, Extra] = {"source": _draw_import, "terrain": _draw_seed, "light": _draw_moons,
+                            "sensor": _draw_expose, "quality": _draw_qualities}
 AFTER: dict[str, Extra] = {"terrain": _draw_roughness, "surface": _make_surface_extra("surface"),
                            "rock_surface": _make_surface_extra("rock_surface"), "hapke": _draw_hapke,
                            "rig": _draw_camera_notes}

@@ -1,4 +1,4 @@
-"""The panel Speed and Accuracy below Render Quality: measured costs and errors of this scene."""
+"""The panel Speed and Accuracy below Quality and Speed: measured costs and errors of this scene."""
 
 from __future__ import annotations
 

@@ -51,7 +51,8 @@ class ICYMOON_PT_vary(Sidebar, bpy.types.Panel):
         if group.active < len(group.varied):
             _draw_varied(layout, root, group.varied[group.active])
         elif not group.varied:
-            draw_sentence(layout, "Right-click a setting and choose Vary, or press +.", "INFO")
+            draw_sentence(layout, "Right-click a setting and choose Vary, or press +. For pairs of other random "
+                                  "ground, raise Seeds.", "INFO")
         if len(group.varied) > 1 or group.combine != "GRID":
             layout.prop(group, "combine", text="")
         if group.combine == "SOBOL":

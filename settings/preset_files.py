@@ -20,7 +20,7 @@ from .toml_text import read_toml, to_toml, toml_value
 
 PRESETS = Path(__file__).resolve().parents[1] / "presets"
 #: Folders of presets, whole scenes first, and the titles of their kinds.
-KINDS = {"scenes": "Scenes", "gallery": "Gallery", "bodies": "Bodies", "terrains": "Terrains", "rocks": "Rocks",
+KINDS = {"scenes": "Scenes", "gallery": "Gallery", "bodies": "Moons", "terrains": "Terrains", "rocks": "Rocks",
          "surfaces": "Surfaces", "lights": "Lights", "rigs": "Stereo Cameras", "sensors": "Camera Responses",
          "qualities": "Qualities"}
 #: Kinds of presets that describe a whole scene. Others describe a part of one.

@@ -88,7 +88,8 @@ def _fraction(key: str, label: str, default: float, description: str, effect: st
 
 
 def _signed(key: str, label: str, description: str, effect: str) -> Setting:
-    return Setting(key, label, 0.0, description, effect, "1", -1.0, 1.0, subtype="FACTOR")
+    # No FACTOR: Blender fills its slider from the minimum, so that 0 would look like a half.
+    return Setting(key, label, 0.0, description, effect, "1", -1.0, 1.0)
 
 
 def _file(key: str, label: str, description: str) -> Setting:
@@ -159,7 +160,7 @@ TERRAIN = Topic("terrain", "Ground", "Shape of the ground: a random surface with
              (0.0, 30.0)),
     _degrees("regional_slope_azimuth_deg", "Downslope Direction", 180.0, -360.0, 360.0,
              "Direction in which the whole patch slopes down, from north (+Y) over east (+X)", "geometry"),
-    _metres("body_radius_m", "Body Radius", 2.521e5, 1.0e4, 1.0e8, (1.0e5, 3.0e6),
+    _metres("body_radius_m", "Moon Radius", 2.521e5, 1.0e4, 1.0e8, (1.0e5, 3.0e6),
             "Mean radius of the moon, which sets the distance of the horizon: 252.1 km for Enceladus, 1560.8 km for "
             "Europa. Ground on a uniform grid is flat", "geometry"),
     Setting("layers", "Layers of Noise", [], "Fractal noise that is added to the ground, one table per layer",
@@ -496,7 +497,7 @@ LIGHT = Topic("light", "Light", "The Sun and the planet, which are the only ligh
                 ("ANGLES", "Angles", "By the angles below"),
                 ("DATE", "Date", "By body, date and site: orbital elements, within 0.25° from 2000 to 2060"),
                 ("KERNELS", "SPICE Kernels", "By body, date and site, exactly. Needs SPICE kernels and SpiceyPy"))),
-    Setting("body", "Body", "ENCELADUS", "Moon of the site: ENCELADUS or EUROPA. SPICE kernels allow others",
+    Setting("body", "Moon", "ENCELADUS", "Moon of the site: ENCELADUS or EUROPA. SPICE kernels allow others",
             "light", trust="name"),
     Setting("parent", "Parent", "SATURN", "Planet that the moon orbits, by its name in the kernels", "light",
             trust="name"),
@@ -618,7 +619,7 @@ RIG = Topic("rig", "Stereo Camera", "Two identical cameras, parallel unless toed
             "camera"),
 ))
 
-SENSOR = Topic("sensor", "Camera Response",
+SENSOR = Topic("sensor", "Exposure and Noise",
                "From radiance to digital numbers (EMVA 1288). Changes need no new render", (
     Setting("auto_exposure", "Auto Exposure", True,
             "Set the exposure of both eyes from the brightest part of the left image", "response"),
@@ -688,7 +689,7 @@ SENSOR = Topic("sensor", "Camera Response",
             "response", "1", 0, 2147483647, (0, 100)),
 ))
 
-QUALITY = Topic("quality", "Render Quality", "Noise, bias and speed of a render", (
+QUALITY = Topic("quality", "Quality and Speed", "Noise, bias and speed of a render", (
     Setting("samples", "Samples", 32, "Light paths per pixel and eye", "sampling", "samples", 1, 65536, (1, 1024)),
     Setting("denoiser", "Denoiser", "NONE",
             "Denoiser of the images of both eyes. The truth has no noise", "sampling",

@@ -350,8 +350,8 @@ def _requires() -> str:
             for row in found["rows"].values()]
     return ("# What a scene requires\n\n"
             "Icy Moon switches each of these parts on only where a scene needs it. If the settings describe a part "
-            "that a pair leaves out, the sidebar shows the reason under Render Quality ▸ Not Rendered, and `pair.json` "
-            "contains it under `left_out`.\n\n"
+            "that a pair leaves out, the sidebar shows the reason under Quality and Speed ▸ Not Rendered, and "
+            "`pair.json` contains it under `left_out`.\n\n"
             + _table(("Part", "On with", "Cost on", "Cost off", "Ratio", "Mean radiance", "What it changes"), rows)
             + f"\nThe table is made by `{found['command']}` in Blender {found['blender']}. Costs are processor seconds "
               f"on one thread, for a scene and one pair of it ({found['pair']}), or for a Python that imports a "
