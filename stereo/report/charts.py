@@ -397,7 +397,8 @@ def _draw_sweep(sweep: Sweep, axis: Axes, drawn: tuple[str, float, str], summary
     axis.set_ylim(bottom=0)
     half = 0.35 * float(np.diff(np.sort(places)).min()) if len(places) > 1 else 0.1
     for place in places[noisy]:
-        axis.axvspan(place - half, place + half, color=_LINE, alpha=0.6, linewidth=0, zorder=0)
+        axis.axvspan(place - half, place + half, color=matplotlib.rcParams["grid.color"], alpha=0.6, linewidth=0,
+                     zorder=0)
     others = f", and {len(sweep.together)} more that vary with it" if sweep.together else ""
     axis.set_xlabel(sweep.title + others + ("\nbands: noise of the render decides" if noisy.any() else ""))
     axis.set_ylabel(label)

@@ -1,5 +1,6 @@
 """What was varied: the points that noise of the render decides are marked."""
 
+import cv2
 import numpy as np
 import pytest
 from icymoon.stereo.report import charts
@@ -35,3 +36,14 @@ def test_the_chart_has_a_band_with_its_meaning(noisy, monkeypatch):
         if noisy:
             band = axis.patches[0].get_extents().transformed(axis.transData.inverted())
             assert band.x0 < 8 < band.x1 < 20
+
+
+def test_the_band_of_a_picture_is_light(monkeypatch, tmp_path):
+    table = Table(["bm"], PAIRS)
+    table.by_noise[0] = True
+    monkeypatch.setattr(charts, "mean_by_level", lambda *_: (np.ones(3), np.full((3, 2), np.nan)))
+    written = charts.write_curves([{"method": "bm"}], table, [SWEEP], tmp_path)
+    grey = cv2.imread(str(tmp_path / written[SWEEP.name]), cv2.IMREAD_GRAYSCALE)
+    values = np.bincount(grey.ravel(), minlength=256)
+    assert values[:200].max() < 0.02 * grey.size  # letters and lines, no area
+    assert values[200:250].max() > 0.02 * grey.size  # the band
