@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 
 from ..settings.table import TOPICS
 
@@ -90,6 +91,7 @@ ELSEWHERE = {"rocks": ("own_surface",), "dataset": ("plan", "workers", "evaluate
 FIRST = {"terrain": ("rms_slope_deg", "size_m"), "light": ("directions_from", "sun_elevation_deg", "sun_azimuth_deg")}
 
 
+@cache
 def main_settings(topic: str) -> tuple[str, ...]:
     """Settings that the topic's own panel draws, in order."""
     elsewhere = {key for section in SECTIONS if section.topic == topic for key in (*section.settings, section.switch)}

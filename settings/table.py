@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 from . import trust_boundary
@@ -45,7 +46,7 @@ class Setting:
         if (self.kind == "text") != (self.trust in trust_boundary.CLASSES):
             raise ValueError(f"{self.key}: a text must have a class of trust, and no other setting may have one.")
 
-    @property
+    @cached_property  # asked for each field at every redraw
     def kind(self) -> str:
         """'choice', 'bool', 'int', 'float', 'text' or 'list'; the ``entries`` describe the tables of a list."""
         if self.entries:
@@ -65,11 +66,15 @@ class Topic:
     settings: tuple[Setting, ...]
     parent: str = ""  # label of the parent panel; empty if the panel is at the top of the sidebar
 
+    @cached_property
+    def _by_key(self) -> dict[str, Setting]:
+        return {setting.key: setting for setting in self.settings}
+
     def __getitem__(self, key: str) -> Setting:
-        for setting in self.settings:
-            if setting.key == key:
-                return setting
-        raise KeyError(f"{self.key}.{key}")
+        try:
+            return self._by_key[key]
+        except KeyError:
+            raise KeyError(f"{self.key}.{key}") from None
 
 
 def _metres(key: str, label: str, default: float, low: float, high: float, soft: tuple[float, float],
