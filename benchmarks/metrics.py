@@ -28,6 +28,7 @@ from icymoon.stereo.measure.common_pixels import common_numbers
 from icymoon.stereo.measure.depth_order import depth_order_disagreement, sampled_disagreement
 from icymoon.stereo.measure.guiss_reference_code import reference_metrics
 from icymoon.stereo.measure.metrics import (
+    by_confidence,
     depth_metrics,
     disparity_metrics,
     error_curve,
@@ -80,7 +81,7 @@ def main() -> None:
             "missing counted as wrong": lambda: total_metrics(depth, truth, disparity, true, 0.0),
             "reference code's metrics": lambda: reference_metrics(disparity, truth, 4),
             "cumulative error": lambda: error_curve(depth, truth),
-            "sparsification": lambda: sparsification(error, prepared.gradient),
+            "sparsification": lambda: sparsification(error.ravel()[by_confidence(prepared.gradient)]),
             "errors by stratum": lambda: sums_by_class(prepared.classes, depth, truth, disparity, true),
             "texture": lambda: texture(prepared.left),
             "occlusion of one eye": lambda: visible_in_right(loaded.depth["left"], loaded.depth["right"], camera),

@@ -7,8 +7,9 @@ Counting pairs one by one takes minutes for an image; the method here takes O(N 
 
 For one i, the j with label +1 have less depth than a threshold, so they are a prefix of the pixels in the order of
 their depth; those with label -1 are a suffix. So everything follows from the sizes of prefixes, and from the number of
-pixels that are in a prefix of one order and a prefix of the other. A wavelet matrix (Claude, Navarro, Ordóñez 2015)
-gives these two-dimensional counts for all i together, in one pass over the bits of the rank.
+pixels that are in a prefix of one order and a prefix of the other. With P for the j of label +1 and U for those of
+label +1 or 0, i disagrees with |U| + |U'| + |P ∩ U'| + |U ∩ P'| - 2 |P ∩ P'| - 2 |U ∩ U'| pixels, where ' marks the
+prediction. ``_PrefixCounts`` counts what two prefixes share.
 
 The thresholds come from the same divisions as the definition. These are monotone in floating point, so the result is
 that of the double loop, also for ties and for ratios of exactly 1 + τ, which occur with quantised disparities
@@ -17,11 +18,15 @@ that of the double loop, also for ties and for ratios of exactly 1 + τ, which o
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
+import cv2
 import numpy as np
 
 TOLERANCE = 0.01
+#: Values per row of a table of counts, one for each bit of a word; and most entries of such a table.
+_BLOCK, _MOST_ENTRIES = 64, 2 ** 23
 
 
 def depth_order_disagreement(prediction: np.ndarray, truth: np.ndarray, tolerance: float = TOLERANCE,
@@ -32,35 +37,58 @@ def depth_order_disagreement(prediction: np.ndarray, truth: np.ndarray, toleranc
     ``antisymmetric``, ord(a, b) is -1 if b / a > 1 + τ, so that it is always -ord(b, a). By the definition above this
     does not hold for ratios between 1 + τ and 1 / (1 - τ).
     """
-    count = truth.size
-    if count < 2:
-        return float("nan")
-    true_depth, true_rank, true_size = np.unique(truth.ravel(), return_inverse=True, return_counts=True)
-    depth, rank, size = np.unique(prediction.ravel(), return_inverse=True, return_counts=True)
-    true_start, start = _starts(true_size), _starts(size)
+    return TrueOrder(truth.ravel(), tolerance, antisymmetric).disagreements(
+        prediction.ravel(), np.ones(truth.size, bool))[0]
 
-    # Per pixel and order: how many ranks are nearer by more than the tolerance, and how many are not farther.
-    order = np.argsort(true_rank, kind="stable")
-    true_rank, rank = true_rank[order], rank[order]
-    true_nearer, true_not_farther = _thresholds(true_depth, tolerance, antisymmetric)
-    nearer, not_farther = _thresholds(depth, tolerance, antisymmetric)
-    true_plus, true_upto = true_start[true_nearer][true_rank], true_start[true_not_farther][true_rank]
-    plus_rank, upto_rank = nearer[rank], not_farther[rank]
-    plus, upto = start[plus_rank], start[upto_rank]
 
-    both_plus, upto_upto, true_plus_upto, true_upto_plus = np.split(_prefix_counts(
-        rank, depth.size, np.concatenate([true_plus, true_upto, true_plus, true_upto]),
-        np.concatenate([plus_rank, upto_rank, upto_rank, plus_rank])), 4)
-    labelled = (true_plus + (count - true_upto) + plus + (count - upto)).sum()
-    same_sign = both_plus.sum() + (count - true_upto - upto + upto_upto).sum()
-    opposite_sign = (true_plus - true_plus_upto).sum() + (plus - true_upto_plus).sum()
-    # ``labelled`` counts a pair twice if it has a label in both orders. With the same sign it agrees; with opposite
-    # signs it disagrees once. A pixel paired with itself has label 0 in both, and never counts.
-    return float(int(labelled) - 2 * int(same_sign) - int(opposite_sign)) / (count * (count - 1))
+class TrueOrder:
+    """The order of the true depths of an image, with which the orders of predictions are compared."""
+
+    def __init__(self, truth: np.ndarray, tolerance: float = TOLERANCE, antisymmetric: bool = False) -> None:
+        """``truth`` (pixels,) contains positive finite depths."""
+        self._rule = tolerance, antisymmetric
+        self._order = np.argsort(truth)
+        depth, rank, size = _ranked(truth[self._order])
+        start = _starts(size)
+        # Of each pixel in the order of depth, how many are nearer by more than the tolerance, and how many not farther.
+        self._nearer, self._not_farther = (start[ends][rank] for ends in _thresholds(depth, *self._rule))
+
+    def disagreements(self, prediction: np.ndarray, measured: np.ndarray, *regions: np.ndarray) -> list[float]:
+        """``depth_order_disagreement`` of the pixels that are ``measured``, then of those that are in a region too.
+
+        ``prediction`` (pixels,) is a positive finite depth where ``measured``; masks are Boolean (pixels,).
+        """
+        counted = measured[self._order]
+        pixels, before = self._order[counted], _starts(counted)
+        nearer, not_farther = before[self._nearer[counted]], before[self._not_farther[counted]]
+        order = np.argsort(prediction[pixels])
+        depth, ascending, size = _ranked(prediction[pixels][order])
+        rank = np.empty_like(ascending)
+        rank[order] = ascending
+        plus, upto = (ends[rank] for ends in _thresholds(depth, *self._rule))
+        members = [region[pixels] for region in regions]
+        counts = _PrefixCounts(rank, size, members)
+        found = [counts.below(*prefixes) for prefixes in ((nearer, upto), (not_farther, plus), (nearer, plus),
+                                                          (not_farther, upto))]
+        result = []
+        for k, own in enumerate((np.ones(pixels.size, bool), *members)):
+            in_true, in_predicted = _starts(own), _starts(np.bincount(rank[own], minlength=depth.size))
+            disagreeing = (in_true[not_farther] + in_predicted[upto] + found[0][k] + found[1][k]
+                           - 2 * (found[2][k] + found[3][k]))
+            count = int(in_true[-1])
+            result.append(float(int(disagreeing[own].sum())) / (count * (count - 1)) if count > 1 else float("nan"))
+        return result
 
 
 def _starts(sizes: np.ndarray) -> np.ndarray:
     return np.concatenate([[0], np.cumsum(sizes)])
+
+
+def _ranked(ascending: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Of sorted depths, the distinct ones, the place of each depth among them, and how often each occurs."""
+    first = np.ones(ascending.size, bool)
+    np.not_equal(ascending[1:], ascending[:-1], out=first[1:])
+    return ascending[first], np.cumsum(first) - 1, np.diff(np.append(np.flatnonzero(first), ascending.size))
 
 
 def _thresholds(depths: np.ndarray, tolerance: float, antisymmetric: bool) -> tuple[np.ndarray, np.ndarray]:
@@ -117,24 +145,117 @@ def _order(a: np.ndarray, b: np.ndarray, tolerance: float) -> np.ndarray:
     return (ratio > 1 + tolerance).astype(np.int8) - (ratio < 1 - tolerance)
 
 
-def _prefix_counts(values: np.ndarray, bound: int, prefixes: np.ndarray, limits: np.ndarray) -> np.ndarray:
-    """How many of ``values[:prefix]`` are less than ``limit``, for each prefix and limit.
+@dataclass(frozen=True)
+class _Level:
+    """One digit of the values of ``_PrefixCounts``, which are sorted by their higher digits, and what follows from the
+    limit alone: all of it is given for the limits from 0 on."""
 
-    ``values`` are whole numbers from 0 to ``bound`` - 1, limits 0 to ``bound``.
+    counts: _DigitCounts
+    digits: np.ndarray  # of the limits
+    begins: np.ndarray  # where the values are that have the same higher digits as a limit
+    before: list[np.ndarray]  # the counts at the begins
+    equal: np.ndarray  # how many values before the begins have the digit of a limit
+
+
+class _PrefixCounts:
+    """How many of ``values[:prefix]`` are less than a limit; of all values, and of those in each region.
+
+    ``values`` are whole numbers from 0 on, of which each occurs ``sizes`` times. If few are different, a single table
+    has the answer. Otherwise they are taken digit by digit, in a base that keeps the tables small. The values that
+    agree with the limit in the higher digits are next to each other once the values are sorted by these, and a prefix
+    of them counts for the next digit (a wavelet tree with many branches).
     """
-    # For prefix 0 the answer is 0, but the walk below gives the number of values in the branches before it. This
-    # depends on the limit alone and is subtracted at the end.
-    limits = np.concatenate([limits, np.arange(bound + 1)]).astype(np.int32)
-    position = np.concatenate([prefixes, np.zeros(bound + 1, np.intp)]).astype(np.int32)
-    found = np.zeros(limits.size, np.int64)
-    values = values.astype(np.int32)
-    for bit in reversed(range(bound.bit_length())):
-        ones = (values >> bit & 1).astype(bool)
-        zeros_before = np.concatenate([[0], np.cumsum(~ones)]).astype(np.int32)
-        zeros = zeros_before[position]
-        up = (limits >> bit & 1).astype(bool)
-        np.add(found, zeros, out=found, where=up)
-        position = np.where(up, zeros_before[-1] + position - zeros, zeros)
-        values = np.concatenate([values[~ones], values[ones]])
-    queries = prefixes.size
-    return found[:queries] - found[queries:][limits[:queries]]
+
+    def __init__(self, values: np.ndarray, sizes: np.ndarray, regions: Sequence[np.ndarray]) -> None:
+        starts, limits = _starts(sizes), np.arange(sizes.size + 1)
+        most = max(2, _MOST_ENTRIES // (values.size // _BLOCK + 1))
+        levels = next(count for count in range(1, 64) if most ** count > sizes.size)
+        base = next(base for base in range(int(sizes.size ** (1 / levels)), most + 1) if base ** levels > sizes.size)
+        self._levels = []
+        for level in reversed(range(levels)):
+            step = base ** level
+            counts, digits = _DigitCounts(values // step % base, base, regions), limits // step % base
+            begins = starts[limits // (step * base) * (step * base)]
+            before = counts.below(begins, digits)
+            self._levels.append(_Level(counts, digits, begins, before,
+                                       counts.below(begins, digits + 1)[0] - before[0]))
+            if level:
+                order = np.argsort(values // step, kind="stable")
+                values, regions = values[order], [region[order] for region in regions]
+
+    def below(self, prefixes: np.ndarray, limits: np.ndarray) -> list[np.ndarray]:
+        """The counts for pairs of a prefix and a limit, which are as many as there are."""
+        totals: list[np.ndarray] = []
+        for level, lower in zip(self._levels, (*self._levels[1:], None), strict=True):
+            digits = level.digits[limits]
+            found = level.counts.below(prefixes, digits)
+            part = [counts - before[limits] for counts, before in zip(found, level.before, strict=True)]
+            totals = [a + b for a, b in zip(totals, part, strict=True)] if totals else part
+            if lower:
+                equal = level.counts.below(prefixes, digits + 1)[0] - found[0] - level.equal[limits]
+                prefixes = lower.begins[limits] + equal
+        return totals
+
+
+class _DigitCounts:
+    """How many of ``digits[:prefix]``, each from 0 to ``base`` - 1, are less than a limit of 0 to ``base``.
+
+    A table has the counts for prefixes of whole blocks. Within a block, words of 64 bits tell which of its digits are
+    the lowest 0, 1, ..., 64; how many of them are below the limit follows from two rows of the table.
+    """
+
+    def __init__(self, digits: np.ndarray, base: int, regions: Sequence[np.ndarray]) -> None:
+        blocks = digits.size // _BLOCK + 1
+        self._columns = base + 2
+        place = np.arange(_BLOCK, dtype=np.int64)
+        ascending = np.sort(_in_blocks(digits, blocks, base) * _BLOCK + place, axis=1)
+        place = ascending % _BLOCK
+        self._words = np.zeros((blocks, _BLOCK + 1), np.uint64)
+        np.cumsum(np.uint64(1) << place.astype(np.uint64), axis=1, out=self._words[:, 1:])
+        row = np.arange(blocks)[:, None]
+        cells = (row * (base + 1) + ascending // _BLOCK).ravel()
+        first = np.flatnonzero(np.diff(cells, prepend=-1))
+        where = (row * _BLOCK + place).ravel()
+        inside = [_in_blocks(region, blocks, False) for region in regions]
+        members = [np.ones(cells.size, np.uint8), *(each.ravel()[where].astype(np.uint8) for each in inside)]
+        self._tables = [self._table(blocks, cells[first], np.add.reduceat(each, first)) for each in members]
+        self._regions = [(each.astype(np.uint64) << np.arange(_BLOCK, dtype=np.uint64)).sum(axis=1) for each in inside]
+
+    def _table(self, blocks: int, cells: np.ndarray, counts: np.ndarray) -> np.ndarray:
+        """Counts in all blocks before each one, of all digits below each one."""
+        table = np.zeros((blocks, self._columns - 1), np.uint8)
+        table.ravel()[cells] = counts
+        return np.asarray(cv2.integral(table, sdepth=cv2.CV_32S)).ravel()
+
+    def below(self, prefixes: np.ndarray, limits: np.ndarray) -> list[np.ndarray]:
+        """The counts for pairs of a prefix and a limit: of all digits, and of those in each region."""
+        block, rest = prefixes // _BLOCK, (prefixes % _BLOCK).astype(np.uint64)
+        cell = block * self._columns + limits
+        before = self._tables[0][cell]
+        rank = self._tables[0][cell + self._columns] - before
+        words = self._words.ravel()[block * (_BLOCK + 1) + rank] & ((np.uint64(1) << rest) - np.uint64(1))
+        return [before + _count_ones(words), *(table[cell] + _count_ones(words & members[block])
+                                               for table, members in zip(self._tables[1:], self._regions,
+                                                                         strict=True))]
+
+
+def _in_blocks(values: np.ndarray, blocks: int, rest: int) -> np.ndarray:
+    """The values (blocks, 64), with ``rest`` after the last one."""
+    padded = np.full(blocks * _BLOCK, rest, values.dtype)
+    padded[:values.size] = values
+    return padded.reshape(blocks, _BLOCK)
+
+
+def _add_up_bits(words: np.ndarray) -> np.ndarray:
+    """How many bits of each word are 1: of pairs of bits, of fours, of bytes, and of the bytes together."""
+    ones, twos, fours, bytes_ = (np.uint64(0x0101010101010101 * k) for k in (0x55, 0x33, 0x0F, 0x01))
+    words = words - (words >> np.uint64(1) & ones)
+    words = (words & twos) + (words >> np.uint64(2) & twos)
+    return (words + (words >> np.uint64(4)) & fours) * bytes_ >> np.uint64(56)
+
+
+def _count_ones(words: np.ndarray) -> np.ndarray:
+    return np.asarray(_BITWISE_COUNT(words)).astype(np.int32)
+
+
+_BITWISE_COUNT = getattr(np, "bitwise_count", _add_up_bits)  # numpy has it from 2.0 on

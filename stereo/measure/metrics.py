@@ -33,7 +33,7 @@ def usable(depth: np.ndarray) -> np.ndarray:
     return np.isfinite(depth) & (depth > 0)
 
 
-def depth_metrics(prediction: np.ndarray, truth: np.ndarray) -> dict[str, float | int]:
+def depth_metrics(prediction: np.ndarray, truth: np.ndarray, dod: float | None = None) -> dict[str, float | int]:
     """Metrics of planar depths in metres; two arrays of the same shape, NaN where there is no depth.
 
     With e = prediction - truth and d = ln prediction - ln truth on V, N = |V|:
@@ -43,7 +43,7 @@ def depth_metrics(prediction: np.ndarray, truth: np.ndarray) -> dict[str, float 
     * ``si_mse`` mean d² - (mean d)² (Eigen et al. 2014 with λ = 1; the formula of the GUISS paper), computed as the
       variance of d in two passes, so that a prediction that is right except for its scale gives 0 and not rounding
       noise; ``si_rmse`` its root (which the code of the paper prints);
-    * ``dod`` depth order disagreement, see ``depth_order``;
+    * ``dod`` depth order disagreement, see ``depth_order``; it takes most of the time, and is given if it is known;
     * ``coverage`` N / number of true pixels, ``n`` N.
     """
     prediction, truth = np.asarray(prediction, np.float64), np.asarray(truth, np.float64)
@@ -65,7 +65,7 @@ def depth_metrics(prediction: np.ndarray, truth: np.ndarray) -> dict[str, float 
             **{key: float(np.mean(distance > step)) for key, step in L1_RATES.items()},
             "si_mse": si_mse,
             "si_rmse": si_mse ** 0.5,
-            "dod": depth_order_disagreement(predicted, true),
+            "dod": depth_order_disagreement(predicted, true) if dod is None else dod,
             "rmse_m": float(np.mean(error ** 2)) ** 0.5,
             "median_m": float(np.median(distance)),
             "bias_m": float(error.mean()),
@@ -87,7 +87,7 @@ def disparity_metrics(prediction: np.ndarray, truth: np.ndarray) -> dict[str, fl
     return {"epe_px": float(distance.mean()),
             **{key: float(np.mean(distance > step)) for key, step in BAD.items()},
             "d1": float(np.mean((distance > 3) & (distance > 0.05 * true))),
-            **{key: _quantile(distance, share, distance.size) for key, share in QUANTILES.items()}}
+            **_quantiles(distance, distance.size)}
 
 
 def total_metrics(depth: np.ndarray, true_depth: np.ndarray, disparity: np.ndarray, true_disparity: np.ndarray,
@@ -110,10 +110,10 @@ def total_metrics(depth: np.ndarray, true_depth: np.ndarray, disparity: np.ndarr
     right["d1"] = np.sum((error_px <= 3) | (error_px <= 0.05 * true_px))
     measured = error_m.size
     agreeing = (1 - dod) * measured * (measured - 1) if measured > 1 else 0.0
-    return {"median_m": _quantile(error_m, 0.5, total),
+    return {"median_m": _quantile(np.sort(error_m), 0.5, total),
             **{key: 1 - float(count) / total for key, count in right.items()},
             "dod": 1 - agreeing / (total * (total - 1)) if total > 1 else float("nan"),
-            **{key: _quantile(error_px, share, total) for key, share in QUANTILES.items()}}
+            **_quantiles(error_px, total)}
 
 
 def _disparity_errors(prediction: np.ndarray, truth: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -122,13 +122,18 @@ def _disparity_errors(prediction: np.ndarray, truth: np.ndarray) -> tuple[np.nda
     return np.abs(np.asarray(prediction, np.float64)[both] - true), true
 
 
-def _quantile(errors: np.ndarray, share: float, total: int) -> float:
+def _quantiles(errors: np.ndarray, total: int) -> dict[str, float]:
+    ascending = np.sort(errors)
+    return {key: _quantile(ascending, share, total) for key, share in QUANTILES.items()}
+
+
+def _quantile(ascending: np.ndarray, share: float, total: int) -> float:
     """The smallest error that at least ``share`` of ``total`` pixels do not exceed; infinite if too few are measured.
 
     It is always one of the errors, never a mean of two, so that infinite errors need no other rule.
     """
     rank = max(1, int(np.ceil(share * total - 1e-9)))
-    return float(np.partition(errors, rank - 1)[rank - 1]) if rank <= errors.size else float("inf")
+    return float(ascending[rank - 1]) if rank <= ascending.size else float("inf")
 
 
 def error_curve(prediction: np.ndarray, truth: np.ndarray) -> list[float]:
@@ -145,17 +150,19 @@ def error_curve(prediction: np.ndarray, truth: np.ndarray) -> list[float]:
     return [float(count) / int(known.sum()) for count in np.searchsorted(distance, ERROR_STEPS_M, side="right")]
 
 
-def sparsification(error_px: np.ndarray, confidence: np.ndarray) -> list[float]:
+def by_confidence(confidence: np.ndarray) -> np.ndarray:
+    """The indices of all pixels, the most confident ones first; those of equal confidence as they are in the image."""
+    return np.argsort(-confidence.ravel(), kind="stable")
+
+
+def sparsification(error_px: np.ndarray) -> list[float]:
     """Mean |error| of the most confident measurements, for each share of SHARES that is kept; NaN if there is none.
 
-    Both arrays have the same shape; ``error_px`` is NaN where nothing was measured. ``confidence`` = -``error_px``
-    gives the best possible curve.
+    ``error_px`` (pixels,) is in the order of ``by_confidence``, and NaN where nothing was measured. In ascending order
+    it gives the best possible curve.
     """
-    measured = np.isfinite(error_px)
-    errors = error_px[measured]
+    errors = error_px[np.isfinite(error_px)]
     if not errors.size:
         return [float("nan")] * len(SHARES)
-    # Stable, so that pixels of equal confidence keep their order in the image.
-    ordered = errors[np.argsort(-confidence[measured], kind="stable")]
     kept = [max(1, round(share * errors.size)) for share in SHARES]
-    return [float(total) / count for total, count in zip(np.cumsum(ordered)[np.array(kept) - 1], kept, strict=True)]
+    return [float(total) / count for total, count in zip(np.cumsum(errors)[np.array(kept) - 1], kept, strict=True)]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -29,6 +30,8 @@ from ..images.exr import Light, View
 from ..images.lens import lens_of
 from ..images.views import read_eye
 from .by_pixel_class import classify, texture
+from .depth_order import TrueOrder
+from .metrics import by_confidence, usable
 from .render_noise import render_noise
 from .self_check import Eye, SelfCheck, self_check, visibility
 
@@ -84,6 +87,21 @@ class Prepared:
     scale: colours.Scale  # for pictures of depth
     facts: dict[str, Any]  # about the pair, for the report
     occlusion_known: bool = True  # otherwise ``visible`` only leaves out what is outside the right image
+
+    @cached_property
+    def known(self) -> np.ndarray:
+        """Boolean (H, W): the pixel has a true depth."""
+        return usable(self.truth)
+
+    @cached_property
+    def true_order(self) -> TrueOrder:
+        """The order of the depths of the ``known`` pixels."""
+        return TrueOrder(self.truth[self.known])
+
+    @cached_property
+    def by_texture(self) -> np.ndarray:
+        """The indices of all pixels, those with the largest ``gradient`` first."""
+        return by_confidence(self.gradient)
 
 
 def distinct_pairs(paths: Sequence[Path]) -> list[Path]:

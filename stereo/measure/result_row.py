@@ -51,25 +51,28 @@ def own_numbers(prepared: Prepared, disparity: np.ndarray, bm_min_disparity: int
     disparity = np.where(usable(disparity), disparity, np.nan)
     depth, truth = depth_of(prepared, disparity), prepared.truth
     true_disparity = prepared.pair.camera.disparity(truth)
-    everywhere = _numbers(prepared, disparity, depth, np.ones_like(prepared.visible))
-    result = everywhere | {f"total_{key}": value for key, value in total_metrics(
-        depth, truth, disparity, true_disparity, everywhere["dod"]).items()}
+    known = prepared.known
+    visible = prepared.visible[known]
+    maps = depth[known], truth[known], disparity[known], true_disparity[known]
+    order, visible_order = prepared.true_order.disagreements(maps[0], usable(maps[0]), visible)
+    result = _numbers(*maps, order)
+    result |= {f"total_{key}": value for key, value in total_metrics(*maps, order).items()}
     result |= {f"visible_{key}": value if prepared.occlusion_known else float("nan")
-               for key, value in _numbers(prepared, disparity, depth, prepared.visible).items()}
+               for key, value in _numbers(*(values[visible] for values in maps), visible_order).items()}
     result |= reference_metrics(disparity, truth, bm_min_disparity)
-    error = np.abs(np.where(prepared.visible, disparity - true_disparity, np.nan))
+    error = np.abs(np.where(prepared.visible, disparity - true_disparity, np.nan)).ravel()
     return _json(result) | {
-        "true_pixels": int(usable(truth).sum()), "error_curve": _list(error_curve(depth, truth)),
-        "sparsification": {"texture": _list(sparsification(error, prepared.gradient)),
-                           "best": _list(sparsification(error, -error))},
+        "true_pixels": maps[1].size, "error_curve": _list(error_curve(*maps[:2])),
+        "sparsification": {"texture": _list(sparsification(error[prepared.by_texture])),
+                           "best": _list(sparsification(np.sort(error)))},
         "strata": sums_by_class(prepared.classes, depth, truth, disparity, true_disparity,
                                 prepared.pair.camera.doffs_px),
-        "histograms": histograms_of(disparity, true_disparity)}
+        "histograms": histograms_of(*maps[2:])}
 
 
-def _numbers(prepared: Prepared, disparity: np.ndarray, depth: np.ndarray, mask: np.ndarray) -> dict[str, float]:
-    truth = np.where(mask, prepared.truth, np.nan)
-    return depth_metrics(depth, truth) | disparity_metrics(disparity, prepared.pair.camera.disparity(truth))
+def _numbers(depth: np.ndarray, truth: np.ndarray, disparity: np.ndarray, true_disparity: np.ndarray, dod: float
+             ) -> dict[str, float]:
+    return depth_metrics(depth, truth, dod) | disparity_metrics(disparity, true_disparity)
 
 
 def _json(numbers: Mapping[str, float]) -> dict[str, float | None]:

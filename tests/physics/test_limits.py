@@ -28,6 +28,7 @@ from icymoon.settings.table import TOPICS
 from icymoon.stereo.images.disparity_and_occlusion import visible_in_left, visible_in_right
 from icymoon.stereo.images.lens import lens_of
 from icymoon.stereo.measure.metrics import (
+    by_confidence,
     depth_metrics,
     disparity_metrics,
     error_curve,
@@ -101,7 +102,7 @@ def test_metrics_are_shares_or_nothing(data):
     curve = error_curve(prediction, truth)
     assert np.isnan(curve).all() or (np.all(np.diff(curve) >= 0) and curve[-1] <= depth["coverage"] + 1e-12)
     error = np.abs(np.where(both, prediction, np.nan) - np.where(both, truth, np.nan))
-    kept = sparsification(error, np.nan_to_num(prediction))
+    kept = sparsification(error.ravel()[by_confidence(np.nan_to_num(prediction))])
     assert np.isnan(kept).all() != both.any()
 
 

@@ -39,6 +39,25 @@ def test_equals_the_double_loop_bit_for_bit(pairs):
         prediction, truth, antisymmetric=True)
 
 
+@pytest.mark.parametrize("entries", [depth_order._MOST_ENTRIES, 300, 20], ids=["one digit", "some", "many"])
+@pytest.mark.parametrize("pixels", [0, 1, 2, 63, 64, 65, 400])
+def test_regions_are_counted_as_if_alone_in_tables_of_any_size(monkeypatch, pixels, entries):
+    monkeypatch.setattr(depth_order, "_MOST_ENTRIES", entries)
+    random = np.random.default_rng(pixels)
+    truth = random.uniform(1, 2, pixels)
+    measured, region = random.random((2, pixels)) < 0.7
+    for prediction in (np.round(truth, 1), truth * random.normal(1, 0.02, pixels)):
+        found = depth_order.TrueOrder(truth).disagreements(np.where(measured, prediction, np.nan), measured, region)
+        for share, where in zip(found, (measured, measured & region), strict=True):
+            few = where.sum() < 2
+            assert np.isnan(share) if few else share == brute_force(prediction[where], truth[where])
+
+
+def test_bits_are_counted_without_numpys_own_function():
+    words = np.random.default_rng(0).integers(0, 2**64, 1000, np.uint64)
+    assert depth_order._add_up_bits(words).tolist() == [word.bit_count() for word in words.tolist()]
+
+
 @settings(max_examples=100, deadline=None)
 @given(st.lists(st.tuples(depths, depths), min_size=2, max_size=40))
 def test_laws(pairs):

@@ -14,6 +14,7 @@ from icymoon.stereo.measure.metrics import (
     ERROR_STEPS_M,
     SHARES,
     TOTAL_METRICS,
+    by_confidence,
     depth_metrics,
     disparity_metrics,
     error_curve,
@@ -214,12 +215,14 @@ def test_without_a_true_pixel_nothing_is_wrong_either():
 
 def test_sparsification_drops_the_least_confident_first():
     errors = np.arange(1.0, 21.0)
-    falling = sparsification(errors, -errors)
+    falling = sparsification(errors[by_confidence(-errors)])
     assert falling == [pytest.approx(np.mean(errors[:round(20 * share)])) for share in SHARES]
-    assert sparsification(errors, errors)[0] == 20
-    assert sparsification(errors, errors)[-1] == falling[-1] == pytest.approx(errors.mean())
-    assert all(math.isnan(value) for value in sparsification(np.full(3, NAN), np.ones(3)))
-    assert sparsification(np.array([NAN, 2.0]), np.array([9.0, 1.0])) == [2.0] * len(SHARES)
+    rising = sparsification(errors[by_confidence(errors)])
+    assert rising[0] == 20
+    assert rising[-1] == falling[-1] == pytest.approx(errors.mean())
+    assert all(math.isnan(value) for value in sparsification(np.full(3, NAN)))
+    assert sparsification(np.array([NAN, 2.0])) == [2.0] * len(SHARES)
+    assert by_confidence(np.array([[1.0, 3.0], [3.0, 2.0]])).tolist() == [1, 2, 3, 0]
 
 
 def test_an_error_of_exactly_a_limit_is_within_it():
@@ -245,4 +248,4 @@ def test_each_rate_counts_beyond_the_limit_in_its_name():
 def test_without_truth_there_is_a_curve_of_no_numbers():
     nothing = np.full((2, 3), np.nan)
     assert np.isnan(error_curve(np.ones((2, 3)), nothing)).tolist() == [True] * len(metrics.ERROR_STEPS_M)
-    assert np.isnan(sparsification(nothing, nothing)).tolist() == [True] * len(metrics.SHARES)
+    assert np.isnan(sparsification(nothing.ravel())).tolist() == [True] * len(metrics.SHARES)
