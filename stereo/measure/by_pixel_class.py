@@ -59,6 +59,8 @@ SHADOW = Factor("shadow", "Light", names=("sunlit", "shadow"))
 OCCLUSION = Factor("occlusion", "Visibility", names=("both eyes", "left only"))
 MATERIAL = Factor("material", "Material", names=("terrain", "rock", "lander"))
 FACTORS = (RANGE, SLOPE, TEXTURE, SHADOW, OCCLUSION, MATERIAL)
+#: The number of classes by each factor, with one for the pixels that have none.
+_CELLS = tuple(1 + len(factor.classes) for factor in FACTORS)
 
 
 def texture(grey: np.ndarray) -> np.ndarray:
@@ -127,10 +129,13 @@ def sums_by_class(classes: Mapping[str, np.ndarray], depth: np.ndarray, truth: n
     weights = {"true": np.ones_like(true), "n": measured, "l1_m": error_m, "epe_px": error_px, "bad_1": error_px > 1,
                "l1_rate_10": error_m > 0.1, "m_per_px": m_per_px,
                "fine": fine, "fine_epe_px": error_px * fine}
+    # First of all factors together: so a weight is summed once, not once for each factor.
+    cells = np.ravel_multi_index([classes[factor.key][known] + 1 for factor in FACTORS], _CELLS)
+    occupied = np.flatnonzero(np.bincount(cells))
+    by_cell = {key: np.bincount(cells, weights[key])[occupied] for key in SUMS}
     result: dict[str, dict[str, list[float]]] = {}
-    for factor in FACTORS:
-        bins = classes[factor.key][known] + 1
-        sums = {key: np.bincount(bins, weights[key], len(factor.classes) + 1)[1:] for key in SUMS}
+    for factor, bins in zip(FACTORS, np.unravel_index(occupied, _CELLS), strict=True):
+        sums = {key: np.bincount(bins, by_cell[key], len(factor.classes) + 1)[1:] for key in SUMS}
         result[factor.key] = {key: [float(f"{value:.7g}") for value in values] for key, values in sums.items()}
     return result
 

@@ -44,14 +44,19 @@ def common_numbers(prepared: Prepared, disparities: Mapping[str, np.ndarray]) ->
 def _terms(prepared: Prepared, disparity: np.ndarray, truth: np.ndarray, measured: np.ndarray) -> np.ndarray:
     """What is averaged over pixels (terms, pixels); 0 where nothing was measured."""
     camera = prepared.pair.camera
-    terms = np.zeros((8, truth.size))
-    disparity, truth = disparity[measured].astype(np.float64), truth[measured]
     true_disparity = camera.disparity(truth)
-    depth = camera.depth(disparity)
-    error, ratio = np.abs(depth - truth), np.log(depth) - np.log(truth)
-    pixels = np.abs(disparity - true_disparity)
-    terms[:, measured] = (error, error ** 2, error > L1_RATES["l1_rate_10"], ratio, ratio ** 2, pixels,
-                          pixels > BAD["bad_1"], (pixels > 3) & (pixels > 0.05 * true_disparity))
+    disparity = np.where(measured, disparity, true_disparity)
+    depth = np.where(measured, camera.depth(disparity), truth)
+    terms = np.empty((8, truth.size))
+    np.abs(depth - truth, out=terms[0])
+    np.subtract(np.log(depth), np.log(truth), out=terms[3])
+    np.abs(disparity - true_disparity, out=terms[5])
+    error, ratio, pixels = terms[0], terms[3], terms[5]
+    np.multiply(error, error, out=terms[1])
+    terms[2] = error > L1_RATES["l1_rate_10"]
+    np.multiply(ratio, ratio, out=terms[4])
+    terms[6] = pixels > BAD["bad_1"]
+    terms[7] = (pixels > 3) & (pixels > 0.05 * true_disparity)
     return terms
 
 

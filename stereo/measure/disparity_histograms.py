@@ -32,7 +32,8 @@ def histograms_of(disparity: np.ndarray, true_disparity: np.ndarray) -> Histogra
     measured, true = disparity[both].astype(np.float64), true_disparity[both].astype(np.float64)
     error, part = measured - true, _part(true)
     fine = np.abs(error) < _FINE_PX
-    return {"error": np.bincount(np.searchsorted(ERROR_PX, error, side="right"), minlength=LENGTHS["error"]).tolist(),
+    below = np.searchsorted(np.sort(error), ERROR_PX)  # far faster than to look up each error
+    return {"error": np.diff(below, prepend=0, append=error.size).tolist(),
             "part": np.bincount(_part(measured), minlength=PARTS).tolist(),
             "true_part": np.bincount(part, minlength=PARTS).tolist(),
             "fine": np.bincount(part[fine], minlength=PARTS).tolist(),
@@ -40,7 +41,7 @@ def histograms_of(disparity: np.ndarray, true_disparity: np.ndarray) -> Histogra
 
 
 def _part(disparity: np.ndarray) -> np.ndarray:
-    return np.asarray(np.round((disparity % 1.0) * PARTS).astype(int) % PARTS)
+    return np.asarray(np.round((disparity - np.floor(disparity)) * PARTS).astype(int) % PARTS)
 
 
 def add(total: Mapping[str, Sequence[float]] | None, more: Mapping[str, Sequence[float]]) -> Histograms:
