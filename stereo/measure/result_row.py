@@ -54,11 +54,12 @@ def own_numbers(prepared: Prepared, disparity: np.ndarray, bm_min_disparity: int
     known = prepared.known
     visible = prepared.visible[known]
     maps = depth[known], truth[known], disparity[known], true_disparity[known]
+    seen = maps[0][visible], maps[1][visible], maps[2][visible], maps[3][visible]
     order, visible_order = prepared.true_order.disagreements(maps[0], usable(maps[0]), visible)
     result = _numbers(*maps, order)
     result |= {f"total_{key}": value for key, value in total_metrics(*maps, order).items()}
     result |= {f"visible_{key}": value if prepared.occlusion_known else float("nan")
-               for key, value in _numbers(*(values[visible] for values in maps), visible_order).items()}
+               for key, value in _numbers(*seen, visible_order).items()}
     result |= reference_metrics(disparity, truth, bm_min_disparity)
     error = np.abs(np.where(prepared.visible, disparity - true_disparity, np.nan)).ravel()
     return _json(result) | {
