@@ -16,7 +16,7 @@ import numpy as np
 
 from ...render.pairs.pair_folder import StereoCamera
 from ..images.disparity_and_occlusion import matching_column, warped
-from .jackknife import jackknife, tile_sums
+from .jackknife import jackknife, sums_of_tiles, tile_sums, tiles
 
 #: Shifts of the right image, px, that are tried along the rows and across them.
 SHIFTS_PX = np.arange(-3.0, 3.01, 0.5)
@@ -100,8 +100,9 @@ def truth_offsets(left_depth: np.ndarray, right_depth: np.ndarray, camera: Stere
         return TruthOffsets()
     rounding_px = _ROUNDING * _rms(disparity[known])
     # A shift of the right eye by s changes the warped disparity by -s times its slope.
-    fits = {name: _robust_fit(np.where(known, slope, 0.0), np.where(known, difference, 0.0), known, rounding_px)
-            for name, slope in (("shift_px", -along), ("scale", -along * disparity), ("rows_px", -down))}
+    along, tile = -along[known], tiles(known.shape)[known]
+    fits = {name: _robust_fit(slope, difference[known], tile, rounding_px)
+            for name, slope in (("shift_px", along), ("scale", along * disparity[known]), ("rows_px", -down[known]))}
     likeliest = min(fits, key=lambda name: fits[name][1])
     return TruthOffsets(**{name: estimate for name, (estimate, _) in fits.items()}, likeliest=likeliest)
 
@@ -109,10 +110,10 @@ def truth_offsets(left_depth: np.ndarray, right_depth: np.ndarray, camera: Stere
 def _slope(image: np.ndarray, axis: int) -> np.ndarray:
     """Central differences, NaN at the border and beside unknown values."""
     slope = np.full(image.shape, np.nan)
-    inner = [slice(None)] * 2
-    inner[axis] = slice(1, -1)
-    slope[tuple(inner)] = (np.take(image, range(2, image.shape[axis]), axis)
-                           - np.take(image, range(image.shape[axis] - 2), axis)) / 2
+    if axis:
+        slope[:, 1:-1] = (image[:, 2:] - image[:, :-2]) / 2
+    else:
+        slope[1:-1] = (image[2:] - image[:-2]) / 2
     return slope
 
 
@@ -120,32 +121,33 @@ def _rms(values: np.ndarray) -> float:
     return float(np.sqrt(np.mean(values ** 2)))
 
 
-def _robust_fit(slope: np.ndarray, difference: np.ndarray, known: np.ndarray, rounding_px: float,
+def _robust_fit(slope: np.ndarray, difference: np.ndarray, tile: np.ndarray, rounding_px: float,
                 ) -> tuple[Estimate, float]:
     """The factor x in ``difference`` = x · ``slope``, fitted with Tukey's weights, and the mean deviation that is left.
 
     Where an edge falls between two columns, the truth of both eyes differs; the weights exclude these outliers. Their
     scale comes from the pixels that determine x: those with at least half the RMS slope, or the steepest hundredth. In
     a view to the horizon most pixels are far away and have neither slope nor difference. If they set the scale, all
-    near pixels would be outliers.
+    near pixels would be outliers. All arrays are (pixels,); ``tile`` is the pixel's tile, see ``jackknife.tiles``.
     """
-    steepness = _rms(slope[known])
-    least = min(steepness / 2, float(np.quantile(np.abs(slope[known]), 0.99)))
-    telling = known & (np.abs(slope) >= least) & (slope != 0)
+    steepness, steep = _rms(slope), np.abs(slope)
+    least = min(steepness / 2, float(np.quantile(steep, 0.99)))
+    telling = (steep >= least) & (slope != 0)
     if telling.sum() < FEWEST:
         return Estimate(), float("inf")
-    value, error = float(np.median(difference[telling] / slope[telling])), float("nan")
+    told_slope, told = slope[telling], difference[telling]
+    product, square = slope * difference, slope ** 2
+    value, error = float(np.median(told / told_slope)), float("nan")
     for _ in range(12):
-        rest = difference - value * slope
-        reach = rest / (4.5 * max(float(np.median(np.abs(rest[telling]))), _ROUNDING_PX))
-        weight = np.where(known & (np.abs(reach) < 1), (1 - reach ** 2) ** 2, 0.0)
-        sums = tile_sums(weight * slope * difference, weight * slope ** 2)
+        scale = 4.5 * max(float(np.median(np.abs(told - value * told_slope))), _ROUNDING_PX)
+        weight = np.maximum(1 - ((difference - value * slope) / scale) ** 2, 0.0) ** 2
+        sums = sums_of_tiles(tile, weight * product, weight * square)
         (new,), (error,) = jackknife(lambda total: total[..., :1] / total[..., 1:], sums)
         done = not abs(new - value) > 1e-6
         value = float(new)
         if done:
             break
-    left = float(np.mean(np.abs(difference - value * slope)[known]))
+    left = float(np.mean(np.abs(difference - value * slope)))
     return Estimate(value, float(np.hypot(error, rounding_px / steepness))), left
 
 
@@ -156,11 +158,10 @@ def light_offsets(left: np.ndarray, right: np.ndarray, column: np.ndarray, visib
         where = visible & (column >= 1) & (column <= width - 2)
     if where.sum() < FEWEST:
         return LightOffsets()
-    left, right = _blurred(left), _blurred(right)
-    contrast = _contrast(left, where)
-    along = np.stack([_products(contrast, warped(right, column + shift), where) for shift in SHIFTS_PX], axis=1)
-    down = np.stack([_products(contrast, warped(_moved_up(right, int(rows)), column), where) for rows in ROWS_PX],
-                    axis=1)
+    own, shifted = _Contrasts(_blurred(left), where), _Shifted(_blurred(right), np.where(where, column, 0.0))
+    along = np.stack([own.products(shifted.by(shift, 0)) for shift in SHIFTS_PX], axis=1)
+    here = along[:, _zero(SHIFTS_PX)]
+    down = np.stack([own.products(shifted.by(0.0, int(rows))) if rows else here for rows in ROWS_PX], axis=1)
     shift, gain, correlation = _best(along, SHIFTS_PX)
     rows, rows_gain, _ = _best(down, ROWS_PX)
     energy = along[:, _zero(SHIFTS_PX), 1]
@@ -174,8 +175,8 @@ def light_correlation(image: np.ndarray, other: np.ndarray, column: np.ndarray, 
         where = visible & (column >= 1) & (column <= column.shape[1] - 2)
     if where.sum() < FEWEST:
         return Estimate()
-    image, other = _blurred(image), _blurred(other)
-    sums = _products(_contrast(image, where), warped(other, column), where)
+    own, shifted = _Contrasts(_blurred(image), where), _Shifted(_blurred(other), np.where(where, column, 0.0))
+    sums = own.products(shifted.by(0.0, 0))
     (value,), (error,) = jackknife(lambda total: _correlation(total)[..., None], sums)
     return Estimate(float(value), float(error))
 
@@ -189,32 +190,60 @@ def _blurred(image: np.ndarray) -> np.ndarray:
     return np.asarray(cv2.GaussianBlur(_finite(image), (0, 0), _BLUR_PX))
 
 
-def _contrast(image: np.ndarray, where: np.ndarray) -> np.ndarray:
-    """How much brighter a pixel is than those around it, in their standard deviations, limited to 1; 0 outside
-    ``where``."""
-    level = max(float(image[where].mean()), 1e-300)
-    share = np.maximum(_smoothed(where.astype(np.float64), _CONTRAST_PX), 1e-9)
-    light = np.where(where, image / level, 0.0)
-    mean = _smoothed(light, _CONTRAST_PX) / share
-    above = np.where(where, light - mean, 0.0)
-    spread = np.sqrt(_smoothed(above ** 2, _CONTRAST_PX) / share)
-    return np.asarray(np.tanh(above / (spread + _FLOOR * mean + _DARK)))
+class _Shifted:
+    """An image at the fractional columns that match those of another one, and beside them."""
+
+    def __init__(self, image: np.ndarray, column: np.ndarray) -> None:
+        """``column`` (H, W) lies inside the image."""
+        self._beside, self._above = int(np.ceil(SHIFTS_PX.max())) + 1, int(ROWS_PX.max())
+        self._padded = np.pad(image, ((self._above,) * 2, (self._beside,) * 2), mode="edge")
+        self._width = self._padded.shape[1]
+        rows = np.arange(image.shape[0])[:, None] * self._width
+        self._places = {}
+        for part in np.unique(SHIFTS_PX % 1.0):
+            whole = np.floor(column + part)
+            self._places[part] = rows + whole.astype(np.intp), column + part - whole
+
+    def by(self, shift_px: float, rows: int) -> np.ndarray:
+        """The image (H, W), ``shift_px`` (of SHIFTS_PX) to the right of those columns and ``rows`` below; constant
+        beyond its edges."""
+        place, weight = self._places[shift_px % 1.0]
+        start = (self._above + rows) * self._width + self._beside + int(np.floor(shift_px))
+        before, after = (self._padded.ravel()[start + k:].take(place) for k in (0, 1))
+        return np.asarray(before + weight * (after - before))
+
+
+class _Contrasts:
+    """The local contrast of images over the same pixels, beside that of the first one."""
+
+    def __init__(self, image: np.ndarray, where: np.ndarray) -> None:
+        self._where, self._count = where.astype(np.float64), int(where.sum())
+        self._share = np.maximum(_smoothed(self._where, _CONTRAST_PX), 1e-9)
+        self._tile = tiles(where.shape)
+        self.own = self.of(image)
+        self._energy = sums_of_tiles(self._tile, self.own ** 2)[:, 0]
+
+    def of(self, image: np.ndarray) -> np.ndarray:
+        """How much brighter a pixel is than those around it, in their standard deviations, limited to 1; 0 where no
+        pixel counts."""
+        light = image * self._where
+        light /= max(float(light.sum()) / self._count, 1e-300)
+        mean = _smoothed(light, _CONTRAST_PX) / self._share
+        above = (light - mean) * self._where
+        spread = np.sqrt(_smoothed(above ** 2, _CONTRAST_PX) / self._share)
+        return np.asarray(np.tanh(above / (spread + _FLOOR * mean + _DARK)))
+
+    def products(self, image: np.ndarray) -> np.ndarray:
+        """The sums (tiles, 3) that ``_correlation`` needs."""
+        other = self.of(image)
+        both, energy = sums_of_tiles(self._tile, self.own * other, other ** 2).T
+        return np.stack([both, self._energy, energy], axis=1)
 
 
 def _smoothed(image: np.ndarray, width_px: float) -> np.ndarray:
     """Weighted sums around each pixel, with 0 beyond the border. A Gaussian, since the running sums of a box leave
     rounding errors where it is dark."""
     return np.asarray(cv2.GaussianBlur(image, (0, 0), width_px, borderType=cv2.BORDER_CONSTANT))
-
-
-def _moved_up(image: np.ndarray, rows: int) -> np.ndarray:
-    return image[np.clip(np.arange(image.shape[0]) + rows, 0, image.shape[0] - 1)]
-
-
-def _products(contrast: np.ndarray, fetched: np.ndarray, where: np.ndarray) -> np.ndarray:
-    """The sums (tiles, 3) that ``_correlation`` needs."""
-    other = _contrast(fetched, where)
-    return tile_sums(contrast * other, contrast ** 2, other ** 2)
 
 
 def _correlation(sums: np.ndarray) -> np.ndarray:
@@ -263,8 +292,8 @@ def foreign_share(left: np.ndarray, right: np.ndarray, disparity: np.ndarray, vi
     if where.sum() < FEWEST:
         return Estimate()
     left, right = _blurred(left), _blurred(right)
-    contrast = _contrast(left, where)
-    fits = np.stack([_local_correlation(contrast, _contrast(warped(right, column + shift), where), where
+    contrasts = _Contrasts(left, where)
+    fits = np.stack([_local_correlation(contrasts.own, contrasts.of(warped(right, column + shift)), where
                                         & (column + shift >= 0) & (column + shift <= left.shape[1] - 1))
                      for shift in _SEARCH_PX])
     here = fits[np.abs(_SEARCH_PX) <= 1].max(axis=0)

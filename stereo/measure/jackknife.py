@@ -9,6 +9,7 @@ left out together, so errors that both share cancel.
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import lru_cache
 
 import numpy as np
 
@@ -18,10 +19,20 @@ DOWN, ACROSS = 6, 8
 
 def tile_sums(*images: np.ndarray) -> np.ndarray:
     """Sums (DOWN * ACROSS, K) over the tiles of K images (H, W) of numbers or booleans; no pixel may be NaN."""
-    height, width = images[0].shape
-    tile = (np.arange(height) * DOWN // height)[:, None] * ACROSS + np.arange(width) * ACROSS // width
-    return np.stack([np.bincount(tile.ravel(), np.asarray(image, np.float64).ravel(), DOWN * ACROSS)
-                     for image in images], axis=1)
+    return sums_of_tiles(tiles(images[0].shape), *images)
+
+
+@lru_cache(maxsize=4)
+def tiles(shape: tuple[int, int]) -> np.ndarray:
+    """The number of the tile of each pixel of an image (H, W)."""
+    height, width = shape
+    return np.asarray((np.arange(height) * DOWN // height)[:, None] * ACROSS + np.arange(width) * ACROSS // width)
+
+
+def sums_of_tiles(tile: np.ndarray, *values: np.ndarray) -> np.ndarray:
+    """The same of arrays of values for the pixels whose tiles are given."""
+    return np.stack([np.bincount(tile.ravel(), np.asarray(each, np.float64).ravel(), DOWN * ACROSS)
+                     for each in values], axis=1)
 
 
 def jackknife(value: Callable[..., np.ndarray], *sums: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
