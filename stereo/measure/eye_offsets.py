@@ -16,7 +16,7 @@ import numpy as np
 
 from ...render.pairs.pair_folder import StereoCamera
 from ..images.disparity_and_occlusion import matching_column, warped
-from .jackknife import jackknife, sums_of_tiles, tile_sums, tiles
+from .jackknife import jackknife, tile_sums
 
 #: Shifts of the right image, px, that are tried along the rows and across them.
 SHIFTS_PX = np.arange(-3.0, 3.01, 0.5)
@@ -91,20 +91,41 @@ def truth_offsets(left_depth: np.ndarray, right_depth: np.ndarray, camera: Stere
     """Compare the planar depths (H, W) of both eyes, in m, NaN for sky."""
     disparity, other = camera.disparity(left_depth), camera.disparity(right_depth)
     column = matching_column(disparity)
-    along, down = (warped(_slope(other, axis), column) for axis in (1, 0))
-    difference = warped(other, column) - disparity
     with np.errstate(invalid="ignore"):
-        known = ((column >= 1) & (column <= column.shape[1] - 2) & (np.abs(difference) < _SAME_POINT_PX)
-                 & (np.abs(along) < _STEP) & (np.abs(down) < 3 * _STEP))
+        inside = (column >= 1) & (column <= column.shape[1] - 2)
+    if inside.sum() < FEWEST:
+        return TruthOffsets()
+    matching = _Columns(column, inside)
+    along, down = (matching.of(_slope(other, axis)) for axis in (1, 0))
+    difference = matching.of(other) - disparity
+    with np.errstate(invalid="ignore"):
+        known = (inside & (np.abs(difference) < _SAME_POINT_PX) & (np.abs(along) < _STEP)
+                 & (np.abs(down) < 3 * _STEP))
     if known.sum() < FEWEST:
         return TruthOffsets()
     rounding_px = _ROUNDING * _rms(disparity[known])
+    difference, disparity, along, down = (np.where(known, each, 0.0) for each in (difference, disparity, along, down))
     # A shift of the right eye by s changes the warped disparity by -s times its slope.
-    along, tile = -along[known], tiles(known.shape)[known]
-    fits = {name: _robust_fit(slope, difference[known], tile, rounding_px)
-            for name, slope in (("shift_px", along), ("scale", along * disparity[known]), ("rows_px", -down[known]))}
+    fits = {name: _robust_fit(slope, difference, known, rounding_px)
+            for name, slope in (("shift_px", -along), ("scale", -along * disparity), ("rows_px", -down))}
     likeliest = min(fits, key=lambda name: fits[name][1])
     return TruthOffsets(**{name: estimate for name, (estimate, _) in fits.items()}, likeliest=likeliest)
+
+
+class _Columns:
+    """The fractional columns (H, W) at which images are interpolated linearly."""
+
+    def __init__(self, column: np.ndarray, inside: np.ndarray) -> None:
+        """Only the columns that are ``inside`` an image count, neither of its outermost ones."""
+        column = np.where(inside, column, 0.0)
+        whole = np.floor(column)
+        self._place = np.arange(column.shape[0])[:, None] * column.shape[1] + whole.astype(np.intp)
+        self._weight = column - whole
+
+    def of(self, image: np.ndarray) -> np.ndarray:
+        """The image (H, W) at the columns."""
+        before, after = (image.ravel()[k:].take(self._place) for k in (0, 1))
+        return np.asarray(before + self._weight * (after - before))
 
 
 def _slope(image: np.ndarray, axis: int) -> np.ndarray:
@@ -121,33 +142,40 @@ def _rms(values: np.ndarray) -> float:
     return float(np.sqrt(np.mean(values ** 2)))
 
 
-def _robust_fit(slope: np.ndarray, difference: np.ndarray, tile: np.ndarray, rounding_px: float,
+def _robust_fit(slope: np.ndarray, difference: np.ndarray, known: np.ndarray, rounding_px: float,
                 ) -> tuple[Estimate, float]:
     """The factor x in ``difference`` = x · ``slope``, fitted with Tukey's weights, and the mean deviation that is left.
+    Both are 0 unless ``known``.
 
     Where an edge falls between two columns, the truth of both eyes differs; the weights exclude these outliers. Their
     scale comes from the pixels that determine x: those with at least half the RMS slope, or the steepest hundredth. In
     a view to the horizon most pixels are far away and have neither slope nor difference. If they set the scale, all
-    near pixels would be outliers. All arrays are (pixels,); ``tile`` is the pixel's tile, see ``jackknife.tiles``.
+    near pixels would be outliers.
     """
-    steepness, steep = _rms(slope), np.abs(slope)
+    steep = np.abs(slope[known])
+    steepness = _rms(steep)
     least = min(steepness / 2, float(np.quantile(steep, 0.99)))
-    telling = (steep >= least) & (slope != 0)
+    telling = (np.abs(slope) >= least) & (slope != 0)
     if telling.sum() < FEWEST:
         return Estimate(), float("inf")
     told_slope, told = slope[telling], difference[telling]
-    product, square = slope * difference, slope ** 2
+    product, square = slope * difference, slope * slope
     value, error = float(np.median(told / told_slope)), float("nan")
+    weight = np.empty_like(slope)
     for _ in range(12):
         scale = 4.5 * max(float(np.median(np.abs(told - value * told_slope))), _ROUNDING_PX)
-        weight = np.maximum(1 - ((difference - value * slope) / scale) ** 2, 0.0) ** 2
-        sums = sums_of_tiles(tile, weight * product, weight * square)
+        # (1 - (rest / scale)²)², and 0 for outliers.
+        np.subtract(difference, np.multiply(slope, value, out=weight), out=weight)
+        weight *= 1 / scale
+        np.maximum(np.subtract(1.0, np.multiply(weight, weight, out=weight), out=weight), 0.0, out=weight)
+        weight *= weight
+        sums = tile_sums(weight * product, weight * square)
         (new,), (error,) = jackknife(lambda total: total[..., :1] / total[..., 1:], sums)
         done = not abs(new - value) > 1e-6
         value = float(new)
         if done:
             break
-    left = float(np.mean(np.abs(difference - value * slope)))
+    left = float(np.abs(difference - value * slope).sum()) / int(known.sum())
     return Estimate(value, float(np.hypot(error, rounding_px / steepness))), left
 
 
@@ -158,7 +186,7 @@ def light_offsets(left: np.ndarray, right: np.ndarray, column: np.ndarray, visib
         where = visible & (column >= 1) & (column <= width - 2)
     if where.sum() < FEWEST:
         return LightOffsets()
-    own, shifted = _Contrasts(_blurred(left), where), _Shifted(_blurred(right), np.where(where, column, 0.0))
+    own, shifted = _Contrasts(_single(left), where), _Shifted(_single(right), np.where(where, column, 0.0))
     along = np.stack([own.products(shifted.by(shift, 0)) for shift in SHIFTS_PX], axis=1)
     here = along[:, _zero(SHIFTS_PX)]
     down = np.stack([own.products(shifted.by(0.0, int(rows))) if rows else here for rows in ROWS_PX], axis=1)
@@ -175,7 +203,7 @@ def light_correlation(image: np.ndarray, other: np.ndarray, column: np.ndarray, 
         where = visible & (column >= 1) & (column <= column.shape[1] - 2)
     if where.sum() < FEWEST:
         return Estimate()
-    own, shifted = _Contrasts(_blurred(image), where), _Shifted(_blurred(other), np.where(where, column, 0.0))
+    own, shifted = _Contrasts(_single(image), where), _Shifted(_single(other), np.where(where, column, 0.0))
     sums = own.products(shifted.by(0.0, 0))
     (value,), (error,) = jackknife(lambda total: _correlation(total)[..., None], sums)
     return Estimate(float(value), float(error))
@@ -190,6 +218,13 @@ def _blurred(image: np.ndarray) -> np.ndarray:
     return np.asarray(cv2.GaussianBlur(_finite(image), (0, 0), _BLUR_PX))
 
 
+def _single(image: np.ndarray) -> np.ndarray:
+    """The blurred image in single precision, 1 where it is brightest: a contrast does not depend on the brightness,
+    and its rounding errors are far below the noise of a render."""
+    blurred = _blurred(image)
+    return np.asarray(blurred / max(float(blurred.max()), 1e-300), np.float32)
+
+
 class _Shifted:
     """An image at the fractional columns that match those of another one, and beside them."""
 
@@ -202,7 +237,7 @@ class _Shifted:
         self._places = {}
         for part in np.unique(SHIFTS_PX % 1.0):
             whole = np.floor(column + part)
-            self._places[part] = rows + whole.astype(np.intp), column + part - whole
+            self._places[part] = rows + whole.astype(np.intp), (column + part - whole).astype(image.dtype)
 
     def by(self, shift_px: float, rows: int) -> np.ndarray:
         """The image (H, W), ``shift_px`` (of SHIFTS_PX) to the right of those columns and ``rows`` below; constant
@@ -217,26 +252,28 @@ class _Contrasts:
     """The local contrast of images over the same pixels, beside that of the first one."""
 
     def __init__(self, image: np.ndarray, where: np.ndarray) -> None:
-        self._where, self._count = where.astype(np.float64), int(where.sum())
+        self._where, self._count = where.astype(image.dtype), int(where.sum())
         self._share = np.maximum(_smoothed(self._where, _CONTRAST_PX), 1e-9)
-        self._tile = tiles(where.shape)
         self.own = self.of(image)
-        self._energy = sums_of_tiles(self._tile, self.own ** 2)[:, 0]
+        self._energy = tile_sums(self.own ** 2)[:, 0]
 
     def of(self, image: np.ndarray) -> np.ndarray:
         """How much brighter a pixel is than those around it, in their standard deviations, limited to 1; 0 where no
         pixel counts."""
         light = image * self._where
-        light /= max(float(light.sum()) / self._count, 1e-300)
-        mean = _smoothed(light, _CONTRAST_PX) / self._share
-        above = (light - mean) * self._where
-        spread = np.sqrt(_smoothed(above ** 2, _CONTRAST_PX) / self._share)
-        return np.asarray(np.tanh(above / (spread + _FLOOR * mean + _DARK)))
+        light /= max(float(light.sum(dtype=np.float64)) / self._count, 1e-300)
+        mean = _smoothed(light, _CONTRAST_PX)
+        mean /= self._share
+        above = np.multiply(np.subtract(light, mean, out=light), self._where, out=light)
+        spread = _smoothed(above * above, _CONTRAST_PX)
+        np.sqrt(np.divide(spread, self._share, out=spread), out=spread)
+        spread += _FLOOR * mean + _DARK
+        return np.asarray(np.tanh(np.divide(above, spread, out=above), out=above))
 
     def products(self, image: np.ndarray) -> np.ndarray:
         """The sums (tiles, 3) that ``_correlation`` needs."""
         other = self.of(image)
-        both, energy = sums_of_tiles(self._tile, self.own * other, other ** 2).T
+        both, energy = tile_sums(self.own * other, other * other).T
         return np.stack([both, self._energy, energy], axis=1)
 
 

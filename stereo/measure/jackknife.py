@@ -19,20 +19,14 @@ DOWN, ACROSS = 6, 8
 
 def tile_sums(*images: np.ndarray) -> np.ndarray:
     """Sums (DOWN * ACROSS, K) over the tiles of K images (H, W) of numbers or booleans; no pixel may be NaN."""
-    return sums_of_tiles(tiles(images[0].shape), *images)
+    down, across = (_membership(size, count) for size, count in zip(images[0].shape, (DOWN, ACROSS), strict=True))
+    return np.stack([(down @ np.asarray(image, np.float64) @ across.T).ravel() for image in images], axis=1)
 
 
-@lru_cache(maxsize=4)
-def tiles(shape: tuple[int, int]) -> np.ndarray:
-    """The number of the tile of each pixel of an image (H, W)."""
-    height, width = shape
-    return np.asarray((np.arange(height) * DOWN // height)[:, None] * ACROSS + np.arange(width) * ACROSS // width)
-
-
-def sums_of_tiles(tile: np.ndarray, *values: np.ndarray) -> np.ndarray:
-    """The same of arrays of values for the pixels whose tiles are given."""
-    return np.stack([np.bincount(tile.ravel(), np.asarray(each, np.float64).ravel(), DOWN * ACROSS)
-                     for each in values], axis=1)
+@lru_cache(maxsize=8)
+def _membership(size: int, count: int) -> np.ndarray:
+    """Which of ``count`` equal parts each of ``size`` rows or columns belongs to, as 1 and 0 (count, size)."""
+    return (np.arange(size) * count // size == np.arange(count)[:, None]).astype(np.float64)
 
 
 def jackknife(value: Callable[..., np.ndarray], *sums: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -177,6 +177,7 @@ def _seen_through(disparity: np.ndarray, other: np.ndarray, column: np.ndarray) 
         inside = (column >= 0) & (column <= column.shape[1] - 1)
     if inside.sum() < FEWEST:
         return None
-    behind, place = np.nan_to_num(other, nan=0.0), np.nan_to_num(column)  # sky is behind everything
-    nearest = np.maximum(warped(behind, np.floor(place)), warped(behind, np.ceil(place)))
-    return float(np.mean(nearest[inside] < disparity[inside] - _CONTRADICTION_PX))
+    behind, place = np.nan_to_num(other, nan=0.0), column[inside]  # sky is behind everything
+    rows = np.nonzero(inside)[0] * column.shape[1]
+    before, after = (behind.ravel().take(rows + around(place).astype(np.intp)) for around in (np.floor, np.ceil))
+    return float(np.mean(np.maximum(before, after) < disparity[inside] - _CONTRADICTION_PX))
