@@ -261,7 +261,7 @@ class _Contrasts:
         """How much brighter a pixel is than those around it, in their standard deviations, limited to 1; 0 where no
         pixel counts."""
         light = image * self._where
-        light /= max(float(light.sum(dtype=np.float64)) / self._count, 1e-300)
+        light /= max(float(light.sum(dtype=np.float64)) / self._count, float(np.finfo(light.dtype).tiny))
         mean = _smoothed(light, _CONTRAST_PX)
         mean /= self._share
         above = np.multiply(np.subtract(light, mean, out=light), self._where, out=light)
