@@ -285,16 +285,20 @@ def _print_json_line(data: dict[str, Any]) -> None:
 
 
 def _print_summary(report: dict[str, Any]) -> None:
-    """Print the summary of ``evaluate`` as two tables: over all pixels with the ranks, and over the measured ones."""
+    """Print the summary of ``evaluate`` as two tables: over all pixels with the ranks, and over the measured ones.
+
+    The best rank is bold where the scenes allow it.
+    """
     from rich.console import Console
     from rich.table import Table
 
-    from .report.table_columns import MEASURED, RANKING, SECONDS, TOTALS, format_number, format_rank
+    from .report.table_columns import MEASURED, RANKING, SECONDS, TOTALS, format_rank, format_result, is_best
 
     console = Console()
     if not console.is_terminal:
         console.width = max(console.width, 120)  # a pipe has no width, and a table in it must not be wrapped
-    pairs = max((entry["pairs"] for entry in report["summary"]), default=0)
+    summary = report["summary"]
+    pairs = max((entry["pairs"] for entry in summary), default=0)
     means = f"Means over {pairs} pair{'' if pairs == 1 else 's'}"
     for title, ranking, columns in (
             (f"{means}, all pixels with a true depth", RANKING, (*TOTALS, SECONDS)),
@@ -304,11 +308,12 @@ def _print_summary(report: dict[str, Any]) -> None:
         table.add_column("Rank" if ranking == RANKING else "Rank by L1", justify="right")
         for column in columns:
             table.add_column(column.title, justify="right")
-        for entry in report["summary"]:
-            table.add_row(entry["method"], format_rank(entry["ranks"].get(ranking)),
-                          *(format_number(entry, column) for column in columns))
+        for entry in summary:
+            rank = format_rank(entry, ranking)
+            table.add_row(entry["method"], f"[bold]{rank}[/]" if is_best(entry, ranking, summary) else rank,
+                          *(format_result(entry, column) for column in columns))
         console.print(table)
     if report["verdicts"]:
-        console.print(report["verdicts"], highlight=False)
+        console.print(report["verdicts"], highlight=False, markup=False)
     for note in report["notes"]:
         print(note)

@@ -59,6 +59,8 @@ _DASHES = ("-", "--", "-.", ":", (0, (5, 1, 1, 1)), (0, (1, 3)))
 _MOST_DOTS, _LONGEST_LABEL = 60, 24
 #: Most settings that are drawn.
 MOST_SWEEPS = 16
+#: The colour of an interval that allows no verdict, and what the title of its chart adds.
+_GREY, _FEW = "#8a94a0", "; grey: mean, 95 %"
 #: Classes with fewer true pixels than this are not drawn.
 _FEWEST = 200
 
@@ -173,7 +175,7 @@ def _draw_front(summary: Summary, table: Table) -> list[str]:
     """Draw wrong or missing pixels against time, with the front of methods that no other beats in both, and the spread
     over scenes."""
     entries = [(look, entry) for _, entry, look in _methods(summary)
-               if entry["total_bad_1"] is not None and entry["seconds"]]
+               if entry["n"] and entry["total_bad_1"] is not None and entry["seconds"]]
     found: list[str] = []
     if len(entries) > 1:
         with _panel(found, "front", "Accuracy against time; line: no method is better in both") as axis:
@@ -195,11 +197,19 @@ def _draw_front(summary: Summary, table: Table) -> list[str]:
             ("Spread over scenes", "total_bad_1", 100.0, "% missing or off by > 1 px"),
             ("Spread over scenes, measured pixels", "epe_px", 1.0, "mean disparity error (px)")):
         columns = [scene_means(table.column(k, key)[:, None], table.scenes)[:, 0] for k in range(len(summary))]
-        if all(np.isfinite(column).sum() < 2 for column in columns):
+        values = [factor * column[np.isfinite(column)] if entry["n"] else column[:0]
+                  for column, entry in zip(columns, summary, strict=True)]
+        most = max(map(len, values))
+        if most < 2:
             continue
-        with _panel(found, "front", title) as axis:
-            for k, _, look in _methods(summary):
-                _draw_spread(axis, k, factor * columns[k][np.isfinite(columns[k])], look)
+        with _panel(found, "front", title + _FEW * (most < FEWEST_SCENES)) as axis:
+            for k, entry, look in _methods(summary):
+                bounds = entry["intervals"].get(key)
+                if len(values[k]) < FEWEST_SCENES and bounds:
+                    middle, low, high = (factor * each for each in (entry[key], *bounds))
+                    axis.errorbar([k + 0.3], [middle], [[middle - low], [high - middle]], color=_GREY, marker="_",
+                                  markersize=9, capsize=4, elinewidth=1.2)
+                _draw_spread(axis, k, values[k], look)
             axis.set_xticks(range(len(summary)), [entry["method"][:_LONGEST_LABEL] for entry in summary],
                             rotation=25 if len(summary) > 4 else 0)
             axis.set_ylim(bottom=0)

@@ -8,7 +8,17 @@ from typing import Any
 
 from .conditions import Condition
 from .summary import Table, compare_methods, summarise_method
-from .table_columns import METRIC_NAMES, SECONDS, TOTALS, Column, format_interval, format_number, format_rank
+from .table_columns import (
+    METRIC_NAMES,
+    NO_RESULT,
+    SECONDS,
+    TOTALS,
+    Column,
+    format_interval,
+    format_rank,
+    format_result,
+    is_best,
+)
 from .verdict_text import describe_verdicts
 
 
@@ -67,15 +77,15 @@ def rank_methods(table: Table, summary: Sequence[Mapping[str, Any]], verdicts: s
                  seed: int) -> dict[str, Any]:
     """The ranking table as JSON: ``views``, ``methods``, and ``conditions``, all pairs first.
 
-    A condition has a note on each method and, by view, method and column, ``cells``: [text, interval, rank, bold,
-    number].
+    A condition has a note on each method, whether there are ``intervals`` and whether methods are ``ranked``, and, by
+    view, method and column, ``cells``: [text, interval, rank, bold, number].
     """
     found = [_condition("All pairs", table, summary, verdicts)]
     for condition in conditions:
         part = table.where(condition.pairs)
         comparisons, ranks = compare_methods(part, seed)
         own = [summarise_method(part, k) | {"ranks": ranks[k]} for k in range(len(part.methods))]
-        found.append(_condition(condition.name, part, own, describe_verdicts(comparisons, part.scene_count())))
+        found.append(_condition(condition.name, part, own, describe_verdicts(comparisons, part)))
     views = [{"key": view.key, "name": view.name, "doc": view.doc, "columns": [
         [each.column.title, each.column.doc, each.column.key.endswith("coverage")] for each in view.columns]}
         for view in VIEWS]
@@ -84,13 +94,15 @@ def rank_methods(table: Table, summary: Sequence[Mapping[str, Any]], verdicts: s
 
 def _condition(name: str, table: Table, summary: Sequence[Mapping[str, Any]], verdicts: str) -> dict[str, Any]:
     return {"name": name, "pairs": int(table.counts.any(axis=0).sum()), "verdicts": verdicts,
+            "intervals": any(entry["intervals"] for entry in summary),
+            "ranked": any(entry["ranks"] for entry in summary),
             "notes": [_note(entry) for entry in summary], "cells": _cells(summary)}
 
 
 def _note(entry: Mapping[str, Any]) -> str:
     """Which pairs of a method count in no number, and whether it has a number at all."""
     parts = [f"{entry[key]} {key}" for key in ("failed", "suspect") if entry[key]]
-    return ", ".join(["no result"] * (entry["n"] == 0) + parts)
+    return ", ".join([NO_RESULT] * (entry["n"] == 0) + parts)
 
 
 def _cells(summary: Sequence[Mapping[str, Any]]) -> dict[str, list[list[list[Any]]]]:
@@ -100,8 +112,9 @@ def _cells(summary: Sequence[Mapping[str, Any]]) -> dict[str, list[list[list[Any
 
 def _cell(entry: Mapping[str, Any], ranked: Ranked, summary: Sequence[Mapping[str, Any]]) -> list[Any]:
     column = ranked.column
-    ranks = entry["ranks"].get(ranked.compared)
-    methods = sum(ranked.compared in other["ranks"] for other in summary)
-    bold = ranks is not None and ranks[0] == 1 and ranks[1] < methods
-    return [format_number(entry, column), format_interval(entry["intervals"].get(column.key), column),
-            format_rank(ranks) if ranks else "", bold, entry.get(column.key)]
+    text = format_result(entry, column)
+    if text == "–":
+        return [text, "", "", False, None]
+    rank = format_rank(entry, ranked.compared) if ranked.compared in entry["ranks"] else ""
+    return [text, format_interval(entry["intervals"].get(column.key), column), rank,
+            is_best(entry, ranked.compared, summary), entry.get(column.key)]

@@ -82,7 +82,7 @@ def write_results(log: RowLog, names: Sequence[str], methods: Sequence[Method], 
     comparisons, ranks = compare_methods(table, seed)
     summary = [summarise_method(table, k) | {"ranks": own} for k, own in enumerate(ranks)]
     sweeps = swept_settings(facts, places)
-    verdicts = describe_verdicts(comparisons, table.scene_count())
+    verdicts = describe_verdicts(comparisons, table)
     report = {"format": FORMAT, "version": VERSION,
               "summary": summary, "curves": write_curves(summary, table, sweeps, out),
               "comparisons": comparisons, "verdicts": verdicts, "rows": rows, "pairs": facts, "failed": failed,

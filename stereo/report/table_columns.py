@@ -44,6 +44,8 @@ SECONDS = Column("seconds", "CPU", "s", 3, "processor seconds of matching one pa
 SUMMARY = (*TOTALS, *MEASURED, SECONDS)
 #: The metric that methods are ranked by where there is room for one rank.
 RANKING = "total_bad_1"
+#: What a table shows instead of a rank for a method that measured nothing.
+NO_RESULT = "no result"
 #: The columns of the GUISS reference code, each with ours.
 GUISS = (
     (Column("guiss_l1_m", "L1", "m", 3), Column("l1_m", "L1", "m", 3)),
@@ -81,12 +83,27 @@ def format_interval(bounds: Sequence[float | None] | None, column: Column) -> st
     return " … ".join(_format(bound, column) for bound in bounds)
 
 
-def format_rank(ranks: Sequence[int] | None) -> str:
-    """The best and the worst rank that a method may have, "1–3"; a dash if there is no verdict."""
-    if ranks is None:
-        return "–"
-    best, worst = ranks
-    return str(best) if best == worst else f"{best}–{worst}"
+def format_result(entry: Mapping[str, Any], column: Column) -> str:
+    """The number of a method in its summary, without unit; a dash if it is undefined.
+
+    A method that measured nothing has no result: it is not the worst, and its coverage is no achievement. What it cost
+    stands.
+    """
+    return format_number(entry, column) if entry["n"] or column == SECONDS else "–"
+
+
+def format_rank(entry: Mapping[str, Any], metric: str) -> str:
+    """The best and the worst rank that a method of a summary may have, "1–3"; a dash if there is no verdict."""
+    if not entry["n"]:
+        return NO_RESULT
+    best, worst = entry["ranks"].get(metric, (None, None))
+    return "–" if best is None else str(best) if best == worst else f"{best}–{worst}"
+
+
+def is_best(entry: Mapping[str, Any], metric: str, summary: Sequence[Mapping[str, Any]]) -> bool:
+    """Whether a method of a summary is best by a comparison: none is better beyond doubt, and at least one is worse."""
+    ranks = entry["ranks"].get(metric)
+    return ranks is not None and ranks[0] == 1 and ranks[1] < sum(metric in other["ranks"] for other in summary)
 
 
 def _format(value: float | None, column: Column) -> str:

@@ -8,13 +8,17 @@ from typing import Any
 import numpy as np
 
 from .comparisons import FEWEST_SCENES
+from .rare_failures import find_rare_failures
+from .summary import Table
 
 #: Metrics whose detectable difference is told, and their names in a sentence.
 _TOLD = (("common_epe_px", "EPE"), ("total_bad_1", "pixels off by more than 1 px or missing"))
 
 
-def describe_verdicts(comparisons: Sequence[Mapping[str, Any]], scenes: int) -> str:
-    """Whether the comparisons of a report have verdicts, and how large a difference they would have found."""
+def describe_verdicts(comparisons: Sequence[Mapping[str, Any]], table: Table) -> str:
+    """Whether the comparisons of the methods of a table have verdicts, how large a difference they would have found,
+    and which methods fail so rarely and heavily that a verdict depends on chance."""
+    scenes = table.scene_count()
     if not comparisons or not scenes:
         return ""
     if scenes == 1:
@@ -30,8 +34,13 @@ def describe_verdicts(comparisons: Sequence[Mapping[str, Any]], scenes: int) -> 
              for metric, name in _TOLD}
     told = [_size(name, float(size)) for name, size in sizes.items() if np.isfinite(size)]
     power = f" 8 of 10 such data sets would show {' or '.join(told)}." if told else ""
+    rare = "".join(
+        f" {each.method} fails rarely but heavily: {each.failing} of {each.pairs} pairs contain "
+        f"{100 * each.share:.0f} % of its wrong or missing pixels, and other methods have far fewer there. Chance "
+        "decides how many such pairs a data set contains, and so any verdict on it; evaluate more scenes."
+        for each in find_rare_failures(table))
     return (f"{scenes} scenes, {methods} methods: at most 5 % of data sets without a difference show one{together}."
-            f"{power}")
+            f"{power}{rare}")
 
 
 def _size(name: str, size: float) -> str:

@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -12,7 +13,9 @@ import icymoon
 import numpy as np
 import pairs
 import pytest
+from icymoon.stereo import cli
 from icymoon.stereo.measure.guiss_reference_code import reference_metrics
+from icymoon.stereo.report.table_columns import RANKING, SUMMARY
 
 ROOT = Path(icymoon.__file__).parent
 BY_PATH = [sys.executable, str(ROOT / "__main__.py"), "stereo"]
@@ -329,3 +332,19 @@ def test_metrics_of_hardly_any_pixel(tmp_path, size):
     assert found["n"] == size
     assert found["l1_m"] == (0 if size else None)
     assert found["dod"] == (0 if size == 2 else None)
+
+
+def test_the_printed_tables_rank_what_the_scenes_allow_and_call_nothing_a_zero(capsys):
+    numbers = dict.fromkeys((column.key for column in SUMMARY), 0.25)
+    ranked = {RANKING: (1, 2), "common_l1_m": (2, 3)}
+    rows = [numbers | {"method": "bm", "pairs": 8, "n": 9, "ranks": ranked},
+            numbers | {"method": "sgbm", "pairs": 8, "n": 9, "ranks": {}},
+            numbers | {"method": "igev", "pairs": 0, "n": 0, "ranks": {}, "coverage": 0.0, "seconds": 4.5}]
+    cli._print_summary({"summary": rows, "verdicts": "8 scenes [of 9].", "notes": ["A note."]})
+    printed = capsys.readouterr().out
+    lines = [re.split(r"\s*│\s*", line)[1:-1] for line in printed.splitlines() if "│" in line]
+    assert [line[:2] for line in lines] == [["bm", "1–2"], ["sgbm", "–"], ["igev", "no result"],
+                                            ["bm", "2–3"], ["sgbm", "–"], ["igev", "no result"]]
+    assert lines[2][2:] == ["–", "–", "–", "4.500"]  # what it cost stands
+    assert set(lines[5][2:]) == {"–"}
+    assert "8 scenes [of 9].\nA note." in printed

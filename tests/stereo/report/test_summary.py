@@ -75,8 +75,9 @@ def test_an_error_of_zero_is_no_failure():
 
 @pytest.mark.parametrize(("scenes", "words"), [(1, "One scene"), (4, "no verdicts"), (8, "at most 5 %")])
 def test_what_scenes_allow_is_said(scenes, words):
-    found, ranks = compare_methods(table_of(scenes, [1.0, 1.3, 1.6]), 0)
-    text = describe_verdicts(found, scenes)
+    table = table_of(scenes, [1.0, 1.3, 1.6])
+    found, ranks = compare_methods(table, 0)
+    text = describe_verdicts(found, table)
     assert words in text
     assert ("EPE" in text) == (scenes == 8)
     assert ("total_bad_1" in ranks[0]) == (scenes == 8)
@@ -86,5 +87,6 @@ def test_what_scenes_allow_is_said(scenes, words):
 
 
 def test_one_method_is_compared_with_none():
-    assert compare_methods(table_of(8, [1.0]), 0) == ([], [{}])
-    assert describe_verdicts([], 8) == ""
+    table = table_of(8, [1.0])
+    assert compare_methods(table, 0) == ([], [{}])
+    assert describe_verdicts([], table) == ""
