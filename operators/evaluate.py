@@ -70,8 +70,7 @@ class ResultKeeper:
         """Report the metrics to the user."""
         jobs.push_undo("Evaluate")  # otherwise undoing the previous step would remove the results too
         for row in results.summary(self.scene) if self.scene is not None else ():
-            operator.report({"INFO"}, f"{row['method']}: {results.percent(row['total_bad_1'])} wrong or missing, L1 of "
-                                      f"the measured {results.percent(row['coverage'])} {results.metres(row['l1_m'])}")
+            operator.report({"INFO"}, results.outcome(row))
         if self.scene == context.scene:
             results.show_error_image(context, open_window=False)
 
@@ -145,8 +144,7 @@ class ICYMOON_OT_evaluate_folder(jobs.JobOperator, bpy.types.Operator):
 
     def report_success(self, context: bpy.types.Context) -> None:
         for row in self._rows:
-            self.report({"INFO"}, f"{row['method']}: L1 {results.metres(row['l1_m'])}, "
-                                  f"coverage {results.percent(row['coverage'])}")
+            self.report({"INFO"}, results.outcome(row))
         if not bpy.app.background:
             bpy.ops.wm.url_open(url=self._page.as_uri())
 

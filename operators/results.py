@@ -15,9 +15,10 @@ import bpy
 from .. import scene_properties
 from ..errors import IcyMoonError
 from ..files import explain_disk_errors
-from ..records import NUMBER, TABLE, TEXT, Each, Maybe, find_fault, parse_json, read_record
+from ..records import COUNT, NUMBER, TABLE, TEXT, Each, Maybe, find_fault, parse_json, read_record
 from ..settings import description
 from ..settings.table import TOPICS, Setting, all_settings
+from ..stereo.report.table_columns import NO_RESULT, RANKING
 from ..typed_settings import Settings, typed
 from . import image_editor, own_reports
 from .jobs import push_undo
@@ -26,7 +27,8 @@ from .sidebar_text import in_window
 
 #: Columns of a matcher's row in a report that the scene keeps.
 METRICS = ("total_bad_1", "coverage", "l1_m", "l1_rate_10", "si_rmse", "dod")
-_ROW = {"method": TEXT, **{name: Maybe(NUMBER, null=True) for name in METRICS}}
+_ROW = {"method": TEXT, **{name: Maybe(NUMBER, null=True) for name in METRICS},
+        "n": Maybe(COUNT), "ranks": Maybe(Each(Each(COUNT), TEXT))}
 _SHAPE = {"made": TEXT, "scope": TEXT, "pairs": Each(TEXT), "settings": Each(TABLE, TEXT), "summary": Each(_ROW),
           "notes": Maybe(Each(TEXT))}
 _FILES = Maybe(Each({"method": TEXT, "images": Maybe(Each(TEXT, TEXT))}))
@@ -69,7 +71,8 @@ def keep_results(scene: bpy.types.Scene, scope: str, settings: Settings, pairs: 
         topic, _, key = name.partition(".")
         settings = description.merged(settings, description.check({topic: {key: value}}, "report.json"))
     kept = {"made": _made(report), "scope": scope, "pairs": list(pairs), "settings": settings,
-            "summary": [{key: row.get(key) for key in _ROW} for row in report["summary"]],
+            "summary": [{key: value for key, value in _complete(row).items() if key in _ROW}
+                        for row in report["summary"]],
             "notes": report.get("notes", [])[:_MOST_NOTES]}
     scene.icymoon.results = json.dumps(kept)
 
@@ -93,14 +96,21 @@ def _parsed(text: str) -> Kept | None:
     if find_fault(found, _SHAPE):
         return None
     return Kept(_clean(found["made"]), found["scope"], tuple(map(_clean, found["pairs"])), typed(found["settings"]),
-                tuple(sorted(({**dict.fromkeys(METRICS), **row, "method": _clean(row["method"])}
-                              for row in found["summary"]), key=_badness)),
+                tuple(sorted(map(_complete, found["summary"]), key=_badness)),
                 tuple(_clean(note, _LONGEST_NOTE) for note in found.get("notes", ())[:_MOST_NOTES]))
+
+
+def _complete(row: Mapping[str, Any]) -> dict[str, Any]:
+    """A row of a summary with all entries that are shown, of the ranks only that by ``RANKING``. A summary of an older
+    version has no ranks, and does not state the number of measured pixels."""
+    rank = row.get("ranks", {}).get(RANKING, ())
+    return {**dict.fromkeys(METRICS), "n": 1, **row, "method": _clean(row["method"]),
+            "ranks": {RANKING: rank} if len(rank) == 2 else {}}
 
 
 def _badness(row: Mapping[str, Any]) -> tuple[float, float]:
     """What matchers are sorted by: pixels that are wrong or missing, and the error of the others only if equal."""
-    wrong, error = row.get("total_bad_1"), row.get("l1_m")
+    wrong, error = row.get("total_bad_1") if row.get("n", 1) else None, row.get("l1_m")
     return math.inf if wrong is None else wrong, math.inf if error is None else error
 
 
@@ -203,6 +213,14 @@ def report_folder(scene: bpy.types.Scene) -> Path:
     if _clean(_made(_read_report(folder))) != found.made:
         raise IcyMoonError(f"{folder} contains another evaluation than the one that is shown; press Evaluate again.")
     return folder
+
+
+def outcome(row: Mapping[str, Any]) -> str:
+    """The result of a matcher in one sentence, from its row of a summary."""
+    if not row["n"]:
+        return f"{row['method']}: {NO_RESULT}"
+    return (f"{row['method']}: {percent(row['total_bad_1'])} wrong or missing, L1 of the measured "
+            f"{percent(row['coverage'])} {metres(row['l1_m'])}")
 
 
 def number(value: float | None, digits: int) -> str:

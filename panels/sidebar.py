@@ -26,6 +26,8 @@ from ..preferences import own_matcher_names
 from ..settings.trust_boundary import OWN
 from ..stereo.matchers import NEEDS, TITLES
 from ..stereo.matchers.methods import names_method
+from ..stereo.report.comparisons import FEWEST_SCENES
+from ..stereo.report.table_columns import NO_RESULT, RANKING, format_rank, is_best
 from . import previews
 from .fields import draw_lines, draw_sentence, draw_settings, draw_start
 from .pair_views import draw_pair
@@ -90,7 +92,8 @@ class ICYMOON_PT_main(Sidebar, bpy.types.Panel):
 
 
 def _draw_results(layout: Any, scene: bpy.types.Scene, rows: Sequence[Mapping[str, Any]]) -> None:
-    """For each matcher, best first, its wrong pixels and coverage with the buttons of its images, then its errors."""
+    """For each matcher, fewest wrong pixels first, these pixels and its coverage with the buttons of its images, then
+    its errors and its rank. A star marks the best where the scenes allow it."""
     with_image, with_surface = results.methods_with_error_images(scene), results.methods_with_points(scene)
     with_disparity = results.methods_with_disparities(scene)
     titles = layout.row(align=True)
@@ -99,20 +102,29 @@ def _draw_results(layout: Any, scene: bpy.types.Scene, rows: Sequence[Mapping[st
     for row in rows:
         method, box = row["method"], layout.box().column(align=True)
         first = box.row(align=True)
-        first.label(text=method)
-        first.label(text=results.percent(row["total_bad_1"]))
-        first.label(text=results.percent(row["coverage"]))
+        first.label(text=method, icon="SOLO_ON" if is_best(row, RANKING, rows) else "NONE")
+        first.label(text=results.percent(row["total_bad_1"]) if row["n"] else NO_RESULT)
+        first.label(text=results.percent(row["coverage"] if row["n"] else None))
         image, painted, surface = (first.row(align=True) for _ in range(3))
         image.enabled, painted.enabled, surface.enabled = (method in found for found in (
             with_image, with_disparity, with_surface))
         image.operator("icymoon.show_error", text="", icon="IMAGE_DATA").method = method
         painted.operator("icymoon.paint_errors", text="", icon="VPAINT_HLT").method = method
         surface.operator("icymoon.show_surface", text="", icon="MESH_GRID").method = method
+        if not row["n"]:
+            continue
         rest = box.column(align=True)
         rest.active = False
+        if row["ranks"]:
+            rest.label(text=f"Rank {format_rank(row, RANKING)}")
         rest.label(text=f"L1 {results.metres(row['l1_m'])}, over 10 cm {results.percent(row['l1_rate_10'])}")
         rest.label(text=f"DOD {results.percent(row['dod'])}, si-RMSE {results.number(row['si_rmse'], 4)}")
     draw_sentence(layout, "Wrong: off by over 1 px, or missing. L1, DOD and si-RMSE: of covered pixels.")
+    if any(row["ranks"] for row in rows):
+        draw_sentence(layout, "Rank: by wrong pixels, a range where the scenes leave it open. Star: no matcher is "
+                              "better beyond doubt, and at least one is worse.")
+    elif sum(bool(row["n"]) for row in rows) > 1:
+        draw_sentence(layout, f"No ranks: these need {FEWEST_SCENES} scenes.")
 
 
 class ICYMOON_PT_results(Sidebar, bpy.types.Panel):

@@ -18,6 +18,7 @@ from icymoon.operators.sidebar_text import LINE
 from icymoon.panels import CLASSES, menu, sections, sidebar
 from icymoon.settings.table import TOPICS, all_settings
 from icymoon.stereo.matchers import TITLES
+from icymoon.stereo.report.table_columns import RANKING
 from panel_drawing import Layout, drawn, texts
 from stand_ins import stand_in
 
@@ -294,6 +295,41 @@ def test_results_are_shown_with_their_units_and_a_dash_for_none(scene, measured)
     labels = [entry[2]["text"] for entry in record if entry[0] == "label"]
     assert {"bm", "sgbm", "75.0 %", "L1 0.123 m, over 10 cm 50.0 %", "DOD 25.0 %, si-RMSE –"} <= set(labels)
     assert {"icymoon.open_report", "icymoon.show_error", "icymoon.show_surface"} <= operators(record)
+
+
+def labels_of_results(scene, tmp_path, *rows):
+    evaluated(scene, tmp_path, *rows, scope="DATASET")
+    return [(entry[2]["text"], entry[2].get("icon", "NONE")) for entry in drawn(sidebar.ICYMOON_PT_results)
+            if entry[0] == "label"]
+
+
+def ranked(method, wrong, *rank):
+    return {**ROW, "method": method, "total_bad_1": wrong, "n": 100, "ranks": {RANKING: rank} if rank else {}}
+
+
+def test_ranks_are_those_of_the_report_and_a_star_needs_a_worse_one(scene, tmp_path):
+    labels = labels_of_results(scene, tmp_path, ranked("bm", 0.3, 3, 3), ranked("sgbm", 0.1, 1, 2),
+                               ranked("jplv", 0.2, 1, 2))
+    first = [label for label in labels if label[0] in ("bm", "sgbm", "jplv") or label[0].startswith("Rank ")]
+    assert first == [("sgbm", "SOLO_ON"), ("Rank 1–2", "NONE"), ("jplv", "SOLO_ON"), ("Rank 1–2", "NONE"),
+                     ("bm", "NONE"), ("Rank 3", "NONE")]
+    open_all = labels_of_results(scene, tmp_path, ranked("bm", 0.3, 1, 2), ranked("sgbm", 0.1, 1, 2))
+    assert "SOLO_ON" not in dict(open_all).values()
+
+
+def test_few_scenes_have_no_ranks_and_one_matcher_needs_none(scene, tmp_path):
+    labels = labels_of_results(scene, tmp_path, ranked("bm", 0.3), ranked("sgbm", 0.1))
+    assert "No ranks: these need 6 scenes." in dict(labels)
+    assert not any(text.startswith("Rank") for text, _ in labels)
+    assert "No ranks: these need 6 scenes." not in dict(labels_of_results(scene, tmp_path, ranked("bm", 0.3)))
+
+
+def test_a_matcher_that_measured_nothing_has_no_result_and_comes_last(scene, tmp_path):
+    nothing = {**ranked("igev", 1.0), "n": 0, "coverage": 0.0, "l1_m": None}
+    labels = [text for text, _ in labels_of_results(scene, tmp_path, nothing, {**ranked("bm", 1.0), "l1_m": None})]
+    assert labels[labels.index("igev") + 1:][:2] == ["no result", "–"]
+    assert labels.index("bm") < labels.index("igev")
+    assert "0.0 %" not in labels
 
 
 def test_each_matcher_has_its_own_two_lines(scene, tmp_path):
