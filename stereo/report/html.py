@@ -14,19 +14,19 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-import cv2
 import jinja2
 import numpy as np
 
 from ...files import write_text
 from ...settings.toml_text import to_toml
 from ..images import colours
-from ..images.image_files import encoded, read_png
 from ..matchers.methods import Method
 from ..measure.result_row import REGION_METRICS, REGIONS
 from .by_setting import Sweep
 from .charts import MOST_SWEEPS, draw_charts, method_keys
+from .conditions import Condition
 from .phase_curves import phase_curves
+from .pictures import MOST_IN_MATRIX, MOST_PICTURES, choose_typical, embed_left, embed_picture, picture_matrix
 from .summary import Table
 from .table_columns import (
     COMPARED_COLUMNS,
@@ -43,12 +43,7 @@ from .table_columns import (
 
 #: Most pairs shown with pictures; half of them are the worst ones. The CSV file contains all.
 MOST_PAIRS = 24
-#: Most pictures in the file: as JPEG of 480 px they take about 25 kB each, and a third more as text.
-MOST_PICTURES = 300
 _HERE = Path(__file__).parent
-_WIDTH_PX = 480  # of embedded pictures
-_JPEG_QUALITY = 80
-_SCREEN_GAMMA = 1 / 2.2
 #: Number of pictures of a pair, and of each method on it.
 _OWN, _PER_METHOD = 2, 3
 #: The columns of the table of all pairs, for each method: key, heading, decimals, factor.
@@ -77,11 +72,15 @@ def _read_template() -> jinja2.Template:
 
 
 def write_report(report: Mapping[str, Any], ranking: Mapping[str, Any], chosen: Sequence[str], titles: Sequence[str],
-                 table: Table, sweeps: Sequence[Sweep], methods: Sequence[Method], out: Path, guiss: bool) -> None:
+                 conditions: Sequence[Condition], table: Table, sweeps: Sequence[Sweep], methods: Sequence[Method],
+                 out: Path, guiss: bool) -> None:
     """Write ``out/report.html`` from the result of ``evaluate`` and the pictures in ``out``; it contains those of the
-    pairs ``chosen``. ``ranking``: see ``ranking.rank_methods``; ``titles``: of all pairs, see ``conditions``."""
+    pairs ``chosen`` and of a typical pair of each condition. ``ranking``: see ``ranking.rank_methods``; ``titles``: of
+    all pairs, see ``conditions``."""
     script = (_HERE / "report.js").read_text(encoding="utf-8").strip()
-    names = set(chosen)
+    typical = choose_typical(table, conditions)
+    names = {*chosen, *(table.pairs[pair] for _, pair in typical)}
+    facts_of = {facts["pair"]: facts for facts in report["pairs"] if facts["pair"] in names}
     html = _read_template().render(
         report=report, ranking=ranking, keys=method_keys(table.methods), regions=REGIONS,
         region_metrics=REGION_METRICS, metric_names=METRIC_NAMES,
@@ -93,7 +92,8 @@ def write_report(report: Mapping[str, Any], ranking: Mapping[str, Any], chosen: 
         joined=[sweep for sweep in sweeps[:MOST_SWEEPS] if sweep.together], mixed=count_values(report["pairs"]),
         warned=count_warnings(report["pairs"]),
         error_bar=_colour_bar(colours.ERROR), invalid=colours.INVALID_GREY, sky=colours.SKY_GREY,
-        pairs=[_pair_section(facts, report, table, out) for facts in report["pairs"] if facts["pair"] in names],
+        matrix=picture_matrix(typical, table, facts_of, report["rows"], out), left_out=len(conditions) - len(typical),
+        pairs=[_pair_section(facts_of[name], report, table, out) for name in sorted(chosen, key=table.pairs.index)],
         titles=dict(zip(table.pairs, titles, strict=True)), data=_page_data(table, titles, ranking, methods),
         script=script, script_hash=_script_hash(script))
     write_text(out / "report.html", html)
@@ -102,13 +102,15 @@ def write_report(report: Mapping[str, Any], ranking: Mapping[str, Any], chosen: 
 def choose_pairs(table: Table, names: Sequence[str]) -> list[str]:
     """Names of the pairs to show: all or, if there are too many, the worst ones and as many others at equal steps.
 
-    The worst pairs have the most wrong or missing pixels by any method. Pairs that count in no average are the worst of
-    all.
+    The worst pairs have the most wrong or missing pixels by any method that measured anything. Pairs that count in no
+    average are the worst of all.
     """
-    most = max(2, min(MOST_PAIRS, MOST_PICTURES // (_OWN + _PER_METHOD * len(table.methods))))
+    room = MOST_PICTURES - MOST_IN_MATRIX
+    most = max(2, min(MOST_PAIRS, room // (_OWN + _PER_METHOD * len(table.methods))))
     if len(names) <= most:
         return list(names)
-    errors = np.stack([table.column(k, RANKING) for k in range(len(table.methods))])
+    measured = [k for k in range(len(table.methods)) if np.nansum(table.column(k, "n")) > 0]
+    errors = np.stack([table.column(k, RANKING) for k in measured or range(len(table.methods))])
     badness = dict(zip(table.pairs, np.where(np.isnan(errors), np.inf, errors).max(axis=0).tolist(), strict=True))
     worst = sorted(names, key=badness.__getitem__, reverse=True)[:most // 2]
     rest = [name for name in names if name not in set(worst)]
@@ -172,28 +174,12 @@ def _pair_section(facts: Mapping[str, Any], report: Mapping[str, Any], table: Ta
     scale = colours.Scale(*facts["depth_scale_m"])
     start = table.pairs.index(facts["pair"]) * len(table.methods)
     rows = report["rows"][start:start + len(table.methods)]
-    left = _embed_picture(out / facts["images"]["left"], height, linear=facts.get("linear", True))
-    return {"facts": facts, "left": left,
-            "true_depth": _embed_picture(out / facts["images"]["true_depth"], height), "depth_bar": _colour_bar(scale),
+    return {"facts": facts, "left": embed_left(facts, out),
+            "true_depth": embed_picture(out / facts["images"]["true_depth"], height), "depth_bar": _colour_bar(scale),
             "settings": to_toml(facts["settings"]),
             "methods": [{"row": row, "outcomes": colours.outcome_legend(row["counts"]),
-                         **{kind: _embed_picture(out / row["images"][kind], height)
+                         **{kind: embed_picture(out / row["images"][kind], height)
                             for kind in ("depth", "error", "flags") if kind in row["images"]}} for row in rows]}
-
-
-def _embed_picture(path: Path, height: int, linear: bool = False) -> str:
-    """A picture as a data URL, without the colour bar below its ``height`` rows, as HTML draws its own.
-
-    The ``linear`` grey values of a sensor get the gamma of screens.
-    """
-    image = read_png(path)[:height]
-    if linear:
-        image = (255 * (image / 255.0) ** _SCREEN_GAMMA).astype(np.uint8)
-    if image.shape[1] > _WIDTH_PX:
-        size = (_WIDTH_PX, max(1, round(image.shape[0] * _WIDTH_PX / image.shape[1])))
-        image = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
-    content = base64.b64encode(encoded(image, ".jpg", _JPEG_QUALITY)).decode("ascii")
-    return f"data:image/jpeg;base64,{content}"
 
 
 def _colour_bar(scale: colours.Scale) -> dict[str, Any]:

@@ -1,5 +1,5 @@
-// Sorts and switches the ranking, and shows the table of all pairs, page by page, and the pictures of a pair that is
-// clicked. The address keeps what is chosen in the ranking.
+// Sorts and switches the ranking, enlarges pictures, and shows the table of all pairs, page by page, and the pictures of
+// a pair that is clicked. The address keeps what is chosen in the ranking.
 "use strict";
 const data = JSON.parse(document.getElementById("data").textContent);
 const ranking = data.ranking;
@@ -112,6 +112,49 @@ place("switches").hidden = false;
 readAddress();
 rank();
 
+const dialog = place("enlarged");
+let enlarged; // the button with the picture that is shown
+
+// The file beside the report, if it is there, has all pixels and its scale below.
+function enlarge(button) {
+  enlarged = button;
+  const small = button.querySelector("img"), large = place("large"), whole = new Image();
+  large.src = small.src;
+  large.alt = place("caption").textContent = small.alt;
+  whole.onload = () => { if (enlarged === button) large.src = whole.src; };
+  if (button.dataset.file) whole.src = button.dataset.file;
+  if (!dialog.open) dialog.showModal();
+}
+
+function step(by) {
+  const all = [...document.querySelectorAll(".picture")];
+  const next = all[all.indexOf(enlarged) + by];
+  if (next) enlarge(next);
+}
+
+// In the matrix, the same method under the condition above or below.
+function stepDown(by) {
+  const cell = enlarged.closest("td");
+  const next = cell?.closest("tbody").rows[cell.parentElement.sectionRowIndex + by]?.cells[cell.cellIndex];
+  const button = next?.querySelector(".picture");
+  if (button) enlarge(button);
+}
+
+document.addEventListener("click", (event) => {
+  const button = event.target.closest(".picture");
+  if (button) enlarge(button);
+});
+const moves = { ArrowLeft: () => step(-1), ArrowRight: () => step(1), ArrowUp: () => stepDown(-1), ArrowDown: () => stepDown(1) };
+dialog.onkeydown = (event) => {
+  if (!moves[event.key]) return;
+  event.preventDefault();
+  moves[event.key]();
+};
+place("previous").onclick = moves.ArrowLeft;
+place("next").onclick = moves.ArrowRight;
+dialog.onclick = (event) => { if (event.target === dialog || event.target === place("large")) dialog.close(); };
+dialog.onclose = () => enlarged.focus();
+
 const state = { page: 0, sort: 0, down: false, text: "" };
 const FIXED = 3; // name, title and status come before the numbers
 
@@ -161,9 +204,11 @@ function draw() {
 function picture(path, caption, parent) {
   const figure = make("figure", undefined, parent);
   make("figcaption", caption, figure);
-  const image = make("img", undefined, figure);
+  const button = make("button", undefined, figure);
+  button.className = "picture";
+  const image = make("img", undefined, button);
   image.alt = caption;
-  image.onerror = () => image.replaceWith(make("p", "not found: keep the folder “pairs” beside this file"));
+  image.onerror = () => button.replaceWith(make("p", "not found: keep the folder “pairs” beside this file"));
   image.src = path;
 }
 

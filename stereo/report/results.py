@@ -97,8 +97,9 @@ def write_results(log: RowLog, names: Sequence[str], methods: Sequence[Method], 
     levels = name_levels(sweeps, facts, places)
     titles = titles_of(sweeps, levels, len(names)) if sweeps else [
         preset_title(facts[0]["settings"]) if facts else ""] * len(names)
-    ranking = rank_methods(table, summary, verdicts, conditions_of(sweeps, levels), seed)
-    write_report(report, ranking, chosen, titles, table, sweeps, methods, out, guiss)
+    conditions = conditions_of(sweeps, levels)
+    ranking = rank_methods(table, summary, verdicts, conditions, seed)
+    write_report(report, ranking, chosen, titles, conditions, table, sweeps, methods, out, guiss)
     return report
 
 

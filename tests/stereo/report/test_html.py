@@ -40,7 +40,7 @@ def test_every_pair_is_in_the_table_and_a_few_have_pictures(many):
     data = page_data(html)
     assert [row[0] for row in data["pairs"]] == [f"pair{k:05d}" for k in range(COUNT)]
     assert [row[2] for row in data["pairs"]].count("suspect") == len(range(5, COUNT, 97))
-    assert html.count("<img") == MOST_PAIRS * (2 + 2 * 2)
+    assert html.count("<img") == MOST_PAIRS * (2 + 2 * 2) + 15 * (1 + 2) + 1  # pairs, matrix, and the enlarged one
     assert len(html) < 2_500_000
     rows = json.loads((many / "report.json").read_text())["rows"]
     assert data["pairs"][7][3] == pytest.approx(100 * rows[14]["total_bad_1"], abs=0.06)

@@ -1,0 +1,87 @@
+"""The pictures that the report contains: of the shown pairs, and of a typical pair of each condition by each method."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+
+from ..images.image_files import encoded, read_png
+from .conditions import Condition
+from .summary import Table
+from .table_columns import RANKING
+
+#: Most pictures in the file: as JPEG of 480 px they take about 25 kB each, and a third more as text.
+MOST_PICTURES = 300
+#: How many of them the matrix of conditions and methods may take.
+MOST_IN_MATRIX = 96
+_WIDTH_PX = 480
+_JPEG_QUALITY = 80
+_SCREEN_GAMMA = 1 / 2.2
+
+
+def embed_picture(path: Path, height: int, linear: bool = False) -> str:
+    """A picture as a data URL, without the colour bar below its ``height`` rows, as HTML draws its own.
+
+    The ``linear`` grey values of a sensor get the gamma of screens.
+    """
+    image = read_png(path)[:height]
+    if linear:
+        image = (255 * (image / 255.0) ** _SCREEN_GAMMA).astype(np.uint8)
+    if image.shape[1] > _WIDTH_PX:
+        size = (_WIDTH_PX, max(1, round(image.shape[0] * _WIDTH_PX / image.shape[1])))
+        image = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
+    content = base64.b64encode(encoded(image, ".jpg", _JPEG_QUALITY)).decode("ascii")
+    return f"data:image/jpeg;base64,{content}"
+
+
+def embed_left(facts: Mapping[str, Any], out: Path) -> str:
+    """The left image of a pair as a data URL."""
+    return embed_picture(out / facts["images"]["left"], facts["height_px"], linear=facts.get("linear", True))
+
+
+def typical_pair(table: Table, among: np.ndarray) -> int | None:
+    """The number of the typical one of the pairs where the boolean ``among`` is true; None if none of them counts.
+
+    Its share of wrong or missing pixels, averaged over the methods, is the median; of two in the middle it is the
+    better one. Pairs on which some methods failed come into question only if there are no others.
+    """
+    errors = np.stack([table.column(k, RANKING) for k in range(len(table.methods))])
+    known = ~np.isnan(errors)
+    methods = known.sum(axis=0) * among
+    if not methods.any():
+        return None
+    candidates = np.flatnonzero(methods == methods.max())
+    means = np.where(known, errors, 0.0).sum(axis=0)[candidates]
+    return int(candidates[np.argsort(means, kind="stable")[(len(candidates) - 1) // 2]])
+
+
+def choose_typical(table: Table, conditions: Sequence[Condition]) -> list[tuple[Condition, int]]:
+    """The conditions of the matrix, each with its typical pair: as many as there is room for, all pairs if there are no
+    conditions. None if there are fewer than two pairs, as the report then shows the pair itself."""
+    if len(table.pairs) < 2:
+        return []
+    found = [(condition, pair) for condition in conditions or [Condition("All pairs", np.ones(len(table.pairs), bool))]
+             if (pair := typical_pair(table, condition.pairs & (table.scenes >= 0))) is not None]
+    return found[:max(1, MOST_IN_MATRIX // (1 + len(table.methods)))]
+
+
+def picture_matrix(typical: Sequence[tuple[Condition, int]], table: Table, facts: Mapping[str, Mapping[str, Any]],
+                   rows: Sequence[Mapping[str, Any]], out: Path) -> list[dict[str, Any]]:
+    """A row for each condition: its ``name``, the name of its typical ``pair``, the ``left`` image and, for each
+    method, the ``row`` and its ``error`` picture, empty if the method failed.
+
+    ``facts`` are by pair, ``rows`` those of all pairs and methods.
+    """
+    count, found = len(table.methods), []
+    for condition, number in typical:
+        pair = table.pairs[number]
+        own = rows[number * count:(number + 1) * count]
+        found.append({"name": condition.name, "pair": pair, "left": embed_left(facts[pair], out), "methods": [
+            {"row": row, "error": embed_picture(out / row["images"]["error"], facts[pair]["height_px"])
+             if "error" in row["images"] else ""} for row in own]})
+    return found
