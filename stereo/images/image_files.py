@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import math
 import re
+import zipfile
 import zlib
 from collections.abc import Mapping
 from pathlib import Path
@@ -16,6 +17,8 @@ from ...errors import IcyMoonError
 from ...files import write_atomically
 
 _PNG = b"\x89PNG\r\n\x1a\n"
+#: Of an npz: half the time of numpy's own level, 6, for a fifth more bytes.
+_LEVEL = 4
 _PFM = re.compile(rb"P([fF])\s+(\d{1,6})\s+(\d{1,6})\s+([-+]?[\d.]+(?:[eE][-+]?\d+)?)\s")  # width, height, scale
 
 
@@ -107,8 +110,12 @@ def write_npy(path: Path, values: np.ndarray) -> None:
 def write_disparity(path: Path, disparity: np.ndarray, arrays: Mapping[str, np.ndarray] | None = None,
                     **facts: float) -> None:
     """Write an npz with ``disparity`` (float32 px, NaN where invalid), named arrays and numbers, atomically."""
+    values = {"disparity": disparity.astype(np.float32), **(arrays or {}),
+              **{name: np.float64(value) for name, value in facts.items()}}
     # In memory first: on a full disk a zip file raises a second error when it is closed.
     stream = io.BytesIO()
-    np.savez_compressed(stream, disparity=disparity.astype(np.float32), **(arrays or {}),
-                        **{name: np.float64(value) for name, value in facts.items()})
+    with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED, compresslevel=_LEVEL) as archive:
+        for name, each in values.items():
+            with archive.open(f"{name}.npy", "w", force_zip64=True) as member:
+                np.lib.format.write_array(member, np.asanyarray(each), allow_pickle=False)
     write_bytes(path, stream.getvalue())

@@ -66,9 +66,8 @@ def lattice(count: int) -> tuple[np.ndarray, np.ndarray]:
     multiple of 1000, the other of 100."""
     fine = np.arange(_EDGE, count - _EDGE, _STEP)
     coarse = np.arange(_EDGE, count - _EDGE, _COARSE_STEP)
-    first, second = (places.ravel() for places in np.meshgrid(fine, coarse, indexing="ij"))
-    low, high = np.minimum(first, second), np.maximum(first, second)
+    first, second = np.broadcast_arrays(fine[:, None], coarse)
+    before = first < second
     # A pair of two coarse positions occurs twice; count it once.
-    once = (first < second) | ((first - _EDGE) % _COARSE_STEP != 0)
-    keep = (low != high) & once
-    return low[keep], high[keep]
+    after = (first > second) & ((fine - _EDGE) % _COARSE_STEP != 0)[:, None]
+    return (np.concatenate([first[before], second[after]]), np.concatenate([second[before], first[after]]))
