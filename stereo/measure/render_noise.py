@@ -84,15 +84,17 @@ def _noise(left: np.ndarray, right: np.ndarray, disparity: np.ndarray, visible: 
            ) -> tuple[np.ndarray, np.ndarray]:
     """The noise of one eye (H, W), and where it is known."""
     filled = np.where(visible, disparity, 0.0)
-    steep = np.hypot(*np.gradient(filled)) if min(filled.shape) > 1 else np.zeros(filled.shape)
+    down, along = np.gradient(filled) if min(filled.shape) > 1 else np.zeros((2, *filled.shape))
     width = left.shape[1]
     column = matching_column(filled)
     whole = np.floor(column).astype(np.intp)
-    known = visible & (steep < _EDGE_PX) & (whole >= 1) & (whole + 2 < width)
+    known = visible & (down * down + along * along < _EDGE_PX ** 2) & (whole >= 1) & (whole + 2 < width)
     known = cv2.erode(known.astype(np.uint8), np.ones((3, 3), np.uint8), borderType=cv2.BORDER_CONSTANT,
                       borderValue=(0,)).astype(bool)
     weights = _cubic(column - whole)
-    taps = (np.take_along_axis(right, np.clip(whole + k, 0, width - 1), axis=1) for k in (-1, 0, 1, 2))
+    # In columns that are not known, whatever is fetched does not count.
+    place = np.arange(right.shape[0])[:, None] * width + np.clip(whole, 1, max(1, width - 3))
+    taps = (np.take(right, place + k, mode="clip") for k in (-1, 0, 1, 2))
     difference = left - sum(weight * tap for weight, tap in zip(weights, taps, strict=True))
     # The warped image has the noise of four pixels, weighted.
     return difference / np.sqrt(1 + sum(weight ** 2 for weight in weights)), known
