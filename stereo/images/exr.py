@@ -25,7 +25,12 @@ from ...formats.exr_pixels import decode_parts
 from ...labels import BEAUTY, INSTANCE_AOV, LIGHT_GROUPS, NORMAL_AOV, TRUTH
 from ...render.pairs.pair_folder import EYES
 from ...scratch import scratch_folder
-from .exr_passes import only_passes
+from .exr_passes import only_passes, without_passes
+
+#: Passes that tell the light groups apart, the objects, and the slope.
+GROUP_PASSES = tuple(f"{BEAUTY}.Combined_{group}" for group in LIGHT_GROUPS)
+OBJECT_PASSES = tuple(f"{TRUTH}.{name}" for name in ("Object Index", "IndexOB", INSTANCE_AOV))
+NORMAL_PASSES = tuple(f"{TRUTH}.{name}" for name in ("Normal", NORMAL_AOV))
 
 SKY_DEPTH_M = 1.0e10  # what Cycles writes where a ray hits nothing
 _SEMANTIC = ("Material Index", "IndexMA")  # the pass with the semantic labels, by version
@@ -56,19 +61,21 @@ class View(Truth, Light):
     """Light and truth of one camera."""
 
 
-def read_view(path: Path, eye: str | None = None) -> View:
+def read_view(path: Path, eye: str | None = None, without: Collection[str] = ()) -> View:
     """Read ``left.exr`` or ``right.exr``, if it contains both. ``eye`` selects the view in a file with two.
 
-    Raises IcyMoonError if the file is missing, damaged or lacks radiance or depth.
+    Passes (``LAYER.PASS``) that are not needed may be left out by ``without``, which is faster. Raises IcyMoonError if
+    the file is missing, damaged or lacks radiance or depth.
     """
-    channels = _read_channels(path, eye)
+    channels = _read_channels(path, eye, without=without)
     truth = _truth(channels, path)
     return View(*_light(channels, path), truth.depth, truth.normal, truth.instance, truth.semantic)
 
 
-def read_truth(path: Path, eye: str | None = None) -> Truth:
-    """Read the truth alone. Raises IcyMoonError if the file is missing, damaged or lacks depth."""
-    return _truth(_read_channels(path, eye), path)
+def read_truth(path: Path, eye: str | None = None, without: Collection[str] = ()) -> Truth:
+    """Read the truth alone, ``without`` some passes. Raises IcyMoonError if the file is missing, damaged or lacks
+    depth."""
+    return _truth(_read_channels(path, eye, without=without), path)
 
 
 def read_depth(path: Path, eye: str | None = None) -> Truth:
@@ -87,7 +94,7 @@ def _truth(channels: _Channels, path: Path) -> Truth:
 def read_light(path: Path, eye: str | None = None, groups: bool = True) -> Light:
     """Read the light alone, with or without its ``groups``; far faster than ``read_view`` if the file has a part for
     each pass."""
-    passes = [f"{BEAUTY}.Combined", *(f"{BEAUTY}.Combined_{group}" for group in LIGHT_GROUPS if groups)]
+    passes = [f"{BEAUTY}.Combined", *(GROUP_PASSES if groups else ())]
     radiance, found = _light(_read_channels(path, eye, passes), path)
     return Light(radiance, found if groups else {})
 
@@ -103,12 +110,13 @@ def _radiance(channels: _Channels, pass_name: str, path: Path) -> np.ndarray:
     return np.stack(bands, axis=-1).astype(np.float32, copy=False)
 
 
-def _read_channels(path: Path, eye: str | None, passes: Collection[str] = ()) -> _Channels:
-    """The channels of an eye: all, or at least those of ``passes`` (``LAYER.PASS``)."""
+def _read_channels(path: Path, eye: str | None, passes: Collection[str] = (), without: Collection[str] = ()
+                   ) -> _Channels:
+    """The channels of an eye: all, or at least those of ``passes`` (``LAYER.PASS``), or all but those ``without``."""
     if not path.is_file():
         raise IcyMoonError(f"{path} is missing; render the pair again.")
     channels: _Channels = {}
-    for view_of_part, pixels in _read_parts(path, passes):
+    for view_of_part, pixels in _read_parts(path, passes, without):
         for name, values in pixels.items():
             words = name.split(".")
             view = view_of_part or next((word for word in words if word in EYES), None)
@@ -118,14 +126,15 @@ def _read_channels(path: Path, eye: str | None, passes: Collection[str] = ()) ->
     return channels
 
 
-def _read_parts(path: Path, passes: Collection[str]) -> list[tuple[str, dict[str, np.ndarray]]]:
+def _read_parts(path: Path, passes: Collection[str], without: Collection[str]
+                ) -> list[tuple[str, dict[str, np.ndarray]]]:
     """Of each part of a file the view that it states, if any, and its channels by name."""
     try:
         import OpenEXR
     except ImportError:
-        return _decode(path, passes)
+        return _decode(path, passes, without)
     try:
-        with silence_openexr(), _make_smaller_file(path, passes) as file:
+        with silence_openexr(), _make_smaller_file(path, passes, without) as file:
             parts_announced = len(OpenEXR.File(file, separate_channels=True, header_only=True).parts)
             parts = OpenEXR.File(file, separate_channels=True).parts
     except Exception as error:  # the binding raises RuntimeError, ValueError and its own types
@@ -137,26 +146,32 @@ def _read_parts(path: Path, passes: Collection[str]) -> list[tuple[str, dict[str
             for part in parts]
 
 
-def _decode(path: Path, passes: Collection[str]) -> list[tuple[str, dict[str, np.ndarray]]]:
+def _decode(path: Path, passes: Collection[str], without: Collection[str]
+            ) -> list[tuple[str, dict[str, np.ndarray]]]:
     """The same in numpy, for what Blender writes."""
     try:
-        data = path.read_bytes()
-        return list(decode_parts(only_passes(data, passes) if passes else data))
+        return list(decode_parts(_cut(path.read_bytes(), passes, without)))
     except (OSError, ValueError, IndexError, KeyError, struct.error, zlib.error) as error:
         raise IcyMoonError(f"{path} is not a readable EXR file ({error}); render the pair again.") from None
 
 
 @contextmanager
-def _make_smaller_file(path: Path, passes: Collection[str]) -> Iterator[str]:
-    """Make a file with only the ``passes`` in ``path``, if any are given; gives its name."""
-    if not passes:
+def _make_smaller_file(path: Path, passes: Collection[str], without: Collection[str]) -> Iterator[str]:
+    """Make a file with only the ``passes`` in ``path``, or those not ``without``, if any are given; gives its name."""
+    if not (passes or without):
         yield str(path)
         return
     # A file, since older versions of the OpenEXR package read no stream.
     with scratch_folder() as folder:
         file = folder / path.name
-        file.write_bytes(only_passes(path.read_bytes(), passes))
+        file.write_bytes(_cut(path.read_bytes(), passes, without))
         yield str(file)
+
+
+def _cut(data: bytes, passes: Collection[str], without: Collection[str]) -> bytes:
+    if passes:
+        return only_passes(data, passes)
+    return without_passes(data, without) if without else data
 
 
 def _find(channels: _Channels, layer: str, pass_name: str, component: str, path: Path) -> np.ndarray:

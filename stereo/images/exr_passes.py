@@ -6,7 +6,7 @@ can be removed.
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 
 from ...formats.exr_parts import assemble, read_pieces
 
@@ -16,8 +16,20 @@ def only_passes(data: bytes, passes: Collection[str]) -> bytes:
 
     Raises ValueError, IndexError, KeyError or struct.error if it is no EXR file.
     """
-    parts = read_pieces(data)
     # A part has the name of its pass, in some versions with "-VIEW" at the end, or of its layer.
     layers = {name.split(".")[0] for name in passes}
-    wanted = [part for part in parts if part.name.split("-")[0] in passes or part.name in layers]
+    return _only_parts(data, lambda name: name.split("-")[0] in passes or name in layers)
+
+
+def without_passes(data: bytes, passes: Collection[str]) -> bytes:
+    """The EXR file ``data`` without the parts that contain one of ``passes`` (``LAYER.PASS``) and nothing else.
+
+    Raises as ``only_passes`` does.
+    """
+    return _only_parts(data, lambda name: name.split("-")[0] not in passes)
+
+
+def _only_parts(data: bytes, is_wanted: Callable[[str], bool]) -> bytes:
+    parts = read_pieces(data)
+    wanted = [part for part in parts if is_wanted(part.name)]
     return data if len(wanted) in (0, len(parts)) else assemble(wanted)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import fields, replace
 from typing import Any, TypeVar
 
@@ -11,23 +12,25 @@ from ...errors import IcyMoonError
 from ...render.pairs.pair_folder import Pair
 from ...typed_settings import RigSettings
 from .disparity_and_occlusion import scene_depth
-from .exr import Light, Truth, View, read_light, read_truth, read_view
+from .exr import GROUP_PASSES, Light, Truth, View, read_light, read_truth, read_view
 from .lens import lens_of
 
 _Images = TypeVar("_Images", Light, Truth, View)
 
 
-def read_eye(pair: Pair, eye: str) -> tuple[Light, View]:
+def read_eye(pair: Pair, eye: str, without: Collection[str] = ()) -> tuple[Light, View]:
     """Read the light that falls into an eye, with margins and toe-in, and light and truth on the parallel rig.
 
+    Passes that are not needed may be left out, see ``exr.read_view``.
     Raises IcyMoonError with the name of the file if it is damaged or of another size than its camera.
     """
     image, truth = pair.image(eye), pair.truth(eye)
     if image == truth:
-        view = read_view(image, eye)
+        view = read_view(image, eye, without)
         _check_size(pair, image, view.depth)
         return view, _cropped(view, pair)
-    light, real = read_light(image, eye), read_truth(truth, eye)
+    light = read_light(image, eye, groups=not set(GROUP_PASSES) <= set(without))
+    real = read_truth(truth, eye, without)
     _check_size(pair, image, light.radiance)
     _check_size(pair, truth, real.depth)
     real = _cropped(real, pair)

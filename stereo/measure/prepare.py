@@ -12,7 +12,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from ...errors import IcyMoonError
-from ...labels import NOT_SEEN
+from ...labels import LIGHT_GROUPS, NOT_SEEN
 from ...render.pairs.pair_folder import (
     EYES,
     Pair,
@@ -26,7 +26,7 @@ from ...typed_settings import Settings
 from ..images import colours
 from ..images.develop import Images, develop, exposure_facts, grey, scaled_radiance
 from ..images.disparity_and_occlusion import scene_depth
-from ..images.exr import Light, View
+from ..images.exr import GROUP_PASSES, NORMAL_PASSES, OBJECT_PASSES, Light, View
 from ..images.lens import lens_of
 from ..images.views import read_eye
 from .by_pixel_class import classify, texture
@@ -117,14 +117,15 @@ def distinct_pairs(paths: Sequence[Path]) -> list[Path]:
     return list(found.values())
 
 
-def load(folder: Path, response: Mapping[str, Mapping[str, Any]]) -> Loaded:
+def load(folder: Path, response: Mapping[str, Mapping[str, Any]], measuring: bool = False) -> Loaded:
     """Check, read and develop one pair; ``response`` overrides settings that need no new render.
 
+    For ``measuring``, what only exports contain is not read, which is faster.
     Raises IcyMoonError with the name of the file if a file in the folder has changed since it was rendered.
     """
     pair = read_unchanged_pair(folder)
-    eyes = {eye: read_eye(pair, eye) for eye in EYES}
     settings = merged(pair.settings, response)
+    eyes = {eye: read_eye(pair, eye, _unneeded(eye, settings) if measuring else ()) for eye in EYES}
     light, views = ({eye: taken for eye, (taken, _) in eyes.items()}, {eye: flat for eye, (_, flat) in eyes.items()})
     images = develop(pair, light["left"], light["right"], settings)
     left, right = eyes_of(pair, settings, views)
@@ -137,7 +138,7 @@ def load(folder: Path, response: Mapping[str, Mapping[str, Any]]) -> Loaded:
 
 def prepare(folder: Path, response: Mapping[str, Mapping[str, Any]]) -> Prepared:
     """Load one pair and compute what matchers and metrics need; see ``load``."""
-    loaded = load(folder, response)
+    loaded = load(folder, response, measuring=True)
     view, truth, visible = loaded.views["left"], loaded.depth["left"], loaded.visible["left"]
     left, right = loaded.images.for_matchers()
     gradient = texture(left)
@@ -150,6 +151,12 @@ def prepare(folder: Path, response: Mapping[str, Mapping[str, Any]]) -> Prepared
     facts |= {"depth_scale_m": [scale.low, scale.high], "self_check": loaded.check.to_json(),
               "noise": noise.to_json()}
     return Prepared(loaded.pair, left, right, truth, visible, gradient, classes, loaded.check, scale, facts)
+
+
+def _unneeded(eye: str, settings: Settings) -> tuple[str, ...]:
+    """The passes of an eye that are not needed for measuring. Light groups are only needed to scale them."""
+    scaled = any(settings.light[key] != 1 for key in LIGHT_GROUPS.values())
+    return OBJECT_PASSES + (() if scaled else GROUP_PASSES) + (() if eye == "left" else NORMAL_PASSES)
 
 
 def _noise_free_level(loaded: Loaded, eye: str) -> np.ndarray:

@@ -7,7 +7,14 @@ import OpenEXR
 import pairs
 import pytest
 from icymoon.errors import IcyMoonError
-from icymoon.stereo.images.exr import read_depth, read_light, read_view
+from icymoon.stereo.images.exr import (
+    GROUP_PASSES,
+    NORMAL_PASSES,
+    OBJECT_PASSES,
+    read_depth,
+    read_light,
+    read_view,
+)
 
 SCENE = pairs.Scene(sky_rows=12)
 LAYOUTS = ["4.x", "4.x view", "5.x"]
@@ -44,6 +51,16 @@ def test_parts_that_are_read_alone_are_the_same(tmp_path, layout):
     np.testing.assert_array_equal(light.groups["Planet"], whole.groups["Planet"])
     np.testing.assert_array_equal(depth.depth, whole.depth)
     np.testing.assert_array_equal(depth.semantic, whole.semantic)
+
+
+def test_a_view_is_the_same_without_passes_that_nobody_needs(tmp_path, layout):
+    folder = pairs.write_pair(tmp_path / "pair", layout=layout, planet_share=0.2)
+    whole = read_view(folder / "left.exr", "left")
+    view = read_view(folder / "left.exr", "left", (*OBJECT_PASSES, *NORMAL_PASSES, *GROUP_PASSES))
+    for name in ("radiance", "depth", "semantic"):
+        np.testing.assert_array_equal(getattr(view, name), getattr(whole, name))
+    left_out = layout == "5.x"  # other files have one part, which is read whole
+    assert (view.instance is None, view.normal is None, not view.groups) == (left_out,) * 3
 
 
 def test_ids_are_rounded(tmp_path):
