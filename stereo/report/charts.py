@@ -364,6 +364,7 @@ def _draw_pixel_classes(summary: Summary) -> list[str]:
                               linestyle="" if factor.names else "-")
             axis.set_xticks(places[shown], np.array(factor.classes)[shown], rotation=0 if factor.names else 35)
             axis.set_xlim(places[shown].min() - 0.4, places[shown].max() + 0.4)
+            axis.set_ylim(bottom=-0.02 * axis.get_ylim()[1])  # a mark at 0 is whole
             axis.set_ylabel("% missing or > 1 px")
     return found
 

@@ -198,7 +198,7 @@ function draw() {
       make("td", value === null ? "–" : value.toFixed(data.columns[k % data.columns.length][1]), line));
   }
   replace(place("all-pairs"), table);
-  place("page").textContent = `page ${state.page + 1} of ${pages}, ${rows.length} pairs`;
+  place("page").textContent = `page ${state.page + 1} of ${pages}, ${rows.length} pair${rows.length === 1 ? "" : "s"}`;
 }
 
 function picture(path, caption, parent) {

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..measure import by_pixel_class, common_pixels, disparity_histograms
-from ..measure.metrics import BAD, ERROR_STEPS_M, QUANTILES, SHARES
+from ..measure.metrics import BAD, ERROR_STEPS_M, L1_RATES, QUANTILES, SHARES
 from ..measure.result_row import NUMBERS, REGION_METRICS
 from .comparisons import compare, pairs_of, ranks
 from .scene_intervals import intervals, scene_means
@@ -49,6 +49,8 @@ _COUNTS = tuple(f"{prefix}n" for prefix, keys in REGION_METRICS.items() if "n" i
 _AVERAGED = tuple(key for key in NUMBERS if key not in (*_COUNTS, "true_pixels"))
 #: Numbers that are infinite, and so null, in a pair with too few measured pixels.
 _TOTAL_QUANTILES = tuple(f"total_{key}" for key in ("median_m", *QUANTILES))
+#: The ends of the names of shares, which no interval may exceed.
+_SHARE_NAMES = ("coverage", *BAD, "d1", *L1_RATES, "dod")
 _COMMON_PLACE = {f"common_{key}": place for place, key in enumerate(common_pixels.NUMBERS)}
 
 
@@ -138,6 +140,8 @@ def summarise_method(table: Table, method: int) -> dict[str, Any]:
     bounds = intervals(columns[counted], table.scenes[counted])
     signed = (columns < 0).any(axis=0)
     bounds[~signed] = np.maximum(bounds[~signed], 0.0)
+    shares = [key.endswith(_SHARE_NAMES) for key in _AVERAGED]
+    bounds[shares] = np.minimum(bounds[shares], 1.0)
     result["intervals"] = {key: [float(low), float(high)] for key, (low, high) in zip(_AVERAGED, bounds, strict=True)
                            if np.isfinite(low) and result[key] is not None}
     weights = table.column(method, "n")

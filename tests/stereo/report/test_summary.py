@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from icymoon.stereo.measure import common_pixels
 from icymoon.stereo.measure.result_row import NUMBERS
-from icymoon.stereo.report.summary import Table, compare_methods
+from icymoon.stereo.report.summary import Table, compare_methods, summarise_method
 from icymoon.stereo.report.verdict_text import describe_verdicts
 
 pytestmark = pytest.mark.filterwarnings("error")
@@ -90,3 +90,12 @@ def test_one_method_is_compared_with_none():
     table = table_of(8, [1.0])
     assert compare_methods(table, 0) == ([], [{}])
     assert describe_verdicts([], table) == ""
+
+
+def test_the_interval_of_a_share_stays_within_none_and_all():
+    table = table_of(3, [1.0], coverage=[0.9])
+    table.values[0, :, NUMBERS.index("coverage")] = np.repeat([0.99, 0.6, 0.99], 2)
+    table.values[0, :, NUMBERS.index("total_bad_1")] = np.repeat([0.01, 0.4, 0.01], 2)
+    found = summarise_method(table, 0)["intervals"]
+    assert found["coverage"][1] == 1
+    assert found["total_bad_1"][0] == 0
