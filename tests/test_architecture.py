@@ -185,6 +185,15 @@ def test_pure_rooms_import_without_blender():
     assert ended.returncode == 0, f"icymoon.{ended.stdout.split()[-1]}: {ended.stderr}"
 
 
+def test_imports_go_without_the_evaluators_packages():
+    """Blender has none of them, and the extension would not start."""
+    program = ("import sys\n"
+               "sys.modules |= dict.fromkeys(('cv2', 'torch', 'OpenEXR', 'Imath', 'jinja2', 'matplotlib', 'rich'))\n"
+               "import icymoon\nicymoon.register()\nicymoon.unregister()")
+    ended = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=240, check=False)
+    assert ended.returncode == 0, ended.stderr
+
+
 @pytest.mark.parametrize("path", SOURCES, ids=IDS)
 def test_only_the_evaluator_uses_its_packages(path):
     used = {name.split(".")[0] for name in imported(path)} & {"cv2", "torch", "OpenEXR", "Imath", "jinja2"}

@@ -21,7 +21,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 
 TOLERANCE = 0.01
@@ -223,6 +222,8 @@ class _DigitCounts:
 
     def _table(self, blocks: int, cells: np.ndarray, counts: np.ndarray) -> np.ndarray:
         """Counts in all blocks before each one, of all digits below each one."""
+        import cv2  # not on top: Blender has no OpenCV, and paints errors by other functions of these modules
+
         table = np.zeros((blocks, self._columns - 1), np.uint8)
         table.ravel()[cells] = counts
         return np.asarray(cv2.integral(table, sdepth=cv2.CV_32S)).ravel()
