@@ -16,6 +16,7 @@ import subprocess
 import sys
 import time
 import traceback
+import webbrowser
 from collections.abc import Callable
 from functools import partial
 from itertools import pairwise
@@ -243,6 +244,45 @@ def vary_by_mouse() -> Waiting:
     yield from person.close_second_window("the Image Editor")
     group.dataset.folder, group.dataset.evaluate, group.dataset.methods = kept
     group.rig.width_px, group.rig.height_px, group.terrain.resolution = size
+    yield from to(*middle("UI"))
+    yield from scroll(-400)
+
+
+def evaluate_other_pairs() -> Waiting:
+    """A pair that was not rendered here, chosen in the file browser, is measured and its report opened."""
+    folder, shift = FOLDER / "other", 8
+    texture = np.random.default_rng(1).integers(0, 256, (60, 90, 3)).repeat(2, axis=0).repeat(2, axis=1)
+    folder.mkdir()
+    for eye, first in (("left", 0), ("right", shift)):
+        image = np.ascontiguousarray(texture[:, first:first + 160]).astype(np.uint8)
+        (folder / f"{eye}_a.png").write_bytes(module("formats.png").encode_png(image))
+    np.save(folder / "disparity_a.npy", np.full((120, 160), float(shift), np.float32))
+    (folder / "pairs.toml").write_text(
+        '[images]\nleft = "left_{pair}.png"\nright = "right_{pair}.png"\n[truth]\ndisparity = "disparity_{pair}.npy"\n'
+        '[camera]\nfocal_px = 100\nbaseline_m = 0.1\n', encoding="utf-8")
+    opened: list[str] = []
+    webbrowser.open, open_page = opened.append, webbrowser.open  # type: ignore[assignment]
+    yield from to(*middle("UI"))
+    yield from scroll(400)
+    yield from press("icymoon.evaluate_folder")
+    yield from until(lambda: len(manager().windows) == 2, "Opening the file browser")
+    browser = manager().windows[1]
+    yield from until(lambda: browser.screen.areas[0].spaces.active.params, "Listing the files")
+    browser.screen.areas[0].spaces.active.params.directory = str(folder).encode()
+    yield 10 * TICK_S
+    yield from screenshot("other_pairs_folder")
+    accept = next(part for part in browser.screen.areas[0].regions if part.type == "EXECUTE")
+    point(browser.x + accept.x + 0.92 * accept.width, browser.y + accept.y + accept.height / 2)
+    yield 5 * TICK_S
+    xdotool("click", 1)
+    yield from until(lambda: jobs().current, "Starting the evaluation of other pairs")
+    yield from ended()
+    page = folder / "evaluation" / "report.html"
+    yield from until(lambda: opened, "Opening the report")
+    webbrowser.open = open_page
+    check(opened == [page.as_uri()] and page.is_file(), f"what opens is {opened}")
+    yield from away()
+    yield from screenshot("other_pairs")
     yield from to(*middle("UI"))
     yield from scroll(-400)
 
@@ -576,6 +616,8 @@ def camera_image_follows() -> Waiting:
     check(max(spans) < lasted / 10, f"following kept the window busy for {max(spans):.2f} of {lasted:.1f} s at once")
     yield from screenshot("camera_image_followed")
     yield from person.close_second_window("the Image Editor")
+    for key_of_response in ("pixel_pitch_um", "auto_target"):
+        settings().sensor.property_unset(key_of_response)
     return f"longest turn {1000 * max(spans):.0f} ms of {lasted:.1f} s"
 
 
@@ -717,8 +759,8 @@ def render_in_a_local_view() -> Waiting:
 
 STEPS = (open_the_tab, load_europa, open_all_panels, build_by_mouse, undo_and_redo, slide_by_mouse, render_by_mouse,
          pair_on_the_screen, escape_a_render, evaluate_by_mouse, measured_surface, painted_errors, show_error,
-         camera_image_follows, render_a_data_set, vary_by_mouse, preferences_page, search_and_clear, drag_an_asset,
-         choose_by_picture, undo_by_key, render_in_a_local_view)
+         camera_image_follows, render_a_data_set, vary_by_mouse, evaluate_other_pairs, preferences_page,
+         search_and_clear, drag_an_asset, choose_by_picture, undo_by_key, render_in_a_local_view)
 #: From the opened tab to a measured pair.
 FIRST_STEPS = STEPS[:STEPS.index(measured_surface) + 1]
 
