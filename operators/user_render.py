@@ -27,6 +27,9 @@ _RENDERED = ("MESH", "CURVE", "SURFACE", "META", "FONT", "CURVES", "POINTCLOUD",
              "LIGHT", "LIGHT_PROBE", "EMPTY")
 #: It decides which looks there are.
 _FIRST = "view_settings.view_transform"
+#: Light paths per pixel of a 3D View at most. With Blender's 1024, a view without a graphics card takes all processors
+#: for minutes, also those that a pair is rendered with meanwhile.
+_VIEW_SAMPLES = 64
 _VALUES = ("BOOLEAN", "INT", "FLOAT", "ENUM", "STRING")
 
 
@@ -45,6 +48,8 @@ def prepare_render(scene: bpy.types.Scene, built: scenes.Built) -> None:
         settings = description.merged(settings, {"quality": {"denoiser": "NONE"}})
     cycles_settings.apply(scene, settings.quality, int(settings.dataset.seed))
     scene.cycles.shading_system = uses_osl
+    if not 0 < scene.cycles.preview_samples <= _VIEW_SAMPLES:  # 0 has no end
+        scene.cycles.preview_samples = _VIEW_SAMPLES
     scene.view_settings.exposure, scene.view_settings.gamma = exposure, gamma
     with suppress(TypeError):  # the user's own color management may not have it
         scene.view_settings.view_transform = TRANSFORM

@@ -25,7 +25,8 @@ def default_file():
 def values(scene):
     return {name: getattr(getattr(scene, group), name) for group, name in (
         ("render", "engine"), ("render", "resolution_x"), ("render", "use_compositing"), ("cycles", "samples"),
-        ("cycles", "sample_clamp_indirect"), ("cycles", "use_light_tree"), ("cycles", "use_denoising"))}
+        ("cycles", "sample_clamp_indirect"), ("cycles", "use_light_tree"), ("cycles", "use_denoising"),
+        ("cycles", "preview_samples"))}
 
 
 @pytest.mark.slow
@@ -57,6 +58,7 @@ def test_clear_gives_the_user_s_render_back(default_file):
     before = values(scene)
     bpy.ops.icymoon.build_scene()
     assert scene.render.engine == "CYCLES"
+    assert scene.cycles.preview_samples == 64 < before["preview_samples"]  # so that the view rests
     assert {item.name for item in scene.objects if item.hide_render} >= {"Cube", "Light"}
     assert scene.camera.name not in ("Camera", "Cube")
     scene.cycles.samples = 77  # the user's own choice after the build
