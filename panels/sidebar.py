@@ -72,7 +72,7 @@ class ICYMOON_PT_main(Sidebar, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         layout = self.layout
         group = context.scene.icymoon
-        layout.template_icon_view(context.window_manager, previews.CHOICE, show_labels=True, scale=5.0, scale_popup=7.0)
+        layout.template_icon_view(context.window_manager, previews.CHOICE, show_labels=True, scale=8.0, scale_popup=7.0)
         row = layout.row(align=True)
         row.menu("ICYMOON_MT_presets", text=presets.title_of(group.preset), icon="PRESET")
         row.operator("icymoon.add_preset", text="", icon="ADD")
