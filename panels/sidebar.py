@@ -146,9 +146,8 @@ class ICYMOON_PT_results(Sidebar, bpy.types.Panel):
         draw_sentence(layout, origin, "TIME")
         for sentence in warnings:
             draw_sentence(layout, sentence, "ERROR")
-        limits = results.limits(context.scene)
-        for sentence in limits:  # in short; at length below the table, which they would push out of sight
-            draw_sentence(layout, sentence.partition(":")[0], "ERROR")
+        for brief in results.limits_in_brief(context.scene):  # at length below the table, to keep it in sight
+            draw_lines(layout, (brief,), "ERROR")
         table = layout.column()
         table.active = not warnings
         _draw_results(table, context.scene, rows)
@@ -160,7 +159,7 @@ class ICYMOON_PT_results(Sidebar, bpy.types.Panel):
         column = layout.column(align=True)
         for meaning, icon in (*painted_errors.legend(context.scene), *measured_surface.legend(context.scene)):
             draw_sentence(column, meaning, icon)
-        for sentence in limits:
+        for sentence in results.limits(context.scene):
             draw_sentence(layout, sentence, "INFO")
 
 

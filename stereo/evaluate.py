@@ -61,7 +61,8 @@ def evaluate(paths: Sequence[Path], methods: Sequence[Method], out: Path,
     IcyMoonError if there is no pair, if ``out`` cannot be written, or if it contains files that no evaluation wrote.
 
     The report is {"format", "version", "summary", "comparisons", "verdicts", "rows", "pairs", "failed", "suspect",
-    "notes", "provenance"}; ``notes`` are sentences on what limits the comparison; an undefined value is null. ``rows``
+    "notes", "briefs", "provenance"}; ``notes`` are sentences on what limits the comparison, ``briefs`` their first
+    parts, for where there is little room; an undefined value is null. ``rows``
     and ``pairs`` are read from the disk on demand.
 
     * ``summary``: one entry per method, see ``summary.summarise_method``, with its ``ranks``; ``comparisons``: see

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 from ...records import COUNT, NUMBER, TEXT, Maybe, Shape
@@ -21,8 +22,21 @@ _FIXES = {STATED: "Leave the option out, and the range follows from the rig.",
           FIXED: "Nothing is known of the rig, so state a larger range."}
 
 
+@dataclass(frozen=True)
+class Note:
+    """What a reader must know, in brief and in ``detail``; ``sentence`` is both."""
+
+    brief: str
+    detail: str
+
+    @property
+    def sentence(self) -> str:
+        """The whole note."""
+        return f"{self.brief}: {self.detail}"
+
+
 class Notes:
-    """Collects from pairs and rows, one after the other, what ``sentences`` returns."""
+    """Collects from pairs and rows, one after the other, what ``found`` returns."""
 
     def __init__(self, methods: Sequence[Method]) -> None:
         self._search: dict[str, list[tuple[str, Mapping[str, Any]]]] = {method.label: [] for method in methods}
@@ -44,32 +58,33 @@ class Notes:
         if row.get("search"):
             self._search[label].append((row["pair"], row["search"]))
 
-    def sentences(self) -> list[str]:
+    def found(self) -> list[Note]:
         """The notes, the most important first."""
         missed = (self._missed(label, found) for label, found in self._search.items())
         from_truth = [label for label, found in self._search.items() if any(s["source"] == TRUTH for _, s in found)]
-        known = (f"{label}: range from truth. It searches only the disparities that each pair contains, which no "
-                 "camera knows." for label in from_truth)
+        known = (Note(f"{label} has its range from truth", "it searches only the disparities that each pair contains, "
+                      "which no camera knows.") for label in from_truth)
         return [*filter(None, missed), *self._noise(), *known]
 
-    def _noise(self) -> Iterator[str]:
+    def _noise(self) -> Iterator[Note]:
         if self._decided:
-            yield (f"Noise of the render decides the result in {len(self._decided)} of {self._pairs} pairs: in light "
-                   "or in shadow, more than 5 % of the pixels have less texture than noise. In the worst of them, "
-                   f"methods that differ by less than {100 * max(self._decided):.2g} % of the pixels may differ by "
-                   "noise alone. Raise quality.samples and look whether their order stays: these limits rest on two "
-                   "scenes.")
+            yield Note(f"Noise of the render decides the result in {len(self._decided)} of {self._pairs} pairs",
+                       "in light or in shadow, more than 5 % of the pixels have less texture than noise. In the worst "
+                       f"of them, methods that differ by less than {100 * max(self._decided):.2g} % of the pixels may "
+                       "differ by noise alone. Raise quality.samples and look whether their order stays: these limits "
+                       "rest on two scenes.")
         if self._noisy:
-            yield (f"{self._noisy} of {self._pairs} pairs are noisy: in light or in shadow, 1 to 5 % of the pixels "
-                   "have less texture than noise.")
+            yield Note(f"{self._noisy} of {self._pairs} pairs are noisy",
+                       "in light or in shadow, 1 to 5 % of the pixels have less texture than noise.")
 
     @staticmethod
-    def _missed(label: str, found: Sequence[tuple[str, Mapping[str, Any]]]) -> str:
+    def _missed(label: str, found: Sequence[tuple[str, Mapping[str, Any]]]) -> Note | None:
         beyond = [(each["missed"], pair, each) for pair, each in found if (each["missed"] or 0.0) > MISSED]
         if not beyond:
-            return ""
+            return None
         most, pair, worst = max(beyond, key=lambda entry: entry[0])
         fix = _FIXES.get(worst["source"], "State a larger range.")
-        return (f"{label} cannot measure everything: in {len(beyond)} of {len(found)} pairs its search range leaves "
-                f"out more than {100 * MISSED:g} % of the true disparities, at most {100 * most:.0f} % (pair {pair}, "
-                f"searched {worst['least_px']} to {worst['most_px']} px). {fix}")
+        return Note(f"{label} cannot measure everything",
+                    f"in {len(beyond)} of {len(found)} pairs its search range leaves out more than {100 * MISSED:g} % "
+                    f"of the true disparities, at most {100 * most:.0f} % (pair {pair}, searched {worst['least_px']} "
+                    f"to {worst['most_px']} px). {fix}")

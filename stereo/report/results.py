@@ -86,7 +86,8 @@ def write_results(log: RowLog, names: Sequence[str], methods: Sequence[Method], 
     report = {"format": FORMAT, "version": VERSION,
               "summary": summary, "curves": write_curves(summary, table, sweeps, out),
               "comparisons": comparisons, "verdicts": verdicts, "rows": rows, "pairs": facts, "failed": failed,
-              "suspect": suspect, "notes": notes.sentences(),
+              "suspect": suspect, "notes": [note.sentence for note in notes.found()],
+              "briefs": [note.brief for note in notes.found()],
               "provenance": _provenance(methods, ran_on, source, seed)}
     write_atomically(out / "results.csv", lambda part: _write_csv(part, rows))
     write_atomically(out / "report.json", lambda part: _write_report_json(part, report))

@@ -12,6 +12,7 @@ from icymoon import scene_properties
 from icymoon.errors import IcyMoonError
 from icymoon.operators import evaluate, own_reports, results
 from icymoon.panels import sidebar
+from panel_drawing import drawn
 
 
 def shown(scene) -> bool:
@@ -38,9 +39,14 @@ def test_what_limits_the_results_is_kept_with_them(scene, tmp_path):
     evaluated(scene, tmp_path)
     assert results.limits(scene) == ()
     path = tmp_path / "evaluation_scene" / "summary.json"
-    path.write_text(json.dumps(json.loads(path.read_text()) | {"notes": ["Noise decides.", "bm misses.", "A third."]}))
+    path.write_text(json.dumps(json.loads(path.read_text()) | {
+        "notes": ["Noise decides: so.", "bm misses.", "A third."], "briefs": ["Noise decides", "bm:x=2 misses", "A"]}))
     results.keep_results(scene, "SCENE", scene_properties.read_settings(scene.icymoon), [PAIR])
-    assert results.limits(scene) == ("Noise decides.", "bm misses.")
+    assert results.limits(scene) == ("Noise decides: so.", "bm misses.")
+    assert results.limits_in_brief(scene) == ("Noise decides", "bm:x=2 misses")
+    labels = [entry[2]["text"] for entry in drawn(sidebar.ICYMOON_PT_results) if entry[0] == "label"]
+    table = labels.index("Matcher")
+    assert labels.index("bm:x=2 misses") < table < labels.index("Noise decides: so.")
 
 
 def test_each_scene_has_its_own_and_a_copy_those_of_its_settings(scene, tmp_path):
@@ -153,12 +159,13 @@ def test_what_a_file_says_is_text_and_leads_nowhere(scene, tmp_path):
     evil = "/usr/bin/evil\n" * 50
     scene.icymoon.dataset.folder = str(tmp_path)
     scene.icymoon.results = json.dumps({"made": evil, "scope": evil, "pairs": [evil], "folder": evil, "settings": {
-        "light": {"sun_elevation_deg": evil}}, "notes": [evil] * 9,
+        "light": {"sun_elevation_deg": evil}}, "notes": [evil] * 9, "briefs": [evil] * 9,
         "summary": [{"method": evil, **dict.fromkeys(results.METRICS, 0.5)}]})
     assert all(len(line) < 200 and line.isprintable() for line in results.notes(scene))
     assert len(results.summary(scene)[0]["method"]) <= 40
     assert len(results.limits(scene)) == 2
-    assert all(len(line) <= 400 and line.isprintable() for line in results.limits(scene))
+    assert all(len(line) <= 400 and line.isprintable()
+               for line in (*results.limits(scene), *results.limits_in_brief(scene)))
     with pytest.raises(IcyMoonError, match="no report"):
         results.report_folder(scene)
 

@@ -13,7 +13,7 @@ def sentences(text, *searches):
     for k, search in enumerate(searches):
         assert not find_fault({"search": search}, {"search": SEARCH})
         notes.add({"pair": f"p{k}", "method": methods[0].label, "search": search, "options": {}})
-    return notes.sentences()
+    return [note.sentence for note in notes.found()]
 
 
 def with_noise(*verdicts):
@@ -24,7 +24,7 @@ def with_noise(*verdicts):
         assert not find_fault(facts, {"noise": NOISE})
         notes.add_pair(facts)
     notes.add_pair({})  # photographs, which no one has rendered
-    return notes.sentences()
+    return [note.sentence for note in notes.found()]
 
 
 def test_what_noise_decides_is_said_with_the_difference_that_it_hides():
@@ -56,3 +56,12 @@ def test_nothing_is_said_without_a_reason():
 def test_a_range_from_truth_is_said():
     said, = sentences("bm:disparities=truth", search(0.0, "truth"))
     assert "range from truth" in said
+
+
+def test_a_brief_note_names_the_whole_method():
+    """Its label may contain a colon."""
+    notes = Notes(parse_methods("bm:window=21"))
+    notes.add({"pair": "p", "method": "bm:window=21", "search": search(0.3), "options": {}})
+    note, = notes.found()
+    assert note.brief == "bm:window=21 cannot measure everything"
+    assert note.sentence == f"{note.brief}: {note.detail}"
