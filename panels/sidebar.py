@@ -91,20 +91,28 @@ class ICYMOON_PT_main(Sidebar, bpy.types.Panel):
         draw_job(layout)
 
 
+#: The part of a line that the name of a matcher takes in the table of results.
+_NAMES = 0.32
+
+
 def _draw_results(layout: Any, scene: bpy.types.Scene, rows: Sequence[Mapping[str, Any]]) -> None:
     """For each matcher, fewest wrong pixels first, these pixels and its coverage with the buttons of its images, then
     its errors and its rank. A star marks the best where the scenes allow it."""
     with_image, with_surface = results.methods_with_error_images(scene), results.methods_with_points(scene)
     with_disparity = results.methods_with_disparities(scene)
-    titles = layout.row(align=True)
-    for title in ("Matcher", "Wrong", "Covered", ""):
-        titles.label(text=title)
+    titles = layout.split(factor=_NAMES, align=True)
+    titles.label(text="Matcher")
+    numbers = titles.row(align=True)
+    for title in ("Wrong", "Covered", ""):
+        numbers.label(text=title)
     for row in rows:
         method, box = row["method"], layout.box().column(align=True)
-        first = box.row(align=True)
-        first.label(text=method, icon="SOLO_ON" if is_best(row, RANKING, rows) else "NONE")
-        first.label(text=results.percent(row["total_bad_1"]) if row["n"] else NO_RESULT)
-        first.label(text=results.percent(row["coverage"] if row["n"] else None))
+        line = box.split(factor=_NAMES, align=True)
+        line.label(text=method)
+        first = line.row(align=True)
+        for text in (results.percent(row["total_bad_1"]), results.percent(row["coverage"])) if row["n"] else (
+                NO_RESULT,):
+            first.label(text=text)
         image, painted, surface = (first.row(align=True) for _ in range(3))
         image.enabled, painted.enabled, surface.enabled = (method in found for found in (
             with_image, with_disparity, with_surface))
@@ -113,10 +121,11 @@ def _draw_results(layout: Any, scene: bpy.types.Scene, rows: Sequence[Mapping[st
         surface.operator("icymoon.show_surface", text="", icon="MESH_GRID").method = method
         if not row["n"]:
             continue
+        if row["ranks"]:
+            box.label(text=f"Rank {format_rank(row, RANKING)}",
+                      icon="SOLO_ON" if is_best(row, RANKING, rows) else "NONE")
         rest = box.column(align=True)
         rest.active = False
-        if row["ranks"]:
-            rest.label(text=f"Rank {format_rank(row, RANKING)}")
         rest.label(text=f"L1 {results.metres(row['l1_m'])}, over 10 cm {results.percent(row['l1_rate_10'])}")
         rest.label(text=f"DOD {results.percent(row['dod'])}, si-RMSE {results.number(row['si_rmse'], 4)}")
     draw_sentence(layout, "Wrong: off by over 1 px, or missing. L1, DOD and si-RMSE: of covered pixels.")
