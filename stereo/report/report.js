@@ -152,6 +152,7 @@ dialog.onkeydown = (event) => {
 };
 place("previous").onclick = moves.ArrowLeft;
 place("next").onclick = moves.ArrowRight;
+place("close").onclick = () => dialog.close();
 dialog.onclick = (event) => { if (event.target === dialog || event.target === place("large")) dialog.close(); };
 dialog.onclose = () => enlarged.focus();
 

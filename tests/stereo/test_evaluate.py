@@ -141,7 +141,8 @@ class _Page(HTMLParser):
 def test_the_report_is_one_file_with_every_picture(result):
     report, out, _ = result
     page = _Page((out / "report.html").read_text(encoding="utf-8"))
-    assert len(page.images) == 3 * (2 + 2 * 3)  # of three pairs, and of three methods on each
+    # Of three pairs, of three methods on each, and on a typical pair.
+    assert len(page.images) == 3 * (2 + 2 * 3) + 1 + 3
     assert all(link.startswith("data:image/") for link in page.links)
     assert not {"link", "iframe", "object", "form"} & set(page.tags)
     assert page.tags.count("script") == 2  # data and our own program, neither with a source elsewhere

@@ -131,6 +131,8 @@ def test_a_picture_enlarges_steps_and_closes_by_mouse_and_keys(page):
     assert page.value("document.activeElement.getAttribute('aria-label')").startswith("Enlarge: Error of bm")
     page.click("document.querySelector('.pair .picture')")
     assert page.value(CAPTION).startswith("True depth, ")
+    page.click("document.getElementById('close')")
+    assert not page.value(OPEN)
 
 
 def test_a_picture_of_the_folder_beside_the_report_has_all_pixels_and_one_that_is_missing_says_so(page):
