@@ -7,6 +7,8 @@ or the order of one pixel) is NaN, never a flattering 0.
 
 from __future__ import annotations
 
+from functools import cached_property
+
 import numpy as np
 
 from .depth_order import depth_order_disagreement
@@ -33,7 +35,24 @@ def usable(depth: np.ndarray) -> np.ndarray:
     return np.isfinite(depth) & (depth > 0)
 
 
-def depth_metrics(prediction: np.ndarray, truth: np.ndarray, dod: float | None = None) -> dict[str, float | int]:
+class Errors:
+    """The errors of a prediction where it and the truth are usable: two arrays of the same shape."""
+
+    def __init__(self, prediction: np.ndarray, truth: np.ndarray) -> None:
+        known = usable(truth)
+        both = known & usable(prediction)
+        self.total = int(known.sum())  # pixels that have a truth
+        self.predicted, self.true = (np.asarray(values, np.float64)[both] for values in (prediction, truth))
+        self.error = self.predicted - self.true
+        self.distance = np.abs(self.error)
+
+    @cached_property
+    def ascending(self) -> np.ndarray:
+        """The absolute errors in their order."""
+        return np.sort(self.distance)
+
+
+def depth_metrics(prediction: np.ndarray, truth: np.ndarray) -> dict[str, float | int]:
     """Metrics of planar depths in metres; two arrays of the same shape, NaN where there is no depth.
 
     With e = prediction - truth and d = ln prediction - ln truth on V, N = |V|:
@@ -43,32 +62,32 @@ def depth_metrics(prediction: np.ndarray, truth: np.ndarray, dod: float | None =
     * ``si_mse`` mean d² - (mean d)² (Eigen et al. 2014 with λ = 1; the formula of the GUISS paper), computed as the
       variance of d in two passes, so that a prediction that is right except for its scale gives 0 and not rounding
       noise; ``si_rmse`` its root (which the code of the paper prints);
-    * ``dod`` depth order disagreement, see ``depth_order``; it takes most of the time, and is given if it is known;
+    * ``dod`` depth order disagreement, see ``depth_order``;
     * ``coverage`` N / number of true pixels, ``n`` N.
     """
-    prediction, truth = np.asarray(prediction, np.float64), np.asarray(truth, np.float64)
-    known = usable(truth)
-    both = known & usable(prediction)
-    n, total = int(both.sum()), int(known.sum())
+    errors = Errors(prediction, truth)
+    return metrics_of_depth(errors, depth_order_disagreement(errors.predicted, errors.true))
+
+
+def metrics_of_depth(errors: Errors, dod: float) -> dict[str, float | int]:
+    """``depth_metrics`` of errors in metres; ``dod``, which takes most of the time, is given."""
+    n, distance, true = errors.error.size, errors.distance, errors.true
     result: dict[str, float | int] = dict.fromkeys(DEPTH_METRICS, float("nan"))
-    result |= {"n": n, "coverage": n / total if total else float("nan")}
+    result |= {"n": n, "coverage": n / errors.total if errors.total else float("nan")}
     if n == 0:
         return result
-    predicted, true = prediction[both], truth[both]
     with np.errstate(over="ignore"):  # the square of an absurd depth may be infinite, and so is the metric then
-        error = predicted - true
-        distance = np.abs(error)
-        ratio = np.log(predicted) - np.log(true)
+        ratio = np.log(errors.predicted) - np.log(true)
         si_mse = float(np.mean((ratio - ratio.mean()) ** 2))
         result |= {
             "l1_m": float(distance.mean()),
             **{key: float(np.mean(distance > step)) for key, step in L1_RATES.items()},
             "si_mse": si_mse,
             "si_rmse": si_mse ** 0.5,
-            "dod": depth_order_disagreement(predicted, true) if dod is None else dod,
-            "rmse_m": float(np.mean(error ** 2)) ** 0.5,
-            "median_m": float(np.median(distance)),
-            "bias_m": float(error.mean()),
+            "dod": dod,
+            "rmse_m": float(np.mean(distance ** 2)) ** 0.5,
+            "median_m": float(np.mean(errors.ascending[(n - 1) // 2:n // 2 + 1])),
+            "bias_m": float(errors.error.mean()),
             "abs_rel": float(np.mean(distance / true)),
         }
     return result
@@ -81,13 +100,18 @@ def disparity_metrics(prediction: np.ndarray, truth: np.ndarray) -> dict[str, fl
     |e| > 3 px and > 5 % of the true disparity (KITTI 2015); ``a50_px``, ``a90_px``, ``a95_px``, ``a99_px`` quantiles
     of |e|, below which so many per cent of the pixels are (Middlebury).
     """
-    distance, true = _disparity_errors(prediction, truth)
+    return metrics_of_disparity(Errors(prediction, truth))
+
+
+def metrics_of_disparity(errors: Errors) -> dict[str, float]:
+    """``disparity_metrics`` of errors in px."""
+    distance = errors.distance
     if not distance.size:
         return dict.fromkeys(DISPARITY_METRICS, float("nan"))
     return {"epe_px": float(distance.mean()),
             **{key: float(np.mean(distance > step)) for key, step in BAD.items()},
-            "d1": float(np.mean((distance > 3) & (distance > 0.05 * true))),
-            **_quantiles(distance, distance.size)}
+            "d1": float(np.mean((distance > 3) & (distance > 0.05 * errors.true))),
+            **_quantiles(errors, distance.size)}
 
 
 def total_metrics(depth: np.ndarray, true_depth: np.ndarray, disparity: np.ndarray, true_disparity: np.ndarray,
@@ -98,33 +122,26 @@ def total_metrics(depth: np.ndarray, true_depth: np.ndarray, disparity: np.ndarr
     so a quantile is infinite if too many are missing. For ``dod`` every pair with a missing pixel disagrees; the
     argument ``dod`` is the one among the measured pixels. NaN if there is no true pixel.
     """
-    known = usable(true_depth)
-    total = int(known.sum())
+    return metrics_in_total(Errors(depth, true_depth), Errors(disparity, true_disparity), dod)
+
+
+def metrics_in_total(errors_m: Errors, errors_px: Errors, dod: float) -> dict[str, float]:
+    """``total_metrics`` of errors of depth and disparity."""
+    total, measured = errors_m.total, errors_m.error.size
     if not total:
         return dict.fromkeys(TOTAL_METRICS, float("nan"))
-    both = known & usable(depth)
-    error_m = np.abs(np.asarray(depth, np.float64)[both] - np.asarray(true_depth, np.float64)[both])
-    error_px, true_px = _disparity_errors(disparity, true_disparity)
-    right = {key: np.sum(error_m <= step) for key, step in L1_RATES.items()}
-    right |= {key: np.sum(error_px <= step) for key, step in BAD.items()}
-    right["d1"] = np.sum((error_px <= 3) | (error_px <= 0.05 * true_px))
-    measured = error_m.size
+    right = {key: np.sum(errors_m.distance <= step) for key, step in L1_RATES.items()}
+    right |= {key: np.sum(errors_px.distance <= step) for key, step in BAD.items()}
+    right["d1"] = np.sum((errors_px.distance <= 3) | (errors_px.distance <= 0.05 * errors_px.true))
     agreeing = (1 - dod) * measured * (measured - 1) if measured > 1 else 0.0
-    return {"median_m": _quantile(np.sort(error_m), 0.5, total),
+    return {"median_m": _quantile(errors_m.ascending, 0.5, total),
             **{key: 1 - float(count) / total for key, count in right.items()},
             "dod": 1 - agreeing / (total * (total - 1)) if total > 1 else float("nan"),
-            **_quantiles(error_px, total)}
+            **_quantiles(errors_px, total)}
 
 
-def _disparity_errors(prediction: np.ndarray, truth: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    both = usable(truth) & usable(prediction)
-    true = np.asarray(truth, np.float64)[both]
-    return np.abs(np.asarray(prediction, np.float64)[both] - true), true
-
-
-def _quantiles(errors: np.ndarray, total: int) -> dict[str, float]:
-    ascending = np.sort(errors)
-    return {key: _quantile(ascending, share, total) for key, share in QUANTILES.items()}
+def _quantiles(errors: Errors, total: int) -> dict[str, float]:
+    return {key: _quantile(errors.ascending, share, total) for key, share in QUANTILES.items()}
 
 
 def _quantile(ascending: np.ndarray, share: float, total: int) -> float:
@@ -142,12 +159,14 @@ def error_curve(prediction: np.ndarray, truth: np.ndarray) -> list[float]:
     A missing measurement is within none of them, so the curve ends at the coverage: it shows coverage and accuracy
     together.
     """
-    known = usable(truth)
-    if not known.any():
+    return curve_of_errors(Errors(prediction, truth))
+
+
+def curve_of_errors(errors: Errors) -> list[float]:
+    """``error_curve`` of errors in metres."""
+    if not errors.total:
         return [float("nan")] * len(ERROR_STEPS_M)
-    both = known & usable(prediction)
-    distance = np.sort(np.abs(prediction[both].astype(np.float64) - truth[both]))
-    return [float(count) / int(known.sum()) for count in np.searchsorted(distance, ERROR_STEPS_M, side="right")]
+    return [float(count) / errors.total for count in np.searchsorted(errors.ascending, ERROR_STEPS_M, side="right")]
 
 
 def by_confidence(confidence: np.ndarray) -> np.ndarray:

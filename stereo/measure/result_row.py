@@ -16,11 +16,12 @@ from .metrics import (
     DEPTH_METRICS,
     DISPARITY_METRICS,
     TOTAL_METRICS,
-    depth_metrics,
-    disparity_metrics,
-    error_curve,
+    Errors,
+    curve_of_errors,
+    metrics_in_total,
+    metrics_of_depth,
+    metrics_of_disparity,
     sparsification,
-    total_metrics,
     usable,
 )
 from .prepare import Prepared, none_for_nan
@@ -53,27 +54,24 @@ def own_numbers(prepared: Prepared, disparity: np.ndarray, bm_min_disparity: int
     true_disparity = prepared.pair.camera.disparity(truth)
     known = prepared.known
     visible = prepared.visible[known]
-    maps = depth[known], truth[known], disparity[known], true_disparity[known]
-    seen = maps[0][visible], maps[1][visible], maps[2][visible], maps[3][visible]
-    order, visible_order = prepared.true_order.disagreements(maps[0], usable(maps[0]), visible)
-    result = _numbers(*maps, order)
-    result |= {f"total_{key}": value for key, value in total_metrics(*maps, order).items()}
-    result |= {f"visible_{key}": value if prepared.occlusion_known else float("nan")
-               for key, value in _numbers(*seen, visible_order).items()}
+    depths, true_depths = depth[known], truth[known]
+    disparities, true_disparities = disparity[known], true_disparity[known]
+    order, visible_order = prepared.true_order.disagreements(depths, usable(depths), visible)
+    errors_m, errors_px = Errors(depths, true_depths), Errors(disparities, true_disparities)
+    result = metrics_of_depth(errors_m, order) | metrics_of_disparity(errors_px)
+    result |= {f"total_{key}": value for key, value in metrics_in_total(errors_m, errors_px, order).items()}
+    seen = (metrics_of_depth(Errors(depths[visible], true_depths[visible]), visible_order)
+            | metrics_of_disparity(Errors(disparities[visible], true_disparities[visible])))
+    result |= {f"visible_{key}": value if prepared.occlusion_known else float("nan") for key, value in seen.items()}
     result |= reference_metrics(disparity, truth, bm_min_disparity)
     error = np.abs(np.where(prepared.visible, disparity - true_disparity, np.nan)).ravel()
     return _json(result) | {
-        "true_pixels": maps[1].size, "error_curve": _list(error_curve(*maps[:2])),
+        "true_pixels": errors_m.total, "error_curve": _list(curve_of_errors(errors_m)),
         "sparsification": {"texture": _list(sparsification(error[prepared.by_texture])),
                            "best": _list(sparsification(np.sort(error)))},
         "strata": sums_by_class(prepared.classes, depth, truth, disparity, true_disparity,
                                 prepared.pair.camera.doffs_px),
-        "histograms": histograms_of(*maps[2:])}
-
-
-def _numbers(depth: np.ndarray, truth: np.ndarray, disparity: np.ndarray, true_disparity: np.ndarray, dod: float
-             ) -> dict[str, float]:
-    return depth_metrics(depth, truth, dod) | disparity_metrics(disparity, true_disparity)
+        "histograms": histograms_of(disparities, true_disparities)}
 
 
 def _json(numbers: Mapping[str, float]) -> dict[str, float | None]:
