@@ -25,7 +25,7 @@ import numpy as np
 
 TOLERANCE = 0.01
 #: Values per row of a table of counts, one for each bit of a word; and most entries of such a table.
-_BLOCK, _MOST_ENTRIES = 64, 2 ** 23
+_GROUP, _MOST_ENTRIES = 64, 2 ** 23
 
 
 def depth_order_disagreement(prediction: np.ndarray, truth: np.ndarray, tolerance: float = TOLERANCE,
@@ -167,7 +167,7 @@ class _PrefixCounts:
 
     def __init__(self, values: np.ndarray, sizes: np.ndarray, regions: Sequence[np.ndarray]) -> None:
         starts, limits = _starts(sizes), np.arange(sizes.size + 1)
-        most = max(2, _MOST_ENTRIES // (values.size // _BLOCK + 1))
+        most = max(2, _MOST_ENTRIES // (values.size // _GROUP + 1))
         levels = next(count for count in range(1, 64) if most ** count > sizes.size)
         base = next(base for base in range(int(sizes.size ** (1 / levels)), most + 1) if base ** levels > sizes.size)
         self._levels = []
@@ -199,52 +199,52 @@ class _PrefixCounts:
 class _DigitCounts:
     """How many of ``digits[:prefix]``, each from 0 to ``base`` - 1, are less than a limit of 0 to ``base``.
 
-    A table has the counts for prefixes of whole blocks. Within a block, words of 64 bits tell which of its digits are
+    A table has the counts for prefixes of whole groups. Within a group, words of 64 bits tell which of its digits are
     the lowest 0, 1, ..., 64; how many of them are below the limit follows from two rows of the table.
     """
 
     def __init__(self, digits: np.ndarray, base: int, regions: Sequence[np.ndarray]) -> None:
-        blocks = digits.size // _BLOCK + 1
+        groups = digits.size // _GROUP + 1
         self._columns = base + 2
-        place = np.arange(_BLOCK, dtype=np.int64)
-        ascending = np.sort(_in_blocks(digits, blocks, base) * _BLOCK + place, axis=1)
-        place = ascending % _BLOCK
-        self._words = np.zeros((blocks, _BLOCK + 1), np.uint64)
+        place = np.arange(_GROUP, dtype=np.int64)
+        ascending = np.sort(_in_groups(digits, groups, base) * _GROUP + place, axis=1)
+        place = ascending % _GROUP
+        self._words = np.zeros((groups, _GROUP + 1), np.uint64)
         np.cumsum(np.uint64(1) << place.astype(np.uint64), axis=1, out=self._words[:, 1:])
-        row = np.arange(blocks)[:, None]
-        cells = (row * (base + 1) + ascending // _BLOCK).ravel()
+        row = np.arange(groups)[:, None]
+        cells = (row * (base + 1) + ascending // _GROUP).ravel()
         first = np.flatnonzero(np.diff(cells, prepend=-1))
-        where = (row * _BLOCK + place).ravel()
-        inside = [_in_blocks(region, blocks, False) for region in regions]
+        where = (row * _GROUP + place).ravel()
+        inside = [_in_groups(region, groups, False) for region in regions]
         members = [np.ones(cells.size, np.uint8), *(each.ravel()[where].astype(np.uint8) for each in inside)]
-        self._tables = [self._table(blocks, cells[first], np.add.reduceat(each, first)) for each in members]
-        self._regions = [(each.astype(np.uint64) << np.arange(_BLOCK, dtype=np.uint64)).sum(axis=1) for each in inside]
+        self._tables = [self._table(groups, cells[first], np.add.reduceat(each, first)) for each in members]
+        self._regions = [(each.astype(np.uint64) << np.arange(_GROUP, dtype=np.uint64)).sum(axis=1) for each in inside]
 
-    def _table(self, blocks: int, cells: np.ndarray, counts: np.ndarray) -> np.ndarray:
-        """Counts in all blocks before each one, of all digits below each one."""
+    def _table(self, groups: int, cells: np.ndarray, counts: np.ndarray) -> np.ndarray:
+        """Counts in all groups before each one, of all digits below each one."""
         import cv2  # not on top: Blender has no OpenCV, and paints errors by other functions of these modules
 
-        table = np.zeros((blocks, self._columns - 1), np.uint8)
+        table = np.zeros((groups, self._columns - 1), np.uint8)
         table.ravel()[cells] = counts
         return np.asarray(cv2.integral(table, sdepth=cv2.CV_32S)).ravel()
 
     def below(self, prefixes: np.ndarray, limits: np.ndarray) -> list[np.ndarray]:
         """The counts for pairs of a prefix and a limit: of all digits, and of those in each region."""
-        block, rest = prefixes // _BLOCK, (prefixes % _BLOCK).astype(np.uint64)
-        cell = block * self._columns + limits
+        group, rest = prefixes // _GROUP, (prefixes % _GROUP).astype(np.uint64)
+        cell = group * self._columns + limits
         before = self._tables[0][cell]
         rank = self._tables[0][cell + self._columns] - before
-        words = self._words.ravel()[block * (_BLOCK + 1) + rank] & ((np.uint64(1) << rest) - np.uint64(1))
-        return [before + _count_ones(words), *(table[cell] + _count_ones(words & members[block])
+        words = self._words.ravel()[group * (_GROUP + 1) + rank] & ((np.uint64(1) << rest) - np.uint64(1))
+        return [before + _count_ones(words), *(table[cell] + _count_ones(words & members[group])
                                                for table, members in zip(self._tables[1:], self._regions,
                                                                          strict=True))]
 
 
-def _in_blocks(values: np.ndarray, blocks: int, rest: int) -> np.ndarray:
-    """The values (blocks, 64), with ``rest`` after the last one."""
-    padded = np.full(blocks * _BLOCK, rest, values.dtype)
+def _in_groups(values: np.ndarray, groups: int, rest: int) -> np.ndarray:
+    """The values (groups, 64), with ``rest`` after the last one."""
+    padded = np.full(groups * _GROUP, rest, values.dtype)
     padded[:values.size] = values
-    return padded.reshape(blocks, _BLOCK)
+    return padded.reshape(groups, _GROUP)
 
 
 def _add_up_bits(words: np.ndarray) -> np.ndarray:
