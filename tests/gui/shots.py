@@ -274,7 +274,8 @@ def for_the_manual() -> Waiting:
     settings().quality.samples, settings().dataset.folder = 8, str(FOLDER / "pairs")
     with in_region("WINDOW"):
         bpy.ops.icymoon.build_scene()
-    yield 300 * TICK_S  # for light paths in the picture
+    window().scene.render.preview_pixel_size = "2"  # a path for each pixel takes a minute without a graphics card
+    yield 1450 * TICK_S  # for light paths in the picture
     yield from screen_picture(FOLDER / "window_built.png", MANUAL_CROP)
     area().spaces.active.shading.type = "SOLID"
     jobs = module("operators.jobs")
