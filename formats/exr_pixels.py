@@ -15,6 +15,8 @@ from .exr_parts import Piece, encode_attribute, read_pieces
 
 _LINES = {0: 1, 2: 1, 3: 16}  # in a chunk, by compression
 _FLOAT = 2
+#: What follows a channel's name in a header: 32-bit floats, not to be compressed as if they were seen, every pixel.
+_ENTRY = b"\0" + struct.pack("<4i", _FLOAT, 0, 1, 1)
 
 
 class Pixels:
@@ -49,6 +51,13 @@ class Pixels:
         stated = b"".join(self._stated[self.channels[k]] for k in wanted) + b"\0"
         kept = self._piece.attributes | {b"channels": encode_attribute("channels", "chlist", stated)}
         return Piece(kept, self._encode_chunks(self.decode()[:, wanted]))
+
+    def replace_channels(self, name: str, components: Sequence[str], values: np.ndarray) -> Piece:
+        """A part of the same size with other channels: ``name`` and a component, values (height, channel, width)."""
+        channels = b"".join(f"{name}.{component}".encode() + _ENTRY for component in components) + b"\0"
+        attributes = self._piece.attributes | {b"name": encode_attribute("name", "string", name.encode()),
+                                               b"channels": encode_attribute("channels", "chlist", channels)}
+        return Piece(attributes, self._encode_chunks(values))
 
     def _encode_chunks(self, values: np.ndarray) -> list[bytes]:
         chunks = []

@@ -44,6 +44,7 @@ def _channels(depth_alone: bool) -> dict[str, Any]:
                              "depth": "planar Z in m at pixel centres, sky 1e10"}
     return light if depth_alone else {
         **light, "normal": "unit, world axes, of the facet", "semantic": {str(k): v for k, v in SEMANTIC.items()},
+        "hidden": "1 where the other eye sees something nearer in front of the point, by its rays; else 0",
         "instance": f"{INSTANCE_AOV} where it is above 0 (rocks, from {FIRST_ROCK_INSTANCE}), else the "
                     f"object index ({TERRAIN_INSTANCE} terrain, others objects); 0 sky"}
 

@@ -105,6 +105,18 @@ def _set_frame(scene: bpy.types.Scene, lens: bpy.types.Camera, camera: StereoCam
     lens.shift_x, lens.shift_y = (shift / wider - _SAMPLE_OFFSET_PX / width for shift in (lens.shift_x, lens.shift_y))
 
 
+@contextmanager
+def shift_frame(scene: bpy.types.Scene, columns: float) -> Iterator[None]:
+    """Move the frame of the camera of ``scene`` to the right by so many of its pixels."""
+    lens = scene.camera.data
+    before = lens.shift_x
+    lens.shift_x = before + columns / scene.render.resolution_x
+    try:
+        yield
+    finally:
+        lens.shift_x = before
+
+
 def _set_focus(lens: bpy.types.Camera, blur: Blur) -> None:
     if blur.focus_m is None:
         return

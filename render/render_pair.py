@@ -31,7 +31,7 @@ from ..nodes.rig import eye_poses, lens_values
 from ..nodes.scene import Built
 from ..nodes.surface.sun_inputs import prepare_for_cycles
 from ..physics.camera.blur import Blur, blur_of
-from . import cycles_settings, passes, separate_lights
+from . import cycles_settings, occlusion, passes, separate_lights
 from .cost.estimate import bytes_of, count_bytes_left
 from .object_labels import lend_labels
 from .pair_record import pair_json
@@ -39,7 +39,7 @@ from .pairs.pair_folder import TOED_TRUTH_FILE, TRUTH_FILE, StereoCamera
 from .pairs.publish import discard, publish
 from .plans.planned_pair import PlannedPair
 from .progress import watch_samples
-from .render_camera import add_render_camera, set_up_camera
+from .render_camera import add_render_camera, set_up_camera, shift_frame
 
 #: Disk space for Blender's own files while a pair is rendered, as a multiple of the finished pair.
 _ROOM_WHILE_WRITING = 1.3
@@ -191,14 +191,14 @@ def _render_into(part: Path, built: Built, scene: bpy.types.Scene, planned: Plan
         # What moves during a render is not kept from one to the next, nor are surfaces that change between them.
         scene.render.use_persistent_data = (blur is None and len(lights) == 1 and not scene.cycles.shading_system
                                             and _triangle_count(built) <= MOST_KEPT_TRIANGLES)
-        truths = sum(layer == TRUTH for take in takes for layer, _ in take.images)
+        truths = sum(layer == TRUTH for take in takes for layer, _ in take.images) + (not _depth_alone(planned))
         with watch_samples(len(lights) * int(settings.quality.samples), truths, report) as sampling:
             for k, take in enumerate(takes):
                 with set_up_camera(scene, built.camera, camera, take.blur, take.toed):
                     scene.render.use_motion_blur = take.blur is not None and take.blur.exposure_s is not None
                     for layer, name in take.images:
                         stem = part / f"{layer}{k}"
-                        made = (_render_truth(scene, stem, planned) if layer == TRUTH else
+                        made = (_render_truth(scene, stem, planned, camera, take.toed) if layer == TRUTH else
                                 _render_radiance(scene, built, lights, stem, planned))
                         for eye, file in made.items():
                             files.setdefault(name.format(eye), {})[layer] = file
@@ -229,11 +229,22 @@ def _render_radiance(scene: bpy.types.Scene, built: Built, lights: list[separate
     return files
 
 
-def _render_truth(scene: bpy.types.Scene, stem: Path, planned: PlannedPair) -> dict[str, Path]:
-    """Render truth into files of its own, by eye."""
+def _render_truth(scene: bpy.types.Scene, stem: Path, planned: PlannedPair, camera: StereoCamera,
+                  toed: bool) -> dict[str, Path]:
+    """Render truth into files of its own, by eye. What is hidden from the other eye is part of it for parallel eyes,
+    unless depth is all that is wanted."""
     files = passes.choose_layer(scene, TRUTH, stem, _depth_alone(planned))
     with separate_lights.disable_osl(scene):
         _run_cycles(scene, files, planned)
+        if toed or _depth_alone(planned):
+            return files
+        between = passes.choose_layer(scene, TRUTH, stem.with_name(f"{stem.name}-between"), True)
+        with shift_frame(scene, occlusion.STEP_PX):
+            _run_cycles(scene, between, planned)
+    with explain_disk_errors("write", stem), _report_unreadable(planned):
+        occlusion.add_hidden(files, between, camera)
+        for file in between.values():
+            system.remove(file)
     return files
 
 

@@ -13,10 +13,11 @@ import numpy as np
 
 from ...errors import IcyMoonError
 from ...files import read_checksum
+from ...physics.camera.occlusion import is_in_frame, matching_column
 from ...records import FILE_NAME
 from ...render.pairs.pair_folder import StereoCamera
 from ..images import colours
-from ..images.disparity_and_occlusion import matching_column, visible_in_right
+from ..images.disparity_and_occlusion import ESTIMATED, MASK, visible_in_right
 from ..images.image_values import describe_size, to_grey
 from ..matchers.search_range import FIXED, MOST_PX, STEP_PX, SearchRange
 from ..measure.by_pixel_class import OCCLUSION, classify, texture
@@ -128,9 +129,7 @@ class ForeignPair:
     def _visible(self, disparity: np.ndarray, truth: np.ndarray, camera: StereoCamera,
                  image: np.ndarray) -> tuple[np.ndarray, bool]:
         """Where the right eye sees the point of a pixel too, and whether that is known of more than the frame."""
-        column = matching_column(disparity)
-        with np.errstate(invalid="ignore"):
-            inside = np.isfinite(truth) & (column >= -0.5) & (column <= image.shape[1] - 0.5)
+        inside = np.isfinite(truth) & is_in_frame(matching_column(disparity))
         if self.mask:
             return inside & self._unmasked(self.mask, image), True
         if self.truth_right:
@@ -158,7 +157,7 @@ class ForeignPair:
                 "visible": None if visible is None else float(visible.sum() / known.sum()),
                 "depth_m": [float(q) for q in np.quantile(truth[known], (0, 0.5, 1))],
                 "warnings": [self._missing(visible is not None), *self.notes], "settings": {}, "rendered": {},
-                "noise": None,
+                "noise": None, "occlusion": MASK if self.mask else ESTIMATED if visible is not None else None,
                 "self_check": _UNCHECKED.to_json()}
 
     def _missing(self, occlusion_known: bool) -> str:

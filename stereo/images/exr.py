@@ -22,7 +22,7 @@ import numpy as np
 
 from ...errors import IcyMoonError
 from ...formats.exr_pixels import decode_parts
-from ...labels import BEAUTY, INSTANCE_AOV, LIGHT_GROUPS, NORMAL_AOV, TRUTH
+from ...labels import BEAUTY, HIDDEN, INSTANCE_AOV, LIGHT_GROUPS, NORMAL_AOV, SKY_DEPTH_M, TRUTH
 from ...render.pairs.pair_folder import EYES
 from ...scratch import scratch_folder
 from .exr_passes import only_passes, without_passes
@@ -32,7 +32,6 @@ GROUP_PASSES = tuple(f"{BEAUTY}.Combined_{group}" for group in LIGHT_GROUPS)
 OBJECT_PASSES = tuple(f"{TRUTH}.{name}" for name in ("Object Index", "IndexOB", INSTANCE_AOV))
 NORMAL_PASSES = tuple(f"{TRUTH}.{name}" for name in ("Normal", NORMAL_AOV))
 
-SKY_DEPTH_M = 1.0e10  # what Cycles writes where a ray hits nothing
 _SEMANTIC = ("Material Index", "IndexMA")  # the pass with the semantic labels, by version
 
 _Channels = dict[tuple[str, str, str], np.ndarray]  # (layer, pass, component) -> (height, width)
@@ -54,6 +53,7 @@ class Truth:
     normal: np.ndarray | None  # (H, W, 3) float32, world axes: of the facet, else the shading normal
     instance: np.ndarray | None  # (H, W) int32, see labels
     semantic: np.ndarray | None  # (H, W) int32, see labels.SEMANTIC
+    hidden: np.ndarray | None = None  # (H, W) bool, from the other eye by something nearer; None if nobody has asked
 
 
 @dataclass(frozen=True)
@@ -69,7 +69,7 @@ def read_view(path: Path, eye: str | None = None, without: Collection[str] = ())
     """
     channels = _read_channels(path, eye, without=without)
     truth = _truth(channels, path)
-    return View(*_light(channels, path), truth.depth, truth.normal, truth.instance, truth.semantic)
+    return View(*_light(channels, path), truth.depth, truth.normal, truth.instance, truth.semantic, truth.hidden)
 
 
 def read_truth(path: Path, eye: str | None = None, without: Collection[str] = ()) -> Truth:
@@ -88,7 +88,9 @@ def _truth(channels: _Channels, path: Path) -> Truth:
     with_light = (BEAUTY, "Depth", "Z") in channels  # of a pair that has no other truth
     depth = _find(channels, BEAUTY if with_light else TRUTH, "Depth", "Z", path).astype(np.float64)
     depth[~(depth < SKY_DEPTH_M) | (depth <= 0)] = np.nan
-    return Truth(depth, _normal(channels, path), _instances(channels), _labels(channels, _SEMANTIC))
+    hidden = channels.get((TRUTH, HIDDEN, "X"))
+    return Truth(depth, _normal(channels, path), _instances(channels), _labels(channels, _SEMANTIC),
+                 None if hidden is None else hidden > 0)
 
 
 def read_light(path: Path, eye: str | None = None, groups: bool = True) -> Light:

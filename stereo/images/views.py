@@ -34,7 +34,8 @@ def read_eye(pair: Pair, eye: str, without: Collection[str] = ()) -> tuple[Light
     _check_size(pair, image, light.radiance)
     _check_size(pair, truth, real.depth)
     real = _cropped(real, pair)
-    return light, View(*_on_parallel_rig(light, pair, eye), real.depth, real.normal, real.instance, real.semantic)
+    return light, View(*_on_parallel_rig(light, pair, eye), real.depth, real.normal, real.instance, real.semantic,
+                       real.hidden)
 
 
 def read_sensor_depth(pair: Pair, eye: str, rig: RigSettings) -> np.ndarray:

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from ...physics.camera.occlusion import matching_column, warped
 from ...render.pairs.pair_folder import StereoCamera
-from ..images.disparity_and_occlusion import matching_column, warped
 from .jackknife import jackknife, tile_sums
 
 #: Shifts of the right image, px, that are tried along the rows and across them.

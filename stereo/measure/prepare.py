@@ -25,7 +25,7 @@ from ...settings.description import merged
 from ...typed_settings import Settings
 from ..images import colours
 from ..images.develop import Images, develop, exposure_facts, grey, scaled_radiance
-from ..images.disparity_and_occlusion import scene_depth
+from ..images.disparity_and_occlusion import ESTIMATED, RAYS, scene_depth
 from ..images.exr import GROUP_PASSES, NORMAL_PASSES, OBJECT_PASSES, Light, View
 from ..images.lens import lens_of
 from ..images.views import read_eye
@@ -149,7 +149,7 @@ def prepare(folder: Path, response: Mapping[str, Mapping[str, Any]]) -> Prepared
     noise = render_noise(_noise_free_level(loaded, "left"), _noise_free_level(loaded, "right"),
                          loaded.pair.camera.disparity(truth), visible)
     facts |= {"depth_scale_m": [scale.low, scale.high], "self_check": loaded.check.to_json(),
-              "noise": noise.to_json()}
+              "noise": noise.to_json(), "occlusion": ESTIMATED if view.hidden is None else RAYS}
     return Prepared(loaded.pair, left, right, truth, visible, gradient, classes, loaded.check, scale, facts)
 
 
@@ -173,7 +173,8 @@ def none_for_nan(value: float) -> float | None:
 
 def eyes_of(pair: Pair, settings: Settings, views: Mapping[str, View]) -> tuple[Eye, Eye]:
     """The left and the right eye of a pair for its self-check, from the views of ``views.read_eye``."""
-    left, right = (Eye(grey(views[eye].radiance), scene_depth(views[eye]), _sees(pair, settings, eye)) for eye in EYES)
+    left, right = (Eye(grey(views[eye].radiance), scene_depth(views[eye]), _sees(pair, settings, eye),
+                       views[eye].hidden) for eye in EYES)
     return left, right
 
 

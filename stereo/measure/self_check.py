@@ -14,8 +14,9 @@ from typing import Any
 
 import numpy as np
 
+from ...physics.camera.occlusion import matching_column, warped
 from ...render.pairs.pair_folder import StereoCamera
-from ..images.disparity_and_occlusion import matching_column, visible_in_left, visible_in_right, warped
+from ..images.disparity_and_occlusion import visible_in_left, visible_in_right
 from .eye_offsets import (
     FEWEST,
     FEWEST_TILES,
@@ -57,6 +58,7 @@ class Eye:
     grey: np.ndarray  # radiance
     depth: np.ndarray  # planar, m, NaN for sky
     seen: np.ndarray  # bool, whether its sensor sees the pixel
+    hidden: np.ndarray | None = None  # bool, see exr.Truth
 
 
 @dataclass(frozen=True)
@@ -83,7 +85,8 @@ class SelfCheck:
 def visibility(left: Eye, right: Eye, camera: StereoCamera) -> dict[str, np.ndarray]:
     """Per eye, Boolean (H, W): it sees a point that the other eye sees too."""
     first, second = (np.where(eye.seen, eye.depth, np.nan) for eye in (left, right))
-    found = {"left": visible_in_right(first, second, camera), "right": visible_in_left(first, second, camera)}
+    found = {"left": visible_in_right(first, second, camera, left.hidden),
+             "right": visible_in_left(first, second, camera, right.hidden)}
     for name, own, other in (("left", first, right), ("right", second, left)):
         if not other.seen.all():
             found[name] &= warped(other.seen, matching_column(camera.disparity(own), name)) == 1

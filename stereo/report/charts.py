@@ -199,7 +199,7 @@ def _draw_front(summary: Summary, table: Table) -> list[str]:
         columns = [scene_means(table.column(k, key)[:, None], table.scenes)[:, 0] for k in range(len(summary))]
         values = [factor * column[np.isfinite(column)] if entry["n"] else column[:0]
                   for column, entry in zip(columns, summary, strict=True)]
-        most = max(map(len, values))
+        most = max(map(len, values), default=0)
         if most < 2:
             continue
         with _panel(found, "front", title + _FEW * (most < FEWEST_SCENES)) as axis:

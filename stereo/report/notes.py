@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from ...records import COUNT, NUMBER, TEXT, Maybe, Shape
+from ..images.disparity_and_occlusion import ESTIMATED
 from ..matchers.methods import Method
 from ..matchers.search_range import FIXED, MISSED, STATED, TRUTH
 from ..measure.render_noise import DECIDES, NOISY
@@ -40,7 +41,7 @@ class Notes:
 
     def __init__(self, methods: Sequence[Method]) -> None:
         self._search: dict[str, list[tuple[str, Mapping[str, Any]]]] = {method.label: [] for method in methods}
-        self._pairs, self._noisy = 0, 0
+        self._pairs, self._noisy, self._estimated = 0, 0, 0
         self._decided: list[float] = []
 
     def add_pair(self, facts: Mapping[str, Any]) -> bool:
@@ -48,6 +49,7 @@ class Notes:
         noise = facts.get("noise") or {}
         self._pairs += 1
         self._noisy += noise.get("verdict") == NOISY
+        self._estimated += facts.get("occlusion") == ESTIMATED
         decided = noise.get("verdict") == DECIDES
         self._decided += [noise["doubt"]] if decided else []
         return bool(decided)
@@ -64,7 +66,13 @@ class Notes:
         from_truth = [label for label, found in self._search.items() if any(s["source"] == TRUTH for _, s in found)]
         known = (Note(f"{label} has its range from truth", "it searches only the disparities that each pair contains, "
                       "which no camera knows.") for label in from_truth)
-        return [*filter(None, missed), *self._noise(), *known]
+        return [*filter(None, missed), *self._noise(), *known, *self._occlusion()]
+
+    def _occlusion(self) -> Iterator[Note]:
+        if self._estimated:
+            yield Note(f"Hidden pixels are estimated in {self._estimated} of {self._pairs} pairs",
+                       "from the depths of both eyes. Pairs rendered since version 0.2 with quality.truth FULL contain "
+                       "what rays found.")
 
     def _noise(self) -> Iterator[Note]:
         if self._decided:

@@ -39,7 +39,8 @@ _LONG = ("strata", "sparsification", "histograms", "common")
 FACTS: dict[str, Shape] = {"pair": TEXT, "key": TEXT, "images": Each(TEXT, TEXT), "settings": Each(TABLE, TEXT),
          "self_check": {"ok": FLAG, "problems": Each(TEXT)}, "warnings": Maybe(Each(TEXT)), "rendered": TABLE,
          "width_px": PIXELS, "height_px": PIXELS, "true": NUMBER, "visible": Maybe(NUMBER, null=True),
-         "exposure_s": Maybe(NUMBER), "scene": Maybe(TEXT), "noise": NOISE}
+         "exposure_s": Maybe(NUMBER), "scene": Maybe(TEXT), "noise": NOISE,
+         "occlusion": Maybe(TEXT, null=True)}
 _KNOWN = Maybe(NUMBER, null=True)
 #: A row, see ``evaluate.evaluate``.
 ROW: dict[str, Shape] = {

@@ -9,8 +9,8 @@ import OpenEXR
 import pytest
 from icymoon.formats.exr_add import add_planet
 from icymoon.formats.exr_layout import is_whole
-from icymoon.formats.exr_parts import join_files, read_pieces
-from icymoon.formats.exr_pixels import drop_passes
+from icymoon.formats.exr_parts import assemble, join_files, read_pieces, strip_passing
+from icymoon.formats.exr_pixels import Pixels, drop_passes
 from icymoon.stereo.images.exr import read_light
 
 LIGHT = ("Combined", "Combined_Sun", "Combined_Planet")
@@ -101,3 +101,19 @@ def test_what_cannot_be_added_is_refused(tmp_path):
         add_planet(view, planet)
     with pytest.raises(ValueError, match="EXR"):
         add_planet(b"not an image", planet)
+
+
+@pytest.mark.parametrize("compression", [OpenEXR.NO_COMPRESSION, OpenEXR.ZIP_COMPRESSION])
+@pytest.mark.parametrize("several", [True, False])
+@pytest.mark.parametrize("height", [1, 53])
+def test_a_pass_is_added_beside_others(tmp_path, several, compression, height):
+    random = np.random.default_rng(height)
+    normal, hidden = (random.random((height, 31, count)).astype(np.float32) for count in (3, 1))
+    write(tmp_path / "truth.exr", {"Truth.Normal": normal}, several, compression)
+    pieces = [strip_passing(piece, "Truth") for piece in read_pieces((tmp_path / "truth.exr").read_bytes())]
+    added = Pixels(pieces[0]).replace_channels("Truth.Hidden", ("X",), hidden.transpose(0, 2, 1))
+    (tmp_path / "both.exr").write_bytes(assemble([*pieces, added]))
+    assert is_whole(tmp_path / "both.exr")
+    found = read(tmp_path / "both.exr")
+    assert np.array_equal(found["Truth.Hidden.X"], hidden[..., 0])
+    assert np.array_equal(found["Truth.Normal.G"], normal[..., 1])

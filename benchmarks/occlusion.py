@@ -1,0 +1,133 @@
+"""Which hidden pixels are found, which are false, and what it costs, against a ray caster of its own.
+
+    python benchmarks/occlusion.py [PRESET [QUALITY [WIDTH]]]
+
+From the left eye's true depth a ray goes from the right eye to the point of each pixel, through Blender's own
+bounding-volume hierarchy and not through Cycles: a point is hidden if that ray meets something whose disparity is
+larger by 0.01 px. "> 1 px" are points whose occluder is nearer by more than 1 px. Both eyes are compared. Cost is the
+processor time of the rays as a ratio to that of all else that a pair takes.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+import bpy
+import icymoon
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "support"))
+from icymoon.nodes.scene import Built, build
+from icymoon.physics.camera import occlusion as columns
+from icymoon.physics.camera.occlusion import find_hidden, is_in_frame, matching_column, warped
+from icymoon.render import occlusion, render_pair
+from icymoon.render.pairs.pair_folder import EYES, Pair, find_pairs
+from icymoon.render.plans.planned_pair import expand_headings
+from icymoon.render.worker import render_pairs
+from icymoon.settings import description, preset_files
+from icymoon.stereo.images.exr import read_depth
+from other_rays import cast_from_other_eye, tree_of_scene
+
+TOLERANCES_PX = (0.05, 0.1, 0.15, 0.2, 0.25, 0.5)
+_NEARER_PX = 0.01
+
+Masks = dict[str, np.ndarray]
+
+
+def both_columns(disparity: np.ndarray, other: np.ndarray, eye: str) -> np.ndarray:
+    """Hidden as Icy Moon had it until 0.1: both columns around the point show something nearer by half a pixel."""
+    column, filled = matching_column(disparity, eye), np.nan_to_num(other)
+    nearest = np.minimum(*(warped(filled, side(np.nan_to_num(column))) for side in (np.floor, np.ceil)))
+    with np.errstate(invalid="ignore"):
+        return is_in_frame(column) & (nearest > disparity + 0.5)
+
+
+def main(arguments: list[str]) -> None:
+    """Print the table."""
+    preset, quality, width = (*arguments, *("europa_rough_ice", "draft", "640")[len(arguments):])
+    icymoon.register()
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    settings = description.merged(
+        description.defaults(), preset_files.load_preset(preset), preset_files.load_preset(f"qualities/{quality}"),
+        {"rig": {"width_px": int(width), "height_px": int(width) * 3 // 4}, "quality": {"threads": 1}})
+    built = build(bpy.context.scene, settings)
+    pair, own, between, cost = _render(built, settings)
+    rays = {1: own, 2: {eye: np.stack([own[eye], between[eye]], axis=-1).reshape(len(own[eye]), -1) for eye in EYES}}
+    tree = tree_of_scene()
+    met = {eye: cast_from_other_eye(tree, pair, eye, own[eye]) for eye in EYES}
+    truth: Masks = {}
+    far: Masks = {}
+    for eye in EYES:
+        inside = is_in_frame(matching_column(own[eye], eye))
+        with np.errstate(invalid="ignore"):
+            truth[eye] = inside & (met[eye] > own[eye] + _NEARER_PX)
+            far[eye] = inside & (met[eye] > own[eye] + 1.0)
+    print(f"{preset}, {quality}, {width} px: hidden {_percent(truth, None):.3f} %, by more than 1 px "
+          f"{_percent(far, None):.3f} %")
+    print(f"{'rays a pixel':14}{'nearer by':>10}{'found':>9}{'> 1 px':>9}{'false':>9}{'CPU':>7}")
+
+    def line(name: str, tolerance: str, hidden: Callable[[str, str], np.ndarray], cost: float | None) -> None:
+        masks = {eye: hidden(eye, other) for eye, other in zip(EYES, reversed(EYES), strict=True)}
+        wrong = {eye: masks[eye] & ~truth[eye] for eye in EYES}
+        print(f"{name:14}{tolerance:>10}{_percent(masks, truth):9.2f}{_percent(masks, far):9.2f}"
+              f"{_percent(wrong, None):9.4f}{'' if cost is None else f'{cost:7.3f}'}", flush=True)
+
+    line("both columns", "0.5", lambda eye, other: both_columns(own[eye], own[other], eye), None)
+    for number, tolerance in product(rays, TOLERANCES_PX):
+        columns._NEARER_PX = tolerance
+        line(str(number), f"{tolerance:g}", lambda eye, other, of=rays[number]: find_hidden(own[eye], of[other], eye),
+             cost if number == 2 else None)
+
+
+def _percent(masks: Masks, of: Masks | None) -> float:
+    """Of the pixels of both eyes, or of those in ``of``, the share in ``masks``, %."""
+    among = {eye: np.ones_like(mask) for eye, mask in masks.items()} if of is None else of
+    return float(100 * sum((masks[eye] & among[eye]).sum() for eye in EYES) / sum(among[eye].sum() for eye in EYES))
+
+
+def _render(built: Built, settings: Any) -> tuple[Pair, Masks, Masks, float]:
+    """A pair, the disparity of its pixels and of the rays between them, and the ratio of the processor time that these
+    take to that of all the rest, the least of two."""
+    found: Masks = {}
+    spent = 0.0
+    add_hidden, shift_frame = occlusion.add_hidden, render_pair.shift_frame
+
+    def add(truth: Any, between: Any, camera: Any) -> None:
+        nonlocal spent
+        found.update({eye: occlusion._read_disparity(file.read_bytes(), camera) for eye, file in between.items()})
+        start = time.process_time()
+        add_hidden(truth, between, camera)
+        spent += time.process_time() - start
+
+    @contextmanager
+    def shift(scene: Any, columns: float) -> Iterator[None]:
+        nonlocal spent
+        start = time.process_time()
+        with shift_frame(scene, columns):
+            yield
+        spent += time.process_time() - start
+
+    occlusion.add_hidden, render_pair.shift_frame = add, shift
+    ratios = []
+    for _ in range(2):
+        spent, start = 0.0, time.process_time()
+        with tempfile.TemporaryDirectory() as folder:
+            render_pairs(built, expand_headings(settings), Path(folder), 1, 0.0, lambda *a, **k: None)
+            ratios.append(spent / (time.process_time() - start - spent))
+            pair = find_pairs(Path(folder))[0]
+            own = {eye: pair.camera.disparity(read_depth(pair.truth(eye), eye).depth) for eye in EYES}
+    return pair, own, found, min(ratios)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
+    sys.stdout.flush()
+    os._exit(0)  # Blender as a module may crash or hang when the interpreter ends

@@ -1,0 +1,44 @@
+"""Which pixels of an eye show a point that is hidden from the other eye, found by rays of the other eye."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from ..formats.exr_parts import assemble, read_pieces, strip_passing
+from ..formats.exr_pixels import Pixels
+from ..labels import HIDDEN, SKY_DEPTH_M, TRUTH
+from ..physics.camera.occlusion import find_hidden
+from .pairs.pair_folder import EYES, StereoCamera
+
+#: From a pixel's centre to the ray between it and the next one. ``benchmarks/occlusion.py`` has what more rays find.
+STEP_PX = 0.5
+
+
+def add_hidden(truth: Mapping[str, Path], between: Mapping[str, Path], camera: StereoCamera) -> None:
+    """Write the pass ``HIDDEN`` into the files of the truth, by eye: 1 where the point is hidden from the other.
+
+    ``between`` are files, by eye, of the depth in a frame that is STEP_PX to the right. Raises ValueError, IndexError,
+    KeyError, struct.error or zlib.error for a file that Blender did not write.
+    """
+    data = {eye: truth[eye].read_bytes() for eye in EYES}
+    disparity = {eye: _read_disparity(data[eye], camera) for eye in EYES}
+    for eye, other in zip(EYES, reversed(EYES), strict=True):
+        rays = np.stack([disparity[other], _read_disparity(between[other].read_bytes(), camera)], axis=-1)
+        hidden = find_hidden(disparity[eye], rays.reshape(len(rays), -1), eye)
+        pieces = [strip_passing(piece, TRUTH) for piece in read_pieces(data[eye])]
+        hidden_piece = Pixels(pieces[0]).replace_channels(f"{TRUTH}.{HIDDEN}", ("X",), hidden[:, None])
+        truth[eye].write_bytes(assemble([*pieces, hidden_piece]))
+
+
+def _read_disparity(data: bytes, camera: StereoCamera) -> np.ndarray:
+    """Disparity (H, W), px, of the depth in an EXR file, NaN for sky."""
+    for piece in read_pieces(data):
+        pixels = Pixels(piece)
+        for k, name in enumerate(pixels.channels):
+            if ".Depth." in name:
+                depth = pixels.decode()[:, k]
+                return camera.disparity(np.where((depth > 0) & (depth < SKY_DEPTH_M), depth, np.nan))
+    raise ValueError("no depth")
