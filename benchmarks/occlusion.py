@@ -14,7 +14,7 @@ import os
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from itertools import product
 from pathlib import Path
@@ -38,6 +38,7 @@ from other_rays import cast_from_other_eye, tree_of_scene
 
 TOLERANCES_PX = (0.05, 0.1, 0.15, 0.2, 0.25, 0.5)
 _NEARER_PX = 0.01
+_OTHERS = dict(zip(EYES, reversed(EYES), strict=True))
 
 Masks = dict[str, np.ndarray]
 
@@ -74,16 +75,16 @@ def main(arguments: list[str]) -> None:
           f"{_percent(far, None):.3f} %")
     print(f"{'rays a pixel':14}{'nearer by':>10}{'found':>9}{'> 1 px':>9}{'false':>9}{'CPU':>7}")
 
-    def line(name: str, tolerance: str, hidden: Callable[[str, str], np.ndarray], cost: float | None) -> None:
-        masks = {eye: hidden(eye, other) for eye, other in zip(EYES, reversed(EYES), strict=True)}
+    def line(name: str, tolerance: str, masks: Masks, cost: float | None = None) -> None:
         wrong = {eye: masks[eye] & ~truth[eye] for eye in EYES}
         print(f"{name:14}{tolerance:>10}{_percent(masks, truth):9.2f}{_percent(masks, far):9.2f}"
               f"{_percent(wrong, None):9.4f}{'' if cost is None else f'{cost:7.3f}'}", flush=True)
 
-    line("both columns", "0.5", lambda eye, other: both_columns(own[eye], own[other], eye), None)
+    line("both columns", "0.5", {eye: both_columns(own[eye], own[other], eye) for eye, other in _OTHERS.items()})
     for number, tolerance in product(rays, TOLERANCES_PX):
         columns._NEARER_PX = tolerance
-        line(str(number), f"{tolerance:g}", lambda eye, other, of=rays[number]: find_hidden(own[eye], of[other], eye),
+        line(str(number), f"{tolerance:g}",
+             {eye: find_hidden(own[eye], rays[number][other], eye) for eye, other in _OTHERS.items()},
              cost if number == 2 else None)
 
 
