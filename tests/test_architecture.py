@@ -264,7 +264,8 @@ def texts_without_encoding(tree: ast.AST) -> list[str]:
                    for word in node.keywords)
         if name in ("read_text", "write_text") and len(node.args) < (1 if name == "read_text" else 2):
             found.append(f"{name} in line {node.lineno}")
-        if (name in ("open", "fdopen", "NamedTemporaryFile") and not binary
+        in_zip = any(word.arg == "force_zip64" for word in node.keywords)  # a member of an archive is always bytes
+        if (name in ("open", "fdopen", "NamedTemporaryFile") and not binary and not in_zip
                 and ast.unparse(node.func) not in ("os.open", "webbrowser.open")) or text:
             found.append(f"{name} in line {node.lineno}")
     return found
@@ -279,7 +280,7 @@ def test_every_text_states_its_encoding(path):
 @pytest.mark.parametrize(("code", "found"), [
     ("path.read_text()", True), ("path.read_text(encoding='utf-8')", False), ("path.write_text(text)", True),
     ("open('a')", True), ("path.open('rb')", False), ("os.fdopen(3, 'w')", True), ("path.open(mode='w')", True),
-    ("write_text(path, text)", False), ("run(['a'], text=True)", True)])
+    ("archive.open('a', 'w', force_zip64=True)", False), ("write_text(path, text)", False), ("run(['a'], text=True)", True)])
 def test_texts_without_encoding_are_found(code, found):
     assert bool(texts_without_encoding(ast.parse(code))) == found
 
