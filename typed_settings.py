@@ -106,6 +106,7 @@ class TerrainSettings(Table):
     regional_slope_deg: float  # deg
     regional_slope_azimuth_deg: float  # deg
     body_radius_m: float  # m
+    variant: int
     layers: list[TerrainLayer]
 
 

@@ -44,7 +44,7 @@ SECTIONS = (
     Section("terrain", "noise", "Layers of Noise", "Fractal noise that is added to the random surface",
             ("layers",)),
     _advanced("terrain", "resolution", "slope_baseline_m", "hurst", "multifractality", "outer_scale_m", "inner_scale_m",
-              "lacunarity", "regional_slope_azimuth_deg", "body_radius_m"),
+              "lacunarity", "variant", "regional_slope_azimuth_deg", "body_radius_m"),
     *_of_surface("surface"),
     *_of_surface("rock_surface"),
     _advanced("hapke", "b_s0", "h_s", "b_c0", "h_c", "theta_bar_range_deg", "filling_factor", "h_function", "accuracy",

@@ -168,6 +168,10 @@ TERRAIN = Topic("terrain", "Ground", "Shape of the ground: a random surface with
     _metres("body_radius_m", "Moon Radius", 2.521e5, 1.0e4, 1.0e8, (1.0e5, 3.0e6),
             "Mean radius of the moon, which sets the distance of the horizon: 252.1 km for Enceladus, 1560.8 km for "
             "Europa. Ground on a uniform grid is flat", "geometry"),
+    Setting("variant", "Variant", 0,
+            "Number of a ground among others of the same kind: relief, layers and landforms are at other places, rocks "
+            "are not. Each terrain preset has its own number, so two presets do not have the same hills at one seed",
+            "geometry", "1", 0, 2**31 - 1, (0, 100)),
     Setting("layers", "Layers of Noise", [], "Fractal noise that is added to the ground, one table per layer",
             "geometry", entries=LAYER),
 ))

@@ -24,3 +24,11 @@ def stream(seed: int, concern: str, *index: int) -> np.random.SeedSequence:
 def generator(seed: int, concern: str, *index: int) -> np.random.Generator:
     """A numpy generator on ``stream(seed, concern, *index)``."""
     return np.random.default_rng(stream(seed, concern, *index))
+
+
+def ground_generator(seed: int, variant: int, *index: int) -> np.random.Generator:
+    """A numpy generator of the ground's relief, layers or landforms; ``variant`` is ``terrain.variant``.
+
+    Variant 0 is the ground of versions that had no variants, so it adds nothing to the spawn key.
+    """
+    return generator(seed, "terrain", *index, *([variant] if variant else []))

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from ...typed_settings import Settings
-from ..random_numbers.seeds import generator
+from ..random_numbers.seeds import ground_generator
 from .noise.lattice_noise import gradient_noise_3d
 from .roughness.roughness import RELIEF_SPAN, amplitudes, carried_share, wavelengths_m
 from .roughness.structure_function import structure
@@ -31,7 +31,7 @@ def relief(points_m: np.ndarray, settings: Settings, seed: int, longest_m: float
     """
     ground = settings.terrain
     wavelength = wavelengths_m(ground)
-    random = generator(seed, "terrain", 4)
+    random = ground_generator(seed, int(ground.variant), 4)
     keys = [int(k) for k in random.integers(0, 2**32, len(wavelength))]
     offsets = random.uniform(0.0, 1024.0, (len(wavelength), 3))
     baseline, hurst = float(ground.slope_baseline_m), float(ground.hurst)

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from ...typed_settings import Settings, TerrainSettings
-from ..random_numbers.seeds import generator
+from ..random_numbers.seeds import ground_generator
 from .landforms import MAKERS, Landform
 from .layers import Layer, make_layer
 from .mantle import fill
@@ -128,15 +128,16 @@ def make_terrain(settings: Settings, seed: int) -> Terrain:
     Raises IcyMoonError where lengths contradict each other.
     """
     ground = settings.terrain
-    size = float(ground.size_m)
-    layers = [make_layer(entry, generator(seed, "terrain", 2, k)) for k, entry in enumerate(ground.layers)]
-    landforms = [make(settings[topic], generator(seed, "terrain", 3, k), size)
+    size, variant = float(ground.size_m), int(ground.variant)
+    layers = [make_layer(entry, ground_generator(seed, variant, 2, k)) for k, entry in enumerate(ground.layers)]
+    landforms = [make(settings[topic], ground_generator(seed, variant, 3, k), size)
                  for k, (topic, make) in enumerate(MAKERS.items())]
     fall, azimuth = (math.radians(ground[k]) for k in ("regional_slope_deg", "regional_slope_azimuth_deg"))
     mantle = settings.mantle
-    made = Terrain(size, make_rough_surface(ground, size, generator(seed, "terrain", 0)), tuple(a for a in layers if a),
-                   tuple(a for a in landforms if a), -math.tan(fall) * math.sin(azimuth),
-                   -math.tan(fall) * math.cos(azimuth), mantle.thickness_m, mantle.length_m)
+    base = make_rough_surface(ground, size, ground_generator(seed, variant, 0))
+    made = Terrain(size, base, tuple(a for a in layers if a), tuple(a for a in landforms if a),
+                   -math.tan(fall) * math.sin(azimuth), -math.tan(fall) * math.cos(azimuth),
+                   mantle.thickness_m, mantle.length_m)
     if mantle.thickness_m and made.landforms:
         return _level_mantle(made)
     return made

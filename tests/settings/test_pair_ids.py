@@ -81,7 +81,9 @@ def _of_the_first_version(described, extra: str) -> str:
 
 @given(DESCRIPTIONS)
 def test_an_id_is_that_of_the_first_version_as_long_as_nothing_later_is_used(description):
-    described = settings.check(description, "test")
+    described = settings.merged(settings.check(description, "test"), *(
+        {topic: {key: pair_ids.SCHEMA["later"][name]}} for name in pair_ids.SCHEMA["later"]
+        for topic, _, key in [name.partition(".")]))
     with pytest.MonkeyPatch.context() as patch:
         expected = _of_the_first_version(described, "f/2.0 None s")
         assert settings.digest(described, "f/2.0 None s") == expected

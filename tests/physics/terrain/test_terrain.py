@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import settings as hypothesis
 from hypothesis import strategies as st
+from icymoon.physics.terrain.fine_detail import relief
 from icymoon.physics.terrain.landforms import MAKERS
 from icymoon.physics.terrain.terrain import Terrain, make_terrain, terrain_advice
 from icymoon.settings.description import check, defaults, merged
@@ -82,6 +83,41 @@ def test_one_seed_moves_everything(topic):
     assert np.ptp(only(1)) > 0
     assert np.array_equal(only(1), only(1))
     assert not np.array_equal(only(1), only(2))
+
+
+@pytest.mark.parametrize("topic", ["terrain", *MAKERS])
+def test_one_variant_moves_everything(topic):
+    """Relief and layers with the topic ``terrain``, each landform by itself with its own topic."""
+    def only(variant: int) -> np.ndarray:
+        parts = {key: value for key, value in EVERYTHING.items() if key == topic}
+        return _grid(_ground(merged(parts, {"terrain": {"variant": variant}},
+                                    {} if topic == "terrain" else {"terrain": {"rms_slope_deg": 0.0}})))
+
+    assert np.array_equal(only(3), only(3))
+    assert len({only(variant).tobytes() for variant in (0, 3, 2**31 - 1)}) == 3
+
+
+def test_a_variant_moves_layers_and_fine_relief_too():
+    layers = check({"terrain": {"rms_slope_deg": 0.0, "layers": [{"amplitude_m": 0.2}]}}, "test")
+    points = np.random.default_rng(0).uniform(-20, 20, (500, 3))
+    for make in (lambda variant: _grid(_ground(layers, {"terrain": {"variant": variant}})),
+                 lambda variant: relief(points, _settings({"terrain": {"variant": variant}}), 1)):
+        first, other = make(0), make(1)
+        assert abs(np.corrcoef(first.ravel(), other.ravel())[0, 1]) < 0.5
+
+
+def test_variant_0_is_the_ground_of_versions_without_variants():
+    """Heights that commit c926394 gave. Data sets of those versions go on with the same ground."""
+    x, y = np.array([-9.0, -3.7, 0.0, 2.2, 8.1]), np.array([4.0, -7.3, 0.0, 6.6, -0.5])
+    known = {"default": [0.6392535214305333, 0.29836391504626586, -0.7126776640981908, 1.0837312130997259,
+                         0.5341358415555235],
+             "everything": [1.9875845154196188, 0.46763719985507424, -0.2730179078225282, 1.8166696560932998,
+                            0.6560488184471522]}
+    for landscape, heights in known.items():
+        assert np.allclose(_ground(LANDSCAPES[landscape]).heights(x, y), heights, rtol=0, atol=1e-12)
+    detail = [0.034927785216915724, -0.41137797994166303, -0.1615126772637722, -0.8241138366359264,
+              0.03156309846204845]
+    assert np.allclose(relief(np.stack([x, y, 0.1 * x], axis=1), _settings(), 1), detail, rtol=0, atol=1e-12)
 
 
 def test_a_landform_more_does_not_move_the_others():
