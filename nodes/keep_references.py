@@ -15,8 +15,8 @@ from .datablocks.fingerprint import OWN, TAG
 from .datablocks.stored_properties import stored_properties
 from .remove import leftovers, remove_if_unused
 
-#: Properties that ``_copy_properties`` does not copy: they are set, or made by Blender, separately. Blender 5.2 makes the
-#: ``properties`` of a modifier from its node group, and crashes when it quits if a script has written them.
+#: Properties that ``_copy_properties`` does not copy: they are set, or made by Blender, separately. Blender 5.2 makes
+#: the ``properties`` of a modifier from its node group, and crashes when it quits if a script has written them.
 _SET_SEPARATELY = {"data", "animation_data", "pose", "properties"}
 
 

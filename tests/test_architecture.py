@@ -280,7 +280,8 @@ def test_every_text_states_its_encoding(path):
 @pytest.mark.parametrize(("code", "found"), [
     ("path.read_text()", True), ("path.read_text(encoding='utf-8')", False), ("path.write_text(text)", True),
     ("open('a')", True), ("path.open('rb')", False), ("os.fdopen(3, 'w')", True), ("path.open(mode='w')", True),
-    ("archive.open('a', 'w', force_zip64=True)", False), ("write_text(path, text)", False), ("run(['a'], text=True)", True)])
+    ("archive.open('a', 'w', force_zip64=True)", False), ("write_text(path, text)", False),
+    ("run(['a'], text=True)", True)])
 def test_texts_without_encoding_are_found(code, found):
     assert bool(texts_without_encoding(ast.parse(code))) == found
 
