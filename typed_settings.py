@@ -322,6 +322,8 @@ class LightSettings(Table):
     planet_phase_law: Literal["LAMBERT", "SATURN", "JUPITER"]
     planet_least: float
     planet_rings: bool
+    planet_face: Literal["PLAIN", "SATURN", "JUPITER"]
+    planet_spot_longitude_deg: float  # deg
     stars: bool
     stars_faintest_mag: float  # mag
 

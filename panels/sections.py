@@ -56,7 +56,8 @@ SECTIONS = (
     _advanced("rocks", "law", "power_index"),
     Section("light", "planet", "Planet", "The planet in the sky and its light", (
         "planet_elevation_deg", "planet_azimuth_deg", "planet_angular_diameter_deg", "planet_flattening",
-        "planet_albedo", "planet_phase_law", "planet_rings", "planet_least"), switch="planet"),
+        "planet_albedo", "planet_phase_law", "planet_face", "planet_spot_longitude_deg", "planet_rings",
+        "planet_least"), switch="planet"),
     Section("light", "stars", "Stars", "Stars in the sky, which do not light the ground", ("stars_faintest_mag",),
             switch="stars"),
     Section("light", "balance", "Light at Evaluation", "Brightness of the light; changes need no new render", (

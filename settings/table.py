@@ -569,6 +569,14 @@ LIGHT = Topic("light", "Light", "The Sun and the planet, which are the only ligh
     Setting("planet_rings", "Planet Rings", False,
             "Saturn's rings A, B and C with the Cassini Division, and their shadow, which takes up to 20 % of the "
             "planet's light. Enceladus sees them edge-on; raise Planet Elevation to open them", "light"),
+    Setting("planet_face", "Planet Face", "PLAIN",
+            "Pattern of the planet's clouds. It changes the planet in the images and the colour of its light, not how "
+            "much light it gives", "light",
+            choices=(("PLAIN", "Plain", "A matt globe without a pattern"),
+                     ("SATURN", "Saturn", "Saturn's bands, limb darkening and colour"),
+                     ("JUPITER", "Jupiter", "Jupiter's belts and zones, Great Red Spot, limb darkening and colour"))),
+    _degrees("planet_spot_longitude_deg", "Red Spot Longitude", 0.0, -360.0, 360.0,
+             "Longitude of Jupiter's Great Red Spot, east of the meridian that faces the moon", "light"),
     Setting("stars", "Stars", False, "Show stars in the sky at their true brightness. They do not light the ground",
             "light"),
     Setting("stars_faintest_mag", "Faintest Star (mag)", 2.5,

@@ -6,6 +6,7 @@ label where they hide at least half of the light behind them.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -19,6 +20,7 @@ from ...physics.light.planetshine import Planet, disc_mesh
 from ...physics.light.saturn_rings import RingMesh
 from ...physics.light.stars import Stars
 from ..tree.builder import Tree, output
+from .planet_material import build_planet_material
 
 #: Distance of the planet from the camera in metres. The planet follows the camera and is so far away that both eyes see
 #: it in the same direction. Its size is in proportion, so it looks as large as the real planet.
@@ -32,17 +34,19 @@ RADIANCE, TRANSMISSION = "radiance", "transmission"
 STAR_PX = 1.0
 
 
-def build_planet(name: str, planet: Planet, colour: np.ndarray) -> bpy.types.Object:
-    """The part of the planet above the horizon (z > 0), in true proportion."""
+def build_planet(name: str, planet: Planet, colour: np.ndarray, dip_deg: float) -> bpy.types.Object:
+    """The part of the planet above a horizon ``dip_deg`` under the horizontal, in true proportion."""
     shown = disc_mesh(planet)
     faces = [tuple(dict.fromkeys(face)) for face in shown.faces.tolist()]
-    return _build_far_mesh(name, DISTANCE_M * shown.vertices, faces, {RADIANCE: shown.radiance}, colour)
+    return _build_far_mesh(name, DISTANCE_M * shown.vertices, faces, {},
+                           build_planet_material(name, planet, colour, DISTANCE_M), dip_deg)
 
 
-def build_rings(name: str, rings: RingMesh, colour: np.ndarray) -> bpy.types.Object:
-    """The part of the rings above the horizon."""
-    return _build_far_mesh(name, DISTANCE_M * rings.vertices, rings.faces.tolist(),
-                           {RADIANCE: rings.radiance, TRANSMISSION: rings.transmission}, colour)
+def build_rings(name: str, rings: RingMesh, colour: np.ndarray, dip_deg: float) -> bpy.types.Object:
+    """The part of the rings above a horizon ``dip_deg`` under the horizontal."""
+    attributes = {RADIANCE: rings.radiance, TRANSMISSION: rings.transmission}
+    return _build_far_mesh(name, DISTANCE_M * rings.vertices, rings.faces.tolist(), attributes,
+                           _build_shining_material(name, colour, attributes), dip_deg)
 
 
 def build_stars(name: str, stars: Stars, pixel_rad: float) -> bpy.types.Object:
@@ -66,33 +70,44 @@ def build_stars(name: str, stars: Stars, pixel_rad: float) -> bpy.types.Object:
     corner = np.arange(6)
     triangles = np.stack([0 * corner, 1 + corner, 1 + (corner + 1) % 6], axis=1)
     faces = (7 * np.arange(n)[:, None, None] + triangles).reshape(-1, 3)
-    return _build_far_mesh(name, STARS_M * vertices, faces.tolist(), {RADIANCE: radiance, TRANSMISSION: np.ones(7 * n)},
-                           np.ones(3))
+    attributes = {RADIANCE: radiance, TRANSMISSION: np.ones(7 * n)}
+    return _build_far_mesh(name, STARS_M * vertices, faces.tolist(), attributes,
+                           _build_shining_material(name, np.ones(3), attributes), 0.0)
 
 
 def _build_far_mesh(name: str, vertices: np.ndarray, faces: list[Any], attributes: Mapping[str, np.ndarray],
-                    colour: np.ndarray) -> bpy.types.Object:
+                    material: bpy.types.Material, dip_deg: float) -> bpy.types.Object:
     """A mesh with attributes of its vertices that only the camera sees, cut at the horizon."""
     mesh = bpy.data.meshes.new(name)
     mesh.from_pydata(vertices.tolist(), [], faces)
     for key, values in attributes.items():
         kind, field = ("FLOAT", "value") if values.ndim == 1 else ("FLOAT_VECTOR", "vector")
         mesh.attributes.new(key, kind, "POINT").data.foreach_set(field, values.ravel().astype(np.float32))
-    mesh.materials.append(_build_shining_material(name, colour, attributes))
-    if len(vertices) and vertices[:, 2].min() < 0:
-        _cut_below_horizon(mesh)
+    material.cycles.emission_sampling = "NONE"
+    material.pass_index = PLANET
+    mesh.materials.append(material)
+    slope = math.tan(math.radians(dip_deg))
+    if len(vertices) and (vertices[:, 2] + slope * np.hypot(vertices[:, 0], vertices[:, 1])).min() < 0:
+        _cut_below_horizon(mesh, slope)
     item = bpy.data.objects.new(name, mesh)
     item.visible_diffuse = item.visible_glossy = item.visible_transmission = False
     item.visible_volume_scatter = item.visible_shadow = False
     return item
 
 
-def _cut_below_horizon(mesh: bpy.types.Mesh) -> None:
-    """Remove the part below z = 0, which the moon would hide: the ground is only a patch of it."""
+def _cut_below_horizon(mesh: bpy.types.Mesh, slope: float) -> None:
+    """Remove the part under the horizon, which the moon would hide: the ground is only a patch of it.
+
+    The horizon is a cone of this slope downward, so the mesh is lifted by it, cut level and lowered again.
+    """
     edited = bmesh.new()
     edited.from_mesh(mesh)
+    for vertex in edited.verts:
+        vertex.co.z += slope * vertex.co.xy.length
     bmesh.ops.bisect_plane(edited, geom=[*edited.verts, *edited.edges, *edited.faces], plane_co=(0.0, 0.0, 0.0),
                            plane_no=(0.0, 0.0, 1.0), clear_inner=True)
+    for vertex in edited.verts:
+        vertex.co.z -= slope * vertex.co.xy.length
     edited.to_mesh(mesh)
     edited.free()
 
@@ -118,6 +133,4 @@ def _build_shining_material(name: str, colour: np.ndarray, attributes: Mapping[s
     tree.node("ShaderNodeOutputMaterial", "Surface", {"Surface": surface},
               leave=("Volume", "Displacement", "Thickness"), target="ALL")
     tree.arrange()
-    material.cycles.emission_sampling = "NONE"
-    material.pass_index = PLANET
     return material

@@ -9,11 +9,13 @@ from typing import Any
 import bpy
 
 from ...physics.camera.stereo_geometry import focal_px
+from ...physics.light.planet_face import face_tint
 from ...physics.light.saturn_rings import ring_mesh
 from ...physics.light.sky import Sky, check_body, sky_facts
 from ...physics.light.sky import sky as sky_of
 from ...physics.light.stars import stars_above_horizon
 from ...physics.light.sunlight import sun_colour
+from ...physics.mesh.horizon import dip_deg
 from ...physics.scene_requirements import planet_gives_light
 from ...typed_settings import Settings
 from ..datablocks.fingerprint import NAME, TAG
@@ -35,7 +37,8 @@ def described_sky(settings: Settings) -> Sky:
 def settings_of_lights(settings: Settings) -> list[Any]:
     """The settings on which the lights depend."""
     of_stars = [focal_px(settings.rig), settings.dataset.seed] if settings.light.stars else []
-    return [settings.light, *of_stars]
+    of_planet = [settings.rig.height_m, settings.terrain.body_radius_m] if settings.light.planet else []
+    return [settings.light, *of_stars, *of_planet]
 
 
 def build_lights(settings: Settings, sky: Sky, camera: bpy.types.Object) -> list[bpy.types.Object]:
@@ -86,13 +89,14 @@ def _place_sun(sun: bpy.types.Object, settings: Settings, sky: Sky) -> None:
 def _build_others(settings: Settings, sky: Sky, camera: bpy.types.Object) -> list[bpy.types.Object]:
     light, items = settings.light, {}
     colour = sun_colour(light.sun_temperature_k)
+    dip = dip_deg(settings.rig.height_m, settings.terrain.body_radius_m)
     if sky.planet is not None and sky.planet_is_up:
-        items["planet"] = build_planet(f"{NAME} Planet", sky.planet, colour)
+        items["planet"] = build_planet(f"{NAME} Planet", sky.planet, colour, dip)
         if planet_gives_light(settings, sky):
-            items["planetshine"] = build_planet_light(f"{NAME} Planetshine", sky.planet, colour)
+            items["planetshine"] = build_planet_light(f"{NAME} Planetshine", sky.planet, colour * face_tint(sky.planet))
     rings = ring_mesh(sky.planet) if sky.planet is not None else None
     if rings is not None and rings.vertices[:, 2].max() > 0:
-        items["rings"] = build_rings(f"{NAME} Rings", rings, colour)
+        items["rings"] = build_rings(f"{NAME} Rings", rings, colour, dip)
     for item in items.values():
         item.lightgroup = "Planet"
     if light.stars:

@@ -63,9 +63,10 @@ class Tree:
                 present[identifier].default_value = value
         return node
 
-    def math(self, operation: str, label: str, a: Any, b: Any = None) -> Any:
-        """Output socket of a Math node of one operand or two."""
-        inputs = {"Value": a} if b is None else {"Value": a, "Value_001": b}
+    def math(self, operation: str, label: str, a: Any, b: Any = None, c: Any = None) -> Any:
+        """Output socket of a Math node of one operand, two or three."""
+        operands = zip(("Value", "Value_001", "Value_002"), (a, b, c), strict=True)
+        inputs = {key: value for key, value in operands if value is not None}
         return self.node("ShaderNodeMath", label, inputs, operation=operation, use_clamp=False).outputs[0]
 
     def curve(self, label: str, colour: Any, x: Any, y: Any) -> Any:

@@ -43,6 +43,8 @@ class Planet:
     geometric_albedo: float
     phase_law: str  # "LAMBERT", "JUPITER" or "SATURN"
     rings: tuple[Ring, ...] = ()  # in the plane of its equator; they shade it, ``saturn_rings`` says how they look
+    face: str = "PLAIN"  # or a key of ``planet_face.FACES``; it changes nothing here
+    spot_longitude_deg: float = 0.0  # of its Red Spot, east of the meridian that faces the site
 
     def _values(self) -> tuple[Any, ...]:
         return tuple(tuple(value.tolist()) if isinstance(value, np.ndarray) else value
@@ -123,7 +125,7 @@ def ellipsoid(planet: Planet) -> Ellipsoid:
                      albedo * planet.sun_irradiance_wm2 / math.pi)
 
 
-class _VisibleCap:
+class VisibleCap:
     """Points (..., 3) of the part of the planet that is seen, by polar angles about the sub-observer point.
 
     In the stretched space what is seen is a cap of the sphere.
@@ -148,13 +150,22 @@ class _VisibleCap:
         """Relative to the observer."""
         return self.planet.direction + self.shape.radius * sphere @ self.shrink
 
+    def sphere_of(self, position: np.ndarray) -> np.ndarray:
+        """Unit vectors of the stretched space at places relative to the observer, or near to the globe there."""
+        found = (position - self.planet.direction) @ self.shape.stretch
+        return np.asarray(found / np.linalg.norm(found, axis=-1, keepdims=True))
+
+    def normal(self, sphere: np.ndarray) -> np.ndarray:
+        """Unit normals of the planet."""
+        found = sphere @ self.shape.stretch
+        return np.asarray(found / np.linalg.norm(found, axis=-1, keepdims=True))
+
     def radiance(self, sphere: np.ndarray) -> np.ndarray:
         """W/(m² sr); 0 in the night."""
-        normal = sphere @ self.shape.stretch
-        normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
-        return np.asarray(self.shape.full_radiance * np.maximum(normal @ self.planet.sun, 0.0) * self._passed(sphere))
+        lit = np.maximum(self.normal(sphere) @ self.planet.sun, 0.0)
+        return np.asarray(self.shape.full_radiance * lit * self.passed(sphere))
 
-    def _passed(self, sphere: np.ndarray) -> np.ndarray:
+    def passed(self, sphere: np.ndarray) -> np.ndarray:
         """Share (...) of the sunlight that the rings let through to points of the planet."""
         point, passed = sphere @ self.shrink, np.ones(sphere.shape[:-1])
         up = float(self.planet.sun @ self.planet.pole)
@@ -168,17 +179,18 @@ class _VisibleCap:
         return passed
 
 
-@lru_cache(maxsize=4)  # one change of the light asks for the same planet's a dozen times
-def light_rays(planet: Planet, nodes: int = 96) -> tuple[np.ndarray, np.ndarray]:
-    """The planet's light in rays: unit vectors (n, 3) toward its surface and the irradiance (n,) in W/m² that each
-    brings on a surface facing it.
+@dataclass(frozen=True)
+class CapNodes:
+    """Nodes (n, 2n) of a quadrature over the planet that is seen above the horizon."""
 
-    What of the planet is below the horizon (z < 0) gives nothing. The error of the quadrature is
-    about 2e-4 where horizon or terminator cross the disc, 1e-3 where rings shade it, else far less.
-    """
-    if planet.angular_diameter_deg <= 0:
-        return np.array([planet.direction]), np.zeros(1)
-    seen = _VisibleCap(planet)
+    sphere: np.ndarray  # (n, 2n, 3) unit vectors of the stretched space
+    ray: np.ndarray  # (n, 2n, 3) unit vectors toward the nodes
+    solid_angle: np.ndarray  # (n, 2n) sr; 0 below the horizon
+
+
+def cap_nodes(seen: VisibleCap, nodes: int = 96) -> CapNodes:
+    """The quadrature that ``light_rays`` uses."""
+    planet = seen.planet
     x, weight = np.polynomial.legendre.leggauss(nodes)
     angle = seen.half_angle * (x + 1) / 2
     around = 2 * np.pi * (np.arange(2 * nodes) + 0.5) / (2 * nodes)
@@ -190,7 +202,22 @@ def light_rays(planet: Planet, nodes: int = 96) -> tuple[np.ndarray, np.ndarray]
     area = (seen.shape.radius**2 * (1 - planet.flattening) * (weight * np.sin(angle))[:, None] * seen.half_angle / 2
             * (np.pi / nodes))
     solid_angle = -((sphere @ seen.shape.stretch) * ray).sum(axis=-1) * area / distance**2
-    rays, brought = ray.reshape(-1, 3), np.where(ray[..., 2] > 0, seen.radiance(sphere) * solid_angle, 0.0).ravel()
+    return CapNodes(sphere, ray, np.where(ray[..., 2] > 0, solid_angle, 0.0))
+
+
+@lru_cache(maxsize=4)  # one change of the light asks for the same planet's a dozen times
+def light_rays(planet: Planet, nodes: int = 96) -> tuple[np.ndarray, np.ndarray]:
+    """The planet's light in rays: unit vectors (n, 3) toward its surface and the irradiance (n,) in W/m² that each
+    brings on a surface facing it.
+
+    What of the planet is below the horizon (z < 0) gives nothing. The error of the quadrature is
+    about 2e-4 where horizon or terminator cross the disc, 1e-3 where rings shade it, else far less.
+    """
+    if planet.angular_diameter_deg <= 0:
+        return np.array([planet.direction]), np.zeros(1)
+    seen = VisibleCap(planet)
+    found = cap_nodes(seen, nodes)
+    rays, brought = found.ray.reshape(-1, 3), (seen.radiance(found.sphere) * found.solid_angle).ravel()
     rays.flags.writeable = brought.flags.writeable = False  # all who ask share them
     return rays, brought
 
@@ -244,16 +271,11 @@ class Disc:
 
     vertices: np.ndarray  # (n, 3)
     faces: np.ndarray  # (m, 4), the first ring has its first vertex twice; towards the observer
-    radiance: np.ndarray  # (n,) W/(m² sr)
 
 
-def disc_mesh(planet: Planet) -> Disc:
-    """The planet as a mesh fine enough that radiance and outline are within 6e-4 of the ellipsoid's.
-
-    The edges of its rings' shadow are three times finer, a two hundredth of the planet's size.
-    """
-    seen = _VisibleCap(planet)
-    rings = 144 if planet.rings else 48
+def disc_mesh(planet: Planet, rings: int = 48) -> Disc:
+    """The planet as a mesh whose outline is within 6e-4 of the ellipsoid's. Its radiance is computed at each pixel."""
+    seen = VisibleCap(planet)
     sectors = 2 * rings
     angle = np.repeat(np.arange(1, rings + 1) * seen.half_angle / rings, sectors)
     around = np.tile(np.arange(sectors) * 2 * np.pi / sectors, rings)
@@ -263,4 +285,4 @@ def disc_mesh(planet: Planet) -> Disc:
     first = np.stack([0 * here, 1 + here, 1 + after, 0 * here], axis=1)
     others = [np.stack([a + here, b + here, b + after, a + after], axis=1)
               for a, b in ((1 + k * sectors, 1 + (k + 1) * sectors) for k in range(rings - 1))]
-    return Disc(seen.position(sphere), np.concatenate([first, *others]), seen.radiance(sphere))
+    return Disc(seen.position(sphere), np.concatenate([first, *others]))

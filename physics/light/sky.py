@@ -124,7 +124,8 @@ def sky(light: LightSettings, blend_folder: str | None = None) -> Sky:
         float(light.planet_angular_diameter_deg), float(light.planet_flattening),
         # Moon and planet turn about axes within a degree of each other.
         toward(0.0, light.latitude_deg), sun, irradiance, float(light.planet_albedo),
-        light.planet_phase_law, _rings(light)) if light.planet else None
+        light.planet_phase_law, _rings(light), light.planet_face,
+        float(light.planet_spot_longitude_deg)) if light.planet else None
     diameter = float(light.sun_angular_diameter_deg)
     return Sky(sun, irradiance, diameter, planet, hidden_share(planet, diameter) if planet else 0.0,
                _stars_by_angles(light))
@@ -158,7 +159,8 @@ def _sky_at_date(light: LightSettings, blend_folder: str | None) -> Sky:
     planet = Planet(at.planet, apparent_diameter_deg(at.planet_equator_km, at.planet_distance_km),
                     1 - at.planet_pole_km / at.planet_equator_km, at.planet_axis, at.sun, irradiance,
                     float(light.planet_albedo), light.planet_phase_law,
-                    _rings(light) if at.planet_name in ("SATURN", "699") else ())
+                    _rings(light) if at.planet_name in ("SATURN", "699") else (), light.planet_face,
+                    float(light.planet_spot_longitude_deg))
     diameter = sun_diameter_deg(at.sun_distance_au)
     return Sky(at.sun, irradiance, diameter, planet if light.planet else None, hidden_share(planet, diameter),
                at.from_j2000)

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from icymoon.physics.light.planet_face import face_radiance
 from icymoon.physics.light.planetshine import Planet, Ring, disc_mesh, irradiance_wm2, unshaded_share
 from icymoon.physics.light.saturn_rings import RINGS, brightness, phase_function, ring_mesh, shadow_half_angle
 from icymoon.physics.light.sky import sky
@@ -127,13 +128,14 @@ def test_the_rings_shade_saturn_as_rays_to_the_sun_find():
     assert 0.7 < share < 0.95
     assert share == pytest.approx(passed.sum() / lit.sum(), abs=3e-3)
     up = np.array([0.0, 0.0, 1.0])
-    mesh = disc_mesh(shown)
+    mesh = disc_mesh(shown, 144)
     corners = mesh.vertices[mesh.faces]
     area = (np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
             + np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 0])) / 2
     middle = corners.mean(axis=1)
     solid_angle = -(area * middle).sum(axis=1) / np.linalg.norm(middle, axis=1) ** 3
-    seen = (mesh.radiance[mesh.faces].mean(axis=1) * solid_angle * middle[:, 2] / np.linalg.norm(middle, axis=1)).sum()
+    radiance = face_radiance(shown, middle)[:, 0]
+    seen = (radiance * solid_angle * middle[:, 2] / np.linalg.norm(middle, axis=1)).sum()
     assert seen == pytest.approx(irradiance_wm2(shown, up), rel=5e-3)
     assert unshaded_share(replace(shown, rings=())) == 1.0
     assert unshaded_share(opened(20.0, 0.0)) == 1.0

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from icymoon.errors import IcyMoonError
 from icymoon.physics.light.eclipse import hidden_share
+from icymoon.physics.light.planet_face import face_radiance
 from icymoon.physics.light.planetshine import (
     Planet,
     Ring,
@@ -146,9 +147,11 @@ def test_the_mesh_is_the_ellipsoid_in_size_light_and_side():
     distance = np.linalg.norm(middle, axis=1)
     solid_angle = -(area * middle).sum(axis=1) / distance**3
     assert (solid_angle > -1e-9).all()  # all faces are turned to the observer
-    light = (mesh.radiance[mesh.faces].mean(axis=1) * solid_angle * middle[:, 2] / distance).sum()
+    radiance = face_radiance(shown, middle)
+    assert radiance.shape == (len(middle), 3)
+    light = (radiance[:, 0] * solid_angle * middle[:, 2] / distance).sum()
     assert light == pytest.approx(irradiance_wm2(shown, UP), rel=2e-3)
-    assert mesh.radiance.min() == 0
+    assert radiance.min() == 0
 
 
 def test_the_sky_of_the_settings():

@@ -1,0 +1,164 @@
+"""What the globe of Saturn or Jupiter looks like: bands, limb darkening, the Great Red Spot, colour.
+
+A face is a pattern of reflectance over the globe. Its light is scaled so that the planet gives the site the irradiance
+that ``planetshine`` computes for an even globe: a face changes what the camera sees, and the colour of the planet's
+light, but not its amount.
+
+The reflectance of a place is B(φ) (μ₀ μ)^k / μ (Minnaert 1941, Astrophysical Journal 93, 403), with the planetographic
+latitude φ, the cosines μ₀ and μ of the angles of incidence and emission, and an exponent k for each band. The values
+are rounded readings for the bands R, G, B, good to about 0.05. Clouds drift, and their patterns change over months: a
+face is a typical one, not that of a date.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+from itertools import pairwise
+
+import numpy as np
+
+from .planetshine import Planet, VisibleCap, cap_nodes
+
+#: Least cosine of the angle of emission, so that the limb stays finite.
+LEAST_COSINE = 0.02
+
+
+@dataclass(frozen=True)
+class Spot:
+    """An oval cloud. Half axes in radians at the planet's centre; reflectances in R, G, B."""
+
+    latitude_deg: float
+    half_length: float
+    half_height: float
+    reflectance: tuple[float, float, float]
+    collar: tuple[float, float, float]
+
+
+#: Radii of a spot's inner and outer edge and of its collar, over its own; each edge is this soft.
+SPOT_EDGES, SPOT_SOFTNESS = (1.0, 1.25), 0.1
+
+
+@dataclass(frozen=True)
+class Face:
+    """The pattern of a globe: reflectances between which there are straight lines over the sine of the latitude."""
+
+    sine: tuple[float, ...]  # of planetographic latitudes, from south to north
+    reflectance: tuple[tuple[float, float, float], ...]  # in R, G, B
+    limb: tuple[float, float, float]  # Minnaert's exponents
+    tint: tuple[float, float, float]  # colour of all its light over that of sunlight; their mean is 1
+    spot: Spot | None = None
+    ripple_deg: float = 0.0  # by how much the edges of its bands waver in latitude
+
+
+def _relative(bands: tuple[float, float, float]) -> tuple[float, float, float]:
+    mean = sum(bands) / 3
+    return (bands[0] / mean, bands[1] / mean, bands[2] / mean)
+
+
+def _saturn() -> Face:
+    """Saturn's bands in V, alike in north and south; in R their contrast is 0.6 of that, in B 1.3."""
+    latitude = np.array([0.0, 10, 18, 25, 33, 40, 48, 60, 65, 78, 90])
+    visual = np.array([1.16, 1.12, 0.98, 0.90, 0.88, 0.96, 0.86, 0.88, 0.80, 0.78, 0.70])
+    both = np.concatenate([-latitude[:0:-1], latitude])
+    bands = 1 + (np.concatenate([visual[:0:-1], visual])[:, None] - 1) * (0.6, 1.0, 1.3)
+    return Face(tuple(np.sin(np.radians(both)).tolist()), tuple((r, g, b) for r, g, b in bands.tolist()),
+                (0.95, 0.87, 0.70), _relative((1.15, 1.0, 0.69)))
+
+
+_ZONE, _POLE, _THIN = (0.82, 0.76, 0.62), (0.58, 0.50, 0.42), (0.70, 0.60, 0.45)
+#: Jupiter's zones and belts from south to north: the latitude at which each begins, and its reflectances.
+_JUPITER = ((-90.0, _POLE), (-48.0, _ZONE), (-33.0, _THIN), (-27.0, _ZONE), (-20.0, (0.68, 0.55, 0.38)), (-7.0, _ZONE),
+            (7.0, (0.66, 0.52, 0.34)), (18.0, _ZONE), (24.0, _THIN), (31.0, _ZONE), (36.0, _THIN), (40.0, _ZONE),
+            (48.0, _POLE))
+_EDGE_DEG, _POLE_EDGE_DEG = 0.6, 7.0  # half the width of an edge between two bands, and of those of the polar regions
+
+
+def _jupiter() -> Face:
+    sine, reflectance = [-1.0], [_JUPITER[0][1]]
+    for (_, before), (edge, after) in pairwise(_JUPITER):
+        half = _POLE_EDGE_DEG if _POLE in (before, after) else _EDGE_DEG
+        sine += [math.sin(math.radians(edge - half)), math.sin(math.radians(edge + half))]
+        reflectance += [before, after]
+    return Face((*sine, 1.0), (*reflectance, _JUPITER[-1][1]), (1.0, 0.95, 0.87), _relative((1.0, 1.0, 0.835)),
+                Spot(-22.5, 7000 / (71492 * math.cos(math.radians(22.5))), 5750 / 71492, (0.70, 0.48, 0.28),
+                     (0.86, 0.80, 0.68)), 0.35)
+
+
+#: Faces by the value of ``light.planet_face``. Saturn's brightness over latitude and limb exponents: rounded from HST
+#: images at 435 to 716 nm (Icarus 100, Dec 1992) and Franz and Price; Jupiter's zones, belts and the size of its Red
+#: Spot, 14 000 by 11 500 km: the usual nomenclature and rounded reflectances. Both tints: the albedo spectra of whole
+#: discs of Karkoschka 1998, Icarus 133, 134, seen in the primaries of sRGB.
+FACES = {"SATURN": _saturn(), "JUPITER": _jupiter()}
+
+
+def spot_axes(planet: Planet, spot: Spot) -> np.ndarray:
+    """Normal of the globe in the middle of a spot, and directions to the east and the north there: rows of (3, 3)."""
+    front = -planet.direction + (planet.direction @ planet.pole) * planet.pole
+    if np.linalg.norm(front) < 1e-9:  # seen from above a pole
+        front = np.cross(planet.pole, np.eye(3)[np.abs(planet.pole).argmin()])
+    front /= np.linalg.norm(front)
+    longitude, latitude = math.radians(planet.spot_longitude_deg), math.radians(spot.latitude_deg)
+    out = math.cos(longitude) * front + math.sin(longitude) * np.cross(planet.pole, front)
+    return np.stack([math.cos(latitude) * out + math.sin(latitude) * planet.pole, np.cross(planet.pole, out),
+                     math.cos(latitude) * planet.pole - math.sin(latitude) * out])
+
+
+def _reflectance(face: Face, planet: Planet, normal: np.ndarray) -> np.ndarray:
+    """B (..., 3) at places with unit normals (..., 3)."""
+    sine = normal @ planet.pole
+    found = np.stack([np.interp(sine, face.sine, band) for band in np.transpose(face.reflectance)], axis=-1)
+    if face.spot is not None:
+        middle, east, north = spot_axes(planet, face.spot)
+        away = np.hypot(normal @ east / face.spot.half_length, normal @ north / face.spot.half_height)
+        away = np.where(normal @ middle > 0, away, np.inf)
+        for edge, colour in zip(SPOT_EDGES[::-1], (face.spot.collar, face.spot.reflectance), strict=True):
+            inside = np.clip((edge - away) / SPOT_SOFTNESS + 0.5, 0, 1)[..., None]
+            found = found + inside * (np.array(colour) - found)
+    return found
+
+
+def _over_zenith(face: Face, planet: Planet, normal: np.ndarray, toward: np.ndarray) -> np.ndarray:
+    """Unscaled radiance (..., 3) over that of a place of an even globe with the Sun in its zenith; without ripples.
+
+    ``normal`` and ``toward`` (..., 3) are unit vectors, the second toward the observer.
+    """
+    incidence = np.maximum(normal @ planet.sun, 0.0)[..., None]
+    emission = np.maximum((normal * toward).sum(axis=-1), LEAST_COSINE)[..., None]
+    return np.asarray(_reflectance(face, planet, normal) * (incidence * emission) ** np.array(face.limb) / emission)
+
+
+def face_tint(planet: Planet) -> np.ndarray:
+    """Colour (3,) of the planet's light over that of sunlight; the mean of the bands is 1."""
+    return np.array(FACES[planet.face].tint if planet.face in FACES else (1.0, 1.0, 1.0))
+
+
+@lru_cache(maxsize=4)
+def face_scale(planet: Planet) -> tuple[float, float, float]:
+    """Factors on the bands of a face that make the planet's irradiance that of an even globe times the tint."""
+    face, seen = FACES[planet.face], VisibleCap(planet)
+    nodes = cap_nodes(seen)
+    facing = nodes.solid_angle * np.maximum(nodes.ray @ planet.direction, 0.0)
+    normal, shaded = seen.normal(nodes.sphere), facing * seen.passed(nodes.sphere)
+    total = (_over_zenith(face, planet, normal, -nodes.ray) * shaded[..., None]).sum(axis=(0, 1))
+    even = float((np.maximum(normal @ planet.sun, 0.0) * shaded).sum())
+    r, g, b = (tint * even / band if band > 0 else tint for tint, band in zip(face.tint, total.tolist(), strict=True))
+    return r, g, b
+
+
+def face_radiance(planet: Planet, position: np.ndarray) -> np.ndarray:
+    """Radiance (..., 3) in W/(m² sr) of places of the planet (..., 3) relative to the observer, in R, G, B of sunlight.
+
+    Edges of bands waver in an image, which is left out here.
+    """
+    seen = VisibleCap(planet)
+    sphere = seen.sphere_of(position)
+    even = seen.radiance(sphere)
+    if planet.face not in FACES:
+        return np.repeat(even[..., None], 3, axis=-1)
+    normal = seen.normal(sphere)
+    toward = -position / np.linalg.norm(position, axis=-1, keepdims=True)
+    passed = seen.passed(sphere)[..., None]
+    face = _over_zenith(FACES[planet.face], planet, normal, toward)
+    return np.asarray(seen.shape.full_radiance * face * passed * face_scale(planet))

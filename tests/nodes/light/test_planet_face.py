@@ -1,0 +1,92 @@
+"""The planet in images, against rays that are cast by formulas of the test's own, and where it ends at the horizon."""
+
+import math
+
+import numpy as np
+import pytest
+from icymoon.labels import PLANET
+from icymoon.nodes import preview
+from icymoon.nodes import scene as scenes
+from icymoon.physics.light.planet_face import face_radiance, face_tint
+from icymoon.physics.light.planetshine import irradiance_wm2
+from icymoon.physics.light.sky import sky
+from icymoon.stereo.images.exr import read_view
+from rendering import complete, empty_scene, render
+
+FLAT = {"terrain": {"rms_slope_deg": 0.0, "size_m": 40.0}, "mesh": {"kind": "GRID"}, "quality": {"samples": 16}}
+#: Of a site in the plane of the rings only their shadow is seen, if they are Saturn's.
+LIGHT = {"planet": True, "planet_angular_diameter_deg": 29.33, "planet_flattening": 0.098, "latitude_deg": 0.0,
+         "planet_elevation_deg": 40.0, "planet_azimuth_deg": 90.0, "sun_elevation_deg": -30.0,
+         "sun_azimuth_deg": 300.0}
+RIG = {"width_px": 240, "height_px": 180, "pitch_deg": -40.0, "heading_deg": 90.0,
+       "focal_length_mm": 80.0}
+
+
+def rays(pair):
+    """Unit vectors (H, W, 3) of the pixels in the world, and their solid angles."""
+    camera = pair.camera
+    x = (np.arange(camera.width_px) + 0.5 - camera.cx_px) / camera.focal_px
+    y = (np.arange(camera.height_px) + 0.5 - camera.cy_px) / camera.focal_px
+    ray = np.stack(np.broadcast_arrays(x[None, :], y[:, None], np.ones(1)), axis=-1)
+    length = np.linalg.norm(ray, axis=-1)
+    return (ray / length[..., None] @ np.array(pair.data["poses_camera_to_world"]["left"])[:3, :3].T,
+            length**-3 / camera.focal_px**2)
+
+
+def nearest(shown, ray):
+    """Distance (H, W) to the globe, NaN beside it."""
+    radius = math.sin(math.radians(shown.angular_diameter_deg / 2))
+    shape = (np.eye(3) + ((1 - shown.flattening) ** -2 - 1) * np.outer(shown.pole, shown.pole)) / radius**2
+    a, b = np.einsum("hwi,ij,hwj->hw", ray, shape, ray), ray @ shape @ shown.direction
+    with np.errstate(invalid="ignore"):
+        return (b - np.sqrt(b**2 - a * (shown.direction @ shape @ shown.direction - 1))) / a
+
+
+@pytest.mark.parametrize(("face", "rings"), [("PLAIN", True), ("SATURN", True), ("JUPITER", False)])
+def test_the_image_of_the_planet_is_what_rays_find(tmp_path, face, rings):
+    pair, _ = render(tmp_path, FLAT, {"rig": RIG, "light": LIGHT | {
+        "planet_face": face, "planet_rings": rings, "planet_spot_longitude_deg": 10.0}})
+    view, shown = read_view(pair.image("left")), sky(pair.settings.light).planet
+    ray, solid_angle = rays(pair)
+    distance = nearest(shown, ray)
+    hit = np.isfinite(distance)
+    truth = np.nan_to_num(face_radiance(shown, distance[..., None] * ray))
+    # Pixels whose neighbours are all on the globe, without edges of the shadow, of belts and of the spot between them.
+    neighbours = [np.roll(truth[..., 1], move, axis) for axis in (0, 1) for move in (-1, 1)]
+    flat = np.ptp([truth[..., 1], *neighbours], axis=0) < 0.03 * truth.max()
+    inner = hit & np.logical_and.reduce([np.roll(hit, move, axis) for axis in (0, 1) for move in (-2, 2)]) & flat
+    assert inner.sum() > 2000
+    off = np.abs(view.radiance - truth)[inner].max(axis=-1) / truth.max()
+    # Ripples move Jupiter's edges by a third of a degree; elsewhere no pixel is off, at the terminator neither.
+    assert np.mean(off > 0.01) < (0.08 if face == "JUPITER" else 0.001)
+    seen = (view.radiance * (solid_angle * (ray @ shown.direction))[..., None]).sum(axis=(0, 1))
+    assert seen == pytest.approx(irradiance_wm2(shown) * face_tint(shown), rel=5e-3)
+
+
+def test_a_face_changes_the_colour_of_the_light_on_the_ground_but_not_its_amount():
+    lamps = {}
+    for face in ("PLAIN", "SATURN"):
+        built = scenes.build(empty_scene(), complete({"light": LIGHT | {"planet_face": face}}))
+        lamp = next(item for item in built.collection.all_objects if item.name.endswith("Planetshine"))
+        lamps[face] = lamp.data.energy, np.array(lamp.data.color)
+    assert lamps["SATURN"][0] == lamps["PLAIN"][0]
+    assert lamps["SATURN"][1].mean() == pytest.approx(lamps["PLAIN"][1].mean(), rel=1e-6)
+    assert lamps["SATURN"][1][0] > 1.5 * lamps["SATURN"][1][2]
+
+
+def test_the_planet_reaches_down_to_the_horizon_of_the_moon(tmp_path):
+    light = LIGHT | {"planet_elevation_deg": 0.0}
+    pair, built = render(tmp_path, FLAT, {"light": light, "terrain": {"body_radius_m": 10000.0}, "rig": {
+        "width_px": 64, "height_px": 240, "pitch_deg": 0.0, "heading_deg": 90.0, "sensor_width_mm": 3.0}})
+    rows = np.nonzero((read_view(pair.image("left")).semantic == PLANET).any(axis=1))[0]
+    dip = math.acos(10000.0 / 10001.6)
+    # The flat ground of the test ends lower: a planet cut at eye level would leave a black strip of 13 rows.
+    expected = pair.camera.cy_px + pair.camera.focal_px * math.tan(dip)
+    assert expected - pair.camera.cy_px > 12
+    assert rows.max() + 0.5 == pytest.approx(expected, abs=1.0)
+    # Raising the camera lowers the horizon, in the live view too.
+    item = next(i for i in built.collection.all_objects if i.name.endswith("Planet"))
+    before = min(v.co.z for v in item.data.vertices)
+    preview.show_settings(built, complete(pair.settings, {"rig": {"height_m": 6.4}}), 65)
+    item = next(i for i in built.collection.all_objects if i.name.endswith("Planet"))
+    assert min(v.co.z for v in item.data.vertices) == pytest.approx(2 * before, rel=0.01)

@@ -1,0 +1,111 @@
+"""Faces of planets: pattern, place of the Red Spot, and the light, which stays what it is."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from icymoon.physics.light.planet_face import FACES, face_radiance, face_tint, spot_axes
+from icymoon.physics.light.planetshine import Planet, irradiance_wm2
+from icymoon.physics.light.saturn_rings import RINGS
+from icymoon.physics.mesh.horizon import dip_deg
+
+NORTH = np.array([0.0, 1.0, 0.0])
+
+
+def unit(*components):
+    return np.array(components) / np.linalg.norm(components)
+
+
+def planet(face, sun=(0.4, -1.0, 0.2), **changes):
+    rings = tuple(RINGS.values()) if changes.pop("rings", False) else ()
+    return replace(Planet(unit(0.3, 0.0, 1.0), 20.0, 0.098, NORTH, unit(*sun), 15.0, 0.5, face, rings, face), **changes)
+
+
+def rays_to(shown, n=600):
+    """Unit vectors (n, n, 3) over the planet, the solid angle (n, n) of each, and the places that they meet."""
+    side = np.cross(shown.direction, NORTH)
+    side /= np.linalg.norm(side)
+    half = 1.02 * math.tan(math.radians(shown.angular_diameter_deg / 2))
+    step = 2 * half / n
+    x, y = np.meshgrid(*[-half + step * (np.arange(n) + 0.5)] * 2)
+    ray = shown.direction + x[..., None] * side + y[..., None] * np.cross(side, shown.direction)
+    length = np.linalg.norm(ray, axis=-1)
+    ray /= length[..., None]
+    radius = math.sin(math.radians(shown.angular_diameter_deg / 2))
+    shape = (np.eye(3) + ((1 - shown.flattening) ** -2 - 1) * np.outer(shown.pole, shown.pole)) / radius**2
+    a, b = np.einsum("hwi,ij,hwj->hw", ray, shape, ray), ray @ shape @ shown.direction
+    inside = b**2 - a * (shown.direction @ shape @ shown.direction - 1)
+    way = (b - np.sqrt(np.maximum(inside, 0))) / a
+    return ray, step**2 / length**3 * (inside > 0), way[..., None] * ray
+
+
+@pytest.mark.parametrize("face", FACES)
+@pytest.mark.parametrize("changes", [{}, {"sun": (1.0, -0.3, 0.6)}, {"rings": True}, {"phase_law": "LAMBERT"}])
+def test_a_face_gives_the_light_of_an_even_globe_in_the_colour_of_the_planet(face, changes):
+    shown = planet(face, **changes)
+    ray, solid_angle, place = rays_to(shown)
+    light = (face_radiance(shown, place) * (solid_angle * (ray @ shown.direction))[..., None]).sum(axis=(0, 1))
+    # 600 x 600 rays; the limb, and with rings the edge of the shadow, leave 2e-3.
+    assert light == pytest.approx(irradiance_wm2(shown) * face_tint(shown), rel=4e-3)
+    assert face_tint(shown).mean() == pytest.approx(1)
+    assert irradiance_wm2(shown) == irradiance_wm2(replace(shown, face="PLAIN"))
+
+
+@pytest.mark.parametrize("face", FACES)
+def test_a_face_has_an_end_at_each_pole_and_fits_a_colour_ramp(face):
+    sine, bands = np.array(FACES[face].sine), np.array(FACES[face].reflectance)
+    assert (sine[0], sine[-1]) == (-1, 1)
+    assert (np.diff(sine) > 0).all()
+    assert len(sine) == len(bands) <= 32  # Blender has no more stops
+    assert ((bands > 0.3) & (bands < 1.3)).all()
+
+
+def test_the_red_spot_is_where_its_longitude_is_and_red():
+    shown = planet("JUPITER", sun=(0.0, 0.0, -1.0), direction=unit(0.0, 0.0, 1.0), flattening=0.065)
+    spot = FACES["JUPITER"].spot
+    for longitude, x in ((0.0, 0.0), (30.0, math.sin(math.radians(30.0)))):
+        middle, east, north = spot_axes(replace(shown, spot_longitude_deg=longitude), spot)
+        assert middle @ NORTH == pytest.approx(math.sin(math.radians(-22.5)))
+        # Seen from the south side up: the planet's east is the side that its rotation carries away, pole x outward.
+        assert middle @ np.cross(NORTH, -shown.direction) == pytest.approx(x * math.cos(math.radians(22.5)))
+        assert np.cross(middle, east) == pytest.approx(north)
+        turned = replace(shown, spot_longitude_deg=longitude)
+        radius = math.sin(math.radians(10.0))
+        there = shown.direction + radius * middle * (1, 1 - 0.065, 1)
+        beside = shown.direction + radius * spot_axes(replace(shown, spot_longitude_deg=longitude + 25), spot)[0]
+        inside, outside = face_radiance(turned, np.stack([there, beside]))
+        assert inside[2] / inside[0] < 0.7 * outside[2] / outside[0]
+
+
+def test_saturn_is_brightest_at_its_equator_and_has_a_darker_limb_in_red_than_in_blue():
+    shown = planet("SATURN", sun=(-0.3, 0.0, -1.0), flattening=0.0)
+    radius = math.sin(math.radians(10.0))
+    toward = -shown.direction
+
+    def at(latitude, longitude):
+        side = np.cross(NORTH, toward)
+        out = math.cos(math.radians(longitude)) * toward + math.sin(math.radians(longitude)) * side
+        up = math.radians(latitude)
+        return shown.direction + radius * (math.cos(up) * out + math.sin(up) * NORTH)
+
+    equator, belt, limb = face_radiance(shown, np.stack([at(0, 0), at(25, 0), at(0, 70)]))
+    # Minnaert's law with exponents near 1 gives the belt the cosine of its latitude, twice: 0.906^0.9.
+    assert belt[1] / equator[1] == pytest.approx(0.90 / 1.16 * math.cos(math.radians(25)) ** 0.87, rel=0.03)
+    assert limb[0] / equator[0] < limb[2] / equator[2]
+
+
+def test_a_planet_that_is_new_or_has_no_light_is_dark_and_finite():
+    for shown in (planet("SATURN", sun=(0.3, 0.0, 1.0)), planet("JUPITER", sun_irradiance_wm2=0.0),
+                  planet("SATURN", geometric_albedo=0.0)):
+        _, solid_angle, place = rays_to(shown, 40)
+        radiance = face_radiance(shown, place)[solid_angle > 0]
+        assert np.isfinite(radiance).all()
+        assert radiance.min() >= 0
+
+
+@pytest.mark.parametrize(("height", "radius", "dip"), [(1.6, 252100.0, 0.2041), (1.6, 1560800.0, 0.0820),
+                                                       (0.0, 252100.0, 0.0)])
+def test_the_horizon_dips_by_the_angle_whose_cosine_is_the_ratio_of_radii(height, radius, dip):
+    assert dip_deg(height, radius) == pytest.approx(math.degrees(math.acos(radius / (radius + height))), abs=1e-6)
+    assert dip_deg(height, radius) == pytest.approx(dip, abs=1e-4)
