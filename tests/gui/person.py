@@ -176,7 +176,7 @@ def _look(recognised: Callable[[], bool], columns: tuple[float, ...],
 
 
 #: Where buttons are looked for across the sidebar: the left and the right of a row of two, and bare icons at its end.
-COLUMNS = (0.35, 0.66, 0.74, 0.82)
+COLUMNS = (0.35, 0.66, 0.74, 0.82, 0.9)
 _found = 0.0  # how far down the last button was
 
 
