@@ -18,6 +18,7 @@ OPENCV_FROM_BLENDER = np.diag([1.0, -1.0, -1.0])
 def build_rig(name: str, rig: RigSettings, ground_m: float) -> bpy.types.Object:
     """A camera from ``rig`` settings, ``rig.height_m`` above the ground at ``ground_m``."""
     camera = bpy.data.objects.new(name, bpy.data.cameras.new(name))
+    camera.data.passepartout_alpha = 1.0
     place_rig(camera, rig, ground_m)
     return camera
 

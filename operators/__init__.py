@@ -14,6 +14,7 @@ from . import (
     evaluate,
     evaluator,
     expose,
+    first_picture,
     ground,
     jobs,
     layers,
@@ -30,6 +31,7 @@ from . import (
     variation_pictures,
     vary,
     view_exposure,
+    view_resolution,
 )
 
 CLASSES = (*presets.CLASSES, *settings.CLASSES, *build.CLASSES, *ground.CLASSES, *layers.CLASSES, *render.CLASSES,
@@ -49,6 +51,8 @@ def register() -> None:
     dataset.register()
     live_preview.register()
     view_exposure.register()
+    view_resolution.register()
+    first_picture.register()
     refine.register()
     live_exposure.register()
     show_pair.register()
@@ -67,6 +71,8 @@ def unregister() -> None:
     show_pair.unregister()
     live_exposure.unregister()
     refine.unregister()
+    first_picture.unregister()
+    view_resolution.unregister()
     view_exposure.unregister()
     live_preview.unregister()
     dataset.unregister()

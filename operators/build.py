@@ -13,7 +13,7 @@ from ..nodes import scene as scenes
 from ..nodes.ground.user_ground import cost_warnings
 from ..nodes.measured_surface import find_points
 from ..typed_settings import Settings
-from . import view_exposure
+from . import first_picture, view_exposure, view_resolution
 from .coloured_views import hide_errors
 from .sidebar_text import in_window
 from .user_render import prepare_render, restore_render
@@ -171,6 +171,8 @@ def build_and_report(operator: bpy.types.Operator, context: bpy.types.Context, c
     for warning in built.warnings:
         operator.report({"WARNING"}, in_window(warning))
     frame_and_expose(context.scene, built.settings, before)
+    view_resolution.begin(context.scene)
+    first_picture.remove()
     if not bpy.app.background:
         if before is None:
             show_scene(context, built)
@@ -220,7 +222,10 @@ class ICYMOON_OT_clear_scene(bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         hide_errors(context.scene)
-        restore_render(context.scene, scenes.find_collection(context.scene))
+        first_picture.remove()
+        collection = scenes.find_collection(context.scene)
+        restore_render(context.scene, collection)
+        view_resolution.restore(context.scene, collection)
         scenes.clear(context.scene)
         restore_views()
         return {"FINISHED"}

@@ -17,7 +17,7 @@ from ..nodes import preview
 from ..nodes import scene as scenes
 from ..settings import announcements, description
 from ..typed_settings import Settings
-from . import refine
+from . import first_picture, refine, view_resolution
 from .build import frame_and_expose
 from .coloured_views import give_back_views
 from .jobs import push_undo
@@ -58,6 +58,9 @@ def update(scene: bpy.types.Scene) -> bool:
         give_back_views(scene)  # the painted errors are gone with the previous ground
     now = description.merged(built.settings, built.preview)
     frame_and_expose(scene, now, before)
+    if now != before:
+        view_resolution.begin(scene)
+        first_picture.remove()
     return now != before
 
 

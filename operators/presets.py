@@ -24,7 +24,7 @@ from ..settings import changes, description, preset_files, toml_text
 from ..stereo.pair_views import read_pair_views
 from ..system import name_fault, remove
 from ..typed_settings import Settings
-from . import dialogs, live_preview, refine
+from . import dialogs, first_picture, live_preview, refine
 from .build import build_and_report
 from .evaluate import rendered_pairs
 from .sidebar_text import in_window
@@ -171,12 +171,15 @@ class ICYMOON_OT_load_preset(dialogs.SearchDialog, bpy.types.Operator):
         if "quality" in loaded and (lack := find_lack(description.merged(description.defaults(), loaded))):
             self.report({"WARNING"}, in_window(lack))
         if self.build and live_preview.has_window():
-            _show(self, context)
+            _show(self, context, picture_of(self.preset))
         return {"FINISHED"}
 
 
-def _show(operator: bpy.types.Operator, context: bpy.types.Context) -> None:
-    """Show the settings of the scene at once and coarsely; the ground at full resolution follows."""
+def _show(operator: bpy.types.Operator, context: bpy.types.Context, picture: Path) -> None:
+    """Show the settings of the scene at once and coarsely; the ground at full resolution follows.
+
+    Until the view is clear, ``picture`` covers it.
+    """
     scene = context.scene
     settings = scene_properties.read_unchecked(scene.icymoon)
     if scenes.find_collection(scene) is None:
@@ -188,6 +191,9 @@ def _show(operator: bpy.types.Operator, context: bpy.types.Context) -> None:
         live_preview.update(scene)
         if built := scenes.find(scene):
             preview.await_ground(built, settings)
+    first_picture.show(scene, picture)
+    if preview.awaits_ground(scene, settings) is None:
+        first_picture.count(scene)
     refine.begin()
 
 

@@ -19,7 +19,7 @@ from ..nodes import scene as scenes
 from ..nodes.ground.terrain_mesh import MeshedGround, mesh_ground
 from ..settings import changes
 from ..typed_settings import Settings
-from . import jobs
+from . import first_picture, jobs, view_resolution
 from .build import look_through, views_through
 
 _INTERVAL_S = 0.1
@@ -113,6 +113,8 @@ def _show(built: scenes.Built, settings: Settings, made: _Meshing) -> None:
     except IcyMoonError as error:
         del built.collection[scenes.REFINED]
         preview.set_notes(built, [str(error)])
+    view_resolution.begin(built.scene)
+    first_picture.count(built.scene)
 
 
 @bpy.app.handlers.persistent

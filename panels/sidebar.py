@@ -12,6 +12,7 @@ from ..nodes import measured_surface, painted_errors
 from ..operators import (
     coloured_views,
     dataset,
+    first_picture,
     ground,
     jobs,
     layers,
@@ -21,6 +22,7 @@ from ..operators import (
     results,
     sidebar_text,
     view_exposure,
+    view_resolution,
 )
 from ..preferences import own_matcher_names
 from ..settings.trust_boundary import OWN
@@ -86,7 +88,9 @@ class ICYMOON_PT_main(Sidebar, bpy.types.Panel):
         layout.prop(group, "live")
         if shown := live_preview.lines(context.scene):
             draw_lines(layout, shown, "INFO")
-            told = view_line(context.space_data, context.scene.render.engine, view_exposure.how_exposed(context.scene))
+            scene = context.scene
+            told = view_line(context.space_data, scene.render.engine, view_exposure.how_exposed(scene),
+                             view_resolution.is_coarse(scene), first_picture.is_shown(scene))
             draw_sentence(layout, told, "SHADING_RENDERED")
         draw_job(layout)
 

@@ -9,10 +9,11 @@ _TRACED = {"": "as the pair, but for noise", "other": "as the pair, but for expo
            "estimated": "as the pair, exposure estimated until one is rendered"}
 
 
-def view_line(space: Any, engine: str, exposed: str = "other") -> str:
+def view_line(space: Any, engine: str, exposed: str = "other", coarse: bool = False, covered: bool = False) -> str:
     """How what a 3D View shows differs from a pair, if the scene has this render engine; empty without a view.
 
-    ``exposed`` is one of the keys of ``_TRACED``.
+    ``exposed`` is one of the keys of ``_TRACED``. A ``coarse`` view has larger pixels than the user has chosen, a
+    ``covered`` one shows the picture by which the scene was chosen.
     """
     if space is None:
         return ""
@@ -29,5 +30,7 @@ def view_line(space: Any, engine: str, exposed: str = "other") -> str:
     if not lit:
         return f"{name}: not the light of the scene"
     if shading.type == "RENDERED" and engine == "CYCLES":
-        return f"{name}: {_TRACED[exposed]}"
+        if covered:
+            return f"{name}: a picture of the scene until it is clear"
+        return f"{name}: {_TRACED[exposed]}{', at half resolution' if coarse else ''}"
     return f"{name} by EEVEE: approximate light and shadows"

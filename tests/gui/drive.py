@@ -707,12 +707,15 @@ def choose_by_picture() -> Waiting:
         yield from until(lambda: now() != before, "Choosing a picture")
         chosen = now()
         check(built() and previewing(), "the chosen scene is not shown coarsely at once")
+        covered = partial(module("operators.first_picture").is_shown, window().scene)
+        check(covered(), "no picture of the chosen scene covers the view")
         if where == "in the view":
             yield from away()
         for keys, expected in (("ctrl+z", before), ("ctrl+shift+z", chosen), ("ctrl+z", before)):
             yield from key(keys)
             yield from until(partial(holds, expected, now),
                              f"{keys} after choosing a scene by its picture, the mouse {where},")
+            check(not covered(), f"the picture of the scene is still there after {keys}")
 
 
 def undo_by_key() -> Waiting:

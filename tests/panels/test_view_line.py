@@ -33,3 +33,12 @@ def test_what_is_missing_is_named():
     assert "EEVEE" in view_line(view("MATERIAL"), "CYCLES")  # whatever renders the scene
     assert "not the light" in view_line(view("MATERIAL", lit=False), "CYCLES")
     assert "no Sun" in view_line(view("RENDERED"), "BLENDER_WORKBENCH")
+
+
+def test_a_view_that_is_not_yet_as_the_pair_says_so():
+    coarse = view_line(view("RENDERED"), "CYCLES", "", coarse=True)
+    assert coarse == view_line(view("RENDERED"), "CYCLES", "") + ", at half resolution"
+    covered = view_line(view("RENDERED"), "CYCLES", "", coarse=True, covered=True)
+    assert "picture of the scene" in covered
+    assert "as the pair" not in covered
+    assert "picture" not in view_line(view("SOLID"), "CYCLES", covered=True)  # there it is not drawn

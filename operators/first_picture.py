@@ -1,0 +1,133 @@
+"""The picture of a chosen scene in its camera's frame, until the view itself has traced some light.
+
+Cycles shows its first picture with the ground at full resolution after some seconds, and on two processors without a
+graphics card that picture is grainy for a minute. The picture by which the scene was chosen shows the same ground and
+light. It is drawn over the view, so no image is added to the file. A changed setting takes it away.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import bpy
+import bpy.utils.previews
+import gpu
+from bpy_extras.view3d_utils import location_3d_to_region_2d
+from gpu_extras.presets import draw_texture_2d
+
+from ..nodes import scene as scenes
+
+#: How often the view is drawn with the ground at full resolution before the picture goes: once for a light path of each
+#: pixel, or more often where the mouse moves.
+_DRAWN = 8
+
+
+class _Picture:
+    """A picture that is drawn over the view of a scene."""
+
+    def __init__(self, scene: bpy.types.Scene, path: Path) -> None:
+        self.scene = scene.name
+        self.left: int | None = None  # how often it will be drawn; None until the ground is there
+        self.texture = _read(path)
+        self.handler = bpy.types.SpaceView3D.draw_handler_add(self.draw, (), "WINDOW", "POST_PIXEL")
+
+    def draw(self) -> None:
+        context = bpy.context
+        place = _frame(context) if context.scene.name == self.scene else None
+        if place is None:
+            return
+        x, y, width, height = place
+        across, up = self.texture.width, self.texture.height
+        scale = min(width / across, height / up)
+        gpu.state.blend_set("NONE")
+        draw_texture_2d(self.texture, (x + (width - scale * across) / 2, y + (height - scale * up) / 2),
+                        scale * across, scale * up)
+        if self.left is not None:
+            self.left -= 1
+            if self.left <= 0 and not bpy.app.timers.is_registered(remove):
+                bpy.app.timers.register(remove, first_interval=0.0)  # not while Blender calls its handlers
+
+
+_shown: _Picture | None = None
+
+
+def _read(path: Path) -> gpu.types.GPUTexture:
+    """The texture of a picture of at most 256 columns and rows."""
+    pictures = bpy.utils.previews.new()
+    try:
+        found = pictures.load(path.name, str(path), "IMAGE")
+        values = gpu.types.Buffer("FLOAT", len(found.image_pixels_float), list(found.image_pixels_float))
+        return gpu.types.GPUTexture(tuple(found.image_size), format="RGBA16F", data=values)
+    finally:
+        bpy.utils.previews.remove(pictures)
+
+
+def _frame(context: bpy.types.Context) -> tuple[float, float, float, float] | None:
+    """Left, bottom, width and height of the camera's frame in a lit 3D View through the camera of the built scene."""
+    space: Any = context.space_data
+    view = context.region_data
+    camera = space.camera if space.use_local_camera else context.scene.camera
+    if (view is None or view.view_perspective != "CAMERA" or space.shading.type != "RENDERED"
+            or camera is None or camera.type != "CAMERA"):
+        return None
+    corners = [location_3d_to_region_2d(context.region, view, camera.matrix_world @ corner)
+               for corner in camera.data.view_frame(scene=context.scene)]
+    if any(corner is None for corner in corners):
+        return None
+    x, y = (sorted(corner[axis] for corner in corners) for axis in (0, 1))
+    return x[0], y[0], x[-1] - x[0], y[-1] - y[0]
+
+
+def show(scene: bpy.types.Scene, path: Path) -> None:
+    """Draw a picture over the view of a built scene, if there are a window and the file."""
+    global _shown
+    remove()
+    if not bpy.app.background and path.is_file() and scenes.find_collection(scene) is not None:
+        _shown = _Picture(scene, path)
+
+
+def count(scene: bpy.types.Scene) -> None:
+    """The view now shows what it will show: let the picture go when that is clear."""
+    if _shown is not None and _shown.scene == scene.name and _shown.left is None:
+        _shown.left = _DRAWN
+
+
+def is_shown(scene: bpy.types.Scene) -> bool:
+    """Whether a picture covers the view of a scene."""
+    return _shown is not None and _shown.scene == scene.name
+
+
+def remove() -> None:
+    """Take the picture away, if there is one."""
+    global _shown
+    if _shown is not None:
+        bpy.types.SpaceView3D.draw_handler_remove(_shown.handler, "WINDOW")
+        _shown = None
+        for window in bpy.context.window_manager.windows:
+            for area in window.screen.areas:
+                if area.type == "VIEW_3D":
+                    area.tag_redraw()
+
+
+@bpy.app.handlers.persistent
+def _remove(*_: Any) -> None:
+    remove()
+
+
+_HANDLERS = (bpy.app.handlers.undo_pre, bpy.app.handlers.redo_pre, bpy.app.handlers.load_pre)
+
+
+def register() -> None:
+    """Let undo, redo and other files take the picture away."""
+    for handlers in _HANDLERS:
+        handlers.append(_remove)
+
+
+def unregister() -> None:
+    """Stop following them, and take the picture away."""
+    for handlers in _HANDLERS:
+        handlers.remove(_remove)
+    if bpy.app.timers.is_registered(remove):
+        bpy.app.timers.unregister(remove)
+    remove()

@@ -1,0 +1,129 @@
+"""The resolution of the lit view of a built scene: coarse first, so that the scene is soon seen, then the user's.
+
+After its first picture, of an eighth of the columns, Cycles shows nothing new until a light path was traced for every
+pixel. On two processors without a graphics card this takes up to a minute. Meanwhile the pixels of the view are
+twice as wide. When it rests, it gets the user's pixels if their first picture takes little time.
+"""
+
+from __future__ import annotations
+
+import time
+from contextlib import suppress
+from typing import Any
+
+import bpy
+
+from ..nodes import scene as scenes
+
+#: Pixels of the screen, across, for one of the view.
+_LARGE = "2"
+#: Property of the built collection: the user's choice, and the one that replaced it.
+_NOTE = "icymoon_view_pixels"
+#: Seconds that the first picture with the user's pixels may take, in which only its coarse beginning is seen.
+_LONGEST_S = 2.0
+_INTERVAL_S = 1.0
+#: A view rests when all of this Blender takes less than this fraction of one processor.
+_RESTING = 0.1
+
+_since_s = 0.0  # when the view began to trace what it traces now
+_last = 0.0, 0.0  # the clock's and the processor's seconds at the last look
+
+
+def has_window() -> bool:
+    """Whether there is a view."""
+    return not bpy.app.background
+
+
+def begin(scene: bpy.types.Scene) -> None:
+    """Show what has changed in a built scene with larger pixels first.
+
+    A choice that the user has made since the last time stays, and so does every choice if a graphics card renders.
+    """
+    global _since_s, _last
+    collection = scenes.find_collection(scene)
+    if collection is None or not has_window() or scene.cycles.device == "GPU":
+        return
+    users, ours = _noted(collection)
+    if ours and scene.render.preview_pixel_size != ours:
+        return
+    users = users or scene.render.preview_pixel_size
+    if users not in ("AUTO", "1"):
+        return
+    scene.render.preview_pixel_size = _LARGE
+    collection[_NOTE] = f"{users} {_LARGE}"
+    _since_s, _last = time.monotonic(), (time.monotonic(), time.process_time())
+    if not bpy.app.timers.is_registered(_work):
+        bpy.app.timers.register(_work, first_interval=_INTERVAL_S)
+
+
+def restore(scene: bpy.types.Scene, collection: bpy.types.Collection) -> None:
+    """Give the view the user's pixels back, unless the user has chosen others since."""
+    users, ours = _noted(collection)
+    if ours and scene.render.preview_pixel_size == ours:
+        with suppress(TypeError):  # of a file, which anyone may have written
+            scene.render.preview_pixel_size = users
+    collection.pop(_NOTE, None)
+
+
+def is_coarse(scene: bpy.types.Scene) -> bool:
+    """Whether the view has larger pixels than the user has chosen."""
+    collection = scenes.find_collection(scene)
+    return collection is not None and _NOTE in collection and scene.render.preview_pixel_size == _noted(collection)[1]
+
+
+def _noted(collection: bpy.types.Collection) -> tuple[str, str]:
+    """The user's choice and the one that replaced it; empty if none did."""
+    users, _, ours = str(collection.get(_NOTE, "")).partition(" ")
+    return users, ours
+
+
+def _is_traced(scene: bpy.types.Scene) -> bool:
+    """Whether a 3D View shows the light of the scene."""
+    return any(area.type == "VIEW_3D" and area.spaces.active.shading.type == "RENDERED"
+               for window in bpy.context.window_manager.windows if window.scene == scene
+               for area in window.screen.areas)
+
+
+def _work() -> float | None:
+    """Give a view that rests the user's pixels, if they take little time. The timer calls it until the view rests."""
+    global _since_s, _last
+    waiting = [scene for scene in bpy.data.scenes if is_coarse(scene)]
+    traced = [scene for scene in waiting if _is_traced(scene)]
+    before, _last = _last, (time.monotonic(), time.process_time())
+    if not traced:  # there is nothing to measure until there is such a view
+        _since_s = time.monotonic()
+        return _INTERVAL_S if waiting else None
+    seconds, busy_s = (now - then for now, then in zip(_last, before, strict=True))
+    if busy_s > _RESTING * seconds:
+        return _INTERVAL_S
+    for scene in traced:
+        collection = scenes.find_collection(scene)
+        taken_s, pixels = _last[0] - seconds - _since_s, int(scene.render.preview_pixel_size)
+        if pixels ** 2 * taken_s / max(1, scene.cycles.preview_samples) <= _LONGEST_S:
+            restore(scene, collection)
+    return None
+
+
+@bpy.app.handlers.persistent
+def _resume(*_: Any) -> None:
+    """Undo, redo and opening a file may show larger pixels again."""
+    for scene in bpy.data.scenes if has_window() else ():
+        if is_coarse(scene):
+            begin(scene)
+
+
+_HANDLERS = (bpy.app.handlers.undo_post, bpy.app.handlers.redo_post, bpy.app.handlers.load_post)
+
+
+def register() -> None:
+    """Follow undo, redo and files that are opened."""
+    for handlers in _HANDLERS:
+        handlers.append(_resume)
+
+
+def unregister() -> None:
+    """Stop following them, and leave the pixels of the view as they are."""
+    for handlers in _HANDLERS:
+        handlers.remove(_resume)
+    if bpy.app.timers.is_registered(_work):
+        bpy.app.timers.unregister(_work)
