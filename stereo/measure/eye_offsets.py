@@ -9,7 +9,9 @@ every number a standard error. What cannot be determined is NaN.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 
 import cv2
 import numpy as np
@@ -28,8 +30,12 @@ FEWEST = 100
 _BLUR_PX, _CONTRAST_PX = 0.8, 3.5
 #: Contrast below which light counts as noise: as a part of the local brightness, and of that of the whole image.
 _FLOOR, _DARK = 0.02, 1e-3
+#: From this correlation of the light on, the images belong to their depth.
+FITTING = 0.6
 #: A number from fewer tiles than this is not used.
 FEWEST_TILES = 8
+#: The truth of a higher image is compared in every second row, or every third, and so on: it has no noise.
+_ENOUGH_ROWS = 240
 #: The search for places of the left image in the right one, on images of about so many columns: the size of a place,
 #: px; the correlation from which it is found; and by how much this must exceed the correlation at the true disparity.
 #: A place has about a hundred grains of noise, of 3 px, so correlations of noise have a standard deviation of 0.1.
@@ -89,15 +95,16 @@ class LightOffsets:
 
 def truth_offsets(left_depth: np.ndarray, right_depth: np.ndarray, camera: StereoCamera) -> TruthOffsets:
     """Compare the planar depths (H, W) of both eyes, in m, NaN for sky."""
-    disparity, other = camera.disparity(left_depth), camera.disparity(right_depth)
+    rows = slice(None, None, max(1, len(left_depth) // _ENOUGH_ROWS))
+    disparity, other = camera.disparity(left_depth[rows]), camera.disparity(right_depth)
     column = matching_column(disparity)
     with np.errstate(invalid="ignore"):
         inside = (column >= 1) & (column <= column.shape[1] - 2)
     if inside.sum() < FEWEST:
         return TruthOffsets()
     matching = _Columns(column, inside)
-    along, down = (matching.of(_slope(other, axis)) for axis in (1, 0))
-    difference = matching.of(other) - disparity
+    along, down = (matching.of(slope) for slope in (_slope(other[rows].T).T, _slope(other)[rows]))
+    difference = matching.of(other[rows]) - disparity
     with np.errstate(invalid="ignore"):
         known = (inside & (np.abs(difference) < _SAME_POINT_PX) & (np.abs(along) < _STEP)
                  & (np.abs(down) < 3 * _STEP))
@@ -128,13 +135,10 @@ class _Columns:
         return np.asarray(before + self._weight * (after - before))
 
 
-def _slope(image: np.ndarray, axis: int) -> np.ndarray:
-    """Central differences, NaN at the border and beside unknown values."""
-    slope = np.full(image.shape, np.nan)
-    if axis:
-        slope[:, 1:-1] = (image[:, 2:] - image[:, :-2]) / 2
-    else:
-        slope[1:-1] = (image[2:] - image[:-2]) / 2
+def _slope(image: np.ndarray) -> np.ndarray:
+    """Central differences from row to row, NaN in the outermost rows and beside unknown values."""
+    slope = np.full_like(image, np.nan)
+    slope[1:-1] = (image[2:] - image[:-2]) / 2
     return slope
 
 
@@ -187,12 +191,14 @@ def light_offsets(left: np.ndarray, right: np.ndarray, column: np.ndarray, visib
     if where.sum() < FEWEST:
         return LightOffsets()
     own, shifted = _Contrasts(_single(left), where), _Shifted(_single(right), np.where(where, column, 0.0))
-    along = np.stack([own.products(shifted.by(shift, 0)) for shift in SHIFTS_PX], axis=1)
-    here = along[:, _zero(SHIFTS_PX)]
-    down = np.stack([own.products(shifted.by(0.0, int(rows))) if rows else here for rows in ROWS_PX], axis=1)
-    shift, gain, correlation = _best(along, SHIFTS_PX)
-    rows, rows_gain, _ = _best(down, ROWS_PX)
-    energy = along[:, _zero(SHIFTS_PX), 1]
+
+    @cache
+    def products(shift_px: float, rows: float) -> np.ndarray:
+        return own.products(shifted.by(shift_px, int(rows)))
+
+    shift, gain, correlation = _best(lambda step: products(step, 0.0), SHIFTS_PX)
+    rows, rows_gain, _ = _best(lambda step: products(0.0, step), ROWS_PX)
+    energy = products(0.0, 0.0)[:, 1]
     held = float(energy.sum() ** 2 / max((energy ** 2).sum(), 1e-300))
     return LightOffsets(shift, rows, correlation.value, gain, rows_gain, held)
 
@@ -288,16 +294,24 @@ def _correlation(sums: np.ndarray) -> np.ndarray:
     return np.asarray(sums[..., 0] / (np.sqrt(sums[..., 1] * sums[..., 2]) + 1e-6))
 
 
-def _zero(steps: np.ndarray) -> int:
-    return int(np.argmin(np.abs(steps)))
+def _best(products: Callable[[float], np.ndarray], steps: np.ndarray) -> tuple[Estimate, Estimate, Estimate]:
+    """The step with the best correlation, its gain over step 0, and the correlation.
 
+    ``products`` gives the sums (tiles, 3) at a step. In a sound pair the images fit, and best at step 0, whichever tile
+    is left out. Then only the steps beside it are tried, which are all that the peak is found from.
+    """
+    middle = len(steps) // 2
+    for tried in (steps[middle - 1:middle + 2], steps):
+        sums = np.stack([products(step) for step in tried.tolist()], axis=1)
+        whole, zero = sums.sum(axis=0), len(tried) // 2
+        curves = _correlation(np.concatenate([whole[None], whole - sums]))
+        if (curves[:, zero] > FITTING).all() and (curves.argmax(axis=1) == zero).all():
+            break
 
-def _best(sums: np.ndarray, steps: np.ndarray) -> tuple[Estimate, Estimate, Estimate]:
-    """The step with the best correlation from sums (tiles, steps, 3), its gain over step 0, and the correlation."""
     def value(totals: np.ndarray) -> np.ndarray:
-        curve = _correlation(totals.reshape(*totals.shape[:-1], len(steps), 3))
+        curve = _correlation(totals.reshape(*totals.shape[:-1], len(tried), 3))
         best = curve.max(axis=-1)
-        return np.stack([_peak(curve, steps), best - curve[..., _zero(steps)], best], axis=-1)
+        return np.stack([_peak(curve, tried), best - curve[..., zero], best], axis=-1)
 
     numbers, errors = jackknife(value, sums.reshape(len(sums), -1))
     shift, gain, best = (Estimate(float(a), float(b)) for a, b in zip(numbers, errors, strict=True))

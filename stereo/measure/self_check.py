@@ -20,6 +20,7 @@ from ..images.disparity_and_occlusion import visible_in_left, visible_in_right
 from .eye_offsets import (
     FEWEST,
     FEWEST_TILES,
+    FITTING,
     Estimate,
     LightOffsets,
     TruthOffsets,
@@ -41,8 +42,6 @@ GAIN_ERRORS = 3.0
 LIGHT_LIMIT_PX = 0.25
 #: A lower correlation of the light determines nothing.
 LEAST_CORRELATION = 0.3
-#: From this correlation of the light on, the images belong to their depth.
-FITTING = 0.6
 #: Largest share, in a sound pair, of the places found in both images that are not where the truth has them.
 FOREIGN_LIMIT = 0.05
 #: Largest share of pixels, in a sound pair, that the other eye sees through. Thin rocks between two columns give a few.
