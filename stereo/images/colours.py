@@ -59,10 +59,17 @@ class Scale:
         logarithm = np.log(np.maximum(value, np.finfo(np.float64).tiny))
         return np.clip((logarithm - math.log(self.low)) / math.log(self.high / self.low), 0.0, 1.0)
 
-    def colours(self, value: np.ndarray) -> np.ndarray:
-        """BGR uint8 (H, W, 3) of values (H, W); NaN gets an arbitrary colour."""
-        level = np.rint(self.position(np.nan_to_num(value, nan=self.low)) * 255).astype(np.uint8)
-        return np.asarray(_levels(self.colormap)[level])
+    def colours(self, value: np.ndarray, greys: Mapping[int, np.ndarray] | None = None) -> np.ndarray:
+        """BGR uint8 (H, W, 3) of values (H, W); a grey where its mask is set, the last one that is. NaN without a grey
+        gets an arbitrary colour."""
+        held = np.fmin(np.fmax(value, self.low), self.high).astype(np.float32)
+        steps = (np.log(held) - np.float32(math.log(self.low))) * np.float32(255 / math.log(self.high / self.low))
+        level = np.rint(steps).astype(np.int16)
+        table = _levels(self.colormap)
+        for k, (grey, where) in enumerate((greys or {}).items()):
+            np.copyto(level, len(table) + k, where=where)
+        greyscale = np.array([[grey] * 3 for grey in greys or ()], np.uint8).reshape(-1, 3)
+        return np.take(np.concatenate([table, greyscale]), level, axis=0)  # far faster than an index
 
     def gradient(self, stops: int = 17) -> list[str]:
         """CSS colours at equal steps along the scale."""
@@ -84,20 +91,18 @@ def depth_scale(truth: np.ndarray) -> Scale:
 
 def depth_picture(depth: np.ndarray, scale: Scale) -> np.ndarray:
     """BGR picture of planar depth (m); INVALID_GREY where there is none."""
-    return np.where(np.isfinite(depth)[..., None], scale.colours(depth), np.uint8(INVALID_GREY))
+    return scale.colours(depth, {INVALID_GREY: ~np.isfinite(depth)})
 
 
 def true_depth_picture(truth: np.ndarray, scale: Scale) -> np.ndarray:
     """BGR picture of the true planar depth (m); SKY_GREY for sky."""
-    return np.where(np.isfinite(truth)[..., None], scale.colours(truth), np.uint8(SKY_GREY))
+    return scale.colours(truth, {SKY_GREY: ~np.isfinite(truth)})
 
 
 def error_picture(prediction: np.ndarray, truth: np.ndarray) -> np.ndarray:
     """BGR picture of |prediction - truth| on the scale ERROR; SKY_GREY and INVALID_GREY elsewhere."""
-    picture = ERROR.colours(np.abs(prediction - truth))
-    picture[~np.isfinite(prediction)] = INVALID_GREY
-    picture[~np.isfinite(truth)] = SKY_GREY
-    return picture
+    return ERROR.colours(np.abs(prediction - truth),
+                         {INVALID_GREY: ~np.isfinite(prediction), SKY_GREY: ~np.isfinite(truth)})
 
 
 #: RGB of a measurement that is too near, too far and right.
