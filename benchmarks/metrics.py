@@ -82,7 +82,8 @@ def main() -> None:
             "reference code's metrics": lambda: reference_metrics(disparity, truth, 4),
             "cumulative error": lambda: error_curve(depth, truth),
             "sparsification": lambda: sparsification(error.ravel()[by_confidence(prepared.gradient)]),
-            "errors by stratum": lambda: sums_by_class(prepared.classes, depth, truth, disparity, true),
+            "errors by stratum": lambda: sums_by_class(prepared.cells, *(values[prepared.known] for values in (
+                depth, truth, disparity, true))),
             "texture": lambda: texture(prepared.left),
             "occlusion of one eye": lambda: visible_in_right(loaded.depth["left"], loaded.depth["right"], camera),
             "points": lambda: measured_points(prepared, disparity),

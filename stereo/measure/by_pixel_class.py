@@ -47,7 +47,11 @@ class Factor:
 
     def of(self, values: np.ndarray) -> np.ndarray:
         """The class of each number, -1 for NaN."""
-        return np.where(np.isnan(values), -1, np.searchsorted(self.bounds, values, side="right"))
+        found = np.zeros(values.shape, np.int8)
+        for bound in self.bounds:  # faster than to look up each number
+            found += values >= bound
+        found[np.isnan(values)] = -1
+        return found
 
 
 RANGE = Factor("range", "True depth (m)",
@@ -97,44 +101,63 @@ def in_shadow(grey: np.ndarray, normal: np.ndarray, toward_sun: Sequence[float],
 
 def classify(truth: np.ndarray, visible: np.ndarray, gradient: np.ndarray, grey: np.ndarray, normal: np.ndarray | None,
              semantic: np.ndarray | None, toward_sun: Sequence[float] | None) -> dict[str, np.ndarray]:
-    """The class of every pixel by every factor, int (H, W), -1 where it has none or where an argument is None.
+    """The class of every pixel by every factor, int8 (H, W), -1 where it has none or where an argument is None.
 
     ``gradient`` is ``texture`` of the left image that matchers get, ``grey`` its radiance; ``normal`` is in world axes.
     """
-    nowhere = np.full(truth.shape, -1)
+    nowhere = np.full(truth.shape, -1, np.int8)
     found = {RANGE.key: RANGE.of(truth), TEXTURE.key: TEXTURE.of(gradient),
-             OCCLUSION.key: np.where(visible, 0, 1),
+             OCCLUSION.key: (~visible).astype(np.int8),
              SLOPE.key: nowhere, SHADOW.key: nowhere, MATERIAL.key: nowhere}
     if normal is not None:
         found[SLOPE.key] = SLOPE.of(np.degrees(np.arccos(np.clip(normal[..., 2].astype(np.float64), -1, 1))))
     if semantic is not None:
-        found[MATERIAL.key] = np.select([semantic == k for k in (TERRAIN, ROCK, LANDER)], [0, 1, 2], -1)
+        found[MATERIAL.key] = np.select([semantic == k for k in (TERRAIN, ROCK, LANDER)],
+                                        [np.int8(0), np.int8(1), np.int8(2)], np.int8(-1))
     if normal is not None and semantic is not None and toward_sun is not None:
-        found[SHADOW.key] = in_shadow(grey, normal, toward_sun, semantic).astype(int)
+        found[SHADOW.key] = in_shadow(grey, normal, toward_sun, semantic).astype(np.int8)
     return found
 
 
-def sums_by_class(classes: Mapping[str, np.ndarray], depth: np.ndarray, truth: np.ndarray, disparity: np.ndarray,
+class Cells:
+    """The pixels with a true depth, grouped by their classes by all factors together.
+
+    So a number is summed once over the pixels, and not once for each factor.
+    """
+
+    def __init__(self, classes: Mapping[str, np.ndarray], known: np.ndarray) -> None:
+        """``classes``: see ``classify``; ``known``, Boolean (H, W), the pixels that have a true depth."""
+        cell = np.zeros(int(known.sum()), np.int32)
+        for factor, count in zip(FACTORS, _CELLS, strict=True):
+            cell *= count
+            cell += (classes[factor.key][known] + 1).astype(np.int32)
+        sizes = np.bincount(cell, minlength=1)
+        occupied = np.flatnonzero(sizes)
+        self.sizes = sizes[occupied]
+        self.bins = np.unravel_index(occupied, _CELLS)  # by factor, one more than the class of each occupied cell
+        self.place = (np.cumsum(sizes > 0) - 1)[cell]  # of each pixel among the occupied cells
+
+
+def sums_by_class(cells: Cells, depth: np.ndarray, truth: np.ndarray, disparity: np.ndarray,
                   true_disparity: np.ndarray, doffs_px: float = 0.0) -> dict[str, dict[str, list[float]]]:
     """SUMS per class of every factor of ``classify``: {factor: {sum: a number per class}}.
 
-    ``doffs_px``: see ``StereoCamera``.
+    The arrays (pixels,) are of the pixels of ``cells``. ``doffs_px``: see ``StereoCamera``.
     """
-    known = usable(truth)
-    measured = usable(depth[known])
-    true, error_m = truth[known], np.where(measured, np.abs(depth[known] - truth[known]), 0.0)
-    error_px = np.where(measured, np.abs(disparity[known].astype(np.float64) - true_disparity[known]), 0.0)
-    fine = measured & (error_px <= 1)
-    m_per_px = np.where(measured, true / (true_disparity[known] + doffs_px), 0.0)
-    weights = {"true": np.ones_like(true), "n": measured, "l1_m": error_m, "epe_px": error_px, "bad_1": error_px > 1,
-               "l1_rate_10": error_m > 0.1, "m_per_px": m_per_px,
-               "fine": fine, "fine_epe_px": error_px * fine}
-    # First of all factors together: so a weight is summed once, not once for each factor.
-    cells = np.ravel_multi_index([classes[factor.key][known] + 1 for factor in FACTORS], _CELLS)
-    occupied = np.flatnonzero(np.bincount(cells))
-    by_cell = {key: np.bincount(cells, weights[key])[occupied] for key in SUMS}
+    measured = usable(depth)
+    place, true, true_px = cells.place[measured], truth[measured], true_disparity[measured]
+    error_m, error_px = np.abs(depth[measured] - true), np.abs(disparity[measured].astype(np.float64) - true_px)
+    fine = error_px <= 1
+
+    def total(weights: np.ndarray | None = None, which: np.ndarray | slice = slice(None)) -> np.ndarray:
+        return np.bincount(place[which], None if weights is None else weights[which], len(cells.sizes))
+
+    by_cell = {"true": cells.sizes, "n": total(), "l1_m": total(error_m), "epe_px": total(error_px),
+               "bad_1": total(which=~fine), "l1_rate_10": total(which=error_m > 0.1),
+               "m_per_px": total(true / (true_px + doffs_px)), "fine": total(which=fine),
+               "fine_epe_px": total(error_px, fine)}
     result: dict[str, dict[str, list[float]]] = {}
-    for factor, bins in zip(FACTORS, np.unravel_index(occupied, _CELLS), strict=True):
+    for factor, bins in zip(FACTORS, cells.bins, strict=True):
         sums = {key: np.bincount(bins, by_cell[key], len(factor.classes) + 1)[1:] for key in SUMS}
         result[factor.key] = {key: [float(f"{value:.7g}") for value in values] for key, values in sums.items()}
     return result

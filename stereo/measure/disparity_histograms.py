@@ -14,7 +14,7 @@ from .metrics import usable
 
 #: Bounds of the bins of the signed error, px. Errors beyond are in the first and the last number.
 ERROR_PX = np.linspace(-2.0, 2.0, 81)
-#: Bins of the part of a pixel; the first is centred on whole pixels. Matchers give sixteenths of a pixel.
+#: Bins of the part of a pixel, a power of 2; the first is centred on whole pixels. Matchers give sixteenths of a pixel.
 PARTS = 16
 #: Larger errors are mismatches, which have nothing to do with parts of a pixel.
 _FINE_PX = 1.0
@@ -41,7 +41,7 @@ def histograms_of(disparity: np.ndarray, true_disparity: np.ndarray) -> Histogra
 
 
 def _part(disparity: np.ndarray) -> np.ndarray:
-    return np.asarray(np.round((disparity - np.floor(disparity)) * PARTS).astype(int) % PARTS)
+    return np.asarray(np.rint(disparity * PARTS).astype(np.intp) & PARTS - 1)
 
 
 def add(total: Mapping[str, Sequence[float]] | None, more: Mapping[str, Sequence[float]]) -> Histograms:

@@ -29,7 +29,7 @@ from ..images.disparity_and_occlusion import ESTIMATED, RAYS, scene_depth
 from ..images.exr import GROUP_PASSES, NORMAL_PASSES, OBJECT_PASSES, Light, View
 from ..images.lens import lens_of
 from ..images.views import read_eye
-from .by_pixel_class import classify, texture
+from .by_pixel_class import Cells, classify, texture
 from .depth_order import TrueOrder
 from .metrics import by_confidence, usable
 from .render_noise import render_noise
@@ -92,6 +92,11 @@ class Prepared:
     def known(self) -> np.ndarray:
         """Boolean (H, W): the pixel has a true depth."""
         return usable(self.truth)
+
+    @cached_property
+    def cells(self) -> Cells:
+        """The ``known`` pixels by their ``classes``."""
+        return Cells(self.classes, self.known)
 
     @cached_property
     def true_order(self) -> TrueOrder:

@@ -69,7 +69,7 @@ def own_numbers(prepared: Prepared, disparity: np.ndarray, bm_min_disparity: int
         "true_pixels": errors_m.total, "error_curve": _list(curve_of_errors(errors_m)),
         "sparsification": {"texture": _list(sparsification(error[prepared.by_texture])),
                            "best": _list(sparsification(np.sort(error)))},
-        "strata": sums_by_class(prepared.classes, depth, truth, disparity, true_disparity,
+        "strata": sums_by_class(prepared.cells, depths, true_depths, disparities, true_disparities,
                                 prepared.pair.camera.doffs_px),
         "histograms": histograms_of(disparities, true_disparities)}
 

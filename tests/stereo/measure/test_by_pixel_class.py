@@ -13,13 +13,14 @@ from icymoon.stereo.measure.by_pixel_class import (
     SLOPE,
     SUMS,
     TEXTURE,
+    Cells,
     add_sums,
     classify,
     in_shadow,
     mean,
-    sums_by_class,
     texture,
 )
+from icymoon.stereo.measure.metrics import usable
 
 pytestmark = pytest.mark.filterwarnings("error")
 
@@ -28,6 +29,12 @@ TRUTH = np.where(RANDOM.random((60, 80)) < 0.1, np.nan, RANDOM.uniform(0.4, 120,
 DEPTH = np.where(RANDOM.random((60, 80)) < 0.2, np.nan, TRUTH * RANDOM.normal(1, 0.05, (60, 80)))
 CLASSES = classify(TRUTH, RANDOM.random((60, 80)) < 0.9, RANDOM.exponential(3, (60, 80)), np.ones((60, 80)),
                    np.tile([0.0, 0.0, 1.0], (60, 80, 1)), RANDOM.integers(0, 5, (60, 80)), [0.0, 0.0, 1.0])
+
+
+def sums_by_class(classes, depth, truth, disparity, true):
+    known = usable(truth)
+    return by_pixel_class.sums_by_class(Cells(classes, known), *(values[known] for values in (depth, truth, disparity,
+                                                                                             true)))
 
 
 def test_classes_lie_between_their_bounds():
