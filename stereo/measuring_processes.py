@@ -22,7 +22,7 @@ from typing import IO, Any
 from ..errors import DiskError, IcyMoonError
 from ..render.workers.job import python_command
 from ..render.workers.process import clean_environment
-from ..system import count_processors, kill_all, start
+from ..system import KEEPS_MEMORY, count_processors, kill_all, start
 from .matchers.methods import Method
 from .matchers.resident_process import stop_residents
 from .measure_pair import Run, Task, measure_pair
@@ -98,7 +98,7 @@ class _Process:
 
     def __init__(self, setup: dict[str, Any], said: queue.SimpleQueue[Any]) -> None:
         try:
-            self._process = start(python_command(sys.executable, "measure"), clean_environment(),
+            self._process = start(python_command(sys.executable, "measure"), KEEPS_MEMORY | clean_environment(),
                                   stdin=subprocess.PIPE, stdout=subprocess.PIPE)
         except OSError as error:
             raise IcyMoonError(f"{sys.executable} cannot be started again ({error.strerror or error}); use "

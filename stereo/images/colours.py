@@ -66,7 +66,7 @@ class Scale:
         steps = (np.log(held) - np.float32(math.log(self.low))) * np.float32(255 / math.log(self.high / self.low))
         level = np.rint(steps).astype(np.int16)
         table = _levels(self.colormap)
-        for k, (grey, where) in enumerate((greys or {}).items()):
+        for k, where in enumerate((greys or {}).values()):
             np.copyto(level, len(table) + k, where=where)
         greyscale = np.array([[grey] * 3 for grey in greys or ()], np.uint8).reshape(-1, 3)
         return np.take(np.concatenate([table, greyscale]), level, axis=0)  # far faster than an index

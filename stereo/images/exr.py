@@ -186,12 +186,17 @@ def _find(channels: _Channels, layer: str, pass_name: str, component: str, path:
 
 def _normal(channels: _Channels, path: Path) -> np.ndarray | None:
     """Normals of facets. The materials of the user's own objects do not write these; there it is the shading normal."""
-    normals = [np.stack([_find(channels, TRUTH, name, axis, path) for axis in components], axis=-1)
-               for name, components in ((NORMAL_AOV, "RGB"), (NORMAL_AOV, "XYZ"), ("Normal", "XYZ"))
-               if (TRUTH, name, components[0]) in channels]
-    if len(normals) == 2:
-        return np.where((normals[0] == 0.0).all(axis=-1, keepdims=True), normals[1], normals[0])
-    return normals[0] if normals else None
+    found = [[_find(channels, TRUTH, name, axis, path) for axis in components]
+             for name, components in ((NORMAL_AOV, "RGB"), (NORMAL_AOV, "XYZ"), ("Normal", "XYZ"))
+             if (TRUTH, name, components[0]) in channels]
+    if not found:
+        return None
+    normal = np.stack(found[0], axis=-1)
+    if len(found) == 2:
+        x, y, z = found[0]
+        missing = (x == 0) & (y == 0) & (z == 0)
+        normal[missing] = np.stack([axis[missing] for axis in found[1]], axis=-1)
+    return normal
 
 
 def _instances(channels: _Channels) -> np.ndarray | None:

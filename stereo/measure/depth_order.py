@@ -117,8 +117,8 @@ def _corrected(guess: np.ndarray, depths: np.ndarray,
     """Move each prefix length, which is right except for rounding, to where ``holds(v, x)`` ends."""
     last = depths.size - 1
     while True:
-        too_long = (guess > 0) & ~holds(depths, depths[np.maximum(guess - 1, 0)])
-        too_short = (guess <= last) & holds(depths, depths[np.minimum(guess, last)])
+        too_long = (guess > 0) & ~holds(depths, depths.take(guess - 1, mode="clip"))
+        too_short = (guess <= last) & holds(depths, depths.take(guess, mode="clip"))
         if not (too_long.any() or too_short.any()):
             return guess
         guess = guess - too_long + too_short

@@ -18,15 +18,25 @@ DOWN, ACROSS = 6, 8
 
 
 def tile_sums(*images: np.ndarray) -> np.ndarray:
-    """Sums (DOWN * ACROSS, K) over the tiles of K images (H, W) of numbers or booleans; no pixel may be NaN."""
-    down, across = (_membership(size, count) for size, count in zip(images[0].shape, (DOWN, ACROSS), strict=True))
-    return np.stack([(down @ np.asarray(image, np.float64) @ across.T).ravel() for image in images], axis=1)
+    """Sums (DOWN * ACROSS, K), float64, over the tiles of K images (H, W) of numbers or booleans; no pixel may be NaN.
+
+    Images in single precision are added up in it.
+    """
+    return np.stack([_add_tiles(image) for image in images], axis=1).astype(np.float64)
+
+
+def _add_tiles(image: np.ndarray) -> np.ndarray:
+    if image.dtype != np.float32:
+        image = np.asarray(image, np.float64)
+    down, across = (_membership(size, count, image.dtype.char) for size, count in zip(image.shape, (DOWN, ACROSS),
+                                                                                      strict=True))
+    return np.asarray((down @ image @ across.T).ravel())
 
 
 @lru_cache(maxsize=8)
-def _membership(size: int, count: int) -> np.ndarray:
+def _membership(size: int, count: int, kind: str) -> np.ndarray:
     """Which of ``count`` equal parts each of ``size`` rows or columns belongs to, as 1 and 0 (count, size)."""
-    return (np.arange(size) * count // size == np.arange(count)[:, None]).astype(np.float64)
+    return (np.arange(size) * count // size == np.arange(count)[:, None]).astype(kind)
 
 
 def jackknife(value: Callable[..., np.ndarray], *sums: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

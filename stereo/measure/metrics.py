@@ -51,6 +51,14 @@ class Errors:
         """The absolute errors in their order."""
         return np.sort(self.distance)
 
+    def within(self, step: float) -> int:
+        """How many absolute errors are no larger than a step."""
+        return int(np.searchsorted(self.ascending, step, side="right"))
+
+    def wrong_by_kitti(self) -> int:
+        """How many are above 3 px and above 5 % of the true disparity."""
+        return int(np.count_nonzero((self.distance > 3) & (self.distance > 0.05 * self.true)))
+
 
 def depth_metrics(prediction: np.ndarray, truth: np.ndarray) -> dict[str, float | int]:
     """Metrics of planar depths in metres; two arrays of the same shape, NaN where there is no depth.
@@ -81,7 +89,7 @@ def metrics_of_depth(errors: Errors, dod: float) -> dict[str, float | int]:
         si_mse = float(np.mean((ratio - ratio.mean()) ** 2))
         result |= {
             "l1_m": float(distance.mean()),
-            **{key: float(np.mean(distance > step)) for key, step in L1_RATES.items()},
+            **{key: (n - errors.within(step)) / n for key, step in L1_RATES.items()},
             "si_mse": si_mse,
             "si_rmse": si_mse ** 0.5,
             "dod": dod,
@@ -105,13 +113,13 @@ def disparity_metrics(prediction: np.ndarray, truth: np.ndarray) -> dict[str, fl
 
 def metrics_of_disparity(errors: Errors) -> dict[str, float]:
     """``disparity_metrics`` of errors in px."""
-    distance = errors.distance
-    if not distance.size:
+    n = errors.distance.size
+    if not n:
         return dict.fromkeys(DISPARITY_METRICS, float("nan"))
-    return {"epe_px": float(distance.mean()),
-            **{key: float(np.mean(distance > step)) for key, step in BAD.items()},
-            "d1": float(np.mean((distance > 3) & (distance > 0.05 * errors.true))),
-            **_quantiles(errors, distance.size)}
+    return {"epe_px": float(errors.distance.mean()),
+            **{key: (n - errors.within(step)) / n for key, step in BAD.items()},
+            "d1": errors.wrong_by_kitti() / n,
+            **_quantiles(errors, n)}
 
 
 def total_metrics(depth: np.ndarray, true_depth: np.ndarray, disparity: np.ndarray, true_disparity: np.ndarray,
@@ -130,12 +138,12 @@ def metrics_in_total(errors_m: Errors, errors_px: Errors, dod: float) -> dict[st
     total, measured = errors_m.total, errors_m.error.size
     if not total:
         return dict.fromkeys(TOTAL_METRICS, float("nan"))
-    right = {key: np.sum(errors_m.distance <= step) for key, step in L1_RATES.items()}
-    right |= {key: np.sum(errors_px.distance <= step) for key, step in BAD.items()}
-    right["d1"] = np.sum((errors_px.distance <= 3) | (errors_px.distance <= 0.05 * errors_px.true))
+    right = {key: errors_m.within(step) for key, step in L1_RATES.items()}
+    right |= {key: errors_px.within(step) for key, step in BAD.items()}
+    right["d1"] = errors_px.distance.size - errors_px.wrong_by_kitti()
     agreeing = (1 - dod) * measured * (measured - 1) if measured > 1 else 0.0
     return {"median_m": _quantile(errors_m.ascending, 0.5, total),
-            **{key: 1 - float(count) / total for key, count in right.items()},
+            **{key: 1 - count / total for key, count in right.items()},
             "dod": 1 - agreeing / (total * (total - 1)) if total > 1 else float("nan"),
             **_quantiles(errors_px, total)}
 
