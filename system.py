@@ -39,8 +39,8 @@ _DEVICES = {"CON", "PRN", "AUX", "NUL", "CONIN$", "CONOUT$",
             *(f"{device}{n}" for device in ("COM", "LPT") for n in "123456789¹²³")}
 #: Tells a process of ours when to stop: at the end of its standard input (-), or when there is a file of this name.
 _STOP = "ICYMOON_STOP"
-#: Environment of a process that computes with images: glibc gives the memory of each array back to Linux and asks for it
-#: again, which takes a tenth of the processor's time, unless it is told to keep that of arrays below 32 MiB.
+#: Environment of a process that computes with images: glibc gives the memory of each array back to Linux and asks for
+#: it again, which takes a tenth of the processor's time, unless it is told to keep that of arrays below 32 MiB.
 KEEPS_MEMORY = {"MALLOC_MMAP_THRESHOLD_": str(2 ** 25), "MALLOC_TRIM_THRESHOLD_": str(2 ** 29)}
 _LOOK_S, _GRACE_S = 0.25, 3.0
 _Result = TypeVar("_Result")
