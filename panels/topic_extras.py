@@ -95,8 +95,9 @@ def _make_surface_extra(topic: str) -> Extra:
         advice = _albedo_advice(surface)
         if advice and group.model == "PRINCIPLED":
             draw_sentence(layout, advice, "INFO")
-        values = scene_properties.read_for_display(context.scene.icymoon)
-        _draw_albedos(layout, values[topic], values.hapke)
+        if group.model != "HAPKE":  # the panel with the parameters of that law shows its albedos
+            values = scene_properties.read_for_display(context.scene.icymoon)
+            _draw_albedos(layout, values[topic], values.hapke)
     return draw
 
 

@@ -403,3 +403,12 @@ def test_no_line_is_cut_in_a_narrow_sidebar(scene, monkeypatch, width):
     bpy.ops.icymoon.vary(setting="rock_surface.lommel_seeliger_share")
     long = {entry[2]["text"] for entry in everything() if entry[0] == "label" and len(entry[2].get("text", "")) > width}
     assert {text for text in long if not text.startswith("Lommel-Seeliger Share:")} == set()
+
+
+@pytest.mark.parametrize("model", ["LAMBERT", "HAPKE"])
+def test_the_albedos_of_the_ground_stand_in_one_panel(scene, model):
+    scene.icymoon.surface.model = model
+    shown = {panel: texts(drawn(getattr(bpy.types, panel))) for panel in ("ICYMOON_PT_surface", "ICYMOON_PT_hapke")
+             if getattr(bpy.types, panel).poll(bpy.context)}
+    found = [panel for panel, text in shown.items() if "Bond albedo" in text]
+    assert found == [{"LAMBERT": "ICYMOON_PT_surface", "HAPKE": "ICYMOON_PT_hapke"}[model]]
