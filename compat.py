@@ -74,6 +74,17 @@ def disable_light_factors(light: Any) -> None:
         light.use_temperature = False
 
 
+def draw_linear_texture(texture: Any, x: float, y: float, width: float, height: float) -> None:
+    """Draw a texture of linear light over a 3D View, its lower left corner at (x, y) of the region.
+
+    Before 5.0 the view encodes for the screen what is drawn over it. Since then what is drawn must be encoded.
+    """
+    from gpu_extras.presets import draw_texture_2d
+
+    options = {"is_scene_linear_with_rec709_srgb_target": True} if bpy.app.version >= (5, 0, 0) else {}
+    draw_texture_2d(texture, (x, y), width, height, **options)
+
+
 def has_cycles() -> bool:
     """Whether the add-on of Cycles is enabled."""
     return hasattr(bpy.types.Scene, "cycles")

@@ -13,9 +13,10 @@ from typing import Any
 import bpy
 import bpy.utils.previews
 import gpu
+import numpy as np
 from bpy_extras.view3d_utils import location_3d_to_region_2d
-from gpu_extras.presets import draw_texture_2d
 
+from .. import compat
 from ..nodes import scene as scenes
 
 #: How often the view is drawn with the ground at full resolution before the picture goes: once for a light path of each
@@ -41,8 +42,8 @@ class _Picture:
         across, up = self.texture.width, self.texture.height
         scale = min(width / across, height / up)
         gpu.state.blend_set("NONE")
-        draw_texture_2d(self.texture, (x + (width - scale * across) / 2, y + (height - scale * up) / 2),
-                        scale * across, scale * up)
+        compat.draw_linear_texture(self.texture, x + (width - scale * across) / 2, y + (height - scale * up) / 2,
+                                   scale * across, scale * up)
         if self.left is not None:
             self.left -= 1
             if self.left <= 0 and not bpy.app.timers.is_registered(remove):
@@ -53,11 +54,14 @@ _shown: _Picture | None = None
 
 
 def _read(path: Path) -> gpu.types.GPUTexture:
-    """The texture of a picture of at most 256 columns and rows."""
+    """The texture, in linear light, of a picture of at most 256 columns and rows."""
     pictures = bpy.utils.previews.new()
     try:
         found = pictures.load(path.name, str(path), "IMAGE")
-        values = gpu.types.Buffer("FLOAT", len(found.image_pixels_float), list(found.image_pixels_float))
+        shown = np.array(found.image_pixels_float, np.float32).reshape(-1, 4)
+        light = np.where(shown <= 0.04045, shown / 12.92, ((shown + 0.055) / 1.055) ** 2.4)  # of sRGB
+        light[:, 3] = 1.0
+        values = gpu.types.Buffer("FLOAT", light.size, light.ravel().tolist())
         return gpu.types.GPUTexture(tuple(found.image_size), format="RGBA16F", data=values)
     finally:
         bpy.utils.previews.remove(pictures)

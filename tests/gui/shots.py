@@ -274,8 +274,9 @@ def for_the_manual() -> Waiting:
     settings().quality.samples, settings().dataset.folder = 8, str(FOLDER / "pairs")
     with in_region("WINDOW"):
         bpy.ops.icymoon.build_scene()
-    window().scene.render.preview_pixel_size = "2"  # a path for each pixel takes a minute without a graphics card
-    yield 1450 * TICK_S  # for light paths in the picture
+    resolution = module("operators.view_resolution")
+    while bpy.app.timers.is_registered(resolution._work):  # until the view rests
+        yield TICK_S
     yield from screen_picture(FOLDER / "window_built.png", MANUAL_CROP)
     area().spaces.active.shading.type = "SOLID"
     jobs = module("operators.jobs")
@@ -290,6 +291,9 @@ def for_the_manual() -> Waiting:
             yield from picture_of_second_window(FOLDER / "window_pair.png")
             yield from person.close_second_window("the Image Editor")
     yield 20 * TICK_S
+    yield from to(*middle("UI"))
+    yield from person.scroll(7)  # down to the results
+    yield from away()
     yield from screen_picture(FOLDER / "window_evaluated.png", MANUAL_CROP)
     with in_region("WINDOW"):
         bpy.ops.icymoon.show_surface()
