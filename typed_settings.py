@@ -274,7 +274,7 @@ class RocksSettings(Table):
     smallest_m: float  # m
     largest_m: float  # m
     power_index: float
-    family: Literal["MIXED", "FRAGMENTS", "BOULDERS", "SLABS"]
+    family: Literal["MIXED", "FRAGMENTS", "BOULDERS", "SLABS", "BROKEN_ICE"]
     angularity: float
     elongation: float
     height_ratio: float

@@ -3,7 +3,11 @@
 Fracture leaves convex polyhedra: a rock is the part of space behind a number of planes. Wear
 (sublimation, sputtering, rolling) rounds their edges: the polyhedron is worn back by a radius and a
 ball of that radius rolled around it, which is exact and needs no smoothing. A vanishing radius is
-broken ice, one as large as the rock a ball.
+fresh fracture, one as large as the rock a ball.
+
+Broken ice has faces that are not plane: blocks are cleaved along three nearly perpendicular directions, cut by a few
+other planes, chipped at their corners, and stepped where the crack has run on at another depth. Nobody has seen a block
+of Europa or Enceladus closer than metres: this look is a guess from glacier and sea ice.
 
 A shape has unit size: seen from above it covers pi/4 square metres (a circle of diameter 1) and it
 is 1 m high, so that a rock's diameter and height are its scale.
@@ -19,20 +23,26 @@ import numpy as np
 
 from ..random_numbers.seeds import generator
 
-FAMILIES = ("FRAGMENTS", "BOULDERS", "SLABS")
+FAMILIES = ("FRAGMENTS", "BOULDERS", "SLABS", "BROKEN_ICE")
+MIXED = FAMILIES[:3]
 PER_FAMILY = 6
 #: Subdivisions of the sphere that a shape is sampled on, finest first: 5120, 1280 and 320 triangles.
 LEVELS = (4, 3, 2)
+#: Those of broken ice, whose faces have relief: 20480, 5120 and 1280 triangles.
+ICE_LEVELS = (5, 4, 3)
 #: Height of a slab over that of the other rocks of its width.
 SLAB_HEIGHT = 0.45
 _SHARPEST, _ROUNDEST = 0.03, 0.9  # radius of wear over that of the largest ball in the rock
+#: Broken ice: jitter of cleavage planes, depth of its steps over the distance to the face, their mean wavenumbers in
+#: radians over that distance, and the part of a wave in which a step falls back.
+_CLEAVAGE_JITTER, _STEP_DEPTH, _STEP_WAVES, _STEP_FALL = 0.12, 0.05, (5.0, 11.0, 24.0, 50.0), 0.15
 
 
 @dataclass(frozen=True)
 class Shape:
     """A rock of unit size: ``vertices`` (n, 3), ``triangles`` (m, 3) int32 counter-clockwise from
-    outside, ``plane`` (m,) whether a triangle is part of a plane face, and not rounded, ``height`` a
-    factor on the height of rocks of this family."""
+    outside, ``plane`` (m,) whether a triangle is flat, as part of a plane face or of broken ice, and not rounded,
+    ``height`` a factor on the height of rocks of this family."""
 
     vertices: np.ndarray
     triangles: np.ndarray
@@ -90,6 +100,26 @@ def _draw_planes(family: str, random: np.random.Generator) -> tuple[np.ndarray, 
     return normals / np.linalg.norm(normals, axis=1, keepdims=True), depths
 
 
+def _draw_cleavage(random: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+    """Unit normals and distances from the centre of the planes that bound a block of ice."""
+    def unit(vectors: np.ndarray) -> np.ndarray:
+        return np.asarray(vectors / np.linalg.norm(vectors, axis=1, keepdims=True))
+
+    axes = np.linalg.qr(random.normal(size=(3, 3)))[0]
+    normals = unit(np.concatenate([axes, -axes]) + random.normal(0, _CLEAVAGE_JITTER, (6, 3)))
+    depths = np.tile(np.array([1.0, 0.8, 0.62]) * random.uniform(0.85, 1.1, 3), 2) * random.uniform(0.9, 1.1, 6)
+    # Planes across the block, then chips of its corners: each cuts off a part of what is there.
+    cuts = unit(random.normal(size=(random.integers(3, 6), 3)))
+    farthest = (cuts @ corners_of(normals, depths).T).max(axis=1)
+    depths = np.append(depths, farthest * random.uniform(0.62, 0.85, len(cuts)))
+    normals = np.concatenate([normals, cuts])
+    corners = corners_of(normals, depths)
+    chipped = corners[random.choice(len(corners), min(len(corners), random.integers(4, 9)), replace=False)]
+    chips = unit(chipped + random.normal(0, 0.25, chipped.shape))
+    reach = (chips @ corners.T).max(axis=1) * random.uniform(0.9, 0.97, len(chips))
+    return np.concatenate([normals, chips]), np.append(depths, reach)
+
+
 def _hull_area(points: np.ndarray) -> float:
     """Area of the convex hull of points (n, 2), by Andrew's monotone chain."""
     # Points inside the polygon of those farthest out in 32 directions are not on the hull (Akl and Toussaint 1978).
@@ -141,10 +171,50 @@ def _blend_planes(normals: np.ndarray, depths: np.ndarray, angularity: float,
     return levels
 
 
+def _follow_edges(directions: np.ndarray, planes: np.ndarray, step: float) -> np.ndarray:
+    """Unit directions (n, 3), those within 0.4 of a ``step`` (rad) of an edge moved onto it: edges have no teeth.
+
+    ``planes`` (k, 3) are normals over distances from the centre.
+    """
+    order = np.argsort(directions @ planes.T, axis=1)
+    across = planes[order[:, -1]] - planes[order[:, -2]]
+    off = np.einsum("nk,nk->n", directions, across)
+    along = across - off[:, None] * directions
+    squared = np.einsum("nk,nk->n", along, along)
+    moved = directions - (off / squared)[:, None] * along
+    # Farther away, vertices would pass each other near corners.
+    moved = np.where((np.abs(off) < 0.4 * step * np.sqrt(squared))[:, None], moved, directions)
+    return np.asarray(moved / np.linalg.norm(moved, axis=1, keepdims=True))
+
+
+def _break_ice(normals: np.ndarray, depths: np.ndarray, angularity: float,
+               random: np.random.Generator) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Vertices at every level of a block of broken ice, all of whose triangles are flat."""
+    waves = [(random.normal(0, number, (3, 4)), random.uniform(0, 1, 4)) for number in _STEP_WAVES]
+    power = 8.0 + 42.0 * angularity  # rounds edges by about a step of the finest mesh at 0.9
+    planes, levels = normals / depths[:, None], []
+    for subdivisions in ICE_LEVELS:
+        directions, triangles = icosphere(subdivisions)
+        directions = _follow_edges(directions, planes, 1.107 / 2**subdivisions)  # an icosahedron's edge is 1.107 rad
+        points = directions * ((np.maximum(directions @ planes.T, 0.0) ** power).sum(axis=1) ** (-1 / power))[:, None]
+        steps = np.zeros(len(points))
+        for octave, (wave, phase) in enumerate(waves):
+            # The finer steps bend with the coarser ones.
+            turn = (points @ wave + 16.0 * steps[:, None] * (octave > 0)) / (2 * np.pi) + phase
+            turn -= np.floor(turn)
+            saw = np.where(turn < 1 - _STEP_FALL, turn / (1 - _STEP_FALL), (1 - turn) / _STEP_FALL) - 0.5
+            steps += 0.5**octave * saw.mean(axis=1)
+        levels.append((points * (1.0 + _STEP_DEPTH * steps)[:, None], np.ones(len(triangles), bool)))
+    return levels
+
+
 def _make_rock(family: str, angularity: float, random: np.random.Generator) -> list[Shape]:
     """One rock at every level, of unit size."""
-    normals, depths = _draw_planes(family, random)
-    if family == "BOULDERS":
+    normals, depths = _draw_cleavage(random) if family == "BROKEN_ICE" else _draw_planes(family, random)
+    sampled = ICE_LEVELS if family == "BROKEN_ICE" else LEVELS
+    if family == "BROKEN_ICE":
+        levels = _break_ice(normals, depths, angularity, random)
+    elif family == "BOULDERS":
         levels = _blend_planes(normals, depths, angularity, random)
     else:
         levels = _round_edges(normals, depths, _SHARPEST + (_ROUNDEST - _SHARPEST) * (1.0 - angularity))
@@ -154,17 +224,17 @@ def _make_rock(family: str, angularity: float, random: np.random.Generator) -> l
     scale = np.array([across, across, 1.0 / (high[2] - low[2])])
     height = SLAB_HEIGHT if family == "SLABS" else 1.0
     return [Shape((vertices - (low + high) / 2) * scale, icosphere(subdivisions)[1], plane, height)
-            for subdivisions, (vertices, plane) in zip(LEVELS, levels, strict=True)]
+            for subdivisions, (vertices, plane) in zip(sampled, levels, strict=True)]
 
 
 @lru_cache(maxsize=4)
 def make_rock_shapes(family: str, angularity: float, seed: int) -> tuple[tuple[Shape, ...], ...]:
     """The shapes to choose from, ``[level][shape]``: the same shapes at every level, finest first.
 
-    ``family`` is one of ``FAMILIES`` or "MIXED" for all of them; ``angularity`` from 0, worn round,
+    ``family`` is one of ``FAMILIES`` or "MIXED" for all of ``MIXED``; ``angularity`` from 0, worn round,
     to 1, freshly broken.
     """
-    families = FAMILIES if family == "MIXED" else (family,)
+    families = MIXED if family == "MIXED" else (family,)
     rocks = [_make_rock(kind, angularity, generator(seed, "rocks", 0, FAMILIES.index(kind), k))
               for k in range(PER_FAMILY) for kind in families]
     return tuple(zip(*rocks, strict=True))

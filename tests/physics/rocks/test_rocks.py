@@ -297,6 +297,33 @@ def test_angular_rocks_have_plane_faces_and_worn_ones_have_not():
     assert plane_share(0.0) < 0.25
 
 
+def test_faces_of_broken_ice_are_stepped_and_no_triangle_is_folded():
+    finest, coarse, _ = make_rock_shapes("BROKEN_ICE", 0.9, 3)
+    for shape, rough in zip(finest, coarse, strict=True):
+        a, b, c = (shape.vertices[shape.triangles[:, k]] for k in range(3))
+        normal = np.cross(b - a, c - a)
+        outward = np.einsum("ij,ij->i", normal, a + b + c)
+        assert (outward <= 0).mean() < 2e-4  # two, at corners of several faces
+        assert shape.plane.all()
+        # Neighbours on a plane face would have one normal; on stepped faces half of them differ by more than 3 degrees.
+        normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+        edges = np.concatenate([np.sort(shape.triangles[:, k], axis=1) for k in ([0, 1], [1, 2], [2, 0])])
+        order = np.lexsort(edges.T)
+        two = (order % len(normal)).reshape(-1, 2)
+        turn = np.degrees(np.arccos(np.clip(np.einsum("ij,ij->i", *normal[two.T]), -1, 1)))
+        assert np.median(turn) > 3
+        # The coarser level is the same block: its vertices are near the finer one's.
+        near = np.linalg.norm(rough.vertices[::40, None] - shape.vertices[None], axis=2).min(axis=1)
+        assert near.max() < 0.05
+
+
+def test_mixed_rocks_are_those_of_three_families_as_before():
+    mixed = make_rock_shapes("MIXED", 0.7, 5)[0]
+    for number, family in enumerate(("FRAGMENTS", "BOULDERS", "SLABS")):
+        for shape, alone in zip(mixed[number::3], make_rock_shapes(family, 0.7, 5)[0], strict=True):
+            np.testing.assert_array_equal(shape.vertices, alone.vertices)
+
+
 def test_corners_of_a_cube():
     normals = np.concatenate([np.eye(3), -np.eye(3)])
     corners = corners_of(normals, np.full(6, 0.5))
