@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import json
 import math
+import zlib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -13,7 +14,7 @@ from ...errors import IcyMoonError
 from ...formats.toml_lines import Place
 from ...physics import refused_scenes
 from ...physics.camera.blur import blur_identity
-from ...physics.random_numbers.seeds import stream
+from ...physics.random_numbers.seeds import generator, stream
 from ...physics.refused_scenes import Reason
 from ...physics.terrain.sites import RockyGround, make_rocky_ground
 from ...settings.description import defaults, digest, merged
@@ -35,12 +36,14 @@ _GEOMETRY = [(topic, s.key) for topic, s in all_settings() if s.effect == "geome
 
 @dataclass(frozen=True)
 class Design:
-    """What a plan combines: ``base`` settings, the later over the earlier, sweeps, ``seeds`` and their place,
-    the most pairs that it may have, and the folder of the user's own files."""
+    """What a plan combines: ``base`` settings, the later over the earlier, sweeps, ``seeds`` and their place, the
+    number of ``grounds`` of its scenes and its place, the most pairs that it may have, and the folder of the user's own
+    files."""
 
     base: tuple[Variation, ...] = ()
     sweeps: tuple[Sweep, ...] = ()
     seeds: tuple[int | list[int], Place] | None = None
+    grounds: tuple[int, Place] | None = None
     at_most: int | None = None
     files: Path | None = None
 
@@ -104,7 +107,7 @@ class Combined:
 def combine(design: Design) -> Combined:
     """The pairs of a design, checked. Raises IcyMoonError that names the line at fault if none can be rendered."""
     grounds = _Grounds()
-    made = list(_combinations(design))
+    made = _deal_grounds(list(_combinations(design)), design)
     for sweep in sorted((b for b in design.sweeps if b.kind in poses.KINDS), key=lambda b: poses.KINDS.index(b.kind)):
         known: dict[str, list[Variation]] = {}
         made = [each.with_part(_with_file_paths(part, design)) for each in made
@@ -148,6 +151,28 @@ def _combinations(design: Design) -> Iterator[_Combination]:
         for part in chosen:
             made = made.with_part(part)
         yield made
+
+
+def _deal_grounds(made: list[_Combination], design: Design) -> list[_Combination]:
+    """The combinations with the ``design.grounds`` seeds of scenes, each about as often as the others.
+
+    The order is random, so that the seeds do not follow a setting that varies. Ground from a file depends on no seed.
+    """
+    if design.grounds is None or design.grounds[0] == 1 or len(made) < 2:
+        return made
+    stated, place = design.grounds
+    count = min(stated, len(made))
+    order = generator(int(made[0].settings.dataset.seed), "plan", zlib.crc32(b"grounds")).permutation(len(made))
+    children: dict[int, list[int]] = {}
+    dealt = []
+    for each, k in zip(made, order, strict=True):
+        source, seed = each.settings.source, int(each.settings.dataset.seed)
+        if source.kind == "PROCEDURAL" or source.detail:
+            if seed not in children:
+                children[seed] = seeds_of(count, seed)
+            each = each.with_part(Variation({"dataset": {"seed": children[seed][int(k) % count]}}, place))
+        dealt.append(each)
+    return dealt
 
 
 def seeds_of(stated: int | list[int], seed: int) -> list[int]:

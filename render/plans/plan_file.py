@@ -26,7 +26,7 @@ from .combine import MOST_GROUNDS, Combined, Design, combine, unchecked_grounds
 from .planned_pair import PlannedPair
 from .sweeps import Sweep, Variation, check_keys, check_settings, load_included
 
-HEADER = ("title", "description", "extends", "include", "seeds", "at_most", "files", "without")
+HEADER = ("title", "description", "extends", "include", "seeds", "grounds", "at_most", "files", "without")
 _SEEDS_MOST = 100000
 
 
@@ -172,18 +172,26 @@ def _with_settings(design: Design, header: Mapping[str, Any], data: Mapping[str,
 
 
 def _with_header(design: Design, header: Mapping[str, Any], place: Place) -> Design:
-    """A design with the seeds, the limit and the folder of files that a plan states."""
+    """A design with the seeds, the grounds, the limit and the folder of files that a plan states."""
     if "seeds" in header:
         design = replace(design, seeds=_seeds(header["seeds"], place.at("seeds")))
+    if "grounds" in header:
+        count = _count(header, "grounds", "grounds", place)
+        design = replace(design, grounds=(count, place.at("grounds")))
     if "at_most" in header:
-        most, at = header["at_most"], place.at("at_most")
-        if not isinstance(most, int) or isinstance(most, bool) or most < 1:
-            raise IcyMoonError(f"{at}: at_most is {most!r}, it must be a whole number of pairs from 1 up.")
-        design = replace(design, at_most=most)
+        design = replace(design, at_most=_count(header, "at_most", "pairs", place))
     if "files" in header:
         folder = parse_path(_text(header, "files", place), f"{place.at('files')}: files")
         design = replace(design, files=place.file.parent.absolute() / folder)
     return design
+
+
+def _count(header: Mapping[str, Any], key: str, what: str, place: Place) -> int:
+    """A whole number that the header states."""
+    value = header[key]
+    if not isinstance(value, int) or isinstance(value, bool) or value < 1:
+        raise IcyMoonError(f"{place.at(key)}: {key} is {value!r}, it must be a whole number of {what} from 1 up.")
+    return value
 
 
 def _seeds(value: Any, place: Place) -> tuple[int | list[int], Place]:

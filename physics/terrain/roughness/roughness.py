@@ -13,6 +13,7 @@ octaves are therefore measured on the patch, about its mean plane, and the fit i
 
 from __future__ import annotations
 
+import functools
 import math
 from dataclasses import dataclass
 from typing import Any
@@ -91,7 +92,13 @@ def amplitudes(wavelength_m: np.ndarray, hurst: float, dimensions: int = 2) -> n
     They are a power of the wavelength, which is what gives the power spectrum its slope of -(2H + 2); but the first two
     and the last also stand for the waves that are missing beyond them, and are fitted to the law.
     """
-    wavelength_m = np.asarray(wavelength_m, np.float64)
+    return np.array(_amplitudes(tuple(np.asarray(wavelength_m, np.float64)), hurst, dimensions))
+
+
+@functools.lru_cache(maxsize=64)
+def _amplitudes(wavelengths: tuple[float, ...], hurst: float, dimensions: int) -> tuple[float, ...]:
+    """See ``amplitudes``; kept, because the many grounds of a plan differ in their seeds only."""
+    wavelength_m = np.array(wavelengths)
     first, last = LAW_FROM * wavelength_m[-1], max(LAW_TO * wavelength_m[0], LAW_FROM * wavelength_m[-1] * 1.01)
     lag = np.geomspace(first, last, max(2, math.ceil(_LAGS_PER_OCTAVE * math.log2(last / first))))
     lacunarity = float(wavelength_m[0] / wavelength_m[1]) if len(wavelength_m) > 1 else 2.0
@@ -99,7 +106,7 @@ def amplitudes(wavelength_m: np.ndarray, hurst: float, dimensions: int = 2) -> n
     most = squares.copy()
     most[[0, min(1, len(most) - 1), -1]] = np.inf
     target, model = lag ** (2 * hurst), structure(lag[:, None] / wavelength_m, dimensions)
-    return np.sqrt(_fit_squares(squares, target, model, squares, most))
+    return tuple(np.sqrt(_fit_squares(squares, target, model, squares, most)))
 
 
 @dataclass(frozen=True)

@@ -30,6 +30,8 @@ WRONG = {
     "seeds": (HEAD + "seeds = 0  # !", ("seeds", "how many")),
     "no seeds": (HEAD + "seeds = []  # !", ("seeds", "how many")),
     "a seed": (HEAD + "seeds = [1, -4]  # !", ("dataset.seed", "-4")),
+    "grounds": (HEAD + "grounds = 0  # !", ("grounds", "from 1 up")),
+    "grounds listed": (HEAD + "grounds = [1, 2]  # !", ("grounds", "whole number")),
     "at_most": (HEAD + "at_most = 0  # !", ("at_most", "from 1 up")),
     "a home folder": (HEAD + 'extends = "~nouser/x.toml"  # !', ("~nouser/x.toml", "no such home folder")),
     "a home folder of files": (HEAD + 'files = "~nouser/x"  # !', ("~nouser/x", "no such home folder")),
@@ -172,8 +174,9 @@ def test_an_unknown_plan():
         find_plan("../../pyproject")
 
 
-_KEYS = st.sampled_from(["title", "extends", "include", "seeds", "at_most", "files", "without", "kind", "count", "case",
-                         "headings", "rig", "surface", "preset", "name", "replaces", "x_m", "albedo", "uniform"])
+_KEYS = st.sampled_from(["title", "extends", "include", "seeds", "grounds", "at_most", "files", "without", "kind",
+                         "count", "case", "headings", "rig", "surface", "preset", "name", "replaces", "x_m", "albedo",
+                         "uniform"])
 _VALUES = st.recursive(st.one_of(st.integers(-3, 9), st.booleans(), st.floats(-1, 3), st.just([]),
                                  st.sampled_from(["grid", "random", "sites", "panorama", "cases", "low_1", ""])),
                        lambda inner: st.one_of(st.lists(inner, max_size=3), st.dictionaries(_KEYS, inner, max_size=3)),

@@ -172,6 +172,53 @@ def test_seeds_are_children_of_the_data_sets_seed(plan):
     assert not set(taken(plan(f"{HEAD}seeds = 5\n[dataset]\nseed = 2\n").pairs(), "dataset.seed")) & set(five)
 
 
+TEN = """
+[[sweep]]
+kind = "grid"
+light.sun_elevation_deg = [10, 20]
+surface.albedo = [0.1, 0.2, 0.3, 0.4, 0.5]
+[[sweep]]
+kind = "panorama"
+headings = 2
+"""
+
+
+@pytest.mark.parametrize("count", [2, 3, 10, 200])
+def test_grounds_are_dealt_to_the_scenes_of_a_plan(plan, count):
+    """No more pairs than without, all views of a scene on one ground, and each ground about as often as the others."""
+    pairs = plan(f"{HEAD}grounds = {count}\n{TEN}").pairs()
+    assert len(pairs) == 20
+    scenes = {(p.settings.light.sun_elevation_deg, p.settings.surface.albedo, p.settings.dataset.seed) for p in pairs}
+    assert len(scenes) == 10
+    often = [sum(scene[2] == seed for scene in scenes) for seed in {scene[2] for scene in scenes}]
+    assert len(often) == min(count, 10)
+    assert max(often) - min(often) <= 1
+    assert [p.id for p in plan(f"{HEAD}grounds = {count}\n{TEN}").pairs()] == [p.id for p in pairs]
+
+
+def test_grounds_do_not_follow_a_setting_that_varies(plan):
+    pairs = plan(f"{HEAD}grounds = 2\n{TEN}").pairs()
+    on = {seed: {p.settings.surface.albedo for p in pairs if p.settings.dataset.seed == seed}
+          for seed in taken(pairs, "dataset.seed")}
+    assert all(len(albedos) > 2 for albedos in on.values())
+
+
+def test_grounds_are_children_of_each_seed(plan):
+    """With ``seeds`` too, each seed has its own grounds; with one ground, pairs are those of a plan without."""
+    both = plan(f"{HEAD}seeds = [4, 7]\ngrounds = 200\n{TEN}").pairs()
+    assert len(set(taken(both, "dataset.seed"))) == 20
+    assert not {4, 7} & set(taken(both, "dataset.seed"))
+    assert [p.id for p in plan(f"{HEAD}grounds = 1\n{TEN}").pairs()] == [p.id for p in plan(f"{HEAD}{TEN}").pairs()]
+
+
+def test_a_ground_from_a_file_keeps_its_seed(plan, tmp_path):
+    (tmp_path / "mine.ply").write_bytes(b"ply")
+    source = 'source.kind = ["MESH"]\nsource.file = ["mine.ply"]\nsource.detail = [false, true]\n'
+    pairs = plan(f"{HEAD}grounds = 9\n{TEN}\n[[sweep]]\nkind = 'grid'\n{source}").pairs()
+    assert {p.settings.dataset.seed for p in pairs if not p.settings.source.detail} == {1}
+    assert len({p.settings.dataset.seed for p in pairs if p.settings.source.detail}) > 4
+
+
 def test_a_view_sphere_looks_at_its_target_from_its_distance(plan):
     pairs = plan('''
         [rig]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from collections import Counter
 
@@ -31,15 +32,16 @@ TYPES = {
 
 @pytest.fixture(scope="module")
 def mine(tmp_path_factory):
-    """Reads a shipped plan as a user does who has the files that it names."""
+    """Reads a shipped plan as a user does who has the files that it names, by default on one ground of each kind:
+    how many grounds there are changes no number of pairs, and each takes time to check."""
     folder = tmp_path_factory.mktemp("files")
     for name in plan_names():
         for file in set(re.findall(r'"([^"/]+\.(?:png|ply))"', find_plan(name).read_text(encoding="utf-8"))):
             (folder / file).write_bytes(file.encode())  # each its own content
 
-    def read(name: str) -> Plan:
+    def read(name: str, header: str = "grounds = 1") -> Plan:
         own = folder / "plan.toml"
-        own.write_text(f'[plan]\ntitle = "Mine"\nextends = "datasets/{name}"\nfiles = "{folder}"\n')
+        own.write_text(f'[plan]\ntitle = "Mine"\nextends = "datasets/{name}"\nfiles = "{folder}"\n{header}\n')
         return read_plan(own)
     return read
 
@@ -90,6 +92,31 @@ def test_the_suns_are_the_papers_or_the_true_ones(mine):
 @pytest.mark.parametrize("name", ["guiss_all_true_sun", pytest.param("guiss_all", marks=pytest.mark.long)])
 def test_all_types_together_are_the_papers_5020(mine, name):
     assert len(mine(name).pairs()) == 5020 == sum(count for count, _ in TYPES.values())
+
+
+def grounds_of(pairs):
+    """How many scenes of terrain there are on each ground: pairs that differ in more than their heading."""
+    scenes = {(pair.settings.dataset.seed, *(json.dumps(values) for topic, values in pair.settings.items()
+                                             if topic not in ("rig", "dataset"))) for pair in pairs}
+    return Counter((seed, terrain) for seed, _, terrain, *_ in scenes)
+
+
+@pytest.mark.parametrize("name", heavy_but(["guiss_terrains"], [f"guiss_{name}" for name in TYPES
+                                                                if name != "reconstructions"]))
+def test_each_scene_of_the_papers_sets_has_its_own_ground(mine, name):
+    plan = mine(name, "")
+    pairs = plan.pairs()
+    assert not plan.refused()
+    assert len(pairs) == TYPES[name.removeprefix("guiss_")][0]
+    grounds = grounds_of(pairs)
+    assert len(grounds) == len(pairs) // 4
+    assert set(grounds.values()) == {1}
+    assert set(grounds_of(mine(name).pairs()).values()) != {1}
+
+
+def test_meshes_and_albedos_are_compared_on_one_ground(mine):
+    for name in ("guiss_reconstructions", "guiss_albedo"):
+        assert values(mine(name, "").pairs(), "dataset.seed").keys() == {1}
 
 
 def test_the_smoke_test_needs_no_files_and_has_every_type():
