@@ -29,11 +29,13 @@ from .sidebar_text import in_window
 METRICS = ("total_bad_1", "coverage", "l1_m", "l1_rate_10", "si_rmse", "dod")
 _ROW = {"method": TEXT, **{name: Maybe(NUMBER, null=True) for name in METRICS},
         "n": Maybe(COUNT), "ranks": Maybe(Each(Each(COUNT), TEXT))}
+#: Lists of sentences of a report that the scene keeps, see ``Kept``.
+_SENTENCES = ("notes", "briefs", "rare_failures")
 _SHAPE = {"made": TEXT, "scope": TEXT, "pairs": Each(TEXT), "settings": Each(TABLE, TEXT), "summary": Each(_ROW),
-          "notes": Maybe(Each(TEXT)), "briefs": Maybe(Each(TEXT))}
+          **dict.fromkeys(_SENTENCES, Maybe(Each(TEXT)))}
 _FILES = Maybe(Each({"method": TEXT, "images": Maybe(Each(TEXT, TEXT))}))
 _REPORT = {"summary": Each(_ROW), "shown": _FILES, "rows": _FILES, "curves": Maybe(Each(TEXT, TEXT)),
-           "notes": Maybe(Each(TEXT)), "briefs": Maybe(Each(TEXT)),
+           **dict.fromkeys(_SENTENCES, Maybe(Each(TEXT))),
            "provenance": Maybe({"created": Maybe(TEXT), "response_overrides": Maybe(TABLE)})}
 #: Maximum length of a text from a file, and maximum number of settings that a note names.
 _LONGEST, _MOST_NAMED = 40, 3
@@ -58,6 +60,7 @@ class Kept:
     summary: tuple[dict[str, Any], ...]
     notes: tuple[str, ...] = ()
     briefs: tuple[str, ...] = ()  # of the notes
+    rare_failures: tuple[str, ...] = ()  # which matchers fail heavily in few pairs
 
 
 def keep_results(scene: bpy.types.Scene, scope: str, settings: Settings, pairs: Sequence[str] = ()) -> None:
@@ -74,7 +77,7 @@ def keep_results(scene: bpy.types.Scene, scope: str, settings: Settings, pairs: 
     kept = {"made": _made(report), "scope": scope, "pairs": list(pairs), "settings": settings,
             "summary": [{key: value for key, value in _complete(row).items() if key in _ROW}
                         for row in report["summary"]],
-            **{key: report.get(key, [])[:_MOST_NOTES] for key in ("notes", "briefs")}}
+            **{key: report.get(key, [])[:_MOST_NOTES] for key in _SENTENCES}}
     scene.icymoon.results = json.dumps(kept)
 
 
@@ -99,7 +102,7 @@ def _parsed(text: str) -> Kept | None:
     return Kept(_clean(found["made"]), found["scope"], tuple(map(_clean, found["pairs"])), typed(found["settings"]),
                 tuple(sorted(map(_complete, found["summary"]), key=_badness)),
                 *(tuple(_clean(note, _LONGEST_NOTE) for note in found.get(key, ())[:_MOST_NOTES])
-                  for key in ("notes", "briefs")))
+                  for key in _SENTENCES))
 
 
 def _complete(row: Mapping[str, Any]) -> dict[str, Any]:
@@ -144,6 +147,12 @@ def limits_in_brief(scene: bpy.types.Scene) -> tuple[str, ...]:
     """The same in brief; empty if an older version wrote the results."""
     found = kept_results(scene)
     return found.briefs if found else ()
+
+
+def rare_failures(scene: bpy.types.Scene) -> tuple[str, ...]:
+    """Sentences on matchers that fail heavily in few pairs, on which the ranks depend."""
+    found = kept_results(scene)
+    return found.rare_failures if found else ()
 
 
 def differences(scene: bpy.types.Scene) -> list[str]:

@@ -138,6 +138,8 @@ def _draw_results(layout: Any, scene: bpy.types.Scene, rows: Sequence[Mapping[st
                               "better beyond doubt, and at least one is worse.")
     elif sum(bool(row["n"]) for row in rows) > 1:
         draw_sentence(layout, f"No ranks: these need {FEWEST_SCENES} scenes.")
+    for sentence in results.rare_failures(scene):
+        draw_lines(layout, (sentence,), "ERROR")
 
 
 class ICYMOON_PT_results(Sidebar, bpy.types.Panel):

@@ -75,8 +75,7 @@ def _draw_qualities(layout: Any, context: bpy.types.Context) -> None:
         row.label(text=quality.brief)
     for lack in dict.fromkeys(quality.lacks for quality in shipped if quality.lacks):
         titles = " or ".join(quality.title for quality in shipped if quality.lacks == lack)
-        # The rest of the sentence is what to set instead; a button sets all.
-        draw_sentence(column, f"Not {titles}: {lack.partition(';')[0]}", "ERROR")
+        draw_sentence(column, f"Not {titles}: {lack}", "ERROR")
     if own.chosen:
         draw_lines(column, (f"With the settings below: {own.brief}",))
     draw_sentence(column, sidebar_text.speed_line(settings))

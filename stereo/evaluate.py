@@ -60,13 +60,14 @@ def evaluate(paths: Sequence[Path], methods: Sequence[Method], out: Path,
     each failure and {"type": "warning", "message"} for each suspect pair and each kind of blur in the images. Raises
     IcyMoonError if there is no pair, if ``out`` cannot be written, or if it contains files that no evaluation wrote.
 
-    The report is {"format", "version", "summary", "comparisons", "verdicts", "rows", "pairs", "failed", "suspect",
-    "notes", "briefs", "provenance"}; ``notes`` are sentences on what limits the comparison, ``briefs`` their first
+    The report is {"format", "version", "summary", "comparisons", "verdicts", "rare_failures", "rows", "pairs",
+    "failed", "suspect", "notes", "briefs", "provenance"}; ``notes`` are sentences on what limits the comparison, ``briefs`` their first
     parts, for where there is little room; an undefined value is null. ``rows``
     and ``pairs`` are read from the disk on demand.
 
     * ``summary``: one entry per method, see ``summary.summarise_method``, with its ``ranks``; ``comparisons``: see
-      ``summary.compare_methods``; ``verdicts``: what they can show, in words.
+      ``summary.compare_methods``; ``verdicts``: what they can show, in words;
+      ``rare_failures``: those of its sentences that say which methods fail heavily in few pairs.
     * ``rows``: ``pair``, ``method``, ``status`` ("ok", "suspect" or "failed"), the numbers of ``row.NUMBERS``,
       ``error_curve``, ``sparsification``, ``strata``, ``histograms``, ``common`` (numbers beside each other method,
       see ``common_pixels``, and that method's key), the complete ``options``, ``search`` (the disparities that were

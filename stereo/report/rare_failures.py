@@ -53,3 +53,11 @@ def find_rare_failures(table: Table) -> list[RareFailure]:
             found.append(RareFailure(table.methods[k], failing, len(own),
                                      float(own[order[:failing]].sum() / own.sum())))
     return found
+
+
+def describe_rare_failures(table: Table) -> list[str]:
+    """A sentence for each method that fails heavily in few pairs."""
+    return [f"{each.method} fails rarely but heavily: {each.failing} of {each.pairs} pairs contain "
+            f"{100 * each.share:.0f} % of its wrong or missing pixels, and other methods have far fewer there. Chance "
+            "decides how many such pairs a data set contains, and so any verdict on it; evaluate more scenes."
+            for each in find_rare_failures(table)]

@@ -25,6 +25,7 @@ from .conditions import conditions_of, name_levels, preset_title, titles_of
 from .html import choose_pairs, write_report
 from .notes import NOISE, SEARCH, Notes
 from .ranking import rank_methods
+from .rare_failures import describe_rare_failures
 from .row_log import LazyRows, Row, RowLog
 from .summary import Table, compare_methods, summarise_method
 from .verdict_text import describe_verdicts
@@ -86,7 +87,8 @@ def write_results(log: RowLog, names: Sequence[str], methods: Sequence[Method], 
     verdicts = describe_verdicts(comparisons, table)
     report = {"format": FORMAT, "version": VERSION,
               "summary": summary, "curves": write_curves(summary, table, sweeps, out),
-              "comparisons": comparisons, "verdicts": verdicts, "rows": rows, "pairs": facts, "failed": failed,
+              "comparisons": comparisons, "verdicts": verdicts,
+              "rare_failures": [each for each in describe_rare_failures(table) if each in verdicts], "rows": rows, "pairs": facts, "failed": failed,
               "suspect": suspect, "notes": [note.sentence for note in notes.found()],
               "briefs": [note.brief for note in notes.found()],
               "provenance": _provenance(methods, ran_on, source, seed)}

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from .comparisons import FEWEST_SCENES
-from .rare_failures import find_rare_failures
+from .rare_failures import describe_rare_failures
 from .summary import Table
 
 #: Metrics whose detectable difference is told, and their names in a sentence.
@@ -34,11 +34,7 @@ def describe_verdicts(comparisons: Sequence[Mapping[str, Any]], table: Table) ->
              for metric, name in _TOLD}
     told = [_size(name, float(size)) for name, size in sizes.items() if np.isfinite(size)]
     power = f" 8 of 10 such data sets would show {' or '.join(told)}." if told else ""
-    rare = "".join(
-        f" {each.method} fails rarely but heavily: {each.failing} of {each.pairs} pairs contain "
-        f"{100 * each.share:.0f} % of its wrong or missing pixels, and other methods have far fewer there. Chance "
-        "decides how many such pairs a data set contains, and so any verdict on it; evaluate more scenes."
-        for each in find_rare_failures(table))
+    rare = "".join(f" {sentence}" for sentence in describe_rare_failures(table))
     return (f"{scenes} scenes, {methods} methods: at most 5 % of data sets without a difference show one{together}."
             f"{power}{rare}")
 

@@ -49,6 +49,21 @@ def test_what_limits_the_results_is_kept_with_them(scene, tmp_path):
     assert labels.index("bm:x=2 misses") < table < labels.index("Noise decides: so.")
 
 
+def test_matchers_that_fail_rarely_stand_whole_below_the_ranks(scene, tmp_path):
+    evaluated(scene, tmp_path)
+    sentence = ("sgbm fails rarely but heavily: 2 of 40 pairs contain 45 % of its wrong or missing pixels, and other "
+                "methods have far fewer there. Chance decides how many such pairs a data set contains, and so any "
+                "verdict on it; evaluate more scenes.")
+    path = tmp_path / "evaluation_scene" / "summary.json"
+    path.write_text(json.dumps(json.loads(path.read_text()) | {"rare_failures": [sentence]}))
+    results.keep_results(scene, "SCENE", scene_properties.read_settings(scene.icymoon), [PAIR])
+    assert results.rare_failures(scene) == (sentence,)
+    labels = [entry[2]["text"] for entry in drawn(sidebar.ICYMOON_PT_results) if entry[0] == "label"]
+    first = next(k for k, label in enumerate(labels) if label.startswith("sgbm fails rarely"))
+    assert first > labels.index("Matcher")
+    assert sentence in " ".join(labels[first:])  # in lines that the sidebar shows
+
+
 def test_each_scene_has_its_own_and_a_copy_those_of_its_settings(scene, tmp_path):
     evaluated(scene, tmp_path)
     other = bpy.data.scenes.new("Other")
@@ -159,13 +174,13 @@ def test_what_a_file_says_is_text_and_leads_nowhere(scene, tmp_path):
     evil = "/usr/bin/evil\n" * 50
     scene.icymoon.dataset.folder = str(tmp_path)
     scene.icymoon.results = json.dumps({"made": evil, "scope": evil, "pairs": [evil], "folder": evil, "settings": {
-        "light": {"sun_elevation_deg": evil}}, "notes": [evil] * 9, "briefs": [evil] * 9,
+        "light": {"sun_elevation_deg": evil}}, "notes": [evil] * 9, "briefs": [evil] * 9, "rare_failures": [evil] * 9,
         "summary": [{"method": evil, **dict.fromkeys(results.METRICS, 0.5)}]})
     assert all(len(line) < 200 and line.isprintable() for line in results.notes(scene))
     assert len(results.summary(scene)[0]["method"]) <= 40
     assert len(results.limits(scene)) == 2
     assert all(len(line) <= 400 and line.isprintable()
-               for line in (*results.limits(scene), *results.limits_in_brief(scene)))
+               for line in (*results.limits(scene), *results.limits_in_brief(scene), *results.rare_failures(scene)))
     with pytest.raises(IcyMoonError, match="no report"):
         results.report_folder(scene)
 
