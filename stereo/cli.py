@@ -182,8 +182,11 @@ def add_evaluate_options(command: argparse.ArgumentParser, out_needed: bool = Tr
     command.add_argument("--out", required=out_needed, type=as_path,
                          help="folder for the report" + ("" if out_needed else " (evaluation in the data set)"))
     command.add_argument("--seed", type=int, default=0, help="seed of the tests that compare methods (%(default)s)")
-    command.add_argument("--jobs", type=int, metavar="N",
-                         help="processes that measure pairs (one for each processor; one if a method needs more)")
+    where = command.add_mutually_exclusive_group()
+    where.add_argument("--jobs", type=int, metavar="N",
+                       help="processes that measure pairs (one for each processor; one if a method needs more)")
+    where.add_argument("--dask", metavar="ADDRESS", help="measure on the Dask cluster whose scheduler is there, as in "
+                       "tcp://host:8786, or with N processes of Dask here: local:N")
     command.add_argument("--guiss", action="store_true",
                          help="also show what the GUISS reference code would report, to compare with published tables")
     command.add_argument("--points", action="store_true",
@@ -208,7 +211,7 @@ def run_evaluate(parsed: argparse.Namespace) -> int:
     progress = nullcontext(_print_json_line) if parsed.json_lines else show_counted_progress("Evaluating")
     with progress as on_event:
         report = evaluate(parsed.path, methods, parsed.out, response, on_event, parsed.seed, parsed.guiss,
-                          parsed.points, parsed.predictions, parsed.jobs)
+                          parsed.points, parsed.predictions, parsed.jobs, parsed.dask)
     path = (parsed.out / "report.html").resolve()
     if parsed.json_lines:
         _print_json_line({"type": "result", "report": str(path), "rows": report["summary"], "notes": report["notes"]})

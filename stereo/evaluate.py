@@ -27,6 +27,7 @@ from .matchers import files_of
 from .matchers.methods import Method
 from .matchers.resident_process import stop_residents
 from .measure_pair import Run, Task, failed_row, measure_pair
+from .measuring_cluster import measure_on_cluster
 from .measuring_processes import Processes, choose_count
 from .report.results import ROW, find_facts, write_results
 from .report.row_log import Row, RowLog
@@ -41,12 +42,13 @@ MEASURE = 4
 def evaluate(paths: Sequence[Path], methods: Sequence[Method], out: Path,
              response: Mapping[str, Mapping[str, Any]] | None = None, on_event: Event = lambda event: None,
              seed: int = 0, guiss: bool = False, points: bool = False, predictions: Sequence[str] = (),
-             jobs: int | None = None) -> dict[str, Any]:
+             jobs: int | None = None, dask: str | None = None) -> dict[str, Any]:
     """Evaluate pairs and all pairs of data sets, also of those in other layouts (see ``datasets.layouts``); return
     what is in ``report.json``.
 
     ``predictions`` are further methods, see ``datasets.predictions``. ``jobs`` is the number of processes that measure,
-    by default one for each processor; see ``measuring_processes.choose_count``.
+    by default one for each processor; see ``measuring_processes.choose_count``. ``dask`` is the address of a Dask
+    cluster whose workers measure instead, see ``measuring_cluster``.
     ``response`` overrides settings that need no new render. ``seed`` is the seed of the tests' random sign flips.
     With ``guiss`` the HTML report shows the numbers of the reference code, which are always in the rows. With
     ``points`` the measured surfaces are written too.
@@ -61,9 +63,9 @@ def evaluate(paths: Sequence[Path], methods: Sequence[Method], out: Path,
     IcyMoonError if there is no pair, if ``out`` cannot be written, or if it contains files that no evaluation wrote.
 
     The report is {"format", "version", "summary", "comparisons", "verdicts", "rare_failures", "rows", "pairs",
-    "failed", "suspect", "notes", "briefs", "provenance"}; ``notes`` are sentences on what limits the comparison, ``briefs`` their first
-    parts, for where there is little room; an undefined value is null. ``rows``
-    and ``pairs`` are read from the disk on demand.
+    "failed", "suspect", "notes", "briefs", "provenance"}; ``notes`` are sentences on what limits the comparison,
+    ``briefs`` their first parts, for where there is little room; an undefined value is null. ``rows`` and ``pairs`` are
+    read from the disk on demand.
 
     * ``summary``: one entry per method, see ``summary.summarise_method``, with its ``ranks``; ``comparisons``: see
       ``summary.compare_methods``; ``verdicts``: what they can show, in words;
@@ -89,16 +91,23 @@ def evaluate(paths: Sequence[Path], methods: Sequence[Method], out: Path,
     check_output_folder(out, names)
     run = Run(methods, out, dict(response or {}), points)
     evaluation = _Evaluation(sources, run, on_event)
-    count = choose_count(jobs, methods, len(sources))
     try:
-        evaluation.take(Processes(count, paths, run).measure(evaluation.tasks()) if count > 1 else
-                        _measure_here(evaluation, run))
+        evaluation.take(_measure(evaluation, paths, run, choose_count(jobs, methods, len(sources)), dask))
     finally:
         stop_residents()
     evaluation.log.compact((name, method.label) for name in names for method in methods)
     failed, suspect = evaluation.sorted_messages()
     return write_results(evaluation.log, names, methods, out, failed, suspect, _source(paths, response or {}), seed,
                          guiss)
+
+
+def _measure(evaluation: _Evaluation, paths: Sequence[Path], run: Run, count: int, dask: str | None
+             ) -> Iterator[tuple[Task, dict[str, Any]]]:
+    if dask:
+        return measure_on_cluster(dask, paths, run, evaluation.tasks())
+    if count > 1:
+        return Processes(count, paths, run).measure(evaluation.tasks())
+    return _measure_here(evaluation, run)
 
 
 def _measure_here(evaluation: _Evaluation, run: Run) -> Iterator[tuple[Task, dict[str, Any]]]:
@@ -176,7 +185,7 @@ class _Evaluation:
 
     def _give_up(self, task: Task, message: str, done: set[str]) -> None:
         """Record as failed what a process that ended has left undone."""
-        why = f"{self.sources[task.pair].folder}: {message}; there may be too little memory, try fewer --jobs."
+        why = f"{self.sources[task.pair].folder}: {message}."
         self._tell_failure(why, pair=task.pair)
         for method in self._run.methods:
             if method.label not in done:

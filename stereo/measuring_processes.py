@@ -54,7 +54,8 @@ class Processes:
         self._said: queue.SimpleQueue[tuple[_Process, dict[str, Any] | None]] = queue.SimpleQueue()
 
     def measure(self, tasks: Iterator[Task]) -> Iterator[tuple[Task, dict[str, Any]]]:
-        """Do all tasks, and yield each event with its task; {"type": "died", "message"} if a process ended.
+        """Do all tasks, and yield each event with its task; {"type": "died", "message"} if a process ended: why, and
+        what to try.
 
         Raises DiskError if the disk refuses.
         """
@@ -73,7 +74,8 @@ class Processes:
                 if event is None:
                     del busy[process]
                     process.kill()
-                    yield task, {"type": "died", "message": f"the process that measured it {process.end()}"}
+                    yield task, {"type": "died", "message": f"the process that measured it {process.end()}; there may "
+                                                            "be too little memory, try fewer --jobs"}
                 elif event["type"] == "done":
                     idle.append(process)
                     del busy[process]

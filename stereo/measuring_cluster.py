@@ -1,0 +1,81 @@
+"""Measuring pairs by the workers of a Dask cluster.
+
+A task is a pair, as for ``measuring_processes``: a worker writes the pictures and facts of its pair, and returns the
+events of ``measure_pair``. Only the process that asked for it writes rows. A pair whose worker is lost is done again.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict
+from functools import lru_cache
+from pathlib import Path
+from threading import Lock
+from typing import Any
+
+from ..errors import DiskError
+from ..render.workers.dask_cluster import connect
+from ..render.workers.runner import MOST_CRASHES
+from .matchers.methods import Method
+from .matchers.resident_process import stop_residents
+from .measure_pair import Run, Task, measure_pair
+from .sources import Source, find_sources
+
+#: Tasks that a worker has at once: one that it does, and the next.
+_EACH = 2
+#: OpenEXR is silenced by exchanging the standard error of the whole process.
+_ONE_AT_A_TIME = Lock()
+
+
+def measure_on_cluster(address: str, paths: Sequence[Path], run: Run, tasks: Iterator[Task]
+                       ) -> Iterator[tuple[Task, dict[str, Any]]]:
+    """Do all tasks on the Dask cluster at an address; as ``measuring_processes.Processes.measure``.
+
+    Every worker needs this package, the packages of the evaluator, and the pairs and ``run.out`` at the same paths.
+    Raises IcyMoonError if there is no cluster, and DiskError if a disk refuses.
+    """
+    setup = json.dumps({"paths": [str(path.resolve()) for path in paths],
+                        "methods": [asdict(method) for method in run.methods], "out": str(run.out.resolve()),
+                        "response": run.response, "points": run.points})
+    with connect(address) as client:
+        from distributed import as_completed
+
+        busy: dict[Any, Task] = {}
+        ended = as_completed()
+        try:
+            while True:
+                workers = max(1, len(client.scheduler_info(n_workers=-1)["workers"]))
+                while len(busy) < _EACH * workers and (task := next(tasks, None)) is not None:
+                    future = client.submit(measure_task, setup, asdict(task), retries=MOST_CRASHES - 1, pure=False)
+                    busy[future] = task
+                    ended.add(future)
+                if not busy:
+                    return
+                future = next(ended)
+                task = busy.pop(future)
+                error = future.exception()
+                if isinstance(error, DiskError):
+                    raise error
+                died = {"type": "died", "message": f"its task ended: {error}; there may be too little memory, give "
+                                                   "the Dask workers more"}
+                for event in [died] if error else future.result():
+                    yield task, event
+        finally:
+            client.cancel(list(busy))
+            client.run(stop_residents)
+
+
+def measure_task(setup: str, task: dict[str, Any]) -> list[dict[str, Any]]:
+    """A task of a worker: measure a pair."""
+    sources, run = _prepared(setup)
+    with _ONE_AT_A_TIME:
+        return list(measure_pair(sources[task["pair"]], run, Task(**task)))
+
+
+@lru_cache(maxsize=2)
+def _prepared(setup: str) -> tuple[dict[str, Source], Run]:
+    found = json.loads(setup)
+    sources = {source.name: source for source in find_sources([Path(path) for path in found["paths"]])}
+    return sources, Run([Method(**method) for method in found["methods"]], Path(found["out"]), found["response"],
+                        found["points"])
