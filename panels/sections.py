@@ -24,10 +24,14 @@ class Section:
 
 
 ADVANCED = "advanced"
+#: Topics whose panel is inside the panel of another topic.
+INSIDE = {"source": "terrain", "mesh": "terrain", "hapke": "surface", "textures": "surface", "rock_surface": "rocks"}
 
 
 def _advanced(topic: str, *settings: str) -> Section:
-    return Section(topic, ADVANCED, "Advanced", "Settings that few scenes change", settings)
+    # Blender indents what is inside a sub-panel no further, so the label tells it from that of the panel around.
+    label = f"Advanced {TOPICS[topic].label}" if topic in INSIDE else "Advanced"
+    return Section(topic, ADVANCED, label, "Settings that few scenes change", settings)
 
 
 def _of_surface(topic: str) -> tuple[Section, ...]:
@@ -83,8 +87,6 @@ SECTIONS = (
     _advanced("sensor", "auto_percentile", "auto_target", "bracket_stops"),
     _advanced("quality", "noise_threshold", "diffuse_bounces", "walk_px", "fine_relief", "truth", "device", "threads"),
 )
-#: Topics whose panel is inside the panel of another topic.
-INSIDE = {"source": "terrain", "mesh": "terrain", "hapke": "surface", "textures": "surface", "rock_surface": "rocks"}
 #: Settings that the panel of another topic draws: the tick in a header, the plan, the matchers.
 ELSEWHERE = {"rocks": ("own_surface",), "dataset": ("plan", "workers", "evaluate", "leave_running", "methods")}
 #: Settings at the top of a topic's panel if they are not the first in the table: the one that turns the others on,

@@ -24,7 +24,7 @@ class ICYMOON_PT_trade(Sidebar, bpy.types.Panel):
         layout: Any = self.layout
         layout.operator_context = "INVOKE_DEFAULT"
         layout.operator("icymoon.measure_machine")
-        layout.operator("icymoon.trade", text="Measure…")
+        layout.operator("icymoon.trade", text="Compare Qualities…")
         for sentence in trade.last_results.get(context.scene.name, ()):
             draw_sentence(layout, sentence, hang="    ")
 
