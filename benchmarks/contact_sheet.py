@@ -45,8 +45,10 @@ def picture(preset: str, folder: Path) -> np.ndarray:
     # A sensor is linear; a screen is not.
     image = np.rint(255 * np.clip(light / full, 0, 1) ** (1 / 2.2)).astype(np.uint8)
     label = np.zeros((LABEL_PX, image.shape[1]), np.uint8)
-    roughness = built.collection["icymoon_roughness"].replace("°", " deg")
-    cv2.putText(label, f"{preset.split('/')[1]}: {roughness}", (4, 13), cv2.FONT_HERSHEY_SIMPLEX, 0.4, (255,), 1,
+    found = built.statistics
+    asked, made = (found[key]["rms_slope_deg"] for key in ("asked", "made"))
+    text = f"{preset.split('/')[1]}: {asked:.0f} deg asked, {made:.0f} deg made"
+    cv2.putText(label, text, (4, 13), cv2.FONT_HERSHEY_SIMPLEX, 0.4, (255,), 1,
                 cv2.LINE_AA)
     return np.vstack([image, label])
 

@@ -37,7 +37,7 @@ SETTINGS, FINGERPRINT, PREVIOUS_WORLD, PREVIOUS_CAMERA, PREVIOUS_VIEW, GROUND = 
 PREVIOUS_OSL = "icymoon_previous_osl"
 SITE = "icymoon_site_m"  # height of the ground under the camera
 CONTENT = "icymoon_content"  # hash of the user's own files
-ROUGHNESS = "icymoon_roughness"  # measured on the built ground
+STATISTICS = "icymoon_statistics"  # of the ground: asked by the settings, and measured on the built ground
 PREVIEW = "icymoon_preview"  # settings that are shown as a preview, not as Build Scene would show them
 REFINED = "icymoon_refined"  # geometry of the settings that will follow a coarse ground at full resolution
 NOTES = "icymoon_notes"  # why some settings are not shown
@@ -59,6 +59,12 @@ class Built:
     def ground(self) -> dict[str, Any]:
         """For a ground from a file, the ``report`` of its import; otherwise empty."""
         return dict(json.loads(self.collection.get(GROUND, "{}")))
+
+    @property
+    def statistics(self) -> dict[str, Any]:
+        """What was asked of ground built from ``terrain`` settings and what was made, at ``baseline_m``; empty for
+        other ground."""
+        return dict(json.loads(self.collection.get(STATISTICS, "{}")))
 
     @property
     def site_m(self) -> float:
@@ -193,10 +199,19 @@ def refuse_excluded(scene: bpy.types.Scene, collection: bpy.types.Collection) ->
                            "instead.")
 
 
-def measured_roughness(scene: bpy.types.Scene) -> str:
-    """A line with the measured roughness of ground that was built from ``terrain`` settings; empty for other ground."""
+def ground_statistics(scene: bpy.types.Scene) -> tuple[str, ...]:
+    """Two lines with the statistics that were asked of ground built from ``terrain`` settings, and with those that it
+    has, landforms, layers and snow included; empty for other ground."""
     built = find(scene)
-    return str(built.collection.get(ROUGHNESS, "")) if built and not built.preview else ""
+    found = built.statistics if built and not built.preview else {}
+    return tuple(f"{title}: {_statistics_text(found[key], found['baseline_m'])}"
+                 for key, title in (("asked", "Asked"), ("made", "Made")) if key in found)
+
+
+def _statistics_text(numbers: dict[str, float | None], baseline_m: float) -> str:
+    slope, height = numbers["rms_slope_deg"], numbers["rms_height_m"]
+    return (f"{'slope unknown' if slope is None else f'{slope:.1f}°'} at {baseline_m:g} m, "
+            f"RMS height {'unknown' if height is None else f'{height:.2g} m'}")
 
 
 def extra(settings: Settings) -> str:

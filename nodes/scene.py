@@ -38,15 +38,15 @@ from .built_scene import (
     PREVIOUS_VIEW,
     PREVIOUS_WORLD,
     REFINED,
-    ROUGHNESS,
     SETTINGS,
     SITE,
+    STATISTICS,
     Built,
     changed_settings,
     extra,
     find,
     find_collection,
-    measured_roughness,
+    ground_statistics,
 )
 from .datablocks.blend_file_paths import content
 from .datablocks.fingerprint import NAME, TAG, built_objects, instanced_objects, parts
@@ -57,7 +57,7 @@ from .ground.terrain_mesh import (
     grid_heights,
     mesh_ground,
     patch_heights,
-    patch_roughness,
+    patch_statistics,
     site_wavelength_m,
 )
 from .ground.user_ground import UserGround, is_from_file, load_ground
@@ -87,8 +87,8 @@ __all__ = [
     "find_collection",
     "free_names",
     "ground_of",
+    "ground_statistics",
     "measured_patch",
-    "measured_roughness",
     "remove",
     "separate_copies",
     "site_ground_m",
@@ -395,8 +395,7 @@ def build(scene: bpy.types.Scene, settings: Settings, meshed: MeshedGround | Non
     collection[CONTENT] = content(settings)
     built = Built(collection, objects[0], objects[1], objects[2], merged(settings), scene, tuple(warnings))
     built.warnings += tuple(eyes_above_ground.reasons_when_built(built))
-    roughness = patch_roughness(measured_patch(built), settings.terrain)
-    collection[ROUGHNESS] = roughness.summary() if roughness else ""
+    collection[STATISTICS] = json.dumps(patch_statistics(measured_patch(built), settings.terrain))
     collection[FINGERPRINT], collection[PREVIEW] = json.dumps(parts(collection)), "{}"
     collection[NOTES] = "[]"
     collection.pop(REFINED, None)

@@ -35,9 +35,11 @@ def _draw_seed(layout: Any, context: bpy.types.Context) -> None:
 
 
 def _draw_roughness(layout: Any, context: bpy.types.Context) -> None:
-    measured = scenes.measured_roughness(context.scene)
-    if measured:
-        layout.operator("icymoon.show_roughness", text=f"Measured: {measured}", icon="DRIVER_DISTANCE")
+    lines = scenes.ground_statistics(context.scene)
+    if lines:
+        column = layout.column(align=True)
+        column.label(text=lines[0], icon="BLANK1")
+        column.operator("icymoon.show_roughness", text=lines[1], icon="DRIVER_DISTANCE")
 
 
 def _draw_moons(layout: Any, context: bpy.types.Context) -> None:

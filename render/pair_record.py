@@ -59,7 +59,8 @@ def pair_json(built: Built, planned: PlannedPair, poses: dict[str, np.ndarray], 
         eyes[eye]["distortion"] = dict(zip(COEFFICIENTS, coefficients(settings.rig), strict=True))
     return {
         "format": FORMAT, "version": VERSION, "id": planned.id, "settings": settings,
-        "edited_by_hand": built.edited, "ground": built.ground, "own_files_sha256": built.content,
+        "edited_by_hand": built.edited, "ground": built.ground, "terrain": built.statistics,
+        "own_files_sha256": built.content,
         "camera": camera.to_json(), "eyes": eyes,
         "poses_camera_to_world": {eye: _eye_pose(poses[eye], camera.eye_rotation(eye)).tolist() for eye in EYES},
         "poses_rectified_to_world": {eye: poses[eye].tolist() for eye in EYES},

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import bpy
 import numpy as np
@@ -11,6 +12,7 @@ import numpy as np
 from ...labels import UV_LAYER
 from ...physics.mesh.graded_ground import Graded, grade_ground
 from ...physics.mesh.height_surface import Surface
+from ...physics.terrain.roughness.roughness import asked_numbers
 from ...physics.terrain.roughness.statistics import Roughness, measure, power_spectrum
 from ...physics.terrain.terrain import Terrain, law_range_m
 from ...typed_settings import Settings, TerrainSettings
@@ -122,6 +124,14 @@ def patch_roughness(heights: np.ndarray | None, terrain: TerrainSettings) -> Rou
     return measure(heights, spacing, terrain.slope_baseline_m, (max(shortest, 6 * spacing), longest))
 
 
+def patch_statistics(heights: np.ndarray | None, terrain: TerrainSettings) -> dict[str, Any]:
+    """``baseline_m``, the statistics of the patch that ``terrain`` settings ask for, and those that it has."""
+    found = patch_roughness(heights, terrain)
+    if found is None:
+        return {}
+    return {"baseline_m": found.baseline_m, "asked": asked_numbers(terrain), "made": found.numbers()}
+
+
 def roughness_table(heights: np.ndarray | None, terrain: TerrainSettings) -> list[tuple[str, ...]]:
     """Rows of text with distance, measured and set RMS deviation, their ratio, and power spectral density.
 
@@ -141,6 +151,9 @@ def roughness_table(heights: np.ndarray | None, terrain: TerrainSettings) -> lis
         psd = np.exp(np.interp(-np.log(distance), np.log(waves), np.log(density))) if there else 0.0
         rows.append((f"{distance:.3g} m", f"{deviation * 1e3:.3g} mm", f"{asked * 1e3:.3g} mm" if inside else "",
                      f"{deviation / asked:.2f}" if inside else "", f"{psd:.2e} m4" if there else ""))
+    if not math.isnan(found.hurst):
+        rows.append(("Hurst exponent", f"{found.hurst:.2f}", f"{terrain.hurst:.2f}",
+                     f"{found.hurst / terrain.hurst:.2f}", ""))
     return rows
 
 

@@ -57,6 +57,9 @@ def test_the_planet_lights_the_ground_only_if_it_can_be_seen(light, lamp, said, 
     assert (built.planetshine is not None) == lamp
     assert said in " ".join(pair.data["left_out"])
     assert bool(pair.data["left_out"]) == bool(said)
+    asked, made = (pair.data["terrain"][key] for key in ("asked", "made"))
+    assert asked["rms_slope_deg"] == built.settings.terrain.rms_slope_deg
+    assert made == built.statistics["made"]
 
 
 def test_without_labels_there_is_one_render_and_the_same_depth(tmp_path, monkeypatch):

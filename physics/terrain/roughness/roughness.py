@@ -109,6 +109,25 @@ def _amplitudes(wavelengths: tuple[float, ...], hurst: float, dimensions: int) -
     return tuple(np.sqrt(_fit_squares(squares, target, model, squares, most)))
 
 
+def asked_numbers(terrain: TerrainSettings) -> dict[str, float | None]:
+    """The statistics that ``terrain`` settings ask of the random surface, with the keys of ``Roughness.numbers``.
+
+    The RMS height is that of endless ground with these octaves. Raises IcyMoonError where the cut-offs make no sense.
+    """
+    wavelength = wavelengths_m(terrain)
+    squares = _asked_amplitudes(terrain, wavelength) ** 2
+    return {"rms_slope_deg": float(terrain.rms_slope_deg),
+            "rms_height_m": float(f"{NOISE_DEVIATION * math.sqrt(squares.sum()):.4g}"), "hurst": float(terrain.hurst)}
+
+
+def _asked_amplitudes(terrain: TerrainSettings, wavelength_m: np.ndarray) -> np.ndarray:
+    """Amplitudes of octaves whose deviation at the baseline is the one stated, also outside the cut-offs."""
+    baseline = float(terrain.slope_baseline_m)
+    at_baseline = math.tan(math.radians(terrain.rms_slope_deg)) * baseline
+    unit = amplitudes(wavelength_m, float(terrain.hurst))
+    return unit * (at_baseline / math.sqrt(float(structure(baseline / wavelength_m) @ unit**2)))
+
+
 @dataclass(frozen=True)
 class RoughSurface:
     """A random surface: its octaves, longest first. Build it with :func:`make_rough_surface`.
@@ -197,10 +216,8 @@ def make_rough_surface(terrain: TerrainSettings, size_m: float, random: np.rando
     offsets = random.uniform(0.0, 1024.0, (MOST_OCTAVES, 2))[:n]
     baseline, hurst = float(terrain.slope_baseline_m), float(terrain.hurst)
     at_baseline = math.tan(math.radians(terrain.rms_slope_deg)) * baseline
-    unit = amplitudes(wavelength, hurst)
-    # The deviation at the baseline is what is stated, also where the baseline is outside the cut-offs.
-    unit *= at_baseline / math.sqrt(float(structure(baseline / wavelength) @ unit**2))
-    plain = RoughSurface(wavelength, _round_digits(unit), keys, offsets, float(terrain.multifractality), np.ones(n))
+    plain = RoughSurface(wavelength, _round_digits(_asked_amplitudes(terrain, wavelength)), keys, offsets,
+                         float(terrain.multifractality), np.ones(n))
     if at_baseline == 0.0:
         return plain
     return _fit_to_patch(plain, size_m, baseline, at_baseline, hurst)

@@ -72,20 +72,21 @@ def power_spectrum(heights_m: np.ndarray, spacing_m: float, bins_per_octave: int
 @dataclass(frozen=True)
 class Roughness:
     """What was measured on a grid: ``lag_m`` and RMS deviation ``deviation_m`` (equal lengths), the RMS
-    slope ``slope_deg`` at ``baseline_m`` (NaN where the grid cannot tell) and the ``hurst`` exponent,
-    the slope of the deviation in the logarithm over the range of lags that the law was asked for."""
+    slope ``slope_deg`` at ``baseline_m`` (NaN where the grid cannot tell), the ``hurst`` exponent, which is
+    the slope of the deviation in the logarithm over the range of lags that the law was asked for, and the RMS
+    ``height_m`` about the mean plane."""
 
     lag_m: np.ndarray
     deviation_m: np.ndarray
     baseline_m: float
     slope_deg: float
     hurst: float
+    height_m: float
 
-    def summary(self) -> str:
-        """One line of text."""
-        slope = "Slope unknown" if math.isnan(self.slope_deg) else f"{self.slope_deg:.1f}°"
-        hurst = "" if math.isnan(self.hurst) else f", Hurst {self.hurst:.2f}"
-        return f"{slope} at {self.baseline_m:g} m{hurst}"
+    def numbers(self) -> dict[str, float | None]:
+        """What is stored in ``pair.json`` and compared with what was asked for; None where the grid cannot tell."""
+        found = {"rms_slope_deg": self.slope_deg, "rms_height_m": self.height_m, "hurst": self.hurst}
+        return {key: None if math.isnan(value) else float(f"{value:.4g}") for key, value in found.items()}
 
 
 def measure(heights_m: np.ndarray, spacing_m: float, baseline_m: float,
@@ -107,4 +108,4 @@ def measure(heights_m: np.ndarray, spacing_m: float, baseline_m: float,
         slope = 0.0
     fitted = (lag_m >= law_m[0]) & (lag_m <= law_m[1]) & (deviation > 0)
     hurst = float(np.polyfit(np.log(lag_m[fitted]), np.log(deviation[fitted]), 1)[0]) if fitted.sum() > 1 else math.nan
-    return Roughness(lag_m, deviation, baseline_m, slope, hurst)
+    return Roughness(lag_m, deviation, baseline_m, slope, hurst, float(np.sqrt(np.mean(level**2))))

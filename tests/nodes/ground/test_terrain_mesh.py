@@ -19,7 +19,7 @@ from icymoon.nodes.ground.terrain_mesh import (
 from icymoon.panels import CLASSES
 from icymoon.physics.terrain.roughness.statistics import measure
 from icymoon.settings import description
-from panel_drawing import drawn
+from panel_drawing import drawn, texts
 from rendering import complete, empty_scene
 
 #: A mesh that carries all of its ground's waves, and two thirds of a decade of law beyond its cut-offs.
@@ -72,21 +72,28 @@ def test_what_the_panel_says_is_what_is_measured():
     positions = np.empty(3 * 257**2, np.float32)
     built.terrain.data.vertices.foreach_get("co", positions)
     found = measure(positions[2::3].reshape(257, 257).astype(float), 20 / 256, 1.0, (6 * 20 / 256, 0.3 * 12.0))
-    shown = scenes.measured_roughness(bpy.context.scene)
-    assert shown == found.summary()
-    degrees, hurst = float(shown.split("°")[0]), float(shown.split()[-1])
-    assert degrees == pytest.approx(9.0, abs=0.4)
-    assert hurst == pytest.approx(0.7, abs=0.05)
+    asked, made = scenes.ground_statistics(bpy.context.scene)
+    assert made == f"Made: {found.slope_deg:.1f}° at 1 m, RMS height {found.height_m:.2g} m"
+    assert asked.startswith("Asked: 9.0° at 1 m, RMS height ")
+    assert found.slope_deg == pytest.approx(9.0, abs=0.4)
+    assert found.hurst == pytest.approx(0.7, abs=0.05)
+    plane = np.stack([*positions.reshape(-1, 3)[:, :2].T, np.ones(257**2)], axis=1)
+    _, (squares,), *_ = np.linalg.lstsq(plane, positions[2::3].astype(float), rcond=None)
+    assert found.height_m == pytest.approx(math.sqrt(squares / 257**2), rel=1e-6)
     panel = next(cls for cls in CLASSES if getattr(cls, "bl_idname", "") == "ICYMOON_PT_terrain")
-    assert ("operator", "icymoon.show_roughness", f"Measured: {shown}") in drawn(panel)
+    assert ("operator", "icymoon.show_roughness", made) in drawn(panel)
+    assert asked in texts(drawn(panel))
     assert bpy.ops.icymoon.show_roughness() == {"FINISHED"}
 
 
 def test_the_table_of_roughness():
     built = _built(LAW)
     terrain = built.settings.terrain
-    head, *rows = roughness_table(scenes.measured_patch(built), terrain)
+    head, *rows, last = roughness_table(scenes.measured_patch(built), terrain)
     assert head == ("Distance", "RMS deviation", "Setting", "Ratio", "PSD")
+    assert last[0] == "Hurst exponent"
+    assert float(last[1]) == pytest.approx(0.7, abs=0.06)
+    assert last[2] == "0.70"
     heights = grid_heights(built.terrain.data, terrain)
     assert heights is not None
     ratios, waves, densities = [], [], []
@@ -117,7 +124,8 @@ def test_no_roughness_is_shown_of_a_mesh_that_is_not_the_grid():
     assert patch_roughness(scenes.measured_patch(built), built.settings.terrain) is None
     assert roughness_table(scenes.measured_patch(built), built.settings.terrain) == []
     flat = _built({"terrain": {"rms_slope_deg": 0.0}})
-    assert scenes.measured_roughness(bpy.context.scene).startswith("0.0°")
+    assert scenes.ground_statistics(bpy.context.scene) == (
+        "Asked: 0.0° at 1 m, RMS height 0 m", "Made: 0.0° at 1 m, RMS height 0 m")
     assert roughness_table(scenes.measured_patch(flat), flat.settings.terrain)[1][2:4] == ("", "")
 
 

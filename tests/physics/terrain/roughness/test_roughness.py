@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from icymoon.errors import IcyMoonError
-from icymoon.physics.terrain.roughness.roughness import amplitudes, wavelengths_m
+from icymoon.physics.terrain.roughness.roughness import amplitudes, asked_numbers, wavelengths_m
 from icymoon.physics.terrain.roughness.statistics import detrend, lags, measure, power_spectrum, rms_deviation
 from icymoon.physics.terrain.roughness.structure_function import structure
 from icymoon.physics.terrain.terrain import law_range_m, make_terrain, terrain_advice
@@ -186,5 +186,18 @@ def test_the_measures_on_surfaces_that_are_known():
     assert math.isnan(rms_deviation(plane, 400))
     found = measure(plane, 1.0, 10.0)
     assert found.slope_deg == pytest.approx(0.0, abs=1e-6)
-    assert "10 m" in measure(white, 0.5, 10.0).summary()
-    assert "unknown" in measure(white, 0.5, 1000.0).summary()
+    numbers = measure(white, 0.5, 10.0).numbers()
+    assert numbers["rms_slope_deg"] == pytest.approx(math.degrees(math.atan(math.sqrt(2) / 10.0)), rel=0.01)
+    assert numbers["rms_height_m"] == pytest.approx(1.0, rel=0.01)
+    assert measure(white, 0.5, 1000.0).numbers()["rms_slope_deg"] is None
+
+
+@pytest.mark.parametrize("hurst", [0.5, 0.9])
+def test_the_statistics_that_are_asked_are_those_of_a_patch_of_many_waves(hurst):
+    """On 20 m with waves up to 2 m, chance hardly counts."""
+    terrain = TerrainSettings(defaults().terrain, outer_scale_m=2.0, hurst=hurst, slope_baseline_m=0.5)
+    heights = _built(1, 513, outer_scale_m=2.0, hurst=hurst, slope_baseline_m=0.5)
+    asked, made = asked_numbers(terrain), measure(heights, SIZE / 512, 0.5).numbers()
+    assert asked["rms_slope_deg"] == 12.0
+    assert made["rms_slope_deg"] == pytest.approx(12.0, rel=0.05)
+    assert made["rms_height_m"] == pytest.approx(asked["rms_height_m"], rel=0.1)
