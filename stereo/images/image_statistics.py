@@ -1,0 +1,62 @@
+"""Statistics of images that can be compared without a photograph: slope of the power spectrum, black and white parts.
+
+Natural images have a power of about f^-2 in the mean over many (Field 1987, Journal of the Optical Society of America A
+4, 2379), single ones between f^-1 and f^-3. For ice, snow and the ground of moons no such number is published.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+#: Rings of the spectrum from this many cycles per image to this part of its side, and their number.
+_FEWEST_CYCLES, _MOST_CYCLES, _RINGS = 4.0, 0.35, 13
+#: Least side in pixels of a square whose spectrum says something: 4 to 0.35 sides is a range of 2.8 and more.
+LEAST_SIDE_PX = 32
+#: Light below this part of the full scale is black to the eye.
+DARK = 0.02
+
+
+def find_largest_square(mask: np.ndarray) -> tuple[slice, slice]:
+    """Rows and columns of the largest square of a mask (H, W) that is true all over; empty slices if there is none."""
+    side = np.zeros((mask.shape[0] + 1, mask.shape[1] + 1), np.int32)
+    for row in range(mask.shape[0]):
+        above = np.minimum(side[row, 1:], side[row, :-1])
+        for column in np.flatnonzero(mask[row]):
+            side[row + 1, column + 1] = 1 + min(above[column], side[row + 1, column])
+    bottom, right = divmod(int(side.argmax()), side.shape[1])
+    most = int(side[bottom, right])
+    return slice(bottom - most, bottom), slice(right - most, right)
+
+
+def measure_spectral_slope(light: np.ndarray) -> float:
+    """The exponent α of f^-α, the power spectrum of linear light (n, n); NaN for less than 32 pixels or no contrast.
+
+    The mean is taken off, a Hann window fades the borders, and a line is fitted to the logarithm of the mean power in
+    rings from 4 cycles per image to 0.35 cycles per pixel.
+    """
+    n = light.shape[0]
+    if light.shape != (n, n):
+        raise ValueError(f"an image of {light.shape} is no square")
+    if n < LEAST_SIDE_PX or not light.std() > 0:
+        return float("nan")
+    window = np.hanning(n)
+    power = np.abs(np.fft.fft2((light - light.mean()) * window * window[:, None])) ** 2
+    cycles = np.hypot(*np.meshgrid(*[np.fft.fftfreq(n, 1 / n)] * 2))
+    bounds = np.geomspace(_FEWEST_CYCLES, _MOST_CYCLES * n, _RINGS + 1)
+    ring = np.digitize(cycles.ravel(), bounds)
+    count = np.bincount(ring, minlength=_RINGS + 2)[1:-1]
+    filled = count > 0
+    mean = np.bincount(ring, power.ravel(), _RINGS + 2)[1:-1][filled] / count[filled]
+    middle = np.bincount(ring, cycles.ravel(), _RINGS + 2)[1:-1][filled] / count[filled]
+    return -float(np.polyfit(np.log(middle), np.log(mean), 1)[0])
+
+
+def measure_shares(level: np.ndarray, ground: np.ndarray) -> tuple[float, float]:
+    """Of the pixels that show ``ground`` (H, W), the shares that are saturated and darker than 2 % of the full scale.
+
+    ``level`` (H, W) is the image from 0 to 1, the full scale. NaN without ground.
+    """
+    shown = level[ground]
+    if not shown.size:
+        return float("nan"), float("nan")
+    return float((shown >= 1.0).mean()), float((shown < DARK).mean())
