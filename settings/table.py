@@ -472,7 +472,7 @@ ROCKS = Topic("rocks", "Rocks", "Rocks on the ground", (
                      ("FRAGMENTS", "Fragments", "Broken polyhedra"),
                      ("BOULDERS", "Boulders", "Worn and lumpy"),
                      ("SLABS", "Slabs", "Flat plates with broken sides"),
-                     ("BROKEN_ICE", "Broken Ice", "Cleaved blocks with stepped faces and chipped corners"))),
+                     ("BROKEN_ICE", "Broken Ice", "Cleaved rocks with stepped faces and chipped corners"))),
     _fraction("angularity", "Angularity", 0.7,
               "0 for worn, round rocks, 1 for fresh fragments with sharp edges. Boulders are always half worn",
               "geometry"),

@@ -5,8 +5,8 @@ Fracture leaves convex polyhedra: a rock is the part of space behind a number of
 ball of that radius rolled around it, which is exact and needs no smoothing. A vanishing radius is
 fresh fracture, one as large as the rock a ball.
 
-Broken ice has faces that are not plane: blocks are cleaved along three nearly perpendicular directions, cut by a few
-other planes, chipped at their corners, and stepped where the crack has run on at another depth. Nobody has seen a block
+Broken ice has faces that are not plane: they are cleaved along three nearly perpendicular directions, cut by a few
+other planes, chipped at their corners, and stepped where the crack has run on at another depth. Nobody has seen a rock
 of Europa or Enceladus closer than metres: this look is a guess from glacier and sea ice.
 
 A shape has unit size: seen from above it covers pi/4 square metres (a circle of diameter 1) and it
@@ -101,14 +101,14 @@ def _draw_planes(family: str, random: np.random.Generator) -> tuple[np.ndarray, 
 
 
 def _draw_cleavage(random: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-    """Unit normals and distances from the centre of the planes that bound a block of ice."""
+    """Unit normals and distances from the centre of the planes that bound a rock of broken ice."""
     def unit(vectors: np.ndarray) -> np.ndarray:
         return np.asarray(vectors / np.linalg.norm(vectors, axis=1, keepdims=True))
 
     axes = np.linalg.qr(random.normal(size=(3, 3)))[0]
     normals = unit(np.concatenate([axes, -axes]) + random.normal(0, _CLEAVAGE_JITTER, (6, 3)))
     depths = np.tile(np.array([1.0, 0.8, 0.62]) * random.uniform(0.85, 1.1, 3), 2) * random.uniform(0.9, 1.1, 6)
-    # Planes across the block, then chips of its corners: each cuts off a part of what is there.
+    # Planes across the rock, then chips of its corners: each cuts off a part of what is there.
     cuts = unit(random.normal(size=(random.integers(3, 6), 3)))
     farthest = (cuts @ corners_of(normals, depths).T).max(axis=1)
     depths = np.append(depths, farthest * random.uniform(0.62, 0.85, len(cuts)))
@@ -189,7 +189,7 @@ def _follow_edges(directions: np.ndarray, planes: np.ndarray, step: float) -> np
 
 def _break_ice(normals: np.ndarray, depths: np.ndarray, angularity: float,
                random: np.random.Generator) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Vertices at every level of a block of broken ice, all of whose triangles are flat."""
+    """Vertices at every level of a rock of broken ice, all of whose triangles are flat."""
     waves = [(random.normal(0, number, (3, 4)), random.uniform(0, 1, 4)) for number in _STEP_WAVES]
     power = 8.0 + 42.0 * angularity  # rounds edges by about a step of the finest mesh at 0.9
     planes, levels = normals / depths[:, None], []
