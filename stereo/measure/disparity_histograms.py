@@ -41,7 +41,8 @@ def histograms_of(disparity: np.ndarray, true_disparity: np.ndarray) -> Histogra
 
 
 def _part(disparity: np.ndarray) -> np.ndarray:
-    return np.asarray(np.rint(disparity * PARTS).astype(np.intp) & PARTS - 1)
+    """Bin of the part of a pixel. The remainder is taken first: a disparity may be larger than any integer."""
+    return np.asarray(np.rint(disparity % 1.0 * PARTS).astype(np.intp) & PARTS - 1)
 
 
 def add(total: Mapping[str, Sequence[float]] | None, more: Mapping[str, Sequence[float]]) -> Histograms:
