@@ -241,7 +241,7 @@ _list_qualities = remember(list_qualities)
 def speed_line(settings: Settings) -> str:
     """Of which machine the seconds are."""
     speed = known_speed(str(settings.quality.device))
-    return f"Timed on {speed.basis}" if speed else "Timed on another machine; Speed and Accuracy below measures this one"
+    return f"Timed on {speed.basis}" if speed else "Timed on another machine; Speed and Accuracy below times this one"
 
 
 @lru_cache(maxsize=2)
