@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import importlib.util
 import re
 import subprocess
 import sys
@@ -176,7 +177,9 @@ def test_pure_rooms_know_no_blender(path):
 
 
 def test_pure_rooms_import_without_blender():
-    modules = [name_of(path) for path in SOURCES if in_a_pure_room(path) and path.stem != "__main__"]
+    there = importlib.util.find_spec("torch") is not None  # not in the Python 3.13 that has Blender 5.2
+    modules = [name_of(path) for path in SOURCES if in_a_pure_room(path) and path.stem != "__main__"
+               and (there or "networks" not in path.parts)]
     program = ("import importlib, sys\n"
                "sys.modules['bpy'] = sys.modules['mathutils'] = sys.modules['_cycles'] = None\n"
                "for name in sys.argv[1:]:\n    print(name)\n    importlib.import_module('icymoon.' + name)")

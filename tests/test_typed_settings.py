@@ -92,6 +92,7 @@ PLACES = {"render/used.py": "def use(folder: str) -> None:", "benchmarks/used.py
 def complaints(tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[str]]:
     """What mypy, as this project configures it, has against each of ``LINES`` in each of ``PLACES``; empty for
     nothing."""
+    pytest.importorskip("mypy")
     folder, source = tmp_path_factory.mktemp("checkout"), Path(icymoon.__file__).parent
     shutil.copyfile(source / "pyproject.toml", folder / "pyproject.toml")
     shutil.copyfile(source / "typed_settings.py", folder / "typed_settings.py")

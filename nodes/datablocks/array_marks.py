@@ -85,4 +85,6 @@ def mesh_arrays(mesh: bpy.types.Mesh) -> list[Any]:
     shown_uv = next((layer.name for layer in mesh.uv_layers if layer.active_render), "")
     sizes = [len(mesh.vertices), len(mesh.edges), len(mesh.loops), len(mesh.polygons)]
     colour = mesh.attributes.default_color_name or ""
-    return [sizes, attributes(mesh), normals, shown_uv, "" if colour.startswith(PAINTED) else colour]
+    if colour.startswith(PAINTED) or colour not in mesh.attributes:  # 5.2 keeps the name of one that was removed
+        colour = ""
+    return [sizes, attributes(mesh), normals, shown_uv, colour]

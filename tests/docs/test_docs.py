@@ -137,6 +137,10 @@ def test_every_settings_file_loads(block, tmp_path):
         assert key in raw[topic], f"{block}: a source of {name}, which it does not set"
 
 
+#: What a Python need not have in which the tests run: Blender's module, and that of the networks.
+ELSEWHERE = ("bpy", "torch")
+
+
 @pytest.mark.parametrize("block", [b for b in BLOCKS if b.language == "python"], ids=str)
 def test_every_piece_of_python_compiles_and_finds_what_it_imports(block):
     tree = ast.parse(block.code)
@@ -147,7 +151,7 @@ def test_every_piece_of_python_compiles_and_finds_what_it_imports(block):
             assert all(hasattr(module, alias.name) for alias in node.names), f"{block}: {ast.unparse(node)}"
         elif isinstance(node, ast.Import):
             for alias in node.names:
-                there = alias.name == "bpy" or importlib.util.find_spec(alias.name.split(".")[0])
+                there = alias.name in ELSEWHERE or importlib.util.find_spec(alias.name.split(".")[0])
                 assert there, f"{block}: {alias.name}"
 
 

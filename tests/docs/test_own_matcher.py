@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import shlex
 import sys
-from pathlib import Path
 
 import manual
 import pairs
@@ -22,6 +21,14 @@ def after(words: str) -> int:
     return next(k for k, code in enumerate(CODE) if words in code)
 
 
+def put_python_on_path(folder, monkeypatch):
+    """Make ``python`` the one that runs the tests: not every system has that name for it."""
+    folder.mkdir()
+    (folder / "python").write_text(f'#!/bin/sh\nexec "{sys.executable}" "$@"\n', encoding="utf-8")
+    (folder / "python").chmod(0o755)
+    monkeypatch.setenv("PATH", str(folder), prepend=":")
+
+
 @pytest.mark.parametrize(("file", "program", "command", "name"), [
     ("mynet.py", "from icymoon_serve import serve", "mynet=resident", "mynet"),
     ("mine.py", "import sys", "command='python mine.py", "mine")])
@@ -32,7 +39,7 @@ def test_a_program_of_the_manual_gets_its_row(file, program, command, name, tmp_
     assert len(lines) + 1 <= MOST_LINES  # with the command
     (tmp_path / file).write_text(text + "\n", encoding="utf-8")
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("PATH", str(Path(sys.executable).parent), prepend=":")
+    put_python_on_path(tmp_path / "bin", monkeypatch)
     assert words[:3] == ["python", "-m", "icymoon.stereo"]
     assert cli.main(words[3:]) == 0
     rows = json.loads((tmp_path / "REPORT" / "report.json").read_text(encoding="utf-8"))["rows"]
