@@ -144,6 +144,7 @@ class CracksSettings(Table):
     plate_m: float  # m
     elongation: float
     azimuth_deg: float  # deg
+    edges: Literal["ROUNDED", "BROKEN"]
 
 
 class ChaosSettings(Table):
@@ -156,6 +157,7 @@ class ChaosSettings(Table):
     gap_m: float  # m
     tilt_deg: float  # deg
     matrix_m: float  # m
+    edges: Literal["ROUNDED", "BROKEN"]
 
 
 class CratersSettings(Table):
@@ -180,6 +182,7 @@ class HollowsSettings(Table):
     diameter_m: float  # m
     elongation: float
     azimuth_deg: float  # deg
+    crest_m: float  # m
 
 
 class PenitentesSettings(Table):

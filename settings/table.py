@@ -220,6 +220,9 @@ CRACKS = Topic("cracks", "Cracks", "Fractures along the edges of plates", (
             "nearly parallel fractures beside a tiger stripe", "geometry", "1", 1.0, 100.0, (1.0, 15.0)),
     _degrees("azimuth_deg", "Direction", 0.0, -360.0, 360.0,
              "Direction of elongated cracks, from north (+Y) over east (+X)", "geometry"),
+    Setting("edges", "Edges", "ROUNDED", "Shape of the walls of cracks, and what lies in them", "geometry",
+            choices=(("ROUNDED", "Rounded", "Smooth walls that end in the middle of the crack"),
+                     ("BROKEN", "Broken", "Steep, chipped walls, and fallen fragments of ice on the floor"))),
 ), LANDFORMS)
 
 CHAOS = Topic("chaos", "Chaos", "Raised and tilted plates of broken crust in a lumpy matrix", (
@@ -233,6 +236,10 @@ CHAOS = Topic("chaos", "Chaos", "Raised and tilted plates of broken crust in a l
              (0.0, 30.0)),
     _metres("matrix_m", "Matrix Relief", 0.0, 0.0, 1000.0, (0.0, 2.0), "RMS height of the lumps between the plates",
             "geometry"),
+    Setting("edges", "Edges", "ROUNDED", "Shape of the edges of plates, and what lies between them", "geometry",
+            choices=(("ROUNDED", "Rounded", "Bent edges, scarps of 60 degrees with smooth rims, and lumps between"),
+                     ("BROKEN", "Broken", "Straight, chipped edges, scarps of 80 degrees with sharp rims, and tilted "
+                      "fragments of ice between"))),
 ), LANDFORMS)
 
 CRATERS = Topic("craters", "Craters", "Small bowl-shaped craters with a power law of sizes", (
@@ -260,6 +267,8 @@ HOLLOWS = Topic("hollows", "Hollows", "Cups with sharp rims, formed by sublimati
             "about 5", "geometry", "1", 1.0, 100.0, (1.0, 10.0)),
     _degrees("azimuth_deg", "Direction", 0.0, -360.0, 360.0,
              "Direction of the long axis of the hollows, from north (+Y) over east (+X)", "geometry"),
+    _metres("crest_m", "Crest Width", 0.0, 0.0, 100.0, (0.0, 0.2), "Width over which the crests between hollows are "
+            "round; 0 for edges, which a mesh shows as teeth", "geometry"),
 ), LANDFORMS)
 
 PENITENTES = Topic("penitentes", "Penitentes", "Rows of ice blades that lean toward the noon Sun", (

@@ -2,52 +2,78 @@
 
 Conamara Chaos on Europa has plates of kilometres standing up to hundreds of metres above a matrix
 (Carr et al. 1998, Nature 391, 363); the pattern is used here at whatever scale is asked for.
+
+Plates have one of two kinds of edges. **Rounded**: edges bend, scarps of 60 degrees end smoothly, and the matrix is
+lumps. **Broken**: straight edges that fit their neighbours', with chips, scarps of 80 degrees with sharp rims, and a
+matrix of tilted fragments as between floes of broken sea ice. No image shows either moon at metres: both are guesses.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from ....typed_settings import ChaosSettings
 from ..noise.voronoi import voronoi
-from .common import Landform, draw_key, smooth_step, turn, wander
+from .common import Landform, broken_step, draw_key, facets, only_where, smooth_step, turn, wander
 
-#: Slope of the plates' scarps: debris at the foot leaves them no steeper.
-_SCARP = math.tan(math.radians(60.0))
+#: Slope of the plates' scarps by kind of edge: debris at the foot leaves rounded ones no steeper.
+_SCARP = {"ROUNDED": math.tan(math.radians(60.0)), "BROKEN": math.tan(math.radians(80.0))}
 #: The lowest plate, as a share of the relief.
 _LOWEST = 0.5
-#: RMS of the three octaves of matrix noise below.
-_MATRIX_RMS = 0.350
+#: RMS of the three octaves of matrix noise below, and of the matrix of fragments.
+_MATRIX_RMS = {"ROUNDED": 0.350, "BROKEN": 0.2055}
+#: Width of the fragments between broken plates, in plates, from large to small; each is that much lower, too.
+_FRAGMENTS = (0.28, 0.11, 0.04)
+#: Slope of a fragment's sides.
+_FRAGMENT_SIDE = 2.2
+#: Widths of the chips of broken edges, in plates.
+_CHIPS = (0.09, 0.16, 0.26)
 
 
 def make(settings: ChaosSettings, random: np.random.Generator, size_m: float) -> Landform | None:
     """Plates up to ``relief_m`` above a matrix of RMS height ``matrix_m``."""
-    keys = [draw_key(random) for _ in range(10)]
-    relief, plate, gap = settings.relief_m, settings.plate_m, settings.gap_m
-    rough, share = settings.matrix_m / _MATRIX_RMS, settings.plate_share
+    keys = [draw_key(random) for _ in range(13 + len(_CHIPS))]
+    relief, plate, gap, edges = settings.relief_m, settings.plate_m, settings.gap_m, settings.edges
+    rough, share = settings.matrix_m / _MATRIX_RMS[edges], settings.plate_share
     if relief == 0.0 and rough == 0.0:
         return None
-    scarp = max(relief / _SCARP, 0.02 * plate)
+    scarp = max(relief / _SCARP[edges], 0.02 * plate)
     tilt = math.tan(math.radians(settings.tilt_deg))
-
-    def matrix(u: np.ndarray, v: np.ndarray) -> np.ndarray:
-        return sum((0.5**k * wander(u * 4.0 * 2.0**k, v * 4.0 * 2.0**k, keys[7 + k]) for k in range(3)),
-                   start=np.zeros(()))
 
     def heights(x_m: np.ndarray, y_m: np.ndarray, shortest_m: Any) -> np.ndarray:
         v, u = turn(x_m / plate, y_m / plate, 0.0)
-        bend_u, bend_v = (0.08 * wander(1.7 * u, 1.7 * v, k) for k in keys[:2])
-        cells = voronoi(u + bend_u, v + bend_v, keys[2])
+        if edges == "BROKEN":
+            cells = voronoi(u, v, keys[2])
+            inside = broken_step(cells.edge_distance(), u, v, gap / 2 / plate, scarp / plate, _CHIPS, keys[13:])
+        else:
+            bend_u, bend_v = (0.08 * wander(1.7 * u, 1.7 * v, k) for k in keys[:2])
+            cells = voronoi(u + bend_u, v + bend_v, keys[2])
+            inside = smooth_step((plate * cells.edge_distance() - gap / 2) / scarp)
         # Random direction of the tilt from a point in the square: no sines needed.
         east, north = (tilt * (2.0 * cells.random(k) - 1.0) for k in keys[3:5])
         top = relief * (_LOWEST + (1.0 - _LOWEST) * cells.random(keys[5])) \
             - plate * (east * cells.x1 + north * cells.y1)
-        inside = smooth_step((plate * cells.edge_distance() - gap / 2) / scarp)
         inside *= cells.random(keys[6]) < share
-        low = rough * matrix(u, v) if rough else 0.0
+        low = rough * only_where(inside < 1.0, matrix, u, v) if rough else 0.0
         return low + inside * (top - low)
 
+    def matrix(u: np.ndarray, v: np.ndarray) -> np.ndarray:
+        return _fragments(u, v, keys[10:13]) if edges == "BROKEN" else _lumps(u, v, keys[7:10])
+
     return Landform(scarp, heights)
+
+
+def _lumps(u: np.ndarray, v: np.ndarray, keys: Sequence[int]) -> np.ndarray:
+    """Three octaves of gradient noise."""
+    return sum((0.5**k * wander(u * 4.0 * 2.0**k, v * 4.0 * 2.0**k, key) for k, key in enumerate(keys)),
+               start=np.zeros(()))
+
+
+def _fragments(u: np.ndarray, v: np.ndarray, keys: Sequence[int]) -> np.ndarray:
+    """Tilted fragments of three sizes, the smaller ones between and on the larger."""
+    return sum((width / _FRAGMENTS[0] * facets(u / width, v / width, _FRAGMENT_SIDE, key)
+                for width, key in zip(_FRAGMENTS, keys, strict=True)), start=np.zeros(()))

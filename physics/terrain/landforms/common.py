@@ -3,14 +3,22 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from ..noise.lattice_noise import gradient_noise
+from ..noise.voronoi import voronoi
 from ..roughness.roughness import carried_share
+
+#: Largest slope of a facet toward either axis, heights and lengths in facets.
+_FACET_TILT = 0.45
+#: No point of a cell is further than sqrt(2) from its own.
+_HIGHEST_FACET = 1.0 + 2.0 * _FACET_TILT
+#: How deep chips reach, as a share of their width.
+_CHIP_DEPTH = 0.4
 
 
 @dataclass(frozen=True)
@@ -50,3 +58,42 @@ def smooth_step(t: np.ndarray) -> np.ndarray:
 def wander(u: np.ndarray, v: np.ndarray, key: int) -> np.ndarray:
     """Gradient noise of full arrays, shifted by a fraction so that a feature's origin is no lattice point."""
     return gradient_noise(u + 0.37, v + 0.61, key)
+
+
+def facets(u: np.ndarray, v: np.ndarray, side: float, key: int) -> np.ndarray:
+    """Flat, tilted tops at random heights between 0 and about 1, one a Voronoi cell of width 1, as of broken ice.
+
+    They fall to 0 at the edges of the cells, with the slope ``side`` or less. ``u`` and ``v`` in facets.
+    """
+    cells = voronoi(u, v, key)
+    high = cells.random(key ^ 1)
+    # The tilt turns with the height's later digits, so that no further random number is needed.
+    tilt_u, tilt_v = (_FACET_TILT * (2.0 * (digits * high % 1.0) - 1.0) for digits in (64.0, 4096.0))
+    # Half of F2 - F1 is the distance to an edge where the edge crosses the line between two points, less elsewhere.
+    return np.minimum(high - tilt_u * cells.x1 - tilt_v * cells.y1, 0.5 * side * (cells.f2 - cells.f1))
+
+
+def only_where(mask: np.ndarray, of: Callable[..., np.ndarray], *coordinates: np.ndarray) -> np.ndarray:
+    """Values of a function of coordinates where a mask of their shape is set, 0 elsewhere."""
+    result = np.zeros(mask.shape)
+    if mask.any():
+        result[mask] = of(*(np.broadcast_to(c, mask.shape)[mask] for c in coordinates))
+    return result
+
+
+def broken_step(distance: np.ndarray, u: np.ndarray, v: np.ndarray, foot: float, width: float,
+                chips: Sequence[float], keys: Sequence[int]) -> np.ndarray:
+    """A step from 0 at the distance ``foot`` to 1 at ``foot + width``, out of which chips are broken.
+
+    It has a ledge for each of the widths of ``chips``, from the foot up; chips reach behind the straight edge by up to
+    0.4 of their width. All lengths have the unit of ``distance``, ``u`` and ``v``.
+    """
+    def ledges(behind: np.ndarray, u: np.ndarray, v: np.ndarray) -> np.ndarray:
+        total = np.zeros(behind.shape)
+        for k, (size, key) in enumerate(zip(chips, keys, strict=True)):
+            lost = _CHIP_DEPTH * size * np.maximum(facets(u / size, v / size, 2.0, key), 0.0)
+            total += np.clip((behind - lost) * (len(chips) / width) - k, 0.0, 1.0)
+        return total / len(chips)
+
+    whole = distance >= foot + width + _CHIP_DEPTH * _HIGHEST_FACET * max(chips)
+    return whole + only_where((distance > foot) & ~whole, ledges, distance - foot, u, v)

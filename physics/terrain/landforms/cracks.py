@@ -3,39 +3,60 @@
 They run along the edges of Voronoi plates. Stretched plates give the long sub-parallel fractures of a
 tiger stripe's flank (Helfenstein & Porco 2015, Astron. J. 150, 96, map them at 100 m and coarser; at
 the scale of a lander their size is an assumption).
+
+The walls of **rounded** cracks are smooth steps from edge to middle. Those of **broken** ones are steep and chipped,
+and fallen fragments lie on the floor: a guess from fractures in glacier ice.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from ....typed_settings import CracksSettings
 from ..noise.voronoi import voronoi
-from .common import Landform, draw_key, smooth_step, turn, wander
+from .common import Landform, broken_step, draw_key, facets, only_where, smooth_step, turn, wander
 
 #: Bending of the cracks, in plates, and its wavelength in plates.
 _BEND, _BEND_LENGTH = 0.06, 0.6
+#: Of broken cracks, in half widths: where the wall starts, and the widths of chips.
+_FOOT, _CHIPS = 0.65, (0.4, 0.8, 1.3)
+#: Fallen fragments: width in half widths, height as a share of the depth, how much of each is buried; slope of the
+#: sides.
+_FALLEN, _FRAGMENT_SIDE = ((1.1, 0.7, 0.35), (0.35, 0.16, 0.1), (0.12, 0.05, 0.0)), 2.2
 
 
 def make(settings: CracksSettings, random: np.random.Generator, size_m: float) -> Landform | None:
     """Cracks ``depth_m`` deep and ``width_m`` wide from edge to edge, with rims over another width to either side."""
-    keys = [draw_key(random) for _ in range(3)]
-    depth, width, rim = settings.depth_m, settings.width_m, settings.rim_m
+    keys = [draw_key(random) for _ in range(6 + len(_CHIPS))]
+    depth, half, rim = settings.depth_m, settings.width_m / 2, settings.rim_m
     if depth == 0.0 and rim == 0.0:
         return None
+    broken = settings.edges == "BROKEN"
     broad = settings.plate_m
     long = broad * settings.elongation
 
     def heights(x_m: np.ndarray, y_m: np.ndarray, shortest_m: Any) -> np.ndarray:
         along, across = turn(x_m, y_m, settings.azimuth_deg)
         u, v = along / long, across / broad
-        bend_u, bend_v = (_BEND * wander(u / _BEND_LENGTH, v / _BEND_LENGTH, k) for k in keys[1:])
-        distance = voronoi(u + bend_u, v + bend_v, keys[0]).edge_distance(long, broad) / (width / 2)
-        wall = (depth + rim) * smooth_step(distance) - depth
+        bend_u, bend_v = (_BEND * wander(u / _BEND_LENGTH, v / _BEND_LENGTH, k) for k in keys[1:3])
+        distance = voronoi(u + bend_u, v + bend_v, keys[0]).edge_distance(long, broad) / half
         # The rim falls off over a crack's width, to nothing with no step.
         outer = np.clip((3.0 - distance) / 2.0, 0.0, 1.0)
-        return np.where(distance < 1.0, wall, rim * outer * outer)
+        outside = rim * outer * outer
+        if not broken:
+            return np.where(distance < 1.0, (depth + rim) * smooth_step(distance) - depth, outside)
+        x, y = along / half, across / half
+        step = broken_step(distance, x, y, _FOOT, 1.0 - _FOOT, _CHIPS, keys[6:])
+        fallen = only_where(step < 1.0, lambda x, y: _fallen(x, y, keys[3:6]), x, y)
+        return step * outside - depth * (1.0 - step) * (1.0 - fallen)
 
-    return Landform(width / 2, heights)
+    return Landform(half * (1.0 - _FOOT if broken else 1.0), heights)
+
+
+def _fallen(x: np.ndarray, y: np.ndarray, keys: Sequence[int]) -> np.ndarray:
+    """Height of the fragments on the floor as a share of the depth; coordinates in half widths."""
+    return sum((high * np.maximum(facets(x / size, y / size, _FRAGMENT_SIDE, key) - buried, 0.0)
+                for size, high, buried, key in zip(*_FALLEN, keys, strict=True)), start=np.zeros(()))

@@ -19,12 +19,15 @@ from .common import Landform, draw_key, turn, wander
 _BEND, _BEND_LENGTH = 0.15, 0.8
 #: The shallowest hollow, as a share of the deepest.
 _SHALLOWEST = 0.6
+#: Half the mean slope beside an edge, in depths per diameter: how deep a hollow is half a crest's width from it.
+_CREST_SLOPE = 3.0
 
 
 def make(settings: HollowsSettings, random: np.random.Generator, size_m: float) -> Landform | None:
     """Hollows between rims at the level of the ground, the deepest ``depth_m`` deep."""
     keys = [draw_key(random) for _ in range(4)]
     depth, diameter = settings.depth_m, settings.diameter_m
+    crest = _CREST_SLOPE * depth * settings.crest_m / diameter
     if depth == 0.0:
         return None
 
@@ -35,6 +38,10 @@ def make(settings: HollowsSettings, random: np.random.Generator, size_m: float) 
         cells = voronoi(u + bend_u, v + bend_v, keys[0])
         deep = depth * (_SHALLOWEST + (1.0 - _SHALLOWEST) * cells.random(keys[1]))
         # The square of F1 / F2 is 0 at a cell's point and 1 on all its edges.
-        return -deep * (1.0 - cells.f1**2 / np.maximum(cells.f2, 1e-12) ** 2)
+        below = deep * (1.0 - cells.f1**2 / np.maximum(cells.f2, 1e-12) ** 2)
+        if crest:
+            # A hyperbola: level on the edge from both sides, and as deep as before at the point.
+            below = (np.hypot(below, crest) - crest) * (deep / (np.hypot(deep, crest) - crest))
+        return -below
 
     return Landform(diameter / 2, heights)

@@ -162,6 +162,24 @@ def test_long_plates_make_sub_parallel_cracks():
     assert np.mean(heights < -0.25) > 0.05
 
 
+def test_broken_cracks_are_steeper_than_rounded_ones_and_hold_fallen_fragments():
+    asked: dict[str, Any] = {"depth_m": 0.5, "width_m": 0.4, "plate_m": 3.0}
+    rounded, broken = (_grid(_made("cracks", edges=edges, **asked), 16.0, 1601) for edges in ("ROUNDED", "BROKEN"))
+    step = rounded[1]
+    # As deep as stated, and as wide but for chips, which reach 0.4 of their width into the plate.
+    assert broken[0].min() == pytest.approx(-0.5, rel=0.02)
+    inside = [np.mean(heights < 0) for heights, _ in (rounded, broken)]
+    assert 1.0 < inside[1] / inside[0] < 1.0 + 0.4 * (1.1 + 0.3)
+    # Walls take 0.35 of the half width instead of all of it; ledges are less steep in part.
+    middle = [np.abs(heights + 0.2) < 0.1 for heights, _ in (rounded, broken)]
+    slopes = [np.median(np.hypot(*np.gradient(heights, step))[where])
+              for (heights, _), where in zip((rounded, broken), middle, strict=True)]
+    assert slopes[1] > 1.25 * slopes[0]
+    # Fallen fragments cover the floor, and none reaches out of the crack.
+    assert np.mean(broken[0][broken[0] < -0.3] > -0.49) > 0.5
+    assert broken[0].max() <= 1e-12
+
+
 # --- chaos ------------------------------------------------------------------------------------------------------------
 
 def test_plates_stand_at_the_stated_share_and_relief():
@@ -193,7 +211,56 @@ def test_plates_are_tilted_as_stated_between_gaps_and_a_lumpy_matrix():
     assert matrix.std() == pytest.approx(0.3, rel=0.05)
 
 
+def _curvatures(edges):
+    heights, step = _grid(_made("chaos", relief_m=0.0, plate_share=0.0, matrix_m=0.3, edges=edges), 4.0, 1001)
+    return np.diff(heights, 2, axis=0).ravel() / step**2
+
+
+def test_broken_chaos_is_of_flat_faces_that_meet_at_edges():
+    """Curvature is in the edges: its kurtosis is far above the 3 of a Gaussian field, which the lumps are near."""
+    lumps, blocks = (_curvatures(edges) for edges in ("ROUNDED", "BROKEN"))
+    kurtosis = [np.mean(c**4) / np.mean(c**2) ** 2 for c in (lumps, blocks)]
+    assert kurtosis[0] < 6.0 < 12.0 < kurtosis[1]
+    # Most of each face is plane.
+    assert np.mean(np.abs(blocks) < 0.01 * np.abs(blocks).max()) > 0.5 > 0.2 > np.mean(
+        np.abs(lumps) < 0.01 * np.abs(lumps).max())
+
+
+def test_broken_plates_have_steep_scarps_and_a_matrix_of_the_stated_height():
+    heights, step = _grid(_made("chaos", relief_m=1.0, plate_m=4.0, plate_share=1.0, gap_m=0.3, tilt_deg=0.0,
+                                edges="BROKEN"), 16.0, 1201)
+    slope = np.hypot(*np.gradient(heights, step))
+    scarp = slope > 1.0
+    # A plate of relief 0.5 to 1 m rises over 1 m / tan(80 degrees).
+    assert math.radians(70.0) < math.atan(np.median(slope[scarp])) < math.radians(83.0)
+    # Tops and ledges are level right up to their rims: no rounding but that of one step of the grid.
+    assert np.mean((slope > 0.01) & (slope < 1.0)) < 0.2 * np.mean(scarp)
+    matrix, _ = _grid(_made("chaos", relief_m=0.0, plate_share=0.0, matrix_m=0.3, edges="BROKEN"), 80.0, 601)
+    assert matrix.std() == pytest.approx(0.3, rel=0.05)
+
+
+def test_edges_of_plates_lose_no_more_than_their_chips():
+    """Broken plates are those of straight cells, less the gap, the scarp and chips of at most 0.4 of their width."""
+    whole, broken = (_grid(_made("chaos", relief_m=1.0, plate_m=4.0, plate_share=1.0, gap_m=gap, tilt_deg=0.0,
+                                 edges="BROKEN"), 60.0, 801)[0] for gap in (0.0, 0.3))
+    assert (broken <= whole + 1e-12).all()
+    lost = np.mean(whole > 0) - np.mean(broken > 0)
+    assert lost == pytest.approx(0.3 * 2.0 / 4.0, rel=0.25)  # gap times edges per area
+
+
 # --- hollows ----------------------------------------------------------------------------------------------------------
+
+def test_crests_between_hollows_are_as_round_as_stated():
+    """Across a crest the slope turns over the stated width instead of at once; the floor of a hollow stays as it is."""
+    sharp, round_ = (_grid(_made("hollows", depth_m=0.2, diameter_m=1.0, crest_m=crest), 6.0, 3001)[0]
+                     for crest in (0.0, 0.05))
+    assert (sharp.min(), sharp.max()) == pytest.approx((round_.min(), round_.max()), abs=2e-3)
+    assert np.abs(sharp - round_).max() < 3.0 * 0.2 * 0.05 + 1e-3  # how deep it is half a width beside the edge
+    # A kink turns the slope by it all at once, a crest of 5 cm over 25 steps of 2 mm; corners keep some of it.
+    turn = [np.quantile(np.abs(np.diff(heights, 2, axis=1)), 0.999) for heights in (sharp, round_)]
+    assert turn[1] < 0.3 * turn[0]
+
+
 
 def test_hollows_have_the_stated_depth_and_number():
     heights, _ = _grid(_made("hollows", depth_m=0.2, diameter_m=1.0), 30.0, 1001)
