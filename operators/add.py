@@ -12,7 +12,7 @@ from ..errors import IcyMoonError
 from ..nodes.add_objects import build_rock_object, build_terrain_object
 from ..settings import description
 from ..settings.preset_files import load_preset
-from ..settings.table import LANDFORMS, TOPICS, ground_numbers
+from ..settings.table import LANDFORMS, TOPICS, ground_settings
 from ..typed_settings import Settings
 from .presets import preset_items
 from .sidebar_text import in_window
@@ -21,10 +21,12 @@ from .sidebar_text import in_window
 def setting_property(topic: str, key: str, **other: Any) -> Any:
     """A property of an operator with the label, range and tooltip of a setting."""
     setting = TOPICS[topic][key]
+    common = {"name": setting.label, "description": setting.description, "default": setting.default}
+    if setting.choices:
+        return bpy.props.EnumProperty(**{**common, "items": setting.choices, **other})
     low, high = setting.soft or (setting.minimum, setting.maximum)
     make = bpy.props.IntProperty if setting.kind == "int" else bpy.props.FloatProperty
-    return make(**{"name": setting.label, "description": setting.description, "default": setting.default,
-                   "min": setting.minimum, "max": setting.maximum, "soft_min": low, "soft_max": high,
+    return make(**{**common, "min": setting.minimum, "max": setting.maximum, "soft_min": low, "soft_max": high,
                    "subtype": setting.subtype, **other})
 
 
@@ -81,7 +83,7 @@ class ICYMOON_OT_add_terrain(_AddOperator, bpy.types.Operator):
     bl_label = "Icy Terrain"
     bl_options = {"REGISTER", "UNDO"}
 
-    own_settings = ground_numbers()
+    own_settings = ground_settings()
     __annotations__ = {
         name: setting_property(topic, key, options={"SKIP_SAVE"}, **_OPTIONS.get(name, {}))
         for name, (topic, key) in own_settings.items()}

@@ -787,8 +787,8 @@ def all_settings() -> list[tuple[str, Setting]]:
     return [(topic.key, setting) for topic in TOPICS.values() for setting in topic.settings]
 
 
-def ground_numbers() -> dict[str, tuple[str, str]]:
-    """(topic, key) of the seed and of each number of a patch of ground and its landforms, by a name for a keyword.
+def ground_settings() -> dict[str, tuple[str, str]]:
+    """(topic, key) of the seed, of each number of a patch of ground and of all of its landforms, by a keyword.
 
     The radius of the body is none of them: a patch is flat.
     """

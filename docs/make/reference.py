@@ -19,7 +19,7 @@ from typing import Any
 from icymoon.commands import cli
 from icymoon.render.plans.vary_scene import SPACINGS
 from icymoon.settings import preset_files, toml_text
-from icymoon.settings.table import TOPICS, Setting, ground_numbers
+from icymoon.settings.table import TOPICS, Setting, ground_settings
 from icymoon.stereo import cli as stereo_cli
 from icymoon.stereo.matchers import MATCHERS
 from icymoon.version import ROOT
@@ -269,7 +269,7 @@ def _operators_of(path: Path) -> Iterator[Operator]:
         properties: dict[str, tuple[str, str]] = {}
         if "__annotations__" in stated:  # made of settings
             properties = {name: (TOPICS[topic][key].label, TOPICS[topic][key].description)
-                          for name, (topic, key) in ground_numbers().items()}
+                          for name, (topic, key) in ground_settings().items()}
         choices: dict[str, list[str]] = {name: [] for name in properties}
         if any(isinstance(base, ast.Name) and base.id == "_ValueFields" for base in node.bases):
             for name, words in _value_fields():
