@@ -119,6 +119,7 @@ class MeshSettings(Table):
     edge_px: float  # px
     farthest_m: float  # m
     most: int  # vertices
+    crests: Literal["ROUNDED", "CUT"]
 
 
 class RidgesSettings(Table):

@@ -43,15 +43,17 @@ def site_wavelength_m(terrain: TerrainSettings, ground: Surface) -> float:
 
 @dataclass(frozen=True)
 class MeshedGround:
-    """Procedural ground as numbers: its heights, and positions (n, 3) and faces (m, corners per face) of its mesh."""
+    """Procedural ground as numbers: its heights, and the positions (n, 3), faces (m, corners per face) and sharp edges
+    (k, 2) of its mesh."""
 
     surface: Terrain | Graded
     positions: np.ndarray
     faces: np.ndarray
+    sharp: np.ndarray
 
     def build_mesh(self, name: str) -> bpy.types.Mesh:
         """The smooth-shaded mesh."""
-        return build_mesh_from_arrays(name, self.positions, self.faces)
+        return build_mesh_from_arrays(name, self.positions, self.faces, self.sharp)
 
 
 def mesh_ground(ground: Terrain, settings: Settings) -> MeshedGround:
@@ -60,16 +62,16 @@ def mesh_ground(ground: Terrain, settings: Settings) -> MeshedGround:
     return MeshedGround(surface, *arrays_of(settings.terrain, surface))
 
 
-def arrays_of(terrain: TerrainSettings, ground: Surface) -> tuple[np.ndarray, np.ndarray]:
-    """Positions and faces of ``ground``: graded, or a grid from ``terrain`` settings that is centred on the origin.
+def arrays_of(terrain: TerrainSettings, ground: Surface) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Positions, faces and sharp edges of ``ground``: graded, or a grid from ``terrain`` settings about the origin.
 
     Raises ValueError if a height is not finite.
     """
     if not isinstance(ground, Graded):
-        return grid(terrain, ground)
-    positions, faces = ground.mesh()
+        return *grid(terrain, ground), np.empty((0, 2), np.int64)
+    positions, faces, sharp = ground.mesh()
     _check_finite(positions[:, 2])
-    return positions, faces
+    return positions, faces, sharp
 
 
 def build_mesh(name: str, terrain: TerrainSettings, ground: Surface) -> bpy.types.Mesh:
@@ -158,15 +160,27 @@ def roughness_table(heights: np.ndarray | None, terrain: TerrainSettings) -> lis
 
 
 def build_mesh_from_arrays(name: str, positions: np.ndarray, faces: np.ndarray,
-                           uv: np.ndarray | None = None) -> bpy.types.Mesh:
-    """A smooth-shaded mesh from float32 positions (n, 3) and int32 faces (m, corners per face), with the UV
-    coordinates (m, corners per face, 2) of the corners if there are any."""
+                           sharp: np.ndarray | None = None, uv: np.ndarray | None = None) -> bpy.types.Mesh:
+    """A mesh from float32 positions (n, 3) and int32 faces (m, corners per face), smooth-shaded but along ``sharp``
+    edges (k, 2), with the UV coordinates (m, corners per face, 2) of the corners if there are any."""
     mesh = bpy.data.meshes.new(name)
     fill_mesh(mesh, positions, faces)
+    if sharp is not None and len(sharp):
+        _mark_sharp(mesh, sharp)
     if uv is not None:
         layer = mesh.attributes.new(UV_LAYER, "FLOAT2", "CORNER")
         layer.data.foreach_set("vector", np.ascontiguousarray(uv, np.float32).ravel())
     return mesh
+
+
+def _mark_sharp(mesh: bpy.types.Mesh, edges: np.ndarray) -> None:
+    """Let faces meet in edges (k, 2), each from the lower to the higher vertex, without a shared normal."""
+    ends = np.empty(2 * len(mesh.edges), np.int32)
+    mesh.attributes[".edge_verts"].data.foreach_get("value", ends)
+    low, high = np.sort(ends.reshape(-1, 2).astype(np.int64), axis=1).T
+    many = len(mesh.vertices)
+    mark = mesh.attributes.new("sharp_edge", "BOOLEAN", "EDGE")
+    mark.data.foreach_set("value", np.isin(low * many + high, edges[:, 0] * many + edges[:, 1]))
 
 
 def fill_mesh(mesh: bpy.types.Mesh, positions: np.ndarray, faces: np.ndarray) -> None:

@@ -59,7 +59,7 @@ class UserGround:
 
     def build_mesh(self, name: str) -> bpy.types.Mesh:
         """A smooth-shaded mesh of the ground."""
-        return build_mesh_from_arrays(name, self.positions, self.faces, self.uv)
+        return build_mesh_from_arrays(name, self.positions, self.faces, uv=self.uv)
 
     def nearest_height_m(self, x_m: float, y_m: float) -> float:
         """Height in metres of the vertex that is nearest on the map."""

@@ -9,6 +9,7 @@ import numpy as np
 
 from ...typed_settings import Settings
 from ..terrain.terrain import Terrain
+from .cut_lines import cut_along
 from .grading import CARRIED, Grading, grade
 from .horizon import drop_m
 
@@ -23,6 +24,7 @@ class Graded:
     ground: Terrain
     grading: Grading
     body_radius_m: float
+    cuts_crests: bool = False
 
     @property
     def size_m(self) -> float:
@@ -44,21 +46,28 @@ class Graded:
         return drop_m(np.hypot(np.asarray(x_m, np.float64) - at.x_m, np.asarray(y_m, np.float64) - at.y_m),
                       self.body_radius_m)
 
-    def mesh(self) -> tuple[np.ndarray, np.ndarray]:
-        """Vertices (n, 3) in metres and triangles (m, 3) int32, counter-clockwise from above.
+    def mesh(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Vertices (n, 3) in metres, triangles (m, 3) int32, counter-clockwise from above, and sharp edges (k, 2).
 
         Wavelengths much shorter than the spacing at a vertex are left out there. Vertex 0 is under the left eye.
         """
         rings = self.grading.rings
         x, y = rings.map_positions()
-        shortest = _round_to_single(CARRIED * rings.of_vertices(self.grading.spacing_at(rings.radius_m),
-                                                                self.grading.finest_m))
-        positions = np.stack([_round_to_single(x + self.grading.view.x_m),
-                              _round_to_single(y + self.grading.view.y_m), 0.0 * x], axis=1)
-        for start in range(0, len(x), _BLOCK):
+        step = rings.of_vertices(self.grading.spacing_at(rings.radius_m), self.grading.finest_m)
+        places = np.stack([_round_to_single(x + self.grading.view.x_m), _round_to_single(y + self.grading.view.y_m)],
+                          axis=1)
+        faces, sharp = rings.faces(), np.empty((0, 2), np.int64)
+        for crests in (each.crests for each in self.ground.landforms if self.cuts_crests and each.crests):
+            cut = cut_along(places, faces, step, crests.line, crests.apart_m)
+            places, faces, sharp = _round_to_single(cut.places), cut.faces, np.concatenate([sharp, cut.sharp_edges()])
+            at = self.grading.view
+            step = self.grading.spacing_at(np.hypot(places[:, 0] - at.x_m, places[:, 1] - at.y_m))
+        positions = np.concatenate([places, np.zeros((len(places), 1))], axis=1)
+        shortest = _round_to_single(CARRIED * step)
+        for start in range(0, len(places), _BLOCK):
             some = slice(start, start + _BLOCK)
             positions[some, 2] = self.heights(positions[some, 0], positions[some, 1], shortest[some])
-        return positions, rings.faces()
+        return positions, faces, sharp
 
     def advice(self, settings: Settings) -> list[str]:
         """Sentences about a mesh that is coarser than the settings ask; none if it is not."""
@@ -78,4 +87,7 @@ def _round_to_single(values: np.ndarray) -> np.ndarray:
 
 def grade_ground(ground: Terrain, settings: Settings) -> Graded:
     """The graded ground that complete ``settings`` ask for."""
-    return Graded(ground, grade(ground, settings), float(settings.terrain.body_radius_m))
+    cuts_crests = settings.mesh.crests == "CUT" and any(each.crests for each in ground.landforms)
+    grading = grade(ground, settings)  # by the rounded crests, so that cutting them changes no spacing
+    return Graded(ground.with_sharp_crests() if cuts_crests else ground, grading, float(settings.terrain.body_radius_m),
+                  cuts_crests)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -76,6 +76,10 @@ class Terrain:
             some = order[start:start + _TILE**2]
             result[some] = self._tile(x[some], y[some], shortest_m if shortest is None else shortest[some])
         return result.reshape(shape)
+
+    def with_sharp_crests(self) -> Terrain:
+        """The same ground for a mesh that has edges along the crests of its landforms."""
+        return replace(self, landforms=tuple(each.with_sharp_crests() for each in self.landforms))
 
     def _tile(self, x: np.ndarray, y: np.ndarray, shortest_m: Any) -> np.ndarray:
         total = self._ground(x, y, shortest_m)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -22,6 +22,16 @@ _CHIP_DEPTH = 0.4
 
 
 @dataclass(frozen=True)
+class Crests:
+    """Sharp crests of a landform: ``line(x_m, y_m)`` is the signed distance from the nearest, metres, and the next is
+    about ``apart_m`` away. A mesh with edges along them takes ``heights``, sharp where it is fine enough."""
+
+    line: Callable[[np.ndarray, np.ndarray], np.ndarray]
+    heights: Callable[[np.ndarray, np.ndarray, Any], np.ndarray]
+    apart_m: float
+
+
+@dataclass(frozen=True)
 class Landform:
     """A height field. ``heights(x_m, y_m, shortest_m)`` takes arrays that broadcast and gives metres.
 
@@ -30,6 +40,11 @@ class Landform:
 
     finest_m: float
     heights: Callable[[np.ndarray, np.ndarray, Any], np.ndarray]
+    crests: Crests | None = None
+
+    def with_sharp_crests(self) -> Landform:
+        """The landform for a mesh that has edges along its crests."""
+        return replace(self, heights=self.crests.heights) if self.crests else self
 
     def carried_share(self, shortest_m: Any) -> Any:
         """Which share of the heights a mesh shows whose shortest wavelength is ``shortest_m``: all where the

@@ -16,7 +16,7 @@ import numpy as np
 
 from ....typed_settings import PenitentesSettings
 from ..noise.lattice_noise import hash_lattice, to_uniform
-from .common import Landform, draw_key, smooth_step, turn, wander
+from .common import Crests, Landform, draw_key, smooth_step, turn, wander
 
 #: Sideways wandering of the rows, in spacings, over wavelengths of so many blade lengths.
 _WANDER, _WANDER_LENGTH = 0.5, 1.2
@@ -28,6 +28,8 @@ _LOWER = 0.5
 _SHALLOWER = 0.6
 #: Teeth of a crest: how deep, as a share of the variation, and how long, in blade lengths.
 _TEETH, _TOOTH = 0.4, 0.25
+#: Shortest wavelength of a mesh, in spacings, up to which crests are quite sharp if it has edges along them.
+_SHARP = 0.2
 
 
 def make(settings: PenitentesSettings, random: np.random.Generator, size_m: float) -> Landform | None:
@@ -58,7 +60,8 @@ def make(settings: PenitentesSettings, random: np.random.Generator, size_m: floa
         notch = 1.0 - _SHALLOWER * to_uniform(hash_lattice(end.astype(np.int64), row, keys[3]))
         return tall * toothed * (1.0 - variation * notch * (1.0 - 2.0 * np.abs(place - end)))
 
-    def heights(x_m: np.ndarray, y_m: np.ndarray, shortest_m: Any) -> np.ndarray:
+    def offset(x_m: np.ndarray, y_m: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """How far a place is beside its row's crest, in spacings; the crest's own place, the row, and the way along."""
         across, along = turn(x_m, y_m, settings.noon_azimuth_deg)
         u, v = along / (_WANDER_LENGTH * length), across / (_WANDER_LENGTH * length)
         place = across / spacing + _WANDER * wander(u, v, keys[4]) + 0.5 * _WANDER * wander(
@@ -66,8 +69,11 @@ def make(settings: PenitentesSettings, random: np.random.Generator, size_m: floa
         row = np.floor(place + 0.5)
         index = row.astype(np.int64)
         middle = lean + _ASTRAY * (2.0 * to_uniform(hash_lattice(index, np.int64(0) * index, keys[6])) - 1.0)
-        offset = place - row - middle
-        distance = np.where(offset > 0.0, offset / (0.5 - middle), -offset / (0.5 + middle))  # 0 crest, 1 trough
+        return place - row - middle, middle, index, along
+
+    def heights(x_m: np.ndarray, y_m: np.ndarray, shortest_m: Any) -> np.ndarray:
+        beside, middle, index, along = offset(x_m, y_m)
+        distance = np.where(beside > 0.0, beside / (0.5 - middle), -beside / (0.5 + middle))  # 0 crest, 1 trough
         # A mesh cannot carry an edge: it is as round as the mesh is coarse, or it would show as a saw.
         edge = np.asarray(shortest_m) / spacing
         distance = (np.hypot(distance, edge) - edge) / (np.hypot(1.0, edge) - edge)
@@ -75,4 +81,9 @@ def make(settings: PenitentesSettings, random: np.random.Generator, size_m: floa
         blade = rounded + sharpness * ((1.0 - distance) ** 2 - rounded)
         return height * blade * crest(along, index)
 
-    return Landform(spacing / 2, heights)
+    def sharp_heights(x_m: np.ndarray, y_m: np.ndarray, shortest_m: Any) -> np.ndarray:
+        """Rounded only where the mesh is too coarse for an edge along the crest."""
+        return heights(x_m, y_m, np.clip(2.0 * (shortest_m - _SHARP * spacing), 0.0, shortest_m))
+
+    crests = Crests(lambda x_m, y_m: spacing * offset(x_m, y_m)[0], sharp_heights, spacing)
+    return Landform(spacing / 2, heights, crests if sharpness > 0.0 else None)

@@ -103,7 +103,7 @@ def test_the_mesh_is_closed_and_grows_coarser_outward(name):
 def test_no_edge_on_level_ground_is_longer_than_stated():
     for changes in ({}, {"rig": {"baseline_m": 2.0}}, {"mesh": {"edge_px": 3.0}}, {"rig": {"height_m": 20.0}}):
         ground, settings = made({"terrain": {"rms_slope_deg": 0.0}}, changes)
-        positions, faces = ground.mesh()
+        positions, faces, _ = ground.mesh()
         at = ground.grading.view
         ends = positions[_edges(faces)]
         middle = np.hypot(*ends.mean(axis=1)[:, :2].T)
@@ -124,7 +124,7 @@ def test_the_pixels_of_a_radian_are_those_of_the_image():
 
 def test_the_drop_of_the_ground_is_in_the_mesh():
     ground, _ = made({"terrain": {"rms_slope_deg": 0.0}})
-    positions, _ = ground.mesh()
+    positions, _, _ = ground.mesh()
     r = np.hypot(positions[:, 0], positions[:, 1])
     assert np.allclose(positions[:, 2], -drop_m(r, 252_100.0), rtol=1e-12)
     assert r.max() >= horizon_m(1.6, 252_100.0)  # the horizon is on it

@@ -1,0 +1,155 @@
+"""Cuts triangles along lines, so that an edge of the ground is an edge of its mesh.
+
+A crest that no edge of the mesh follows shows as a saw: a vertex beside it is lower by its distance times the slope of
+the walls, and a crest that runs obliquely to the mesh passes its vertices at distances of its period. Vertices near the
+line are moved onto it, and the triangles that it still crosses are cut, so that no sliver is left.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+#: A signed distance, in metres, of places (x_m, y_m) from the nearest line. It may jump where that is another line.
+Line = Callable[[np.ndarray, np.ndarray], np.ndarray]
+#: Vertices nearer to the line than this share of their step are moved onto it. Below a half, so that no triangle folds.
+_NEAR = 0.42
+#: Newton's steps onto the line, and bisections of an edge, after which a double is exact.
+_NEWTON, _BISECT = 3, 40
+#: Coarsest triangles that are cut, and the largest change of the distance along an edge of theirs that is no jump, as
+#: shares of the distance of the lines.
+_FINE, _WIDEST = 0.15, 0.4
+#: Area of a triangle, twice, below which it counts as folded, in squared steps.
+_THINNEST = 0.05
+
+
+@dataclass(frozen=True)
+class Cut:
+    """Places (n, 2) and triangles (m, 3) of a mesh, and which places are on a line (n,)."""
+
+    places: np.ndarray
+    faces: np.ndarray
+    on_line: np.ndarray
+
+    def sharp_edges(self) -> np.ndarray:
+        """The edges (k, 2) of the triangles that lie on a line."""
+        edges = np.sort(np.concatenate([self.faces[:, [0, 1]], self.faces[:, [1, 2]], self.faces[:, [2, 0]]]), axis=1)
+        return np.unique(edges[self.on_line[edges].all(axis=1)], axis=0)
+
+
+def cut_along(places: np.ndarray, faces: np.ndarray, step_m: np.ndarray, line: Line, apart_m: float) -> Cut:
+    """Cut triangles along lines that are about ``apart_m`` from each other.
+
+    ``step_m`` (n,) is the length of the edges at each place. Triangles that are too coarse for the lines stay whole,
+    as do edges along which ``line`` jumps from one line's surroundings to another's.
+    """
+    fine = np.flatnonzero((step_m[faces] < _FINE * apart_m).sum(axis=1) > 1)
+    if not fine.size:
+        return Cut(places, faces, np.zeros(len(places), bool))
+    few, local = np.unique(faces[fine], return_inverse=True)
+    cut = _cut_fine(places[few], local.reshape(-1, 3), step_m[few], line, apart_m, few == 0)
+    # The new places follow the old ones.
+    number = np.concatenate([few, len(places) + np.arange(len(cut.places) - len(few))])
+    moved = np.concatenate([places, cut.places[len(few):]])
+    moved[few] = cut.places[:len(few)]
+    on_line = np.zeros(len(moved), bool)
+    on_line[number] = cut.on_line
+    return Cut(moved, np.concatenate([np.delete(faces, fine, axis=0), number[cut.faces].astype(faces.dtype)]), on_line)
+
+
+def _cut_fine(places: np.ndarray, faces: np.ndarray, step_m: np.ndarray, line: Line, apart_m: float,
+              fixed: np.ndarray) -> Cut:
+    """The same for triangles of which two corners at least are fine enough."""
+    places, widest_m = np.array(places, np.float64), _WIDEST * apart_m
+    value = line(places[:, 0], places[:, 1])
+    value[step_m >= _FINE * apart_m] = np.nan  # no edge to such a corner is cut, in either of its triangles
+    near = np.unique(faces[_crossed(value, faces, widest_m)])
+    near = near[(np.abs(value[near]) < 2 * _NEAR * step_m[near]) & ~fixed[near]]
+    moved, reached = _move_onto(places[near], line, _NEAR * step_m[near])
+    near, moved = near[reached], moved[reached]
+    on_line = _move_without_folding(places, faces, near, moved, step_m)
+    value[on_line] = 0.0
+    return _split(places, faces, value, on_line, _crossed(value, faces, widest_m), line, widest_m)
+
+
+def _move_without_folding(places: np.ndarray, faces: np.ndarray, which: np.ndarray, moved: np.ndarray,
+                          step_m: np.ndarray) -> np.ndarray:
+    """Move places, in place, except those by which a triangle would lose nearly all of its area; which moved (n,)."""
+    start, on_line = places[which].copy(), np.zeros(len(places), bool)
+    places[which], on_line[which] = moved, True
+    least = _THINNEST * step_m[faces[:, 0]] ** 2
+    around = np.flatnonzero(on_line[faces].any(axis=1))
+    while True:
+        a, b, c = (places[faces[around, k]] for k in range(3))
+        (u, v), (p, q) = (b - a).T, (c - a).T
+        folded = np.unique(faces[around[u * q - v * p < least[around]]])
+        folded = folded[on_line[folded]]
+        if not folded.size:
+            return on_line
+        on_line[folded] = False
+        back = np.isin(which, folded)
+        places[which[back]] = start[back]
+
+
+def _crosses(value: np.ndarray, start: np.ndarray, end: np.ndarray, widest_m: float) -> np.ndarray:
+    one, other = value[start], value[end]
+    return (one * other < 0.0) & (np.abs(one - other) < widest_m)
+
+
+def _crossed(value: np.ndarray, faces: np.ndarray, widest_m: float) -> np.ndarray:
+    """Indices of the triangles with an edge that a line crosses."""
+    edges = [_crosses(value, faces[:, k], faces[:, (k + 1) % 3], widest_m) for k in range(3)]
+    return np.flatnonzero(np.logical_or.reduce(edges))
+
+
+def _move_onto(start: np.ndarray, line: Line, furthest_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Places on the line near those given, and which of them were found within the distance."""
+    places, h = start.copy(), 1e-3 * furthest_m
+    for _ in range(_NEWTON):
+        x, y = places.T
+        value = line(x, y)
+        slope = np.stack([line(x + h, y) - line(x - h, y), line(x, y + h) - line(x, y - h)], axis=1) / (2 * h)[:, None]
+        steepness = np.maximum(np.square(slope).sum(axis=1), 1e-12)
+        places -= (value / steepness)[:, None] * slope
+    left = np.abs(line(*places.T))
+    return places, (np.hypot(*(places - start).T) <= furthest_m) & (left < 1e-3 * furthest_m)
+
+
+def _split(places: np.ndarray, faces: np.ndarray, value: np.ndarray, on_line: np.ndarray, crossed: np.ndarray,
+           line: Line, widest_m: float) -> Cut:
+    some = faces[crossed]
+    pairs = np.stack([np.sort(some[:, [k, (k + 1) % 3]], axis=1) for k in range(3)], axis=1)  # (c, 3 edges, 2)
+    cut = _crosses(value, pairs[..., 0], pairs[..., 1], widest_m)
+    edges, which = np.unique(pairs[cut], axis=0, return_inverse=True)
+    new = len(places) + np.arange(len(edges))
+    middle = np.full(pairs.shape[:2], -1)
+    middle[cut] = new[which.ravel()]
+    places = np.concatenate([places, _bisect(places, edges, value, line)])
+    on_line = np.concatenate([on_line, np.ones(len(edges), bool)])
+    made = [np.delete(faces, crossed, axis=0)]
+    number = cut.sum(axis=1)
+    for k in range(3):
+        a, b, c = (some[:, (k + j) % 3] for j in range(3))
+        ab, bc, ca = (middle[:, (k + j) % 3] for j in range(3))
+        one = (number == 1) & (ab >= 0)  # the line leaves by the corner opposite, or ends in the triangle
+        made += [np.stack([a, ab, c], 1)[one], np.stack([ab, b, c], 1)[one]]
+        two = (number == 2) & (ca < 0)  # around b
+        made += [np.stack(t, 1)[two] for t in ((ab, b, bc), (a, ab, bc), (a, bc, c))]
+    three = number == 3  # two lines: keep it closed
+    a, b, c = some.T
+    ab, bc, ca = middle.T
+    made += [np.stack(t, 1)[three] for t in ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))]
+    return Cut(places, np.concatenate(made).astype(faces.dtype), on_line)
+
+
+def _bisect(places: np.ndarray, edges: np.ndarray, value: np.ndarray, line: Line) -> np.ndarray:
+    """Where the line crosses each edge (k, 2)."""
+    start, end = places[edges[:, 0]].copy(), places[edges[:, 1]].copy()
+    sign = np.sign(value[edges[:, 0]])
+    for _ in range(_BISECT):
+        half = 0.5 * (start + end)
+        same = (np.sign(line(half[:, 0], half[:, 1])) == sign)[:, None]
+        start, end = np.where(same, half, start), np.where(same, end, half)
+    return 0.5 * (start + end)
