@@ -168,7 +168,7 @@ def _look(recognised: Callable[[], bool], columns: tuple[float, ...],
         for across in columns:
             place = sidebar.x + across * sidebar.width, sidebar.y + sidebar.height - down
             yield from to(*place)
-            yield TICK_S  # our watcher sees the mouse before the sidebar does
+            yield 0.02  # our watcher sees the mouse before the sidebar does
             if recognised():
                 yield 2 * TICK_S  # panels slide when what is in them changes
                 if recognised():
