@@ -9,7 +9,7 @@ from __future__ import annotations
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Sequence
 from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any
@@ -185,7 +185,9 @@ def find(operator: str, **options: str) -> Looking:
     """Look for a button in the sidebar by mouse, first near the last one, then page by page; returns its place."""
     global _found
     yield from away()
-    place = yield from _look_on_every_page(lambda: over_button(operator, **options), COLUMNS, _found)
+    # Buttons with options are mostly icons of a table, the others as wide as half a row.
+    likely = COLUMNS[2:] if options else COLUMNS[:2]
+    place = yield from _look_on_every_page(lambda: over_button(operator, **options), (likely, COLUMNS), _found)
     assert place is not None, f"no button of {operator} was found in the sidebar"
     _found = region("UI").y + region("UI").height - place[1]
     return place
@@ -215,10 +217,11 @@ def scroll(clicks: int) -> Generator[float, None, bool]:
             return abs(now - before) > 1
 
 
-def _look_on_every_page(recognised: Callable[[], bool], columns: tuple[float, ...],
+def _look_on_every_page(recognised: Callable[[], bool], passes: Sequence[tuple[float, ...]],
                         start: float = 0.0) -> Generator[float, None, Place | None]:
-    """Look where the sidebar is scrolled to and on every page further down, then on all pages from the top."""
-    for _ in range(2):  # what slid away under the mouse is where it belongs the second time
+    """Look where the sidebar is scrolled to and on every page further down, then on all pages from the top, each time
+    in the columns of one of the ``passes``. What slid away under the mouse is where it belongs the second time."""
+    for columns in passes:
         while True:
             if place := (yield from _look(recognised, columns, start)):
                 return place
@@ -231,7 +234,7 @@ def _look_on_every_page(recognised: Callable[[], bool], columns: tuple[float, ..
 
 def find_setting(path: str) -> Looking:
     """Look for a setting's field with the mouse, page after page of the sidebar; returns its place."""
-    place = yield from _look_on_every_page(lambda: over_setting(path), (0.7,))
+    place = yield from _look_on_every_page(lambda: over_setting(path), [(0.7,)] * 2)
     assert place is not None, f"no field of {path} was found in the sidebar"
     return place
 
