@@ -35,7 +35,8 @@ class Cut:
 
     def sharp_edges(self) -> np.ndarray:
         """The edges (k, 2) of the triangles that lie on a line."""
-        edges = np.sort(np.concatenate([self.faces[:, [0, 1]], self.faces[:, [1, 2]], self.faces[:, [2, 0]]]), axis=1)
+        faces = self.faces[self.on_line[self.faces].sum(axis=1) > 1]  # a hundredth of all
+        edges = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1)
         return np.unique(edges[self.on_line[edges].all(axis=1)], axis=0)
 
 
