@@ -35,30 +35,36 @@ def _register_group(name: str, doc: str, annotations: dict[str, Any]) -> type:
     return group
 
 
-def _make_property(topic: str, setting: Setting) -> Any:
-    """The property of a setting, which announces its changes."""
-    update = make_update(setting.effect)
-    if setting.kind == "list":
-        entry = _register_group(f"ICYMOON_PG_{topic}_{setting.key}", setting.description,
-                                {s.key: _make_property(topic, s) for s in setting.entries})
-        return bpy.props.CollectionProperty(type=entry, name=setting.label, description=setting.description)
-    common: dict[str, Any] = {"name": setting.label, "description": setting.description,
-                              "default": setting.default, "update": update}
+def make_property(setting: Setting, **other: Any) -> Any:
+    """A property with the label, tooltip, default and range of a setting that is no list.
+
+    ``other`` are keywords of Blender's property that replace or join the setting's own.
+    """
+    common: dict[str, Any] = {"name": setting.label, "description": setting.description, "default": setting.default}
     if setting.kind == "bool":
-        return bpy.props.BoolProperty(**common)
+        return bpy.props.BoolProperty(**common | other)
     if setting.kind == "choice":
-        return bpy.props.EnumProperty(items=setting.choices, **common)
+        return bpy.props.EnumProperty(**common | {"items": setting.choices} | other)
     if setting.kind == "text":
         if setting.subtype in ("DIR_PATH", "FILE_PATH"):
-            return bpy.props.StringProperty(subtype=setting.subtype, options=compat.path_options(), **common)
-        return bpy.props.StringProperty(**common)
+            common |= {"subtype": setting.subtype, "options": compat.path_options()}
+        return bpy.props.StringProperty(**common | other)
     low, high = setting.soft or (setting.minimum, setting.maximum)
     common |= {"min": setting.minimum, "max": setting.maximum, "soft_min": low, "soft_max": high,
                "subtype": setting.subtype}
     if setting.kind == "int":
-        return bpy.props.IntProperty(**common)
+        return bpy.props.IntProperty(**common | other)
     unit = {"DISTANCE": "LENGTH", "DISTANCE_CAMERA": "CAMERA"}.get(setting.subtype, "NONE")
-    return bpy.props.FloatProperty(precision=setting.precision, unit=unit, **common)
+    return bpy.props.FloatProperty(**common | {"precision": setting.precision, "unit": unit} | other)
+
+
+def _make_scene_property(topic: str, setting: Setting) -> Any:
+    """The property of a setting of the scene, which announces its changes."""
+    if setting.kind != "list":
+        return make_property(setting, update=make_update(setting.effect))
+    entry = _register_group(f"ICYMOON_PG_{topic}_{setting.key}", setting.description,
+                            {s.key: _make_scene_property(topic, s) for s in setting.entries})
+    return bpy.props.CollectionProperty(type=entry, name=setting.label, description=setting.description)
 
 
 _classes: list[type] = []
@@ -172,7 +178,7 @@ def register() -> None:
     principled.use_table(compat.principled_table())
     pointers: dict[str, Any] = {}
     for topic in TOPICS.values():
-        members = {s.key: _make_property(topic.key, s) for s in topic.settings}
+        members = {s.key: _make_scene_property(topic.key, s) for s in topic.settings}
         members |= {f"{s.key}_active": bpy.props.IntProperty(name=f"Selected of {s.label}", min=0,
                                                                description="The entry that the sidebar shows")
                     for s in topic.settings if s.kind == "list"}

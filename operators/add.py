@@ -18,18 +18,6 @@ from .presets import preset_items
 from .sidebar_text import in_window
 
 
-def setting_property(topic: str, key: str, **other: Any) -> Any:
-    """A property of an operator with the label, range and tooltip of a setting."""
-    setting = TOPICS[topic][key]
-    common = {"name": setting.label, "description": setting.description, "default": setting.default}
-    if setting.choices:
-        return bpy.props.EnumProperty(**{**common, "items": setting.choices, **other})
-    low, high = setting.soft or (setting.minimum, setting.maximum)
-    make = bpy.props.IntProperty if setting.kind == "int" else bpy.props.FloatProperty
-    return make(**{**common, "min": setting.minimum, "max": setting.maximum, "soft_min": low, "soft_max": high,
-                   "subtype": setting.subtype, **other})
-
-
 class _AddOperator:
     """Mix-in: makes an object from the settings of the scene and of the operator, at the 3D cursor."""
 
@@ -65,7 +53,7 @@ class _AddOperator:
 #: Of the ground itself, what the redo panel shows at once; the rest is under Advanced.
 _MAIN = ("size_m", "resolution", "rms_slope_deg", "hurst")
 _LANDFORMS = tuple(key for key, topic in TOPICS.items() if topic.parent == LANDFORMS)
-_OPTIONS: dict[str, dict[str, Any]] = {"size_m": {"unit": "LENGTH"}, "resolution": {"default": 257}}
+_OPTIONS: dict[str, dict[str, Any]] = {"resolution": {"default": 257}}
 
 
 def _list_terrains(_self: Any = None, _context: Any = None) -> list[tuple[str, str, str]]:
@@ -85,7 +73,7 @@ class ICYMOON_OT_add_terrain(_AddOperator, bpy.types.Operator):
 
     own_settings = ground_settings()
     __annotations__ = {
-        name: setting_property(topic, key, options={"SKIP_SAVE"}, **_OPTIONS.get(name, {}))
+        name: scene_properties.make_property(TOPICS[topic][key], options={"SKIP_SAVE"}, **_OPTIONS.get(name, {}))
         for name, (topic, key) in own_settings.items()}
     preset: bpy.props.EnumProperty(  # type: ignore[valid-type]
         items=_list_terrains, name="Ground", description="Ground to start from", options={"SKIP_SAVE"})
@@ -154,10 +142,10 @@ class ICYMOON_OT_add_block(_AddOperator, bpy.types.Operator):
     family: bpy.props.EnumProperty(  # type: ignore[valid-type]
         name="Shape", items=TOPICS["rocks"]["family"].choices[1:], default="FRAGMENTS",
         description="Shape of the rock")
-    angularity: setting_property("rocks", "angularity")  # type: ignore[valid-type]
-    elongation: setting_property("rocks", "elongation")  # type: ignore[valid-type]
-    height_ratio: setting_property("rocks", "height_ratio")  # type: ignore[valid-type]
-    seed: setting_property("dataset", "seed")  # type: ignore[valid-type]
+    angularity: scene_properties.make_property(TOPICS["rocks"]["angularity"])  # type: ignore[valid-type]
+    elongation: scene_properties.make_property(TOPICS["rocks"]["elongation"])  # type: ignore[valid-type]
+    height_ratio: scene_properties.make_property(TOPICS["rocks"]["height_ratio"])  # type: ignore[valid-type]
+    seed: scene_properties.make_property(TOPICS["dataset"]["seed"])  # type: ignore[valid-type]
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         return self.add(context, lambda: build_rock_object(self.read_settings(context), self.diameter_m))

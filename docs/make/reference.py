@@ -308,8 +308,11 @@ def _value_fields() -> Iterator[tuple[str, dict[str | None, Any]]]:
 def _words(call: ast.Call, constants: dict[str, Any]) -> dict[str | None, Any]:
     """The arguments of a property: those of its call, or those of the setting that it stands for."""
     words = {word.arg: _literal(word.value, constants) for word in call.keywords}
-    if isinstance(call.func, ast.Name) and call.func.id == "setting_property":
-        setting = TOPICS[ast.literal_eval(call.args[0])][ast.literal_eval(call.args[1])]
+    if isinstance(call.func, ast.Attribute) and call.func.attr == "make_property":
+        entry = call.args[0]  # TOPICS["topic"]["key"]
+        assert isinstance(entry, ast.Subscript)
+        assert isinstance(entry.value, ast.Subscript)
+        setting = TOPICS[ast.literal_eval(entry.value.slice)][ast.literal_eval(entry.slice)]
         return {"name": setting.label, "description": setting.description, **words}
     return words
 
