@@ -27,7 +27,7 @@ from ..operators import (
 from ..preferences import own_matcher_names
 from ..settings.trust_boundary import OWN
 from ..stereo.matchers import NEEDS, TITLES
-from ..stereo.matchers.methods import names_method
+from ..stereo.matchers.methods import describe_method, names_method
 from ..stereo.report.comparisons import FEWEST_SCENES
 from ..stereo.report.table_columns import NO_RESULT, RANKING, format_rank, is_best
 from . import previews
@@ -96,7 +96,7 @@ class ICYMOON_PT_main(Sidebar, bpy.types.Panel):
 
 
 #: The part of a line that the name of a matcher takes in the table of results.
-_NAMES = 0.32
+_NAMES = 0.36
 
 
 def _draw_results(layout: Any, scene: bpy.types.Scene, rows: Sequence[Mapping[str, Any]]) -> None:
@@ -112,7 +112,7 @@ def _draw_results(layout: Any, scene: bpy.types.Scene, rows: Sequence[Mapping[st
     for row in rows:
         method, box = row["method"], layout.box().column(align=True)
         line = box.split(factor=_NAMES, align=True)
-        line.label(text=method)
+        line.label(text=describe_method(method))
         first = line.row(align=True)
         for text in (results.percent(row["total_bad_1"]), results.percent(row["coverage"])) if row["n"] else (
                 NO_RESULT,):

@@ -740,8 +740,8 @@ QUALITY = Topic("quality", "Quality and Speed", "Noise, bias and speed of a rend
             "Mean free path of subsurface light, in pixels of the nearest level ground, below which light leaves "
             "where it enters. This changes its amount by at most 3 %; 0 for no cutoff",
             "material", "px", 0.0, 100.0, (0.0, 1.0)),
-    Setting("fine_relief", "Light on Relief", "ALL", "Light that bump and normal images shade. Only Lambert and Principled "
-            "ice without subsurface scattering use this setting", "material",
+    Setting("fine_relief", "Light on Relief", "ALL", "Light that bump and normal images shade. Only Lambert "
+            "and Principled ice without subsurface scattering use this setting", "material",
             choices=(("ALL", "All Light", "Also light that other ground reflects"),
                      ("CAMERA", "Camera Rays Only", "Other ground reflects light as if it were smooth. Saves a tenth "
                       "of the time. Under a low Sun, shadows are 2 to 5 % brighter and the mean up to 0.3 %"))),

@@ -31,7 +31,7 @@ from .result import Result
 from .search_range import SearchRange
 
 #: What the window calls the matchers that need no setting up, and what some of them need beside the evaluator.
-TITLES = {"bm": "StereoBM", "sgbm": "SGBM", "sgbm_wls": "SGBM with WLS Filter", "jplv": "JPLV", "igev": "IGEV-Stereo",
+TITLES = {"bm": "StereoBM", "sgbm": "SGBM", "sgbm_wls": "SGBM with WLS", "jplv": "JPLV", "igev": "IGEV-Stereo",
           "dsmnet": "DSMNet"}
 NEEDS = {"igev": "PyTorch and a checkpoint", "dsmnet": "PyTorch and a checkpoint"}
 #: All matchers; each is the module of this name. The user sets up the last ones, with a file or a program.

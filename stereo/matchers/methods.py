@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from ...errors import IcyMoonError
 from ...settings.trust_boundary import OWN, OWN_NAME, listed
 from ...suggestions import nearest
-from . import MATCHERS, check_options, option_keys
+from . import MATCHERS, TITLES, check_options, option_keys
 
 
 @dataclass(frozen=True)
@@ -38,6 +38,12 @@ def parse_key_value(text: str, where: str) -> tuple[str, str]:
 def names_method(text: str, name: str) -> bool:
     """Whether a comma-separated list of methods has a matcher, with or without options. ``name`` may be own:NAME."""
     return any(_is_of(entry, name) for entry in text.split(","))
+
+
+def describe_method(label: str) -> str:
+    """A method as the window names it: ``StereoBM:window=7`` for bm:window=7; a name of the user's as it is."""
+    name, colon, options = label.partition(":")
+    return f"{TITLES.get(name, name)}{colon}{options}"
 
 
 def toggle_method(text: str, name: str) -> str:

@@ -294,7 +294,7 @@ def test_nothing_runs_and_the_status_bar_is_left_alone(scene):
 def test_results_are_shown_with_their_units_and_a_dash_for_none(scene, measured):
     record = drawn(sidebar.ICYMOON_PT_results)
     labels = [entry[2]["text"] for entry in record if entry[0] == "label"]
-    assert {"bm", "sgbm", "75.0 %", "L1 0.123 m, over 10 cm 50.0 %", "DOD 25.0 %, si-RMSE –"} <= set(labels)
+    assert {"StereoBM", "SGBM", "75.0 %", "L1 0.123 m, over 10 cm 50.0 %", "DOD 25.0 %, si-RMSE –"} <= set(labels)
     assert {"icymoon.open_report", "icymoon.show_error", "icymoon.show_surface"} <= operators(record)
 
 
@@ -311,9 +311,9 @@ def ranked(method, wrong, *rank):
 def test_ranks_are_those_of_the_report_and_a_star_needs_a_worse_one(scene, tmp_path):
     labels = labels_of_results(scene, tmp_path, ranked("bm", 0.3, 3, 3), ranked("sgbm", 0.1, 1, 2),
                                ranked("jplv", 0.2, 1, 2))
-    first = [label for label in labels if label[0] in ("bm", "sgbm", "jplv") or label[0].startswith("Rank ")]
-    assert first == [("sgbm", "NONE"), ("Rank 1–2", "SOLO_ON"), ("jplv", "NONE"), ("Rank 1–2", "SOLO_ON"),
-                     ("bm", "NONE"), ("Rank 3", "NONE")]
+    first = [label for label in labels if label[0] in ("StereoBM", "SGBM", "JPLV") or label[0].startswith("Rank ")]
+    assert first == [("SGBM", "NONE"), ("Rank 1–2", "SOLO_ON"), ("JPLV", "NONE"), ("Rank 1–2", "SOLO_ON"),
+                     ("StereoBM", "NONE"), ("Rank 3", "NONE")]
     undecided = labels_of_results(scene, tmp_path, ranked("bm", 0.3, 1, 2), ranked("sgbm", 0.1, 1, 2))
     assert ("Rank 1–2", "NONE") in undecided
     assert "SOLO_ON" not in {icon for _, icon in undecided}
@@ -329,9 +329,9 @@ def test_few_scenes_have_no_ranks_and_one_matcher_needs_none(scene, tmp_path):
 def test_a_matcher_that_measured_nothing_has_no_result_and_comes_last(scene, tmp_path):
     nothing = {**ranked("igev", 1.0), "n": 0, "coverage": 0.0, "l1_m": None}
     labels = [text for text, _ in labels_of_results(scene, tmp_path, nothing, {**ranked("bm", 1.0), "l1_m": None})]
-    assert labels[labels.index("igev") + 1] == "no result"
+    assert labels[labels.index("IGEV-Stereo") + 1] == "no result"
     assert labels.count("100.0 %") == 1
-    assert labels.index("bm") < labels.index("igev")
+    assert labels.index("StereoBM") < labels.index("IGEV-Stereo")
     assert "0.0 %" not in labels
 
 
@@ -341,7 +341,8 @@ def test_each_matcher_has_its_own_two_lines(scene, tmp_path):
     evaluated(scene, tmp_path, *({**ROW, "method": name, "l1_m": None} for name in names))
     record = drawn(sidebar.ICYMOON_PT_results)
     labels = [entry[2]["text"] for entry in record if entry[0] == "label"]
-    assert [label for label in labels if label in names] == names
+    shown = ["StereoBM", "SGBM", "SGBM with WLS", "JPLV", "own:mine"]
+    assert [label for label in labels if label in shown] == shown
     assert labels.count("L1 –, over 10 cm 50.0 %") == len(names)
     assert [entry[1] for entry in record if entry[0] == "operator"].count("icymoon.show_error") == len(names)
 

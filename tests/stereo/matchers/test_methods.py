@@ -6,7 +6,7 @@ import sys
 import pytest
 from icymoon.errors import IcyMoonError
 from icymoon.stereo.matchers import MATCHERS, NEEDS, TITLES, check_options
-from icymoon.stereo.matchers.methods import names_method, parse_methods, toggle_method
+from icymoon.stereo.matchers.methods import describe_method, names_method, parse_methods, toggle_method
 
 
 @pytest.mark.parametrize(("text", "name", "toggled"), [
@@ -50,3 +50,9 @@ def test_named_methods_alone_are_enough():
 def test_a_bad_named_method_is_refused_in_one_sentence(named, said):
     with pytest.raises(IcyMoonError, match=said):
         parse_methods("bm", named=named)
+
+
+@pytest.mark.parametrize(("label", "shown"), [
+    ("bm", "StereoBM"), ("bm:window=7", "StereoBM:window=7"), ("mynet", "mynet"), ("own:bm", "own:bm")])
+def test_the_window_names_methods_as_its_ticks_do(label, shown):
+    assert describe_method(label) == shown
