@@ -32,7 +32,7 @@ def histograms_of(disparity: np.ndarray, true_disparity: np.ndarray) -> Histogra
     measured, true = disparity[both].astype(np.float64), true_disparity[both].astype(np.float64)
     error, part = measured - true, _part(true)
     fine = np.abs(error) < _FINE_PX
-    below = np.searchsorted(np.sort(error), ERROR_PX)  # far faster than to look up each error
+    below = [np.count_nonzero(error < bound) for bound in ERROR_PX]  # far faster than to sort, or to look up each error
     return {"error": np.diff(below, prepend=0, append=error.size).tolist(),
             "part": np.bincount(_part(measured), minlength=PARTS).tolist(),
             "true_part": np.bincount(part, minlength=PARTS).tolist(),

@@ -7,7 +7,7 @@ or the order of one pixel) is NaN, never a flattering 0.
 
 from __future__ import annotations
 
-from functools import cached_property
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -46,14 +46,13 @@ class Errors:
         self.error = self.predicted - self.true
         self.distance = np.abs(self.error)
 
-    @cached_property
-    def ascending(self) -> np.ndarray:
-        """The absolute errors in their order."""
-        return np.sort(self.distance)
-
     def within(self, step: float) -> int:
         """How many absolute errors are no larger than a step."""
-        return int(np.searchsorted(self.ascending, step, side="right"))
+        return int(np.count_nonzero(self.distance <= step))
+
+    def smallest(self, *ranks: int) -> np.ndarray:
+        """The absolute errors that have these ranks in ascending order, the smallest 0. It is faster than to sort."""
+        return np.asarray(np.partition(self.distance, ranks)[list(ranks)])
 
     def wrong_by_kitti(self) -> int:
         """How many are above 3 px and above 5 % of the true disparity."""
@@ -94,7 +93,7 @@ def metrics_of_depth(errors: Errors, dod: float) -> dict[str, float | int]:
             "si_rmse": si_mse ** 0.5,
             "dod": dod,
             "rmse_m": float(np.mean(distance ** 2)) ** 0.5,
-            "median_m": float(np.mean(errors.ascending[(n - 1) // 2:n // 2 + 1])),
+            "median_m": float(np.mean(errors.smallest((n - 1) // 2, n // 2))),
             "bias_m": float(errors.error.mean()),
             "abs_rel": float(np.mean(distance / true)),
         }
@@ -119,7 +118,7 @@ def metrics_of_disparity(errors: Errors) -> dict[str, float]:
     return {"epe_px": float(errors.distance.mean()),
             **{key: (n - errors.within(step)) / n for key, step in BAD.items()},
             "d1": errors.wrong_by_kitti() / n,
-            **_quantiles(errors, n)}
+            **_named_quantiles(errors, n)}
 
 
 def total_metrics(depth: np.ndarray, true_depth: np.ndarray, disparity: np.ndarray, true_disparity: np.ndarray,
@@ -142,23 +141,26 @@ def metrics_in_total(errors_m: Errors, errors_px: Errors, dod: float) -> dict[st
     right |= {key: errors_px.within(step) for key, step in BAD.items()}
     right["d1"] = errors_px.distance.size - errors_px.wrong_by_kitti()
     agreeing = (1 - dod) * measured * (measured - 1) if measured > 1 else 0.0
-    return {"median_m": _quantile(errors_m.ascending, 0.5, total),
+    return {"median_m": _quantiles(errors_m, [0.5], total)[0],
             **{key: 1 - count / total for key, count in right.items()},
             "dod": 1 - agreeing / (total * (total - 1)) if total > 1 else float("nan"),
-            **_quantiles(errors_px, total)}
+            **_named_quantiles(errors_px, total)}
 
 
-def _quantiles(errors: Errors, total: int) -> dict[str, float]:
-    return {key: _quantile(errors.ascending, share, total) for key, share in QUANTILES.items()}
+def _named_quantiles(errors: Errors, total: int) -> dict[str, float]:
+    return dict(zip(QUANTILES, _quantiles(errors, list(QUANTILES.values()), total), strict=True))
 
 
-def _quantile(ascending: np.ndarray, share: float, total: int) -> float:
-    """The smallest error that at least ``share`` of ``total`` pixels do not exceed; infinite if too few are measured.
+def _quantiles(errors: Errors, shares: Sequence[float], total: int) -> list[float]:
+    """For each share the smallest error that at least so many of ``total`` pixels do not exceed; infinite if too few
+    are measured.
 
     It is always one of the errors, never a mean of two, so that infinite errors need no other rule.
     """
-    rank = max(1, int(np.ceil(share * total - 1e-9)))
-    return float(ascending[rank - 1]) if rank <= ascending.size else float("inf")
+    ranks = [max(0, int(np.ceil(share * total - 1e-9)) - 1) for share in shares]
+    measured = [rank for rank in ranks if rank < errors.distance.size]
+    found = dict(zip(measured, errors.smallest(*measured).tolist(), strict=True)) if measured else {}
+    return [found.get(rank, float("inf")) for rank in ranks]
 
 
 def error_curve(prediction: np.ndarray, truth: np.ndarray) -> list[float]:
@@ -174,7 +176,7 @@ def curve_of_errors(errors: Errors) -> list[float]:
     """``error_curve`` of errors in metres."""
     if not errors.total:
         return [float("nan")] * len(ERROR_STEPS_M)
-    return [float(count) / errors.total for count in np.searchsorted(errors.ascending, ERROR_STEPS_M, side="right")]
+    return [errors.within(step) / errors.total for step in ERROR_STEPS_M]
 
 
 def by_confidence(confidence: np.ndarray) -> np.ndarray:
