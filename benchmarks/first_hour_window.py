@@ -135,10 +135,12 @@ def lower_the_samples() -> Waiting:
 
 
 def ended(what: str) -> Waiting:
-    """Wait until a job has begun and ended, however long it takes."""
+    """Wait until a job has begun and ended, however long it takes; AssertionError with its own words if it failed."""
     jobs = module("operators.jobs")
     yield from by_machine(lambda: jobs.current, f"Starting {what}")
-    yield from by_machine(lambda: not jobs.current, what, 1000.0)
+    job = jobs.current
+    yield from by_machine(lambda: jobs.current is not job, what, 1000.0)
+    check(not job.failure, job.failure)
 
 
 def render_stereo_pair() -> Waiting:
@@ -179,11 +181,8 @@ def install_the_evaluator() -> Waiting:
     yield from screenshot("allowed")
     yield from key("Return")
     by_user(CLICK_S)
-    jobs = module("operators.jobs")
-    yield from by_machine(lambda: jobs.current, "Starting the installation")
     yield from away()
-    yield from screenshot("installing")
-    yield from by_machine(lambda: jobs.current and jobs.current.title == "Evaluate", "The installation", 1000.0)
+    yield from ended("the installation")
 
 
 def evaluate() -> Waiting:
@@ -203,6 +202,11 @@ def processor_s() -> float:
     return sum(os.times()[:4])
 
 
+def keep_steps() -> None:
+    """Write what has been measured so far, so that it outlives a Blender that has to be killed."""
+    (FOLDER / "steps.json").write_text(json.dumps(steps, indent=1))
+
+
 def walk() -> Waiting:
     person.start_watching()
     waited = time.time() - STARTED
@@ -214,6 +218,7 @@ def walk() -> Waiting:
         steps.append(record)
         yield from step()
         record.update(seconds=time.monotonic() - start, cpu=processor_s() - cpu, failed=False)
+        keep_steps()
         yield from screenshot(step.__name__)
 
 
@@ -221,11 +226,10 @@ def tick(walking: Waiting) -> float | None:
     try:
         return next(walking)
     except StopIteration:
-        (FOLDER / "steps.json").write_text(json.dumps(steps, indent=1))
         bpy.ops.wm.quit_blender()
     except BaseException:
         traceback.print_exc()
-        (FOLDER / "steps.json").write_text(json.dumps(steps, indent=1))
+        keep_steps()
         subprocess.run(["import", "-window", "root", str(FOLDER / "99_failed.png")], check=False)
         sys.stdout.flush()
         sys.stderr.flush()
