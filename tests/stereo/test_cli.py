@@ -204,7 +204,8 @@ def test_evaluate_without_pairs(tmp_path):
 @pytest.mark.skipif(os.name == "nt", reason="POSIX signals and limits")
 class TestInterruptions:
     def test_an_interrupt_ends_it_cleanly(self, tmp_path):
-        if subprocess.run([sys.executable, "-I", "-c", "import numpy"], capture_output=True, check=False).returncode:
+        packages = [sys.executable, "-I", "-c", "import numpy, cv2"]
+        if subprocess.run(packages, capture_output=True, check=False).returncode:
             pytest.skip("this Python has its packages by PYTHONPATH, which the measuring processes do not get")
         for name in "abcdefgh":
             pairs.write_pair(tmp_path / "pairs" / name)

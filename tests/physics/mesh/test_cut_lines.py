@@ -22,7 +22,12 @@ def _disc():
 
 def _areas(places, faces):
     a, b, c = (places[faces[:, k], :2] for k in range(3))
-    return np.cross(b - a, c - a) / 2
+    return _cross(b - a, c - a) / 2
+
+
+def _cross(a, b):
+    """The third component of a cross product; numpy 2 has none of vectors in a plane."""
+    return a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
 
 
 def _edge_counts(faces):
@@ -104,11 +109,11 @@ def _interpolated(positions, faces, x, y):
     a, b, c = (positions[faces[:, k]] for k in range(3))
     near = np.hypot(*(a[:, :2]).T) < 6.0
     a, b, c = a[near], b[near], c[near]
-    whole = np.cross(b[:, :2] - a[:, :2], c[:, :2] - a[:, :2])
+    whole = _cross(b[:, :2] - a[:, :2], c[:, :2] - a[:, :2])
     heights = []
     for place in np.stack([x, y], axis=1):
-        v = np.cross(place - a[:, :2], c[:, :2] - a[:, :2]) / whole
-        w = np.cross(b[:, :2] - a[:, :2], place - a[:, :2]) / whole
+        v = _cross(place - a[:, :2], c[:, :2] - a[:, :2]) / whole
+        w = _cross(b[:, :2] - a[:, :2], place - a[:, :2]) / whole
         best = np.argmax(np.minimum(np.minimum(v, w), 1 - v - w))
         heights.append(a[best, 2] + v[best] * (b[best, 2] - a[best, 2]) + w[best] * (c[best, 2] - a[best, 2]))
     return np.array(heights)
