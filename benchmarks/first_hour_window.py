@@ -188,7 +188,7 @@ def install_the_evaluator() -> Waiting:
 def evaluate() -> Waiting:
     """The evaluation, until the panel shows the metrics."""
     yield from ended("Evaluating")
-    check(module("operators.results").summary(), "there are no metrics")
+    check(module("operators.results").summary(bpy.context.scene), "there are no metrics")
     yield from away()
     yield 10 * TICK_S
 
