@@ -81,7 +81,7 @@ class TerrainLayer(Table):
 
     __slots__ = ()
     basis: Literal["GRADIENT", "MIDPOINT", "CELLS", "VORONOI_F1", "VORONOI_F2", "VORONOI_F2_F1", "CRACKLE"]
-    fractal: Literal["FBM", "MULTIFRACTAL", "HYBRID", "RIDGED", "HETERO", "TURBULENCE"]
+    fractal: Literal["FBM", "MULTIFRACTAL", "HYBRID", "RIDGED", "HETERO", "TURBULENCE", "CRESTS"]
     amplitude_m: float  # m
     scale_m: float  # m
     octaves: int  # octaves
@@ -199,6 +199,18 @@ class PenitentesSettings(Table):
     lean_deg: float  # deg
 
 
+class HillsSettings(Table):
+    """Hills and ranges from the patch of ground to the horizon."""
+
+    __slots__ = ()
+    rms_slope_deg: float  # deg
+    slope_baseline_m: float  # m
+    hurst: float
+    largest_m: float  # m
+    smallest_m: float  # m
+    fractal: Literal["FBM", "CRESTS", "HETERO"]
+
+
 class MantleSettings(Table):
     """Snow that fills hollows and smooths the ground."""
 
@@ -291,6 +303,7 @@ class RocksSettings(Table):
     most: int  # rocks
     own_surface: bool
 
+    beyond_px: float  # px
 
 class RockSurfaceSettings(SurfaceSettings):
     """Snow or ice of rocks that have their own surface."""
@@ -447,6 +460,7 @@ class Settings(Table):
     penitentes: PenitentesSettings
     mantle: MantleSettings
     surface: SurfaceSettings
+    hills: HillsSettings
     hapke: HapkeSettings
     textures: TexturesSettings
     rocks: RocksSettings
@@ -470,6 +484,7 @@ TABLES: dict[str, type[Table]] = {
     "penitentes": PenitentesSettings,
     "mantle": MantleSettings,
     "surface": SurfaceSettings,
+    "hills": HillsSettings,
     "hapke": HapkeSettings,
     "textures": TexturesSettings,
     "rocks": RocksSettings,

@@ -76,7 +76,8 @@ def build_coarse(scene: bpy.types.Scene, settings: Settings) -> scenes.Built:
     terrain, mesh, rocks = settings.terrain, settings.mesh, settings.rocks
     built = scenes.build(scene, merged(settings, {
         "terrain": {"resolution": min(terrain.resolution, math.isqrt(MOST_VERTICES))},
-        "mesh": {"most": min(mesh.most, MOST_VERTICES)}, "rocks": {"most": min(rocks.most, MOST_ROCKS)}}))
+        "mesh": {"most": min(mesh.most, MOST_VERTICES)},
+        "rocks": {"most": min(rocks.most, MOST_ROCKS), "beyond_px": 0.0}}))
     built.remember(settings, geometry(settings))
     await_ground(built, settings)
     return replace(built, warnings=())  # they are about the coarse ground; those about the fine one follow with it

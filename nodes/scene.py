@@ -17,9 +17,10 @@ from ..errors import IcyMoonError
 from ..labels import TERRAIN_INSTANCE
 from ..physics import refused_scenes
 from ..physics.camera import blur
-from ..physics.camera.stereo_geometry import rounding_advice
+from ..physics.camera.stereo_geometry import focal_px, rounding_advice
 from ..physics.mesh.graded_ground import Graded
 from ..physics.mesh.height_surface import Surface
+from ..physics.rocks.beyond_patch import view_beyond
 from ..physics.rocks.rocks import scatter
 from ..physics.rocks.shapes import make_rock_shapes
 from ..physics.terrain.terrain import Terrain, terrain_advice
@@ -144,15 +145,20 @@ def _build_rocks(settings: Settings, terrain: bpy.types.Object, size_m: float) -
     seed, wanted, rig = int(settings.dataset.seed), settings.rocks, settings.rig
     shapes = make_rock_shapes(wanted.family, wanted.angularity, seed)
     with probe_heights(terrain) as height_at:
-        rocks = scatter(wanted, size_m, seed, height_at, shapes,
-                        (rig.x_m, rig.y_m, wanted.clear_radius_m))
+        view = view_beyond(settings)
+        rocks = scatter(wanted, size_m, seed, height_at, shapes, (rig.x_m, rig.y_m, wanted.clear_radius_m), view)
     ice = build_rock_material(settings, terrain.data)
     item = _tag(build_rocks(f"{NAME} Rock", rocks, shapes, ice, TAG), "rock")
     remove_unused([], [ice])  # it has no users if there are no rocks
+    warnings = []
     if rocks.smallest_m > wanted.smallest_m:
-        return item, [f"Rocks under {rocks.smallest_m:.3g} m are left out to keep to {wanted.most} rocks; "
-                      "raise rocks.most or rocks.smallest_m."]
-    return item, []
+        warnings.append(f"Rocks under {rocks.smallest_m:.3g} m are left out to keep to {wanted.most} rocks; "
+                        "raise rocks.most or rocks.smallest_m.")
+    if view is not None and rocks.beyond_rad > view.smallest_rad:
+        width_px = rocks.beyond_rad * focal_px(rig)
+        warnings.append(f"Beyond the patch rocks under {width_px:.2g} px are left out to keep to {wanted.most} rocks; "
+                        "raise rocks.most, rocks.beyond_px or rocks.smallest_m.")
+    return item, warnings
 
 
 def _build_objects(settings: Settings, meshed: MeshedGround | None) -> tuple[

@@ -24,8 +24,9 @@ _DOCS = ROOT / "docs"
 FIRST_PAGE = "index"
 #: The page about the steps in the window.
 WINDOW_PAGE = "tutorial/window"
-_PAGES = {"terrain": "theory/terrain", "mesh": "theory/mesh", "source": "howto/own-ground",
-          "surface": "theory/surfaces", "textures": "howto/own-textures", "rock_surface": "theory/surfaces",
+_PAGES = {"terrain": "theory/terrain", "hills": "theory/terrain", "mesh": "theory/mesh",
+          "source": "howto/own-ground", "surface": "theory/surfaces", "textures": "howto/own-textures",
+          "rock_surface": "theory/surfaces",
           "hapke": "theory/surfaces", "rocks": "theory/terrain", "light": "theory/light", "rig": "camera",
           "sensor": "theory/sensor", "quality": "howto/speed", "dataset": "datasets"}
 #: The folders of the pages as the top of a page lists them.

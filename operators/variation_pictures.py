@@ -51,7 +51,7 @@ def rough(settings: Settings) -> Settings:
         "rig": smaller, "dataset": {"headings": 1}, "hapke": {"backend": "NODES", "accuracy": "FAST"},
         "terrain": {"resolution": min(settings.terrain.resolution, math.isqrt(preview.MOST_VERTICES))},
         "mesh": {"most": min(mesh.most, preview.MOST_VERTICES)},
-        "rocks": {"most": min(settings.rocks.most, preview.MOST_ROCKS)},
+        "rocks": {"most": min(settings.rocks.most, preview.MOST_ROCKS), "beyond_px": 0.0},
         "quality": {"samples": SAMPLES[size], "denoiser": "OIDN" if denoises else "NONE",
                     "walk_px": max(_WALK_PX, settings.quality.walk_px), "noise_threshold": 0.0, "diffuse_bounces": 2,
                     "truth": "DEPTH", "device": "CPU"}})

@@ -31,6 +31,8 @@ def is_shown(topic: str, key: str, root: Any) -> bool:
         return _is_terrain_shown(key, root)
     if topic == "mesh":
         return bool(key == "kind" or group.kind == "GRADED")
+    if topic == "hills" or (topic, key) == ("rocks", "beyond_px"):
+        return bool(root.source.kind == "PROCEDURAL" and root.mesh.kind == "GRADED")
     if topic == "source" and key != "kind":
         only = {"scale": "MESH", "up_axis": "MESH", "repair": "MESH", "metres_per_pixel": "HEIGHT_MAP",
                 "height_scale_m": "HEIGHT_MAP"}
@@ -73,8 +75,8 @@ def _is_light_shown(key: str, group: Any) -> bool:
 def has_effect(topic: str, key: str, root: Any) -> bool:
     """Whether a setting that is shown has an effect, given the present numbers and ticks."""
     group = getattr(root, topic)
-    if TOPICS[topic].parent == LANDFORMS:
-        # The first setting of a landform, its height, depth or coverage, turns it on.
+    if topic == "hills" or TOPICS[topic].parent == LANDFORMS:
+        # The first setting of a landform, its height, slope, depth or coverage, turns it on.
         first = TOPICS[topic].settings[0].key
         return key == first or getattr(group, first) > 0
     if topic == "rocks" and key != "coverage":

@@ -25,7 +25,8 @@ class Section:
 
 ADVANCED = "advanced"
 #: Topics whose panel is inside the panel of another topic.
-INSIDE = {"source": "terrain", "mesh": "terrain", "hapke": "surface", "textures": "surface", "rock_surface": "rocks"}
+INSIDE = {"source": "terrain", "hills": "terrain", "mesh": "terrain", "hapke": "surface", "textures": "surface",
+          "rock_surface": "rocks"}
 
 
 def _advanced(topic: str, *settings: str) -> Section:
@@ -49,14 +50,15 @@ SECTIONS = (
             ("layers",)),
     _advanced("terrain", "resolution", "slope_baseline_m", "hurst", "multifractality", "outer_scale_m", "inner_scale_m",
               "lacunarity", "variant", "regional_slope_azimuth_deg", "body_radius_m"),
+    _advanced("hills", "slope_baseline_m", "hurst", "smallest_m"),
     *_of_surface("surface"),
     *_of_surface("rock_surface"),
     _advanced("hapke", "b_s0", "h_s", "b_c0", "h_c", "theta_bar_range_deg", "filling_factor", "h_function", "accuracy",
               "backend"),
     Section("rocks", "shape", "Shape", "Shape, tilt and burial of each rock", (
         "family", "angularity", "elongation", "height_ratio", "tilt_deg", "burial")),
-    Section("rocks", "place", "Placement", "Clusters, clear ground and maximum number of rocks", (
-        "clustering", "cluster_blocks", "cluster_radius_m", "clear_radius_m", "most")),
+    Section("rocks", "place", "Placement", "Clusters, clear ground, rocks beyond the patch and maximum number", (
+        "clustering", "cluster_blocks", "cluster_radius_m", "clear_radius_m", "beyond_px", "most")),
     _advanced("rocks", "law", "power_index"),
     Section("light", "planet", "Planet", "The planet in the sky and its light", (
         "planet_elevation_deg", "planet_azimuth_deg", "planet_angular_diameter_deg", "planet_flattening",

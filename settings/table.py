@@ -121,7 +121,8 @@ LAYER = (
                      ("HYBRID", "Hybrid", "Each octave scaled by the previous one: smooth valleys"),
                      ("RIDGED", "Ridged", "Sharp crests with rough flanks"),
                      ("HETERO", "Hetero Terrain", "Each octave scaled by the height so far: smooth low ground"),
-                     ("TURBULENCE", "Turbulence", "Sum of magnitudes: rounded lumps with creases"))),
+                     ("TURBULENCE", "Turbulence", "Sum of magnitudes: rounded lumps with creases"),
+                     ("CRESTS", "Crests", "Sum of sharp crests: equally rough everywhere"))),
     _metres("amplitude_m", "Amplitude", 0.1, -1.0e4, 1.0e4, (-2.0, 2.0),
             "RMS height of the layer. A negative value turns it upside down", "geometry"),
     _metres("scale_m", "Scale", 2.0, 1.0e-3, 1.0e5, (0.1, 20.0), "Wavelength of the layer's first octave", "geometry"),
@@ -288,6 +289,23 @@ PENITENTES = Topic("penitentes", "Penitentes", "Rows of ice blades that lean tow
     _degrees("lean_deg", "Lean", 0.0, 0.0, 60.0, "Angle by which blades lean from the vertical: the zenith distance of "
              "the noon Sun. Limited to what a height field can contain", "geometry", (0.0, 30.0)),
 ), LANDFORMS)
+
+HILLS = Topic("hills", "Distant Hills", "Hills and ranges from the patch of ground to the horizon", (
+    _degrees("rms_slope_deg", "RMS Slope", 0.0, 0.0, 45.0,
+             "Root-mean-square slope between points that are one slope baseline apart; 0 for no hills. Europa's ridged "
+             "plains have 10 to 15 at 10 to 100 m, its smooth bands about 5", "geometry", (0.0, 20.0)),
+    _metres("slope_baseline_m", "Slope Baseline", 30.0, 0.1, 1.0e5, (1.0, 1000.0),
+            "Distance between the points whose slope is stated", "geometry"),
+    Setting("hurst", "Hurst Exponent", 0.75, "How roughness changes with scale: the height of hills grows as their "
+            "width to this power", "geometry", "1", 0.05, 1.0, (0.3, 1.0)),
+    _metres("largest_m", "Largest", 2000.0, 1.0, 1.0e5, (100.0, 1.0e4), "Width of the widest hills", "geometry"),
+    _metres("smallest_m", "Smallest", 10.0, 0.1, 1.0e5, (5.0, 100.0),
+            "Width of the narrowest hills; what is smaller is the roughness of the ground", "geometry"),
+    Setting("fractal", "Kind", "FBM", "Shape of the hills", "geometry",
+            choices=(("FBM", "Rolling", "Rounded hills, equally rough everywhere"),
+                     ("CRESTS", "Ridged", "Ranges with sharp crests"),
+                     ("HETERO", "Plains and Hills", "Rough hills beside smooth low ground"))),
+))
 
 MANTLE = Topic("mantle", "Mantle", "Snow that fills hollows and smooths the ground", (
     _metres("thickness_m", "Thickness", 0.0, 0.0, 1000.0, (0.0, 1.0),
@@ -514,6 +532,10 @@ ROCKS = Topic("rocks", "Rocks", "Rocks on the ground", (
 ))
 
 LIGHT = Topic("light", "Light", "The Sun and the planet, which are the only light on the ground", (
+    Setting("beyond_px", "Smallest Beyond the Patch", 0.0,
+            "Rocks lie beyond the patch too, to the horizon, wherever they are at least this wide in the image; 0 for "
+            "none there. The maximum number of rocks holds there once more", "geometry", "px", 0.0, 1000.0, (0.0, 10.0),
+            subtype="PIXEL"),
     Setting("directions_from", "Sky Positions", "ANGLES", "How the positions of the Sun and the planet are given",
             "light", choices=(
                 ("ANGLES", "Angles", "By the angles below"),
@@ -781,7 +803,7 @@ DATASET = Topic("dataset", "Data Set", "Folder and plan of a data set", (
 ))
 
 TOPICS: dict[str, Topic] = {t.key: t for t in (
-    SOURCE, TERRAIN, MESH, RIDGES, CRACKS, CHAOS, CRATERS, HOLLOWS, PENITENTES, MANTLE, SURFACE, HAPKE, TEXTURES,
+    SOURCE, TERRAIN, MESH, RIDGES, CRACKS, CHAOS, CRATERS, HOLLOWS, PENITENTES, HILLS, MANTLE, SURFACE, HAPKE, TEXTURES,
     ROCKS, ROCK_SURFACE, LIGHT, RIG, SENSOR, QUALITY, DATASET)}
 
 

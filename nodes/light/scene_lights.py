@@ -17,6 +17,7 @@ from ...physics.light.stars import stars_above_horizon
 from ...physics.light.sunlight import sun_colour
 from ...physics.mesh.horizon import dip_deg
 from ...physics.scene_requirements import planet_gives_light
+from ...physics.terrain.skyline import skyline_advice
 from ...typed_settings import Settings
 from ..datablocks.fingerprint import NAME, TAG
 from .celestial_meshes import build_planet, build_rings, build_stars
@@ -50,8 +51,9 @@ def build_lights(settings: Settings, sky: Sky, camera: bpy.types.Object) -> list
 
 
 def advice(sky: Sky, settings: Settings) -> list[str]:
-    """Sentences for the user on a dark sky, on rings that are not shown and on stars of wrong brightness."""
-    light, sentences = settings.light, []
+    """Sentences for the user on a dark sky, hills before the Sun, rings that are not shown and stars of wrong
+    brightness."""
+    light, sentences = settings.light, skyline_advice(settings, sky.sun, sky.sun_diameter_deg)
     if sky.planet is not None and light.planet_rings and not sky.planet.rings:
         sentences.append("Only Saturn has bright rings; light.planet_rings has no effect for this planet.")
     if light.stars and light.irradiance_band == "CAMERA":

@@ -10,6 +10,7 @@ import bpy
 
 from ... import compat
 from ...labels import NORMAL_AOV, TERRAIN
+from ...physics.camera.stereo_geometry import focal_px
 from ...physics.random_numbers.seeds import generator
 from ...physics.scene_requirements import only_camera_meets_relief
 from ...physics.surfaces import principled

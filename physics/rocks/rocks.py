@@ -8,12 +8,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
 from ...typed_settings import RocksSettings
 from ..random_numbers.seeds import generator
+from .beyond_patch import View, draw_beyond
 from .shapes import Shape
 from .size_laws import draw_diameters, size_law
 
@@ -22,20 +23,21 @@ HeightAt = Callable[[np.ndarray, np.ndarray], np.ndarray]
 
 #: Rocks with a lower rank in size than this have the finest level of their shape, and so on.
 LEVEL_RANKS = (500, 5000)
-_SIZES, _PLACES, _POSES = 1, 2, 3  # children of the "rocks" stream; 0 is the shapes'
+_SIZES, _PLACES, _POSES, _BEYOND = 1, 2, 3, 4  # children of the "rocks" stream; 0 is the shapes'
 _VARIATION = 0.15  # standard deviation of ln(elongation) and ln(height), between rocks
 _BURIAL_VARIATION = 0.1
 
 
 @dataclass(frozen=True)
 class Rocks:
-    """``n`` rocks, largest first.
+    """``n`` rocks, largest first; those beyond the patch, again largest first, come after those on it.
 
     ``position_m`` (n, 3) of the centres, ``rotation`` (n, 3) Euler angles XYZ in radians,
     ``scale_m`` (n, 3) of a shape of unit size, ``level`` and ``shape`` (n,) which shape,
     ``diameter_m`` (n,) of a circle that covers as much ground, ``reach_m`` (n,) how far a rock goes
     from its centre to any side. ``smallest_m`` is the smallest diameter that could be drawn, above the
-    setting when the number of rocks was limited.
+    setting when the number of rocks was limited. ``beyond_rad`` is the angle that rocks beyond the patch are at least
+    wide, 0 if none were asked for.
     """
 
     position_m: np.ndarray
@@ -45,7 +47,8 @@ class Rocks:
     shape: np.ndarray
     diameter_m: np.ndarray
     reach_m: np.ndarray
-    smallest_m: float
+    smallest_m: float = 0.0
+    beyond_rad: float = 0.0
 
 
 def draw_places(rocks: RocksSettings, n: int, size_m: float, random: np.random.Generator) -> np.ndarray:
@@ -128,12 +131,14 @@ def _extent(rotation: np.ndarray, scale: np.ndarray, level: np.ndarray, shape: n
 
 
 def scatter(rocks: RocksSettings, size_m: float, seed: int, surface: HeightAt,
-            shapes: Sequence[Sequence[Shape]], clear_m: tuple[float, float, float]) -> Rocks:
+            shapes: Sequence[Sequence[Shape]], clear_m: tuple[float, float, float],
+            beyond: View | None = None) -> Rocks:
     """The rocks that ``rocks`` settings describe on a square patch of side ``size_m`` about the origin.
 
     ``shapes[level][shape]`` are what to choose from; ``clear_m`` is a circle (east, north, radius)
     that no rock may reach into. A rock lies along the slope under it, and its deepest vertex is at
     or under the deepest ground of its footprint and at or under the ground beneath it: none floats.
+    With a view ``beyond``, rocks also lie outside the patch, and follow those on it.
     Raises IcyMoonError if the settings contradict each other.
     """
     diameter, smallest = draw_diameters(size_law(rocks), size_m**2, int(rocks.most),
@@ -142,9 +147,25 @@ def scatter(rocks: RocksSettings, size_m: float, seed: int, surface: HeightAt,
     # Rocks stay on the patch: places are drawn on all of it, then drawn in by half a diameter.
     xy = draw_places(rocks, n, size_m, generator(seed, "rocks", _PLACES))
     xy *= np.maximum(1.0 - diameter / size_m, 0.0)[:, None]
-
-    random = generator(seed, "rocks", _POSES)
     level = np.searchsorted(LEVEL_RANKS, np.arange(n), side="right")
+    made = _lay(rocks, xy, diameter, level, generator(seed, "rocks", _POSES), surface, shapes, clear_m)
+    made = replace(made, smallest_m=smallest)
+    if beyond is None:
+        return made
+    drawn = draw_beyond(rocks, size_m, beyond, generator(seed, "rocks", _BEYOND))
+    rank = np.argsort(np.argsort(-drawn.angle_rad, kind="stable"))
+    level = np.searchsorted(LEVEL_RANKS, rank, side="right")
+    far = _lay(rocks, drawn.places_m, drawn.diameter_m, level, generator(seed, "rocks", _BEYOND, _POSES), surface,
+               shapes, clear_m)
+    arrays = {f.name: np.concatenate([getattr(made, f.name), getattr(far, f.name)]) for f in fields(made)
+              if f.name not in ("smallest_m", "beyond_rad")}
+    return Rocks(**arrays, smallest_m=smallest, beyond_rad=drawn.smallest_rad)
+
+
+def _lay(rocks: RocksSettings, xy: np.ndarray, diameter: np.ndarray, level: np.ndarray, random: np.random.Generator,
+         surface: HeightAt, shapes: Sequence[Sequence[Shape]], clear_m: tuple[float, float, float]) -> Rocks:
+    """Rocks of given places (n, 2), diameters and levels of detail in poses at rest on the ground."""
+    n = len(diameter)
     shape = random.integers(0, len(shapes[0]), n)
     elongation = np.maximum(1.0, rocks.elongation * np.exp(random.normal(0, _VARIATION, n)))
     height = np.array([s.height for s in shapes[0]])[shape]
@@ -166,4 +187,4 @@ def scatter(rocks: RocksSettings, size_m: float, seed: int, surface: HeightAt,
 
     kept = np.isfinite(z) & (np.hypot(xy[:, 0] - clear_m[0], xy[:, 1] - clear_m[1]) > clear_m[2] + reach)
     return Rocks(np.column_stack([xy, z])[kept], euler_xyz(rotation)[kept], scale[kept], level[kept], shape[kept],
-                 diameter[kept], reach[kept], smallest)
+                 diameter[kept], reach[kept])

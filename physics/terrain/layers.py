@@ -21,7 +21,7 @@ from .roughness.structure_function import NOISE_DEVIATION
 
 #: Points on which a layer's mean and RMS are taken, over a square of this many wavelengths.
 _POINTS, _SPAN = 8192, 64.0
-_MOST_OCTAVES = 16
+MOST_OCTAVES = 16
 _TURN = math.radians(37.0)
 
 
@@ -79,8 +79,8 @@ class Layer:
 
 def make_layer(settings: TerrainLayer, random: np.random.Generator) -> Layer | None:
     """The layer that one entry of ``terrain.layers`` describes, or None if it has no height."""
-    keys = tuple(int(k) for k in random.integers(0, 2**32, _MOST_OCTAVES + 2))
-    offsets = random.uniform(0.0, 1024.0, (_MOST_OCTAVES + 2, 2))
+    keys = tuple(int(k) for k in random.integers(0, 2**32, MOST_OCTAVES + 2))
+    offsets = random.uniform(0.0, 1024.0, (MOST_OCTAVES + 2, 2))
     if settings.amplitude_m == 0.0:
         return None
     parts = {k: settings[k] for k in ("basis", "fractal", "scale_m", "octaves", "lacunarity", "roughness", "warp_m")}

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from ...typed_settings import Settings
+from ..rocks.beyond_patch import view_beyond
 from ..rocks.rocks import Rocks, euler_matrices, scatter
 from ..rocks.shapes import Shape, make_rock_shapes
 from .terrain import Terrain, make_terrain
@@ -63,7 +64,7 @@ class RockyGround:
         if self.settings.rocks.coverage <= 0:
             return None
         return scatter(self.settings.rocks, self.ground.size_m, int(self.settings.dataset.seed), self.heights,
-                       self.shapes, (0.0, 0.0, -math.inf))
+                       self.shapes, (0.0, 0.0, -math.inf), view_beyond(self.settings))
 
     def clearance_m(self, x_m: float, y_m: float) -> float:
         """Distance on the map to the nearest rock in metres, negative over it, infinite without rocks."""

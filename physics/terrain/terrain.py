@@ -1,8 +1,9 @@
 """The ground: heights of position, composed of what the settings name.
 
 A random surface of stated roughness (``roughness``), extra layers of noise (``layers``), landforms
-(``landforms``), snow in the hollows (``mantle``), on a regional slope. Any points, any order: the
-height of a place does not depend on the mesh, but for the wavelengths that the mesh cannot carry.
+(``landforms``), snow in the hollows (``mantle``), on a regional slope, with hills (``hills``) to the horizon. Any
+points, any order: the height of a place does not depend on the mesh, but for the wavelengths that the mesh cannot
+carry.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ import numpy as np
 
 from ...typed_settings import Settings, TerrainSettings
 from ..random_numbers.seeds import ground_generator
+from .hills import make_hills
 from .landforms import MAKERS, Landform
 from .layers import Layer, make_layer
 from .mantle import fill
@@ -53,6 +55,7 @@ class Terrain:
     mantle_thickness_m: float = 0.0
     mantle_length_m: float = 0.0
     mantle_level_m: float = field(default=0.0, repr=False)
+    hills: Landform | None = None
 
     def heights(self, x_m: Any, y_m: Any, shortest_m: Any = 0.0) -> np.ndarray:
         """Heights in metres at east and north coordinates (arrays that broadcast).
@@ -103,10 +106,12 @@ class Terrain:
         return rise if not np.any(beyond) else rise - np.sign(rise) * (beyond + end * np.expm1(-beyond / end))
 
     def _ground(self, x: np.ndarray, y: np.ndarray, shortest_m: Any) -> np.ndarray:
-        """The random surface and the layers on it."""
+        """The random surface, the layers on it, and the distant hills that it lies on."""
         total = self.base.heights(x, y, shortest_m)
         for each in self.layers:
             total += each.heights(x, y, shortest_m)
+        if self.hills:
+            total += self.hills.heights(x, y, shortest_m)
         return total
 
 
@@ -141,7 +146,8 @@ def make_terrain(settings: Settings, seed: int) -> Terrain:
     base = make_rough_surface(ground, size, ground_generator(seed, variant, 0))
     made = Terrain(size, base, tuple(a for a in layers if a), tuple(a for a in landforms if a),
                    -math.tan(fall) * math.sin(azimuth), -math.tan(fall) * math.cos(azimuth),
-                   mantle.thickness_m, mantle.length_m)
+                   mantle.thickness_m, mantle.length_m,
+                   hills=make_hills(settings.hills, ground_generator(seed, variant, 4), size))
     if mantle.thickness_m and made.landforms:
         return _level_mantle(made)
     return made
@@ -152,8 +158,7 @@ def _level_mantle(made: Terrain) -> Terrain:
     axis = np.linspace(-made.size_m / 2, made.size_m / 2, _SAMPLES)
     x, y = axis[None, :], axis[:, None]
     mean = sum(float(np.mean(landform.heights(x, y, 0.0))) for landform in made.landforms)
-    return Terrain(made.size_m, made.base, made.layers, made.landforms, made.slope_east, made.slope_north,
-                   made.mantle_thickness_m, made.mantle_length_m, float(f"{mean:.9e}"))
+    return replace(made, mantle_level_m=float(f"{mean:.9e}"))
 
 
 def law_range_m(ground: TerrainSettings) -> tuple[float, float]:

@@ -71,6 +71,8 @@ def musgrave(fractal: str, noise: list[float], roughness: float) -> float:
     weights = [roughness**k for k in range(len(noise))]
     if fractal in ("FBM", "TURBULENCE"):
         return sum(w * (abs(n) if fractal == "TURBULENCE" else n) for w, n in zip(weights, noise, strict=True))
+    if fractal == "CRESTS":
+        return sum(w * (1 - abs(n)) ** 2 for w, n in zip(weights, noise, strict=True))
     if fractal == "MULTIFRACTAL":
         return math.prod(w * n + 1 for w, n in zip(weights, noise, strict=True))
     if fractal == "HETERO":

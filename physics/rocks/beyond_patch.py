@@ -1,0 +1,104 @@
+"""Rocks beyond the patch, out to where the largest is too small to be seen.
+
+They follow the law of the patch, with as many per square metre. Only those are drawn that are wide enough in the image,
+so that a field of rocks ends nowhere and takes a few thousand of them. How wide they are is counted from the nearest
+place of the patch, so that moving the camera over the patch changes no rock.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...typed_settings import RocksSettings, Settings
+from .size_laws import SizeLaw, size_law
+
+_STEPS = 2048  # of the table of distances; the trapezoidal rule is then within 1e-5
+_WIDER = 1.05  # by which the angle grows until the rocks are few enough
+
+
+@dataclass(frozen=True)
+class View:
+    """What decides which rocks are seen: the angle in radians under which the smallest is wide, the height in metres
+    of the eye, and the distance in metres at which the ground ends."""
+
+    smallest_rad: float
+    height_m: float
+    farthest_m: float
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """Places (n, 2) and diameters (n,) in metres, largest first, and the angles (n,) in radians under which they are
+    seen from the nearest place on the patch; ``smallest_rad`` is the angle that was kept to."""
+
+    places_m: np.ndarray
+    diameter_m: np.ndarray
+    angle_rad: np.ndarray
+    smallest_rad: float
+
+
+def view_beyond(settings: Settings) -> View | None:
+    """The view of complete settings; None if they ask for no rocks beyond the patch or have no ground there."""
+    rocks, rig = settings.rocks, settings.rig
+    if rocks.beyond_px == 0.0 or settings.mesh.kind != "GRADED" or settings.source.kind != "PROCEDURAL":
+        return None
+    focal_px = rig.width_px * rig.focal_length_mm / rig.sensor_width_mm
+    return View(float(rocks.beyond_px) / focal_px, float(rig.height_m), float(settings.mesh.farthest_m))
+
+
+def draw_beyond(rocks: RocksSettings, size_m: float, view: View, random: np.random.Generator) -> Drawn:
+    """Rocks outside a square patch of side ``size_m`` about the origin, at most ``rocks.most``.
+
+    Where there would be more, the angle is larger than the view asks for.
+    """
+    law, angle = size_law(rocks), view.smallest_rad
+    while (count := _count(law, size_m, view, angle)[1][-1]) > rocks.most:
+        angle *= _WIDER
+    radii, above = _count(law, size_m, view, angle)
+    n = round(float(count))
+    radius = np.interp((np.arange(n) + random.random(n)) / max(n, 1) * count, above, radii)
+    turn = random.uniform(0.0, 2.0 * math.pi, n)
+    xy = radius[:, None] * np.stack([np.cos(turn), np.sin(turn)], axis=1)
+    diameter = law.diameter_m(random.random(n) * _per_m2_above(law, angle * _nearest_m(radius, size_m, view)))
+    xy = _gather(rocks, xy, law.total_per_m2, random)
+    # A rock may not reach onto the patch, which has its own.
+    outside = np.abs(xy).max(axis=1, initial=0.0) > size_m / 2 + diameter / 2
+    order = np.flatnonzero(outside)[np.argsort(-diameter[outside], kind="stable")]
+    xy, diameter = xy[order], diameter[order]
+    return Drawn(xy, diameter, diameter / _nearest_m(np.hypot(*xy.T), size_m, view), angle)
+
+
+def _nearest_m(radius_m: np.ndarray, size_m: float, view: View) -> np.ndarray:
+    """Distance from the nearest eye over the patch of places at distances from its middle, in metres."""
+    return np.hypot(np.maximum(radius_m - size_m * math.sqrt(0.5), 0.0), view.height_m)
+
+
+def _per_m2_above(law: SizeLaw, diameter_m: np.ndarray) -> np.ndarray:
+    """Rocks per square metre larger than any diameters, also those outside the law."""
+    largest = law.diameter_m(np.zeros(1))
+    inside = np.where(diameter_m < largest, law.per_m2_above(np.clip(diameter_m, law.smallest_m, largest)), 0.0)
+    return np.where(diameter_m <= law.smallest_m, law.total_per_m2, inside)
+
+
+def _count(law: SizeLaw, size_m: float, view: View, angle: float) -> tuple[np.ndarray, np.ndarray]:
+    """Distances in metres from the middle of the patch, and how many rocks lie within each, the patch's corners
+    counted as if they were outside."""
+    last = min(float(np.max(law.diameter_m(np.zeros(1)))) / angle + size_m * math.sqrt(0.5), view.farthest_m)
+    radii = np.geomspace(size_m / 2, max(last, size_m / 2), _STEPS)
+    rings = 2.0 * math.pi * radii * _per_m2_above(law, angle * _nearest_m(radii, size_m, view))
+    return radii, np.append(0.0, np.cumsum((rings[1:] + rings[:-1]) / 2.0 * np.diff(radii)))
+
+
+def _gather(rocks: RocksSettings, xy: np.ndarray, per_m2: float, random: np.random.Generator) -> np.ndarray:
+    """Places with the share ``clustering`` of them drawn to clusters, of which each square of the map has one."""
+    member = random.random(len(xy)) < rocks.clustering
+    away = random.normal(0.0, rocks.cluster_radius_m, xy.shape)
+    if not member.any():
+        return xy
+    side = math.sqrt(rocks.cluster_blocks / (per_m2 * rocks.clustering))
+    squares, of = np.unique(np.floor(xy / side).astype(np.int64), axis=0, return_inverse=True)
+    centres = (squares + random.random(squares.shape)) * side
+    return np.where(member[:, None], centres[of.reshape(-1)] + away, xy)

@@ -1,0 +1,112 @@
+"""Hills and ranges between the patch and the horizon: a second law of roughness, for lengths of tens of metres to
+kilometres.
+
+Of icy moons slopes are known at such lengths and not at the metres of a workspace: Europa's ridged plains have an RMS
+slope of 10 to 15 degrees at 10 to 100 m, its smooth bands about 5 (Schenk 2009, GRL 36, L15204). The patch keeps its
+own statistics: no hill begins within it.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from ...errors import IcyMoonError
+from ...typed_settings import HillsSettings, TerrainLayer
+from .landforms.common import Landform, only_where, smooth_step
+from .layers import MOST_OCTAVES, Layer, make_layer
+from .roughness.roughness import LAW_TO
+
+#: Hills are whole at this many half diagonals of the patch, so that they rise no faster than a self-affine ground does.
+_WHOLE_AT = 30.0
+_LACUNARITY = 2.0
+#: Directions, and distances, at which the level of the patch among the hills is taken.
+_AZIMUTHS = 24
+#: Sideways shift that keeps crests from lying on a lattice, as a share of the longest wavelength.
+_WARP = 0.12
+_CORRECTIONS = 5
+#: Pairs of points that the slope is measured between, over a square of this many of the longest wavelengths.
+_PAIRS, _SPAN = 8192, 64.0
+
+
+def make_hills(settings: HillsSettings, random: np.random.Generator, size_m: float) -> Landform | None:
+    """Hills round a patch of side ``size_m``, level with them on the mean; None if their slope is 0.
+
+    Raises IcyMoonError where lengths contradict each other.
+    """
+    if settings.rms_slope_deg == 0.0:
+        return None
+    hills = _make_surface(settings, random)
+    start = size_m * math.sqrt(0.5)
+    level = _mean_around_m(hills, start)
+
+    def heights(x_m: np.ndarray, y_m: np.ndarray, shortest_m: Any) -> np.ndarray:
+        x_m, y_m, shortest_m = np.broadcast_arrays(x_m, y_m, shortest_m)
+        return only_where(np.hypot(x_m, y_m) > start, beyond, x_m, y_m, shortest_m)
+
+    def beyond(x_m: np.ndarray, y_m: np.ndarray, shortest_m: np.ndarray) -> np.ndarray:
+        share = smooth_step(np.log(np.hypot(x_m, y_m) / start) / math.log(_WHOLE_AT))
+        return share * (hills.heights(x_m, y_m, shortest_m) - level)
+
+    return Landform(math.inf, heights)
+
+
+def _mean_around_m(hills: Layer, start_m: float) -> float:
+    """Mean height in metres of endless hills where they rise from the patch: a site is neither a summit nor a pit."""
+    turn = np.arange(_AZIMUTHS) * (2.0 * np.pi / _AZIMUTHS)
+    radius = np.geomspace(start_m, _WHOLE_AT * start_m, _AZIMUTHS)[:, None]
+    return float(f"{np.mean(hills.heights(radius * np.cos(turn), radius * np.sin(turn))):.9e}")
+
+
+def _make_surface(settings: HillsSettings, random: np.random.Generator) -> Layer:
+    """Endless hills whose RMS slope between points one baseline apart is the one stated, and whose RMS deviation grows
+    by the Hurst exponent up to 0.3 of the largest."""
+    largest, smallest, baseline = (float(settings[k]) for k in ("largest_m", "smallest_m", "slope_baseline_m"))
+    if smallest > largest:
+        raise IcyMoonError(f"hills.smallest_m ({smallest:g} m) is longer than hills.largest_m ({largest:g} m); lower "
+                           "the one or raise the other.")
+    octaves = 1 + round(math.log(largest / smallest, _LACUNARITY))
+    if octaves > MOST_OCTAVES:
+        raise IcyMoonError(f"From hills.smallest_m ({smallest:g} m) to hills.largest_m ({largest:g} m) it takes "
+                           f"{octaves} octaves, more than {MOST_OCTAVES}; raise hills.smallest_m or lower "
+                           "hills.largest_m.")
+    roughness, deviation_m = _fit_law(settings.fractal, largest, octaves, float(settings.hurst), baseline)
+    rise_m = baseline * math.tan(math.radians(settings.rms_slope_deg))
+    return replace(_make_layer(settings.fractal, largest, octaves, roughness, random), factor=rise_m / deviation_m)
+
+
+def _make_layer(fractal: str, largest_m: float, octaves: int, roughness: float, random: np.random.Generator) -> Layer:
+    entry = TerrainLayer(basis="GRADIENT", fractal=fractal, amplitude_m=1.0, scale_m=largest_m, octaves=octaves,
+                         lacunarity=_LACUNARITY, roughness=roughness, warp_m=_WARP * largest_m)
+    made = make_layer(entry, random)
+    assert made is not None
+    return made
+
+
+@functools.lru_cache(maxsize=16)
+def _fit_law(fractal: str, largest_m: float, octaves: int, hurst: float, baseline_m: float) -> tuple[float, float]:
+    """The ratio of successive octaves for which the deviation of heights grows by the exponent, and the deviation of
+    their sum at the baseline, before any factor.
+
+    It is measured on hills of their own, the same for all seeds, and kept: the many grounds of a plan need it once.
+    """
+    random = np.random.default_rng(0)
+    surface = replace(_make_layer(fractal, largest_m, octaves, 0.5, random), factor=1.0)
+    x, y = random.uniform(-0.5, 0.5, (2, _PAIRS)) * (_SPAN * largest_m)
+    turn = random.uniform(0.0, 2.0 * np.pi, _PAIRS)
+
+    def deviation_m(lag_m: float) -> float:
+        rise = surface.heights(x + lag_m * np.cos(turn), y + lag_m * np.sin(turn)) - surface.heights(x, y)
+        return math.sqrt(float(np.mean(rise**2)))
+
+    # Octaves are missing beyond both ends, which bends the law: those that are there follow it after some corrections.
+    exponent = hurst
+    shorter, longer = max(baseline_m, largest_m * _LACUNARITY ** (1 - octaves)), LAW_TO * largest_m
+    for _ in range(_CORRECTIONS if longer > 2.0 * shorter else 1):
+        surface = replace(surface, roughness=float(f"{_LACUNARITY ** -exponent:.9e}"))
+        exponent += hurst - math.log(deviation_m(longer) / deviation_m(shorter)) / math.log(longer / shorter)
+    return surface.roughness, float(f"{deviation_m(baseline_m):.9e}")
