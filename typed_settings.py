@@ -241,6 +241,8 @@ class SurfaceSettings(Table):
     roughness: float
     specular: float
     refractive_index: float
+    glint_share: float
+    glint_size_m: float  # m
     grain_size_m: float  # m
     grain_amplitude_m: float  # m
     relief: Literal["BUMP", "DISPLACEMENT"]
@@ -301,9 +303,9 @@ class RocksSettings(Table):
     cluster_radius_m: float  # m
     clear_radius_m: float  # m
     most: int  # rocks
+    beyond_px: float  # px
     own_surface: bool
 
-    beyond_px: float  # px
 
 class RockSurfaceSettings(SurfaceSettings):
     """Snow or ice of rocks that have their own surface."""
@@ -458,9 +460,9 @@ class Settings(Table):
     craters: CratersSettings
     hollows: HollowsSettings
     penitentes: PenitentesSettings
+    hills: HillsSettings
     mantle: MantleSettings
     surface: SurfaceSettings
-    hills: HillsSettings
     hapke: HapkeSettings
     textures: TexturesSettings
     rocks: RocksSettings
@@ -482,9 +484,9 @@ TABLES: dict[str, type[Table]] = {
     "craters": CratersSettings,
     "hollows": HollowsSettings,
     "penitentes": PenitentesSettings,
+    "hills": HillsSettings,
     "mantle": MantleSettings,
     "surface": SurfaceSettings,
-    "hills": HillsSettings,
     "hapke": HapkeSettings,
     "textures": TexturesSettings,
     "rocks": RocksSettings,

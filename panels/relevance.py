@@ -14,10 +14,10 @@ from ..settings.table import LANDFORMS, TOPICS
 from ..typed_settings import TexturesSettings
 
 _PRINCIPLED_ONLY = {"subsurface_weight", "subsurface_radius_m", "transmission", "roughness", "specular",
-                    "refractive_index"}
+                    "refractive_index", "glint_share", "glint_size_m"}
 #: Surface settings, and the setting that must be above 0 for them to have an effect.
 _SURFACE_NEEDS = {"albedo_patch_m": "albedo_variation", "subsurface_radius_m": "subsurface_weight",
-                  "grain_size_m": "grain_amplitude_m", "relief": "grain_amplitude_m",
+                  "grain_size_m": "grain_amplitude_m", "relief": "grain_amplitude_m", "glint_size_m": "glint_share",
                   **{f"salt_{key}": "salt_share" for key in ("patch_m", "red", "green", "blue")}}
 #: Reflectance laws that use ``quality.fine_relief``.
 _WITH_NORMAL = ("LAMBERT", "PRINCIPLED")

@@ -395,6 +395,11 @@ SURFACE = Topic("surface", "Ice", "Snow or ice that the ground is made of", (
               "Strength of the specular reflection; 0.5 is the value of the refractive index", "material"),
     Setting("refractive_index", "Refractive Index", 1.31, "Refractive index of the ice; 1.31 for water ice in visible "
             "light", "material", "1", 1.0, 3.0, (1.0, 2.0)),
+    _fraction("glint_share", "Glints", 0.0,
+              "Share of the light that leaves the snow by facets of grains, which glint in the Sun, near ones to "
+              "one eye only; 0 for none. A guess: 0.03 for fresh snow", "material", high=0.5),
+    _metres("glint_size_m", "Glint Size", 0.001, 1.0e-5, 0.1, (1.0e-4, 0.01),
+            "Size of a grain that glints. Where a pixel is larger, it has one facet for all of its grains", "material"),
     _metres("grain_size_m", "Grain Size", 0.03, 1.0e-4, 1.0e3, (0.001, 1.0),
             "Wavelength of the fine relief, which is finer than the mesh", "material"),
     _metres("grain_amplitude_m", "Grain Relief", 0.004, 0.0, 1.0, (0.0, 0.05),
@@ -527,15 +532,15 @@ ROCKS = Topic("rocks", "Rocks", "Rocks on the ground", (
     Setting("most", "Maximum Rocks", 20000,
             "Maximum number of rocks. Above it the smallest rocks are left out, with a warning",
             "geometry", "rocks", 0, 200000, (0, 50000)),
+    Setting("beyond_px", "Smallest Beyond the Patch", 0.0,
+            "Rocks lie beyond the patch too, to the horizon, wherever they are at least this wide in the image; 0 for "
+            "none there. The maximum number of rocks holds there once more", "geometry", "px", 0.0, 1000.0, (0.0, 10.0),
+            subtype="PIXEL"),
     Setting("own_surface", "Own Surface", False,
             "Make rocks from the settings of Rock Surface instead of those of the ground", "material"),
 ))
 
 LIGHT = Topic("light", "Light", "The Sun and the planet, which are the only light on the ground", (
-    Setting("beyond_px", "Smallest Beyond the Patch", 0.0,
-            "Rocks lie beyond the patch too, to the horizon, wherever they are at least this wide in the image; 0 for "
-            "none there. The maximum number of rocks holds there once more", "geometry", "px", 0.0, 1000.0, (0.0, 10.0),
-            subtype="PIXEL"),
     Setting("directions_from", "Sky Positions", "ANGLES", "How the positions of the Sun and the planet are given",
             "light", choices=(
                 ("ANGLES", "Angles", "By the angles below"),

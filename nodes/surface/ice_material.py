@@ -20,6 +20,7 @@ from ...typed_settings import HapkeSettings, Settings, SurfaceSettings
 from ..tree.builder import Tree
 from ..tree.formula import Number
 from . import reflectance_laws
+from .glints import add_glints
 from .patches_and_grain import GRAIN_FARTHEST, add_brightness, add_grain, add_stain, darkest
 from .sun_inputs import Sun
 from .textures import Sampler, Textured
@@ -165,6 +166,7 @@ def build_material(name: str, surface: SurfaceSettings, seed: int, semantic: int
     tree = Tree(compat.ensure_nodes(material))
     offsets = map(float, generator(seed, "surface").uniform(0.0, 1000.0, 7))
     patches_at, grain_x, salt_at, east, north, *grain_yz = offsets
+    glints_at = math.floor(salt_at) * 64.0  # whole, and further apart than there are octaves
     grain_at = [w % GRAIN_FARTHEST for w in (grain_x, *grain_yz)]
     geometry = tree.node("ShaderNodeNewGeometry", "Geometry")
     found = textured.maps if textured is not None else {}
@@ -199,7 +201,12 @@ def build_material(name: str, surface: SurfaceSettings, seed: int, semantic: int
     smooth = settings is not None and only_camera_meets_relief(surface, settings.quality)
     if surface.model == "PRINCIPLED":
         wanted = _add_reflectance(tree, surface, grey, colour)
-        shaders = {"ALL": _add_principled(tree, surface, wanted, varied, relief, smooth)}
+        snow = _add_principled(tree, surface, wanted, varied, relief, smooth)
+        if surface.glint_share > 0.0 and settings is not None:
+            normal = relief.get("Normal", geometry.outputs["Normal"])
+            snow = add_glints(tree, snow, wanted, geometry, normal, surface.glint_share, surface.glint_size_m,
+                              1.0 / focal_px(settings.rig), glints_at)
+        shaders = {"ALL": snow}
     else:
         slopes = (_add_slopes(tree, settings.hapke, varied["roughness"], surface.roughness)
                   if settings is not None and "roughness" in varied else None)

@@ -76,8 +76,8 @@ def test_a_landform_that_there_is_none_of_has_but_the_setting_that_makes_some(to
     assert relevant(topic, {topic: {keys[0]: 0.001}}) == set(keys)
 
 
-PRINCIPLED = {"subsurface_weight", "transmission", "roughness", "specular", "refractive_index"}
-IDLE = {"albedo_patch_m", "subsurface_radius_m", "salt_patch_m", "salt_red", "salt_green", "salt_blue"}
+PRINCIPLED = {"subsurface_weight", "transmission", "roughness", "specular", "refractive_index", "glint_share"}
+IDLE = {"albedo_patch_m", "subsurface_radius_m", "salt_patch_m", "salt_red", "salt_green", "salt_blue", "glint_size_m"}
 #: What a state of the settings leaves of a topic: all keys but those named, or those named alone.
 CASES = [
     ("terrain", {}, "but", {"resolution"}), ("terrain", {"mesh": {"kind": "GRID"}}, "but", {"body_radius_m"}),
@@ -92,7 +92,8 @@ CASES = [
     ("source", {"source": {"kind": "MESH"}}, "but", {"metres_per_pixel", "height_scale_m"}),
     ("source", {"source": {"kind": "HEIGHT_MAP"}}, "but", {"scale", "up_axis", "repair"}),
     ("surface", {}, "but", {"lommel_seeliger_share", *IDLE}),
-    ("surface", {"surface": {"subsurface_weight": 0.1, "salt_share": 0.1, "albedo_variation": 0.1}}, "but",
+    ("surface", {"surface": {"subsurface_weight": 0.1, "salt_share": 0.1, "albedo_variation": 0.1,
+                             "glint_share": 0.01}}, "but",
      {"lommel_seeliger_share"}),
     ("surface", {"surface": {"grain_amplitude_m": 0.0}}, "but",
      {"lommel_seeliger_share", "grain_size_m", "relief", *IDLE}),
@@ -104,8 +105,8 @@ CASES = [
     ("rocks", {}, "only", {"coverage"}),
     ("rocks", {"rocks": {"coverage": 0.01}}, "but", {"cluster_blocks", "cluster_radius_m"}),
     ("rocks", {"rocks": {"coverage": 0.01, "clustering": 0.1}}, "but", set()),
-    ("rocks", {"rocks": {"coverage": 0.01, "clustering": 0.1, "law": "GOLOMBEK"}}, "but", {"power_index"}),
     ("rocks", {"rocks": {"coverage": 0.01, "clustering": 0.1}, "mesh": {"kind": "GRID"}}, "but", {"beyond_px"}),
+    ("rocks", {"rocks": {"coverage": 0.01, "clustering": 0.1, "law": "GOLOMBEK"}}, "but", {"power_index"}),
     ("rig", {}, "but", {"motion_exposure_s"}),
     ("dataset", {}, "but", {"plan"}), ("dataset", {"dataset": {"plan": "mine.toml"}}, "but", set()),
     ("quality", {}, "but", set()), ("quality", {"surface": {"model": "HAPKE"}}, "but", {"fine_relief"}),

@@ -1,0 +1,79 @@
+"""Glints of snow: facets of grains that mirror the Sun to one eye and not to the other.
+
+Cells as large as the footprint of a pixel, or as a grain where that is larger, each have one facet. Its slope is drawn
+by the distribution of GGX about the surface, so that the mean over many cells is a broad lobe. The facet itself has a
+narrow lobe, wider the more grains a cell stands for. Cells and facets depend on the place only: a glint stays where it
+is while the camera moves, and ends when the facet no longer mirrors the Sun to it. Blender's nodes have no derivatives,
+so the footprint is computed from the distance and the angle.
+
+What is a guess: the share of the light, the spread of slopes and the width of the lobe of a single grain. No photometry
+of single glints was found for icy moons.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from ..tree.builder import Tree, output
+from ..tree.formula import Number, Vector
+
+#: GGX width of the slopes of facets about the surface, and of the lobe of one facet, as alpha.
+_SLOPES, _FACET = 0.6, 0.003
+#: Facets are seen at this angle at least when the footprint is taken, as cosine: at the horizon it has no end.
+_GRAZING = 0.05
+
+
+def add_glints(tree: Tree, snow: Any, reflectance: Any, geometry: Any, normal: Any, share: float, size_m: float,
+               pixel_rad: float, seed: float) -> Any:
+    """Shader socket of ``snow`` of which camera rays meet a share of facets instead.
+
+    ``reflectance`` is a number or a socket of a colour, ``normal`` a socket, ``size_m`` the size of a grain and
+    ``pixel_rad`` the angle of a pixel. ``seed`` selects the facets.
+    """
+    place = geometry.outputs["Position"]
+    level = _add_level(tree, geometry, size_m, pixel_rad, seed)
+    per_grain = Number(tree, tree.math("POWER", "Grains per Cell", 2.0, level.value))
+    facet = _add_facet(tree, place, normal, level, per_grain * size_m, seed)
+    alpha = (per_grain * _FACET).at_most(_SLOPES)
+    colour = (*[float(reflectance)] * 3, 1.0) if isinstance(reflectance, (int, float)) else reflectance
+    glint = tree.node("ShaderNodeBsdfAnisotropic", "Facets", {
+        "Color": colour, "Roughness": alpha.sqrt().named("Roughness of a Facet").value, "Anisotropy": 0.0,
+        "Rotation": 0.0, "Normal": facet}, if_present={"Weight": 0.0}, leave=("Tangent",),
+        distribution="MULTI_GGX").outputs[0]
+    ray = Number(tree, tree.node("ShaderNodeLightPath", "Glints for Whom").outputs["Is Camera Ray"])
+    return tree.node("ShaderNodeMixShader", "Snow or Facet", {
+        "Fac": (ray * share).named("Share of Facets").value, "Shader": snow, "Shader_001": glint}).outputs[0]
+
+
+def _add_level(tree: Tree, geometry: Any, size_m: float, pixel_rad: float, seed: float) -> Number:
+    """The octave of the cells: twice the size of a grain for each, as a whole number.
+
+    Between two octaves each place has one by chance, so that no line shows where they change.
+    """
+    away = Number(tree, tree.node("ShaderNodeCameraData", "Camera").outputs["View Distance"])
+    facing = Vector(tree, geometry.outputs["Normal"]).dot(Vector(tree, geometry.outputs["Incoming"]))
+    # The footprint is longer than wide by 1 / cosine: the side of a square as large.
+    footprint = away * (pixel_rad / size_m) / facing.at_least(_GRAZING).sqrt()
+    octaves = footprint.at_least(1.0).log() * (1.0 / math.log(2.0))
+    chance = tree.node("ShaderNodeTexWhiteNoise", "Chance of an Octave",
+                       {"Vector": geometry.outputs["Position"], "W": seed}, noise_dimensions="4D").outputs["Value"]
+    return Number(tree, tree.math("FLOOR", "Octave", (octaves + Number(tree, chance)).value))
+
+
+def _add_facet(tree: Tree, place: Any, normal: Any, level: Number, cell_m: Number, seed: float) -> Any:
+    """Output socket of the normal of the facet of the cell that a place is in."""
+    cells = tree.node("ShaderNodeVectorMath", "Place in Cells", {"Vector": place, "Scale": (1.0 / cell_m).value},
+                      operation="SCALE").outputs[0]
+    cell = tree.node("ShaderNodeVectorMath", "Cell", {"Vector": cells}, operation="FLOOR").outputs[0]
+    chance = tree.node("ShaderNodeTexWhiteNoise", "Chance of a Facet", {"Vector": cell, "W": (level + seed).value},
+                       noise_dimensions="4D")
+    drawn = Number(tree, chance.outputs["Value"]).at_most(1.0 - 1e-6)
+    slope = (drawn / (1.0 - drawn)).sqrt() * _SLOPES
+    # The direction of the slope: a random vector, less its part along the normal.
+    random = tree.node("ShaderNodeVectorMath", "About 0", {"Vector": output(chance, "Color"),
+                                                           "Vector_001": (0.5, 0.5, 0.5)}, operation="SUBTRACT")
+    across = Vector(tree, normal).cross(Vector(tree, random.outputs[0])).unit()
+    tilted = tree.node("ShaderNodeVectorMath", "Sloping", {"Vector": across.socket, "Scale": slope.value},
+                       operation="SCALE").outputs[0]
+    return (Vector(tree, normal) + Vector(tree, tilted)).unit().socket
