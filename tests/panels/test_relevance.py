@@ -61,6 +61,13 @@ def test_a_setting_of_exposure_or_radiation_is_grey_where_it_changes_no_exposure
     assert has_effect("sensor", key, root(sensor=state)) == (exposures(**{key: other}) != exposures())
 
 
+@pytest.mark.parametrize("flux", [0.5, 1e5])
+def test_radiation_and_what_depends_on_nothing_is_never_grey(flux):
+    state = {"sensor": {"auto_exposure": False, "brackets": 3, "radiation_flux_cm2_s": flux}}
+    shown = {setting.key for setting in TOPICS["sensor"].settings if is_shown("sensor", setting.key, root(**state))}
+    assert relevant("sensor", state) == shown - {"auto_percentile", "auto_target"}
+
+
 def test_the_exposure_of_a_motion_is_grey_unless_something_moves():
     assert not has_effect("rig", "motion_exposure_s", root())
     for moving in MOTION:
