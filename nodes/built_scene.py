@@ -200,18 +200,19 @@ def refuse_excluded(scene: bpy.types.Scene, collection: bpy.types.Collection) ->
 
 
 def ground_statistics(scene: bpy.types.Scene) -> tuple[str, ...]:
-    """Two lines with the statistics that were asked of ground built from ``terrain`` settings, and with those that it
-    has, landforms, layers and snow included; empty for other ground."""
+    """Three lines: a heading, the statistics that were asked of ground built from ``terrain`` settings, and those that
+    it has, landforms, layers and snow included; empty for other ground. Short, since the sidebar is narrow."""
     built = find(scene)
     found = built.statistics if built and not built.preview else {}
-    return tuple(f"{title}: {_statistics_text(found[key], found['baseline_m'])}"
-                 for key, title in (("asked", "Asked"), ("made", "Made")) if key in found)
+    if "made" not in found:
+        return ()
+    return (f"RMS slope at {found['baseline_m']:g} m, RMS height",
+            *(f"{title}: {_statistics_text(found[key])}" for key, title in (("asked", "Asked"), ("made", "Made"))))
 
 
-def _statistics_text(numbers: dict[str, float | None], baseline_m: float) -> str:
+def _statistics_text(numbers: dict[str, float | None]) -> str:
     slope, height = numbers["rms_slope_deg"], numbers["rms_height_m"]
-    return (f"{'slope unknown' if slope is None else f'{slope:.1f}°'} at {baseline_m:g} m, "
-            f"RMS height {'unknown' if height is None else f'{height:.2g} m'}")
+    return f"{'unknown' if slope is None else f'{slope:.1f}°'}, {'unknown' if height is None else f'{height:.2g} m'}"
 
 
 def extra(settings: Settings) -> str:

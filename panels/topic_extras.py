@@ -38,8 +38,9 @@ def _draw_roughness(layout: Any, context: bpy.types.Context) -> None:
     lines = scenes.ground_statistics(context.scene)
     if lines:
         column = layout.column(align=True)
-        column.label(text=lines[0], icon="BLANK1")
-        column.operator("icymoon.show_roughness", text=lines[1], icon="DRIVER_DISTANCE")
+        for line in lines[:2]:
+            column.label(text=line)
+        column.operator("icymoon.show_roughness", text=lines[2], icon="DRIVER_DISTANCE")
 
 
 def _draw_moons(layout: Any, context: bpy.types.Context) -> None:

@@ -72,9 +72,10 @@ def test_what_the_panel_says_is_what_is_measured():
     positions = np.empty(3 * 257**2, np.float32)
     built.terrain.data.vertices.foreach_get("co", positions)
     found = measure(positions[2::3].reshape(257, 257).astype(float), 20 / 256, 1.0, (6 * 20 / 256, 0.3 * 12.0))
-    asked, made = scenes.ground_statistics(bpy.context.scene)
-    assert made == f"Made: {found.slope_deg:.1f}° at 1 m, RMS height {found.height_m:.2g} m"
-    assert asked.startswith("Asked: 9.0° at 1 m, RMS height ")
+    heading, asked, made = scenes.ground_statistics(bpy.context.scene)
+    assert heading == "RMS slope at 1 m, RMS height"
+    assert made == f"Made: {found.slope_deg:.1f}°, {found.height_m:.2g} m"
+    assert asked.startswith("Asked: 9.0°, ")
     assert found.slope_deg == pytest.approx(9.0, abs=0.4)
     assert found.hurst == pytest.approx(0.7, abs=0.05)
     plane = np.stack([*positions.reshape(-1, 3)[:, :2].T, np.ones(257**2)], axis=1)
@@ -82,7 +83,7 @@ def test_what_the_panel_says_is_what_is_measured():
     assert found.height_m == pytest.approx(math.sqrt(squares / 257**2), rel=1e-6)
     panel = next(cls for cls in CLASSES if getattr(cls, "bl_idname", "") == "ICYMOON_PT_terrain")
     assert ("operator", "icymoon.show_roughness", made) in drawn(panel)
-    assert asked in texts(drawn(panel))
+    assert all(line in texts(drawn(panel)) for line in (heading, asked))
     assert bpy.ops.icymoon.show_roughness() == {"FINISHED"}
 
 
@@ -125,7 +126,7 @@ def test_no_roughness_is_shown_of_a_mesh_that_is_not_the_grid():
     assert roughness_table(scenes.measured_patch(built), built.settings.terrain) == []
     flat = _built({"terrain": {"rms_slope_deg": 0.0}})
     assert scenes.ground_statistics(bpy.context.scene) == (
-        "Asked: 0.0° at 1 m, RMS height 0 m", "Made: 0.0° at 1 m, RMS height 0 m")
+        "RMS slope at 1 m, RMS height", "Asked: 0.0°, 0 m", "Made: 0.0°, 0 m")
     assert roughness_table(scenes.measured_patch(flat), flat.settings.terrain)[1][2:4] == ("", "")
 
 
